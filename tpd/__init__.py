@@ -1,0 +1,62 @@
+"""Tuned pendulum design: find the pendulum that keeps a rocking block from rocking.
+
+Names are imported on first use, so that `tpd --help` does not wait for JAX.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tpd.balance import one_harmonic as one_harmonic
+    from tpd.balance import uplift as uplift
+    from tpd.design import Design as Design
+    from tpd.design import DesignSpace as DesignSpace
+    from tpd.models.piecewise import Piecewise as Piecewise
+    from tpd.models.smoothed import Smoothed as Smoothed
+    from tpd.optimise import optimise as optimise
+    from tpd.parameters import Parameters as Parameters
+    from tpd.scene import Block as Block
+    from tpd.scene import Harmonic as Harmonic
+    from tpd.scene import Pendulum as Pendulum
+    from tpd.scene import Scene as Scene
+    from tpd.scene import paper_scene as paper_scene
+    from tpd.status import Status as Status
+    from tpd.status import status_name as status_name
+    from tpd.steady import simulate as simulate
+    from tpd.steady import steady_state as steady_state
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "Block": "scene",
+    "Design": "design",
+    "DesignSpace": "design",
+    "Harmonic": "scene",
+    "Parameters": "parameters",
+    "Pendulum": "scene",
+    "Piecewise": "models.piecewise",
+    "Scene": "scene",
+    "Smoothed": "models.smoothed",
+    "Status": "status",
+    "one_harmonic": "balance",
+    "optimise": "optimise",
+    "paper_scene": "scene",
+    "simulate": "steady",
+    "status_name": "status",
+    "steady_state": "steady",
+    "uplift": "balance",
+}
+
+__all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'tpd' has no attribute {name!r}")
+    value = getattr(import_module(f"tpd.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,70 @@
+"""Checks of user input: one sentence saying what, the value, and what is allowed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import jax
+import numpy as np
+
+
+def is_concrete(value: object) -> bool:
+    """Whether a value can be looked at now: not traced, and a plain number or array."""
+    return not isinstance(value, jax.core.Tracer) and isinstance(
+        value, (int, float, np.generic, np.ndarray, jax.Array)
+    )
+
+
+def _check(name: str, value: object, allowed: str, holds: Callable[[np.ndarray], object]) -> None:
+    if not is_concrete(value):
+        return
+    array = np.asarray(value)
+    if array.dtype == bool or not np.issubdtype(array.dtype, np.number):
+        raise ValueError(f"`{name}` must be a number, but is {value!r}")
+    if not (np.all(np.isfinite(array)) and np.all(holds(array))):
+        shown = f"{value:g}" if isinstance(value, (int, float)) else f"{array}"
+        raise ValueError(f"`{name}` must be {allowed}, but is {shown}")
+
+
+def positive(name: str, value: object) -> None:
+    """Raise `ValueError` unless `value` is finite and above zero."""
+    _check(name, value, "positive and finite", lambda x: x > 0)
+
+
+def not_negative(name: str, value: object) -> None:
+    """Raise `ValueError` unless `value` is finite and zero or above."""
+    _check(name, value, "zero or positive, and finite", lambda x: x >= 0)
+
+
+def within(name: str, value: object, low: float, high: float, unit: str = "") -> None:
+    """Raise `ValueError` unless `value` lies in the closed interval from `low` to `high`."""
+    _check(
+        name,
+        value,
+        f"between {low:g} and {high:g}{unit}",
+        lambda x: (x >= low) & (x <= high),
+    )
+
+
+def interval(name: str, value: object, low: float, high: float) -> tuple[float, float]:
+    """A pair (lo, hi) with `low` <= lo < hi <= `high`, or `ValueError`."""
+    try:
+        lo, hi = (float(x) for x in value)  # type: ignore[attr-defined]
+    except (TypeError, ValueError):
+        raise ValueError(f"`{name}` must be a pair of numbers (low, high), but is {value!r}") from None
+    if not (math.isfinite(lo) and math.isfinite(hi) and low <= lo < hi <= high):
+        raise ValueError(
+            f"`{name}` must be an interval low < high within {low:g} to {high:g}, "
+            f"but is {lo:g} to {hi:g}"
+        )
+    return lo, hi
+
+
+def require_x64() -> None:
+    """Raise `RuntimeError` unless JAX computes in 64 bits."""
+    if not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
+        raise RuntimeError(
+            "tpd needs 64-bit floats, but JAX is in 32-bit mode: call "
+            'jax.config.update("jax_enable_x64", True) before using it'
+        )

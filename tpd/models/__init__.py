@@ -1,0 +1,1 @@
+"""The models that answer a scene, a file each, behind one interface."""

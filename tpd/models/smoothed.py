@@ -1,0 +1,190 @@
+"""The linear equations (25) with smoothed signs, integrated by diffrax."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optimistix
+from jax.lax import stop_gradient
+from jaxtyping import Array, Float
+
+from tpd import checks
+from tpd.equations import Linear, smoothed_rates
+from tpd.models.interface import AbstractModel, Cycle, Settled
+from tpd.models.settling import Period, settle
+from tpd.parameters import Number, Parameters, State
+from tpd.status import Status
+
+Field = Callable[[Number, State, None], State]
+
+
+def rocking_scale(p: Parameters) -> Number:
+    """The tilt of free rocking at the forcing frequency, one harmonic and a still bob:
+    (4/pi)(1 + mu) nu / ([1 + mu rho (4 + nu^2)] xi^2 + 1 + 2 mu), from (27) with f = 0."""
+    linear = Linear(p)
+    return (4.0 / jnp.pi) * linear.weight / (linear.m11 * p.xi**2 + linear.tilt)
+
+
+class Smoothed(AbstractModel):
+    """sgn(x) replaced by tanh(x/width), so that an ODE solver and its gradients apply.
+
+    The widths are `sharpness` times `rocking_scale` for the tilt, and xi times that for its rate,
+    because the bias depends on the width against the orbit's own size. What moves less than
+    `HUM` widths is reported at rest: the smoothed block hums there, and its slope means nothing.
+    A transient from rest is more sensitive to the widths than the orbit it leads to, hence the
+    small default.
+    """
+
+    HUM = 10.0
+
+    sharpness: float = eqx.field(default=0.002, static=True, kw_only=True)
+    """Smoothing width over the expected tilt; smaller is more accurate and slower."""
+    solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5, kw_only=True)
+    """Integrates transients and trajectories; the settled period uses `Dopri8`."""
+    rtol: float = eqx.field(default=1e-6, static=True, kw_only=True)
+    """Relative tolerance of transients and trajectories; absolute is a hundredth of it."""
+    cycle_rtol: float = eqx.field(default=1e-12, static=True, kw_only=True)
+    """The same for the settled period, whose derivatives are used."""
+    tolerance: float = eqx.field(default=1e-4, static=True, kw_only=True)
+    """Repetition error at which following ends and Newton's method takes over."""
+    max_periods: int = eqx.field(default=400, static=True, kw_only=True)
+    max_steps: int = eqx.field(default=4096, static=True, kw_only=True)
+    """Bound on the solver steps of one forcing period."""
+    samples: int = eqx.field(default=64, static=True, kw_only=True)
+    """Samples of one settled period, among which turning points are bracketed."""
+
+    def __check_init__(self) -> None:
+        checks.within("sharpness", self.sharpness, 1e-6, 1.0)
+        for name in ("rtol", "cycle_rtol", "tolerance", "max_periods", "max_steps", "samples"):
+            checks.positive(name, getattr(self, name))
+
+    @property
+    def round_off(self) -> float:
+        return 10.0 * self.cycle_rtol
+
+    def widths(self, p: Parameters) -> tuple[Number, Number]:
+        """Smoothing widths of the tilt (rad) and of its rate (rad per unit tau)."""
+        width = self.sharpness * rocking_scale(p)
+        return width, p.xi * width
+
+    def resolution(self, p: Parameters) -> Number:
+        """The hum of a resting smoothed block."""
+        return self.HUM * self.widths(p)[0]
+
+    def check(self, p: Parameters) -> None:
+        """Impacts that lose energy (e < 1) have no smoothed counterpart."""
+        checks.within("e", p.e, 1.0, 1.0, " in the smoothed model, which has no impact loss")
+
+    def settle(self, p: Parameters, y0: State) -> Settled:
+        """Integrate from `y0` at tau = 0, one forcing period after another, until they repeat."""
+        field = smoothed_rates(p, *self.widths(p))
+        limit, no = Linear(p).beyond_return, jnp.zeros((), bool)
+        times = jnp.linspace(0.0, 1.0, 17) * p.period
+
+        def one_period(y: State, memory: None) -> Period:
+            sol = self._solve(field, y, times[0], times[-1], saveat=diffrax.SaveAt(ts=times))
+            ys = sol.ys
+            amplitude, stroke = jnp.max(jnp.abs(ys[:, 0])), jnp.max(jnp.abs(ys[:, 1]))
+            lost = ~(amplitude < limit)
+            exhausted = sol.result == diffrax.RESULTS.max_steps_reached
+            return Period(ys[-1], memory, amplitude, stroke, no, lost & ~exhausted, exhausted)
+
+        return settle(
+            one_period, p, y0, None, tolerance=self.tolerance, max_periods=self.max_periods
+        )
+
+    def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
+        """Integrate the settled periods from `y` with tight tolerance and forward sensitivities."""
+        field = smoothed_rates(p, *self.widths(p))
+        times = jnp.linspace(0.0, 1.0, self.samples + 1) * p.period
+
+        def one_period(_: Array, carry: tuple) -> tuple:
+            y, sizes = carry
+            sol = self._solve_tightly(field, y, times[0], times[-1], saveat=diffrax.SaveAt(ts=times))
+            peaks = jax.vmap(lambda i: self._peak(field, times, sol.ys, i))(jnp.arange(2))
+            return sol.ys[-1], jnp.maximum(sizes, peaks)
+
+        y, sizes = jax.lax.fori_loop(0, settled.periods, one_period, (y, jnp.zeros(2)))
+        return Cycle(y, sizes[0], sizes[1])
+
+    def trajectory(
+        self, p: Parameters, y0: State, times: Float[Array, "times"]
+    ) -> tuple[Float[Array, "times 4"], Status]:
+        """The smoothed states at `times`, from `y0` at `times[0]`."""
+        field = smoothed_rates(p, *self.widths(p))
+        periods = 1 + (times[-1] - times[0]) / p.period
+        sol = self._solve(field, y0, times[0], times[-1], saveat=diffrax.SaveAt(ts=times), unbounded=True)
+        del periods
+        lost = ~(jnp.max(jnp.abs(sol.ys[:, 0])) < Linear(p).beyond_return)
+        return sol.ys, Status.where(lost, Status.overturned, Status.rocking)
+
+    def _solve(
+        self, field: Field, y: State, begin: Number, end: Number, *, saveat: diffrax.SaveAt, unbounded: bool = False
+    ) -> diffrax.Solution:
+        return diffrax.diffeqsolve(
+            diffrax.ODETerm(field),
+            self.solver,
+            begin,
+            end,
+            (end - begin) / 2000.0,
+            y,
+            saveat=saveat,
+            stepsize_controller=diffrax.PIDController(rtol=self.rtol, atol=0.01 * self.rtol),
+            adjoint=diffrax.ForwardMode(),
+            max_steps=None if unbounded else self.max_steps,
+            throw=False,
+        )
+
+    def _solve_tightly(
+        self,
+        field: Field,
+        y: State,
+        begin: Number,
+        end: Number,
+        *,
+        saveat: diffrax.SaveAt,
+        event: diffrax.Event | None = None,
+    ) -> diffrax.Solution:
+        return diffrax.diffeqsolve(
+            diffrax.ODETerm(field),
+            diffrax.Dopri8(),
+            begin,
+            end,
+            0.1 * (end - begin) / self.samples,
+            y,
+            saveat=saveat,
+            stepsize_controller=diffrax.PIDController(rtol=self.cycle_rtol, atol=0.01 * self.cycle_rtol),
+            adjoint=diffrax.ForwardMode(),
+            event=event,
+            max_steps=self.max_steps,
+            throw=False,
+        )
+
+    def _peak(self, field: Field, times: Array, ys: Array, i: Array) -> Number:
+        """The largest |phi| (i = 0) or |psi| (i = 1): from the sample before the largest one,
+        integrate until the rate vanishes. An orbit's peak before its first sample is the same as
+        that before its last."""
+        angles, rates = stop_gradient(ys)[:, i], stop_gradient(ys)[:, 2 + i]
+        j = jnp.argmax(jnp.abs(angles))
+        j = jnp.where((j == 0) & (angles[0] * rates[0] < 0), times.size - 1, j)
+        before = jnp.maximum(j - 1, 0)
+        outward = jnp.sign(angles[j])
+
+        def rate(t: Number, y: State, args: None, **_: object) -> Number:
+            del t, args
+            return outward * y[2 + i]
+
+        event = diffrax.Event(rate, optimistix.Newton(rtol=1e-10, atol=1e-10), direction=False)
+        sol = self._solve_tightly(
+            field,
+            ys[before],
+            times[before],
+            times[before] + 2.5 * (times[1] - times[0]),
+            saveat=diffrax.SaveAt(t1=True),
+            event=event,
+        )
+        return jnp.abs(sol.ys[0, i])

@@ -1,0 +1,159 @@
+"""The scene in SI units: block, base motion, pendulum; and its dimensionless parameters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from tpd import checks
+from tpd.parameters import SLENDERNESS_LIMIT, Parameters
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """A rigid block, its base 2a wide and 2b high in the paper's symbols.
+
+    Raises:
+        ValueError: a size, mass or friction out of range, or a block too wide for linear equations.
+    """
+
+    width: float
+    """Whole width of the base, m."""
+    height: float
+    """Whole height, m; the pendulum hangs from the middle of the top."""
+    mass: float
+    """kg"""
+    friction: float = 0.05
+    """k: dry friction moment of the rocking contact over M g b, dimensionless."""
+    radius_of_gyration: float | None = None
+    """About the centroid, m; None is that of a uniform rectangle."""
+
+    def __post_init__(self) -> None:
+        checks.positive("width", self.width)
+        checks.positive("height", self.height)
+        checks.positive("mass", self.mass)
+        checks.not_negative("friction", self.friction)
+        if self.radius_of_gyration is not None:
+            checks.positive("radius_of_gyration", self.radius_of_gyration)
+        if self.width > SLENDERNESS_LIMIT * self.height:
+            raise ValueError(
+                f"`width` must be at most {SLENDERNESS_LIMIT:g} of `height` (the linear equations "
+                f"drop terms of order (width/height)**2), but is {self.width / self.height:g} of it"
+            )
+
+    @property
+    def half_height(self) -> float:
+        """b, m."""
+        return 0.5 * self.height
+
+    @property
+    def slenderness(self) -> float:
+        """nu = a/b."""
+        return self.width / self.height
+
+    @property
+    def inertia_ratio(self) -> float:
+        """rho = b^2/(a^2 + b^2 + c^2)."""
+        a, b = 0.5 * self.width, self.half_height
+        c2 = (a**2 + b**2) / 3.0 if self.radius_of_gyration is None else self.radius_of_gyration**2
+        return b**2 / (a**2 + b**2 + c2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pendulum:
+    """A point bob on a rod from the middle of the block's top.
+
+    Raises:
+        ValueError: a mass, length or damping ratio out of range.
+    """
+
+    mass: float
+    """kg; 0 is no pendulum."""
+    length: float
+    """m"""
+    damping_ratio: float
+    """Of critical, of the pendulum hung from a fixed point."""
+
+    def __post_init__(self) -> None:
+        checks.not_negative("mass", self.mass)
+        checks.positive("length", self.length)
+        checks.not_negative("damping_ratio", self.damping_ratio)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Harmonic:
+    """Horizontal base motion x = amplitude sin(2 pi frequency t).
+
+    Raises:
+        ValueError: an amplitude or frequency out of range.
+    """
+
+    amplitude: float
+    """m"""
+    frequency: float
+    """Hz"""
+
+    def __post_init__(self) -> None:
+        checks.not_negative("amplitude", self.amplitude)
+        checks.positive("frequency", self.frequency)
+
+    @property
+    def rate(self) -> float:
+        """omega, rad/s."""
+        return 2.0 * math.pi * self.frequency
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A block and the motion of its base; `parameters` makes them dimensionless."""
+
+    block: Block
+    motion: Harmonic
+    gravity: float = STANDARD_GRAVITY
+    """m/s^2"""
+
+    def __post_init__(self) -> None:
+        checks.positive("gravity", self.gravity)
+
+    @property
+    def rate(self) -> float:
+        """omega0 = sqrt(g rho / b), rad/s: dimensionless time is tau = omega0 t."""
+        return math.sqrt(self.gravity * self.block.inertia_ratio / self.block.half_height)
+
+    def parameters(self, pendulum: Pendulum | None = None) -> Parameters:
+        """The dimensionless parameters with a pendulum, or of the bare block (mu = 0).
+
+        rho stays tied to nu for a uniform rectangle, also in gradients.
+        """
+        block, motion = self.block, self.motion
+        hung = Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3) if pendulum is None else pendulum
+        return Parameters(
+            nu=block.slenderness,
+            mu=hung.mass / block.mass,
+            lam=hung.length / block.half_height,
+            zeta=hung.damping_ratio,
+            k=block.friction,
+            f=motion.amplitude * motion.rate**2 / self.gravity,
+            xi=motion.rate / self.rate,
+            rho=None if block.radius_of_gyration is None else block.inertia_ratio,
+        )
+
+    def pendulum(self, *, mass_ratio: float, length_ratio: float, damping_ratio: float) -> Pendulum:
+        """The pendulum, in SI, of given mu, lam and zeta."""
+        return Pendulum(
+            mass=mass_ratio * self.block.mass,
+            length=length_ratio * self.block.half_height,
+            damping_ratio=damping_ratio,
+        )
+
+
+def paper_scene() -> Scene:
+    """The case study of Collini et al. (2016), section 5: a block of 0.1 x 0.2 x 0.4 m and
+    2028 kg/m^3 on a base moving 15 mm at 2.5 Hz; friction as in the paper's section 3."""
+    return Scene(
+        Block(width=0.1, height=0.4, mass=16.224, friction=0.05),
+        Harmonic(amplitude=0.015, frequency=2.5),
+    )

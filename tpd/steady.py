@@ -1,0 +1,235 @@
+"""Steady states and trajectories, for every model alike, and their exact derivatives.
+
+A settled motion is a fixed point y* of the period map P. Newton's method on P finishes what
+following began, and the implicit function theorem gives dy*/dp = (I - DP)^-1 dP/dp, so a gradient
+costs a few periods however long the transient was. It is linear in the direction, hence usable
+in forward and in reverse mode. Where a multiplier reaches the unit circle it does not exist.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jax.lax import stop_gradient
+from jaxtyping import Array, ArrayLike, Float, Int
+
+from tpd import checks
+from tpd.models.interface import AbstractModel, Settled
+from tpd.models.piecewise import Piecewise
+from tpd.models.settling import scale_of
+from tpd.parameters import Number, Parameters, State, as_arrays
+from tpd.status import Status
+
+_NEWTON_STEPS = 8
+_RESIDUAL = 1e-8
+_NEAR_FOLD = 1e-7
+
+
+class Steady(eqx.Module):
+    """A steady state; angles in rad.
+
+    `amplitude` is the largest |phi| and `stroke` the largest |psi| over the settled period(s).
+    Both are differentiable in every parameter when `status` is rocking or rest; elsewhere their
+    derivative is NaN and `status` says why. At mu = 0 the stroke is that of a bob too light to
+    be felt. An overturned block has infinite amplitude and stroke.
+    """
+
+    amplitude: Number
+    stroke: Number
+    status: Status
+    periods: Int[Array, "..."]
+    """Forcing periods in one period of the motion."""
+    multiplier: Number
+    """Largest modulus of the Floquet multipliers; below 1 the motion attracts."""
+    state: Float[Array, "... 4"]
+    """(phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
+    elapsed: Int[Array, "..."]
+    """Forcing periods followed before the repetition was recognised."""
+
+
+class Trajectory(eqx.Module):
+    """States over dimensionless time: `ys` has shape (times, 4), order phi, psi, phi', psi'."""
+
+    times: Float[Array, "times"]
+    ys: Float[Array, "times 4"]
+    status: Status
+
+
+def at_rest() -> State:
+    """The default start: block and bob at rest, at tau = 0."""
+    return jnp.zeros(4)
+
+
+def steady_state(
+    p: Parameters,
+    *,
+    model: AbstractModel | None = None,
+    y0: ArrayLike | None = None,
+    throw: bool = False,
+) -> Steady:
+    """The motion that the block settles into from a stated start.
+
+    Args:
+        p: dimensionless parameters; gradients with respect to them are exact.
+        model: `Piecewise()`, the exact solution (default), or `Smoothed()`.
+        y0: start (phi, psi, phi', psi') in rad and rad per unit tau, at tau = 0; default at rest.
+        throw: raise an error where the status is neither rocking nor rest.
+
+    Raises:
+        ValueError: bad input, or a parameter that the model has no term for.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    model = Piecewise() if model is None else model
+    checks.require_x64()
+    model.check(p)
+    start = at_rest() if y0 is None else _state(y0)
+    steady = _steady_state(as_arrays(p), model, start)
+    if throw:
+        settled = (steady.status == Status.rocking) | (steady.status == Status.rest)
+        steady = eqx.tree_at(
+            lambda s: s.amplitude, steady, steady.status.error_if(steady.amplitude, ~settled)
+        )
+    return steady
+
+
+def simulate(
+    p: Parameters, y0: ArrayLike, times: ArrayLike, *, model: AbstractModel | None = None
+) -> Trajectory:
+    """The motion from `y0` at `times[0]`, at increasing dimensionless `times`, shape (n,).
+
+    After an overturning the exact model's states are NaN, and the status says so.
+
+    Raises:
+        ValueError: bad input, or a parameter that the model has no term for.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    model = Piecewise() if model is None else model
+    checks.require_x64()
+    model.check(p)
+    clock = jnp.asarray(times, dtype=jnp.float64)
+    if clock.ndim != 1 or clock.shape[0] < 2:
+        raise ValueError(f"`times` must be a vector of two or more, but has shape {clock.shape}")
+    if checks.is_concrete(times) and not bool(jnp.all(jnp.diff(clock) > 0)):
+        raise ValueError("`times` must increase and be finite, but do not")
+    ys, status = _trajectory(as_arrays(p), model, _state(y0), clock)
+    return Trajectory(clock, ys, status)
+
+
+def _state(y0: ArrayLike) -> State:
+    y = jnp.asarray(y0, dtype=jnp.float64)
+    if y.shape != (4,):
+        raise ValueError(f"`y0` must be (phi, psi, phi', psi'), but has shape {y.shape}")
+    return y
+
+
+@eqx.filter_jit
+def _trajectory(p: Parameters, model: AbstractModel, y0: State, times: Array) -> tuple[Array, Status]:
+    return model.trajectory(p, y0, times)
+
+
+@eqx.filter_jit
+def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
+    fixed = stop_gradient(p)
+    settled = model.settle(fixed, stop_gradient(y0))
+    orbit = _newton(fixed, model, settled)
+    multiplier = _largest_multiplier(fixed, orbit.by_state[:4])
+    status = _verdict(settled, orbit, multiplier, model.resolution(fixed))
+    known = (status == Status.rocking) | (status == Status.rest)
+    # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
+    isolated = known & (multiplier < 1.0)
+    last = jnp.stack([settled.amplitude, settled.stroke])
+    sizes, slopes = _implicit(orbit)
+    sizes = jnp.where(isolated, sizes, jnp.where(status == Status.overturned, jnp.inf, last))
+    slopes = jnp.where(isolated, slopes, jnp.nan)
+    rests = status == Status.rest
+    sizes = sizes.at[0].set(jnp.where(rests, 0.0, sizes[0]))
+    slopes = slopes.at[0].set(jnp.where(rests, 0.0, slopes[0]))
+    amplitude, stroke = _with_slopes(ravel_pytree(p)[0], sizes, slopes)
+    periods, elapsed = settled.periods, settled.elapsed
+    return Steady(amplitude, stroke, status, periods, multiplier, orbit.y, elapsed)
+
+
+class _Orbit(eqx.Module):
+    """A (nearly) periodic orbit with the derivatives of one run along it."""
+
+    y: State
+    residual: Number
+    end: State
+    sizes: Float[Array, "2"]
+    """Amplitude and stroke."""
+    by_parameter: Float[Array, "6 n"]
+    """d(end, sizes)/dp at a fixed start."""
+    by_state: Float[Array, "6 4"]
+    """d(end, sizes)/dy at fixed parameters."""
+
+
+def _newton(p: Parameters, model: AbstractModel, settled: Settled) -> _Orbit:
+    """Newton's method on the period map, from where following the motion ended."""
+    flat, unflatten = ravel_pytree(p)
+    size, scale = flat.size, scale_of(p)
+
+    def run(x: Float[Array, "n"]) -> Float[Array, "6"]:
+        cycle = model.cycle(unflatten(x[:size]), settled, x[size:])
+        return jnp.concatenate([cycle.end, jnp.stack([cycle.amplitude, cycle.stroke])])
+
+    def along(y: State) -> _Orbit:
+        x = jnp.concatenate([flat, y])
+        push = lambda direction: jax.jvp(run, (x,), (direction,))
+        out, columns = jax.vmap(push, out_axes=(None, 1))(jnp.eye(x.size))
+        residual = jnp.max(jnp.abs(out[:4] - y) / scale)
+        return _Orbit(y, residual, out[:4], out[4:], columns[:, :size], columns[:, size:])
+
+    def improve(carry: tuple) -> tuple:
+        y, best, count = carry
+        orbit = along(y)
+        step = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], orbit.end - y)
+        better = orbit.residual < best.residual
+        best = jax.tree.map(lambda a, b: jnp.where(better, a, b), orbit, best)
+        return y + step, best, jnp.where(better, count + 1, _NEWTON_STEPS)
+
+    def going(carry: tuple) -> Array:
+        _, best, count = carry
+        return (count < _NEWTON_STEPS) & (best.residual > model.round_off)
+
+    nothing = jax.tree.map(lambda s: jnp.full(s.shape, jnp.inf, s.dtype), jax.eval_shape(along, settled.y))
+    first = (settled.y, eqx.tree_at(lambda o: o.y, nothing, settled.y), jnp.zeros((), int))
+    return jax.lax.while_loop(going, improve, first)[1]
+
+
+def _largest_multiplier(p: Parameters, jacobian: Float[Array, "4 4"]) -> Number:
+    """The largest modulus of the Floquet multipliers that the block can feel: all, unless mu = 0."""
+    block = jnp.array([1.0, 0.0, 1.0, 0.0])
+    felt = jnp.where(p.mu > 0, jacobian, jacobian * jnp.outer(block, block))
+    finite = jnp.all(jnp.isfinite(felt))
+    sizes = jnp.abs(jnp.linalg.eigvals(jnp.where(finite, felt, 0.0)))
+    return jnp.where(finite, jnp.max(sizes), jnp.inf)
+
+
+def _verdict(settled: Settled, orbit: _Orbit, multiplier: Number, resolution: Number) -> Status:
+    rocking = settled.status == Status.rocking
+    status = Status.where(rocking & (multiplier > 1.0 - _NEAR_FOLD), Status.unstable, settled.status)
+    status = Status.where(rocking & ~(orbit.residual < _RESIDUAL), Status.not_settled, status)
+    return Status.where(rocking & (orbit.sizes[0] < resolution), Status.rest, status)
+
+
+def _implicit(orbit: _Orbit) -> tuple[Float[Array, "2"], Float[Array, "2 n"]]:
+    """(amplitude, stroke) after one more Newton step, and their derivatives with the orbit
+    following its parameters."""
+    right = jnp.concatenate([(orbit.end - orbit.y)[:, None], orbit.by_parameter[:4]], axis=1)
+    moves = orbit.by_state[4:] @ jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], right)
+    return orbit.sizes + moves[:, 0], orbit.by_parameter[4:] + moves[:, 1:]
+
+
+@jax.custom_jvp
+def _with_slopes(p: Float[Array, "n"], values: Float[Array, "m"], slopes: Float[Array, "m n"]) -> Float[Array, "m"]:
+    """`values`, known to depend on `p` with these slopes."""
+    del p, slopes
+    return values
+
+
+@_with_slopes.defjvp
+def _with_slopes_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    _, values, slopes = primals
+    return values, slopes @ tangents[0]
