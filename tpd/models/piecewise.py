@@ -25,7 +25,7 @@ class Piecewise(AbstractModel):
     ends rattling; the error is of the order of its square.
     """
 
-    max_periods: int = eqx.field(default=1000, static=True, kw_only=True)
+    max_periods: int = eqx.field(default=500, static=True, kw_only=True)
     """Forcing periods to follow before giving up on a repetition."""
     max_events: int = eqx.field(default=2000, static=True, kw_only=True)
     """Bound on the steps and events of one forcing period."""

@@ -1,0 +1,122 @@
+"""A job file: scene, design space and search settings in TOML, read and written."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from tpd.design import DesignSpace
+from tpd.scene import Block, Harmonic, Scene, paper_scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """Settings of the search; see `optimise`."""
+
+    starts: int = 8
+    steps: int = 40
+    screening: int = 192
+    tolerance: float = 0.01
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """Everything that `tpd optimise` needs to be repeated; the default is the paper's block."""
+
+    scene: Scene = field(default_factory=paper_scene)
+    space: DesignSpace = field(default_factory=DesignSpace)
+    search: Search = field(default_factory=Search)
+
+
+def defaults() -> dict[str, dict[str, Any]]:
+    """The tables of the default job."""
+    return tables(Job())
+
+
+def tables(job: Job) -> dict[str, dict[str, Any]]:
+    """The job as nested tables of plain values, without what is None."""
+
+    def plain(thing: Any) -> dict[str, Any]:
+        values = {f.name: getattr(thing, f.name) for f in fields(thing)}
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items() if v is not None}
+
+    return {
+        "block": plain(job.scene.block),
+        "motion": plain(job.scene.motion),
+        "site": {"gravity": job.scene.gravity},
+        "space": plain(job.space),
+        "search": plain(job.search),
+    }
+
+
+_ALLOWED = {
+    "block": [f.name for f in fields(Block)],
+    "motion": [f.name for f in fields(Harmonic)],
+    "site": ["gravity"],
+    "space": [f.name for f in fields(DesignSpace)],
+    "search": [f.name for f in fields(Search)],
+}
+
+
+def build(given: dict[str, Any]) -> Job:
+    """The job of nested tables; what is left out is the default's.
+
+    Raises:
+        ValueError: an unknown or ill-typed key, or a value out of range.
+    """
+    merged = defaults()
+    for table, values in given.items():
+        if table not in _ALLOWED:
+            raise ValueError(f"unknown table [{table}]; allowed are {_listed(_ALLOWED)}")
+        if not isinstance(values, dict):
+            raise ValueError(f"`{table}` must be a table, but is {values!r}")
+        for key, value in values.items():
+            if key not in _ALLOWED[table]:
+                raise ValueError(f"unknown key `{key}` in [{table}]; allowed are {_listed(_ALLOWED[table])}")
+            merged[table][key] = _typed(f"{table}.{key}", value)
+    space = {k: tuple(v) if isinstance(v, list) else v for k, v in merged["space"].items()}
+    scene = Scene(Block(**merged["block"]), Harmonic(**merged["motion"]), **merged["site"])
+    return Job(scene=scene, space=DesignSpace(**space), search=Search(**merged["search"]))
+
+
+def _typed(name: str, value: Any) -> Any:
+    pair = isinstance(value, list) and len(value) == 2
+    numbers = value if pair else [value]
+    if not all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in numbers):
+        raise ValueError(f"`{name}` must be a number or a pair of numbers, but is {value!r}")
+    if name in ("search.starts", "search.steps", "search.screening", "search.seed"):
+        if not isinstance(value, int):
+            raise ValueError(f"`{name}` must be a whole number, but is {value!r}")
+        return value
+    return [float(x) for x in value] if pair else float(value)
+
+
+def _listed(names: Any) -> str:
+    return ", ".join(sorted(names))
+
+
+def read(path: Path) -> dict[str, Any]:
+    """The tables of a job file.
+
+    Raises:
+        ValueError: the file cannot be read, or is not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise ValueError(f"{path} is not a text file in UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{path} is not valid TOML: {error}") from None
+
+
+def dump(job: Job) -> str:
+    """The job as TOML that `read` and `build` turn back into the same job."""
+    lines = ["# Repeat this run: tpd optimise --scene <this file> --out <new directory>"]
+    for table, values in tables(job).items():
+        lines += ["", f"[{table}]", *(f"{key} = {value!r}" for key, value in values.items())]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,171 @@
+"""Pictures of a design. Every function draws into given axes and returns them; none shows or saves."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from tpd.balance import uplift
+from tpd.design import Design
+from tpd.models.interface import AbstractModel
+from tpd.models.piecewise import Piecewise
+from tpd.models.smoothed import Smoothed
+from tpd.parameters import as_arrays
+from tpd.response import Response
+from tpd.scene import Pendulum
+from tpd.search import with_design
+from tpd.steady import simulate
+
+INK, GREY, BLUE, ORANGE = "#1a1a1a", "#9a9a9a", "#1f5fa8", "#d9822b"
+
+
+def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6)) -> Any:
+    """Axes of a figure that belongs to nobody else; an array of them if `rows` > 1."""
+    figure = Figure(figsize=size, layout="constrained", dpi=130)
+    FigureCanvasAgg(figure)
+    return figure.subplots(rows, 1, sharex=rows > 1)
+
+
+def plot_search(design: Design, ax: Axes | None = None) -> Axes:
+    """The search over the (mu, lam) plane: screened designs, paths, answer, and where the settled
+    block cannot lift."""
+    ax = new_axes() if ax is None else ax
+    h, space = design.history, design.space
+    _no_uplift_region(design, ax)
+    settled = np.isin(h.screened_status, ("rocking", "rest"))
+    within = settled & (h.screened_stroke <= space.stroke)
+    nu = design.scene.block.slenderness
+    for mask, marker, size in ((within, "o", 26), (settled & ~within, "^", 16)):
+        points = ax.scatter(
+            h.screened[mask, 0],
+            h.screened[mask, 1],
+            c=h.screened_amplitude[mask] / nu,
+            cmap="viridis",
+            vmin=0.0,
+            vmax=max(0.4, design.amplitude_without / nu * 1.2),
+            marker=marker,
+            s=size,
+            linewidths=0.4,
+            edgecolors="white",
+        )
+        if marker == "o":
+            ax.figure.colorbar(points, ax=ax, label="settled rocking amplitude / slenderness (-)")
+    ax.scatter([], [], marker="o", c=GREY, s=26, label="screened, within the stroke limit")
+    ax.scatter([], [], marker="^", c=GREY, s=16, label="screened, stroke beyond the limit")
+    lost = ~settled
+    ax.scatter(h.screened[lost, 0], h.screened[lost, 1], marker="x", c=INK, s=14, linewidths=0.7, label="overturned or not settled")
+    for i, path in enumerate(h.designs):
+        ax.plot(path[:, 0], path[:, 1], color=INK, lw=0.9, label="search paths" if i == 0 else None)
+    if design.winner is not None:
+        ax.plot(
+            design.winner.mass_ratio, design.winner.length_ratio, "*", ms=17, mfc=ORANGE, mec=INK, label="answer"
+        )
+    ax.set(
+        xlabel=r"mass ratio $\mu$ = m/M (-)",
+        ylabel=r"length ratio $\lambda$ = l/b (-)",
+        xlim=_padded(space.mass_ratio),
+        ylim=_padded(space.length_ratio),
+    )
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3, fontsize=7, frameon=False)
+    return ax
+
+
+def _padded(bounds: tuple[float, float]) -> tuple[float, float]:
+    pad = 0.03 * (bounds[1] - bounds[0])
+    return bounds[0] - pad, bounds[1] + pad
+
+
+def _no_uplift_region(design: Design, ax: Axes) -> None:
+    space = design.space
+    mu, lam = np.linspace(*space.mass_ratio, 120), np.linspace(*space.length_ratio, 120)
+    zeta = design.winner.damping_ratio if design.winner else float(np.mean(space.damping_ratio))
+    grid = jnp.stack(jnp.meshgrid(jnp.asarray(mu), jnp.asarray(lam)), axis=-1)
+    flat = jnp.concatenate([grid.reshape(-1, 2), jnp.full((grid.size // 2, 1), zeta)], axis=1)
+    p = as_arrays(design.scene.parameters())
+    import jax
+
+    margin = np.asarray(jax.vmap(lambda d: uplift(with_design(p, d)).margin)(flat)).reshape(120, 120)
+    if (margin > 0).any():
+        ax.contourf(mu, lam, margin, levels=[0.0, np.inf], colors=[GREY], alpha=0.25)
+        ax.plot([], [], color=GREY, lw=6, alpha=0.4, label="settled block cannot lift")
+
+
+def plot_motion(design: Design, axes: Any = None, periods: int = 24) -> Any:
+    """Tilt and bob angle against time from rest, smoothed over exact."""
+    axes = new_axes(2, (7.0, 5.0)) if axes is None else axes
+    scene = design.scene
+    p = as_arrays(scene.parameters(design.pendulum))
+    tau = jnp.linspace(0.0, 1.0, 60 * periods + 1) * periods * p.period
+    t = np.asarray(tau) / scene.rate
+    models: tuple[tuple[AbstractModel, dict, str], ...] = (
+        (Piecewise(), {"color": GREY, "lw": 2.6}, "exact"),
+        (Smoothed(), {"color": INK, "lw": 0.9, "ls": (0, (4, 2))}, "smoothed"),
+    )
+    for model, style, label in models:
+        ys = np.asarray(simulate(p, jnp.zeros(4), tau, model=model).ys)
+        axes[0].plot(t, ys[:, 0], label=label, **style)
+        axes[1].plot(t, ys[:, 1], label=label, **style)
+    axes[0].axhline(0.0, color=INK, lw=0.4)
+    axes[0].set(ylabel=r"tilt $\varphi$ (rad)")
+    axes[0].legend(loc="upper right", fontsize=8, frameon=False, ncols=2)
+    axes[1].axhline(design.space.stroke, color=ORANGE, lw=0.8, ls=":")
+    axes[1].axhline(-design.space.stroke, color=ORANGE, lw=0.8, ls=":", label="stroke limit (settled)")
+    axes[1].set(ylabel=r"bob angle $\psi$ (rad)", xlabel="time from a start at rest (s)")
+    axes[1].legend(loc="upper right", fontsize=8, frameon=False, ncols=3)
+    return axes
+
+
+def plot_response(design: Design, responses: tuple[Response, ...], ax: Axes | None = None) -> Axes:
+    """Settled amplitude from rest against frequency, without and with the pendulum."""
+    ax = new_axes() if ax is None else ax
+    labels = ("bare block", "with the pendulum")
+    styles = ({"color": GREY, "marker": "s"}, {"color": BLUE, "marker": "o"})
+    tops = [r.amplitude[np.isfinite(r.amplitude)] for r in responses]
+    top = 1.15 * max([float(x.max()) for x in tops if x.size], default=1.0) or 1.0
+    for i, (r, label, style) in enumerate(zip(responses, labels, styles, strict=False)):
+        settled = np.isin(r.status, ("rocking", "rest"))
+        ax.plot(r.frequency, np.where(settled, r.amplitude, np.nan), ms=3.5, lw=1.2, label=label, **style)
+        lost = r.status == "overturned"
+        level = np.full(lost.sum(), top * (1.0 - 0.04 * i))
+        ax.plot(r.frequency[lost], level, ls="", marker="x", ms=5, color=style["color"], label=f"{label}: overturns")
+        other = ~settled & ~lost
+        ax.plot(
+            r.frequency[other], r.amplitude[other], ls="", marker="D", mfc="none", ms=5, color=style["color"],
+            label=f"{label}: not settled" if other.any() else None,
+        )
+    ax.axvline(design.scene.motion.frequency, color=ORANGE, lw=1.0, ls="--", label="design frequency")
+    ax.set(xlabel="frequency of the base motion (Hz)", ylabel=r"settled amplitude $\Phi$ from rest (rad)")
+    ax.set_ylim(-0.03 * top, 1.06 * top)
+    ax.legend(fontsize=8, frameon=False)
+    return ax
+
+
+def band(design: Design, points: int = 41) -> np.ndarray:
+    """Frequencies (Hz) around that of the design, for `plot_response`."""
+    return design.scene.motion.frequency * np.linspace(0.7, 1.5, points)
+
+
+def hung(design: Design) -> Pendulum | None:
+    """The pendulum of the design, if it has one."""
+    return design.pendulum
+
+
+def pictures(design: Design, responses: tuple[Response, ...]) -> Iterator[tuple[str, bytes]]:
+    """(file name, PNG) of every picture of the report."""
+    yield "search.png", _png(plot_search(design).figure)
+    yield "motion.png", _png(plot_motion(design)[0].figure)
+    if responses:
+        yield "response.png", _png(plot_response(design, responses).figure)
+
+
+def _png(figure: Any) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    return buffer.getvalue()
