@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from tpd.design import DesignSpace as DesignSpace
     from tpd.models.piecewise import Piecewise as Piecewise
     from tpd.models.smoothed import Smoothed as Smoothed
-    from tpd.optimise import optimise as optimise
+    from tpd.optimiser import optimise as optimise
     from tpd.parameters import Parameters as Parameters
     from tpd.scene import Block as Block
     from tpd.scene import Harmonic as Harmonic
@@ -39,7 +39,7 @@ _HOMES = {
     "Smoothed": "models.smoothed",
     "Status": "status",
     "one_harmonic": "balance",
-    "optimise": "optimise",
+    "optimise": "optimiser",
     "paper_scene": "scene",
     "simulate": "steady",
     "status_name": "status",

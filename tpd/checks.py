@@ -6,20 +6,20 @@ import math
 from collections.abc import Callable
 
 import jax
+import jax.core
 import numpy as np
 
 
 def is_concrete(value: object) -> bool:
     """Whether a value can be looked at now: not traced, and a plain number or array."""
-    return not isinstance(value, jax.core.Tracer) and isinstance(
-        value, (int, float, np.generic, np.ndarray, jax.Array)
-    )
+    plain = isinstance(value, (int, float, np.generic, np.ndarray, jax.Array))
+    return plain and not isinstance(value, jax.core.Tracer)
 
 
-def _check(name: str, value: object, allowed: str, holds: Callable[[np.ndarray], object]) -> None:
-    if not is_concrete(value):
+def _check(name: str, value: object, allowed: str, holds: Callable[[np.ndarray], np.ndarray]) -> None:
+    if isinstance(value, jax.core.Tracer):
         return
-    array = np.asarray(value)
+    array = np.asarray(value) if is_concrete(value) else np.asarray(value, dtype=object)
     if array.dtype == bool or not np.issubdtype(array.dtype, np.number):
         raise ValueError(f"`{name}` must be a number, but is {value!r}")
     if not (np.all(np.isfinite(array)) and np.all(holds(array))):
@@ -55,8 +55,7 @@ def interval(name: str, value: object, low: float, high: float) -> tuple[float, 
         raise ValueError(f"`{name}` must be a pair of numbers (low, high), but is {value!r}") from None
     if not (math.isfinite(lo) and math.isfinite(hi) and low <= lo < hi <= high):
         raise ValueError(
-            f"`{name}` must be an interval low < high within {low:g} to {high:g}, "
-            f"but is {lo:g} to {hi:g}"
+            f"`{name}` must be an interval low < high within {low:g} to {high:g}, but is {lo:g} to {hi:g}"
         )
     return lo, hi
 

@@ -24,7 +24,7 @@ _SOUND, _BAD_INPUT, _UNSOUND, _INTERRUPTED = 0, 2, 3, 130
 
 def parser() -> argparse.ArgumentParser:
     """The command line's grammar."""
-    top = argparse.ArgumentParser(prog="tpd", description=tpd.__doc__.splitlines()[0])
+    top = argparse.ArgumentParser(prog="tpd", description=str(tpd.__doc__).splitlines()[0])
     top.add_argument("--version", action="version", version=f"tpd {tpd.__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     optimise = commands.add_parser(
@@ -51,7 +51,9 @@ def parser() -> argparse.ArgumentParser:
     )
     optimise.add_argument("--starts", type=int, metavar="N", help="searches run at once (default 8)")
     optimise.add_argument("--seed", type=int, metavar="N", help="of every random choice (default 0)")
-    optimise.add_argument("--out", type=Path, default=Path("tpd-design"), metavar="DIR", help="default tpd-design")
+    optimise.add_argument(
+        "--out", type=Path, default=Path("tpd-design"), metavar="DIR", help="default tpd-design"
+    )
     optimise.add_argument("--overwrite", action="store_true", help="replace the report in an existing DIR")
     return top
 
@@ -96,7 +98,7 @@ def _optimise(options: argparse.Namespace) -> int:
 
     jax.config.update("jax_enable_x64", True)
     from tpd import job, report
-    from tpd.optimise import optimise
+    from tpd.optimiser import optimise
 
     work = job.build(_given(options))
     report.claim(options.out, overwrite=options.overwrite)
@@ -114,7 +116,7 @@ def _optimise(options: argparse.Namespace) -> int:
         )
         responses = _responses(design, bar)
         files = report.write(options.out, design, work, responses)
-    print(report.text(design))
+    print(report.text(design, responses))
     print("\n".join(f"written: {path}" for path in files))
     if design.interrupted:
         return _INTERRUPTED

@@ -45,19 +45,19 @@ class DesignSpace:
     @property
     def names(self) -> tuple[str, ...]:
         """The searched parameters, by their symbols."""
-        return ("mu", "lam") if isinstance(self.damping_ratio, float) else ("mu", "lam", "zeta")
+        return ("mu", "lam", "zeta") if isinstance(self.damping_ratio, tuple) else ("mu", "lam")
 
     @property
     def bounds(self) -> np.ndarray:
         """Lower and upper bounds of the searched parameters, shape (2, len(names))."""
         pairs = [self.mass_ratio, self.length_ratio]
-        if not isinstance(self.damping_ratio, float):
+        if isinstance(self.damping_ratio, tuple):
             pairs.append(self.damping_ratio)
         return np.array(pairs).T
 
     def full(self, x: np.ndarray) -> np.ndarray:
         """(mu, lam, zeta) of searched values `x`, shape (..., 2 or 3) to (..., 3)."""
-        if not isinstance(self.damping_ratio, float):
+        if isinstance(self.damping_ratio, tuple):
             return np.asarray(x)
         return np.concatenate([x, np.full((*np.shape(x)[:-1], 1), self.damping_ratio)], axis=-1)
 

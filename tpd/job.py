@@ -59,6 +59,8 @@ _ALLOWED = {
     "space": [f.name for f in fields(DesignSpace)],
     "search": [f.name for f in fields(Search)],
 }
+_PAIRS = ("space.mass_ratio", "space.length_ratio", "space.damping_ratio")
+_WHOLE = ("search.starts", "search.steps", "search.screening", "search.seed")
 
 
 def build(given: dict[str, Any]) -> Job:
@@ -77,17 +79,18 @@ def build(given: dict[str, Any]) -> Job:
             if key not in _ALLOWED[table]:
                 raise ValueError(f"unknown key `{key}` in [{table}]; allowed are {_listed(_ALLOWED[table])}")
             merged[table][key] = _typed(f"{table}.{key}", value)
-    space = {k: tuple(v) if isinstance(v, list) else v for k, v in merged["space"].items()}
+    space: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in merged["space"].items()}
     scene = Scene(Block(**merged["block"]), Harmonic(**merged["motion"]), **merged["site"])
     return Job(scene=scene, space=DesignSpace(**space), search=Search(**merged["search"]))
 
 
 def _typed(name: str, value: Any) -> Any:
-    pair = isinstance(value, list) and len(value) == 2
-    numbers = value if pair else [value]
+    pair = name in _PAIRS and isinstance(value, list) and len(value) == 2
+    numbers: list[Any] = value if pair else [value]
     if not all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in numbers):
-        raise ValueError(f"`{name}` must be a number or a pair of numbers, but is {value!r}")
-    if name in ("search.starts", "search.steps", "search.screening", "search.seed"):
+        allowed = "a number or a pair of numbers" if name in _PAIRS else "a number"
+        raise ValueError(f"`{name}` must be {allowed}, but is {value!r}")
+    if name in _WHOLE:
         if not isinstance(value, int):
             raise ValueError(f"`{name}` must be a whole number, but is {value!r}")
         return value

@@ -60,7 +60,9 @@ class Parameters(eqx.Module):
 
     def __check_init__(self) -> None:
         checks.positive("nu", self.nu)
-        checks.within("nu", self.nu, 0.0, SLENDERNESS_LIMIT, " (the linear equations drop terms of order nu**2)")
+        checks.within(
+            "nu", self.nu, 0.0, SLENDERNESS_LIMIT, " (the linear equations drop terms of order nu**2)"
+        )
         checks.not_negative("mu", self.mu)
         checks.positive("lam", self.lam)
         checks.not_negative("zeta", self.zeta)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, cast
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +20,6 @@ from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.parameters import as_arrays
 from tpd.response import Response
-from tpd.scene import Pendulum
 from tpd.search import with_design
 from tpd.steady import simulate
 
@@ -27,7 +27,7 @@ INK, GREY, BLUE, ORANGE = "#1a1a1a", "#9a9a9a", "#1f5fa8", "#d9822b"
 
 
 def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6)) -> Any:
-    """Axes of a figure that belongs to nobody else; an array of them if `rows` > 1."""
+    """Axes of a figure of their own; an array of them if `rows` > 1."""
     figure = Figure(figsize=size, layout="constrained", dpi=130)
     FigureCanvasAgg(figure)
     return figure.subplots(rows, 1, sharex=rows > 1)
@@ -36,7 +36,7 @@ def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6)) -> Any:
 def plot_search(design: Design, ax: Axes | None = None) -> Axes:
     """The search over the (mu, lam) plane: screened designs, paths, answer, and where the settled
     block cannot lift."""
-    ax = new_axes() if ax is None else ax
+    ax = cast(Axes, new_axes() if ax is None else ax)
     h, space = design.history, design.space
     _no_uplift_region(design, ax)
     settled = np.isin(h.screened_status, ("rocking", "rest"))
@@ -60,12 +60,26 @@ def plot_search(design: Design, ax: Axes | None = None) -> Axes:
     ax.scatter([], [], marker="o", c=GREY, s=26, label="screened, within the stroke limit")
     ax.scatter([], [], marker="^", c=GREY, s=16, label="screened, stroke beyond the limit")
     lost = ~settled
-    ax.scatter(h.screened[lost, 0], h.screened[lost, 1], marker="x", c=INK, s=14, linewidths=0.7, label="overturned or not settled")
+    ax.scatter(
+        h.screened[lost, 0],
+        h.screened[lost, 1],
+        marker="x",
+        c=INK,
+        s=14,
+        linewidths=0.7,
+        label="overturned or not settled",
+    )
     for i, path in enumerate(h.designs):
         ax.plot(path[:, 0], path[:, 1], color=INK, lw=0.9, label="search paths" if i == 0 else None)
     if design.winner is not None:
         ax.plot(
-            design.winner.mass_ratio, design.winner.length_ratio, "*", ms=17, mfc=ORANGE, mec=INK, label="answer"
+            design.winner.mass_ratio,
+            design.winner.length_ratio,
+            "*",
+            ms=17,
+            mfc=ORANGE,
+            mec=INK,
+            label="answer",
         )
     ax.set(
         xlabel=r"mass ratio $\mu$ = m/M (-)",
@@ -89,8 +103,6 @@ def _no_uplift_region(design: Design, ax: Axes) -> None:
     grid = jnp.stack(jnp.meshgrid(jnp.asarray(mu), jnp.asarray(lam)), axis=-1)
     flat = jnp.concatenate([grid.reshape(-1, 2), jnp.full((grid.size // 2, 1), zeta)], axis=1)
     p = as_arrays(design.scene.parameters())
-    import jax
-
     margin = np.asarray(jax.vmap(lambda d: uplift(with_design(p, d)).margin)(flat)).reshape(120, 120)
     if (margin > 0).any():
         ax.contourf(mu, lam, margin, levels=[0.0, np.inf], colors=[GREY], alpha=0.25)
@@ -124,20 +136,34 @@ def plot_motion(design: Design, axes: Any = None, periods: int = 24) -> Any:
 
 def plot_response(design: Design, responses: tuple[Response, ...], ax: Axes | None = None) -> Axes:
     """Settled amplitude from rest against frequency, without and with the pendulum."""
-    ax = new_axes() if ax is None else ax
+    ax = cast(Axes, new_axes() if ax is None else ax)
     labels = ("bare block", "with the pendulum")
-    styles = ({"color": GREY, "marker": "s"}, {"color": BLUE, "marker": "o"})
-    tops = [r.amplitude[np.isfinite(r.amplitude)] for r in responses]
-    top = 1.15 * max([float(x.max()) for x in tops if x.size], default=1.0) or 1.0
+    styles: tuple[dict[str, Any], ...] = ({"color": GREY, "marker": "s"}, {"color": BLUE, "marker": "o"})
+    tops = [r.amplitude[np.isin(r.status, ("rocking", "rest"))] for r in responses]
+    top = 1.35 * max([float(x.max()) for x in tops if x.size], default=1.0) or 1.0
     for i, (r, label, style) in enumerate(zip(responses, labels, styles, strict=False)):
         settled = np.isin(r.status, ("rocking", "rest"))
         ax.plot(r.frequency, np.where(settled, r.amplitude, np.nan), ms=3.5, lw=1.2, label=label, **style)
         lost = r.status == "overturned"
-        level = np.full(lost.sum(), top * (1.0 - 0.04 * i))
-        ax.plot(r.frequency[lost], level, ls="", marker="x", ms=5, color=style["color"], label=f"{label}: overturns")
+        level = np.full(lost.sum(), top * (1.0 - 0.05 * i))
+        ax.plot(
+            r.frequency[lost],
+            level,
+            ls="",
+            marker="x",
+            ms=5,
+            color=style["color"],
+            label=f"{label}: overturns",
+        )
         other = ~settled & ~lost
         ax.plot(
-            r.frequency[other], r.amplitude[other], ls="", marker="D", mfc="none", ms=5, color=style["color"],
+            r.frequency[other],
+            np.minimum(r.amplitude[other], 0.85 * top),
+            ls="",
+            marker="D",
+            mfc="none",
+            ms=5,
+            color=style["color"],
             label=f"{label}: not settled" if other.any() else None,
         )
     ax.axvline(design.scene.motion.frequency, color=ORANGE, lw=1.0, ls="--", label="design frequency")
@@ -150,11 +176,6 @@ def plot_response(design: Design, responses: tuple[Response, ...], ax: Axes | No
 def band(design: Design, points: int = 41) -> np.ndarray:
     """Frequencies (Hz) around that of the design, for `plot_response`."""
     return design.scene.motion.frequency * np.linspace(0.7, 1.5, points)
-
-
-def hung(design: Design) -> Pendulum | None:
-    """The pendulum of the design, if it has one."""
-    return design.pendulum
 
 
 def pictures(design: Design, responses: tuple[Response, ...]) -> Iterator[tuple[str, bytes]]:

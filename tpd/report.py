@@ -23,14 +23,18 @@ LARGE_STROKE = 0.3
 """rad; above it the linear equations are off by more than a per cent or so."""
 
 
-def text(design: Design) -> str:
+def text(design: Design, responses: tuple[Response, ...] = ()) -> str:
     """The report in words; its first line says what the answer is worth."""
     lines = [design.status.value, ""]
     lines += _answer(design)
     lines += ["", f"{'':24}{'exact':>14}{'smoothed':>14}{'difference':>12}  settles as"]
-    named = (("with the pendulum", design.winner), ("runner-up", design.runner_up), ("bare block", design.bare))
+    named = (
+        ("with the pendulum", design.winner),
+        ("runner-up", design.runner_up),
+        ("bare block", design.bare),
+    )
     lines += [_row(name, c) for name, c in named if c is not None]
-    lines += ["", *(f"note: {note}" for note in notes(design))]
+    lines += ["", *(f"note: {note}" for note in notes(design, responses))]
     lines += ["", f"searched from {len(design.starts)} starts, seed {design.seed}:"]
     counts = {s: design.starts.count(s) for s in dict.fromkeys(design.starts)}
     lines += [f"  {n} {s.value}" for s, n in counts.items()]
@@ -67,8 +71,8 @@ def _row(name: str, c: Candidate) -> str:
     return f"{name:24}{c.amplitude:14.8f}{c.smoothed_amplitude:14.8f}{difference}  {settles}{agree}"
 
 
-def notes(design: Design) -> list[str]:
-    """What somebody who would hang this pendulum must know."""
+def notes(design: Design, responses: tuple[Response, ...] = ()) -> list[str]:
+    """What somebody who would hang this pendulum must know, dangers first."""
     out = [
         "the linear equations of Collini et al. (2016) for one harmonic motion of the base, started from "
         "rest; other starts may settle elsewhere, and an earthquake is not a harmonic."
@@ -76,6 +80,7 @@ def notes(design: Design) -> list[str]:
     if design.interrupted:
         out.insert(0, "the search was interrupted: this is the best design found until then.")
     winner = design.winner
+    out = _dangers(design, responses) + out
     if winner is not None:
         if winner.margin > 0:
             out.append(
@@ -87,11 +92,37 @@ def notes(design: Design) -> list[str]:
         out.extend(_edges(design, winner))
         if winner.multiplier > 0.95:
             out.append(f"the motion attracts slowly (Floquet multiplier {winner.multiplier:.3f}).")
-    if any(s == "overturned" for s in design.history.screened_status):
+    if (design.history.screened_status == "overturned").any():
         share = np.mean(design.history.screened_status == "overturned")
         out.append(
-            f"of the designs screened from rest, {share:.0%} overturn the block: "
+            f"of the designs screened, {share:.0%} overturn the block: "
             "a pendulum in the wrong place does harm."
+        )
+    return out
+
+
+def _dangers(design: Design, responses: tuple[Response, ...]) -> list[str]:
+    """Where, near the design frequency, the pendulum does harm: overturns, or rocks more."""
+    if len(responses) < 2:
+        return []
+    bare, hung = responses
+    away = np.abs(hung.frequency / design.scene.motion.frequency - 1.0)
+    lost = np.flatnonzero(hung.status == "overturned")
+    worse = np.flatnonzero((hung.amplitude > 1.02 * bare.amplitude) & (hung.status != "overturned"))
+    out = []
+    if lost.size:
+        i = lost[np.argmin(away[lost])]
+        out.append(
+            f"DANGER: at {hung.frequency[i]:.4g} Hz, same base amplitude, from rest, the block "
+            f"OVERTURNS with this pendulum (bare block there: {bare.status[i]}). Of {hung.frequency.size} "
+            f"frequencies tried, {lost.size} overturn with it and {np.sum(bare.status == 'overturned')} "
+            "without. The design is for its one frequency; see response.png."
+        )
+    if worse.size:
+        i = worse[np.argmin(away[worse])]
+        out.append(
+            f"at {hung.frequency[i]:.4g} Hz the block rocks more with this pendulum "
+            f"({hung.amplitude[i]:.4g} rad) than without ({bare.amplitude[i]:.4g} rad)."
         )
     return out
 
@@ -109,7 +140,7 @@ def _edges(design: Design, winner: Candidate) -> list[str]:
     return out
 
 
-def as_json(design: Design, job: Job) -> str:
+def as_json(design: Design, job: Job, responses: tuple[Response, ...] = ()) -> str:
     """The design as sorted JSON: SI and dimensionless, statuses, seed, versions and the job."""
     p = design.scene.parameters(design.pendulum)
     content = {
@@ -119,9 +150,10 @@ def as_json(design: Design, job: Job) -> str:
         "history": {k: v.tolist() for k, v in asdict(design.history).items()},
         "interrupted": design.interrupted,
         "job": tables(job),
-        "notes": notes(design),
+        "notes": notes(design, responses),
         "parameters": {k: v for k, v in vars(p).items() if v is not None} | {"rho": p.inertia_ratio},
         "pendulum": None if design.pendulum is None else asdict(design.pendulum),
+        "responses": [{k: v.tolist() for k, v in asdict(r).items()} for r in responses],
         "runner_up": _plain(design.runner_up),
         "seed": design.seed,
         "settings": design.settings,
@@ -188,8 +220,8 @@ def write(directory: Path, design: Design, job: Job, responses: tuple[Response, 
         Path(file.name).replace(path)
         written.append(path)
 
-    place("report.txt", text(design))
-    place("design.json", as_json(design, job))
+    place("report.txt", text(design, responses))
+    place("design.json", as_json(design, job, responses))
     place("scene.toml", dump(job))
     for name, picture in plot.pictures(design, responses):
         place(name, picture)

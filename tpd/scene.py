@@ -129,7 +129,9 @@ class Scene:
         rho stays tied to nu for a uniform rectangle, also in gradients.
         """
         block, motion = self.block, self.motion
-        hung = Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3) if pendulum is None else pendulum
+        hung = (
+            Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3) if pendulum is None else pendulum
+        )
         return Parameters(
             nu=block.slenderness,
             mu=hung.mass / block.mass,

@@ -8,21 +8,21 @@ way back to the best design it has seen.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, cast
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from tpd.balance import uplift
 from tpd.design import DesignSpace, StartStatus
 from tpd.models.interface import AbstractModel
 from tpd.parameters import Parameters
 from tpd.status import Status, status_name
-from tpd.steady import steady_state
+from tpd.steady import Steady, steady_state
 
 STROKE_PENALTY = 5.0
 """Weight of the relative excess of the stroke; amplitudes over nu are of order one."""
@@ -30,22 +30,25 @@ AIM = 0.99
 """The search aims at this share of the stroke limit, so that its answer keeps within it."""
 
 
-class Progress(Protocol):
-    """Called after every unit of work: what is being done, how much is done, of how much."""
-
-    def __call__(self, stage: str, done: int, total: int) -> None: ...
+Progress = Callable[[str, int, int], None]
+"""Called after every unit of work: what is being done, how much is done, of how much."""
 
 
 class Evaluation(NamedTuple):
-    """A batch of designs under one model, with the slopes of the merit; leading axis the batch."""
+    """A batch of designs under one model; leading axis the batch, slopes along (d,)."""
 
     merit: Float[Array, "n"]
+    """-margin where the block rests, amplitude/nu where it rocks: lower is better, every resting
+    design is better than any rocking one, and both have slopes. Infinite where not `usable`."""
     slope: Float[Array, "n d"]
+    """Of the merit; where a design is not usable, of -margin."""
     amplitude: Float[Array, "n"]
     stroke: Float[Array, "n"]
+    stroke_slope: Float[Array, "n d"]
     margin: Float[Array, "n"]
     status: Status
-    usable: Array
+    usable: Bool[Array, "n"]
+    """Whether the motion settled and has derivatives."""
 
 
 def with_design(p: Parameters, design: Float[Array, "3"]) -> Parameters:
@@ -54,31 +57,34 @@ def with_design(p: Parameters, design: Float[Array, "3"]) -> Parameters:
 
 
 def evaluator(
-    p: Parameters, model: AbstractModel, limit: float, searched: int
+    p: Parameters, model: AbstractModel, searched: int
 ) -> Callable[[Float[Array, "n 3"]], Evaluation]:
-    """A compiled function from designs (mu, lam, zeta) to their `Evaluation`.
-
-    The merit is -margin where the block rests and amplitude/nu where it rocks: every resting
-    design is better than any rocking one, and both have slopes. Slopes are in the first
-    `searched` of (mu, lam, zeta).
-    """
+    """A compiled function from designs (mu, lam, zeta) to their `Evaluation`, with slopes in the
+    first `searched` of (mu, lam, zeta)."""
 
     def one(design: Float[Array, "3"]) -> Evaluation:
-        def merit(x: Float[Array, "d"]) -> tuple[Array, tuple]:
+        def sizes(x: Float[Array, "d"]) -> tuple[Array, tuple[Steady, Array]]:
             q = with_design(p, jnp.concatenate([x, design[searched:]]))
             steady, lift = steady_state(q, model=model), uplift(q)
-            value = jnp.where(steady.status == Status.rest, -lift.margin, steady.amplitude / p.nu)
-            excess = jax.nn.relu(steady.stroke / (AIM * limit) - 1.0)
-            return value + STROKE_PENALTY * excess, (steady, lift.margin)
+            merit = jnp.where(steady.status == Status.rest, -lift.margin, steady.amplitude / p.nu)
+            return jnp.stack([merit, steady.stroke, -lift.margin]), (steady, lift.margin)
 
         x = design[:searched]
-        (value, (steady, margin)), slope = jax.value_and_grad(merit, has_aux=True)(x)
+        # Forward mode keeps a missing slope of one output out of the others.
+        slopes, (steady, margin) = jax.jacfwd(sizes, has_aux=True)(x)
         settled = (steady.status == Status.rocking) | (steady.status == Status.rest)
-        usable = settled & jnp.all(jnp.isfinite(slope)) & jnp.isfinite(value)
-        back = jax.grad(lambda x: -uplift(with_design(p, jnp.concatenate([x, design[searched:]]))).margin)(x)
-        slope = jnp.where(usable, slope, back)
-        value = jnp.where(usable, value, jnp.inf)
-        return Evaluation(value, slope, steady.amplitude, steady.stroke, margin, steady.status, usable)
+        usable = settled & jnp.all(jnp.isfinite(slopes))
+        value = jnp.where(steady.status == Status.rest, -margin, steady.amplitude / p.nu)
+        return Evaluation(
+            jnp.where(usable, value, jnp.inf),
+            jnp.where(usable, slopes[0], slopes[2]),
+            steady.amplitude,
+            steady.stroke,
+            jnp.where(usable, slopes[1], 0.0),
+            margin,
+            steady.status,
+            usable,
+        )
 
     return eqx.filter_jit(jax.vmap(one))
 
@@ -114,13 +120,14 @@ def _toward_rest(p: Parameters, space: DesignSpace, unit: Array, target: Array) 
         slope = jax.vmap(jax.grad(shortfall))(u, target)
         updates, state = adam.update(slope, state)
         moved = jnp.any(slope != 0.0, axis=1, keepdims=True)
-        return jnp.where(moved, jnp.clip(u + updates, 0.0, 1.0), u), state
+        onward = cast(Array, optax.apply_updates(u, updates))
+        return jnp.where(moved, jnp.clip(onward, 0.0, 1.0), u), state
 
     return jax.jit(lambda u: jax.lax.fori_loop(0, 100, step, (u, adam.init(u)))[0])(unit)
 
 
 class Trace(NamedTuple):
-    """What a search went through, arrays of shape (starts, steps, ...)."""
+    """What a search went through, arrays of shape (starts, steps, ...); see `Evaluation`."""
 
     designs: np.ndarray
     merit: np.ndarray
@@ -129,7 +136,12 @@ class Trace(NamedTuple):
     margin: np.ndarray
     status: np.ndarray
     slope: np.ndarray
+    stroke_slope: np.ndarray
     usable: np.ndarray
+
+    def then(self, later: Trace) -> Trace:
+        """This trace with a later one appended."""
+        return Trace(*(np.concatenate(pair, axis=1) for pair in zip(self, later, strict=True)))
 
     def best(self, limit: float) -> np.ndarray:
         """For each start the step of its best design within the stroke limit, or -1."""
@@ -149,38 +161,42 @@ def descend(
     none has improved for a while. Returns the trace and whether Ctrl-C cut it short."""
     low, high = (jnp.asarray(b) for b in space.bounds)
     searched = low.size
-    adam = optax.adam(optax.cosine_decay_schedule(0.06, steps, alpha=0.05), b1=0.8, b2=0.95)
+    adam = optax.adam(optax.cosine_decay_schedule(0.06, max(steps, 1), alpha=0.05), b1=0.8, b2=0.95)
     u = (jnp.asarray(starts)[:, :searched] - low[None]) / (high - low)[None]
     state = adam.init(u)
     best_u, best_merit = u, jnp.full(u.shape[0], jnp.inf)
-    records, stale, interrupted = [], 0, False
+    records: list[tuple[Array, Evaluation]] = []
+    stale, interrupted = 0, False
     try:
         for step in range(steps):
             designs = jnp.asarray(space.full(np.asarray(low[None] + u * (high - low)[None])))
             e = evaluate(designs)
             records.append((designs, e))
-            better = e.merit < best_merit - 1e-4
-            stale = 0 if bool(jnp.any(better)) else stale + 1
-            best_u = jnp.where((e.merit < best_merit)[:, None], u, best_u)
-            best_merit = jnp.minimum(e.merit, best_merit)
-            updates, state = adam.update(e.slope * (high - low)[None], state)
+            excess = jax.nn.relu(e.stroke / space.stroke - 1.0)
+            merit = e.merit + jnp.where(e.usable, STROKE_PENALTY * excess, 0.0)
+            stale = 0 if bool(jnp.any(merit < best_merit - 1e-4)) else stale + 1
+            best_u = jnp.where((merit < best_merit)[:, None], u, best_u)
+            best_merit = jnp.minimum(merit, best_merit)
+            beyond = (e.usable & (e.stroke > AIM * space.stroke))[:, None]
+            slope = e.slope + jnp.where(beyond, STROKE_PENALTY / space.stroke * e.stroke_slope, 0.0)
+            updates, state = adam.update(slope * (high - low)[None], state)
+            onward = cast(Array, optax.apply_updates(u, updates))
             retreat = (~e.usable & jnp.isfinite(best_merit))[:, None]
-            u = jnp.clip(jnp.where(retreat, 0.5 * (u + best_u), u + updates), 0.0, 1.0)
+            u = jnp.clip(jnp.where(retreat, 0.5 * (u + best_u), onward), 0.0, 1.0)
             if progress is not None:
                 progress("searching", step + 1, steps)
             if stale >= 12:
                 break
     except KeyboardInterrupt:
         interrupted = True
-    return _trace(records, starts), interrupted
+    return trace(records, len(starts)), interrupted
 
 
-def _trace(records: list[tuple[Array, Evaluation]], starts: np.ndarray) -> Trace:
-    n = len(starts)
+def trace(records: list[tuple[Array, Evaluation]], n: int) -> Trace:
+    """The trace of `n` starts, from the designs and evaluations of every step."""
     if not records:
-        empty = np.zeros((n, 0))
-        none = np.zeros((n, 0, 3))
-        return Trace(none, empty, empty, empty, empty, empty.astype(str), none, empty.astype(bool))
+        empty, none = np.zeros((n, 0)), np.zeros((n, 0, 3))
+        return Trace(none, empty, empty, empty, empty, empty.astype(str), none, none, empty.astype(bool))
 
     def column(get: Callable[[Evaluation], Array]) -> np.ndarray:
         return np.stack([np.asarray(get(e)) for _, e in records], axis=1)
@@ -194,6 +210,7 @@ def _trace(records: list[tuple[Array, Evaluation]], starts: np.ndarray) -> Trace
         column(lambda e: e.margin),
         names,
         column(lambda e: e.slope),
+        column(lambda e: e.stroke_slope),
         column(lambda e: e.usable),
     )
 
@@ -208,13 +225,12 @@ def start_status(trace: Trace, space: DesignSpace, i: int, best: int) -> StartSt
         return StartStatus.infeasible if trace.usable[i].any() else StartStatus.lost
     if trace.status[i, best] == "rest":
         return StartStatus.rests
-    if trace.stroke[i, best] > 0.95 * AIM * space.stroke:
-        return StartStatus.stroke_limited
     low, high = space.bounds
     u = (trace.designs[i, best, : low.size] - low) / (high - low)
     slope = trace.slope[i, best] * (high - low)
-    projected = u - np.clip(u - slope, 0.0, 1.0)
-    if np.linalg.norm(projected) < 0.02:
-        bound = (u <= 0.0) | (u >= 1.0)
-        return StartStatus.at_bound if bound.any() else StartStatus.converged
+    inside = (u > 1e-6) & (u < 1.0 - 1e-6) | (np.where(u > 0.5, slope, -slope) > 0)
+    if trace.stroke[i, best] > 0.98 * space.stroke:
+        return StartStatus.stroke_limited
+    if np.linalg.norm(slope[inside]) < 0.02:
+        return StartStatus.converged if inside.all() else StartStatus.at_bound
     return StartStatus.steps_exhausted

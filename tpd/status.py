@@ -24,8 +24,7 @@ class Status(eqx.Enumeration):
         "does not exist. Move the parameters away from the fold."
     )
     event_bound = (
-        "More events in one period than `max_events` allows (rattling without end). "
-        "Raise `max_events`."
+        "More events in one period than `max_events` allows (rattling without end). Raise `max_events`."
     )
     failed = (
         "The solver produced no finite number (resonance without damping, or a singular limit "

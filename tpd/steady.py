@@ -131,15 +131,19 @@ def _trajectory(p: Parameters, model: AbstractModel, y0: State, times: Array) ->
 
 @eqx.filter_jit
 def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
-    fixed = stop_gradient(p)
-    settled = model.settle(fixed, stop_gradient(y0))
+    flat, unflatten = ravel_pytree(stop_gradient(p))
+    sane = jnp.all(jnp.isfinite(flat)) & jnp.all(jnp.isfinite(y0))
+    # A solver fed with NaN would try until its bound; it gets something harmless instead.
+    fixed = unflatten(jnp.where(sane, flat, 1.0))
+    settled = model.settle(fixed, jnp.where(sane, stop_gradient(y0), 0.0))
+    settled = eqx.tree_at(lambda s: s.status, settled, Status.where(sane, settled.status, Status.failed))
     orbit = _newton(fixed, model, settled)
     multiplier = _largest_multiplier(fixed, orbit.by_state[:4])
     status = _verdict(settled, orbit, multiplier, model.resolution(fixed))
     known = (status == Status.rocking) | (status == Status.rest)
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
     isolated = known & (multiplier < 1.0)
-    last = jnp.stack([settled.amplitude, settled.stroke])
+    last = jnp.where(status == Status.failed, jnp.nan, jnp.stack([settled.amplitude, settled.stroke]))
     sizes, slopes = _implicit(orbit)
     sizes = jnp.where(isolated, sizes, jnp.where(status == Status.overturned, jnp.inf, last))
     slopes = jnp.where(isolated, slopes, jnp.nan)
@@ -176,7 +180,10 @@ def _newton(p: Parameters, model: AbstractModel, settled: Settled) -> _Orbit:
 
     def along(y: State) -> _Orbit:
         x = jnp.concatenate([flat, y])
-        push = lambda direction: jax.jvp(run, (x,), (direction,))
+
+        def push(direction: Float[Array, "n"]) -> tuple[Array, Array]:
+            return jax.jvp(run, (x,), (direction,))
+
         out, columns = jax.vmap(push, out_axes=(None, 1))(jnp.eye(x.size))
         residual = jnp.max(jnp.abs(out[:4] - y) / scale)
         return _Orbit(y, residual, out[:4], out[4:], columns[:, :size], columns[:, size:])
@@ -187,7 +194,8 @@ def _newton(p: Parameters, model: AbstractModel, settled: Settled) -> _Orbit:
         step = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], orbit.end - y)
         better = orbit.residual < best.residual
         best = jax.tree.map(lambda a, b: jnp.where(better, a, b), orbit, best)
-        return y + step, best, jnp.where(better, count + 1, _NEWTON_STEPS)
+        onward = jnp.where(jnp.all(jnp.isfinite(step)), y + step, y)
+        return onward, best, jnp.where(better, count + 1, _NEWTON_STEPS)
 
     def going(carry: tuple) -> Array:
         _, best, count = carry
@@ -223,7 +231,9 @@ def _implicit(orbit: _Orbit) -> tuple[Float[Array, "2"], Float[Array, "2 n"]]:
 
 
 @jax.custom_jvp
-def _with_slopes(p: Float[Array, "n"], values: Float[Array, "m"], slopes: Float[Array, "m n"]) -> Float[Array, "m"]:
+def _with_slopes(
+    p: Float[Array, "n"], values: Float[Array, "m"], slopes: Float[Array, "m n"]
+) -> Float[Array, "m"]:
     """`values`, known to depend on `p` with these slopes."""
     del p, slopes
     return values

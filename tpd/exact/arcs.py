@@ -110,7 +110,9 @@ def _signals(plant: Plant, mode: Mode, state: Rows) -> tuple[Basis, Basis]:
     return jnp.where(slipping, rate, hold - excess), jnp.where(slipping, tilt, hold + excess)
 
 
-def ends(plant: Plant, mode: Mode, y: State, sine: Number, which: Int[Array, ""], quiet: Number) -> tuple[Mode, State]:
+def ends(
+    plant: Plant, mode: Mode, y: State, sine: Number, which: Int[Array, ""], quiet: Number
+) -> tuple[Mode, State]:
     """The mode and state after the event that ended an arc.
 
     `which` is 0 or 1, the signal that vanished. An impact slower than `quiet` counts as rest if

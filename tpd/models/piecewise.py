@@ -44,6 +44,7 @@ class Piecewise(AbstractModel):
 
     @property
     def round_off(self) -> float:
+        """Residual of the period map that counts as round-off."""
         return 1e-14
 
     def resolution(self, p: Parameters) -> Number:
@@ -68,9 +69,7 @@ class Piecewise(AbstractModel):
             return Period(y, m.mode, amplitude, m.stroke, rests, m.lost, exhausted)
 
         mode = classify(plant, y0, phase)
-        return settle(
-            one_period, p, y0, mode, tolerance=self.tolerance, max_periods=self.max_periods
-        )
+        return settle(one_period, p, y0, mode, tolerance=self.tolerance, max_periods=self.max_periods)
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Run the orbit's periods from `y`; derivatives pass through every event."""

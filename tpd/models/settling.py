@@ -43,9 +43,9 @@ class _Progress(NamedTuple):
 def scale_of(p: Parameters) -> Float[Array, "4"]:
     """Sizes of (phi, psi, phi', psi') against which a repetition is judged. A bob without mass
     cannot move the block, so its state is left out of the judgement."""
-    angle, rate = p.nu, p.nu * jnp.maximum(p.xi, 1.0)
-    swing = jnp.where(p.mu > 0, p.nu + p.f, jnp.inf)
-    return jnp.stack([angle, swing, rate, swing * jnp.maximum(p.xi, 1.0)])
+    rate = jnp.maximum(p.xi, 1.0)
+    swing = jnp.where(jnp.asarray(p.mu) > 0, p.nu + p.f, jnp.inf)
+    return jnp.stack([p.nu * jnp.ones(()), swing, p.nu * rate, swing * rate])
 
 
 def settle(
@@ -75,19 +75,20 @@ def settle(
             period.y,
             period.memory,
             jnp.concatenate([period.y[None], s.past[:-1]]),
-            jnp.concatenate([period.amplitude[None], s.amplitudes[:-1]]),
-            jnp.concatenate([period.stroke[None], s.strokes[:-1]]),
+            jnp.concatenate([jnp.asarray(period.amplitude)[None], s.amplitudes[:-1]]),
+            jnp.concatenate([jnp.asarray(period.stroke)[None], s.strokes[:-1]]),
             repeats,
             period,
             s.elapsed + 1,
         )
 
-    no, zero = jnp.zeros((), bool), jnp.zeros_like(y0[0])
+    no, zero = jnp.zeros((), bool), jnp.zeros(())
     past = jnp.full((LONGEST, 4), jnp.inf).at[0].set(y0)
     none = jnp.zeros(LONGEST)
     count = jnp.zeros((), int)
     idle = Period(y0, memory, zero, zero, no, no, no)
-    s = jax.lax.while_loop(going, step, _Progress(y0, memory, past, none, none, count, idle, count))
+    first = _Progress(y0, memory, past, none, none, count, idle, count)
+    s: _Progress = jax.lax.while_loop(going, step, first)
     status = Status.where(s.repeats > 0, Status.rocking, Status.not_settled)
     status = Status.where(s.period.exhausted, Status.event_bound, status)
     status = Status.where(s.period.rests, Status.rest, status)

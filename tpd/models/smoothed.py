@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import diffrax
 import equinox as eqx
@@ -10,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import optimistix
 from jax.lax import stop_gradient
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from tpd import checks
 from tpd.equations import Linear, smoothed_rates
@@ -19,7 +20,10 @@ from tpd.models.settling import Period, settle
 from tpd.parameters import Number, Parameters, State
 from tpd.status import Status
 
-Field = Callable[[Number, State, None], State]
+_ABSURD = 1e3
+"""rad (and rad per unit tau): far beyond any angle that means something."""
+
+Field = Callable[[Any, State, Any], State]
 
 
 def rocking_scale(p: Parameters) -> Number:
@@ -64,6 +68,7 @@ class Smoothed(AbstractModel):
 
     @property
     def round_off(self) -> float:
+        """Residual of the period map that counts as round-off."""
         return 10.0 * self.cycle_rtol
 
     def widths(self, p: Parameters) -> tuple[Number, Number]:
@@ -86,16 +91,12 @@ class Smoothed(AbstractModel):
         times = jnp.linspace(0.0, 1.0, 17) * p.period
 
         def one_period(y: State, memory: None) -> Period:
-            sol = self._solve(field, y, times[0], times[-1], saveat=diffrax.SaveAt(ts=times))
-            ys = sol.ys
+            ys, bounded = self._integrate(field, y, times)
             amplitude, stroke = jnp.max(jnp.abs(ys[:, 0])), jnp.max(jnp.abs(ys[:, 1]))
-            lost = ~(amplitude < limit)
-            exhausted = sol.result == diffrax.RESULTS.max_steps_reached
-            return Period(ys[-1], memory, amplitude, stroke, no, lost & ~exhausted, exhausted)
+            lost = ~(amplitude < limit) & bounded
+            return Period(ys[-1], memory, amplitude, stroke, no, lost, ~bounded)
 
-        return settle(
-            one_period, p, y0, None, tolerance=self.tolerance, max_periods=self.max_periods
-        )
+        return settle(one_period, p, y0, None, tolerance=self.tolerance, max_periods=self.max_periods)
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Integrate the settled periods from `y` with tight tolerance and forward sensitivities."""
@@ -104,9 +105,9 @@ class Smoothed(AbstractModel):
 
         def one_period(_: Array, carry: tuple) -> tuple:
             y, sizes = carry
-            sol = self._solve_tightly(field, y, times[0], times[-1], saveat=diffrax.SaveAt(ts=times))
-            peaks = jax.vmap(lambda i: self._peak(field, times, sol.ys, i))(jnp.arange(2))
-            return sol.ys[-1], jnp.maximum(sizes, peaks)
+            ys, _ = self._integrate(field, y, times, precise=True)
+            peaks = jax.vmap(lambda i: self._peak(field, times, ys, i))(jnp.arange(2))
+            return ys[-1], jnp.maximum(sizes, peaks)
 
         y, sizes = jax.lax.fori_loop(0, settled.periods, one_period, (y, jnp.zeros(2)))
         return Cycle(y, sizes[0], sizes[1])
@@ -116,58 +117,47 @@ class Smoothed(AbstractModel):
     ) -> tuple[Float[Array, "times 4"], Status]:
         """The smoothed states at `times`, from `y0` at `times[0]`."""
         field = smoothed_rates(p, *self.widths(p))
-        periods = 1 + (times[-1] - times[0]) / p.period
-        sol = self._solve(field, y0, times[0], times[-1], saveat=diffrax.SaveAt(ts=times), unbounded=True)
-        del periods
-        lost = ~(jnp.max(jnp.abs(sol.ys[:, 0])) < Linear(p).beyond_return)
-        return sol.ys, Status.where(lost, Status.overturned, Status.rocking)
+        ys, _ = self._integrate(field, y0, times, max_steps=None)
+        lost = ~(jnp.max(jnp.abs(ys[:, 0])) < Linear(p).beyond_return)
+        return ys, Status.where(lost, Status.overturned, Status.rocking)
 
-    def _solve(
-        self, field: Field, y: State, begin: Number, end: Number, *, saveat: diffrax.SaveAt, unbounded: bool = False
-    ) -> diffrax.Solution:
-        return diffrax.diffeqsolve(
-            diffrax.ODETerm(field),
-            self.solver,
-            begin,
-            end,
-            (end - begin) / 2000.0,
-            y,
-            saveat=saveat,
-            stepsize_controller=diffrax.PIDController(rtol=self.rtol, atol=0.01 * self.rtol),
-            adjoint=diffrax.ForwardMode(),
-            max_steps=None if unbounded else self.max_steps,
-            throw=False,
-        )
-
-    def _solve_tightly(
+    def _integrate(
         self,
         field: Field,
         y: State,
-        begin: Number,
-        end: Number,
+        times: Float[Array, "times"],
         *,
-        saveat: diffrax.SaveAt,
-        event: diffrax.Event | None = None,
-    ) -> diffrax.Solution:
-        return diffrax.diffeqsolve(
+        precise: bool = False,
+        until: diffrax.Event | None = None,
+        max_steps: int | None = -1,
+    ) -> tuple[Float[Array, "saved 4"], Bool[Array, ""]]:
+        """States at `times`, or the one where the event `until` ends the motion, and whether the
+        bound on the steps was kept."""
+        rtol = self.cycle_rtol if precise else self.rtol
+        solution = diffrax.diffeqsolve(
             diffrax.ODETerm(field),
-            diffrax.Dopri8(),
-            begin,
-            end,
-            0.1 * (end - begin) / self.samples,
+            diffrax.Dopri8() if precise else self.solver,
+            times[0],
+            times[-1],
+            1e-3 * (times[-1] - times[0]) / (1.0 if until is None else 10.0),
             y,
-            saveat=saveat,
-            stepsize_controller=diffrax.PIDController(rtol=self.cycle_rtol, atol=0.01 * self.cycle_rtol),
+            saveat=diffrax.SaveAt(ts=times) if until is None else diffrax.SaveAt(t1=True),
+            stepsize_controller=diffrax.PIDController(rtol=rtol, atol=0.01 * rtol),
             adjoint=diffrax.ForwardMode(),
-            event=event,
-            max_steps=self.max_steps,
+            event=until,
+            max_steps=self.max_steps if max_steps == -1 else max_steps,
             throw=False,
         )
+        ys: Any = solution.ys
+        return ys, solution.result != diffrax.RESULTS.max_steps_reached
 
     def _peak(self, field: Field, times: Array, ys: Array, i: Array) -> Number:
         """The largest |phi| (i = 0) or |psi| (i = 1): from the sample before the largest one,
         integrate until the rate vanishes. An orbit's peak before its first sample is the same as
         that before its last."""
+        # An overturning motion has no peak, and its overflow must not reach the root finder.
+        bounded = jnp.all(jnp.abs(stop_gradient(ys)) < _ABSURD)
+        ys = jnp.where(bounded, ys, 0.0)
         angles, rates = stop_gradient(ys)[:, i], stop_gradient(ys)[:, 2 + i]
         j = jnp.argmax(jnp.abs(angles))
         j = jnp.where((j == 0) & (angles[0] * rates[0] < 0), times.size - 1, j)
@@ -178,13 +168,7 @@ class Smoothed(AbstractModel):
             del t, args
             return outward * y[2 + i]
 
-        event = diffrax.Event(rate, optimistix.Newton(rtol=1e-10, atol=1e-10), direction=False)
-        sol = self._solve_tightly(
-            field,
-            ys[before],
-            times[before],
-            times[before] + 2.5 * (times[1] - times[0]),
-            saveat=diffrax.SaveAt(t1=True),
-            event=event,
-        )
-        return jnp.abs(sol.ys[0, i])
+        turning = diffrax.Event(rate, optimistix.Newton(rtol=1e-10, atol=1e-10), direction=False)
+        window = times[before] + jnp.array([0.0, 2.5]) * (times[1] - times[0])
+        peak, _ = self._integrate(field, ys[before], window, precise=True, until=turning)
+        return jnp.where(bounded, jnp.abs(peak[0, i]), jnp.inf)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+import contextlib
+import threading
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from tpd import checks
 from tpd.balance import uplift
@@ -15,7 +18,8 @@ from tpd.models.interface import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.parameters import Parameters, as_arrays
-from tpd.scene import Scene
+from tpd.polish import polish
+from tpd.scene import Pendulum, Scene
 from tpd.search import (
     Evaluation,
     Progress,
@@ -72,13 +76,18 @@ def optimise(
     checks.not_negative("seed", seed)
     model = Smoothed(max_periods=200) if model is None else model
     p = as_arrays(scene.parameters())
-    evaluate = evaluator(p, model, space.stroke, len(space.names))
+    evaluate = evaluator(p, model, len(space.names))
 
+    compiling = _compile_aside(evaluate, np.tile(_bare(p), (starts, 1)))
     screened, interrupted = _screen(p, space, max(screening, starts), seed, progress)
     chosen = _choose(screened, space, starts)
-    trace = _nothing(chosen)
-    if not interrupted:
-        trace, interrupted = descend(evaluate, space, chosen, steps=steps, progress=progress)
+    compiling.join()
+    trace, stopped = descend(evaluate, space, chosen, steps=0 if interrupted else steps, progress=progress)
+    interrupted = interrupted or stopped
+    best = trace.best(space.stroke)
+    near = np.stack([trace.designs[i, j] if j >= 0 else chosen[i] for i, j in enumerate(best)])
+    finish, stopped = polish(evaluate, space, near, steps=0 if interrupted else steps // 2, progress=progress)
+    interrupted, trace = interrupted or stopped, trace.then(finish)
     best = trace.best(space.stroke)
     found = [trace.designs[i, j] for i, j in enumerate(best) if j >= 0]
     found += list(screened.designs[screened.order(space.stroke)[:2]])
@@ -160,10 +169,16 @@ def _choose(screened: Screened, space: DesignSpace, starts: int) -> np.ndarray:
     return screened.designs[chosen]
 
 
-def _nothing(chosen: np.ndarray) -> Trace:
-    from tpd.search import _trace
+def _compile_aside(evaluate: Callable[[Array], Evaluation], designs: np.ndarray) -> threading.Thread:
+    """Compile the search's function while the other core screens; what fails, fails again there."""
 
-    return _trace([], chosen)
+    def run() -> None:
+        with contextlib.suppress(Exception):
+            jax.block_until_ready(evaluate(jnp.asarray(designs)).merit)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    return thread
 
 
 def _bare(p: Parameters) -> np.ndarray:
@@ -172,7 +187,7 @@ def _bare(p: Parameters) -> np.ndarray:
 
 def _candidates(
     p: Parameters,
-    evaluate: Any,
+    evaluate: Callable[[Array], Evaluation],
     designs: list[np.ndarray],
     batch: int,
     tolerance: float,
@@ -215,7 +230,7 @@ def _candidate(
         smoothed_amplitude=other,
         smoothed_stroke=float(smoothed.stroke[i]),
         smoothed_status=other_name,
-        agree=bool(settled and near),
+        agree=bool(settled and near) or name == other_name == "overturned",
     )
 
 
@@ -246,7 +261,7 @@ def _judge(winner: Candidate | None, bare: Candidate) -> DesignStatus:
     return DesignStatus.found if winner.amplitude < bare.amplitude else DesignStatus.no_improvement
 
 
-def _pendulum(scene: Scene, winner: Candidate) -> Any:
+def _pendulum(scene: Scene, winner: Candidate) -> Pendulum:
     return scene.pendulum(
         mass_ratio=winner.mass_ratio,
         length_ratio=winner.length_ratio,

@@ -1,0 +1,145 @@
+"""The main job on a small budget: one run, looked at from many sides."""
+
+import json
+
+import numpy as np
+import pytest
+
+import tpd
+from tpd import report
+from tpd.design import DesignStatus, StartStatus
+from tpd.job import Job, Search, build, dump, tables
+
+SMALL = {"starts": 2, "steps": 6, "screening": 24}
+SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.1), stroke=1.5)
+
+
+@pytest.fixture(scope="module")
+def stages():
+    return []
+
+
+@pytest.fixture(scope="module")
+def design(stages):
+    return tpd.optimise(
+        tpd.paper_scene(), SPACE, seed=1, progress=lambda *event: stages.append(event), **SMALL
+    )
+
+
+def test_the_answer_is_exact_and_within_the_limits(design):
+    assert design.status is DesignStatus.found
+    p = design.scene.parameters(design.pendulum)
+    exact = tpd.steady_state(p)
+    assert float(exact.amplitude) == pytest.approx(design.amplitude, rel=1e-9)
+    assert float(exact.stroke) == pytest.approx(design.stroke, rel=1e-9)
+    assert design.stroke <= SPACE.stroke
+    low, high = SPACE.bounds
+    x = np.array([design.winner.mass_ratio, design.winner.length_ratio])
+    assert np.all((x >= low) & (x <= high))
+
+
+def test_it_lessens_the_rocking_of_the_papers_block(design):
+    assert design.amplitude_without == pytest.approx(0.0833335, abs=1e-6)
+    assert design.amplitude < 0.8 * design.amplitude_without
+    assert design.reduction == pytest.approx(1.0 - design.amplitude / design.amplitude_without)
+
+
+def test_both_models_agree_on_the_winner_and_the_bare_block(design):
+    for candidate in (design.winner, design.bare):
+        assert candidate.agree
+        assert abs(candidate.difference) < design.tolerance
+
+
+def test_every_start_has_a_path_and_a_status(design):
+    assert len(design.starts) == SMALL["starts"]
+    assert all(isinstance(s, StartStatus) for s in design.starts)
+    assert design.history.designs.shape[0] == SMALL["starts"]
+    assert design.history.amplitude.shape == design.history.designs.shape[:2]
+    assert design.history.screened.shape == (SMALL["screening"], 3)
+
+
+def test_progress_covers_every_stage(design, stages):
+    assert design is not None
+    assert {name for name, _, _ in stages} == {"screening", "searching", "finishing", "verifying"}
+    assert all(0 < done <= total for _, done, total in stages)
+
+
+def test_the_report_says_it_in_words(design):
+    text = report.text(design)
+    assert text.startswith(DesignStatus.found.value)
+    assert f"{design.pendulum.mass:.4g} kg" in text
+    assert "stroke of" in text, "a large stroke is warned of"
+
+
+def test_the_json_is_sorted_complete_and_finite(design):
+    job = Job(scene=design.scene, space=SPACE, search=Search(seed=1, **SMALL))
+    content = json.loads(report.as_json(design, job))
+    assert list(content) == sorted(content)
+    assert content["status"] == "found"
+    assert content["pendulum"]["mass"] == pytest.approx(design.pendulum.mass)
+    assert content["parameters"]["mu"] == pytest.approx(design.winner.mass_ratio)
+    assert content["seed"] == 1
+    assert {"python", "tpd", "jax", "diffrax", "optax"} <= set(content["versions"])
+    assert content["job"] == json.loads(json.dumps(tables(job)))
+
+
+def test_a_job_survives_being_written_and_read():
+    import tomllib
+
+    job = Job(space=tpd.DesignSpace(damping_ratio=(0.05, 0.3)), search=Search(seed=7))
+    assert build(tomllib.loads(dump(job))) == job
+
+
+def test_disagreement_is_said_first_and_is_not_sound(design):
+    import dataclasses
+
+    winner = dataclasses.replace(design.winner, smoothed_amplitude=1.0, agree=False)
+    bad = dataclasses.replace(design, winner=winner, status=DesignStatus.models_disagree)
+    assert report.text(bad).startswith("DO NOT USE")
+    assert "MODELS DISAGREE" in report.text(bad)
+    assert not report.is_sound(bad)
+    assert report.is_sound(design)
+
+
+def test_ctrl_c_leaves_what_was_found_so_far():
+    def stop(stage, done, total):
+        if stage == "screening" and done == 5:
+            raise KeyboardInterrupt
+
+    cut = tpd.optimise(tpd.paper_scene(), SPACE, seed=1, progress=stop, **SMALL)
+    assert cut.interrupted
+    assert set(cut.starts) == {StartStatus.interrupted}
+    assert len(cut.history.screened) == 5
+    assert cut.bare.amplitude == pytest.approx(0.0833335, abs=1e-6)
+    assert "interrupted" in report.text(cut)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"starts": 0}, "`starts` must be a whole number of at least 1, but is 0"),
+        ({"steps": 2.5}, "`steps` must be a whole number"),
+        ({"tolerance": 0.0}, "`tolerance` must be positive"),
+        ({"seed": -1}, "`seed` must be zero or positive"),
+    ],
+)
+def test_bad_settings_are_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        tpd.optimise(tpd.paper_scene(), **wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"mass_ratio": (0.2, 0.1)}, "`mass_ratio` must be an interval low < high"),
+        ({"length_ratio": (0.1, 0.1)}, "`length_ratio` must be an interval"),
+        ({"length_ratio": (0.1, 3.0)}, "within 0.001 to 2"),
+        ({"mass_ratio": 0.1}, "`mass_ratio` must be a pair"),
+        ({"mass_ratio": (float("nan"), 0.1)}, "`mass_ratio` must be an interval"),
+        ({"damping_ratio": -0.1}, "`damping_ratio` must be between 0 and 2"),
+        ({"stroke": 0.0}, "`stroke` must be positive"),
+    ],
+)
+def test_bad_spaces_are_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        tpd.DesignSpace(**wrong)
