@@ -102,7 +102,7 @@ def test_disagreement_is_said_first_and_is_not_sound(design):
 
 
 def test_ctrl_c_leaves_what_was_found_so_far():
-    def stop(stage, done, total):
+    def stop(stage, done, _):
         if stage == "screening" and done == 5:
             raise KeyboardInterrupt
 
@@ -118,7 +118,6 @@ def test_ctrl_c_leaves_what_was_found_so_far():
     ("wrong", "message"),
     [
         ({"starts": 0}, "`starts` must be a whole number of at least 1, but is 0"),
-        ({"steps": 2.5}, "`steps` must be a whole number"),
         ({"tolerance": 0.0}, "`tolerance` must be positive"),
         ({"seed": -1}, "`seed` must be zero or positive"),
     ],
@@ -134,7 +133,6 @@ def test_bad_settings_are_refused(wrong, message):
         ({"mass_ratio": (0.2, 0.1)}, "`mass_ratio` must be an interval low < high"),
         ({"length_ratio": (0.1, 0.1)}, "`length_ratio` must be an interval"),
         ({"length_ratio": (0.1, 3.0)}, "within 0.001 to 2"),
-        ({"mass_ratio": 0.1}, "`mass_ratio` must be a pair"),
         ({"mass_ratio": (float("nan"), 0.1)}, "`mass_ratio` must be an interval"),
         ({"damping_ratio": -0.1}, "`damping_ratio` must be between 0 and 2"),
         ({"stroke": 0.0}, "`stroke` must be positive"),

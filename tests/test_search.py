@@ -15,7 +15,7 @@ from tpd.polish import knapsack
 from tpd.search import Trace, start_status, starting_points, trace, with_design
 
 
-@pytest.mark.parametrize(("seed", "size"), itertools.product(range(40), (2, 3)))
+@pytest.mark.parametrize(("seed", "size"), list(itertools.product(range(40), (2, 3))))
 def test_knapsack_solves_the_linear_programme(seed, size):
     rng = np.random.default_rng(seed)
     cost, weight = rng.normal(size=size), rng.normal(size=size)

@@ -16,7 +16,7 @@ class Search:
     """Settings of the search; see `optimise`."""
 
     starts: int = 8
-    steps: int = 40
+    steps: int = 30
     screening: int = 192
     tolerance: float = 0.01
     seed: int = 0
@@ -94,7 +94,8 @@ def _typed(name: str, value: Any) -> Any:
         if not isinstance(value, int):
             raise ValueError(f"`{name}` must be a whole number, but is {value!r}")
         return value
-    return [float(x) for x in value] if pair else float(value)
+    converted = [float(x) for x in numbers]
+    return converted if pair else converted[0]
 
 
 def _listed(names: Any) -> str:

@@ -40,7 +40,7 @@ def optimise(
     *,
     seed: int = 0,
     starts: int = 8,
-    steps: int = 40,
+    steps: int = 30,
     screening: int = 192,
     tolerance: float = 0.01,
     model: AbstractModel | None = None,
@@ -117,8 +117,9 @@ def optimise(
 class Screened:
     """Designs solved exactly before the search."""
 
-    def __init__(self, designs: np.ndarray, results: list[Steady]) -> None:
-        self.designs = designs[: len(results)]
+    def __init__(self, planned: np.ndarray, results: list[Steady]) -> None:
+        self.planned = planned
+        self.designs = planned[: len(results)]
         self.amplitude = np.array([float(s.amplitude) for s in results])
         self.stroke = np.array([float(s.stroke) for s in results])
         self.status = np.array([status_name(s.status) for s in results], dtype=str)
@@ -157,16 +158,16 @@ def _exact(p: Parameters, design: np.ndarray) -> Steady:
 def _choose(screened: Screened, space: DesignSpace, starts: int) -> np.ndarray:
     """The best screened designs that lie apart from one another, then the rest in order."""
     order = list(screened.order(space.stroke))
-    order += [i for i in range(len(screened.designs)) if i not in set(order)]
+    order += [i for i in range(len(screened.planned)) if i not in set(order)]
     low, high = space.bounds
-    unit = (screened.designs[:, : low.size] - low) / (high - low)
+    unit = (screened.planned[:, : low.size] - low) / (high - low)
     chosen: list[int] = []
     for apart in (0.1, 0.0):
         for i in order:
             far = all(np.linalg.norm(unit[i] - unit[j]) > apart for j in chosen)
             if len(chosen) < starts and i not in chosen and far:
                 chosen.append(i)
-    return screened.designs[chosen]
+    return screened.planned[chosen]
 
 
 def _compile_aside(evaluate: Callable[[Array], Evaluation], designs: np.ndarray) -> threading.Thread:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -64,7 +65,7 @@ def polish(
     try:
         for step in range(steps):
             designs = jnp.asarray(space.full(low + there * width))
-            e = Evaluation(*(np.asarray(x) if i != 6 else x for i, x in enumerate(evaluate(designs))))
+            e = evaluate(designs)
             records.append((designs, e))
             if held is None:
                 held = e
@@ -85,28 +86,26 @@ def polish(
 
 def _better(new: Evaluation, old: Evaluation, limit: float) -> np.ndarray:
     """Whether each new design improves on the old: first in keeping the limit, then in merit."""
-    over_new, over_old = np.maximum(new.stroke - limit, 0.0), np.maximum(old.stroke - limit, 0.0)
-    both_in = (over_new == 0) & (over_old == 0)
-    closer = np.where(both_in, new.merit < old.merit, over_new < over_old)
-    return np.asarray(new.usable & (closer | ~np.asarray(old.usable)))
+    over_new, over_old = (np.maximum(np.asarray(e.stroke) - limit, 0.0) for e in (new, old))
+    lower = np.asarray(new.merit) < np.asarray(old.merit)
+    closer = np.where((over_new == 0) & (over_old == 0), lower, over_new < over_old)
+    return np.asarray(new.usable) & (closer | ~np.asarray(old.usable))
 
 
 def _merge(better: np.ndarray, new: Evaluation, old: Evaluation) -> Evaluation:
-    def pick(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return np.where(better.reshape(-1, *[1] * (a.ndim - 1)), a, b)
+    def pick(a: Array, b: Array) -> Array:
+        return jnp.where(better.reshape(-1, *[1] * (a.ndim - 1)), a, b)
 
-    pairs = zip(new, old, strict=True)
-    return Evaluation(
-        *(a if i == 6 else pick(np.asarray(a), np.asarray(b)) for i, (a, b) in enumerate(pairs))
-    )
+    return jax.tree.map(pick, new, old)
 
 
 def _step(
     e: Evaluation, here: np.ndarray, reach: np.ndarray, i: int, width: np.ndarray, limit: float
 ) -> np.ndarray:
+    """Where start `i` goes next, in shares of the bounds."""
     low, high = np.maximum(-reach[i], -here[i]), np.minimum(reach[i], 1.0 - here[i])
     slope, weight = np.asarray(e.slope)[i] * width, np.asarray(e.stroke_slope)[i] * width
     capacity = limit - float(e.stroke[i])
     if not np.isfinite(capacity):
-        return here[i] + knapsack(slope, low, high, np.zeros_like(slope), 0.0)
+        weight, capacity = np.zeros_like(slope), 0.0
     return here[i] + knapsack(slope, low, high, weight, capacity)

@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float, Int
 from tpd.balance import uplift
 from tpd.design import DesignSpace, StartStatus
 from tpd.models.interface import AbstractModel
-from tpd.parameters import Parameters
+from tpd.parameters import Number, Parameters
 from tpd.status import Status, status_name
 from tpd.steady import Steady, steady_state
 
@@ -63,7 +63,7 @@ def evaluator(
     first `searched` of (mu, lam, zeta)."""
 
     def one(design: Float[Array, "3"]) -> Evaluation:
-        def sizes(x: Float[Array, "d"]) -> tuple[Array, tuple[Steady, Array]]:
+        def sizes(x: Float[Array, "d"]) -> tuple[Array, tuple[Steady, Number]]:
             q = with_design(p, jnp.concatenate([x, design[searched:]]))
             steady, lift = steady_state(q, model=model), uplift(q)
             merit = jnp.where(steady.status == Status.rest, -lift.margin, steady.amplitude / p.nu)
@@ -146,6 +146,8 @@ class Trace(NamedTuple):
     def best(self, limit: float) -> np.ndarray:
         """For each start the step of its best design within the stroke limit, or -1."""
         merit = np.where(self.usable & (self.stroke <= limit), self.merit, np.inf)
+        if merit.shape[1] == 0:
+            return np.full(len(merit), -1)
         return np.where(np.isfinite(merit).any(axis=1), merit.argmin(axis=1), -1)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import equinox as eqx
 import jax
+import jax.core
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jax.lax import stop_gradient
@@ -111,7 +112,8 @@ def simulate(
     clock = jnp.asarray(times, dtype=jnp.float64)
     if clock.ndim != 1 or clock.shape[0] < 2:
         raise ValueError(f"`times` must be a vector of two or more, but has shape {clock.shape}")
-    if checks.is_concrete(times) and not bool(jnp.all(jnp.diff(clock) > 0)):
+    sound = jnp.all(jnp.isfinite(clock)) & jnp.all(jnp.diff(clock) > 0)
+    if not isinstance(clock, jax.core.Tracer) and not bool(sound):
         raise ValueError("`times` must increase and be finite, but do not")
     ys, status = _trajectory(as_arrays(p), model, _state(y0), clock)
     return Trajectory(clock, ys, status)

@@ -24,6 +24,8 @@ from tpd.parameters import Number, State
 
 _TIGHT = 2e-14
 """A step below this share of the horizon has reached the event to round-off."""
+_REACHED = 1e-15
+"""What is left of the horizon below this share of it is rounding."""
 
 
 class Motion(eqx.Module):
@@ -85,8 +87,9 @@ def advance(
     fixed_horizon = stop_gradient(horizon)
 
     def unfinished(m: Motion) -> Bool[Array, ""]:
-        going = stop_gradient(m.begun + m.local) < fixed_horizon
-        return going & (m.steps < max_steps) & ~m.lost
+        # t + (horizon - t) may round below the horizon: a difference of rounding is no distance.
+        left = fixed_horizon - stop_gradient(m.begun) - m.local
+        return (left > _REACHED * fixed_horizon) & (m.steps < max_steps) & ~m.lost
 
     def step(m: Motion) -> Motion:
         basis = m.arc.basis(m.local)
@@ -100,10 +103,6 @@ def advance(
         moved = eqx.tree_at(lambda n: n.local, m, m.local + jnp.where(arrived, 0.0, onward))
         met = _meet(plant, m, basis, which, quiet)
         after = jax.tree.map(lambda a, b: jnp.where(arrived, a, b), met, moved)
-        # Rounding could leave a sliver before the horizon that is too small to add to the clock.
-        sliver = ~arrived & (shortest >= left)
-        end = fixed_horizon - stop_gradient(after.begun)
-        after = eqx.tree_at(lambda n: n.local, after, jnp.where(sliver, end, after.local))
         tilt = jnp.abs(m.arc.rows[0] @ basis)
         return eqx.tree_at(
             lambda n: (n.steps, n.lost),

@@ -154,11 +154,12 @@ class Eigenmode(NamedTuple):
 
 
 def _mode(linear: Linear, s: Number) -> Eigenmode:
-    spring, drive = linear.m22 * s**2 + linear.c2 * s + 1.0, -linear.m21 * s**2 + linear.c2 * s
-    v = jnp.stack([spring, drive])
-    # The left vector belongs to the transposed pencil, whose second row is mu lam times smaller.
-    u = jnp.stack([spring, -linear.m12 * s**2 + linear.c1 * s])
     pencil = s * linear.mass + linear.damping
+    (a, b), (c, d) = s * pencil + linear.stiffness
+    # The pencil has rank one, so the left null vector can be read off either column; for the
+    # massless bob (mu = 0) the one or the other column vanishes.
+    v = jnp.stack([d, -c])
+    u = jnp.where(jnp.abs(d) >= jnp.abs(a), jnp.stack([d, -b]), jnp.stack([-c, a]))
     norm = u @ ((pencil + s * linear.mass) @ v)
     left = jnp.concatenate([u @ pencil, u @ linear.mass]) / norm
     return Eigenmode(jnp.concatenate([v, s * v]), left)

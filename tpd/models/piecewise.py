@@ -61,7 +61,7 @@ class Piecewise(AbstractModel):
 
         def one_period(y: State, mode: Mode) -> Period:
             m, y = advance(plant, start(plant, mode, y, phase), p.period, **self._settings(p))
-            rests = settled_at_rest(plant, m)
+            rests = settled_at_rest(plant, m) & jnp.all(jnp.isfinite(y))
             steady = jnp.stack([phase, plant.swing[1], phase, p.xi * plant.swing[0]])
             y = jnp.where(rests & (p.zeta > 0), steady, y)
             exhausted = m.steps >= self.max_events

@@ -1,0 +1,340 @@
+"""The exact piecewise solution, against closed forms, known answers and adaptive integration."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import fsolve
+
+from tests.reference import (
+    BARE,
+    CASES,
+    HUNG,
+    MOVING,
+    NAMES,
+    REST,
+    STILL,
+    UNSTABLE,
+    EventDriven,
+    differences,
+    exact,
+    named,
+    parameters,
+)
+from tpd import Piecewise, Status, simulate, status_name, steady_state
+from tpd.equations import Linear
+from tpd.exact.arcs import classify
+from tpd.exact.flow import advance, start
+from tpd.exact.spectrum import Plant
+
+SAMPLES = 201
+"""Of every trajectory here, so that one compilation serves them all."""
+
+OVERTURNING = ((0.25, 0.1, 0.2, 0.1, 0.05, 0.6, 2.67), REST)
+RINGING = ((0.2, 0.1, 0.4, 0.0, 0.03, 0.25, 4.0), REST)
+"""As the still case, but nothing damps the bob, which keeps rattling the block for ever."""
+PERIOD_THREE = (0.16, 0.11, 0.18, 0.1, 0.03, 0.32, 4.5)
+
+
+def clock(x, periods, begin=0.0):
+    """Times that cover so many forcing periods."""
+    return begin + np.linspace(0.0, periods * 2.0 * np.pi / x[6], SAMPLES)
+
+
+def states(x, y0, times):
+    motion = simulate(parameters(x), np.asarray(y0, dtype=float), times)
+    assert status_name(motion.status) == "rocking"
+    return np.asarray(motion.ys)
+
+
+def after_one_period(x, y0):
+    return states(x, y0, clock(x, 1))[-1]
+
+
+# Known answers
+
+
+@pytest.mark.parametrize("case", CASES, ids=named)
+def test_amplitude_is_the_known_one(case):
+    answer = exact(case.x, case.y0)
+    assert answer.status == ("rest" if case is STILL else "rocking")
+    assert answer.amplitude == pytest.approx(case.amplitude, rel=case.amplitude_rtol, abs=case.amplitude_atol)
+
+
+@pytest.mark.parametrize("case", CASES, ids=named)
+def test_gradient_is_the_known_one(case):
+    known = np.isfinite(case.gradient)
+    found = exact(case.x, case.y0).slopes[0][known]
+    expected = np.array(case.gradient)[known]
+    np.testing.assert_allclose(found, expected, rtol=case.gradient_rtol, atol=case.gradient_atol)
+
+
+@pytest.mark.parametrize("case", [*HUNG, *BARE], ids=named)
+def test_gradient_is_that_of_differences(case):
+    # From the settled state, since far steps from elsewhere may end on another orbit. The amplitude
+    # is known to about 1e-14 of itself, hence its differences to 1e-8 even where they are small.
+    state = exact(case.x, case.y0).steady.state
+    gradient = exact(case.x, case.y0).slopes[0]
+    for i in range(7) if case in HUNG else (0, 4, 5, 6):
+        expected = differences(lambda x: exact(x, state).amplitude, case.x, i)
+        assert gradient[i] == pytest.approx(expected, rel=1e-8), NAMES[i]
+
+
+@pytest.mark.parametrize("case", BARE, ids=named)
+def test_gradient_of_a_bare_block_says_what_a_first_light_bob_would_do(case):
+    h = 1e-4
+    values = [exact((case.x[0], mu, *case.x[2:]), case.y0).amplitude for mu in (0, h, 2 * h, 3 * h)]
+    one_sided = np.dot([-11, 18, -9, 2], values) / (6 * h)
+    assert exact(case.x, case.y0).slopes[0, 1] == pytest.approx(one_sided, rel=1e-6)
+
+
+@pytest.mark.parametrize("x", [HUNG[3].x, STILL.x, (*HUNG[3].x, 0.8)], ids=["rocking", "rest", "impacts"])
+def test_stroke_has_the_gradient_of_differences(x):
+    slopes = exact(x).slopes[1]
+    for i in range(len(x)):
+        step = differences(lambda x: exact(x).stroke, x, i)
+        assert slopes[i] == pytest.approx(step, rel=1e-7, abs=1e-11), i
+
+
+def test_gradient_in_the_impact_ratio_is_that_of_differences():
+    x = (*HUNG[3].x, 0.8)
+    gradient = exact(x).slopes[0]
+    for i in range(8):
+        assert gradient[i] == pytest.approx(differences(lambda x: exact(x).amplitude, x, i), rel=1e-8), i
+
+
+@pytest.mark.parametrize("case", [*HUNG, BARE[0]], ids=named)
+def test_amplitude_and_stroke_are_the_largest_angles_of_a_settled_period(case):
+    answer = exact(case.x, case.y0)
+    angles = np.abs(states(case.x, answer.steady.state, clock(case.x, 1))[:, :2]).max(axis=0)
+    sizes = np.array([answer.amplitude, answer.stroke])
+    assert np.all(sizes >= angles * (1 - 1e-12))
+    # A peak hides at most half a sample away from the nearest sample.
+    np.testing.assert_allclose(sizes, angles, rtol=5e-4)
+
+
+# Trajectories
+
+
+@pytest.mark.parametrize(
+    ("x", "y0", "periods", "met"),
+    [
+        (STILL.x, REST, 8, {"slip", "stick", "rest"}),
+        (STILL.x, (0.1, 0.0, 0.0, 0.1), 8, {"slip"}),
+        (HUNG[0].x, REST, 20, {"slip", "rest"}),
+        ((*HUNG[3].x, 0.8), REST, 12, {"slip", "rest"}),
+        ((0.15, 0.38, 0.23, 0.2, 0.02, 0.19, 3.0), (-0.07, 0.0, 0.0, 0.0), 8, {"slip", "stick"}),
+        ((0.1, 0.34, 1.25, 0.2, 0.1, 0.17, 4.2, 0.5), (-0.012, 0.0, 0.0, 0.0), 8, {"slip", "stick", "rest"}),
+        ((0.2, 0.3, 0.6, 1.4, 0.04, 0.3, 3.0), (0.12, 0.0, 0.0, 0.0), 8, {"slip"}),
+    ],
+    ids=["rattle to rest", "rocking start", "transient", "impacts", "rattles", "plastic", "overdamped"],
+)
+def test_transient_is_that_of_adaptive_integration(x, y0, periods, met):
+    reference = EventDriven(x)
+    expected = reference.run(y0, clock(x, periods))
+    assert set(reference.kinds) >= met
+    np.testing.assert_allclose(states(x, y0, clock(x, periods)), expected, rtol=0, atol=1e-9)
+
+
+def test_a_free_swing_is_the_hyperbolic_cosine():
+    # (10), until the crossing at a quarter of the period of (11).
+    nu, height = 0.2, 0.15
+    x, quarter = (nu, 0.0, 0.4, 0.2, 0.0, 0.0, 2.0), np.arccosh(nu / (nu - height))
+    times = np.linspace(0.0, quarter, SAMPLES)
+    phi = states(x, (height, 0.0, 0.0, 0.0), times)[:, 0]
+    np.testing.assert_allclose(phi, nu + (height - nu) * np.cosh(times), rtol=0, atol=1e-14)
+    assert phi[-1] == pytest.approx(0.0, abs=1e-14)
+
+
+def test_a_free_swing_returns_after_the_period_of_its_height():
+    nu, height = 0.2, 0.15
+    x, period = (nu, 0.0, 0.4, 0.2, 0.0, 0.0, 2.0), 4 * np.arccosh(nu / (nu - height))
+    times = np.linspace(0.0, 9.7 * period, SAMPLES)
+    late = (times + period / 4) % (period / 2) - period / 4
+    side = np.where((times + period / 4) % period < period / 2, 1.0, -1.0)
+    phi = states(x, (height, 0.0, 0.0, 0.0), times)[:, 0]
+    np.testing.assert_allclose(phi, side * (nu + (height - nu) * np.cosh(late)), rtol=0, atol=1e-12)
+
+
+def test_a_forced_swing_with_friction_is_its_closed_form():
+    nu, k, f, xi, height = 0.2, 0.03, 0.1, 2.0, 0.12
+    times = np.linspace(0.0, 0.5, SAMPLES)
+    forced = f / (1 + xi**2)
+    rest, swing = nu - k, np.cosh(times)
+    expected = rest + (height - rest) * swing - forced * xi * np.sinh(times) + forced * np.sin(xi * times)
+    ys = states((nu, 0.0, 0.4, 0.2, k, f, xi), (height, 0.0, 0.0, 0.0), times)
+    assert expected[-1] > 0
+    assert np.all(ys[1:, 2] < 0)
+    np.testing.assert_allclose(ys[:, 0], expected, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("mu", [0.05, 0.3])
+def test_energy_is_kept_through_many_crossings(mu):
+    x = (0.2, mu, 0.4, 0.0, 0.0, 0.0, 2.0)
+    p = parameters(x)
+    ys = states(x, (0.08, 0.1, 0.0, 0.0), np.linspace(0.0, 400.0, SAMPLES))
+    assert np.sum(np.diff(np.sign(ys[:, 0])) != 0) > 50
+    energy = jax.vmap(lambda y: Linear(p).energy(y, mu, 0.4))(jnp.asarray(ys))
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-11)
+
+
+@pytest.mark.parametrize("x", [STILL.x, (*HUNG[3].x, 0.8)], ids=["rattling", "impacts"])
+def test_motion_is_its_own_mirror_image_half_a_forcing_period_later(x):
+    y0 = np.array([0.05, -0.1, 0.1, 0.2])
+    mirrored = states(x, -y0, clock(x, 6, begin=np.pi / x[6]))
+    np.testing.assert_allclose(mirrored, -states(x, y0, clock(x, 6)), rtol=0, atol=1e-11)
+
+
+def test_motion_does_not_depend_on_where_it_is_sampled():
+    x, y0 = HUNG[0].x, (0.02, 0.0, 0.0, 0.0)
+    dense = states(x, y0, clock(x, 10))
+    sparse = np.concatenate([clock(x, 10)[::10], clock(x, 400)[21:201]])
+    np.testing.assert_allclose(states(x, y0, sparse)[:21], dense[::10], rtol=0, atol=1e-12)
+
+
+def test_a_motion_reaches_every_horizon_in_a_few_steps():
+    # After an event at t, t + (horizon - t) may round below the horizon: this once waited for ever.
+    plant = Plant(parameters((0.25, 0.0, 0.2, 0.1, 0.05, 0.377, 2.67)))
+    y0, zero = jnp.array([0.2999, 0.0, 0.0, 0.0]), jnp.zeros(())
+    motion = start(plant, classify(plant, y0, zero), y0, zero)
+    horizons = np.random.default_rng(8).uniform(0.15, 0.35, 500)
+    run = jax.jit(jax.vmap(lambda h: advance(plant, motion, h, quiet=0.0, max_steps=100)[0].steps))
+    steps = run(horizons)
+    assert jnp.max(steps) < 20
+
+
+def test_an_impact_slows_the_block_and_kicks_the_bob_across_its_rod():
+    lam, e, fall = 0.8, 0.7, 0.05
+    x = (0.2, 0.1, lam, 0.1, 0.05, 0.3, 3.0, e)
+    before = np.array([1e-9, 0.1, -fall, 0.2])
+    after = states(x, before, np.linspace(0.0, 4e-8, SAMPLES))[-1]
+    assert after[2] == pytest.approx(-e * fall, rel=1e-6)
+    # The rod pulls along itself only, so the bob keeps its speed across it, lam psi' - 2 phi'.
+    assert lam * after[3] - 2 * after[2] == pytest.approx(lam * before[3] - 2 * before[2], rel=1e-6)
+
+
+# The bare block
+
+
+@pytest.mark.parametrize("case", BARE, ids=named)
+def test_a_massless_bob_cannot_be_felt_whatever_its_rod_and_hinge(case):
+    for lam, zeta in ((0.4, 0.0), (1.5, 0.6), (0.1, 1.0), (0.7, 2.5)):
+        x = (*case.x[:2], lam, zeta, *case.x[4:])
+        answer = exact(x, case.y0)
+        assert answer.status == "rocking"
+        assert answer.amplitude == pytest.approx(exact(case.x, case.y0).amplitude, rel=1e-13)
+        np.testing.assert_allclose(answer.slopes[0, 2:4], 0.0, atol=1e-9)
+
+
+def test_a_light_bob_is_nearly_no_bob():
+    bare = exact(BARE[0].x, BARE[0].y0)
+    for mu in (1e-6, 1e-9, 1e-12):
+        x = (BARE[0].x[0], mu, *BARE[0].x[2:])
+        answer = exact(x, BARE[0].y0)
+        assert answer.amplitude - bare.amplitude == pytest.approx(bare.slopes[0, 1] * mu, rel=1e-4, abs=1e-15)
+
+
+# Settling
+
+
+@pytest.mark.parametrize(
+    ("x", "y0", "periods"),
+    [(HUNG[0].x, REST, 1), (BARE[1].x, BARE[1].y0, 1), (PERIOD_THREE, REST, 3)],
+    ids=["hung", "bare", "period three"],
+)
+def test_settled_state_returns_after_its_periods_and_not_before(x, y0, periods):
+    answer = exact(x, y0)
+    assert answer.steady.periods == periods
+    felt = [0, 2] if x[1] == 0 else [0, 1, 2, 3]
+    ys = states(x, answer.steady.state, clock(x, 4 * periods))[:, felt]
+    np.testing.assert_allclose(ys[::50], np.tile(ys[0], (5, 1)), rtol=0, atol=1e-11)
+    if periods > 1:
+        assert np.abs(after_one_period(x, answer.steady.state)[felt] - ys[0]).max() > 1e-3
+
+
+@pytest.mark.parametrize("case", MOVING, ids=named)
+def test_multiplier_is_that_of_the_map_over_one_period(case):
+    answer = exact(case.x, case.y0)
+    felt = [0, 2] if case.x[1] == 0 else [0, 1, 2, 3]
+    state = np.asarray(answer.steady.state)
+    columns = [differences(lambda y: after_one_period(case.x, y), state, i, share=1e-3)[felt] for i in felt]
+    largest = np.abs(np.linalg.eigvals(np.array(columns).T)).max()
+    assert answer.steady.multiplier == pytest.approx(largest, rel=1e-8)
+
+
+def repelling_orbit():
+    """The state on the symmetric orbit at UNSTABLE, followed from where the orbit attracts."""
+    x, _, _ = UNSTABLE
+    state = np.asarray(exact(BARE[0].x, BARE[0].y0).steady.state)[[0, 2]]
+    for xi in np.linspace(1.5, x[6], 11):
+        at = (*x[:6], xi)
+
+        def residual(s, at=at):
+            return after_one_period(at, (s[0], 0.0, s[1], 0.0))[[0, 2]] - s
+
+        state = fsolve(residual, state, xtol=1e-13)
+    return state[0], 0.0, state[1], 0.0
+
+
+def test_a_motion_on_a_repelling_orbit_is_called_unstable_and_has_no_gradient():
+    x, amplitude, half = UNSTABLE
+    answer = exact(x, repelling_orbit())
+    assert answer.status == "unstable"
+    assert answer.amplitude == pytest.approx(amplitude, abs=5e-7)
+    assert answer.steady.multiplier == pytest.approx(half**2, abs=2e-3)
+    assert np.all(np.isnan(answer.slopes))
+
+
+def test_an_overturning_block_has_no_finite_size_and_no_gradient():
+    answer = exact(*OVERTURNING)
+    assert answer.status == "overturned"
+    assert answer.amplitude == answer.stroke == np.inf
+    assert np.all(np.isnan(answer.slopes))
+
+
+def test_a_block_started_beyond_its_balance_overturns():
+    x = (0.25, 0.0, 0.4, 0.3, 0.0, 0.01, 2.67)
+    assert exact(x, (0.27, 0.0, 0.0, 0.0)).status == "overturned"
+    assert exact(x, (0.15, 0.0, 0.0, 0.0)).status != "overturned"
+
+
+def test_an_undamped_bob_that_rings_on_is_not_settled_and_has_no_gradient():
+    answer = exact(*RINGING)
+    assert answer.status == "not_settled"
+    assert answer.steady.elapsed == Piecewise().max_periods
+    assert np.isfinite(answer.amplitude)
+    assert np.all(np.isnan(answer.slopes))
+
+
+def test_a_resting_block_has_zero_amplitude_and_zero_gradient_in_all_parameters():
+    answer = exact(STILL.x)
+    assert answer.status == "rest"
+    assert answer.amplitude == 0.0
+    np.testing.assert_array_equal(answer.slopes[0], 0.0)
+    assert np.all(answer.slopes[1, [2, 3, 5, 6]] != 0.0)
+
+
+def test_a_batch_gives_each_design_what_it_gets_alone():
+    designs = [HUNG[0].x, STILL.x, OVERTURNING[0], HUNG[3].x, BARE[0].x]
+    starts = [*[REST] * 4, BARE[0].y0]
+    batch = jax.jit(jax.vmap(lambda x, y0: steady_state(parameters(x), y0=y0)))
+    together = batch(np.array(designs), np.array(starts))
+    for i, alone in enumerate(exact(x, y0) for x, y0 in zip(designs, starts, strict=True)):
+        assert status_name(jax.tree.map(lambda a, i=i: a[i], together.status)) == alone.status
+        assert together.amplitude[i] == pytest.approx(alone.amplitude, rel=1e-13)
+        assert together.stroke[i] == pytest.approx(alone.stroke, rel=1e-12)
+        assert together.elapsed[i] == alone.steady.elapsed
+
+
+def test_too_few_events_are_reported_and_leave_no_numbers():
+    motion = simulate(parameters(HUNG[0].x), np.zeros(4), clock(HUNG[0].x, 30), model=Piecewise(max_events=3))
+    assert motion.status == Status.event_bound
+    assert np.all(np.isnan(motion.ys[-1]))
+
+
+def test_an_overturned_trajectory_says_so_and_ends_in_nan():
+    x, y0 = OVERTURNING
+    motion = simulate(parameters(x), np.array(y0), clock(x, 20))
+    assert motion.status == Status.overturned
+    assert np.all(np.isfinite(motion.ys[:20]))
+    assert np.all(np.isnan(motion.ys[-1]))
