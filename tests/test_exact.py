@@ -33,6 +33,7 @@ SAMPLES = 201
 OVERTURNING = ((0.25, 0.1, 0.2, 0.1, 0.05, 0.6, 2.67), REST)
 RINGING = ((0.2, 0.1, 0.4, 0.0, 0.03, 0.25, 4.0), REST)
 """As the still case, but nothing damps the bob, which keeps rattling the block for ever."""
+RESTING_UNDAMPED = (0.2, 0.1, 0.4, 0.0, 0.03, 0.1, 4.0)
 PERIOD_THREE = (0.16, 0.11, 0.18, 0.1, 0.03, 0.32, 4.5)
 
 
@@ -312,6 +313,21 @@ def test_a_resting_block_has_zero_amplitude_and_zero_gradient_in_all_parameters(
     assert answer.amplitude == 0.0
     np.testing.assert_array_equal(answer.slopes[0], 0.0)
     assert np.all(answer.slopes[1, [2, 3, 5, 6]] != 0.0)
+
+
+@pytest.mark.xfail(strict=True, reason="in reverse mode the NaN slope of the stroke spreads to the amplitude")
+def test_a_block_at_rest_under_an_undamped_bob_has_zero_gradient_too():
+    answer = exact(RESTING_UNDAMPED)
+    assert answer.status == "rest"
+    np.testing.assert_array_equal(answer.slopes[0], 0.0)
+
+
+@pytest.mark.xfail(strict=True, reason="turning points of the bob are not watched while following a motion")
+def test_an_undamped_bob_under_a_resting_block_has_the_reach_of_its_two_swings():
+    # lam rho psi'' + psi = f sin(xi tau) from rest: two swings whose peaks meet sooner or later.
+    nu, _, lam, _, _, f, xi = RESTING_UNDAMPED
+    ratio = xi * np.sqrt(lam * 0.75 / (1 + nu**2))
+    assert exact(RESTING_UNDAMPED).stroke == pytest.approx(f / abs(1 - ratio**2) * (1 + ratio), rel=0.1)
 
 
 def test_a_batch_gives_each_design_what_it_gets_alone():

@@ -139,6 +139,6 @@ def test_parameters_out_of_range_are_refused(name, value, message):
         Parameters(**{**good, name: value})
 
 
-def test_every_status_has_a_name_and_a_remedy():
+def test_every_status_has_a_name():
     for name in ("rocking", "rest", "overturned", "not_settled", "unstable", "event_bound", "failed"):
         assert status_name(getattr(Status, name)) == name

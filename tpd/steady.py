@@ -2,8 +2,10 @@
 
 A settled motion is a fixed point y* of the period map P. Newton's method on P finishes what
 following began, and the implicit function theorem gives dy*/dp = (I - DP)^-1 dP/dp, so a gradient
-costs a few periods however long the transient was. It is linear in the direction, hence usable
-in forward and in reverse mode. Where a multiplier reaches the unit circle it does not exist.
+costs a few periods however long the transient was. With nine parameters and four states against
+two answers over many steps, forward mode along those periods is the cheap one; what comes out is
+linear in the direction, hence usable in forward and in reverse mode. Where a multiplier reaches the
+unit circle it does not exist.
 """
 
 from __future__ import annotations

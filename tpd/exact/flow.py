@@ -42,8 +42,6 @@ class Motion(eqx.Module):
     """Largest |phi| met at a turning point."""
     stroke: Number
     """Largest |psi| met at a turning point of the bob."""
-    slid: Bool[Array, ""]
-    """Whether the block moved at all."""
     steps: Int[Array, ""]
     lost: Bool[Array, ""]
     """Whether the tilt has grown beyond return."""
@@ -64,7 +62,6 @@ def start(plant: Plant, mode: Mode, y: State, phase: Number) -> Motion:
         stop_gradient(bob_sign),
         jnp.abs(y[0]),
         jnp.abs(y[1]),
-        mode.kind == SLIP,
         jnp.zeros((), jnp.int32),
         jnp.zeros((), bool),
     )
@@ -112,8 +109,8 @@ def advance(
 
     motion = jax.lax.while_loop(unfinished, step, motion)
     y = _state_at(motion, horizon)
-    clock = eqx.tree_at(lambda n: n.amplitude, motion, jnp.maximum(motion.amplitude, jnp.abs(y[0])))
-    return clock, y
+    largest = jnp.maximum(motion.amplitude, jnp.abs(y[0]))
+    return eqx.tree_at(lambda n: n.amplitude, motion, largest), y
 
 
 def _state_at(m: Motion, horizon: Number) -> State:
@@ -121,6 +118,7 @@ def _state_at(m: Motion, horizon: Number) -> State:
     basis = m.arc.basis(m.local)
     late = horizon - m.begun - m.local
     rows = m.arc.rows[:4]
+    # A motion stopped short of the horizon (lost, or out of steps) stays where it is.
     late = jnp.where(jnp.abs(stop_gradient(late)) < 1e-6, late, 0.0)
     y = rows @ basis + late * (m.arc.rates.differentiate(rows) @ basis)
     return y.at[2].set(jnp.where(m.mode.kind == SLIP, y[2], 0.0))
@@ -192,7 +190,6 @@ def _meet(plant: Plant, m: Motion, basis: Basis, which: Int[Array, ""], quiet: N
         bob_sign,
         jnp.maximum(m.amplitude, jnp.abs(y[0])),
         jnp.maximum(m.stroke, jnp.abs(y[1])),
-        m.slid | (mode.kind == SLIP),
         m.steps,
         m.lost,
     )
