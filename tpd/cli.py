@@ -131,7 +131,10 @@ def _responses(design: Any, bar: Any) -> tuple:
     if design.interrupted:
         return ()
     hung = (None,) if design.pendulum is None else (None, design.pendulum)
-    return tuple(frequency_response(design.scene, p, plot.band(design), progress=bar) for p in hung)
+    try:
+        return tuple(frequency_response(design.scene, p, plot.band(design), progress=bar) for p in hung)
+    except KeyboardInterrupt:
+        return ()
 
 
 class _Bar:

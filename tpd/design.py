@@ -83,6 +83,11 @@ class DesignStatus(enum.Enum):
         "DO NOT USE AS IT IS: the smoothed and the exact solution disagree on this design by more than "
         "the tolerance, so its motion depends on details that neither can promise."
     )
+    fragile = (
+        "DO NOT RELY ON IT: with this pendulum the block settles at the design's own shaking, but overturns "
+        "at one within 1 % of it."
+    )
+    interrupted = "INTERRUPTED: what follows is what had been found by then, if anything."
     no_improvement = "NO PENDULUM in this design space rocks less than the bare block from this start."
     no_uplift = "NO PENDULUM IS NEEDED: the bare block settles at rest."
     none_feasible = "NO DESIGN in this space settles within the stroke limit."
@@ -106,7 +111,7 @@ class Candidate:
     multiplier: float
     """Largest Floquet multiplier of the exact motion."""
     margin: float
-    """Uplift margin of the settled pendulum; positive: the settled block cannot lift."""
+    """Uplift margin; positive: a block at rest under the settled pendulum stays at rest."""
     smoothed_amplitude: float
     smoothed_stroke: float
     smoothed_status: str
@@ -116,6 +121,8 @@ class Candidate:
     @property
     def difference(self) -> float:
         """Smoothed minus exact amplitude, over the exact one; 0 where both rest."""
+        if not np.isfinite(self.amplitude):
+            return float("nan")
         if self.amplitude == 0.0:
             return 0.0 if self.smoothed_amplitude == 0.0 else float("inf")
         return self.smoothed_amplitude / self.amplitude - 1.0
@@ -146,7 +153,7 @@ class Design:
     scene: Scene
     space: DesignSpace
     pendulum: Pendulum | None
-    """None where no design settles within the limits."""
+    """None where no design settles within the limits and rocks less than the bare block."""
     amplitude: float
     """Exact settled |phi| with the pendulum, rad; that of the bare block where there is none."""
     amplitude_without: float
@@ -159,13 +166,13 @@ class Design:
     bare: Candidate
     starts: tuple[StartStatus, ...]
     history: History
+    peak: tuple[float, float]
+    """Largest |phi| and |psi| (rad) on the way from rest, with the pendulum if there is one."""
+    overturned_nearby: tuple[int, int, int]
+    """How many shakings within 1 % of the design's were tried, and how many of them overturn the
+    block with the pendulum and without."""
     tolerance: float
     """Largest relative difference of the two models' amplitudes that counts as agreement."""
     seed: int
     interrupted: bool = False
     settings: dict[str, object] = field(default_factory=dict)
-
-    @property
-    def reduction(self) -> float:
-        """Share of the bare block's amplitude that the pendulum takes away."""
-        return 1.0 - self.amplitude / self.amplitude_without if self.amplitude_without > 0 else 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +20,7 @@ from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.parameters import Parameters, as_arrays
 from tpd.polish import polish
-from tpd.scene import Pendulum, Scene
+from tpd.scene import Harmonic, Pendulum, Scene
 from tpd.search import (
     Evaluation,
     Progress,
@@ -28,10 +29,14 @@ from tpd.search import (
     evaluator,
     start_status,
     starting_points,
+    trace,
     with_design,
 )
 from tpd.status import status_name
-from tpd.steady import Steady, steady_state
+from tpd.steady import Steady, sampled, simulate, steady_state
+
+_NEARBY = (-0.01, -0.005, 0.005, 0.01)
+"""Changes of the base motion's amplitude and of its frequency under which an answer must stand."""
 
 
 def optimise(
@@ -48,7 +53,7 @@ def optimise(
 ) -> Design:
     """The pendulum of least settled rocking amplitude from rest, within a design space.
 
-    Closed forms say where a settled block cannot lift; the exact solution screens `screening`
+    Closed forms say where a resting block stays at rest; the exact solution screens `screening`
     designs; optax descends from the best `starts` of them on the gradients of `model`; and the
     exact solution judges what they found. Designs on which both models agree come first, then
     the smaller amplitude; among designs at rest the larger uplift margin.
@@ -76,42 +81,89 @@ def optimise(
     checks.not_negative("seed", seed)
     model = Smoothed(max_periods=200) if model is None else model
     p = as_arrays(scene.parameters())
-    evaluate = evaluator(p, model, len(space.names))
-
-    compiling = _compile_aside(evaluate, np.tile(_bare(p), (starts, 1)))
-    screened, interrupted = _screen(p, space, max(screening, starts), seed, progress)
-    chosen = _choose(screened, space, starts)
-    compiling.join()
-    trace, stopped = descend(evaluate, space, chosen, steps=0 if interrupted else steps, progress=progress)
-    interrupted = interrupted or stopped
-    best = trace.best(space.stroke)
-    near = np.stack([trace.designs[i, j] if j >= 0 else chosen[i] for i, j in enumerate(best)])
-    finish, stopped = polish(evaluate, space, near, steps=0 if interrupted else steps // 2, progress=progress)
-    interrupted, trace = interrupted or stopped, trace.then(finish)
-    best = trace.best(space.stroke)
-    found = [trace.designs[i, j] for i, j in enumerate(best) if j >= 0]
-    found += list(screened.designs[screened.order(space.stroke)[:2]])
-    bare, *candidates = _candidates(p, evaluate, [_bare(p), *found], len(chosen), tolerance, model, progress)
+    rests = status_name(_exact(p, _bare(p)).status) == "rest"
+    screening = 1 if rests else max(screening, starts)
+    found = _search(p, space, model, starts, 0 if rests else steps, screening, seed, progress)
+    bare, *candidates = _candidates(p, found, space, tolerance, model, progress)
     winner, runner_up = _rank(candidates, space)
-    judged = tuple(start_status(trace, space, i, int(j)) for i, j in enumerate(best))
+    status = DesignStatus.no_uplift if rests else _judge(winner, bare, tolerance)
+    helps = winner is not None and status in (DesignStatus.found, DesignStatus.models_disagree)
+    pendulum = _pendulum(scene, winner) if helps and winner is not None else None
+    nearby = _overturned_nearby(scene, pendulum)
+    if status is DesignStatus.found and nearby[1] > 0:
+        status = DesignStatus.fragile
     return Design(
         scene=scene,
         space=space,
-        pendulum=None if winner is None else _pendulum(scene, winner),
-        amplitude=bare.amplitude if winner is None else winner.amplitude,
+        pendulum=pendulum,
+        amplitude=bare.amplitude if pendulum is None or winner is None else winner.amplitude,
         amplitude_without=bare.amplitude,
-        stroke=0.0 if winner is None else winner.stroke,
-        status=_judge(winner, bare),
+        stroke=0.0 if pendulum is None or winner is None else winner.stroke,
+        status=DesignStatus.interrupted if found.interrupted else status,
         winner=winner,
         runner_up=runner_up,
         bare=bare,
-        starts=tuple(StartStatus.interrupted for _ in chosen) if interrupted else judged,
-        history=_history(trace, screened),
+        starts=found.statuses(space),
+        history=_history(found.trace, found.screened),
+        peak=_peak(scene, pendulum),
+        overturned_nearby=nearby,
         tolerance=tolerance,
         seed=seed,
-        interrupted=interrupted,
+        interrupted=found.interrupted,
         settings={"starts": starts, "steps": steps, "screening": screening, "model": _describe(model)},
     )
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a search leaves behind, whole or interrupted."""
+
+    evaluate: Callable[[Array], Evaluation] | None
+    """The compiled evaluator; None if Ctrl-C came before it was ready."""
+    screened: Screened
+    trace: Trace
+    best: np.ndarray
+    interrupted: bool
+
+    def designs(self, limit: float) -> list[np.ndarray]:
+        """The best design of every start, and the two best screened."""
+        paths = [self.trace.designs[i, j] for i, j in enumerate(self.best) if j >= 0]
+        return paths + list(self.screened.designs[self.screened.order(limit)[:2]])
+
+    def statuses(self, space: DesignSpace) -> tuple[StartStatus, ...]:
+        """How every start ended."""
+        if self.interrupted:
+            return tuple(StartStatus.interrupted for _ in self.best)
+        return tuple(start_status(self.trace, space, i, int(j)) for i, j in enumerate(self.best))
+
+
+def _search(
+    p: Parameters,
+    space: DesignSpace,
+    model: AbstractModel,
+    starts: int,
+    steps: int,
+    screening: int,
+    seed: int,
+    progress: Progress | None,
+) -> _Found:
+    """Screen, descend and polish; Ctrl-C at any point keeps what there is."""
+    evaluate = evaluator(p, model, len(space.names))
+    compiling = _compile_aside(evaluate, np.tile(_bare(p), (starts, 1)))
+    screened, interrupted = _screen(p, space, screening, seed, progress)
+    chosen = _choose(screened, space, starts)
+    nothing = np.full(len(chosen), -1)
+    if interrupted:
+        return _Found(None, screened, trace([], len(chosen)), nothing, True)
+    compiling.join()
+    path, interrupted = descend(evaluate, space, chosen, steps=steps, progress=progress)
+    best = path.best(space.stroke)
+    if not interrupted and steps > 0:
+        near = np.stack([path.designs[i, j] if j >= 0 else chosen[i] for i, j in enumerate(best)])
+        finish, interrupted = polish(evaluate, space, near, steps=(steps + 1) // 2, progress=progress)
+        path = path.then(finish)
+        best = path.best(space.stroke)
+    return _Found(evaluate, screened, path, best, interrupted)
 
 
 class Screened:
@@ -188,19 +240,20 @@ def _bare(p: Parameters) -> np.ndarray:
 
 def _candidates(
     p: Parameters,
-    evaluate: Callable[[Array], Evaluation],
-    designs: list[np.ndarray],
-    batch: int,
+    found: _Found,
+    space: DesignSpace,
     tolerance: float,
     model: AbstractModel,
     progress: Progress | None,
 ) -> list[Candidate]:
-    """Every design solved by both models; smoothed in batches of the size already compiled."""
+    """The bare block and every design found, solved by both models; smoothed in batches of the
+    size already compiled."""
+    designs, batch = [_bare(p), *found.designs(space.stroke)], len(found.best)
     out: list[Candidate] = []
     for begin in range(0, len(designs), batch):
         part = designs[begin : begin + batch]
         padded = np.stack(part + [part[-1]] * (batch - len(part)))
-        smoothed = evaluate(jnp.asarray(padded))
+        smoothed = None if found.evaluate is None else found.evaluate(jnp.asarray(padded))
         for i, design in enumerate(part):
             out.append(_candidate(p, design, smoothed, i, tolerance, model))
             if progress is not None:
@@ -209,12 +262,20 @@ def _candidates(
 
 
 def _candidate(
-    p: Parameters, design: np.ndarray, smoothed: Evaluation, i: int, tolerance: float, model: AbstractModel
+    p: Parameters,
+    design: np.ndarray,
+    smoothed: Evaluation | None,
+    i: int,
+    tolerance: float,
+    model: AbstractModel,
 ) -> Candidate:
     q = with_design(p, jnp.asarray(design))
     exact = _exact(p, design)
-    amplitude, other = float(exact.amplitude), float(smoothed.amplitude[i])
-    name, other_name = status_name(exact.status), status_name(jax.tree.map(lambda x: x[i], smoothed.status))
+    amplitude, name = float(exact.amplitude), status_name(exact.status)
+    other, other_stroke, other_name = np.nan, np.nan, "not solved"
+    if smoothed is not None:
+        other, other_stroke = float(smoothed.amplitude[i]), float(smoothed.stroke[i])
+        other_name = status_name(jax.tree.map(lambda x: x[i], smoothed.status))
     near = abs(amplitude - other) <= tolerance * max(amplitude, other) + float(model.resolution(q))
     settled = {name, other_name} <= {"rocking", "rest"}
     mu, lam, zeta = (float(x) for x in design)
@@ -229,10 +290,37 @@ def _candidate(
         multiplier=float(exact.multiplier),
         margin=float(uplift(q).margin),
         smoothed_amplitude=other,
-        smoothed_stroke=float(smoothed.stroke[i]),
+        smoothed_stroke=other_stroke,
         smoothed_status=other_name,
         agree=bool(settled and near) or name == other_name == "overturned",
     )
+
+
+def _overturned_nearby(scene: Scene, pendulum: Pendulum | None) -> tuple[int, int, int]:
+    """How many of eight shakings within 1 % in amplitude or frequency overturn the block from rest,
+    with the pendulum and without; one settled motion does not say that it is reached safely."""
+    shakes = [(1.0 + d, 1.0) for d in _NEARBY] + [(1.0, 1.0 + d) for d in _NEARBY]
+
+    def overturned(hung: Pendulum | None) -> int:
+        count = 0
+        for amplitude, frequency in shakes:
+            motion = Harmonic(
+                amplitude=scene.motion.amplitude * amplitude, frequency=scene.motion.frequency * frequency
+            )
+            q = as_arrays(replace(scene, motion=motion).parameters(hung))
+            count += status_name(steady_state(q, model=Piecewise()).status) == "overturned"
+        return count
+
+    without = overturned(None)
+    return len(shakes), without if pendulum is None else overturned(pendulum), without
+
+
+def _peak(scene: Scene, pendulum: Pendulum | None) -> tuple[float, float]:
+    """Largest |phi| and |psi| among samples of the first periods from rest."""
+    p = as_arrays(scene.parameters(pendulum))
+    ys = np.abs(np.asarray(simulate(p, jnp.zeros(4), sampled(p)).ys))
+    phi, psi = (float(x) for x in np.nanmax(ys[:, :2], axis=0))
+    return phi, psi
 
 
 def _rank(candidates: list[Candidate], space: DesignSpace) -> tuple[Candidate | None, Candidate | None]:
@@ -252,14 +340,12 @@ def _rank(candidates: list[Candidate], space: DesignSpace) -> tuple[Candidate | 
     return best, others[0] if others else None
 
 
-def _judge(winner: Candidate | None, bare: Candidate) -> DesignStatus:
-    if bare.status == "rest":
-        return DesignStatus.no_uplift
+def _judge(winner: Candidate | None, bare: Candidate, tolerance: float) -> DesignStatus:
     if winner is None:
         return DesignStatus.none_feasible
-    if not winner.agree or not bare.agree:
-        return DesignStatus.models_disagree
-    return DesignStatus.found if winner.amplitude < bare.amplitude else DesignStatus.no_improvement
+    if not winner.amplitude < (1.0 - tolerance) * bare.amplitude:
+        return DesignStatus.no_improvement
+    return DesignStatus.found if winner.agree else DesignStatus.models_disagree
 
 
 def _pendulum(scene: Scene, winner: Candidate) -> Pendulum:

@@ -21,7 +21,7 @@ from tpd.models.smoothed import Smoothed
 from tpd.parameters import as_arrays
 from tpd.response import Response
 from tpd.search import with_design
-from tpd.steady import simulate
+from tpd.steady import sampled, simulate
 
 INK, GREY, BLUE, ORANGE = "#1a1a1a", "#9a9a9a", "#1f5fa8", "#d9822b"
 
@@ -34,14 +34,14 @@ def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6)) -> Any:
 
 
 def plot_search(design: Design, ax: Axes | None = None) -> Axes:
-    """The search over the (mu, lam) plane: screened designs, paths, answer, and where the settled
-    block cannot lift."""
+    """The search over the (mu, lam) plane: screened designs, paths, answer, and where a block at
+    rest stays at rest."""
     ax = cast(Axes, new_axes() if ax is None else ax)
     h, space = design.history, design.space
     _no_uplift_region(design, ax)
     settled = np.isin(h.screened_status, ("rocking", "rest"))
     within = settled & (h.screened_stroke <= space.stroke)
-    nu = design.scene.block.slenderness
+    nu, finite = design.scene.block.slenderness, np.isfinite(design.amplitude_without)
     for mask, marker, size in ((within, "o", 26), (settled & ~within, "^", 16)):
         points = ax.scatter(
             h.screened[mask, 0],
@@ -49,7 +49,7 @@ def plot_search(design: Design, ax: Axes | None = None) -> Axes:
             c=h.screened_amplitude[mask] / nu,
             cmap="viridis",
             vmin=0.0,
-            vmax=max(0.4, design.amplitude_without / nu * 1.2),
+            vmax=max(0.4, 1.2 * design.amplitude_without / nu) if finite else 0.4,
             marker=marker,
             s=size,
             linewidths=0.4,
@@ -106,15 +106,15 @@ def _no_uplift_region(design: Design, ax: Axes) -> None:
     margin = np.asarray(jax.vmap(lambda d: uplift(with_design(p, d)).margin)(flat)).reshape(120, 120)
     if (margin > 0).any():
         ax.contourf(mu, lam, margin, levels=[0.0, np.inf], colors=[GREY], alpha=0.25)
-        ax.plot([], [], color=GREY, lw=6, alpha=0.4, label="settled block cannot lift")
+        ax.plot([], [], color=GREY, lw=6, alpha=0.4, label="a block at rest stays at rest")
 
 
-def plot_motion(design: Design, axes: Any = None, periods: int = 24) -> Any:
+def plot_motion(design: Design, axes: Any = None) -> Any:
     """Tilt and bob angle against time from rest, smoothed over exact."""
     axes = new_axes(2, (7.0, 5.0)) if axes is None else axes
     scene = design.scene
     p = as_arrays(scene.parameters(design.pendulum))
-    tau = jnp.linspace(0.0, 1.0, 60 * periods + 1) * periods * p.period
+    tau = sampled(p)
     t = np.asarray(tau) / scene.rate
     models: tuple[tuple[AbstractModel, dict, str], ...] = (
         (Piecewise(), {"color": GREY, "lw": 2.6}, "exact"),

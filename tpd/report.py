@@ -19,6 +19,8 @@ from tpd.job import Job, dump, tables
 from tpd.response import Response
 
 PACKAGES = ("jax", "jaxlib", "diffrax", "optax", "equinox", "numpy")
+LARGE_PEAK = 0.7
+"""Of the toppling tilt; above it a start from rest is called dangerous."""
 LARGE_STROKE = 0.3
 """rad; above it the linear equations are off by more than a per cent or so."""
 
@@ -29,7 +31,7 @@ def text(design: Design, responses: tuple[Response, ...] = ()) -> str:
     lines += _answer(design)
     lines += ["", f"{'':24}{'exact':>14}{'smoothed':>14}{'difference':>12}  settles as"]
     named = (
-        ("with the pendulum", design.winner),
+        ("best design", design.winner),
         ("runner-up", design.runner_up),
         ("bare block", design.bare),
     )
@@ -37,61 +39,67 @@ def text(design: Design, responses: tuple[Response, ...] = ()) -> str:
     lines += ["", *(f"note: {note}" for note in notes(design, responses))]
     lines += ["", f"searched from {len(design.starts)} starts, seed {design.seed}:"]
     counts = {s: design.starts.count(s) for s in dict.fromkeys(design.starts)}
-    lines += [f"  {n} {s.value}" for s, n in counts.items()]
+    lines += [f"  {n} of them {s.value}" for s, n in counts.items()]
     return "\n".join(lines) + "\n"
 
 
 def _answer(design: Design) -> list[str]:
     pendulum, winner = design.pendulum, design.winner
+    bare = f"without pendulum   {_degrees(design.amplitude_without, _toppling(design, 0.0))}"
     if pendulum is None or winner is None:
-        return ["no pendulum to offer"]
-    nu = design.scene.block.slenderness
+        return ["no pendulum to offer", bare]
+    toppling = _toppling(design, winner.mass_ratio)
+    hinge = 2.0 * pendulum.damping_ratio * pendulum.mass * pendulum.length**1.5 * design.scene.gravity**0.5
     return [
         f"pendulum mass      {pendulum.mass:10.4g} kg   (mass ratio   mu   = {winner.mass_ratio:.5g})",
         f"pendulum length    {pendulum.length:10.4g} m    (length ratio lam  = {winner.length_ratio:.5g})",
-        f"hinge damping      {pendulum.damping_ratio:10.4g}      of critical",
-        f"rocking amplitude  {_degrees(design.amplitude)}   "
-        f"({design.amplitude / nu:.1%} of the slenderness {nu:g})",
-        f"without pendulum   {_degrees(design.amplitude_without)}   "
-        f"({design.amplitude_without / nu:.1%} of the slenderness)",
-        f"bob's stroke       {_degrees(design.stroke)}   (limit {design.space.stroke:g} rad)",
+        f"hinge damping      {hinge:10.4g} N m s/rad ({pendulum.damping_ratio:.4g} of critical, hung from a "
+        "fixed point)",
+        f"rocking amplitude  {_degrees(design.amplitude, toppling)}",
+        bare,
+        f"bob's stroke       {_degrees(design.stroke)}, limit {design.space.stroke:g} rad",
+        f"on the way there   tilt up to {design.peak[0]:.4f} rad ({design.peak[0] / toppling:.0%} of "
+        f"toppling), bob up to {design.peak[1]:.4f} rad",
     ]
 
 
-def _degrees(angle: float) -> str:
+def _toppling(design: Design, mass_ratio: float) -> float:
+    """The tilt (rad) at which the linear block topples of itself, nu (1 + mu)/(1 + 2 mu)."""
+    return design.scene.block.slenderness * (1.0 + mass_ratio) / (1.0 + 2.0 * mass_ratio)
+
+
+def _degrees(angle: float, toppling: float | None = None) -> str:
     if not math.isfinite(angle):
-        return "overturns           "
-    return f"{angle:10.5f} rad ({math.degrees(angle):7.3f} deg)"
+        return " overturns"
+    share = "" if toppling is None else f", {angle / toppling:.1%} of the tilt at which it topples"
+    return f"{angle:10.5f} rad ({math.degrees(angle):.3f} deg{share})"
 
 
 def _row(name: str, c: Candidate) -> str:
-    agree = "" if c.agree else "  MODELS DISAGREE"
+    agree = "" if c.agree else "  MODELS DISAGREE" if c.smoothed_status != "not solved" else ""
     difference = f"{c.difference:12.2%}" if math.isfinite(c.difference) else f"{'-':>12}"
+    sizes = "".join(
+        f"{x:14.6f}" if math.isfinite(x) else f"{'-':>14}" for x in (c.amplitude, c.smoothed_amplitude)
+    )
     settles = c.status if c.periods == 1 else f"{c.status}, period {c.periods}"
-    return f"{name:24}{c.amplitude:14.8f}{c.smoothed_amplitude:14.8f}{difference}  {settles}{agree}"
+    return f"{name:24}{sizes}{difference}  {settles}{agree}"
 
 
 def notes(design: Design, responses: tuple[Response, ...] = ()) -> list[str]:
     """What somebody who would hang this pendulum must know, dangers first."""
     out = [
-        "the linear equations of Collini et al. (2016) for one harmonic motion of the base, started from "
-        "rest; other starts may settle elsewhere, and an earthquake is not a harmonic."
+        "the linear equations of Collini et al. (2016) under one harmonic motion of the base, switched on "
+        "suddenly at rest; other starts may settle elsewhere, and an earthquake is not a harmonic."
     ]
     if design.interrupted:
-        out.insert(0, "the search was interrupted: this is the best design found until then.")
+        out.insert(0, "the search was interrupted; nothing below is the best of the design space.")
     winner = design.winner
     out = _dangers(design, responses) + out
-    if winner is not None:
-        if winner.margin > 0:
-            out.append(
-                f"the settled block keeps {winner.margin:.1%} of the moment that would lift it in hand; "
-                "the sudden start may lift it before the pendulum has settled."
-            )
-        if winner.stroke > LARGE_STROKE:
-            out.append(f"a stroke of {winner.stroke:.2f} rad stretches the linear equations of the pendulum.")
+    if winner is not None and design.pendulum is not None:
+        out.extend(_margins(winner))
         out.extend(_edges(design, winner))
-        if winner.multiplier > 0.95:
-            out.append(f"the motion attracts slowly (Floquet multiplier {winner.multiplier:.3f}).")
+    if not design.bare.agree:
+        out.append("the models disagree on the bare block: take its amplitude as a rough one.")
     if (design.history.screened_status == "overturned").any():
         share = np.mean(design.history.screened_status == "overturned")
         out.append(
@@ -101,29 +109,59 @@ def notes(design: Design, responses: tuple[Response, ...] = ()) -> list[str]:
     return out
 
 
+def _margins(winner: Candidate) -> list[str]:
+    """How far the settled motion is from being another."""
+    out = []
+    if winner.status == "rest":
+        out.append(
+            f"the resting block keeps {winner.margin:.1%} of the moment that would lift it in hand, once the "
+            "pendulum has settled; the sudden start may lift it before."
+        )
+    elif winner.margin > 0:
+        out.append("the block could rest under this pendulum, but a start from rest ends in rocking.")
+    if winner.stroke > LARGE_STROKE:
+        out.append(f"a stroke of {winner.stroke:.2f} rad stretches the linear equations of the pendulum.")
+    if winner.multiplier > 0.95:
+        out.append(f"the motion attracts slowly (Floquet multiplier {winner.multiplier:.3f}).")
+    return out
+
+
 def _dangers(design: Design, responses: tuple[Response, ...]) -> list[str]:
-    """Where, near the design frequency, the pendulum does harm: overturns, or rocks more."""
+    """Where, near the design's shaking, the block overturns or rocks more."""
+    out = []
+    tried, hung_lost, bare_lost = design.overturned_nearby
+    if design.pendulum is not None and hung_lost:
+        out.append(
+            f"DANGER: of {tried} shakings within 1 % in amplitude or frequency, {hung_lost} overturn the "
+            f"block with this pendulum ({bare_lost} without), from rest."
+        )
+    if design.pendulum is not None and design.peak[0] > LARGE_PEAK * _toppling(design, 0.0):
+        out.append("DANGER: on its way from rest the block comes near the tilt at which it topples.")
     if len(responses) < 2:
-        return []
+        return out
     bare, hung = responses
     away = np.abs(hung.frequency / design.scene.motion.frequency - 1.0)
-    lost = np.flatnonzero(hung.status == "overturned")
-    worse = np.flatnonzero((hung.amplitude > 1.02 * bare.amplitude) & (hung.status != "overturned"))
-    out = []
-    if lost.size:
-        i = lost[np.argmin(away[lost])]
+    lost, lost_bare = hung.status == "overturned", bare.status == "overturned"
+    harmed = np.flatnonzero(lost & ~lost_bare)
+    if harmed.size:
+        i = harmed[np.argmin(away[harmed])]
         out.append(
-            f"DANGER: at {hung.frequency[i]:.4g} Hz, same base amplitude, from rest, the block "
-            f"OVERTURNS with this pendulum (bare block there: {bare.status[i]}). Of {hung.frequency.size} "
-            f"frequencies tried, {lost.size} overturn with it and {np.sum(bare.status == 'overturned')} "
-            "without. The design is for its one frequency; see response.png."
+            f"DANGER: at {hung.frequency[i]:.4g} Hz, same base amplitude, from rest, this pendulum OVERTURNS "
+            f"the block, which without it ends {bare.status[i]}. The design is for its one frequency; see "
+            "response.png."
         )
+    settled = [np.isin(r.status, ("rocking", "rest")) for r in responses]
+    worse = np.flatnonzero(settled[0] & settled[1] & (hung.amplitude > 1.02 * bare.amplitude))
     if worse.size:
         i = worse[np.argmin(away[worse])]
         out.append(
             f"at {hung.frequency[i]:.4g} Hz the block rocks more with this pendulum "
             f"({hung.amplitude[i]:.4g} rad) than without ({bare.amplitude[i]:.4g} rad)."
         )
+    out.append(
+        f"of {lost.size} frequencies tried from {hung.frequency[0]:.4g} to {hung.frequency[-1]:.4g} Hz, "
+        f"{lost.sum()} overturn the block with the pendulum and {lost_bare.sum()} without."
+    )
     return out
 
 
@@ -149,6 +187,8 @@ def as_json(design: Design, job: Job, responses: tuple[Response, ...] = ()) -> s
         "bare_block": _plain(design.bare),
         "history": {k: v.tolist() for k, v in asdict(design.history).items()},
         "interrupted": design.interrupted,
+        "overturned_nearby": design.overturned_nearby,
+        "peak_rad": design.peak,
         "job": tables(job),
         "notes": notes(design, responses),
         "parameters": {k: v for k, v in vars(p).items() if v is not None} | {"rho": p.inertia_ratio},

@@ -141,6 +141,8 @@ class Trace(NamedTuple):
 
     def then(self, later: Trace) -> Trace:
         """This trace with a later one appended."""
+        if later.merit.shape[1] == 0:
+            return self
         return Trace(*(np.concatenate(pair, axis=1) for pair in zip(self, later, strict=True)))
 
     def best(self, limit: float) -> np.ndarray:

@@ -35,8 +35,9 @@ class Steady(eqx.Module):
 
     `amplitude` is the largest |phi| and `stroke` the largest |psi| over the settled period(s).
     Both are differentiable in every parameter when `status` is rocking or rest; elsewhere their
-    derivative is NaN and `status` says why. At mu = 0 the stroke is that of a bob too light to
-    be felt. An overturned block has infinite amplitude and stroke.
+    derivative is NaN and `status` says why. The stroke under a resting block has none either if
+    zeta = 0: the bob rings for ever, and its reach depends on how the block came to rest. At mu = 0
+    the stroke is that of a bob too light to be felt. An overturned block has infinite amplitude and stroke.
     """
 
     amplitude: Number
@@ -121,6 +122,11 @@ def simulate(
     return Trajectory(clock, ys, status)
 
 
+def sampled(p: Parameters, periods: int = 24, per_period: int = 60) -> Float[Array, "times"]:
+    """Times tau over the first forcing periods, fine enough to draw."""
+    return jnp.linspace(0.0, 1.0, per_period * periods + 1) * periods * p.period
+
+
 def _state(y0: ArrayLike) -> State:
     y = jnp.asarray(y0, dtype=jnp.float64)
     if y.shape != (4,):
@@ -146,7 +152,8 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     status = _verdict(settled, orbit, multiplier, model.resolution(fixed))
     known = (status == Status.rocking) | (status == Status.rest)
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
-    isolated = known & (multiplier < 1.0)
+    ringing = (status == Status.rest) & (fixed.zeta == 0.0)
+    isolated = known & (multiplier < 1.0) & ~ringing
     last = jnp.where(status == Status.failed, jnp.nan, jnp.stack([settled.amplitude, settled.stroke]))
     sizes, slopes = _implicit(orbit)
     sizes = jnp.where(isolated, sizes, jnp.where(status == Status.overturned, jnp.inf, last))

@@ -52,8 +52,10 @@ def start(plant: Plant, mode: Mode, y: State, phase: Number) -> Motion:
     y = jnp.asarray(y)
     arc = launch(plant, mode, y, phase)
     zero = jnp.zeros_like(y[0])
-    slope = arc.rates.differentiate(arc.rows[6]) @ arc.basis(zero)
-    bob_sign = jnp.where(y[3] == 0.0, jnp.sign(slope), jnp.sign(y[3]))
+    # From rest the bob's first and second derivatives vanish: look a little ahead instead.
+    ahead = arc.rows[6] @ arc.basis(1e-3 / plant.linear.xi)
+    bob_rate = jnp.where(jnp.abs(y[3]) > 1e-12, y[3], ahead)
+    bob_sign = jnp.where(bob_rate < 0.0, -1.0, 1.0)
     return Motion(
         mode,
         arc,
@@ -73,7 +75,7 @@ def advance(
     horizon: Number,
     *,
     quiet: Number,
-    max_steps: int,
+    max_steps: int | Int[Array, ""],
     watch_bob: bool = False,
 ) -> tuple[Motion, State]:
     """Run a motion up to `horizon` (same clock as `begun`): the motion there, and its state.
@@ -136,8 +138,9 @@ def _safe_steps(m: Motion, basis: Basis, left: Number, watch_bob: bool) -> Float
     fourth = rates.differentiate(third)
     fresh = m.local == 0.0
     g0, g1, g2 = jnp.maximum(rows @ basis, 0.0), first @ basis, second @ basis
-    # An arc begins inside: what rounding says to the contrary at its first instant is noise.
-    g1 = jnp.where(fresh & (rows @ basis < 1e-12), jnp.maximum(g1, 0.0), g1)
+    # An arc born of an event begins inside: what rounding says to the contrary is noise.
+    born = fresh & (m.begun > 0.0) & (rows @ basis < 1e-12)
+    g1 = jnp.where(born, jnp.maximum(g1, 0.0), g1)
     window = jnp.minimum(left, jnp.minimum(1.0 / rates.xi, 1.0 / (rates.s1 + 0.1)))
     _, e1, e2, u, v, _, _ = basis
     growth = e1 * jnp.exp(rates.s1 * window)
@@ -195,9 +198,9 @@ def _meet(plant: Plant, m: Motion, basis: Basis, which: Int[Array, ""], quiet: N
     )
 
 
-def settled_at_rest(plant: Plant, m: Motion) -> Bool[Array, ""]:
-    """Whether a resting block can never lift again: the pendulum's decaying swing and its
-    steady one together stay within what weight and friction hold."""
+def settled_at_rest(plant: Plant, m: Motion) -> tuple[Bool[Array, ""], Number]:
+    """Whether a resting block can never lift again, because the pendulum's decaying swing and its
+    steady one together stay within what weight and friction hold; and how far they reach (rad)."""
     linear, (s, c) = plant.linear, plant.swing
     # R = -f sin - 2 mu psi + bias psi' for the steady swing, whose rate is xi (s cos - c sin).
     two_mu, bias, xi = linear.tilt - 1.0, linear.bias, linear.xi
@@ -207,4 +210,5 @@ def settled_at_rest(plant: Plant, m: Motion) -> Bool[Array, ""]:
     stiffness = plant.held.q
     swing = jnp.sqrt(psi**2 + rate**2 / stiffness)
     decaying = two_mu * swing + jnp.abs(bias) * swing * jnp.sqrt(stiffness)
-    return (m.mode.kind == REST) & (steady + decaying <= linear.weight + linear.friction)
+    stays = (m.mode.kind == REST) & (steady + decaying <= linear.weight + linear.friction)
+    return stays, jnp.hypot(s, c) + swing

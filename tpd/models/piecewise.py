@@ -60,13 +60,16 @@ class Piecewise(AbstractModel):
         phase = jnp.zeros_like(p.xi)
 
         def one_period(y: State, mode: Mode) -> Period:
-            m, y = advance(plant, start(plant, mode, y, phase), p.period, **self._settings(p))
-            rests = settled_at_rest(plant, m) & jnp.all(jnp.isfinite(y))
+            begun = start(plant, mode, y, phase)
+            m, y = advance(plant, begun, p.period, watch_bob=True, **self._settings(p))
+            rests, reach = settled_at_rest(plant, m)
+            rests = rests & jnp.all(jnp.isfinite(y))
             steady = jnp.stack([phase, plant.swing[1], phase, p.xi * plant.swing[0]])
             y = jnp.where(rests & (p.zeta > 0), steady, y)
             exhausted = m.steps >= self.max_events
             amplitude = jnp.where(rests, 0.0, m.amplitude)
-            return Period(y, m.mode, amplitude, m.stroke, rests, m.lost, exhausted)
+            stroke = jnp.where(rests, reach, m.stroke)
+            return Period(y, m.mode, amplitude, stroke, rests, m.lost, exhausted)
 
         mode = classify(plant, y0, phase)
         return settle(one_period, p, y0, mode, tolerance=self.tolerance, max_periods=self.max_periods)
@@ -97,14 +100,15 @@ class Piecewise(AbstractModel):
             y, mode, lost, exhausted = carry
             begin, end = interval
             m = start(plant, mode, y, p.xi * begin)
-            m, y = advance(plant, m, end - begin, **self._settings(p))
-            carry = y, m.mode, lost | m.lost, exhausted | (m.steps >= self.max_events)
+            bound = (self.max_events * (1.0 + (end - begin) / p.period)).astype(int)
+            m, y = advance(plant, m, end - begin, quiet=self.rest_rate * p.nu, max_steps=bound)
+            carry = y, m.mode, lost | m.lost, exhausted | (m.steps >= bound)
             return carry, jnp.where(carry[2] | carry[3], jnp.nan, y)
 
         no = jnp.zeros((), bool)
         first = (y0, classify(plant, y0, jnp.sin(p.xi * times[0])), no, no)
         intervals = jnp.stack([times[:-1], times[1:]], axis=1)
         (_, _, lost, exhausted), ys = jax.lax.scan(leg, first, intervals)
-        status = Status.where(exhausted, Status.event_bound, Status.rocking)
-        status = Status.where(lost, Status.overturned, status)
+        status = Status.where(lost, Status.overturned, Status.rocking)
+        status = Status.where(exhausted, Status.event_bound, status)
         return jnp.concatenate([y0[None], ys]), status

@@ -99,7 +99,7 @@ def settle(
         s.memory,
         jnp.maximum(s.repeats, 1),
         jnp.max(s.amplitudes),
-        jnp.max(s.strokes),
+        jnp.where(s.period.rests, s.period.stroke, jnp.max(s.strokes)),
         status,
         s.elapsed,
     )
