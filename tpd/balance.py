@@ -20,9 +20,10 @@ from tpd.parameters import Number, Parameters
 
 
 class Uplift(NamedTuple):
-    """Whether the settled block can lift at all.
+    """Whether a block at rest under the settled pendulum can lift. It may rock all the same: from
+    another start, or because the sudden start lifts it first.
 
-    `margin` is 1 - |B| f / ((1 + mu) nu + k): positive, and the settled block never lifts;
+    `margin` is 1 - |B| f / ((1 + mu) nu + k): positive, and the resting block never lifts;
     `stroke` is the bob's settled angle (rad) under the resting block. They speak of the settled
     pendulum: a start from rest may lift the block once before that.
     """

@@ -67,7 +67,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"tpd: {error}", file=sys.stderr)
         return _BAD_INPUT
     except KeyboardInterrupt:
-        print("tpd: interrupted before anything was found", file=sys.stderr)
+        print("tpd: interrupted; what is not in the output directory is lost", file=sys.stderr)
         return _INTERRUPTED
 
 

@@ -78,7 +78,10 @@ class StartStatus(enum.Enum):
 class DesignStatus(enum.Enum):
     """What the answer is worth; the value is the sentence a report opens with."""
 
-    found = "A pendulum was found that lessens the rocking; the exact solution confirms it."
+    found = (
+        "A pendulum was found that lessens the settled rocking under this one shaking, from rest; the exact "
+        "solution of the linear equations confirms it."
+    )
     models_disagree = (
         "DO NOT USE AS IT IS: the smoothed and the exact solution disagree on this design by more than "
         "the tolerance, so its motion depends on details that neither can promise."
@@ -167,7 +170,7 @@ class Design:
     starts: tuple[StartStatus, ...]
     history: History
     peak: tuple[float, float]
-    """Largest |phi| and |psi| (rad) on the way from rest, with the pendulum if there is one."""
+    """Largest |phi| and |psi| (rad) in the first 24 periods from rest, with the pendulum if there is one."""
     overturned_nearby: tuple[int, int, int]
     """How many shakings within 1 % of the design's were tried, and how many of them overturn the
     block with the pendulum and without."""

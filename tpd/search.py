@@ -91,7 +91,7 @@ def evaluator(
 
 def starting_points(p: Parameters, space: DesignSpace, count: int, seed: int) -> np.ndarray:
     """`count` designs (mu, lam, zeta), seeded: half spread over the space (Latin hypercube), half
-    of the same moved by the closed forms to where the settled block cannot lift, if anywhere."""
+    of the same moved by the closed forms to where a resting block stays at rest, if anywhere."""
     rng = np.random.default_rng(seed)
     low, high = space.bounds
     half = (count + 1) // 2
