@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tpd.balance import one_harmonic as one_harmonic
     from tpd.balance import uplift as uplift
+    from tpd.batch import in_chunks as in_chunks
     from tpd.design import Design as Design
     from tpd.design import DesignSpace as DesignSpace
     from tpd.models.piecewise import Piecewise as Piecewise
     from tpd.models.smoothed import Smoothed as Smoothed
     from tpd.optimiser import optimise as optimise
+    from tpd.orbits import symmetric_orbits as symmetric_orbits
     from tpd.parameters import Parameters as Parameters
     from tpd.scene import Block as Block
     from tpd.scene import Harmonic as Harmonic
@@ -38,12 +40,14 @@ _HOMES = {
     "Scene": "scene",
     "Smoothed": "models.smoothed",
     "Status": "status",
+    "in_chunks": "batch",
     "one_harmonic": "balance",
     "optimise": "optimiser",
     "paper_scene": "scene",
     "simulate": "steady",
     "status_name": "status",
     "steady_state": "steady",
+    "symmetric_orbits": "orbits",
     "uplift": "balance",
 }
 

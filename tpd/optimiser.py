@@ -32,7 +32,7 @@ from tpd.search import (
     trace,
     with_design,
 )
-from tpd.status import status_name
+from tpd.status import SETTLED, status_name
 from tpd.steady import Steady, sampled, simulate, steady_state
 
 _NEARBY = (-0.01, -0.005, 0.005, 0.01)
@@ -178,7 +178,7 @@ class Screened:
 
     def order(self, limit: float) -> np.ndarray:
         """Indices of the designs that settle within the limit, best first."""
-        settled = np.isin(self.status, ("rocking", "rest")) & (self.stroke <= limit)
+        settled = np.isin(self.status, SETTLED) & (self.stroke <= limit)
         order = np.argsort(np.where(settled, self.amplitude, np.inf), kind="stable")
         return order[: settled.sum()]
 
@@ -277,7 +277,7 @@ def _candidate(
         other, other_stroke = float(smoothed.amplitude[i]), float(smoothed.stroke[i])
         other_name = status_name(jax.tree.map(lambda x: x[i], smoothed.status))
     near = abs(amplitude - other) <= tolerance * max(amplitude, other) + float(model.resolution(q))
-    settled = {name, other_name} <= {"rocking", "rest"}
+    settled = {name, other_name} <= set(SETTLED)
     mu, lam, zeta = (float(x) for x in design)
     return Candidate(
         mass_ratio=mu,
@@ -325,7 +325,7 @@ def _peak(scene: Scene, pendulum: Pendulum | None) -> tuple[float, float]:
 
 def _rank(candidates: list[Candidate], space: DesignSpace) -> tuple[Candidate | None, Candidate | None]:
     """The best and the second best candidate, the latter another design and not a neighbour."""
-    feasible = [c for c in candidates if c.status in ("rocking", "rest") and c.stroke <= space.stroke]
+    feasible = [c for c in candidates if c.status in SETTLED and c.stroke <= space.stroke]
     feasible.sort(key=lambda c: (not c.agree, c.amplitude, -c.margin))
     if not feasible:
         return None, None

@@ -21,6 +21,7 @@ from tpd.models.smoothed import Smoothed
 from tpd.parameters import as_arrays
 from tpd.response import Response
 from tpd.search import with_design
+from tpd.status import SETTLED
 from tpd.steady import sampled, simulate
 
 INK, GREY, BLUE, ORANGE = "#1a1a1a", "#9a9a9a", "#1f5fa8", "#d9822b"
@@ -39,7 +40,7 @@ def plot_search(design: Design, ax: Axes | None = None) -> Axes:
     ax = cast(Axes, new_axes() if ax is None else ax)
     h, space = design.history, design.space
     _no_uplift_region(design, ax)
-    settled = np.isin(h.screened_status, ("rocking", "rest"))
+    settled = np.isin(h.screened_status, SETTLED)
     within = settled & (h.screened_stroke <= space.stroke)
     nu, finite = design.scene.block.slenderness, np.isfinite(design.amplitude_without)
     for mask, marker, size in ((within, "o", 26), (settled & ~within, "^", 16)):
@@ -139,10 +140,10 @@ def plot_response(design: Design, responses: tuple[Response, ...], ax: Axes | No
     ax = cast(Axes, new_axes() if ax is None else ax)
     labels = ("bare block", "with the pendulum")
     styles: tuple[dict[str, Any], ...] = ({"color": GREY, "marker": "s"}, {"color": BLUE, "marker": "o"})
-    tops = [r.amplitude[np.isin(r.status, ("rocking", "rest"))] for r in responses]
+    tops = [r.amplitude[np.isin(r.status, SETTLED)] for r in responses]
     top = 1.35 * max([float(x.max()) for x in tops if x.size], default=1.0) or 1.0
     for i, (r, label, style) in enumerate(zip(responses, labels, styles, strict=False)):
-        settled = np.isin(r.status, ("rocking", "rest"))
+        settled = np.isin(r.status, SETTLED)
         ax.plot(r.frequency, np.where(settled, r.amplitude, np.nan), ms=3.5, lw=1.2, label=label, **style)
         lost = r.status == "overturned"
         level = np.full(lost.sum(), top * (1.0 - 0.05 * i))

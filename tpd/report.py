@@ -17,6 +17,7 @@ import tpd
 from tpd.design import Candidate, Design, DesignStatus
 from tpd.job import Job, dump, tables
 from tpd.response import Response
+from tpd.status import SETTLED
 
 PACKAGES = ("jax", "jaxlib", "diffrax", "optax", "equinox", "numpy")
 LARGE_PEAK = 0.7
@@ -152,7 +153,7 @@ def _dangers(design: Design, responses: tuple[Response, ...]) -> list[str]:
             f"the block, which without it ends {bare.status[i]}. The design is for its one frequency; see "
             "response.png."
         )
-    settled = [np.isin(r.status, ("rocking", "rest")) for r in responses]
+    settled = [np.isin(r.status, SETTLED) for r in responses]
     worse = np.flatnonzero(settled[0] & settled[1] & (hung.amplitude > 1.02 * bare.amplitude))
     if worse.size:
         i = worse[np.argmin(away[worse])]

@@ -21,7 +21,7 @@ from tpd.balance import uplift
 from tpd.design import DesignSpace, StartStatus
 from tpd.models.interface import AbstractModel
 from tpd.parameters import Number, Parameters
-from tpd.status import Status, status_name
+from tpd.status import Status, is_settled, status_name
 from tpd.steady import Steady, steady_state
 
 STROKE_PENALTY = 5.0
@@ -72,7 +72,7 @@ def evaluator(
         x = design[:searched]
         # Forward mode keeps a missing slope of one output out of the others.
         slopes, (steady, margin) = jax.jacfwd(sizes, has_aux=True)(x)
-        settled = (steady.status == Status.rocking) | (steady.status == Status.rest)
+        settled = is_settled(steady.status)
         usable = settled & jnp.all(jnp.isfinite(slopes))
         value = jnp.where(steady.status == Status.rest, -margin, steady.amplitude / p.nu)
         return Evaluation(

@@ -3,25 +3,43 @@
 from __future__ import annotations
 
 import equinox as eqx
+from jaxtyping import Array
 
 
 class Status(eqx.Enumeration):
     """Outcome of a steady-state solve; `Status[s]` is its message, `status_name(s)` its name."""
 
     rocking = "The block settles into periodic rocking."
+    sticking = (
+        "The block settles into periodic rocking and is held by friction or on its base for a part of "
+        "every period."
+    )
     rest = "The block settles at rest on its base and does not rock."
     overturned = (
         "The tilt grows beyond any return: the block overturns. "
         "Change the pendulum, or start from another state."
     )
+    aperiodic = (
+        "The motion does not repeat, and motions that start side by side separate exponentially: the "
+        "amplitude is the largest met and has no gradient. Judge the design by an ensemble of starts, "
+        "or add hinge damping."
+    )
     not_settled = (
-        "No periodic motion was reached within `max_periods` (slow decay, or aperiodic motion): "
+        "No periodic motion was reached within `max_periods` (slow decay): "
         "the amplitude is the largest of the last periods and has no gradient. "
         "Raise `max_periods`, or add hinge damping."
     )
     unstable = (
-        "The motion found is periodic but not attracting, or so near a fold that its gradient "
-        "does not exist. Move the parameters away from the fold."
+        "The motion found is periodic but not attracting: the slightest push leads away from it. "
+        "Start from another state."
+    )
+    near_fold = (
+        "The periodic motion is about to merge with an unstable one and vanish: its gradient grows "
+        "beyond bounds there and is refused. Move the parameters away from the fold."
+    )
+    grazing = (
+        "The periodic motion touches an event without crossing it: on one side of such a design there "
+        "is no gradient, and it is refused. Move the parameters."
     )
     event_bound = (
         "More events in one period than `max_events` allows (rattling without end). Raise `max_events`."
@@ -30,19 +48,39 @@ class Status(eqx.Enumeration):
         "The solver produced no finite number (resonance without damping, or a singular limit "
         "such as a length ratio near zero). Change the parameters."
     )
+    no_orbit = "There is no such periodic motion. Start a simulation to see what there is instead."
 
 
 _NAMES = (
     "rocking",
+    "sticking",
     "rest",
     "overturned",
+    "aperiodic",
     "not_settled",
     "unstable",
+    "near_fold",
+    "grazing",
     "event_bound",
     "failed",
+    "no_orbit",
 )
+
+
+SETTLED = ("rocking", "sticking", "rest")
+"""Names of the statuses of attracting motions, see `is_settled`."""
 
 
 def status_name(status: Status) -> str:
     """The name of one (not batched, not traced) status, such as `"rocking"`."""
     return next(name for name in _NAMES if bool(getattr(Status, name) == status))
+
+
+def is_moving(status: Status) -> Array:
+    """Whether a status is that of an attracting periodic motion of the block."""
+    return (status == Status.rocking) | (status == Status.sticking)
+
+
+def is_settled(status: Status) -> Array:
+    """Whether a status is that of an attracting motion, with an amplitude and its gradient."""
+    return is_moving(status) | (status == Status.rest)

@@ -16,6 +16,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
 from tpd.equations import Linear
+from tpd.exact.trigonometry import Turn, turn
 from tpd.parameters import Number, Parameters, State
 
 Basis = Float[Array, "7"]
@@ -31,14 +32,22 @@ class Rates(NamedTuple):
     q: Number
     xi: Number
 
+    @property
+    def swing_rate(self) -> Number:
+        """sqrt |q - p^2/4|, the rate of the pair's `swing` in `pair`."""
+        return _swing_rate(self.p, self.q)
+
+    def pair(self, t: Number, swing: Turn | None = None) -> tuple[Number, Number]:
+        """The pair's solutions u, v with (u, u') = (1, 0) and (v, v') = (0, 1) at t = 0; `swing` is
+        the turn by `swing_rate` times t, if known."""
+        cosine, v = _pair(self.p, self.q, t, swing)
+        return cosine + 0.5 * self.p * v, v
+
     def basis(self, t: Number, phase: Number) -> Basis:
         """(1, exp s1 t, exp s2 t, u, v, sin, cos) at local time t; the forcing is
-        sin(phase + xi t), and u, v are the pair's solutions with (u, u') = (1, 0) and
-        (v, v') = (0, 1) at t = 0."""
-        cosine, sine_over = _pair(self.p, self.q, t)
-        v = sine_over
-        u = cosine + 0.5 * self.p * v
-        angle = phase + self.xi * t
+        sin(phase + xi t)."""
+        u, v = self.pair(t)
+        cosine, sine = turn(phase + self.xi * t)
         return jnp.stack(
             [
                 jnp.ones_like(u),
@@ -46,8 +55,8 @@ class Rates(NamedTuple):
                 jnp.exp(self.s2 * t),
                 u,
                 v,
-                jnp.sin(angle),
-                jnp.cos(angle),
+                sine,
+                cosine,
             ]
         )
 
@@ -68,14 +77,27 @@ class Rates(NamedTuple):
         )
 
 
-def _pair(p: Number, q: Number, t: Number) -> tuple[Number, Number]:
-    """exp(-pt/2) times (cos wt, sin(wt)/w), w^2 = q - p^2/4, through w^2 = 0 and below it."""
+_SERIES = 1e-3
+"""|w t|^2 below which the pair's solutions are summed as power series."""
+
+
+def _swing_rate(p: Number, q: Number) -> Number:
+    """sqrt |q - p^2/4|, away from zero: beyond its use `_pair` sums a series instead."""
+    size = jnp.abs(q - 0.25 * p**2)
+    return jnp.sqrt(jnp.where(size > 1e-16, size, 1e-16))
+
+
+def _pair(p: Number, q: Number, t: Number, swing: Turn | None = None) -> tuple[Number, Number]:
+    """exp(-pt/2) times (cos wt, sin(wt)/w), w^2 = q - p^2/4, through w^2 = 0 and below it.
+
+    `swing` is the turn by `_swing_rate` times t, if known."""
     w2 = q - 0.25 * p**2
     x2 = w2 * t**2
-    near, below = jnp.abs(x2) < 1e-3, w2 < 0
-    w = jnp.sqrt(jnp.where(near, 1.0, jnp.abs(w2)))
+    near, below = jnp.abs(x2) < _SERIES, w2 < 0
+    w = _swing_rate(p, q)
+    cosine, sine = turn(w * t) if swing is None else swing
     decay = jnp.exp(-0.5 * p * t)
-    cosine, sine = decay * jnp.cos(w * t), decay * jnp.sin(w * t) / w
+    cosine, sine = decay * cosine, decay * sine / w
     w_real = jnp.where(below & ~near, w, 0.0)
     slow, fast = jnp.exp((w_real - 0.5 * p) * t), jnp.exp((-w_real - 0.5 * p) * t)
     cosh, sinh = 0.5 * (slow + fast), 0.5 * (slow - fast) / w

@@ -1,0 +1,77 @@
+"""Large batches: in chunks that fit the processor's cache, on all cores, in bounded memory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tpd import checks
+
+CHUNK = 512
+"""Designs computed at once. Some hundred arrays of this length are alive at a time, about two
+megabytes: more designs at once are no faster, since they leave the cache."""
+
+
+def in_chunks(
+    function: Callable[[Any], Any],
+    batch: Any,
+    *,
+    chunk: int = CHUNK,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Any:
+    """`function` of every element of `batch`: `jit(vmap(function))`, but in chunks and on all cores.
+
+    Args:
+        function: of one element (a pytree of arrays without the leading axis), pure as for `jit`.
+            Compiled once per function object and chunk size; keep the object to keep the code.
+        batch: a pytree of arrays that share their leading axis, of any length above zero.
+        chunk: elements per chunk. Memory beyond inputs and results is proportional to
+            `chunk * workers`, not to the length of the batch.
+        workers: threads; default the number of cores.
+        progress: called with (elements done, of how many) after each chunk.
+
+    Returns:
+        The same pytree as `vmap(function)` would give, with NumPy arrays for leaves.
+
+    Raises:
+        ValueError: an empty batch, leaves of different lengths, or a chunk below one.
+    """
+    leaves, treedef = jax.tree.flatten(batch)
+    arrays = [np.asarray(x) for x in leaves]
+    lengths = {x.shape[0] if x.ndim else 0 for x in arrays}
+    if len(lengths) != 1 or 0 in lengths:
+        raise ValueError(
+            f"`batch` must be arrays of one length above zero, but has lengths {sorted(lengths)}"
+        )
+    checks.positive("chunk", chunk)
+    (length,) = lengths
+    compiled = _compiled(function)
+    cores = (os.cpu_count() or 1) if workers is None else workers
+
+    def run(begin: int) -> Any:
+        index = np.minimum(np.arange(begin, begin + chunk), length - 1)
+        out = compiled(jax.tree.unflatten(treedef, [jnp.asarray(x[index]) for x in arrays]))
+        kept = min(chunk, length - begin)
+        return jax.tree.map(lambda x: np.asarray(x)[:kept], out)
+
+    parts = []
+    with ThreadPoolExecutor(cores) as pool:
+        for part in pool.map(run, range(0, length, chunk)):
+            parts.append(part)
+            if progress is not None:
+                progress(min(len(parts) * chunk, length), length)
+    return jax.tree.map(lambda *x: np.concatenate(x), *parts)
+
+
+@lru_cache(maxsize=32)
+def _compiled(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    return eqx.filter_jit(jax.vmap(function))

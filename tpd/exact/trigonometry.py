@@ -1,0 +1,67 @@
+"""Cosine and sine together, in polynomials that a batch computes several at a time.
+
+XLA calls the C library for sines, one number after the other; in a batch that call costs more than
+everything else. The reduction to a quarter turn carries pi/2 in three parts, good to the last digit
+up to a million rad, and the Taylor polynomials leave less than 1e-19 there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from tpd.parameters import Number
+
+_HALF_PI = tuple(float.fromhex(x) for x in ("0x1.921fb544p+0", "0x1.0b4611a6p-34", "0x1.3198a2e037073p-69"))
+_SINE = tuple((-1) ** i / math.factorial(2 * i + 1) for i in range(9))
+_COSINE = tuple((-1) ** i / math.factorial(2 * i) for i in range(9))
+
+
+class Turn(NamedTuple):
+    """Cosine and sine of an angle."""
+
+    cosine: Number
+    sine: Number
+
+    def then(self, other: Turn) -> Turn:
+        """Of the sum of two angles."""
+        return Turn(
+            self.cosine * other.cosine - self.sine * other.sine,
+            self.sine * other.cosine + self.cosine * other.sine,
+        )
+
+    def before(self, other: Turn) -> Turn:
+        """Of the other angle less this one."""
+        return Turn(self.cosine, -self.sine).then(other)
+
+
+@jax.custom_jvp
+def turn(angle: Number) -> Turn:
+    """Cosine and sine of `angle` (rad), to the last digit while |angle| < 1e6."""
+    quarters = jnp.round(angle * (2.0 / math.pi))
+    rest = ((angle - quarters * _HALF_PI[0]) - quarters * _HALF_PI[1]) - quarters * _HALF_PI[2]
+    square = rest * rest
+    sine = rest + rest * square * _horner(_SINE[1:], square)
+    cosine = 1.0 - 0.5 * square + square * square * _horner(_COSINE[2:], square)
+    quadrant = quarters.astype(jnp.int32)
+    swapped = (quadrant & 1) == 1
+    sine, cosine = jnp.where(swapped, cosine, sine), jnp.where(swapped, sine, cosine)
+    sine = jnp.where((quadrant & 2) == 2, -sine, sine)
+    cosine = jnp.where(((quadrant + 1) & 2) == 2, -cosine, cosine)
+    return Turn(cosine, sine)
+
+
+@turn.defjvp
+def _turn_jvp(primals: tuple[Number], tangents: tuple[Number]) -> tuple[Turn, Turn]:
+    here, rate = turn(*primals), tangents[0]
+    return here, Turn(-here.sine * rate, here.cosine * rate)
+
+
+def _horner(coefficients: tuple[float, ...], x: Number) -> Number:
+    value = coefficients[-1] * jnp.ones_like(x)
+    for c in coefficients[-2::-1]:
+        value = value * x + c
+    return value

@@ -1,0 +1,170 @@
+"""Every symmetric period-one orbit of a design, stable and unstable, without start values.
+
+Most rocking attractors are such orbits: one swing to either side per forcing period, the second the
+mirror image of the first. They are the roots of one scalar equation (`tpd.exact.symmetric`), so that
+nothing is simulated; their derivatives follow from the implicit function theorem.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.lax import stop_gradient
+from jaxtyping import Array, Bool, Complex, Float
+
+from tpd import checks
+from tpd.exact.multipliers import characteristic, quartic_roots
+from tpd.exact.spectrum import Plant
+from tpd.exact.symmetric import (
+    Half,
+    Orbit,
+    Path,
+    Root,
+    candidates,
+    half_map,
+    instant,
+    orbit_of,
+    polish,
+    state_at,
+)
+from tpd.parameters import Number, Parameters, as_arrays
+from tpd.status import Status
+
+_NEAR_FOLD = 1e-6
+"""Distance of a half-period multiplier from 1 below which an orbit has no usable derivative."""
+_GRAZING = 1e-7
+"""The same of the smallest falling rate between the turns, over the largest."""
+
+
+class Margins(eqx.Module):
+    """What is left until an orbit is lost, as functions that vanish where it happens, smoothly in
+    the parameters; leading axis the orbits."""
+
+    fold: Number
+    """det(I - G), G the derivative of the mirrored half-period map: two orbits merge and vanish."""
+    symmetry: Number
+    """det(I + G): the orbit loses its symmetry, and two mirror images branch off."""
+    sticking: Number
+    """-phi'' just after the turn, over its size just before: at zero the block sticks there."""
+    grazing: Number
+    """The least falling rate between the turns, over xi times the amplitude (infinite if the rate has
+    no dent): at zero the block turns back once more."""
+
+
+class Orbits(eqx.Module):
+    """The symmetric period-one orbits of one design, the largest first; leading axis `ORBITS` (3),
+    status `no_orbit` where there are fewer, and NaN beside it. Angles in rad.
+
+    `amplitude`, `stroke` and `state` are differentiable in every parameter, also on unstable
+    orbits; their derivative is NaN where the status is near_fold, grazing or no_orbit.
+    """
+
+    status: Status
+    """rocking (attracting), unstable, near_fold, grazing or no_orbit."""
+    amplitude: Float[Array, "*orbits"]
+    """Largest |phi|."""
+    stroke: Float[Array, "*orbits"]
+    """Largest |psi|."""
+    state: Float[Array, "*orbits 4"]
+    """(phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
+    phase: Float[Array, "*orbits"]
+    """Phase xi tau of the forcing at the upper turn, in (-pi, pi]."""
+    crossing: Float[Array, "*orbits"]
+    """Dimensionless time from the upper turn to the crossing of phi = 0."""
+    multipliers: Complex[Array, "*orbits 4"]
+    """Floquet multipliers over one forcing period; attracting if all are below 1 in size."""
+    margins: Margins
+    overflow: Bool[Array, ""]
+    """Whether there were more than could be followed up."""
+
+
+def symmetric_orbits(p: Parameters) -> Orbits:
+    """All symmetric period-one orbits of (25) with true signs, section by section in closed form.
+
+    Works under `jit`, `vmap`, `grad` and `jacfwd`; see `in_chunks` for large batches. An orbit with
+    a stick phase, with more crossings, or that repeats later is not among them: `steady_state`
+    follows those.
+
+    Raises:
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    return _symmetric_orbits(as_arrays(p))
+
+
+@eqx.filter_jit
+def _symmetric_orbits(p: Parameters) -> Orbits:
+    half = Half(Plant(p))
+    found = candidates(jax.tree.map(stop_gradient, half))
+    found = jax.tree.map(stop_gradient, found)
+    # Where there is no orbit the arithmetic is done on a harmless root and thrown away.
+    safe = Root(
+        jnp.where(found.exists, found.root.t, 0.5 * stop_gradient(half.span)),
+        jnp.where(found.exists, found.root.gamma, 0.3),
+    )
+    parts = jax.vmap(lambda r, path, there: _describe(p, half, r, path, there))(
+        safe, found.path, found.exists
+    )
+    return Orbits(*parts, found.overflow)
+
+
+def _describe(p: Parameters, half: Half, root: Root, path: Path, there: Array) -> tuple:
+    polished, _ = polish(half, root, steps=1)
+    orbit = orbit_of(half, polished)
+    multipliers, fold, symmetry = _stability(p, half, orbit, there)
+    sticking = path.leaving / (path.leaving - 2.0 * _friction_pull(half))
+    fall = path.least_fall / (half.plant.linear.xi * stop_gradient(orbit.height))
+    margins = Margins(fold, symmetry, sticking, fall)
+    near = jnp.min(jnp.abs(1.0 - multipliers)) < _NEAR_FOLD
+    largest = jnp.max(jnp.abs(multipliers))
+    status = Status.where(largest < 1.0, Status.rocking, Status.unstable)
+    status = Status.where(fall < _GRAZING, Status.grazing, status)
+    status = Status.where(near, Status.near_fold, status)
+    status = Status.where(there, status, Status.no_orbit)
+    usable = there & ~near & ~(fall < _GRAZING)
+
+    def answer(x: Number) -> Number:
+        return _refused(jnp.where(there, x, jnp.nan), usable)
+
+    begun = jnp.mod(-polished.gamma, 2.0 * jnp.pi) / half.plant.linear.xi
+    state = state_at(half, orbit, begun)
+    bob = instant(half, orbit, path.bob_time, path.bob_late)
+    arc = jax.tree.map(lambda a, b: jnp.where(path.bob_late, b, a), orbit.first[1], orbit.second[1])
+    phase = jnp.where(there, polished.gamma, jnp.nan)
+    crossing = jnp.where(there, polished.t, jnp.nan)
+    squares = jnp.where(there, multipliers**2, jnp.nan)
+    stroke = jnp.abs(arc.at(*bob))
+    return status, answer(orbit.height), answer(stroke), answer(state), phase, crossing, squares, margins
+
+
+def _stability(p: Parameters, half: Half, orbit: Orbit, there: Array) -> tuple[Array, Number, Number]:
+    """Eigenvalues of the mirrored half-period map, and its two determinants. A bob without mass
+    (mu = 0) cannot be felt and is left out: two eigenvalues are zero then."""
+    m = half_map(half, orbit)
+    felt = jnp.where(jnp.asarray(p.mu) > 0, 1.0, 0.0)
+    m = tuple(tuple(m[i][j] * (felt if i % 2 or j % 2 else 1.0) for j in range(4)) for i in range(4))
+    c1, c2, c3, c4 = characteristic(m)
+    fold, symmetry = 1.0 + c1 + c2 + c3 + c4, 1.0 - c1 + c2 - c3 + c4
+    clean = zip((c1, c2, c3, c4), (0.0, 0.0, 0.0, -1.0), strict=True)
+    real, imag = quartic_roots(tuple(jnp.where(there, c, other) for c, other in clean))
+    return real + 1j * imag, fold, symmetry
+
+
+def _friction_pull(half: Half) -> Number:
+    """What friction adds to phi'' while the tilt falls."""
+    linear = half.plant.linear
+    return linear.friction * linear.m22 / linear.determinant
+
+
+@jax.custom_jvp
+def _refused(value: Number, usable: Array) -> Number:
+    """`value`, without a derivative unless `usable`."""
+    del usable
+    return value
+
+
+@_refused.defjvp
+def _refused_jvp(primals: tuple, tangents: tuple) -> tuple[Number, Number]:
+    value, usable = primals
+    return value, jnp.where(usable, tangents[0], jnp.nan)
