@@ -114,8 +114,8 @@ def test_differentiate_is_the_time_derivative_of_rows(p, q):
 @jax.jit
 def arc(x, kind, signs, y, phase, t):
     """The state at time `t` on an arc that leaves `y` at time zero, in closed form."""
-    a = launch(Plant(parameters(x)), Mode(kind, signs[0], signs[1]), y, phase)
-    return a.rows[:4] @ a.basis(t)
+    a = launch(Plant(parameters(x)), Mode(kind, signs[0], signs[1]), y, jnp.asarray(phase))
+    return jnp.stack(a.state(a.at(jnp.asarray(t)), jnp.zeros(())))
 
 
 def by_exponential(x, kind, signs, y, phase, t):

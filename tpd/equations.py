@@ -17,7 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from tpd.parameters import Number, Parameters, State
+from tpd.parameters import Number, Numbers, Parameters, State
 
 
 class Linear(eqx.Module):
@@ -83,7 +83,7 @@ class Linear(eqx.Module):
         ddpsi = (self.m11 * r2 - self.m21 * r1) / self.determinant
         return jnp.stack([dphi, dpsi, ddphi, ddpsi])
 
-    def holding_moment(self, y: State, sine: Number) -> Number:
+    def holding_moment(self, y: State | Numbers, sine: Number) -> Number:
         """R, the moment on a block held still (phi' = 0); it stays held while friction and
         weight can balance it."""
         phi, psi, _, dpsi = y

@@ -13,6 +13,8 @@ from tpd import checks
 
 Number = Float[Array, "..."] | float
 State = Float[Array, "4"]
+Numbers = tuple[Number, Number, Number, Number]
+"""A state (phi, psi, phi', psi'), one number each."""
 
 SLENDERNESS_LIMIT = 0.5
 """Widest block (width over height) the linear equations are offered for: they drop terms of

@@ -10,24 +10,31 @@ unit circle it does not exist.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
 import equinox as eqx
 import jax
 import jax.core
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jax.lax import stop_gradient
-from jaxtyping import Array, ArrayLike, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from tpd import checks
 from tpd.models.interface import AbstractModel, Settled
 from tpd.models.piecewise import Piecewise
 from tpd.models.settling import scale_of
 from tpd.parameters import Number, Parameters, State, as_arrays
-from tpd.status import Status
+from tpd.status import Status, is_moving, is_settled
 
 _NEWTON_STEPS = 8
 _RESIDUAL = 1e-8
 _NEAR_FOLD = 1e-7
+_GRAZING = 1e-7
+_SYMMETRIC = 1e-6
+_APERIODIC = 5e-3
+"""Lyapunov exponent, per unit tau, above which a motion that did not repeat is called aperiodic."""
 
 
 class Steady(eqx.Module):
@@ -47,6 +54,11 @@ class Steady(eqx.Module):
     """Forcing periods in one period of the motion."""
     multiplier: Number
     """Largest modulus of the Floquet multipliers; below 1 the motion attracts."""
+    symmetric: Bool[Array, "..."]
+    """Whether the motion is its own mirror image half a period of it later."""
+    lyapunov: Number
+    """Rate, per unit tau, at which neighbouring motions separate (negative: approach). Of a periodic
+    motion exact; of one that does not repeat an estimate; NaN where neither applies."""
     state: Float[Array, "... 4"]
     """(phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
     elapsed: Int[Array, "..."]
@@ -91,7 +103,7 @@ def steady_state(
     start = at_rest() if y0 is None else _state(y0)
     steady = _steady_state(as_arrays(p), model, start)
     if throw:
-        settled = (steady.status == Status.rocking) | (steady.status == Status.rest)
+        settled = is_settled(steady.status)
         steady = eqx.tree_at(
             lambda s: s.amplitude, steady, steady.status.error_if(steady.amplitude, ~settled)
         )
@@ -147,23 +159,36 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     fixed = unflatten(jnp.where(sane, flat, 1.0))
     settled = model.settle(fixed, jnp.where(sane, stop_gradient(y0), 0.0))
     settled = eqx.tree_at(lambda s: s.status, settled, Status.where(sane, settled.status, Status.failed))
-    orbit = _newton(fixed, model, settled)
+    orbit, separation = _finish(fixed, model, settled)
     multiplier = _largest_multiplier(fixed, orbit.by_state[:4])
-    status = _verdict(settled, orbit, multiplier, model.resolution(fixed))
-    known = (status == Status.rocking) | (status == Status.rest)
+    status = _verdict(settled, orbit, multiplier, separation, model.resolution(fixed))
+    amplitude, stroke = _sizes(p, fixed, settled, orbit, status, multiplier)
+    periodic = is_settled(status) | (status == Status.unstable)
+    periods, duration = settled.periods, settled.periods * fixed.period
+    lyapunov = jnp.where(periodic, jnp.log(multiplier) / duration, separation)
+    symmetric = periodic & (periods % 2 == 1) & (orbit.lean < _SYMMETRIC)
+    return Steady(
+        amplitude, stroke, status, periods, multiplier, symmetric, lyapunov, orbit.y, settled.elapsed
+    )
+
+
+def _sizes(
+    p: Parameters, fixed: Parameters, settled: Settled, orbit: _Orbit, status: Status, multiplier: Number
+) -> Float[Array, "2"]:
+    """(amplitude, stroke), with their slopes where these exist."""
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
     ringing = (status == Status.rest) & (fixed.zeta == 0.0)
-    isolated = known & (multiplier < 1.0) & ~ringing
+    isolated = is_settled(status) & (multiplier < 1.0) & ~ringing
     last = jnp.where(status == Status.failed, jnp.nan, jnp.stack([settled.amplitude, settled.stroke]))
     sizes, slopes = _implicit(orbit)
+    periodic = (status == Status.unstable) | (status == Status.near_fold) | (status == Status.grazing)
+    last = jnp.where(periodic, orbit.sizes, last)
     sizes = jnp.where(isolated, sizes, jnp.where(status == Status.overturned, jnp.inf, last))
     slopes = jnp.where(isolated, slopes, jnp.nan)
     rests = status == Status.rest
     sizes = sizes.at[0].set(jnp.where(rests, 0.0, sizes[0]))
     slopes = slopes.at[0].set(jnp.where(rests, 0.0, slopes[0]))
-    amplitude, stroke = _with_slopes(ravel_pytree(p)[0], sizes, slopes)
-    periods, elapsed = settled.periods, settled.elapsed
-    return Steady(amplitude, stroke, status, periods, multiplier, orbit.y, elapsed)
+    return _with_slopes(ravel_pytree(p)[0], sizes, slopes)
 
 
 class _Orbit(eqx.Module):
@@ -178,43 +203,85 @@ class _Orbit(eqx.Module):
     """d(end, sizes)/dp at a fixed start."""
     by_state: Float[Array, "6 4"]
     """d(end, sizes)/dy at fixed parameters."""
+    gentlest: Number
+    """See `Cycle`."""
+    lean: Number
+    """See `Cycle`."""
 
 
-def _newton(p: Parameters, model: AbstractModel, settled: Settled) -> _Orbit:
-    """Newton's method on the period map, from where following the motion ended."""
+class _Walk(NamedTuple):
+    """Newton's method on its way to a periodic orbit; or, of a motion that did not repeat, the
+    motion itself and how its neighbours part from it."""
+
+    y: State
+    memory: Any
+    best: _Orbit
+    direction: State
+    parted: Number
+    count: Int[Array, ""]
+
+
+def _finish(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[_Orbit, Number]:
+    """The periodic orbit near where following the motion ended. For a motion that did not repeat,
+    its largest Lyapunov exponent (else NaN) instead."""
+    along = _linearised(p, model, settled)
+    repeats = settled.status != Status.not_settled
+    scale = jnp.where(jnp.isfinite(scale_of(p)), scale_of(p), 1e300)
+    nothing = jax.tree.map(
+        lambda s: jnp.full(s.shape, jnp.inf, s.dtype), jax.eval_shape(along, settled.y, settled.memory)[0]
+    )
+
+    def going(w: _Walk) -> Array:
+        newton = (w.count < _NEWTON_STEPS) & (w.best.residual > model.round_off)
+        return jnp.where(repeats, newton, w.count < model.lyapunov_periods)
+
+    def step(w: _Walk) -> _Walk:
+        orbit, memory = along(w.y, w.memory)
+        move = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], orbit.end - w.y)
+        better = orbit.residual < w.best.residual
+        best = jax.tree.map(lambda a, b: jnp.where(better | ~repeats, a, b), orbit, w.best)
+        newton = jnp.where(jnp.all(jnp.isfinite(move)), w.y + move, w.y)
+        onward = orbit.by_state[:4] @ w.direction
+        size = jnp.sqrt(jnp.sum((onward / scale) ** 2)) + 1e-300
+        count = jnp.where(better | ~repeats, w.count + 1, _NEWTON_STEPS)
+        memory = jax.tree.map(lambda a, b: jnp.where(repeats, a, b), w.memory, memory)
+        y = jnp.where(repeats, newton, orbit.end)
+        return _Walk(y, memory, best, onward / size, w.parted + jnp.log(size), count)
+
+    none = eqx.tree_at(lambda o: o.y, nothing, settled.y)
+    zero = jnp.zeros(())
+    first = _Walk(settled.y, settled.memory, none, 0.5 * scale, zero, jnp.zeros((), int))
+    walk = jax.lax.while_loop(going, step, first)
+    measured = ~repeats & (walk.count > 1)
+    exponent = walk.parted / (jnp.maximum(walk.count, 1) * p.period)
+    return walk.best, jnp.where(measured, exponent, jnp.nan)
+
+
+def _linearised(
+    p: Parameters, model: AbstractModel, settled: Settled
+) -> Callable[[State, Any], tuple[_Orbit, Any]]:
+    """A function that runs the motion's periods from a state, with all derivatives."""
     flat, unflatten = ravel_pytree(p)
-    size, scale = flat.size, scale_of(p)
+    size, scale = flat.size, scale_of(p, bob=jnp.asarray((p.mu > 0) | (p.zeta > 0)))
 
-    def run(x: Float[Array, "n"]) -> Float[Array, "6"]:
-        cycle = model.cycle(unflatten(x[:size]), settled, x[size:])
-        return jnp.concatenate([cycle.end, jnp.stack([cycle.amplitude, cycle.stroke])])
-
-    def along(y: State) -> _Orbit:
+    def along(y: State, memory: Any) -> tuple[_Orbit, Any]:
         x = jnp.concatenate([flat, y])
+        now = eqx.tree_at(lambda s: s.memory, settled, memory, is_leaf=lambda leaf: leaf is None)
 
-        def push(direction: Float[Array, "n"]) -> tuple[Array, Array]:
-            return jax.jvp(run, (x,), (direction,))
+        def run(x: Float[Array, "n"]) -> tuple[Float[Array, "6"], tuple]:
+            cycle = model.cycle(unflatten(x[:size]), now, x[size:])
+            sizes = jnp.stack([cycle.amplitude, cycle.stroke])
+            return jnp.concatenate([cycle.end, sizes]), (cycle.gentlest, cycle.lean, cycle.memory)
 
-        out, columns = jax.vmap(push, out_axes=(None, 1))(jnp.eye(x.size))
+        def push(direction: Float[Array, "n"]) -> tuple[Array, Array, tuple]:
+            return jax.jvp(run, (x,), (direction,), has_aux=True)
+
+        out, columns, (gentlest, lean, memory) = jax.vmap(push, out_axes=(None, 1, None))(jnp.eye(x.size))
         residual = jnp.max(jnp.abs(out[:4] - y) / scale)
-        return _Orbit(y, residual, out[:4], out[4:], columns[:, :size], columns[:, size:])
+        by_parameter, by_state = columns[:, :size], columns[:, size:]
+        return _Orbit(y, residual, out[:4], out[4:], by_parameter, by_state, gentlest, lean), memory
 
-    def improve(carry: tuple) -> tuple:
-        y, best, count = carry
-        orbit = along(y)
-        step = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], orbit.end - y)
-        better = orbit.residual < best.residual
-        best = jax.tree.map(lambda a, b: jnp.where(better, a, b), orbit, best)
-        onward = jnp.where(jnp.all(jnp.isfinite(step)), y + step, y)
-        return onward, best, jnp.where(better, count + 1, _NEWTON_STEPS)
-
-    def going(carry: tuple) -> Array:
-        _, best, count = carry
-        return (count < _NEWTON_STEPS) & (best.residual > model.round_off)
-
-    nothing = jax.tree.map(lambda s: jnp.full(s.shape, jnp.inf, s.dtype), jax.eval_shape(along, settled.y))
-    first = (settled.y, eqx.tree_at(lambda o: o.y, nothing, settled.y), jnp.zeros((), int))
-    return jax.lax.while_loop(going, improve, first)[1]
+    return along
 
 
 def _largest_multiplier(p: Parameters, jacobian: Float[Array, "4 4"]) -> Number:
@@ -226,11 +293,16 @@ def _largest_multiplier(p: Parameters, jacobian: Float[Array, "4 4"]) -> Number:
     return jnp.where(finite, jnp.max(sizes), jnp.inf)
 
 
-def _verdict(settled: Settled, orbit: _Orbit, multiplier: Number, resolution: Number) -> Status:
-    rocking = settled.status == Status.rocking
-    status = Status.where(rocking & (multiplier > 1.0 - _NEAR_FOLD), Status.unstable, settled.status)
-    status = Status.where(rocking & ~(orbit.residual < _RESIDUAL), Status.not_settled, status)
-    return Status.where(rocking & (orbit.sizes[0] < resolution), Status.rest, status)
+def _verdict(
+    settled: Settled, orbit: _Orbit, multiplier: Number, separation: Number, resolution: Number
+) -> Status:
+    moving = is_moving(settled.status)
+    status = Status.where(moving & (multiplier > 1.0), Status.unstable, settled.status)
+    status = Status.where(moving & (orbit.gentlest < _GRAZING), Status.grazing, status)
+    status = Status.where(moving & (jnp.abs(multiplier - 1.0) < _NEAR_FOLD), Status.near_fold, status)
+    status = Status.where(moving & ~(orbit.residual < _RESIDUAL), Status.not_settled, status)
+    status = Status.where(separation > _APERIODIC, Status.aperiodic, status)
+    return Status.where(moving & (orbit.sizes[0] < resolution), Status.rest, status)
 
 
 def _implicit(orbit: _Orbit) -> tuple[Float[Array, "2"], Float[Array, "2 n"]]:

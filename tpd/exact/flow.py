@@ -12,20 +12,29 @@ value alone and carries the saltation matrix.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Int
 
-from tpd.exact.arcs import REST, SLIP, Arc, Mode, ends, launch
-from tpd.exact.spectrum import Basis, Plant
-from tpd.parameters import Number, State
+from tpd.exact.arcs import REST, SLIP, Arc, Instant, Mode, Signal, ending, ends, launch
+from tpd.exact.spectrum import Plant, Rates
+from tpd.exact.trigonometry import kept, turn
+from tpd.parameters import Number, Numbers, State
 
-_TIGHT = 2e-14
-"""A step below this share of the horizon has reached the event to round-off."""
+_NEAR = 1e-8
+"""A safe step below this share of the horizon has all but reached the event: one Newton step, whose
+error is of its square, then does the rest."""
+_STRAIGHT = 1e-3
+"""A signal that bends less than this share on its way to zero is left to Newton's method."""
 _REACHED = 1e-15
 """What is left of the horizon below this share of it is rounding."""
+_INNER = 3
+"""Safe steps taken before an event is looked at."""
 
 
 class Motion(eqx.Module):
@@ -38,23 +47,29 @@ class Motion(eqx.Module):
     local: Number
     """Time on the arc."""
     bob_sign: Number
-    amplitude: Number
-    """Largest |phi| met at a turning point."""
+    up: Number
+    """Largest phi met at a turning point, not below zero."""
+    down: Number
+    """The same of -phi."""
     stroke: Number
     """Largest |psi| met at a turning point of the bob."""
     steps: Int[Array, ""]
     lost: Bool[Array, ""]
     """Whether the tilt has grown beyond return."""
+    held: Bool[Array, ""]
+    """Whether the block was stuck or at rest for a while."""
+    gentlest: Number
+    """The least rate at which the block's turns and free crossings were met, over xi^2 nu or xi nu."""
 
 
-def start(plant: Plant, mode: Mode, y: State, phase: Number) -> Motion:
+def start(plant: Plant, mode: Mode, y: State | Numbers, phase: Number) -> Motion:
     """A motion at the beginning of a period, or anywhere else, from a state and its mode."""
-    y = jnp.asarray(y)
-    arc = launch(plant, mode, y, phase)
-    zero = jnp.zeros_like(y[0])
+    state = tuple(jnp.asarray(y[i]) for i in range(4))
+    arc = launch(plant, mode, state, phase)
+    zero = jnp.zeros_like(state[0])
     # From rest the bob's first and second derivatives vanish: look a little ahead instead.
-    ahead = arc.rows[6] @ arc.basis(1e-3 / plant.linear.xi)
-    bob_rate = jnp.where(jnp.abs(y[3]) > 1e-12, y[3], ahead)
+    ahead = arc.bob.rate(arc.rates).at(arc.at(1e-3 / plant.linear.xi))
+    bob_rate = jnp.where(jnp.abs(state[3]) > 1e-12, state[3], ahead)
     bob_sign = jnp.where(bob_rate < 0.0, -1.0, 1.0)
     return Motion(
         mode,
@@ -62,10 +77,13 @@ def start(plant: Plant, mode: Mode, y: State, phase: Number) -> Motion:
         zero,
         zero,
         stop_gradient(bob_sign),
-        jnp.abs(y[0]),
-        jnp.abs(y[1]),
+        jnp.maximum(state[0], 0.0),
+        jnp.maximum(-state[0], 0.0),
+        jnp.abs(state[1]),
         jnp.zeros((), jnp.int32),
         jnp.zeros((), bool),
+        mode.kind != SLIP,
+        jnp.full_like(zero, jnp.inf),
     )
 
 
@@ -80,81 +98,132 @@ def advance(
 ) -> tuple[Motion, State]:
     """Run a motion up to `horizon` (same clock as `begun`): the motion there, and its state.
 
-    The work is bounded by `max_steps` steps and events; `steps` of the result tells.
+    The work is bounded by `max_steps` leaps; `steps` of the result tells.
     """
-    limit = stop_gradient(plant.linear.beyond_return)
-    fixed_horizon = stop_gradient(horizon)
 
-    def unfinished(m: Motion) -> Bool[Array, ""]:
-        # t + (horizon - t) may round below the horizon: a difference of rounding is no distance.
-        left = fixed_horizon - stop_gradient(m.begun) - m.local
-        return (left > _REACHED * fixed_horizon) & (m.steps < max_steps) & ~m.lost
+    def going(m: Motion) -> Bool[Array, ""]:
+        return ~arrived(m, horizon) & (m.steps < max_steps) & ~m.lost
 
     def step(m: Motion) -> Motion:
-        basis = m.arc.basis(m.local)
-        left = fixed_horizon - stop_gradient(m.begun) - m.local
-        safe = _safe_steps(m, stop_gradient(basis), left, watch_bob)
-        fresh = m.local == 0.0
-        shortest = jnp.min(safe)
-        arrived = (shortest < _TIGHT * fixed_horizon) & ~fresh & (shortest < left)
-        which = jnp.argmin(safe)
-        onward = jnp.minimum(jnp.maximum(shortest, jnp.where(fresh, 1e-10 * fixed_horizon, 0.0)), left)
-        moved = eqx.tree_at(lambda n: n.local, m, m.local + jnp.where(arrived, 0.0, onward))
-        met = _meet(plant, m, basis, which, quiet)
-        after = jax.tree.map(lambda a, b: jnp.where(arrived, a, b), met, moved)
-        tilt = jnp.abs(m.arc.rows[0] @ basis)
-        return eqx.tree_at(
-            lambda n: (n.steps, n.lost),
-            after,
-            (m.steps + 1, ~(stop_gradient(tilt) < limit)),
-        )
+        return leap(plant, m, horizon, quiet=quiet, watch_bob=watch_bob)
 
-    motion = jax.lax.while_loop(unfinished, step, motion)
-    y = _state_at(motion, horizon)
-    largest = jnp.maximum(motion.amplitude, jnp.abs(y[0]))
-    return eqx.tree_at(lambda n: n.amplitude, motion, largest), y
+    motion = jax.lax.while_loop(going, step, motion)
+    y = jnp.stack(state_at(motion, horizon))
+    sides = jnp.maximum(motion.up, y[0]), jnp.maximum(motion.down, -y[0])
+    return eqx.tree_at(lambda n: (n.up, n.down), motion, sides), y
 
 
-def _state_at(m: Motion, horizon: Number) -> State:
+def arrived(m: Motion, horizon: Number) -> Bool[Array, ""]:
+    """Whether a motion is at the horizon."""
+    # t + (horizon - t) may round below the horizon: a difference of rounding is no distance.
+    horizon = stop_gradient(horizon)
+    return horizon - stop_gradient(m.begun) - m.local <= _REACHED * horizon
+
+
+class _Watched(NamedTuple):
+    """A signal, and its derivatives in time."""
+
+    value: Signal
+    first: Signal
+    second: Signal
+    third: Signal
+    fourth: Signal
+
+
+def _watched(signal: Signal, rates: Rates) -> _Watched:
+    orders = [jax.tree.map(stop_gradient, signal)]
+    for _ in range(4):
+        orders.append(jax.tree.map(kept, orders[-1].rate(rates)))
+    return _Watched(*orders)
+
+
+def leap(plant: Plant, m: Motion, horizon: Number, *, quiet: Number, watch_bob: bool) -> Motion:
+    """A few safe steps, and the event they have reached, if any."""
+    fixed = stop_gradient(horizon)
+    limit = stop_gradient(plant.linear.beyond_return)
+    signals = jax.tree.map(kept, ending(plant, m.mode, m.arc))
+    if watch_bob:
+        signals = (*signals, m.arc.bob.rate(m.arc.rates).scaled(m.bob_sign))
+    arc = jax.tree.map(stop_gradient, m.arc)
+    watched = [_watched(s, arc.rates) for s in signals]
+
+    def step(_: Array, carry: tuple) -> tuple:
+        local, met, which = carry
+        now = arc.at(local)
+        left = fixed - stop_gradient(m.begun) - local
+        fresh = local == 0.0
+        born = fresh & (m.begun > 0.0)
+        window = jnp.minimum(left, jnp.minimum(1.0 / arc.rates.xi, 1.0 / (arc.rates.s1 + 0.1)))
+        growth = jnp.exp(arc.rates.s1 * window)
+        shortest, first, close, next_best = left, jnp.full_like(which, -1), jnp.full_like(left, jnp.inf), left
+        for i, w in enumerate(watched):
+            safe, root = _safe_step(w, now, arc.rates, window, growth, born)
+            sooner = safe < shortest
+            next_best = jnp.where(sooner, shortest, jnp.minimum(safe, next_best))
+            shortest, first = jnp.where(sooner, safe, shortest), jnp.where(sooner, i, first)
+            close = jnp.where(sooner, root, close)
+        # Newton's method from here: the root it finds comes before anything else can happen.
+        alone = (close < left) & (1.01 * close < next_best)
+        met_now = ((shortest < _NEAR * fixed) | alone) & ~fresh & (first >= 0)
+        onward = jnp.minimum(jnp.maximum(shortest, jnp.where(fresh, 1e-10 * fixed, 0.0)), left)
+        local = jnp.where(met | met_now, local, local + onward)
+        return local, met | met_now, jnp.where(met, which, first)
+
+    none = (m.local, jnp.zeros((), bool), jnp.zeros((), int))
+    local, met, which = jax.lax.fori_loop(0, _INNER, step, none)
+
+    def nearer(_: Array, local: Number) -> Number:
+        late = _late(arc, [w.value for w in watched], arc.at(local), which)
+        return jnp.where(met, local + late, local)
+
+    local = jax.lax.fori_loop(0, 2, nearer, local)
+    moved = eqx.tree_at(lambda n: n.local, m, local)
+    now = m.arc.at(local)
+    after = _meet(plant, moved, signals, now, which, quiet)
+    after = jax.tree.map(lambda a, b: jnp.where(met, a, b), after, moved)
+    tilt = jnp.abs(stop_gradient(m.arc.tilt.at(now)))
+    return eqx.tree_at(lambda n: (n.steps, n.lost), after, (m.steps + 1, ~(tilt < limit)))
+
+
+def state_at(m: Motion, horizon: Number) -> Numbers:
     """The state at the horizon, with the horizon's and the arc's start's own derivatives."""
-    basis = m.arc.basis(m.local)
     late = horizon - m.begun - m.local
-    rows = m.arc.rows[:4]
     # A motion stopped short of the horizon (lost, or out of steps) stays where it is.
     late = jnp.where(jnp.abs(stop_gradient(late)) < 1e-6, late, 0.0)
-    y = rows @ basis + late * (m.arc.rates.differentiate(rows) @ basis)
-    return y.at[2].set(jnp.where(m.mode.kind == SLIP, y[2], 0.0))
+    y = m.arc.state(m.arc.at(m.local), late)
+    return y[0], y[1], jnp.where(m.mode.kind == SLIP, y[2], 0.0), y[3]
 
 
-def _safe_steps(m: Motion, basis: Basis, left: Number, watch_bob: bool) -> Float[Array, "signals"]:
-    """For each signal, a step within which it cannot vanish (at most `left`)."""
-    rates = jax.tree.map(stop_gradient, m.arc.rates)
-    rows = stop_gradient(m.arc.rows[4 : 7 if watch_bob else 6])
-    if watch_bob:
-        rows = rows.at[2].multiply(m.bob_sign)
-    first = rates.differentiate(rows)
-    second = rates.differentiate(first)
-    third = rates.differentiate(second)
-    fourth = rates.differentiate(third)
-    fresh = m.local == 0.0
-    g0, g1, g2 = jnp.maximum(rows @ basis, 0.0), first @ basis, second @ basis
-    # An arc born of an event begins inside: what rounding says to the contrary is noise.
-    born = fresh & (m.begun > 0.0) & (rows @ basis < 1e-12)
-    g1 = jnp.where(born, jnp.maximum(g1, 0.0), g1)
-    window = jnp.minimum(left, jnp.minimum(1.0 / rates.xi, 1.0 / (rates.s1 + 0.1)))
-    _, e1, e2, u, v, _, _ = basis
-    growth = e1 * jnp.exp(rates.s1 * window)
-    pair, pair_rate = third[:, 3] * u + third[:, 4] * v, fourth[:, 3] * u + fourth[:, 4] * v
+def _safe_step(
+    w: _Watched, now: Instant, rates: Rates, window: Number, growth: Number, born: Bool[Array, ""]
+) -> tuple[Number, Number]:
+    """A step within which a signal cannot vanish (at most `window`), and how far its root is if
+    Newton's method is sure to find it from here (else infinite). An arc just `born` of an event
+    begins inside: what rounding says to the contrary is noise."""
+    value, g1, g2 = kept(w.value.at(now)), kept(w.first.at(now)), kept(w.second.at(now))
+    g0 = jnp.maximum(value, 0.0)
+    g1 = jnp.where(born & (value < 1e-12), jnp.maximum(g1, 0.0), g1)
+    _, e2, u, v = now.flow
+    pair = w.third.free.on_a * u + w.third.free.on_b * v
+    pair_rate = w.fourth.free.on_a * u + w.fourth.free.on_b * v
     bound = (
-        jnp.abs(third[:, 1]) * growth
-        + jnp.abs(third[:, 2]) * e2
+        jnp.abs(w.third.free.on_s1) * now.flow.at_s1 * growth
+        + jnp.abs(w.third.free.on_s2) * e2
         + jnp.sqrt(pair**2 + pair_rate**2 / rates.q)
-        + jnp.sqrt(third[:, 5] ** 2 + third[:, 6] ** 2)
+        + jnp.sqrt(w.third.along**2 + w.third.across**2)
+        + 1e-300
     )
-    bound = bound + 1e-300
+    bound = kept(bound)
     trials = (window, window / 4.0, jnp.clip(3.0 * g2 / bound, 0.0, window))
     steps = [_first_root(g0, g1, g2 - bound * d / 3.0, d) for d in trials]
-    return jnp.maximum(jnp.maximum(steps[0], steps[1]), steps[2])
+    falling = jnp.where(g1 < 0.0, -g1, 1.0)
+    root = kept(g0 / falling)
+    # The slope changes by less than this share of itself until twice there: Newton's error shrinks
+    # to its square, its third power's square, and is gone.
+    bend = 2.0 * (jnp.abs(g2) + 2.0 * bound * root) * root / falling
+    sure = (g1 < 0.0) & (bend < _STRAIGHT) & (2.0 * root < window)
+    safe = jnp.maximum(jnp.maximum(steps[0], steps[1]), steps[2])
+    return kept(safe), jnp.where(sure, root, jnp.inf)
 
 
 def _first_root(g0: Number, g1: Number, m: Number, longest: Number) -> Number:
@@ -170,45 +239,70 @@ def _first_root(g0: Number, g1: Number, m: Number, longest: Number) -> Number:
     return jnp.where(never, longest, jnp.minimum(found, longest))
 
 
-def _meet(plant: Plant, m: Motion, basis: Basis, which: Int[Array, ""], quiet: Number) -> Motion:
+def _late(arc: Arc, signals: Sequence[Signal], now: Instant, which: Int[Array, ""]) -> Number:
+    """How far off the event is: one Newton step, which carries the derivative of its time."""
+    values = [s.at(now) for s in signals]
+    slopes = [stop_gradient(s.rate(arc.rates).at(now)) for s in signals]
+    value, slope = values[0], slopes[0]
+    for i in range(1, len(signals)):
+        value, slope = jnp.where(which == i, values[i], value), jnp.where(which == i, slopes[i], slope)
+    return jnp.where(slope == 0.0, 0.0, -value / jnp.where(slope == 0.0, 1.0, slope))
+
+
+def _meet(
+    plant: Plant, m: Motion, signals: tuple[Signal, ...], now: Instant, which: Int[Array, ""], quiet: Number
+) -> Motion:
     """The motion just after the event it has arrived at."""
-    rows, rates = m.arc.rows, m.arc.rates
-    slopes = rates.differentiate(rows)
-    signal, slope = rows[4 + which] @ basis, slopes[4 + which] @ basis
-    safe_slope = jnp.where(slope == 0.0, 1.0, slope)
-    late = jnp.where(slope == 0.0, 0.0, -signal / stop_gradient(safe_slope))
-    y = rows[:4] @ basis + late * (slopes[:4] @ basis)
+    late = kept(_late(m.arc, signals, now, which))
+    y = jax.tree.map(kept, m.arc.state(now, late))
     time = m.begun + m.local + late
     phase = m.arc.phase + plant.linear.xi * (m.local + late)
-    mode, after = ends(plant, m.mode, y, jnp.sin(phase), which, quiet)
+    mode, after = ends(plant, m.mode, y, turn(phase).sine, which, quiet)
     bob_turned = which == 2
-    mode = jax.tree.map(lambda a, b: jnp.where(bob_turned, a, b), m.mode, mode)
-    after = jnp.where(bob_turned, y, after)
-    bob_sign = jnp.where(bob_turned, -m.bob_sign, jnp.where(after[3] * y[3] < 0, -m.bob_sign, m.bob_sign))
+    mode, after = jax.tree.map(lambda a, b: jnp.where(bob_turned, a, b), (m.mode, y), (mode, after))
+    after = jax.tree.map(kept, after)
+    bob_sign = jnp.where(bob_turned | (after[3] * y[3] < 0), -m.bob_sign, m.bob_sign)
     return Motion(
         mode,
-        launch(plant, mode, after, phase),
+        jax.tree.map(kept, launch(plant, mode, after, phase)),
         time,
         jnp.zeros_like(m.local),
         bob_sign,
-        jnp.maximum(m.amplitude, jnp.abs(y[0])),
+        jnp.maximum(m.up, y[0]),
+        jnp.maximum(m.down, -y[0]),
         jnp.maximum(m.stroke, jnp.abs(y[1])),
         m.steps,
         m.lost,
+        m.held | (mode.kind != SLIP),
+        jnp.minimum(m.gentlest, _gentleness(plant, m, now, which, mode)),
     )
+
+
+def _gentleness(plant: Plant, m: Motion, now: Instant, which: Int[Array, ""], after: Mode) -> Number:
+    """How transversally the block turns, or crosses its base without being held there, over what is
+    usual; hops of a rattle do not count."""
+    linear, slope = plant.linear, m.arc.tilt.rate(m.arc.rates)
+    usual = linear.xi * linear.weight
+    turn_slope = jnp.abs(slope.rate(m.arc.rates).at(now)) / (linear.xi * usual)
+    still = (jnp.zeros_like(m.local), m.arc.bob.at(now), m.local, m.arc.bob.rate(m.arc.rates).at(now))
+    moment = jnp.abs(linear.holding_moment(still, now.forcing.sine))
+    free = moment > linear.weight + linear.friction
+    crossing_slope = jnp.where(free, jnp.abs(slope.at(now)) / usual, jnp.inf)
+    met = jnp.where(which == 0, turn_slope, jnp.where(which == 1, crossing_slope, jnp.inf))
+    return stop_gradient(jnp.where((m.mode.kind == SLIP) & (after.kind == SLIP), met, jnp.inf))
 
 
 def settled_at_rest(plant: Plant, m: Motion) -> tuple[Bool[Array, ""], Number]:
     """Whether a resting block can never lift again, because the pendulum's decaying swing and its
     steady one together stay within what weight and friction hold; and how far they reach (rad)."""
-    linear, (s, c) = plant.linear, plant.swing
+    linear, s, c = plant.linear, plant.swing[0], plant.swing[1]
     # R = -f sin - 2 mu psi + bias psi' for the steady swing, whose rate is xi (s cos - c sin).
     two_mu, bias, xi = linear.tilt - 1.0, linear.bias, linear.xi
     steady = jnp.hypot(-linear.f - two_mu * s - bias * xi * c, -two_mu * c + bias * xi * s)
-    basis = m.arc.basis(m.local)
-    psi, rate = (m.arc.rows[i, 3] * basis[3] + m.arc.rows[i, 4] * basis[4] for i in (1, 3))
+    flow = m.arc.at(m.local).flow
+    psi, rate = m.arc.bob.free.of(flow), m.arc.bob.free.rate(m.arc.rates).of(flow)
     stiffness = plant.held.q
     swing = jnp.sqrt(psi**2 + rate**2 / stiffness)
     decaying = two_mu * swing + jnp.abs(bias) * swing * jnp.sqrt(stiffness)
     stays = (m.mode.kind == REST) & (steady + decaying <= linear.weight + linear.friction)
-    return stays, jnp.hypot(s, c) + swing
+    return stays, jnp.sqrt(s**2 + c**2) + swing

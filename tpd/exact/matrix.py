@@ -13,7 +13,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from tpd.exact.spectrum import Plant, Rates
-from tpd.exact.trigonometry import Turn
+from tpd.exact.trigonometry import Turn, kept
 from tpd.parameters import Number, State
 
 
@@ -71,6 +71,11 @@ class Functional(NamedTuple):
         """self - x other."""
         return Functional(*(a - x * b for a, b in zip(self, other, strict=True)))
 
+    def rate(self, rates: Rates) -> Functional:
+        """The functional g -> self.of(A g)."""
+        on_b = -rates.q * self.on_a - rates.p * self.on_b
+        return Functional(rates.s1 * self.on_s1, rates.s2 * self.on_s2, self.on_b, on_b)
+
     def after(self, h: Factor, rates: Rates) -> Functional:
         """The functional g -> self.of(g h)."""
         on_a = self.on_a * h.a + self.on_b * h.b
@@ -81,7 +86,7 @@ class Functional(NamedTuple):
 def exponential(rates: Rates, t: Number, swing: Turn | None = None) -> Factor:
     """exp(A t); `swing` is the turn by `rates.swing_rate` times t, if known."""
     u, v = rates.pair(t, swing)
-    return Factor(jnp.exp(rates.s1 * t), jnp.exp(rates.s2 * t), u, v)
+    return Factor(jnp.exp(rates.s1 * t), jnp.exp(rates.s2 * t), kept(u), kept(v))
 
 
 def identity(like: Number) -> Factor:

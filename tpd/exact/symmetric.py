@@ -6,8 +6,8 @@ y(h) = -y(0). Between its turns the system is linear with constant loads, so tha
 
     y(0) = [1 + exp(A h)]^-1 {(2k/K) e1 - exp(A (h - t)) [(2 w/K) e1 + V d]} + (w - k)/K e1 + harmonic
 
-with K = 1 + 2 mu, w = (1 + mu) nu, e1 the tilt, and V d the jump of the rates in the impact, d = (0, 0, 1, 2/lam),
-V = (e - 1) phi'(t-). Turning, phi'(0) = 0, and crossing, phi(t) = 0, are linear in (sin gamma,
+with K = 1 + 2 mu, w = (1 + mu) nu, e1 the tilt, and V d the jump of the rates in the impact,
+d = (0, 0, 1, 2/lam), V = (e - 1) phi'(t-). Turning, phi'(0) = 0, and crossing, phi(t) = 0, are linear in (sin gamma,
 cos gamma). The first leaves two values of gamma; the second is then one equation in t for each.
 Where the two values meet, and beyond, the product of both equations is analytic and is used instead.
 
@@ -16,24 +16,26 @@ What is left of a root is checked along its path: the tilt must fall from turn t
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Int
 
 from tpd.exact.matrix import Factor, Functional, components, exponential, identity
 from tpd.exact.multipliers import Matrix, product
 from tpd.exact.spectrum import Plant
-from tpd.exact.trigonometry import Turn, turn
+from tpd.exact.trigonometry import Turn, kept, turn
 from tpd.parameters import Number, State
 
 NODES = 64
 """Samples of the crossing time over half a period, between which roots are looked for."""
 ROOTS = 4
 """Most roots followed up per design, of those that begin above the base."""
+DIPS = 1
+"""Most pairs of roots within one interval of the sampling."""
 ORBITS = 3
 """Most orbits per design."""
 PATH_NODES = 16
@@ -194,9 +196,10 @@ def branches(c: Conditions) -> Branches:
 
 
 class _Bracket(NamedTuple):
-    """An interval of t, of the sampling width, with one root; the branch is 0 for the product."""
+    """An interval of t with one root; the branch is 0 for the product of both."""
 
     low: Number
+    high: Number
     branch: Number
 
 
@@ -204,48 +207,122 @@ class _Found(NamedTuple):
     brackets: tuple[_Bracket, ...]
     count: Int[Array, ""]
 
-    def note(self, hit: Bool[Array, ""], low: Number, branch: Number) -> _Found:
+    def note(self, hit: Bool[Array, ""], bracket: _Bracket) -> _Found:
         """One more, if `hit`."""
         slots = []
         for i, slot in enumerate(self.brackets):
             here = hit & (self.count == i)
-            slots.append(_Bracket(jnp.where(here, low, slot.low), jnp.where(here, branch, slot.branch)))
+            slots.append(_Bracket(*(jnp.where(here, a, b) for a, b in zip(bracket, slot, strict=True))))
         return _Found(tuple(slots), self.count + hit)
 
 
+class _Sample(NamedTuple):
+    """Both branches at one crossing time."""
+
+    upper: Number
+    lower: Number
+    product: Number
+    inside: Number
+    tall: Number
+    """phi(0) on the upper branch."""
+    low: Number
+    """phi(0) on the lower branch."""
+
+
+def _sample(half: Half, at: Crossing) -> _Sample:
+    c = conditions(half, at)
+    b = branches(c)
+    root = b.apart * jnp.sqrt(jnp.maximum(b.inside, 0.0))
+    heights = (c.height.at(b.phase(branch)) for branch in (1.0, -1.0))
+    return _Sample(b.middle + root, b.middle - root, b.on(jnp.zeros_like(root)), b.inside, *heights)
+
+
+class _Dip(NamedTuple):
+    """Where the product of both branches seems to dip below zero between samples of one sign: two
+    roots that lie within one interval, as near a fold."""
+
+    at: Number
+    depth: Number
+    """Of the parabola through three samples, over the middle one; 2 for none."""
+
+
 def _brackets(half: Half) -> _Found:
-    """Sample both branches over (0, h), and note every change of sign."""
+    """Sample both branches over (0, h), and note every change of sign, and every pair of them."""
     spacing, rates = half.span / NODES, half.plant.slip
     onward, backward = exponential(rates, spacing), exponential(rates, -spacing)
     turning = turn(half.plant.linear.xi * spacing)
 
-    def sample(at: Crossing) -> tuple[Number, ...]:
-        c = conditions(half, at)
-        b = branches(c)
-        root = b.apart * jnp.sqrt(jnp.maximum(b.inside, 0.0))
-        heights = (c.height.at(b.phase(branch)) for branch in (1.0, -1.0))
-        return b.middle + root, b.middle - root, b.inside, *heights
-
     def step(i: Int[Array, ""], carry: tuple) -> tuple:
-        found, at, (upper0, lower0, inside0, tall0, low0) = carry
+        found, dips, at, old, earlier, quiet0 = carry
         rest = at.rest.times(backward, rates)
         rest = rest._replace(at_s2=jnp.exp(rates.s2 * (half.span - spacing * (i + 1.0))))
         at = Crossing(at.flow.times(onward, rates), rest, at.forcing.then(turning))
-        now = upper, lower, inside, tall, low = sample(at)
-        both = (inside >= 0) & (inside0 >= 0)
+        now = _sample(half, at)
+        both = (now.inside >= 0) & (old.inside >= 0)
         # Where the branches end between two samples one of them has a root if they differ in sign.
-        leaving = (inside0 >= 0) & (inside < 0) & (upper0 * lower0 <= 0)
-        entering = (inside0 < 0) & (inside >= 0) & (upper * lower <= 0)
-        tall, low = (tall > 0) | (tall0 > 0), (low > 0) | (low0 > 0)
-        first = (both & tall & (upper * upper0 <= 0)) | ((leaving | entering) & (tall | low))
-        found = found.note(first, spacing * i, jnp.where(both, 1.0, 0.0))
-        found = found.note(both & low & (lower * lower0 <= 0), spacing * i, -jnp.ones_like(spacing))
-        return found, at, now
+        leaving = (old.inside >= 0) & (now.inside < 0) & (old.upper * old.lower <= 0)
+        entering = (old.inside < 0) & (now.inside >= 0) & (now.upper * now.lower <= 0)
+        tall, low = (now.tall > 0) | (old.tall > 0), (now.low > 0) | (old.low > 0)
+        up, down = both & (now.upper * old.upper <= 0), both & (now.lower * old.lower <= 0)
+        first = (up & tall) | ((leaving | entering) & (tall | low))
+        begin, end = spacing * i, spacing * (i + 1.0)
+        found = found.note(first, _Bracket(begin, end, jnp.where(both, 1.0, 0.0)))
+        found = found.note(down & low, _Bracket(begin, end, -jnp.ones_like(spacing)))
+        quiet = ~(up | down | leaving | entering)
+        a, b, c = earlier, old.product, now.product
+        depth = 1.0 - (c - a) ** 2 / (8.0 * b * (c - 2.0 * b + a))
+        lowest = quiet & quiet0 & (b > 0) & (b < a) & (b <= c)
+        depth = jnp.where(lowest, depth, 2.0)
+        dips = _deepest(dips, _Dip(begin, depth))
+        return found, dips, at, now, b, quiet
 
     none = jnp.zeros_like(spacing)
     start = crossing(half, none)
-    found = _Found((_Bracket(none, none),) * ROOTS, jnp.zeros((), int))
-    return jax.lax.fori_loop(0, NODES, step, (found, start, sample(start)))[0]
+    found = _Found((_Bracket(none, none, none),) * ROOTS, jnp.zeros((), int))
+    dips = (_Dip(none, none + 2.0),) * DIPS
+    sample = _sample(half, start)
+    first = (found, dips, start, sample, sample.product, jnp.zeros((), bool))
+    found, dips = jax.lax.fori_loop(0, NODES, step, first)[:2]
+    for dip in dips:
+        found = _split(half, found, dip)
+    return found
+
+
+def _deepest(dips: tuple[_Dip, ...], new: _Dip) -> tuple[_Dip, ...]:
+    """The deepest of them, deepest first."""
+    out = []
+    for old in dips:
+        deeper = new.depth < old.depth
+        out.append(jax.tree.map(lambda a, b, d=deeper: jnp.where(d, a, b), new, old))
+        new = jax.tree.map(lambda a, b, d=deeper: jnp.where(d, b, a), new, old)
+    return tuple(out)
+
+
+def _split(half: Half, found: _Found, dip: _Dip) -> _Found:
+    """Both roots of a dip, if its lowest point is below zero."""
+    spacing = half.span / NODES
+    low, high = dip.at - spacing, dip.at + spacing
+
+    def product(at: Crossing) -> Number:
+        return branches(conditions(half, at)).on(jnp.zeros_like(spacing))
+
+    def slope(t: Number) -> Number:
+        at = crossing(half, t)
+        return jax.jvp(product, (at,), (per_time(half, at),))[1]
+
+    def step(_: Array, carry: tuple) -> tuple:
+        left, right = carry
+        t = 0.5 * (left + right)
+        beyond = slope(t) > 0
+        return jnp.where(beyond, left, t), jnp.where(beyond, t, right)
+
+    # The slope changes its sign between the outer samples; near its zero the product is flat.
+    left, right = jax.lax.fori_loop(0, 9, step, (low, high))
+    lowest = kept(0.5 * (left + right))
+    s = _sample(half, crossing(half, lowest))
+    hit = (dip.depth < 1.0) & (s.product < 0) & ((s.tall > 0) | (s.low > 0))
+    zero = jnp.zeros_like(spacing)
+    return found.note(hit, _Bracket(low, lowest, zero)).note(hit, _Bracket(lowest, high, zero))
 
 
 class Root(NamedTuple):
@@ -264,10 +341,10 @@ def refine(half: Half, bracket: _Bracket) -> Root:
     def value(at: Crossing) -> Number:
         return branches(conditions(half, at)).on(branch)
 
-    low, high = bracket.low, bracket.low + half.span / NODES
+    low, high = bracket.low, bracket.high
     rising = jnp.sign(value(crossing(half, high)) - value(crossing(half, low)))
 
-    def step(_: int, carry: tuple) -> tuple:
+    def step(_: Array, carry: tuple) -> tuple:
         low, high, t = carry
         at = crossing(half, t)
         g, slope = jax.jvp(value, (at,), (per_time(half, at),))
@@ -410,9 +487,15 @@ def path_of(half: Half, orbit: Orbit) -> Path:
             tilt = arc[0]._replace(constant=jnp.zeros_like(xi))
             return tilt.at(*rate), tilt.at(*rate.rate(plant)), jnp.abs(arc[1].at(*now))
 
-        def step(i: Array, carry: tuple, late: int = late, spacing: Number = spacing) -> tuple:
+        def step(
+            i: Array,
+            carry: tuple,
+            late: int = late,
+            spacing: Number = spacing,
+            ahead: tuple[Factor, Turn] = (onward, turning),
+        ) -> tuple:
             now, (rate0, pull0, _), met, dent, bob = carry
-            now = Instant(now.flow.times(onward, plant.slip), now.phase.then(turning))
+            now = Instant(now.flow.times(ahead[0], plant.slip), now.phase.then(ahead[1]))
             rate, pull, angle = seen = look(now)
             peaked = (pull0 > 0) & (pull <= 0)
             share = pull0 / jnp.where(peaked, pull0 - pull, 1.0)
@@ -457,7 +540,7 @@ def _bob_peak(half: Half, orbit: Orbit, s: Number, late: Bool[Array, ""]) -> Num
     high = jnp.minimum(s + length / PATH_NODES, length)
     bob = _choose(late, orbit, 1)._replace(constant=jnp.zeros_like(s))
 
-    def step(_: int, s: Number) -> Number:
+    def step(_: Array, s: Number) -> Number:
         rate = instant(half, orbit, s, late).rate(half.plant)
         slope = bob.at(*rate.rate(half.plant))
         return jnp.clip(s - bob.at(*rate) / jnp.where(slope == 0.0, 1.0, slope), low, high)
@@ -491,8 +574,8 @@ def half_map(half: Half, orbit: Orbit) -> Matrix:
     jump = (lost, lost * 2.0 / plant.length_ratio)
     # After the impact the flow starts from R y; f_before is carried through R too.
     carried = (
-        before[0] * (1.0 + lost),
-        before[1] + jump[1] * before[0],
+        before[0],
+        before[1],
         before[2] * (1.0 + lost),
         before[3] + jump[1] * before[2],
     )
@@ -554,7 +637,7 @@ def candidates(half: Half) -> Candidates:
         orbit = orbit_of(half, root)
         path, height = path_of(half, orbit), orbit.height
         good = (path.highest_rate < 0) & (path.leaving < 0) & (path.arriving < 0) & (height > 0)
-        return root, path, height, good & (moved < 1e-6) & (root.t > 0) & (root.t < half.span)
+        return root, path, height, good & (moved < 1e-4) & (root.t > 0) & (root.t < half.span)
 
     root, path, height, good = jax.vmap(follow)(brackets)
     good = good & (jnp.arange(ROOTS) < found.count)

@@ -39,6 +39,21 @@ class Turn(NamedTuple):
 
 
 @jax.custom_jvp
+def kept(x: Number) -> Number:
+    """`x`, computed once.
+
+    XLA recomputes what it holds to be cheap, such as sums, products and sines, for everyone who
+    needs it, and for those who need that, and so on; a division it does not repeat. x/1 is x.
+    """
+    return x / jnp.where(x == x, 1.0, 2.0)
+
+
+@kept.defjvp
+def _kept_jvp(primals: tuple[Number], tangents: tuple[Number]) -> tuple[Number, Number]:
+    return kept(primals[0]), kept(tangents[0])
+
+
+@jax.custom_jvp
 def turn(angle: Number) -> Turn:
     """Cosine and sine of `angle` (rad), to the last digit while |angle| < 1e6."""
     quarters = jnp.round(angle * (2.0 / math.pi))
@@ -51,7 +66,7 @@ def turn(angle: Number) -> Turn:
     sine, cosine = jnp.where(swapped, cosine, sine), jnp.where(swapped, sine, cosine)
     sine = jnp.where((quadrant & 2) == 2, -sine, sine)
     cosine = jnp.where(((quadrant + 1) & 2) == 2, -cosine, cosine)
-    return Turn(cosine, sine)
+    return Turn(kept(cosine), kept(sine))
 
 
 @turn.defjvp

@@ -36,6 +36,13 @@ class Cycle(eqx.Module):
     end: State
     amplitude: Number
     stroke: Number
+    memory: Any
+    """As `Settled.memory`, at the end."""
+    gentlest: Number
+    """How transversally the motion met its events, at worst: at zero it grazed one. Infinite where a
+    model has none."""
+    lean: Number
+    """How much farther the block tilts to one side than to the other, over the amplitude."""
 
 
 class AbstractModel(eqx.Module):
@@ -61,6 +68,11 @@ class AbstractModel(eqx.Module):
     @abstractmethod
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Run `settled.periods` forcing periods from the state `y` at tau = 0."""
+
+    @property
+    @abstractmethod
+    def lyapunov_periods(self) -> int:
+        """Periods over which the separation of neighbouring motions is measured; 0 for never."""
 
     @abstractmethod
     def trajectory(

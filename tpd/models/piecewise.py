@@ -5,16 +5,33 @@ from __future__ import annotations
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jax.lax import stop_gradient
+from jaxtyping import Array, Bool, Float, Int
 
 from tpd import checks
-from tpd.exact.arcs import Mode, classify
-from tpd.exact.flow import advance, settled_at_rest, start
+from tpd.exact.arcs import classify
+from tpd.exact.flow import Motion, advance, arrived, leap, settled_at_rest, start, state_at
 from tpd.exact.spectrum import Plant
+from tpd.exact.trigonometry import kept
 from tpd.models.interface import AbstractModel, Cycle, Settled
-from tpd.models.settling import Period, settle
+from tpd.models.settling import Period, Record, blank, scale_of
 from tpd.parameters import Number, Parameters, State
 from tpd.status import Status
+
+_LEAPS = 6
+"""Leaps between two looks at whether a period has ended; most periods take about as many."""
+
+
+class Lane(eqx.Module):
+    """A motion being followed, and what its last periods did."""
+
+    motion: Motion
+    record: Record
+
+
+def settled_of(lane: Lane) -> Settled:
+    """What a lane that was followed has settled into."""
+    return lane.record.settled()
 
 
 class Piecewise(AbstractModel):
@@ -32,6 +49,8 @@ class Piecewise(AbstractModel):
     tolerance: float = eqx.field(default=1e-6, static=True, kw_only=True)
     """Repetition error at which following ends and Newton's method takes over."""
     rest_rate: float = eqx.field(default=2e-7, static=True, kw_only=True)
+    lyapunov_periods: int = eqx.field(default=100, static=True, kw_only=True)
+    """Periods over which the separation of neighbours is measured, should a motion not repeat."""
 
     def __check_init__(self) -> None:
         checks.positive("max_periods", self.max_periods)
@@ -56,39 +75,78 @@ class Piecewise(AbstractModel):
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Follow the motion from `y0` at tau = 0 until it repeats or rests for good."""
+        return settled_of(self.follow(p, self.lane(p, y0), self.max_periods))
+
+    def lane(self, p: Parameters, y0: State) -> Lane:
+        """A motion that is about to begin at tau = 0."""
+        zero = jnp.zeros_like(p.xi)
         plant = Plant(p)
-        phase = jnp.zeros_like(p.xi)
+        mode = classify(plant, y0, zero)
+        return Lane(start(plant, mode, y0, zero), blank(y0, mode))
 
-        def one_period(y: State, mode: Mode) -> Period:
-            begun = start(plant, mode, y, phase)
-            m, y = advance(plant, begun, p.period, watch_bob=True, **self._settings(p))
-            rests, reach = settled_at_rest(plant, m)
-            rests = rests & jnp.all(jnp.isfinite(y))
-            steady = jnp.stack([phase, plant.swing[1], phase, p.xi * plant.swing[0]])
-            y = jnp.where(rests & (p.zeta > 0), steady, y)
-            exhausted = m.steps >= self.max_events
-            amplitude = jnp.where(rests, 0.0, m.amplitude)
-            stroke = jnp.where(rests, reach, m.stroke)
-            return Period(y, m.mode, amplitude, stroke, rests, m.lost, exhausted)
+    def follow(
+        self, p: Parameters, lane: Lane, periods: Int[Array, ""] | int, leaps: int | None = None
+    ) -> Lane:
+        """Go on until the motion is done, `periods` have elapsed or, if given, after so many leaps.
 
-        mode = classify(plant, y0, phase)
-        return settle(one_period, p, y0, mode, tolerance=self.tolerance, max_periods=self.max_periods)
+        One loop over events, whatever the period they are in: in a batch no motion waits for the
+        others at the end of its period.
+        """
+        plant, scale = Plant(p), scale_of(p)
+
+        def going(carry: tuple[Lane, Int[Array, ""]]) -> Bool[Array, ""]:
+            lane, count = carry
+            more = ~lane.record.done & (lane.record.elapsed < periods)
+            return more if leaps is None else more & (count < leaps)
+
+        def short(carry: tuple[Motion, Int[Array, ""]]) -> Bool[Array, ""]:
+            m, leaps = carry
+            return ~arrived(m, p.period) & ~m.lost & (leaps < _LEAPS)
+
+        def onward(carry: tuple[Motion, Int[Array, ""]]) -> tuple[Motion, Int[Array, ""]]:
+            m, leaps = carry
+            return leap(plant, m, p.period, watch_bob=True, quiet=self.rest_rate * p.nu), leaps + 1
+
+        def step(carry: tuple[Lane, Int[Array, ""]]) -> tuple[Lane, Int[Array, ""]]:
+            lane, count = carry
+            m = jax.lax.while_loop(short, onward, (lane.motion, jnp.zeros((), int)))[0]
+            ended = arrived(m, p.period) | m.lost | (m.steps >= self.max_events)
+            period = self._summary(plant, p, m)
+            record = lane.record.add(period, scale, self.tolerance)
+            again = start(plant, m.mode, period.y, jnp.zeros_like(p.xi))
+            fresh, stale = Lane(again, record), Lane(m, lane.record)
+            return jax.tree.map(lambda a, b: jnp.where(ended, a, b), fresh, stale), count + 1
+
+        return jax.lax.while_loop(going, step, (lane, jnp.zeros((), int)))[0]
+
+    def _summary(self, plant: Plant, p: Parameters, m: Motion) -> Period:
+        """The period that a motion has just completed."""
+        y = jnp.stack([kept(x) for x in state_at(m, p.period)])
+        rests, reach = settled_at_rest(plant, m)
+        rests = rests & jnp.all(jnp.isfinite(y))
+        zero = jnp.zeros_like(p.xi)
+        steady = jnp.stack([zero, plant.swing[1], zero, p.xi * plant.swing[0]])
+        y = jnp.where(rests & (p.zeta > 0), steady, y)
+        amplitude = jnp.where(rests, 0.0, jnp.maximum(jnp.maximum(m.up, m.down), jnp.abs(y[0])))
+        stroke = jnp.where(rests, reach, m.stroke)
+        return Period(y, m.mode, amplitude, stroke, rests, m.lost, m.steps >= self.max_events, m.held)
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Run the orbit's periods from `y`; derivatives pass through every event."""
-        plant = Plant(p)
-        phase = jnp.zeros_like(p.xi)
-        zero = jnp.zeros_like(y[0])
+        plant, phase, zero = Plant(p), jnp.zeros_like(p.xi), jnp.zeros_like(y[0])
 
         def one_period(_: Array, carry: tuple) -> tuple:
-            y, mode, amplitude, stroke = carry
-            m = start(plant, mode, y, phase)
-            m, y = advance(plant, m, p.period, watch_bob=True, **self._settings(p))
-            return y, m.mode, jnp.maximum(amplitude, m.amplitude), jnp.maximum(stroke, m.stroke)
+            y, mode, sizes, gentlest = carry
+            m, y = advance(plant, start(plant, mode, y, phase), p.period, watch_bob=True, **self._settings(p))
+            now = (m.up, m.down, m.stroke)
+            sizes = tuple(jnp.maximum(a, b) for a, b in zip(sizes, now, strict=True))
+            return y, m.mode, sizes, jnp.minimum(gentlest, m.gentlest)
 
-        first = (y, settled.memory, zero, zero)
-        y, _, amplitude, stroke = jax.lax.fori_loop(0, settled.periods, one_period, first)
-        return Cycle(y, amplitude, stroke)
+        first = (y, settled.memory, (zero, zero, zero), jnp.full_like(zero, jnp.inf))
+        y, mode, (up, down, stroke), gentlest = jax.lax.fori_loop(0, settled.periods, one_period, first)
+        amplitude = jnp.maximum(up, down)
+        lean = stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
+        return Cycle(y, amplitude, stroke, mode, gentlest, lean)
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]

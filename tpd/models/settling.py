@@ -1,4 +1,4 @@
-"""Following a motion period by period until it repeats itself."""
+"""Recognising, period after period, that a motion repeats itself, rests or is lost."""
 
 from __future__ import annotations
 
@@ -27,24 +27,82 @@ class Period(NamedTuple):
     rests: Bool[Array, ""]
     lost: Bool[Array, ""]
     exhausted: Bool[Array, ""]
+    held: Bool[Array, ""]
+    """Whether the block was held by friction, or on its base, for a part of it."""
 
 
-class _Progress(NamedTuple):
+class Record(NamedTuple):
+    """The last `LONGEST` periods of a motion, newest first."""
+
     y: State
     memory: Any
     past: Float[Array, "longest 4"]
     amplitudes: Float[Array, "longest"]
     strokes: Float[Array, "longest"]
+    held: Bool[Array, "longest"]
     repeats: Int[Array, ""]
-    period: Period
+    """Periods after which the motion repeats itself; 0 if it does not."""
+    rests: Bool[Array, ""]
+    lost: Bool[Array, ""]
+    exhausted: Bool[Array, ""]
     elapsed: Int[Array, ""]
 
+    @property
+    def done(self) -> Bool[Array, ""]:
+        """Whether nothing new can follow."""
+        return (self.repeats > 0) | self.rests | self.lost | self.exhausted
 
-def scale_of(p: Parameters) -> Float[Array, "4"]:
+    def add(self, period: Period, scale: Float[Array, "4"], tolerance: float) -> Record:
+        """With one more period."""
+        errors = jnp.max(jnp.abs(period.y[None] - self.past) / scale[None], axis=1)
+        # A motion alternating on its way to period one repeats sooner after two periods than
+        # after one: take the shortest period that is close as well.
+        repeats = jnp.where(jnp.any(errors < tolerance), jnp.argmax(errors < 100.0 * tolerance) + 1, 0)
+
+        def push(new: Array | float, old: Array) -> Array:
+            return jnp.concatenate([jnp.asarray(new)[None], old[:-1]])
+
+        return Record(
+            period.y,
+            period.memory,
+            push(period.y, self.past),
+            push(period.amplitude, self.amplitudes),
+            push(period.stroke, self.strokes),
+            push(period.held, self.held),
+            repeats,
+            period.rests,
+            period.lost,
+            period.exhausted,
+            self.elapsed + 1,
+        )
+
+    def settled(self) -> Settled:
+        """What it comes to."""
+        periods = jnp.maximum(self.repeats, 1)
+        held = jnp.any(self.held & (jnp.arange(LONGEST) < periods))
+        status = Status.where(held, Status.sticking, Status.rocking)
+        status = Status.where(self.repeats > 0, status, Status.not_settled)
+        status = Status.where(self.exhausted, Status.event_bound, status)
+        status = Status.where(self.rests, Status.rest, status)
+        status = Status.where(self.lost, Status.overturned, status)
+        status = Status.where(jnp.all(jnp.isfinite(self.y)), status, Status.failed)
+        stroke = jnp.where(self.rests, self.strokes[0], jnp.max(self.strokes))
+        amplitude = jnp.where(self.rests, 0.0, jnp.max(self.amplitudes))
+        return Settled(self.y, self.memory, periods, amplitude, stroke, status, self.elapsed)
+
+
+def blank(y0: State, memory: Any) -> Record:
+    """The record of a motion that is about to begin."""
+    no, count, none = jnp.zeros((), bool), jnp.zeros((), int), jnp.zeros(LONGEST)
+    past = jnp.full((LONGEST, 4), jnp.inf).at[0].set(y0)
+    return Record(y0, memory, past, none, none, jnp.zeros(LONGEST, bool), count, no, no, no, count)
+
+
+def scale_of(p: Parameters, *, bob: Bool[Array, ""] | None = None) -> Float[Array, "4"]:
     """Sizes of (phi, psi, phi', psi') against which a repetition is judged. A bob without mass
-    cannot move the block, so its state is left out of the judgement."""
+    cannot move the block, so that its state is left out unless `bob` asks for it."""
     rate = jnp.maximum(p.xi, 1.0)
-    swing = jnp.where(jnp.asarray(p.mu) > 0, p.nu + p.f, jnp.inf)
+    swing = jnp.where(jnp.asarray(p.mu) > 0 if bob is None else bob, p.nu + p.f, jnp.inf)
     return jnp.stack([p.nu * jnp.ones(()), swing, p.nu * rate, swing * rate])
 
 
@@ -61,45 +119,10 @@ def settle(
     of its scale, or until the block rests for good, is lost, or the bound is reached."""
     scale = scale_of(p)
 
-    def going(s: _Progress) -> Bool[Array, ""]:
-        done = (s.repeats > 0) | s.period.rests | s.period.lost | s.period.exhausted
-        return ~done & (s.elapsed < max_periods)
+    def going(r: Record) -> Bool[Array, ""]:
+        return ~r.done & (r.elapsed < max_periods)
 
-    def step(s: _Progress) -> _Progress:
-        period = one_period(s.y, s.memory)
-        errors = jnp.max(jnp.abs(period.y[None] - s.past) / scale[None], axis=1)
-        # A motion alternating on its way to period one repeats sooner after two periods than
-        # after one: take the shortest period that is close as well.
-        repeats = jnp.where(jnp.any(errors < tolerance), jnp.argmax(errors < 100.0 * tolerance) + 1, 0)
-        return _Progress(
-            period.y,
-            period.memory,
-            jnp.concatenate([period.y[None], s.past[:-1]]),
-            jnp.concatenate([jnp.asarray(period.amplitude)[None], s.amplitudes[:-1]]),
-            jnp.concatenate([jnp.asarray(period.stroke)[None], s.strokes[:-1]]),
-            repeats,
-            period,
-            s.elapsed + 1,
-        )
+    def step(r: Record) -> Record:
+        return r.add(one_period(r.y, r.memory), scale, tolerance)
 
-    no, zero = jnp.zeros((), bool), jnp.zeros(())
-    past = jnp.full((LONGEST, 4), jnp.inf).at[0].set(y0)
-    none = jnp.zeros(LONGEST)
-    count = jnp.zeros((), int)
-    idle = Period(y0, memory, zero, zero, no, no, no)
-    first = _Progress(y0, memory, past, none, none, count, idle, count)
-    s: _Progress = jax.lax.while_loop(going, step, first)
-    status = Status.where(s.repeats > 0, Status.rocking, Status.not_settled)
-    status = Status.where(s.period.exhausted, Status.event_bound, status)
-    status = Status.where(s.period.rests, Status.rest, status)
-    status = Status.where(s.period.lost, Status.overturned, status)
-    status = Status.where(jnp.all(jnp.isfinite(s.y)), status, Status.failed)
-    return Settled(
-        s.y,
-        s.memory,
-        jnp.maximum(s.repeats, 1),
-        jnp.max(s.amplitudes),
-        jnp.where(s.period.rests, s.period.stroke, jnp.max(s.strokes)),
-        status,
-        s.elapsed,
-    )
+    return jax.lax.while_loop(going, step, blank(y0, memory)).settled()

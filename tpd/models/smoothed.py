@@ -94,7 +94,7 @@ class Smoothed(AbstractModel):
             ys, bounded = self._integrate(field, y, times)
             amplitude, stroke = jnp.max(jnp.abs(ys[:, 0])), jnp.max(jnp.abs(ys[:, 1]))
             lost = ~(amplitude < limit) & bounded
-            return Period(ys[-1], memory, amplitude, stroke, no, lost, ~bounded)
+            return Period(ys[-1], memory, amplitude, stroke, no, lost, ~bounded, no)
 
         return settle(one_period, p, y0, None, tolerance=self.tolerance, max_periods=self.max_periods)
 
@@ -104,13 +104,23 @@ class Smoothed(AbstractModel):
         times = jnp.linspace(0.0, 1.0, self.samples + 1) * p.period
 
         def one_period(_: Array, carry: tuple) -> tuple:
-            y, sizes = carry
+            y, sizes, sides = carry
             ys, _ = self._integrate(field, y, times, precise=True)
             peaks = jax.vmap(lambda i: self._peak(field, times, ys, i))(jnp.arange(2))
-            return ys[-1], jnp.maximum(sizes, peaks)
+            # The samples of a symmetric motion are each other's mirror images.
+            tilts = stop_gradient(ys[:, 0])
+            sides = jnp.maximum(sides, jnp.stack([jnp.max(tilts), jnp.max(-tilts)]))
+            return ys[-1], jnp.maximum(sizes, peaks), sides
 
-        y, sizes = jax.lax.fori_loop(0, settled.periods, one_period, (y, jnp.zeros(2)))
-        return Cycle(y, sizes[0], sizes[1])
+        first = (y, jnp.zeros(2), jnp.zeros(2))
+        y, sizes, sides = jax.lax.fori_loop(0, settled.periods, one_period, first)
+        lean = jnp.abs(sides[0] - sides[1]) / jnp.max(sides)
+        return Cycle(y, sizes[0], sizes[1], None, jnp.full_like(lean, jnp.inf), lean)
+
+    @property
+    def lyapunov_periods(self) -> int:
+        """Not measured: the exact model does it faster."""
+        return 0
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]

@@ -1,0 +1,141 @@
+"""Batches in chunks, against `vmap` of the whole."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tpd import Status, in_chunks
+
+LENGTH = 101
+X = np.random.default_rng(3).uniform(0.1, 2.0, size=(LENGTH, 3))
+
+
+class Answer(eqx.Module):
+    value: jax.Array
+    status: Status
+    parts: dict
+
+
+def answer(x):
+    """A function whose result holds everything that results of the package hold."""
+    total = jnp.sum(jnp.sin(x) * jnp.exp(x))
+    status = Status.where(total > 5.0, Status.rocking, Status.no_orbit)
+    return Answer(
+        total, status, {"count": jnp.sum(x > 1.0), "turned": x[::-1] + 1j * x, "large": total > 5.0}
+    )
+
+
+def same(a, b):
+    """Whether two results agree bit for bit, in type and shape too."""
+    assert jax.tree.structure(a) == jax.tree.structure(b)
+    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+        assert np.asarray(x).dtype == np.asarray(y).dtype
+        np.testing.assert_array_equal(x, y)
+
+
+WHOLE = in_chunks(answer, X, chunk=64, workers=1)
+
+
+def test_it_is_vmap_with_numpy_leaves():
+    expected = jax.jit(jax.vmap(answer))(X)
+    assert jax.tree.structure(WHOLE) == jax.tree.structure(expected)
+    for x, y in zip(jax.tree.leaves(WHOLE), jax.tree.leaves(expected), strict=True):
+        assert isinstance(x, np.ndarray)
+        assert x.shape == y.shape
+        assert x.dtype == y.dtype
+        np.testing.assert_allclose(x, y, rtol=1e-15)
+
+
+def test_statuses_stay_statuses():
+    assert isinstance(WHOLE.status, Status)
+    rocking = np.asarray(WHOLE.status == Status.rocking)
+    np.testing.assert_array_equal(rocking, WHOLE.value > 5.0)
+    assert 0 < rocking.sum() < LENGTH
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 64, LENGTH - 1, LENGTH, LENGTH + 1, 512])
+def test_the_chunk_size_changes_nothing(chunk):
+    found = in_chunks(answer, X, chunk=chunk)
+    for x, y in zip(jax.tree.leaves(found), jax.tree.leaves(WHOLE), strict=True):
+        assert x.dtype == y.dtype
+        assert x.shape == y.shape
+        # Vector instructions round a last digit unlike scalar ones.
+        np.testing.assert_allclose(x, y, rtol=1e-15)
+
+
+@pytest.mark.parametrize("workers", [1, 2, 5])
+def test_the_number_of_workers_changes_nothing(workers):
+    same(in_chunks(answer, X, chunk=64, workers=workers), WHOLE)
+
+
+def test_each_element_gets_its_own_answer_wherever_it_stands():
+    order = np.random.default_rng(4).permutation(LENGTH)
+    moved = in_chunks(answer, X[order], chunk=64)
+    same(moved, jax.tree.map(lambda a: a[order], WHOLE))
+
+
+@pytest.mark.parametrize("length", [1, 63, 64, 65])
+def test_every_length_is_answered_in_full(length):
+    found = in_chunks(answer, X[:length], chunk=64)
+    same(found, jax.tree.map(lambda a: a[:length], WHOLE))
+
+
+def test_a_batch_may_be_a_pytree():
+    batch = {"a": X, "b": (np.arange(LENGTH), jnp.asarray(X[:, 0]))}
+    found = in_chunks(lambda t: t["a"].sum() * t["b"][0] + t["b"][1], batch, chunk=7)
+    np.testing.assert_allclose(found, X.sum(axis=1) * np.arange(LENGTH) + X[:, 0], rtol=1e-14)
+
+
+def test_progress_is_told_after_each_chunk_to_the_end():
+    told = []
+    in_chunks(answer, X, chunk=64, progress=lambda *at: told.append(at))
+    assert told == [(64, LENGTH), (LENGTH, LENGTH)]
+    told.clear()
+    in_chunks(answer, X[:64], chunk=64, progress=lambda *at: told.append(at))
+    assert told == [(64, 64)]
+
+
+def test_a_function_is_compiled_once_per_chunk_size():
+    traced = []
+
+    def watched(x):
+        traced.append(x.shape)
+        return x * 2.0
+
+    for length in (5, 16, 101):
+        in_chunks(watched, X[:length], chunk=16, workers=1)
+    assert traced == [(3,)]
+    in_chunks(watched, X, chunk=32, workers=1)
+    assert len(traced) == 2
+
+
+def test_an_error_of_the_function_is_not_swallowed():
+    def wrong(x):
+        raise ArithmeticError("no such thing")
+
+    with pytest.raises(ArithmeticError, match="no such thing"):
+        in_chunks(wrong, X, chunk=64)
+
+
+@pytest.mark.parametrize(
+    ("batch", "lengths"),
+    [
+        (np.zeros((0, 3)), r"\[0\]"),
+        ((np.zeros(3), np.zeros(4)), r"\[3, 4\]"),
+        ({"a": np.zeros((3, 2)), "b": 1.0}, r"\[0, 3\]"),
+        ((), r"\[\]"),
+    ],
+    ids=["empty", "unequal", "a number", "nothing"],
+)
+def test_a_batch_without_one_length_is_refused(batch, lengths):
+    sentence = rf"`batch` must be arrays of one length above zero, but has lengths {lengths}"
+    with pytest.raises(ValueError, match=sentence):
+        in_chunks(answer, batch)
+
+
+@pytest.mark.parametrize(("chunk", "shown"), [(0, "0"), (-3, "-3")])
+def test_a_chunk_below_one_is_refused(chunk, shown):
+    with pytest.raises(ValueError, match=f"`chunk` must be positive and finite, but is {shown}"):
+        in_chunks(answer, X, chunk=chunk)

@@ -1,0 +1,153 @@
+"""Following many motions by events, so that none waits for another.
+
+In a batch every loop runs until the slowest motion is through, and one that rattles takes a hundred
+times the events of its neighbours. So the loop stops every few periods; motions that are done make
+room for new ones, and the last few go on in a smaller batch.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tpd import checks
+from tpd.models.interface import Settled
+from tpd.models.piecewise import Lane, Piecewise
+from tpd.parameters import Parameters
+
+LANES = (256, 16)
+"""Motions followed at once, and of these the last few."""
+_ROUNDS = 12
+"""Looks at the ends of periods before the loop stops to make room."""
+
+
+def settle_all(
+    p: Parameters,
+    y0: Any,
+    *,
+    model: Piecewise | None = None,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Settled:
+    """`model.settle` of every element of a batch, in bounded memory and on all cores.
+
+    Args:
+        p: parameters, every leaf of shape (n,).
+        y0: starts at tau = 0, shape (n, 4).
+        model: default `Piecewise()`; its `max_periods` bounds each motion.
+        workers: threads; default the number of cores.
+        progress: called with (motions done, of how many) now and then.
+
+    Returns:
+        A `Settled` with NumPy leaves of leading axis n, in the order of the batch.
+
+    Raises:
+        ValueError: leaves of different lengths.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    model = Piecewise() if model is None else model
+    starts = np.asarray(y0, dtype=float)
+    n = len(starts)
+    batch = jax.tree.map(lambda x: np.asarray(x, dtype=float), p)
+    lengths = sorted({x.shape for x in jax.tree.leaves(batch)})
+    if starts.shape != (n, 4) or lengths != [(n,)]:
+        raise ValueError(
+            f"`p` and `y0` must have shapes (n,) and (n, 4), but have {lengths} and {starts.shape}"
+        )
+    cores = min((os.cpu_count() or 1) if workers is None else workers, max(1, n // LANES[-1]))
+    # Neighbours in a batch are often alike: dealt out like cards, the cores get equal work.
+    shares = [np.arange(i, n, cores) for i in range(cores)]
+    done = [0] * cores
+
+    def run(i: int) -> Any:
+        def report(count: int) -> None:
+            done[i] = count
+            if progress is not None:
+                progress(sum(done), n)
+
+        share = shares[i]
+        return _Pool(model, jax.tree.map(lambda x: x[share], batch), starts[share]).run(report)
+
+    with ThreadPoolExecutor(cores) as threads:
+        parts = list(threads.map(run, range(cores)))
+    order = np.argsort(np.concatenate(shares), kind="stable")
+    return jax.tree.map(lambda *x: np.concatenate(x)[order], *parts)
+
+
+class _Pool:
+    """The motions of one core: those on their way, those still to begin, those done."""
+
+    def __init__(self, model: Piecewise, p: Parameters, y0: np.ndarray) -> None:
+        self.model, self.p, self.y0 = model, p, y0
+        self.begin, self.go = _compiled(model)
+        self.results: list[tuple[np.ndarray, Any]] = []
+
+    def run(self, report: Callable[[int], None]) -> Any:
+        """Follow all of them: their `Settled` in order."""
+        waiting, n = 0, len(self.y0)
+        size = LANES[0] if n > LANES[-1] else LANES[-1]
+        index = np.full(size, -1)
+        lanes: Any = None
+        finished = 0
+        while finished < n:
+            room = np.flatnonzero(index < 0)[: n - waiting]
+            index[room] = np.arange(waiting, waiting + len(room))
+            waiting += len(room)
+            lanes = self._fill(lanes, index, room)
+            if waiting == n and size > LANES[-1] and np.sum(index >= 0) <= LANES[-1]:
+                size = LANES[-1]
+                keep = np.argsort(index < 0, kind="stable")[:size]
+                index, lanes = index[keep], jax.tree.map(lambda x, k=keep: x[k], lanes)
+            lanes, over, settled = self.go(self._parameters(index), lanes)
+            ready = np.flatnonzero(np.asarray(over) & (index >= 0))
+            if len(ready):
+                rows = jax.tree.map(lambda x, r=ready: np.asarray(x)[r], settled)
+                self.results.append((index[ready], rows))
+                finished += len(ready)
+                index[ready] = -1
+                report(finished)
+        order = np.argsort(np.concatenate([i for i, _ in self.results]))
+        rows = [r for _, r in self.results]
+        return jax.tree.map(lambda *x: np.concatenate(x)[order], *rows)
+
+    def _parameters(self, index: np.ndarray) -> Parameters:
+        rows = np.maximum(index, 0)
+        return jax.tree.map(lambda x: jnp.asarray(x[rows]), self.p)
+
+    def _fill(self, lanes: Any, index: np.ndarray, room: np.ndarray) -> Any:
+        """New motions in the places `room`. A place that stays empty keeps a motion that is done."""
+        if lanes is not None and not len(room):
+            return lanes
+        fresh = self.begin(self._parameters(index), jnp.asarray(self.y0[np.maximum(index, 0)]))
+        if lanes is None:
+            return fresh
+        new = np.zeros(len(index), bool)
+        new[room] = True
+        return _merge(jnp.asarray(new), fresh, lanes)
+
+
+@jax.jit
+def _merge(new: jax.Array, fresh: Any, old: Any) -> Any:
+    def choose(a: jax.Array, b: jax.Array) -> jax.Array:
+        return jnp.where(new.reshape(new.shape + (1,) * (a.ndim - 1)), a, b)
+
+    return jax.tree.map(choose, fresh, old)
+
+
+@lru_cache(maxsize=8)
+def _compiled(model: Piecewise) -> tuple[Callable, Callable]:
+    def go(p: Parameters, lane: Lane) -> tuple[Lane, Any, Settled]:
+        lane = model.follow(p, lane, model.max_periods, _ROUNDS)
+        over = lane.record.done | (lane.record.elapsed >= model.max_periods)
+        return lane, over, lane.record.settled()
+
+    return eqx.filter_jit(jax.vmap(model.lane)), eqx.filter_jit(jax.vmap(go))
