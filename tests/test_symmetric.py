@@ -409,7 +409,6 @@ def test_two_orbits_that_cross_zero_close_together_are_there(x):
     assert close_pair(np.array(x), found)
 
 
-@pytest.mark.xfail(strict=True, reason="two roots between two samples look like none")
 @pytest.mark.parametrize("x", CLOSE)
 def test_two_orbits_that_cross_zero_close_together_are_both_found(x):
     assert np.sum(solve([x]).exists) == 2
@@ -428,7 +427,6 @@ BRANCH_END = (
 """A scene with one of its two roots close to where its branch of gamma begins, as a square root."""
 
 
-@pytest.mark.xfail(strict=True, reason="the root is not refined in five steps, and then refused")
 def test_an_orbit_next_to_the_end_of_a_branch_is_found():
     assert len(Scan(BRANCH_END).orbits()) == 2
     assert np.sum(solve([BRANCH_END]).exists) == 2
@@ -512,7 +510,6 @@ def least_forcing() -> float:
     return high
 
 
-@pytest.mark.xfail(strict=True, reason="near a fold both orbits lie between two samples and are lost")
 def test_at_a_fold_the_margin_vanishes_as_a_root_and_the_gradient_grows_as_its_inverse():
     distances = 10.0 ** np.linspace(-3.0, -7.0, 9)
     o = among(FOLDING, "f", least_forcing() * (1.0 + distances))
@@ -529,7 +526,6 @@ def test_at_a_fold_the_margin_vanishes_as_a_root_and_the_gradient_grows_as_its_i
     assert np.polyfit(size, apart, 1)[0] == pytest.approx(0.5, abs=0.05)
 
 
-@pytest.mark.xfail(strict=True, reason="near a fold both orbits lie between two samples and are lost")
 def test_at_a_fold_there_is_no_gradient_and_beyond_it_no_orbit():
     edge = least_forcing()
     o = among(FOLDING, "f", np.array([edge, edge * (1.0 - 1e-6)]))

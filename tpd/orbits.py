@@ -22,10 +22,10 @@ from tpd.exact.symmetric import (
     Path,
     Root,
     candidates,
+    differentiable,
     half_map,
     instant,
     orbit_of,
-    polish,
     state_at,
 )
 from tpd.parameters import Number, Parameters, as_arrays
@@ -110,7 +110,7 @@ def _symmetric_orbits(p: Parameters) -> Orbits:
 
 
 def _describe(p: Parameters, half: Half, root: Root, path: Path, there: Array) -> tuple:
-    polished, _ = polish(half, root, steps=1)
+    polished = differentiable(half, root)
     orbit = orbit_of(half, polished)
     multipliers, fold, symmetry = _stability(p, half, orbit, there)
     sticking = path.leaving / (path.leaving - 2.0 * _friction_pull(half))

@@ -311,17 +311,23 @@ def _split(half: Half, found: _Found, dip: _Dip) -> _Found:
         return jax.jvp(product, (at,), (per_time(half, at),))[1]
 
     def step(_: Array, carry: tuple) -> tuple:
-        left, right = carry
-        t = 0.5 * (left + right)
-        beyond = slope(t) > 0
-        return jnp.where(beyond, left, t), jnp.where(beyond, t, right)
+        # Illinois' method: an end that stays twice counts for half.
+        (left, g_left), (right, g_right), side, t = carry
+        t = left - g_left * (right - left) / (g_right - g_left)
+        t = jnp.where((t > left) & (t < right), t, 0.5 * (left + right))
+        g = slope(t)
+        beyond = g > 0
+        g_left = jnp.where(beyond, g_left * jnp.where(side > 0, 0.5, 1.0), g)
+        g_right = jnp.where(beyond, g, g_right * jnp.where(side < 0, 0.5, 1.0))
+        left, right = jnp.where(beyond, left, t), jnp.where(beyond, t, right)
+        return (left, g_left), (right, g_right), jnp.where(beyond, 1.0, -1.0), t
 
-    # The slope changes its sign between the outer samples; near its zero the product is flat.
-    left, right = jax.lax.fori_loop(0, 9, step, (low, high))
-    lowest = kept(0.5 * (left + right))
+    # The slope of the product changes its sign between the outer samples.
+    zero = jnp.zeros_like(spacing)
+    first = ((low, slope(low)), (high, slope(high)), zero, zero)
+    lowest = kept(jax.lax.fori_loop(0, 8, step, first)[3])
     s = _sample(half, crossing(half, lowest))
     hit = (dip.depth < 1.0) & (s.product < 0) & ((s.tall > 0) | (s.low > 0))
-    zero = jnp.zeros_like(spacing)
     return found.note(hit, _Bracket(low, lowest, zero)).note(hit, _Bracket(lowest, high, zero))
 
 
@@ -362,31 +368,46 @@ def refine(half: Half, bracket: _Bracket) -> Root:
     return Root(t, jnp.arctan2(phase.sine, phase.cosine))
 
 
-def polish(half: Half, root: Root, *, steps: int = 2) -> tuple[Root, Number]:
-    """Newton's method on both conditions; the last of its steps carries the derivative of the root
-    with respect to the parameters. Also how far the last step went, in shares of h."""
+def converge(half: Half, root: Root, there: Bool[Array, ""]) -> tuple[Root, Bool[Array, ""]]:
+    """Newton's method on both conditions, for a root that is `there`: the root, and whether it was
+    reached. Few steps do, except close to a fold, where each only halves the error."""
+
+    def going(carry: tuple) -> Bool[Array, ""]:
+        _, moved, count = carry
+        return there & (moved > 1e-9) & (count < 30)
+
+    def step(carry: tuple) -> tuple:
+        root, _, count = carry
+        return *_newton(half, half, root), count + 1
+
+    first = (root, jnp.full_like(root.t, jnp.inf), jnp.zeros((), int))
+    root, moved, _ = jax.lax.while_loop(going, step, first)
+    return root, moved < 1e-7
+
+
+def differentiable(half: Half, root: Root) -> Root:
+    """One more step, which carries the derivative of the root with respect to the parameters."""
     fixed = jax.tree.map(stop_gradient, half)
-    moved = jnp.zeros_like(root.t)
-    for i in range(steps):
-        t, gamma = stop_gradient(root)
-        at, phase = crossing(fixed, t), turn(gamma)
+    return _newton(half, fixed, Root(*(stop_gradient(x) for x in root)))[0]
 
-        def values(at: Crossing, phase: Turn, half: Half) -> tuple[Number, Number]:
-            c = conditions(half, at)
-            return c.turning.at(phase), c.crossing.at(phase)
 
-        quarter = Turn(-phase.sine, phase.cosine)
-        still = jax.tree.map(jnp.zeros_like, (at, phase))
-        _, (a, c) = jax.jvp(lambda a, p: values(a, p, fixed), (at, phase), (per_time(fixed, at), still[1]))
-        _, (b, d) = jax.jvp(lambda a, p: values(a, p, fixed), (at, phase), (still[0], quarter))
-        last = i == steps - 1
-        current = half if last else fixed
-        r1, r2 = values(crossing(current, t), phase, current)
-        determinant = a * d - b * c
-        dt, dgamma = (d * r1 - b * r2) / determinant, (a * r2 - c * r1) / determinant
-        moved = jnp.abs(dt) / fixed.span + jnp.abs(dgamma)
-        root = Root(t - dt, gamma - dgamma)
-    return root, stop_gradient(moved)
+def _newton(half: Half, fixed: Half, root: Root) -> tuple[Root, Number]:
+    """One step, with the Jacobian of `fixed` and the residual of `half`."""
+    t, gamma = root
+    at, phase = crossing(fixed, t), turn(gamma)
+
+    def values(at: Crossing, phase: Turn, half: Half) -> tuple[Number, Number]:
+        c = conditions(half, at)
+        return c.turning.at(phase), c.crossing.at(phase)
+
+    still = jax.tree.map(jnp.zeros_like, (at, phase))
+    quarter = Turn(-phase.sine, phase.cosine)
+    _, (a, c) = jax.jvp(lambda a, p: values(a, p, fixed), (at, phase), (per_time(fixed, at), still[1]))
+    _, (b, d) = jax.jvp(lambda a, p: values(a, p, fixed), (at, phase), (still[0], quarter))
+    r1, r2 = values(crossing(half, t), phase, half)
+    determinant = a * d - b * c
+    dt, dgamma = (d * r1 - b * r2) / determinant, (a * r2 - c * r1) / determinant
+    return Root(t - dt, gamma - dgamma), jnp.abs(dt) / fixed.span + jnp.abs(dgamma)
 
 
 class Coordinate(NamedTuple):
@@ -632,15 +653,16 @@ def candidates(half: Half) -> Candidates:
     found = _brackets(half)
     brackets = _Bracket(*(jnp.stack(x) for x in zip(*found.brackets, strict=True)))
 
-    def follow(bracket: _Bracket) -> tuple[Root, Path, Number, Bool[Array, ""]]:
-        root, moved = polish(half, refine(half, bracket))
+    def follow(bracket: _Bracket, there: Array) -> tuple[Root, Path, Number, Bool[Array, ""]]:
+        root, reached = converge(half, refine(half, bracket), there)
         orbit = orbit_of(half, root)
         path, height = path_of(half, orbit), orbit.height
         good = (path.highest_rate < 0) & (path.leaving < 0) & (path.arriving < 0) & (height > 0)
-        return root, path, height, good & (moved < 1e-4) & (root.t > 0) & (root.t < half.span)
+        inside = (root.t > bracket.low - 0.5 * width) & (root.t < bracket.high + 0.5 * width)
+        return root, path, height, good & reached & inside & there
 
-    root, path, height, good = jax.vmap(follow)(brackets)
-    good = good & (jnp.arange(ROOTS) < found.count)
+    width = half.span / NODES
+    root, path, height, good = jax.vmap(follow)(brackets, jnp.arange(ROOTS) < found.count)
     ahead = height[None, :] > height[:, None]
     rank = jnp.where(good, jnp.sum(ahead & good[None, :], axis=1), ROOTS)
 
