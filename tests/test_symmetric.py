@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 
 from tests.reference import BARE, MOVING, NAMES, UNSTABLE, Case, differences, named, parameters
 from tpd import Status, simulate, status_name, steady_state, symmetric_orbits
-from tpd.exact.symmetric import NODES
+from tpd.exact.roots import NODES
 
 BATCH = 64
 """Of everything computed here, so that one compilation serves all tests."""

@@ -1,7 +1,7 @@
 """Every symmetric period-one orbit of a design, stable and unstable, without start values.
 
 Most rocking attractors are such orbits: one swing to either side per forcing period, the second the
-mirror image of the first. They are the roots of one scalar equation (`tpd.exact.symmetric`), so that
+mirror image of the first. They are the roots of one scalar equation (`tpd.exact.conditions`), so that
 nothing is simulated; their derivatives follow from the implicit function theorem.
 """
 
@@ -14,20 +14,11 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Complex, Float
 
 from tpd import checks
+from tpd.exact.conditions import Half
 from tpd.exact.multipliers import characteristic, quartic_roots
+from tpd.exact.roots import Root, differentiable
 from tpd.exact.spectrum import Plant
-from tpd.exact.symmetric import (
-    Half,
-    Orbit,
-    Path,
-    Root,
-    candidates,
-    differentiable,
-    half_map,
-    instant,
-    orbit_of,
-    state_at,
-)
+from tpd.exact.symmetric import Orbit, Path, candidates, half_map, instant, orbit_of, state_at
 from tpd.parameters import Number, Parameters, as_arrays
 from tpd.status import Status
 

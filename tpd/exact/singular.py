@@ -1,7 +1,7 @@
 """Where symmetric period-one orbits are lost: what vanishes there, as functions of the crossing time
 t, the phase gamma and the parameters, with their derivatives.
 
-The orbits are the roots of the two conditions of `tpd.exact.symmetric`. Two of them merge where the
+The orbits are the roots of the two conditions of `tpd.exact.conditions`. Two of them merge where the
 derivative determinant of these with respect to (t, gamma) vanishes, which is a multiple of det(I - G),
 G the derivative of the mirrored half-period map. They lose their symmetry where det(I + G) = 0,
 stick where phi''(0+) = 0, and graze where phi'(s) = phi''(s) = 0 for an s between the turns.
@@ -15,19 +15,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from tpd.exact.conditions import Crossing, Half, conditions, crossing, per_time
+from tpd.exact.roots import Root
 from tpd.exact.spectrum import Plant
-from tpd.exact.symmetric import (
-    Crossing,
-    Half,
-    Orbit,
-    Root,
-    conditions,
-    crossing,
-    half_map,
-    instant,
-    orbit_of,
-    per_time,
-)
+from tpd.exact.symmetric import Orbit, half_map, instant, orbit_of
 from tpd.exact.trigonometry import Turn, turn
 from tpd.parameters import Number, Parameters
 

@@ -1,413 +1,30 @@
-"""Symmetric period-one orbits, every one of them, as the roots of one scalar equation.
+"""Symmetric period-one orbits, every one of them: the motion that belongs to a root of the scalar
+equation (`tpd.exact.conditions`), its path from turn to turn, and the derivative of its map.
 
-Such an orbit turns at phi > 0 (tau = 0 here, the forcing being sin(xi tau + gamma)), falls through
-phi = 0 at tau = t, and half a forcing period h = pi/xi after the turn is its own mirror image,
-y(h) = -y(0). Between its turns the system is linear with constant loads, so that for a given t
-
-    y(0) = [1 + exp(A h)]^-1 {(2k/K) e1 - exp(A (h - t)) [(2 w/K) e1 + V d]} + (w - k)/K e1 + harmonic
-
-with K = 1 + 2 mu, w = (1 + mu) nu, e1 the tilt, and V d the jump of the rates in the impact,
-d = (0, 0, 1, 2/lam), V = (e - 1) phi'(t-). Turning, phi'(0) = 0, and crossing, phi(t) = 0, are linear in (sin gamma,
-cos gamma). The first leaves two values of gamma; the second is then one equation in t for each.
-Where the two values meet, and beyond, the product of both equations is analytic and is used instead.
-
-What is left of a root is checked along its path: the tilt must fall from turn to turn.
+A root is an orbit only if the tilt falls all the way from turn to turn, which is checked along its
+path.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.lax import stop_gradient
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Bool
 
+from tpd.exact.conditions import Half, conditions, crossing
 from tpd.exact.matrix import Factor, Functional, components, exponential, identity
 from tpd.exact.multipliers import Matrix, product
+from tpd.exact.roots import NODES, ROOTS, Bracket, Root, brackets, converge, refine
 from tpd.exact.spectrum import Plant
-from tpd.exact.trigonometry import Turn, kept, turn
+from tpd.exact.trigonometry import Turn, turn
 from tpd.parameters import Number, State
 
-NODES = 64
-"""Samples of the crossing time over half a period, between which roots are looked for."""
-ROOTS = 4
-"""Most roots followed up per design, of those that begin above the base."""
-DIPS = 1
-"""Most pairs of roots within one interval of the sampling."""
 ORBITS = 3
 """Most orbits per design."""
 PATH_NODES = 16
 """Samples of each of the two arcs of a half period, between which its extremes are looked for."""
-_KINDS = (1.0, -1.0, 0.0)
-"""The branches of gamma, and their product."""
-
-
-class Half(eqx.Module):
-    """What the equation needs that depends on the parameters alone.
-
-    As [1 + exp(A h)]^-1 is part of everything, it is part of the functionals.
-    """
-
-    plant: Plant
-    span: Number
-    """h, half a forcing period."""
-    whole: Factor
-    """exp(A h)"""
-    unit: tuple[Functional, ...]
-    """The components of g(A) [1 + exp(A h)]^-1 e1, a unit of tilt."""
-    kick: tuple[Functional, ...]
-    """The same of d, a unit of impact."""
-
-    def __init__(self, plant: Plant) -> None:
-        rates = plant.slip
-        self.plant = plant
-        self.span = jnp.pi / plant.linear.xi
-        self.whole = exponential(rates, self.span)
-        closing = self.whole.plus(identity(self.span)).inverse(rates)
-        zero, one = jnp.zeros_like(self.span), jnp.ones_like(self.span)
-        unit = components(plant, jnp.stack([one, zero, zero, zero]))
-        kick = components(plant, jnp.stack([zero, zero, one, 2.0 / plant.length_ratio]))
-        self.unit = tuple(x.after(closing, rates) for x in unit)
-        self.kick = tuple(x.after(closing, rates) for x in kick)
-
-    @property
-    def step(self) -> Number:
-        """The jump of the balance tilt at the crossing, 2 w/K."""
-        return 2.0 * self.plant.linear.weight / self.plant.linear.tilt
-
-    @property
-    def slack(self) -> Number:
-        """That at a turn, 2 k/K."""
-        return 2.0 * self.plant.linear.friction / self.plant.linear.tilt
-
-    def harmonic(self, forcing: Turn, row: int) -> tuple[Number, Number]:
-        """The harmonic response of phi or psi (row 0 or 1) once the forcing has turned by so much,
-        as factors of sin gamma and cos gamma."""
-        along, across = self.plant.response[row, 0], self.plant.response[row, 1]
-        cosine, sine = forcing
-        return along * cosine - across * sine, along * sine + across * cosine
-
-
-class Crossing(NamedTuple):
-    """A crossing time, by what has happened until then and what is left."""
-
-    flow: Factor
-    """exp(A t)"""
-    rest: Factor
-    """exp(A (h - t))"""
-    forcing: Turn
-    """By xi t."""
-
-
-def crossing(half: Half, t: Number) -> Crossing:
-    """The crossing at time `t`."""
-    rates = half.plant.slip
-    forcing = turn(half.plant.linear.xi * t)
-    return Crossing(exponential(rates, t), exponential(rates, half.span - t), forcing)
-
-
-def per_time(half: Half, at: Crossing) -> Crossing:
-    """The derivative of a crossing with respect to its time."""
-    rates, xi = half.plant.slip, half.plant.linear.xi
-    forcing = Turn(-xi * at.forcing.sine, xi * at.forcing.cosine)
-    return Crossing(at.flow.rate(rates), at.rest.rate(rates).scaled(-1.0), forcing)
-
-
-class Phased(NamedTuple):
-    """A quantity c + s sin gamma + u cos gamma."""
-
-    c: Number
-    s: Number
-    u: Number
-
-    def minus(self, x: Number, other: Phased) -> Phased:
-        """self - x other."""
-        return Phased(*(a - x * b for a, b in zip(self, other, strict=True)))
-
-    def at(self, phase: Turn) -> Number:
-        """Its value."""
-        return self.c + self.s * phase.sine + self.u * phase.cosine
-
-
-class Conditions(NamedTuple):
-    """What must vanish, and the impact V, as functions of gamma."""
-
-    turning: Phased
-    """phi'(0)"""
-    crossing: Phased
-    """phi(t)"""
-    impact: Phased
-    height: Phased
-    """phi(0)"""
-
-
-def conditions(half: Half, at: Crossing) -> Conditions:
-    """The two conditions for a crossing."""
-    lost, xi = half.plant.restitution - 1.0, half.plant.linear.xi
-    s0, u0 = half.harmonic(Turn(jnp.ones_like(xi), jnp.zeros_like(xi)), 0)
-    s1, u1 = half.harmonic(at.forcing, 0)
-    per_fall = lost / (1.0 + lost * half.kick[2].of(half.whole))
-    falls = half.slack * half.unit[2].of(at.flow) - half.step * half.unit[2].of(half.whole)
-    impact = Phased(per_fall * falls, -per_fall * xi * u1, per_fall * xi * s1)
-    turns = half.slack * half.unit[2].of(identity(xi)) - half.step * half.unit[2].of(at.rest)
-    tilt = half.slack * half.unit[0].of(at.flow) - half.step * half.unit[0].of(half.whole)
-    top = half.slack * half.unit[0].of(identity(xi)) - half.step * half.unit[0].of(at.rest)
-    balance = 0.5 * (half.step - half.slack)
-    return Conditions(
-        Phased(turns, -xi * u0, xi * s0).minus(half.kick[2].of(at.rest), impact),
-        Phased(tilt + balance, s1, u1).minus(half.kick[0].of(half.whole), impact),
-        impact,
-        Phased(top + balance, s0, u0).minus(half.kick[0].of(at.rest), impact),
-    )
-
-
-class Branches(NamedTuple):
-    """phi(t) = middle +- apart sqrt(inside) on the two branches of gamma; none where inside < 0."""
-
-    middle: Number
-    apart: Number
-    inside: Number
-    along: Number
-    way_s: Number
-    way_u: Number
-
-    def phase(self, branch: Number) -> Turn:
-        """gamma on branch +1 or -1."""
-        across = branch * jnp.sqrt(jnp.maximum(self.inside, 0.0))
-        cosine = self.along * self.way_u + across * self.way_s
-        return Turn(cosine, self.along * self.way_s - across * self.way_u)
-
-    def on(self, branch: Number) -> Number:
-        """phi(t) on branch +1 or -1; at 0 the product of both, also where neither exists."""
-        root = self.apart * jnp.sqrt(jnp.maximum(self.inside, 1e-300))
-        product = self.middle**2 - self.apart**2 * self.inside
-        return jnp.where(branch == 0.0, product, self.middle + branch * root)
-
-
-def branches(c: Conditions) -> Branches:
-    """The two branches: turning fixes how far (sin gamma, cos gamma) reaches along one direction."""
-    size = jnp.sqrt(c.turning.s**2 + c.turning.u**2)
-    along, way_s, way_u = -c.turning.c / size, c.turning.s / size, c.turning.u / size
-    middle = c.crossing.c + along * (c.crossing.s * way_s + c.crossing.u * way_u)
-    apart = c.crossing.u * way_s - c.crossing.s * way_u
-    return Branches(middle, apart, 1.0 - along**2, along, way_s, way_u)
-
-
-class _Bracket(NamedTuple):
-    """An interval of t with one root; the branch is 0 for the product of both."""
-
-    low: Number
-    high: Number
-    branch: Number
-
-
-class _Found(NamedTuple):
-    brackets: tuple[_Bracket, ...]
-    count: Int[Array, ""]
-
-    def note(self, hit: Bool[Array, ""], bracket: _Bracket) -> _Found:
-        """One more, if `hit`."""
-        slots = []
-        for i, slot in enumerate(self.brackets):
-            here = hit & (self.count == i)
-            slots.append(_Bracket(*(jnp.where(here, a, b) for a, b in zip(bracket, slot, strict=True))))
-        return _Found(tuple(slots), self.count + hit)
-
-
-class _Sample(NamedTuple):
-    """Both branches at one crossing time."""
-
-    upper: Number
-    lower: Number
-    product: Number
-    inside: Number
-    tall: Number
-    """phi(0) on the upper branch."""
-    low: Number
-    """phi(0) on the lower branch."""
-
-
-def _sample(half: Half, at: Crossing) -> _Sample:
-    c = conditions(half, at)
-    b = branches(c)
-    root = b.apart * jnp.sqrt(jnp.maximum(b.inside, 0.0))
-    heights = (c.height.at(b.phase(branch)) for branch in (1.0, -1.0))
-    return _Sample(b.middle + root, b.middle - root, b.on(jnp.zeros_like(root)), b.inside, *heights)
-
-
-class _Dip(NamedTuple):
-    """Where the product of both branches seems to dip below zero between samples of one sign: two
-    roots that lie within one interval, as near a fold."""
-
-    at: Number
-    depth: Number
-    """Of the parabola through three samples, over the middle one; 2 for none."""
-
-
-def _brackets(half: Half) -> _Found:
-    """Sample both branches over (0, h), and note every change of sign, and every pair of them."""
-    spacing, rates = half.span / NODES, half.plant.slip
-    onward, backward = exponential(rates, spacing), exponential(rates, -spacing)
-    turning = turn(half.plant.linear.xi * spacing)
-
-    def step(i: Int[Array, ""], carry: tuple) -> tuple:
-        found, dips, at, old, earlier, quiet0 = carry
-        rest = at.rest.times(backward, rates)
-        rest = rest._replace(at_s2=jnp.exp(rates.s2 * (half.span - spacing * (i + 1.0))))
-        at = Crossing(at.flow.times(onward, rates), rest, at.forcing.then(turning))
-        now = _sample(half, at)
-        both = (now.inside >= 0) & (old.inside >= 0)
-        # Where the branches end between two samples one of them has a root if they differ in sign.
-        leaving = (old.inside >= 0) & (now.inside < 0) & (old.upper * old.lower <= 0)
-        entering = (old.inside < 0) & (now.inside >= 0) & (now.upper * now.lower <= 0)
-        tall, low = (now.tall > 0) | (old.tall > 0), (now.low > 0) | (old.low > 0)
-        up, down = both & (now.upper * old.upper <= 0), both & (now.lower * old.lower <= 0)
-        first = (up & tall) | ((leaving | entering) & (tall | low))
-        begin, end = spacing * i, spacing * (i + 1.0)
-        found = found.note(first, _Bracket(begin, end, jnp.where(both, 1.0, 0.0)))
-        found = found.note(down & low, _Bracket(begin, end, -jnp.ones_like(spacing)))
-        quiet = ~(up | down | leaving | entering)
-        a, b, c = earlier, old.product, now.product
-        depth = 1.0 - (c - a) ** 2 / (8.0 * b * (c - 2.0 * b + a))
-        lowest = quiet & quiet0 & (b > 0) & (b < a) & (b <= c)
-        depth = jnp.where(lowest, depth, 2.0)
-        dips = _deepest(dips, _Dip(begin, depth))
-        return found, dips, at, now, b, quiet
-
-    none = jnp.zeros_like(spacing)
-    start = crossing(half, none)
-    found = _Found((_Bracket(none, none, none),) * ROOTS, jnp.zeros((), int))
-    dips = (_Dip(none, none + 2.0),) * DIPS
-    sample = _sample(half, start)
-    first = (found, dips, start, sample, sample.product, jnp.zeros((), bool))
-    found, dips = jax.lax.fori_loop(0, NODES, step, first)[:2]
-    for dip in dips:
-        found = _split(half, found, dip)
-    return found
-
-
-def _deepest(dips: tuple[_Dip, ...], new: _Dip) -> tuple[_Dip, ...]:
-    """The deepest of them, deepest first."""
-    out = []
-    for old in dips:
-        deeper = new.depth < old.depth
-        out.append(jax.tree.map(lambda a, b, d=deeper: jnp.where(d, a, b), new, old))
-        new = jax.tree.map(lambda a, b, d=deeper: jnp.where(d, b, a), new, old)
-    return tuple(out)
-
-
-def _split(half: Half, found: _Found, dip: _Dip) -> _Found:
-    """Both roots of a dip, if its lowest point is below zero."""
-    spacing = half.span / NODES
-    low, high = dip.at - spacing, dip.at + spacing
-
-    def product(at: Crossing) -> Number:
-        return branches(conditions(half, at)).on(jnp.zeros_like(spacing))
-
-    def slope(t: Number) -> Number:
-        at = crossing(half, t)
-        return jax.jvp(product, (at,), (per_time(half, at),))[1]
-
-    def step(_: Array, carry: tuple) -> tuple:
-        # Illinois' method: an end that stays twice counts for half.
-        (left, g_left), (right, g_right), side, t = carry
-        t = left - g_left * (right - left) / (g_right - g_left)
-        t = jnp.where((t > left) & (t < right), t, 0.5 * (left + right))
-        g = slope(t)
-        beyond = g > 0
-        g_left = jnp.where(beyond, g_left * jnp.where(side > 0, 0.5, 1.0), g)
-        g_right = jnp.where(beyond, g, g_right * jnp.where(side < 0, 0.5, 1.0))
-        left, right = jnp.where(beyond, left, t), jnp.where(beyond, t, right)
-        return (left, g_left), (right, g_right), jnp.where(beyond, 1.0, -1.0), t
-
-    # The slope of the product changes its sign between the outer samples.
-    zero = jnp.zeros_like(spacing)
-    first = ((low, slope(low)), (high, slope(high)), zero, zero)
-    lowest = kept(jax.lax.fori_loop(0, 8, step, first)[3])
-    s = _sample(half, crossing(half, lowest))
-    hit = (dip.depth < 1.0) & (s.product < 0) & ((s.tall > 0) | (s.low > 0))
-    return found.note(hit, _Bracket(low, lowest, zero)).note(hit, _Bracket(lowest, high, zero))
-
-
-class Root(NamedTuple):
-    """A solution of both conditions, or nearly."""
-
-    t: Number
-    """Time from the turn to the crossing."""
-    gamma: Number
-    """Phase of the forcing at the turn, rad."""
-
-
-def refine(half: Half, bracket: _Bracket) -> Root:
-    """The root in one bracket: Newton's method, kept inside by bisection."""
-    branch = bracket.branch
-
-    def value(at: Crossing) -> Number:
-        return branches(conditions(half, at)).on(branch)
-
-    low, high = bracket.low, bracket.high
-    rising = jnp.sign(value(crossing(half, high)) - value(crossing(half, low)))
-
-    def step(_: Array, carry: tuple) -> tuple:
-        low, high, t = carry
-        at = crossing(half, t)
-        g, slope = jax.jvp(value, (at,), (per_time(half, at),))
-        right = g * rising > 0
-        low, high = jnp.where(right, low, t), jnp.where(right, t, high)
-        onward = t - g / jnp.where(slope == 0.0, 1.0, slope)
-        # A converged iterate may step over itself by rounding.
-        good = (onward >= low - 1e-9 * half.span) & (onward <= high + 1e-9 * half.span)
-        return low, high, jnp.where(good, onward, 0.5 * (low + high))
-
-    t = jax.lax.fori_loop(0, 5, step, (low, high, 0.5 * (low + high)))[2]
-    b = branches(conditions(half, crossing(half, t)))
-    branch = jnp.where(branch == 0.0, -jnp.sign(b.middle * b.apart), branch)
-    phase = b.phase(branch)
-    return Root(t, jnp.arctan2(phase.sine, phase.cosine))
-
-
-def converge(half: Half, root: Root, there: Bool[Array, ""]) -> tuple[Root, Bool[Array, ""]]:
-    """Newton's method on both conditions, for a root that is `there`: the root, and whether it was
-    reached. Few steps do, except close to a fold, where each only halves the error."""
-
-    def going(carry: tuple) -> Bool[Array, ""]:
-        _, moved, count = carry
-        return there & (moved > 1e-9) & (count < 30)
-
-    def step(carry: tuple) -> tuple:
-        root, _, count = carry
-        return *_newton(half, half, root), count + 1
-
-    first = (root, jnp.full_like(root.t, jnp.inf), jnp.zeros((), int))
-    root, moved, _ = jax.lax.while_loop(going, step, first)
-    return root, moved < 1e-7
-
-
-def differentiable(half: Half, root: Root) -> Root:
-    """One more step, which carries the derivative of the root with respect to the parameters."""
-    fixed = jax.tree.map(stop_gradient, half)
-    return _newton(half, fixed, Root(*(stop_gradient(x) for x in root)))[0]
-
-
-def _newton(half: Half, fixed: Half, root: Root) -> tuple[Root, Number]:
-    """One step, with the Jacobian of `fixed` and the residual of `half`."""
-    t, gamma = root
-    at, phase = crossing(fixed, t), turn(gamma)
-
-    def values(at: Crossing, phase: Turn, half: Half) -> tuple[Number, Number]:
-        c = conditions(half, at)
-        return c.turning.at(phase), c.crossing.at(phase)
-
-    still = jax.tree.map(jnp.zeros_like, (at, phase))
-    quarter = Turn(-phase.sine, phase.cosine)
-    _, (a, c) = jax.jvp(lambda a, p: values(a, p, fixed), (at, phase), (per_time(fixed, at), still[1]))
-    _, (b, d) = jax.jvp(lambda a, p: values(a, p, fixed), (at, phase), (still[0], quarter))
-    r1, r2 = values(crossing(half, t), phase, half)
-    determinant = a * d - b * c
-    dt, dgamma = (d * r1 - b * r2) / determinant, (a * r2 - c * r1) / determinant
-    return Root(t - dt, gamma - dgamma), jnp.abs(dt) / fixed.span + jnp.abs(dgamma)
 
 
 class Coordinate(NamedTuple):
@@ -650,10 +267,10 @@ class Candidates(NamedTuple):
 
 def candidates(half: Half) -> Candidates:
     """All orbits whose path keeps to its signs."""
-    found = _brackets(half)
-    brackets = _Bracket(*(jnp.stack(x) for x in zip(*found.brackets, strict=True)))
+    found = brackets(half)
+    stacked = Bracket(*(jnp.stack(x) for x in zip(*found.brackets, strict=True)))
 
-    def follow(bracket: _Bracket, there: Array) -> tuple[Root, Path, Number, Bool[Array, ""]]:
+    def follow(bracket: Bracket, there: Array) -> tuple[Root, Path, Number, Bool[Array, ""]]:
         root, reached = converge(half, refine(half, bracket), there)
         orbit = orbit_of(half, root)
         path, height = path_of(half, orbit), orbit.height
@@ -662,7 +279,7 @@ def candidates(half: Half) -> Candidates:
         return root, path, height, good & reached & inside & there
 
     width = half.span / NODES
-    root, path, height, good = jax.vmap(follow)(brackets, jnp.arange(ROOTS) < found.count)
+    root, path, height, good = jax.vmap(follow)(stacked, jnp.arange(ROOTS) < found.count)
     ahead = height[None, :] > height[:, None]
     rank = jnp.where(good, jnp.sum(ahead & good[None, :], axis=1), ROOTS)
 
