@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import permutations
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -90,7 +90,8 @@ def sweep(p: Parameters, name: str, values: Any) -> Sweep:
     return along(axis, grid)
 
 
-class Axis(NamedTuple):
+@dataclass(frozen=True)
+class Axis:
     """A line through the space of parameters, along one of them."""
 
     fixed: tuple[float, ...]
@@ -154,13 +155,13 @@ def along(axis: Axis, grid: np.ndarray) -> Sweep:
         name=axis.name,
         value=grid,
         status=names,
-        amplitude=orbits.amplitude,
-        stroke=orbits.stroke,
-        phase=orbits.phase,
-        crossing=orbits.crossing,
-        multipliers=orbits.multipliers,
+        amplitude=np.asarray(orbits.amplitude),
+        stroke=np.asarray(orbits.stroke),
+        phase=np.asarray(orbits.phase),
+        crossing=np.asarray(orbits.crossing),
+        multipliers=np.asarray(orbits.multipliers),
         margins=orbits.margins,
-        overflow=orbits.overflow,
+        overflow=np.asarray(orbits.overflow),
         branch=_joined(grid, place, np.sign(orbits.margins.fold)),
     )
 

@@ -39,7 +39,7 @@ def vanishing(u: Float[Array, "3"], p: Parameters) -> Float[Array, "7"]:
 
 def fall(half: Half, orbit: Orbit, s: Number) -> tuple[Number, Number]:
     """phi' and phi'' a time s after the upper turn, before the next."""
-    late = s > orbit.root.t
+    late = jnp.asarray(s > orbit.root.t)
     arc = jax.tree.map(lambda a, b: jnp.where(late, b, a), orbit.first[0], orbit.second[0])
     tilt = arc._replace(constant=jnp.zeros_like(s))
     rate = instant(half, orbit, s - jnp.where(late, orbit.root.t, 0.0), late).rate(half.plant)
@@ -65,7 +65,7 @@ def survey(u: Float[Array, "2"], p: Parameters) -> Survey:
     half = Half(Plant(p))
     orbit = orbit_of(half, Root(u[0], u[1]))
     times = half.span * jnp.arange(1, SAMPLES + 1) / (SAMPLES + 1)
-    rates = jax.vmap(lambda s: fall(half, orbit, s)[0])(times)
+    rates = jnp.asarray(jax.vmap(lambda s: fall(half, orbit, s)[0])(times))
     begin, end = fall(half, orbit, jnp.zeros_like(u[0])), fall(half, orbit, half.span)
     return Survey(orbit.height, begin[1], -end[1], rates)
 
