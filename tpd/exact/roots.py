@@ -32,21 +32,28 @@ class Bracket(NamedTuple):
     low: Number
     high: Number
     branch: Number
+    start: Number
+    """Where to begin in it."""
+
+    @staticmethod
+    def of(low: Number, high: Number, branch: Number) -> Bracket:
+        """One to begin in the middle of."""
+        return Bracket(low, high, branch, 0.5 * (low + high))
 
 
 class Found(NamedTuple):
-    """The brackets of one design; those beyond `count` are empty, and `count` may exceed the places."""
+    """The brackets of one design; those beyond `number` are empty, and `number` may exceed the places."""
 
     brackets: tuple[Bracket, ...]
-    count: Int[Array, ""]
+    number: Int[Array, ""]
 
     def note(self, hit: Bool[Array, ""], bracket: Bracket) -> Found:
         """One more, if `hit`."""
         slots = []
         for i, slot in enumerate(self.brackets):
-            here = hit & (self.count == i)
+            here = hit & (self.number == i)
             slots.append(Bracket(*(jnp.where(here, a, b) for a, b in zip(bracket, slot, strict=True))))
-        return Found(tuple(slots), self.count + hit)
+        return Found(tuple(slots), self.number + hit)
 
 
 class _Sample(NamedTuple):
@@ -99,8 +106,8 @@ def brackets(half: Half) -> Found:
         up, down = both & (now.upper * old.upper <= 0), both & (now.lower * old.lower <= 0)
         first = (up & tall) | ((leaving | entering) & (tall | low))
         begin, end = spacing * i, spacing * (i + 1.0)
-        found = found.note(first, Bracket(begin, end, jnp.where(both, 1.0, 0.0)))
-        found = found.note(down & low, Bracket(begin, end, -jnp.ones_like(spacing)))
+        found = found.note(first, Bracket.of(begin, end, jnp.where(both, 1.0, 0.0)))
+        found = found.note(down & low, Bracket.of(begin, end, -jnp.ones_like(spacing)))
         quiet = ~(up | down | leaving | entering)
         a, b, c = earlier, old.product, now.product
         depth = 1.0 - (c - a) ** 2 / (8.0 * b * (c - 2.0 * b + a))
@@ -111,7 +118,7 @@ def brackets(half: Half) -> Found:
 
     none = jnp.zeros_like(spacing)
     start = crossing(half, none)
-    found = Found((Bracket(none, none, none),) * ROOTS, jnp.zeros((), int))
+    found = Found((Bracket.of(none, none, none),) * ROOTS, jnp.zeros((), int))
     dips = (_Dip(none, none + 2.0),) * DIPS
     sample = _sample(half, start)
     first = (found, dips, start, sample, sample.product, jnp.zeros((), bool))
@@ -158,10 +165,15 @@ def _split(half: Half, found: Found, dip: _Dip) -> Found:
     # The slope of the product changes its sign between the outer samples.
     zero = jnp.zeros_like(spacing)
     first = ((low, slope(low)), (high, slope(high)), zero, zero)
-    lowest = kept(jax.lax.fori_loop(0, 8, step, first)[3])
+    left, right, _, t = jax.lax.fori_loop(0, 8, step, first)
+    lowest = kept(t)
     s = _sample(half, crossing(half, lowest))
-    hit = (dip.depth < 1.0) & (s.product < 0) & ((s.tall > 0) | (s.low > 0))
-    return found.note(hit, Bracket(low, lowest, zero)).note(hit, Bracket(lowest, high, zero))
+    hit = jnp.asarray((dip.depth < 1.0) & (s.product < 0) & ((s.tall > 0) | (s.low > 0)))
+    # Far from a pair Newton's method would only halve the distance in each step.
+    reach = jnp.sqrt(jnp.maximum(-2.0 * s.product * (right[0] - left[0]) / (right[1] - left[1]), 0.0))
+    before = Bracket(low, lowest, zero, jnp.maximum(lowest - reach, low))
+    after = Bracket(lowest, high, zero, jnp.minimum(lowest + reach, high))
+    return found.note(hit, before).note(hit, after)
 
 
 class Root(NamedTuple):
@@ -194,7 +206,7 @@ def refine(half: Half, bracket: Bracket) -> Root:
         good = (onward >= low - 1e-9 * half.span) & (onward <= high + 1e-9 * half.span)
         return low, high, jnp.where(good, onward, 0.5 * (low + high))
 
-    t = jax.lax.fori_loop(0, 5, step, (low, high, 0.5 * (low + high)))[2]
+    t = jax.lax.fori_loop(0, 5, step, (low, high, bracket.start))[2]
     b = branches(conditions(half, crossing(half, t)))
     branch = jnp.where(branch == 0.0, -jnp.sign(b.middle * b.apart), branch)
     phase = b.phase(branch)

@@ -279,13 +279,14 @@ def candidates(half: Half) -> Candidates:
         return root, path, height, good & reached & inside & there
 
     width = half.span / NODES
-    root, path, height, good = jax.vmap(follow)(stacked, jnp.arange(ROOTS) < found.count)
+    root, path, tops, good = jax.vmap(follow)(stacked, jnp.arange(ROOTS) < found.number)
+    height = jnp.asarray(tops)
     ahead = height[None, :] > height[:, None]
     rank = jnp.where(good, jnp.sum(ahead & good[None, :], axis=1), ROOTS)
 
     def pick(x: Array) -> Array:
         return jnp.stack([jnp.sum(jnp.where(rank == i, x, 0), axis=0, dtype=x.dtype) for i in range(ORBITS)])
 
-    chosen = jax.tree.map(pick, (root, path))
+    root, path = jax.tree.map(pick, (root, path))
     exists = jnp.arange(ORBITS) < jnp.sum(good)
-    return Candidates(*chosen, exists, (found.count > ROOTS) | (jnp.sum(good) > ORBITS))
+    return Candidates(root, path, exists, (found.number > ROOTS) | (jnp.sum(good) > ORBITS))
