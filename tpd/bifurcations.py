@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -108,7 +109,7 @@ def bifurcations(
     checks.require_x64()
     axis = Axis.of(p, name)
     low, high = checks.interval("(low, high)", (low, high), -math.inf, math.inf)
-    checks.within("samples", samples, 8, 100_000)
+    checks.within("samples", samples, 8.0, 100_000.0)
     axis.check(low, high)
     search = _Search(axis, low, high, (high - low) / (int(samples) - 1))
     found = _distinct(_explained(search, np.linspace(low, high, int(samples)), _DEPTH))
@@ -274,7 +275,8 @@ def _linear(axis: Axis, kind: Kind, u: np.ndarray, x: np.ndarray) -> tuple[np.nd
     return residual, by_u[:, :m], by_x
 
 
-@jax.jit
+# Half the time to compile, of code that runs some hundred times.
+@partial(jax.jit, compiler_options={"xla_llvm_disable_expensive_passes": True})
 def _linearised(u: Float[Array, "3"], x: Float[Array, "9"]) -> tuple[Array, Array, Array]:
     def twice(u: Array, x: Array) -> tuple[Array, Array]:
         r = vanishing(u, parameters(x))
