@@ -88,6 +88,15 @@ def test_a_batch_may_be_a_pytree():
     np.testing.assert_allclose(found, X.sum(axis=1) * np.arange(LENGTH) + X[:, 0], rtol=1e-14)
 
 
+def test_a_single_number_belongs_to_every_element():
+    both = in_chunks(_sum, {"a": X, "b": 3.0}, chunk=64)
+    np.testing.assert_array_equal(both, in_chunks(_sum, {"a": X, "b": np.full(LENGTH, 3.0)}, chunk=64))
+
+
+def _sum(pair):
+    return jnp.sum(pair["a"]) * pair["b"]
+
+
 def test_progress_is_told_after_each_chunk_to_the_end():
     told = []
     in_chunks(answer, X, chunk=64, progress=lambda *at: told.append(at))
@@ -124,10 +133,10 @@ def test_an_error_of_the_function_is_not_swallowed():
     [
         (np.zeros((0, 3)), r"\[0\]"),
         ((np.zeros(3), np.zeros(4)), r"\[3, 4\]"),
-        ({"a": np.zeros((3, 2)), "b": 1.0}, r"\[0, 3\]"),
+        ({"a": 2.0, "b": 1.0}, r"\[\]"),
         ((), r"\[\]"),
     ],
-    ids=["empty", "unequal", "a number", "nothing"],
+    ids=["empty", "unequal", "numbers", "nothing"],
 )
 def test_a_batch_without_one_length_is_refused(batch, lengths):
     sentence = rf"`batch` must be arrays of one length above zero, but has lengths {lengths}"

@@ -7,6 +7,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tpd.attractor import Attractor as Attractor
+    from tpd.attractor import Starts as Starts
+    from tpd.attractor import attractors as attractors
     from tpd.balance import one_harmonic as one_harmonic
     from tpd.balance import uplift as uplift
     from tpd.batch import in_chunks as in_chunks
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
+    "Attractor": "attractor",
     "Block": "scene",
     "Design": "design",
     "DesignSpace": "design",
@@ -39,7 +43,9 @@ _HOMES = {
     "Piecewise": "models.piecewise",
     "Scene": "scene",
     "Smoothed": "models.smoothed",
+    "Starts": "attractor",
     "Status": "status",
+    "attractors": "attractor",
     "in_chunks": "batch",
     "one_harmonic": "balance",
     "optimise": "optimiser",

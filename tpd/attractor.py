@@ -111,8 +111,7 @@ def attractors(
     starts = Starts() if starts is None else starts
     fixed = as_arrays(p)
     y0 = starts.states(float(fixed.nu))
-    many = jax.tree.map(lambda x: np.full(len(y0), float(x)), fixed)
-    settled = settle_all(many, y0, model=model, progress=progress)
+    settled = settle_all(fixed, y0, model=model, progress=progress)
     found = [
         _describe(fixed, model, y0, settled, group) for group in _groups(settled, np.asarray(scale_of(fixed)))
     ]

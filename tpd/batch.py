@@ -33,7 +33,8 @@ def in_chunks(
     Args:
         function: of one element (a pytree of arrays without the leading axis), pure as for `jit`.
             Compiled once per function object and chunk size; keep the object to keep the code.
-        batch: a pytree of arrays that share their leading axis, of any length above zero.
+        batch: a pytree of arrays that share their leading axis, of any length above zero; single
+            numbers belong to every element.
         chunk: elements per chunk. Memory beyond inputs and results is proportional to
             `chunk * workers`, not to the length of the batch.
         workers: threads; default the number of cores.
@@ -47,13 +48,14 @@ def in_chunks(
     """
     leaves, treedef = jax.tree.flatten(batch)
     arrays = [np.asarray(x) for x in leaves]
-    lengths = {x.shape[0] if x.ndim else 0 for x in arrays}
+    lengths = {x.shape[0] for x in arrays if x.ndim}
     if len(lengths) != 1 or 0 in lengths:
         raise ValueError(
             f"`batch` must be arrays of one length above zero, but has lengths {sorted(lengths)}"
         )
     checks.positive("chunk", chunk)
     (length,) = lengths
+    arrays = [x if x.ndim else np.broadcast_to(x, length) for x in arrays]
     compiled = _compiled(function)
     cores = (os.cpu_count() or 1) if workers is None else workers
 

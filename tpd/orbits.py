@@ -15,6 +15,7 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from tpd import checks
 from tpd.exact.conditions import Half
+from tpd.exact.derivatives import refused
 from tpd.exact.multipliers import characteristic, quartic_roots
 from tpd.exact.roots import Root, differentiable
 from tpd.exact.spectrum import Plant
@@ -116,7 +117,7 @@ def _describe(p: Parameters, half: Half, root: Root, path: Path, there: Array) -
     usable = there & ~near & ~(fall < _GRAZING)
 
     def answer(x: Number) -> Number:
-        return _refused(jnp.where(there, x, jnp.nan), usable)
+        return refused(jnp.where(there, x, jnp.nan), usable)
 
     begun = jnp.mod(-polished.gamma, 2.0 * jnp.pi) / half.plant.linear.xi
     state = state_at(half, orbit, begun)
@@ -146,16 +147,3 @@ def _friction_pull(half: Half) -> Number:
     """What friction adds to phi'' while the tilt falls."""
     linear = half.plant.linear
     return linear.friction * linear.m22 / linear.determinant
-
-
-@jax.custom_jvp
-def _refused(value: Number, usable: Array) -> Number:
-    """`value`, without a derivative unless `usable`."""
-    del usable
-    return value
-
-
-@_refused.defjvp
-def _refused_jvp(primals: tuple, tangents: tuple) -> tuple[Number, Number]:
-    value, usable = primals
-    return value, jnp.where(usable, tangents[0], jnp.nan)

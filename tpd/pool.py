@@ -40,7 +40,7 @@ def settle_all(
     """`model.settle` of every element of a batch, in bounded memory and on all cores.
 
     Args:
-        p: parameters, every leaf of shape (n,).
+        p: parameters, of shape (n,) or single numbers for all.
         y0: starts at tau = 0, shape (n, 4).
         model: default `Piecewise()`; its `max_periods` bounds each motion.
         workers: threads; default the number of cores.
@@ -50,19 +50,19 @@ def settle_all(
         A `Settled` with NumPy leaves of leading axis n, in the order of the batch.
 
     Raises:
-        ValueError: leaves of different lengths.
+        ValueError: an empty batch, or leaves of different lengths.
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
     model = Piecewise() if model is None else model
     starts = np.asarray(y0, dtype=float)
     n = len(starts)
-    batch = jax.tree.map(lambda x: np.asarray(x, dtype=float), p)
-    lengths = sorted({x.shape for x in jax.tree.leaves(batch)})
-    if starts.shape != (n, 4) or lengths != [(n,)]:
+    shapes = sorted({np.shape(x) for x in jax.tree.leaves(p)} - {()})
+    if starts.shape != (n, 4) or n == 0 or shapes not in ([], [(n,)]):
         raise ValueError(
-            f"`p` and `y0` must have shapes (n,) and (n, 4), but have {lengths} and {starts.shape}"
+            f"`p` and `y0` must have shapes (n,) and (n, 4), but have {shapes} and {starts.shape}"
         )
+    batch = jax.tree.map(lambda x: np.broadcast_to(np.asarray(x, dtype=float), n), p)
     cores = min((os.cpu_count() or 1) if workers is None else workers, max(1, n // LANES[-1]))
     # Neighbours in a batch are often alike: dealt out like cards, the cores get equal work.
     shares = [np.arange(i, n, cores) for i in range(cores)]

@@ -22,6 +22,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from tpd import checks
+from tpd.exact.derivatives import with_slopes
 from tpd.models.interface import AbstractModel, Settled
 from tpd.models.piecewise import Piecewise
 from tpd.models.settling import scale_of
@@ -148,7 +149,37 @@ def _state(y0: ArrayLike) -> State:
 
 @eqx.filter_jit
 def _trajectory(p: Parameters, model: AbstractModel, y0: State, times: Array) -> tuple[Array, Status]:
+    return _followed(p, y0, times, model=model)
+
+
+@eqx.filter_custom_jvp
+def _followed(p: Parameters, y0: State, times: Array, *, model: AbstractModel) -> tuple[Array, Status]:
     return model.trajectory(p, y0, times)
+
+
+@_followed.def_jvp
+def _followed_jvp(primals: tuple, tangents: tuple, *, model: AbstractModel) -> tuple:
+    """All derivatives of one run with respect to parameters and start, so that what comes out is
+    linear in the direction and can be transposed. That in the times is for forward mode only."""
+    *inputs, times = primals
+    x, unflatten = ravel_pytree(inputs)
+
+    def run(x: Float[Array, "n"]) -> tuple[Array, Status]:
+        return model.trajectory(*unflatten(x), times)
+
+    def push(direction: Float[Array, "n"]) -> tuple[Array, Array, Status]:
+        return jax.jvp(run, (x,), (direction,), has_aux=True)
+
+    ys, slopes, status = jax.vmap(push, out_axes=(None, -1, None))(jnp.eye(x.size))
+    moved = jax.tree.map(_or_zero, tangents[:2], tuple(inputs), is_leaf=lambda leaf: leaf is None)
+    out = slopes @ ravel_pytree(moved)[0]
+    if tangents[2] is not None:
+        out = out + jax.jvp(lambda t: model.trajectory(*inputs, t)[0], (times,), (tangents[2],))[1]
+    return (ys, status), (out, jax.tree.map(lambda _: None, status))
+
+
+def _or_zero(tangent: Array | None, primal: Any) -> Any:
+    return jax.tree.map(jnp.zeros_like, primal) if tangent is None else tangent
 
 
 @eqx.filter_jit
@@ -174,7 +205,7 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
 
 def _sizes(
     p: Parameters, fixed: Parameters, settled: Settled, orbit: _Orbit, status: Status, multiplier: Number
-) -> Float[Array, "2"]:
+) -> tuple[Number, Number]:
     """(amplitude, stroke), with their slopes where these exist."""
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
     ringing = (status == Status.rest) & (fixed.zeta == 0.0)
@@ -188,7 +219,8 @@ def _sizes(
     rests = status == Status.rest
     sizes = sizes.at[0].set(jnp.where(rests, 0.0, sizes[0]))
     slopes = slopes.at[0].set(jnp.where(rests, 0.0, slopes[0]))
-    return _with_slopes(ravel_pytree(p)[0], sizes, slopes)
+    flat = ravel_pytree(p)[0]
+    return tuple(with_slopes(flat, sizes[i], slopes[i]) for i in range(2))
 
 
 class _Orbit(eqx.Module):
@@ -311,18 +343,3 @@ def _implicit(orbit: _Orbit) -> tuple[Float[Array, "2"], Float[Array, "2 n"]]:
     right = jnp.concatenate([(orbit.end - orbit.y)[:, None], orbit.by_parameter[:4]], axis=1)
     moves = orbit.by_state[4:] @ jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], right)
     return orbit.sizes + moves[:, 0], orbit.by_parameter[4:] + moves[:, 1:]
-
-
-@jax.custom_jvp
-def _with_slopes(
-    p: Float[Array, "n"], values: Float[Array, "m"], slopes: Float[Array, "m n"]
-) -> Float[Array, "m"]:
-    """`values`, known to depend on `p` with these slopes."""
-    del p, slopes
-    return values
-
-
-@_with_slopes.defjvp
-def _with_slopes_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    _, values, slopes = primals
-    return values, slopes @ tangents[0]
