@@ -40,8 +40,9 @@ REST_RATE = 1e-6
 """Slowest impact that is followed, phi' in units of nu: a slower one ends a rattle."""
 _CONVERGED = 1e-6
 """Share of its scale that the last Newton step may have gone."""
-_NEAR_FOLD = 1e-6
-"""Distance of a multiplier from 1 below which an orbit has no usable derivative."""
+_NEAR_FOLD = 2e-6
+"""Distance of a multiplier from 1 below which an orbit has no usable derivative: 1e-6 over half a
+period, as for symmetric orbits."""
 _GRAZING = 1e-7
 """The same of a signal's dent, over its largest value."""
 _MIRRORED = 1e-8
@@ -89,13 +90,14 @@ class PeriodicOrbit(eqx.Module):
 
     `amplitude`, `stroke`, `state` and the numbers of `sequence` are differentiable in every parameter,
     also on unstable orbits. Where the status is not rocking, sticking or unstable the derivatives of
-    the first three are NaN, and so are they themselves where it is no_orbit, event_bound, overturned
-    or rest (but amplitude 0 for rest).
+    the first three are NaN, and so are they themselves where it is no_orbit, event_bound, failed,
+    overturned or rest (but amplitude 0 for rest). An orbit has at least one event: a block that is held at
+    a tilt for ever is no_orbit.
     """
 
     status: Status
-    """rocking or sticking (attracting), unstable, near_fold, grazing, no_orbit, event_bound, or, of
-    the recorded motion, overturned or rest."""
+    """rocking or sticking (attracting), unstable, near_fold, grazing, no_orbit, event_bound, failed
+    (a number that is not finite), or, of the recorded motion, overturned or rest."""
     amplitude: Float[Array, "*batch"]
     """Largest |phi|."""
     stroke: Float[Array, "*batch"]
