@@ -15,7 +15,7 @@ import pytest
 from tests.reference import UNSTABLE, EventDriven
 from tpd import Parameters, status_name, steady_state
 from tpd import bifurcations as module
-from tpd.bifurcations import Bifurcation, Kind, bifurcations
+from tpd.bifurcation import Bifurcation, Kind, bifurcations
 from tpd.sweeps import NAMES, Axis, Sweep, orbits_at, sweep
 
 LOW = np.array([0.08, 0.0, 0.05, 0.0, 0.0, 0.02, 0.6, 0.5])

@@ -332,6 +332,20 @@ def test_a_resting_block_has_zero_amplitude_and_zero_gradient_in_all_parameters(
     assert np.all(answer.slopes[1, [2, 3, 5, 6]] != 0.0)
 
 
+def test_a_block_that_never_lifts_is_answered_without_a_simulation():
+    x = (*STILL.x[:5], 0.05, STILL.x[6])
+    answer = exact(x)
+    assert answer.status == "rest"
+    assert int(answer.steady.elapsed) == 0
+    # lam rho psi'' + hinge psi' + psi = f sin(xi tau).
+    nu, _, lam, zeta, _, f, xi = x
+    inertia = lam * 0.75 / (1.0 + nu**2)
+    response = f / (1.0 - inertia * xi**2 + 2j * zeta * np.sqrt(inertia) * xi)
+    assert answer.stroke == pytest.approx(abs(response), rel=1e-12)
+    np.testing.assert_allclose(answer.steady.state, [0.0, response.imag, 0.0, xi * response.real], atol=1e-15)
+    assert int(exact(STILL.x).steady.elapsed) > 0
+
+
 def test_a_block_at_rest_under_an_undamped_bob_has_zero_gradient_too():
     answer = exact(RESTING_UNDAMPED)
     # That of the stroke does not exist, and does not spoil it in reverse mode.

@@ -13,8 +13,12 @@ if TYPE_CHECKING:
     from tpd.balance import one_harmonic as one_harmonic
     from tpd.balance import uplift as uplift
     from tpd.batch import in_chunks as in_chunks
+    from tpd.bifurcation import Bifurcation as Bifurcation
+    from tpd.bifurcation import bifurcations as bifurcations
     from tpd.design import Design as Design
     from tpd.design import DesignSpace as DesignSpace
+    from tpd.general import continue_orbit as continue_orbit
+    from tpd.general import periodic_orbit as periodic_orbit
     from tpd.models.piecewise import Piecewise as Piecewise
     from tpd.models.smoothed import Smoothed as Smoothed
     from tpd.optimiser import optimise as optimise
@@ -29,11 +33,13 @@ if TYPE_CHECKING:
     from tpd.status import status_name as status_name
     from tpd.steady import simulate as simulate
     from tpd.steady import steady_state as steady_state
+    from tpd.sweeps import sweep as sweep
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "Attractor": "attractor",
+    "Bifurcation": "bifurcation",
     "Block": "scene",
     "Design": "design",
     "DesignSpace": "design",
@@ -46,13 +52,17 @@ _HOMES = {
     "Starts": "attractor",
     "Status": "status",
     "attractors": "attractor",
+    "bifurcations": "bifurcation",
+    "continue_orbit": "general",
     "in_chunks": "batch",
     "one_harmonic": "balance",
     "optimise": "optimiser",
     "paper_scene": "scene",
+    "periodic_orbit": "general",
     "simulate": "steady",
     "status_name": "status",
     "steady_state": "steady",
+    "sweep": "sweeps",
     "symmetric_orbits": "orbits",
     "uplift": "balance",
 }

@@ -78,11 +78,16 @@ class Piecewise(AbstractModel):
         return settled_of(self.follow(p, self.lane(p, y0), self.max_periods))
 
     def lane(self, p: Parameters, y0: State) -> Lane:
-        """A motion that is about to begin at tau = 0."""
+        """A motion that is about to begin at tau = 0; one that can never lift is done already."""
         zero = jnp.zeros_like(p.xi)
         plant = Plant(p)
         mode = classify(plant, y0, zero)
-        return Lane(start(plant, mode, y0, zero), blank(y0, mode))
+        motion, record = start(plant, mode, y0, zero), blank(y0, mode)
+        rests, reach = settled_at_rest(plant, motion)
+        still = record._replace(
+            y=self._at_rest(plant, p, y0), strokes=jnp.full_like(record.strokes, reach), rests=rests
+        )
+        return Lane(motion, jax.tree.map(lambda a, b: jnp.where(rests, a, b), still, record))
 
     def follow(
         self, p: Parameters, lane: Lane, periods: Int[Array, ""] | int, leaps: int | None = None
@@ -124,12 +129,16 @@ class Piecewise(AbstractModel):
         y = jnp.stack([kept(x) for x in state_at(m, p.period)])
         rests, reach = settled_at_rest(plant, m)
         rests = rests & jnp.all(jnp.isfinite(y))
-        zero = jnp.zeros_like(p.xi)
-        steady = jnp.stack([zero, plant.swing[1], zero, p.xi * plant.swing[0]])
-        y = jnp.where(rests & (p.zeta > 0), steady, y)
+        y = jnp.where(rests, self._at_rest(plant, p, y), y)
         amplitude = jnp.where(rests, 0.0, jnp.maximum(jnp.maximum(m.up, m.down), jnp.abs(y[0])))
         stroke = jnp.where(rests, reach, m.stroke)
         return Period(y, m.mode, amplitude, stroke, rests, m.lost, m.steps >= self.max_events, m.held)
+
+    def _at_rest(self, plant: Plant, p: Parameters, y: State) -> State:
+        """The state at tau = 0 that a block at rest for good comes to, from `y` there."""
+        zero = jnp.zeros_like(p.xi)
+        steady = jnp.stack([zero, plant.swing[1], zero, p.xi * plant.swing[0]])
+        return jnp.where(p.zeta > 0, steady, y)
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Run the orbit's periods from `y`; derivatives pass through every event."""
