@@ -11,22 +11,26 @@ from __future__ import annotations
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
 from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd import checks
 from tpd.exact.arcs import REST, SLIP
+from tpd.exact.derivatives import refused, with_slopes
 from tpd.exact.multipliers import characteristic, quartic_roots
 from tpd.exact.recording import cut, record
 from tpd.exact.sequence import (
     LANDING,
     TURN,
+    Blocks,
     Cycle,
     Leg,
     Polished,
     Survey,
     monodromy,
     polish,
+    polished_cycle,
     state_on,
     survey,
 )
@@ -213,40 +217,69 @@ def _carried_over(p: Parameters, orbit: PeriodicOrbit) -> _Start:
 @eqx.filter_jit
 def _solve(p: Parameters, legs: Leg, guess: Cycle, periods: Int[Array, ""], outcome: Status) -> PeriodicOrbit:
     """Polish a guess, and describe what it comes to."""
-    plant, span, scale = Plant(p), periods * p.period, _scale(p)
-    polished = polish(plant, legs, guess, span, scale)
-    cycle, phases = polished.cycle, polished.cycle.phases(plant.linear.xi)
-    met, multipliers, margins = _inspect(*jax.tree.map(stop_gradient, (p, plant, legs, polished)))
-    valid = (outcome == Status.rocking) & _holds(p, legs, met) & (polished.moved < _CONVERGED)
+    fixed = stop_gradient(p)
+    plant, span, scale = Plant(fixed), periods * fixed.period, _scale(fixed)
+    near = polish(plant, legs, guess, span, scale)
+    cycle = polished_cycle(plant, legs, near, span)
+    met, multipliers, margins = _inspect(fixed, plant, legs, cycle, near.blocks)
+    valid = (outcome == Status.rocking) & _holds(fixed, legs, met) & (near.moved < _CONVERGED)
     status = Status.where(outcome == Status.rocking, _verdict(legs, multipliers, margins, valid), outcome)
     usable = (status == Status.rocking) | (status == Status.sticking) | (status == Status.unstable)
-
-    def answer(x: Array) -> Array:
-        return _refused(jnp.where(valid, x, jnp.nan), usable)
-
-    never = jnp.zeros((), bool)
-    state, reach = _looked_up(plant, legs, cycle, met, span)
+    sizes, cycle = _differentiable(p, legs, near, met, periods, valid, usable)
     count = jnp.where(valid, jnp.sum(legs.real), 0)
-    amplitude = jnp.where(status == Status.rest, 0.0, answer(_largest(cycle, legs)))
+    never = jnp.zeros((), bool)
     return PeriodicOrbit(
         status,
-        amplitude,
-        answer(reach),
-        answer(state),
+        jnp.where(status == Status.rest, 0.0, sizes[0]),
+        sizes[1],
+        sizes[2:],
         periods,
         valid & _mirrored(cycle, count, scale, span) & (periods % 2 == 1),
-        Sequence(*legs[:4], cycle.durations, phases, cycle.states, count),
+        Sequence(*legs[:4], cycle.durations, cycle.phases(p.xi), cycle.states, count),
         jnp.where(valid, multipliers, jnp.nan),
-        jax.tree.map(lambda x: _refused(jnp.where(valid, x, jnp.nan), never), margins),
+        jax.tree.map(lambda x: refused(jnp.where(valid, x, jnp.nan), never), margins),
     )
 
 
-def _inspect(p: Parameters, plant: Plant, legs: Leg, polished: Polished) -> tuple[Survey, Array, Margins]:
+def _differentiable(
+    p: Parameters,
+    legs: Leg,
+    near: Polished,
+    met: Survey,
+    periods: Int[Array, ""],
+    valid: Bool[Array, ""],
+    usable: Bool[Array, ""],
+) -> tuple[Float[Array, "6"], Cycle]:
+    """(amplitude, stroke, state) and the cycle, with their derivatives: nine directions in forward mode,
+    which forward and reverse mode combine."""
+    flat, unflatten = ravel_pytree(p)
+    unpack = ravel_pytree((jnp.zeros(6), near.cycle))[1]
+
+    def answer(x: Float[Array, "n"]) -> Float[Array, "m"]:
+        q = unflatten(x)
+        plant, span = Plant(q), periods * q.period
+        cycle = polished_cycle(plant, legs, near, span)
+        state, reach = _looked_up(plant, legs, cycle, met, span)
+        sizes = jnp.concatenate([jnp.stack([_largest(cycle, legs), reach]), state])
+        return ravel_pytree((sizes, cycle))[0]
+
+    def push(direction: Float[Array, "n"]) -> tuple[Array, Array]:
+        return jax.jvp(answer, (stop_gradient(flat),), (direction,))
+
+    values, slopes = jax.vmap(push, out_axes=(None, 1))(jnp.eye(flat.size))
+    first = jnp.arange(values.size) < 6
+    values = jnp.where(first & ~valid, jnp.nan, values)
+    slopes = jnp.where(usable, slopes, jnp.nan)
+    return unpack(jax.vmap(with_slopes, (None, 0, 0))(flat, values, slopes))
+
+
+def _inspect(
+    p: Parameters, plant: Plant, legs: Leg, cycle: Cycle, blocks: Blocks
+) -> tuple[Survey, Array, Margins]:
     """What the orbit meets, its multipliers and its margins."""
-    cycle = polished.cycle
     phases = cycle.phases(plant.linear.xi)
     met = jax.vmap(survey, (None, 0, 0, 0, 0))(plant, legs, cycle.states, phases, cycle.durations)
-    multipliers, fold = _stability(p, monodromy(plant, legs, cycle, polished.blocks))
+    multipliers, fold = _stability(p, monodromy(plant, legs, cycle, blocks))
     sines = jnp.sin(phases + plant.linear.xi * cycle.durations)
     sticking = jnp.min(jax.vmap(_sticking, (None, 0, 0, 0))(plant, legs, met.last, sines))
     return met, multipliers, Margins(fold, jnp.min(met.dip), sticking)
@@ -254,15 +287,15 @@ def _inspect(p: Parameters, plant: Plant, legs: Leg, polished: Polished) -> tupl
 
 def _holds(p: Parameters, legs: Leg, met: Survey) -> Bool[Array, ""]:
     """Whether all arcs keep to their signs, and what is said to end in rest is slow and low."""
-    rests, least = legs.real & (legs.onward == REST), _RATTLED * stop_gradient(p.nu)
-    fast = (legs.ending == LANDING) & (stop_gradient(p.e) * jnp.abs(met.last[:, 2]) > least)
+    rests, least = legs.real & (legs.onward == REST), _RATTLED * p.nu
+    fast = (legs.ending == LANDING) & (p.e * jnp.abs(met.last[:, 2]) > least)
     return jnp.all(met.inside) & ~jnp.any(rests & (fast | (jnp.abs(met.last[:, 0]) > least**2)))
 
 
 def _scale(p: Parameters) -> State:
     """Sizes of the state's components."""
     rate = jnp.maximum(p.xi, 1.0)
-    return stop_gradient(jnp.stack([p.nu, p.nu + p.f, p.nu * rate, (p.nu + p.f) * rate]))
+    return jnp.stack([p.nu, p.nu + p.f, p.nu * rate, (p.nu + p.f) * rate])
 
 
 def _largest(cycle: Cycle, legs: Leg) -> Array:
@@ -325,16 +358,3 @@ def _mirrored(cycle: Cycle, count: Int[Array, ""], scale: State, span: Number) -
     longer = jnp.abs(cycle.durations - cycle.durations[other]) / span
     same = jnp.maximum(apart, longer) < _MIRRORED
     return (count % 2 == 0) & jnp.all(same | ~real)
-
-
-@jax.custom_jvp
-def _refused(value: Array, usable: Bool[Array, ""]) -> Array:
-    """`value`, without a derivative unless `usable`."""
-    del usable
-    return value
-
-
-@_refused.defjvp
-def _refused_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    value, usable = primals
-    return value, jnp.where(usable, tangents[0], jnp.nan)

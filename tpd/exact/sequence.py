@@ -162,33 +162,34 @@ class Polished(NamedTuple):
 
     cycle: Cycle
     blocks: Blocks
-    """Of the last step but one, and not differentiated."""
+    """Of the last step."""
     moved: Number
     """How far that step went, in shares of the scales."""
 
 
 def polish(plant: Plant, legs: Leg, guess: Cycle, span: Number, scale: State) -> Polished:
-    """Newton's method from a guess; one step more carries the derivative of the cycle with respect
-    to the parameters."""
-    fixed, length, scale = jax.tree.map(stop_gradient, (plant, span, scale))
-    n, xi = guess.durations.size, fixed.linear.xi
-    sizes = jnp.concatenate([jnp.tile(scale, n), jnp.full(n, length), jnp.ones(1)])
+    """Newton's method from a guess, to the last step but one."""
+    n, xi = guess.durations.size, plant.linear.xi
+    sizes = jnp.concatenate([jnp.tile(scale, n), span * jnp.ones(n), jnp.ones(1)])
 
     def going(carry: tuple[Polished, Array]) -> Bool[Array, ""]:
         return (carry[0].moved > _CONVERGED) & (carry[1] < NEWTON_STEPS)
 
     def improve(carry: tuple[Polished, Array]) -> tuple[Polished, Array]:
         cycle, count = carry[0].cycle, carry[1]
-        ends, blocks = linearise(fixed, legs, cycle)
-        step = jnp.linalg.solve(jacobian(blocks, xi), _missed(ends, cycle, length))
+        ends, blocks = linearise(plant, legs, cycle)
+        step = jnp.linalg.solve(jacobian(blocks, xi), _missed(ends, cycle, span))
         return Polished(cycle.moved(step), blocks, jnp.max(jnp.abs(step) / sizes)), count + 1
 
     none = Blocks(jnp.zeros((n, 5, 4)), jnp.zeros((n, 5)), jnp.zeros((n, 5)))
-    first = Polished(jax.tree.map(stop_gradient, guess), none, jnp.asarray(jnp.inf))
-    near, _ = jax.lax.while_loop(going, improve, (first, jnp.zeros((), int)))
-    near = jax.tree.map(stop_gradient, near)
+    first = Polished(guess, none, jnp.asarray(jnp.inf))
+    return jax.lax.while_loop(going, improve, (first, jnp.zeros((), int)))[0]
+
+
+def polished_cycle(plant: Plant, legs: Leg, near: Polished, span: Number) -> Cycle:
+    """The last step, which carries the cycle's derivative with respect to plant and span."""
     late = residual(plant, legs, near.cycle, span)
-    return near._replace(cycle=near.cycle.moved(jnp.linalg.solve(jacobian(near.blocks, xi), late)))
+    return near.cycle.moved(jnp.linalg.solve(jacobian(near.blocks, stop_gradient(plant.linear.xi)), late))
 
 
 def monodromy(plant: Plant, legs: Leg, cycle: Cycle, blocks: Blocks) -> Float[Array, "4 4"]:
