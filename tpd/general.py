@@ -270,7 +270,7 @@ def _differentiable(
     first = jnp.arange(values.size) < 6
     values = jnp.where(first & ~valid, jnp.nan, values)
     slopes = jnp.where(usable, slopes, jnp.nan)
-    return unpack(jax.vmap(with_slopes, (None, 0, 0))(flat, values, slopes))
+    return unpack(jnp.asarray(jax.vmap(with_slopes, (None, 0, 0))(flat, values, slopes)))
 
 
 def _inspect(
