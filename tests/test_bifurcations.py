@@ -14,7 +14,7 @@ import pytest
 
 from tests.reference import UNSTABLE, EventDriven
 from tpd import Parameters, status_name, steady_state
-from tpd import bifurcations as module
+from tpd import bifurcation as module
 from tpd.bifurcation import Bifurcation, Kind, bifurcations
 from tpd.sweeps import NAMES, Axis, Sweep, orbits_at, sweep
 

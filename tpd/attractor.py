@@ -80,7 +80,7 @@ class Attractor:
     starts: tuple[int, ...]
     """Which of the starts."""
     steady: Steady
-    """The settled motion of the first of these, with gradients in forward and reverse mode."""
+    """The settled motion of the first of these; for gradients call `steady_state` from that start."""
 
 
 def attractors(
@@ -138,7 +138,8 @@ def _same(settled: Settled, i: int, j: int, name: str, scale: np.ndarray) -> boo
         return True
     if settled.periods[i] != settled.periods[j]:
         return False
-    a, b = (np.array([settled.amplitude[n], settled.stroke[n]]) for n in (i, j))
+    sizes = np.stack([np.asarray(settled.amplitude), np.asarray(settled.stroke)], axis=-1)
+    a, b = sizes[i], sizes[j]
     close = np.abs(a - b) <= _SAME * np.maximum(a, b)
     # A bob without mass (mu = 0) cannot be felt; its swing may still be on the way.
     return bool(close[0] and (close[1] or not np.isfinite(scale[1])))

@@ -15,9 +15,9 @@ import numpy as np
 
 from tpd import checks
 
-CHUNK = 512
-"""Designs computed at once. Some hundred arrays of this length are alive at a time, about two
-megabytes: more designs at once are no faster, since they leave the cache."""
+CHUNK = 256
+"""Designs computed at once. Some hundred arrays of this length are alive at a time, about one
+megabyte: more designs at once are no faster, since they leave the cache."""
 
 
 def in_chunks(

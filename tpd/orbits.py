@@ -7,6 +7,8 @@ nothing is simulated; their derivatives follow from the implicit function theore
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -18,9 +20,10 @@ from tpd.exact.conditions import Half
 from tpd.exact.derivatives import refused
 from tpd.exact.multipliers import characteristic, quartic_roots
 from tpd.exact.roots import Root, differentiable
+from tpd.exact.skipping import where_needed
 from tpd.exact.spectrum import Plant
 from tpd.exact.symmetric import Orbit, Path, candidates, half_map, instant, orbit_of, state_at
-from tpd.parameters import Number, Parameters, as_arrays
+from tpd.parameters import Number, Parameters, State, as_arrays
 from tpd.status import Status
 
 _NEAR_FOLD = 1e-6
@@ -95,42 +98,65 @@ def _symmetric_orbits(p: Parameters) -> Orbits:
         jnp.where(found.exists, found.root.t, 0.5 * stop_gradient(half.span)),
         jnp.where(found.exists, found.root.gamma, 0.3),
     )
-    parts = jax.vmap(lambda r, path, there: _describe(p, half, r, path, there))(
-        safe, found.path, found.exists
-    )
-    return Orbits(*parts, found.overflow)
+
+    def step(_: None, slot: tuple[Root, Path, Array]) -> tuple[None, _Described]:
+        root, path, there = slot
+        return None, where_needed(there, _describe, p, half, root, path)
+
+    # One after the other: in a batch the designs, not the few orbits, are next to each other in memory.
+    _, described = jax.lax.scan(step, None, (safe, found.path, found.exists))
+    return Orbits(*jax.vmap(_answered)(described, found.exists), overflow=found.overflow)
 
 
-def _describe(p: Parameters, half: Half, root: Root, path: Path, there: Array) -> tuple:
-    polished = differentiable(half, root)
+class _Described(NamedTuple):
+    """What is said of an orbit, if there is one."""
+
+    amplitude: Number
+    stroke: Number
+    state: State
+    phase: Number
+    crossing: Number
+    halves: Array
+    """Multipliers over half a period."""
+    margins: Margins
+
+
+def _describe(p: Parameters, half: Half, root: Root, path: Path) -> _Described:
+    polished, height = differentiable(half, root)
     orbit = orbit_of(half, polished)
-    multipliers, fold, symmetry = _stability(p, half, orbit, there)
+    multipliers, fold, symmetry = _stability(p, half, orbit)
     sticking = path.leaving / (path.leaving - 2.0 * _friction_pull(half))
-    fall = path.least_fall / (half.plant.linear.xi * stop_gradient(orbit.height))
-    margins = Margins(fold, symmetry, sticking, fall)
-    near = jnp.min(jnp.abs(1.0 - multipliers)) < _NEAR_FOLD
-    largest = jnp.max(jnp.abs(multipliers))
-    status = Status.where(largest < 1.0, Status.rocking, Status.unstable)
-    status = Status.where(fall < _GRAZING, Status.grazing, status)
-    status = Status.where(near, Status.near_fold, status)
-    status = Status.where(there, status, Status.no_orbit)
-    usable = there & ~near & ~(fall < _GRAZING)
-
-    def answer(x: Number) -> Number:
-        return refused(jnp.where(there, x, jnp.nan), usable)
-
+    fall = path.least_fall / (half.plant.linear.xi * stop_gradient(height))
     begun = jnp.mod(-polished.gamma, 2.0 * jnp.pi) / half.plant.linear.xi
-    state = state_at(half, orbit, begun)
-    bob = instant(half, orbit, path.bob_time, path.bob_late)
-    arc = jax.tree.map(lambda a, b: jnp.where(path.bob_late, b, a), orbit.first[1], orbit.second[1])
-    phase = jnp.where(there, polished.gamma, jnp.nan)
-    crossing = jnp.where(there, polished.t, jnp.nan)
-    squares = jnp.where(there, multipliers**2, jnp.nan)
-    stroke = jnp.abs(arc.at(*bob))
-    return status, answer(orbit.height), answer(stroke), answer(state), phase, crossing, squares, margins
+    late = path.bob.late
+    lasts = jnp.where(late, half.span - polished.t, polished.t)
+    bob = instant(half, orbit, path.bob.share * lasts, late)
+    arc = jax.tree.map(lambda a, b: jnp.where(late, b, a), orbit.first[1], orbit.second[1])
+    return _Described(
+        height,
+        jnp.abs(arc.at(*bob)),
+        state_at(half, orbit, begun),
+        polished.gamma,
+        polished.t,
+        multipliers,
+        Margins(fold, symmetry, sticking, fall),
+    )
 
 
-def _stability(p: Parameters, half: Half, orbit: Orbit, there: Array) -> tuple[Array, Number, Number]:
+def _answered(of: _Described, there: Bool[Array, ""]) -> tuple:
+    """The fields of `Orbits`: nothing where there is no orbit, and no derivative where it has none."""
+    near = jnp.min(jnp.abs(1.0 - of.halves)) < _NEAR_FOLD
+    grazes = of.margins.grazing < _GRAZING
+    status = Status.where(jnp.max(jnp.abs(of.halves)) < 1.0, Status.rocking, Status.unstable)
+    status = Status.where(grazes, Status.grazing, status)
+    status = Status.where(there, Status.where(near, Status.near_fold, status), Status.no_orbit)
+    usable = there & ~near & ~grazes
+    of = jax.tree.map(lambda x: jnp.where(there, x, jnp.nan), of)
+    sizes = (refused(x, usable) for x in (of.amplitude, of.stroke, of.state))
+    return status, *sizes, of.phase, of.crossing, of.halves**2, of.margins
+
+
+def _stability(p: Parameters, half: Half, orbit: Orbit) -> tuple[Array, Number, Number]:
     """Eigenvalues of the mirrored half-period map, and its two determinants. A bob without mass
     (mu = 0) cannot be felt and is left out: two eigenvalues are zero then."""
     m = half_map(half, orbit)
@@ -138,8 +164,7 @@ def _stability(p: Parameters, half: Half, orbit: Orbit, there: Array) -> tuple[A
     m = tuple(tuple(m[i][j] * (felt if i % 2 or j % 2 else 1.0) for j in range(4)) for i in range(4))
     c1, c2, c3, c4 = characteristic(m)
     fold, symmetry = 1.0 + c1 + c2 + c3 + c4, 1.0 - c1 + c2 - c3 + c4
-    clean = zip((c1, c2, c3, c4), (0.0, 0.0, 0.0, -1.0), strict=True)
-    real, imag = quartic_roots(tuple(jnp.where(there, c, other) for c, other in clean))
+    real, imag = quartic_roots((c1, c2, c3, c4))
     return real + 1j * imag, fold, symmetry
 
 

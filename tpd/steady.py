@@ -161,20 +161,21 @@ def _followed(p: Parameters, y0: State, times: Array, *, model: AbstractModel) -
 def _followed_jvp(primals: tuple, tangents: tuple, *, model: AbstractModel) -> tuple:
     """All derivatives of one run with respect to parameters and start, so that what comes out is
     linear in the direction and can be transposed. That in the times is for forward mode only."""
-    *inputs, times = primals
-    x, unflatten = ravel_pytree(inputs)
+    p, y0, times = primals
+    x, unflatten = ravel_pytree((p, y0))
 
     def run(x: Float[Array, "n"]) -> tuple[Array, Status]:
-        return model.trajectory(*unflatten(x), times)
+        p, y0 = unflatten(x)
+        return model.trajectory(p, y0, times)
 
     def push(direction: Float[Array, "n"]) -> tuple[Array, Array, Status]:
         return jax.jvp(run, (x,), (direction,), has_aux=True)
 
     ys, slopes, status = jax.vmap(push, out_axes=(None, -1, None))(jnp.eye(x.size))
-    moved = jax.tree.map(_or_zero, tangents[:2], tuple(inputs), is_leaf=lambda leaf: leaf is None)
+    moved = jax.tree.map(_or_zero, tangents[:2], (p, y0), is_leaf=lambda leaf: leaf is None)
     out = slopes @ ravel_pytree(moved)[0]
     if tangents[2] is not None:
-        out = out + jax.jvp(lambda t: model.trajectory(*inputs, t)[0], (times,), (tangents[2],))[1]
+        out = out + jax.jvp(lambda t: model.trajectory(p, y0, t)[0], (times,), (tangents[2],))[1]
     return (ys, status), (out, jax.tree.map(lambda _: None, status))
 
 
@@ -220,7 +221,7 @@ def _sizes(
     sizes = sizes.at[0].set(jnp.where(rests, 0.0, sizes[0]))
     slopes = slopes.at[0].set(jnp.where(rests, 0.0, slopes[0]))
     flat = ravel_pytree(p)[0]
-    return tuple(with_slopes(flat, sizes[i], slopes[i]) for i in range(2))
+    return with_slopes(flat, sizes[0], slopes[0]), with_slopes(flat, sizes[1], slopes[1])
 
 
 class _Orbit(eqx.Module):
@@ -250,7 +251,7 @@ class _Walk(NamedTuple):
     best: _Orbit
     direction: State
     parted: Number
-    count: Int[Array, ""]
+    steps: Int[Array, ""]
 
 
 def _finish(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[_Orbit, Number]:
@@ -264,8 +265,8 @@ def _finish(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[_Orb
     )
 
     def going(w: _Walk) -> Array:
-        newton = (w.count < _NEWTON_STEPS) & (w.best.residual > model.round_off)
-        return jnp.where(repeats, newton, w.count < model.lyapunov_periods)
+        newton = (w.steps < _NEWTON_STEPS) & (w.best.residual > model.round_off)
+        return jnp.where(repeats, newton, w.steps < model.lyapunov_periods)
 
     def step(w: _Walk) -> _Walk:
         orbit, memory = along(w.y, w.memory)
@@ -275,7 +276,7 @@ def _finish(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[_Orb
         newton = jnp.where(jnp.all(jnp.isfinite(move)), w.y + move, w.y)
         onward = orbit.by_state[:4] @ w.direction
         size = jnp.sqrt(jnp.sum((onward / scale) ** 2)) + 1e-300
-        count = jnp.where(better | ~repeats, w.count + 1, _NEWTON_STEPS)
+        count = jnp.where(better | ~repeats, w.steps + 1, _NEWTON_STEPS)
         memory = jax.tree.map(lambda a, b: jnp.where(repeats, a, b), w.memory, memory)
         y = jnp.where(repeats, newton, orbit.end)
         return _Walk(y, memory, best, onward / size, w.parted + jnp.log(size), count)
@@ -284,8 +285,8 @@ def _finish(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[_Orb
     zero = jnp.zeros(())
     first = _Walk(settled.y, settled.memory, none, 0.5 * scale, zero, jnp.zeros((), int))
     walk = jax.lax.while_loop(going, step, first)
-    measured = ~repeats & (walk.count > 1)
-    exponent = walk.parted / (jnp.maximum(walk.count, 1) * p.period)
+    measured = ~repeats & (walk.steps > 1)
+    exponent = walk.parted / (jnp.maximum(walk.steps, 1) * p.period)
     return walk.best, jnp.where(measured, exponent, jnp.nan)
 
 

@@ -10,8 +10,12 @@ import numpy as np
 from jax.extend import core
 
 KINDS = {
-    **dict.fromkeys(("add", "sub", "mul", "neg", "max", "min", "abs", "sign", "round", "integer_pow"), "plain"),
-    **dict.fromkeys(("select_n", "eq", "ne", "lt", "le", "gt", "ge", "and", "or", "not", "is_finite"), "choice"),
+    **dict.fromkeys(
+        ("add", "sub", "mul", "neg", "max", "min", "abs", "sign", "round", "integer_pow"), "plain"
+    ),
+    **dict.fromkeys(
+        ("select_n", "eq", "ne", "lt", "le", "gt", "ge", "and", "or", "not", "is_finite"), "choice"
+    ),
     **dict.fromkeys(("div", "rem"), "division"),
     "sqrt": "root",
     **dict.fromkeys(("exp", "expm1", "cosh", "sinh"), "exponential"),

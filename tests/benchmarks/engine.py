@@ -13,6 +13,7 @@ import os
 import platform
 import resource
 import statistics
+import subprocess
 import sys
 import time
 from importlib.metadata import version
@@ -25,7 +26,8 @@ jax.config.update("jax_enable_x64", True)
 
 from tests.benchmarks import arithmetic, peers  # noqa: E402
 from tests.reference import HUNG, parameters  # noqa: E402
-from tpd import Piecewise, in_chunks, steady_state, symmetric_orbits  # noqa: E402
+from tpd import Piecewise, in_chunks, symmetric_orbits  # noqa: E402
+from tpd.batch import CHUNK
 from tpd.parameters import as_arrays  # noqa: E402
 from tpd.pool import settle_all  # noqa: E402
 
@@ -102,13 +104,19 @@ def orbits(sizes):
     table(
         head,
         (
-            (f"{n:,}", f"{s:.3g}", f"{n / s:,.0f}", f"{n / s * per_scene / cores:,.0f}", f"{n / s * per_scene:,.0f}")
+            (
+                f"{n:,}",
+                f"{s:.3g}",
+                f"{n / s:,.0f}",
+                f"{n / s * per_scene / cores:,.0f}",
+                f"{n / s * per_scene:,.0f}",
+            )
             for n, s in seconds.items()
         ),
     )
 
 
-def settling(n, sizes):
+def settling(n):
     """Settling from rest, value only."""
     one = jax.jit(lambda p: FOREVER.settle(p, jnp.zeros(4)).amplitude)
     scenes = [as_arrays(parameters(c.x)) for c in HUNG]
@@ -136,60 +144,75 @@ def settling(n, sizes):
     rows += [
         (f"{n:,} scenes, a run, all {PERIODS} periods", f"{1e6 * mine:.0f} us", ""),
         (f"{n:,} scenes, a run, until the motion repeats", f"{1e6 * stopping:.0f} us", ""),
-        (f"{n:,} scenes, a run, Numba loop on all cores", f"{1e6 * other:.0f} us", f"{other / mine:.2f} times ours"),
+        (
+            f"{n:,} scenes, a run, Numba loop on all cores",
+            f"{1e6 * other:.0f} us",
+            f"{other / mine:.2f} times ours",
+        ),
     ]
     table((f"settling from rest, {PERIODS} periods", "time", "ratio"), rows)
-    del sizes
 
 
 def memory(n):
-    """Peak memory of a large batch beyond its inputs and results, by chunk size."""
+    """Peak memory of a large batch beyond inputs and results, by chunk size, each in its own process."""
     rows = []
-    for chunk in (128, 512, 2048):
-        child = os.fork()
-        if child == 0:
-            x = batch(n)
-            in_chunks(describe, x[: 2 * chunk], chunk=chunk)
-            before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-            out = in_chunks(describe, x, chunk=chunk)
-            held = sum(leaf.nbytes for leaf in jax.tree.leaves(out)) / 1e6
-            peak = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1e3
-            print(f"| {chunk} | {n:,} | {held:.0f} | {peak:.0f} |", flush=True)
-            os._exit(0)
-        os.waitpid(child, 0)
-    return rows
+    for chunk in (128, 256, 1024):
+        command = [sys.executable, "-m", "tests.benchmarks.engine", "--peak", str(n), str(chunk)]
+        peak, held = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+        rows.append((chunk, os.cpu_count(), f"{n:,}", f"{held} MB", f"{peak} MB"))
+    table(("chunk", "workers", "designs", "inputs and results", "peak beyond these"), rows)
+
+
+def peak(n, chunk):
+    """Print what `memory` asks for."""
+    x = batch(n)
+    in_chunks(describe, x[: 2 * chunk], chunk=chunk)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    held = sum(leaf.nbytes for leaf in jax.tree.leaves(in_chunks(describe, x, chunk=chunk))) / 1e6
+    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    # The results stand twice while the chunks' parts are put together.
+    print(round(after - before - 2.0 * held), round(held + x.nbytes / 1e6))
 
 
 def shares():
     """What the arithmetic of a chunk alone would cost, and what it does."""
-    x = batch(512)
+    x = batch(CHUNK)
     run = jax.jit(jax.vmap(describe))
     jax.block_until_ready(run(x))
     seconds = timed(lambda: run(x), 15)
     counts = arithmetic.count(jax.vmap(describe), x)
     costs = arithmetic.costs()
     rows = [
-        (kind, f"{counts[kind] / 512:,.0f}", f"{1e9 * costs[kind]:.2f}", f"{1e6 * counts[kind] * costs[kind] / 512:.2f}")
+        (
+            kind,
+            f"{counts[kind] / CHUNK:,.0f}",
+            f"{1e9 * costs[kind]:.2f}",
+            f"{1e6 * counts[kind] * costs[kind] / CHUNK:.2f}",
+        )
         for kind in costs
     ]
     table(("operation", "per design", "ns each, in cache", "us per design"), rows)
-    alone = sum(counts[kind] * costs[kind] for kind in costs)
-    print(f"\nOne core: {1e6 * seconds / 512:.1f} us a design, of which arithmetic {100 * alone / seconds:.0f} %.")
+    share = 100.0 * sum(counts[kind] * costs[kind] for kind in costs) / seconds
+    print(f"\nOne core: {1e6 * seconds / CHUNK:.1f} us a design, of which arithmetic {share:.0f} %.")
 
 
 def main():
     """Print everything."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--quick", action="store_true")
-    quick = options.parse_args().quick
+    options.add_argument("--peak", nargs=2, type=int, help=argparse.SUPPRESS)
+    given = options.parse_args()
+    if given.peak:
+        return peak(*given.peak)
+    quick = given.quick
     names = ("tpd", "jax", "numpy", "scipy", "numba")
     print(", ".join(f"{name} {version(name)}" for name in names), f"Python {platform.python_version()}")
     print(f"{datetime.date.today()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
     sizes = (100, 1_000, 10_000) if quick else (100, 1_000, 10_000, 100_000, 1_000_000)
     orbits(sizes)
-    settling(1_000 if quick else 10_000, sizes)
+    settling(1_000 if quick else 10_000)
     shares()
-    _ = steady_state
+    memory(sizes[-1])
 
 
 if __name__ == "__main__":

@@ -64,7 +64,7 @@ class Motion(eqx.Module):
 
 def start(plant: Plant, mode: Mode, y: State | Numbers, phase: Number) -> Motion:
     """A motion at the beginning of a period, or anywhere else, from a state and its mode."""
-    state = tuple(jnp.asarray(y[i]) for i in range(4))
+    state = jnp.asarray(y[0]), jnp.asarray(y[1]), jnp.asarray(y[2]), jnp.asarray(y[3])
     arc = launch(plant, mode, state, phase)
     zero = jnp.zeros_like(state[0])
     # From rest the bob's first and second derivatives vanish: look a little ahead instead.
@@ -117,7 +117,7 @@ def arrived(m: Motion, horizon: Number) -> Bool[Array, ""]:
     """Whether a motion is at the horizon."""
     # t + (horizon - t) may round below the horizon: a difference of rounding is no distance.
     horizon = stop_gradient(horizon)
-    return horizon - stop_gradient(m.begun) - m.local <= _REACHED * horizon
+    return jnp.asarray(horizon - stop_gradient(m.begun) - m.local <= _REACHED * horizon)
 
 
 class _Watched(NamedTuple):

@@ -11,10 +11,11 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Bool, Int, UInt
 
 from tpd.exact.conditions import Crossing, Half, branches, conditions, crossing, per_time
 from tpd.exact.matrix import exponential
+from tpd.exact.skipping import where_needed
 from tpd.exact.trigonometry import Turn, kept, turn
 from tpd.parameters import Number
 
@@ -77,6 +78,46 @@ def _sample(half: Half, at: Crossing) -> _Sample:
     return _Sample(b.middle + root, b.middle - root, b.on(jnp.zeros_like(root)), b.inside, *heights)
 
 
+class _Seen(NamedTuple):
+    """The intervals in which a root was seen, a bit for each: three numbers to carry along."""
+
+    upper: UInt[Array, ""]
+    ends: UInt[Array, ""]
+    """Where the branches end."""
+    lower: UInt[Array, ""]
+
+    @staticmethod
+    def nothing() -> _Seen:
+        """No root so far."""
+        return _Seen(*(jnp.zeros((), jnp.uint64) for _ in range(3)))
+
+    def note(self, i: Int[Array, ""], *hits: Bool[Array, ""]) -> _Seen:
+        """With those in interval i."""
+        bit = jnp.left_shift(jnp.ones((), jnp.uint64), i.astype(jnp.uint64))
+        none = jnp.zeros((), jnp.uint64)
+        return _Seen(*(old | jnp.where(hit, bit, none) for old, hit in zip(self, hits, strict=True)))
+
+    def listed(self, spacing: Number) -> Found:
+        """The first of them as brackets, in order."""
+        upper, lower = self.upper | self.ends, self.lower
+        number = (jax.lax.population_count(upper) + jax.lax.population_count(lower)).astype(int)
+        slots = []
+        for _ in range(ROOTS):
+            first, second = _lowest(upper), _lowest(lower)
+            i, on_upper = jnp.minimum(first, second), first <= second
+            at_end = (jnp.right_shift(self.ends, i.astype(jnp.uint64)) & 1) == 1
+            branch = jnp.where(on_upper, jnp.where(at_end, 0.0, 1.0), -1.0)
+            slots.append(Bracket.of(spacing * i, spacing * (i + 1.0), branch))
+            upper = jnp.where(on_upper, upper & (upper - 1), upper)
+            lower = jnp.where(on_upper, lower, lower & (lower - 1))
+        return Found(tuple(slots), number)
+
+
+def _lowest(bits: UInt[Array, ""]) -> Int[Array, ""]:
+    """Place of the lowest bit; 64 if there is none."""
+    return jax.lax.population_count(~bits & (bits - 1)).astype(int)
+
+
 class _Dip(NamedTuple):
     """Where the product of both branches seems to dip below zero between samples of one sign: two
     roots that lie within one interval, as near a fold."""
@@ -93,7 +134,7 @@ def brackets(half: Half) -> Found:
     turning = turn(half.plant.linear.xi * spacing)
 
     def step(i: Int[Array, ""], carry: tuple) -> tuple:
-        found, dips, at, old, earlier, quiet0 = carry
+        seen, dips, at, old, earlier, quiet0 = carry
         rest = at.rest.times(backward, rates)
         rest = rest._replace(at_s2=jnp.exp(rates.s2 * (half.span - spacing * (i + 1.0))))
         at = Crossing(at.flow.times(onward, rates), rest, at.forcing.then(turning))
@@ -104,27 +145,25 @@ def brackets(half: Half) -> Found:
         entering = (old.inside < 0) & (now.inside >= 0) & (now.upper * now.lower <= 0)
         tall, low = (now.tall > 0) | (old.tall > 0), (now.low > 0) | (old.low > 0)
         up, down = both & (now.upper * old.upper <= 0), both & (now.lower * old.lower <= 0)
-        first = (up & tall) | ((leaving | entering) & (tall | low))
-        begin, end = spacing * i, spacing * (i + 1.0)
-        found = found.note(first, Bracket.of(begin, end, jnp.where(both, 1.0, 0.0)))
-        found = found.note(down & low, Bracket.of(begin, end, -jnp.ones_like(spacing)))
+        seen = seen.note(i, up & tall, (leaving | entering) & (tall | low), down & low)
         quiet = ~(up | down | leaving | entering)
         a, b, c = earlier, old.product, now.product
         depth = 1.0 - (c - a) ** 2 / (8.0 * b * (c - 2.0 * b + a))
         lowest = quiet & quiet0 & (b > 0) & (b < a) & (b <= c)
         depth = jnp.where(lowest, depth, 2.0)
-        dips = _deepest(dips, _Dip(begin, depth))
-        return found, dips, at, now, b, quiet
+        dips = _deepest(dips, _Dip(spacing * i, depth))
+        return seen, dips, at, now, b, quiet
 
     none = jnp.zeros_like(spacing)
     start = crossing(half, none)
-    found = Found((Bracket.of(none, none, none),) * ROOTS, jnp.zeros((), int))
     dips = (_Dip(none, none + 2.0),) * DIPS
     sample = _sample(half, start)
-    first = (found, dips, start, sample, sample.product, jnp.zeros((), bool))
-    found, dips = jax.lax.fori_loop(0, NODES, step, first)[:2]
+    first = (_Seen.nothing(), dips, start, sample, sample.product, jnp.zeros((), bool))
+    seen, dips = jax.lax.fori_loop(0, NODES, step, first)[:2]
+    found = seen.listed(spacing)
     for dip in dips:
-        found = _split(half, found, dip)
+        before, after, hit = where_needed(dip.depth < 1.0, _split, half, dip)
+        found = found.note(hit, before).note(hit, after)
     return found
 
 
@@ -138,8 +177,8 @@ def _deepest(dips: tuple[_Dip, ...], new: _Dip) -> tuple[_Dip, ...]:
     return tuple(out)
 
 
-def _split(half: Half, found: Found, dip: _Dip) -> Found:
-    """Both roots of a dip, if its lowest point is below zero."""
+def _split(half: Half, dip: _Dip) -> tuple[Bracket, Bracket, Bool[Array, ""]]:
+    """Brackets of both roots of a dip, and whether its lowest point is below zero."""
     spacing = half.span / NODES
     low, high = dip.at - spacing, dip.at + spacing
 
@@ -173,7 +212,7 @@ def _split(half: Half, found: Found, dip: _Dip) -> Found:
     reach = jnp.sqrt(jnp.maximum(-2.0 * s.product * (right[0] - left[0]) / (right[1] - left[1]), 0.0))
     before = Bracket(low, lowest, zero, jnp.maximum(lowest - reach, low))
     after = Bracket(lowest, high, zero, jnp.minimum(lowest + reach, high))
-    return found.note(hit, before).note(hit, after)
+    return before, after, hit
 
 
 class Root(NamedTuple):
@@ -223,33 +262,45 @@ def converge(half: Half, root: Root, there: Bool[Array, ""]) -> tuple[Root, Bool
 
     def step(carry: tuple) -> tuple:
         root, _, count = carry
-        return *_newton(half, half, root), count + 1
+        root, moved, _ = _newton_step(half, half, root)
+        return root, moved, count + 1
 
     first = (root, jnp.full_like(root.t, jnp.inf), jnp.zeros((), int))
     root, moved, _ = jax.lax.while_loop(going, step, first)
     return root, moved < 1e-7
 
 
-def differentiable(half: Half, root: Root) -> Root:
-    """One more step, which carries the derivative of the root with respect to the parameters."""
+def differentiable(half: Half, root: Root) -> tuple[Root, Number]:
+    """One more step, which carries the derivatives of the root with respect to the parameters; and
+    the height of the orbit, with its own."""
     fixed = jax.tree.map(stop_gradient, half)
-    return _newton(half, fixed, Root(*(stop_gradient(x) for x in root)))[0]
+    step = _newton_step(half, fixed, Root(*(stop_gradient(x) for x in root)))
+    return step.root, step.height
 
 
-def _newton(half: Half, fixed: Half, root: Root) -> tuple[Root, Number]:
+class _Step(NamedTuple):
+    root: Root
+    moved: Number
+    """Its length, in shares of h and rad."""
+    height: Number
+    """phi(0) after it."""
+
+
+def _newton_step(half: Half, fixed: Half, root: Root) -> _Step:
     """One step, with the Jacobian of `fixed` and the residual of `half`."""
     t, gamma = root
     at, phase = crossing(fixed, t), turn(gamma)
 
-    def values(at: Crossing, phase: Turn, half: Half) -> tuple[Number, Number]:
+    def values(at: Crossing, phase: Turn, half: Half) -> tuple[Number, Number, Number]:
         c = conditions(half, at)
-        return c.turning.at(phase), c.crossing.at(phase)
+        return c.turning.at(phase), c.crossing.at(phase), c.height.at(phase)
 
     still = jax.tree.map(jnp.zeros_like, (at, phase))
     quarter = Turn(-phase.sine, phase.cosine)
-    _, (a, c) = jax.jvp(lambda a, p: values(a, p, fixed), (at, phase), (per_time(fixed, at), still[1]))
-    _, (b, d) = jax.jvp(lambda a, p: values(a, p, fixed), (at, phase), (still[0], quarter))
-    r1, r2 = values(crossing(half, t), phase, half)
+    a, c, by_t = jax.jvp(lambda a, p: values(a, p, fixed), (at, phase), (per_time(fixed, at), still[1]))[1]
+    b, d, by_gamma = jax.jvp(lambda a, p: values(a, p, fixed), (at, phase), (still[0], quarter))[1]
+    r1, r2, height = values(crossing(half, t), phase, half)
     determinant = a * d - b * c
     dt, dgamma = (d * r1 - b * r2) / determinant, (a * r2 - c * r1) / determinant
-    return Root(t - dt, gamma - dgamma), jnp.abs(dt) / fixed.span + jnp.abs(dgamma)
+    moved = jnp.abs(dt) / fixed.span + jnp.abs(dgamma)
+    return _Step(Root(t - dt, gamma - dgamma), moved, height - by_t * dt - by_gamma * dgamma)

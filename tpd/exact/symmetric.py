@@ -7,6 +7,8 @@ path.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -17,6 +19,7 @@ from tpd.exact.conditions import Half, conditions, crossing
 from tpd.exact.matrix import Factor, Functional, components, exponential, identity
 from tpd.exact.multipliers import Matrix, product
 from tpd.exact.roots import NODES, ROOTS, Bracket, Root, brackets, converge, refine
+from tpd.exact.skipping import where_needed
 from tpd.exact.spectrum import Plant
 from tpd.exact.trigonometry import Turn, turn
 from tpd.parameters import Number, State
@@ -90,6 +93,16 @@ def orbit_of(half: Half, root: Root) -> Orbit:
     return Orbit(root, tuple(first), tuple(second), impact)
 
 
+class Peak(NamedTuple):
+    """An extreme between two samples, or at the end of an arc."""
+
+    size: Number
+    share: Number
+    """Of its arc's duration until then."""
+    late: Bool[Array, ""]
+    """Whether it is on the second arc."""
+
+
 class Path(NamedTuple):
     """What an orbit meets on its way from turn to turn."""
 
@@ -101,29 +114,37 @@ class Path(NamedTuple):
     """phi'' just after the upper turn: the block sticks there unless negative."""
     arriving: Number
     """-phi'' just before the lower turn: the block turns before it unless negative."""
-    bob_time: Number
-    """Time on its arc at which |psi| is largest."""
-    bob_late: Bool[Array, ""]
-    """Whether that is on the second arc."""
+    bob: Peak
+    """The largest |psi|: where the bob turns, or at the impact, which may turn it."""
+
+
+class _Seen(NamedTuple):
+    """What the samples of a path have shown so far."""
+
+    highest: Number
+    dent: Peak
+    """The least fall; infinite without one."""
+    bob: tuple[Peak, Peak]
+    """The two largest |psi|, the larger first."""
 
 
 def path_of(half: Half, orbit: Orbit) -> Path:
-    """Follow both arcs, sampled with their accelerations: what peaks between two samples is found
-    from these."""
+    """Follow both arcs, sampled with their derivatives: what peaks between two samples is found from
+    these."""
     plant, xi = half.plant, half.plant.linear.xi
-    start = turn(orbit.root.gamma)
-    met, dent = jnp.full_like(orbit.root.t, -jnp.inf), jnp.full_like(orbit.root.t, jnp.inf)
-    bob = (-jnp.ones_like(met), jnp.zeros_like(met), jnp.zeros(met.shape, bool))
+    start, never = turn(orbit.root.gamma), jnp.full_like(orbit.root.t, jnp.inf)
+    none = Peak(-never, jnp.zeros_like(never), jnp.zeros(never.shape, bool))
+    seen = _Seen(-never, none._replace(size=never), (none, none))
     ends = []
     for late, arc in enumerate((orbit.first, orbit.second)):
         length = half.span - orbit.root.t if late else orbit.root.t
         spacing = length / PATH_NODES
         onward, turning = exponential(plant.slip, spacing), turn(xi * spacing)
+        tilt, swing = (x._replace(constant=jnp.zeros_like(xi)) for x in arc)
 
-        def look(now: Instant, arc: tuple = arc) -> tuple[Number, Number, Number]:
+        def look(now: Instant, tilt: Coordinate = tilt, swing: Coordinate = swing) -> tuple[Number, ...]:
             rate = now.rate(plant)
-            tilt = arc[0]._replace(constant=jnp.zeros_like(xi))
-            return tilt.at(*rate), tilt.at(*rate.rate(plant)), jnp.abs(arc[1].at(*now))
+            return tilt.at(*rate), tilt.at(*rate.rate(plant)), swing.at(*now), swing.at(*rate)
 
         def step(
             i: Array,
@@ -131,33 +152,90 @@ def path_of(half: Half, orbit: Orbit) -> Path:
             late: int = late,
             spacing: Number = spacing,
             ahead: tuple[Factor, Turn] = (onward, turning),
+            look: Callable[[Instant], tuple[Number, ...]] = look,
         ) -> tuple:
-            now, (rate0, pull0, _), met, dent, bob = carry
+            now, old, seen = carry
             now = Instant(now.flow.times(ahead[0], plant.slip), now.phase.then(ahead[1]))
-            rate, pull, angle = seen = look(now)
-            peaked = (pull0 > 0) & (pull <= 0)
-            share = pull0 / jnp.where(peaked, pull0 - pull, 1.0)
-            from_left = rate0 + 0.5 * pull0 * share * spacing
-            from_right = rate - 0.5 * pull * (1.0 - share) * spacing
+            new = look(now)
             last = (i == PATH_NODES - 1) & (late == 1)
-            met = jnp.maximum(met, jnp.where(last, -jnp.inf, rate))
-            dent = jnp.minimum(dent, jnp.where(peaked, -jnp.maximum(from_left, from_right), jnp.inf))
-            larger = angle > bob[0]
-            bob = (
-                jnp.where(larger, angle, bob[0]),
-                jnp.where(larger, spacing * (i + 1.0), bob[1]),
-                jnp.where(larger, late == 1, bob[2]),
-            )
-            return now, seen, met, dent, bob
+            highest = jnp.maximum(seen.highest, jnp.where(last, -jnp.inf, new[0]))
+            fall, dented = _extreme(-old[0], -old[1], -new[0], -new[1], spacing, i, late)
+            way = jnp.where(old[3] < 0, 1.0, -1.0)
+            top, turned = _extreme(way * old[2], way * old[3], way * new[2], way * new[3], spacing, i, late)
+            top = top._replace(size=jnp.where(turned, -top.size, -jnp.inf))
+            nearer = dented & (fall.size < seen.dent.size)
+            dent = jax.tree.map(lambda a, b: jnp.where(nearer, a, b), fall, seen.dent)
+            return now, new, _Seen(highest, dent, _ranked(seen.bob, top))
 
         now = Instant(identity(orbit.root.t), start)
-        seen = look(now)
-        ends.append(seen[1])
-        now, seen, met, dent, bob = jax.lax.fori_loop(0, PATH_NODES, step, (now, seen, met, dent, bob))
-        ends.append(seen[1])
+        old = look(now)
+        ends.append(old[1])
+        now, old, seen = jax.lax.fori_loop(0, PATH_NODES, step, (now, old, seen))
+        ends.append(old[1])
         start = now.phase
-    time = _bob_peak(half, orbit, bob[1], bob[2])
-    return Path(jnp.maximum(met, -dent), dent, ends[0], -ends[3], time, bob[2])
+        if not late:
+            corner = Peak(jnp.abs(old[2]), jnp.ones_like(never), jnp.zeros(never.shape, bool))
+            seen = seen._replace(bob=_ranked(seen.bob, corner))
+    dented = jnp.isfinite(seen.dent.size)
+    dent = where_needed(dented, partial(_refined, row=0), half, orbit, seen.dent, dented)
+    bob = _largest(half, orbit, *seen.bob)
+    # With its sign: where the rate is positive the block turns back.
+    fall = jnp.where(dented, -dent.size, jnp.inf)
+    return Path(jnp.maximum(seen.highest, -fall), fall, ends[0], -ends[3], bob)
+
+
+def _extreme(
+    x0: Number, r0: Number, x1: Number, r1: Number, spacing: Number, i: Array, late: int
+) -> tuple[Peak, Bool[Array, ""]]:
+    """The least value within an interval with these values and slopes at its ends, and whether there
+    is one; linear in the slopes, and to be refined."""
+    there = jnp.asarray((r0 < 0) & (r1 >= 0))
+    share = r0 / jnp.where(there, r0 - r1, 1.0)
+    low = jnp.minimum(x0 + 0.5 * r0 * share * spacing, x1 - 0.5 * r1 * (1.0 - share) * spacing)
+    return Peak(low, (i + share) / PATH_NODES, jnp.full(there.shape, late == 1)), there
+
+
+def _ranked(best: tuple[Peak, Peak], new: Peak) -> tuple[Peak, Peak]:
+    """The two largest of three."""
+
+    def choose(first: Bool[Array, ""], a: Peak, b: Peak) -> Peak:
+        return jax.tree.map(lambda x, y: jnp.where(first, x, y), a, b)
+
+    ahead, behind = (jnp.asarray(new.size > old.size) for old in best)
+    return choose(ahead, new, best[0]), choose(ahead, best[0], choose(behind, new, best[1]))
+
+
+def _largest(half: Half, orbit: Orbit, first: Peak, second: Peak) -> Peak:
+    """The larger of two peaks of |psi|; the second is looked at where it comes close."""
+    refine = partial(_refined, row=1)
+    first = refine(half, orbit, first, jnp.asarray(first.share < 1.0))
+    close = (second.size > 0.95 * jnp.abs(first.size)) & jnp.isfinite(second.size)
+    second = where_needed(close, refine, half, orbit, second, close & (second.share < 1.0))
+    larger = close & (jnp.abs(second.size) > jnp.abs(first.size))
+    return jax.tree.map(lambda a, b: jnp.where(larger, a, b), second, first)
+
+
+def _refined(half: Half, orbit: Orbit, peak: Peak, there: Bool[Array, ""], row: int) -> Peak:
+    """An extreme of phi' (row 0) or psi (row 1), by Newton's method if it is `there`."""
+    length = jnp.where(peak.late, half.span - orbit.root.t, orbit.root.t)
+    low, high = (
+        jnp.maximum(peak.share - 1.0 / PATH_NODES, 0.0),
+        jnp.minimum(peak.share + 1.0 / PATH_NODES, 1.0),
+    )
+    signal = _choose(peak.late, orbit, row)._replace(constant=jnp.zeros_like(length))
+
+    def value(share: Number) -> Instant:
+        now = instant(half, orbit, share * length, peak.late)
+        return now.rate(half.plant) if row == 0 else now
+
+    def step(_: Array, share: Number) -> Number:
+        slope = value(share).rate(half.plant)
+        bend = signal.at(*slope.rate(half.plant)) * length
+        onward = share - signal.at(*slope) / jnp.where(bend == 0.0, 1.0, bend)
+        return jnp.where(there, jnp.clip(onward, low, high), share)
+
+    share = jax.lax.fori_loop(0, 4, step, peak.share)
+    return Peak(signal.at(*value(share)), share, peak.late)
 
 
 def instant(half: Half, orbit: Orbit, s: Number, late: Bool[Array, ""]) -> Instant:
@@ -169,21 +247,6 @@ def instant(half: Half, orbit: Orbit, s: Number, late: Bool[Array, ""]) -> Insta
 
 def _choose(late: Bool[Array, ""], orbit: Orbit, row: int) -> Coordinate:
     return jax.tree.map(lambda a, b: jnp.where(late, b, a), orbit.first[row], orbit.second[row])
-
-
-def _bob_peak(half: Half, orbit: Orbit, s: Number, late: Bool[Array, ""]) -> Number:
-    """The turning point of the bob next to a sample, unless the sample is at the end of its arc."""
-    length = jnp.where(late, half.span - orbit.root.t, orbit.root.t)
-    low = jnp.maximum(s - length / PATH_NODES, 0.0)
-    high = jnp.minimum(s + length / PATH_NODES, length)
-    bob = _choose(late, orbit, 1)._replace(constant=jnp.zeros_like(s))
-
-    def step(_: Array, s: Number) -> Number:
-        rate = instant(half, orbit, s, late).rate(half.plant)
-        slope = bob.at(*rate.rate(half.plant))
-        return jnp.clip(s - bob.at(*rate) / jnp.where(slope == 0.0, 1.0, slope), low, high)
-
-    return jax.lax.fori_loop(0, 4, step, s)
 
 
 def state_at(half: Half, orbit: Orbit, s: Number) -> State:
@@ -278,8 +341,11 @@ def candidates(half: Half) -> Candidates:
         inside = (root.t > bracket.low - 0.5 * width) & (root.t < bracket.high + 0.5 * width)
         return root, path, height, good & reached & inside & there
 
+    def step(_: None, slot: tuple[Bracket, Array]) -> tuple[None, tuple]:
+        return None, where_needed(slot[1], follow, *slot)
+
     width = half.span / NODES
-    root, path, tops, good = jax.vmap(follow)(stacked, jnp.arange(ROOTS) < found.number)
+    _, (root, path, tops, good) = jax.lax.scan(step, None, (stacked, jnp.arange(ROOTS) < found.number))
     height = jnp.asarray(tops)
     ahead = height[None, :] > height[:, None]
     rank = jnp.where(good, jnp.sum(ahead & good[None, :], axis=1), ROOTS)

@@ -48,6 +48,9 @@ class Cycle(eqx.Module):
 class AbstractModel(eqx.Module):
     """A model of block and pendulum in dimensionless form."""
 
+    lyapunov_periods: eqx.AbstractVar[int]
+    """Periods over which the separation of neighbouring motions is measured; 0 for never."""
+
     @property
     @abstractmethod
     def round_off(self) -> float:
@@ -68,11 +71,6 @@ class AbstractModel(eqx.Module):
     @abstractmethod
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Run `settled.periods` forcing periods from the state `y` at tau = 0."""
-
-    @property
-    @abstractmethod
-    def lyapunov_periods(self) -> int:
-        """Periods over which the separation of neighbouring motions is measured; 0 for never."""
 
     @abstractmethod
     def trajectory(

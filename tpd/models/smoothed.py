@@ -60,6 +60,8 @@ class Smoothed(AbstractModel):
     """Bound on the solver steps of one forcing period."""
     samples: int = eqx.field(default=64, static=True, kw_only=True)
     """Samples of one settled period, among which turning points are bracketed."""
+    lyapunov_periods: int = eqx.field(default=0, static=True, kw_only=True)
+    """The separation of neighbours is not measured by default: the exact model does it faster."""
 
     def __check_init__(self) -> None:
         checks.within("sharpness", self.sharpness, 1e-6, 1.0)
@@ -116,11 +118,6 @@ class Smoothed(AbstractModel):
         y, sizes, sides = jax.lax.fori_loop(0, settled.periods, one_period, first)
         lean = jnp.abs(sides[0] - sides[1]) / jnp.max(sides)
         return Cycle(y, sizes[0], sizes[1], None, jnp.full_like(lean, jnp.inf), lean)
-
-    @property
-    def lyapunov_periods(self) -> int:
-        """Not measured: the exact model does it faster."""
-        return 0
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]
