@@ -332,6 +332,16 @@ def test_a_resting_block_has_zero_amplitude_and_zero_gradient_in_all_parameters(
     assert np.all(answer.slopes[1, [2, 3, 5, 6]] != 0.0)
 
 
+def test_a_bob_that_hangs_still_has_the_multiplier_of_its_decay():
+    # Nothing shakes: the bob's rate, which is watched for its turns, is zero throughout.
+    nu, mu, lam, zeta, xi = 0.1, 0.4, 1.1, 0.1, 5.8
+    answer = exact((nu, mu, lam, zeta, 0.3, 0.0, xi), (0.0, -0.02, 0.0, 0.03))
+    assert answer.status == "rest"
+    rate = zeta / np.sqrt(lam * 0.75 / (1.0 + nu**2))
+    assert float(answer.steady.multiplier) == pytest.approx(np.exp(-rate * 2.0 * np.pi / xi), rel=1e-9)
+    np.testing.assert_array_equal(answer.slopes[0], 0.0)
+
+
 def test_a_block_that_never_lifts_is_answered_without_a_simulation():
     x = (*STILL.x[:5], 0.05, STILL.x[6])
     answer = exact(x)

@@ -40,13 +40,14 @@ def test_there_is_no_number_without_a_status_nor_nan_that_none_explains(x, y0):
     if found.status == "overturned":
         assert np.all(np.isinf(sizes))
     if found.status in SETTLED:
-        # The bob rings for ever under a resting block.
+        # Under a resting block an undamped bob rings for ever, and one that hangs still is at a corner.
         undamped = found.status == "rest" and x[3] < 1e-12
+        at_corner = found.status == "rest" and found.stroke == 0.0
         assert np.all(np.isfinite(sizes))
         assert np.all(np.isfinite(found.steady.state))
         assert found.steady.multiplier < 1.0 or undamped
         assert np.all(np.isfinite(found.slopes[0]))
-        assert np.all(np.isfinite(found.slopes[1])) or undamped
+        assert np.all(np.isfinite(found.slopes[1])) or undamped or at_corner
     else:
         assert np.all(np.isnan(found.slopes))
 

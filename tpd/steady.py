@@ -220,6 +220,8 @@ def _sizes(
     rests = status == Status.rest
     sizes = sizes.at[0].set(jnp.where(rests, 0.0, sizes[0]))
     slopes = slopes.at[0].set(jnp.where(rests, 0.0, slopes[0]))
+    # The stroke of a bob that hangs still is at the corner of |psi|.
+    slopes = slopes.at[1].set(jnp.where(rests & (sizes[1] == 0.0), jnp.nan, slopes[1]))
     flat = ravel_pytree(p)[0]
     return with_slopes(flat, sizes[0], slopes[0]), with_slopes(flat, sizes[1], slopes[1])
 

@@ -27,7 +27,7 @@ jax.config.update("jax_enable_x64", True)
 from tests.benchmarks import arithmetic, peers  # noqa: E402
 from tests.reference import HUNG, parameters  # noqa: E402
 from tpd import Piecewise, in_chunks, symmetric_orbits  # noqa: E402
-from tpd.batch import CHUNK
+from tpd.batch import CHUNK  # noqa: E402
 from tpd.parameters import as_arrays  # noqa: E402
 from tpd.pool import settle_all  # noqa: E402
 

@@ -120,6 +120,13 @@ def arrived(m: Motion, horizon: Number) -> Bool[Array, ""]:
     return jnp.asarray(horizon - stop_gradient(m.begun) - m.local <= _REACHED * horizon)
 
 
+def _bob_signal(m: Motion) -> Signal:
+    """Positive until the bob turns; a bob that does not move at all does not."""
+    rate = m.arc.bob.rate(m.arc.rates).scaled(m.bob_sign)
+    size = sum(jnp.abs(stop_gradient(x)) for x in (*rate.free, rate.along, rate.across))
+    return rate._replace(constant=jnp.where(size > 1e-100, 0.0, 1.0))
+
+
 class _Watched(NamedTuple):
     """A signal, and its derivatives in time."""
 
@@ -143,7 +150,7 @@ def leap(plant: Plant, m: Motion, horizon: Number, *, quiet: Number, watch_bob: 
     limit = stop_gradient(plant.linear.beyond_return)
     signals = jax.tree.map(kept, ending(plant, m.mode, m.arc))
     if watch_bob:
-        signals = (*signals, m.arc.bob.rate(m.arc.rates).scaled(m.bob_sign))
+        signals = (*signals, _bob_signal(m))
     arc = jax.tree.map(stop_gradient, m.arc)
     watched = [_watched(s, arc.rates) for s in signals]
 
