@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
+from threading import Lock
 from typing import Any
 
 import equinox as eqx
@@ -59,19 +60,28 @@ def in_chunks(
     compiled = _compiled(function)
     cores = (os.cpu_count() or 1) if workers is None else workers
 
-    def run(begin: int) -> Any:
+    def run(begin: int) -> int:
         index = np.minimum(np.arange(begin, begin + chunk), length - 1)
         out = compiled(jax.tree.unflatten(treedef, [jnp.asarray(x[index]) for x in arrays]))
-        kept = min(chunk, length - begin)
-        return jax.tree.map(lambda x: np.asarray(x)[:kept], out)
+        results, structure = jax.tree.flatten(out)
+        with lock:
+            if not wholes:
+                wholes.extend(np.empty((length, *x.shape[1:]), x.dtype) for x in results)
+                structures.append(structure)
+        end = min(begin + chunk, length)
+        for whole, part in zip(wholes, results, strict=True):
+            whole[begin:end] = np.asarray(part)[: end - begin]
+        return end - begin
 
-    parts = []
+    wholes: list[np.ndarray] = []
+    structures: list[Any] = []
+    lock, done = Lock(), 0
     with ThreadPoolExecutor(cores) as pool:
-        for part in pool.map(run, range(0, length, chunk)):
-            parts.append(part)
+        for count in pool.map(run, range(0, length, chunk)):
+            done += count
             if progress is not None:
-                progress(min(len(parts) * chunk, length), length)
-    return jax.tree.map(lambda *x: np.concatenate(x), *parts)
+                progress(done, length)
+    return jax.tree.unflatten(structures[0], wholes)
 
 
 @lru_cache(maxsize=32)

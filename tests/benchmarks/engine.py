@@ -11,7 +11,6 @@ import argparse
 import datetime
 import os
 import platform
-import resource
 import statistics
 import subprocess
 import sys
@@ -133,13 +132,15 @@ def settling(n):
     ]
     x = batch(n)
     p, rest = as_arrays(parameters(list(x.T))), np.zeros((n, 4))
-    settle_all(jax.tree.map(lambda v: v[:300], p), rest[:300], model=FOREVER)
+    few = jax.tree.map(lambda v: v[:300] if np.ndim(v) else v, p)
+    settle_all(few, rest[:300], model=FOREVER)
     peers.numba_settle(x[:4], rest[:4], PERIODS)
     pooled, looped = [], []
     for _ in range(3):
         pooled.append(timed(lambda: settle_all(p, rest, model=FOREVER)))
         looped.append(timed(lambda: peers.numba_settle(x, rest, PERIODS)))
     mine, other = statistics.median(pooled) / n, statistics.median(looped) / n
+    settle_all(few, rest[:300])
     stopping = timed(lambda: settle_all(p, rest)) / n
     rows += [
         (f"{n:,} scenes, a run, all {PERIODS} periods", f"{1e6 * mine:.0f} us", ""),
@@ -167,11 +168,17 @@ def peak(n, chunk):
     """Print what `memory` asks for."""
     x = batch(n)
     in_chunks(describe, x[: 2 * chunk], chunk=chunk)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    with open("/proc/self/clear_refs", "w") as file:
+        file.write("5")  # the peak counts from here
+    before = resident("VmRSS")
     held = sum(leaf.nbytes for leaf in jax.tree.leaves(in_chunks(describe, x, chunk=chunk))) / 1e6
-    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-    # The results stand twice while the chunks' parts are put together.
-    print(round(after - before - 2.0 * held), round(held + x.nbytes / 1e6))
+    print(round(resident("VmHWM") - before - held), round(held + x.nbytes / 1e6))
+
+
+def resident(kind):
+    """Resident memory of this process now (VmRSS) or at most (VmHWM), in MB."""
+    with open("/proc/self/status") as file:
+        return next(float(line.split()[1]) / 1e3 for line in file if line.startswith(kind))
 
 
 def shares():
