@@ -136,7 +136,7 @@ def named(case: Case) -> str:
 
 
 class Answer(NamedTuple):
-    """What the package says, with d(amplitude, stroke)/d(parameters)."""
+    """What the package says, with d(amplitude, stroke, state)/d(parameters)."""
 
     amplitude: float
     stroke: float
@@ -152,7 +152,7 @@ def solver(model: AbstractModel, size: int) -> Callable[..., Answer]:
     def solve(x: jax.Array, y0: jax.Array) -> tuple[jax.Array, Steady]:
         def sizes(x: jax.Array) -> tuple[jax.Array, Steady]:
             s = steady_state(parameters(x), model=model, y0=y0)
-            return jnp.stack([s.amplitude, s.stroke]), s
+            return jnp.stack([s.amplitude, s.stroke, *s.state]), s
 
         return jax.jacrev(sizes, has_aux=True)(x)
 

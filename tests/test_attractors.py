@@ -156,7 +156,7 @@ def test_starts_are_seeded_spread_and_begin_at_rest():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"size": 0}, "`size` must be positive and finite, but is 0"),
+        ({"size": 0}, "`size` must be a whole number, 1 or more, but is 0"),
         ({"tilt": -0.1}, r"`tilt` must be zero or positive, and finite, but is -0\.1"),
     ],
 )

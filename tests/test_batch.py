@@ -144,7 +144,12 @@ def test_a_batch_without_one_length_is_refused(batch, lengths):
         in_chunks(answer, batch)
 
 
-@pytest.mark.parametrize(("chunk", "shown"), [(0, "0"), (-3, "-3")])
+def test_no_workers_are_refused():
+    with pytest.raises(ValueError, match="`workers` must be a whole number, 1 or more, but is 0"):
+        in_chunks(answer, X, workers=0)
+
+
+@pytest.mark.parametrize(("chunk", "shown"), [(0, "0"), (-3, "-3"), (2.5, "2.5")])
 def test_a_chunk_below_one_is_refused(chunk, shown):
-    with pytest.raises(ValueError, match=f"`chunk` must be positive and finite, but is {shown}"):
+    with pytest.raises(ValueError, match=f"`chunk` must be a whole number, 1 or more, but is {shown}"):
         in_chunks(answer, X, chunk=chunk)

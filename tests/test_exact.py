@@ -37,6 +37,9 @@ OVERTURNING = ((0.25, 0.1, 0.2, 0.1, 0.05, 0.6, 2.67), REST)
 RINGING = ((0.2, 0.1, 0.4, 0.0, 0.03, 0.25, 4.0), REST)
 """As the still case, but nothing damps the bob, which keeps rattling the block for ever."""
 RESTING_UNDAMPED = (0.2, 0.1, 0.4, 0.0, 0.03, 0.1, 4.0)
+CHAOTIC = (0.115, 0.4, 1.258, 0.722, 0.052, 0.302, 2.326)
+SLOW = (0.269, 0.445, 1.989, 0.098, 0.004, 0.387, 4.151)
+"""Comes to its orbit so slowly that 500 periods are not enough."""
 PERIOD_THREE = (0.16, 0.11, 0.18, 0.1, 0.03, 0.32, 4.5)
 
 
@@ -278,6 +281,85 @@ def test_multiplier_is_that_of_the_map_over_one_period(case):
     columns = [differences(lambda y: after_one_period(case.x, y), state, i, share=1e-3)[felt] for i in felt]
     largest = np.abs(np.linalg.eigvals(np.array(columns).T)).max()
     assert answer.steady.multiplier == pytest.approx(largest, rel=1e-8)
+
+
+@pytest.mark.parametrize("x", [HUNG[3].x, PERIOD_THREE], ids=["period one", "period three"])
+def test_the_lyapunov_exponent_of_an_orbit_is_the_rate_of_its_multiplier(x):
+    steady = exact(x).steady
+    duration = int(steady.periods) * 2.0 * np.pi / x[6]
+    assert float(steady.lyapunov) == pytest.approx(np.log(float(steady.multiplier)) / duration, rel=1e-12)
+    # A start a little off comes closer at that rate.
+    y0, y1 = np.asarray(steady.state), np.asarray(steady.state) + 1e-6 * np.array([1.0, 0.0, 0.0, 0.0])
+    cycles = 12
+    apart = [
+        np.diff([states(x, y, np.linspace(0, n * duration, SAMPLES))[-1] for y in (y0, y1)], axis=0)
+        for n in (4, 4 + cycles)
+    ]
+    rate = np.log(np.linalg.norm(apart[1]) / np.linalg.norm(apart[0])) / (cycles * duration)
+    assert rate == pytest.approx(float(steady.lyapunov), abs=0.05)
+
+
+def separation(x, periods):
+    """The rate at which two runs of values part, brought back to 1e-8 of each other every period."""
+    y = states(x, REST, clock(x, 500))[-1]
+    other, parted = y + 1e-8 * np.array([1.0, 0.0, 0.0, 0.0]), 0.0
+    for _ in range(periods):
+        y, ahead = after_one_period(x, y), after_one_period(x, other)
+        size = np.linalg.norm(ahead - y)
+        parted += np.log(size / 1e-8)
+        other = y + 1e-8 / size * (ahead - y)
+    return parted / (periods * 2.0 * np.pi / x[6])
+
+
+def test_a_chaotic_motion_is_aperiodic_with_the_rate_at_which_neighbours_part():
+    answer = exact(CHAOTIC)
+    assert answer.status == "aperiodic"
+    # Both are averages over a hundred periods of one chaotic motion.
+    assert float(answer.steady.lyapunov) == pytest.approx(separation(CHAOTIC, 100), rel=0.3)
+    assert np.all(np.isnan(answer.slopes))
+    assert np.isnan(answer.steady.multiplier)
+    # The amplitude is the largest of the hundred periods after the five hundred, not of the last one.
+    after = states(CHAOTIC, answer.steady.state, clock(CHAOTIC, 1))
+    assert np.max(np.abs(after[:, 0])) < answer.amplitude < 1.2 * np.max(np.abs(after[:, 0]))
+
+
+def test_a_slow_decay_is_not_settled_rather_than_aperiodic():
+    answer = exact(SLOW)
+    assert answer.status == "not_settled"
+    assert -0.05 < float(answer.steady.lyapunov) < 0.0
+    assert np.all(np.isnan(answer.slopes))
+
+
+@pytest.mark.parametrize("x", [HUNG[0].x, PERIOD_THREE], ids=["period one", "period three"])
+def test_the_settled_state_has_the_gradient_of_differences(x):
+    found = exact(x).slopes[2:]
+    for i in range(7):
+        expected = differences(lambda y: np.asarray(exact(y).steady.state), x, i, share=1e-3)
+        np.testing.assert_allclose(found[:, i], expected, rtol=0, atol=1e-5 * np.abs(found).max())
+
+
+def test_derivatives_that_are_not_known_are_refused():
+    @jax.jit
+    @jax.jacfwd
+    def slopes(x):
+        steady = steady_state(parameters(x))
+        return jnp.stack([steady.multiplier, steady.lyapunov])
+
+    assert np.all(np.isnan(slopes(np.array(HUNG[3].x))))
+
+
+def test_a_trajectory_after_an_overturning_has_no_derivative():
+    x, y0 = OVERTURNING
+    times = clock(x, 20)
+
+    @jax.jit
+    @jax.jacrev
+    def ends(x):
+        return simulate(parameters(x), np.array(y0), times).ys[jnp.array([3, -1])]
+
+    slopes = ends(np.array(x))
+    assert np.all(np.isfinite(slopes[0]))
+    assert np.all(np.isnan(slopes[1]))
 
 
 def repelling_orbit():

@@ -118,7 +118,7 @@ def test_an_impact_loss_is_refused(call):
         ({"sharpness": 0.0}, "`sharpness` must be between 1e-06 and 1, but is 0"),
         ({"sharpness": 2.0}, "`sharpness` must be between 1e-06 and 1, but is 2"),
         ({"rtol": -1e-6}, "`rtol` must be positive and finite, but is -1e-06"),
-        ({"max_periods": 0}, "`max_periods` must be positive and finite, but is 0"),
+        ({"max_periods": 0}, "`max_periods` must be a whole number, 1 or more, but is 0"),
     ],
 )
 def test_settings_out_of_range_are_refused(options, message):

@@ -13,7 +13,7 @@ from tpd.exact.spectrum import Plant, Rates, quartic, roots
 
 ALL_ROOTS = jax.jit(jax.vmap(lambda x: jnp.stack(roots(parameters(x)))))
 ALL_QUARTICS = jax.jit(jax.vmap(lambda x: jnp.stack(quartic(parameters(x)))))
-BASIS = jax.jit(lambda rates, t, phase: Rates(*rates).basis(t, phase))
+PAIR = jax.jit(lambda p, q, t: jnp.stack(Rates(0.9, -1.1, p, q, 2.5).pair(t)))
 
 
 def samples():
@@ -95,20 +95,9 @@ PAIRS = [
 
 @pytest.mark.parametrize(("p", "q"), PAIRS)
 @pytest.mark.parametrize("t", [0.0, 1e-6, 0.03, 1.0, 8.0])
-def test_the_basis_solves_its_equations_through_critical_damping(p, q, t):
-    basis = BASIS((0.9, -1.1, p, q, 2.5), t, 0.4)
-    pair = expm(np.array([[0.0, 1.0], [-q, -p]]) * t)[0]
-    expected = [1, np.exp(0.9 * t), np.exp(-1.1 * t), *pair, np.sin(0.4 + 2.5 * t), np.cos(0.4 + 2.5 * t)]
-    np.testing.assert_allclose(basis, expected, rtol=1e-11, atol=1e-14)
-
-
-@pytest.mark.parametrize(("p", "q"), PAIRS)
-def test_differentiate_is_the_time_derivative_of_rows(p, q):
-    rates = Rates(*map(jnp.asarray, (0.9, -1.1, p, q, 2.5)))
-    rows = jnp.asarray(np.random.default_rng(2).normal(size=(3, 7)))
-    t = jnp.asarray(0.7)
-    _, slope = jax.jvp(lambda t: rows @ rates.basis(t, 0.4), (t,), (jnp.ones(()),))
-    np.testing.assert_allclose(rates.differentiate(rows) @ rates.basis(t, 0.4), slope, rtol=1e-10, atol=1e-13)
+def test_the_pair_solves_its_equation_through_critical_damping(p, q, t):
+    expected = expm(np.array([[0.0, 1.0], [-q, -p]]) * t)[0]
+    np.testing.assert_allclose(PAIR(p, q, t), expected, rtol=1e-11, atol=1e-14)
 
 
 @jax.jit

@@ -30,7 +30,7 @@ def test_forward_mode_of_a_batch_agrees_with_reverse_mode_of_one(model, solve):
     slopes, statuses = jax.vmap(jax.jacfwd(sizes, has_aux=True))(designs)
     for i, x in enumerate(designs):
         assert status_name(jax.tree.map(lambda a, i=i: a[i], statuses)) == solve(x).status
-        np.testing.assert_allclose(slopes[i], solve(x).slopes, rtol=1e-8, atol=1e-14)
+        np.testing.assert_allclose(slopes[i], solve(x).slopes[:2], rtol=1e-8, atol=1e-14)
 
 
 def test_an_inertia_ratio_left_out_is_tied_to_the_slenderness():

@@ -42,7 +42,8 @@ class Answers(NamedTuple):
     sticking: np.ndarray
     grazing: np.ndarray
     slopes: np.ndarray
-    """d(amplitude, stroke, state)/d(parameters), shape (scenes, orbits, 6, 8)."""
+    """d(amplitude, stroke, state, phase, crossing, fold, symmetry)/d(parameters), shape (scenes, orbits,
+    10, 8)."""
     overflow: np.ndarray
 
     @property
@@ -56,7 +57,12 @@ class Answers(NamedTuple):
 def _solve(x: jax.Array) -> tuple:
     def sizes(x: jax.Array) -> tuple:
         o = symmetric_orbits(parameters(x))
-        return jnp.concatenate([o.amplitude[:, None], o.stroke[:, None], o.state], axis=1), o
+        m, many = o.margins, o.multipliers
+        numbers = (o.amplitude, o.stroke, *o.state.T, o.phase, o.crossing, m.fold, m.symmetry)
+        return (
+            jnp.stack(numbers, axis=1),
+            jnp.stack([m.sticking, m.grazing, *many.real.T, *many.imag.T], axis=1),
+        ), o
 
     return jax.jacfwd(sizes, has_aux=True)(x)
 
@@ -75,7 +81,8 @@ def solve(xs: Any) -> Answers:
     for begin in range(0, len(points), BATCH):
         index = np.minimum(np.arange(begin, begin + BATCH), len(points) - 1)
         parts.append(jax.tree.map(np.asarray, _solve(points[index])))
-    slopes, o = jax.tree.map(lambda *a: np.concatenate(a)[: len(points)], *parts)
+    (slopes, unknown), o = jax.tree.map(lambda *a: np.concatenate(a)[: len(points)], *parts)
+    assert np.all(np.isnan(unknown))
     status = np.full(o.amplitude.shape, "?", dtype="U16")
     for name in ("rocking", "unstable", "near_fold", "grazing", "no_orbit"):
         status[np.asarray(o.status == getattr(Status, name))] = name
@@ -437,13 +444,15 @@ def test_an_orbit_next_to_the_end_of_a_branch_is_found():
 
 
 def by_differences(x: np.ndarray, amplitude: float, share: float) -> np.ndarray:
-    """d(amplitude, stroke, state)/d(parameters) of the orbit nearest in amplitude, shape (6, 8)."""
+    """d(amplitude, stroke, state, phase, crossing, two margins)/d(parameters) of the orbit nearest in
+    amplitude, shape (10, 8)."""
     asked: list[np.ndarray] = []
     for i in range(8):
         differences(lambda y: asked.append(y) or 0.0, x, i, share=share)
     o = solve(asked)
     row, nearest = np.arange(len(asked)), np.nanargmin(np.abs(o.amplitude - amplitude), axis=1)
-    sizes = np.concatenate([o.amplitude[..., None], o.stroke[..., None], o.state], axis=-1)
+    numbers = (o.amplitude, o.stroke, *np.moveaxis(o.state, -1, 0), o.phase, o.crossing, o.fold, o.symmetry)
+    sizes = np.stack(numbers, axis=-1)
     values = iter(sizes[row, nearest])
     return np.stack([differences(lambda y: next(values), x, i, share=share) for i in range(8)], axis=-1)
 

@@ -23,12 +23,15 @@ from tpd.models.piecewise import Piecewise
 from tpd.models.settling import scale_of
 from tpd.parameters import Parameters, as_arrays
 from tpd.pool import settle_all
-from tpd.status import status_name
+from tpd.status import Status, status_name
 from tpd.steady import Steady, steady_state
 
-_SAME = 1e-4
-"""Relative difference of amplitudes and strokes below which two motions are the same or mirror
-images."""
+_CLOSE = 1e-4
+"""Relative difference of the sizes of two motions that may be one, as they were followed."""
+_ONE_OF_A_KIND = ("aperiodic", "not_settled", "overturned", "event_bound", "failed")
+"""Statuses of motions that are not told apart."""
+_SAME = 1e-6
+"""The same of two that are one, or mirror images, after Newton's method."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +54,7 @@ class Starts:
     """Largest |psi'|, rad per unit tau."""
 
     def __post_init__(self) -> None:
-        checks.positive("size", self.size)
+        checks.count("size", self.size)
         for name in ("tilt", "tilt_rate", "swing", "swing_rate"):
             checks.not_negative(name, getattr(self, name))
 
@@ -93,8 +96,8 @@ def attractors(
     """The motions that a set of starts settles into, the one most often reached first.
 
     Motions that do not repeat (aperiodic, not_settled, overturned, event_bound) are kept together by
-    their status. The shares are estimates: of n starts, a share s is known to about
-    sqrt(s (1 - s)/n).
+    their status. Motions whose amplitudes and strokes agree within 1e-6 are taken for one or for mirror
+    images. The shares are estimates: of n starts, a share s is known to about sqrt(s (1 - s)/n).
 
     Args:
         p: dimensionless parameters, plain numbers.
@@ -112,57 +115,81 @@ def attractors(
     fixed = as_arrays(p)
     y0 = starts.states(float(fixed.nu))
     settled = settle_all(fixed, y0, model=model, progress=progress)
-    found = [
-        _describe(fixed, model, y0, settled, group) for group in _groups(settled, np.asarray(scale_of(fixed)))
-    ]
-    return tuple(sorted(found, key=lambda a: -a.share))
+    # A bob without mass (mu = 0) cannot be felt; its swing may still be on the way.
+    felt = bool(np.isfinite(np.asarray(scale_of(fixed))[1]))
+    motions: list[_Motion] = []
+    for group in _groups(settled, felt):
+        # Whether a motion that did not repeat is aperiodic is for each start to say.
+        undecided = _name_of(settled.status, group[0]) == "not_settled"
+        for starts_of in [[i] for i in group] if undecided else [group]:
+            steady = _solver(model)(fixed, jnp.asarray(y0[starts_of[0]]))
+            _add(motions, _Motion(status_name(steady.status), steady, list(starts_of)), felt)
+    return tuple(sorted((m.attractor(len(y0)) for m in motions), key=lambda a: -a.share))
 
 
-def _groups(settled: Settled, scale: np.ndarray) -> list[np.ndarray]:
-    """Indices of the starts that reach the same motion."""
-    names = _names(settled)
+@dataclass
+class _Motion:
+    """A motion and the starts that are known to reach it."""
+
+    status: str
+    steady: Steady
+    starts: list[int]
+
+    def same(self, other: _Motion, felt: bool) -> bool:
+        """Whether both are one motion, or of one kind that does not repeat."""
+        if self.status != other.status:
+            return False
+        if self.status in ("rest", *_ONE_OF_A_KIND):
+            return True
+        a, b = (np.array([m.steady.amplitude, m.steady.stroke]) for m in (self, other))
+        return int(self.steady.periods) == int(other.steady.periods) and _agree(a, b, _SAME, felt)
+
+    def attractor(self, size: int) -> Attractor:
+        """What is told of it."""
+        return Attractor(
+            status=self.status,
+            periods=int(self.steady.periods),
+            symmetric=bool(self.steady.symmetric),
+            share=len(self.starts) / size,
+            starts=tuple(sorted(self.starts)),
+            steady=self.steady,
+        )
+
+
+def _add(motions: list[_Motion], new: _Motion, felt: bool) -> None:
+    for motion in motions:
+        if motion.same(new, felt):
+            motion.starts += new.starts
+            return
+    motions.append(new)
+
+
+def _agree(a: np.ndarray, b: np.ndarray, share: float, felt: bool) -> bool:
+    """Whether two pairs (amplitude, stroke) agree; the stroke of a bob that is not felt need not."""
+    close = np.abs(a - b) <= share * np.maximum(a, b)
+    return bool(close[0] and (close[1] or not felt))
+
+
+def _groups(settled: Settled, felt: bool) -> list[list[int]]:
+    """Indices of the starts that seem to reach the same motion."""
+    names = [_name_of(settled.status, i) for i in range(len(settled.periods))]
+    sizes = np.stack([np.asarray(settled.amplitude), np.asarray(settled.stroke)], axis=-1)
     groups: list[list[int]] = []
     for i, name in enumerate(names):
         for group in groups:
-            first = group[0]
-            if names[first] == name and _same(settled, first, i, name, scale):
+            j = group[0]
+            alike = names[j] == name and settled.periods[i] == settled.periods[j]
+            if alike and (name not in ("rocking", "sticking") or _agree(sizes[i], sizes[j], _CLOSE, felt)):
                 group.append(i)
                 break
         else:
             groups.append([i])
-    return [np.array(g) for g in groups]
+    return groups
 
 
-def _same(settled: Settled, i: int, j: int, name: str, scale: np.ndarray) -> bool:
-    if name not in ("rocking", "sticking"):
-        return True
-    if settled.periods[i] != settled.periods[j]:
-        return False
-    sizes = np.stack([np.asarray(settled.amplitude), np.asarray(settled.stroke)], axis=-1)
-    a, b = sizes[i], sizes[j]
-    close = np.abs(a - b) <= _SAME * np.maximum(a, b)
-    # A bob without mass (mu = 0) cannot be felt; its swing may still be on the way.
-    return bool(close[0] and (close[1] or not np.isfinite(scale[1])))
-
-
-def _names(settled: Settled) -> list[str]:
-    values = np.asarray(jax.tree.leaves(settled.status)[0])
-    return [status_name(jax.tree.map(lambda _, v=v: v, settled.status)) for v in values]
-
-
-def _describe(
-    p: Parameters, model: Piecewise, y0: np.ndarray, settled: Settled, group: np.ndarray
-) -> Attractor:
-    i = int(group[0])
-    steady = _solver(model)(p, jnp.asarray(y0[i]))
-    return Attractor(
-        status=status_name(steady.status),
-        periods=int(steady.periods),
-        symmetric=bool(steady.symmetric),
-        share=len(group) / len(y0),
-        starts=tuple(int(g) for g in group),
-        steady=steady,
-    )
+def _name_of(status: Status, i: int) -> str:
+    """The name of the i-th of a batch of statuses."""
+    return status_name(jax.tree.map(lambda x: np.asarray(x)[i], status))
 
 
 @lru_cache(maxsize=8)

@@ -45,7 +45,7 @@ def in_chunks(
         The same pytree as `vmap(function)` would give, with NumPy arrays for leaves.
 
     Raises:
-        ValueError: an empty batch, leaves of different lengths, or a chunk below one.
+        ValueError: an empty batch, leaves of different lengths, or a chunk or workers below one.
     """
     leaves, treedef = jax.tree.flatten(batch)
     arrays = [np.asarray(x) for x in leaves]
@@ -54,10 +54,12 @@ def in_chunks(
         raise ValueError(
             f"`batch` must be arrays of one length above zero, but has lengths {sorted(lengths)}"
         )
-    checks.positive("chunk", chunk)
+    checks.count("chunk", chunk)
     (length,) = lengths
     arrays = [x if x.ndim else np.broadcast_to(x, length) for x in arrays]
     compiled = _compiled(function)
+    if workers is not None:
+        checks.count("workers", workers)
     cores = (os.cpu_count() or 1) if workers is None else workers
 
     def run(begin: int) -> int:

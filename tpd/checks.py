@@ -32,6 +32,11 @@ def positive(name: str, value: object) -> None:
     _check(name, value, "positive and finite", lambda x: x > 0)
 
 
+def count(name: str, value: object, least: int = 1) -> None:
+    """Raise `ValueError` unless `value` is a whole number, `least` or above."""
+    _check(name, value, f"a whole number, {least} or more", lambda x: (x >= least) & (x == np.round(x)))
+
+
 def not_negative(name: str, value: object) -> None:
     """Raise `ValueError` unless `value` is finite and zero or above."""
     _check(name, value, "zero or positive, and finite", lambda x: x >= 0)

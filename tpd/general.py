@@ -17,8 +17,8 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd import checks
 from tpd.exact.arcs import REST, SLIP
-from tpd.exact.derivatives import refused, with_slopes
-from tpd.exact.multipliers import characteristic, quartic_roots
+from tpd.exact.derivatives import refused_in, with_slopes
+from tpd.exact.multipliers import GRAZING, NEAR_FOLD, characteristic, quartic_roots
 from tpd.exact.recording import cut, record
 from tpd.exact.sequence import (
     LANDING,
@@ -44,11 +44,6 @@ REST_RATE = 1e-6
 """Slowest impact that is followed, phi' in units of nu: a slower one ends a rattle."""
 _CONVERGED = 1e-6
 """Share of its scale that the last Newton step may have gone."""
-_NEAR_FOLD = 2e-6
-"""Distance of a multiplier from 1 below which an orbit has no usable derivative: 1e-6 over half a
-period, as for symmetric orbits."""
-_GRAZING = 1e-7
-"""The same of a signal's dent, over its largest value."""
 _MIRRORED = 1e-8
 """Largest deviation from its mirror image, in shares of the scales, of a symmetric orbit."""
 _RATTLED = 1e-5
@@ -75,8 +70,9 @@ class Sequence(eqx.Module):
     count: Int[Array, "*batch"]
 
 
-class Margins(eqx.Module):
-    """What is left until an orbit is lost, as functions that vanish where it happens."""
+class CycleMargins(eqx.Module):
+    """What is left until an orbit is lost, as functions that vanish where it happens. Their derivatives
+    are NaN."""
 
     fold: Float[Array, "*batch"]
     """det(I - M), M the derivative of the map over one period of the orbit: two orbits merge, or a
@@ -93,10 +89,11 @@ class PeriodicOrbit(eqx.Module):
     """A periodic orbit; angles in rad.
 
     `amplitude`, `stroke`, `state` and the numbers of `sequence` are differentiable in every parameter,
-    also on unstable orbits. Where the status is not rocking, sticking or unstable the derivatives of
-    the first three are NaN, and so are they themselves where it is no_orbit, event_bound, failed,
-    overturned or rest (but amplitude 0 for rest). An orbit has at least one event: a block that is held at
-    a tilt for ever is no_orbit.
+    also on unstable orbits; those of `multipliers` and `margins` are NaN. Where the status is not rocking,
+    sticking or unstable the derivatives of the first three are NaN, and so are they themselves where it is
+    no_orbit, event_bound, failed, overturned or rest (but amplitude 0 for rest): of an overturning motion
+    there is no orbit, whereas `steady_state` calls its amplitude infinite. An orbit has at least one event:
+    a block that is held at a tilt for ever is no_orbit.
     """
 
     status: Status
@@ -115,7 +112,7 @@ class PeriodicOrbit(eqx.Module):
     sequence: Sequence
     multipliers: Complex[Array, "*batch 4"]
     """Floquet multipliers over one period of the orbit; attracting if all are below 1 in size."""
-    margins: Margins
+    margins: CycleMargins
 
 
 def periodic_orbit(
@@ -146,8 +143,8 @@ def periodic_orbit(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    checks.positive("periods", periods)
-    checks.positive("max_events", max_events)
+    checks.count("periods", periods)
+    checks.count("max_events", max_events)
     checks.positive("rest_rate", rest_rate)
     y = jnp.asarray(y0, dtype=jnp.float64)
     if y.shape != (4,):
@@ -227,7 +224,8 @@ def _solve(p: Parameters, legs: Leg, guess: Cycle, periods: Int[Array, ""], outc
     usable = (status == Status.rocking) | (status == Status.sticking) | (status == Status.unstable)
     sizes, cycle = _differentiable(p, legs, near, met, periods, valid, usable)
     count = jnp.where(valid, jnp.sum(legs.real), 0)
-    never = jnp.zeros((), bool)
+    multipliers, margins = jax.tree.map(lambda x: jnp.where(valid, x, jnp.nan), (multipliers, margins))
+    real, imag = refused_in(p, jnp.real(multipliers)), refused_in(p, jnp.imag(multipliers))
     return PeriodicOrbit(
         status,
         jnp.where(status == Status.rest, 0.0, sizes[0]),
@@ -236,8 +234,8 @@ def _solve(p: Parameters, legs: Leg, guess: Cycle, periods: Int[Array, ""], outc
         periods,
         valid & _mirrored(cycle, count, scale, span) & (periods % 2 == 1),
         Sequence(*legs[:4], cycle.durations, cycle.phases(p.xi), cycle.states, count),
-        jnp.where(valid, multipliers, jnp.nan),
-        jax.tree.map(lambda x: refused(jnp.where(valid, x, jnp.nan), never), margins),
+        real + 1j * imag,
+        jax.tree.map(lambda x: refused_in(p, x), margins),
     )
 
 
@@ -270,19 +268,19 @@ def _differentiable(
     first = jnp.arange(values.size) < 6
     values = jnp.where(first & ~valid, jnp.nan, values)
     slopes = jnp.where(usable, slopes, jnp.nan)
-    return unpack(jnp.asarray(jax.vmap(with_slopes, (None, 0, 0))(flat, values, slopes)))
+    return unpack(with_slopes(flat, values, slopes))
 
 
 def _inspect(
     p: Parameters, plant: Plant, legs: Leg, cycle: Cycle, blocks: Blocks
-) -> tuple[Survey, Array, Margins]:
+) -> tuple[Survey, Array, CycleMargins]:
     """What the orbit meets, its multipliers and its margins."""
     phases = cycle.phases(plant.linear.xi)
     met = jax.vmap(survey, (None, 0, 0, 0, 0))(plant, legs, cycle.states, phases, cycle.durations)
     multipliers, fold = _stability(p, monodromy(plant, legs, cycle, blocks))
     sines = jnp.sin(phases + plant.linear.xi * cycle.durations)
     sticking = jnp.min(jax.vmap(_sticking, (None, 0, 0, 0))(plant, legs, met.last, sines))
-    return met, multipliers, Margins(fold, jnp.min(met.dip), sticking)
+    return met, multipliers, CycleMargins(fold, jnp.min(met.dip), sticking)
 
 
 def _holds(p: Parameters, legs: Leg, met: Survey) -> Bool[Array, ""]:
@@ -315,7 +313,7 @@ def _stability(p: Parameters, matrix: Float[Array, "4 4"]) -> tuple[Array, Array
 
 
 def _sticking(plant: Plant, leg: Leg, end: State, sine: Number) -> Number:
-    """See `Margins`."""
+    """See `CycleMargins`."""
     linear = plant.linear
     moment = linear.holding_moment(end.at[2].set(0.0), sine)
     excess = jnp.abs(moment - leg.tilt * linear.weight)
@@ -323,12 +321,12 @@ def _sticking(plant: Plant, leg: Leg, end: State, sine: Number) -> Number:
     return jnp.where(leg.real & (leg.ending == TURN), share, jnp.inf)
 
 
-def _verdict(legs: Leg, multipliers: Array, margins: Margins, valid: Bool[Array, ""]) -> Status:
+def _verdict(legs: Leg, multipliers: Array, margins: CycleMargins, valid: Bool[Array, ""]) -> Status:
     held = jnp.any(legs.real & (legs.kind != SLIP))
     status = Status.where(held, Status.sticking, Status.rocking)
     status = Status.where(jnp.max(jnp.abs(multipliers)) < 1.0, status, Status.unstable)
-    status = Status.where(margins.grazing < _GRAZING, Status.grazing, status)
-    near = jnp.min(jnp.abs(1.0 - multipliers)) < _NEAR_FOLD
+    status = Status.where(margins.grazing < GRAZING, Status.grazing, status)
+    near = jnp.min(jnp.abs(1.0 - multipliers)) < 2.0 * NEAR_FOLD
     return Status.where(valid, Status.where(near, Status.near_fold, status), Status.no_orbit)
 
 

@@ -17,8 +17,8 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from tpd import checks
 from tpd.exact.conditions import Half
-from tpd.exact.derivatives import refused
-from tpd.exact.multipliers import characteristic, quartic_roots
+from tpd.exact.derivatives import refused, refused_in
+from tpd.exact.multipliers import GRAZING, NEAR_FOLD, characteristic, quartic_roots
 from tpd.exact.roots import Root, differentiable
 from tpd.exact.skipping import where_needed
 from tpd.exact.spectrum import Plant
@@ -26,15 +26,11 @@ from tpd.exact.symmetric import Orbit, Path, candidates, half_map, instant, orbi
 from tpd.parameters import Number, Parameters, State, as_arrays
 from tpd.status import Status
 
-_NEAR_FOLD = 1e-6
-"""Distance of a half-period multiplier from 1 below which an orbit has no usable derivative."""
-_GRAZING = 1e-7
-"""The same of the smallest falling rate between the turns, over the largest."""
-
 
 class Margins(eqx.Module):
-    """What is left until an orbit is lost, as functions that vanish where it happens, smoothly in
-    the parameters; leading axis the orbits."""
+    """What is left until an orbit is lost, as functions that vanish where it happens; leading axis the
+    orbits. `fold` and `symmetry` are differentiable as the amplitude is; the derivatives of the other
+    two are NaN (`tpd.bifurcations` has those of the place where they vanish)."""
 
     fold: Number
     """det(I - G), G the derivative of the mirrored half-period map: two orbits merge and vanish."""
@@ -51,8 +47,9 @@ class Orbits(eqx.Module):
     """The symmetric period-one orbits of one design, the largest first; leading axis `ORBITS` (3),
     status `no_orbit` where there are fewer, and NaN beside it. Angles in rad.
 
-    `amplitude`, `stroke` and `state` are differentiable in every parameter, also on unstable
-    orbits; their derivative is NaN where the status is near_fold, grazing or no_orbit.
+    `amplitude`, `stroke`, `state`, `phase` and `crossing` are differentiable in every parameter, also on
+    unstable orbits; their derivative is NaN where the status is near_fold, grazing or no_orbit. That of
+    `multipliers` is NaN everywhere.
     """
 
     status: Status
@@ -105,7 +102,22 @@ def _symmetric_orbits(p: Parameters) -> Orbits:
 
     # One after the other: in a batch the designs, not the few orbits, are next to each other in memory.
     _, described = jax.lax.scan(step, None, (safe, found.path, found.exists))
-    return Orbits(*jax.vmap(_answered)(described, found.exists), overflow=found.overflow)
+    status, (amplitude, stroke, state, phase, crossing), multipliers, margins = jax.vmap(_answered)(
+        described, found.exists
+    )
+    multipliers = refused_in(p, jnp.real(multipliers)) + 1j * refused_in(p, jnp.imag(multipliers))
+    sticking, grazing = refused_in(p, margins.sticking), refused_in(p, margins.grazing)
+    margins = Margins(margins.fold, margins.symmetry, sticking, grazing)
+    return Orbits(status, amplitude, stroke, state, phase, crossing, multipliers, margins, found.overflow)
+
+
+class _Margins(NamedTuple):
+    """See `Margins`."""
+
+    fold: Number
+    symmetry: Number
+    sticking: Number
+    grazing: Number
 
 
 class _Described(NamedTuple):
@@ -118,7 +130,7 @@ class _Described(NamedTuple):
     crossing: Number
     halves: Array
     """Multipliers over half a period."""
-    margins: Margins
+    margins: _Margins
 
 
 def _describe(p: Parameters, half: Half, root: Root, path: Path) -> _Described:
@@ -139,21 +151,22 @@ def _describe(p: Parameters, half: Half, root: Root, path: Path) -> _Described:
         polished.gamma,
         polished.t,
         multipliers,
-        Margins(fold, symmetry, sticking, fall),
+        _Margins(fold, symmetry, sticking, fall),
     )
 
 
 def _answered(of: _Described, there: Bool[Array, ""]) -> tuple:
     """The fields of `Orbits`: nothing where there is no orbit, and no derivative where it has none."""
-    near = jnp.min(jnp.abs(1.0 - of.halves)) < _NEAR_FOLD
-    grazes = of.margins.grazing < _GRAZING
+    near = jnp.min(jnp.abs(1.0 - of.halves)) < NEAR_FOLD
+    grazes = of.margins.grazing < GRAZING
     status = Status.where(jnp.max(jnp.abs(of.halves)) < 1.0, Status.rocking, Status.unstable)
     status = Status.where(grazes, Status.grazing, status)
     status = Status.where(there, Status.where(near, Status.near_fold, status), Status.no_orbit)
     usable = there & ~near & ~grazes
     of = jax.tree.map(lambda x: jnp.where(there, x, jnp.nan), of)
-    sizes = (refused(x, usable) for x in (of.amplitude, of.stroke, of.state))
-    return status, *sizes, of.phase, of.crossing, of.halves**2, of.margins
+    numbers = tuple(refused(x, usable) for x in (of.amplitude, of.stroke, of.state, of.phase, of.crossing))
+    fold, symmetry = refused(of.margins.fold, usable), refused(of.margins.symmetry, usable)
+    return status, numbers, of.halves**2, of.margins._replace(fold=fold, symmetry=symmetry)
 
 
 def _stability(p: Parameters, half: Half, orbit: Orbit) -> tuple[Array, Number, Number]:

@@ -50,11 +50,13 @@ def settle_all(
         A `Settled` with NumPy leaves of leading axis n, in the order of the batch.
 
     Raises:
-        ValueError: an empty batch, or leaves of different lengths.
+        ValueError: an empty batch, leaves of different lengths, or workers below one.
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
     model = Piecewise() if model is None else model
+    if workers is not None:
+        checks.count("workers", workers)
     starts = np.asarray(y0, dtype=float)
     n = len(starts)
     shapes = sorted({np.shape(x) for x in jax.tree.leaves(p)} - {()})

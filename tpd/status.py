@@ -21,8 +21,8 @@ class Status(eqx.Enumeration):
     )
     aperiodic = (
         "The motion does not repeat, and motions that start side by side separate exponentially: the "
-        "amplitude is the largest met and has no gradient. Judge the design by an ensemble of starts, "
-        "or add hinge damping."
+        "amplitude is the largest met over many periods and has no gradient. Judge the design by an "
+        "ensemble of starts, or add hinge damping."
     )
     not_settled = (
         "No periodic motion was reached within `max_periods` (slow decay): "
@@ -42,7 +42,8 @@ class Status(eqx.Enumeration):
         "is no gradient, and it is refused. Move the parameters."
     )
     event_bound = (
-        "More events in one period than `max_events` allows (rattling without end). Raise `max_events`."
+        "More events in one period than `max_events` allows (rattling without end): the amplitude is the "
+        "largest of the last periods and has no gradient. Raise `max_events`."
     )
     failed = (
         "The solver produced no finite number (resonance without damping, or a singular limit "

@@ -22,7 +22,8 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from tpd import checks
-from tpd.exact.derivatives import with_slopes
+from tpd.exact.derivatives import refused, refused_in, with_slopes
+from tpd.exact.multipliers import GRAZING, NEAR_FOLD
 from tpd.models.interface import AbstractModel, Settled
 from tpd.models.piecewise import Piecewise
 from tpd.models.settling import scale_of
@@ -30,10 +31,11 @@ from tpd.parameters import Number, Parameters, State, as_arrays
 from tpd.status import Status, is_moving, is_settled
 
 _NEWTON_STEPS = 8
+"""Bound on the steps of Newton's method; three or four usually do."""
 _RESIDUAL = 1e-8
-_NEAR_FOLD = 1e-7
-_GRAZING = 1e-7
+"""Largest residual of the period map, in shares of the scales, of what is called an orbit."""
 _SYMMETRIC = 1e-6
+"""Largest difference between the tilts to either side, over the amplitude, of a symmetric motion."""
 _APERIODIC = 5e-3
 """Lyapunov exponent, per unit tau, above which a motion that did not repeat is called aperiodic."""
 
@@ -41,11 +43,13 @@ _APERIODIC = 5e-3
 class Steady(eqx.Module):
     """A steady state; angles in rad.
 
-    `amplitude` is the largest |phi| and `stroke` the largest |psi| over the settled period(s).
-    Both are differentiable in every parameter when `status` is rocking or rest; elsewhere their
-    derivative is NaN and `status` says why. The stroke under a resting block has none either if
-    zeta = 0: the bob rings for ever, and its reach depends on how the block came to rest. At mu = 0
-    the stroke is that of a bob too light to be felt. An overturned block has infinite amplitude and stroke.
+    `amplitude` is the largest |phi| and `stroke` the largest |psi| over the settled period(s). They and
+    `state` are differentiable in every parameter when `status` is rocking, sticking or rest; elsewhere
+    their derivative is NaN and `status` says why. Stroke and state of a bob under a resting block have
+    none either if zeta = 0: the bob rings for ever, and its reach depends on how the block came to rest.
+    Nor has the stroke of a bob that hangs still, being at the corner of |psi|. The derivatives of
+    `multiplier` and `lyapunov` are always NaN. At mu = 0 the stroke is that of a bob too light to be felt.
+    An overturned block has infinite amplitude and stroke.
     """
 
     amplitude: Number
@@ -54,7 +58,8 @@ class Steady(eqx.Module):
     periods: Int[Array, "..."]
     """Forcing periods in one period of the motion."""
     multiplier: Number
-    """Largest modulus of the Floquet multipliers; below 1 the motion attracts."""
+    """Largest modulus of the Floquet multipliers; below 1 the motion attracts. NaN of a motion that is
+    not periodic."""
     symmetric: Bool[Array, "..."]
     """Whether the motion is its own mirror image half a period of it later."""
     lyapunov: Number
@@ -92,7 +97,7 @@ def steady_state(
         p: dimensionless parameters; gradients with respect to them are exact.
         model: `Piecewise()`, the exact solution (default), or `Smoothed()`.
         y0: start (phi, psi, phi', psi') in rad and rad per unit tau, at tau = 0; default at rest.
-        throw: raise an error where the status is neither rocking nor rest.
+        throw: raise an error where the status is not rocking, sticking or rest.
 
     Raises:
         ValueError: bad input, or a parameter that the model has no term for.
@@ -116,7 +121,8 @@ def simulate(
 ) -> Trajectory:
     """The motion from `y0` at `times[0]`, at increasing dimensionless `times`, shape (n,).
 
-    After an overturning the exact model's states are NaN, and the status says so.
+    After an overturning the exact model's states and their derivatives are NaN, and the status says so.
+    Derivatives in p and y0 are exact in both modes, those in `times` in forward mode only.
 
     Raises:
         ValueError: bad input, or a parameter that the model has no term for.
@@ -132,6 +138,7 @@ def simulate(
     if not isinstance(clock, jax.core.Tracer) and not bool(sound):
         raise ValueError("`times` must increase and be finite, but do not")
     ys, status = _trajectory(as_arrays(p), model, _state(y0), clock)
+    ys = refused(ys, jnp.isfinite(ys))
     return Trajectory(clock, ys, status)
 
 
@@ -192,29 +199,30 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     settled = model.settle(fixed, jnp.where(sane, stop_gradient(y0), 0.0))
     settled = eqx.tree_at(lambda s: s.status, settled, Status.where(sane, settled.status, Status.failed))
     orbit, separation = _finish(fixed, model, settled)
-    multiplier = _largest_multiplier(fixed, orbit.by_state[:4])
-    status = _verdict(settled, orbit, multiplier, separation, model.resolution(fixed))
-    amplitude, stroke = _sizes(p, fixed, settled, orbit, status, multiplier)
+    multiplier, to_fold = _multipliers(fixed, orbit.by_state[:4])
+    status = _verdict(settled, orbit, multiplier, to_fold, separation, model.resolution(fixed))
+    amplitude, stroke, state = _answers(p, fixed, settled, orbit, status, multiplier)
     periodic = is_settled(status) | (status == Status.unstable)
     periods, duration = settled.periods, settled.periods * fixed.period
     lyapunov = jnp.where(periodic, jnp.log(multiplier) / duration, separation)
     symmetric = periodic & (periods % 2 == 1) & (orbit.lean < _SYMMETRIC)
-    return Steady(
-        amplitude, stroke, status, periods, multiplier, symmetric, lyapunov, orbit.y, settled.elapsed
-    )
+    followed = periodic | (status == Status.near_fold) | (status == Status.grazing)
+    multiplier = refused_in(p, jnp.where(followed, multiplier, jnp.nan))
+    lyapunov = refused_in(p, lyapunov)
+    return Steady(amplitude, stroke, status, periods, multiplier, symmetric, lyapunov, state, settled.elapsed)
 
 
-def _sizes(
+def _answers(
     p: Parameters, fixed: Parameters, settled: Settled, orbit: _Orbit, status: Status, multiplier: Number
-) -> tuple[Number, Number]:
-    """(amplitude, stroke), with their slopes where these exist."""
+) -> tuple[Number, Number, State]:
+    """(amplitude, stroke, state), with their slopes where these exist."""
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
     ringing = (status == Status.rest) & (fixed.zeta == 0.0)
     isolated = is_settled(status) & (multiplier < 1.0) & ~ringing
     last = jnp.where(status == Status.failed, jnp.nan, jnp.stack([settled.amplitude, settled.stroke]))
     sizes, slopes = _implicit(orbit)
-    periodic = (status == Status.unstable) | (status == Status.near_fold) | (status == Status.grazing)
-    last = jnp.where(periodic, orbit.sizes, last)
+    followed = (status == Status.unstable) | (status == Status.near_fold) | (status == Status.grazing)
+    last = jnp.where(followed | (status == Status.aperiodic), orbit.sizes, last)
     sizes = jnp.where(isolated, sizes, jnp.where(status == Status.overturned, jnp.inf, last))
     slopes = jnp.where(isolated, slopes, jnp.nan)
     rests = status == Status.rest
@@ -222,8 +230,8 @@ def _sizes(
     slopes = slopes.at[0].set(jnp.where(rests, 0.0, slopes[0]))
     # The stroke of a bob that hangs still is at the corner of |psi|.
     slopes = slopes.at[1].set(jnp.where(rests & (sizes[1] == 0.0), jnp.nan, slopes[1]))
-    flat = ravel_pytree(p)[0]
-    return with_slopes(flat, sizes[0], slopes[0]), with_slopes(flat, sizes[1], slopes[1])
+    answer = with_slopes(ravel_pytree(p)[0], jnp.concatenate([sizes, orbit.y]), slopes)
+    return answer[0], answer[1], answer[2:]
 
 
 class _Orbit(eqx.Module):
@@ -233,7 +241,7 @@ class _Orbit(eqx.Module):
     residual: Number
     end: State
     sizes: Float[Array, "2"]
-    """Amplitude and stroke."""
+    """Amplitude and stroke; of a motion that did not repeat the largest met so far."""
     by_parameter: Float[Array, "6 n"]
     """d(end, sizes)/dp at a fixed start."""
     by_state: Float[Array, "6 4"]
@@ -272,6 +280,8 @@ def _finish(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[_Orb
 
     def step(w: _Walk) -> _Walk:
         orbit, memory = along(w.y, w.memory)
+        sizes = jnp.where(repeats, orbit.sizes, jnp.maximum(orbit.sizes, w.best.sizes))
+        orbit = eqx.tree_at(lambda o: o.sizes, orbit, sizes)
         move = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], orbit.end - w.y)
         better = orbit.residual < w.best.residual
         best = jax.tree.map(lambda a, b: jnp.where(better | ~repeats, a, b), orbit, w.best)
@@ -283,7 +293,8 @@ def _finish(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[_Orb
         y = jnp.where(repeats, newton, orbit.end)
         return _Walk(y, memory, best, onward / size, w.parted + jnp.log(size), count)
 
-    none = eqx.tree_at(lambda o: o.y, nothing, settled.y)
+    sizes = jnp.stack([settled.amplitude, settled.stroke])
+    none = eqx.tree_at(lambda o: (o.y, o.sizes), nothing, (settled.y, sizes))
     zero = jnp.zeros(())
     first = _Walk(settled.y, settled.memory, none, 0.5 * scale, zero, jnp.zeros((), int))
     walk = jax.lax.while_loop(going, step, first)
@@ -319,30 +330,38 @@ def _linearised(
     return along
 
 
-def _largest_multiplier(p: Parameters, jacobian: Float[Array, "4 4"]) -> Number:
-    """The largest modulus of the Floquet multipliers that the block can feel: all, unless mu = 0."""
+def _multipliers(p: Parameters, jacobian: Float[Array, "4 4"]) -> tuple[Number, Number]:
+    """The largest modulus of the Floquet multipliers that the block can feel (all, unless mu = 0), and
+    the least distance of one from +1."""
     block = jnp.array([1.0, 0.0, 1.0, 0.0])
     felt = jnp.where(p.mu > 0, jacobian, jacobian * jnp.outer(block, block))
     finite = jnp.all(jnp.isfinite(felt))
-    sizes = jnp.abs(jnp.linalg.eigvals(jnp.where(finite, felt, 0.0)))
-    return jnp.where(finite, jnp.max(sizes), jnp.inf)
+    values = jnp.linalg.eigvals(jnp.where(finite, felt, 0.0))
+    return jnp.where(finite, jnp.max(jnp.abs(values)), jnp.inf), jnp.min(jnp.abs(1.0 - values))
 
 
 def _verdict(
-    settled: Settled, orbit: _Orbit, multiplier: Number, separation: Number, resolution: Number
+    settled: Settled,
+    orbit: _Orbit,
+    multiplier: Number,
+    to_fold: Number,
+    separation: Number,
+    resolution: Number,
 ) -> Status:
     moving = is_moving(settled.status)
     status = Status.where(moving & (multiplier > 1.0), Status.unstable, settled.status)
-    status = Status.where(moving & (orbit.gentlest < _GRAZING), Status.grazing, status)
-    status = Status.where(moving & (jnp.abs(multiplier - 1.0) < _NEAR_FOLD), Status.near_fold, status)
+    status = Status.where(moving & (orbit.gentlest < GRAZING), Status.grazing, status)
+    status = Status.where(moving & (to_fold < 2.0 * NEAR_FOLD), Status.near_fold, status)
     status = Status.where(moving & ~(orbit.residual < _RESIDUAL), Status.not_settled, status)
     status = Status.where(separation > _APERIODIC, Status.aperiodic, status)
     return Status.where(moving & (orbit.sizes[0] < resolution), Status.rest, status)
 
 
-def _implicit(orbit: _Orbit) -> tuple[Float[Array, "2"], Float[Array, "2 n"]]:
-    """(amplitude, stroke) after one more Newton step, and their derivatives with the orbit
-    following its parameters."""
+def _implicit(orbit: _Orbit) -> tuple[Float[Array, "2"], Float[Array, "6 n"]]:
+    """(amplitude, stroke) after one more Newton step, and the derivatives of (amplitude, stroke, state)
+    with the orbit following its parameters."""
     right = jnp.concatenate([(orbit.end - orbit.y)[:, None], orbit.by_parameter[:4]], axis=1)
-    moves = orbit.by_state[4:] @ jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], right)
-    return orbit.sizes + moves[:, 0], orbit.by_parameter[4:] + moves[:, 1:]
+    follow = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], right)
+    moves = orbit.by_state[4:] @ follow
+    slopes = jnp.concatenate([orbit.by_parameter[4:] + moves[:, 1:], follow[:, 1:]])
+    return orbit.sizes + moves[:, 0], slopes

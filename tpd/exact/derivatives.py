@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
+from jax.extend.core import Primitive
+from jax.flatten_util import ravel_pytree
+from jax.interpreters import ad, batching, mlir
 from jaxtyping import Array, Bool, Float
-
-from tpd.parameters import Number
 
 
 @jax.custom_jvp
-def refused(value: Array, usable: Bool[Array, ""]) -> Array:
+def refused(value: Array, usable: Bool[Array, "..."]) -> Array:
     """`value`, whose derivative is NaN unless `usable`."""
     del usable
     return value
@@ -19,42 +22,67 @@ def refused(value: Array, usable: Bool[Array, ""]) -> Array:
 @refused.defjvp
 def _refused_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     value, usable = primals
-    return value, _scaled(jnp.where(usable, 1.0, jnp.nan), tangents[0] * _once(value))
+    return value, _scaled(jnp.where(usable, 1.0, jnp.nan), tangents[0], value)
+
+
+def refused_in(p: Any, value: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    """`value`, which depends on the pytree `p` with a derivative that is not known: NaN."""
+    flat = ravel_pytree(p)[0]
+    return with_slopes(flat, value, jnp.full((*value.shape, flat.size), jnp.nan))
 
 
 @jax.custom_jvp
-def with_slopes(p: Float[Array, "n"], value: Number, slopes: Float[Array, "n"]) -> Number:
+def with_slopes(
+    p: Float[Array, "n"], value: Float[Array, "*shape"], slopes: Float[Array, "*shape n"]
+) -> Float[Array, "*shape"]:
     """`value`, known to depend on `p` with these slopes."""
     del p, slopes
     return value
 
 
 @with_slopes.defjvp
-def _with_slopes_jvp(primals: tuple, tangents: tuple) -> tuple[Number, Number]:
+def _with_slopes_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     p, value, slopes = primals
-    return value, jnp.sum(_scaled(slopes, tangents[0] * _once(p)))
+    return value, jnp.sum(_scaled(slopes, tangents[0], p, spared=True), axis=-1)
 
 
-def _scaled(factor: Array, direction: Array) -> Array:
-    """`factor * direction`; in reverse mode a factor that is NaN spoils only what asks for it, which
-    a weight of zero does not."""
-
-    def along(_: object, direction: Array) -> Array:
-        return factor * direction
-
-    def back(_: object, weight: Array) -> Array:
-        return jnp.where(weight == 0.0, 0.0, factor * weight)
-
-    # JAX's one linear map that takes its transpose as stated.
-    return jax.lax.custom_linear_solve(lambda x: x, direction, along, back)
+def _scaled(factor: Array, direction: Array, point: Array, *, spared: bool = False) -> Array:
+    """`factor * direction`, whose own derivative as `point` moves is NaN. If `spared`, a direction of
+    zero is spoilt by no factor that is NaN; in reverse mode the same holds of a weight of zero."""
+    arrays = jnp.broadcast_arrays(factor, direction, point)
+    return _scaled_p.bind(*arrays, spared=spared, spared_back=True)
 
 
-@jax.custom_jvp
-def _once(x: Array) -> Array:
-    """One, with a derivative of NaN."""
-    return jnp.ones_like(x)
+def _product(factor: Array, x: Array, _: Array, *, spared: bool, spared_back: bool) -> Array:
+    del spared_back
+    return jnp.where(x == 0.0, 0.0, factor * x) if spared else factor * x
 
 
-@_once.defjvp
-def _once_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    return _once(*primals), jnp.nan * tangents[0]
+def _transposed(weight: Any, factor: Array, _: Any, point: Array, *, spared: bool, spared_back: bool) -> list:
+    if isinstance(weight, ad.Zero):
+        return [None, weight, None]
+    return [None, _scaled_p.bind(factor, weight, point, spared=spared_back, spared_back=spared), None]
+
+
+def _batched(args: tuple, axes: tuple, **spared: bool) -> tuple[Array, int]:
+    size = next(x.shape[axis] for x, axis in zip(args, axes, strict=True) if axis is not None)
+    same = [
+        jnp.broadcast_to(x, (size, *x.shape)) if axis is None else jnp.moveaxis(x, axis, 0)
+        for x, axis in zip(args, axes, strict=True)
+    ]
+    return _scaled_p.bind(*same, **spared), 0
+
+
+# A linear map whose transpose is not quite itself: no function of JAX's states that.
+_scaled_p = Primitive("scaled")
+_scaled_p.def_impl(_product)
+_scaled_p.def_abstract_eval(lambda factor, x, point, **_: x)
+mlir.register_lowering(_scaled_p, mlir.lower_fun(_product, multiple_results=False))
+ad.defjvp(
+    _scaled_p,
+    None,
+    lambda moved, factor, _, point, **spared: _scaled_p.bind(factor, moved, point, **spared),
+    lambda moved, factor, x, _, **__: jnp.nan * moved,
+)
+ad.primitive_transposes[_scaled_p] = _transposed
+batching.primitive_batchers[_scaled_p] = _batched

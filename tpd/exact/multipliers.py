@@ -19,6 +19,12 @@ from tpd.parameters import Number
 Matrix = tuple[tuple[Number, ...], ...]
 """Rows of a small matrix, written out: a batch of such products fuses, one of `dot` does not."""
 
+NEAR_FOLD = 1e-6
+"""Distance from 1 of a multiplier over half a period (over a whole one: twice that) below which an
+orbit has no usable derivative."""
+GRAZING = 1e-7
+"""Share of what is usual below which an event is met too gently for one."""
+
 
 def product(left: Matrix, right: Matrix) -> Matrix:
     """The matrix product."""

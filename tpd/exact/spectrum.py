@@ -19,9 +19,6 @@ from tpd.equations import Linear
 from tpd.exact.trigonometry import Turn, turn
 from tpd.parameters import Number, Parameters, State
 
-Basis = Float[Array, "7"]
-Rows = Float[Array, "rows 7"]
-
 
 class Rates(NamedTuple):
     """Time scales of one arc: exp(s1 t), exp(s2 t), the pair z^2 + p z + q, forcing xi."""
@@ -42,39 +39,6 @@ class Rates(NamedTuple):
         the turn by `swing_rate` times t, if known."""
         cosine, v = _pair(self.p, self.q, t, swing)
         return cosine + 0.5 * self.p * v, v
-
-    def basis(self, t: Number, phase: Number) -> Basis:
-        """(1, exp s1 t, exp s2 t, u, v, sin, cos) at local time t; the forcing is
-        sin(phase + xi t)."""
-        u, v = self.pair(t)
-        cosine, sine = turn(phase + self.xi * t)
-        return jnp.stack(
-            [
-                jnp.ones_like(u),
-                jnp.exp(self.s1 * t),
-                jnp.exp(self.s2 * t),
-                u,
-                v,
-                sine,
-                cosine,
-            ]
-        )
-
-    def differentiate(self, rows: Float[Array, "... 7"]) -> Float[Array, "... 7"]:
-        """Coefficients of the time derivative of `rows @ basis`."""
-        _, a1, a2, u, v, sine, cosine = (rows[..., i] for i in range(7))
-        return jnp.stack(
-            [
-                jnp.zeros_like(a1),
-                self.s1 * a1,
-                self.s2 * a2,
-                v,
-                -self.q * u - self.p * v,
-                -self.xi * cosine,
-                self.xi * sine,
-            ],
-            axis=-1,
-        )
 
 
 _SERIES = 1e-3

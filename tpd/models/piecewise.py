@@ -29,11 +29,6 @@ class Lane(eqx.Module):
     record: Record
 
 
-def settled_of(lane: Lane) -> Settled:
-    """What a lane that was followed has settled into."""
-    return lane.record.settled()
-
-
 class Piecewise(AbstractModel):
     """Closed-form arcs joined at their events: no smoothing and no time-step error.
 
@@ -53,8 +48,9 @@ class Piecewise(AbstractModel):
     """Periods over which the separation of neighbours is measured, should a motion not repeat."""
 
     def __check_init__(self) -> None:
-        checks.positive("max_periods", self.max_periods)
-        checks.positive("max_events", self.max_events)
+        checks.count("max_periods", self.max_periods)
+        checks.count("max_events", self.max_events)
+        checks.count("lyapunov_periods", self.lyapunov_periods, least=0)
         checks.positive("tolerance", self.tolerance)
         checks.positive("rest_rate", self.rest_rate)
 
@@ -75,7 +71,7 @@ class Piecewise(AbstractModel):
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Follow the motion from `y0` at tau = 0 until it repeats or rests for good."""
-        return settled_of(self.follow(p, self.lane(p, y0), self.max_periods))
+        return self.follow(p, self.lane(p, y0), self.max_periods).record.settled()
 
     def lane(self, p: Parameters, y0: State) -> Lane:
         """A motion that is about to begin at tau = 0; one that can never lift is done already."""

@@ -65,8 +65,11 @@ class Smoothed(AbstractModel):
 
     def __check_init__(self) -> None:
         checks.within("sharpness", self.sharpness, 1e-6, 1.0)
-        for name in ("rtol", "cycle_rtol", "tolerance", "max_periods", "max_steps", "samples"):
+        for name in ("rtol", "cycle_rtol", "tolerance"):
             checks.positive(name, getattr(self, name))
+        for name in ("max_periods", "max_steps", "samples"):
+            checks.count(name, getattr(self, name))
+        checks.count("lyapunov_periods", self.lyapunov_periods, least=0)
 
     @property
     def round_off(self) -> float:
