@@ -141,6 +141,22 @@ def test_mirror_images_are_one_motion_and_periods_are_told_apart():
     assert len(seen) == len(set(seen))
 
 
+def test_chaos_is_told_from_slow_decay_and_shares_add_up():
+    chaotic, slow = (
+        attractors(parameters(x), starts=Starts(size=6))
+        for x in (
+            (0.321, 0.205, 0.096, 0.047, 0.087, 0.347, 2.803),
+            (0.269, 0.445, 1.989, 0.098, 0.004, 0.387, 4.151),
+        )
+    )
+    for found in (chaotic, slow):
+        assert sorted(i for a in found for i in a.starts) == list(range(6))
+    first = next(a for a in chaotic if a.status == "aperiodic")
+    assert float(first.steady.lyapunov) > 0.1
+    assert "aperiodic" not in {a.status for a in slow}
+    assert "not_settled" in {a.status for a in slow}
+
+
 def test_starts_are_seeded_spread_and_begin_at_rest():
     starts = Starts(size=16, seed=5, tilt=0.5, tilt_rate=0.4, swing=0.3, swing_rate=0.2)
     states = starts.states(0.2)

