@@ -366,9 +366,11 @@ def test_input_is_checked() -> None:
     p = parameters(SCENES[0].x)
     with pytest.raises(ValueError, match=r"`y0` must be .* but has shape \(3,\)"):
         periodic_orbit(p, np.zeros(3))
-    for name, value in (("periods", 0), ("max_events", 0), ("rest_rate", 0.0)):
-        with pytest.raises(ValueError, match=f"`{name}` must be positive"):
-            periodic_orbit(p, np.zeros(4), **{name: value})
+    for name in ("periods", "max_events"):
+        with pytest.raises(ValueError, match=f"`{name}` must be a whole number, 1 or more, but is 0"):
+            periodic_orbit(p, np.zeros(4), **{name: 0})
+    with pytest.raises(ValueError, match="`rest_rate` must be positive"):
+        periodic_orbit(p, np.zeros(4), rest_rate=0.0)
 
 
 @pytest.mark.slow
