@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 
 from tpd import Parameters
-from tpd.equations import Linear, smoothed_rates
+from tpd.equations import Equations, Linear, Terms, smoothed_rates
 
 NU, MU, LAM, RHO, F, XI, K, HINGE, TAU = sp.symbols("nu mu lam rho f xi k c_p tau", positive=True)
 Q = sp.symbols("phi psi")
@@ -145,6 +145,51 @@ def test_a_held_moment_of_weight_and_friction_is_the_edge_of_motion(s):
     held = linear.rates(y.at[0].add(s * 1e-3), float(s), float(s), sine)
     assert held[2] * s > 0
     np.testing.assert_allclose(rates[2], 0.0, atol=1e-15)
+
+
+@cache
+def full(s, terms):
+    """What must vanish, with friction of sign `sigma` and the hinge, as functions of the numbers."""
+    sigma = sp.symbols("sigma")
+    torque = HINGE * (V[0] - V[1])
+    block, bob = lagrange(s) if terms is Terms.nonlinear else linearised(s)
+    if terms is Terms.nonlinear:
+        block, bob = block + K * sigma + MU * LAM * torque, bob - torque
+    return sp.lambdify((*Q, *V, *A, TAU, sigma), [r.subs(numbers()) for r in (block, bob)], "numpy")
+
+
+@pytest.mark.parametrize("terms", [Terms.parametric, Terms.nonlinear])
+@pytest.mark.parametrize("s", SIGNS)
+@pytest.mark.parametrize("sigma", SIGNS)
+def test_rates_of_the_larger_models_are_those_of_the_lagrangian(s, sigma, terms):
+    equations, rng = Equations(P, terms), np.random.default_rng(8)
+    for y, tau in zip(rng.normal(scale=0.5, size=(5, 4)), rng.uniform(0, 9, 5), strict=True):
+        rates = equations.rates(jnp.asarray(y), float(s), float(sigma), np.sin(P.xi * tau))
+        np.testing.assert_allclose(rates[:2], y[2:], rtol=0)
+        np.testing.assert_allclose(full(s, terms)(*y, *rates[2:], tau, sigma), 0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("terms", list(Terms))
+@pytest.mark.parametrize("s", SIGNS)
+def test_a_block_is_held_by_what_would_else_accelerate_it(s, terms):
+    equations, rng = Equations(P, terms), np.random.default_rng(9)
+    for y in rng.normal(scale=0.3, size=(5, 4)):
+        y, sine = jnp.asarray(y).at[2].set(0.0), 0.6
+        held, excess = equations.held_rates(y, sine), equations.excess(y, float(s), sine)
+        # Friction of just this size leaves the block as it is.
+        rates = equations.rates(y, float(s), float(excess) / P.k, sine)
+        np.testing.assert_allclose(rates, held, atol=1e-13)
+
+
+def test_the_linear_terms_are_those_of_linear():
+    y = jnp.array([0.05, -0.2, -0.07, 0.3])
+    linear, equations = Linear(P), Equations(P, Terms.linear)
+    np.testing.assert_allclose(
+        equations.rates(y, 1.0, -1.0, 0.6), linear.rates(y, 1.0, -1.0, 0.6), rtol=1e-14
+    )
+    still = y.at[2].set(0.0)
+    moment = linear.holding_moment(still, 0.6) - linear.weight
+    assert float(equations.excess(still, 1.0, 0.6)) == pytest.approx(float(moment), rel=1e-13)
 
 
 def test_the_hinge_is_critical_at_zeta_one_of_the_pendulum_hung_from_a_fixed_point():

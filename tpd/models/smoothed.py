@@ -1,4 +1,4 @@
-"""The linear equations (25) with smoothed signs, integrated by diffrax."""
+"""The equations (25) or (4) with smoothed signs, integrated by diffrax."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float
 
 from tpd import checks
-from tpd.equations import Linear, smoothed_rates
+from tpd.equations import Equations, Linear, Terms, smoothed_rates
 from tpd.models.interface import AbstractModel, Cycle, Settled
 from tpd.models.settling import Period, settle
 from tpd.parameters import Number, Parameters, State
@@ -45,6 +45,8 @@ class Smoothed(AbstractModel):
 
     HUM = 10.0
 
+    terms: Terms = eqx.field(default=Terms.linear, static=True, kw_only=True)
+    """Linear (25), with its parametric term, or nonlinear (4)."""
     sharpness: float = eqx.field(default=0.002, static=True, kw_only=True)
     """Smoothing width over the expected tilt; smaller is more accurate and slower."""
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5, kw_only=True)
@@ -91,8 +93,8 @@ class Smoothed(AbstractModel):
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Integrate from `y0` at tau = 0, one forcing period after another, until they repeat."""
-        field = smoothed_rates(p, *self.widths(p))
-        limit, no = Linear(p).beyond_return, jnp.zeros((), bool)
+        field = smoothed_rates(p, *self.widths(p), self.terms)
+        limit, no = Equations(p, self.terms).beyond_return, jnp.zeros((), bool)
         times = jnp.linspace(0.0, 1.0, 17) * p.period
 
         def one_period(y: State, memory: None) -> Period:
@@ -105,7 +107,7 @@ class Smoothed(AbstractModel):
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Integrate the settled periods from `y` with tight tolerance and forward sensitivities."""
-        field = smoothed_rates(p, *self.widths(p))
+        field = smoothed_rates(p, *self.widths(p), self.terms)
         times = jnp.linspace(0.0, 1.0, self.samples + 1) * p.period
 
         def one_period(_: Array, carry: tuple) -> tuple:
@@ -126,9 +128,9 @@ class Smoothed(AbstractModel):
         self, p: Parameters, y0: State, times: Float[Array, "times"]
     ) -> tuple[Float[Array, "times 4"], Status]:
         """The smoothed states at `times`, from `y0` at `times[0]`."""
-        field = smoothed_rates(p, *self.widths(p))
+        field = smoothed_rates(p, *self.widths(p), self.terms)
         ys, _ = self._integrate(field, y0, times, max_steps=None)
-        lost = ~(jnp.max(jnp.abs(ys[:, 0])) < Linear(p).beyond_return)
+        lost = ~(jnp.max(jnp.abs(ys[:, 0])) < Equations(p, self.terms).beyond_return)
         return ys, Status.where(lost, Status.overturned, Status.rocking)
 
     def _integrate(

@@ -1,0 +1,132 @@
+"""The integrated models with true signs and with all terms, against the exact solution, each other and
+the linear limit."""
+
+from functools import cache
+
+import jax
+import numpy as np
+import pytest
+
+from tests.reference import HUNG, REST, differences, parameters, solver
+from tests.reference import exact as linear
+from tpd import simulate, status_name
+from tpd.equations import Terms
+from tpd.models.segmented import Segmented
+from tpd.models.smoothed import Smoothed
+
+X = HUNG[3].x
+SETTLED = 0.0659875
+"""rad; of X with all terms: also what SciPy's LSODA comes to on (4) written out anew with tanh for the
+signs, of width 1e-3, 3e-4 and 1e-4: 0.066007, 0.066000, 0.065997."""
+SAMPLES = 41
+
+nonlinear = solver(Segmented(), 8)
+"""(parameters, y0) to the answer of the nonlinear equations."""
+
+
+@jax.jit
+def _followed(x, y0, times):
+    p = parameters(x)
+    ours = simulate(p, y0, times, model=Segmented(terms=Terms.linear, rtol=1e-10, rest_rate=1e-7))
+    return ours, simulate(p, y0, times)
+
+
+def followed(x, y0, periods):
+    full = np.ones(8)
+    full[: len(x)] = x
+    return _followed(full, np.array(y0), np.linspace(0.0, periods * 2.0 * np.pi / x[6], SAMPLES))
+
+
+@pytest.mark.parametrize(
+    ("x", "y0", "periods"),
+    [
+        (X, REST, 10),
+        ((0.2, 0.0, 0.4, 0.2, 0.05, 0.1, 2.0), (0.16, 0.0, 0.0, 0.0), 8),
+        ((0.2, 0.1, 0.5, 0.1, 0.08, 0.3, 3.0, 0.7), (0.1, 0.1, 0.0, 0.3), 5),
+        ((0.25, 0.05, 0.8, 0.1, 0.2, 0.5, 3.5), (0.08, 0.1, 0.0, 0.0), 6),
+        ((0.2, 0.1, 0.4, 0.2, 0.03, 0.25, 4.0), (0.1, -0.2, 0.0, 0.0), 8),
+    ],
+    ids=["hung", "bare", "impacts", "sticking", "to rest"],
+)
+def test_with_linear_terms_it_is_the_exact_solution(x, y0, periods):
+    ours, exact = followed(x, y0, periods)
+    assert status_name(ours.status) == status_name(exact.status) == "rocking"
+    felt = [0, 2] if x[1] == 0 else [0, 1, 2, 3]
+    np.testing.assert_allclose(ours.ys[:, felt], exact.ys[:, felt], rtol=0, atol=1e-6 * x[0])
+
+
+@cache
+def settled():
+    return nonlinear(X)
+
+
+def test_the_settled_nonlinear_amplitude_is_known_and_near_the_linear_one():
+    answer = settled()
+    assert answer.status == "rocking"
+    assert answer.amplitude == pytest.approx(SETTLED, rel=1e-5)
+    assert answer.amplitude == pytest.approx(linear(X).amplitude, rel=0.01)
+    assert answer.amplitude != pytest.approx(linear(X).amplitude, rel=1e-3)
+
+
+def test_smoothed_comes_to_the_same_within_a_percent():
+    smoothed = solver(Smoothed(terms=Terms.nonlinear), 7)(X)
+    assert smoothed.status == "rocking"
+    assert smoothed.amplitude == pytest.approx(SETTLED, rel=1e-2)
+    assert smoothed.stroke == pytest.approx(settled().stroke, rel=1e-2)
+    np.testing.assert_allclose(smoothed.slopes[0], settled().slopes[0, :7], rtol=0.05, atol=2e-4)
+
+
+@pytest.mark.parametrize("i", range(7))
+def test_gradients_are_those_of_differences(i):
+    answer = settled()
+    # In NAMES, rho tied to nu; steps of 0.2 %.
+    expected = differences(
+        lambda x: np.array([nonlinear(x).amplitude, nonlinear(x).stroke]), X, i, share=2e-3
+    )
+    np.testing.assert_allclose(answer.slopes[:2, i], expected, rtol=1e-5, atol=1e-8)
+
+
+def test_the_distance_to_the_linear_model_falls_as_the_square_of_the_angles():
+    """nu, k and f all in proportion scale the linear motion and nothing else; rho stays."""
+    scales = np.geomspace(1.0, 0.01, 5)
+    apart = []
+    for s in scales:
+        x = np.array(X) * np.array([s, 1, 1, 1, s, s, 1])
+        found, expected = (scaled(x, model) for model in ("nonlinear", "linear"))
+        apart.append(abs(found / expected - 1.0))
+    slopes = np.diff(np.log(apart)) / np.diff(np.log(scales))
+    assert np.polyfit(np.log(scales), np.log(apart), 1)[0] == pytest.approx(2.0, abs=0.1)
+    assert np.all(np.abs(slopes - 2.0) < 0.2)
+
+
+def scaled(x, which):
+    return (nonlinear if which == "nonlinear" else linear)(x).amplitude
+
+
+def test_an_overturning_block_is_told_so_and_lost():
+    x = (0.25, 0.05, 0.2, 0.1, 0.05, 0.377, 2.67)
+    answer = nonlinear(x)
+    assert answer.status == "overturned"
+    assert answer.amplitude == np.inf
+    assert np.all(np.isnan(answer.slopes))
+
+
+def test_rest_is_exact():
+    x = (0.2, 0.1, 0.4, 0.2, 0.03, 0.25, 4.0)
+    answer = nonlinear(x)
+    assert answer.status == "rest"
+    assert answer.amplitude == 0.0
+    np.testing.assert_array_equal(answer.slopes[0], 0.0)
+    assert answer.stroke == pytest.approx(linear(x).stroke, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"rtol": 0.0}, "`rtol` must be positive and finite, but is 0"),
+        ({"max_events": 0}, r"`max_events` must be a whole number, 1 or more, but is 0"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        Segmented(**wrong)

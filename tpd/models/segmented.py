@@ -1,0 +1,289 @@
+"""The equations with true signs, integrated by diffrax from event to event.
+
+Between two events the vector field is smooth, which an ODE solver asks for; at an event the segment
+ends, what happens there is decided as in the exact solution, and the next one begins. This is how the
+nonlinear equations (4), which have no closed form, are solved without smoothing.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optimistix
+from jax.lax import stop_gradient
+from jaxtyping import Array, Bool, Float, Int
+
+from tpd import checks
+from tpd.equations import Equations, Terms
+from tpd.exact.arcs import REST, SLIP, STICK, Mode
+from tpd.models.interface import AbstractModel, Cycle, Settled
+from tpd.models.settling import Period, settle
+from tpd.parameters import Number, Parameters, State
+from tpd.status import Status
+
+_LANDING, _TURN, _BOB, _LOST = 0, 1, 2, 3
+"""Events of a slipping block; of a held one the first two are its releases to either side."""
+
+_STILL = 1e-3
+"""Share of its scale by which the bob's swing may change in a period under a block called at rest."""
+
+_GRACE = 1e-13
+"""How far below zero a signal goes before it counts: what begins at zero is not over at once, and an
+event within the first step after it is seen."""
+
+
+class _Run(NamedTuple):
+    """A motion on its way through a period."""
+
+    time: Number
+    y: State
+    mode: Mode
+    way: Number
+    """Sign of psi'."""
+    up: Number
+    """Largest phi met at a turn, not below zero."""
+    down: Number
+    stroke: Number
+    segments: Int[Array, ""]
+    lost: Bool[Array, ""]
+    held: Bool[Array, ""]
+
+
+class Segmented(AbstractModel):
+    """True signs, by default of the nonlinear equations (4); the bound on the solver's step is a
+    sixteenth of a forcing period, so that an event that undoes itself within less may go unseen.
+
+    An impact (e < 1) acts along the rod only: lam psi' - 2 cos(psi) phi' stays.
+    """
+
+    terms: Terms = eqx.field(default=Terms.nonlinear, static=True, kw_only=True)
+    """Linear (25), with its parametric term, or nonlinear (4)."""
+    solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5, kw_only=True)
+    """Integrates transients and trajectories; the settled period uses `Dopri8`."""
+    rtol: float = eqx.field(default=1e-7, static=True, kw_only=True)
+    """Relative tolerance of transients and trajectories; absolute is a hundredth of it."""
+    cycle_rtol: float = eqx.field(default=1e-11, static=True, kw_only=True)
+    """The same for the settled period, whose derivatives are used."""
+    tolerance: float = eqx.field(default=1e-5, static=True, kw_only=True)
+    """Repetition error at which following ends and Newton's method takes over."""
+    rest_rate: float = eqx.field(default=1e-5, static=True, kw_only=True)
+    """An impact slower than this (phi' in units of nu) that the block can be held after is rest."""
+    max_periods: int = eqx.field(default=400, static=True, kw_only=True)
+    max_events: int = eqx.field(default=400, static=True, kw_only=True)
+    """Bound on the segments of one forcing period."""
+    max_steps: int = eqx.field(default=4096, static=True, kw_only=True)
+    """Bound on the solver steps of one segment."""
+    lyapunov_periods: int = eqx.field(default=0, static=True, kw_only=True)
+
+    def __check_init__(self) -> None:
+        for name in ("rtol", "cycle_rtol", "tolerance", "rest_rate"):
+            checks.positive(name, getattr(self, name))
+        for name in ("max_periods", "max_events", "max_steps"):
+            checks.count(name, getattr(self, name))
+        checks.count("lyapunov_periods", self.lyapunov_periods, least=0)
+
+    @property
+    def round_off(self) -> float:
+        """Residual of the period map that counts as round-off."""
+        return 10.0 * self.cycle_rtol
+
+    def resolution(self, p: Parameters) -> Number:
+        """Rest is exact here."""
+        return jnp.zeros_like(jnp.asarray(p.nu))
+
+    def check(self, p: Parameters) -> None:
+        """Every valid set of parameters is representable."""
+
+    def settle(self, p: Parameters, y0: State) -> Settled:
+        """Integrate from `y0` at tau = 0, one forcing period after another, until they repeat."""
+        equations = Equations(p, self.terms)
+
+        def one_period(y: State, mode: Mode) -> Period:
+            r = self._advance(equations, _begin(equations, y, mode, jnp.zeros(())), p.period)
+            rests = _rests_for_good(p, r, y)
+            amplitude = jnp.where(rests, 0.0, jnp.maximum(r.up, r.down))
+            exhausted = r.segments >= self.max_events
+            return Period(r.y, r.mode, amplitude, r.stroke, rests, r.lost, exhausted, r.held)
+
+        mode = _classify(equations, y0, jnp.zeros(()))
+        return settle(one_period, p, y0, mode, tolerance=self.tolerance, max_periods=self.max_periods)
+
+    def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
+        """Integrate the settled periods from `y` with tight tolerance and forward sensitivities."""
+        equations, zero = Equations(p, self.terms), jnp.zeros_like(y[0])
+
+        def one_period(_: Array, carry: tuple) -> tuple:
+            y, mode, sizes = carry
+            run = _begin(equations, y, mode, jnp.zeros_like(p.xi))
+            r = self._advance(equations, run, p.period, precise=True)
+            return r.y, r.mode, jnp.maximum(sizes, jnp.stack([r.up, r.down, r.stroke]))
+
+        first = (y, settled.memory, jnp.stack([zero, zero, zero]))
+        y, mode, (up, down, stroke) = jax.lax.fori_loop(0, settled.periods, one_period, first)
+        amplitude = jnp.maximum(up, down)
+        lean = stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
+        return Cycle(y, amplitude, stroke, mode, jnp.full_like(zero, jnp.inf), lean)
+
+    def trajectory(
+        self, p: Parameters, y0: State, times: Float[Array, "times"]
+    ) -> tuple[Float[Array, "times 4"], Status]:
+        """The states at `times`, from `y0` at `times[0]`; NaN once the block is lost."""
+        equations = Equations(p, self.terms)
+
+        def leg(carry: tuple, interval: Float[Array, "2"]) -> tuple[tuple, State]:
+            y, mode, lost, exhausted = carry
+            r = self._advance(equations, _begin(equations, y, mode, interval[0]), interval[1])
+            carry = r.y, r.mode, lost | r.lost, exhausted | (r.segments >= self.max_events)
+            return carry, jnp.where(carry[2] | carry[3], jnp.nan, r.y)
+
+        no = jnp.zeros((), bool)
+        first = (y0, _classify(equations, y0, times[0]), no, no)
+        intervals = jnp.stack([times[:-1], times[1:]], axis=1)
+        (_, _, lost, exhausted), ys = jax.lax.scan(leg, first, intervals)
+        status = Status.where(lost, Status.overturned, Status.rocking)
+        status = Status.where(exhausted, Status.event_bound, status)
+        return jnp.concatenate([y0[None], ys]), status
+
+    def _advance(self, equations: Equations, run: _Run, end: Number, *, precise: bool = False) -> _Run:
+        """Segment after segment up to the time `end`."""
+
+        def going(r: _Run) -> Bool[Array, ""]:
+            left = stop_gradient(end) - stop_gradient(r.time)
+            return (left > 1e-14 * equations.p.period) & ~r.lost & (r.segments < self.max_events)
+
+        def step(r: _Run) -> _Run:
+            time, y, met = self._segment(equations, r, end, precise)
+            # Two events at once: the second is over before its segment begins.
+            over = jnp.min(stop_gradient(_signals(equations, r, r.time, r.y))) <= 0.0
+            time, y, met = jnp.where(over, r.time, time), jnp.where(over, r.y, y), met | over
+            arrived = _meet(equations, r, time, y, self.rest_rate)
+            onward = r._replace(time=time, y=y)
+            r = jax.tree.map(lambda a, b: jnp.where(met, a, b), arrived, onward)
+            lost = r.lost | ~(jnp.abs(r.y[0]) < equations.beyond_return)
+            return r._replace(segments=r.segments + 1, lost=lost)
+
+        r = jax.lax.while_loop(going, step, run)
+        stroke = jnp.maximum(r.stroke, jnp.abs(r.y[1]))
+        return r._replace(up=jnp.maximum(r.up, r.y[0]), down=jnp.maximum(r.down, -r.y[0]), stroke=stroke)
+
+    def _segment(
+        self, equations: Equations, r: _Run, end: Number, precise: bool
+    ) -> tuple[Number, State, Bool[Array, ""]]:
+        """Time and state at the next event, or at `end`, and whether there was one."""
+        p, slips = equations.p, r.mode.kind == SLIP
+
+        def field(tau: Any, y: State, args: None) -> State:
+            del args
+            sine = jnp.sin(p.xi * tau)
+            slip = equations.rates(y, r.mode.tilt_sign, r.mode.rate_sign, sine)
+            return jnp.where(slips, slip, equations.held_rates(y, sine))
+
+        def first(t: Number, y: State, args: None, **_: object) -> Number:
+            del args
+            return jnp.min(_signals(equations, r, t, y))
+
+        rtol = self.cycle_rtol if precise else self.rtol
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(field),
+            diffrax.Dopri8() if precise else self.solver,
+            r.time,
+            end,
+            1e-3 * p.period,
+            r.y,
+            saveat=diffrax.SaveAt(t1=True),
+            stepsize_controller=diffrax.PIDController(rtol=rtol, atol=0.01 * rtol, dtmax=p.period / 16.0),
+            adjoint=diffrax.ForwardMode(),
+            event=diffrax.Event(first, optimistix.Newton(rtol=1e-12, atol=1e-12), direction=False),
+            max_steps=self.max_steps,
+            throw=False,
+        )
+        assert solution.ts is not None
+        ys: Array = solution.ys  # type: ignore[assignment]
+        failed = solution.result == diffrax.RESULTS.max_steps_reached
+        y = jnp.where(failed, jnp.nan, ys[-1])
+        return solution.ts[-1], y, solution.result == diffrax.RESULTS.event_occurred
+
+
+def _signals(equations: Equations, r: _Run, tau: Number, y: State) -> Float[Array, "4"]:
+    """What stays positive until the next event, in sizes that compare."""
+    p, linear = equations.p, equations.linear
+    sine = jnp.sin(p.xi * tau)
+    slip = jnp.stack([r.mode.tilt_sign * y[0], r.mode.rate_sign * y[2] / p.xi]) / p.nu
+    rests = r.mode.kind == REST
+    up = equations.excess(y, jnp.where(rests, 1.0, r.mode.tilt_sign), sine)
+    low = equations.excess(y, jnp.where(rests, -1.0, r.mode.tilt_sign), sine)
+    held = jnp.stack([linear.friction - up, linear.friction + low]) / linear.weight
+    others = jnp.stack([r.way * y[3] / p.xi, equations.beyond_return - jnp.abs(y[0])])
+    return jnp.concatenate([jnp.where(r.mode.kind == SLIP, slip, held), others]) + _GRACE
+
+
+def _begin(equations: Equations, y: State, mode: Mode, time: Number) -> _Run:
+    """A motion at its start."""
+    xi = equations.p.xi
+    # From rest the bob's first and second derivatives vanish: look a little ahead instead.
+    ahead = equations.held_rates(y, jnp.sin(xi * time + 1e-3))[3]
+    way = jnp.where(stop_gradient(jnp.where(jnp.abs(y[3]) > 1e-12, y[3], ahead)) < 0.0, -1.0, 1.0)
+    none, zero = jnp.zeros((), bool), jnp.zeros_like(y[0])
+    sizes = jnp.maximum(y[0], zero), jnp.maximum(-y[0], zero), jnp.abs(y[1])
+    return _Run(time, y, mode, way, *sizes, jnp.zeros((), int), none, mode.kind != SLIP)
+
+
+def _classify(equations: Equations, y: State, time: Number) -> Mode:
+    """The mode of a state."""
+    return _decide(equations, y, jnp.sign(y[0]), jnp.sign(y[2]), jnp.sin(equations.p.xi * time))
+
+
+def _decide(equations: Equations, y: State, tilt: Number, rate: Number, sine: Number) -> Mode:
+    """The mode of a state of which the signs of phi and phi' are known, zero included."""
+    k = equations.p.k
+    up, low = (equations.excess(y, jnp.where(tilt == 0, s, tilt), sine) for s in (1.0, -1.0))
+    lifts = jnp.where(up > k, 1.0, jnp.where(low < -k, -1.0, 0.0))
+    goes = jnp.where(rate != 0, rate, lifts)
+    held = jnp.where(tilt != 0, STICK, REST)
+    kind = jnp.where(goes != 0, SLIP, held)
+    # On the base the block tilts to where it goes.
+    return Mode(kind, stop_gradient(jnp.where(tilt != 0, tilt, goes)), stop_gradient(goes))
+
+
+def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: float) -> _Run:
+    """The motion just after the event that it has arrived at."""
+    p, which = equations.p, jnp.argmin(stop_gradient(_signals(equations, r, time, y)))
+    sine, slips = jnp.sin(p.xi * time), r.mode.kind == SLIP
+    landed, turned, bob = (slips & (which == i) for i in (_LANDING, _TURN, _BOB))
+    bob = bob | (~slips & (which == _BOB))
+    at_rest = y.at[0].set(0.0).at[2].set(0.0)
+    stays = _decide(equations, at_rest, jnp.zeros(()), jnp.zeros(()), sine).kind == REST
+    kept = jnp.where(stays & (p.e * jnp.abs(y[2]) <= rest_rate * p.nu), 0.0, p.e)
+    after = y.at[0].set(0.0).at[2].set(kept * y[2])
+    after = after.at[3].add((p.e - 1.0) * y[2] * equations.kick(y))
+    y = jnp.where(landed, after, jnp.where(turned, y.at[2].set(0.0), jnp.where(bob, y.at[3].set(0.0), y)))
+    tilt = jnp.where(landed | (r.mode.kind == REST), 0.0, r.mode.tilt_sign)
+    onward = _decide(equations, y, tilt, jnp.where(landed, jnp.sign(y[2]), 0.0), sine)
+    # Friction at its limit lets go to the side that ended the hold, whatever rounding says.
+    side = jnp.where(which == 0, 1.0, -1.0)
+    released = Mode(jnp.full_like(onward.kind, SLIP), jnp.where(tilt == 0, side, tilt), side)
+    mode = jax.tree.map(lambda a, b: jnp.where(slips, a, b), onward, released)
+    mode = jax.tree.map(lambda a, b: jnp.where(bob | (which == _LOST), a, b), r.mode, mode)
+    flipped = bob | (landed & (y[3] * r.way < 0))
+    return r._replace(
+        time=time,
+        y=y,
+        mode=mode,
+        way=jnp.where(flipped, -r.way, r.way),
+        up=jnp.maximum(r.up, y[0]),
+        down=jnp.maximum(r.down, -y[0]),
+        stroke=jnp.maximum(r.stroke, jnp.abs(y[1])),
+        lost=r.lost | (which == _LOST),
+        held=r.held | (mode.kind != SLIP),
+    )
+
+
+def _rests_for_good(p: Parameters, r: _Run, before: State) -> Bool[Array, ""]:
+    """Whether the block has rested for a whole period in which the bob's swing hardly changed. A bob
+    that nothing damps beats for ever, and may lift the block yet."""
+    change = jnp.max(jnp.abs(r.y - before) / ((p.nu + p.f) * jnp.array([1.0, 1.0, p.xi, p.xi])))
+    return (r.mode.kind == REST) & (jnp.maximum(r.up, r.down) == 0.0) & (change < _STILL)
