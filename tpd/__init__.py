@@ -10,13 +10,17 @@ if TYPE_CHECKING:
     from tpd.attractor import Attractor as Attractor
     from tpd.attractor import Starts as Starts
     from tpd.attractor import attractors as attractors
+    from tpd.balance import neglected_harmonics as neglected_harmonics
     from tpd.balance import one_harmonic as one_harmonic
+    from tpd.balance import one_harmonic_branches as one_harmonic_branches
+    from tpd.balance import parametric_branches as parametric_branches
     from tpd.balance import uplift as uplift
     from tpd.batch import in_chunks as in_chunks
     from tpd.bifurcation import Bifurcation as Bifurcation
     from tpd.bifurcation import bifurcations as bifurcations
     from tpd.design import Design as Design
     from tpd.design import DesignSpace as DesignSpace
+    from tpd.free import free_motion as free_motion
     from tpd.general import continue_orbit as continue_orbit
     from tpd.general import periodic_orbit as periodic_orbit
     from tpd.models.piecewise import Piecewise as Piecewise
@@ -54,10 +58,14 @@ _HOMES = {
     "attractors": "attractor",
     "bifurcations": "bifurcation",
     "continue_orbit": "general",
+    "free_motion": "free",
     "in_chunks": "batch",
+    "neglected_harmonics": "balance",
     "one_harmonic": "balance",
+    "one_harmonic_branches": "balance",
     "optimise": "optimiser",
     "paper_scene": "scene",
+    "parametric_branches": "balance",
     "periodic_orbit": "general",
     "simulate": "steady",
     "status_name": "status",
