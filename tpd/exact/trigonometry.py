@@ -45,12 +45,18 @@ def kept(x: Number) -> Number:
     XLA recomputes what it holds to be cheap, such as sums, products and sines, for everyone who
     needs it, and for those who need that, and so on; a division it does not repeat. x/1 is x.
     """
-    return x / jnp.where(x == x, 1.0, 2.0)
+    return x / _one(x)
 
 
 @kept.defjvp
 def _kept_jvp(primals: tuple[Number], tangents: tuple[Number]) -> tuple[Number, Number]:
-    return kept(primals[0]), kept(tangents[0])
+    # Linear in the tangent, so that it can be transposed.
+    return kept(primals[0]), tangents[0] / _one(primals[0])
+
+
+def _one(x: Number) -> Number:
+    """1 in a way that no compiler sees through."""
+    return jnp.where(x == x, 1.0, 2.0)
 
 
 @jax.custom_jvp

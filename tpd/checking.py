@@ -1,0 +1,202 @@
+"""A design through the whole ladder of models: what each says, what it neglects and what it costs."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from tpd import checks
+from tpd.balance import one_harmonic, uplift
+from tpd.equations import Terms
+from tpd.models.interface import AbstractModel, Settled
+from tpd.models.piecewise import Piecewise
+from tpd.models.segmented import Segmented
+from tpd.models.smoothed import Smoothed
+from tpd.parameters import Parameters, as_arrays
+from tpd.scene import Pendulum, Scene
+from tpd.status import SETTLED, Status, status_name
+
+TOP = "nonlinear"
+"""Name of the rung that the others are judged by."""
+
+_MODELS: dict[str, tuple[AbstractModel, str]] = {
+    "exact": (Piecewise(), "terms of second order in the angles"),
+    "smoothed": (Smoothed(), "the same, and the sharpness of signs"),
+    "parametric": (Smoothed(terms=Terms.parametric), "the same but s f nu phi sin(xi tau)"),
+    "smoothed nonlinear": (Smoothed(terms=Terms.nonlinear), "the sharpness of signs"),
+    TOP: (Segmented(), "nothing of the paper's (4)"),
+}
+"""Rungs that follow a motion from rest, and what each neglects."""
+
+RUNGS = ("uplift", "one harmonic", *_MODELS)
+"""All rungs, the cheapest first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rung:
+    """What one model says of a design; angles in rad, NaN where it has nothing to say."""
+
+    name: str
+    amplitude: float
+    """Largest |phi| of the settled motion from rest."""
+    stroke: float
+    """Largest |psi|."""
+    status: str
+    seconds: float
+    """Of a second run: compiled already."""
+    first: float
+    """Of the first run, compilation included; near zero if it had been compiled before."""
+    neglects: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """A design's way up the ladder."""
+
+    rungs: tuple[Rung, ...]
+    limit: float
+    """Largest allowed stroke, rad."""
+    bare: float
+    """Nonlinear amplitude of the bare block, rad; infinite if it overturns, NaN if not asked for."""
+
+    @property
+    def top(self) -> Rung:
+        """The nonlinear rung."""
+        return next(r for r in self.rungs if r.name == TOP)
+
+    @property
+    def objections(self) -> tuple[str, ...]:
+        """What the nonlinear equations have against the design, a sentence each; none if sound."""
+        top, out = self.top, []
+        if top.status not in SETTLED:
+            out.append(f"by the nonlinear equations the motion ends {top.status}")
+        elif top.stroke > self.limit:
+            out.append(f"by the nonlinear equations the stroke is {top.stroke:.4g} rad, above {self.limit:g}")
+        if top.status in SETTLED and top.amplitude > 0.0 and top.amplitude >= self.bare:
+            out.append(
+                f"by the nonlinear equations the block rocks {top.amplitude:.4g} rad, and {self.bare:.4g} without"
+            )
+        return tuple(out)
+
+    def table(self) -> str:
+        """The rungs as text."""
+        head = f"{'rung':20}{'amplitude':>11}{'stroke':>10}  {'status':13}{'time':>10}{'first':>9}  neglects"
+        return "\n".join([head, *(_row(r) for r in self.rungs)])
+
+
+def check(
+    scene: Scene,
+    pendulum: Pendulum | None,
+    *,
+    stroke: float = math.inf,
+    rungs: tuple[str, ...] = RUNGS,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Check:
+    """A design by all models, from rest.
+
+    Args:
+        scene: block and base motion, SI.
+        pendulum: the design; None for the bare block.
+        stroke: limit on the bob's angle, rad.
+        rungs: names out of `RUNGS`; the nonlinear one is always there.
+        progress: called with (rung, how many are done, of how many).
+
+    Raises:
+        ValueError: an unknown rung or a limit that is not positive.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    if not stroke > 0:
+        raise ValueError(f"`stroke` must be positive, but is {stroke:g}")
+    unknown = [name for name in rungs if name not in RUNGS]
+    if unknown:
+        raise ValueError(f"`rungs` must be of {', '.join(RUNGS)}, but has {', '.join(unknown)}")
+    p, asked = as_arrays(scene.parameters(pendulum)), [r for r in RUNGS if r in rungs or r == TOP]
+    done = []
+    for i, name in enumerate(asked):
+        done.append(_rung(name, p))
+        if progress is not None:
+            progress("checking", i + 1, len(asked))
+    bare = math.nan if pendulum is None else nonlinear(as_arrays(scene.parameters()))[0]
+    return Check(rungs=tuple(done), limit=stroke, bare=bare)
+
+
+def nonlinear(p: Parameters) -> tuple[float, float, str]:
+    """(amplitude, stroke, status) by the nonlinear equations from rest, without derivatives."""
+    rung = _rung(TOP, p)
+    return rung.amplitude, rung.stroke, rung.status
+
+
+def _rung(name: str, p: Parameters) -> Rung:
+    neglects = {
+        "uplift": "everything but the settled bob under a resting block",
+        "one harmonic": "all harmonics but one",
+    }
+    if name in _MODELS:
+        model, missing = _MODELS[name]
+        run: Callable[[], tuple[float, float, str]] = lambda: _followed(model, p)  # noqa: E731
+    else:
+        missing = neglects[name]
+        run = lambda: _closed(name, p)  # noqa: E731
+    begin = time.perf_counter()
+    run()
+    middle = time.perf_counter()
+    amplitude, stroke, status = run()
+    end = time.perf_counter()
+    return Rung(
+        name=name,
+        amplitude=amplitude,
+        stroke=stroke,
+        status=status,
+        seconds=end - middle,
+        first=middle - begin,
+        neglects=missing,
+    )
+
+
+def _closed(name: str, p: Parameters) -> tuple[float, float, str]:
+    if name == "uplift":
+        lift = _uplift(p)
+        stays = float(lift.margin) >= 0.0
+        return (0.0 if stays else math.nan), float(lift.stroke), "rest" if stays else "lifts"
+    found = _harmonic(p)
+    exists = bool(found.exists)
+    sizes = (float(found.amplitude), float(found.stroke)) if exists else (math.nan, math.nan)
+    return *sizes, "rocking" if exists else "no_orbit"
+
+
+_uplift = eqx.filter_jit(uplift)
+_harmonic = eqx.filter_jit(one_harmonic)
+
+
+def _followed(model: AbstractModel, p: Parameters) -> tuple[float, float, str]:
+    settled = jax.block_until_ready(_settler(model)(p))
+    resolution, status = float(model.resolution(p)), settled.status
+    amplitude, stroke = float(settled.amplitude), float(settled.stroke)
+    if status_name(status) in SETTLED and amplitude <= resolution:
+        return 0.0, stroke, "rest"
+    lost = bool(status == Status.overturned)
+    return (math.inf, math.inf, "overturned") if lost else (amplitude, stroke, status_name(status))
+
+
+@lru_cache(maxsize=16)
+def _settler(model: AbstractModel) -> Callable[[Any], Settled]:
+    return eqx.filter_jit(lambda p: model.settle(p, jnp.zeros(4)))
+
+
+def _row(r: Rung) -> str:
+    def number(x: float, width: int) -> str:
+        return f"{'-':>{width}}" if math.isnan(x) else f"{x:{width}.6f}"
+
+    return (
+        f"{r.name:20}{number(r.amplitude, 11)}{number(r.stroke, 10)}  {r.status:13}{r.seconds * 1e3:7.2f} ms"
+        f"{r.first:7.1f} s  {r.neglects}"
+    )
