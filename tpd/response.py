@@ -1,4 +1,4 @@
-"""Settled amplitude against frequency, by the exact solution from rest."""
+"""Amplitude and stroke against frequency: all branches of orbits, and what is settled into from rest."""
 
 from __future__ import annotations
 
@@ -7,12 +7,77 @@ from dataclasses import dataclass, replace
 import jax
 import numpy as np
 
+from tpd.axes import Axis, parameters
+from tpd.balance import uplift
+from tpd.bifurcation import Bifurcation, bifurcations
 from tpd.models.piecewise import Piecewise
-from tpd.parameters import as_arrays
+from tpd.parameters import Parameters, as_arrays
 from tpd.scene import Pendulum, Scene
 from tpd.search import Progress
 from tpd.status import status_name
 from tpd.steady import steady_state
+from tpd.sweeps import Sweep, along
+
+_TOWARDS = np.geomspace(1e-5, 0.5, 12)
+"""Distances from a bifurcation, in spacings of the sweep, at which the branches are looked at as well:
+at a fold they turn round as a root does, which no even spacing would show."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Branches:
+    """All symmetric period-one orbits, and the resting block, over one frequency, parameter or quantity."""
+
+    sweep: Sweep
+    """The orbits; `sweep.line(i)` is one branch. Its values crowd towards the bifurcations."""
+    bifurcations: tuple[Bifurcation, ...]
+    """Where orbits fold, lose their symmetry, stick or graze, with what is known of each."""
+    margin: np.ndarray
+    """(n,), of `uplift` at the values of the sweep: where positive, a block at rest stays at rest."""
+    hung: bool
+    """Whether there is a pendulum; without one strokes are those of a bob too light to be felt."""
+
+    @property
+    def name(self) -> str:
+        """Of what varies."""
+        return self.sweep.name
+
+
+def branches(
+    p: Parameters | Scene,
+    name: str,
+    low: float,
+    high: float,
+    *,
+    pendulum: Pendulum | None = None,
+    samples: int = 400,
+) -> Branches:
+    """All branches of symmetric period-one orbits, stable and unstable, and what ends them.
+
+    `branches(scene, "frequency", 1.0, 5.0)` is the response at constant base amplitude, in Hz;
+    `branches(p, "xi", 1.0, 5.0)` that at constant base acceleration f. Orbits that lean, stick or
+    repeat after several periods are not among them: see `frequency_response`.
+
+    Args:
+        p: dimensionless parameters, or a scene; its value of `name` is not used.
+        name: of what varies, as for `tpd.sweep`.
+        low: lower end of its range.
+        high: upper end.
+        pendulum: in the scene; default none.
+        samples: values evenly spaced, 8 or more; some are added next to the bifurcations.
+
+    Raises:
+        ValueError: an unknown name, batched parameters, no interval, values out of range, or fewer
+            than 8 samples.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    found = tuple(bifurcations(p, name, low, high, samples=samples, pendulum=pendulum))
+    axis = Axis.of(p, name, pendulum)
+    near = (high - low) / (samples - 1) * np.concatenate([-_TOWARDS, _TOWARDS])
+    beside = [b.value + near for b in found]
+    grid = np.unique(np.concatenate([np.linspace(low, high, samples), *beside]))
+    grid = grid[(grid >= low) & (grid <= high)]
+    margin = np.asarray(uplift(parameters(list(axis.at(grid).T))).margin)
+    return Branches(sweep=along(axis, grid), bifurcations=found, margin=margin, hung=axis.setup.hung)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +101,21 @@ def frequency_response(
     *,
     progress: Progress | None = None,
 ) -> Response:
-    """The settled motion at each frequency (Hz) of the scene's base amplitude, from rest."""
+    """The settled motion at each frequency (Hz) of the scene's base amplitude, from rest.
+
+    Each is polished by Newton's method and judged by its multipliers, as `steady_state` does, so that
+    amplitudes are exact: some 20 ms a frequency. For thousands of designs see `tpd.design_map`.
+
+    Args:
+        scene: its frequency is not used.
+        pendulum: None is the bare block.
+        frequencies: Hz, shape (n,).
+        progress: called with ("responding", frequencies done, of how many).
+
+    Raises:
+        ValueError: a frequency that is not positive.
+        RuntimeError: JAX is in 32-bit mode.
+    """
     amplitude, stroke, status = [], [], []
     for i, frequency in enumerate(frequencies):
         moved = replace(scene, motion=replace(scene.motion, frequency=float(frequency)))
