@@ -19,11 +19,16 @@ if TYPE_CHECKING:
     from tpd.design import DesignSpace as DesignSpace
     from tpd.general import continue_orbit as continue_orbit
     from tpd.general import periodic_orbit as periodic_orbit
+    from tpd.maps import DesignMap as DesignMap
+    from tpd.maps import design_map as design_map
     from tpd.models.piecewise import Piecewise as Piecewise
     from tpd.models.smoothed import Smoothed as Smoothed
     from tpd.optimiser import optimise as optimise
     from tpd.orbits import symmetric_orbits as symmetric_orbits
     from tpd.parameters import Parameters as Parameters
+    from tpd.response import branches as branches
+    from tpd.response import frequency_response as frequency_response
+    from tpd.response import settled_response as settled_response
     from tpd.scene import Block as Block
     from tpd.scene import Harmonic as Harmonic
     from tpd.scene import Pendulum as Pendulum
@@ -42,6 +47,7 @@ _HOMES = {
     "Bifurcation": "bifurcation",
     "Block": "scene",
     "Design": "design",
+    "DesignMap": "maps",
     "DesignSpace": "design",
     "Harmonic": "scene",
     "Parameters": "parameters",
@@ -53,12 +59,16 @@ _HOMES = {
     "Status": "status",
     "attractors": "attractor",
     "bifurcations": "bifurcation",
+    "branches": "response",
     "continue_orbit": "general",
+    "design_map": "maps",
+    "frequency_response": "response",
     "in_chunks": "batch",
     "one_harmonic": "balance",
     "optimise": "optimiser",
     "paper_scene": "scene",
     "periodic_orbit": "general",
+    "settled_response": "response",
     "simulate": "steady",
     "status_name": "status",
     "steady_state": "steady",

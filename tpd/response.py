@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import jax
 import numpy as np
+from jaxtyping import ArrayLike
 
 from tpd.axes import Axis, parameters
 from tpd.balance import uplift
 from tpd.bifurcation import Bifurcation, bifurcations
-from tpd.models.piecewise import Piecewise
 from tpd.parameters import Parameters, as_arrays
 from tpd.scene import Pendulum, Scene
 from tpd.search import Progress
@@ -33,6 +33,8 @@ class Branches:
     """Where orbits fold, lose their symmetry, stick or graze, with what is known of each."""
     margin: np.ndarray
     """(n,), of `uplift` at the values of the sweep: where positive, a block at rest stays at rest."""
+    rest_stroke: np.ndarray
+    """(n,), the bob's largest angle under a resting block, rad."""
     hung: bool
     """Whether there is a pendulum; without one strokes are those of a bob too light to be felt."""
 
@@ -76,16 +78,22 @@ def branches(
     beside = [b.value + near for b in found]
     grid = np.unique(np.concatenate([np.linspace(low, high, samples), *beside]))
     grid = grid[(grid >= low) & (grid <= high)]
-    margin = np.asarray(uplift(parameters(list(axis.at(grid).T))).margin)
-    return Branches(sweep=along(axis, grid), bifurcations=found, margin=margin, hung=axis.setup.hung)
+    still = uplift(parameters(list(axis.at(grid).T)))
+    return Branches(
+        sweep=along(axis, grid),
+        bifurcations=found,
+        margin=np.asarray(still.margin),
+        rest_stroke=np.asarray(still.stroke),
+        hung=axis.setup.hung,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """One curve: arrays over frequency."""
+    """One curve: arrays over frequency, or over what else varies."""
 
     frequency: np.ndarray
-    """Hz"""
+    """Hz, or values of what else varies."""
     amplitude: np.ndarray
     """Settled |phi| from rest, rad; infinite where the block overturns."""
     stroke: np.ndarray
@@ -101,32 +109,46 @@ def frequency_response(
     *,
     progress: Progress | None = None,
 ) -> Response:
-    """The settled motion at each frequency (Hz) of the scene's base amplitude, from rest.
+    """`settled_response` at each frequency (Hz) of the scene's base amplitude."""
+    return settled_response(scene, "frequency", frequencies, pendulum=pendulum, progress=progress)
+
+
+def settled_response(
+    p: Parameters | Scene,
+    name: str,
+    values: ArrayLike,
+    *,
+    pendulum: Pendulum | None = None,
+    progress: Progress | None = None,
+) -> Response:
+    """The motion that the block settles into from rest, over one parameter or quantity.
 
     Each is polished by Newton's method and judged by its multipliers, as `steady_state` does, so that
-    amplitudes are exact: some 20 ms a frequency. For thousands of designs see `tpd.design_map`.
+    amplitudes are exact: some 20 ms a value. For thousands of designs see `tpd.design_map`.
 
     Args:
-        scene: its frequency is not used.
-        pendulum: None is the bare block.
-        frequencies: Hz, shape (n,).
-        progress: called with ("responding", frequencies done, of how many).
+        p: dimensionless parameters, or a scene; its value of `name` is not used.
+        name: of what varies, as for `tpd.sweep`.
+        values: shape (n,), in any order.
+        pendulum: in the scene; default none.
+        progress: called with ("responding", values done, of how many).
 
     Raises:
-        ValueError: a frequency that is not positive.
+        ValueError: an unknown name, batched parameters, or a value out of range.
         RuntimeError: JAX is in 32-bit mode.
     """
+    axis, line = Axis.of(p, name, pendulum), np.atleast_1d(np.asarray(values, dtype=float))
+    axis.check(*line)
     amplitude, stroke, status = [], [], []
-    for i, frequency in enumerate(frequencies):
-        moved = replace(scene, motion=replace(scene.motion, frequency=float(frequency)))
-        s = jax.block_until_ready(steady_state(as_arrays(moved.parameters(pendulum)), model=Piecewise()))
+    for i, value in enumerate(line):
+        s = jax.block_until_ready(steady_state(as_arrays(axis.setup.at({name: float(value)}))))
         amplitude.append(float(s.amplitude))
         stroke.append(float(s.stroke))
         status.append(status_name(s.status))
         if progress is not None:
-            progress("responding", i + 1, len(frequencies))
+            progress("responding", i + 1, len(line))
     return Response(
-        frequency=np.asarray(frequencies),
+        frequency=line,
         amplitude=np.array(amplitude),
         stroke=np.array(stroke),
         status=np.array(status, dtype=str),
