@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike
 
 from tpd import checks
 from tpd.axes import NAMES, QUANTITIES, Setup, parameters
@@ -62,11 +62,11 @@ class DesignMap:
 
 def design_map(
     p: Parameters | Scene,
-    x: tuple[str, ArrayLike],
-    y: tuple[str, ArrayLike],
+    x: tuple[str, Any],
+    y: tuple[str, Any],
     *,
     pendulum: Pendulum | None = None,
-    start: ArrayLike | None = None,
+    start: Any = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> DesignMap:
     """The motion of every design on a grid of two parameters, or of two quantities of a scene.
@@ -107,7 +107,7 @@ def design_map(
     _check_together(setup, {x_name: xs, y_name: ys})
     wide, high = np.meshgrid(xs, ys)
     varied = {x_name: wide.ravel(), y_name: high.ravel()}
-    designs = parameters([np.broadcast_to(v, wide.size) for v in setup.vector(varied)])
+    designs = parameters([jnp.broadcast_to(jnp.asarray(v), wide.size) for v in setup.vector(varied)])
     y0 = None if start is None else _state(start)
     orbits = in_chunks(symmetric_orbits, designs, progress=progress if y0 is None else None)
     still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
@@ -128,10 +128,8 @@ def design_map(
     )
 
 
-def _line(setup: Setup, argument: str, axis: Any) -> tuple[str, np.ndarray]:
+def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.ndarray]:
     """The name and values of one axis, checked."""
-    if not (isinstance(axis, (tuple, list)) and len(axis) == 2 and isinstance(axis[0], str)):
-        raise ValueError(f"`{argument}` must be a pair (name, values), but is {axis!r}")
     name, values = axis[0], np.asarray(axis[1], dtype=float)
     if values.ndim != 1 or len(values) < 2 or not (np.isfinite(values).all() and np.all(np.diff(values) > 0)):
         raise ValueError(
@@ -153,7 +151,7 @@ def _check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
         setup.at({x: float(xs[corner[0]]), y: float(ys[corner[1]])})
 
 
-def _state(start: ArrayLike) -> np.ndarray:
+def _state(start: Any) -> np.ndarray:
     y0 = np.asarray(start, dtype=float)
     if y0.shape != (4,) or not np.isfinite(y0).all():
         raise ValueError(f"`start` must be four finite numbers (phi, psi, phi', psi'), but is {start!r}")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike
 
 from tpd.axes import Axis, parameters
 from tpd.balance import uplift
@@ -78,7 +79,7 @@ def branches(
     beside = [b.value + near for b in found]
     grid = np.unique(np.concatenate([np.linspace(low, high, samples), *beside]))
     grid = grid[(grid >= low) & (grid <= high)]
-    still = uplift(parameters(list(axis.at(grid).T)))
+    still = uplift(parameters(list(jnp.asarray(axis.at(grid).T))))
     return Branches(
         sweep=along(axis, grid),
         bifurcations=found,
@@ -116,7 +117,7 @@ def frequency_response(
 def settled_response(
     p: Parameters | Scene,
     name: str,
-    values: ArrayLike,
+    values: Any,
     *,
     pendulum: Pendulum | None = None,
     progress: Progress | None = None,
