@@ -108,7 +108,7 @@ def test_the_fold_over_hz_is_the_fold_of_the_scene_there():
     s = hung().sweep
     row = np.nonzero(s.value > b.value)[0][0]
     upper, lower = s.amplitude[row, np.argsort(np.abs(s.amplitude[row] - b.amplitude))[:2]]
-    assert 0 < abs(upper - lower) < 1e-3 * b.amplitude
+    assert 0 < abs(upper - lower) < 3e-3 * b.amplitude
 
 
 @pytest.mark.parametrize("name", ["amplitude", "pendulum_length", "pendulum_damping", "width", "gravity"])
