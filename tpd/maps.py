@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -49,7 +50,7 @@ class DesignMap:
     """Of `uplift`: where it is positive a block at rest under the settled pendulum stays at rest."""
     exact: np.ndarray
     """Whether amplitude and stroke are exact to rounding; else the motion was followed until it repeated
-    itself within 1e-6, or did not repeat."""
+    itself within 1e-6 of nu (amplitude) and of nu + f (stroke), or did not repeat."""
     overflow: np.ndarray
     """Whether a design had more orbits than were followed up."""
 
@@ -114,7 +115,7 @@ def design_map(
     if y0 is None:
         answer = _largest(orbits, still["margin"], still["stroke"])
     else:
-        answer = _followed(designs, orbits, y0, progress)
+        answer = _followed(designs, orbits, still["stroke"], y0, progress)
     shaped = {n: v.reshape(wide.shape) for n, v in answer.items()}
     return DesignMap(
         x_name=x_name,
@@ -174,7 +175,11 @@ def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str,
 
 
 def _followed(
-    p: Parameters, orbits: Orbits, y0: np.ndarray, progress: Callable[[int, int], None] | None
+    p: Parameters,
+    orbits: Orbits,
+    reach: np.ndarray,
+    y0: np.ndarray,
+    progress: Callable[[int, int], None] | None,
 ) -> dict[str, np.ndarray]:
     """The answers from a start; where a motion is on one of the orbits, that orbit's."""
     n = len(np.asarray(p.nu))
@@ -182,7 +187,9 @@ def _followed(
     names = names_of(settled.status)
     amplitude = np.where(names == "overturned", math.inf, np.asarray(settled.amplitude))
     stroke = np.where(names == "overturned", math.inf, np.asarray(settled.stroke))
-    scale = np.stack(np.broadcast_arrays(*scale_of(p)), axis=-1)
+    # Undamped the bob rings for ever, and its reach depends on how the block came to rest.
+    stroke = np.where((names == "rest") & (np.asarray(p.zeta) > 0.0), reach, stroke)
+    scale = np.asarray(jax.vmap(scale_of)(p))
     apart = np.abs(np.asarray(orbits.state) - np.asarray(settled.y)[:, None]) / scale[:, None]
     apart = np.where(names_of(orbits.status) == "rocking", apart.max(axis=-1), np.inf)
     nearest = np.argmin(apart, axis=1)

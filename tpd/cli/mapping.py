@@ -89,6 +89,9 @@ def _files(m: DesignMap, inputs: dict[str, Any]) -> Iterator[tuple[str, str | by
     header = ("status", "amplitude_rad", "stroke_rad", "uplift_margin", "exact", "overflow")
     rows = zip(*(c.ravel().tolist() for c in columns), strict=True)
     yield "map.csv", files.as_csv((m.x_name, m.y_name, *header), rows)
-    yield "map.json", files.as_json({**inputs, "start": m.start, "statuses": m.counts})
+    axes = {"x": (m.x_name, *m.x[[0, -1]].tolist()), "y": (m.y_name, *m.y[[0, -1]].tolist())}
+    # What varies replaces what the scene and the pendulum have of it.
+    content = {**inputs, "varied": axes, "points": len(m.x), "start": m.start, "statuses": m.counts}
+    yield "map.json", files.as_json(content)
     for quantity in ("amplitude", "stroke", "margin"):
         yield f"{quantity}.png", canvas.png(plot_map(m, quantity).figure)
