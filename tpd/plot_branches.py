@@ -51,7 +51,9 @@ def plot_branches(
     if hung:
         axes[1].set(ylabel=r"largest bob angle $|\psi|$ (rad)")
     for ax in axes:
-        ax.set_ylim(bottom=-0.03 * ax.get_ylim()[1])
+        # Room for what does not settle, above all branches.
+        top = ax.get_ylim()[1] * (1.0 if settled is None else 1.12)
+        ax.set_ylim(-0.03 * top, top)
         ax.margins(x=0.01)
     first = next(iter(cases.values()))
     axes[-1].set(xlabel=LABELS[first.name])
