@@ -7,15 +7,16 @@ import sys
 import pytest
 
 import tpd
-from tpd.cli import main
+from tpd import Pendulum, paper_scene
+from tpd.cli import common, main, parser
 
 SMALL = "[space]\nmass_ratio = [0.01, 0.1]\nstroke = 1.5\n[search]\nstarts = 2\nsteps = 4\nscreening = 12\n"
 FILES = {"report.txt", "design.json", "scene.toml", "search.png", "motion.png", "response.png"}
 
 
-def refused(capsys, *arguments: str) -> str:
+def refused(capsys, *arguments: str, command: str = "optimise") -> str:
     try:
-        status = main(["optimise", *arguments])
+        status = main([command, *arguments])
     except SystemExit as stop:
         status = stop.code
     out, err = capsys.readouterr()
@@ -50,6 +51,55 @@ def test_bad_options_are_one_sentence_and_nothing_is_written(
     monkeypatch.chdir(tmp_path)
     assert message in refused(capsys, *arguments)
     assert list(tmp_path.iterdir()) == []
+
+
+MAP = ("--x", "mu", "0.01", "0.2", "--y", "lam", "0.1", "1.5")
+HUNG = ("--mass-ratio", "0.1", "--length-ratio", "0.5")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("response", "--width", "-1"), "`width` must be positive and finite, but is -1"),
+        (("response", "--pendulum-mass", "1"), "give --pendulum-length or --length-ratio as well"),
+        (("response", "--pendulum-length", "1"), "give --pendulum-mass or --mass-ratio as well"),
+        (("response", "--pendulum-damping", "0.2"), "give --pendulum-mass or --mass-ratio as well"),
+        (("response", *HUNG, "--pendulum-mass", "1"), "not allowed with argument"),
+        (("response", *HUNG, "--pendulum-damping", "-1"), "`damping_ratio` must be zero or positive"),
+        (("response", "--from", "0"), "`--from` must be positive and finite, but is 0"),
+        (("response", "--from", "3", "--to", "2"), "`--from` must be below `--to`, but they are 3 and 2"),
+        (("response", "--points", "3"), "`--points` must be between 8 and 100000, but is 3"),
+        (("response", "--from-rest", "1"), "`--from-rest` must be a whole number, 2 or more, but is 1"),
+        (("map", "--x", "mu", "0.01", "0.2"), "the following arguments are required: --y"),
+        (("map", *MAP[:4], "--y", "lam", "a", "1"), "`--y` must be a name and two numbers, but is lam a 1"),
+        (("map", *MAP[:4], "--y", "lam", "1", "0.1"), "`--y` must go up, but goes from 1 to 0.1"),
+        (("map", *HUNG, *MAP[:4], "--y", "omega", "1", "2"), "`y` must be one of width, height"),
+        (("map", *HUNG, *MAP[:4], "--y", "pendulum-mass", "1", "2"), "must not both move mu"),
+        (("map", *MAP[:4], "--y", "f", "0.1", "0.2"), "give --pendulum-length or --length-ratio as well"),
+        (("map", *MAP[:4], "--y", "nu", "0.1", "0.6"), "give --pendulum-length"),
+        (("map", *MAP, "--points", "1"), "`--points` must be a whole number, 2 or more, but is 1"),
+        (("map", *MAP, "--scene", "absent.toml"), "cannot read absent.toml: No such file or directory"),
+    ],
+)
+def test_bad_options_of_the_other_commands_are_one_sentence(
+    capsys, tmp_path, monkeypatch, arguments, message
+):
+    monkeypatch.chdir(tmp_path)
+    command, *rest = arguments
+    assert message in refused(capsys, *rest, command=command)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_pendulum_is_given_in_si_units_or_in_ratios():
+    scene = paper_scene()
+    options = parser().parse_args(["response", "--pendulum-mass", "0.8112", "--length-ratio", "0.5"])
+    assert common.pendulum(options, scene) == Pendulum(mass=0.8112, length=0.1, damping_ratio=0.1)
+    options = parser().parse_args(["response", "--mass-ratio", "0.05", "--pendulum-length", "0.1"])
+    assert common.pendulum(options, scene).mass == pytest.approx(0.8112)
+    assert common.pendulum(parser().parse_args(["response"]), scene) is None
+    # What a map varies need not be given.
+    options = parser().parse_args(["map", *MAP])
+    assert common.pendulum(options, scene, ("mu", "lam")).damping_ratio == 0.1
 
 
 @pytest.mark.parametrize(
@@ -110,13 +160,13 @@ def test_the_written_scene_repeats_the_run(written):
         assert (folder / "first" / name).read_bytes() == (folder / "second" / name).read_bytes()
 
 
-@pytest.mark.parametrize("flag", ["--version", "--help"])
+@pytest.mark.parametrize("flag", ["--version", "--help", "map --help", "response --help"])
 def test_help_and_version_do_not_wait_for_jax(flag):
     code = f"""
 import sys
 from tpd.cli import main
 try:
-    main(["{flag}"])
+    main({flag.split()})
 except SystemExit:
     pass
 assert "jax" not in sys.modules

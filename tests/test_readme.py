@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 
 import tpd
+from tpd.cli import parser
 from tpd.job import build
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
@@ -41,3 +42,12 @@ def test_there_is_one_command_to_run_and_one_to_test():
 def test_the_public_names_are_there():
     for name in tpd.__all__:
         assert getattr(tpd, name).__doc__
+
+
+def test_the_other_commands_are_understood():
+    commands = [
+        line.split()[1:] for block in blocks("sh") for line in block.splitlines() if line[:4] == "tpd "
+    ]
+    assert {command[0] for command in commands} == {"response", "map"}
+    for command in commands:
+        assert parser().parse_args(command).command == command[0]

@@ -23,11 +23,16 @@ if TYPE_CHECKING:
     from tpd.free import free_motion as free_motion
     from tpd.general import continue_orbit as continue_orbit
     from tpd.general import periodic_orbit as periodic_orbit
+    from tpd.maps import DesignMap as DesignMap
+    from tpd.maps import design_map as design_map
     from tpd.models.piecewise import Piecewise as Piecewise
     from tpd.models.smoothed import Smoothed as Smoothed
     from tpd.optimiser import optimise as optimise
     from tpd.orbits import symmetric_orbits as symmetric_orbits
     from tpd.parameters import Parameters as Parameters
+    from tpd.response import branches as branches
+    from tpd.response import frequency_response as frequency_response
+    from tpd.response import settled_response as settled_response
     from tpd.scene import Block as Block
     from tpd.scene import Harmonic as Harmonic
     from tpd.scene import Pendulum as Pendulum
@@ -46,6 +51,7 @@ _HOMES = {
     "Bifurcation": "bifurcation",
     "Block": "scene",
     "Design": "design",
+    "DesignMap": "maps",
     "DesignSpace": "design",
     "Harmonic": "scene",
     "Parameters": "parameters",
@@ -57,7 +63,10 @@ _HOMES = {
     "Status": "status",
     "attractors": "attractor",
     "bifurcations": "bifurcation",
+    "branches": "response",
     "continue_orbit": "general",
+    "design_map": "maps",
+    "frequency_response": "response",
     "free_motion": "free",
     "in_chunks": "batch",
     "neglected_harmonics": "balance",
@@ -67,6 +76,7 @@ _HOMES = {
     "paper_scene": "scene",
     "parametric_branches": "balance",
     "periodic_orbit": "general",
+    "settled_response": "response",
     "simulate": "steady",
     "status_name": "status",
     "steady_state": "steady",

@@ -99,7 +99,7 @@ def _dot(z: _Amplitude, w: _Amplitude) -> Number:
     return jnp.real(z) * jnp.real(w) + jnp.imag(z) * jnp.imag(w)
 
 
-class Branches(NamedTuple):
+class HarmonicBranches(NamedTuple):
     """The roots of a one-harmonic balance: last axis the upper and the lower branch, zeros where one
     does not exist. Angles in rad. The upper one is the stable one as a rule, the lower one the saddle
     between rocking and rest: it is there while |B| f < (4/pi) |(1 + mu) nu + i k|."""
@@ -113,15 +113,15 @@ class Branches(NamedTuple):
     exists: Bool[Array, "*batch 2"]
 
 
-def _described(of: _Balance, phi: Number, forcing: _Amplitude, exists: Bool[Array, "..."]) -> Branches:
+def _described(of: _Balance, phi: Number, forcing: _Amplitude, exists: Bool[Array, "..."]) -> HarmonicBranches:
     """What belongs to amplitudes phi (anything positive where they do not exist) and forcings F."""
     z = (forcing - of.drive * phi) / of.d
     phase = jnp.arctan2(jnp.real(forcing), -jnp.imag(forcing))
     amplitude, stroke, phase = (jnp.where(exists, x, 0.0) for x in (phi, jnp.sqrt(_abs2(z)), phase))
-    return Branches(amplitude, stroke, phase, exists)
+    return HarmonicBranches(amplitude, stroke, phase, exists)
 
 
-def one_harmonic_branches(p: Parameters) -> Branches:
+def one_harmonic_branches(p: Parameters) -> HarmonicBranches:
     """Both roots of the one-harmonic balance, without the parametric term; fields may be arrays.
 
     The paper's (27), corrected, with friction and damping. The upper branch is 1 to 5 % above the exact
@@ -161,7 +161,7 @@ def one_harmonic(p: Parameters) -> Harmonic1:
 
 
 class Neglected(NamedTuple):
-    """What the one-harmonic balance leaves out, as shares of its amplitude; last axis as in `Branches`,
+    """What the one-harmonic balance leaves out, as shares of its amplitude; last axis as in `HarmonicBranches`,
     zero and infinity where the branch does not exist."""
 
     correction: Float[Array, "*batch 2"]
@@ -199,7 +199,7 @@ def neglected_harmonics(p: Parameters) -> Neglected:
     )
 
 
-def parametric_branches(p: Parameters) -> Branches:
+def parametric_branches(p: Parameters) -> HarmonicBranches:
     """The roots of the one-harmonic balance with the parametric term s f (1 + mu) nu phi sin(xi tau):
     (23) for the bare block, the corrected (27) with a pendulum. Single numbers; use `jax.vmap`.
 

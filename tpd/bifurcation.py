@@ -20,9 +20,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from tpd import checks
+from tpd.axes import Axis, parameters
 from tpd.exact.singular import Survey, survey, vanishing
 from tpd.parameters import Parameters
-from tpd.sweeps import NAMES, Axis, Sweep, along, orbits_at, parameters, wrapped
+from tpd.scene import Pendulum, Scene
+from tpd.sweeps import Sweep, along, orbits_at, wrapped
 
 _FINER = 16
 """Parts that a gap is divided into where nothing was found next to it."""
@@ -56,9 +58,9 @@ class Bifurcation:
 
     kind: Kind
     name: str
-    """Of the parameter that varies."""
+    """Of what varies."""
     value: float
-    """Of that parameter; the middle of the gap if unresolved."""
+    """Its value; the middle of the gap if unresolved."""
     error: float
     """The last Newton step of `value`, the size of its rounding; half the gap if unresolved."""
     amplitude: float
@@ -74,13 +76,20 @@ class Bifurcation:
     above: str = ""
     """The same just above."""
     slopes: dict[str, float] = field(default_factory=dict)
-    """d value / d(each other parameter); rho follows nu where `p.rho` is None."""
+    """d value / d(each other parameter, or of a scene each other quantity); rho follows nu where
+    `p.rho` is None."""
     reason: str = ""
     """Unresolved only: what is missing, in a sentence."""
 
 
 def bifurcations(
-    p: Parameters, name: str, low: float, high: float, *, samples: int = 200
+    p: Parameters | Scene,
+    name: str,
+    low: float,
+    high: float,
+    *,
+    samples: int = 200,
+    pendulum: Pendulum | None = None,
 ) -> list[Bifurcation]:
     """Where symmetric period-one orbits are lost or lose their symmetry as `name` varies.
 
@@ -92,11 +101,12 @@ def bifurcations(
     complex pair of multipliers passes the unit circle (Neimark-Sacker).
 
     Args:
-        p: dimensionless parameters; its value of `name` is not used.
-        name: of the parameter that varies, one of nu, mu, lam, zeta, k, f, xi, e and rho.
+        p: dimensionless parameters, or a scene; its value of `name` is not used.
+        name: of what varies, as for `sweep`.
         low: lower end of its range.
         high: upper end.
         samples: values that the range is swept with first.
+        pendulum: in the scene; default none.
 
     Returns:
         In the order of the values. Each is confirmed by the orbits on both sides; where that fails,
@@ -107,7 +117,7 @@ def bifurcations(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    axis = Axis.of(p, name)
+    axis = Axis.of(p, name, pendulum)
     low, high = checks.interval("(low, high)", (low, high), -math.inf, math.inf)
     checks.within("samples", samples, 8.0, 100_000.0)
     axis.check(low, high)
@@ -224,24 +234,26 @@ class _Point(NamedTuple):
 
     u: np.ndarray
     """(t, gamma), and s for grazing."""
+    value: float
+    """Of what varies."""
     x: np.ndarray
     moved: float
-    """The last step of the parameter."""
+    """The last step of `value`."""
     slopes: np.ndarray
-    """Its derivative with respect to each parameter."""
+    """Its derivative with respect to each of the axis' others."""
 
 
 def _newton(search: _Search, kind: Kind, start: np.ndarray, gap: _Gap) -> _Point | None:
-    """Newton's method on u and the parameter, its steps cut to what is near."""
+    """Newton's method on u and what varies, its steps cut to what is near."""
     u, m, value, last = start, len(start), gap.value, math.inf
     low, high = search.window(kind, gap)
     for _ in range(40):
         (x,) = search.axis.at(np.array([value]))
-        residual, by_u, by_x = _linear(search.axis, kind, u, x)
-        system = np.column_stack([by_u, by_x[:, search.axis.index]])
+        residual, by_u, by_axis = _linear(search.axis, kind, u, value)
+        system = np.column_stack([by_u, by_axis[:, 0]])
         if not np.all(np.isfinite(system)) or np.linalg.matrix_rank(system) <= m:
             return None
-        solved = np.linalg.solve(system, -np.column_stack([residual, by_x]))
+        solved = np.linalg.solve(system, -np.column_stack([residual, by_axis[:, 1:]]))
         step, span = solved[:, 0], np.pi / x[6]
         share = np.abs(step) / np.array([*(span, 1.0, span)[:m], high - low])
         step = step * min(1.0, 0.1 / max(share[:m].max(), 0.1), 1.0 / max(share[m], 1.0))
@@ -250,7 +262,7 @@ def _newton(search: _Search, kind: Kind, start: np.ndarray, gap: _Gap) -> _Point
         if last < 1e-15 or (before < 1e-9 and last >= before):
             near = max(abs(u[0] - gap.t) / span, abs(u[1] - gap.gamma)) <= _NEAR
             (x,) = search.axis.at(np.array([value]))
-            point = _Point(u, x, abs(float(step[m])), solved[m, 1:])
+            point = _Point(u, value, x, abs(float(step[m])), solved[m, 1:])
             return point if last <= 1e-9 and near and low < value < high else None
     return None
 
@@ -264,15 +276,13 @@ _ROWS = {
 """Which of `vanishing` a kind asks for."""
 
 
-def _linear(axis: Axis, kind: Kind, u: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
-    """What must vanish for a kind, and its derivatives with respect to u and the parameters."""
-    m, rows = len(u), _ROWS[kind]
+def _linear(axis: Axis, kind: Kind, u: np.ndarray, value: float) -> tuple[np.ndarray, ...]:
+    """What must vanish for a kind, and its derivatives with respect to u, and to what varies and the
+    axis' others."""
+    m, rows, (x,) = len(u), _ROWS[kind], axis.at(np.array([value]))
     padded = jnp.asarray(np.append(u, [1.0] * (3 - m)))
     residual, by_u, by_x = (np.array(a)[rows] for a in _linearised(padded, jnp.asarray(x)))
-    if axis.tied:
-        by_x[:, 0] -= by_x[:, 8] * 2.0 * x[0] * x[8] / (1.0 + x[0] ** 2)
-        by_x[:, 8] = 0.0
-    return residual, by_u[:, :m], by_x
+    return residual, by_u[:, :m], by_x @ axis.jacobian(value)
 
 
 # Half the time to compile, of code that runs some hundred times.
@@ -303,17 +313,16 @@ def _on_orbit(search: _Search, kind: Kind, point: _Point) -> Bifurcation | None:
     falling = max(highest, leaving, float(way.arriving)) < 0
     if not (float(way.height) > 0 and falling and min(times) > 0 and max(times) < np.pi / x[6]):
         return None
-    others = [i for i in range(len(NAMES) - axis.tied) if i != axis.index]
     return Bifurcation(
         kind=kind,
         name=axis.name,
-        value=float(x[axis.index]),
+        value=point.value,
         error=point.moved,
         amplitude=float(way.height),
         phase=math.remainder(float(u[1]), 2.0 * math.pi),
         crossing=float(u[0]),
         touching=touching,
-        slopes={NAMES[i]: float(point.slopes[i]) for i in others},
+        slopes={n: float(slope) for n, slope in zip(axis.others, point.slopes, strict=True)},
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
 from typing import Any, cast
 
@@ -10,10 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from tpd.balance import uplift
+from tpd.canvas import BLUE, GREY, INK, LABELS, ORANGE, new_axes, png
 from tpd.design import Design
 from tpd.models.interface import AbstractModel
 from tpd.models.piecewise import Piecewise
@@ -23,15 +21,6 @@ from tpd.response import Response
 from tpd.search import with_design
 from tpd.status import SETTLED
 from tpd.steady import sampled, simulate
-
-INK, GREY, BLUE, ORANGE = "#1a1a1a", "#9a9a9a", "#1f5fa8", "#d9822b"
-
-
-def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6)) -> Any:
-    """Axes of a figure of their own; an array of them if `rows` > 1."""
-    figure = Figure(figsize=size, layout="constrained", dpi=130)
-    FigureCanvasAgg(figure)
-    return figure.subplots(rows, 1, sharex=rows > 1)
 
 
 def plot_search(design: Design, ax: Axes | None = None) -> Axes:
@@ -83,8 +72,8 @@ def plot_search(design: Design, ax: Axes | None = None) -> Axes:
             label="answer",
         )
     ax.set(
-        xlabel=r"mass ratio $\mu$ = m/M (-)",
-        ylabel=r"length ratio $\lambda$ = l/b (-)",
+        xlabel=LABELS["mu"],
+        ylabel=LABELS["lam"],
         xlim=_padded(space.mass_ratio),
         ylim=_padded(space.length_ratio),
     )
@@ -168,7 +157,7 @@ def plot_response(design: Design, responses: tuple[Response, ...], ax: Axes | No
             label=f"{label}: not settled" if other.any() else None,
         )
     ax.axvline(design.scene.motion.frequency, color=ORANGE, lw=1.0, ls="--", label="design frequency")
-    ax.set(xlabel="frequency of the base motion (Hz)", ylabel=r"settled amplitude $\Phi$ from rest (rad)")
+    ax.set(xlabel=LABELS["frequency"], ylabel=r"settled amplitude $\Phi$ from rest (rad)")
     ax.set_ylim(-0.03 * top, 1.06 * top)
     ax.legend(fontsize=8, frameon=False)
     return ax
@@ -181,13 +170,7 @@ def band(design: Design, points: int = 41) -> np.ndarray:
 
 def pictures(design: Design, responses: tuple[Response, ...]) -> Iterator[tuple[str, bytes]]:
     """(file name, PNG) of every picture of the report."""
-    yield "search.png", _png(plot_search(design).figure)
-    yield "motion.png", _png(plot_motion(design)[0].figure)
+    yield "search.png", png(plot_search(design).figure)
+    yield "motion.png", png(plot_motion(design)[0].figure)
     if responses:
-        yield "response.png", _png(plot_response(design, responses).figure)
-
-
-def _png(figure: Any) -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
-    return buffer.getvalue()
+        yield "response.png", png(plot_response(design, responses).figure)

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import math
-import platform
-import tempfile
 from dataclasses import asdict
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import tpd
+from tpd import files
 from tpd.design import Candidate, Design, DesignStatus
 from tpd.job import Job, dump, tables
 from tpd.response import Response
 from tpd.status import SETTLED
 
-PACKAGES = ("jax", "jaxlib", "diffrax", "optax", "equinox", "numpy")
 LARGE_PEAK = 0.7
 """Of the toppling tilt; above it a start from rest is called dangerous."""
 LARGE_STROKE = 0.3
@@ -205,46 +200,14 @@ def as_json(design: Design, job: Job, responses: tuple[Response, ...] = ()) -> s
         "status_message": design.status.value,
         "stroke_rad": design.stroke,
         "tolerance": design.tolerance,
-        "versions": {"python": platform.python_version(), "tpd": tpd.__version__}
-        | {name: version(name) for name in PACKAGES},
+        "versions": files.versions(),
         "winner": _plain(design.winner),
     }
-    return json.dumps(_finite(content), indent=1, sort_keys=True, allow_nan=False) + "\n"
+    return files.as_json(content)
 
 
 def _plain(candidate: Candidate | None) -> dict[str, Any] | None:
     return None if candidate is None else asdict(candidate) | {"difference": candidate.difference}
-
-
-def _finite(value: Any) -> Any:
-    """JSON has no infinity: what overturns or is unknown becomes a word."""
-    if isinstance(value, dict):
-        return {k: _finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return "nan" if math.isnan(value) else "infinite"
-    return value
-
-
-def claim(directory: Path, *, overwrite: bool) -> None:
-    """Check, before any work, that the report can be written.
-
-    Raises:
-        ValueError: the directory exists and may not be overwritten, or cannot be written.
-    """
-    if directory.exists() and not directory.is_dir():
-        raise ValueError(f"cannot write the report: {directory} is a file, not a directory")
-    if directory.exists() and any(directory.iterdir()) and not overwrite:
-        raise ValueError(
-            f"{directory} already holds files: choose another directory with --out, or pass --overwrite"
-        )
-    try:
-        directory.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=directory if directory.exists() else directory.parent):
-            pass
-    except OSError as error:
-        raise ValueError(f"cannot write to {directory}: {error.strerror or error}") from None
 
 
 def write(directory: Path, design: Design, job: Job, responses: tuple[Response, ...]) -> list[Path]:
@@ -255,13 +218,7 @@ def write(directory: Path, design: Design, job: Job, responses: tuple[Response, 
     written = []
 
     def place(name: str, content: str | bytes) -> None:
-        data = content.encode() if isinstance(content, str) else content
-        with tempfile.NamedTemporaryFile(dir=directory, delete=False) as file:
-            file.write(data)
-        path = directory / name
-        Path(file.name).chmod(0o644)
-        Path(file.name).replace(path)
-        written.append(path)
+        written.append(files.place(directory / name, content))
 
     place("report.txt", text(design, responses))
     place("design.json", as_json(design, job, responses))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from tpd import checks
 from tpd.parameters import SLENDERNESS_LIMIT, Parameters
@@ -57,9 +59,7 @@ class Block:
     @property
     def inertia_ratio(self) -> float:
         """rho = b^2/(a^2 + b^2 + c^2)."""
-        a, b = 0.5 * self.width, self.half_height
-        c2 = (a**2 + b**2) / 3.0 if self.radius_of_gyration is None else self.radius_of_gyration**2
-        return b**2 / (a**2 + b**2 + c2)
+        return _inertia_ratio(self.width, self.height, self.radius_of_gyration)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,20 +128,29 @@ class Scene:
 
         rho stays tied to nu for a uniform rectangle, also in gradients.
         """
+        return Parameters(**dimensionless(self.quantities(pendulum)))
+
+    def quantities(self, pendulum: Pendulum | None = None) -> dict[str, float]:
+        """Everything that `parameters` depends on, in SI units by name. Those of the pendulum begin
+        with `pendulum_`; without one its mass is zero."""
         block, motion = self.block, self.motion
         hung = (
             Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3) if pendulum is None else pendulum
         )
-        return Parameters(
-            nu=block.slenderness,
-            mu=hung.mass / block.mass,
-            lam=hung.length / block.half_height,
-            zeta=hung.damping_ratio,
-            k=block.friction,
-            f=motion.amplitude * motion.rate**2 / self.gravity,
-            xi=motion.rate / self.rate,
-            rho=None if block.radius_of_gyration is None else block.inertia_ratio,
-        )
+        own = {} if block.radius_of_gyration is None else {"radius_of_gyration": block.radius_of_gyration}
+        return {
+            "width": block.width,
+            "height": block.height,
+            "mass": block.mass,
+            "friction": block.friction,
+            **own,
+            "amplitude": motion.amplitude,
+            "frequency": motion.frequency,
+            "gravity": self.gravity,
+            "pendulum_mass": hung.mass,
+            "pendulum_length": hung.length,
+            "pendulum_damping": hung.damping_ratio,
+        }
 
     def pendulum(self, *, mass_ratio: float, length_ratio: float, damping_ratio: float) -> Pendulum:
         """The pendulum, in SI, of given mu, lam and zeta."""
@@ -150,6 +159,31 @@ class Scene:
             length=length_ratio * self.block.half_height,
             damping_ratio=damping_ratio,
         )
+
+
+def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
+    """The parameters, by name and unchecked, of `Scene.quantities`: of numbers, or of arrays or traced
+    values of one shape among them. rho is None without a `radius_of_gyration`."""
+    half_height, radius = 0.5 * q["height"], q.get("radius_of_gyration")
+    rho = _inertia_ratio(q["width"], q["height"], radius)
+    rate = (q["gravity"] * rho / half_height) ** 0.5
+    omega = 2.0 * math.pi * q["frequency"]
+    return {
+        "nu": q["width"] / q["height"],
+        "mu": q["pendulum_mass"] / q["mass"],
+        "lam": q["pendulum_length"] / half_height,
+        "zeta": q["pendulum_damping"],
+        "k": q["friction"],
+        "f": q["amplitude"] * omega**2 / q["gravity"],
+        "xi": omega / rate,
+        "rho": None if radius is None else rho,
+    }
+
+
+def _inertia_ratio(width: Any, height: Any, radius: Any) -> Any:
+    a, b = 0.5 * width, 0.5 * height
+    c2 = (a**2 + b**2) / 3.0 if radius is None else radius**2
+    return b**2 / (a**2 + b**2 + c2)
 
 
 def paper_scene() -> Scene:

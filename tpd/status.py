@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import equinox as eqx
+import numpy as np
 from jaxtyping import Array
 
 
@@ -75,6 +76,12 @@ SETTLED = ("rocking", "sticking", "rest")
 def status_name(status: Status) -> str:
     """The name of one (not batched, not traced) status, such as `"rocking"`."""
     return next(name for name in _NAMES if bool(getattr(Status, name) == status))
+
+
+def names_of(status: Status) -> np.ndarray:
+    """The names of a batch of statuses (not traced), an array of strings of its shape."""
+    masks = [np.asarray(getattr(Status, name) == status) for name in _NAMES]
+    return np.select(masks, _NAMES, "")
 
 
 def is_moving(status: Status) -> Array:

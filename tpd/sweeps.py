@@ -9,16 +9,14 @@ from typing import Any
 import numpy as np
 
 from tpd import checks
+from tpd.axes import Axis, parameters
 from tpd.batch import in_chunks
 from tpd.exact.symmetric import ORBITS
 from tpd.orbits import Margins, Orbits, symmetric_orbits
 from tpd.parameters import Parameters
-from tpd.status import Status
+from tpd.scene import Pendulum, Scene
+from tpd.status import names_of
 
-NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e", "rho")
-"""Parameters that can be varied."""
-STATUSES = ("rocking", "unstable", "near_fold", "grazing", "no_orbit")
-"""Names of the statuses that `symmetric_orbits` gives."""
 _CHUNK = 128
 """Of a sweep: smaller than that of large batches, which a sweep seldom fills."""
 _APART = 1.0
@@ -28,7 +26,7 @@ which they are never neighbours on a branch."""
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """The orbits over `n` values of one parameter: arrays (n, 3), NaN where there is no orbit."""
+    """The orbits over `n` values of one parameter or quantity: arrays (n, 3), NaN where there is no orbit."""
 
     name: str
     value: np.ndarray
@@ -64,25 +62,29 @@ class Sweep:
         return rows, columns
 
 
-def sweep(p: Parameters, name: str, values: Any) -> Sweep:
-    """All symmetric period-one orbits over increasing `values` of the parameter `name`.
+def sweep(p: Parameters | Scene, name: str, values: Any, *, pendulum: Pendulum | None = None) -> Sweep:
+    """All symmetric period-one orbits over increasing `values` of `name`.
 
     Neighbours are joined to branches where crossing time, phase and amplitude continue and
     det(I - G) keeps its sign, so that no branch runs through a fold. Where `p.rho` is None, rho
     follows nu.
 
     Args:
-        p: dimensionless parameters; its value of `name` is not used.
-        name: one of `NAMES`.
-        values: shape (n,).
+        p: dimensionless parameters, or a scene; its value of `name` is not used.
+        name: of what varies: one of nu, mu, lam, zeta, k, f, xi, e and rho, the other parameters
+            held. Of a scene also width, height, mass, friction, amplitude, frequency, pendulum_mass,
+            pendulum_length or pendulum_damping, the other quantities in SI units held: a higher
+            `frequency` is a larger xi and, at the same amplitude, a larger f.
+        values: shape (n,); in SI units if the name is one of a scene.
+        pendulum: in the scene; default none.
 
     Raises:
         ValueError: an unknown name, batched parameters, or values that do not increase or lie
-            outside the parameter's range.
+            outside their range.
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    axis = Axis.of(p, name)
+    axis = Axis.of(p, name, pendulum)
     grid = np.asarray(values, dtype=float)
     if grid.ndim != 1 or len(grid) < 2 or not (np.all(np.isfinite(grid)) and np.all(np.diff(grid) > 0)):
         raise ValueError("`values` must be two or more finite numbers that increase, but are not")
@@ -90,60 +92,10 @@ def sweep(p: Parameters, name: str, values: Any) -> Sweep:
     return along(axis, grid)
 
 
-@dataclass(frozen=True)
-class Axis:
-    """A line through the space of parameters, along one of them."""
-
-    fixed: tuple[float, ...]
-    """In the order of NAMES."""
-    index: int
-    """Of the parameter that varies."""
-    tied: bool
-    """Whether rho follows nu."""
-
-    @staticmethod
-    def of(p: Parameters, name: str) -> Axis:
-        """That of `name` through p; `ValueError` for bad input."""
-        if name not in NAMES:
-            raise ValueError(f"`name` must be one of {', '.join(NAMES)}, but is {name!r}")
-        values = [*(getattr(p, n) for n in NAMES[:-1]), p.inertia_ratio]
-        for n, value in zip(NAMES, values, strict=True):
-            if not (checks.is_concrete(value) and np.ndim(value) == 0):
-                raise ValueError(f"`{n}` must be a single number, but is {value!r}")
-        tied = p.rho is None and name != "rho"
-        return Axis(tuple(float(v) for v in values), NAMES.index(name), tied)
-
-    @property
-    def name(self) -> str:
-        """Of the parameter that varies."""
-        return NAMES[self.index]
-
-    def check(self, *values: float) -> None:
-        """`ValueError` unless all values are in the parameter's range."""
-        for value in values:
-            parameters([*self.fixed[: self.index], float(value), *self.fixed[self.index + 1 :]])
-
-    def at(self, values: np.ndarray) -> np.ndarray:
-        """The parameters in the order of NAMES, shape (n, 9)."""
-        out = np.tile(np.asarray(self.fixed), (len(values), 1))
-        out[:, self.index] = values
-        if self.tied:
-            out[:, 8] = 0.75 / (1.0 + out[:, 0] ** 2)
-        return out
-
-
-def parameters(x: Any) -> Parameters:
-    """The parameters in a vector in the order of NAMES."""
-    return Parameters(**dict(zip(NAMES, x, strict=True)))
-
-
 def orbits_at(axis: Axis, values: np.ndarray) -> tuple[Orbits, np.ndarray]:
     """The orbits at any values, as NumPy arrays, and the names of their statuses."""
     orbits = in_chunks(symmetric_orbits, parameters(list(axis.at(values).T)), chunk=_CHUNK)
-    names = np.full(orbits.amplitude.shape, "no_orbit", dtype="U16")
-    for name in STATUSES:
-        names[np.asarray(orbits.status == getattr(Status, name))] = name
-    return orbits, names
+    return orbits, names_of(orbits.status)
 
 
 def along(axis: Axis, grid: np.ndarray) -> Sweep:

@@ -1,0 +1,114 @@
+"""What can be varied, in SI units and without, and the derivatives along it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tpd import Block, Harmonic, Parameters, Pendulum, Scene
+from tpd.axes import NAMES, QUANTITIES, Axis, Setup
+from tpd.scene import paper_scene
+
+SCENE, HUNG = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
+OTHER = Scene(
+    Block(width=1.1, height=4.0, mass=3e3, friction=0.04, radius_of_gyration=1.3),
+    Harmonic(amplitude=0.2, frequency=0.8),
+)
+BARE = Parameters(nu=0.2, mu=0.0, lam=0.4, zeta=0.2, k=0.05, f=0.1, xi=2.0)
+
+
+def moved(scene: Scene, pendulum: Pendulum, name: str, value: float) -> Parameters:
+    """The parameters with one quantity replaced where it is kept."""
+    if name.startswith("pendulum_"):
+        field = {"damping": "damping_ratio"}.get(name[9:], name[9:])
+        return scene.parameters(dataclasses.replace(pendulum, **{field: value}))
+    home = "motion" if name in ("amplitude", "frequency") else "block"
+    part = dataclasses.replace(getattr(scene, home), **{name: value})
+    return dataclasses.replace(scene, **{home: part}).parameters(pendulum)
+
+
+def vector(p: Parameters) -> np.ndarray:
+    return np.array([*(getattr(p, n) for n in NAMES[:-1]), p.inertia_ratio], dtype=float)
+
+
+@pytest.mark.parametrize("name", QUANTITIES)
+@pytest.mark.parametrize("scene", [SCENE, OTHER], ids=["rectangle", "own inertia"])
+def test_a_quantity_moves_what_it_moves_in_the_scene_and_nothing_else(scene, name):
+    axis, setup = Axis.of(scene, name, HUNG), Setup.of(scene, HUNG)
+    base = vector(scene.parameters(HUNG))
+    values = setup.values[name] * np.array([0.9, 1.0, 1.1])
+    for value, point in zip(values, axis.at(values), strict=True):
+        expected = moved(scene, HUNG, name, float(value))
+        np.testing.assert_allclose(point, vector(expected), rtol=1e-15)
+        at = setup.at({name: float(value)})
+        np.testing.assert_allclose(vector(at), point, rtol=1e-15)
+        assert (at.rho is None) == (expected.rho is None)
+    changed = {n for n, a, b in zip(NAMES, base, axis.at(values)[0], strict=True) if a != b}
+    assert changed == set(QUANTITIES[name])
+
+
+@pytest.mark.parametrize("name", QUANTITIES)
+def test_derivatives_along_a_quantity_are_those_of_differences(name):
+    axis = Axis.of(OTHER, name, HUNG)
+    assert set(axis.others) == set(axis.setup.values) - {name}
+    value = axis.setup.values[name]
+    slopes = axis.jacobian(value)
+    for i, n in enumerate((name, *axis.others)):
+        line, center = Axis(axis.setup, n), axis.setup.values[n]
+        h = 1e-5 * center
+        difference = np.diff(line.at(center + np.array([-h, h])), axis=0)[0] / (2.0 * h)
+        np.testing.assert_allclose(slopes[:, i], difference, rtol=1e-8, atol=1e-9 / center)
+    assert np.abs(slopes[:, 0]).max() > 0
+
+
+def test_a_parameter_takes_its_tied_inertia_along():
+    h = 1e-5
+    free = Parameters(**{**{n: getattr(BARE, n) for n in NAMES}, "rho": 0.7})
+    for p in (BARE, free):
+        axis = Axis.of(p, "nu")
+        difference = np.diff(axis.at(np.array([0.2 - h, 0.2 + h])), axis=0)[0] / (2.0 * h)
+        np.testing.assert_allclose(axis.jacobian(0.2)[:, 0], difference, atol=1e-9)
+        assert ("rho" in axis.others) == (p is free)
+    assert Axis.of(BARE, "nu").jacobian(0.2)[8, 0] < -0.1
+
+
+def test_a_parameter_of_a_scene_leaves_the_others_alone():
+    p = SCENE.parameters(HUNG)
+    at = Setup.of(SCENE, HUNG).at({"xi": 3.0, "pendulum_mass": 1.6})
+    np.testing.assert_allclose(
+        vector(at), vector(p) * np.where(np.isin(NAMES, "mu"), 2.0, 1.0) + np.isin(NAMES, "xi") * (3.0 - p.xi)
+    )
+    axis = Axis.of(SCENE, "xi", HUNG)
+    assert axis.others == tuple(n for n in NAMES[:-1] if n != "xi")
+
+
+def test_without_a_pendulum_nothing_of_it_can_be_varied():
+    assert not any(n.startswith("pendulum_") for n in Axis.of(SCENE, "frequency").others)
+    for name in ("mu", "zeta", "pendulum_mass", "pendulum_length"):
+        with pytest.raises(ValueError, match=f"`{name}` cannot be varied without a pendulum"):
+            Axis.of(SCENE, name)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "match"),
+    [
+        ("frequency", 0.0, "`frequency` must be positive and finite, but is 0"),
+        ("amplitude", -0.1, "`amplitude` must be zero or positive, and finite, but is -0.1"),
+        ("pendulum_mass", -1.0, "`pendulum_mass` must be zero or positive"),
+        ("pendulum_length", 0.0, "`pendulum_length` must be positive"),
+        ("width", 0.3, "`nu` must be between 0 and 0.5"),
+        ("omega", 1.0, "`name` must be one of width, height.*nu, mu.*but is 'omega'"),
+    ],
+)
+def test_values_out_of_range_are_refused_by_name(name, value, match):
+    with pytest.raises(ValueError, match=match):
+        Axis.of(SCENE, name, HUNG).check(value)
+
+
+def test_a_pendulum_beside_parameters_is_refused():
+    with pytest.raises(ValueError, match="`pendulum` goes with a scene"):
+        Setup.of(BARE, HUNG)
+    with pytest.raises(ValueError, match=r"`name` must be one of nu, mu.*but is 'frequency'"):
+        Axis.of(BARE, "frequency")

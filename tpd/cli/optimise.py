@@ -1,0 +1,103 @@
+"""`tpd optimise`."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from tpd.cli import common
+
+
+def add(commands: Any) -> None:
+    """The command's grammar."""
+    optimise = commands.add_parser(
+        "optimise",
+        help="find the pendulum for a block",
+        description="Find the pendulum of least settled rocking amplitude from rest. Without options: the "
+        "block of Collini et al. (2016). Exit status: 0 found, 2 bad input, 3 no design to rely on, "
+        "130 interrupted.",
+    )
+    common.add_scene(optimise)
+    optimise.add_argument(
+        "--stroke", type=float, metavar="RAD", help="largest allowed bob angle, rad (default 0.5)"
+    )
+    two: dict[str, Any] = {"type": float, "nargs": 2, "metavar": ("LO", "HI")}
+    optimise.add_argument("--mass-ratio", help="bounds of bob over block mass (default 0.01 0.2)", **two)
+    optimise.add_argument(
+        "--length-ratio", help="bounds of pendulum length over half height (default 0.1 1.5)", **two
+    )
+    optimise.add_argument(
+        "--damping",
+        type=float,
+        nargs="+",
+        metavar="ZETA",
+        help="damping ratio of the hinge, or two bounds to search it as well (default 0.1)",
+    )
+    optimise.add_argument("--starts", type=int, metavar="N", help="searches run at once (default 8)")
+    optimise.add_argument("--seed", type=int, metavar="N", help="of every random choice (default 0)")
+    common.add_out(optimise, "tpd-design")
+    optimise.set_defaults(run=run)
+
+
+def _given(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """The job's tables of a scene file, overridden by options."""
+    return common.tables(
+        options,
+        [
+            ("space", "stroke", options.stroke),
+            ("space", "mass_ratio", options.mass_ratio),
+            ("space", "length_ratio", options.length_ratio),
+            ("space", "damping_ratio", _damping(options.damping)),
+            ("search", "starts", options.starts),
+            ("search", "seed", options.seed),
+        ],
+    )
+
+
+def _damping(values: list[float] | None) -> float | list[float] | None:
+    if values is not None and len(values) > 2:
+        raise ValueError(f"`--damping` must be one number or two bounds, but is {len(values)} numbers")
+    return values[0] if values is not None and len(values) == 1 else values
+
+
+def run(options: argparse.Namespace) -> int:
+    """Search, write the report, and say what it is worth."""
+    common.use_64_bits()
+    from tpd import files, job, report
+    from tpd.optimiser import optimise
+
+    work = job.build(_given(options))
+    files.claim(options.out, overwrite=options.overwrite)
+    search = work.search
+    with common.Bar() as bar:
+        design = optimise(
+            work.scene,
+            work.space,
+            seed=search.seed,
+            starts=search.starts,
+            steps=search.steps,
+            screening=search.screening,
+            tolerance=search.tolerance,
+            progress=bar,
+        )
+        responses = _responses(design, bar)
+        written = report.write(options.out, design, work, responses)
+    print(report.text(design, responses))
+    print("\n".join(f"written: {path}" for path in written))
+    if design.interrupted:
+        return common.INTERRUPTED
+    return common.SOUND if report.is_sound(design) else common.UNSOUND
+
+
+def _responses(design: Any, bar: common.Bar) -> tuple:
+    """Amplitude over frequency without and with the pendulum; not after an interruption."""
+    from tpd import plot
+    from tpd.response import frequency_response
+
+    if design.interrupted:
+        return ()
+    hung = (None,) if design.pendulum is None else (None, design.pendulum)
+    try:
+        return tuple(frequency_response(design.scene, p, plot.band(design), progress=bar) for p in hung)
+    except KeyboardInterrupt:
+        return ()

@@ -1,0 +1,179 @@
+"""`tpd response`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from tpd.cli import common
+
+if TYPE_CHECKING:
+    from tpd.response import Branches, Response
+    from tpd.scene import Pendulum, Scene
+
+BARE, HUNG = "bare block", "with the pendulum"
+_UNITS = {"frequency": "Hz", "xi": ""}
+
+
+def add(commands: Any) -> None:
+    """The command's grammar."""
+    response = commands.add_parser(
+        "response",
+        help="amplitude and stroke against frequency",
+        description="All branches of symmetric period-one orbits against frequency, stable and unstable, and "
+        "where they are lost: of the bare block and, if one is given, with a pendulum. The amplitude of the "
+        "base stays as it is, or with --dimensionless its acceleration f. Without options: the block of "
+        "Collini et al. (2016). Exit status: 0 done, 2 bad input, 130 interrupted.",
+    )
+    common.add_scene(response)
+    common.add_pendulum(response)
+    response.add_argument("--from", dest="low", type=float, metavar="HZ", help="default 0.4 of the scene's")
+    response.add_argument("--to", dest="high", type=float, metavar="HZ", help="default twice the scene's")
+    response.add_argument("--points", type=int, default=400, metavar="N", help="of each branch (default 400)")
+    response.add_argument(
+        "--dimensionless", action="store_true", help="against xi at constant f; --from and --to are xi"
+    )
+    response.add_argument(
+        "--from-rest", type=int, metavar="N", help="also what is settled into from rest, at N frequencies"
+    )
+    common.add_out(response, "tpd-response")
+    response.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Follow the branches, write and say where they are lost."""
+    common.use_64_bits()
+    from tpd import checks, files
+
+    scene = common.scene(options)
+    hung = common.pendulum(options, scene)
+    name, low, high = _range(options, scene)
+    if options.from_rest is not None:
+        checks.count("--from-rest", options.from_rest, least=2)
+    files.claim(options.out, overwrite=options.overwrite)
+    with common.Bar() as bar:
+        cases = _branches(scene, hung, name, (low, high), options.points, bar)
+        settled = _settled(scene, hung, name, (low, high), options.from_rest, bar)
+    print("\n".join(line for label, case in cases.items() for line in _text(label, case)))
+    for path, content in _files(scene, hung, cases, settled):
+        print(f"written: {files.place(options.out / path, content)}")
+    return common.SOUND
+
+
+def _range(options: argparse.Namespace, scene: Scene) -> tuple[str, float, float]:
+    """What varies, and from where to where."""
+    from tpd import checks
+
+    name = "xi" if options.dimensionless else "frequency"
+    own = float(scene.parameters().xi) if options.dimensionless else scene.motion.frequency
+    low = 0.4 * own if options.low is None else options.low
+    high = 2.0 * own if options.high is None else options.high
+    checks.positive("--from", low)
+    checks.positive("--to", high)
+    if not low < high:
+        raise ValueError(f"`--from` must be below `--to`, but they are {low:g} and {high:g}")
+    checks.within("--points", options.points, 8.0, 100_000.0)
+    return name, low, high
+
+
+def _hangings(hung: Pendulum | None) -> dict[str, Pendulum | None]:
+    return {BARE: None} if hung is None else {BARE: None, HUNG: hung}
+
+
+def _branches(
+    scene: Scene,
+    hung: Pendulum | None,
+    name: str,
+    bounds: tuple[float, float],
+    points: int,
+    bar: common.Bar,
+) -> dict[str, Branches]:
+    from tpd.response import branches
+
+    hangings, cases = _hangings(hung), {}
+    bar("following branches", 0, len(hangings))
+    for label, pendulum in hangings.items():
+        cases[label] = branches(scene, name, *bounds, pendulum=pendulum, samples=points)
+        bar("following branches", len(cases), len(hangings))
+    return cases
+
+
+def _settled(
+    scene: Scene,
+    hung: Pendulum | None,
+    name: str,
+    bounds: tuple[float, float],
+    points: int | None,
+    bar: common.Bar,
+) -> dict[str, Response] | None:
+    import numpy as np
+
+    from tpd.response import settled_response
+
+    if points is None:
+        return None
+    values = np.linspace(*bounds, points)
+    return {
+        label: settled_response(scene, name, values, pendulum=pendulum, progress=bar)
+        for label, pendulum in _hangings(hung).items()
+    }
+
+
+def _text(label: str, case: Branches) -> Iterator[str]:
+    s, unit = case.sweep, f" {_UNITS[case.name]}".rstrip()
+    where = f"from {s.value[0]:.4g} to {s.value[-1]:.4g}{unit}"
+    yield f"{label}: {s.branches} branches {where}"
+    for b in case.bifurcations:
+        what = b.kind.value.replace("_", " ")
+        if b.reason:
+            yield f"  {what:18} {b.value:10.6g}{unit}: {b.reason}"
+        else:
+            sides = f"{b.below} below, {b.above} above".replace("_", " ")
+            yield f"  {what:18} {b.value:10.6g}{unit}, amplitude {b.amplitude:.5g} rad: {sides}"
+    if s.overflow.any():
+        yield f"  at {int(s.overflow.sum())} of {len(s.value)} values there were more orbits than places"
+
+
+def _files(
+    scene: Scene,
+    hung: Pendulum | None,
+    cases: Mapping[str, Branches],
+    settled: Mapping[str, Response] | None,
+) -> Iterator[tuple[str, str | bytes]]:
+    from tpd import canvas, files
+    from tpd.plot_branches import plot_branches
+
+    name = next(iter(cases.values())).name
+    header = ("case", "branch", name, "status", "amplitude_rad", "stroke_rad", "phase_rad", "multiplier")
+    rows = (row for label, case in cases.items() for row in _rows(label, case))
+    yield "branches.csv", files.as_csv(header, rows)
+    if settled is not None:
+        rows = (
+            (label, *row)
+            for label, r in settled.items()
+            for row in zip(r.frequency, r.status, r.amplitude, r.stroke, strict=True)
+        )
+        yield "from_rest.csv", files.as_csv(("case", name, "status", "amplitude_rad", "stroke_rad"), rows)
+    content = {
+        **common.inputs(scene, hung),
+        "bifurcations": {label: [asdict(b) for b in case.bifurcations] for label, case in cases.items()},
+        "over": name,
+    }
+    yield "response.json", files.as_json(content)
+    yield "response.png", canvas.png(plot_branches(cases, settled=settled)[0].figure)
+
+
+def _rows(label: str, case: Branches) -> Iterator[tuple]:
+    import numpy as np
+
+    s = case.sweep
+    largest = np.abs(s.multipliers).max(axis=-1)
+    for branch in range(s.branches):
+        for i, j in zip(*s.line(branch), strict=True):
+            sizes = (s.amplitude[i, j], s.stroke[i, j], s.phase[i, j], largest[i, j])
+            yield (label, branch, s.value[i], s.status[i, j], *sizes)
+    for value, margin, stroke in zip(s.value, case.margin, case.rest_stroke, strict=True):
+        if margin > 0.0:
+            yield (label, "rest", value, "rest", 0.0, stroke, "", "")
