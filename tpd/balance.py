@@ -113,7 +113,9 @@ class HarmonicBranches(NamedTuple):
     exists: Bool[Array, "*batch 2"]
 
 
-def _described(of: _Balance, phi: Number, forcing: _Amplitude, exists: Bool[Array, "..."]) -> HarmonicBranches:
+def _described(
+    of: _Balance, phi: Number, forcing: _Amplitude, exists: Bool[Array, "..."]
+) -> HarmonicBranches:
     """What belongs to amplitudes phi (anything positive where they do not exist) and forcings F."""
     z = (forcing - of.drive * phi) / of.d
     phase = jnp.arctan2(jnp.real(forcing), -jnp.imag(forcing))
