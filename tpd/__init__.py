@@ -18,14 +18,18 @@ if TYPE_CHECKING:
     from tpd.batch import in_chunks as in_chunks
     from tpd.bifurcation import Bifurcation as Bifurcation
     from tpd.bifurcation import bifurcations as bifurcations
+    from tpd.checking import check as check
     from tpd.design import Design as Design
     from tpd.design import DesignSpace as DesignSpace
+    from tpd.equations import Terms as Terms
     from tpd.free import free_motion as free_motion
     from tpd.general import continue_orbit as continue_orbit
     from tpd.general import periodic_orbit as periodic_orbit
+    from tpd.ladder import Auto as Auto
     from tpd.maps import DesignMap as DesignMap
     from tpd.maps import design_map as design_map
     from tpd.models.piecewise import Piecewise as Piecewise
+    from tpd.models.segmented import Segmented as Segmented
     from tpd.models.smoothed import Smoothed as Smoothed
     from tpd.optimiser import optimise as optimise
     from tpd.orbits import symmetric_orbits as symmetric_orbits
@@ -48,6 +52,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Attractor": "attractor",
+    "Auto": "ladder",
     "Bifurcation": "bifurcation",
     "Block": "scene",
     "Design": "design",
@@ -58,16 +63,19 @@ _HOMES = {
     "Pendulum": "scene",
     "Piecewise": "models.piecewise",
     "Scene": "scene",
+    "Segmented": "models.segmented",
     "Smoothed": "models.smoothed",
     "Starts": "attractor",
     "Status": "status",
+    "Terms": "equations",
     "attractors": "attractor",
     "bifurcations": "bifurcation",
     "branches": "response",
+    "check": "checking",
     "continue_orbit": "general",
     "design_map": "maps",
-    "frequency_response": "response",
     "free_motion": "free",
+    "frequency_response": "response",
     "in_chunks": "batch",
     "neglected_harmonics": "balance",
     "one_harmonic": "balance",

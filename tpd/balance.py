@@ -163,8 +163,8 @@ def one_harmonic(p: Parameters) -> Harmonic1:
 
 
 class Neglected(NamedTuple):
-    """What the one-harmonic balance leaves out, as shares of its amplitude; last axis as in `HarmonicBranches`,
-    zero and infinity where the branch does not exist."""
+    """What the one-harmonic balance leaves out, as shares of its amplitude; last axis as in
+    `HarmonicBranches`, zero and infinity where the branch does not exist."""
 
     correction: Float[Array, "*batch 2"]
     """To the first order: the exact amplitude is about (1 + correction) times that of the balance."""

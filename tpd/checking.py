@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 from collections.abc import Callable
@@ -23,6 +24,7 @@ from tpd.models.smoothed import Smoothed
 from tpd.parameters import Parameters, as_arrays
 from tpd.scene import Pendulum, Scene
 from tpd.status import SETTLED, Status, status_name
+from tpd.steady import steady_state
 
 TOP = "nonlinear"
 """Name of the rung that the others are judged by."""
@@ -75,16 +77,7 @@ class Check:
     @property
     def objections(self) -> tuple[str, ...]:
         """What the nonlinear equations have against the design, a sentence each; none if sound."""
-        top, out = self.top, []
-        if top.status not in SETTLED:
-            out.append(f"by the nonlinear equations the motion ends {top.status}")
-        elif top.stroke > self.limit:
-            out.append(f"by the nonlinear equations the stroke is {top.stroke:.4g} rad, above {self.limit:g}")
-        if top.status in SETTLED and top.amplitude > 0.0 and top.amplitude >= self.bare:
-            out.append(
-                f"by the nonlinear equations the block rocks {top.amplitude:.4g} rad, and {self.bare:.4g} without"
-            )
-        return tuple(out)
+        return objections(self.top.amplitude, self.top.stroke, self.top.status, self.limit, self.bare)
 
     def table(self) -> str:
         """The rungs as text."""
@@ -129,10 +122,22 @@ def check(
     return Check(rungs=tuple(done), limit=stroke, bare=bare)
 
 
+def objections(amplitude: float, stroke: float, status: str, limit: float, bare: float) -> tuple[str, ...]:
+    """What a nonlinear motion has against its design: it does not settle, its stroke is beyond the limit,
+    or the bare block rocks less."""
+    by, out = "by the nonlinear equations", []
+    if status not in SETTLED:
+        return (f"{by} the motion ends {status}",)
+    if stroke > limit:
+        out.append(f"{by} the stroke is {stroke:.4g} rad, above {limit:g}")
+    if amplitude > 0.0 and amplitude >= bare:
+        out.append(f"{by} the block rocks {amplitude:.4g} rad, and {bare:.4g} without the pendulum")
+    return tuple(out)
+
+
 def nonlinear(p: Parameters) -> tuple[float, float, str]:
     """(amplitude, stroke, status) by the nonlinear equations from rest, without derivatives."""
-    rung = _rung(TOP, p)
-    return rung.amplitude, rung.stroke, rung.status
+    return _followed(_MODELS[TOP][0], as_arrays(p))
 
 
 def _rung(name: str, p: Parameters) -> Rung:
@@ -178,7 +183,9 @@ _harmonic = eqx.filter_jit(one_harmonic)
 
 
 def _followed(model: AbstractModel, p: Parameters) -> tuple[float, float, str]:
-    settled = jax.block_until_ready(_settler(model)(p))
+    exact = isinstance(model, Piecewise)
+    solve = functools.partial(steady_state, model=model) if exact else _settler(model)
+    settled = jax.block_until_ready(solve(p))
     resolution, status = float(model.resolution(p)), settled.status
     amplitude, stroke = float(settled.amplitude), float(settled.stroke)
     if status_name(status) in SETTLED and amplitude <= resolution:

@@ -86,6 +86,10 @@ class DesignStatus(enum.Enum):
         "DO NOT USE AS IT IS: the smoothed and the exact solution disagree on this design by more than "
         "the tolerance, so its motion depends on details that neither can promise."
     )
+    nonlinear_objects = (
+        "NO DESIGN TO OFFER: what the linear equations find breaks the limits by the nonlinear ones, also "
+        "under limits corrected for that."
+    )
     fragile = (
         "DO NOT RELY ON IT: with this pendulum the block settles at the design's own shaking, but overturns "
         "at one within 1 % of it."
@@ -132,6 +136,23 @@ class Candidate:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Round:
+    """A best design under the linear equations, and what the nonlinear ones say of it; angles in rad."""
+
+    limit: float
+    """Stroke limit it was searched under: corrected from the second round on."""
+    mass_ratio: float
+    length_ratio: float
+    damping_ratio: float
+    amplitude: float
+    """Settled |phi| by the nonlinear equations."""
+    stroke: float
+    status: str
+    objections: tuple[str, ...]
+    """Why it is not offered, a sentence each; none if it is."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class History:
     """The search's path: arrays of shape (starts, steps), and (starts, steps, 3) for `designs`."""
 
@@ -174,6 +195,8 @@ class Design:
     overturned_nearby: tuple[int, int, int]
     """How many shakings within 1 % of the design's were tried, and how many of them overturn the
     block with the pendulum and without."""
+    rounds: tuple[Round, ...]
+    """The designs put to the nonlinear equations in turn; the last one is offered if it has no objection."""
     tolerance: float
     """Largest relative difference of the two models' amplitudes that counts as agreement."""
     seed: int

@@ -32,11 +32,27 @@ def text(design: Design, responses: tuple[Response, ...] = ()) -> str:
         ("bare block", design.bare),
     )
     lines += [_row(name, c) for name, c in named if c is not None]
+    lines += _rounds(design)
     lines += ["", *(f"note: {note}" for note in notes(design, responses))]
     lines += ["", f"searched from {len(design.starts)} starts, seed {design.seed}:"]
     counts = {s: design.starts.count(s) for s in dict.fromkeys(design.starts)}
     lines += [f"  {n} of them {s.value}" for s, n in counts.items()]
     return "\n".join(lines) + "\n"
+
+
+def _rounds(design: Design) -> list[str]:
+    """What the nonlinear equations said of each design put to them."""
+    if not design.rounds:
+        return []
+    lines = [
+        "",
+        f"{'nonlinear equations':24}{'amplitude':>14}{'stroke':>14}{'searched under':>16}  settles as",
+    ]
+    for i, r in enumerate(design.rounds):
+        sizes = "".join(f"{x:14.6f}" if math.isfinite(x) else f"{'-':>14}" for x in (r.amplitude, r.stroke))
+        lines.append(f"{f'round {i + 1}':24}{sizes}{r.limit:12.4f} rad  {r.status}")
+        lines += [f"  refused: {objection}" for objection in r.objections]
+    return lines
 
 
 def _answer(design: Design) -> list[str]:
@@ -192,6 +208,7 @@ def as_json(design: Design, job: Job, responses: tuple[Response, ...] = ()) -> s
         "parameters": {k: v for k, v in vars(p).items() if v is not None} | {"rho": p.inertia_ratio},
         "pendulum": None if design.pendulum is None else asdict(design.pendulum),
         "responses": [{k: v.tolist() for k, v in asdict(r).items()} for r in responses],
+        "rounds": [asdict(r) for r in design.rounds],
         "runner_up": _plain(design.runner_up),
         "seed": design.seed,
         "settings": design.settings,

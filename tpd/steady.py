@@ -10,6 +10,7 @@ unit circle it does not exist.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -24,7 +25,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 from tpd import checks
 from tpd.exact.derivatives import refused, refused_in, with_slopes
 from tpd.exact.multipliers import GRAZING, NEAR_FOLD
-from tpd.models.interface import AbstractModel, Settled
+from tpd.models.interface import AbstractChoice, AbstractModel, Settled
 from tpd.models.piecewise import Piecewise
 from tpd.models.settling import scale_of
 from tpd.parameters import Number, Parameters, State, as_arrays
@@ -69,6 +70,12 @@ class Steady(eqx.Module):
     """(phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
     elapsed: Int[Array, "..."]
     """Forcing periods followed before the repetition was recognised."""
+    estimate: Number = math.nan
+    """Of a model that `Auto` chose: estimated relative error of the amplitude."""
+    rung: str = eqx.field(static=True, default="")
+    """The model that `Auto` chose."""
+    reason: str = eqx.field(static=True, default="")
+    """Why, in a sentence."""
 
 
 class Trajectory(eqx.Module):
@@ -87,7 +94,7 @@ def at_rest() -> State:
 def steady_state(
     p: Parameters,
     *,
-    model: AbstractModel | None = None,
+    model: AbstractModel | AbstractChoice | None = None,
     y0: ArrayLike | None = None,
     throw: bool = False,
 ) -> Steady:
@@ -95,7 +102,8 @@ def steady_state(
 
     Args:
         p: dimensionless parameters; gradients with respect to them are exact.
-        model: `Piecewise()`, the exact solution (default), or `Smoothed()`.
+        model: `Piecewise()`, the exact solution of the linear equations (default), `Smoothed()`,
+            `Segmented()`, or `Auto()`, which chooses.
         y0: start (phi, psi, phi', psi') in rad and rad per unit tau, at tau = 0; default at rest.
         throw: raise an error where the status is not rocking, sticking or rest.
 
@@ -105,9 +113,12 @@ def steady_state(
     """
     model = Piecewise() if model is None else model
     checks.require_x64()
-    model.check(p)
     start = at_rest() if y0 is None else _state(y0)
-    steady = _steady_state(as_arrays(p), model, start)
+    if isinstance(model, AbstractChoice):
+        steady = model.steady(p, start)
+    else:
+        model.check(p)
+        steady = _steady_state(as_arrays(p), model, start)
     if throw:
         settled = is_settled(steady.status)
         steady = eqx.tree_at(

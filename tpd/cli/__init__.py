@@ -1,5 +1,5 @@
-"""The command line: `tpd optimise`, `tpd response`, `tpd map`. A command is a module with `add`, its
-grammar, and `run`; everything slow is imported when it is needed."""
+"""The command line: `tpd optimise`, `tpd check`, `tpd response`, `tpd map`. A command is a module with
+`add`, its grammar, and `run`; everything slow is imported when it is needed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import argparse
 import sys
 
 import tpd
-from tpd.cli import common, mapping, optimise, response
+from tpd.cli import checking, common, mapping, optimise, response
 
 
 def parser() -> argparse.ArgumentParser:
@@ -15,7 +15,7 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="tpd", description=str(tpd.__doc__).splitlines()[0])
     top.add_argument("--version", action="version", version=f"tpd {tpd.__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for command in (optimise, response, mapping):
+    for command in (optimise, checking, response, mapping):
         command.add(commands)
     return top
 

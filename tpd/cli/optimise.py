@@ -83,10 +83,20 @@ def run(options: argparse.Namespace) -> int:
         responses = _responses(design, bar)
         written = report.write(options.out, design, work, responses)
     print(report.text(design, responses))
+    if design.pendulum is not None and not design.interrupted:
+        print(_ladder(design) + "\n")
     print("\n".join(f"written: {path}" for path in written))
     if design.interrupted:
         return common.INTERRUPTED
     return common.SOUND if report.is_sound(design) else common.UNSOUND
+
+
+def _ladder(design: Any) -> str:
+    """The design by the models that do not take long to compile; `tpd check` has all."""
+    from tpd.checking import check
+
+    quick = ("uplift", "one harmonic", "exact", "nonlinear")
+    return check(design.scene, design.pendulum, stroke=design.space.stroke, rungs=quick).table()
 
 
 def _responses(design: Any, bar: common.Bar) -> tuple:

@@ -45,6 +45,14 @@ class Cycle(eqx.Module):
     """How much farther the block tilts to one side than to the other, over the amplitude."""
 
 
+class AbstractChoice(eqx.Module):
+    """A way to choose among models."""
+
+    @abstractmethod
+    def steady(self, p: Parameters, y0: State) -> Any:
+        """The `Steady` of the model chosen for these parameters, plain numbers."""
+
+
 class AbstractModel(eqx.Module):
     """A model of block and pendulum in dimensionless form."""
 

@@ -35,6 +35,10 @@ _GRACE = 1e-13
 """How far below zero a signal goes before it counts: what begins at zero is not over at once, and an
 event within the first step after it is seen."""
 
+_ROOT = optimistix.Bisection(rtol=1e-14, atol=1e-14)
+"""Finds an event within a step. A signal may begin the step at zero, where Newton's method would end
+after a short hop; between the signs at both ends there is the event."""
+
 
 class _Run(NamedTuple):
     """A motion on its way through a period."""
@@ -70,10 +74,11 @@ class Segmented(AbstractModel):
     """The same for the settled period, whose derivatives are used."""
     tolerance: float = eqx.field(default=1e-5, static=True, kw_only=True)
     """Repetition error at which following ends and Newton's method takes over."""
-    rest_rate: float = eqx.field(default=1e-5, static=True, kw_only=True)
-    """An impact slower than this (phi' in units of nu) that the block can be held after is rest."""
+    rest_rate: float = eqx.field(default=1e-4, static=True, kw_only=True)
+    """An impact slower than this (phi' in units of nu) that the block can be held after is rest;
+    the error is of the order of its square."""
     max_periods: int = eqx.field(default=400, static=True, kw_only=True)
-    max_events: int = eqx.field(default=400, static=True, kw_only=True)
+    max_events: int = eqx.field(default=2000, static=True, kw_only=True)
     """Bound on the segments of one forcing period."""
     max_steps: int = eqx.field(default=4096, static=True, kw_only=True)
     """Bound on the solver steps of one segment."""
@@ -197,7 +202,7 @@ class Segmented(AbstractModel):
             saveat=diffrax.SaveAt(t1=True),
             stepsize_controller=diffrax.PIDController(rtol=rtol, atol=0.01 * rtol, dtmax=p.period / 16.0),
             adjoint=diffrax.ForwardMode(),
-            event=diffrax.Event(first, optimistix.Newton(rtol=1e-12, atol=1e-12), direction=False),
+            event=diffrax.Event(first, _ROOT, direction=False),
             max_steps=self.max_steps,
             throw=False,
         )
@@ -286,4 +291,4 @@ def _rests_for_good(p: Parameters, r: _Run, before: State) -> Bool[Array, ""]:
     """Whether the block has rested for a whole period in which the bob's swing hardly changed. A bob
     that nothing damps beats for ever, and may lift the block yet."""
     change = jnp.max(jnp.abs(r.y - before) / ((p.nu + p.f) * jnp.array([1.0, 1.0, p.xi, p.xi])))
-    return (r.mode.kind == REST) & (jnp.maximum(r.up, r.down) == 0.0) & (change < _STILL)
+    return (r.mode.kind == REST) & (jnp.maximum(r.up, r.down) == 0.0) & ((change < _STILL) | (p.mu == 0.0))

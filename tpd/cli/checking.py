@@ -1,0 +1,56 @@
+"""`tpd check`: a design through the whole ladder of models."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from tpd.cli import common
+
+
+def add(commands: Any) -> None:
+    """Add the command to the command line's grammar."""
+    command = commands.add_parser(
+        "check",
+        help="take a design through all models",
+        description="Take the design of a report through the ladder of models and print what each says. "
+        "Exit status: 0 the nonlinear equations confirm it, 2 bad input, 3 they do not, 130 interrupted.",
+    )
+    command.add_argument("design", type=Path, metavar="DESIGN", help="report directory, or its design.json")
+    command.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run it; returns the exit status."""
+    job_tables, hung = _read(options.design)
+    common.use_64_bits()
+    from tpd import job
+    from tpd.checking import check
+    from tpd.scene import Pendulum
+
+    work = job.build(job_tables)
+    pendulum = None if hung is None else Pendulum(**hung)
+    with common.Bar() as bar:
+        found = check(work.scene, pendulum, stroke=work.space.stroke, progress=bar)
+    print(found.table())
+    if pendulum is None:
+        print("\nthe bare block: the report offers no pendulum")
+    for objection in found.objections:
+        print(f"\nDO NOT USE: {objection}.")
+    return 3 if found.objections else 0
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, float] | None]:
+    """The job and the pendulum of a report."""
+    file = path / "design.json" if path.is_dir() else path
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValueError(f"cannot read {file}: {error.strerror or error}") from None
+    except (UnicodeDecodeError, json.JSONDecodeError):
+        raise ValueError(f"{file} is not a design in JSON") from None
+    if not isinstance(content, dict) or not {"job", "pendulum"} <= set(content):
+        raise ValueError(f"{file} is not a design: it has no `job` and `pendulum`")
+    return content["job"], content["pendulum"]

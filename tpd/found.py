@@ -1,0 +1,160 @@
+"""The search itself: designs screened by the exact solution, then descents from the best of them."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from tpd.checking import nonlinear
+from tpd.design import DesignSpace, StartStatus
+from tpd.models.interface import AbstractModel
+from tpd.models.piecewise import Piecewise
+from tpd.parameters import Parameters
+from tpd.polish import polish
+from tpd.search import (
+    Evaluation,
+    Progress,
+    Trace,
+    descend,
+    evaluator,
+    start_status,
+    starting_points,
+    trace,
+    with_design,
+)
+from tpd.status import SETTLED, status_name
+from tpd.steady import Steady, steady_state
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search leaves behind, whole or interrupted."""
+
+    evaluate: Callable[[Array], Evaluation] | None
+    """The compiled evaluator; None if Ctrl-C came before it was ready."""
+    screened: Screened
+    trace: Trace
+    best: np.ndarray
+    interrupted: bool
+
+    def designs(self, limit: float) -> list[np.ndarray]:
+        """The best design of every start, and the two best screened."""
+        paths = [self.trace.designs[i, j] for i, j in enumerate(self.best) if j >= 0]
+        return paths + list(self.screened.designs[self.screened.order(limit)[:2]])
+
+    def statuses(self, space: DesignSpace) -> tuple[StartStatus, ...]:
+        """How every start ended."""
+        if self.interrupted:
+            return tuple(StartStatus.interrupted for _ in self.best)
+        return tuple(start_status(self.trace, space, i, int(j)) for i, j in enumerate(self.best))
+
+
+class Screened:
+    """Designs solved exactly before the search."""
+
+    def __init__(self, planned: np.ndarray, results: list[Steady]) -> None:
+        self.planned = planned
+        self.designs = planned[: len(results)]
+        self.amplitude = np.array([float(s.amplitude) for s in results])
+        self.stroke = np.array([float(s.stroke) for s in results])
+        self.status = np.array([status_name(s.status) for s in results], dtype=str)
+
+    def order(self, limit: float) -> np.ndarray:
+        """Indices of the designs that settle within the limit, best first."""
+        settled = np.isin(self.status, SETTLED) & (self.stroke <= limit)
+        order = np.argsort(np.where(settled, self.amplitude, np.inf), kind="stable")
+        return order[: settled.sum()]
+
+
+def search(
+    p: Parameters,
+    space: DesignSpace,
+    model: AbstractModel,
+    starts: int,
+    steps: int,
+    screening: int,
+    seed: int,
+    progress: Progress | None,
+) -> Found:
+    """Screen, descend and polish; Ctrl-C at any point keeps what there is."""
+    evaluate = evaluator(p, model, len(space.names))
+    compiling = _compile_aside(evaluate, np.tile(bare_design(p), (starts, 1)))
+    screened, interrupted = _screen(p, space, screening, seed, progress)
+    chosen = choose(screened, space, starts)
+    nothing = np.full(len(chosen), -1)
+    if interrupted:
+        return Found(None, screened, trace([], len(chosen)), nothing, True)
+    compiling.join()
+    _aside(lambda: nonlinear(p))
+    path, interrupted = descend(evaluate, space, chosen, steps=steps, progress=progress)
+    best = path.best(space.stroke)
+    if not interrupted and steps > 0:
+        near = np.stack([path.designs[i, j] if j >= 0 else chosen[i] for i, j in enumerate(best)])
+        finish, interrupted = polish(evaluate, space, near, steps=(steps + 1) // 2, progress=progress)
+        path = path.then(finish)
+        best = path.best(space.stroke)
+    return Found(evaluate, screened, path, best, interrupted)
+
+
+def _screen(
+    p: Parameters, space: DesignSpace, count: int, seed: int, progress: Progress | None
+) -> tuple[Screened, bool]:
+    designs = starting_points(p, space, count, seed)
+    results: list[Steady] = []
+    try:
+        for i, design in enumerate(designs):
+            results.append(exact(p, design))
+            if progress is not None:
+                progress("screening", i + 1, count)
+    except KeyboardInterrupt:
+        return Screened(designs, results), True
+    return Screened(designs, results), False
+
+
+def exact(p: Parameters, design: np.ndarray) -> Steady:
+    """The exact solution from rest."""
+    return jax.block_until_ready(steady_state(with_design(p, jnp.asarray(design)), model=Piecewise()))
+
+
+def choose(screened: Screened, space: DesignSpace, starts: int) -> np.ndarray:
+    """The best screened designs that lie apart from one another, then the rest in order."""
+    order = list(screened.order(space.stroke))
+    order += [i for i in range(len(screened.planned)) if i not in set(order)]
+    low, high = space.bounds
+    unit = (screened.planned[:, : low.size] - low) / (high - low)
+    chosen: list[int] = []
+    for apart in (0.1, 0.0):
+        for i in order:
+            far = all(np.linalg.norm(unit[i] - unit[j]) > apart for j in chosen)
+            if len(chosen) < starts and i not in chosen and far:
+                chosen.append(i)
+    return screened.planned[chosen]
+
+
+def _compile_aside(evaluate: Callable[[Array], Evaluation], designs: np.ndarray) -> threading.Thread:
+    """Compile the search's function while the other core screens."""
+    return _aside(lambda: jax.block_until_ready(evaluate(jnp.asarray(designs)).merit))
+
+
+def _aside(work: Callable[[], object]) -> threading.Thread:
+    """Do something that has to be compiled while the other core is busy; what fails, fails again later."""
+
+    def run() -> None:
+        with contextlib.suppress(Exception):
+            work()
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    return thread
+
+
+def bare_design(p: Parameters) -> np.ndarray:
+    """(mu, lam, zeta) of the bare block."""
+    return np.array([0.0, float(p.lam), float(p.zeta)])

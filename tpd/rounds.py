@@ -1,0 +1,93 @@
+"""Linear equations inside, nonlinear ones outside: the best design is put to (4), and where it breaks a
+limit there, the search goes on under a corrected one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.candidates import judge, rank, solved
+from tpd.checking import nonlinear, objections
+from tpd.design import Candidate, DesignSpace, DesignStatus, Round
+from tpd.found import Found, bare_design, choose
+from tpd.models.interface import AbstractModel
+from tpd.parameters import Parameters
+from tpd.search import Progress, descend, with_design
+
+ROUNDS = 4
+"""Most designs put to the nonlinear equations."""
+
+
+@dataclass(frozen=True)
+class Inside:
+    """What the linear search needs to go on."""
+
+    p: Parameters
+    space: DesignSpace
+    model: AbstractModel
+    tolerance: float
+    steps: int
+    progress: Progress | None
+
+
+def confirmed(
+    inside: Inside, found: Found, bare: Candidate, candidates: list[Candidate]
+) -> tuple[Candidate | None, Candidate | None, DesignStatus, tuple[Round, ...]]:
+    """The best design that the nonlinear equations have nothing against, the second best, what it is
+    worth, and every round on the way: linear equations inside, nonlinear ones outside."""
+    space, pool, rounds = inside.space, list(candidates), []
+    while True:
+        winner, runner_up = rank(pool, space)
+        status = judge(winner, bare, inside.tolerance)
+        offered = status in (DesignStatus.found, DesignStatus.models_disagree)
+        if winner is None or not offered or found.interrupted:
+            if rounds and not offered:
+                status = DesignStatus.nonlinear_objects
+            return winner, runner_up, status, tuple(rounds)
+        rounds.append(_round(inside, space.stroke, winner))
+        if not rounds[-1].objections:
+            return winner, runner_up, status, tuple(rounds)
+        if len(rounds) == ROUNDS:
+            return winner, runner_up, DesignStatus.nonlinear_objects, tuple(rounds)
+        space = replace(space, stroke=_corrected(inside.space.stroke, winner, rounds[-1]))
+        pool = [c for c in pool if c is not winner] + _onward(inside, space, found)
+
+
+def _round(inside: Inside, limit: float, winner: Candidate) -> Round:
+    """A design put to the nonlinear equations, under the limit asked for."""
+    at = np.array([winner.mass_ratio, winner.length_ratio, winner.damping_ratio])
+    amplitude, stroke, status = nonlinear(with_design(inside.p, jnp.asarray(at)))
+    without = nonlinear(with_design(inside.p, jnp.asarray(bare_design(inside.p))))[0]
+    return Round(
+        limit=limit,
+        mass_ratio=winner.mass_ratio,
+        length_ratio=winner.length_ratio,
+        damping_ratio=winner.damping_ratio,
+        amplitude=amplitude,
+        stroke=stroke,
+        status=status,
+        objections=objections(amplitude, stroke, status, inside.space.stroke, without),
+    )
+
+
+def _corrected(limit: float, winner: Candidate, last: Round) -> float:
+    """A linear stroke at which the nonlinear one keeps to the limit, if both stay in proportion; where
+    the motion is another one, less of it."""
+    share = limit / last.stroke if last.stroke > limit and np.isfinite(last.stroke) else 0.8
+    return min(0.98 * share * winner.stroke, 0.98 * last.limit) if winner.stroke > 0 else 0.8 * last.limit
+
+
+def _onward(inside: Inside, space: DesignSpace, found: Found) -> list[Candidate]:
+    """More designs, searched for under another limit from the best of those screened."""
+    if found.evaluate is None or inside.steps == 0:
+        return []
+    chosen = choose(found.screened, space, len(found.best))
+    path, _ = descend(found.evaluate, space, chosen, steps=inside.steps, progress=inside.progress)
+    best = path.best(space.stroke)
+    designs = [path.designs[i, j] for i, j in enumerate(best) if j >= 0]
+    designs += list(found.screened.designs[found.screened.order(space.stroke)[:2]])
+    if not designs:
+        return []
+    return solved(inside.p, designs, found, inside.tolerance, inside.model, inside.progress)
