@@ -329,12 +329,17 @@ def test_fold_is_told_and_refused() -> None:
     """Followed down in f until the orbit is gone: next to its end the status says so, the fold's margin
     vanishes, and there are no derivatives."""
     x, orbit, step = np.array((*BARE[0].x, 1.0)), bare(), 0.01
+    told = []
     while step > 1e-15:
         onward = moved(orbit, x, 5, (x[5] - step,))
         near_by = abs(float(onward.amplitude) - float(orbit.amplitude)) < 0.01
         orbit, x[5], step = (onward, x[5] - step, step) if near_by else (orbit, x[5], 0.25 * step)
-    answer = carried(x, orbit)
-    assert status_name(answer.orbit.status) == "near_fold"
+        if near_by and status_name(onward.status) == "near_fold":
+            told.append((x.copy(), onward))
+    # From the last digits before the fold Newton's method may not come back: then there is no orbit.
+    answers = [carried(*last) for last in told]
+    assert {status_name(a.orbit.status) for a in answers} <= {"near_fold", "no_orbit"}
+    answer = next(a for a in reversed(answers) if status_name(a.orbit.status) == "near_fold")
     assert abs(float(answer.orbit.margins.fold)) < 1e-5
     assert np.isfinite(float(answer.orbit.amplitude))
     assert np.all(np.isnan(answer.slopes[:6]))

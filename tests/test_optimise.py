@@ -10,7 +10,7 @@ from tpd import report
 from tpd.design import DesignStatus, StartStatus
 from tpd.job import Job, Search, build, dump, tables
 
-SMALL = {"starts": 2, "steps": 6, "screening": 24}
+SMALL = {"starts": 3, "steps": 10, "screening": 64}
 SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.1), stroke=1.5)
 
 
@@ -40,10 +40,36 @@ def test_the_answer_is_exact_and_within_the_limits(design):
 
 def test_it_lessens_the_rocking_of_the_papers_block(design):
     assert design.amplitude_without == pytest.approx(0.0833335, abs=1e-6)
-    assert design.amplitude < 0.8 * design.amplitude_without
+    assert design.amplitude < 0.95 * design.amplitude_without
     tried, _, _ = design.overturned_nearby
     assert tried == 8
     assert design.peak[0] >= 0.9 * design.amplitude, "the way there is no smaller than the end"
+
+
+def test_the_nonlinear_equations_have_nothing_against_the_design_and_had_against_others(design):
+    first, last = design.rounds[0], design.rounds[-1]
+    assert first.limit == SPACE.stroke
+    assert first.objections, "by the linear optimum the block overturns"
+    assert len(design.rounds) > 1
+    assert last.objections == ()
+    assert last.limit < first.limit
+    assert (last.mass_ratio, last.length_ratio) == (design.winner.mass_ratio, design.winner.length_ratio)
+    found = tpd.check(design.scene, design.pendulum, stroke=SPACE.stroke, rungs=("uplift",))
+    assert found.top.stroke == pytest.approx(last.stroke)
+    assert found.top.amplitude == pytest.approx(last.amplitude)
+    assert found.objections == ()
+
+
+def test_a_design_that_no_round_could_mend_is_not_offered(design):
+    import dataclasses
+
+    bad = dataclasses.replace(
+        design, pendulum=None, status=DesignStatus.nonlinear_objects, rounds=design.rounds[:1]
+    )
+    text = report.text(bad)
+    assert text.startswith("NO DESIGN TO OFFER")
+    assert f"refused: {design.rounds[0].objections[0]}" in text
+    assert not report.is_sound(bad)
 
 
 def test_both_models_agree_on_the_winner_and_the_bare_block(design):
@@ -130,7 +156,7 @@ def test_ctrl_c_in_the_search_keeps_the_best_design(stage):
 
 
 def test_one_step_is_enough_to_answer():
-    one = tpd.optimise(tpd.paper_scene(), SPACE, seed=1, starts=2, steps=1, screening=24)
+    one = tpd.optimise(tpd.paper_scene(), SPACE, seed=1, starts=3, steps=1, screening=24)
     assert one.winner is not None
 
 

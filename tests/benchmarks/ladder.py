@@ -39,15 +39,16 @@ def main() -> None:
     print(versions())
     all_scenes = [Parameters(**dict(zip(NAMES, map(float, x), strict=False))) for x in scenes()]
     models = {"top": Segmented(), **{t: Auto(tolerance=t) for t in TOLERANCES}}
+    models["balance"] = Auto(tolerance=TOLERANCES[-1], balance=True)
     for model in models.values():
         for p in all_scenes[:20]:
             timed(p, model)
     results = [{name: timed(p, model) for name, model in models.items()} for p in all_scenes]
-    for tolerance in TOLERANCES:
-        report(tolerance, results)
+    for name in (*TOLERANCES, "balance"):
+        report(name, results)
 
 
-def report(tolerance: float, results: list) -> None:
+def report(tolerance: float | str, results: list) -> None:
     """One tolerance: rungs, how often the estimate held, the time."""
     by_rung: dict[str, list] = collections.defaultdict(list)
     for r in results:
@@ -55,7 +56,7 @@ def report(tolerance: float, results: list) -> None:
         by_rung[steady.rung].append((held(steady, top), seconds))
     total, always = (sum(r[name][1] for r in results) for name in (tolerance, "top"))
     print(
-        f"\ntolerance {tolerance:g}: {total:.2f} s, {always / total:.1f} times faster than the top rung alone"
+        f"\ntolerance {tolerance}: {total:.2f} s, {always / total:.1f} times faster than the top rung alone"
     )
     print(f"{'rung':14}{'scenes':>8}{'estimate held':>15}{'other motion':>14}{'median ms':>11}")
     for rung, rows in by_rung.items():
