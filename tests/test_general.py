@@ -336,10 +336,9 @@ def test_fold_is_told_and_refused() -> None:
         orbit, x[5], step = (onward, x[5] - step, step) if near_by else (orbit, x[5], 0.25 * step)
         if near_by and status_name(onward.status) == "near_fold":
             told.append((x.copy(), onward))
-    # From the last digits before the fold Newton's method may not come back: then there is no orbit.
+    # In the last digits before the fold rounding decides which side Newton's method ends on.
     answers = [carried(*last) for last in told]
-    assert {status_name(a.orbit.status) for a in answers} <= {"near_fold", "no_orbit"}
-    answer = next(a for a in reversed(answers) if status_name(a.orbit.status) == "near_fold")
+    answer = next(a for a in answers if status_name(a.orbit.status) == "near_fold")
     assert abs(float(answer.orbit.margins.fold)) < 1e-5
     assert np.isfinite(float(answer.orbit.amplitude))
     assert np.all(np.isnan(answer.slopes[:6]))
