@@ -157,7 +157,7 @@ def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
     """The exact solution of the linear equations, and what these drop."""
 
     def size(p: Parameters) -> tuple[Number, Steady]:
-        steady = steady_state(p, y0=y0)
+        steady = steady_state(p, model=Piecewise(lyapunov_periods=0), y0=y0)
         return steady.amplitude, steady
 
     slope, steady = jax.jacrev(size, has_aux=True)(p)

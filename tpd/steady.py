@@ -280,6 +280,8 @@ def _finish(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[_Orb
     its largest Lyapunov exponent (else NaN) instead."""
     along = _linearised(p, model, settled)
     repeats = settled.status != Status.not_settled
+    # There is nothing to be said of a motion that is lost.
+    worthwhile = is_settled(settled.status) | ~repeats
     scale = jnp.where(jnp.isfinite(scale_of(p)), scale_of(p), 1e300)
     nothing = jax.tree.map(
         lambda s: jnp.full(s.shape, jnp.inf, s.dtype), jax.eval_shape(along, settled.y, settled.memory)[0]
@@ -287,7 +289,7 @@ def _finish(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[_Orb
 
     def going(w: _Walk) -> Array:
         newton = (w.steps < _NEWTON_STEPS) & (w.best.residual > model.round_off)
-        return jnp.where(repeats, newton, w.steps < model.lyapunov_periods)
+        return worthwhile & jnp.where(repeats, newton, w.steps < model.lyapunov_periods)
 
     def step(w: _Walk) -> _Walk:
         orbit, memory = along(w.y, w.memory)
