@@ -10,7 +10,7 @@ import tpd
 from tpd import Pendulum, paper_scene
 from tpd.cli import common, main, parser
 
-SMALL = "[space]\nmass_ratio = [0.01, 0.1]\nstroke = 1.5\n[search]\nstarts = 2\nsteps = 4\nscreening = 12\n"
+SMALL = "[space]\nmass_ratio = [0.1, 0.4]\n[search]\nstarts = 2\nsteps = 4\nscreening = 12\n"
 FILES = {"report.txt", "design.json", "scene.toml", "search.png", "motion.png", "response.png"}
 
 
@@ -158,6 +158,37 @@ def test_the_written_scene_repeats_the_run(written):
     subprocess.run(command, cwd=folder, check=True, capture_output=True)
     for name in ("design.json", "scene.toml", "report.txt"):
         assert (folder / "first" / name).read_bytes() == (folder / "second" / name).read_bytes()
+
+
+def test_a_check_takes_the_design_of_a_report_up_the_ladder(written):
+    folder, _ = written
+    command = [sys.executable, "-m", "tpd.cli", "check", "first", "--quick"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert [line.split()[0] for line in done.stdout.splitlines()] == [
+        "rung",
+        "uplift",
+        "one",
+        "exact",
+        "nonlinear",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "cannot read"),
+        ("not json", "is not a design in JSON"),
+        ("[1]", "has no `job` and `pendulum`"),
+        ('{"job": [], "pendulum": null}', "is not what a report holds"),
+        ('{"job": {}, "pendulum": {"mass": 1.0}}', "is not what a report holds"),
+    ],
+)
+def test_what_is_no_design_is_not_checked(capsys, tmp_path, content, message):
+    file = tmp_path / "design.json"
+    if content is not None:
+        file.write_text(content)
+    assert message in refused(capsys, str(file), command="check")
 
 
 @pytest.mark.parametrize("flag", ["--version", "--help", "map --help", "response --help"])

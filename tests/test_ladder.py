@@ -38,7 +38,7 @@ def test_a_block_that_never_lifts_is_answered_by_the_closed_form():
 
 
 def test_a_tighter_tolerance_climbs_from_rung_to_rung():
-    rungs = [chosen(SMALL, tolerance, balance=True).rung for tolerance in (0.5, 0.01, 1e-6)]
+    rungs = [chosen(SMALL, tolerance, balance=True).rung for tolerance in (0.5, 0.01, 1e-5)]
     assert rungs == ["one harmonic", "exact", "nonlinear"]
     assert chosen(SMALL, 0.5).rung == "exact"
     estimates = [float(chosen(SMALL, t, balance=True).estimate) for t in (0.5, 0.01)]
@@ -47,8 +47,8 @@ def test_a_tighter_tolerance_climbs_from_rung_to_rung():
 
 @pytest.mark.parametrize("x", [SMALL, LIFTS, HUNG[3].x], ids=["small", "lifts", "hung"])
 def test_the_estimate_covers_the_true_error(x):
-    truth = float(chosen(x, 1e-6).amplitude)
-    assert chosen(x, 1e-6).rung == "nonlinear"
+    truth = float(chosen(x, 1e-5).amplitude)
+    assert chosen(x, 1e-5).rung == "nonlinear"
     for found in (chosen(x, 0.5), chosen(x, 0.5, balance=True)):
         assert found.rung in ("one harmonic", "exact")
         error = abs(float(found.amplitude) / truth - 1.0)
@@ -57,7 +57,7 @@ def test_the_estimate_covers_the_true_error(x):
 
 
 def test_the_exact_rung_is_the_exact_solution_and_the_top_one_the_nonlinear():
-    low, top = chosen(HUNG[3].x, 0.5), chosen(HUNG[3].x, 1e-6)
+    low, top = chosen(HUNG[3].x, 0.5), chosen(HUNG[3].x, 1e-5)
     assert float(low.amplitude) == pytest.approx(HUNG[3].amplitude, rel=1e-9)
     assert float(top.amplitude) == pytest.approx(0.0659875, rel=1e-5)
     assert f"may be off by {float(low.estimate):.2g}" in top.reason
@@ -91,9 +91,9 @@ def test_what_is_dropped_falls_with_the_square_of_the_angles():
 def test_auto_needs_numbers():
     with pytest.raises(ValueError, match=r"`Auto` chooses by numbers: .* but is traced or batched"):
         jax.jit(lambda x: steady_state(parameters(x), model=Auto()).amplitude)(np.array(SMALL))
-    with pytest.raises(ValueError, match=r"`tolerance` must be between 0 and 1, but is 1\.5"):
+    with pytest.raises(ValueError, match=r"`tolerance` must be between 1e-05 and 1, but is 1\.5"):
         Auto(tolerance=1.5)
-    with pytest.raises(ValueError, match="`tolerance` must be positive and finite, but is 0"):
+    with pytest.raises(ValueError, match="`tolerance` must be between 1e-05 and 1, but is 0"):
         Auto(tolerance=0.0)
 
 

@@ -6,7 +6,7 @@ import functools
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -40,6 +40,8 @@ _MODELS: dict[str, tuple[AbstractModel, str]] = {
 
 RUNGS = ("uplift", "one harmonic", *_MODELS)
 """All rungs, the cheapest first."""
+QUICK = ("uplift", "one harmonic", "exact", TOP)
+"""Those that do not take long to compile."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,8 +120,10 @@ def check(
         done.append(_rung(name, p))
         if progress is not None:
             progress("checking", i + 1, len(asked))
-    bare = math.nan if pendulum is None else nonlinear(as_arrays(scene.parameters()))[0]
-    return Check(rungs=tuple(done), limit=stroke, bare=bare)
+    if pendulum is None:
+        # There is no bob, whatever stands for it.
+        return Check(rungs=tuple(replace(r, stroke=math.nan) for r in done), limit=math.inf, bare=math.nan)
+    return Check(rungs=tuple(done), limit=stroke, bare=nonlinear(as_arrays(scene.parameters()))[0])
 
 
 def objections(amplitude: float, stroke: float, status: str, limit: float, bare: float) -> tuple[str, ...]:
@@ -183,8 +187,10 @@ _harmonic = eqx.filter_jit(one_harmonic)
 
 
 def _followed(model: AbstractModel, p: Parameters) -> tuple[float, float, str]:
-    exact = isinstance(model, Piecewise)
-    solve = functools.partial(steady_state, model=model) if exact else _settler(model)
+    # Between its samples the smoothed motion is known only once its orbit is polished; the others are
+    # exact at their turns. Polishing the exact one is compiled by `optimise` already.
+    polished = isinstance(model, (Piecewise, Smoothed))
+    solve = functools.partial(steady_state, model=model) if polished else _settler(model)
     settled = jax.block_until_ready(solve(p))
     resolution, status = float(model.resolution(p)), settled.status
     amplitude, stroke = float(settled.amplitude), float(settled.stroke)

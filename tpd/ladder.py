@@ -30,7 +30,7 @@ from tpd.models.interface import AbstractChoice
 from tpd.models.piecewise import Piecewise
 from tpd.models.segmented import Segmented
 from tpd.parameters import Number, Parameters, State, as_arrays
-from tpd.status import SETTLED, Status, status_name
+from tpd.status import SETTLED, Status, is_settled, status_name
 from tpd.steady import Steady, steady_state
 
 INTEGRATED = 1e-5
@@ -49,18 +49,18 @@ class Auto(AbstractChoice):
 
     The one-harmonic balance knows no start: of the motions that random blocks come to from rest a third
     is another one (most of them overturn). With `balance=True` it is asked all the same, of blocks that start
-    at rest and cannot stay there: for the amplitude of rocking where rocking is known to be reached.
+    at rest, cannot stay there and lose nothing at impacts (e = 1): for the amplitude of rocking where
+    rocking is known to be reached.
 
     Raises:
-        ValueError: a tolerance that is not above 0 and up to 1.
+        ValueError: a tolerance that is not between 1e-5 and 1.
     """
 
     tolerance: float = eqx.field(default=0.05, static=True, kw_only=True)
     balance: bool = eqx.field(default=False, static=True, kw_only=True)
 
     def __check_init__(self) -> None:
-        checks.positive("tolerance", self.tolerance)
-        checks.within("tolerance", self.tolerance, 0.0, 1.0)
+        checks.within("tolerance", self.tolerance, INTEGRATED, 1.0)
 
     def steady(self, p: Parameters, y0: State) -> Steady:
         """The settled motion from `y0` by the cheapest rung.
@@ -76,8 +76,10 @@ class Auto(AbstractChoice):
         still = _still(fixed, y0)
         if bool(still.rests) and float(still.estimate) <= min(self.tolerance, float(still.margin)):
             reserve = f"{float(still.margin):.1%} of the moment that would lift the block is in reserve"
-            return _told(still.steady, "uplift", still.estimate, f"the block never lifts: {reserve}")
-        if self.balance and float(still.margin) < _LIFTS and not bool(jnp.any(y0 != 0.0)):
+            why = f"the block never lifts, and once the pendulum has settled {reserve}"
+            return _told(still.steady, "uplift", still.estimate, why)
+        lossless, moved = float(fixed.e) == 1.0, bool(jnp.any(y0 != 0.0))
+        if self.balance and lossless and not moved and float(still.margin) < _LIFTS:
             steady, estimate = _balanced(fixed)
             if float(estimate) <= self.tolerance:
                 why = "what the balance neglects is estimated to be within " + limit
@@ -88,10 +90,13 @@ class Auto(AbstractChoice):
             why = f"what the linear equations drop is estimated to be within {limit}"
             return _told(steady, "exact", estimate, why)
         why = f"the linear equations may be off by {float(estimate):.2g}, beyond {limit}"
-        if name not in SETTLED:
+        if name in SETTLED and not float(estimate) < jnp.inf:
+            why = "of what the linear equations drop nothing can be said here"
+        elif name not in SETTLED:
             why = f"the linear equations end {name}, which says nothing about their error"
         top = steady_state(fixed, model=Segmented(), y0=y0)
-        return _told(top, "nonlinear", jnp.asarray(INTEGRATED), why)
+        sure = jnp.where(is_settled(top.status), INTEGRATED, jnp.nan)
+        return _told(top, "nonlinear", sure, why)
 
 
 def _told(steady: Steady, rung: str, estimate: Number, reason: str) -> Steady:
@@ -124,7 +129,7 @@ def _still(p: Parameters, y0: State) -> _Still:
     reach = record.strokes[0]
     stroke = jnp.where(p.zeta > 0, lift.stroke, reach)
     steady = _closed(Status.rest, jnp.zeros(()), stroke, record.y)
-    return _Still(record.rests, lift.margin, _dropped_at_rest(p, reach), steady)
+    return _Still(record.rests, lift.margin, _dropped_at_rest(p, reach * (p.mu > 0)), steady)
 
 
 @eqx.filter_jit

@@ -99,7 +99,7 @@ def optimise(
         rounds=rounds,
         tolerance=tolerance,
         seed=seed,
-        interrupted=found.interrupted,
+        interrupted=found.interrupted or status is DesignStatus.interrupted,
         settings={"starts": starts, "steps": steps, "screening": screening, "model": _describe(model)},
     )
 

@@ -52,7 +52,11 @@ def confirmed(
         if len(rounds) == ROUNDS:
             return winner, runner_up, DesignStatus.nonlinear_objects, tuple(rounds)
         space = replace(space, stroke=_corrected(inside.space.stroke, winner, rounds[-1]))
-        pool = [c for c in pool if c is not winner] + _onward(inside, space, found)
+        try:
+            more = _onward(inside, space, found)
+        except KeyboardInterrupt:
+            return winner, runner_up, DesignStatus.interrupted, tuple(rounds)
+        pool = [c for c in pool if c is not winner] + more
 
 
 def _round(inside: Inside, limit: float, winner: Candidate) -> Round:
@@ -84,7 +88,9 @@ def _onward(inside: Inside, space: DesignSpace, found: Found) -> list[Candidate]
     if found.evaluate is None or inside.steps == 0:
         return []
     chosen = choose(found.screened, space, len(found.best))
-    path, _ = descend(found.evaluate, space, chosen, steps=inside.steps, progress=inside.progress)
+    path, interrupted = descend(found.evaluate, space, chosen, steps=inside.steps, progress=inside.progress)
+    if interrupted:
+        raise KeyboardInterrupt
     best = path.best(space.stroke)
     designs = [path.designs[i, j] for i, j in enumerate(best) if j >= 0]
     designs += list(found.screened.designs[found.screened.order(space.stroke)[:2]])

@@ -19,6 +19,9 @@ def add(commands: Any) -> None:
         "Exit status: 0 the nonlinear equations confirm it, 2 bad input, 3 they do not, 130 interrupted.",
     )
     command.add_argument("design", type=Path, metavar="DESIGN", help="report directory, or its design.json")
+    command.add_argument(
+        "--quick", action="store_true", help="leave out the smoothed models, which take long to compile"
+    )
     command.set_defaults(run=run)
 
 
@@ -27,19 +30,21 @@ def run(options: argparse.Namespace) -> int:
     job_tables, hung = _read(options.design)
     common.use_64_bits()
     from tpd import job
-    from tpd.checking import check
+    from tpd.checking import QUICK, RUNGS, check
     from tpd.scene import Pendulum
 
     work = job.build(job_tables)
     pendulum = None if hung is None else Pendulum(**hung)
     with common.Bar() as bar:
-        found = check(work.scene, pendulum, stroke=work.space.stroke, progress=bar)
+        rungs = QUICK if options.quick else RUNGS
+        found = check(work.scene, pendulum, stroke=work.space.stroke, rungs=rungs, progress=bar)
     print(found.table())
     if pendulum is None:
         print("\nthe bare block: the report offers no pendulum")
+        return 0
     for objection in found.objections:
         print(f"\nDO NOT USE: {objection}.")
-    return 3 if found.objections else 0
+    return common.UNSOUND if found.objections else common.SOUND
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, float] | None]:
@@ -53,4 +58,11 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, float] | None]:
         raise ValueError(f"{file} is not a design in JSON") from None
     if not isinstance(content, dict) or not {"job", "pendulum"} <= set(content):
         raise ValueError(f"{file} is not a design: it has no `job` and `pendulum`")
-    return content["job"], content["pendulum"]
+    job, hung = content["job"], content["pendulum"]
+    if not isinstance(job, dict) or not (hung is None or _is_pendulum(hung)):
+        raise ValueError(f"{file} is not a design: its `job` or `pendulum` is not what a report holds")
+    return job, hung
+
+
+def _is_pendulum(hung: Any) -> bool:
+    return isinstance(hung, dict) and set(hung) == {"mass", "length", "damping_ratio"}

@@ -93,10 +93,9 @@ def run(options: argparse.Namespace) -> int:
 
 def _ladder(design: Any) -> str:
     """The design by the models that do not take long to compile; `tpd check` has all."""
-    from tpd.checking import check
+    from tpd.checking import QUICK, check
 
-    quick = ("uplift", "one harmonic", "exact", "nonlinear")
-    return check(design.scene, design.pendulum, stroke=design.space.stroke, rungs=quick).table()
+    return check(design.scene, design.pendulum, stroke=design.space.stroke, rungs=QUICK).table()
 
 
 def _responses(design: Any, bar: common.Bar) -> tuple:

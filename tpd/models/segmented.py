@@ -61,7 +61,9 @@ class Segmented(AbstractModel):
     """True signs, by default of the nonlinear equations (4); the bound on the solver's step is a
     sixteenth of a forcing period, so that an event that undoes itself within less may go unseen.
 
-    An impact (e < 1) acts along the rod only: lam psi' - 2 cos(psi) phi' stays.
+    As in the paper, a crossing of phi = 0 without loss leaves both rates as they are. An impact with loss
+    (e < 1) changes lam psi' by 2 cos(psi) times the change of phi'; terms of order nu sin(psi) are left out.
+    Unlike the exact model this one does not tell grazing orbits: derivatives next to one are not refused.
     """
 
     terms: Terms = eqx.field(default=Terms.nonlinear, static=True, kw_only=True)
@@ -140,17 +142,20 @@ class Segmented(AbstractModel):
         equations = Equations(p, self.terms)
 
         def leg(carry: tuple, interval: Float[Array, "2"]) -> tuple[tuple, State]:
-            y, mode, lost, exhausted = carry
+            y, mode, lost, exhausted, failed = carry
             r = self._advance(equations, _begin(equations, y, mode, interval[0]), interval[1])
-            carry = r.y, r.mode, lost | r.lost, exhausted | (r.segments >= self.max_events)
+            failed = failed | ~jnp.all(jnp.isfinite(r.y))
+            carry = r.y, r.mode, lost | r.lost, exhausted | (r.segments >= self.max_events), failed
             return carry, jnp.where(carry[2] | carry[3], jnp.nan, r.y)
 
         no = jnp.zeros((), bool)
-        first = (y0, _classify(equations, y0, times[0]), no, no)
+        first = (y0, _classify(equations, y0, times[0]), no, no, no)
         intervals = jnp.stack([times[:-1], times[1:]], axis=1)
-        (_, _, lost, exhausted), ys = jax.lax.scan(leg, first, intervals)
+        (_, _, lost, exhausted, failed), ys = jax.lax.scan(leg, first, intervals)
         status = Status.where(lost, Status.overturned, Status.rocking)
         status = Status.where(exhausted, Status.event_bound, status)
+        # A solver that gave up leaves NaN where an overturning block is far, but somewhere.
+        status = Status.where(failed, Status.failed, status)
         return jnp.concatenate([y0[None], ys]), status
 
     def _advance(self, equations: Equations, run: _Run, end: Number, *, precise: bool = False) -> _Run:

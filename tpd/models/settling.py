@@ -86,8 +86,11 @@ class Record(NamedTuple):
         status = Status.where(self.rests, Status.rest, status)
         status = Status.where(self.lost, Status.overturned, status)
         status = Status.where(jnp.all(jnp.isfinite(self.y)), status, Status.failed)
-        stroke = jnp.where(self.rests, self.strokes[0], jnp.max(self.strokes))
-        amplitude = jnp.where(self.rests, 0.0, jnp.max(self.amplitudes))
+        # Of a motion that repeats itself, what its own periods reached: those before belong to the way there.
+        own = (jnp.arange(LONGEST) < periods) | (self.repeats == 0)
+        stroke, amplitude = (jnp.max(jnp.where(own, x, 0.0)) for x in (self.strokes, self.amplitudes))
+        stroke = jnp.where(self.rests, self.strokes[0], stroke)
+        amplitude = jnp.where(self.rests, 0.0, amplitude)
         return Settled(self.y, self.memory, periods, amplitude, stroke, status, self.elapsed)
 
 
