@@ -34,7 +34,12 @@ def positive(name: str, value: object) -> None:
 
 def count(name: str, value: object, least: int = 1) -> None:
     """Raise `ValueError` unless `value` is a whole number, `least` or above."""
-    _check(name, value, f"a whole number, {least} or more", lambda x: (x >= least) & (x == np.round(x)))
+    _check(
+        name,
+        value,
+        f"a whole number, {least} or more",
+        lambda x: (x >= least) & np.issubdtype(x.dtype, np.integer),
+    )
 
 
 def not_negative(name: str, value: object) -> None:

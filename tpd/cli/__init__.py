@@ -25,7 +25,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     try:
         return options.run(options)
-    except ValueError as error:
+    except (ValueError, OSError) as error:
         print(f"tpd: {error}", file=sys.stderr)
         return common.BAD_INPUT
     except KeyboardInterrupt:
