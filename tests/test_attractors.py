@@ -81,7 +81,8 @@ def test_single_numbers_belong_to_every_start(crowd):
 )
 def test_batches_of_other_shapes_are_refused(p, y0, shapes):
     with pytest.raises(
-        ValueError, match=rf"`p` and `y0` must have shapes \(n,\) and \(n, 4\), but have {shapes}"
+        ValueError,
+        match=rf"`p`, `begin` and `ramp` must have shape \(n,\) and `y0` \(n, 4\), but have {shapes}",
     ):
         settle_all(p, y0)
 

@@ -39,7 +39,7 @@ def refused(capsys, *arguments: str, command: str = "optimise") -> str:
         (("--length-ratio", "0.5", "0.5"), "`length_ratio` must be an interval"),
         (("--damping", "0.1", "0.2", "0.3"), "`--damping` must be one number or two bounds"),
         (("--stroke", "0"), "`stroke` must be positive"),
-        (("--starts", "0"), "`starts` must be a whole number of at least 1"),
+        (("--starts", "0"), "`starts` must be a whole number, 1 or more"),
         (("--seed", "-1"), "`seed` must be zero or positive"),
         (("--width", "wide"), "invalid float value: 'wide'"),
         (("--scene", "absent.toml"), "cannot read absent.toml: No such file or directory"),

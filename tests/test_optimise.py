@@ -185,7 +185,7 @@ def test_a_pendulum_that_saves_by_luck_is_called_fragile(design):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"starts": 0}, "`starts` must be a whole number of at least 1, but is 0"),
+        ({"starts": 0}, "`starts` must be a whole number, 1 or more, but is 0"),
         ({"tolerance": 0.0}, "`tolerance` must be positive"),
         ({"seed": -1}, "`seed` must be zero or positive"),
     ],

@@ -73,19 +73,29 @@ class Setup:
 
     def check(self, argument: str, name: str, *values: float) -> None:
         """`ValueError` unless `name`, given as `argument`, can be varied and take these values."""
+        self.check_name(argument, name)
+        for value in map(float, values):
+            self.check_sign(name, value)
+            self.at({name: value})
+
+    def check_name(self, argument: str, name: str) -> None:
+        """`ValueError` unless `name`, given as `argument`, can be varied."""
         if name not in self.names:
             raise ValueError(f"`{argument}` must be one of {', '.join(self.names)}, but is {name!r}")
         if self.scene and not self.hung and name in _OF_PENDULUM:
             raise ValueError(f"`{name}` cannot be varied without a pendulum, but none is given")
-        for value in map(float, values):
-            if name in QUANTITIES:
-                check = checks.not_negative if name in _MAY_BE_ZERO else checks.positive
-                check(name, value)
-            self.at({name: value})
+
+    def check_sign(self, name: str, value: float) -> None:
+        """`ValueError` for a quantity that is negative, or zero where it may not be. Whether the rest
+        allows for it (a width for a height) is checked by `at`."""
+        if name in QUANTITIES:
+            check = checks.not_negative if name in _MAY_BE_ZERO else checks.positive
+            check(name, value)
 
     def at(self, varied: Mapping[str, Any]) -> Parameters:
         """The parameters with some numbers replaced, each by a number or an array. In a scene the
-        quantities in SI units go first; a parameter given as well leaves all others as they are."""
+        quantities in SI units go first; a parameter given as well leaves all others as they are, but
+        rho, which follows nu unless the block has a radius of gyration."""
         return Parameters(**self.numbers(varied))
 
     def numbers(self, varied: Mapping[str, Any]) -> dict[str, Any]:

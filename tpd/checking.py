@@ -38,7 +38,13 @@ _MODELS: dict[str, tuple[AbstractModel, str]] = {
 }
 """Rungs that follow a motion from rest, and what each neglects."""
 
-RUNGS = ("uplift", "one harmonic", *_MODELS)
+_CLOSED = {
+    "uplift": "everything but the settled bob under a resting block",
+    "one harmonic": "all harmonics but one",
+}
+"""Closed forms, and what each neglects."""
+
+RUNGS = (*_CLOSED, *_MODELS)
 """All rungs, the cheapest first."""
 QUICK = ("uplift", "one harmonic", "exact", TOP)
 """Those that do not take long to compile."""
@@ -145,16 +151,9 @@ def nonlinear(p: Parameters) -> tuple[float, float, str]:
 
 
 def _rung(name: str, p: Parameters) -> Rung:
-    neglects = {
-        "uplift": "everything but the settled bob under a resting block",
-        "one harmonic": "all harmonics but one",
-    }
-    if name in _MODELS:
-        model, missing = _MODELS[name]
-        run: Callable[[], tuple[float, float, str]] = lambda: _followed(model, p)  # noqa: E731
-    else:
-        missing = neglects[name]
-        run = lambda: _closed(name, p)  # noqa: E731
+    def run() -> tuple[float, float, str]:
+        return _followed(_MODELS[name][0], p) if name in _MODELS else _closed(name, p)
+
     begin = time.perf_counter()
     run()
     middle = time.perf_counter()
@@ -167,7 +166,7 @@ def _rung(name: str, p: Parameters) -> Rung:
         status=status,
         seconds=end - middle,
         first=middle - begin,
-        neglects=missing,
+        neglects=_CLOSED[name] if name in _CLOSED else _MODELS[name][1],
     )
 
 

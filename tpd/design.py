@@ -80,14 +80,14 @@ class DesignStatus(enum.Enum):
 
     found = (
         "A pendulum was found that lessens the settled rocking under this one shaking, from rest; the exact "
-        "solution of the linear equations confirms it."
+        "solution of the linear equations confirms it, and the nonlinear equations have nothing against it."
     )
     models_disagree = (
         "DO NOT USE AS IT IS: the smoothed and the exact solution disagree on this design by more than "
         "the tolerance, so its motion depends on details that neither can promise."
     )
     nonlinear_objects = (
-        "NO DESIGN TO OFFER: what the linear equations find breaks the limits by the nonlinear ones, also "
+        "NO DESIGN TO OFFER: what the linear equations find does not hold by the nonlinear ones, also "
         "under limits corrected for that."
     )
     fragile = (

@@ -38,7 +38,7 @@ class Found:
     """What a search leaves behind, whole or interrupted."""
 
     evaluate: Callable[[Array], Evaluation] | None
-    """The compiled evaluator; None if Ctrl-C came before it was ready."""
+    """The compiled evaluator; None if there was nothing to search, or Ctrl-C came before it was ready."""
     screened: Screened
     trace: Trace
     best: np.ndarray
@@ -85,17 +85,17 @@ def search(
 ) -> Found:
     """Screen, descend and polish; Ctrl-C at any point keeps what there is."""
     evaluate = evaluator(p, model, len(space.names))
-    compiling = _compile_aside(evaluate, np.tile(bare_design(p), (starts, 1)))
+    compiling = _compile_aside(evaluate, np.tile(bare_design(p), (starts, 1))) if steps > 0 else None
     screened, interrupted = _screen(p, space, screening, seed, progress)
     chosen = choose(screened, space, starts)
     nothing = np.full(len(chosen), -1)
-    if interrupted:
-        return Found(None, screened, trace([], len(chosen)), nothing, True)
+    if interrupted or compiling is None:
+        return Found(None, screened, trace([], len(chosen)), nothing, interrupted)
     compiling.join()
     _aside(lambda: nonlinear(p))
     path, interrupted = descend(evaluate, space, chosen, steps=steps, progress=progress)
     best = path.best(space.stroke)
-    if not interrupted and steps > 0:
+    if not interrupted:
         near = np.stack([path.designs[i, j] if j >= 0 else chosen[i] for i, j in enumerate(best)])
         finish, interrupted = polish(evaluate, space, near, steps=(steps + 1) // 2, progress=progress)
         path = path.then(finish)
@@ -126,7 +126,8 @@ def exact(p: Parameters, design: np.ndarray) -> Steady:
 def choose(screened: Screened, space: DesignSpace, starts: int) -> np.ndarray:
     """The best screened designs that lie apart from one another, then the rest in order."""
     order = list(screened.order(space.stroke))
-    order += [i for i in range(len(screened.planned)) if i not in set(order)]
+    taken = set(order)
+    order += [i for i in range(len(screened.planned)) if i not in taken]
     low, high = space.bounds
     unit = (screened.planned[:, : low.size] - low) / (high - low)
     chosen: list[int] = []

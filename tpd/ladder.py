@@ -16,6 +16,7 @@ does to the amplitude. So the estimate grows where the answer is sensitive, near
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -26,6 +27,8 @@ from jaxtyping import Array
 
 from tpd import checks
 from tpd.balance import neglected_harmonics, one_harmonic_branches, uplift
+from tpd.exact.flow import held_at_rest
+from tpd.exact.spectrum import Plant
 from tpd.models.interface import AbstractChoice
 from tpd.models.piecewise import Piecewise
 from tpd.models.segmented import Segmented
@@ -74,9 +77,9 @@ class Auto(AbstractChoice):
             )
         fixed, limit = as_arrays(p), f"the tolerance {self.tolerance:g}"
         still = _still(fixed, y0)
-        if bool(still.rests) and float(still.estimate) <= min(self.tolerance, float(still.margin)):
-            reserve = f"{float(still.margin):.1%} of the moment that would lift the block is in reserve"
-            why = f"the block never lifts, and once the pendulum has settled {reserve}"
+        if bool(still.rests) and float(still.estimate) <= min(self.tolerance, float(still.reserve)):
+            reserve = f"{float(still.reserve):.1%} of the moment that would lift the block is in reserve"
+            why = f"the block never lifts: {reserve}, from the start on"
             return _told(still.steady, "uplift", still.estimate, why)
         lossless, moved = float(fixed.e) == 1.0, bool(jnp.any(y0 != 0.0))
         if self.balance and lossless and not moved and float(still.margin) < _LIFTS:
@@ -100,15 +103,7 @@ class Auto(AbstractChoice):
 
 
 def _told(steady: Steady, rung: str, estimate: Number, reason: str) -> Steady:
-    return eqx.tree_at(
-        lambda s: (s.estimate,), _named(steady, rung, reason), (estimate,), is_leaf=lambda x: x is None
-    )
-
-
-def _named(steady: Steady, rung: str, reason: str) -> Steady:
-    """With what is no array."""
-    values = {name: getattr(steady, name) for name in steady.__dataclass_fields__}
-    return Steady(**{**values, "rung": rung, "reason": reason})
+    return replace(steady, rung=rung, estimate=estimate, reason=reason)
 
 
 class _Still(NamedTuple):
@@ -116,7 +111,10 @@ class _Still(NamedTuple):
 
     rests: Array
     """Whether it can never lift."""
+    reserve: Number
+    """Share of the moment that would lift the block which the bob, on its way as well, leaves over."""
     margin: Number
+    """The same once the bob has settled."""
     estimate: Number
     """Share by which the dropped terms change the moment on it."""
     steady: Steady
@@ -125,11 +123,11 @@ class _Still(NamedTuple):
 @eqx.filter_jit
 def _still(p: Parameters, y0: State) -> _Still:
     """Whether the block is done at its start, in closed form: nothing is followed."""
-    record, lift = Piecewise().lane(p, y0).record, uplift(p)
-    reach = record.strokes[0]
+    lane, lift = Piecewise().lane(p, y0), uplift(p)
+    record, (reserve, reach) = lane.record, held_at_rest(Plant(p), lane.motion)
     stroke = jnp.where(p.zeta > 0, lift.stroke, reach)
     steady = _closed(Status.rest, jnp.zeros(()), stroke, record.y)
-    return _Still(record.rests, lift.margin, _dropped_at_rest(p, reach * (p.mu > 0)), steady)
+    return _Still(record.rests, reserve, lift.margin, _dropped_at_rest(p, reach * (p.mu > 0)), steady)
 
 
 @eqx.filter_jit

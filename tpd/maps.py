@@ -136,7 +136,9 @@ def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.n
         raise ValueError(
             f"the values of `{argument}` must be two or more finite numbers that increase, but are not"
         )
-    setup.check(argument, name, values[0], values[-1])
+    setup.check_name(argument, name)
+    for value in (values[0], values[-1]):
+        setup.check_sign(name, float(value))
     return name, values
 
 

@@ -15,7 +15,7 @@ from tpd.models.interface import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.parameters import as_arrays
-from tpd.rounds import Inside, confirmed
+from tpd.rounds import Inside, at_rest, confirmed
 from tpd.scene import Harmonic, Pendulum, Scene
 from tpd.search import Progress, Trace
 from tpd.status import status_name
@@ -63,7 +63,7 @@ def optimise(
     checks.require_x64()
     space = DesignSpace() if space is None else space
     for name, value in {"starts": starts, "steps": steps, "screening": screening}.items():
-        _count(name, value)
+        checks.count(name, value)
     checks.positive("tolerance", tolerance)
     checks.not_negative("seed", seed)
     model = Smoothed(max_periods=200) if model is None else model
@@ -73,9 +73,9 @@ def optimise(
     found = search(p, space, model, starts, 0 if rests else steps, screening, seed, progress)
     bare, *others = candidates(p, found, space, tolerance, model, progress)
     inside = Inside(p, space, model, tolerance, 0 if rests else steps, progress)
-    winner, runner_up, status, rounds = confirmed(inside, found, bare, others)
+    winner, runner_up, status, rounds = confirmed(inside, found, bare, [] if rests else others)
     if rests:
-        status = DesignStatus.no_uplift
+        status, rounds = at_rest(inside, bare)
     helps = winner is not None and status in (DesignStatus.found, DesignStatus.models_disagree)
     pendulum = _pendulum(scene, winner) if helps and winner is not None else None
     nearby = _overturned_nearby(scene, pendulum)
@@ -102,11 +102,6 @@ def optimise(
         interrupted=found.interrupted or status is DesignStatus.interrupted,
         settings={"starts": starts, "steps": steps, "screening": screening, "model": _describe(model)},
     )
-
-
-def _count(name: str, value: object) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise ValueError(f"`{name}` must be a whole number of at least 1, but is {value!r}")
 
 
 def _overturned_nearby(scene: Scene, pendulum: Pendulum | None) -> tuple[int, int, int]:

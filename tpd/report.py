@@ -100,8 +100,9 @@ def _row(name: str, c: Candidate) -> str:
 def notes(design: Design, responses: tuple[Response, ...] = ()) -> list[str]:
     """What somebody who would hang this pendulum must know, dangers first."""
     out = [
-        "the linear equations of Collini et al. (2016) under one harmonic motion of the base, switched on "
-        "suddenly at rest; other starts may settle elsewhere, and an earthquake is not a harmonic."
+        "amplitudes, strokes and responses are those of the linear equations of Collini et al. (2016) under "
+        "one harmonic motion of the base, switched on suddenly at rest; the nonlinear ones were asked of the "
+        "design itself. Other starts may settle elsewhere, and an earthquake is not a harmonic."
     ]
     if design.interrupted:
         out.insert(0, "the search was interrupted; nothing below is the best of the design space.")

@@ -3,6 +3,7 @@ limit there, the search goes on under a corrected one."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
@@ -11,7 +12,7 @@ import numpy as np
 from tpd.candidates import judge, rank, solved
 from tpd.checking import nonlinear, objections
 from tpd.design import Candidate, DesignSpace, DesignStatus, Round
-from tpd.found import Found, bare_design, choose
+from tpd.found import Found, choose
 from tpd.models.interface import AbstractModel
 from tpd.parameters import Parameters
 from tpd.search import Progress, descend, with_design
@@ -25,6 +26,7 @@ class Inside:
     """What the linear search needs to go on."""
 
     p: Parameters
+    """Of the bare block."""
     space: DesignSpace
     model: AbstractModel
     tolerance: float
@@ -38,6 +40,7 @@ def confirmed(
     """The best design that the nonlinear equations have nothing against, the second best, what it is
     worth, and every round on the way: linear equations inside, nonlinear ones outside."""
     space, pool, rounds = inside.space, list(candidates), []
+    without = math.nan
     while True:
         winner, runner_up = rank(pool, space)
         status = judge(winner, bare, inside.tolerance)
@@ -46,7 +49,8 @@ def confirmed(
             if rounds and not offered:
                 status = DesignStatus.nonlinear_objects
             return winner, runner_up, status, tuple(rounds)
-        rounds.append(_round(inside, space.stroke, winner))
+        without = nonlinear(inside.p)[0] if not rounds else without
+        rounds.append(_round(inside, space.stroke, winner, without))
         if not rounds[-1].objections:
             return winner, runner_up, status, tuple(rounds)
         if len(rounds) == ROUNDS:
@@ -59,11 +63,20 @@ def confirmed(
         pool = [c for c in pool if c is not winner] + more
 
 
-def _round(inside: Inside, limit: float, winner: Candidate) -> Round:
-    """A design put to the nonlinear equations, under the limit asked for."""
+def at_rest(inside: Inside, bare: Candidate) -> tuple[DesignStatus, tuple[Round, ...]]:
+    """Whether a bare block that settles at rest by the linear equations does so by the nonlinear ones."""
+    told = _round(inside, math.inf, bare, math.inf)
+    if told.status == "rest":
+        return DesignStatus.no_uplift, ()
+    objection = f"by the nonlinear equations the bare block does not settle at rest but ends {told.status}"
+    return DesignStatus.nonlinear_objects, (replace(told, objections=(objection,)),)
+
+
+def _round(inside: Inside, limit: float, winner: Candidate, without: float) -> Round:
+    """A design put to the nonlinear equations, under the limit asked for; `without` is the bare block's
+    amplitude by them."""
     at = np.array([winner.mass_ratio, winner.length_ratio, winner.damping_ratio])
     amplitude, stroke, status = nonlinear(with_design(inside.p, jnp.asarray(at)))
-    without = nonlinear(with_design(inside.p, jnp.asarray(bare_design(inside.p))))[0]
     return Round(
         limit=limit,
         mass_ratio=winner.mass_ratio,

@@ -12,6 +12,9 @@ from tpd.cli import common
 if TYPE_CHECKING:
     from tpd.maps import DesignMap
 
+_MOST_POINTS = 2000.0
+"""Along each axis: four million designs take a minute, and a gigabyte of memory."""
+
 
 def add(commands: Any) -> None:
     """The command's grammar."""
@@ -48,6 +51,7 @@ def run(options: argparse.Namespace) -> int:
 
     scene = common.scene(options)
     checks.count("--points", options.points, least=2)
+    checks.within("--points", options.points, 2.0, _MOST_POINTS)
     x, y = (_axis(flag, given) for flag, given in (("--x", options.x), ("--y", options.y)))
     hung = common.pendulum(options, scene, (x[0], y[0]))
     files.claim(options.out, overwrite=options.overwrite)

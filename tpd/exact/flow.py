@@ -302,6 +302,13 @@ def _gentleness(plant: Plant, m: Motion, now: Instant, which: Int[Array, ""], af
 def settled_at_rest(plant: Plant, m: Motion) -> tuple[Bool[Array, ""], Number]:
     """Whether a resting block can never lift again, because the pendulum's decaying swing and its
     steady one together stay within what weight and friction hold; and how far they reach (rad)."""
+    reserve, reach = held_at_rest(plant, m)
+    return (m.mode.kind == REST) & (reserve >= 0.0), reach
+
+
+def held_at_rest(plant: Plant, m: Motion) -> tuple[Number, Number]:
+    """Of a block at rest: the share of what weight and friction hold that the bob's decaying and steady
+    swing at their largest leave over, and how far they reach (rad)."""
     linear, s, c = plant.linear, plant.swing[0], plant.swing[1]
     # R = -f sin - 2 mu psi + bias psi' for the steady swing, whose rate is xi (s cos - c sin).
     two_mu, bias, xi = linear.tilt - 1.0, linear.bias, linear.xi
@@ -311,5 +318,5 @@ def settled_at_rest(plant: Plant, m: Motion) -> tuple[Bool[Array, ""], Number]:
     stiffness = plant.held.q
     swing = jnp.sqrt(psi**2 + rate**2 / stiffness)
     decaying = two_mu * swing + jnp.abs(bias) * swing * jnp.sqrt(stiffness)
-    stays = (m.mode.kind == REST) & (steady + decaying <= linear.weight + linear.friction)
-    return stays, jnp.sqrt(s**2 + c**2) + swing
+    reserve = 1.0 - (steady + decaying) / (linear.weight + linear.friction)
+    return reserve, jnp.sqrt(s**2 + c**2) + swing

@@ -55,6 +55,8 @@ class _Run(NamedTuple):
     segments: Int[Array, ""]
     lost: Bool[Array, ""]
     held: Bool[Array, ""]
+    gentlest: Number
+    """See `Cycle`."""
 
 
 class Segmented(AbstractModel):
@@ -63,7 +65,6 @@ class Segmented(AbstractModel):
 
     As in the paper, a crossing of phi = 0 without loss leaves both rates as they are. An impact with loss
     (e < 1) changes lam psi' by 2 cos(psi) times the change of phi'; terms of order nu sin(psi) are left out.
-    Unlike the exact model this one does not tell grazing orbits: derivatives next to one are not refused.
     """
 
     terms: Terms = eqx.field(default=Terms.nonlinear, static=True, kw_only=True)
@@ -112,9 +113,10 @@ class Segmented(AbstractModel):
         def one_period(y: State, mode: Mode) -> Period:
             r = self._advance(equations, _begin(equations, y, mode, jnp.zeros(())), p.period)
             rests = _rests_for_good(p, r, y)
-            amplitude = jnp.where(rests, 0.0, jnp.maximum(r.up, r.down))
+            peak = jnp.maximum(r.up, r.down)
+            amplitude = jnp.where(rests, 0.0, peak)
             exhausted = r.segments >= self.max_events
-            return Period(r.y, r.mode, amplitude, r.stroke, rests, r.lost, exhausted, r.held)
+            return Period(r.y, r.mode, amplitude, r.stroke, rests, r.lost, exhausted, r.held, peak, r.stroke)
 
         mode = _classify(equations, y0, jnp.zeros(()))
         return settle(one_period, p, y0, mode, tolerance=self.tolerance, max_periods=self.max_periods)
@@ -124,16 +126,17 @@ class Segmented(AbstractModel):
         equations, zero = Equations(p, self.terms), jnp.zeros_like(y[0])
 
         def one_period(_: Array, carry: tuple) -> tuple:
-            y, mode, sizes = carry
+            y, mode, sizes, gentlest = carry
             run = _begin(equations, y, mode, jnp.zeros_like(p.xi))
             r = self._advance(equations, run, p.period, precise=True)
-            return r.y, r.mode, jnp.maximum(sizes, jnp.stack([r.up, r.down, r.stroke]))
+            sizes = jnp.maximum(sizes, jnp.stack([r.up, r.down, r.stroke]))
+            return r.y, r.mode, sizes, jnp.minimum(gentlest, r.gentlest)
 
-        first = (y, settled.memory, jnp.stack([zero, zero, zero]))
-        y, mode, (up, down, stroke) = jax.lax.fori_loop(0, settled.periods, one_period, first)
+        first = (y, settled.memory, jnp.stack([zero, zero, zero]), jnp.full_like(zero, jnp.inf))
+        y, mode, (up, down, stroke), gentlest = jax.lax.fori_loop(0, settled.periods, one_period, first)
         amplitude = jnp.maximum(up, down)
         lean = stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
-        return Cycle(y, amplitude, stroke, mode, jnp.full_like(zero, jnp.inf), lean)
+        return Cycle(y, amplitude, stroke, mode, gentlest, lean)
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]
@@ -239,7 +242,8 @@ def _begin(equations: Equations, y: State, mode: Mode, time: Number) -> _Run:
     way = jnp.where(stop_gradient(jnp.where(jnp.abs(y[3]) > 1e-12, y[3], ahead)) < 0.0, -1.0, 1.0)
     none, zero = jnp.zeros((), bool), jnp.zeros_like(y[0])
     sizes = jnp.maximum(y[0], zero), jnp.maximum(-y[0], zero), jnp.abs(y[1])
-    return _Run(time, y, mode, way, *sizes, jnp.zeros((), int), none, mode.kind != SLIP)
+    gentlest = jnp.full_like(zero, jnp.inf)
+    return _Run(time, y, mode, way, *sizes, jnp.zeros((), int), none, mode.kind != SLIP, gentlest)
 
 
 def _classify(equations: Equations, y: State, time: Number) -> Mode:
@@ -261,7 +265,7 @@ def _decide(equations: Equations, y: State, tilt: Number, rate: Number, sine: Nu
 
 def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: float) -> _Run:
     """The motion just after the event that it has arrived at."""
-    p, which = equations.p, jnp.argmin(stop_gradient(_signals(equations, r, time, y)))
+    p, before, which = equations.p, y, jnp.argmin(stop_gradient(_signals(equations, r, time, y)))
     sine, slips = jnp.sin(p.xi * time), r.mode.kind == SLIP
     landed, turned, bob = (slips & (which == i) for i in (_LANDING, _TURN, _BOB))
     bob = bob | (~slips & (which == _BOB))
@@ -289,7 +293,24 @@ def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: floa
         stroke=jnp.maximum(r.stroke, jnp.abs(y[1])),
         lost=r.lost | (which == _LOST),
         held=r.held | (mode.kind != SLIP),
+        gentlest=jnp.minimum(r.gentlest, _gentleness(equations, r, before, which, mode, sine)),
     )
+
+
+def _gentleness(
+    equations: Equations, r: _Run, y: State, which: Int[Array, ""], after: Mode, sine: Number
+) -> Number:
+    """How transversally the block turns, or crosses its base without being held there, over what is
+    usual; as in the exact solution, hops of a rattle do not count."""
+    usual = equations.p.xi * equations.linear.weight
+    bend = equations.rates(y, r.mode.tilt_sign, r.mode.rate_sign, sine)[2]
+    still = y.at[0].set(0.0).at[2].set(0.0)
+    up, low = (equations.excess(still, s, sine) for s in (1.0, -1.0))
+    free = (up > equations.linear.friction) | (low < -equations.linear.friction)
+    turn = jnp.abs(bend) / (equations.p.xi * usual)
+    crossing = jnp.where(free, jnp.abs(y[2]) / usual, jnp.inf)
+    met = jnp.where(which == _TURN, turn, jnp.where(which == _LANDING, crossing, jnp.inf))
+    return stop_gradient(jnp.where((r.mode.kind == SLIP) & (after.kind == SLIP), met, jnp.inf))
 
 
 def _rests_for_good(p: Parameters, r: _Run, before: State) -> Bool[Array, ""]:
