@@ -33,6 +33,8 @@ def settle_all(
     p: Parameters,
     y0: Any,
     *,
+    begin: Any = 0.0,
+    ramp: Any = 0.0,
     model: Piecewise | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -41,7 +43,11 @@ def settle_all(
 
     Args:
         p: parameters, of shape (n,) or single numbers for all.
-        y0: starts at tau = 0, shape (n, 4).
+        y0: starts, shape (n, 4).
+        begin: dimensionless times at which the shaking and the motion begin, within the first forcing
+            period; shape (n,) or one for all. The default is tau = 0.
+        ramp: forcing periods over which the shaking grows from zero to its full size, in steps of one
+            period; shape (n,) or one for all. The default is sudden.
         model: default `Piecewise()`; its `max_periods` bounds each motion.
         workers: threads; default the number of cores.
         progress: called with (motions done, of how many) now and then.
@@ -59,12 +65,13 @@ def settle_all(
         checks.count("workers", workers)
     starts = np.asarray(y0, dtype=float)
     n = len(starts)
-    shapes = sorted({np.shape(x) for x in jax.tree.leaves(p)} - {()})
+    shapes = sorted({np.shape(x) for x in jax.tree.leaves((p, begin, ramp))} - {()})
     if starts.shape != (n, 4) or n == 0 or shapes not in ([], [(n,)]):
         raise ValueError(
-            f"`p` and `y0` must have shapes (n,) and (n, 4), but have {shapes} and {starts.shape}"
+            f"`p`, `begin` and `ramp` must have shape (n,) and `y0` (n, 4), but have {shapes} and "
+            f"{starts.shape}"
         )
-    batch = jax.tree.map(lambda x: np.broadcast_to(np.asarray(x, dtype=float), n), p)
+    batch = jax.tree.map(lambda x: np.broadcast_to(np.asarray(x, dtype=float), n), (p, begin, ramp))
     cores = min((os.cpu_count() or 1) if workers is None else workers, max(1, n // LANES[-1]))
     # Neighbours in a batch are often alike: dealt out like cards, the cores get equal work.
     shares = [np.arange(i, n, cores) for i in range(cores)]
@@ -77,7 +84,8 @@ def settle_all(
                 progress(sum(done), n)
 
         share = shares[i]
-        return _Pool(model, jax.tree.map(lambda x: x[share], batch), starts[share]).run(report)
+        p, begin, ramp = jax.tree.map(lambda x: x[share], batch)
+        return _Pool(model, p, (starts[share], begin, ramp)).run(report)
 
     with ThreadPoolExecutor(cores) as threads:
         parts = list(threads.map(run, range(cores)))
@@ -88,14 +96,14 @@ def settle_all(
 class _Pool:
     """The motions of one core: those on their way, those still to begin, those done."""
 
-    def __init__(self, model: Piecewise, p: Parameters, y0: np.ndarray) -> None:
-        self.model, self.p, self.y0 = model, p, y0
+    def __init__(self, model: Piecewise, p: Parameters, starts: tuple[np.ndarray, ...]) -> None:
+        self.model, self.p, self.starts = model, p, starts
         self.begin, self.go = _compiled(model)
         self.results: list[tuple[np.ndarray, Any]] = []
 
     def run(self, report: Callable[[int], None]) -> Any:
         """Follow all of them: their `Settled` in order."""
-        waiting, n = 0, len(self.y0)
+        waiting, n = 0, len(self.starts[0])
         size = LANES[0] if n > LANES[-1] else LANES[-1]
         index = np.full(size, -1)
         lanes: Any = None
@@ -129,7 +137,8 @@ class _Pool:
         """New motions in the places `room`. A place that stays empty keeps a motion that is done."""
         if lanes is not None and not len(room):
             return lanes
-        fresh = self.begin(self._parameters(index), jnp.asarray(self.y0[np.maximum(index, 0)]))
+        rows = np.maximum(index, 0)
+        fresh = self.begin(self._parameters(index), *(jnp.asarray(x[rows]) for x in self.starts))
         if lanes is None:
             return fresh
         new = np.zeros(len(index), bool)

@@ -183,3 +183,11 @@ class Plant(eqx.Module):
         self.swing = jnp.stack([jnp.real(z), jnp.imag(z)])
         self.restitution = jnp.asarray(p.e)
         self.length_ratio = jnp.asarray(p.lam)
+
+    def shaken(self, share: Number) -> Plant:
+        """The same system under a share of its forcing."""
+        return eqx.tree_at(
+            lambda plant: (plant.linear.f, plant.response, plant.swing),
+            self,
+            (share * self.linear.f, share * self.response, share * self.swing),
+        )

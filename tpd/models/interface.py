@@ -28,6 +28,10 @@ class Settled(eqx.Module):
     status: Status
     elapsed: Int[Array, ""]
     """Forcing periods simulated."""
+    peak: Number
+    """Largest |phi| from the start on."""
+    peak_stroke: Number
+    """Largest |psi| from the start on."""
 
 
 class Cycle(eqx.Module):

@@ -27,6 +27,15 @@ class Lane(eqx.Module):
 
     motion: Motion
     record: Record
+    ramp: Number
+    """Forcing periods over which the shaking grows; 0 if it is sudden."""
+
+
+def _share(ramp: Number, elapsed: Int[Array, ""] | int) -> Number:
+    """Of the shaking that grows over `ramp` periods, what there is in the period after so many: it grows
+    in steps of one period, at zeros of the forcing."""
+    growing = (elapsed + 0.5) / jnp.where(ramp > 0.0, ramp, 1.0)
+    return jnp.where(ramp > 0.0, jnp.minimum(growing, 1.0), 1.0)
 
 
 class Piecewise(AbstractModel):
@@ -73,17 +82,25 @@ class Piecewise(AbstractModel):
         """Follow the motion from `y0` at tau = 0 until it repeats or rests for good."""
         return self.follow(p, self.lane(p, y0), self.max_periods).record.settled()
 
-    def lane(self, p: Parameters, y0: State) -> Lane:
-        """A motion that is about to begin at tau = 0; one that can never lift is done already."""
-        zero = jnp.zeros_like(p.xi)
-        plant = Plant(p)
-        mode = classify(plant, y0, zero)
-        motion, record = start(plant, mode, y0, zero), blank(y0, mode)
-        rests, reach = settled_at_rest(plant, motion)
+    def lane(self, p: Parameters, y0: State, begin: Number = 0.0, ramp: Number = 0.0) -> Lane:
+        """A motion that is about to begin at tau = `begin`, within the first forcing period, under shaking
+        that is sudden or grows over `ramp` forcing periods; one that can never lift is done already."""
+        ramp = jnp.asarray(ramp, dtype=jnp.float64)
+        full = Plant(p)
+        plant = full.shaken(_share(ramp, 0))
+        phase = p.xi * jnp.asarray(begin)
+        mode = classify(plant, y0, jnp.sin(phase))
+        motion, record = start(plant, mode, y0, phase), blank(y0, mode)
+        motion = eqx.tree_at(lambda m: m.begun, motion, jnp.zeros_like(motion.begun) + begin)
+        rests, reach = settled_at_rest(full, motion)
+        rests = rests & (ramp == 0.0)
         still = record._replace(
-            y=self._at_rest(plant, p, y0), strokes=jnp.full_like(record.strokes, reach), rests=rests
+            y=self._at_rest(full, p, y0),
+            strokes=jnp.full_like(record.strokes, reach),
+            rests=rests,
+            peak_stroke=jnp.maximum(record.peak_stroke, reach),
         )
-        return Lane(motion, jax.tree.map(lambda a, b: jnp.where(rests, a, b), still, record))
+        return Lane(motion, jax.tree.map(lambda a, b: jnp.where(rests, a, b), still, record), ramp)
 
     def follow(
         self, p: Parameters, lane: Lane, periods: Int[Array, ""] | int, leaps: int | None = None
@@ -93,7 +110,7 @@ class Piecewise(AbstractModel):
         One loop over events, whatever the period they are in: in a batch no motion waits for the
         others at the end of its period.
         """
-        plant, scale = Plant(p), scale_of(p)
+        full, scale = Plant(p), scale_of(p)
 
         def going(carry: tuple[Lane, Int[Array, ""]]) -> Bool[Array, ""]:
             lane, count = carry
@@ -104,31 +121,38 @@ class Piecewise(AbstractModel):
             m, leaps = carry
             return ~arrived(m, p.period) & ~m.lost & (leaps < _LEAPS)
 
-        def onward(carry: tuple[Motion, Int[Array, ""]]) -> tuple[Motion, Int[Array, ""]]:
-            m, leaps = carry
-            return leap(plant, m, p.period, watch_bob=True, quiet=self.rest_rate * p.nu), leaps + 1
-
         def step(carry: tuple[Lane, Int[Array, ""]]) -> tuple[Lane, Int[Array, ""]]:
             lane, count = carry
+            plant = full.shaken(_share(lane.ramp, lane.record.elapsed))
+
+            def onward(carry: tuple[Motion, Int[Array, ""]]) -> tuple[Motion, Int[Array, ""]]:
+                m, leaps = carry
+                return leap(plant, m, p.period, watch_bob=True, quiet=self.rest_rate * p.nu), leaps + 1
+
             m = jax.lax.while_loop(short, onward, (lane.motion, jnp.zeros((), int)))[0]
             ended = arrived(m, p.period) | m.lost | (m.steps >= self.max_events)
-            period = self._summary(plant, p, m)
+            elapsed = lane.record.elapsed + 1
+            growing = elapsed < lane.ramp
+            period = self._summary(full, p, m, ~growing)
             record = lane.record.add(period, scale, self.tolerance)
-            again = start(plant, m.mode, period.y, jnp.zeros_like(p.xi))
-            fresh, stale = Lane(again, record), Lane(m, lane.record)
+            record = record._replace(repeats=jnp.where(growing, 0, record.repeats))
+            again = start(full.shaken(_share(lane.ramp, elapsed)), m.mode, period.y, jnp.zeros_like(p.xi))
+            fresh, stale = Lane(again, record, lane.ramp), Lane(m, lane.record, lane.ramp)
             return jax.tree.map(lambda a, b: jnp.where(ended, a, b), fresh, stale), count + 1
 
         return jax.lax.while_loop(going, step, (lane, jnp.zeros((), int)))[0]
 
-    def _summary(self, plant: Plant, p: Parameters, m: Motion) -> Period:
-        """The period that a motion has just completed."""
+    def _summary(self, plant: Plant, p: Parameters, m: Motion, steady: Bool[Array, ""]) -> Period:
+        """The period that a motion has just completed; rest is for good only under `steady` shaking."""
         y = jnp.stack([kept(x) for x in state_at(m, p.period)])
         rests, reach = settled_at_rest(plant, m)
-        rests = rests & jnp.all(jnp.isfinite(y))
+        rests = rests & steady & jnp.all(jnp.isfinite(y))
         y = jnp.where(rests, self._at_rest(plant, p, y), y)
-        amplitude = jnp.where(rests, 0.0, jnp.maximum(jnp.maximum(m.up, m.down), jnp.abs(y[0])))
-        stroke = jnp.where(rests, reach, m.stroke)
-        return Period(y, m.mode, amplitude, stroke, rests, m.lost, m.steps >= self.max_events, m.held)
+        peak = jnp.maximum(jnp.maximum(m.up, m.down), jnp.abs(y[0]))
+        peak_stroke = jnp.where(rests, jnp.maximum(reach, m.stroke), m.stroke)
+        amplitude, stroke = jnp.where(rests, 0.0, peak), jnp.where(rests, reach, m.stroke)
+        exhausted = m.steps >= self.max_events
+        return Period(y, m.mode, amplitude, stroke, rests, m.lost, exhausted, m.held, peak, peak_stroke)
 
     def _at_rest(self, plant: Plant, p: Parameters, y: State) -> State:
         """The state at tau = 0 that a block at rest for good comes to, from `y` there."""

@@ -29,6 +29,9 @@ class Period(NamedTuple):
     exhausted: Bool[Array, ""]
     held: Bool[Array, ""]
     """Whether the block was held by friction, or on its base, for a part of it."""
+    peak: Number
+    """Largest |phi|; `amplitude` as well unless the block came to rest."""
+    peak_stroke: Number
 
 
 class Record(NamedTuple):
@@ -46,6 +49,9 @@ class Record(NamedTuple):
     lost: Bool[Array, ""]
     exhausted: Bool[Array, ""]
     elapsed: Int[Array, ""]
+    peak: Number
+    """Largest |phi| so far."""
+    peak_stroke: Number
 
     @property
     def done(self) -> Bool[Array, ""]:
@@ -74,6 +80,8 @@ class Record(NamedTuple):
             period.lost,
             period.exhausted,
             self.elapsed + 1,
+            jnp.maximum(self.peak, period.peak),
+            jnp.maximum(self.peak_stroke, period.peak_stroke),
         )
 
     def settled(self) -> Settled:
@@ -91,14 +99,16 @@ class Record(NamedTuple):
         stroke, amplitude = (jnp.max(jnp.where(own, x, 0.0)) for x in (self.strokes, self.amplitudes))
         stroke = jnp.where(self.rests, self.strokes[0], stroke)
         amplitude = jnp.where(self.rests, 0.0, amplitude)
-        return Settled(self.y, self.memory, periods, amplitude, stroke, status, self.elapsed)
+        peaks = (jnp.where(self.lost, jnp.inf, x) for x in (self.peak, self.peak_stroke))
+        return Settled(self.y, self.memory, periods, amplitude, stroke, status, self.elapsed, *peaks)
 
 
 def blank(y0: State, memory: Any) -> Record:
     """The record of a motion that is about to begin."""
     no, count, none = jnp.zeros((), bool), jnp.zeros((), int), jnp.zeros(LONGEST)
     past = jnp.full((LONGEST, 4), jnp.inf).at[0].set(y0)
-    return Record(y0, memory, past, none, none, jnp.zeros(LONGEST, bool), count, no, no, no, count)
+    peaks = jnp.abs(y0[0]), jnp.abs(y0[1])
+    return Record(y0, memory, past, none, none, jnp.zeros(LONGEST, bool), count, no, no, no, count, *peaks)
 
 
 def scale_of(p: Parameters, *, bob: Bool[Array, ""] | None = None) -> Float[Array, "4"]:

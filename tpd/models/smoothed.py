@@ -101,7 +101,7 @@ class Smoothed(AbstractModel):
             ys, bounded = self._integrate(field, y, times)
             amplitude, stroke = jnp.max(jnp.abs(ys[:, 0])), jnp.max(jnp.abs(ys[:, 1]))
             lost = ~(amplitude < limit) & bounded
-            return Period(ys[-1], memory, amplitude, stroke, no, lost, ~bounded, no)
+            return Period(ys[-1], memory, amplitude, stroke, no, lost, ~bounded, no, amplitude, stroke)
 
         return settle(one_period, p, y0, None, tolerance=self.tolerance, max_periods=self.max_periods)
 
