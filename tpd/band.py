@@ -1,0 +1,166 @@
+"""A design for everything that the block may see: the pendulum that is best in the worst of many conditions.
+
+Every condition is answered by all symmetric period-one orbits and the uplift margin, in closed form and
+with exact gradients: a hundred thousand a second. So the search is over what the block can do however it
+starts, and events, the nonlinear equations and an ensemble of runs judge what it finds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from tpd.balance import uplift
+from tpd.batch import in_chunks
+from tpd.conditions import Conditions, Limits, Measure, under
+from tpd.design import DesignSpace
+from tpd.minimax import Local
+from tpd.orbits import symmetric_orbits
+from tpd.parameters import Parameters
+from tpd.status import Status
+
+KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
+"""What a design does under a condition, see `Told.kind`."""
+_ROCKING, _NEAR, _REST, _UNSTABLE, _NONE = range(5)
+
+
+class Told(NamedTuple):
+    """Designs under conditions: arrays (m, n), slopes (m, n, 3) in (mu, lam, zeta)."""
+
+    merit: np.ndarray
+    """tilt where the block rocks; -margin where it can only rest; above 1 where no symmetric orbit
+    attracts and rest does not hold: lower is better, and all but orbits near a fold have slopes."""
+    merit_slope: np.ndarray
+    tilt: np.ndarray
+    """Largest |phi| over nu of the largest attracting symmetric orbit; 0 at rest. Where none attracts that
+    of the largest, or infinite."""
+    tilt_slope: np.ndarray
+    stroke: np.ndarray
+    """Largest |psi| of the same, rad."""
+    stroke_slope: np.ndarray
+    margin: np.ndarray
+    """Of `uplift`."""
+    multiplier: np.ndarray
+    """Largest modulus; 0 at rest."""
+    kind: np.ndarray
+    """Index into `KINDS`."""
+
+    @property
+    def attracts(self) -> np.ndarray:
+        """Whether there is a motion to settle into, as far as symmetric orbits and rest can tell."""
+        return self.kind <= _REST
+
+
+@dataclass(frozen=True)
+class Objective:
+    """What is asked of a design: a measure of the tilt under conditions, and limits."""
+
+    p: Parameters
+    conditions: Conditions
+    space: DesignSpace
+    measure: Measure
+    limits: Limits
+    from_rest: bool
+    """Whether rest counts where it holds, though rocking attracts as well from other starts."""
+
+    def told(self, designs: np.ndarray, progress: Callable[[int, int], None] | None = None) -> Told:
+        """Designs (mu, lam, zeta), shape (m, 3), under all conditions."""
+        factors = np.asarray(self.conditions.rows())
+        m, n = len(designs), len(factors)
+        batch = (self.p, np.repeat(designs, n, axis=0), np.tile(factors, (m, 1)), float(self.from_rest))
+        out = in_chunks(_one, batch, progress=progress)
+        return Told(*(x.reshape(m, n, *x.shape[1:]) for x in out))
+
+    def value(self, told: Told) -> np.ndarray:
+        """The measure of the merits, (m,)."""
+        return self.measure.of(told.merit)
+
+    def limited(self, told: Told) -> tuple[np.ndarray, np.ndarray]:
+        """Constraints (<= 0), shape (m, l), and their slopes; l is n times the number of limits."""
+        rows, slopes = [], []
+        for size, slope, limit in self._sizes(told):
+            rows.append(size / limit - 1.0)
+            slopes.append(slope / limit)
+        value, slope = np.concatenate(rows, axis=1), np.concatenate(slopes, axis=1)
+        # What has no size breaks its limit, and nothing says which way leads out.
+        return np.where(np.isfinite(value), value, 10.0), np.where(np.isfinite(slope), slope, 0.0)
+
+    def limit_names(self) -> list[str]:
+        """Of the constraints, in the order of `limited`."""
+        names = ["stroke", *(n for n in ("relative_stroke", "tilt", "multiplier") if n in self.limits.told())]
+        return [name for name in names for _ in range(len(self.conditions))]
+
+    def _sizes(self, t: Told) -> list[tuple[np.ndarray, np.ndarray, float]]:
+        nu = (float(self.p.nu) * self.conditions.column("slenderness"))[None, :]
+        out = [(t.stroke, t.stroke_slope, self.space.stroke)]
+        limits = self.limits
+        if limits.relative_stroke is not None:
+            both = t.stroke_slope + t.tilt_slope * nu[..., None]
+            out.append((t.stroke + t.tilt * nu, both, limits.relative_stroke))
+        if limits.tilt is not None:
+            out.append((t.tilt, t.tilt_slope, limits.tilt))
+        if limits.multiplier is not None:
+            out.append((t.multiplier, np.zeros_like(t.tilt_slope), limits.multiplier))
+        return out
+
+    def local(self, unit: np.ndarray) -> Local:
+        """For the search, at designs in shares of the bounds, (m, d)."""
+        low, high = self.space.bounds
+        designs = self.space.full(low + unit * (high - low))
+        t, d = self.told(designs), unit.shape[1]
+        scale = (high - low)[None, None, :]
+        limit, limit_slope = self.limited(t)
+        return Local(t.merit, t.merit_slope[..., :d] * scale, limit, limit_slope[..., :d] * scale)
+
+
+def _one(args: tuple[Parameters, Array, Array, Array]) -> tuple:
+    """`Told` of one design under one condition."""
+    p, design, factors, from_rest = args
+
+    def sizes(x: Array) -> tuple[Array, tuple]:
+        q = under(p, x, factors)
+        o, lift = symmetric_orbits(q), uplift(q)
+        out = jnp.concatenate([o.amplitude / q.nu, o.stroke, jnp.stack([lift.margin, lift.stroke])])
+        return out, (out, o.status, jnp.max(jnp.abs(o.multipliers), axis=-1))
+
+    slopes, (values, status, multipliers) = jax.jacfwd(sizes, has_aux=True)(design)
+    near = (status == Status.near_fold) | (status == Status.grazing)
+    kinds = jnp.where(status == Status.rocking, _ROCKING, jnp.where(near, _NEAR, _UNSTABLE))
+    kinds = jnp.where(status == Status.no_orbit, _NONE, kinds)
+    margin = values[6]
+    rests = margin > 0.0
+    best = jnp.argmin(kinds)
+    kind = jnp.where(rests & ((kinds[best] > _REST) | (from_rest > 0.0)), _REST, kinds[best])
+    moves = (kind != _REST) & (kind != _NONE)
+    tilt = jnp.where(moves, values[best], jnp.where(kind == _REST, 0.0, jnp.inf))
+    stroke = jnp.where(moves, values[3 + best], values[7])
+    multiplier = jnp.where(moves, multipliers[best], jnp.where(kind == _REST, 0.0, jnp.inf))
+    lost = jnp.where(kind == _UNSTABLE, 1.0 + tilt, 2.0 - margin)
+    merit = jnp.where(kind <= _NEAR, tilt, jnp.where(kind == _REST, -margin, lost))
+
+    def sound(x: Array) -> Array:
+        return jnp.where(jnp.isfinite(x), x, 0.0)
+
+    tilt_slope = sound(jnp.where(moves, slopes[best], 0.0))
+    stroke_slope = sound(jnp.where(moves, slopes[3 + best], slopes[7]))
+    merit_slope = jnp.where(moves, tilt_slope, -sound(slopes[6]))
+    return merit, merit_slope, tilt, tilt_slope, stroke, stroke_slope, margin, multiplier, kind
+
+
+def margins(objective: Objective, designs: Any) -> np.ndarray:
+    """Uplift margins of designs (m, 3) under all conditions, (m, n), in closed form."""
+    return np.asarray(_margins(objective.p, jnp.asarray(designs), objective.conditions.rows()))
+
+
+@jax.jit
+def _margins(p: Parameters, designs: Array, factors: Array) -> Array:
+    def one(design: Array, row: Array) -> Array:
+        return jnp.asarray(uplift(under(p, design, row)).margin)
+
+    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(designs, factors)

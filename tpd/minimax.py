@@ -1,0 +1,276 @@
+"""Finishing a search over many conditions: sequential programming on exact gradients in a trust region.
+
+What is minimised is a capped weighted worst of n smooth functions (the maximum, the mean, or what lies
+between, the mean of the worst share), under inequality constraints and bounds. Each step minimises the
+same measure of their linear models, with a quadratic term that learns the curvature (BFGS, damped), so
+that a kink where several conditions balance is met as surely as a smooth bottom. The subproblem is convex
+and has as many variables as the design: Newton's method on a smoothed form solves it to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+PENALTY = 10.0
+"""Weight of a violated constraint in the merit: exact as long as no multiplier exceeds it."""
+_SHARPEST = 1e-9
+"""Last width of the smoothing in the subproblem."""
+_LEVELS, _NEWTON = 12, 5
+"""Widths of the smoothing on the way there, and Newton steps at each."""
+_SMALL = 1e-3
+"""Step, in shares of the bounds, over which the linear decrease is measured that remains at the end."""
+
+
+class Local(NamedTuple):
+    """n functions and l constraints (<= 0) at m designs, and their slopes along d scaled coordinates."""
+
+    value: np.ndarray
+    """(m, n)"""
+    slope: np.ndarray
+    """(m, n, d)"""
+    limit: np.ndarray
+    """(m, l)"""
+    limit_slope: np.ndarray
+    """(m, l, d)"""
+
+    def at(self, rows: np.ndarray) -> Local:
+        """That of some of the designs."""
+        return Local(*(x[rows] for x in self))
+
+
+class Descent(NamedTuple):
+    """What became of m starts."""
+
+    x: np.ndarray
+    """Best designs, scaled, (m, d)."""
+    local: Local
+    """There."""
+    merit: np.ndarray
+    """Measure plus penalty, (m,)."""
+    stationarity: np.ndarray
+    """Linear decrease of the merit that is left, per unit of scaled step: 0 at a stationary point."""
+    steps: np.ndarray
+    evaluations: int
+    """Designs evaluated."""
+    path: list[tuple[np.ndarray, np.ndarray]]
+    """After every step the designs and their merits."""
+
+
+def minimise(
+    evaluate: Callable[[np.ndarray], Local],
+    starts: np.ndarray,
+    cap: float,
+    measure: Callable[[np.ndarray], np.ndarray],
+    *,
+    low: np.ndarray | None = None,
+    high: np.ndarray | None = None,
+    steps: int = 40,
+    radius: float = 0.15,
+    tolerance: float = 1e-6,
+    after: Callable[[int, int], None] | None = None,
+) -> Descent:
+    """Descend from all starts (m, d) at once; coordinates are scaled to bounds of about [0, 1].
+
+    Args:
+        evaluate: functions and constraints at designs, (k, d).
+        starts: shape (m, d).
+        cap: largest weight of one function; 1 for the maximum, 1/n for the mean.
+        measure: the measure itself of values (k, n).
+        low: bounds of each start, (m, d); default 0.
+        high: default 1.
+        steps: bound on the steps.
+        radius: first trust region, a share of the bounds.
+        tolerance: of the merit, below which a predicted gain ends a descent.
+        after: called with (steps done, of how many).
+    """
+    low = np.zeros_like(starts) if low is None else low
+    high = np.ones_like(starts) if high is None else high
+    m, d = starts.shape
+    x = np.clip(starts, low, high)
+    here = evaluate(x)
+    merit = _merit(here, measure)
+    reach, curve = np.full(m, radius), np.tile(1e-3 * np.eye(d), (m, 1, 1))
+    alive, taken = np.isfinite(merit), np.zeros(m, int)
+    path, evaluations = [(x.copy(), merit.copy())], m
+    for step in range(steps):
+        rows = np.flatnonzero(alive)
+        if not len(rows):
+            break
+        now = here.at(rows)
+        box = (
+            np.maximum(low[rows] - x[rows], -reach[rows, None]),
+            np.minimum(high[rows] - x[rows], reach[rows, None]),
+        )
+        move, gain, weights = _subproblem(now, curve[rows], box, cap, merit[rows])
+        done = gain < tolerance * np.maximum(1.0, np.abs(merit[rows]))
+        alive[rows[done]] = False
+        rows, move, gain = rows[~done], move[~done], gain[~done]
+        if not len(rows):
+            break
+        weights = tuple(w[~done] for w in weights)
+        there = x[rows] + move
+        trial = evaluate(there)
+        evaluations += len(rows)
+        new = _merit(trial, measure)
+        ratio = (merit[rows] - new) / gain
+        curve[rows] = _learn(curve[rows], move, now.at(~done), trial, weights)
+        good = (ratio > 0.05) & np.isfinite(new)
+        wide = np.abs(move).max(axis=1) > 0.9 * reach[rows]
+        reach[rows] = np.where(
+            good & (ratio > 0.6) & wide,
+            2.0 * reach[rows],
+            np.where(good & (ratio > 0.2), reach[rows], 0.35 * np.abs(move).max(axis=1)),
+        )
+        reach[rows] = np.minimum(reach[rows], 2.0 * radius)
+        taken[rows] += 1
+        kept = rows[good]
+        x[kept], merit[kept] = there[good], new[good]
+        for old, fresh in zip(here, trial, strict=True):
+            old[kept] = fresh[good]
+        alive[rows] &= reach[rows] > 1e-7
+        path.append((x.copy(), merit.copy()))
+        if after is not None:
+            after(step + 1, steps)
+    small = np.maximum(low - x, -_SMALL), np.minimum(high - x, _SMALL)
+    flat = np.tile(1e-9 * np.eye(d), (m, 1, 1))
+    _, left, _ = _subproblem(here, flat, small, cap, merit)
+    return Descent(x, here, merit, np.maximum(left, 0.0) / _SMALL, taken, evaluations, path)
+
+
+def _merit(at: Local, measure: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    return measure(at.value) + PENALTY * np.sum(np.maximum(at.limit, 0.0), axis=1)
+
+
+def _subproblem(
+    at: Local, curve: np.ndarray, box: tuple[np.ndarray, np.ndarray], cap: float, merit: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
+    """Steps (k, d), the gains that the models promise, and the weights of functions and constraints."""
+    size = 1 << max(3, int(np.ceil(np.log2(len(merit)))))
+    index = np.minimum(np.arange(size), len(merit) - 1)
+    move, value, weights, others = _solved(
+        *(jnp.asarray(x[index]) for x in (*at, curve, *box)), jnp.asarray(cap)
+    )
+    rows = slice(len(merit))
+    return (
+        np.asarray(move)[rows],
+        merit - np.asarray(value)[rows],
+        (np.asarray(weights)[rows], np.asarray(others)[rows]),
+    )
+
+
+@eqx.filter_jit
+def _solved(*args: Array) -> tuple[Array, Array, Array, Array]:
+    return jax.vmap(_one, in_axes=(0, 0, 0, 0, 0, 0, 0, None))(*args)
+
+
+def _one(
+    value: Float[Array, "n"],
+    slope: Float[Array, "n d"],
+    limit: Float[Array, "l"],
+    limit_slope: Float[Array, "l d"],
+    curve: Float[Array, "d d"],
+    low: Float[Array, "d"],
+    high: Float[Array, "d"],
+    cap: Float[Array, ""],
+) -> tuple[Array, Array, Array, Array]:
+    """min over d and s of s + cap sum softplus(v + G d - s) + C sum softplus(c + H d) + d B d/2 in a box."""
+    n, k = value.shape[0], low.shape[0]
+    span = jnp.maximum(high - low, 1e-12)
+    # In shares of the box, so that Newton's matrix is well scaled however small the region.
+    g, h = slope * span, limit_slope * span
+    b = curve * span[:, None] * span[None, :]
+    value0, slope0 = value + slope @ low, b @ (low / span)
+    limit0 = limit + limit_slope @ low
+
+    def parts(z: Array) -> tuple[Array, Array]:
+        return value0 + g @ z[:k] - z[k], limit0 + h @ z[:k]
+
+    def total(z: Array, width: Array) -> Array:
+        v, c = parts(z)
+        soft = width * (
+            cap * jnp.sum(jax.nn.softplus(v / width)) + PENALTY * jnp.sum(jax.nn.softplus(c / width))
+        )
+        u = z[:k]
+        inside = jnp.all((u > 0) & (u < 1))
+        wall = -width * jnp.sum(jnp.log(jnp.where(inside, u, 1.0)) + jnp.log(jnp.where(inside, 1.0 - u, 1.0)))
+        bent = slope0 @ u + 0.5 * u @ b @ u
+        return jnp.where(inside, z[k] + soft + wall + bent, jnp.inf)
+
+    def newton(z: Array, width: Array) -> Array:
+        v, c = parts(z)
+        p, q = jax.nn.sigmoid(v / width), jax.nn.sigmoid(c / width)
+        rows = jnp.concatenate([g, -jnp.ones((n, 1))], axis=1)
+        more = jnp.concatenate([h, jnp.zeros((c.shape[0], 1))], axis=1)
+        u = z[:k]
+        gradient = cap * p @ rows + PENALTY * q @ more
+        gradient = gradient.at[k].add(1.0).at[:k].add(slope0 + b @ u - width * (1.0 / u - 1.0 / (1.0 - u)))
+        hessian = (rows * (cap * p * (1 - p) / width)[:, None]).T @ rows
+        hessian = hessian + (more * (PENALTY * q * (1 - q) / width)[:, None]).T @ more
+        hessian = hessian.at[:k, :k].add(b + jnp.diag(width * (1.0 / u**2 + 1.0 / (1.0 - u) ** 2)))
+        hessian = hessian + jnp.diag(1e-12 + 1e-9 * jnp.diag(hessian))
+        move = -jnp.linalg.solve(hessian, gradient)
+        # As far as the box allows, then half of it and so on: the first that lowers the total.
+        toward = jnp.where(move[:k] > 0, 1.0 - u, -u)
+        room = jnp.min(jnp.where(move[:k] == 0, jnp.inf, toward / jnp.where(move[:k] == 0, 1.0, move[:k])))
+        sizes = jnp.minimum(1.0, 0.95 * room) * 0.5 ** jnp.arange(12.0)
+        totals = jax.vmap(lambda s: total(z + s * move, width))(sizes)
+        before = total(z, width)
+        fits = totals <= before + 1e-4 * sizes * (gradient @ move)
+        size = jnp.where(jnp.any(fits), sizes[jnp.argmax(fits)], 0.0)
+        return jnp.where(jnp.isfinite(size * move), z + size * move, z)
+
+    spread = jnp.maximum(jnp.max(value) - jnp.min(value) + jnp.max(jnp.abs(g)), 1e-6)
+    widths = jnp.geomspace(1.0, _SHARPEST, _LEVELS) * spread
+
+    def leveled(z: Array, width: Array) -> Array:
+        """With the s that is best for its d: cap sum sigmoid = 1, by bisection."""
+        v = parts(z.at[k].set(0.0))[0]
+
+        def halve(_: Array, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+            middle = 0.5 * (ends[0] + ends[1])
+            above = cap * jnp.sum(jax.nn.sigmoid((v - middle) / width)) < 1.0
+            return jnp.where(above, ends[0], middle), jnp.where(above, middle, ends[1])
+
+        ends = jnp.min(v) - 30.0 * width, jnp.max(v) + width * jnp.log(n + 1.0)
+        low, high = jax.lax.fori_loop(0, 40, halve, ends)
+        return z.at[k].set(0.5 * (low + high))
+
+    def level(z: Array, width: Array) -> tuple[Array, None]:
+        return jax.lax.fori_loop(0, _NEWTON, lambda _, z: newton(z, width), leveled(z, width)), None
+
+    first = jnp.full(k + 1, 0.5).at[k].set(jnp.max(value))
+    z, _ = jax.lax.scan(level, first, widths)
+    z = leveled(z, widths[-1])
+    move = low + span * z[:k]
+    v, c = parts(z)
+    p, q = jax.nn.sigmoid(v / widths[-1]), jax.nn.sigmoid(c / widths[-1])
+    promised = (
+        z[k] + cap * jnp.sum(jax.nn.relu(v)) + PENALTY * jnp.sum(jax.nn.relu(c)) + 0.5 * move @ curve @ move
+    )
+    return move, promised, cap * p, PENALTY * q
+
+
+def _learn(curve: np.ndarray, move: np.ndarray, old: Local, new: Local, weights: tuple) -> np.ndarray:
+    """Damped BFGS on the gradient of the Lagrangian."""
+    on, by = weights
+    change = np.einsum("mn,mnd->md", on, new.slope - old.slope)
+    change = change + np.einsum("ml,mld->md", by, new.limit_slope - old.limit_slope)
+    out = curve.copy()
+    for i, (s, y) in enumerate(zip(move, change, strict=True)):
+        bs = curve[i] @ s
+        sbs, sy = s @ bs, s @ y
+        if not (np.isfinite(sy) and sbs > 1e-18):
+            continue
+        share = 1.0 if sy >= 0.2 * sbs else 0.8 * sbs / (sbs - sy)
+        r = share * y + (1.0 - share) * bs
+        fresh = curve[i] - np.outer(bs, bs) / sbs + np.outer(r, r) / (s @ r)
+        size = np.linalg.norm(fresh)
+        out[i] = fresh if size < 1e4 else fresh * (1e4 / size)
+    return out
