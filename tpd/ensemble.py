@@ -21,6 +21,7 @@ from tpd.models.interface import Settled
 from tpd.models.piecewise import Piecewise
 from tpd.parameters import Parameters
 from tpd.pool import settle_all
+from tpd.robust.conditions import FACTORS, Conditions
 from tpd.scene import Pendulum, Scene
 from tpd.status import SETTLED, names_of
 
@@ -179,15 +180,21 @@ class Verdict:
 
     @property
     def chance(self) -> float:
-        """Chance that at least `worse` of the runs that differ would overturn with the pendulum, were
-        either equally likely (McNemar's test, exact and one-sided)."""
-        n = self.worse + self.better
-        return sum(math.comb(n, i) for i in range(self.worse, n + 1)) / 2**n
+        """See `chance_of`."""
+        return chance_of(self.worse, self.better)
 
     @property
     def harms(self) -> bool:
         """Whether significantly more runs overturn with the pendulum than without."""
         return self.worse > self.better and self.chance < SIGNIFICANT
+
+    @property
+    def objection(self) -> str:
+        """What there is to say where it `harms`."""
+        return (
+            f"{self.worse} of {len(self.hung.status)} runs of the ensemble overturn with the pendulum only, "
+            f"{self.better} without it only (chance of that by luck: {self.chance:.2g})"
+        )
 
     @property
     def worse_peaks(self) -> Share:
@@ -216,6 +223,13 @@ class Verdict:
         return "\n".join(lines)
 
 
+def chance_of(worse: int, better: int) -> float:
+    """Chance that of all runs that differ at least `worse` would go against the pendulum, were either way
+    equally likely (McNemar's test, exact and one-sided)."""
+    n = worse + better
+    return sum(math.comb(n, i) for i in range(worse, n + 1)) / 2**n
+
+
 def _numbers(values: tuple[float, ...]) -> str:
     return "  ".join(f"{v:.4f}" if math.isfinite(v) else "lost" for v in values)
 
@@ -225,6 +239,7 @@ def outcomes(
     pendulum: Pendulum | None = None,
     *,
     ensemble: Ensemble | None = None,
+    conditions: Conditions | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Outcomes:
@@ -234,6 +249,7 @@ def outcomes(
         subject: a scene, or dimensionless parameters (plain numbers).
         pendulum: in the scene; default none.
         ensemble: default `Ensemble()`.
+        conditions: dealt out evenly among the runs, on top of their scatter; default the scene's own.
         workers: threads; default the number of cores.
         progress: called with (runs done, of how many).
 
@@ -251,7 +267,7 @@ def outcomes(
         p, rate = subject, 1.0
     if not all(checks.is_concrete(x) and np.ndim(x) == 0 for x in jax.tree.leaves(p)):
         raise ValueError("`subject` must hold plain numbers, but is traced or batched")
-    runs = plan(p, ensemble, rate)
+    runs = plan(p, ensemble, rate, conditions)
     model = Piecewise(max_periods=ensemble.periods)
     settled = settle_all(
         *runs[:2], begin=runs.begin, ramp=runs.periods, model=model, workers=workers, progress=progress
@@ -272,25 +288,28 @@ class Runs(NamedTuple):
     """The same in seconds, or in units of tau where time has none."""
 
 
-def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0) -> Runs:
+def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Conditions | None = None) -> Runs:
     """The runs of an ensemble for one design; `rate` is omega0 in rad/s where ramps are in seconds."""
-    unit = ensemble.draws()
-    nu, zeta = float(p.nu), float(p.zeta)
+    unit, nu = ensemble.draws(), float(p.nu)
+    conditions = Conditions() if conditions is None else conditions
+    dealt = np.random.default_rng([ensemble.seed, 1]).permutation(ensemble.size) % len(conditions)
+    factor = {name: conditions.column(name)[dealt] for name in FACTORS}
     reach = np.array([ensemble.tilt * nu, ensemble.swing, ensemble.tilt_rate * nu, ensemble.swing_rate])
     y0 = (2.0 * unit[:, :4] - 1.0) * reach
     spread = (ensemble.amplitude, ensemble.frequency, ensemble.friction, ensemble.damping)
     amplitude, frequency, friction, damping = (1.0 + (2.0 * unit[:, 6:] - 1.0) * np.array(spread)).T
+    frequency, ones = frequency * factor["frequency"], np.ones(ensemble.size)
     xi = float(p.xi) * frequency
     scattered: dict[str, Any] = {
-        "nu": np.full(ensemble.size, nu),
-        "mu": np.full(ensemble.size, float(p.mu)),
-        "lam": np.full(ensemble.size, float(p.lam)),
-        "zeta": zeta * damping,
-        "k": float(p.k) * friction,
-        "f": float(p.f) * amplitude * frequency**2,
+        "nu": nu * factor["slenderness"],
+        "mu": float(p.mu) * factor["mass"],
+        "lam": float(p.lam) * factor["length"],
+        "zeta": float(p.zeta) * damping * factor["damping"],
+        "k": float(p.k) * friction * factor["friction"],
+        "f": float(p.f) * amplitude * factor["amplitude"] * frequency**2,
         "xi": xi,
-        "rho": np.full(ensemble.size, float(p.inertia_ratio)),
-        "e": np.full(ensemble.size, float(p.e)),
+        "rho": ones * (0.75 / (1.0 + (nu * factor["slenderness"]) ** 2) if p.rho is None else float(p.rho)),
+        "e": ones * float(p.e),
     }
     begin = unit[:, 4] * 2.0 * np.pi / xi if ensemble.any_phase else np.zeros(ensemble.size)
     kinds = np.array(ensemble.ramps)
@@ -321,8 +340,12 @@ def verdict(
     pendulum: Pendulum,
     *,
     ensemble: Ensemble | None = None,
+    conditions: Conditions | None = None,
+    bare: Outcomes | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Verdict:
-    """An ensemble of runs with the pendulum and without; see `outcomes`."""
-    hung = outcomes(scene, pendulum, ensemble=ensemble, progress=progress)
-    return Verdict(hung=hung, bare=outcomes(scene, ensemble=ensemble, progress=progress))
+    """An ensemble of runs with the pendulum and without; see `outcomes`. The bare block's may be given if
+    known already."""
+    both: dict[str, Any] = {"ensemble": ensemble, "conditions": conditions, "progress": progress}
+    hung = outcomes(scene, pendulum, **both)
+    return Verdict(hung=hung, bare=outcomes(scene, **both) if bare is None else bare)

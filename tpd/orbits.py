@@ -29,13 +29,17 @@ from tpd.status import Status
 
 class Margins(eqx.Module):
     """What is left until an orbit is lost, as functions that vanish where it happens; leading axis the
-    orbits. `fold` and `symmetry` are differentiable as the amplitude is; the derivatives of the other
-    two are NaN (`tpd.bifurcations` has those of the place where they vanish)."""
+    orbits. `fold`, `symmetry` and `torus` are differentiable as the amplitude is; the derivatives of the
+    other two are NaN (`tpd.bifurcations` has those of the place where they vanish). An attracting orbit
+    keeps attracting for as long as none of the five vanishes."""
 
     fold: Number
     """det(I - G), G the derivative of the mirrored half-period map: two orbits merge and vanish."""
     symmetry: Number
     """det(I + G): the orbit loses its symmetry, and two mirror images branch off."""
+    torus: Number
+    """The product of 1 - g_i g_j over all pairs of G's eigenvalues: a pair of them leaves the unit circle
+    together, and motions that never repeat branch off (Neimark-Sacker)."""
     sticking: Number
     """-phi'' just after the turn, over its size just before: at zero the block sticks there."""
     grazing: Number
@@ -107,7 +111,7 @@ def _symmetric_orbits(p: Parameters) -> Orbits:
     )
     multipliers = refused_in(p, jnp.real(multipliers)) + 1j * refused_in(p, jnp.imag(multipliers))
     sticking, grazing = refused_in(p, margins.sticking), refused_in(p, margins.grazing)
-    margins = Margins(margins.fold, margins.symmetry, sticking, grazing)
+    margins = Margins(margins.fold, margins.symmetry, margins.torus, sticking, grazing)
     return Orbits(status, amplitude, stroke, state, phase, crossing, multipliers, margins, found.overflow)
 
 
@@ -116,6 +120,7 @@ class _Margins(NamedTuple):
 
     fold: Number
     symmetry: Number
+    torus: Number
     sticking: Number
     grazing: Number
 
@@ -136,7 +141,7 @@ class _Described(NamedTuple):
 def _describe(p: Parameters, half: Half, root: Root, path: Path) -> _Described:
     polished, height = differentiable(half, root)
     orbit = orbit_of(half, polished)
-    multipliers, fold, symmetry = _stability(p, half, orbit)
+    multipliers, determinants = _stability(p, half, orbit)
     sticking = path.leaving / (path.leaving - 2.0 * _friction_pull(half))
     fall = path.least_fall / (half.plant.linear.xi * stop_gradient(height))
     begun = jnp.mod(-polished.gamma, 2.0 * jnp.pi) / half.plant.linear.xi
@@ -151,7 +156,7 @@ def _describe(p: Parameters, half: Half, root: Root, path: Path) -> _Described:
         polished.gamma,
         polished.t,
         multipliers,
-        _Margins(fold, symmetry, sticking, fall),
+        _Margins(*determinants, sticking, fall),
     )
 
 
@@ -165,20 +170,23 @@ def _answered(of: _Described, there: Bool[Array, ""]) -> tuple:
     usable = there & ~near & ~grazes
     of = jax.tree.map(lambda x: jnp.where(there, x, jnp.nan), of)
     numbers = tuple(refused(x, usable) for x in (of.amplitude, of.stroke, of.state, of.phase, of.crossing))
-    fold, symmetry = refused(of.margins.fold, usable), refused(of.margins.symmetry, usable)
-    return status, numbers, of.halves**2, of.margins._replace(fold=fold, symmetry=symmetry)
+    margins = {name: refused(getattr(of.margins, name), usable) for name in ("fold", "symmetry", "torus")}
+    return status, numbers, of.halves**2, of.margins._replace(**margins)
 
 
-def _stability(p: Parameters, half: Half, orbit: Orbit) -> tuple[Array, Number, Number]:
-    """Eigenvalues of the mirrored half-period map, and its two determinants. A bob without mass
-    (mu = 0) cannot be felt and is left out: two eigenvalues are zero then."""
+def _stability(p: Parameters, half: Half, orbit: Orbit) -> tuple[Array, tuple[Number, Number, Number]]:
+    """Eigenvalues of the mirrored half-period map, and its determinants (fold, symmetry, torus). A bob
+    without mass (mu = 0) cannot be felt and is left out: two eigenvalues are zero then."""
     m = half_map(half, orbit)
     felt = jnp.where(jnp.asarray(p.mu) > 0, 1.0, 0.0)
     m = tuple(tuple(m[i][j] * (felt if i % 2 or j % 2 else 1.0) for j in range(4)) for i in range(4))
     c1, c2, c3, c4 = characteristic(m)
     fold, symmetry = 1.0 + c1 + c2 + c3 + c4, 1.0 - c1 + c2 - c3 + c4
+    # The sums y = g_i g_j + g_k g_l are the roots of the quartic's resolvent cubic; it is taken at 1 + c4.
+    y = 1.0 + c4
+    torus = ((y - c2) * y + c1 * c3 - 4.0 * c4) * y - (c3**2 + c1**2 * c4 - 4.0 * c2 * c4)
     real, imag = quartic_roots((c1, c2, c3, c4))
-    return real + 1j * imag, fold, symmetry
+    return real + 1j * imag, (fold, symmetry, torus)
 
 
 def _friction_pull(half: Half) -> Number:

@@ -24,7 +24,7 @@ _SHARPEST = 1e-9
 """Last width of the smoothing in the subproblem."""
 _LEVELS, _NEWTON = 12, 5
 """Widths of the smoothing on the way there, and Newton steps at each."""
-_SMALL = 1e-3
+_SMALL = 1e-4
 """Step, in shares of the bounds, over which the linear decrease is measured that remains at the end."""
 
 
@@ -56,11 +56,18 @@ class Descent(NamedTuple):
     """Measure plus penalty, (m,)."""
     stationarity: np.ndarray
     """Linear decrease of the merit that is left, per unit of scaled step: 0 at a stationary point."""
+    weights: tuple[np.ndarray, np.ndarray]
+    """There, of the functions (m, n) and of the constraints (m, l): which of them hold the design."""
     steps: np.ndarray
+    """Steps tried."""
+    open: np.ndarray
+    """Whether a descent was still going on when the steps ran out."""
     evaluations: int
     """Designs evaluated."""
-    path: list[tuple[np.ndarray, np.ndarray]]
-    """After every step the designs and their merits."""
+    path: np.ndarray
+    """Designs before the first and after every step, (steps + 1, m, d)."""
+    path_merit: np.ndarray
+    """Their merits, (steps + 1, m)."""
 
 
 def minimise(
@@ -140,8 +147,13 @@ def minimise(
             after(step + 1, steps)
     small = np.maximum(low - x, -_SMALL), np.minimum(high - x, _SMALL)
     flat = np.tile(1e-9 * np.eye(d), (m, 1, 1))
-    _, left, _ = _subproblem(here, flat, small, cap, merit)
-    return Descent(x, here, merit, np.maximum(left, 0.0) / _SMALL, taken, evaluations, path)
+    _, left, weights = _subproblem(here, flat, small, cap, merit)
+    stationarity = np.maximum(left, 0.0) / _SMALL
+    return Descent(x, here, merit, stationarity, weights, taken, alive, evaluations, *_stacked(path))
+
+
+def _stacked(path: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    return np.stack([x for x, _ in path]), np.stack([merit for _, merit in path])
 
 
 def _merit(at: Local, measure: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:

@@ -18,11 +18,11 @@ from jaxtyping import Array
 
 from tpd.balance import uplift
 from tpd.batch import in_chunks
-from tpd.conditions import Conditions, Limits, Measure, under
 from tpd.design import DesignSpace
-from tpd.minimax import Local
 from tpd.orbits import symmetric_orbits
 from tpd.parameters import Parameters
+from tpd.robust.conditions import Conditions, Limits, Measure, under
+from tpd.robust.minimax import Local
 from tpd.status import Status
 
 KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
@@ -48,6 +48,10 @@ class Told(NamedTuple):
     """Of `uplift`."""
     multiplier: np.ndarray
     """Largest modulus; 0 at rest."""
+    reserve: np.ndarray
+    """What is left until the orbit stops attracting: the least of fold, symmetry and torus in `Margins`;
+    1 at rest."""
+    reserve_slope: np.ndarray
     kind: np.ndarray
     """Index into `KINDS`."""
 
@@ -93,7 +97,8 @@ class Objective:
 
     def limit_names(self) -> list[str]:
         """Of the constraints, in the order of `limited`."""
-        names = ["stroke", *(n for n in ("relative_stroke", "tilt", "multiplier") if n in self.limits.told())]
+        asked = ("relative_stroke", "tilt", "multiplier", "reserve")
+        names = ["stroke", *(n for n in asked if n in self.limits.told())]
         return [name for name in names for _ in range(len(self.conditions))]
 
     def _sizes(self, t: Told) -> list[tuple[np.ndarray, np.ndarray, float]]:
@@ -107,6 +112,9 @@ class Objective:
             out.append((t.tilt, t.tilt_slope, limits.tilt))
         if limits.multiplier is not None:
             out.append((t.multiplier, np.zeros_like(t.tilt_slope), limits.multiplier))
+        if limits.reserve is not None:
+            # As a size that must stay below one.
+            out.append((2.0 - t.reserve / limits.reserve, -t.reserve_slope / limits.reserve, 1.0))
         return out
 
     def local(self, unit: np.ndarray) -> Local:
@@ -126,7 +134,10 @@ def _one(args: tuple[Parameters, Array, Array, Array]) -> tuple:
     def sizes(x: Array) -> tuple[Array, tuple]:
         q = under(p, x, factors)
         o, lift = symmetric_orbits(q), uplift(q)
-        out = jnp.concatenate([o.amplitude / q.nu, o.stroke, jnp.stack([lift.margin, lift.stroke])])
+        margins = o.margins
+        reserve = jnp.minimum(jnp.minimum(margins.fold, margins.symmetry), margins.torus)
+        still = jnp.stack([jnp.asarray(lift.margin), jnp.asarray(lift.stroke)])
+        out = jnp.concatenate([o.amplitude / q.nu, o.stroke, still, reserve])
         return out, (out, o.status, jnp.max(jnp.abs(o.multipliers), axis=-1))
 
     slopes, (values, status, multipliers) = jax.jacfwd(sizes, has_aux=True)(design)
@@ -141,16 +152,20 @@ def _one(args: tuple[Parameters, Array, Array, Array]) -> tuple:
     tilt = jnp.where(moves, values[best], jnp.where(kind == _REST, 0.0, jnp.inf))
     stroke = jnp.where(moves, values[3 + best], values[7])
     multiplier = jnp.where(moves, multipliers[best], jnp.where(kind == _REST, 0.0, jnp.inf))
-    lost = jnp.where(kind == _UNSTABLE, 1.0 + tilt, 2.0 - margin)
-    merit = jnp.where(kind <= _NEAR, tilt, jnp.where(kind == _REST, -margin, lost))
 
     def sound(x: Array) -> Array:
         return jnp.where(jnp.isfinite(x), x, 0.0)
 
+    reserve = jnp.where(moves, values[8 + best], jnp.where(kind == _REST, 1.0, 0.0))
+    reserve_slope = sound(jnp.where(moves, slopes[8 + best], 0.0))
+    lost = jnp.where(kind == _UNSTABLE, 1.0 + tilt, 2.0 - margin)
+    merit = jnp.where(kind <= _NEAR, tilt, jnp.where(kind == _REST, -margin, lost))
+
     tilt_slope = sound(jnp.where(moves, slopes[best], 0.0))
     stroke_slope = sound(jnp.where(moves, slopes[3 + best], slopes[7]))
     merit_slope = jnp.where(moves, tilt_slope, -sound(slopes[6]))
-    return merit, merit_slope, tilt, tilt_slope, stroke, stroke_slope, margin, multiplier, kind
+    sizes_and_slopes = merit, merit_slope, tilt, tilt_slope, stroke, stroke_slope
+    return *sizes_and_slopes, margin, multiplier, reserve, reserve_slope, kind
 
 
 def margins(objective: Objective, designs: Any) -> np.ndarray:

@@ -50,6 +50,13 @@ class Conditions:
         """The factors on one of `FACTORS`, shape (n,): ones where it does not differ."""
         return np.asarray(self.factors.get(name, np.ones(len(self))), dtype=float)
 
+    def name(self, i: int) -> str:
+        """The i-th condition, as "under ..."."""
+        parts = [f"{v[i]:.4g} times the {n}" for n, v in self.factors.items() if np.ptp(v) > 0.0]
+        if len(parts) > 2:
+            return f"in sample {i}"
+        return "at " + (" and ".join(parts) if parts else "the scene's own shaking")
+
     def rows(self) -> Float[Array, "n 7"]:
         """All factors, in the order of `FACTORS`."""
         return jnp.stack([jnp.asarray(self.column(name)) for name in FACTORS], axis=1)
@@ -175,12 +182,16 @@ class Limits:
     tilt: float | None = None
     """Largest |phi|, in shares of nu."""
     multiplier: float | None = None
-    """Largest modulus of the Floquet multipliers, below 1."""
+    """Largest modulus of the Floquet multipliers, below 1. It has no slope: a search stops at it rather
+    than moving along it; `reserve` has."""
+    reserve: float | None = 0.05
+    """Least of fold, symmetry and torus in `Margins`: how far an orbit is from where it stops attracting.
+    Without it a search ends on the edge of what is stable."""
     mass: float | None = None
     """Largest mass of the bob, kg; beside the bounds of the design space."""
 
     def __post_init__(self) -> None:
-        for name in ("relative_stroke", "tilt", "mass"):
+        for name in ("relative_stroke", "tilt", "mass", "reserve"):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name))
         if self.multiplier is not None:
@@ -188,5 +199,5 @@ class Limits:
 
     def told(self) -> dict[str, Any]:
         """Those that are set, by name."""
-        names = ("relative_stroke", "tilt", "multiplier", "mass")
+        names = ("relative_stroke", "tilt", "multiplier", "reserve", "mass")
         return {n: getattr(self, n) for n in names if getattr(self, n) is not None}

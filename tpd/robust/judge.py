@@ -1,0 +1,205 @@
+"""What is said for and against a design that a search over many conditions has found."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.checking import nonlinear
+from tpd.ensemble import SIGNIFICANT, Ensemble, Outcomes, chance_of, outcomes, verdict
+from tpd.models.piecewise import Piecewise
+from tpd.parameters import Parameters
+from tpd.pool import settle_all
+from tpd.robust.answer import Judged, OverStatus
+from tpd.robust.conditions import under
+from tpd.robust.objective import KINDS, Objective, Told
+from tpd.robust.search import Search, stage
+from tpd.scene import Pendulum, Scene
+from tpd.search import Progress
+from tpd.status import SETTLED, names_of
+
+LOOKED_AT = 4
+"""Most designs that are judged, the best first."""
+_ASKED = 4
+"""Conditions under which the nonlinear equations are asked, the worst first."""
+_RUNS = 4096
+"""Runs from rest spent on choosing what is judged."""
+_APART = 0.02
+"""Distance, in shares of the bounds, from which on two designs are two."""
+
+
+def pendulum_of(scene: Scene, of: Judged) -> Pendulum:
+    """A design in SI."""
+    return scene.pendulum(
+        mass_ratio=of.mass_ratio, length_ratio=of.length_ratio, damping_ratio=of.damping_ratio
+    )
+
+
+class Judge:
+    """The bare block under all conditions, and designs compared with it."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        objective: Objective,
+        ensemble: Ensemble,
+        by_overturning: bool,
+        progress: Progress | None,
+    ) -> None:
+        self.scene, self.objective, self.ensemble, self.progress = scene, objective, ensemble, progress
+        self.by_overturning = by_overturning
+        none = np.array([[0.0, float(objective.p.lam), float(objective.p.zeta)]])
+        self.bare = objective.told(none)
+        self.bare_value = float(objective.value(self.bare)[0])
+        self.bare_reached = self._reached(none[0])
+        self.bare_outcomes: Outcomes | None = None
+
+    def best_of(self, search: Search) -> tuple[OverStatus, tuple[Judged, ...]]:
+        """The best design that nothing is to be said against, after those that something is."""
+        if np.all(self.bare.kind == KINDS.index("rest")):
+            return OverStatus.no_uplift, ()
+        order = search.order()
+        if not len(order):
+            return OverStatus.none_feasible, ()
+        helps = order[search.values[order] < self.bare_value]
+        if not len(helps):
+            return OverStatus.no_improvement, ()
+        apart = self._apart(search, helps)
+        reached = [self._reached(search.designs[i]) for i in apart]
+        # Designs that events from rest speak against come last: they are told of if all are refused.
+        worse = np.array([self._harm(names)[0] for names, _ in reached])
+        lost = np.array([np.sum(names == "overturned") for names, _ in reached])
+        order = np.lexsort((lost if self.by_overturning else np.zeros_like(lost), worse))
+        out: list[Judged] = []
+        for done, i in enumerate(order[:LOOKED_AT]):
+            if self.progress is not None:
+                self.progress("judging", done + 1, LOOKED_AT)
+            out.append(self._judged(search, apart[i], *reached[i]))
+            if not out[-1].objections:
+                return OverStatus.found, tuple(out)
+        return OverStatus.refused, tuple(out)
+
+    def _apart(self, search: Search, order: np.ndarray) -> list[int]:
+        """The best designs that are no neighbours, as many as can be followed under all conditions."""
+        units, most = search.units, max(LOOKED_AT, _RUNS // len(self.objective.conditions))
+        taken: list[int] = []
+        for i in map(int, order):
+            if len(taken) < most and all(np.linalg.norm(units[i] - units[j]) > _APART for j in taken):
+                taken.append(i)
+        return taken
+
+    def _harm(self, reached: np.ndarray) -> tuple[bool, int, int]:
+        """Whether significantly more conditions overturn the block from rest with a design than without,
+        and under how many it does so with the one only and with the other only."""
+        lost, bare = reached == "overturned", self.bare_reached[0] == "overturned"
+        worse, better = int(np.sum(lost & ~bare)), int(np.sum(bare & ~lost))
+        return worse > better and chance_of(worse, better) < SIGNIFICANT, worse, better
+
+    def _judged(self, search: Search, i: int, reached: np.ndarray, tilt: np.ndarray) -> Judged:
+        objective, design = self.objective, search.designs[i]
+        told = objective.told(design[None])
+        asked = self._nonlinear(design, told)
+        found = Judged(
+            mass_ratio=float(design[0]),
+            length_ratio=float(design[1]),
+            damping_ratio=float(design[2]),
+            value=float(objective.value(told)[0]),
+            told=told,
+            reached=reached,
+            reached_tilt=tilt,
+            nonlinear=asked,
+            verdict=None,
+            stationarity=float(search.column(lambda g: g.stationarity)[i]),
+            active=self._active(search, i, design),
+            objections=self._objections(reached, asked),
+        )
+        if found.objections:
+            return found
+        return self._with_ensemble(found)
+
+    def _with_ensemble(self, found: Judged) -> Judged:
+        conditions, pendulum = self.objective.conditions, pendulum_of(self.scene, found)
+        told = None if self.progress is None else stage(self.progress, "ensemble")
+        if self.bare_outcomes is None:
+            self.bare_outcomes = outcomes(
+                self.scene, ensemble=self.ensemble, conditions=conditions, progress=told
+            )
+        judged = verdict(
+            self.scene,
+            pendulum,
+            ensemble=self.ensemble,
+            conditions=conditions,
+            bare=self.bare_outcomes,
+            progress=told,
+        )
+        against = (judged.objection,) if judged.harms else ()
+        return replace(found, verdict=judged, objections=against)
+
+    def _conditioned(self, design: np.ndarray) -> Parameters:
+        """The parameters under all conditions, arrays (n,)."""
+        rows = self.objective.conditions.rows()
+        p = under(self.objective.p, jnp.asarray(design), rows.T)
+        names = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
+        whole = {name: jnp.broadcast_to(jnp.asarray(getattr(p, name)), len(rows)) for name in names}
+        return Parameters(**whole, rho=jnp.broadcast_to(jnp.asarray(p.inertia_ratio), len(rows)))
+
+    def _reached(self, design: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Names and settled tilts from rest, by events, under all conditions."""
+        p, n = self._conditioned(design), len(self.objective.conditions)
+        settled = settle_all(p, np.zeros((n, 4)), model=Piecewise(max_periods=self.ensemble.periods))
+        names = names_of(settled.status)
+        return names, np.where(names == "overturned", math.inf, np.asarray(settled.amplitude))
+
+    def _nonlinear(self, design: np.ndarray, told: Told) -> tuple[tuple[int, float, float, str], ...]:
+        """What the nonlinear equations say of the worst conditions, from rest."""
+        rows = self.objective.conditions.rows()
+        out = []
+        for i in np.argsort(-told.merit[0], kind="stable")[:_ASKED]:
+            out.append((int(i), *nonlinear(under(self.objective.p, jnp.asarray(design), rows[int(i)]))))
+        return tuple(out)
+
+    def _objections(
+        self, reached: np.ndarray, asked: tuple[tuple[int, float, float, str], ...]
+    ) -> tuple[str, ...]:
+        out, name = [], self.objective.conditions.name
+        harms, worse, better = self._harm(reached)
+        if harms:
+            out.append(
+                f"from rest the block overturns under {worse} of {len(reached)} conditions that it stands "
+                f"without the pendulum, and stands {better} under which it overturns without"
+            )
+        limit = self.objective.space.stroke
+        for i, _, stroke, status in asked:
+            if status == "overturned" and self.bare_reached[0][i] != "overturned":
+                out.append(f"by the nonlinear equations the block overturns {name(i)}")
+            elif status in SETTLED and stroke > limit:
+                out.append(
+                    f"by the nonlinear equations the stroke is {stroke:.4g} rad, above {limit:g}, {name(i)}"
+                )
+        return tuple(out)
+
+    def _active(self, search: Search, i: int, design: np.ndarray) -> tuple[str, ...]:
+        """What holds the design."""
+        on = search.column(lambda g: g.weights[0])[i]
+        by = search.column(lambda g: g.weights[1])[i]
+        name, n = self.objective.conditions.name, len(self.objective.conditions)
+        out = [f"tilt {name(int(j))} ({on[j]:.2f})" for j in np.argsort(-on)[:6] if on[j] > 0.02]
+        if self.objective.measure.share >= 1.0:
+            out = ["the mean tilt"]
+        names = self.objective.limit_names()
+        out += [f"limit on {names[j]} {name(int(j) % n)}" for j in np.argsort(-by)[:6] if by[j] > 1e-4]
+        low, high = self.objective.space.bounds
+        for value, least, most, what in zip(design, low, high, ("mass", "length", "damping"), strict=False):
+            at = (
+                "least"
+                if value - least < 1e-6 * (most - least)
+                else "largest"
+                if most - value < 1e-6 * (most - least)
+                else ""
+            )
+            if at:
+                out.append(f"the {at} {what} ratio, {value:.4g}")
+        return tuple(out)

@@ -1,0 +1,137 @@
+"""The pendulum that is best under many conditions, judged by events, nonlinear equations and an ensemble."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tpd import checks
+from tpd.design import DesignSpace
+from tpd.ensemble import Ensemble
+from tpd.robust.answer import DesignOver, Judged, OverStatus
+from tpd.robust.conditions import FACTORS, Conditions, Limits, Measure
+from tpd.robust.judge import Judge, pendulum_of
+from tpd.robust.kept import Kept
+from tpd.robust.objective import Objective
+from tpd.robust.search import Search
+from tpd.scene import Scene
+from tpd.search import Progress
+
+
+def optimise_over(
+    scene: Scene,
+    conditions: Conditions,
+    space: DesignSpace | None = None,
+    *,
+    measure: Measure | None = None,
+    limits: Limits | None = None,
+    from_rest: bool = False,
+    by_overturning: bool = False,
+    ensemble: Ensemble | None = None,
+    starts: int = 64,
+    screening: int = 512,
+    steps: int = 40,
+    seed: int = 0,
+    checkpoint: Path | None = None,
+    progress: Progress | None = None,
+) -> DesignOver:
+    """The pendulum of least rocking in the worst (or mean, or worst share) of many conditions.
+
+    Under every condition the tilt is that of the largest attracting symmetric orbit, whichever start leads
+    to it, or the uplift margin where there is none. The search is multi-start sequential programming on
+    exact gradients. Of what it finds the best is followed by events from rest under every condition, put
+    to the nonlinear equations under the worst, and to the ensemble; the next best takes its place if it
+    does not stand them.
+
+    Args:
+        scene: block and base motion, SI.
+        conditions: see `Conditions`.
+        space: bounds and stroke limit; default `DesignSpace()`.
+        measure: default `Measure.worst()`.
+        limits: more limits; default none.
+        from_rest: count a condition as resting wherever a resting block stays, though rocking may attract
+            from other starts.
+        by_overturning: of the designs found that rock less than the bare block, look first at those that
+            overturn under the fewest conditions from rest, rather than at those that rock least.
+        ensemble: that judges; default `Ensemble()`, its runs dealt out among the conditions.
+        starts: searches.
+        screening: designs solved under all conditions before.
+        steps: bound on the steps of each search.
+        seed: of every random choice.
+        checkpoint: a file that keeps finished searches; what it holds of the same problem is not repeated.
+        progress: called with (stage, done, of how many).
+
+    Raises:
+        ValueError: bad input, or a checkpoint of another problem.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    for name, value in {"starts": starts, "steps": steps, "screening": screening}.items():
+        checks.count(name, value)
+    checks.count("seed", seed, least=0)
+    limits = Limits() if limits is None else limits
+    space = _narrowed(DesignSpace() if space is None else space, scene, limits)
+    measure = Measure.worst() if measure is None else measure
+    ensemble = Ensemble(seed=seed) if ensemble is None else ensemble
+    objective = Objective(scene.parameters(), conditions, space, measure, limits, from_rest)
+    search = Search(objective, starts, screening, steps, seed, progress)
+    search.run(Kept.of(checkpoint, (scene, conditions, space, measure, limits, from_rest, search.settings)))
+    judge = Judge(scene, objective, ensemble, by_overturning, progress)
+    status, judged = judge.best_of(search)
+    offered = judged[-1] if status is OverStatus.found or (search.interrupted and judged) else None
+    return DesignOver(
+        scene=scene,
+        conditions=conditions,
+        space=space,
+        measure=measure,
+        limits=limits,
+        from_rest=from_rest,
+        status=OverStatus.interrupted if search.interrupted else status,
+        pendulum=None if offered is None else pendulum_of(scene, offered),
+        judged=judged,
+        bare=judge.bare,
+        bare_value=judge.bare_value,
+        bare_reached=judge.bare_reached[0],
+        bare_outcomes=judge.bare_outcomes,
+        elasticities={} if offered is None else _elasticities(objective, offered),
+        screened=search.screened,
+        screened_value=search.screened_value,
+        starts=search.statuses(),
+        paths=tuple(search.paths),
+        ends=search.designs,
+        end_values=search.values,
+        evaluations=search.evaluations,
+        seed=seed,
+        settings=search.settings,
+    )
+
+
+def _narrowed(space: DesignSpace, scene: Scene, limits: Limits) -> DesignSpace:
+    """The space within the limit on the bob's mass."""
+    if limits.mass is None:
+        return space
+    low, high = space.mass_ratio
+    most = limits.mass / scene.block.mass
+    if most <= low:
+        raise ValueError(
+            f"`mass` must be above the least bob of the design space, {low * scene.block.mass:g} kg, but is "
+            f"{limits.mass:g} kg"
+        )
+    return replace(space, mass_ratio=(low, min(high, most)))
+
+
+def _elasticities(objective: Objective, of: Judged) -> dict[str, float]:
+    """d ln(value)/d ln(factor) by central differences of 0.1 %, all under one call."""
+    design, step = np.array([[of.mass_ratio, of.length_ratio, of.damping_ratio]]), 1e-3
+    out = {}
+    for name in FACTORS:
+        sides = []
+        for factor in (1.0 - step, 1.0 + step):
+            moved = objective.conditions * Conditions({name: np.array([factor])})
+            changed = replace(objective, conditions=moved)
+            sides.append(float(changed.value(changed.told(design))[0]))
+        out[name] = (sides[1] - sides[0]) / (2.0 * step * abs(of.value)) if of.value else math.nan
+    return out

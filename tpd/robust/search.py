@@ -1,0 +1,167 @@
+"""The search over many conditions: closed forms, exact screening, descents in groups."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from tpd.design import StartStatus
+from tpd.parameters import as_arrays
+from tpd.robust.kept import Kept
+from tpd.robust.minimax import Descent, minimise
+from tpd.robust.objective import Objective, margins
+from tpd.search import Progress, starting_points
+
+_GROUP = 16
+"""Starts searched from at once: what an interruption may lose."""
+_CLOSED = 4096
+"""Designs screened by the closed form."""
+_FEASIBLE = 1e-5
+"""Largest relative excess of a limit that is rounding."""
+
+
+class Search:
+    """Screening and descents, group after group of starts."""
+
+    def __init__(
+        self,
+        objective: Objective,
+        starts: int,
+        screening: int,
+        steps: int,
+        seed: int,
+        progress: Progress | None,
+    ) -> None:
+        self.objective, self.progress = objective, progress
+        self.settings: dict[str, object] = {
+            "starts": starts,
+            "screening": screening,
+            "steps": steps,
+            "seed": seed,
+        }
+        self.count, self.planned, self.bound, self.seed = starts, max(screening, starts), steps, seed
+        self.groups: list[Descent] = []
+        self.interrupted = False
+        self.screened, self.screened_value = np.zeros((0, 3)), np.zeros(0)
+        self.low, self.high = objective.space.bounds
+
+    def run(self, kept: Kept) -> None:
+        """Everything; Ctrl-C keeps the groups that had ended."""
+        try:
+            chosen = self._screen()
+            groups = range(0, len(chosen), _GROUP)
+            for i, begin in enumerate(groups):
+                known = kept.get(i)
+                self.groups.append(
+                    self._descend(chosen[begin : begin + _GROUP], i, len(groups)) if known is None else known
+                )
+                kept.put(i, self.groups[-1])
+        except KeyboardInterrupt:
+            self.interrupted = True
+
+    def _screen(self) -> np.ndarray:
+        """Starts for the descents, in shares of the bounds: the best under all conditions that lie apart."""
+        objective, space = self.objective, self.objective.space
+        p = as_arrays(objective.p)
+        wide = space.full(self._spread(_CLOSED))
+        still = np.argsort(-margins(objective, wide).min(axis=1), kind="stable")[: self.planned // 4]
+        spread = starting_points(p, space, self.planned - len(still), self.seed)
+        designs = np.concatenate([spread, wide[still]])
+        told = objective.told(designs, None if self.progress is None else stage(self.progress, "screening"))
+        limit, _ = objective.limited(told)
+        value = objective.value(told) + np.maximum(limit, 0.0).sum(axis=1)
+        self.screened, self.screened_value = designs, value
+        unit = self._unit(designs)
+        chosen: list[int] = []
+        for apart in (0.1, 0.03, 0.0):
+            for i in np.argsort(value, kind="stable"):
+                far = all(np.linalg.norm(unit[i] - unit[j]) > apart for j in chosen)
+                if len(chosen) < self.count and far and i not in chosen:
+                    chosen.append(int(i))
+        return unit[chosen]
+
+    def _spread(self, size: int) -> np.ndarray:
+        rng = np.random.default_rng([self.seed, 2])
+        strata = np.stack([rng.permutation(size) for _ in self.low], axis=1)
+        return self.low + (strata + rng.random(strata.shape)) / size * (self.high - self.low)
+
+    def _unit(self, designs: np.ndarray) -> np.ndarray:
+        return (designs[:, : self.low.size] - self.low) / (self.high - self.low)
+
+    def _descend(self, starts: np.ndarray, group: int, groups: int) -> Descent:
+        def after(step: int, steps: int) -> None:
+            if self.progress is not None:
+                self.progress("searching", group * steps + step, groups * steps)
+
+        objective = self.objective
+        return minimise(
+            objective.local,
+            starts,
+            objective.measure.cap(len(objective.conditions)),
+            objective.measure.of,
+            steps=self.bound,
+            after=after,
+        )
+
+    @property
+    def evaluations(self) -> int:
+        """Designs evaluated, screening included."""
+        return len(self.screened) + sum(g.evaluations for g in self.groups)
+
+    @property
+    def units(self) -> np.ndarray:
+        """The best design of every start that has ended, in shares of the bounds."""
+        return np.concatenate([np.zeros((0, self.low.size)), *(g.x for g in self.groups)])
+
+    @property
+    def designs(self) -> np.ndarray:
+        """The same as (mu, lam, zeta), (starts, 3)."""
+        return self.objective.space.full(self.low + self.units * (self.high - self.low))
+
+    def order(self) -> np.ndarray:
+        """Those that keep to the limits, the best first."""
+        order = np.argsort(self.values, kind="stable")
+        return order[np.isfinite(self.values[order])]
+
+    @property
+    def values(self) -> np.ndarray:
+        """Their measures, infinite where a limit is broken."""
+        if not self.groups:
+            return np.zeros(0)
+        value = np.concatenate([self.objective.measure.of(g.local.value) for g in self.groups])
+        excess = np.concatenate([g.local.limit.max(axis=1) for g in self.groups])
+        return np.where(excess <= _FEASIBLE, value, np.inf)
+
+    @property
+    def paths(self) -> list[np.ndarray]:
+        """Designs on the way from every start."""
+        space, width = self.objective.space, self.high - self.low
+        return [space.full(self.low + g.path[:, i] * width) for g in self.groups for i in range(len(g.x))]
+
+    def column(self, get: Callable[[Descent], np.ndarray]) -> np.ndarray:
+        """Something of all starts."""
+        return np.concatenate([get(g) for g in self.groups])
+
+    def statuses(self) -> tuple[StartStatus, ...]:
+        """How every start ended."""
+        out, n = [], len(self.objective.conditions)
+        for g in self.groups:
+            for i in range(len(g.x)):
+                inside = (g.x[i] > 1e-6) & (g.x[i] < 1.0 - 1e-6)
+                if g.local.limit[i].max() > _FEASIBLE:
+                    out.append(StartStatus.infeasible)
+                elif g.open[i]:
+                    out.append(StartStatus.steps_exhausted)
+                elif g.local.limit[i, :n].max() > -1e-3:
+                    out.append(StartStatus.stroke_limited)
+                elif g.local.value[i].max() <= 0.0:
+                    out.append(StartStatus.rests)
+                else:
+                    out.append(StartStatus.converged if inside.all() else StartStatus.at_bound)
+        return tuple(out) + (StartStatus.interrupted,) * (self.count - len(out))
+
+
+def stage(progress: Progress, name: str) -> Callable[[int, int], None]:
+    """Progress of one stage of that name."""
+    return lambda done, total: progress(name, done, total)
