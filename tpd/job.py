@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from tpd.design import DesignSpace
+from tpd.robust.asked import TABLES, Asked
 from tpd.scene import Block, Harmonic, Scene, paper_scene
 
 
@@ -29,6 +31,8 @@ class Job:
     scene: Scene = field(default_factory=paper_scene)
     space: DesignSpace = field(default_factory=DesignSpace)
     search: Search = field(default_factory=Search)
+    asked: Asked | None = None
+    """What is asked over many conditions; None for the scene's own shaking, from rest."""
 
 
 def defaults() -> dict[str, dict[str, Any]]:
@@ -49,6 +53,7 @@ def tables(job: Job) -> dict[str, dict[str, Any]]:
         "site": {"gravity": job.scene.gravity},
         "space": plain(job.space),
         "search": plain(job.search),
+        **({} if job.asked is None else job.asked.tables()),
     }
 
 
@@ -70,9 +75,12 @@ def build(given: dict[str, Any]) -> Job:
         ValueError: an unknown or ill-typed key, or a value out of range.
     """
     merged = defaults()
+    asked = Asked.of(given)
     for table, values in given.items():
+        if table in TABLES:
+            continue
         if table not in _ALLOWED:
-            raise ValueError(f"unknown table [{table}]; allowed are {_listed(_ALLOWED)}")
+            raise ValueError(f"unknown table [{table}]; allowed are {_listed((*_ALLOWED, *TABLES))}")
         if not isinstance(values, dict):
             raise ValueError(f"`{table}` must be a table, but is {values!r}")
         for key, value in values.items():
@@ -81,7 +89,7 @@ def build(given: dict[str, Any]) -> Job:
             merged[table][key] = _typed(f"{table}.{key}", value)
     space: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in merged["space"].items()}
     scene = Scene(Block(**merged["block"]), Harmonic(**merged["motion"]), **merged["site"])
-    return Job(scene=scene, space=DesignSpace(**space), search=Search(**merged["search"]))
+    return Job(scene=scene, space=DesignSpace(**space), search=Search(**merged["search"]), asked=asked)
 
 
 def _typed(name: str, value: Any) -> Any:
@@ -122,5 +130,11 @@ def dump(job: Job) -> str:
     """The job as TOML that `read` and `build` turn back into the same job."""
     lines = ["# Repeat this run: tpd optimise --scene <this file> --out <new directory>"]
     for table, values in tables(job).items():
-        lines += ["", f"[{table}]", *(f"{key} = {value!r}" for key, value in values.items())]
+        lines += ["", f"[{table}]", *(f"{key} = {_toml(value)}" for key, value in values.items())]
     return "\n".join(lines) + "\n"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        return json.dumps(value)
+    return str(value).lower() if isinstance(value, bool) else repr(value)

@@ -35,8 +35,51 @@ def add(commands: Any) -> None:
     )
     optimise.add_argument("--starts", type=int, metavar="N", help="searches run at once (default 8)")
     optimise.add_argument("--seed", type=int, metavar="N", help="of every random choice (default 0)")
+    _add_conditions(optimise)
     common.add_out(optimise, "tpd-design")
     optimise.set_defaults(run=run)
+
+
+def _add_conditions(optimise: argparse.ArgumentParser) -> None:
+    """Options for a design over many conditions; a file's tables say more."""
+    many = optimise.add_argument_group("over many conditions")
+    many.add_argument(
+        "--band",
+        type=float,
+        nargs=2,
+        metavar=("LO", "HI"),
+        help="least rocking over a band of frequencies, Hz",
+    )
+    many.add_argument(
+        "--amplitudes", type=float, nargs="+", metavar="X", help="factors on the amplitude of the base motion"
+    )
+    many.add_argument(
+        "--scatter",
+        nargs="+",
+        metavar="NAME=WIDTH",
+        help="what is uncertain, by relative half width: amplitude, frequency, friction, slenderness, mass, "
+        "length, damping",
+    )
+    many.add_argument("--measure", metavar="WORD", help="worst (default), expected or cvar")
+    many.add_argument(
+        "--by-overturning",
+        action="store_true",
+        default=None,
+        help="of what helps take first what overturns under the fewest conditions",
+    )
+    many.add_argument("--pareto", action="store_true", help="the least rocking for every mass as well")
+    many.add_argument("--resume", action="store_true", help="go on with what an interrupted run left in DIR")
+
+
+def _scatter(pairs: list[str] | None) -> dict[str, float]:
+    out = {}
+    for pair in pairs or []:
+        name, _, width = pair.partition("=")
+        try:
+            out[name] = float(width)
+        except ValueError:
+            raise ValueError(f"`--scatter` must be NAME=WIDTH, such as friction=0.2, but is {pair}") from None
+    return out
 
 
 def _given(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
@@ -50,6 +93,11 @@ def _given(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
             ("space", "damping_ratio", _damping(options.damping)),
             ("search", "starts", options.starts),
             ("search", "seed", options.seed),
+            ("conditions", "band", options.band),
+            ("conditions", "amplitudes", options.amplitudes),
+            ("conditions", "measure", options.measure),
+            ("conditions", "by_overturning", options.by_overturning),
+            *(("scatter", name, width) for name, width in _scatter(options.scatter).items()),
         ],
     )
 
@@ -67,6 +115,12 @@ def run(options: argparse.Namespace) -> int:
     from tpd.optimiser import optimise
 
     work = job.build(_given(options))
+    if work.asked is not None:
+        from tpd.cli.over import run_over
+
+        return run_over(options, work)
+    if options.pareto or options.resume:
+        raise ValueError("`--pareto` and `--resume` go with conditions, such as --band: none are given")
     files.claim(options.out, overwrite=options.overwrite)
     search = work.search
     with common.Bar() as bar:

@@ -32,6 +32,8 @@ class Conditions:
     factors: Mapping[str, np.ndarray] = field(default_factory=dict)
     told: tuple[str, ...] = ()
     """What they are, a phrase each."""
+    units: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    """Of factors that have one: the scene's own value, and its unit."""
 
     def __len__(self) -> int:
         return max((len(v) for v in self.factors.values()), default=1)
@@ -44,17 +46,27 @@ class Conditions:
             for name in FACTORS
             if name in names
         }
-        return Conditions(both, (*self.told, *other.told))
+        return Conditions(both, (*self.told, *other.told), {**self.units, **other.units})
 
     def column(self, name: str) -> np.ndarray:
         """The factors on one of `FACTORS`, shape (n,): ones where it does not differ."""
         return np.asarray(self.factors.get(name, np.ones(len(self))), dtype=float)
 
+    @property
+    def along(self) -> str | None:
+        """What the conditions differ in, if it is one thing: the axis of a picture."""
+        differ = [name for name, v in self.factors.items() if np.ptp(v) > 0.0]
+        return differ[0] if len(differ) == 1 else None
+
     def name(self, i: int) -> str:
         """The i-th condition, as "under ..."."""
-        parts = [f"{v[i]:.4g} times the {n}" for n, v in self.factors.items() if np.ptp(v) > 0.0]
-        if len(parts) > 2:
+        differ = [name for name, v in self.factors.items() if np.ptp(v) > 0.0]
+        if len(differ) > 2:
             return f"in sample {i}"
+        parts = []
+        for name in differ:
+            own, unit = self.units.get(name, (1.0, f"times the {name}"))
+            parts.append(f"{self.factors[name][i] * own:.4g} {unit}")
         return "at " + (" and ".join(parts) if parts else "the scene's own shaking")
 
     def rows(self) -> Float[Array, "n 7"]:
@@ -70,8 +82,10 @@ class Conditions:
         """
         checks.interval("band", (low, high), 1e-6 * scene.motion.frequency, 1e6 * scene.motion.frequency)
         checks.count("count", count, least=2)
-        told = f"{count} frequencies from {low:g} to {high:g} Hz"
-        return Conditions({"frequency": np.geomspace(low, high, count) / scene.motion.frequency}, (told,))
+        told, own = f"{count} frequencies from {low:g} to {high:g} Hz", scene.motion.frequency
+        return Conditions(
+            {"frequency": np.geomspace(low, high, count) / own}, (told,), {"frequency": (own, "Hz")}
+        )
 
     @staticmethod
     def amplitudes(*factors: float) -> Conditions:

@@ -49,7 +49,7 @@ class Search:
     def run(self, kept: Kept) -> None:
         """Everything; Ctrl-C keeps the groups that had ended."""
         try:
-            chosen = self._screen()
+            chosen = self.screen()
             groups = range(0, len(chosen), _GROUP)
             for i, begin in enumerate(groups):
                 known = kept.get(i)
@@ -60,7 +60,7 @@ class Search:
         except KeyboardInterrupt:
             self.interrupted = True
 
-    def _screen(self) -> np.ndarray:
+    def screen(self) -> np.ndarray:
         """Starts for the descents, in shares of the bounds: the best under all conditions that lie apart."""
         objective, space = self.objective, self.objective.space
         p = as_arrays(objective.p)

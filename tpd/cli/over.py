@@ -1,0 +1,84 @@
+"""`tpd optimise` over many conditions."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from tpd.cli import common
+
+if TYPE_CHECKING:
+    from tpd.job import Job
+    from tpd.robust.answer import DesignOver
+    from tpd.robust.pareto import Front
+
+_UNFINISHED = "unfinished.npz"
+"""Searches that have ended, while others have not."""
+
+
+def run_over(options: argparse.Namespace, work: Job) -> int:
+    """Search, judge, write the report, and say what it is worth."""
+    from tpd import files
+    from tpd.job import dump, tables
+    from tpd.robust import report
+    from tpd.robust.optimise import optimise_over
+
+    asked, search, out = work.asked, work.search, options.out
+    assert asked is not None
+    conditions = asked.conditions(work.scene, search.seed)
+    unfinished = out / _UNFINISHED
+    if options.resume and not unfinished.exists():
+        raise ValueError(f"there is nothing to resume: {unfinished} does not exist")
+    files.claim(out, overwrite=options.overwrite or options.resume)
+    if not options.resume:
+        unfinished.unlink(missing_ok=True)
+    with common.Bar() as bar:
+        design = optimise_over(
+            work.scene,
+            conditions,
+            work.space,
+            measure=asked.measure,
+            limits=asked.limits,
+            from_rest=asked.wanted.from_rest,
+            by_overturning=asked.wanted.by_overturning,
+            ensemble=asked.ensemble,
+            starts=max(search.starts, _STARTS),
+            seed=search.seed,
+            checkpoint=unfinished,
+            progress=bar,
+        )
+        front = _front(options, work, design, bar)
+    print(report.text(design, front))
+    contents = [
+        ("report.txt", report.text(design, front)),
+        ("design.json", report.as_json(design, tables(work), front)),
+        ("scene.toml", dump(work)),
+        *report.pictures(design, front),
+    ]
+    print("\n".join(f"written: {files.place(out / name, content)}" for name, content in contents))
+    if design.status.name == "interrupted":
+        print(f"go on with: --resume (finished searches are in {unfinished})")
+        return common.INTERRUPTED
+    unfinished.unlink(missing_ok=True)
+    return common.SOUND if report.is_sound(design) else common.UNSOUND
+
+
+_STARTS = 64
+"""Searches at least: they cost little here."""
+
+
+def _front(options: argparse.Namespace, work: Job, design: DesignOver, bar: common.Bar) -> Front | None:
+    """The front of mass against rocking, if asked for and there is something to be had."""
+    if not options.pareto or design.pendulum is None:
+        return None
+    from tpd.robust.pareto import pareto
+
+    return pareto(
+        work.scene,
+        design.conditions,
+        design.space,
+        measure=design.measure,
+        limits=design.limits,
+        seed=work.search.seed,
+        progress=bar,
+    )

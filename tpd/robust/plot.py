@@ -1,0 +1,132 @@
+"""Pictures of a design over many conditions. Every function draws into given axes and returns them."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from tpd.canvas import BLUE, GREY, INK, LABELS, ORANGE, new_axes
+from tpd.robust.answer import DesignOver
+from tpd.robust.objective import Told
+from tpd.robust.pareto import Front
+
+_SHOWN = 300
+"""Screened designs drawn, the best."""
+
+
+def plot_conditions(design: DesignOver, axes: Any = None) -> Any:
+    """Tilt and stroke over the frequency (or whatever the conditions differ in), with the pendulum and
+    without; what overturns from rest is marked."""
+    axes = new_axes(2, (7.0, 5.6)) if axes is None else axes
+    name = cast(str, design.conditions.along)
+    own, unit = design.conditions.units.get(name, (1.0, "as a factor on the scene's, -"))
+    x, label = design.conditions.column(name) * own, f"{name} ({unit})"
+    nu = design.scene.block.slenderness * design.conditions.column("slenderness")
+    told: list[tuple[Told, np.ndarray, str, dict[str, Any]]] = [
+        (design.bare, design.bare_reached, "bare block", {"color": GREY, "marker": "s"})
+    ]
+    if design.winner is not None:
+        told.append(
+            (design.winner.told, design.winner.reached, "with the pendulum", {"color": BLUE, "marker": "o"})
+        )
+    tilts = [np.where(t.attracts[0], t.tilt[0], np.nan) * nu for t, *_ in told]
+    top = 1.3 * max((float(np.nanmax(t)) for t in tilts if np.isfinite(t).any()), default=1.0)
+    for i, (t, reached, what, style) in enumerate(told):
+        axes[0].plot(x, tilts[i], ms=3.5, lw=1.2, ls="-" if i else "--", label=what, **style)
+        lost = reached == "overturned"
+        if lost.any():
+            level = np.full(lost.sum(), top * (1.0 - 0.06 * i))
+            axes[0].plot(
+                x[lost],
+                level,
+                ls="",
+                marker="x" if i else "+",
+                color=style["color"],
+                label=f"{what}: overturns from rest",
+            )
+        if what != "bare block":
+            axes[1].plot(x, t.stroke[0], ms=3.5, lw=1.2, label="bob", **style)
+    axes[0].set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
+    axes[0].legend(fontsize=8, frameon=False)
+    axes[1].axhline(design.space.stroke, color=ORANGE, lw=1.0, ls=":", label="stroke limit")
+    axes[1].set(ylabel="largest bob angle (rad)", xlabel=label)
+    axes[1].legend(fontsize=8, frameon=False)
+    return axes
+
+
+def plot_landscape(design: DesignOver, ax: Axes | None = None) -> Axes:
+    """The search over the (mu, lam) plane: screened designs by value, paths, ends and the answer."""
+    ax = cast(Axes, new_axes() if ax is None else ax)
+    best = np.argsort(design.screened_value, kind="stable")[:_SHOWN]
+    value = design.screened_value[best]
+    within = value <= max(1.2 * design.bare_value, np.median(value))
+    points = ax.scatter(
+        *design.screened[best][within, :2].T,
+        c=value[within],
+        cmap="viridis",
+        s=24,
+        linewidths=0.4,
+        edgecolors="white",
+    )
+    ax.figure.colorbar(points, ax=ax, label=f"{design.measure.name} tilt / slenderness (-)")
+    ax.scatter(
+        *design.screened[best][~within, :2].T,
+        marker="x",
+        c=GREY,
+        s=12,
+        linewidths=0.7,
+        label="worse, or beyond a limit",
+    )
+    for i, path in enumerate(design.paths):
+        ax.plot(
+            path[:, 0], path[:, 1], color=INK, lw=0.6, alpha=0.6, label="search paths" if i == 0 else None
+        )
+    kept = np.isfinite(design.end_values)
+    ax.plot(*design.ends[kept, :2].T, ls="", marker="o", mfc="none", mec=INK, ms=5, label="ends of searches")
+    for judged in design.judged:
+        if judged.objections:
+            ax.plot(judged.mass_ratio, judged.length_ratio, "X", ms=10, mfc="white", mec=INK)
+    if design.winner is not None:
+        ax.plot(
+            design.winner.mass_ratio,
+            design.winner.length_ratio,
+            "*",
+            ms=17,
+            mfc=ORANGE,
+            mec=INK,
+            label="answer",
+        )
+    ax.set(xlabel=LABELS["mu"], ylabel=LABELS["lam"])
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=4, fontsize=7, frameon=False)
+    return ax
+
+
+def plot_front(front: Front, design: DesignOver, ax: Axes | None = None) -> Axes:
+    """The least value for every mass, and the answer."""
+    ax = cast(Axes, new_axes() if ax is None else ax)
+    nu, mass = design.scene.block.slenderness, design.scene.block.mass
+    kept = np.isfinite(front.value)
+    ax.plot(
+        front.mass_ratio[kept] * mass,
+        front.value[kept] * nu,
+        "o-",
+        color=BLUE,
+        ms=4,
+        label="best design of its mass",
+    )
+    ax.axhline(design.bare_value * nu, color=GREY, ls="--", label="bare block")
+    if design.winner is not None:
+        ax.plot(
+            design.winner.mass_ratio * mass,
+            design.winner.value * nu,
+            "*",
+            ms=16,
+            mfc=ORANGE,
+            mec=INK,
+            label="answer",
+        )
+    ax.set(xlabel=LABELS["pendulum_mass"] + ", at most", ylabel=f"{design.measure.name} tilt (rad)")
+    ax.legend(fontsize=8, frameon=False)
+    return ax

@@ -1,0 +1,214 @@
+"""The report of a design over many conditions: text, JSON and pictures."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from tpd import files
+from tpd.ensemble import Outcomes, Verdict
+from tpd.robust.answer import DesignOver, Judged, OverStatus
+from tpd.robust.objective import KINDS, Told
+from tpd.robust.pareto import Front
+
+_ROWS = 24
+"""Most conditions that the text lists, evenly over all of them."""
+
+
+def is_sound(design: DesignOver) -> bool:
+    """Whether the answer may be used: a design found and judged, or none needed."""
+    return design.status in (OverStatus.found, OverStatus.no_uplift)
+
+
+def text(design: DesignOver, front: Front | None = None) -> str:
+    """The report in words; its first line says what the answer is worth."""
+    lines = [design.status.value, "", *(f"note: {n}" for n in notes(design)), "", *_answer(design)]
+    winner = design.winner
+    if winner is not None:
+        lines += ["held by: " + "; ".join(winner.active or ("nothing",))]
+        lines += [f"decrease left, to first order: {winner.stationarity:.2g} per unit of scaled step"]
+        lines += ["", *_conditions(design, winner), "", *_nonlinear(design, winner)]
+        if winner.verdict is not None:
+            lines += ["", _ensemble(winner.verdict)]
+        lines += ["", *_sensitivities(design)]
+    for judged in design.judged:
+        if judged.objections:
+            at = (judged.mass_ratio, judged.length_ratio, judged.damping_ratio)
+            lines += ["", "refused: mu {:.4g}, lam {:.4g}, zeta {:.4g}".format(*at)]
+            lines += [f"  {o}" for o in judged.objections]
+    if front is not None:
+        lines += ["", "largest mass ratio    value (tilt over nu)"]
+        lines += [f"{m:18.4g}    {v:.4f}" for m, v in zip(front.mass_ratio, front.value, strict=True)]
+    counts = Counter(s.value for s in design.starts)
+    lines += [
+        "",
+        f"searched from {len(design.starts)} starts, seed {design.seed}, {design.evaluations} designs:",
+    ]
+    return "\n".join([*lines, *(f"  {n} of them {s}" for s, n in counts.items())]) + "\n"
+
+
+def notes(design: DesignOver) -> list[str]:
+    """What somebody who would hang this pendulum must know, dangers first."""
+    out, winner = [], design.winner
+    if winner is not None:
+        lost, bare = winner.reached == "overturned", design.bare_reached == "overturned"
+        if np.any(lost & ~bare):
+            first = design.conditions.name(int(np.flatnonzero(lost & ~bare)[0]))
+            out.append(
+                f"DANGER: from rest this pendulum OVERTURNS the block under {np.sum(lost & ~bare)} of "
+                f"{lost.size} conditions that it stands without, the first {first}."
+            )
+        if lost.any():
+            out.append(
+                f"from rest the block overturns under {lost.sum()} of {lost.size} conditions with the "
+                f"pendulum, {bare.sum()} without."
+            )
+        if winner.verdict is not None:
+            share, without = winner.verdict.hung.overturned, winner.verdict.bare.overturned
+            out.append(f"of the ensemble {share} overturn with the pendulum, {without} without.")
+        if np.any(~winner.told.attracts):
+            out.append(
+                f"under {int(np.sum(~winner.told.attracts))} conditions no symmetric motion attracts: what "
+                "the block does there only events tell."
+            )
+    out.append(
+        "tilts are those of the largest attracting symmetric motion of the linear equations, whichever start "
+        "leads to it; an earthquake is not a harmonic."
+    )
+    return out
+
+
+def _answer(design: DesignOver) -> list[str]:
+    nu, what = design.scene.block.slenderness, design.measure.name
+    bare = f"{what} tilt without {_tilt(design.bare_value, nu)}"
+    pendulum, winner = design.pendulum, design.winner
+    if pendulum is None or winner is None:
+        return ["no pendulum to offer", bare]
+    hinge = 2.0 * pendulum.damping_ratio * pendulum.mass * pendulum.length**1.5 * design.scene.gravity**0.5
+    return [
+        f"pendulum mass      {pendulum.mass:10.4g} kg   (mass ratio   mu   = {winner.mass_ratio:.5g})",
+        f"pendulum length    {pendulum.length:10.4g} m    (length ratio lam  = {winner.length_ratio:.5g})",
+        f"hinge damping      {hinge:10.4g} N m s/rad ({pendulum.damping_ratio:.4g} of critical)",
+        f"conditions         {'; '.join(design.conditions.told) or 'the scene alone'}",
+        f"{what} tilt         {_tilt(winner.value, nu)}",
+        bare,
+        f"largest stroke     {np.nanmax(winner.told.stroke):10.4f} rad, limit {design.space.stroke:g} rad",
+    ]
+
+
+def _tilt(value: float, nu: float) -> str:
+    if value <= 0.0:
+        return f"none: at rest with {-value:.1%} of the lifting moment in hand"
+    if value > 1.0:
+        return "no symmetric motion attracts under the worst condition"
+    return f"{value * nu:.5f} rad ({value:.1%} of nu)"
+
+
+def _conditions(design: DesignOver, winner: Judged) -> list[str]:
+    n = len(design.conditions)
+    chosen = np.unique(np.linspace(0, n - 1, min(n, _ROWS)).astype(int))
+    lines = [f"{'condition':34}{'tilt':>9}{'stroke':>9}{'from rest':>14}{'bare tilt':>11}{'from rest':>14}"]
+    nu = design.scene.block.slenderness * design.conditions.column("slenderness")
+    for i in chosen:
+        name = design.conditions.name(int(i))[:33]
+        tilts = [_cell(t, int(i), float(nu[i])) for t in (winner.told, design.bare)]
+        lines.append(
+            f"{name:34}{tilts[0]:>9}{winner.told.stroke[0, i]:9.4f}{winner.reached[i]:>14}{tilts[1]:>11}"
+            f"{design.bare_reached[i]:>14}"
+        )
+    return lines
+
+
+def _cell(told: Told, i: int, nu: float) -> str:
+    kind = KINDS[int(told.kind[0, i])]
+    return kind if kind in ("rest", "no_orbit", "unstable") else f"{told.tilt[0, i] * nu:.4f}"
+
+
+def _nonlinear(design: DesignOver, winner: Judged) -> list[str]:
+    lines = [f"{'nonlinear equations, from rest':34}{'tilt':>9}{'stroke':>9}  ends"]
+    for i, amplitude, stroke, status in winner.nonlinear:
+        sizes = "".join(f"{x:9.4f}" if math.isfinite(x) else f"{'-':>9}" for x in (amplitude, stroke))
+        lines.append(f"{design.conditions.name(i)[:33]:34}{sizes}  {status}")
+    return lines
+
+
+def _ensemble(verdict: Verdict) -> str:
+    o = verdict.hung.ensemble
+    return f"ensemble of {o.size} runs, seed {o.seed}:\n{verdict.table()}"
+
+
+def _sensitivities(design: DesignOver) -> list[str]:
+    told = ", ".join(f"{name} {x:+.2f}" for name, x in design.elasticities.items() if math.isfinite(x))
+    return [f"per cent of the value for one per cent of: {told}"]
+
+
+def as_json(design: DesignOver, job: dict[str, Any], front: Front | None = None) -> str:
+    """The design as sorted JSON: SI and dimensionless, statuses, seed, versions and the job."""
+    content = {
+        "status": design.status.name,
+        "status_message": design.status.value,
+        "notes": notes(design),
+        "pendulum": None if design.pendulum is None else asdict(design.pendulum),
+        "measure": asdict(design.measure),
+        "conditions": {"told": design.conditions.told, **_lists(design.conditions.factors)},
+        "limits": design.limits.told() | {"stroke": design.space.stroke},
+        "bare": {"value": design.bare_value, "reached": design.bare_reached.tolist(), **_told(design.bare)},
+        "judged": [_judged(j) for j in design.judged],
+        "bare_ensemble": None if design.bare_outcomes is None else _outcomes(design.bare_outcomes),
+        "elasticities": design.elasticities,
+        "starts": [s.name for s in design.starts],
+        "ends": design.ends.tolist(),
+        "end_values": design.end_values.tolist(),
+        "front": None if front is None else _lists(vars(front)),
+        "evaluations": design.evaluations,
+        "seed": design.seed,
+        "settings": design.settings,
+        "job": job,
+        "versions": files.versions(),
+    }
+    return files.as_json(content)
+
+
+def _lists(values: Any) -> dict[str, Any]:
+    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
+
+
+def _told(told: Told) -> dict[str, Any]:
+    kept = ("tilt", "stroke", "margin", "multiplier", "reserve")
+    return {n: getattr(told, n)[0].tolist() for n in kept} | {"kind": [KINDS[k] for k in told.kind[0]]}
+
+
+def _judged(judged: Judged) -> dict[str, Any]:
+    skipped = ("told", "verdict", "reached", "reached_tilt")
+    plain = {k: v for k, v in vars(judged).items() if k not in skipped}
+    more = {"reached": judged.reached.tolist(), "reached_tilt": judged.reached_tilt.tolist()}
+    verdict = judged.verdict
+    told = (
+        None
+        if verdict is None
+        else _outcomes(verdict.hung) | {"worse": verdict.worse, "better": verdict.better}
+    )
+    return plain | more | _told(judged.told) | {"ensemble": told}
+
+
+def _outcomes(o: Outcomes) -> dict[str, Any]:
+    shares = {"overturned": o.overturned, "at_rest": o.at_rest, "settled": o.settled}
+    quantiles = {n: o.quantiles(n) for n in ("peak", "amplitude", "peak_stroke", "stroke")}
+    return {"shares": {n: tuple(s) for n, s in shares.items()}, "quantiles_50_90_99": quantiles}
+
+
+def pictures(design: DesignOver, front: Front | None = None) -> Iterator[tuple[str, bytes]]:
+    """(file name, PNG) of every picture."""
+    from tpd.canvas import png
+    from tpd.robust.plot import plot_conditions, plot_front, plot_landscape
+
+    if design.conditions.along is not None:
+        yield "conditions.png", png(plot_conditions(design)[0].figure)
+    yield "search.png", png(plot_landscape(design).figure)
+    if front is not None:
+        yield "front.png", png(plot_front(front, design).figure)
