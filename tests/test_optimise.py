@@ -96,6 +96,8 @@ def test_the_report_says_it_in_words(design):
     text = report.text(design)
     assert text.startswith(DesignStatus.found.value)
     assert f"{design.pendulum.mass:.4g} kg" in text
+    assert "losses friction k = 0.05" in text
+    assert "exact      smoothed" in text
     assert "stroke of" in text, "a large stroke is warned of"
 
 
@@ -111,11 +113,29 @@ def test_the_json_is_sorted_complete_and_finite(design):
     assert content["job"] == json.loads(json.dumps(tables(job)))
 
 
-def test_a_job_survives_being_written_and_read():
+@pytest.mark.parametrize(
+    "losses",
+    [{}, {"restitution": "housner"}, {"restitution": 0.9}, {"restitution": "housner", "friction": 0.02}],
+    ids=str,
+)
+def test_a_job_survives_being_written_and_read(losses):
     import tomllib
 
-    job = Job(space=tpd.DesignSpace(damping_ratio=(0.05, 0.3)), search=Search(seed=7))
+    scene = tpd.Scene(tpd.Block(width=0.1, height=0.4, mass=16.0, **losses), tpd.paper_scene().motion)
+    job = Job(scene=scene, space=tpd.DesignSpace(damping_ratio=(0.05, 0.3)), search=Search(seed=7))
     assert build(tomllib.loads(dump(job))) == job
+    assert build(json.loads(json.dumps(tables(job)))) == job
+
+
+def test_a_report_names_what_takes_the_energy():
+    sizes = {"width": 0.1, "height": 0.4, "mass": 16.0}
+    told = {
+        (): "friction k = 0.05",
+        (("restitution", "housner"),): "impact loss: Housner, e = 0.9118",
+        (("restitution", 0.9), ("friction", 0.02)): "impact loss: e = 0.9; friction k = 0.02",
+    }
+    for losses, text in told.items():
+        assert report.losses(tpd.Block(**sizes, **dict(losses))) == text
 
 
 def test_disagreement_is_said_first_and_is_not_sound(design):
