@@ -13,9 +13,11 @@ from tpd.scene import paper_scene
 
 SCENE, HUNG = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
 OTHER = Scene(
-    Block(width=1.1, height=4.0, mass=3e3, friction=0.04, radius_of_gyration=1.3),
+    Block(width=1.1, height=4.0, mass=3e3, friction=0.04, radius_of_gyration=1.3, restitution=0.8),
     Harmonic(amplitude=0.2, frequency=0.8),
 )
+TIED = Scene(Block(width=1.1, height=4.0, mass=3e3, friction=0.04, restitution="housner"), OTHER.motion)
+"""Its restitution by Housner's formula."""
 BARE = Parameters(nu=0.2, mu=0.0, lam=0.4, zeta=0.2, k=0.05, f=0.1, xi=2.0)
 
 
@@ -33,12 +35,19 @@ def vector(p: Parameters) -> np.ndarray:
     return np.array([*(getattr(p, n) for n in NAMES[:-1]), p.inertia_ratio], dtype=float)
 
 
-@pytest.mark.parametrize("name", QUANTITIES)
-@pytest.mark.parametrize("scene", [SCENE, OTHER], ids=["rectangle", "own inertia"])
+EACH = [
+    pytest.param(scene, name, id=f"{label}, {name}")
+    for label, scene in {"rectangle": SCENE, "own inertia": OTHER, "tied": TIED}.items()
+    for name in QUANTITIES
+    if (scene, name) != (TIED, "restitution")
+]
+
+
+@pytest.mark.parametrize(("scene", "name"), EACH)
 def test_a_quantity_moves_what_it_moves_in_the_scene_and_nothing_else(scene, name):
     axis, setup = Axis.of(scene, name, HUNG), Setup.of(scene, HUNG)
     base = vector(scene.parameters(HUNG))
-    values = setup.values[name] * np.array([0.9, 1.0, 1.1])
+    values = setup.values[name] * np.array([0.9, 0.95, 1.0])
     for value, point in zip(values, axis.at(values), strict=True):
         expected = moved(scene, HUNG, name, float(value))
         np.testing.assert_allclose(point, vector(expected), rtol=1e-15)
@@ -46,12 +55,14 @@ def test_a_quantity_moves_what_it_moves_in_the_scene_and_nothing_else(scene, nam
         np.testing.assert_allclose(vector(at), point, rtol=1e-15)
         assert (at.rho is None) == (expected.rho is None)
     changed = {n for n, a, b in zip(NAMES, base, axis.at(values)[0], strict=True) if a != b}
-    assert changed == set(QUANTITIES[name])
+    assert changed == set(setup.moved(name))
+    assert changed - {"e"} == set(QUANTITIES[name]) - {"e"}
+    assert ("e" in changed) == (name == "restitution" or (scene is TIED and name in ("width", "height")))
 
 
-@pytest.mark.parametrize("name", QUANTITIES)
-def test_derivatives_along_a_quantity_are_those_of_differences(name):
-    axis = Axis.of(OTHER, name, HUNG)
+@pytest.mark.parametrize(("scene", "name"), EACH)
+def test_derivatives_along_a_quantity_are_those_of_differences(scene, name):
+    axis = Axis.of(scene, name, HUNG)
     assert set(axis.others) == set(axis.setup.values) - {name}
     value = axis.setup.values[name]
     slopes = axis.jacobian(value)
@@ -82,6 +93,16 @@ def test_a_parameter_of_a_scene_leaves_the_others_alone():
     )
     axis = Axis.of(SCENE, "xi", HUNG)
     assert axis.others == tuple(n for n in NAMES[:-1] if n != "xi")
+
+
+def test_a_restitution_that_is_given_goes_before_housner_s():
+    at = Setup.of(TIED).at({"restitution": 0.7, "width": 1.0})
+    assert (at.e, at.nu) == (0.7, 0.25)
+    assert Setup.of(TIED).moved("restitution") == ("e",)
+    with pytest.raises(ValueError, match=r"`e` must be between 0 and 1, but is 1\.2"):
+        Setup.of(TIED).check("name", "restitution", 1.2)
+    with pytest.raises(ValueError, match="`restitution` must be positive and finite, but is 0"):
+        Setup.of(TIED).check("name", "restitution", 0.0)
 
 
 def test_without_a_pendulum_nothing_of_it_can_be_varied():

@@ -34,6 +34,9 @@ def refused(capsys, *arguments: str, command: str = "optimise") -> str:
         (("--mass", "nan"), "`mass` must be positive and finite, but is nan"),
         (("--frequency", "0"), "`frequency` must be positive"),
         (("--friction", "-0.1"), "`friction` must be zero or positive"),
+        (("--restitution", "0"), "`restitution` must be positive and finite, but is 0"),
+        (("--restitution", "1.5"), "`restitution` must be between 0 and 1, but is 1.5"),
+        (("--restitution", "bouncy"), "`restitution` must be a number or 'housner', but is 'bouncy'"),
         (("--width", "0.3"), "`width` must be at most 0.5 of `height` (the linear equations drop"),
         (("--mass-ratio", "0.2", "0.1"), "`mass_ratio` must be an interval low < high"),
         (("--length-ratio", "0.5", "0.5"), "`length_ratio` must be an interval"),
@@ -110,6 +113,8 @@ def test_a_pendulum_is_given_in_si_units_or_in_ratios():
         ("[block]\nwidth = 'wide'\n", "`block.width` must be a number, but is 'wide'"),
         ("[block]\nwidth = true\n", "`block.width` must be a number, but is True"),
         ("[block]\nwidth = [0.1, 0.2]\n", "`block.width` must be a number"),
+        ("[block]\nrestitution = 'bouncy'\n", "`restitution` must be a number or 'housner', but is 'bouncy'"),
+        ("[block]\nrestitution = true\n", "`block.restitution` must be a number, but is True"),
         ("[search]\nseed = 1.5\n", "`search.seed` must be a whole number"),
         ("block = 3\n", "`block` must be a table"),
         ("x = = 3\n", "is not valid TOML"),
@@ -120,6 +125,23 @@ def test_bad_scene_files_are_one_sentence(capsys, tmp_path, content, message):
     scene.write_text(content)
     assert message in refused(capsys, "--scene", str(scene), "--out", str(tmp_path / "out"))
     assert list(tmp_path.iterdir()) == [scene]
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "expected"),
+    [
+        ("", (), (0.05, None)),
+        ("", ("--restitution", "housner"), (0.0, "housner")),
+        ("restitution = 'housner'\n", ("--friction", "0.02"), (0.02, "housner")),
+        ("restitution = 'housner'\n", ("--restitution", "0.9"), (0.0, 0.9)),
+        ("friction = 0.1\n", ("--restitution", "1"), (0.1, 1.0)),
+    ],
+)
+def test_losses_come_from_the_file_and_the_options(tmp_path, content, options, expected):
+    file = tmp_path / "scene.toml"
+    file.write_text(f"[block]\n{content}")
+    block = common.scene(parser().parse_args(["response", "--scene", str(file), *options])).block
+    assert (block.friction, block.restitution) == expected
 
 
 def test_existing_reports_and_unwritable_places_are_left_alone(capsys, tmp_path):

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd import report
+from tpd import plot, report
 from tpd.design import DesignStatus, StartStatus
 from tpd.job import Job, Search, build, dump, tables
+from tpd.optimiser import searched_with
 
 SMALL = {"starts": 3, "steps": 10, "screening": 64}
 SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.1), stroke=1.5)
@@ -96,6 +97,8 @@ def test_the_report_says_it_in_words(design):
     text = report.text(design)
     assert text.startswith(DesignStatus.found.value)
     assert f"{design.pendulum.mass:.4g} kg" in text
+    assert "losses friction k = 0.05" in text
+    assert "exact      smoothed" in text
     assert "stroke of" in text, "a large stroke is warned of"
 
 
@@ -111,11 +114,29 @@ def test_the_json_is_sorted_complete_and_finite(design):
     assert content["job"] == json.loads(json.dumps(tables(job)))
 
 
-def test_a_job_survives_being_written_and_read():
+@pytest.mark.parametrize(
+    "losses",
+    [{}, {"restitution": "housner"}, {"restitution": 0.9}, {"restitution": "housner", "friction": 0.02}],
+    ids=str,
+)
+def test_a_job_survives_being_written_and_read(losses):
     import tomllib
 
-    job = Job(space=tpd.DesignSpace(damping_ratio=(0.05, 0.3)), search=Search(seed=7))
+    scene = tpd.Scene(tpd.Block(width=0.1, height=0.4, mass=16.0, **losses), tpd.paper_scene().motion)
+    job = Job(scene=scene, space=tpd.DesignSpace(damping_ratio=(0.05, 0.3)), search=Search(seed=7))
     assert build(tomllib.loads(dump(job))) == job
+    assert build(json.loads(json.dumps(tables(job)))) == job
+
+
+def test_a_report_names_what_takes_the_energy():
+    sizes = {"width": 0.1, "height": 0.4, "mass": 16.0}
+    told = {
+        (): "friction k = 0.05",
+        (("restitution", "housner"),): "impact loss: Housner, e = 0.9118",
+        (("restitution", 0.9), ("friction", 0.02)): "impact loss: e = 0.9; friction k = 0.02",
+    }
+    for losses, text in told.items():
+        assert report.losses(tpd.Block(**sizes, **dict(losses))) == text
 
 
 def test_disagreement_is_said_first_and_is_not_sound(design):
@@ -170,6 +191,49 @@ def test_a_block_that_rests_needs_no_pendulum():
     assert design.amplitude == design.amplitude_without == 0.0
     assert report.is_sound(design)
     assert "no pendulum to offer" in report.text(design)
+
+
+def test_a_block_that_rests_by_the_linear_equations_alone_is_no_calm_one(monkeypatch):
+    import dataclasses
+
+    # A stub: from rest the bare block lifts by both equations or by none.
+    monkeypatch.setattr("tpd.rounds.nonlinear", lambda p: (0.03, 0.0, "rocking"))
+    calm = dataclasses.replace(tpd.paper_scene(), motion=tpd.Harmonic(amplitude=0.005, frequency=2.5))
+    design = tpd.optimise(calm, SPACE, **SMALL)
+    assert design.status is DesignStatus.nonlinear_objects
+    assert design.pendulum is None
+    (told,) = design.rounds
+    assert (told.amplitude, told.mass_ratio) == (0.03, 0.0)
+    assert told.objections == (
+        "by the nonlinear equations the bare block does not settle at rest but ends rocking",
+    )
+    assert not report.is_sound(design)
+    assert "refused: by the nonlinear equations the bare block does not settle" in report.text(design)
+
+
+HOUSNER = tpd.Scene(
+    tpd.Block(width=0.1, height=0.4, mass=16.224, restitution="housner"), tpd.paper_scene().motion
+)
+
+
+def test_a_search_runs_on_a_model_that_has_the_blocks_losses():
+    assert isinstance(searched_with(tpd.paper_scene().parameters()), tpd.Smoothed)
+    assert isinstance(searched_with(HOUSNER.parameters()), tpd.Piecewise)
+    with pytest.raises(ValueError, match="`e` must be between 1 and 1 in the smoothed model"):
+        tpd.optimise(HOUSNER, SPACE, model=tpd.Smoothed())
+
+
+@pytest.mark.slow
+def test_a_block_with_impact_loss_is_searched_exactly():
+    found = tpd.optimise(HOUSNER, SPACE, seed=1, starts=2, steps=4, screening=16)
+    assert found.searched_with == "piecewise"
+    assert found.bare.amplitude == pytest.approx(0.083845, abs=1e-6)
+    assert found.bare.agree
+    assert found.winner.smoothed_amplitude == pytest.approx(found.winner.amplitude, rel=1e-9, abs=1e-12)
+    text = report.text(found)
+    assert "losses impact loss: Housner, e = 0.9118" in text
+    assert "exact     piecewise" in text
+    assert {name for name, _ in plot.pictures(found, ())} == {"search.png", "motion.png"}
 
 
 def test_a_pendulum_that_saves_by_luck_is_called_fragile(design):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tpd import Block, Harmonic, Parameters, Pendulum, Scene, paper_scene
-from tpd.scene import STANDARD_GRAVITY
+from tpd.scene import STANDARD_GRAVITY, housner
 
 BLOCK = {"width": 0.1, "height": 0.4, "mass": 16.224}
 MOTION = {"amplitude": 0.015, "frequency": 2.5}
@@ -87,6 +87,10 @@ def test_a_larger_radius_of_gyration_makes_a_slower_block():
         (Block, BLOCK, "mass", -1.0, "positive and finite"),
         (Block, BLOCK, "friction", -0.01, "zero or positive, and finite"),
         (Block, BLOCK, "radius_of_gyration", 0.0, "positive and finite"),
+        (Block, BLOCK, "restitution", 0.0, "positive and finite"),
+        (Block, BLOCK, "restitution", -0.5, "positive and finite"),
+        (Block, BLOCK, "restitution", np.nan, "positive and finite"),
+        (Block, BLOCK, "restitution", 1.01, "between 0 and 1"),
         (Pendulum, PENDULUM, "mass", -1.0, "zero or positive, and finite"),
         (Pendulum, PENDULUM, "length", 0.0, "positive and finite"),
         (Pendulum, PENDULUM, "length", np.nan, "positive and finite"),
@@ -111,6 +115,57 @@ def test_a_block_too_wide_for_linear_equations_is_refused():
     with pytest.raises(ValueError, match=r"`width` must be at most 0\.5 of `height`.*but is 0\.6 of it"):
         Block(width=0.24, height=0.4, mass=1.0)
     assert Block(width=0.2, height=0.4, mass=1.0).slenderness == 0.5
+
+
+def struck(nu, rho):
+    """Velocity ratio of a block of half height 1 and unit mass that turns about its left corner at a rate of
+    1 when its right corner strikes: from the angular momentum about that corner, which it keeps."""
+    radius2 = 1 / rho - 1 - nu**2
+    centre, left, right = np.array([0.0, 1.0]), np.array([-nu, 0.0]), np.array([nu, 0.0])
+
+    def momentum(pivot, about):
+        arm, velocity = centre - about, np.array([-(centre - pivot)[1], (centre - pivot)[0]])
+        return radius2 + arm[0] * velocity[1] - arm[1] * velocity[0]
+
+    return momentum(left, right) / momentum(right, right)
+
+
+@pytest.mark.parametrize(("nu", "rho"), [(0.1, 0.74), (0.25, 0.6), (0.5, 0.6), (0.4, 0.8)])
+def test_housner_s_ratio_keeps_the_angular_momentum_about_the_new_pivot(nu, rho):
+    assert housner(nu, rho) == pytest.approx(struck(nu, rho), rel=1e-14)
+
+
+def test_housner_s_ratio_of_a_rectangle_is_the_textbook_s():
+    block = Block(**BLOCK, restitution="housner")
+    alpha = np.arctan(0.1 / 0.4)
+    assert block.velocity_ratio == pytest.approx(1 - 1.5 * np.sin(alpha) ** 2, rel=1e-14)
+    assert Scene(block, Harmonic(**MOTION)).parameters().e == block.velocity_ratio
+
+
+def test_housner_s_ratio_knows_the_radius_of_gyration():
+    block = Block(**BLOCK, radius_of_gyration=0.2, restitution="housner")
+    # I about a corner is M (a^2 + b^2 + c^2).
+    assert block.velocity_ratio == pytest.approx(
+        1 - 2 * np.sin(np.arctan(0.25)) ** 2 * 0.0425 / 0.0825, rel=1e-14
+    )
+
+
+def test_a_block_with_restitution_has_no_friction_unless_it_is_given():
+    losses = {
+        (): (0.05, 1.0),
+        (("restitution", 0.9),): (0.0, 0.9),
+        (("restitution", 1.0),): (0.0, 1.0),
+        (("friction", 0.1),): (0.1, 1.0),
+        (("friction", 0.02), ("restitution", 0.9)): (0.02, 0.9),
+    }
+    for given, expected in losses.items():
+        p = Scene(Block(**BLOCK, **dict(given)), Harmonic(**MOTION)).parameters()
+        assert (p.k, p.e) == expected
+
+
+def test_a_restitution_of_an_unknown_name_is_refused():
+    with pytest.raises(ValueError, match="`restitution` must be a number or 'housner', but is 'bouncy'"):
+        Block(**BLOCK, restitution="bouncy")
 
 
 def test_the_parameters_are_a_pytree_of_numbers():

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from tpd.general import continue_orbit as continue_orbit
     from tpd.general import periodic_orbit as periodic_orbit
     from tpd.ladder import Auto as Auto
+    from tpd.losses import equivalent_friction as equivalent_friction
     from tpd.maps import DesignMap as DesignMap
     from tpd.maps import design_map as design_map
     from tpd.models.piecewise import Piecewise as Piecewise
@@ -74,6 +75,7 @@ _HOMES = {
     "check": "checking",
     "continue_orbit": "general",
     "design_map": "maps",
+    "equivalent_friction": "losses",
     "free_motion": "free",
     "frequency_response": "response",
     "in_chunks": "batch",

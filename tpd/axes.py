@@ -23,13 +23,15 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
     "height": ("nu", "rho", "xi", "lam"),
     "mass": ("mu",),
     "friction": ("k",),
+    "restitution": ("e",),
     "amplitude": ("f",),
     "frequency": ("f", "xi"),
     "pendulum_mass": ("mu",),
     "pendulum_length": ("lam",),
     "pendulum_damping": ("zeta",),
 }
-"""What can be varied of a scene (m, m, kg, -, m, Hz, kg, m, -), and the parameters that it moves."""
+"""What can be varied of a scene (m, m, kg, -, -, m, Hz, kg, m, -), and the parameters that it moves. Width
+and height move e as well where the restitution is Housner's: see `Setup.moved`."""
 _MAY_BE_ZERO = ("friction", "amplitude", "pendulum_mass", "pendulum_damping")
 _OF_PENDULUM = ("mu", "lam", "zeta", "pendulum_mass", "pendulum_length", "pendulum_damping")
 
@@ -71,6 +73,13 @@ class Setup:
         """What can be varied."""
         return (*QUANTITIES, *NAMES) if self.scene else NAMES
 
+    def moved(self, name: str) -> tuple[str, ...]:
+        """The parameters that a quantity moves; of a parameter, none but itself."""
+        if not self.scene or name not in QUANTITIES:
+            return ()
+        tied = "restitution" not in self.values and name in ("width", "height")
+        return QUANTITIES[name] + (("e",) if tied else ())
+
     def check(self, argument: str, name: str, *values: float) -> None:
         """`ValueError` unless `name`, given as `argument`, can be varied and take these values."""
         self.check_name(argument, name)
@@ -94,8 +103,8 @@ class Setup:
 
     def at(self, varied: Mapping[str, Any]) -> Parameters:
         """The parameters with some numbers replaced, each by a number or an array. In a scene the
-        quantities in SI units go first; a parameter given as well leaves all others as they are, but
-        rho, which follows nu unless the block has a radius of gyration."""
+        quantities in SI units go first; a parameter given as well leaves all others as they are (e by
+        Housner's formula too), but rho, which follows nu unless the block has a radius of gyration."""
         return Parameters(**self.numbers(varied))
 
     def numbers(self, varied: Mapping[str, Any]) -> dict[str, Any]:

@@ -35,7 +35,7 @@ def solved(
     model: AbstractModel,
     progress: Progress | None,
 ) -> list[Candidate]:
-    """Designs solved by both models; smoothed in batches of the size already compiled."""
+    """Designs solved by both models; the one searched with in batches of the size already compiled."""
     batch = len(found.best)
     out: list[Candidate] = []
     for begin in range(0, len(designs), batch):

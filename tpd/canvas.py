@@ -24,6 +24,7 @@ LABELS = {
     "height": "height of the block (m)",
     "mass": "mass of the block (kg)",
     "friction": "friction of the contact k (-)",
+    "restitution": "velocity ratio of an impact e (-)",
     "amplitude": "amplitude of the base motion (m)",
     "frequency": "frequency of the base motion (Hz)",
     "pendulum_mass": "mass of the bob (kg)",

@@ -43,6 +43,8 @@ _CLOSED = {
     "one harmonic": "all harmonics but one",
 }
 """Closed forms, and what each neglects."""
+_LOSSLESS = ("one harmonic", "smoothed", "parametric", "smoothed nonlinear")
+"""Rungs that have no impact loss, and nothing to say where there is one."""
 
 RUNGS = (*_CLOSED, *_MODELS)
 """All rungs, the cheapest first."""
@@ -52,7 +54,8 @@ QUICK = ("uplift", "one harmonic", "exact", TOP)
 
 @dataclass(frozen=True, kw_only=True)
 class Rung:
-    """What one model says of a design; angles in rad, NaN where it has nothing to say."""
+    """What one model says of a design; angles in rad, NaN where it has nothing to say: the status is
+    "no impacts" where impacts lose energy and the model does not have that."""
 
     name: str
     amplitude: float
@@ -152,6 +155,8 @@ def nonlinear(p: Parameters) -> tuple[float, float, str]:
 
 def _rung(name: str, p: Parameters) -> Rung:
     def run() -> tuple[float, float, str]:
+        if name in _LOSSLESS and float(p.e) < 1.0:
+            return math.nan, math.nan, "no impacts"
         return _followed(_MODELS[name][0], p) if name in _MODELS else _closed(name, p)
 
     begin = time.perf_counter()

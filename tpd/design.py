@@ -83,8 +83,8 @@ class DesignStatus(enum.Enum):
         "solution of the linear equations confirms it, and the nonlinear equations have nothing against it."
     )
     models_disagree = (
-        "DO NOT USE AS IT IS: the smoothed and the exact solution disagree on this design by more than "
-        "the tolerance, so its motion depends on details that neither can promise."
+        "DO NOT USE AS IT IS: the model searched with and the exact solution disagree on this design by "
+        "more than the tolerance, so its motion depends on details that neither can promise."
     )
     nonlinear_objects = (
         "NO DESIGN TO OFFER: what the linear equations find does not hold by the nonlinear ones, also "
@@ -120,6 +120,7 @@ class Candidate:
     margin: float
     """Uplift margin; positive: a block at rest under the settled pendulum stays at rest."""
     smoothed_amplitude: float
+    """By the model searched with, as the two below; see `Design.searched_with`."""
     smoothed_stroke: float
     smoothed_status: str
     agree: bool
@@ -127,7 +128,7 @@ class Candidate:
 
     @property
     def difference(self) -> float:
-        """Smoothed minus exact amplitude, over the exact one; 0 where both rest."""
+        """Amplitude by the model searched with minus the exact one, over the exact one; 0 where both rest."""
         if not np.isfinite(self.amplitude):
             return float("nan")
         if self.amplitude == 0.0:
@@ -200,5 +201,7 @@ class Design:
     tolerance: float
     """Largest relative difference of the two models' amplitudes that counts as agreement."""
     seed: int
+    searched_with: str = "smoothed"
+    """Name of the model that the search ran on."""
     interrupted: bool = False
     settings: dict[str, object] = field(default_factory=dict)

@@ -87,12 +87,18 @@ def build(given: dict[str, Any]) -> Job:
             if key not in _ALLOWED[table]:
                 raise ValueError(f"unknown key `{key}` in [{table}]; allowed are {_listed(_ALLOWED[table])}")
             merged[table][key] = _typed(f"{table}.{key}", value)
+    block = given.get("block", {})
+    if "restitution" in block and "friction" not in block:
+        # The default's friction goes with the default's impacts.
+        del merged["block"]["friction"]
     space: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in merged["space"].items()}
     scene = Scene(Block(**merged["block"]), Harmonic(**merged["motion"]), **merged["site"])
     return Job(scene=scene, space=DesignSpace(**space), search=Search(**merged["search"]), asked=asked)
 
 
 def _typed(name: str, value: Any) -> Any:
+    if name == "block.restitution" and isinstance(value, str):
+        return value
     pair = name in _PAIRS and isinstance(value, list) and len(value) == 2
     numbers: list[Any] = value if pair else [value]
     if not all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in numbers):

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd import checks
-from tpd.axes import NAMES, QUANTITIES, Setup, parameters
+from tpd.axes import NAMES, Setup, parameters
 from tpd.balance import uplift
 from tpd.batch import in_chunks
 from tpd.models.settling import scale_of
@@ -147,7 +147,7 @@ def _check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
     if len(lines) < 2:
         raise ValueError(f"`x` and `y` must differ, but both are {next(iter(lines))!r}")
     for name, other in (tuple(lines), tuple(lines)[::-1]):
-        if other in NAMES and other in QUANTITIES.get(name, ()):
+        if other in NAMES and other in setup.moved(name):
             raise ValueError(f"`x` and `y` must not both move {other}, but {name!r} does so as well")
     (x, xs), (y, ys) = lines.items()
     for corner in ((i, j) for i in (0, -1) for j in (0, -1)):

@@ -14,7 +14,7 @@ from tpd.found import Screened, bare_design, exact, search
 from tpd.models.interface import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
-from tpd.parameters import as_arrays
+from tpd.parameters import Parameters, as_arrays
 from tpd.rounds import Inside, at_rest, confirmed
 from tpd.scene import Harmonic, Pendulum, Scene
 from tpd.search import Progress, Trace
@@ -53,7 +53,8 @@ def optimise(
         steps: bound on the steps of the search.
         screening: designs solved exactly before the search.
         tolerance: largest relative difference of the two models' amplitudes.
-        model: the model searched with; default `Smoothed()`.
+        model: the model searched with; default `Smoothed()`, or where impacts lose energy, which it does not
+            have, `Piecewise()`.
         progress: called after every unit of work.
 
     Raises:
@@ -66,8 +67,9 @@ def optimise(
         checks.count(name, value)
     checks.positive("tolerance", tolerance)
     checks.not_negative("seed", seed)
-    model = Smoothed(max_periods=200) if model is None else model
     p = as_arrays(scene.parameters())
+    model = searched_with(p) if model is None else model
+    model.check(p)
     rests = status_name(exact(p, bare_design(p)).status) == "rest"
     screening = 1 if rests else max(screening, starts)
     found = search(p, space, model, starts, 0 if rests else steps, screening, seed, progress)
@@ -98,10 +100,16 @@ def optimise(
         overturned_nearby=nearby,
         rounds=rounds,
         tolerance=tolerance,
+        searched_with=type(model).__name__.lower(),
         seed=seed,
         interrupted=found.interrupted or status is DesignStatus.interrupted,
         settings={"starts": starts, "steps": steps, "screening": screening, "model": _describe(model)},
     )
+
+
+def searched_with(p: Parameters) -> AbstractModel:
+    """The model that a search runs on unless another is given."""
+    return Smoothed(max_periods=200) if float(p.e) == 1.0 else Piecewise(max_periods=200, lyapunov_periods=0)
 
 
 def _overturned_nearby(scene: Scene, pendulum: Pendulum | None) -> tuple[int, int, int]:

@@ -13,6 +13,7 @@ from tpd import files
 from tpd.design import Candidate, Design, DesignStatus
 from tpd.job import Job, dump, tables
 from tpd.response import Response
+from tpd.scene import HOUSNER, Block
 from tpd.status import SETTLED
 
 LARGE_PEAK = 0.7
@@ -25,7 +26,7 @@ def text(design: Design, responses: tuple[Response, ...] = ()) -> str:
     """The report in words; its first line says what the answer is worth."""
     lines = [design.status.value, ""]
     lines += _answer(design)
-    lines += ["", f"{'':24}{'exact':>14}{'smoothed':>14}{'difference':>12}  settles as"]
+    lines += ["", f"{'':24}{'exact':>14}{design.searched_with:>14}{'difference':>12}  settles as"]
     named = (
         ("best design", design.winner),
         ("runner-up", design.runner_up),
@@ -58,8 +59,9 @@ def _rounds(design: Design) -> list[str]:
 def _answer(design: Design) -> list[str]:
     pendulum, winner = design.pendulum, design.winner
     bare = f"without pendulum   {_degrees(design.amplitude_without, _toppling(design, 0.0))}"
+    loss = f"the block's losses {losses(design.scene.block)}"
     if pendulum is None or winner is None:
-        return ["no pendulum to offer", bare]
+        return ["no pendulum to offer", bare, loss]
     toppling = _toppling(design, winner.mass_ratio)
     hinge = 2.0 * pendulum.damping_ratio * pendulum.mass * pendulum.length**1.5 * design.scene.gravity**0.5
     return [
@@ -69,10 +71,20 @@ def _answer(design: Design) -> list[str]:
         "fixed point)",
         f"rocking amplitude  {_degrees(design.amplitude, toppling)}",
         bare,
+        loss,
         f"bob's stroke       {_degrees(design.stroke)}, limit {design.space.stroke:g} rad",
         f"first 24 periods   tilt up to {design.peak[0]:.4f} rad ({design.peak[0] / toppling:.0%} of "
         f"toppling), bob up to {design.peak[1]:.4f} rad",
     ]
+
+
+def losses(block: Block) -> str:
+    """What takes the rocking block's energy, in words."""
+    if block.restitution is None:
+        return f"friction k = {block.friction:g}"
+    model = "Housner, " if block.restitution == HOUSNER else ""
+    impacts = f"impact loss: {model}e = {block.velocity_ratio:.4g}"
+    return f"{impacts}; friction k = {block.friction:g}" if block.friction else impacts
 
 
 def _toppling(design: Design, mass_ratio: float) -> float:

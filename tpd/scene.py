@@ -5,21 +5,29 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 from tpd import checks
 from tpd.parameters import SLENDERNESS_LIMIT, Parameters
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2"""
+HOUSNER = "housner"
+"""Restitution tied to the block's shape by `housner`."""
+FRICTION = 0.05
+"""Of a block without impact loss, unless given: that of the paper's section 3."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
     """A rigid block, its base 2a wide and 2b high in the paper's symbols.
 
+    It loses energy by friction, at impacts, or both. Once made, `friction` is a number, which
+    `dataclasses.replace` keeps: give it as well where `restitution` is replaced.
+
     Raises:
-        ValueError: a size, mass or friction out of range, or a block too wide for linear equations.
+        ValueError: a size, mass, friction or restitution out of range, or a block too wide for linear
+            equations.
     """
 
     width: float
@@ -28,16 +36,20 @@ class Block:
     """Whole height, m; the pendulum hangs from the middle of the top."""
     mass: float
     """kg"""
-    friction: float = 0.05
-    """k: dry friction moment of the rocking contact over M g b, dimensionless."""
+    friction: float | None = None
+    """k: dry friction moment of the rocking contact over M g b, dimensionless. None is 0.05 without a
+    restitution, and 0 with one."""
     radius_of_gyration: float | None = None
     """About the centroid, m; None is that of a uniform rectangle."""
+    restitution: float | str | None = None
+    """e: velocity ratio across an impact of the base, in (0, 1], or "housner" for that of the block's shape;
+    None is no impact loss."""
 
     def __post_init__(self) -> None:
         checks.positive("width", self.width)
         checks.positive("height", self.height)
         checks.positive("mass", self.mass)
-        checks.not_negative("friction", self.friction)
+        self._check_losses()
         if self.radius_of_gyration is not None:
             checks.positive("radius_of_gyration", self.radius_of_gyration)
         if self.width > SLENDERNESS_LIMIT * self.height:
@@ -45,6 +57,19 @@ class Block:
                 f"`width` must be at most {SLENDERNESS_LIMIT:g} of `height` (the linear equations "
                 f"drop terms of order (width/height)**2), but is {self.width / self.height:g} of it"
             )
+
+    def _check_losses(self) -> None:
+        if isinstance(self.restitution, str):
+            if self.restitution != HOUSNER:
+                raise ValueError(
+                    f"`restitution` must be a number or {HOUSNER!r}, but is {self.restitution!r}"
+                )
+        elif self.restitution is not None:
+            checks.positive("restitution", self.restitution)
+            checks.within("restitution", self.restitution, 0.0, 1.0)
+        if self.friction is None:
+            object.__setattr__(self, "friction", FRICTION if self.restitution is None else 0.0)
+        checks.not_negative("friction", self.friction)
 
     @property
     def half_height(self) -> float:
@@ -60,6 +85,13 @@ class Block:
     def inertia_ratio(self) -> float:
         """rho = b^2/(a^2 + b^2 + c^2)."""
         return _inertia_ratio(self.width, self.height, self.radius_of_gyration)
+
+    @property
+    def velocity_ratio(self) -> float:
+        """e: the restitution as a number; 1 without impact loss."""
+        if isinstance(self.restitution, str):
+            return housner(self.slenderness, self.inertia_ratio)
+        return 1.0 if self.restitution is None else float(self.restitution)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,23 +158,27 @@ class Scene:
     def parameters(self, pendulum: Pendulum | None = None) -> Parameters:
         """The dimensionless parameters with a pendulum, or of the bare block (mu = 0).
 
-        rho stays tied to nu for a uniform rectangle, also in gradients.
+        rho stays tied to nu for a uniform rectangle, also in gradients. e is a number of its own, by
+        Housner's formula as well; `tpd.axes` has its derivatives.
         """
         return Parameters(**dimensionless(self.quantities(pendulum)))
 
     def quantities(self, pendulum: Pendulum | None = None) -> dict[str, float]:
         """Everything that `parameters` depends on, in SI units by name. Those of the pendulum begin
-        with `pendulum_`; without one its mass is zero."""
+        with `pendulum_`; without one its mass is zero. A restitution by Housner's formula is none of them:
+        it depends on the others."""
         block, motion = self.block, self.motion
         hung = (
             Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3) if pendulum is None else pendulum
         )
         own = {} if block.radius_of_gyration is None else {"radius_of_gyration": block.radius_of_gyration}
+        lost = {} if block.restitution == HOUSNER else {"restitution": block.velocity_ratio}
         return {
             "width": block.width,
             "height": block.height,
             "mass": block.mass,
-            "friction": block.friction,
+            "friction": cast(float, block.friction),
+            **lost,
             **own,
             "amplitude": motion.amplitude,
             "frequency": motion.frequency,
@@ -163,13 +199,15 @@ class Scene:
 
 def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
     """The parameters, by name and unchecked, of `Scene.quantities`: of numbers, or of arrays or traced
-    values of one shape among them. rho is None without a `radius_of_gyration`."""
+    values of one shape among them. rho is None without a `radius_of_gyration`; e is Housner's without a
+    `restitution`."""
     half_height, radius = 0.5 * q["height"], q.get("radius_of_gyration")
     rho = _inertia_ratio(q["width"], q["height"], radius)
+    nu = q["width"] / q["height"]
     rate = (q["gravity"] * rho / half_height) ** 0.5
     omega = 2.0 * math.pi * q["frequency"]
     return {
-        "nu": q["width"] / q["height"],
+        "nu": nu,
         "mu": q["pendulum_mass"] / q["mass"],
         "lam": q["pendulum_length"] / half_height,
         "zeta": q["pendulum_damping"],
@@ -177,7 +215,21 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
         "f": q["amplitude"] * omega**2 / q["gravity"],
         "xi": omega / rate,
         "rho": None if radius is None else rho,
+        "e": q["restitution"] if "restitution" in q else housner(nu, rho),
     }
+
+
+def housner(nu: Any, rho: Any) -> Any:
+    """Housner's velocity ratio e = 1 - 2 rho nu^2 of an impact: of plain numbers, arrays or traced values.
+
+    The block, which turned about one corner, turns about the other: what strikes it there has no moment
+    about that corner. Its angular momentum per mass about it is (c^2 + b^2 - a^2) phi' before, and
+    (c^2 + b^2 + a^2) phi' after. With tan(alpha) = nu this is e = 1 - 2 rho nu^2, of a uniform rectangle
+    1 - 1.5 sin(alpha)^2. The pull of a bob's rod in the impact, which would lower e by less than
+    2 mu rho nu^2, is left out. (G. W. Housner, The behavior of inverted pendulum structures during
+    earthquakes, Bull. Seismol. Soc. Am. 53, 1963.)
+    """
+    return 1.0 - 2.0 * rho * nu**2
 
 
 def _inertia_ratio(width: Any, height: Any, radius: Any) -> Any:

@@ -72,9 +72,9 @@ def sweep(p: Parameters | Scene, name: str, values: Any, *, pendulum: Pendulum |
     Args:
         p: dimensionless parameters, or a scene; its value of `name` is not used.
         name: of what varies: one of nu, mu, lam, zeta, k, f, xi, e and rho, the other parameters
-            held. Of a scene also width, height, mass, friction, amplitude, frequency, pendulum_mass,
-            pendulum_length or pendulum_damping, the other quantities in SI units held: a higher
-            `frequency` is a larger xi and, at the same amplitude, a larger f.
+            held. Of a scene also width, height, mass, friction, restitution, amplitude, frequency,
+            pendulum_mass, pendulum_length or pendulum_damping, the other quantities in SI units held: a
+            higher `frequency` is a larger xi and, at the same amplitude, a larger f.
         values: shape (n,); in SI units if the name is one of a scene.
         pendulum: in the scene; default none.
 

@@ -18,7 +18,19 @@ _SCENE: dict[str, tuple[str, str, str, str]] = {
     "width": ("block", "width", "M", "whole width of the block, m (default 0.1)"),
     "height": ("block", "height", "M", "whole height of the block, m (default 0.4)"),
     "mass": ("block", "mass", "KG", "mass of the block, kg (default 16.224)"),
-    "friction": ("block", "friction", "K", "friction moment of the contact over M g b (default 0.05)"),
+    "friction": (
+        "block",
+        "friction",
+        "K",
+        "friction moment of the contact over M g b (default 0.05; with --restitution 0)",
+    ),
+    "restitution": (
+        "block",
+        "restitution",
+        "E",
+        "velocity ratio across an impact of the base, or `housner` for that of the block's shape "
+        "(default: no impact loss)",
+    ),
     "amplitude": ("motion", "amplitude", "M", "amplitude of the base motion, m (default 0.015)"),
     "frequency": ("motion", "frequency", "HZ", "frequency of the base motion, Hz (default 2.5)"),
 }
@@ -28,7 +40,16 @@ def add_scene(command: argparse.ArgumentParser) -> None:
     """The options that describe block and base motion."""
     command.add_argument("--scene", type=Path, metavar="FILE", help="TOML file; options override it")
     for flag, (_, _, metavar, text) in _SCENE.items():
-        command.add_argument(f"--{flag}", type=float, metavar=metavar, help=text)
+        kind = _restitution if flag == "restitution" else float
+        command.add_argument(f"--{flag}", type=kind, metavar=metavar, help=text)
+
+
+def _restitution(text: str) -> float | str:
+    """A number, or a name, which the block knows or refuses."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def add_out(command: argparse.ArgumentParser, default: str) -> None:

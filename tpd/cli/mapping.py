@@ -22,10 +22,10 @@ def add(commands: Any) -> None:
         "map",
         help="amplitude, stroke, status and uplift over any two parameters",
         description="Solve every design on a grid of two names: dimensionless parameters (nu, mu, lam, zeta, "
-        "k, f, xi, e, rho) or, in SI units, width, height, mass, friction, amplitude, frequency, "
-        "pendulum-mass, pendulum-length and pendulum-damping. Shown is the largest attracting symmetric "
-        "period-one orbit, or rest; with --from-rest what is settled into from rest. Exit status: 0 done, "
-        "2 bad input, 130 interrupted.",
+        "k, f, xi, e, rho) or, in SI units, width, height, mass, friction, restitution, amplitude, "
+        "frequency, pendulum-mass, pendulum-length and pendulum-damping. Shown is the largest attracting "
+        "symmetric period-one orbit, or rest; with --from-rest what is settled into from rest. Exit status: "
+        "0 done, 2 bad input, 130 interrupted.",
     )
     common.add_scene(mapping)
     common.add_pendulum(mapping)
