@@ -15,7 +15,7 @@ from tpd.elasticity import Elasticities
 from tpd.ensemble import Outcomes, Verdict
 from tpd.job import Job, dump
 from tpd.notes import notes, toppling
-from tpd.page import Section, code, figure, listing, page, paragraph, table
+from tpd.page import Section, beside, code, figure, listing, page, paragraph, table
 from tpd.response import Response
 
 _DANGER = "DANGER"
@@ -58,7 +58,7 @@ def design_page(told: Told) -> str:
         _landscape(told),
         _models(told),
         _rounds(told.design),
-        elasticity_section(told.sensitive),
+        elasticity_section(told.sensitive, bare=told.design.pendulum is None),
         _assumed(told.job),
         _repeat(told),
     ]
@@ -73,7 +73,11 @@ def _warnings(told: Told) -> Section:
         said.insert(0, f"{_DANGER}: in the ensemble {_more(told.verdict)}")
     dangers = [note for note in said if note.startswith(_DANGER)]
     others = [note[0].upper() + note[1:] for note in said if not note.startswith(_DANGER)]
-    parts = [paragraph(told.design.status.value, "verdict"), *(paragraph(d, "danger") for d in dangers)]
+    sound = told.design.status.is_sound
+    parts = [
+        paragraph(told.design.status.value, "verdict" if sound else "danger"),
+        *(paragraph(d, "danger") for d in dangers),
+    ]
     return Section("Before anything else", "\n".join([*parts, listing(others)]))
 
 
@@ -81,9 +85,7 @@ def _answer(design: Design) -> Section:
     pendulum, winner = design.pendulum, design.winner
     bare = ("rocking amplitude without pendulum", _angle(design.amplitude_without), None)
     if pendulum is None or winner is None:
-        return Section(
-            "The answer", table(("", "value", "dimensionless"), [("pendulum", "none", None), bare])
-        )
+        return Section("The answer", table(("", "value"), [("pendulum", "none to offer"), bare[:2]]))
     topples, limit = toppling(design, winner.mass_ratio), design.space.stroke
     hinge = pendulum.hinge_damping(design.scene.gravity)
     rows = [
@@ -125,7 +127,7 @@ def _shape(told: Told) -> Section:
         f"Animation of the block on its moving base, {both}",
         f"The first seconds from rest by the exact solution of the linear equations: {both}.",
     )
-    return Section("The block and its motion", still + "\n" + film)
+    return Section("The block and its motion", beside(still, film))
 
 
 def _response(told: Told) -> Section | None:
@@ -133,7 +135,7 @@ def _response(told: Told) -> Section | None:
         return None
     motion = told.design.scene.motion
     return Section(
-        "Before and after, over frequency",
+        "Over frequency",
         _picture(
             told,
             "response.png",
@@ -151,7 +153,7 @@ def _motion(told: Told) -> Section:
         _picture(
             told,
             "motion.png",
-            "Tilt of the block and angle of the bob against time from a start at rest",
+            "Tilt of the block without and with the pendulum, and angle of the bob, against time from rest",
             "The first 24 periods from rest: the exact solution, broad, and the smoothed model of the "
             "search, dashed. Where they part, the motion hangs on details. The stroke limit (dotted) is one "
             "on the settled motion: on the way there the bob may pass it.",
@@ -174,7 +176,8 @@ def _landscape(told: Told) -> Section:
 
 def _models(told: Told) -> Section:
     design = told.design
-    named = (("best design", design.winner), ("runner-up", design.runner_up), ("bare block", design.bare))
+    best = "best design" if design.pendulum is not None else "best found, not offered"
+    named = ((best, design.winner), ("runner-up", design.runner_up), ("bare block", design.bare))
     head = ("", "exact (rad)", "smoothed (rad)", "difference", "stroke (rad)", "multiplier", "settles as")
     parts = [
         table(
@@ -199,7 +202,9 @@ def _candidate(name: str, c: Candidate) -> tuple[object, ...]:
 
 def ladder_table(ladder: Check) -> str:
     """A design by all models that were asked."""
-    rows = [(r.name, r.amplitude, r.stroke, r.status, r.seconds * 1e3, r.neglects) for r in ladder.rungs]
+    rows = [
+        (r.name, r.amplitude, r.stroke, r.status, round(r.seconds * 1e3, 1), r.neglects) for r in ladder.rungs
+    ]
     head = ("model", "amplitude (rad)", "stroke (rad)", "status", "time (ms)", "neglects")
     caption = "The same design from rest by every model, the cheapest first; the last one judges."
     return table(head, rows, caption=caption)
@@ -240,9 +245,9 @@ def _rounds(design: Design) -> Section | None:
     return Section("Put to the nonlinear equations", table(head, rows, caption=caption))
 
 
-def elasticity_section(told: Elasticities) -> Section:
-    """What a design is sensitive to, the strongest first."""
-    title = "What it is sensitive to"
+def elasticity_section(told: Elasticities, *, bare: bool = False) -> Section:
+    """What a design, or the bare block, is sensitive to, the strongest first."""
+    title = "What the bare block is sensitive to" if bare else "What it is sensitive to"
     if not told.slopes:
         return Section(title, paragraph(f"There is no gradient to tell: {told.refused}."))
     amplitude = told.of == "amplitude"

@@ -20,7 +20,7 @@ _STEEL = 7850.0
 """kg/m^3"""
 _TALL, _WIDE = 4.2, 3.0
 """Room for what is drawn to scale, inches."""
-_LEFT, _RIGHT, _ABOVE, _BELOW = 1.15, 2.75, 0.5, 0.9
+_LEFT, _RIGHT, _ABOVE, _BELOW = 1.15, 2.4, 0.5, 0.75
 """Room for dimensions and words around it, inches."""
 
 
@@ -140,7 +140,7 @@ def _labels(
             fontsize=8,
             va="center",
             color=INK,
-            arrowprops={"arrowstyle": "-", "lw": 0.6, "color": INK, "shrinkB": 3},
+            arrowprops={"arrowstyle": "-", "lw": 0.6, "color": INK, "shrinkB": 3, "relpos": (0.0, 0.5)},
         )
 
 

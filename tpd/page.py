@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import html
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -31,6 +32,7 @@ pre { background: #f4f4f4; border: 1px solid #ddd; padding: .6rem .8rem; font-si
 .verdict, .danger { border-left: 6px solid #555; background: #f4f4f4; padding: .6rem .9rem; margin: .6rem 0; }
 .danger { border-color: #a11; background: #fff1ef; font-weight: 600; }
 .wide { overflow-x: auto; }
+.beside { display: flex; flex-wrap: wrap; gap: 0 1.5rem; align-items: flex-end; }
 @media print {
   body { font-size: 10pt; max-width: none; margin: 0; }
   figure, tr, .danger, .verdict { break-inside: avoid; }
@@ -39,6 +41,7 @@ pre { background: #f4f4f4; border: 1px solid #ddd; padding: .6rem .8rem; font-si
 }
 """
 
+_NUMBER = re.compile(r"[+-]?\d[\d.]*%?")
 _KINDS = {b"\x89PNG": "image/png", b"GIF8": "image/gif"}
 
 
@@ -77,7 +80,8 @@ def code(text: str) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]], *, caption: str = "") -> str:
-    """A table: numbers to the right by `number`, the rest as words; None and what is not a number is a dash.
+    """A table: floats written by `number`, the rest as it is; None and NaN are dashes, and columns of numbers
+    stand to the right.
 
     Raises:
         ValueError: a row with another number of cells than the head.
@@ -86,7 +90,8 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]], *, caption: str
     for row in listed:
         if len(row) != len(head):
             raise ValueError(f"a row must have {len(head)} cells as the head has, but has {len(row)}")
-    right = [any(_is_number(row[i]) for row in listed) for i in range(len(head))]
+    columns = [[row[i] for row in listed if row[i] is not None] for i in range(len(head))]
+    right = [bool(column) and all(_is_number(x) for x in column) for column in columns]
     lines = ['<div class="wide"><table>']
     lines += [f"<caption>{_safe(caption)}</caption>"] if caption else []
     lines.append(
@@ -118,8 +123,14 @@ def figure(image: bytes, *, alt: str, caption: str) -> str:
     )
 
 
+def beside(*parts: str) -> str:
+    """Pieces of a page next to each other, where there is room for it."""
+    return '<div class="beside">\n' + "\n".join(parts) + "\n</div>"
+
+
 def _is_number(x: object) -> bool:
-    return isinstance(x, (int, float)) and not isinstance(x, bool)
+    number_like = isinstance(x, str) and _NUMBER.fullmatch(x) is not None
+    return number_like or (isinstance(x, (int, float)) and not isinstance(x, bool))
 
 
 def _cell(tag: str, content: object, right: bool) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 
 from tpd import files
 from tpd.checking import Check
-from tpd.design import Candidate, Design, DesignStatus
+from tpd.design import Candidate, Design
 from tpd.design_page import Told, design_page
 from tpd.elasticity import Elasticities, elasticities
 from tpd.ensemble import Verdict
@@ -184,4 +184,4 @@ def _moving(design: Design) -> Iterator[tuple[str, bytes]]:
 
 def is_sound(design: Design) -> bool:
     """Whether the answer may be used: a design found and confirmed, or none needed."""
-    return design.status in (DesignStatus.found, DesignStatus.no_uplift)
+    return design.status.is_sound
