@@ -118,10 +118,10 @@ def _stage(
         ax.set_aspect("equal")
         ax.set_axis_off()
         # Not the axes' title, which is placed anew in every frame, and slowly.
-        figure.text((i + 0.5) / len(reels), 1.0 - 0.2 / whole, reel.name, ha="center", fontsize=11)
+        figure.text((i + 0.5) / len(reels), 1.0 - 0.2 / whole, reel.name, ha="center", fontsize=12)
         draws.append(_actor(ax, scene, reel, times, larger))
-    clock = figure.text(0.5, 0.33 / whole, "", ha="center", fontsize=10)
-    figure.text(0.5, 0.12 / whole, _remarks(larger, slowed), ha="center", fontsize=9)
+    clock = figure.text(0.5, 0.33 / whole, "", ha="center", fontsize=11)
+    figure.text(0.5, 0.12 / whole, _remarks(larger, slowed), ha="center", fontsize=10)
 
     def draw(i: int) -> None:
         for each in draws:

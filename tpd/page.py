@@ -15,7 +15,7 @@ from tpd.digits import number
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, "DejaVu Sans", sans-serif; color: #1a1a1a; background: #fff;
-  max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
+  max-width: 66rem; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-size: 1.7rem; line-height: 1.25; margin-bottom: .3rem; }
 h2 { font-size: 1.2rem; margin: 2.2rem 0 .6rem; border-bottom: 1px solid #bbb; }
 table { border-collapse: collapse; font-size: .92rem; margin: .6rem 0; }
@@ -33,6 +33,7 @@ pre { background: #f4f4f4; border: 1px solid #ddd; padding: .6rem .8rem; font-si
 .danger { border-color: #a11; background: #fff1ef; font-weight: 600; }
 .wide { overflow-x: auto; }
 .beside { display: flex; flex-wrap: wrap; gap: 0 1.5rem; align-items: flex-end; }
+.beside figcaption { width: 0; min-width: 100%; }
 @media print {
   body { font-size: 10pt; max-width: none; margin: 0; }
   figure, tr, .danger, .verdict { break-inside: avoid; }
