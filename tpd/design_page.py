@@ -333,7 +333,9 @@ def _repeat(told: Told) -> Section:
         paragraph(f"Seed {told.design.seed}. scene.toml, which lies beside this page, holds:"),
         code(dump(told.job)),
         paragraph("Made with " + ", ".join(f"{name} {v}" for name, v in files.versions().items()) + "."),
-        paragraph("design.json holds all numbers of this page in full, and those behind its pictures."),
+        paragraph(
+            "design.json holds the design, the search, the rounds, the responses and the elasticities in full."
+        ),
     ]
     return Section("How to repeat it", "\n".join(parts))
 

@@ -21,8 +21,9 @@ h2 { font-size: 1.2rem; margin: 2.2rem 0 .6rem; border-bottom: 1px solid #bbb; }
 table { border-collapse: collapse; font-size: .92rem; margin: .6rem 0; }
 th, td { padding: .25rem .8rem .25rem 0; text-align: left; vertical-align: top;
   border-bottom: 1px solid #ddd; }
-th { border-bottom: 2px solid #555; }
-td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
+th { border-bottom: 2px solid #555; vertical-align: bottom; }
+td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
+td.n { white-space: nowrap; }
 figure { margin: .6rem 0 1.2rem; }
 figure img { max-width: 100%; height: auto; }
 figcaption, caption { color: #444; font-size: .9rem; text-align: left; max-width: 48rem; }
@@ -38,7 +39,11 @@ pre { background: #f4f4f4; border: 1px solid #ddd; padding: .6rem .8rem; font-si
   body { font-size: 10pt; max-width: none; margin: 0; }
   figure, tr, .danger, .verdict { break-inside: avoid; }
   h2 { break-after: avoid; }
-  figure img { max-height: 20cm; width: auto; }
+  figure img { max-height: 15cm; width: auto; }
+  table { font-size: 8.5pt; }
+  .wide { overflow: visible; }
+  .beside { display: block; }
+  .beside img { max-height: 9.5cm; }
 }
 """
 

@@ -97,12 +97,13 @@ def as_json(
     sensitive: Elasticities | None = None,
 ) -> str:
     """The design as sorted JSON: SI and dimensionless, statuses, seed, versions and the job."""
-    p = design.scene.parameters(design.pendulum)
+    p, hung = design.scene.parameters(design.pendulum), design.pendulum
     content = {
         "amplitude_rad": design.amplitude,
         "amplitude_without_rad": design.amplitude_without,
         "bare_block": _plain(design.bare),
         "elasticities": None if sensitive is None else asdict(sensitive),
+        "hinge_damping_N_m_s_per_rad": None if hung is None else hung.hinge_damping(design.scene.gravity),
         "history": {k: v.tolist() for k, v in asdict(design.history).items()},
         "interrupted": design.interrupted,
         "overturned_nearby": design.overturned_nearby,
@@ -110,7 +111,7 @@ def as_json(
         "job": tables(job),
         "notes": notes(design, responses),
         "parameters": {k: v for k, v in vars(p).items() if v is not None} | {"rho": p.inertia_ratio},
-        "pendulum": None if design.pendulum is None else asdict(design.pendulum),
+        "pendulum": None if hung is None else asdict(hung),
         "responses": [{k: v.tolist() for k, v in asdict(r).items()} for r in responses],
         "rounds": [asdict(r) for r in design.rounds],
         "runner_up": _plain(design.runner_up),
