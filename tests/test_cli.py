@@ -11,7 +11,8 @@ from tpd import Pendulum, paper_scene
 from tpd.cli import common, main, parser
 
 SMALL = "[space]\nmass_ratio = [0.1, 0.4]\n[search]\nstarts = 2\nsteps = 4\nscreening = 12\n"
-FILES = {"report.txt", "design.json", "scene.toml", "search.png", "motion.png", "response.png"}
+PICTURES = {"search.png", "motion.png", "response.png", "drawing.png", "animation.gif"}
+FILES = {"report.txt", "report.html", "design.json", "scene.toml", *PICTURES}
 
 
 def refused(capsys, *arguments: str, command: str = "optimise") -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd import plot, report
+from tpd import notes, plot, report
 from tpd.design import DesignStatus, StartStatus
 from tpd.job import Job, Search, build, dump, tables
 from tpd.optimiser import searched_with
@@ -136,7 +136,7 @@ def test_a_report_names_what_takes_the_energy():
         (("restitution", 0.9), ("friction", 0.02)): "impact loss: e = 0.9; friction k = 0.02",
     }
     for losses, text in told.items():
-        assert report.losses(tpd.Block(**sizes, **dict(losses))) == text
+        assert notes.losses(tpd.Block(**sizes, **dict(losses))) == text
 
 
 def test_disagreement_is_said_first_and_is_not_sound(design):

@@ -99,6 +99,11 @@ class DesignStatus(enum.Enum):
     no_uplift = "NO PENDULUM IS NEEDED: the bare block settles at rest."
     none_feasible = "NO DESIGN in this space settles within the stroke limit."
 
+    @property
+    def is_sound(self) -> bool:
+        """Whether the answer may be used: a design found and confirmed, or none needed."""
+        return self in (DesignStatus.found, DesignStatus.no_uplift)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:

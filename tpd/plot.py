@@ -18,6 +18,7 @@ from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.parameters import as_arrays
 from tpd.response import Response
+from tpd.scene import Pendulum
 from tpd.search import with_design
 from tpd.status import SETTLED
 from tpd.steady import sampled, simulate
@@ -69,7 +70,7 @@ def plot_search(design: Design, ax: Axes | None = None) -> Axes:
             ms=17,
             mfc=ORANGE,
             mec=INK,
-            label="answer",
+            label="best found, not offered" if design.pendulum is None else "answer",
         )
     ax.set(
         xlabel=LABELS["mu"],
@@ -100,29 +101,48 @@ def _no_uplift_region(design: Design, ax: Axes) -> None:
 
 
 def plot_motion(design: Design, axes: Any = None) -> Any:
-    """Tilt and bob angle against time from rest, smoothed over exact; the latter alone with impact loss,
-    which the former does not have."""
-    axes = new_axes(2, (7.0, 5.0)) if axes is None else axes
-    scene = design.scene
-    p = as_arrays(scene.parameters(design.pendulum))
+    """Tilt without the pendulum, tilt with it and bob angle against time from rest, smoothed over exact: on
+    three axes, or on one where there is no pendulum."""
+    hung = design.pendulum
+    if axes is None:
+        axes = np.atleast_1d(new_axes(1, (7.0, 2.8)) if hung is None else new_axes(3, (7.0, 6.8)))
+    _course(design, None, axes[:1])
+    axes[0].set(ylabel="tilt $\\varphi$ (rad)\nwithout pendulum")
+    if hung is not None:
+        _course(design, hung, axes[1:])
+        axes[1].set(ylabel="tilt $\\varphi$ (rad)\nwith pendulum")
+        axes[2].axhline(design.space.stroke, color=ORANGE, lw=1.1, ls=":")
+        axes[2].axhline(-design.space.stroke, color=ORANGE, lw=1.1, ls=":", label="stroke limit (settled)")
+        axes[2].set(ylabel="bob angle $\\psi$ (rad)")
+        axes[2].legend(loc="upper right", fontsize=8, frameon=False, ncols=3)
+    axes[-1].set(xlabel="time from a start at rest (s)")
+    return axes
+
+
+def _course(design: Design, hung: Pendulum | None, axes: Any) -> None:
+    """One motion by both models: its tilt, and its bob angle where there are two axes. With impact loss by
+    the exact one alone: the smoothed one has none."""
+    p = as_arrays(design.scene.parameters(hung))
     tau = sampled(p)
-    t = np.asarray(tau) / scene.rate
+    t = np.asarray(tau) / design.scene.rate
     models: tuple[tuple[AbstractModel, dict, str], ...] = (
         (Piecewise(), {"color": GREY, "lw": 2.6}, "exact"),
         (Smoothed(), {"color": INK, "lw": 0.9, "ls": (0, (4, 2))}, "smoothed"),
     )
-    for model, style, label in models[: 2 if scene.block.velocity_ratio == 1.0 else 1]:
+    fallen = 2.0 * design.scene.block.slenderness
+    lost = False
+    for model, style, label in models[: 2 if design.scene.block.velocity_ratio == 1.0 else 1]:
         ys = np.asarray(simulate(p, jnp.zeros(4), tau, model=model).ys)
-        axes[0].plot(t, ys[:, 0], label=label, **style)
-        axes[1].plot(t, ys[:, 1], label=label, **style)
+        upright = np.cumprod(np.nan_to_num(np.abs(ys[:, 0]), nan=np.inf) < fallen).astype(bool)
+        lost |= not upright.all()
+        for ax, angle in zip(axes, ys.T[:2], strict=False):
+            ax.plot(t, np.where(upright, angle, np.nan), label=label, **style)
     axes[0].axhline(0.0, color=INK, lw=0.4)
-    axes[0].set(ylabel=r"tilt $\varphi$ (rad)")
+    # A line that ends would otherwise leave its end as the end of time.
+    axes[0].set_xlim(-0.02 * t[-1], 1.02 * t[-1])
+    if lost:
+        axes[0].text(0.5, 0.04, "overturns", transform=axes[0].transAxes, ha="center", weight="bold")
     axes[0].legend(loc="upper right", fontsize=8, frameon=False, ncols=2)
-    axes[1].axhline(design.space.stroke, color=ORANGE, lw=0.8, ls=":")
-    axes[1].axhline(-design.space.stroke, color=ORANGE, lw=0.8, ls=":", label="stroke limit (settled)")
-    axes[1].set(ylabel=r"bob angle $\psi$ (rad)", xlabel="time from a start at rest (s)")
-    axes[1].legend(loc="upper right", fontsize=8, frameon=False, ncols=3)
-    return axes
 
 
 def plot_response(design: Design, responses: tuple[Response, ...], ax: Axes | None = None) -> Axes:
@@ -141,7 +161,7 @@ def plot_response(design: Design, responses: tuple[Response, ...], ax: Axes | No
             r.frequency[lost],
             level,
             ls="",
-            marker="x",
+            marker="x" if i else "+",
             ms=5,
             color=style["color"],
             label=f"{label}: overturns",

@@ -114,6 +114,10 @@ class Pendulum:
         checks.positive("length", self.length)
         checks.not_negative("damping_ratio", self.damping_ratio)
 
+    def hinge_damping(self, gravity: float = STANDARD_GRAVITY) -> float:
+        """The hinge's moment over the rate of its angle, N m s/rad: 2 zeta m l^1.5 g^0.5."""
+        return 2.0 * self.damping_ratio * self.mass * self.length**1.5 * gravity**0.5
+
 
 @dataclass(frozen=True, kw_only=True)
 class Harmonic:

@@ -201,32 +201,50 @@ def _or_zero(tangent: Array | None, primal: Any) -> Any:
     return jax.tree.map(jnp.zeros_like, primal) if tangent is None else tangent
 
 
-@eqx.filter_jit
 def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
-    flat, unflatten = ravel_pytree(stop_gradient(p))
+    steady, slopes = _solved(stop_gradient(p), model, stop_gradient(y0))
+    if all(checks.is_concrete(x) for x in jax.tree.leaves(p)):
+        return steady
+    # Not in what is compiled, so that the first gradient after a value has nothing to compile.
+    sizes = jnp.stack([steady.amplitude, steady.stroke])
+    answer = with_slopes(ravel_pytree(p)[0], jnp.concatenate([sizes, steady.state]), slopes)
+    rates = (refused_in(p, jnp.asarray(rate)) for rate in (steady.multiplier, steady.lyapunov))
+    return eqx.tree_at(
+        lambda s: (s.amplitude, s.stroke, s.state, s.multiplier, s.lyapunov),
+        steady,
+        (answer[0], answer[1], answer[2:], *rates),
+    )
+
+
+@eqx.filter_jit
+def _solved(p: Parameters, model: AbstractModel, y0: State) -> tuple[Steady, Float[Array, "6 n"]]:
+    """The steady state, and the slopes of amplitude, stroke and state: NaN where there are none."""
+    flat, unflatten = ravel_pytree(p)
     sane = jnp.all(jnp.isfinite(flat)) & jnp.all(jnp.isfinite(y0))
     # A solver fed with NaN would try until its bound; it gets something harmless instead.
     fixed = unflatten(jnp.where(sane, flat, 1.0))
-    settled = model.settle(fixed, jnp.where(sane, stop_gradient(y0), 0.0))
+    settled = model.settle(fixed, jnp.where(sane, y0, 0.0))
     settled = eqx.tree_at(lambda s: s.status, settled, Status.where(sane, settled.status, Status.failed))
     orbit, separation = _finish(fixed, model, settled)
     multiplier, to_fold = _multipliers(fixed, orbit.by_state[:4])
     status = _verdict(settled, orbit, multiplier, to_fold, separation, model.resolution(fixed))
-    amplitude, stroke, state = _answers(p, fixed, settled, orbit, status, multiplier)
+    sizes, slopes = _answers(fixed, settled, orbit, status, multiplier)
     periodic = is_settled(status) | (status == Status.unstable)
     periods, duration = settled.periods, settled.periods * fixed.period
     lyapunov = jnp.where(periodic, jnp.log(multiplier) / duration, separation)
     symmetric = periodic & (periods % 2 == 1) & (orbit.lean < _SYMMETRIC)
     followed = periodic | (status == Status.near_fold) | (status == Status.grazing)
-    multiplier = refused_in(p, jnp.where(followed, multiplier, jnp.nan))
-    lyapunov = refused_in(p, lyapunov)
-    return Steady(amplitude, stroke, status, periods, multiplier, symmetric, lyapunov, state, settled.elapsed)
+    multiplier = jnp.where(followed, multiplier, jnp.nan)
+    steady = Steady(
+        sizes[0], sizes[1], status, periods, multiplier, symmetric, lyapunov, orbit.y, settled.elapsed
+    )
+    return steady, slopes
 
 
 def _answers(
-    p: Parameters, fixed: Parameters, settled: Settled, orbit: _Orbit, status: Status, multiplier: Number
-) -> tuple[Number, Number, State]:
-    """(amplitude, stroke, state), with their slopes where these exist."""
+    fixed: Parameters, settled: Settled, orbit: _Orbit, status: Status, multiplier: Number
+) -> tuple[Float[Array, "2"], Float[Array, "6 n"]]:
+    """(amplitude, stroke), and the slopes of these and the state where they exist."""
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
     ringing = (status == Status.rest) & (fixed.zeta == 0.0)
     isolated = is_settled(status) & (multiplier < 1.0) & ~ringing
@@ -241,8 +259,7 @@ def _answers(
     slopes = slopes.at[0].set(jnp.where(rests, 0.0, slopes[0]))
     # The stroke of a bob that hangs still is at the corner of |psi|.
     slopes = slopes.at[1].set(jnp.where(rests & (sizes[1] == 0.0), jnp.nan, slopes[1]))
-    answer = with_slopes(ravel_pytree(p)[0], jnp.concatenate([sizes, orbit.y]), slopes)
-    return answer[0], answer[1], answer[2:]
+    return sizes, slopes
 
 
 class _Orbit(eqx.Module):

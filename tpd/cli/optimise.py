@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tpd.cli import common
+
+if TYPE_CHECKING:
+    from tpd.checking import Check
+    from tpd.design import Design
 
 
 def add(commands: Any) -> None:
@@ -135,24 +139,31 @@ def run(options: argparse.Namespace) -> int:
             progress=bar,
         )
         responses = _responses(design, bar)
-        written = report.write(options.out, design, work, responses)
+        ladder = _ladder(design, bar)
+        written = report.write(options.out, design, work, responses, ladder=ladder)
     print(report.text(design, responses))
-    if design.pendulum is not None and not design.interrupted:
-        print(_ladder(design) + "\n")
+    if ladder is not None:
+        print(ladder.table() + "\n")
     print("\n".join(f"written: {path}" for path in written))
     if design.interrupted:
         return common.INTERRUPTED
     return common.SOUND if report.is_sound(design) else common.UNSOUND
 
 
-def _ladder(design: Any) -> str:
+def _ladder(design: Design, bar: common.Bar) -> Check | None:
     """The design by the models that do not take long to compile; `tpd check` has all."""
     from tpd.checking import QUICK, check
 
-    return check(design.scene, design.pendulum, stroke=design.space.stroke, rungs=QUICK).table()
+    if design.pendulum is None or design.interrupted:
+        return None
+    try:
+        limit = design.space.stroke
+        return check(design.scene, design.pendulum, stroke=limit, rungs=QUICK, progress=bar)
+    except KeyboardInterrupt:
+        return None
 
 
-def _responses(design: Any, bar: common.Bar) -> tuple:
+def _responses(design: Design, bar: common.Bar) -> tuple:
     """Amplitude over frequency without and with the pendulum; not after an interruption."""
     from tpd import plot
     from tpd.response import frequency_response

@@ -133,7 +133,7 @@ def _table(table: str, values: Any, allowed: tuple[str, ...]) -> dict[str, Any]:
 def _typed(name: str, value: Any, default: Any) -> Any:
     """The value in the type of its default."""
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if isinstance(default, bool) or isinstance(default, str):
+    if isinstance(default, (bool, str)):
         if not isinstance(value, type(default)):
             kind = "true or false" if isinstance(default, bool) else "a word"
             raise ValueError(f"`{name}` must be {kind}, but is {value!r}")

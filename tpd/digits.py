@@ -1,0 +1,18 @@
+"""Numbers for people to read."""
+
+from __future__ import annotations
+
+import math
+
+
+def number(x: float, digits: int = 4) -> str:
+    """A number to so many digits, without an exponent where it is of a usual size; a dash if it is none."""
+    if math.isnan(x):
+        return "–"
+    if math.isinf(x):
+        return "infinite"
+    if x == 0.0 or not 1e-4 <= abs(x) < 1e7:
+        return f"{x:.{digits}g}"
+    places = max(0, digits - 1 - math.floor(math.log10(abs(x))))
+    text = f"{round(x, digits - 1 - math.floor(math.log10(abs(x)))):.{places}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text

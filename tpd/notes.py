@@ -1,0 +1,141 @@
+"""What somebody who would hang a pendulum must know of its design."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tpd.design import Candidate, Design
+from tpd.response import Response
+from tpd.scene import HOUSNER, Block, Pendulum
+from tpd.status import SETTLED
+
+LARGE_PEAK = 0.7
+"""Of the toppling tilt; above it a start from rest is called dangerous."""
+LARGE_STROKE = 0.3
+"""rad; sin(psi) is 1.5 % below psi there, and falls further with its square."""
+
+
+def toppling(design: Design, mass_ratio: float) -> float:
+    """The tilt (rad) at which the linear block topples of itself, nu (1 + mu)/(1 + 2 mu)."""
+    return design.scene.block.slenderness * (1.0 + mass_ratio) / (1.0 + 2.0 * mass_ratio)
+
+
+def notes(design: Design, responses: tuple[Response, ...] = ()) -> list[str]:
+    """What somebody who would hang this pendulum must know, dangers first."""
+    out = [
+        "amplitudes, strokes and responses are those of the linear equations of Collini et al. (2016) under "
+        "one harmonic motion of the base, switched on suddenly at rest; the nonlinear ones were asked of the "
+        "design itself. Other starts may settle elsewhere, and an earthquake is not a harmonic."
+    ]
+    if design.interrupted:
+        out.insert(0, "the search was interrupted; nothing below is the best of the design space.")
+    winner = design.winner
+    out = _dangers(design, responses) + out
+    if winner is not None and design.pendulum is not None:
+        out.extend(_margins(winner))
+        out.extend(_walls(design, design.pendulum))
+        out.extend(_edges(design, winner))
+    if not design.bare.agree and design.bare.smoothed_status != "not solved":
+        out.append("the models disagree on the bare block: take its amplitude as a rough one.")
+    if (design.history.screened_status == "overturned").any():
+        share = np.mean(design.history.screened_status == "overturned")
+        out.append(
+            f"of the designs screened, {share:.0%} overturn the block: "
+            "a pendulum in the wrong place does harm."
+        )
+    return out
+
+
+def _margins(winner: Candidate) -> list[str]:
+    """How far the settled motion is from being another."""
+    out = []
+    if winner.status == "rest":
+        out.append(
+            f"the resting block keeps {winner.margin:.1%} of the moment that would lift it in hand, once the "
+            "pendulum has settled; the sudden start may lift it before."
+        )
+    elif winner.margin > 0:
+        out.append("the block could rest under this pendulum, but a start from rest ends in rocking.")
+    if winner.stroke > LARGE_STROKE:
+        out.append(f"a stroke of {winner.stroke:.2f} rad stretches the linear equations of the pendulum.")
+    if winner.multiplier > 0.95:
+        out.append(f"the motion attracts slowly (Floquet multiplier {winner.multiplier:.3f}).")
+    return out
+
+
+def _walls(design: Design, pendulum: Pendulum) -> list[str]:
+    """Whether the bob keeps within the width of the block, seen as a point."""
+    wall = 0.5 * design.scene.block.width
+    swings = [pendulum.length * math.sin(min(x, 0.5 * math.pi)) for x in (design.stroke, design.peak[1])]
+    if max(swings) <= wall:
+        return []
+    when = "settled" if swings[0] > wall else "on the way there"
+    return [
+        f"the bob swings {max(swings):.3g} m to either side ({when}), beyond the block's half width of "
+        f"{wall:.3g} m: it cannot hang inside."
+    ]
+
+
+def _dangers(design: Design, responses: tuple[Response, ...]) -> list[str]:
+    """Where, near the design's shaking, the block overturns or rocks more."""
+    out = []
+    tried, hung_lost, bare_lost = design.overturned_nearby
+    if design.pendulum is not None and hung_lost:
+        out.append(
+            f"DANGER: of {tried} shakings within 1 % in amplitude or frequency, {hung_lost} overturn the "
+            f"block with this pendulum ({bare_lost} without), from rest."
+        )
+    if design.pendulum is not None and design.peak[0] > LARGE_PEAK * toppling(design, 0.0):
+        out.append(
+            "DANGER: in the first 24 periods from rest the block comes near the tilt at which it topples."
+        )
+    if len(responses) < 2:
+        return out
+    bare, hung = responses
+    away = np.abs(hung.frequency / design.scene.motion.frequency - 1.0)
+    lost, lost_bare = hung.status == "overturned", bare.status == "overturned"
+    harmed = np.flatnonzero(lost & ~lost_bare)
+    if harmed.size:
+        i = harmed[np.argmin(away[harmed])]
+        out.append(
+            f"DANGER: at {hung.frequency[i]:.4g} Hz, same base amplitude, from rest, this pendulum OVERTURNS "
+            f"the block, which without it ends {bare.status[i]}. The design is for its one frequency; see "
+            "response.png."
+        )
+    settled = [np.isin(r.status, SETTLED) for r in responses]
+    worse = np.flatnonzero(settled[0] & settled[1] & (hung.amplitude > 1.02 * bare.amplitude))
+    if worse.size:
+        i = worse[np.argmin(away[worse])]
+        out.append(
+            f"at {hung.frequency[i]:.4g} Hz the block rocks more with this pendulum "
+            f"({hung.amplitude[i]:.4g} rad) than without ({bare.amplitude[i]:.4g} rad)."
+        )
+    out.append(
+        f"of {lost.size} frequencies tried from {hung.frequency[0]:.4g} to {hung.frequency[-1]:.4g} Hz, "
+        f"{lost.sum()} overturn the block with the pendulum and {lost_bare.sum()} without."
+    )
+    return out
+
+
+def _edges(design: Design, winner: Candidate) -> list[str]:
+    space, out = design.space, []
+    for name, value, bounds in (
+        ("mass", winner.mass_ratio, space.mass_ratio),
+        ("length", winner.length_ratio, space.length_ratio),
+    ):
+        width = bounds[1] - bounds[0]
+        for bound, word in ((bounds[0], "least"), (bounds[1], "largest")):
+            if abs(value - bound) < 0.002 * width:
+                out.append(f"the {name} ratio is at the {word} allowed, {bound:g}.")
+    return out
+
+
+def losses(block: Block) -> str:
+    """What takes the rocking block's energy, in words."""
+    if block.restitution is None:
+        return f"friction k = {block.friction:g}"
+    model = "Housner, " if block.restitution == HOUSNER else ""
+    impacts = f"impact loss: {model}e = {block.velocity_ratio:.4g}"
+    return f"{impacts}; friction k = {block.friction:g}" if block.friction else impacts
