@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from tpd.checking import check as check
     from tpd.design import Design as Design
     from tpd.design import DesignSpace as DesignSpace
+    from tpd.ensemble import Ensemble as Ensemble
+    from tpd.ensemble import outcomes as outcomes
+    from tpd.ensemble import verdict as verdict
     from tpd.equations import Terms as Terms
     from tpd.free import free_motion as free_motion
     from tpd.general import continue_orbit as continue_orbit
@@ -38,6 +41,11 @@ if TYPE_CHECKING:
     from tpd.response import branches as branches
     from tpd.response import frequency_response as frequency_response
     from tpd.response import settled_response as settled_response
+    from tpd.robust.conditions import Conditions as Conditions
+    from tpd.robust.conditions import Limits as Limits
+    from tpd.robust.conditions import Measure as Measure
+    from tpd.robust.optimise import optimise_over as optimise_over
+    from tpd.robust.pareto import pareto as pareto
     from tpd.scene import Block as Block
     from tpd.scene import Harmonic as Harmonic
     from tpd.scene import Pendulum as Pendulum
@@ -56,10 +64,14 @@ _HOMES = {
     "Auto": "ladder",
     "Bifurcation": "bifurcation",
     "Block": "scene",
+    "Conditions": "robust.conditions",
     "Design": "design",
     "DesignMap": "maps",
     "DesignSpace": "design",
+    "Ensemble": "ensemble",
     "Harmonic": "scene",
+    "Limits": "robust.conditions",
+    "Measure": "robust.conditions",
     "Parameters": "parameters",
     "Pendulum": "scene",
     "Piecewise": "models.piecewise",
@@ -83,8 +95,11 @@ _HOMES = {
     "one_harmonic": "balance",
     "one_harmonic_branches": "balance",
     "optimise": "optimiser",
+    "optimise_over": "robust.optimise",
+    "outcomes": "ensemble",
     "paper_scene": "scene",
     "parametric_branches": "balance",
+    "pareto": "robust.pareto",
     "periodic_orbit": "general",
     "settled_response": "response",
     "simulate": "steady",
@@ -93,6 +108,7 @@ _HOMES = {
     "sweep": "sweeps",
     "symmetric_orbits": "orbits",
     "uplift": "balance",
+    "verdict": "ensemble",
 }
 
 __all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]

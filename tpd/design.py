@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tpd import checks
+from tpd.ensemble import Verdict
 from tpd.scene import Pendulum, Scene
 
 LONGEST_RATIO = 2.0
@@ -201,6 +202,8 @@ class Design:
     overturned_nearby: tuple[int, int, int]
     """How many shakings within 1 % of the design's were tried, and how many of them overturn the
     block with the pendulum and without."""
+    verdict: Verdict | None
+    """An ensemble of runs with the pendulum and without; None where there is no pendulum."""
     rounds: tuple[Round, ...]
     """The designs put to the nonlinear equations in turn; the last one is offered if it has no objection."""
     tolerance: float

@@ -43,7 +43,6 @@ class Told:
     directory: Path
     """Where the report lies."""
     ladder: Check | None = None
-    verdict: Verdict | None = None
 
 
 def design_page(told: Told) -> str:
@@ -52,7 +51,7 @@ def design_page(told: Told) -> str:
         _warnings(told),
         _answer(told.design),
         _shape(told),
-        None if told.verdict is None else ensemble_section(told.verdict),
+        None if told.design.verdict is None else ensemble_section(told.design.verdict),
         _response(told),
         _motion(told),
         _landscape(told),
@@ -69,8 +68,8 @@ def design_page(told: Told) -> str:
 
 def _warnings(told: Told) -> Section:
     said = notes(told.design, told.responses)
-    if told.verdict is not None and told.verdict.harms:
-        said.insert(0, f"{_DANGER}: in the ensemble {_more(told.verdict)}")
+    if told.design.verdict is not None and told.design.verdict.harms:
+        said.insert(0, f"{_DANGER}: in the ensemble {_more(told.design.verdict)}")
     dangers = [note for note in said if note.startswith(_DANGER)]
     others = [note[0].upper() + note[1:] for note in said if not note.startswith(_DANGER)]
     sound = told.design.status.is_sound
@@ -308,9 +307,10 @@ def _assumed(job: Job) -> Section:
         "What was assumed",
         listing(
             [
-                f"A rigid block ({inertia}) that rocks about its two lower edges: it neither slides nor bounces.",
-                f"What takes its energy: {losses(block)} (friction as a moment over M g b, e the ratio of the "
-                "tilting rates after and before an impact on the base).",
+                f"A rigid block ({inertia}) that rocks about its two lower edges: it neither slides nor "
+                "bounces.",
+                f"What takes its energy: {losses(block)} (friction as a moment over M g b, e the ratio of "
+                "the tilting rates after and before an impact on the base).",
                 "A point bob on a massless rod from the middle of the top, with a viscous hinge.",
                 f"A harmonic motion of the base, {number(motion.amplitude)} m · sin(2π · "
                 f"{number(motion.frequency)} Hz · t), horizontal and in the plane; g = "

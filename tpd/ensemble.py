@@ -150,6 +150,12 @@ class Outcomes:
         """Share of the runs that came to a motion that repeats itself, or to rest."""
         return Share.of(np.isin(self.status, SETTLED))
 
+    def summary(self) -> dict[str, Any]:
+        """Shares with their intervals, and quantiles, for JSON."""
+        shares = {"overturned": self.overturned, "at_rest": self.at_rest, "settled": self.settled}
+        quantiles = {n: self.quantiles(n) for n in ("peak", "amplitude", "peak_stroke", "stroke")}
+        return {"shares": {n: tuple(s) for n, s in shares.items()}, "quantiles_50_90_99": quantiles}
+
     def quantiles(self, of: str, at: tuple[float, ...] = (0.5, 0.9, 0.99)) -> tuple[float, ...]:
         """Quantiles of `peak`, `amplitude`, `peak_stroke` or `stroke` over all runs, overturned ones at
         infinity: the least number that at least such a share of the runs does not exceed."""
@@ -201,6 +207,11 @@ class Verdict:
         """Share of the runs whose largest tilt is above the bare block's by more than a per cent."""
         with np.errstate(invalid="ignore"):
             return Share.of(self.hung.peak > 1.01 * self.bare.peak)
+
+    def summary(self) -> dict[str, Any]:
+        """Both, for JSON."""
+        pairs = {"worse": self.worse, "better": self.better, "chance": self.chance}
+        return {**pairs, "with": self.hung.summary(), "without": self.bare.summary()}
 
     def table(self) -> str:
         """Both as text."""

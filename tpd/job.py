@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from tpd.design import DesignSpace
-from tpd.robust.asked import TABLES, Asked
+from tpd.ensemble import Ensemble
+from tpd.robust.asked import TABLES, Asked, ensemble_of, plain
 from tpd.scene import Block, Harmonic, Scene, paper_scene
 
 
@@ -31,6 +32,8 @@ class Job:
     scene: Scene = field(default_factory=paper_scene)
     space: DesignSpace = field(default_factory=DesignSpace)
     search: Search = field(default_factory=Search)
+    ensemble: Ensemble = field(default_factory=Ensemble)
+    """Runs that judge the design."""
     asked: Asked | None = None
     """What is asked over many conditions; None for the scene's own shaking, from rest."""
 
@@ -42,17 +45,13 @@ def defaults() -> dict[str, dict[str, Any]]:
 
 def tables(job: Job) -> dict[str, dict[str, Any]]:
     """The job as nested tables of plain values, without what is None."""
-
-    def plain(thing: Any) -> dict[str, Any]:
-        values = {f.name: getattr(thing, f.name) for f in fields(thing)}
-        return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items() if v is not None}
-
     return {
         "block": plain(job.scene.block),
         "motion": plain(job.scene.motion),
         "site": {"gravity": job.scene.gravity},
         "space": plain(job.space),
         "search": plain(job.search),
+        "ensemble": plain(job.ensemble),
         **({} if job.asked is None else job.asked.tables()),
     }
 
@@ -75,7 +74,7 @@ def build(given: dict[str, Any]) -> Job:
         ValueError: an unknown or ill-typed key, or a value out of range.
     """
     merged = defaults()
-    asked = Asked.of(given)
+    asked, ensemble = Asked.of(given), ensemble_of(given)
     for table, values in given.items():
         if table in TABLES:
             continue
@@ -93,7 +92,8 @@ def build(given: dict[str, Any]) -> Job:
         del merged["block"]["friction"]
     space: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in merged["space"].items()}
     scene = Scene(Block(**merged["block"]), Harmonic(**merged["motion"]), **merged["site"])
-    return Job(scene=scene, space=DesignSpace(**space), search=Search(**merged["search"]), asked=asked)
+    space_, search = DesignSpace(**space), Search(**merged["search"])
+    return Job(scene=scene, space=space_, search=search, ensemble=ensemble, asked=asked)
 
 
 def _typed(name: str, value: Any) -> Any:

@@ -9,8 +9,10 @@ import numpy as np
 
 from tpd import checks
 from tpd.candidates import candidates
-from tpd.design import Candidate, Design, DesignSpace, DesignStatus, History
+from tpd.design import Design, DesignSpace, DesignStatus, History
+from tpd.ensemble import Ensemble
 from tpd.found import Screened, bare_design, exact, search
+from tpd.jury import Jury, pendulum_of
 from tpd.models.interface import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
@@ -34,6 +36,7 @@ def optimise(
     steps: int = 30,
     screening: int = 192,
     tolerance: float = 0.01,
+    ensemble: Ensemble | None = None,
     model: AbstractModel | None = None,
     progress: Progress | None = None,
 ) -> Design:
@@ -53,6 +56,8 @@ def optimise(
         steps: bound on the steps of the search.
         screening: designs solved exactly before the search.
         tolerance: largest relative difference of the two models' amplitudes.
+        ensemble: runs that judge the design: one that overturns in significantly more of them than the bare
+            block is not offered; default `Ensemble()`.
         model: the model searched with; default `Smoothed()`, or where impacts lose energy, which it does not
             have, `Piecewise()`.
         progress: called after every unit of work.
@@ -72,14 +77,16 @@ def optimise(
     model.check(p)
     rests = status_name(exact(p, bare_design(p)).status) == "rest"
     screening = 1 if rests else max(screening, starts)
+    jury = Jury(scene, Ensemble() if ensemble is None else ensemble, progress)
     found = search(p, space, model, starts, 0 if rests else steps, screening, seed, progress)
     bare, *others = candidates(p, found, space, tolerance, model, progress)
-    inside = Inside(p, space, model, tolerance, 0 if rests else steps, progress)
+    inside = Inside(p, space, model, tolerance, 0 if rests else steps, progress, jury.objections)
     winner, runner_up, status, rounds = confirmed(inside, found, bare, [] if rests else others)
     if rests:
         status, rounds = at_rest(inside, bare)
     helps = winner is not None and status in (DesignStatus.found, DesignStatus.models_disagree)
-    pendulum = _pendulum(scene, winner) if helps and winner is not None else None
+    pendulum = pendulum_of(scene, winner) if helps and winner is not None else None
+    verdict = None if pendulum is None else jury.verdict(pendulum)
     nearby = _overturned_nearby(scene, pendulum)
     if status is DesignStatus.found and nearby[1] > 0:
         status = DesignStatus.fragile
@@ -98,6 +105,7 @@ def optimise(
         history=_history(found.trace, found.screened),
         peak=_peak(scene, pendulum),
         overturned_nearby=nearby,
+        verdict=verdict,
         rounds=rounds,
         tolerance=tolerance,
         searched_with=type(model).__name__.lower(),
@@ -137,14 +145,6 @@ def _peak(scene: Scene, pendulum: Pendulum | None) -> tuple[float, float]:
     ys = np.abs(np.asarray(simulate(p, jnp.zeros(4), sampled(p)).ys))
     phi, psi = (float(x) for x in np.nanmax(ys[:, :2], axis=0))
     return phi, psi
-
-
-def _pendulum(scene: Scene, winner: Candidate) -> Pendulum:
-    return scene.pendulum(
-        mass_ratio=winner.mass_ratio,
-        length_ratio=winner.length_ratio,
-        damping_ratio=winner.damping_ratio,
-    )
 
 
 def _history(trace: Trace, screened: Screened) -> History:

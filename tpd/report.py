@@ -13,7 +13,6 @@ from tpd.checking import Check
 from tpd.design import Candidate, Design
 from tpd.design_page import Told, design_page
 from tpd.elasticity import Elasticities, elasticities
-from tpd.ensemble import Verdict
 from tpd.job import Job, dump, tables
 from tpd.notes import losses, notes, toppling
 from tpd.response import Response
@@ -32,6 +31,9 @@ def text(design: Design, responses: tuple[Response, ...] = ()) -> str:
     lines += [_row(name, c) for name, c in named if c is not None]
     lines += _rounds(design)
     lines += ["", *(f"note: {note}" for note in notes(design, responses))]
+    if design.verdict is not None:
+        runs = design.verdict.hung.ensemble
+        lines += ["", f"ensemble of {runs.size} runs, seed {runs.seed}:", design.verdict.table()]
     lines += ["", f"searched from {len(design.starts)} starts, seed {design.seed}:"]
     counts = {s: design.starts.count(s) for s in dict.fromkeys(design.starts)}
     lines += [f"  {n} of them {s.value}" for s, n in counts.items()]
@@ -124,6 +126,7 @@ def as_json(
         "status_message": design.status.value,
         "stroke_rad": design.stroke,
         "tolerance": design.tolerance,
+        "ensemble": None if design.verdict is None else design.verdict.summary(),
         "versions": files.versions(),
         "winner": _plain(design.winner),
     }
@@ -141,11 +144,10 @@ def write(
     responses: tuple[Response, ...],
     *,
     ladder: Check | None = None,
-    verdict: Verdict | None = None,
 ) -> list[Path]:
     """Write the whole report; each file appears complete or not at all. Returns the files.
 
-    The page is written last, and not of what was interrupted. `ladder` and `verdict` are shown there.
+    The page is written last, and not of what was interrupted. `ladder` is shown there.
     """
     from tpd import plot
 
@@ -169,7 +171,7 @@ def write(
     for name, picture in _moving(design):
         pictures[name] = picture
         place(name, picture)
-    told = Told(design, job, responses, pictures, sensitive, directory, ladder=ladder, verdict=verdict)
+    told = Told(design, job, responses, pictures, sensitive, directory, ladder=ladder)
     place("report.html", design_page(told))
     return written
 

@@ -4,6 +4,7 @@ limit there, the search goes on under a corrected one."""
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
@@ -32,6 +33,8 @@ class Inside:
     tolerance: float
     steps: int
     progress: Progress | None
+    jury: Callable[[Candidate], tuple[str, ...]] | None = None
+    """What an ensemble of runs has against a design."""
 
 
 def confirmed(
@@ -51,6 +54,8 @@ def confirmed(
             return winner, runner_up, status, tuple(rounds)
         without = nonlinear(inside.p)[0] if not rounds else without
         rounds.append(_round(inside, space.stroke, winner, without))
+        if not rounds[-1].objections and inside.jury is not None:
+            rounds[-1] = replace(rounds[-1], objections=inside.jury(winner))
         if not rounds[-1].objections:
             return winner, runner_up, status, tuple(rounds)
         if len(rounds) == ROUNDS:

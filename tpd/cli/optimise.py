@@ -136,6 +136,7 @@ def run(options: argparse.Namespace) -> int:
             steps=search.steps,
             screening=search.screening,
             tolerance=search.tolerance,
+            ensemble=work.ensemble,
             progress=bar,
         )
         responses = _responses(design, bar)

@@ -41,7 +41,7 @@ def run_over(options: argparse.Namespace, work: Job) -> int:
             limits=asked.limits,
             from_rest=asked.wanted.from_rest,
             by_overturning=asked.wanted.by_overturning,
-            ensemble=asked.ensemble,
+            ensemble=work.ensemble,
             starts=max(search.starts, _STARTS),
             seed=search.seed,
             checkpoint=unfinished,

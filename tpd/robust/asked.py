@@ -57,7 +57,6 @@ class Asked:
     scatter: Mapping[str, float] = field(default_factory=dict)
     """Relative half widths of what is uncertain, by names of `FACTORS`."""
     limits: Limits = field(default_factory=Limits)
-    ensemble: Ensemble = field(default_factory=Ensemble)
 
     @staticmethod
     def of(given: Mapping[str, Any]) -> Asked | None:
@@ -68,13 +67,12 @@ class Asked:
         """
         wanted = _read(Wanted, "conditions", given.get("conditions", {}))
         limits = _read(Limits, "limits", given.get("limits", {}))
-        ensemble = _read(Ensemble, "ensemble", given.get("ensemble", {}))
         scatter = _table("scatter", given.get("scatter", {}), FACTORS)
         for name, width in scatter.items():
             checks.within(f"scatter.{name}", width, 0.0, 0.5)
         if not {"conditions", "scatter"} & set(given):
             return None
-        return Asked(wanted=wanted, scatter=dict(scatter), limits=limits, ensemble=ensemble)
+        return Asked(wanted=wanted, scatter=dict(scatter), limits=limits)
 
     def conditions(self, scene: Scene, seed: int) -> Conditions:
         """The conditions for a scene."""
@@ -98,17 +96,26 @@ class Asked:
 
     def tables(self) -> dict[str, dict[str, Any]]:
         """The same as tables of plain values, without what is None."""
-
-        def plain(thing: Any) -> dict[str, Any]:
-            values = asdict(thing)
-            return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items() if v is not None}
-
         return {
             "conditions": plain(self.wanted),
             "scatter": dict(self.scatter),
             "limits": plain(self.limits),
-            "ensemble": plain(self.ensemble),
         }
+
+
+def ensemble_of(given: Mapping[str, Any]) -> Ensemble:
+    """The table [ensemble] of a job.
+
+    Raises:
+        ValueError: an unknown or ill-typed key, or a value out of range.
+    """
+    return _read(Ensemble, "ensemble", given.get("ensemble", {}))
+
+
+def plain(thing: Any) -> dict[str, Any]:
+    """A dataclass as a table, without what is None."""
+    values = asdict(thing)
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items() if v is not None}
 
 
 def _read(kind: type, table: str, values: Any) -> Any:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tpd import files
-from tpd.ensemble import Outcomes, Verdict
+from tpd.ensemble import Verdict
 from tpd.robust.answer import DesignOver, Judged, OverStatus
 from tpd.robust.objective import KINDS, Told
 from tpd.robust.pareto import Front
@@ -159,7 +159,7 @@ def as_json(design: DesignOver, job: dict[str, Any], front: Front | None = None)
         "limits": design.limits.told() | {"stroke": design.space.stroke},
         "bare": {"value": design.bare_value, "reached": design.bare_reached.tolist(), **_told(design.bare)},
         "judged": [_judged(j) for j in design.judged],
-        "bare_ensemble": None if design.bare_outcomes is None else _outcomes(design.bare_outcomes),
+        "bare_ensemble": None if design.bare_outcomes is None else design.bare_outcomes.summary(),
         "elasticities": design.elasticities,
         "starts": [s.name for s in design.starts],
         "ends": design.ends.tolist(),
@@ -188,18 +188,8 @@ def _judged(judged: Judged) -> dict[str, Any]:
     plain = {k: v for k, v in vars(judged).items() if k not in skipped}
     more = {"reached": judged.reached.tolist(), "reached_tilt": judged.reached_tilt.tolist()}
     verdict = judged.verdict
-    told = (
-        None
-        if verdict is None
-        else _outcomes(verdict.hung) | {"worse": verdict.worse, "better": verdict.better}
-    )
+    told = None if verdict is None else verdict.summary()
     return plain | more | _told(judged.told) | {"ensemble": told}
-
-
-def _outcomes(o: Outcomes) -> dict[str, Any]:
-    shares = {"overturned": o.overturned, "at_rest": o.at_rest, "settled": o.settled}
-    quantiles = {n: o.quantiles(n) for n in ("peak", "amplitude", "peak_stroke", "stroke")}
-    return {"shares": {n: tuple(s) for n, s in shares.items()}, "quantiles_50_90_99": quantiles}
 
 
 def pictures(design: DesignOver, front: Front | None = None) -> Iterator[tuple[str, bytes]]:

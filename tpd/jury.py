@@ -1,0 +1,51 @@
+"""An ensemble of runs that judges designs, the bare block's run once for all of them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import partial
+
+from tpd.design import Candidate
+from tpd.ensemble import Ensemble, Outcomes, Verdict, outcomes, verdict
+from tpd.scene import Pendulum, Scene
+from tpd.search import Progress
+
+
+class Jury:
+    """The runs of the bare block begin at once, aside, since following them has to be compiled."""
+
+    def __init__(self, scene: Scene, ensemble: Ensemble, progress: Progress | None) -> None:
+        self.scene, self.ensemble = scene, ensemble
+        self.progress: Callable[[int, int], None] | None = None
+        if progress is not None:
+            self.progress = partial(progress, "ensemble")
+        self._bare: Outcomes | None = None
+        self._known: dict[Pendulum, Verdict] = {}
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        self._bare = outcomes(self.scene, ensemble=self.ensemble, workers=1)
+
+    def verdict(self, pendulum: Pendulum) -> Verdict:
+        """What the ensemble says of a pendulum."""
+        self._thread.join()
+        if pendulum not in self._known:
+            bare = outcomes(self.scene, ensemble=self.ensemble) if self._bare is None else self._bare
+            self._known[pendulum] = verdict(
+                self.scene, pendulum, ensemble=self.ensemble, bare=bare, progress=self.progress
+            )
+        return self._known[pendulum]
+
+    def objections(self, candidate: Candidate) -> tuple[str, ...]:
+        """What it has against a design."""
+        found = self.verdict(pendulum_of(self.scene, candidate))
+        return (found.objection,) if found.harms else ()
+
+
+def pendulum_of(scene: Scene, of: Candidate) -> Pendulum:
+    """A design in SI."""
+    return scene.pendulum(
+        mass_ratio=of.mass_ratio, length_ratio=of.length_ratio, damping_ratio=of.damping_ratio
+    )
