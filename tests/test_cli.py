@@ -81,6 +81,7 @@ HUNG = ("--mass-ratio", "0.1", "--length-ratio", "0.5")
         (("map", *HUNG, *MAP[:4], "--y", "pendulum-mass", "1", "2"), "must not both move mu"),
         (("map", *MAP[:4], "--y", "f", "0.1", "0.2"), "give --pendulum-length or --length-ratio as well"),
         (("map", *MAP[:4], "--y", "nu", "0.1", "0.6"), "give --pendulum-length"),
+        (("map", *MAP, "--points", "3000"), "`--points` must be between 2 and 2000, but is 3000"),
         (("map", *MAP, "--points", "1"), "`--points` must be a whole number, 2 or more, but is 1"),
         (("map", *MAP, "--scene", "absent.toml"), "cannot read absent.toml: No such file or directory"),
     ],

@@ -1,6 +1,7 @@
 """Which model answers, with what error and why; a design by all models."""
 
 import functools
+import re
 from types import SimpleNamespace
 
 import jax
@@ -10,7 +11,7 @@ import pytest
 
 from tests.reference import HUNG, NAMES, STILL, parameters
 from tests.reference import exact as linear
-from tpd import Auto, Pendulum, Segmented, check, paper_scene, status_name, steady_state
+from tpd import Auto, Block, Pendulum, Scene, Segmented, check, paper_scene, status_name, steady_state
 from tpd.checking import RUNGS, objections
 from tpd.ladder import dropped
 
@@ -35,6 +36,16 @@ def test_a_block_that_never_lifts_is_answered_by_the_closed_form():
     assert found.stroke == pytest.approx(linear(LOW).stroke, rel=1e-9)
     np.testing.assert_allclose(found.state, linear(LOW).steady.state, atol=1e-12)
     assert "of the moment that would lift the block is in reserve" in found.reason
+
+
+def test_a_bob_that_swings_at_the_start_leaves_less_in_reserve():
+    reserves = []
+    for swing in (0.0, 0.01, 0.02):
+        found = steady_state(parameters(LOW), model=Auto(), y0=jnp.array([0.0, swing, 0.0, 0.0]))
+        assert found.rung == "uplift"
+        (share,) = re.findall(r"(\S+)% of the moment that would lift the block is in reserve", found.reason)
+        reserves.append(float(share))
+    assert reserves[0] > reserves[1] > reserves[2] > 0.0
 
 
 def test_a_tighter_tolerance_climbs_from_rung_to_rung():
@@ -128,6 +139,22 @@ def test_what_does_not_hold_is_said():
     found = check(scene, resonant, stroke=1.5, rungs=("exact",))
     assert found.rungs[0].status == "rocking"
     assert found.objections == ("by the nonlinear equations the motion ends overturned",)
+
+
+def test_models_without_impact_loss_have_nothing_to_say_of_a_block_with_it():
+    scene = Scene(Block(width=0.1, height=0.4, mass=16.0, restitution="housner"), paper_scene().motion)
+    found = check(scene, None, rungs=RUNGS)
+    assert {r.name for r in found.rungs if r.status == "no impacts"} == {
+        "one harmonic",
+        "smoothed",
+        "parametric",
+        "smoothed nonlinear",
+    }
+    assert all(np.isnan(r.amplitude) for r in found.rungs if r.status == "no impacts")
+    exact = next(r for r in found.rungs if r.name == "exact")
+    assert exact.status == "rocking"
+    assert not np.isnan(found.top.amplitude)
+    assert "no impacts" in found.table()
 
 
 @pytest.mark.parametrize(

@@ -173,6 +173,16 @@ def test_a_corner_out_of_range_is_refused_though_both_axes_are_within_theirs():
         design_map(SCENE, ("width", [0.05, 0.15]), ("height", [0.2, 0.5]))
 
 
+def test_a_grid_may_use_up_what_the_other_axis_allows():
+    # No width here goes with the scene's own height of 0.4 m.
+    m = design_map(SCENE, ("width", [0.3, 0.4]), ("height", [0.8, 1.0]))
+    assert m.status.shape == (2, 2)
+    scene = dataclasses.replace(SCENE, block=dataclasses.replace(SCENE.block, width=0.4, height=0.8))
+    assert m.margin[0, 1] == pytest.approx(float(uplift(scene.parameters()).margin), rel=1e-12)
+    with pytest.raises(ValueError, match=r"`nu` must be between 0 and 0\.5.* but is 0\.5125"):
+        design_map(SCENE, ("width", [0.3, 0.41]), ("height", [0.8, 1.0]))
+
+
 def test_bad_starts_are_refused():
     with pytest.raises(ValueError, match="`start` must be four finite numbers"):
         design_map(BARE, ("xi", [1.5, 2.0]), LINE, start=[0.0, 0.0])
