@@ -333,9 +333,7 @@ def _repeat(told: Told) -> Section:
         paragraph(f"Seed {told.design.seed}. scene.toml, which lies beside this page, holds:"),
         code(dump(told.job)),
         paragraph("Made with " + ", ".join(f"{name} {v}" for name, v in files.versions().items()) + "."),
-        paragraph(
-            "design.json holds the design, the search, the rounds, the responses and the elasticities in full."
-        ),
+        paragraph("design.json holds the design, its search, rounds, responses and elasticities in full."),
     ]
     return Section("How to repeat it", "\n".join(parts))
 
