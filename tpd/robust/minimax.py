@@ -196,7 +196,7 @@ def _one(
     n, k = value.shape[0], low.shape[0]
     span = jnp.maximum(high - low, 1e-12)
     # In shares of the box, so that Newton's matrix is well scaled however small the region.
-    g, h = slope * span, limit_slope * span
+    g, h = slope * span[None], limit_slope * span[None]
     b = curve * span[:, None] * span[None, :]
     value0, slope0 = value + slope @ low, b @ (low / span)
     limit0 = limit + limit_slope @ low

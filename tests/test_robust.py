@@ -1,0 +1,335 @@
+"""Designs for many conditions: what is measured, how it is minimised, and what is said of the answer."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+import tpd
+from tpd.design import StartStatus
+from tpd.robust import report
+from tpd.robust.answer import OverStatus
+from tpd.robust.asked import Asked
+from tpd.robust.minimax import PENALTY, Local, _subproblem, minimise
+from tpd.robust.objective import KINDS, Objective, margins
+
+SCENE = tpd.paper_scene()
+SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=(0.05, 0.4))
+BAND = tpd.Conditions.band(SCENE, 2.0, 3.5, 5)
+SMALL = {"starts": 20, "screening": 64, "steps": 25, "ensemble": tpd.Ensemble(size=64, periods=40)}
+GOOD = np.array([[0.15, 0.26, 0.35]])
+
+
+@pytest.fixture(scope="module")
+def objective():
+    worst = tpd.Measure.worst()
+    return Objective(SCENE.parameters(), BAND, SPACE, worst, tpd.Limits(relative_stroke=0.8, tilt=0.5), False)
+
+
+@pytest.fixture(scope="module")
+def design():
+    return tpd.optimise_over(SCENE, BAND, SPACE, **SMALL)
+
+
+# Conditions and measures
+
+
+def test_a_product_is_every_one_under_every_other():
+    both = tpd.Conditions.band(SCENE, 2.0, 4.0, 2) * tpd.Conditions.amplitudes(0.5, 1.0, 2.0)
+    assert len(both) == 6
+    np.testing.assert_allclose(both.column("frequency"), [0.8, 0.8, 0.8, 1.6, 1.6, 1.6])
+    np.testing.assert_allclose(both.column("amplitude"), [0.5, 1.0, 2.0, 0.5, 1.0, 2.0])
+    np.testing.assert_array_equal(both.column("mass"), 1.0)
+    assert both.name(1) == "at 2 Hz and 1 times the amplitude"
+    assert both.along is None
+    assert BAND.along == "frequency"
+    assert len(tpd.Conditions()) == 1
+
+
+def test_what_scatters_is_even_seeded_and_drawn_apart():
+    some = tpd.Conditions.scatter(50, 3, friction=0.2)
+    more = tpd.Conditions.scatter(50, 3, friction=0.2, length=0.05)
+    np.testing.assert_array_equal(some.column("friction"), more.column("friction"))
+    assert np.ptp(some.column("friction")) > 0.38
+    assert np.abs(more.column("length") - 1.0).max() <= 0.05
+    other = tpd.Conditions.scatter(50, 4, friction=0.2)
+    assert not np.array_equal(some.column("friction"), other.column("friction"))
+
+
+@pytest.mark.parametrize(
+    ("measure", "expected"),
+    [
+        (tpd.Measure.worst(), 9.0),
+        (tpd.Measure.expected(), 4.5),
+        (tpd.Measure.cvar(0.2), 8.5),
+        (tpd.Measure.cvar(0.25), (9.0 + 8.0 + 0.5 * 7.0) / 2.5),
+        (tpd.Measure.cvar(0.01), 9.0),
+    ],
+)
+def test_measures_are_means_of_the_worst(measure, expected):
+    values = np.random.default_rng(0).permutation(10.0 * np.arange(10.0) / 10.0)
+    assert measure.of(values) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: tpd.Conditions.band(SCENE, 3.0, 2.0), "`band` must be an interval low < high"),
+        (lambda: tpd.Conditions.band(SCENE, 2.0, 3.0, 1), "`count` must be a whole number, 2 or more"),
+        (lambda: tpd.Conditions.amplitudes(), "`factors` must hold at least one number"),
+        (lambda: tpd.Conditions.amplitudes(1.0, -1.0), "`factors` must be positive"),
+        (lambda: tpd.Conditions.scatter(8, colour=0.1), "what scatters must be of .* but has colour"),
+        (lambda: tpd.Conditions.scatter(8, mass=0.7), r"`mass` must be between 0 and 0\.5, but is 0\.7"),
+        (lambda: tpd.Measure.cvar(0.0), "`share` must be between"),
+        (lambda: tpd.Limits(tilt=-1.0), "`tilt` must be positive"),
+        (lambda: tpd.Limits(multiplier=1.5), r"`multiplier` must be between .* but is 1\.5"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+# The minimiser
+
+
+def of_functions(functions, limits=()):
+    """`Local` of (value, gradient) pairs of functions of x, (k, 2)."""
+
+    def evaluate(x):
+        values = [f(*x.T) for f in functions]
+        bounds = [c(*x.T) for c in limits]
+        none = np.full((len(x), 1), -1.0), np.zeros((len(x), 1, 2))
+        return Local(
+            np.stack([v for v, _ in values], axis=1),
+            np.stack([np.stack(g, axis=1) for _, g in values], axis=1),
+            np.stack([v for v, _ in bounds], axis=1) if bounds else none[0],
+            np.stack([np.stack(g, axis=1) for _, g in bounds], axis=1) if bounds else none[1],
+        )
+
+    return evaluate
+
+
+CB2 = of_functions(
+    [
+        lambda x, y: (x**2 + y**4, (2 * x, 4 * y**3)),
+        lambda x, y: ((2 - x) ** 2 + (2 - y) ** 2, (2 * x - 4, 2 * y - 4)),
+        lambda x, y: (2 * np.exp(y - x), (-2 * np.exp(y - x), 2 * np.exp(y - x))),
+    ]
+)
+"""Charalambous and Bandler's second problem: its minimax is 1.9522245 at (1.13904, 0.89956)."""
+
+
+def test_a_known_minimax_is_found_from_everywhere():
+    starts = np.array([[-1.0, 2.0], [2.0, 0.0], [0.0, 0.0], [1.0, -0.1]])
+    box = {"low": np.full((4, 2), -3.0), "high": np.full((4, 2), 3.0)}
+    found = minimise(CB2, starts, 1.0, tpd.Measure.worst().of, radius=0.5, **box)
+    np.testing.assert_allclose(found.merit, 1.9522245, rtol=1e-6)
+    np.testing.assert_allclose(found.x, [[1.13904, 0.89956]] * 4, atol=1e-3)
+    assert np.all(found.stationarity < 1e-2)
+    assert not found.open.any()
+    assert found.path.shape == (len(found.path_merit), 4, 2)
+    assert np.all(np.diff(found.path_merit, axis=0) <= 0.0), "no step is kept that does not help"
+
+
+def test_a_constraint_and_a_smooth_bottom_are_met():
+    bowl = [lambda x, y: ((x - 2) ** 2 + 10 * (y - 1) ** 2, (2 * x - 4, 20 * y - 20))]
+    line = [lambda x, y: (x + y - 2.0, (np.ones_like(x), np.ones_like(y)))]
+    starts, wide = np.array([[0.0, 0.0]]), {"low": np.full((1, 2), -5.0), "high": np.full((1, 2), 5.0)}
+    free = minimise(of_functions(bowl), starts, 1.0, tpd.Measure.worst().of, radius=1.0, **wide)
+    np.testing.assert_allclose(free.x, [[2.0, 1.0]], atol=1e-3)
+    held = minimise(of_functions(bowl, line), starts, 1.0, tpd.Measure.worst().of, radius=1.0, **wide)
+    # Lagrange: x = 2 - 10/11, y = 1 - 1/11.
+    np.testing.assert_allclose(held.x, [[2.0 - 10 / 11, 1.0 - 1 / 11]], atol=1e-3)
+    assert held.weights[1][0, 0] == pytest.approx(20 / 11, rel=1e-2)
+
+
+@pytest.mark.parametrize("cap", [1.0, 0.4, 1.0 / 12])
+def test_the_subproblem_is_the_linear_programme(cap):
+    rng, n, d = np.random.default_rng(5), 12, 3
+    local = Local(
+        rng.normal(size=(8, n)),
+        rng.normal(size=(8, n, d)),
+        rng.normal(size=(8, 4)),
+        rng.normal(size=(8, 4, d)),
+    )
+    box = np.full((8, d), -0.3), np.full((8, d), 0.2)
+    _, gain, _ = _subproblem(local, np.tile(1e-12 * np.eye(d), (8, 1, 1)), box, cap, np.zeros(8))
+    for i in range(8):
+        functions = np.hstack([local.slope[i], -np.ones((n, 1)), -np.eye(n), np.zeros((n, 4))])
+        limits = np.hstack([local.limit_slope[i], np.zeros((4, 1 + n)), -np.eye(4)])
+        answer = linprog(
+            np.r_[np.zeros(d), 1.0, cap * np.ones(n), PENALTY * np.ones(4)],
+            A_ub=np.vstack([functions, limits]),
+            b_ub=-np.r_[local.value[i], local.limit[i]],
+            bounds=[(-0.3, 0.2)] * d + [(None, None)] + [(0, None)] * (n + 4),
+        )
+        assert -gain[i] == pytest.approx(answer.fun, abs=1e-4)
+
+
+# The objective
+
+
+def test_slopes_are_those_of_differences(objective):
+    at, step = objective.local((GOOD - SPACE.bounds[0]) / np.ptp(SPACE.bounds, axis=0)), 1e-5
+    unit = (GOOD - SPACE.bounds[0]) / np.ptp(SPACE.bounds, axis=0)
+    for i in range(3):
+        up, down = (objective.local(unit + s * step * np.eye(3)[i]) for s in (1, -1))
+        np.testing.assert_allclose(
+            at.slope[..., i], (up.value - down.value) / (2 * step), rtol=1e-5, atol=1e-7
+        )
+        np.testing.assert_allclose(
+            at.limit_slope[..., i], (up.limit - down.limit) / (2 * step), rtol=1e-4, atol=1e-5
+        )
+    assert len(objective.limit_names()) == at.limit.shape[1]
+
+
+def test_a_condition_is_answered_by_its_largest_attracting_orbit_or_by_rest(objective):
+    told = objective.told(GOOD)
+    for i, factor in enumerate(BAND.column("frequency")):
+        motion = dataclasses.replace(SCENE.motion, frequency=SCENE.motion.frequency * factor)
+        mass, length, damping = GOOD[0]
+        scene = dataclasses.replace(SCENE, motion=motion)
+        p = scene.parameters(scene.pendulum(mass_ratio=mass, length_ratio=length, damping_ratio=damping))
+        orbits = tpd.symmetric_orbits(p)
+        assert KINDS[told.kind[0, i]] == "rocking"
+        assert told.tilt[0, i] == pytest.approx(float(orbits.amplitude[0]) / p.nu, rel=1e-10)
+        assert told.stroke[0, i] == pytest.approx(float(orbits.stroke[0]), rel=1e-10)
+        assert told.margin[0, i] == pytest.approx(float(tpd.uplift(p).margin), rel=1e-10)
+    np.testing.assert_allclose(margins(objective, GOOD), told.margin, rtol=1e-12)
+
+
+def test_the_torus_margin_vanishes_where_a_pair_of_multipliers_leaves_the_circle():
+    """At the least frequency of the band a design without a reserve ends on that edge."""
+    edge = np.array([[0.2, 0.24187974, 0.34017006]])
+    sides = []
+    for factor in (0.99, 1.0, 1.01):
+        motion = dataclasses.replace(SCENE.motion, frequency=2.0, amplitude=0.015 * factor)
+        p = dataclasses.replace(SCENE, motion=motion).parameters(
+            SCENE.pendulum(mass_ratio=edge[0, 0], length_ratio=edge[0, 1], damping_ratio=edge[0, 2])
+        )
+        orbit = tpd.symmetric_orbits(p)
+        sides.append((float(orbit.margins.torus[0]), float(np.abs(orbit.multipliers[0]).max())))
+        assert orbit.margins.fold[0] > 1.0
+        assert orbit.margins.symmetry[0] > 1.0
+    assert sides[0][0] < 0.0 < sides[2][0]
+    assert sides[0][1] > 1.0 > sides[2][1]
+    assert abs(sides[1][0]) < 1e-3
+
+
+# The whole
+
+
+def test_the_answer_is_better_than_anything_screened_and_within_its_limits(design):
+    assert design.status is OverStatus.found
+    winner = design.winner
+    assert winner.value <= design.screened_value.min()
+    assert winner.value < design.bare_value
+    assert winner.value == pytest.approx(0.273, abs=2e-3), "as with 64 starts and 20 frequencies"
+    assert winner.told.stroke.max() <= SPACE.stroke * (1 + 1e-5)
+    assert winner.told.reserve.min() >= 0.05 * (1 - 1e-3)
+    assert np.all(winner.told.attracts)
+    assert not winner.objections
+    assert not winner.verdict.harms
+    assert "the largest mass ratio, 0.2" in winner.active
+    assert winner.stationarity < 0.05
+    assert len(design.starts) == 20
+    assert StartStatus.converged in design.starts
+
+
+def test_the_report_says_it(design):
+    text = report.text(design)
+    assert text.startswith("A pendulum was found")
+    assert "worst tilt" in text
+    assert "ensemble of 64 runs, seed 0" in text
+    held = json.loads(report.as_json(design, {}))
+    assert held["status"] == "found"
+    assert held["judged"][-1]["tilt"] == pytest.approx(design.winner.told.tilt[0].tolist())
+    assert [name for name, _ in report.pictures(design)] == ["conditions.png", "search.png"]
+    refused = dataclasses.replace(
+        design, status=OverStatus.refused, pendulum=None,
+        judged=(dataclasses.replace(design.winner, objections=("it overturns",)),),
+    )  # fmt: skip
+    assert report.text(refused).startswith("NO DESIGN TO OFFER")
+    assert "  it overturns" in report.text(refused)
+    assert not report.is_sound(refused)
+
+
+def test_an_interrupted_search_goes_on_and_comes_to_the_same(design, tmp_path):
+    place, told = tmp_path / "unfinished.npz", []
+
+    def stop(stage, done, total):
+        told.append((stage, done))
+        if stage == "searching" and done > total / 2:
+            raise KeyboardInterrupt
+
+    cut = tpd.optimise_over(SCENE, BAND, SPACE, checkpoint=place, progress=stop, **SMALL)
+    assert cut.status is OverStatus.interrupted
+    assert cut.starts.count(StartStatus.interrupted) == 4
+    assert cut.winner is not None, "the best of the group that had ended"
+    told.clear()
+    whole = tpd.optimise_over(
+        SCENE, BAND, SPACE, checkpoint=place, progress=lambda *e: told.append(e[:2]), **SMALL
+    )
+    assert ("searching", 1) not in told, "what had ended is not done again"
+    np.testing.assert_array_equal(whole.ends, design.ends)
+    assert whole.winner.value == design.winner.value
+    with pytest.raises(ValueError, match="holds searches of another problem"):
+        tpd.optimise_over(SCENE, BAND, SPACE, checkpoint=place, seed=1, **SMALL)
+    place.write_bytes(b"not a file of arrays")
+    with pytest.raises(ValueError, match="it holds no finished searches"):
+        tpd.optimise_over(SCENE, BAND, SPACE, checkpoint=place, **SMALL)
+
+
+def test_a_mass_limit_narrows_the_space():
+    with pytest.raises(ValueError, match=r"`mass` must be above the least bob .* but is 0\.1 kg"):
+        tpd.optimise_over(SCENE, BAND, SPACE, limits=tpd.Limits(mass=0.1), **SMALL)
+
+
+def test_the_front_falls_with_the_mass():
+    front = tpd.pareto(SCENE, BAND, SPACE, points=4, starts=4, screening=64, steps=15)
+    assert np.all(np.diff(front.mass_ratio) > 0)
+    assert np.all(np.diff(front.value) <= 0)
+    assert np.all(front.design[:, 0] <= front.mass_ratio * (1 + 1e-9))
+
+
+# Files
+
+
+def test_tables_are_read_and_written_back():
+    given = {
+        "conditions": {"band": [2.0, 3.5], "frequencies": 7, "measure": "cvar", "share": 0.2},
+        "scatter": {"friction": 0.2},
+        "limits": {"tilt": 0.4},
+    }
+    asked = Asked.of(given)
+    assert len(asked.conditions(SCENE, 0)) == 7 * 64
+    assert asked.measure.share == 0.2
+    assert Asked.of(asked.tables()) == asked
+    assert Asked.of({}) is None
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"conditions": {"bands": [1.0, 2.0]}}, r"unknown key `bands` in \[conditions\]"),
+        ({"conditions": {"band": 2.0}}, "`band` must be two frequencies, but has 1"),
+        (
+            {"conditions": {"measure": "best"}},
+            "`measure` must be one of worst, .* but is 'best'",
+        ),
+        (
+            {"conditions": {"frequencies": 2.5}},
+            "`conditions.frequencies` must be a whole number",
+        ),
+        ({"conditions": {"from_rest": 1}}, "`conditions.from_rest` must be true or false, but is 1"),
+        ({"scatter": {"friction": 0.9}}, r"`scatter.friction` must be between 0 and 0\.5, but is 0\.9"),
+        ({"limits": {"tilt": "much"}}, "`limits.tilt` must be a number, but is 'much'"),
+        ({"scatter": 3}, "`scatter` must be a table, but is 3"),
+    ],
+)
+def test_tables_that_make_no_sense_are_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        Asked.of(given)
