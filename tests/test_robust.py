@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,11 +10,13 @@ from scipy.optimize import linprog
 
 import tpd
 from tpd.design import StartStatus
+from tpd.job import Job
 from tpd.robust import report
 from tpd.robust.answer import OverStatus
 from tpd.robust.asked import Asked
 from tpd.robust.minimax import PENALTY, Local, _subproblem, minimise
 from tpd.robust.objective import KINDS, Objective, margins
+from tpd.robust.page import Shown, over_page
 
 SCENE = tpd.paper_scene()
 SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=(0.05, 0.4))
@@ -247,7 +250,12 @@ def test_the_report_says_it(design):
     held = json.loads(report.as_json(design, {}))
     assert held["status"] == "found"
     assert held["judged"][-1]["tilt"] == pytest.approx(design.winner.told.tilt[0].tolist())
-    assert [name for name, _ in report.pictures(design)] == ["conditions.png", "search.png"]
+    names = ["conditions.png", "search.png", "drawing.png", "animation.gif"]
+    pictures = dict(report.pictures(design))
+    assert list(pictures) == names
+    html = over_page(Shown(design, Job(), None, pictures, None, Path("somewhere")))
+    assert html.count("<img") == 4
+    assert html.index("Before anything else") < html.index("The answer") < html.index("Under every condition")
     refused = dataclasses.replace(
         design, status=OverStatus.refused, pendulum=None,
         judged=(dataclasses.replace(design.winner, objections=("it overturns",)),),

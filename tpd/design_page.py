@@ -177,7 +177,15 @@ def _models(told: Told) -> Section:
     design = told.design
     best = "best design" if design.pendulum is not None else "best found, not offered"
     named = ((best, design.winner), ("runner-up", design.runner_up), ("bare block", design.bare))
-    head = ("", "exact (rad)", "smoothed (rad)", "difference", "stroke (rad)", "multiplier", "settles as")
+    head = (
+        "",
+        "exact (rad)",
+        f"{design.searched_with} (rad)",
+        "difference",
+        "stroke (rad)",
+        "multiplier",
+        "settles as",
+    )
     parts = [
         table(
             head,

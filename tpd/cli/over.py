@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from tpd.cli import common
 
 if TYPE_CHECKING:
+    from tpd.checking import Check
     from tpd.job import Job
     from tpd.robust.answer import DesignOver
     from tpd.robust.pareto import Front
@@ -22,6 +23,7 @@ def run_over(options: argparse.Namespace, work: Job) -> int:
     from tpd.job import dump, tables
     from tpd.robust import report
     from tpd.robust.optimise import optimise_over
+    from tpd.robust.page import Shown, over_page
 
     asked, search, out = work.asked, work.search, options.out
     assert asked is not None
@@ -48,14 +50,20 @@ def run_over(options: argparse.Namespace, work: Job) -> int:
             progress=bar,
         )
         front = _front(options, work, design, bar)
+        ladder = _ladder(design, bar)
     print(report.text(design, front))
-    contents = [
-        ("report.txt", report.text(design, front)),
-        ("design.json", report.as_json(design, tables(work), front)),
-        ("scene.toml", dump(work)),
-        *report.pictures(design, front),
-    ]
-    print("\n".join(f"written: {files.place(out / name, content)}" for name, content in contents))
+    if ladder is not None:
+        print(ladder.table() + "\n")
+    pictures = dict(report.pictures(design, front))
+    contents = {
+        "report.txt": report.text(design, front),
+        "design.json": report.as_json(design, tables(work), front),
+        "scene.toml": dump(work),
+        **pictures,
+    }
+    if design.status.name != "interrupted":
+        contents["report.html"] = over_page(Shown(design, work, front, pictures, ladder, out))
+    print("\n".join(f"written: {files.place(out / name, content)}" for name, content in contents.items()))
     if design.status.name == "interrupted":
         print(f"go on with: --resume (finished searches are in {unfinished})")
         return common.INTERRUPTED
@@ -65,6 +73,15 @@ def run_over(options: argparse.Namespace, work: Job) -> int:
 
 _STARTS = 64
 """Searches at least: they cost little here."""
+
+
+def _ladder(design: DesignOver, bar: common.Bar) -> Check | None:
+    """The design by the models that do not take long to compile, under the scene's own shaking."""
+    if design.pendulum is None or design.status.name == "interrupted":
+        return None
+    from tpd.checking import QUICK, check
+
+    return check(design.scene, design.pendulum, stroke=design.space.stroke, rungs=QUICK, progress=bar)
 
 
 def _front(options: argparse.Namespace, work: Job, design: DesignOver, bar: common.Bar) -> Front | None:

@@ -85,7 +85,7 @@ def notes(design: DesignOver) -> list[str]:
 
 def _answer(design: DesignOver) -> list[str]:
     nu, what = design.scene.block.slenderness, design.measure.name
-    bare = f"{what} tilt without {_tilt(design.bare_value, nu)}"
+    bare = f"{what} tilt without {tilt(design.bare_value, nu)}"
     pendulum, winner = design.pendulum, design.winner
     if pendulum is None or winner is None:
         return ["no pendulum to offer", bare]
@@ -95,13 +95,14 @@ def _answer(design: DesignOver) -> list[str]:
         f"pendulum length    {pendulum.length:10.4g} m    (length ratio lam  = {winner.length_ratio:.5g})",
         f"hinge damping      {hinge:10.4g} N m s/rad ({pendulum.damping_ratio:.4g} of critical)",
         f"conditions         {'; '.join(design.conditions.told) or 'the scene alone'}",
-        f"{what} tilt         {_tilt(winner.value, nu)}",
+        f"{what} tilt         {tilt(winner.value, nu)}",
         bare,
         f"largest stroke     {np.nanmax(winner.told.stroke):10.4f} rad, limit {design.space.stroke:g} rad",
     ]
 
 
-def _tilt(value: float, nu: float) -> str:
+def tilt(value: float, nu: float) -> str:
+    """A value of a measure in words."""
     if value <= 0.0:
         return f"none: at rest with {-value:.1%} of the lifting moment in hand"
     if value > 1.0:
@@ -194,7 +195,9 @@ def _judged(judged: Judged) -> dict[str, Any]:
 
 def pictures(design: DesignOver, front: Front | None = None) -> Iterator[tuple[str, bytes]]:
     """(file name, PNG) of every picture."""
+    from tpd.animation import animate
     from tpd.canvas import png
+    from tpd.drawing import plot_scene
     from tpd.robust.plot import plot_conditions, plot_front, plot_landscape
 
     if design.conditions.along is not None:
@@ -202,3 +205,7 @@ def pictures(design: DesignOver, front: Front | None = None) -> Iterator[tuple[s
     yield "search.png", png(plot_landscape(design).figure)
     if front is not None:
         yield "front.png", png(plot_front(front, design).figure)
+    if design.winner is not None and design.status is OverStatus.found:
+        stroke = float(np.nanmax(design.winner.told.stroke))
+        yield "drawing.png", png(plot_scene(design.scene, design.pendulum, stroke=stroke).figure)
+        yield "animation.gif", animate(design.scene, design.pendulum)
