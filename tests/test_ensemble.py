@@ -73,7 +73,7 @@ def test_the_spread_is_even_and_within_its_bounds():
 
 
 def test_a_run_may_begin_at_any_phase():
-    y0, begin = (0.02, 0.05, 0.0, 0.1), 0.6
+    y0, begin = np.array([0.02, 0.05, 0.0, 0.1]), 0.6
     times = np.array([begin, 3 * 2 * np.pi / HUNG.xi])
     expected = tpd.simulate(HUNG, y0, times).ys[-1]
     found = followed(HUNG, y0, begin=begin, periods=3)
@@ -98,7 +98,7 @@ def test_nothing_is_called_rest_while_the_shaking_grows():
 
 
 def test_peaks_are_those_from_the_start_on():
-    y0 = (0.2, 0.0, 0.0, 0.0)
+    y0 = np.array([0.2, 0.0, 0.0, 0.0])
     found = followed(HUNG, y0, periods=400)
     assert found.peak[0] >= 0.2 > found.amplitude[0]
     samples = np.linspace(0.0, 30 * 2 * np.pi / HUNG.xi, 4000)

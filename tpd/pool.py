@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -98,7 +99,8 @@ class _Pool:
 
     def __init__(self, model: Piecewise, p: Parameters, starts: tuple[np.ndarray, ...]) -> None:
         self.model, self.p, self.starts = model, p, starts
-        self.begin, self.go = _compiled(model)
+        # How long a motion is followed at most is no matter of compiling.
+        self.begin, self.go = _compiled(replace(model, max_periods=1))
         self.results: list[tuple[np.ndarray, Any]] = []
 
     def run(self, report: Callable[[int], None]) -> Any:
@@ -117,7 +119,9 @@ class _Pool:
                 size = LANES[-1]
                 keep = np.argsort(index < 0, kind="stable")[:size]
                 index, lanes = index[keep], jax.tree.map(lambda x, k=keep: x[k], lanes)
-            lanes, over, settled = self.go(self._parameters(index), lanes)
+            lanes, over, settled = self.go(
+                self._parameters(index), lanes, jnp.asarray(self.model.max_periods)
+            )
             ready = np.flatnonzero(np.asarray(over) & (index >= 0))
             if len(ready):
                 rows = jax.tree.map(lambda x, r=ready: np.asarray(x)[r], settled)
@@ -156,9 +160,9 @@ def _merge(new: jax.Array, fresh: Any, old: Any) -> Any:
 
 @lru_cache(maxsize=8)
 def _compiled(model: Piecewise) -> tuple[Callable, Callable]:
-    def go(p: Parameters, lane: Lane) -> tuple[Lane, Any, Settled]:
-        lane = model.follow(p, lane, model.max_periods, _ROUNDS)
-        over = lane.record.done | (lane.record.elapsed >= model.max_periods)
+    def go(p: Parameters, lane: Lane, periods: jax.Array) -> tuple[Lane, Any, Settled]:
+        lane = model.follow(p, lane, periods, _ROUNDS)
+        over = lane.record.done | (lane.record.elapsed >= periods)
         return lane, over, lane.record.settled()
 
-    return eqx.filter_jit(jax.vmap(model.lane)), eqx.filter_jit(jax.vmap(go))
+    return eqx.filter_jit(jax.vmap(model.lane)), eqx.filter_jit(jax.vmap(go, in_axes=(0, 0, None)))

@@ -124,7 +124,7 @@ class Conditions:
         return Conditions(factors, (f"{size} samples of {widths or 'nothing'} (seed {seed})",))
 
 
-def under(p: Parameters, design: Float[Array, "3"], factors: Float[Array, "7"]) -> Parameters:
+def under(p: Parameters, design: Float[Array, "3"], factors: Float[Array, "7 *n"]) -> Parameters:
     """The parameters of one design (mu, lam, zeta) under one condition. A frequency moves f with its
     square, since the base's amplitude stays; where rho is tied to nu it follows."""
     amplitude, frequency, friction, slenderness, mass, length, damping = factors

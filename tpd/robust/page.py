@@ -222,7 +222,8 @@ def _assumed(shown: Shown) -> Section:
         f"What takes its energy: {losses(scene.block)}.",
         "A point bob on a massless rod from the middle of the top, with a viscous hinge.",
         f"A harmonic motion of the base, {number(scene.motion.amplitude)} m at "
-        f"{number(scene.motion.frequency)} Hz before the conditions change it; g = {number(scene.gravity)} m/s².",
+        f"{number(scene.motion.frequency)} Hz before the conditions change it; g = "
+        f"{number(scene.gravity)} m/s².",
         f"Limits: stroke {number(shown.design.space.stroke)} rad"
         + "".join(f", {name.replace('_', ' ')} {number(x)}" for name, x in limits.items())
         + ".",
