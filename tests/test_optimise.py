@@ -164,7 +164,7 @@ def test_ctrl_c_leaves_what_was_found_so_far():
     assert not report.is_sound(cut)
 
 
-@pytest.mark.parametrize("stage", ["searching", "finishing"])
+@pytest.mark.parametrize("stage", ["searching", "verifying"])
 def test_ctrl_c_in_the_search_keeps_the_best_design(stage):
     def stop(now, done, _):
         if now == stage and done == 2:

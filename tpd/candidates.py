@@ -35,17 +35,22 @@ def solved(
     model: AbstractModel,
     progress: Progress | None,
 ) -> list[Candidate]:
-    """Designs solved by both models; the one searched with in batches of the size already compiled."""
+    """Designs solved by both models; the one searched with in batches of the size already compiled. After
+    Ctrl-C those solved by then, if any."""
     batch = len(found.best)
     out: list[Candidate] = []
-    for begin in range(0, len(designs), batch):
-        part = designs[begin : begin + batch]
-        padded = np.stack(part + [part[-1]] * (batch - len(part)))
-        smoothed = None if found.evaluate is None else found.evaluate(jnp.asarray(padded))
-        for i, design in enumerate(part):
-            out.append(_candidate(p, design, smoothed, i, tolerance, model))
-            if progress is not None:
-                progress("verifying", len(out), len(designs))
+    try:
+        for begin in range(0, len(designs), batch):
+            part = designs[begin : begin + batch]
+            padded = np.stack(part + [part[-1]] * (batch - len(part)))
+            smoothed = None if found.evaluate is None else found.evaluate(jnp.asarray(padded))
+            for i, design in enumerate(part):
+                out.append(_candidate(p, design, smoothed, i, tolerance, model))
+                if progress is not None:
+                    progress("verifying", len(out), len(designs))
+    except KeyboardInterrupt:
+        if not out:
+            raise
     return out
 
 

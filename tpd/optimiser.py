@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import jax.numpy as jnp
@@ -80,14 +81,21 @@ def optimise(
     jury = Jury(scene, Ensemble() if ensemble is None else ensemble, progress)
     found = search(p, space, model, starts, 0 if rests else steps, screening, seed, progress)
     bare, *others = candidates(p, found, space, tolerance, model, progress)
+    if len(others) < len(found.designs(space.stroke)):
+        found = replace(found, interrupted=True)
     inside = Inside(p, space, model, tolerance, 0 if rests else steps, progress, jury.objections)
     winner, runner_up, status, rounds = confirmed(inside, found, bare, [] if rests else others)
     if rests:
         status, rounds = at_rest(inside, bare)
     helps = winner is not None and status in (DesignStatus.found, DesignStatus.models_disagree)
     pendulum = pendulum_of(scene, winner) if helps and winner is not None else None
-    verdict = None if pendulum is None else jury.verdict(pendulum)
-    nearby = _overturned_nearby(scene, pendulum)
+    interrupted = found.interrupted or status is DesignStatus.interrupted
+    verdict, nearby, peak = None, (0, 0, 0), (math.nan, math.nan)
+    try:
+        verdict = None if pendulum is None or interrupted else jury.verdict(pendulum)
+        nearby, peak = _overturned_nearby(scene, pendulum), _peak(scene, pendulum)
+    except KeyboardInterrupt:
+        interrupted = True
     if status is DesignStatus.found and nearby[1] > 0:
         status = DesignStatus.fragile
     return Design(
@@ -97,20 +105,20 @@ def optimise(
         amplitude=bare.amplitude if pendulum is None or winner is None else winner.amplitude,
         amplitude_without=bare.amplitude,
         stroke=0.0 if pendulum is None or winner is None else winner.stroke,
-        status=DesignStatus.interrupted if found.interrupted else status,
+        status=DesignStatus.interrupted if interrupted else status,
         winner=winner,
         runner_up=runner_up,
         bare=bare,
         starts=found.statuses(space),
         history=_history(found.trace, found.screened),
-        peak=_peak(scene, pendulum),
+        peak=peak,
         overturned_nearby=nearby,
         verdict=verdict,
         rounds=rounds,
         tolerance=tolerance,
         searched_with=type(model).__name__.lower(),
         seed=seed,
-        interrupted=found.interrupted or status is DesignStatus.interrupted,
+        interrupted=interrupted,
         settings={"starts": starts, "steps": steps, "screening": screening, "model": _describe(model)},
     )
 

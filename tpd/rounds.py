@@ -52,10 +52,13 @@ def confirmed(
             if rounds and not offered:
                 status = DesignStatus.nonlinear_objects
             return winner, runner_up, status, tuple(rounds)
-        without = nonlinear(inside.p)[0] if not rounds else without
-        rounds.append(_round(inside, space.stroke, winner, without))
-        if not rounds[-1].objections and inside.jury is not None:
-            rounds[-1] = replace(rounds[-1], objections=inside.jury(winner))
+        try:
+            without = nonlinear(inside.p)[0] if not rounds else without
+            rounds.append(_round(inside, space.stroke, winner, without))
+            if not rounds[-1].objections and inside.jury is not None:
+                rounds[-1] = replace(rounds[-1], objections=inside.jury(winner))
+        except KeyboardInterrupt:
+            return winner, runner_up, DesignStatus.interrupted, tuple(rounds)
         if not rounds[-1].objections:
             return winner, runner_up, status, tuple(rounds)
         if len(rounds) == ROUNDS:

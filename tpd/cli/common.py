@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -131,10 +133,17 @@ def inputs(of: Scene, hung: Pendulum | None) -> dict[str, Any]:
 
 
 def use_64_bits() -> None:
-    """Before anything else is done with JAX."""
+    """Before anything else is done with JAX. What it compiles is kept for later runs, in the user's cache
+    or where `JAX_COMPILATION_CACHE_DIR` says."""
     import jax
 
     jax.config.update("jax_enable_x64", True)
+    if jax.config.jax_compilation_cache_dir is None:  # type: ignore[attr-defined]
+        cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tpd" / "compiled"
+        with contextlib.suppress(OSError):
+            cache.mkdir(parents=True, exist_ok=True)
+            jax.config.update("jax_compilation_cache_dir", str(cache))
+            jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
 
 
 class Bar:
