@@ -1,6 +1,7 @@
 """Ensembles of runs: what each run is, and what is said of all of them."""
 
 import dataclasses
+import itertools
 
 import jax.numpy as jnp
 import numpy as np
@@ -80,13 +81,18 @@ def test_a_run_may_begin_at_any_phase():
     np.testing.assert_allclose(found.y[0], expected, atol=1e-10)
 
 
-def test_growing_shaking_is_a_stair_of_periods():
-    y, period = jnp.array([0.03, 0.0, 0.0, 0.0]), 2 * np.pi / HUNG.xi
-    found = followed(HUNG, y, ramp=4.0, periods=6)
-    for share in (0.125, 0.375, 0.625, 0.875, 1.0, 1.0):
-        p = dataclasses.replace(HUNG, f=share * HUNG.f)
-        y = tpd.simulate(p, y, np.array([0.0, period])).ys[-1]
-    np.testing.assert_allclose(found.y[0], y, atol=1e-10)
+def test_growing_shaking_is_a_stair():
+    """Sixteen steps a period, each with the size in its middle, whatever phase it begins at."""
+    period = 2 * np.pi / HUNG.xi
+    y, begin, ramp = np.array([0.03, 0.0, 0.0, 0.0]), 0.3 * period, 1.25
+    found = followed(HUNG, y, begin=begin, ramp=ramp, periods=3)
+    # The first stair that the start is on, and those after it; the second period is all stairs too.
+    edges = np.concatenate([[0.3], np.arange(5, 33) / 16, [3.0]])
+    for low, high in itertools.pairwise(edges):
+        middle = (np.floor(low * 16) + 0.5) / 16
+        p = dataclasses.replace(HUNG, f=min(middle / ramp, 1.0) * HUNG.f)
+        y = np.asarray(tpd.simulate(p, y, np.array([low, high]) * period).ys[-1])
+    np.testing.assert_allclose(found.y[0], y, atol=1e-9)
 
 
 def test_nothing_is_called_rest_while_the_shaking_grows():

@@ -58,7 +58,7 @@ class Ensemble:
     """Whether the shaking may begin at any of its phases; else at a zero of the base's acceleration."""
     ramps: tuple[float, ...] = (0.0, 2.0)
     """Start profiles: seconds over which the shaking grows, dealt out evenly; 0 is sudden. (Of
-    dimensionless parameters: units of tau.) It grows in steps of one forcing period."""
+    dimensionless parameters: units of tau.) It grows in sixteen steps a forcing period."""
     amplitude: float = 0.01
     """Relative half width of the base's amplitude."""
     frequency: float = 0.01

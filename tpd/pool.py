@@ -47,8 +47,8 @@ def settle_all(
         y0: starts, shape (n, 4).
         begin: dimensionless times at which the shaking and the motion begin, within the first forcing
             period; shape (n,) or one for all. The default is tau = 0.
-        ramp: forcing periods over which the shaking grows from zero to its full size, in steps of one
-            period; shape (n,) or one for all. The default is sudden.
+        ramp: forcing periods over which the shaking grows from zero to its full size, in sixteen steps
+            a period; shape (n,) or one for all. The default is sudden.
         model: default `Piecewise()`; its `max_periods` bounds each motion.
         workers: threads; default the number of cores.
         progress: called with (motions done, of how many) now and then.

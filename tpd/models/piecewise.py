@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -18,6 +20,8 @@ from tpd.models.settling import Period, Record, blank, scale_of
 from tpd.parameters import Number, Parameters, State
 from tpd.status import Status
 
+_STAIRS = 16
+"""Steps per forcing period in which growing shaking grows."""
 _LEAPS = 6
 """Leaps between two looks at whether a period has ended; most periods take about as many."""
 
@@ -29,13 +33,20 @@ class Lane(eqx.Module):
     record: Record
     ramp: Number
     """Forcing periods over which the shaking grows; 0 if it is sudden."""
+    stair: Int[Array, ""]
+    """Of the `_STAIRS` of a period in which the shaking grows, the one that the motion is on; else 0."""
 
 
-def _share(ramp: Number, elapsed: Int[Array, ""] | int) -> Number:
-    """Of the shaking that grows over `ramp` periods, what there is in the period after so many: it grows
-    in steps of one period, at zeros of the forcing."""
-    growing = (elapsed + 0.5) / jnp.where(ramp > 0.0, ramp, 1.0)
-    return jnp.where(ramp > 0.0, jnp.minimum(growing, 1.0), 1.0)
+def _stairs(ramp: Number, elapsed: Int[Array, ""] | int) -> Number:
+    """Into how many parts the period after so many is cut: more than one while the shaking grows."""
+    return jnp.where(elapsed < ramp, _STAIRS, 1)
+
+
+def _share(ramp: Number, elapsed: Int[Array, ""] | int, stair: Int[Array, ""]) -> Number:
+    """Of the shaking that grows over `ramp` periods, what there is on a stair of the period after so many:
+    that in the stair's middle."""
+    grown = elapsed + (stair + 0.5) / _stairs(ramp, elapsed)
+    return jnp.where(ramp > 0.0, jnp.minimum(grown / jnp.where(ramp > 0.0, ramp, 1.0), 1.0), 1.0)
 
 
 class Piecewise(AbstractModel):
@@ -86,9 +97,10 @@ class Piecewise(AbstractModel):
         """A motion that is about to begin at tau = `begin`, within the first forcing period, under shaking
         that is sudden or grows over `ramp` forcing periods; one that can never lift is done already."""
         ramp = jnp.asarray(ramp, dtype=jnp.float64)
-        full = Plant(p)
-        plant = full.shaken(_share(ramp, 0))
-        phase = p.xi * jnp.asarray(begin)
+        full, begin = Plant(p), jnp.asarray(begin)
+        stair = jnp.floor(begin / p.period * _stairs(ramp, 0)).astype(int)
+        plant = full.shaken(_share(ramp, 0, stair))
+        phase = p.xi * begin
         mode = classify(plant, y0, jnp.sin(phase))
         motion, record = start(plant, mode, y0, phase), blank(y0, mode)
         motion = eqx.tree_at(lambda m: m.begun, motion, jnp.zeros_like(motion.begun) + begin)
@@ -100,7 +112,8 @@ class Piecewise(AbstractModel):
             rests=rests,
             peak_stroke=jnp.maximum(record.peak_stroke, reach),
         )
-        return Lane(motion, jax.tree.map(lambda a, b: jnp.where(rests, a, b), still, record), ramp)
+        record = jax.tree.map(lambda a, b: jnp.where(rests, a, b), still, record)
+        return Lane(motion, record, ramp, stair)
 
     def follow(
         self, p: Parameters, lane: Lane, periods: Int[Array, ""] | int, leaps: int | None = None
@@ -117,30 +130,62 @@ class Piecewise(AbstractModel):
             more = ~lane.record.done & (lane.record.elapsed < periods)
             return more if leaps is None else more & (count < leaps)
 
-        def short(carry: tuple[Motion, Int[Array, ""]]) -> Bool[Array, ""]:
-            m, leaps = carry
-            return ~arrived(m, p.period) & ~m.lost & (leaps < _LEAPS)
-
         def step(carry: tuple[Lane, Int[Array, ""]]) -> tuple[Lane, Int[Array, ""]]:
             lane, count = carry
-            plant = full.shaken(_share(lane.ramp, lane.record.elapsed))
+            stairs = _stairs(lane.ramp, lane.record.elapsed)
+            plant = full.shaken(_share(lane.ramp, lane.record.elapsed, lane.stair))
+            top = lane.stair + 1 >= stairs
+            horizon = jnp.where(top, p.period, p.period * (lane.stair + 1) / stairs)
+
+            def short(carry: tuple[Motion, Int[Array, ""]]) -> Bool[Array, ""]:
+                m, leaps = carry
+                return ~arrived(m, horizon) & ~m.lost & (leaps < _LEAPS)
 
             def onward(carry: tuple[Motion, Int[Array, ""]]) -> tuple[Motion, Int[Array, ""]]:
                 m, leaps = carry
-                return leap(plant, m, p.period, watch_bob=True, quiet=self.rest_rate * p.nu), leaps + 1
+                return leap(plant, m, horizon, watch_bob=True, quiet=self.rest_rate * p.nu), leaps + 1
 
             m = jax.lax.while_loop(short, onward, (lane.motion, jnp.zeros((), int)))[0]
-            ended = arrived(m, p.period) | m.lost | (m.steps >= self.max_events)
+            over = m.lost | (m.steps >= self.max_events)
+            climbed = arrived(m, horizon) & ~top & ~over
+            ended = (arrived(m, horizon) & top) | over
             elapsed = lane.record.elapsed + 1
             growing = elapsed < lane.ramp
             period = self._summary(full, p, m, ~growing)
             record = lane.record.add(period, scale, self.tolerance)
             record = record._replace(repeats=jnp.where(growing, 0, record.repeats))
-            again = start(full.shaken(_share(lane.ramp, elapsed)), m.mode, period.y, jnp.zeros_like(p.xi))
-            fresh, stale = Lane(again, record, lane.ramp), Lane(m, lane.record, lane.ramp)
-            return jax.tree.map(lambda a, b: jnp.where(ended, a, b), fresh, stale), count + 1
+            again = self._launched(full, p, lane, m, period.y, ended, horizon)
+            fresh, stale = Lane(again, record, lane.ramp, jnp.zeros_like(lane.stair)), replace(lane, motion=m)
+            higher = replace(lane, motion=again, stair=lane.stair + 1)
+            after = jax.tree.map(lambda a, b: jnp.where(ended, a, b), fresh, stale)
+            return jax.tree.map(lambda a, b: jnp.where(climbed, a, b), higher, after), count + 1
 
         return jax.lax.while_loop(going, step, (lane, jnp.zeros((), int)))[0]
+
+    def _launched(
+        self,
+        full: Plant,
+        p: Parameters,
+        lane: Lane,
+        m: Motion,
+        y: State,
+        ended: Bool[Array, ""],
+        at: Number,
+    ) -> Motion:
+        """The motion at the beginning of a period, from `y`; or on the next stair, which begins `at`."""
+        elapsed, zero = lane.record.elapsed, jnp.zeros_like(lane.stair)
+        share = jnp.where(
+            ended, _share(lane.ramp, elapsed + 1, zero), _share(lane.ramp, elapsed, lane.stair + 1)
+        )
+        now = jnp.where(ended, y, jnp.stack([kept(x) for x in state_at(m, at)]))
+        time = jnp.where(ended, 0.0, at)
+        again = start(full.shaken(share), m.mode, now, p.xi * time)
+        onward = (again.up, again.down, again.stroke, again.steps, again.held)
+        so_far = (m.up, m.down, m.stroke, m.steps, m.held)
+        whole = [jnp.where(ended, a, jnp.maximum(a, b)) for a, b in zip(onward, so_far, strict=True)]
+        return eqx.tree_at(
+            lambda n: (n.begun, n.up, n.down, n.stroke, n.steps, n.held), again, (time, *whole)
+        )
 
     def _summary(self, plant: Plant, p: Parameters, m: Motion, steady: Bool[Array, ""]) -> Period:
         """The period that a motion has just completed; rest is for good only under `steady` shaking."""
