@@ -20,6 +20,9 @@ CHUNK = 256
 """Designs computed at once. Some hundred arrays of this length are alive at a time, about one
 megabyte: more designs at once are no faster, since they leave the cache."""
 
+_CALLED: set[tuple[Callable[[Any], Any], int]] = set()
+"""Functions that have been compiled, with their chunk sizes."""
+
 
 def in_chunks(
     function: Callable[[Any], Any],
@@ -77,9 +80,13 @@ def in_chunks(
 
     wholes: list[np.ndarray] = []
     structures: list[Any] = []
-    lock, done = Lock(), 0
+    lock, done, first = Lock(), 0, 0
+    if (function, chunk) not in _CALLED:
+        # Two threads that both come first would both compile.
+        done = first = run(0)
+        _CALLED.add((function, chunk))
     with ThreadPoolExecutor(cores) as pool:
-        for count in pool.map(run, range(0, length, chunk)):
+        for count in pool.map(run, range(first, length, chunk)):
             done += count
             if progress is not None:
                 progress(done, length)

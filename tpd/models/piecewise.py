@@ -39,7 +39,7 @@ class Lane(eqx.Module):
 
 def _stairs(ramp: Number, elapsed: Int[Array, ""] | int) -> Number:
     """Into how many parts the period after so many is cut: more than one while the shaking grows."""
-    return jnp.where(elapsed < ramp, _STAIRS, 1)
+    return jnp.where(elapsed < ramp, float(_STAIRS), 1.0)
 
 
 def _share(ramp: Number, elapsed: Int[Array, ""] | int, stair: Int[Array, ""]) -> Number:
