@@ -35,19 +35,20 @@ NEAR = 1e-3
 """Distance from the best value anybody found, a share of it, that counts as found."""
 OURS = {"screening": 32, "starts": 4, "steps": 16}
 """One budget for all problems."""
-BUDGET = 1500
+BUDGET = 1000
 """Designs after which restarts of the peers end; a run that is going on is finished."""
-GRID = 25
+GRID = 20
 """Designs on an edge of the grid."""
 PICTURE = Path(__file__).parents[2] / "notebooks" / "pictures" / "proof.png"
 
 SCENE = tpd.paper_scene()
 SLIM = replace(SCENE, block=replace(SCENE.block, width=0.08))
+LESS = replace(SCENE, motion=replace(SCENE.motion, amplitude=0.012))
 SPACE = tpd.DesignSpace(
     mass_ratio=(0.01, 0.2), length_ratio=(0.1, 1.5), damping_ratio=(0.05, 0.4), stroke=0.5
 )
 SCATTER = tpd.Conditions.scatter(
-    64, frequency=0.25, amplitude=0.1, friction=0.2, mass=0.05, length=0.05, damping=0.2
+    32, frequency=0.25, amplitude=0.1, friction=0.2, mass=0.05, length=0.05, damping=0.2
 )
 
 
@@ -67,12 +68,12 @@ def asked(
 WORST = tpd.Measure.worst()
 PROBLEMS = {
     "the paper's block, 2 to 3.5 Hz, worst of 20": asked(SCENE, tpd.Conditions.band(SCENE, 2.0, 3.5), WORST),
-    "the paper's block, 64 scattered, worst tenth": asked(SCENE, SCATTER, tpd.Measure.cvar(0.1)),
+    "the paper's block, 32 scattered, worst tenth": asked(SCENE, SCATTER, tpd.Measure.cvar(0.1)),
     "a slimmer block, 2.2 to 2.8 Hz, stroke 0.8, worst of 20": asked(
         SLIM, tpd.Conditions.band(SLIM, 2.2, 2.8), WORST, stroke=0.8
     ),
-    "the paper's block, 2 to 3.5 Hz, from rest, worst of 20": asked(
-        SCENE, tpd.Conditions.band(SCENE, 2.0, 3.5), WORST, from_rest=True
+    "shaken less, 1.5 to 2.8 Hz, from rest, worst of 20": asked(
+        LESS, tpd.Conditions.band(LESS, 1.5, 2.8), WORST, from_rest=True
     ),
 }
 
@@ -305,7 +306,8 @@ def told(name: str, best: float, rows: dict[str, Row]) -> str:
     lines = [f"\n{name}: best {best:.8g}", head]
     for method, r in rows.items():
         lines.append(
-            f"{method:26}{r.hits:6} of {r.runs:<3}{r.until:12.0f}{r.total:8.0f}{r.seconds:9.2f}{r.worst:10.0e}"
+            f"{method:26}{r.hits:6} of {r.runs:<3}{r.until:12.0f}{r.total:8.0f}{r.seconds:9.2f}"
+            f"{r.worst:10.0e}"
         )
     peers = {m: r for m, r in rows.items() if m not in ("ours", "grid")}
     sound = {m: r for m, r in peers.items() if r.hits >= 0.9 * r.runs}
