@@ -155,9 +155,8 @@ def ours(objective: Objective, seed: int, **budget: int) -> Run:
     seconds = time.perf_counter() - began
     screened = Ledger(objective)
     screened((search.screened - search.low) / (search.high - search.low))
-    # The starts were among the screened, and the search evaluates them again: they are counted twice.
     tried = [np.sum(found.steps > step) for step in range(len(found.path_merit) - 1)]
-    counts = len(screened.values) + np.cumsum([len(found.x), *tried])
+    counts = len(screened.values) + np.cumsum([0, *tried])
     assert counts[-1] == len(search.screened) + found.evaluations
     first = screened.run(began)
     best = np.minimum.accumulate([first.best[-1], *found.path_merit.min(axis=1)])[1:]
