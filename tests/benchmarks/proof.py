@@ -278,7 +278,7 @@ class Row(NamedTuple):
     total: float
     seconds: float
     worst: float
-    """The largest distance from the best at the end."""
+    """The largest distance from the best at the end, a share of the best."""
 
 
 def table(runs: dict[str, list[Run]]) -> tuple[float, dict[str, Row]]:
@@ -291,10 +291,10 @@ def table(runs: dict[str, list[Run]]) -> tuple[float, dict[str, Row]]:
         rows[name] = Row(
             int(np.isfinite(until).sum()),
             len(of),
-            float(np.quantile(until, 0.5, method="higher")),
+            float(np.sort(until)[len(until) // 2]),
             float(np.median([run.evaluations[-1] for run in of])),
             float(np.median([run.seconds for run in of])),
-            float(max(run.best[-1] / best - 1.0 for run in of)),
+            float(max(_gap(run, best)[-1] for run in of)),
         )
     return best, rows
 
@@ -311,13 +311,11 @@ def told(name: str, best: float, rows: dict[str, Row]) -> str:
     peers = {m: r for m, r in rows.items() if m not in ("ours", "grid")}
     sound = {m: r for m, r in peers.items() if r.hits >= 0.9 * r.runs}
     own, close = rows["ours"], min((sound or peers).items(), key=lambda item: item[1].until)
-    by = f"{close[0]} ({'found' if sound else 'not found'} in nine of ten)"
-    there, whole = close[1].until / own.until, close[1].total / own.total
-    lines.append(f"best peer: {by}: {there:.1f} times ours until there, {whole:.1f} times in all")
-    met = own.hits >= 0.9 * own.runs
+    share = own.until / close[1].until
     lines.append(
-        f"found in nine of ten: {'met' if met else 'NOT met'}; a twentieth until there: "
-        f"{'met' if there >= 20 else 'NOT met'}; in all: {'met' if whole >= 20 else 'NOT met'}"
+        f"best peer: {close[0]}{'' if sound else ', though not in nine of ten'}; ours needs {share:.1%} of "
+        f"its designs (reach: 5 %, {'met' if share <= 0.05 else 'NOT met'}) and is there in {own.hits} of "
+        f"{own.runs} (reach: nine of ten, {'met' if own.hits >= 0.9 * own.runs else 'NOT met'})"
     )
     return "\n".join(lines)
 
