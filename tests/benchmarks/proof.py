@@ -346,6 +346,9 @@ def draw(results: dict[str, dict[str, list[Run]]], path: Path) -> None:
         ax.axhline(NEAR, color="#bbbbbb", lw=0.8, zorder=0)
         ax.set(xscale="log", yscale="log", ylim=(1e-7, 30.0))
         ax.set_title(name, fontsize=9)
+        ax.tick_params(labelbottom=True)
+    for ax in panels[len(results) :]:
+        ax.set_axis_off()
     figure.supxlabel("designs evaluated", fontsize=10)
     figure.supylabel("median gap to the best value found, a share of it (line: 0.1 %)", fontsize=10)
     panels[0].legend(fontsize=8, loc="lower left", frameon=False)
