@@ -274,7 +274,7 @@ class Row(NamedTuple):
     hits: int
     runs: int
     until: float
-    """Median number of designs until it was there; infinite where fewer than half were."""
+    """Median number of designs until it was there; infinite where no more than half were."""
     total: float
     seconds: float
     worst: float
@@ -291,7 +291,7 @@ def table(runs: dict[str, list[Run]]) -> tuple[float, dict[str, Row]]:
         rows[name] = Row(
             int(np.isfinite(until).sum()),
             len(of),
-            float(np.sort(until)[len(until) // 2]),
+            float(np.median(until)),
             float(np.median([run.evaluations[-1] for run in of])),
             float(np.median([run.seconds for run in of])),
             float(max(_gap(run, best)[-1] for run in of)),
