@@ -106,12 +106,18 @@ def _toward_rest(p: Parameters, space: DesignSpace, unit: Array, target: Array) 
     """Designs (as shares of the bounds) moved until their uplift margin reaches `target` and the
     resting bob keeps to the stroke limit; those already there stay."""
     low, high = (jnp.asarray(b) for b in space.bounds)
-    fixed = jnp.asarray(space.full(space.bounds[0]))
+    fixed = jnp.asarray(space.full(space.bounds[0]))[low.size :]
+    return _moved(p, low, high, fixed, jnp.asarray(AIM * space.stroke), unit, target)
 
+
+@eqx.filter_jit
+def _moved(
+    p: Parameters, low: Array, high: Array, fixed: Array, stroke: Array, unit: Array, target: Array
+) -> Array:
     def shortfall(u: Array, goal: Array) -> Array:
         x = low + u * (high - low)
-        lift = uplift(with_design(p, jnp.concatenate([x, fixed[x.size :]])))
-        return jax.nn.relu(goal - lift.margin) + jax.nn.relu(lift.stroke / (AIM * space.stroke) - 1.0)
+        lift = uplift(with_design(p, jnp.concatenate([x, fixed])))
+        return jax.nn.relu(goal - lift.margin) + jax.nn.relu(lift.stroke / stroke - 1.0)
 
     adam = optax.adam(0.03)
 
@@ -123,7 +129,7 @@ def _toward_rest(p: Parameters, space: DesignSpace, unit: Array, target: Array) 
         onward = cast(Array, optax.apply_updates(u, updates))
         return jnp.where(moved, jnp.clip(onward, 0.0, 1.0), u), state
 
-    return jax.jit(lambda u: jax.lax.fori_loop(0, 100, step, (u, adam.init(u)))[0])(unit)
+    return jax.lax.fori_loop(0, 100, step, (unit, adam.init(unit)))[0]
 
 
 class Trace(NamedTuple):

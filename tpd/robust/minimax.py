@@ -40,7 +40,7 @@ class Local(NamedTuple):
     limit_slope: np.ndarray
     """(m, l, d)"""
 
-    def at(self, rows: np.ndarray) -> Local:
+    def at(self, rows: np.ndarray | slice) -> Local:
         """That of some of the designs."""
         return Local(*(x[rows] for x in self))
 
@@ -76,6 +76,7 @@ def minimise(
     cap: float,
     measure: Callable[[np.ndarray], np.ndarray],
     *,
+    known: Local | None = None,
     low: np.ndarray | None = None,
     high: np.ndarray | None = None,
     steps: int = 40,
@@ -90,6 +91,7 @@ def minimise(
         starts: shape (m, d).
         cap: largest weight of one function; 1 for the maximum, 1/n for the mean.
         measure: the measure itself of values (k, n).
+        known: what `evaluate` gives at the starts, if it has been asked before.
         low: bounds of each start, (m, d); default 0.
         high: default 1.
         steps: bound on the steps.
@@ -101,11 +103,11 @@ def minimise(
     high = np.ones_like(starts) if high is None else high
     m, d = starts.shape
     x = np.clip(starts, low, high)
-    here = evaluate(x)
+    here = evaluate(x) if known is None else Local(*(np.array(part) for part in known))
     merit = _merit(here, measure)
     reach, curve = np.full(m, radius), np.tile(1e-3 * np.eye(d), (m, 1, 1))
     alive, taken = np.isfinite(merit), np.zeros(m, int)
-    path, evaluations = [(x.copy(), merit.copy())], m
+    path, evaluations = [(x.copy(), merit.copy())], m if known is None else 0
     for step in range(steps):
         rows = np.flatnonzero(alive)
         if not len(rows):

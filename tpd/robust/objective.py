@@ -120,11 +120,15 @@ class Objective:
     def local(self, unit: np.ndarray) -> Local:
         """For the search, at designs in shares of the bounds, (m, d)."""
         low, high = self.space.bounds
-        designs = self.space.full(low + unit * (high - low))
-        t, d = self.told(designs), unit.shape[1]
+        return self.scaled(self.told(self.space.full(low + unit * (high - low))))
+
+    def scaled(self, told: Told) -> Local:
+        """What the search asks of designs, its slopes along shares of the bounds."""
+        low, high = self.space.bounds
         scale = (high - low)[None, None, :]
-        limit, limit_slope = self.limited(t)
-        return Local(t.merit, t.merit_slope[..., :d] * scale, limit, limit_slope[..., :d] * scale)
+        limit, limit_slope = self.limited(told)
+        d = low.size
+        return Local(told.merit, told.merit_slope[..., :d] * scale, limit, limit_slope[..., :d] * scale)
 
 
 def _one(args: tuple[Parameters, Array, Array, Array]) -> tuple:

@@ -9,7 +9,7 @@ import numpy as np
 from tpd.design import StartStatus
 from tpd.parameters import as_arrays
 from tpd.robust.kept import Kept
-from tpd.robust.minimax import Descent, minimise
+from tpd.robust.minimax import Descent, Local, minimise
 from tpd.robust.objective import Objective, margins
 from tpd.search import Progress, starting_points
 
@@ -49,19 +49,20 @@ class Search:
     def run(self, kept: Kept) -> None:
         """Everything; Ctrl-C keeps the groups that had ended."""
         try:
-            chosen = self.screen()
+            chosen, known = self.screen()
             groups = range(0, len(chosen), _GROUP)
             for i, begin in enumerate(groups):
-                known = kept.get(i)
+                rows, ended = slice(begin, begin + _GROUP), kept.get(i)
                 self.groups.append(
-                    self._descend(chosen[begin : begin + _GROUP], i, len(groups)) if known is None else known
+                    self._descend(chosen[rows], known.at(rows), i, len(groups)) if ended is None else ended
                 )
                 kept.put(i, self.groups[-1])
         except KeyboardInterrupt:
             self.interrupted = True
 
-    def screen(self) -> np.ndarray:
-        """Starts for the descents, in shares of the bounds: the best under all conditions that lie apart."""
+    def screen(self) -> tuple[np.ndarray, Local]:
+        """Starts for the descents, in shares of the bounds, and what is known of them: the best under all
+        conditions that lie apart."""
         objective, space = self.objective, self.objective.space
         p = as_arrays(objective.p)
         wide = space.full(self._spread(_CLOSED))
@@ -69,8 +70,8 @@ class Search:
         spread = starting_points(p, space, self.planned - len(still), self.seed)
         designs = np.concatenate([spread, wide[still]])
         told = objective.told(designs, None if self.progress is None else stage(self.progress, "screening"))
-        limit, _ = objective.limited(told)
-        value = objective.value(told) + np.maximum(limit, 0.0).sum(axis=1)
+        local = objective.scaled(told)
+        value = objective.value(told) + np.maximum(local.limit, 0.0).sum(axis=1)
         self.screened, self.screened_value = designs, value
         unit = self._unit(designs)
         chosen: list[int] = []
@@ -79,7 +80,7 @@ class Search:
                 far = all(np.linalg.norm(unit[i] - unit[j]) > apart for j in chosen)
                 if len(chosen) < self.count and far and i not in chosen:
                     chosen.append(int(i))
-        return unit[chosen]
+        return unit[chosen], local.at(np.array(chosen))
 
     def _spread(self, size: int) -> np.ndarray:
         rng = np.random.default_rng([self.seed, 2])
@@ -89,7 +90,7 @@ class Search:
     def _unit(self, designs: np.ndarray) -> np.ndarray:
         return (designs[:, : self.low.size] - self.low) / (self.high - self.low)
 
-    def _descend(self, starts: np.ndarray, group: int, groups: int) -> Descent:
+    def _descend(self, starts: np.ndarray, known: Local, group: int, groups: int) -> Descent:
         def after(step: int, steps: int) -> None:
             if self.progress is not None:
                 self.progress("searching", group * steps + step, groups * steps)
@@ -100,6 +101,7 @@ class Search:
             starts,
             objective.measure.cap(len(objective.conditions)),
             objective.measure.of,
+            known=known,
             steps=self.bound,
             after=after,
         )
