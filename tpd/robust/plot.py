@@ -22,8 +22,10 @@ def plot_conditions(design: DesignOver, axes: Any = None) -> Any:
     axes = new_axes(2, (7.0, 5.6)) if axes is None else axes
     name = cast(str, design.conditions.along)
     own, unit = design.conditions.units.get(name, (1.0, "as a factor on the scene's, -"))
-    x, label = design.conditions.column(name) * own, f"{name} ({unit})"
-    nu = design.scene.block.slenderness * design.conditions.column("slenderness")
+    # What scatters comes in no order.
+    order = np.argsort(design.conditions.column(name), kind="stable")
+    x, label = design.conditions.column(name)[order] * own, f"{name} ({unit})"
+    nu = design.scene.block.slenderness * design.conditions.column("slenderness")[order]
     told: list[tuple[Told, np.ndarray, str, dict[str, Any]]] = [
         (design.bare, design.bare_reached, "bare block", {"color": GREY, "marker": "s"})
     ]
@@ -31,11 +33,11 @@ def plot_conditions(design: DesignOver, axes: Any = None) -> Any:
         told.append(
             (design.winner.told, design.winner.reached, "with the pendulum", {"color": BLUE, "marker": "o"})
         )
-    tilts = [np.where(t.attracts[0], t.tilt[0], np.nan) * nu for t, *_ in told]
+    tilts = [np.where(t.attracts[0], t.tilt[0], np.nan)[order] * nu for t, *_ in told]
     top = 1.3 * max((float(np.nanmax(t)) for t in tilts if np.isfinite(t).any()), default=1.0)
     for i, (t, reached, what, style) in enumerate(told):
         axes[0].plot(x, tilts[i], ms=3.5, lw=1.2, ls="-" if i else "--", label=what, **style)
-        lost = reached == "overturned"
+        lost = reached[order] == "overturned"
         if lost.any():
             level = np.full(lost.sum(), top * (1.0 - 0.06 * i))
             axes[0].plot(
@@ -47,7 +49,7 @@ def plot_conditions(design: DesignOver, axes: Any = None) -> Any:
                 label=f"{what}: overturns from rest",
             )
         if what != "bare block":
-            axes[1].plot(x, t.stroke[0], ms=3.5, lw=1.2, label="bob", **style)
+            axes[1].plot(x, t.stroke[0][order], ms=3.5, lw=1.2, label="bob", **style)
     axes[0].set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
     axes[0].legend(fontsize=8, frameon=False)
     axes[1].axhline(design.space.stroke, color=ORANGE, lw=1.0, ls=":", label="stroke limit")
