@@ -27,6 +27,8 @@ _ASKED = 4
 """Conditions under which the nonlinear equations are asked, the worst first."""
 _RUNS = 4096
 """Runs from rest spent on choosing what is judged."""
+_MET = 1e-3
+"""Share of a limit that is left of one that counts as met."""
 _APART = 0.02
 """Distance, in shares of the bounds, from which on two designs are two."""
 
@@ -190,7 +192,11 @@ class Judge:
         if self.objective.measure.share >= 1.0:
             out = ["the mean tilt"]
         names = self.objective.limit_names()
-        out += [f"limit on {names[j]} {name(int(j) % n)}" for j in np.argsort(-by)[:6] if by[j] > 1e-4]
+        over = search.column(lambda g: g.local.limit)[i]
+        # A limit that is met may carry no weight where another one beside it does.
+        met = (by > 1e-4) | (over > -_MET)
+        order = np.lexsort((-over, -by))[:6]
+        out += [f"limit on {names[j]} {name(int(j) % n)}" for j in order if met[j]]
         low, high = self.objective.space.bounds
         for value, least, most, what in zip(design, low, high, ("mass", "length", "damping"), strict=False):
             at = (
