@@ -1,5 +1,6 @@
 """64-bit floats, no silent rank promotion, and jaxtyping shapes checked by beartype."""
 
+import os
 from pathlib import Path
 
 import jax
@@ -7,8 +8,29 @@ from jaxtyping import install_import_hook
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
-# What one worker has compiled, the other need not, nor a later run.
-jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".pytest_cache" / "compiled"))
-jax.config.update("jax_persistent_cache_min_compile_time_secs", 1.0)
+# What one worker has compiled, the other need not, nor the commands that tests run, nor a later run.
+COMPILED = str(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
+os.environ |= {"JAX_COMPILATION_CACHE_DIR": COMPILED, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.5"}
+jax.config.update("jax_compilation_cache_dir", COMPILED)
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
 
 install_import_hook("tpd", "beartype.beartype")
+
+LONGEST = (
+    "robust",
+    "cli",
+    "optimise",
+    "symmetric",
+    "notebooks",
+    "bifurcations",
+    "general",
+    "steady",
+    "exact",
+)
+"""Modules that go first, so that no worker is left alone with one at the end."""
+
+
+def pytest_collection_modifyitems(items):
+    """The longest modules first; within a module everything stays in order."""
+    rank = {f"test_{name}": i for i, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: rank.get(item.path.stem, len(rank)))

@@ -89,7 +89,8 @@ def test_every_start_has_a_path_and_a_status(design):
 
 def test_progress_covers_every_stage(design, stages):
     assert design is not None
-    assert {name for name, _, _ in stages} == {"screening", "searching", "finishing", "verifying"}
+    expected = {"screening", "searching", "finishing", "verifying", "ensemble"}
+    assert {name for name, _, _ in stages} == expected
     assert all(0 < done <= total for _, done, total in stages)
 
 

@@ -113,6 +113,7 @@ def design(**changes) -> Design:
         "history": history,
         "peak": (0.06, 0.4),
         "overturned_nearby": (8, 2, 1),
+        "verdict": None,
         "rounds": (told,),
         "tolerance": 0.01,
         "seed": 3,
@@ -209,12 +210,12 @@ def outcomes(lost: int) -> Outcomes:
 
 def test_an_ensemble_in_which_the_pendulum_harms_is_a_danger():
     worse = Verdict(hung=outcomes(20), bare=outcomes(2))
-    reader = read(design_page(dataclasses.replace(told(), verdict=worse)))
+    reader = read(design_page(told(verdict=worse)))
     assert reader.text.index("DANGER: in the ensemble 18 runs overturn") < reader.text.index("The answer")
     assert "50.0% (" in reader.text
     assert "growing for 2 s" in reader.text
     better = Verdict(hung=outcomes(2), bare=outcomes(20))
-    assert "DANGER: in the ensemble" not in design_page(dataclasses.replace(told(), verdict=better))
+    assert "DANGER: in the ensemble" not in design_page(told(verdict=better))
 
 
 def test_elasticities_that_are_refused_say_why():

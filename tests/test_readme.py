@@ -24,11 +24,14 @@ def test_the_python_example_runs(capsys):
     assert slope != 0.0
 
 
-def test_the_scene_file_is_valid():
-    (scene,) = blocks("toml")
-    job = build(tomllib.loads(scene))
-    assert job.scene.block.height == 10.0
-    assert job.space.names == ("mu", "lam", "zeta")
+def test_the_scene_files_are_valid():
+    tower, many = (build(tomllib.loads(block)) for block in blocks("toml"))
+    assert tower.scene.block.height == 10.0
+    assert tower.space.names == ("mu", "lam", "zeta")
+    assert tower.asked is None
+    assert len(many.asked.conditions(many.scene, 0)) == 20 * 3 * 64
+    assert many.asked.limits.mass == 2.0
+    assert many.ensemble.size == 512
 
 
 def test_there_is_one_command_to_run_and_one_to_test():
@@ -48,6 +51,6 @@ def test_the_other_commands_are_understood():
     commands = [
         line.split()[1:] for block in blocks("sh") for line in block.splitlines() if line[:4] == "tpd "
     ]
-    assert {command[0] for command in commands} == {"response", "map"}
+    assert {command[0] for command in commands} == {"optimise", "response", "map"}
     for command in commands:
         assert parser().parse_args(command).command == command[0]
