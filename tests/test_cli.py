@@ -176,6 +176,7 @@ def test_a_run_writes_its_report(written):
     assert content["seed"] == 3, "options override the scene file"
 
 
+@pytest.mark.slow
 def test_the_written_scene_repeats_the_run(written):
     folder, _ = written
     command = [sys.executable, "-m", "tpd.cli", "optimise", "--scene", "first/scene.toml", "--out", "second"]

@@ -7,8 +7,8 @@ import pytest
 from nbclient import NotebookClient
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
-# The first is the main job; the studies, of the paper and of other scenes, take a minute or two each.
-MARKED = [pytest.param(path, marks=[pytest.mark.slow] if i else []) for i, path in enumerate(NOTEBOOKS)]
+# A minute or two each; CI runs the main job as a command.
+MARKED = [pytest.param(path, marks=pytest.mark.slow) for path in NOTEBOOKS]
 
 
 def test_there_are_notebooks():

@@ -177,6 +177,7 @@ def test_ctrl_c_in_the_search_keeps_the_best_design(stage):
     assert cut.winner.stroke <= SPACE.stroke
 
 
+@pytest.mark.slow
 def test_one_step_is_enough_to_answer():
     one = tpd.optimise(tpd.paper_scene(), SPACE, seed=1, starts=3, steps=1, screening=24)
     assert one.winner is not None
