@@ -23,6 +23,7 @@ from tpd.models.piecewise import Piecewise
 from tpd.models.settling import scale_of
 from tpd.parameters import Parameters, as_arrays
 from tpd.pool import settle_all
+from tpd.sampling import latin_hypercube
 from tpd.status import Status, status_name
 from tpd.steady import Steady, steady_state
 
@@ -62,8 +63,7 @@ class Starts:
         """The states (phi, psi, phi', psi'), shape (size, 4): a Latin hypercube."""
         rng = np.random.default_rng(self.seed)
         reach = np.array([self.tilt * nu, self.swing, self.tilt_rate * nu, self.swing_rate])
-        strata = np.stack([rng.permutation(self.size) for _ in range(4)], axis=1)
-        unit = 2.0 * (strata + rng.random((self.size, 4))) / self.size - 1.0
+        unit = 2.0 * latin_hypercube(rng, self.size, 4) - 1.0
         unit[0] = 0.0
         return unit * reach
 

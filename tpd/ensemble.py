@@ -22,6 +22,7 @@ from tpd.models.piecewise import Piecewise
 from tpd.parameters import Parameters
 from tpd.pool import settle_all
 from tpd.robust.conditions import FACTORS, Conditions
+from tpd.sampling import latin_hypercube
 from tpd.scene import Pendulum, Scene
 from tpd.status import SETTLED, names_of
 
@@ -87,8 +88,7 @@ class Ensemble:
         """The runs' places in the unit cube, shape (size, 10): four of the start, phase, profile, and
         amplitude, frequency, friction and damping. The first is the nominal run."""
         rng = np.random.default_rng(self.seed)
-        strata = np.stack([rng.permutation(self.size) for _ in range(10)], axis=1)
-        unit = (strata + rng.random((self.size, 10))) / self.size
+        unit = latin_hypercube(rng, self.size, 10)
         unit[0] = 0.5
         unit[0, 4:6] = 0.0
         return unit

@@ -13,24 +13,27 @@ from tpd.search import Progress
 
 
 class Jury:
-    """The runs of the bare block begin at once, aside, since following them has to be compiled."""
+    """The runs of the bare block begin at once, aside, since following them has to be compiled; unless
+    there is nothing to be judged."""
 
-    def __init__(self, scene: Scene, ensemble: Ensemble, progress: Progress | None) -> None:
+    def __init__(self, scene: Scene, ensemble: Ensemble, progress: Progress | None, needed: bool) -> None:
         self.scene, self.ensemble = scene, ensemble
         self.progress: Callable[[int, int], None] | None = None
         if progress is not None:
             self.progress = partial(progress, "ensemble")
         self._bare: Outcomes | None = None
         self._known: dict[Pendulum, Verdict] = {}
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
+        self._thread = threading.Thread(target=self._run, daemon=True) if needed else None
+        if self._thread is not None:
+            self._thread.start()
 
     def _run(self) -> None:
         self._bare = outcomes(self.scene, ensemble=self.ensemble, workers=1)
 
     def verdict(self, pendulum: Pendulum) -> Verdict:
         """What the ensemble says of a pendulum."""
-        self._thread.join()
+        if self._thread is not None:
+            self._thread.join()
         if pendulum not in self._known:
             bare = outcomes(self.scene, ensemble=self.ensemble) if self._bare is None else self._bare
             self._known[pendulum] = verdict(

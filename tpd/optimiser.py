@@ -78,7 +78,7 @@ def optimise(
     model.check(p)
     rests = status_name(exact(p, bare_design(p)).status) == "rest"
     screening = 1 if rests else max(screening, starts)
-    jury = Jury(scene, Ensemble() if ensemble is None else ensemble, progress)
+    jury = Jury(scene, Ensemble() if ensemble is None else ensemble, progress, not rests)
     found = search(p, space, model, starts, 0 if rests else steps, screening, seed, progress)
     bare, *others = candidates(p, found, space, tolerance, model, progress)
     if len(others) < len(found.designs(space.stroke)):

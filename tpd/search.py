@@ -21,6 +21,7 @@ from tpd.balance import uplift
 from tpd.design import DesignSpace, StartStatus
 from tpd.models.interface import AbstractModel
 from tpd.parameters import Number, Parameters
+from tpd.sampling import latin_hypercube
 from tpd.status import Status, is_settled, status_name
 from tpd.steady import Steady, steady_state
 
@@ -95,8 +96,7 @@ def starting_points(p: Parameters, space: DesignSpace, count: int, seed: int) ->
     rng = np.random.default_rng(seed)
     low, high = space.bounds
     half = (count + 1) // 2
-    strata = np.stack([rng.permutation(half) for _ in low], axis=1)
-    spread = (strata + rng.random(strata.shape)) / half
+    spread = latin_hypercube(rng, half, low.size)
     target = rng.uniform(0.0, 0.2, size=half)
     still = np.asarray(_toward_rest(p, space, jnp.asarray(spread), jnp.asarray(target)))
     return space.full(low + np.concatenate([spread, still])[:count] * (high - low))

@@ -65,6 +65,8 @@ class Segmented(AbstractModel):
 
     As in the paper, a crossing of phi = 0 without loss leaves both rates as they are. An impact with loss
     (e < 1) changes lam psi' by 2 cos(psi) times the change of phi'; terms of order nu sin(psi) are left out.
+    Of grazing this model sees only an event that it meets, so that in practice derivatives next to one are
+    not refused as those of the exact model are.
     """
 
     terms: Terms = eqx.field(default=Terms.nonlinear, static=True, kw_only=True)

@@ -18,8 +18,9 @@ class OverStatus(enum.Enum):
     """What the answer is worth; the value is the sentence a report opens with."""
 
     found = (
-        "A pendulum was found that lessens the rocking under the stated conditions; events from rest, the "
-        "nonlinear equations and the ensemble have nothing against it."
+        "A pendulum was found that lessens the steady rocking under the stated conditions, and with it the "
+        "block overturns in no significantly larger share of runs. That is no verdict of safety: read the "
+        "shares."
     )
     refused = (
         "NO DESIGN TO OFFER: what the search finds does not stand the events from rest, the nonlinear "
@@ -27,7 +28,10 @@ class OverStatus(enum.Enum):
     )
     no_improvement = "NO PENDULUM in this design space rocks less than the bare block under these conditions."
     none_feasible = "NO DESIGN in this space keeps to the limits under all conditions."
-    no_uplift = "NO PENDULUM IS NEEDED: under all conditions the bare block can only rest."
+    no_uplift = (
+        "NO PENDULUM IS NEEDED FROM REST: under all conditions the bare block stays where it is. Pushed hard "
+        "enough it may rock or overturn all the same."
+    )
     interrupted = "INTERRUPTED: what follows is the best of the searches that had ended by then."
 
 

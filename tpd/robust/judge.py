@@ -199,13 +199,7 @@ class Judge:
         out += [f"limit on {names[j]} {name(int(j) % n)}" for j in order if met[j]]
         low, high = self.objective.space.bounds
         for value, least, most, what in zip(design, low, high, ("mass", "length", "damping"), strict=False):
-            at = (
-                "least"
-                if value - least < 1e-6 * (most - least)
-                else "largest"
-                if most - value < 1e-6 * (most - least)
-                else ""
-            )
-            if at:
-                out.append(f"the {at} {what} ratio, {value:.4g}")
+            for word, bound in (("least", least), ("largest", most)):
+                if abs(value - bound) < 1e-6 * (most - least):
+                    out.append(f"the {word} {what} ratio, {value:.4g}")
         return tuple(out)

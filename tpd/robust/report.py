@@ -15,6 +15,7 @@ from tpd.ensemble import Verdict
 from tpd.robust.answer import DesignOver, Judged, OverStatus
 from tpd.robust.objective import KINDS, Told
 from tpd.robust.pareto import Front
+from tpd.scene import Block, Pendulum
 
 _ROWS = 24
 """Most conditions that the text lists, evenly over all of them."""
@@ -71,6 +72,13 @@ def notes(design: DesignOver) -> list[str]:
         if winner.verdict is not None:
             share, without = winner.verdict.hung.overturned, winner.verdict.bare.overturned
             out.append(f"of the ensemble {share} overturn with the pendulum, {without} without.")
+            out.extend(walls(design.scene.block, design.pendulum, winner))
+        fallen = [design.conditions.name(i) for i, _, _, status in winner.nonlinear if status == "overturned"]
+        if fallen:
+            out.append(
+                "by the nonlinear equations, from rest, the block overturns with the pendulum "
+                f"{', '.join(fallen)}; held against it only where by the linear ones the bare block stands."
+            )
         if np.any(~winner.told.attracts):
             out.append(
                 f"under {int(np.sum(~winner.told.attracts))} conditions no symmetric motion attracts: what "
@@ -81,6 +89,20 @@ def notes(design: DesignOver) -> list[str]:
         "leads to it; an earthquake is not a harmonic."
     )
     return out
+
+
+def walls(block: Block, pendulum: Pendulum | None, winner: Judged) -> list[str]:
+    """Whether the bob, seen as a point, keeps within the width of the block in most runs of the ensemble."""
+    if pendulum is None or winner.verdict is None:
+        return []
+    wall, reach = 0.5 * block.width, winner.verdict.hung.quantiles("peak_stroke", (0.5,))[0]
+    swing = pendulum.length * math.sin(min(reach, 0.5 * math.pi))
+    if swing <= wall:
+        return []
+    return [
+        f"in half of the runs the bob swings {swing:.3g} m or more to a side, beyond the block's half width "
+        f"of {wall:.3g} m: it would strike the walls."
+    ]
 
 
 def _answer(design: DesignOver) -> list[str]:

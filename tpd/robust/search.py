@@ -11,6 +11,7 @@ from tpd.parameters import as_arrays
 from tpd.robust.kept import Kept
 from tpd.robust.minimax import Descent, Local, minimise
 from tpd.robust.objective import Objective, margins
+from tpd.sampling import latin_hypercube
 from tpd.search import Progress, starting_points
 
 _GROUP = 16
@@ -84,8 +85,7 @@ class Search:
 
     def _spread(self, size: int) -> np.ndarray:
         rng = np.random.default_rng([self.seed, 2])
-        strata = np.stack([rng.permutation(size) for _ in self.low], axis=1)
-        return self.low + (strata + rng.random(strata.shape)) / size * (self.high - self.low)
+        return self.low + latin_hypercube(rng, size, self.low.size) * (self.high - self.low)
 
     def _unit(self, designs: np.ndarray) -> np.ndarray:
         return (designs[:, : self.low.size] - self.low) / (self.high - self.low)
