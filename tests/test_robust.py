@@ -4,19 +4,23 @@ import dataclasses
 import json
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
 import tpd
+from tests.reference import exact
 from tpd.design import StartStatus
 from tpd.job import Job
 from tpd.robust import report
 from tpd.robust.answer import OverStatus
 from tpd.robust.asked import Asked
+from tpd.robust.conditions import under
 from tpd.robust.minimax import PENALTY, Local, _subproblem, minimise
 from tpd.robust.objective import KINDS, Objective, margins
 from tpd.robust.page import Shown, over_page
+from tpd.robust.reached import ReachedObjective
 
 SCENE = tpd.paper_scene()
 SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=(0.05, 0.4))
@@ -341,3 +345,68 @@ def test_tables_are_read_and_written_back():
 def test_tables_that_make_no_sense_are_refused(given, message):
     with pytest.raises(ValueError, match=message):
         Asked.of(given)
+
+
+# What starts reach
+
+
+REACHED = {"starts": 8, "screening": 32, "steps": 6, "ensemble": tpd.Ensemble(size=32, periods=60)}
+
+
+@pytest.fixture(scope="module")
+def reaching(objective):
+    """Over what eight starts reach, the worst and the mean: one rests, two overturn, the others rock."""
+    gentle = tpd.Conditions.band(SCENE, 2.2, 2.8, 2) * tpd.Conditions.amplitudes(0.85)
+    few = dataclasses.replace(objective, conditions=gentle)
+    starts = tpd.Starts(size=8, seed=1, tilt=0.5, tilt_rate=0.2)
+    return [ReachedObjective(**vars(few), starts=starts, by_share=b, periods=500) for b in (False, True)]
+
+
+def test_what_starts_reach_is_what_each_of_them_settles_into(reaching):
+    worst, mean = (o.told(GOOD) for o in reaching)
+    for i, factors in enumerate(reaching[0].conditions.rows()):
+        q = under(SCENE.parameters(), jnp.asarray(GOOD[0]), factors)
+        states = reaching[0].starts.states(float(q.nu))
+        margin, merits = float(tpd.uplift(q).margin), []
+        for y0 in states:
+            end = exact([q.nu, q.mu, q.lam, q.zeta, q.k, q.f, q.xi], y0)
+            lost = end.status == "overturned"
+            merits.append(
+                2.0 - margin if lost else -margin if end.status == "rest" else end.amplitude / float(q.nu)
+            )
+        assert worst.merit[0, i] == pytest.approx(max(merits), rel=1e-9)
+        assert mean.merit[0, i] == pytest.approx(np.mean(merits), rel=1e-9)
+
+
+def test_slopes_over_what_starts_reach_are_those_of_differences(reaching):
+    for objective in reaching:
+        told = objective.told(GOOD)
+        for axis in range(3):
+            step = 1e-4 * GOOD[0, axis]
+            moved = GOOD.repeat(2, axis=0)
+            moved[:, axis] += [-step, step]
+            sides = objective.told(moved)
+            for size, slope in ((sides.merit, told.merit_slope), (sides.stroke, told.stroke_slope)):
+                expected = (size[1] - size[0]) / (2.0 * step)
+                np.testing.assert_allclose(slope[0, :, axis], expected, rtol=1e-5, atol=1e-7)
+
+
+def test_a_search_is_finished_over_what_starts_reach():
+    starts = tpd.Starts(size=6, seed=2)
+    told = []
+    design = tpd.optimise_over(
+        SCENE,
+        tpd.Conditions.band(SCENE, 2.2, 3.2, 2),
+        SPACE,
+        reached=starts,
+        by_share=True,
+        progress=lambda *e: told.append(e[0]),
+        **REACHED,
+    )
+    assert design.reached is starts
+    assert design.by_share
+    assert np.isfinite(design.end_values).any()
+    assert design.status in (OverStatus.found, OverStatus.refused)
+    assert "the mean over the starts" in report.notes(design)[-1]
+    with pytest.raises(ValueError, match=r"`by_share` .* needs `reached`"):
+        tpd.optimise_over(SCENE, BAND, SPACE, by_share=True, **REACHED)

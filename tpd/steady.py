@@ -225,6 +225,12 @@ def _solved(p: Parameters, model: AbstractModel, y0: State) -> tuple[Steady, Flo
     fixed = unflatten(jnp.where(sane, flat, 1.0))
     settled = model.settle(fixed, jnp.where(sane, y0, 0.0))
     settled = eqx.tree_at(lambda s: s.status, settled, Status.where(sane, settled.status, Status.failed))
+    return answered(fixed, model, settled)
+
+
+def answered(fixed: Parameters, model: AbstractModel, settled: Settled) -> tuple[Steady, Float[Array, "6 n"]]:
+    """What is said of a motion that has been followed, and the slopes of amplitude, stroke and state in the
+    leaves of `fixed`: NaN where there are none."""
     orbit, separation = _finish(fixed, model, settled)
     multiplier, to_fold = _multipliers(fixed, orbit.by_state[:4])
     status = _verdict(settled, orbit, multiplier, to_fold, separation, model.resolution(fixed))

@@ -71,6 +71,18 @@ def _add_conditions(optimise: argparse.ArgumentParser) -> None:
         default=None,
         help="of what helps take first what overturns under the fewest conditions",
     )
+    many.add_argument(
+        "--from-starts",
+        type=int,
+        metavar="N",
+        help="finish over the motions that N starts reach, by events, rather than over all symmetric orbits",
+    )
+    many.add_argument(
+        "--by-share",
+        action="store_true",
+        default=None,
+        help="weigh these by the share of the starts that reaches them, rather than take the worst",
+    )
     many.add_argument("--pareto", action="store_true", help="the least rocking for every mass as well")
     many.add_argument("--resume", action="store_true", help="go on with what an interrupted run left in DIR")
 
@@ -101,6 +113,8 @@ def _given(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
             ("conditions", "amplitudes", options.amplitudes),
             ("conditions", "measure", options.measure),
             ("conditions", "by_overturning", options.by_overturning),
+            ("conditions", "reached", options.from_starts),
+            ("conditions", "by_share", options.by_share),
             *(("scatter", name, width) for name, width in _scatter(options.scatter).items()),
         ],
     )

@@ -42,6 +42,8 @@ def run_over(options: argparse.Namespace, work: Job) -> int:
             measure=asked.measure,
             limits=asked.limits,
             from_rest=asked.wanted.from_rest,
+            reached=asked.reached(search.seed),
+            by_share=asked.wanted.by_share,
             by_overturning=asked.wanted.by_overturning,
             ensemble=work.ensemble,
             starts=max(search.starts, _STARTS),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tpd.attractor import Starts
 from tpd.design import DesignSpace, StartStatus
 from tpd.ensemble import Outcomes, Verdict
 from tpd.robust.conditions import Conditions, Limits, Measure
@@ -70,6 +71,9 @@ class DesignOver:
     measure: Measure
     limits: Limits
     from_rest: bool
+    reached: Starts | None
+    """The starts whose motions count, or None: all symmetric orbits."""
+    by_share: bool
     status: OverStatus
     pendulum: Pendulum | None
     judged: tuple[Judged, ...]

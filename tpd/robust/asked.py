@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from tpd import checks
+from tpd.attractor import Starts
 from tpd.ensemble import Ensemble
 from tpd.robust.conditions import FACTORS, Conditions, Limits, Measure
 from tpd.scene import Scene
@@ -37,6 +38,9 @@ class Wanted:
     share: float = 0.1
     """Of the conditions that the measure "cvar" is the mean of, the worst."""
     from_rest: bool = False
+    reached: int = 0
+    """Starts that the search is finished over, at what they reach; 0 for all symmetric orbits instead."""
+    by_share: bool = False
     by_overturning: bool = False
 
     def __post_init__(self) -> None:
@@ -47,6 +51,9 @@ class Wanted:
         checks.count("frequencies", self.frequencies, least=2)
         checks.count("samples", self.samples)
         checks.within("share", self.share, 1e-9, 1.0)
+        checks.count("reached", self.reached, least=0)
+        if self.by_share and not self.reached:
+            raise ValueError("`by_share` weighs what starts reach: `reached` must be 1 or more, but is 0")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +92,10 @@ class Asked:
         if self.scatter:
             out = out * Conditions.scatter(self.wanted.samples, seed, **self.scatter)
         return out
+
+    def reached(self, seed: int) -> Starts | None:
+        """The starts that the search is finished over, if any."""
+        return Starts(size=self.wanted.reached, seed=seed) if self.wanted.reached else None
 
     @property
     def measure(self) -> Measure:

@@ -124,7 +124,7 @@ class Conditions:
         return Conditions(factors, (f"{size} samples of {widths or 'nothing'} (seed {seed})",))
 
 
-def under(p: Parameters, design: Float[Array, "3"], factors: Float[Array, "7 *n"]) -> Parameters:
+def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "7 *n"]) -> Parameters:
     """The parameters of one design (mu, lam, zeta) under one condition. A frequency moves f with its
     square, since the base's amplitude stays; where rho is tied to nu it follows."""
     amplitude, frequency, friction, slenderness, mass, length, damping = factors
@@ -139,6 +139,17 @@ def under(p: Parameters, design: Float[Array, "3"], factors: Float[Array, "7 *n"
         rho=p.rho,
         e=p.e,
     )
+
+
+def under_all(p: Parameters, designs: Float[Array, "m 3"], conditions: Conditions) -> Parameters:
+    """The parameters of m designs under all n conditions: leaves (m n,), conditions running fastest."""
+    n = len(conditions)
+    rows = jnp.tile(conditions.rows(), (len(designs), 1))
+    each = jnp.repeat(jnp.asarray(designs), n, axis=0)
+    q = under(p, each.T, rows.T)
+    names = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
+    whole = {name: jnp.broadcast_to(jnp.asarray(getattr(q, name)), len(rows)) for name in names}
+    return Parameters(**whole, rho=jnp.broadcast_to(jnp.asarray(q.inertia_ratio), len(rows)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,12 +11,11 @@ import numpy as np
 from tpd.checking import nonlinear
 from tpd.ensemble import SIGNIFICANT, Ensemble, Outcomes, chance_of, outcomes, verdict
 from tpd.models.piecewise import Piecewise
-from tpd.parameters import Parameters
 from tpd.pool import settle_all
 from tpd.robust.answer import Judged, OverStatus
-from tpd.robust.conditions import under
+from tpd.robust.conditions import under, under_all
 from tpd.robust.objective import KINDS, Objective, Told
-from tpd.robust.search import Search, stage
+from tpd.robust.search import Search, spread_out, stage
 from tpd.scene import Pendulum, Scene
 from tpd.search import Progress
 from tpd.status import SETTLED, names_of
@@ -29,8 +28,6 @@ _RUNS = 4096
 """Runs from rest spent on choosing what is judged."""
 _MET = 1e-3
 """Share of a limit that is left of one that counts as met."""
-_APART = 0.02
-"""Distance, in shares of the bounds, from which on two designs are two."""
 
 
 def pendulum_of(scene: Scene, of: Judged) -> Pendulum:
@@ -86,12 +83,7 @@ class Judge:
 
     def _apart(self, search: Search, order: np.ndarray) -> list[int]:
         """The best designs that are no neighbours, as many as can be followed under all conditions."""
-        units, most = search.units, max(LOOKED_AT, _RUNS // len(self.objective.conditions))
-        taken: list[int] = []
-        for i in map(int, order):
-            if len(taken) < most and all(np.linalg.norm(units[i] - units[j]) > _APART for j in taken):
-                taken.append(i)
-        return taken
+        return spread_out(search.units, order, max(LOOKED_AT, _RUNS // len(self.objective.conditions)))
 
     def _harm(self, reached: np.ndarray) -> tuple[bool, int, int]:
         """Whether significantly more conditions overturn the block from rest with a design than without,
@@ -140,17 +132,10 @@ class Judge:
         against = (judged.objection,) if judged.harms else ()
         return replace(found, verdict=judged, objections=against)
 
-    def _conditioned(self, design: np.ndarray) -> Parameters:
-        """The parameters under all conditions, arrays (n,)."""
-        rows = self.objective.conditions.rows()
-        p = under(self.objective.p, jnp.asarray(design), rows.T)
-        names = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
-        whole = {name: jnp.broadcast_to(jnp.asarray(getattr(p, name)), len(rows)) for name in names}
-        return Parameters(**whole, rho=jnp.broadcast_to(jnp.asarray(p.inertia_ratio), len(rows)))
-
     def _reached(self, design: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Names and settled tilts from rest, by events, under all conditions."""
-        p, n = self._conditioned(design), len(self.objective.conditions)
+        n = len(self.objective.conditions)
+        p = under_all(self.objective.p, jnp.asarray(design)[None], self.objective.conditions)
         settled = settle_all(p, np.zeros((n, 4)), model=Piecewise(max_periods=self.ensemble.periods))
         names = names_of(settled.status)
         return names, np.where(names == "overturned", math.inf, np.asarray(settled.amplitude))

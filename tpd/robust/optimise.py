@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tpd import checks
+from tpd.attractor import Starts
 from tpd.design import DesignSpace
 from tpd.ensemble import Ensemble
 from tpd.robust.answer import DesignOver, Judged, OverStatus
@@ -16,6 +17,7 @@ from tpd.robust.conditions import FACTORS, Conditions, Limits, Measure
 from tpd.robust.judge import Judge, pendulum_of
 from tpd.robust.kept import Kept
 from tpd.robust.objective import Objective
+from tpd.robust.reached import ReachedObjective
 from tpd.robust.search import Search
 from tpd.scene import Scene
 from tpd.search import Progress
@@ -29,6 +31,8 @@ def optimise_over(
     measure: Measure | None = None,
     limits: Limits | None = None,
     from_rest: bool = False,
+    reached: Starts | None = None,
+    by_share: bool = False,
     by_overturning: bool = False,
     ensemble: Ensemble | None = None,
     starts: int = 64,
@@ -54,6 +58,10 @@ def optimise_over(
         limits: more limits; default none.
         from_rest: count a condition as resting wherever a resting block stays, though rocking may attract
             from other starts.
+        reached: finish the search over the motions that these starts settle into, followed by events under
+            every condition, rather than over all symmetric orbits.
+        by_share: of these the mean over the starts counts, every motion weighted by the share of the starts
+            that reaches it, rather than the worst.
         by_overturning: of the designs found that rock less than the bare block, look first at those that
             overturn under the fewest conditions from rest, rather than at those that rock least.
         ensemble: that judges; default `Ensemble()`, its runs dealt out among the conditions.
@@ -72,13 +80,23 @@ def optimise_over(
     for name, value in {"starts": starts, "steps": steps, "screening": screening}.items():
         checks.count(name, value)
     checks.count("seed", seed, least=0)
+    if by_share and reached is None:
+        raise ValueError("`by_share` weighs the motions that starts reach: it needs `reached`, which is None")
     limits = Limits() if limits is None else limits
     space = _narrowed(DesignSpace() if space is None else space, scene, limits)
     measure = Measure.worst() if measure is None else measure
     ensemble = Ensemble(seed=seed) if ensemble is None else ensemble
     objective = Objective(scene.parameters(), conditions, space, measure, limits, from_rest)
     search = Search(objective, starts, screening, steps, seed, progress)
-    search.run(Kept.of(checkpoint, (scene, conditions, space, measure, limits, from_rest, search.settings)))
+    problem = (scene, conditions, space, measure, limits, from_rest, search.settings)
+    kept = Kept.of(checkpoint, problem if reached is None else (*problem, reached, by_share))
+    search.run(kept)
+    if reached is not None:
+        objective = ReachedObjective(
+            **vars(objective), starts=reached, by_share=by_share, periods=ensemble.periods
+        )
+        if len(search.units) and not search.interrupted:
+            search = search.carry_on(objective, kept)
     judge = Judge(scene, objective, ensemble, by_overturning, progress)
     status, judged = judge.best_of(search)
     offered = judged[-1] if status is OverStatus.found or (search.interrupted and judged) else None
@@ -89,6 +107,8 @@ def optimise_over(
         measure=measure,
         limits=limits,
         from_rest=from_rest,
+        reached=reached,
+        by_share=by_share,
         status=OverStatus.interrupted if search.interrupted else status,
         pendulum=None if offered is None else pendulum_of(scene, offered),
         judged=judged,

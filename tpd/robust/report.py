@@ -84,11 +84,18 @@ def notes(design: DesignOver) -> list[str]:
                 f"under {int(np.sum(~winner.told.attracts))} conditions no symmetric motion attracts: what "
                 "the block does there only events tell."
             )
-    out.append(
-        "tilts are those of the largest attracting symmetric motion of the linear equations, whichever start "
-        "leads to it; an earthquake is not a harmonic."
-    )
+    out.append(f"tilts are those of {_whose(design)}; an earthquake is not a harmonic.")
     return out
+
+
+def _whose(design: DesignOver) -> str:
+    """Of which motions the tilts are."""
+    if design.reached is None:
+        return "the largest attracting symmetric motion of the linear equations, whichever start leads to it"
+    start = f"{design.reached.size} starts (seed {design.reached.seed})"
+    if design.by_share:
+        return f"the motions, by the linear equations, that {start} reach, the mean over the starts"
+    return f"the largest motion, by the linear equations, that one of {start} reaches"
 
 
 def walls(block: Block, pendulum: Pendulum | None, winner: Judged) -> list[str]:
@@ -128,7 +135,7 @@ def tilt(value: float, nu: float) -> str:
     if value <= 0.0:
         return f"none: at rest with {-value:.1%} of the lifting moment in hand"
     if value > 1.0:
-        return "no symmetric motion attracts under the worst condition"
+        return "no motion to settle into under the worst condition: by events the block may overturn"
     return f"{value * nu:.5f} rad ({value:.1%} of nu)"
 
 

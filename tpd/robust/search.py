@@ -18,6 +18,8 @@ _GROUP = 16
 """Starts searched from at once: what an interruption may lose."""
 _CLOSED = 4096
 """Designs screened by the closed form."""
+_CARRIED, _FINISHING = 8, 12
+"""Designs that a search goes on from on another objective, and bound on the steps there."""
 _FEASIBLE = 1e-5
 """Largest relative excess of a limit that is rounding."""
 
@@ -43,6 +45,7 @@ class Search:
         }
         self.count, self.planned, self.bound, self.seed = starts, max(screening, starts), steps, seed
         self.groups: list[Descent] = []
+        self.before = 0
         self.interrupted = False
         self.screened, self.screened_value = np.zeros((0, 3)), np.zeros(0)
         self.low, self.high = objective.space.bounds
@@ -90,7 +93,7 @@ class Search:
     def _unit(self, designs: np.ndarray) -> np.ndarray:
         return (designs[:, : self.low.size] - self.low) / (self.high - self.low)
 
-    def _descend(self, starts: np.ndarray, known: Local, group: int, groups: int) -> Descent:
+    def _descend(self, starts: np.ndarray, known: Local | None, group: int, groups: int) -> Descent:
         def after(step: int, steps: int) -> None:
             if self.progress is not None:
                 self.progress("searching", group * steps + step, groups * steps)
@@ -106,10 +109,26 @@ class Search:
             after=after,
         )
 
+    def carry_on(self, objective: Objective, kept: Kept) -> Search:
+        """The search that goes on from the best designs of this one that lie apart, on another objective."""
+        on = Search(objective, min(_CARRIED, self.count), 0, _FINISHING, self.seed, self.progress)
+        on.settings, on.before = self.settings, self.evaluations
+        on.screened, on.screened_value = self.screened, self.screened_value
+        units = self.units[spread_out(self.units, self.order(feasible=False), on.count)]
+        on.count, number = len(units), len(self.groups)
+        try:
+            ended = kept.get(number)
+            known = objective.local(units) if ended is None else None
+            on.groups.append(on._descend(units, known, 0, 1) if ended is None else ended)
+            kept.put(number, on.groups[0])
+        except KeyboardInterrupt:
+            on.interrupted = True
+        return on
+
     @property
     def evaluations(self) -> int:
         """Designs evaluated, screening included."""
-        return len(self.screened) + sum(g.evaluations for g in self.groups)
+        return (self.before or len(self.screened)) + sum(g.evaluations for g in self.groups)
 
     @property
     def units(self) -> np.ndarray:
@@ -121,10 +140,10 @@ class Search:
         """The same as (mu, lam, zeta), (starts, 3)."""
         return self.objective.space.full(self.low + self.units * (self.high - self.low))
 
-    def order(self) -> np.ndarray:
-        """Those that keep to the limits, the best first."""
+    def order(self, feasible: bool = True) -> np.ndarray:
+        """Those that keep to the limits, the best first; then, if wanted, those that do not."""
         order = np.argsort(self.values, kind="stable")
-        return order[np.isfinite(self.values[order])]
+        return order[np.isfinite(self.values[order])] if feasible else order
 
     @property
     def values(self) -> np.ndarray:
@@ -162,6 +181,16 @@ class Search:
                 else:
                     out.append(StartStatus.converged if inside.all() else StartStatus.at_bound)
         return tuple(out) + (StartStatus.interrupted,) * (self.count - len(out))
+
+
+def spread_out(units: np.ndarray, order: np.ndarray, most: int, apart: float = 0.02) -> list[int]:
+    """The first of an order of designs that are no neighbours: at least so far apart in shares of the
+    bounds."""
+    taken: list[int] = []
+    for i in map(int, order):
+        if len(taken) < most and all(np.linalg.norm(units[i] - units[j]) > apart for j in taken):
+            taken.append(i)
+    return taken
 
 
 def stage(progress: Progress, name: str) -> Callable[[int, int], None]:
