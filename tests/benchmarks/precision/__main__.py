@@ -1,0 +1,128 @@
+"""Error against time, of the steady amplitude and of its gradient, ours and what a user would pick instead.
+
+    .venv/bin/pip install --quiet --editable '.[benchmarks]' && .venv/bin/python -m tests.benchmarks.precision
+
+Writes two pictures into notebooks/pictures and tables and all numbers into tests/benchmarks/results. Takes
+about half an hour on two cores, most of it compiling; leave the machine alone meanwhile. `--draw` only draws
+what was measured last.
+"""
+
+import argparse
+import datetime
+import json
+import math
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import jax
+import numpy as np
+
+jax.config.update("jax_enable_x64", True)
+
+from tests.benchmarks.precision import chart  # noqa: E402
+from tests.benchmarks.precision.measure import Row, error, first_calls, once, plain, warm  # noqa: E402
+from tests.benchmarks.precision.methods import Method, Unable  # noqa: E402
+from tests.benchmarks.precision.scenes import PENDULUM, SCENES, load  # noqa: E402
+
+ROOT = Path(__file__).parents[3]
+RESULTS = ROOT / "tests" / "benchmarks" / "results"
+PICTURES = ROOT / "notebooks" / "pictures"
+PACKAGES = ("tpd", "jax", "diffrax", "numpy", "scipy", "numba", "scikit-sundae", "heyoka", "mujoco")
+BATCH, SHARE = 512, 0.03
+"""Designs in the batch, and how far they lie about two of the scenes."""
+
+
+def batch() -> tuple[np.ndarray, np.ndarray]:
+    """Designs (n, 8) about the light and the heavy pendulum, and their starts."""
+    xs = np.array([SCENES[1 + i % 2].x for i in range(BATCH)])
+    xs[:, 1:4] *= np.random.default_rng(0).uniform(1.0 - SHARE, 1.0 + SHARE, (BATCH, 3))
+    return xs, np.zeros((BATCH, 4))
+
+
+def batches(methods: list[Method], rounds: int) -> list[str]:
+    """Gradients of a batch: seconds a design, and errors against the orbit equation."""
+    xs, y0s = batch()
+    calls = []
+    for method in methods:
+        for setting in method.settings if method.batch is not None else ():
+            assert method.batch is not None
+            try:
+                call = method.batch(xs, y0s, PENDULUM, setting)
+                calls.append((method, setting, call, once(call)[0], []))
+            except Unable:
+                continue
+    for _ in range(rounds):
+        for _, _, call, _, spent in calls:
+            spent.append(once(call)[1])
+    exact, fastest = calls[0][3], float(np.median(calls[0][4]))
+    lines = [
+        "| gradients of a batch | microseconds a design | ratio | error: median, 90 % |",
+        "|---" * 4 + "|",
+    ]
+    for method, setting, _, out, spent in calls:
+        errors = [error(o, e) for o, e in zip(out, exact, strict=True)]
+        middle, high = np.nanquantile(errors, [0.5, 0.9])
+        took = float(np.median(spent))
+        knob = "" if method.knob == "none" else f", {method.knob} {setting:g}"
+        lines.append(
+            f"| {method.name}{knob} | {1e6 * took / BATCH:.1f} | {took / fastest:.1f} | {middle:.0e}, {high:.0e} |"
+        )
+    return lines
+
+
+def versions() -> dict[str, str]:
+    """Of everything that was run."""
+    out = {"python": platform.python_version(), "cores": str(os.cpu_count())}
+    for name in PACKAGES:
+        try:
+            out[name] = version(name)
+        except PackageNotFoundError:
+            out[name] = "not installed"
+    return out
+
+
+def draw(rows: list[Row], more: list[str], about: dict[str, str]) -> None:
+    """Pictures and tables."""
+    names = [s.name for s in SCENES]
+    for kind in ("value", "gradient"):
+        chart.figure(rows, kind, names).savefig(PICTURES / f"precision-{kind}.png", dpi=110)
+    text = "\n\n".join(
+        (
+            ", ".join(f"{k} {v}" for k, v in about.items()),
+            chart.tables(rows, names),
+            "\n".join(more),
+            chart.compiling(rows),
+        )
+    )
+    (RESULTS / "precision.md").write_text(text + "\n")
+    print(text)
+
+
+def main() -> None:
+    """Measure, write and draw."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--draw", action="store_true", help="draw what was measured last")
+    parser.add_argument("--rounds", type=int, default=5, help="warm runs of everything (default 5)")
+    options = parser.parse_args()
+    kept = RESULTS / "precision.json"
+    if options.draw:
+        held = json.loads(kept.read_text())
+        rows = [Row(**{k: math.nan if v is None else v for k, v in r.items()}) for r in held["rows"]]
+        draw(rows, held["batch"], held["about"])
+        return
+    from tests.benchmarks.precision.ours import OURS
+    from tests.benchmarks.precision.peers import PEERS
+
+    methods = [*OURS, *PEERS]
+    measured = first_calls(methods, SCENES, load())
+    warm(measured, options.rounds)
+    more = batches(methods, options.rounds)
+    rows, about = [row for row, _ in measured], {"date": str(datetime.date.today()), **versions()}
+    kept.write_text(json.dumps({"about": about, "batch": more, "rows": plain(rows)}, indent=0) + "\n")
+    draw(rows, more, about)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,131 @@
+"""Pictures and tables of what `measure` found."""
+
+from collections.abc import Iterable
+from itertools import cycle
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from tests.benchmarks.precision.measure import Row
+
+FLOOR = 1e-15
+"""Errors are drawn at this value or above."""
+EQUAL = 1e-12
+"""Errors below are equal: they are of rounding."""
+ASKED = 1e-6
+"""Error at which methods are compared."""
+_OURS, _THEIRS = "osD^v<>ph*", "x+1234|_XdP"
+
+
+def figure(rows: list[Row], kind: str, scenes: list[str]) -> Figure:
+    """Error against warm seconds, a panel a scene: black and filled ours, grey and open the others."""
+    fig, axes = plt.subplots(2, 3, figsize=(13.0, 9.2), sharex=True, sharey=True, layout="constrained")
+    rows = [r for r in rows if r.kind == kind]
+    styles = dict(_styles(rows))
+    handles = {}
+    for ax, scene in zip(axes.flat, scenes, strict=True):
+        there = [r for r in rows if r.scene == scene]
+        for name, style in styles.items():
+            curve = [r for r in there if r.method == name and not r.note and np.isfinite(r.warm)]
+            if curve:
+                x, y = [max(r.error, FLOOR) for r in curve], [r.warm for r in curve]
+                handles[name] = ax.plot(x, y, **style, label=name)[0]
+        ax.set(xscale="log", yscale="log", title=scene)
+        ax.grid(True, which="major", color="0.9")
+        ax.text(0.02, 0.98, _failures(there), transform=ax.transAxes, va="top", fontsize=6.2, color="0.25")
+    for ax in axes[-1]:
+        ax.set_xlabel("relative error against 50 digits")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("seconds, warm")
+    what = "steady amplitude" if kind == "value" else "its gradient in three parameters"
+    fig.suptitle(f"The {what}: error against time (lower left is better)")
+    fig.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=4, fontsize=8)
+    return fig
+
+
+def _styles(rows: list[Row]) -> Iterable[tuple[str, dict]]:
+    """A style for each method; ours are black with filled markers, the defaults large."""
+    names = list(dict.fromkeys((r.method, r.ours) for r in rows))
+    ours, theirs, dashes = cycle(_OURS), cycle(_THEIRS), cycle(("-", "--", ":", "-."))
+    for name, own in names:
+        default = "default" in name
+        yield (
+            name,
+            {
+                "color": "black" if own else "0.5",
+                "marker": next(ours if own else theirs),
+                "markersize": 10 if default else 6,
+                "linestyle": next(dashes),
+                "linewidth": 1.0,
+                "zorder": 3 if own else 2,
+            },
+        )
+
+
+def _failures(rows: list[Row]) -> str:
+    """The methods that had no answer, and why; of some settings only, how many."""
+    lines = []
+    for name in dict.fromkeys(r.method for r in rows):
+        of = [r for r in rows if r.method == name]
+        failed = [r for r in of if r.note]
+        if failed:
+            share = "" if len(failed) == len(of) else f" ({len(failed)} of {len(of)} settings)"
+            lines.append(f"x {name}{share}: {failed[0].note}")
+    return "\n".join(lines)
+
+
+def on_front(rows: list[Row], scene: str, kind: str) -> list[str]:
+    """The methods of which no other setting or method is both quicker and as accurate."""
+    there = [r for r in rows if r.scene == scene and r.kind == kind and not r.note and np.isfinite(r.warm)]
+    out = []
+    for r in there:
+        beaten = any(
+            max(o.error, EQUAL) <= max(r.error, EQUAL) and o.warm < r.warm for o in there if o is not r
+        )
+        if not beaten and r.method not in out:
+            out.append(r.method)
+    return out
+
+
+def quickest(rows: list[Row], scene: str, kind: str, ours: bool) -> Row | None:
+    """Of ours or the others the quickest with an error of at most `ASKED`."""
+    good = [
+        r
+        for r in rows
+        if (r.scene, r.kind, r.ours) == (scene, kind, ours) and not r.note and r.error <= ASKED
+    ]
+    return min(good, key=lambda r: r.warm, default=None)
+
+
+def tables(rows: list[Row], scenes: list[str]) -> str:
+    """Markdown: the front, and ours against the best of the others at equal error."""
+    head = "| scene | asked | quickest of ours to 1e-6 | quickest peer to 1e-6 | ratio | a default is on the front |"
+    lines = [head, "|---" * 6 + "|"]
+    for kind in ("value", "gradient"):
+        for scene in scenes:
+            mine, other = (quickest(rows, scene, kind, own) for own in (True, False))
+            front = on_front(rows, scene, kind)
+            default = "yes" if any("default" in name for name in front) else f"no: {', '.join(front)}"
+            ratio = f"{other.warm / mine.warm:.1f}" if mine and other else ""
+            lines.append(f"| {scene} | {kind} | {_cell(mine)} | {_cell(other)} | {ratio} | {default} |")
+    return "\n".join(lines)
+
+
+def _cell(row: Row | None) -> str:
+    if row is None:
+        return "none"
+    knob = "" if row.knob == "none" else f", {row.knob} {row.setting:g}"
+    return f"{row.method}{knob}: {1e3 * row.warm:.3g} ms ({row.error:.0e})"
+
+
+def compiling(rows: list[Row]) -> str:
+    """Markdown: seconds of the first call of every method."""
+    lines = ["| method | first call, amplitude | first call, gradient |", "|---|---|---|"]
+    for name in dict.fromkeys(r.method for r in rows):
+        cells = []
+        for kind in ("value", "gradient"):
+            cold = [r.cold for r in rows if r.method == name and r.kind == kind and np.isfinite(r.cold)]
+            cells.append(f"{max(cold):.2g} s" if cold else "")
+        lines.append(f"| {name} | {cells[0]} | {cells[1]} |")
+    return "\n".join(lines)
