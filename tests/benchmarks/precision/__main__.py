@@ -66,9 +66,8 @@ def batches(methods: list[Method], rounds: int) -> list[str]:
         middle, high = np.nanquantile(errors, [0.5, 0.9])
         took = float(np.median(spent))
         knob = "" if method.knob == "none" else f", {method.knob} {setting:g}"
-        lines.append(
-            f"| {method.name}{knob} | {1e6 * took / BATCH:.1f} | {took / fastest:.1f} | {middle:.0e}, {high:.0e} |"
-        )
+        cells = f"{1e6 * took / BATCH:.1f} | {took / fastest:.1f} | {middle:.0e}, {high:.0e}"
+        lines.append(f"| {method.name}{knob} | {cells} |")
     return lines
 
 

@@ -100,8 +100,15 @@ def quickest(rows: list[Row], scene: str, kind: str, ours: bool) -> Row | None:
 
 def tables(rows: list[Row], scenes: list[str]) -> str:
     """Markdown: the front, and ours against the best of the others at equal error."""
-    head = "| scene | asked | quickest of ours to 1e-6 | quickest peer to 1e-6 | ratio | a default is on the front |"
-    lines = [head, "|---" * 6 + "|"]
+    head = (
+        "scene",
+        "asked",
+        "quickest of ours to 1e-6",
+        "quickest peer to 1e-6",
+        "ratio",
+        "a default in front",
+    )
+    lines = [f"| {' | '.join(head)} |", "|---" * 6 + "|"]
     for kind in ("value", "gradient"):
         for scene in scenes:
             mine, other = (quickest(rows, scene, kind, own) for own in (True, False))
