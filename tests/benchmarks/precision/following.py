@@ -36,7 +36,7 @@ STEP = 0.25
 
 
 class Plant(NamedTuple):
-    """The constants of one design: for compiled code an ordinary tuple of floats."""
+    """The constants of one design; for compiled code, an array of them in this order."""
 
     i11: float
     i12: float
@@ -81,22 +81,37 @@ def plant(x: tuple[float, ...]) -> Plant:
 
 
 @njit
-def slip_rates(t: float, y: np.ndarray, p: Plant, load: float) -> np.ndarray:
-    """The rates of a slipping block; `load` is s weight + sigma k."""
-    push, slide = p.f * math.sin(p.xi * t), y[2] - y[3]
-    block = p.up * (y[0] - push) - load - p.drag * slide
-    bob = push - y[1] + p.hinge * slide
-    out = np.empty(4)
+def fill_slip(t: float, y: np.ndarray, out: np.ndarray, c: np.ndarray, load: float) -> None:
+    """The rates of a slipping block, from the numbers of its plant; `load` is s weight + sigma k."""
+    i11, i12, i21, i22, up, hinge, drag = c[0], c[1], c[2], c[3], c[4], c[5], c[6]
+    push, slide = c[7] * math.sin(c[8] * t), y[2] - y[3]
+    block = up * (y[0] - push) - load - drag * slide
+    bob = push - y[1] + hinge * slide
     out[0], out[1] = y[2], y[3]
-    out[2], out[3] = p.i11 * block + p.i12 * bob, p.i21 * block + p.i22 * bob
+    out[2], out[3] = i11 * block + i12 * bob, i21 * block + i22 * bob
+
+
+@njit
+def fill_held(t: float, y: np.ndarray, out: np.ndarray, c: np.ndarray) -> None:
+    """The same of a block that sticks or rests."""
+    hinge, inertia = c[5], c[9]
+    out[0], out[1], out[2] = 0.0, y[3], 0.0
+    out[3] = (c[7] * math.sin(c[8] * t) - y[1] - hinge * y[3]) / inertia
+
+
+@njit
+def slip_rates(t: float, y: np.ndarray, c: np.ndarray, load: float) -> np.ndarray:
+    """As a new array."""
+    out = np.empty(4)
+    fill_slip(t, y, out, c, load)
     return out
 
 
 @njit
-def held_rates(t: float, y: np.ndarray, p: Plant) -> np.ndarray:
-    """The rates of a block that sticks or rests."""
-    out = np.zeros(4)
-    out[1], out[3] = y[3], (p.f * math.sin(p.xi * t) - y[1] - p.hinge * y[3]) / p.inertia
+def held_rates(t: float, y: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """As a new array."""
+    out = np.empty(4)
+    fill_held(t, y, out, c)
     return out
 
 

@@ -21,6 +21,7 @@ class ScipyArcs(NamedTuple):
     """Compiled right-hand sides under `solve_ivp`, which stops at the events it locates itself."""
 
     p: Plant
+    numbers: np.ndarray
     solver: str
     rtol: float
 
@@ -36,6 +37,7 @@ class ScipyArcs(NamedTuple):
         """The tilt is monotone on an arc, so it crosses zero at most once, and only on the way down: a
         turning point found beyond zero betrays a crossing that fell, with the return of the continued
         arc, into one step."""
+        numbers = self.numbers
         p, down, load = self.p, s != sigma, s * self.p.weight + sigma * self.p.k
         turn = _terminal(lambda _, y: sigma * y[2])
         zero = _terminal(lambda _, y: s * y[0])
@@ -43,7 +45,7 @@ class ScipyArcs(NamedTuple):
         jac, step = following.slip_jacobian, following.STEP * p.period
 
         def rates(t, y):
-            return following.slip_rates(t, y, p, load)
+            return following.slip_rates(t, y, numbers, load)
 
         for _ in range(10):
             sol = self._solve(rates, t, end, y, [turn, zero if down else gone], jac, step)
@@ -63,13 +65,13 @@ class ScipyArcs(NamedTuple):
 
     def held(self, t, y, s, end):
         """Until the moment leaves what weight and friction hold."""
-        p = self.p
+        p, numbers = self.p, self.numbers
         hold, offset = p.k + (0.0 if s else p.weight), s * p.weight
         over = _terminal(lambda t, y: hold - following.moment(p, t, y) + offset)
         under = _terminal(lambda t, y: hold + following.moment(p, t, y) - offset)
 
         def rates(t, y):
-            return following.held_rates(t, y, p)
+            return following.held_rates(t, y, numbers)
 
         jac = following.held_jacobian
         sol = self._solve(rates, t, end, y, [over, under], jac, p.held_step())
@@ -80,7 +82,7 @@ class ScipyArcs(NamedTuple):
 def settled(scene: Scene, y0: Any, solver: str, rtol: float) -> Settled:
     """The settled motion by one of SciPy's solvers."""
     p = following.plant(scene.x)
-    arcs, quiet = ScipyArcs(p, solver, rtol), following.quiet(p, rtol)
+    arcs, quiet = ScipyArcs(p, np.array(p), solver, rtol), following.quiet(p, rtol)
     return following.settle(p, lambda y: following.one_period(p, arcs, y, quiet), y0, rtol)
 
 

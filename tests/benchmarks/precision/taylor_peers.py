@@ -152,6 +152,7 @@ class SlopeArcs:
     def __init__(self, scene: Scene, tol: float) -> None:
         self.p, self.wrt = following.plant(scene.x), scene.wrt
         self.slipping, self.holding = integrators(tol, scene.wrt)
+        self.numbers = np.array(self.p)
         self.releases, self.x = _release_slopes(scene.wrt), scene.x
         self.quiet = following.quiet(self.p, 1e-4 * tol)
         for integrator in (self.slipping, self.holding):
@@ -160,8 +161,8 @@ class SlopeArcs:
     def rates(self, t: float, y: np.ndarray, mode: Mode) -> np.ndarray:
         """In a mode."""
         if mode.held:
-            return following.held_rates(t, y, self.p)
-        return following.slip_rates(t, y, self.p, mode.s * self.p.weight + mode.sigma * self.p.k)
+            return following.held_rates(t, y, self.numbers)
+        return following.slip_rates(t, y, self.numbers, mode.s * self.p.weight + mode.sigma * self.p.k)
 
     def period(self, y: np.ndarray) -> Period:
         """One forcing period from the state `y`."""
