@@ -268,23 +268,19 @@ def amplitude(result: Callable[[], Settled]) -> float:
 
 
 def differences(
-    scene: Scene, settled: Callable[[Scene, Any], Settled], share: float, floor: float = 0.1
+    scene: Scene, settled: Callable[[Scene, Any, float], Settled], tolerance: float, floor: float = 0.1
 ) -> np.ndarray:
-    """Central differences of the amplitude in the parameters `wrt` with steps of `share` times the
-    parameter, or times `floor` if that is larger. The sides start where the scene has settled."""
+    """Central differences of the amplitude in the parameters `wrt`. The steps are a share of the
+    parameter, or of `floor` if that is larger: the cube root of the relative error, times what was best
+    on most of the scenes. The sides start where the scene has settled."""
+    share = 0.3 * tolerance ** (1.0 / 3.0)
     slopes = np.full(len(scene.wrt), math.nan)
     try:
-        start = settled(scene, scene.y0).y
+        start = settled(scene, scene.y0, tolerance).y
         for n, i in enumerate(scene.wrt):
             step = share * max(abs(scene.x[i]), floor)
-            up, down = (settled(scene.moved(i, way * step), start).amplitude for way in (1.0, -1.0))
-            slopes[n] = (up - down) / (2.0 * step)
+            up, down = (settled(scene.moved(i, way * step), start, tolerance) for way in (1.0, -1.0))
+            slopes[n] = (up.amplitude - down.amplitude) / (2.0 * step)
     except Overturned:
         pass
     return slopes
-
-
-def step_share(tolerance: float) -> float:
-    """Step of a central difference over the parameter: the cube root of the relative error, times what
-    was best on most of the scenes."""
-    return 0.3 * tolerance ** (1.0 / 3.0)

@@ -91,8 +91,7 @@ def _method(solver: str) -> Method:
         return lambda: following.amplitude(lambda: settled(scene, scene.y0, solver, rtol))
 
     def gradient(scene: Scene, rtol: float):
-        share = following.step_share(rtol)
-        return lambda: following.differences(scene, lambda s, y: settled(s, y, solver, rtol), share)
+        return lambda: following.differences(scene, lambda s, y, r: settled(s, y, solver, r), rtol)
 
     return Method(f"SciPy {solver}, events", False, "rtol", RTOLS, value, gradient)
 
