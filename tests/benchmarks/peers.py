@@ -777,3 +777,10 @@ def numba_settle(xs, y0s, periods=100, last=LAST):
     amplitudes, statuses = np.empty(len(xs)), np.empty(len(xs), dtype=np.int64)
     _settle_all(xs, y0s, periods, last, amplitudes, statuses)
     return amplitudes, statuses
+
+
+def numba_settle_one(x, y0, periods=100, last=LAST):
+    """(amplitude, status) of one design, without the threads."""
+    if _NO_NUMBA is not None:
+        raise ImportError("numba_settle_one needs Numba: pip install 'tpd[benchmarks]'") from _NO_NUMBA
+    return _settle(np.asarray(x, dtype=float), np.asarray(y0, dtype=float), periods, last)

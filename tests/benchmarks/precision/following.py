@@ -231,12 +231,12 @@ def settle(
     """Apply the map of a period until what is left of the transient is below the tolerance, as the
     decay of the changes over a few periods tells, or the changes are noise that no longer falls."""
     y, changes, peak = np.array(y0, dtype=float), [], 0.0
-    for n in range(1, MOST + 1):
+    while len(changes) < MOST:
         before, (y, peak) = y, period(y)
         changes.append(_change(p, before, y, peak))
         if changes[-1] <= tolerance and _left(changes, tolerance) <= tolerance:
             break
-    return Settled(y, peak, n)
+    return Settled(y, peak, len(changes))
 
 
 def _left(changes: list[float], tolerance: float) -> float:

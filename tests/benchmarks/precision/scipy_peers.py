@@ -27,10 +27,11 @@ class ScipyArcs(NamedTuple):
 
     def _solve(self, rates: Any, t: float, end: float, y: np.ndarray, events: list, jac: Any, step: float):
         options: dict[str, Any] = {"method": self.solver, "rtol": self.rtol, "atol": 1e-3 * self.rtol}
+        jacobian = jac(self.p)
         if self.solver == "Radau":
-            options["jac"] = jac(self.p)
+            options["jac"] = jacobian
         elif self.solver == "LSODA":
-            options["jac"] = lambda t, y, jacobian=jac(self.p): jacobian
+            options["jac"] = lambda t, y: jacobian
         return solve_ivp(rates, (t, end), y, events=events, max_step=step, **options)
 
     def slip(self, t, y, s, sigma, end):

@@ -13,7 +13,7 @@ import heyoka as hy
 import numpy as np
 
 from tests.benchmarks.precision import following
-from tests.benchmarks.precision.following import GONE, Mode, Overturned, Plant, Settled
+from tests.benchmarks.precision.following import GONE, Mode, Overturned, Settled
 from tests.benchmarks.precision.methods import Method, Scene, Unable
 
 TOLS = (1e-4, 1e-6, 1e-9, 1e-12, 1e-15)
