@@ -27,6 +27,9 @@ SLIM = 0.03
 SETTINGS = (1 / 250, 1 / 500, 1 / 1000, 1 / 2000, 1 / 4000)
 """Time step over the forcing period."""
 
+LEFT = 0.1
+"""What may be left of the transient, relatively, over a setting."""
+
 XML = """
 <mujoco>
   <option timestep="{step!r}" gravity="0 0 -1" cone="elliptic" integrator="Euler" tolerance="1e-14"
@@ -93,7 +96,7 @@ def settled(scene: Scene, y0: Any, share: float) -> Settled:
     """The settled motion with a time step that is a share of the forcing period."""
     rig = Rig(scene, share)
     rig.start(y0)
-    return following.settle(rig.p, rig.period, y0, share)
+    return following.settle(rig.p, rig.period, y0, LEFT * share)
 
 
 def _value(scene: Scene, share: float):
