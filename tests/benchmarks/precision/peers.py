@@ -72,17 +72,17 @@ def main(words: list[str]) -> None:
         print(f"\n{scene.name}", flush=True)
         for method in chosen:
             for setting in method.settings:
-                row, longest = [], 0.0
+                row, longest, answered = [], 0.0, False
                 for kind, exact in ((method.value, value), (method.gradient, slopes)):
                     try:
                         answer, seconds = timed(kind(scene, setting))
                         error = np.max(np.abs(answer - exact)) / np.max(np.abs(exact))
                         row.append(f"{error:8.1e} {seconds:9.4f} s")
-                        longest = max(longest, seconds)
+                        longest, answered = max(longest, seconds), True
                     except Unable as reason:
                         row.append(f"{reason!s:>20}")
                 print(f"{method.name:30} {setting:8.2g}  {row[0]}  {row[1]}", flush=True)
-                if longest > LONGEST:
+                if longest > LONGEST or not answered:
                     break
 
 

@@ -10,7 +10,8 @@ from tests.benchmarks.precision import following
 from tests.benchmarks.precision.following import GONE, Settled
 from tests.benchmarks.precision.methods import Method, Scene, Unable
 
-RTOLS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+RTOLS = (1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
+"""Finer ones end in round-off of the restarts, which never settles."""
 
 ROOT = 2
 """CVODE's status where a root ended a run."""
