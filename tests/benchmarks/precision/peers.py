@@ -32,6 +32,8 @@ def _methods() -> tuple[Method, ...]:
     for name in MODULES:
         path = f"tests.benchmarks.precision.{name}"
         try:
+            if name == "loops":
+                import_module("numba")
             methods = import_module(path).METHODS
         except ImportError as error:
             print(f"left out, {name}: {error}", file=sys.stderr)

@@ -6,6 +6,7 @@ from one linear system, (1 - D) dy = dP, where no difference is taken anywhere.
 """
 
 import math
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -260,16 +261,27 @@ def _settled_value(scene: Scene, tol: float):
     return lambda: following.amplitude(lambda: settled(scene, scene.y0, tol))
 
 
+def _slopes(period: Callable[[], Period]) -> np.ndarray:
+    try:
+        return gradient(period())
+    except Overturned:
+        return np.full(3, math.nan)
+
+
 def _settled_gradient(scene: Scene, tol: float):
-    return lambda: gradient(SlopeArcs(scene, tol).period(settled(scene, scene.y0, tol).y))
+    return lambda: _slopes(lambda: SlopeArcs(scene, tol).period(settled(scene, scene.y0, tol).y))
 
 
 def _newton_value(scene: Scene, tol: float):
-    return lambda: newton(scene, tol).peak
+    return lambda: following.amplitude(lambda: _as_settled(newton(scene, tol)))
+
+
+def _as_settled(period: Period) -> Settled:
+    return Settled(period.y, period.peak, 1)
 
 
 def _newton_gradient(scene: Scene, tol: float):
-    return lambda: gradient(newton(scene, tol))
+    return lambda: _slopes(lambda: newton(scene, tol))
 
 
 METHODS = (
