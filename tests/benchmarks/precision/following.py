@@ -2,7 +2,7 @@
 
 A peer brings the integration of one arc (`Arcs`): a slip with constant signs, or the wait of a held
 block. The loop over arcs, the rules between them, the settling and the differences are here. They
-are those of section 4's hybrid system, without the parametric term; the time starts anew with every
+are those of the linear equations (25) without the parametric term; the time starts anew with every
 period, so that the map of a period is always the same function.
 """
 
