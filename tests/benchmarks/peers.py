@@ -689,11 +689,11 @@ def _arc(p, z, sn, cs, centre, s, sigma, phi, dphi, left):
 
 
 @njit
-def _settle(x, y0, periods):
+def _settle(x, y0, periods, last_periods):
     p = _plant(x)
     period = 2.0 * math.pi / p.xi
     end = periods * period
-    late, early = end - LAST * period, end - 2 * LAST * period
+    late, early = end - last_periods * period, end - 2 * last_periods * period
     last, before = 0.0, 0.0
     t, sn, cs = 0.0, 0.0, 1.0
     phi, psi, dphi, dpsi = y0[0], y0[1], y0[2], y0[3]
@@ -761,19 +761,26 @@ def _settle(x, y0, periods):
 
 
 @njit(parallel=True, fastmath=False)
-def _settle_all(xs, y0s, periods, amplitudes, statuses):
+def _settle_all(xs, y0s, periods, last_periods, amplitudes, statuses):
     for i in prange(xs.shape[0]):
-        amplitudes[i], statuses[i] = _settle(xs[i], y0s[i], periods)
+        amplitudes[i], statuses[i] = _settle(xs[i], y0s[i], periods, last_periods)
 
 
-def numba_settle(xs, y0s, periods=100):
+def numba_settle(xs, y0s, periods=100, last=LAST):
     """(amplitudes, statuses) of designs `xs` (n, 8) from the states `y0s` (n, 4) at tau = 0, each
-    after `periods` of the forcing. The first call compiles."""
+    after `periods` of the forcing, the amplitude over the `last` of them. The first call compiles."""
     if _NO_NUMBA is not None:
         raise ImportError("numba_settle needs Numba: pip install 'tpd[benchmarks]'") from _NO_NUMBA
     xs, y0s = np.ascontiguousarray(xs, dtype=float), np.ascontiguousarray(y0s, dtype=float)
     if xs.ndim != 2 or xs.shape[1] != 8 or y0s.shape != (len(xs), 4):
         raise ValueError(f"designs (n, 8) and states (n, 4) expected, but got {xs.shape} and {y0s.shape}")
     amplitudes, statuses = np.empty(len(xs)), np.empty(len(xs), dtype=np.int64)
-    _settle_all(xs, y0s, periods, amplitudes, statuses)
+    _settle_all(xs, y0s, periods, last, amplitudes, statuses)
     return amplitudes, statuses
+
+
+def numba_settle_one(x, y0, periods=100, last=LAST):
+    """(amplitude, status) of one design, without the threads."""
+    if _NO_NUMBA is not None:
+        raise ImportError("numba_settle_one needs Numba: pip install 'tpd[benchmarks]'") from _NO_NUMBA
+    return _settle(np.asarray(x, dtype=float), np.asarray(y0, dtype=float), periods, last)
