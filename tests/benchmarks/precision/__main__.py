@@ -103,6 +103,7 @@ def main() -> None:
     """Measure, write and draw."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--draw", action="store_true", help="draw what was measured last")
+    parser.add_argument("--only", nargs="+", metavar="WORD", help="methods whose names hold a word")
     parser.add_argument("--rounds", type=int, default=5, help="warm runs of everything (default 5)")
     options = parser.parse_args()
     kept = RESULTS / "precision.json"
@@ -114,7 +115,7 @@ def main() -> None:
     from tests.benchmarks.precision.ours import OURS
     from tests.benchmarks.precision.peers import PEERS
 
-    methods = [*OURS, *PEERS]
+    methods = [m for m in (*OURS, *PEERS) if not options.only or any(w in m.name for w in options.only)]
     measured = first_calls(methods, SCENES, load())
     warm(measured, options.rounds)
     more = batches(methods, options.rounds)
