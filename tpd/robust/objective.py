@@ -54,6 +54,8 @@ class Told(NamedTuple):
     reserve_slope: np.ndarray
     kind: np.ndarray
     """Index into `KINDS`."""
+    lost: np.ndarray | float = 0.0
+    """Share of the starts that overturn, where starts are followed: tilt and stroke are of the others."""
 
     @property
     def attracts(self) -> np.ndarray:

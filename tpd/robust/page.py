@@ -17,7 +17,6 @@ from tpd.notes import losses
 from tpd.page import Section, beside, code, figure, listing, page, paragraph, table
 from tpd.robust import report
 from tpd.robust.answer import DesignOver, Judged
-from tpd.robust.objective import KINDS
 from tpd.robust.pareto import Front
 
 _ROWS = 40
@@ -25,7 +24,7 @@ _ROWS = 40
 _CAPTIONS = {
     "conditions.png": (
         "Tilt and bob angle over what the conditions differ in, with the pendulum and without",
-        "Lines: largest steady tilt, whichever start leads to it. Crosses: from rest the block overturns.",
+        "Lines: largest steady tilt of the motions that count. Crosses: from rest the block overturns.",
     ),
     "search.png": (
         "Mass ratio against length ratio: designs screened, search paths and the answer",
@@ -84,8 +83,8 @@ def _warnings(design: DesignOver) -> Section:
 
 
 def _answer(design: DesignOver) -> Section:
-    nu, what = design.scene.block.slenderness, design.measure.name
-    bare = (f"{what} tilt without a pendulum", report.tilt(design.bare_value, nu), None)
+    what = design.measure.name
+    bare = (f"{what} tilt without a pendulum", report.worth(design, design.bare_value), None)
     pendulum, winner = design.pendulum, design.winner
     if pendulum is None or winner is None:
         return Section("The answer", table(("", "value"), [("pendulum", "none to offer"), bare[:2]]))
@@ -95,7 +94,7 @@ def _answer(design: DesignOver) -> Section:
         ("mass of the bob", f"{number(pendulum.mass)} kg", f"μ = {number(winner.mass_ratio)}"),
         ("length of the pendulum", f"{number(pendulum.length)} m", f"λ = {number(winner.length_ratio)}"),
         ("damping of the hinge", f"{number(hinge)} N m s/rad", f"ζ = {number(pendulum.damping_ratio)}"),
-        (f"{what} tilt with it", report.tilt(winner.value, nu), None),
+        (f"{what} tilt with it", report.worth(design, winner.value), None),
         bare,
         (
             "largest stroke of the bob",
@@ -135,7 +134,7 @@ def _conditions(shown: Shown, winner: Judged) -> Section:
     rows = []
     for i in np.unique(np.linspace(0, n - 1, min(n, _ROWS)).astype(int)):
         tilts = (float(t.tilt[0, i] * nu[i]) for t in (winner.told, design.bare))
-        kinds = [KINDS[int(t.kind[0, i])].replace("_", " ") for t in (winner.told, design.bare)]
+        kinds = [report.kind_of(t, int(i)) for t in (winner.told, design.bare)]
         with_, without = (x if np.isfinite(x) else None for x in tilts)
         reached = (str(winner.reached[i]), str(design.bare_reached[i]))
         name = design.conditions.name(int(i)).removeprefix("at ")
@@ -161,7 +160,8 @@ def _conditions(shown: Shown, winner: Judged) -> Section:
         "kind",
         "from rest",
     )
-    caption = "Tilt and kind: of the largest attracting symmetric motion. From rest: what events end in."
+    whose = "attracting symmetric motion" if design.reached is None else "motion that the starts reach"
+    caption = f"Tilt and kind: of the largest {whose}. From rest: what events end in."
     words = paragraph("; ".join(design.conditions.told) + ".")
     return Section(
         "Under every condition",

@@ -48,16 +48,19 @@ class ReachedObjective(Objective):
 
     def told(self, designs: np.ndarray, progress: Callable[[int, int], None] | None = None) -> Told:
         """Designs (mu, lam, zeta), shape (m, 3), under all conditions. A start that overturns counts as two
-        less the uplift margin, whose slope leads out; its stroke does not count."""
+        less the uplift margin, whose slope leads out; its tilt and stroke do not."""
         bound = super().told(designs)
         runs = self._runs(designs, progress)
         merit, merit_slope, tilt, tilt_slope, stroke, stroke_slope, multiplier, kind = runs
-        worst = np.argmax(merit, axis=-1)
+        gone = kind == _NONE
+        worst = np.argmax(np.where(gone, -np.inf, merit), axis=-1)
         if self.by_share:
             merit, merit_slope = merit.mean(axis=-1), merit_slope.mean(axis=-2)
         else:
-            merit, merit_slope = _pick(merit, worst), _pick(merit_slope, worst)
+            leading = np.argmax(merit, axis=-1)
+            merit, merit_slope = _pick(merit, leading), _pick(merit_slope, leading)
         widest = np.argmax(stroke, axis=-1)
+        multiplier = np.where(gone, -np.inf, multiplier).max(axis=-1)
         return bound._replace(
             merit=merit,
             merit_slope=merit_slope,
@@ -65,9 +68,24 @@ class ReachedObjective(Objective):
             tilt_slope=_pick(tilt_slope, worst),
             stroke=_pick(stroke, widest),
             stroke_slope=_pick(stroke_slope, widest),
-            multiplier=np.max(multiplier, axis=-1),
+            multiplier=np.where(gone.all(axis=-1), np.inf, multiplier),
             kind=_pick(kind, worst),
+            lost=gone.mean(axis=-1),
         )
+
+    def elasticities(self, told: Told, design: np.ndarray) -> dict[str, float]:
+        """d ln(value)/d ln(x) of mass, length and damping ratio, as long as every start reaches the motion
+        that it does: from the slopes of the merits, weighted as the measure does."""
+        value, n = float(self.value(told)[0]), len(self.conditions)
+        left, weights = 1.0, np.zeros(n)
+        for i in np.argsort(-told.merit[0], kind="stable"):
+            weights[i] = min(self.measure.cap(n), left)
+            left -= weights[i]
+        slopes = weights @ told.merit_slope[0]
+        return {
+            name: float(slope * x / abs(value))
+            for name, slope, x in zip(("mass", "length", "damping"), slopes, design, strict=True)
+        }
 
     def _runs(self, designs: np.ndarray, progress: Callable[[int, int], None] | None) -> tuple:
         """Everything of every start, leading axes (m, n, starts)."""

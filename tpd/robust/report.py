@@ -79,7 +79,12 @@ def notes(design: DesignOver) -> list[str]:
                 "by the nonlinear equations, from rest, the block overturns with the pendulum "
                 f"{', '.join(fallen)}; held against it only where by the linear ones the bare block stands."
             )
-        if np.any(~winner.told.attracts):
+        if design.reached is not None and np.any(winner.told.lost):
+            out.append(
+                f"from {np.mean(winner.told.lost):.1%} of the starts the block overturns with the pendulum, "
+                f"from {np.mean(design.bare.lost):.1%} without: tilts are those of the others."
+            )
+        elif np.any(~winner.told.attracts):
             out.append(
                 f"under {int(np.sum(~winner.told.attracts))} conditions no symmetric motion attracts: what "
                 "the block does there only events tell."
@@ -113,8 +118,8 @@ def walls(block: Block, pendulum: Pendulum | None, winner: Judged) -> list[str]:
 
 
 def _answer(design: DesignOver) -> list[str]:
-    nu, what = design.scene.block.slenderness, design.measure.name
-    bare = f"{what} tilt without {tilt(design.bare_value, nu)}"
+    what = design.measure.name
+    bare = f"{what} tilt without {worth(design, design.bare_value)}"
     pendulum, winner = design.pendulum, design.winner
     if pendulum is None or winner is None:
         return ["no pendulum to offer", bare]
@@ -124,10 +129,17 @@ def _answer(design: DesignOver) -> list[str]:
         f"pendulum length    {pendulum.length:10.4g} m    (length ratio lam  = {winner.length_ratio:.5g})",
         f"hinge damping      {hinge:10.4g} N m s/rad ({pendulum.damping_ratio:.4g} of critical)",
         f"conditions         {'; '.join(design.conditions.told) or 'the scene alone'}",
-        f"{what} tilt         {tilt(winner.value, nu)}",
+        f"{what} tilt         {worth(design, winner.value)}",
         bare,
         f"largest stroke     {np.nanmax(winner.told.stroke):10.4f} rad, limit {design.space.stroke:g} rad",
     ]
+
+
+def worth(design: DesignOver, value: float) -> str:
+    """A value of the design's measure in words."""
+    if design.reached is None or (value <= 1.0 and not design.by_share):
+        return tilt(value, design.scene.block.slenderness)
+    return f"{value:.4f} times nu, a start that overturns counted as 2 less the uplift margin"
 
 
 def tilt(value: float, nu: float) -> str:
@@ -156,7 +168,16 @@ def _conditions(design: DesignOver, winner: Judged) -> list[str]:
 
 def _cell(told: Told, i: int, nu: float) -> str:
     kind = KINDS[int(told.kind[0, i])]
+    if kind == "no_orbit" and np.any(told.lost):
+        return "lost"
     return kind if kind in ("rest", "no_orbit", "unstable") else f"{told.tilt[0, i] * nu:.4f}"
+
+
+def kind_of(told: Told, i: int) -> str:
+    """What a design does under a condition, and from which share of the starts it overturns."""
+    kind = KINDS[int(told.kind[0, i])].replace("_", " ")
+    lost = float(np.broadcast_to(told.lost, told.kind.shape)[0, i])
+    return kind if not lost else "overturned" if lost >= 1.0 else f"{kind}; {lost:.0%} overturn"
 
 
 def _nonlinear(design: DesignOver, winner: Judged) -> list[str]:
@@ -210,7 +231,9 @@ def _lists(values: Any) -> dict[str, Any]:
 
 def _told(told: Told) -> dict[str, Any]:
     kept = ("tilt", "stroke", "margin", "multiplier", "reserve")
-    return {n: getattr(told, n)[0].tolist() for n in kept} | {"kind": [KINDS[k] for k in told.kind[0]]}
+    lost = np.broadcast_to(told.lost, told.kind.shape)[0].tolist()
+    kinds = [KINDS[k] for k in told.kind[0]]
+    return {n: getattr(told, n)[0].tolist() for n in kept} | {"kind": kinds, "lost": lost}
 
 
 def _judged(judged: Judged) -> dict[str, Any]:

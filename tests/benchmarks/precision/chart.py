@@ -38,8 +38,8 @@ def figure(rows: list[Row], kind: str, scenes: list[str]) -> Figure:
         ax.set_xlabel("relative error against 50 digits")
     for ax in axes[:, 0]:
         ax.set_ylabel("seconds, warm")
-    what = "steady amplitude" if kind == "value" else "its gradient in three parameters"
-    fig.suptitle(f"The {what}: error against time (lower left is better)")
+    what = "Steady amplitude" if kind == "value" else "Gradient of the steady amplitude, three parameters"
+    fig.suptitle(f"{what}: error against time (lower left is better)")
     fig.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=4, fontsize=8)
     return fig
 
