@@ -33,6 +33,7 @@ from tpd import Parameters, Smoothed, canvas, status_name, steady_state  # noqa:
 from tpd.files import as_json, place, versions  # noqa: E402
 from tpd.models.smoothed import rocking_scale  # noqa: E402
 from tpd.parameters import Number  # noqa: E402
+from tpd.status import SETTLED  # noqa: E402
 
 COMMAND = "python -m tests.benchmarks.bias"
 RESULTS = Path(__file__).with_name("results") / "bias.json"
@@ -50,9 +51,9 @@ WAYS = {
     "rate alone": lambda e: (SHARP, e),
 }
 """Which signs are smoothed: (tilt, rate) by a width."""
-FITTED = {"together": (1e-5, 1e-2), "tilt alone": (1e-3, 1e-1), "rate alone": (1e-4, 1e-2)}
+FITTED = {"together": (1e-4, 1e-2), "tilt alone": (3e-3, 1e-1), "rate alone": (1e-4, 1e-2)}
 """Range of the widths over which slopes are fitted."""
-FLOORS = {"amplitude": 1e-9, "gradient": 1e-7}
+FLOORS = {"amplitude": 1e-9, "gradient": 1e-6}
 """Relative errors below which integration counts."""
 SOLVERS = {"Tsit5": diffrax.Tsit5(), "Dopri8": diffrax.Dopri8(), "Kvaerno5": diffrax.Kvaerno5()}
 FAR = tuple(float(x) for x in 10.0 ** np.arange(-1.0, -10.5, -1.0))
@@ -62,8 +63,8 @@ SAME = 0.05
 """Relative distance of the amplitude up to which it is that of the same motion."""
 RULES = ((1.0, 1.0), (5.0, 5.0), (10.0, 1.0), (3.0, 1.0), (10.0, 0.1), (3.0, 0.1), (1.0, 0.1), (0.1, 0.1))
 """Other rules for the widths of tilt and rate, over the default's."""
-RANDOM = 40
-"""Seeded scenes in which the motion from rest is compared with the exact one."""
+DRAWN = 56
+"""Seeded scenes. In those that settle or overturn the motion from rest is compared with the exact one."""
 
 
 class Widths(Smoothed):
@@ -147,7 +148,7 @@ def slope(way: str, quantity: str, error: Any) -> float:
     low, high = FITTED[way]
     with np.errstate(invalid="ignore"):
         use = (shares > 0.9 * low) & (shares < 1.1 * high) & (error > FLOORS[quantity])
-    return float(np.polyfit(np.log(shares[use]), np.log(error[use]), 1)[0]) if use.sum() >= 4 else np.nan
+    return float(np.polyfit(np.log(shares[use]), np.log(error[use]), 1)[0]) if use.sum() >= 3 else np.nan
 
 
 def starts() -> dict[str, Any]:
@@ -168,7 +169,7 @@ def _started(solve: Callable, follow: Callable, case: Case, shares: tuple[float,
     tilted = np.abs(slopes - truth.slopes[0]).max() / (np.abs(truth.slopes[0]).max() or 1.0)
     return {
         "status": status,
-        "same": bool(status == truth.status and off <= SAME),
+        "same": bool(status == truth.status and (status == "overturned" or off <= SAME)),
         "amplitude": float(off),
         "gradient": float(tilted),
         "periods": periods,
@@ -181,18 +182,20 @@ def rules(solve: Callable) -> list[dict[str, Any]]:
     """What other rules for the two widths do: errors and steps in the known scenes, and in how many random
     ones the motion from rest is the exact one."""
     follow = follower(diffrax.Tsit5())
-    random = [Case("", tuple(float(v) for v in x), 0.0, ()) for x in scenes()[:RANDOM]]
+    random = [Case("", tuple(float(v) for v in x), 0.0, ()) for x in scenes()[:DRAWN]]
+    random = [c for c in random if exact(c.x).status in (*SETTLED, "overturned")]
     out = []
     for pair in RULES:
         shares = pair[0] * DEFAULT, pair[1] * DEFAULT
         known = [_started(solve, follow, case, shares) for case in (*MOVING, STILL)]
         met = [_started(solve, follow, case, shares) for case in random]
-        moving = [r for r in known if r["status"] == "rocking"]
+        moving = [r for r in known[:-1] if r["same"]]
         out.append(
             {
                 "tilt": shares[0],
                 "rate": shares[1],
-                "known": sum(r["same"] for r in known),
+                "lost": [c.name for c, r in zip((*MOVING, STILL), known, strict=True) if not r["same"]],
+                "drawn": len(random),
                 "amplitude": max(r["amplitude"] for r in moving),
                 "gradient": max(r["gradient"] for r in moving),
                 "steps": int(np.median([r["steps"] for r in moving])),
@@ -224,10 +227,11 @@ def told(results: dict[str, Any]) -> None:
         rows.append((f"{share:.1e}", *("" if np.isnan(v) else f"{v:.1e}" for v in worst)))
     table(("width", *head[1:]), rows)
     print("\nFrom the scene's own start: status, solver steps until settled, most in a period (bound 4096)")
-    for name, of in results["starts"].items():
+    for name in SOLVERS:
+        of = results["starts"][name]
         print(f"\n{name}")
         table(("width", *of), [(f"{w:.0e}", *(_cell(of[c][i]) for c in of)) for i, w in enumerate(FAR)])
-    print(f"\nOther rules ({RANDOM} random scenes from rest):")
+    print("\nOther rules:")
     told_rules(results["rules"])
 
 
@@ -235,12 +239,12 @@ def told_rules(rows: list[dict[str, Any]]) -> None:
     """Print what other rules do."""
     head = (
         "widths of tilt, rate",
-        f"right motion, of {len(MOVING) + 1}",
+        f"wrong motion, of {len(MOVING) + 1}",
         "error of amplitude",
         "of gradient",
         "steps, rocking (median)",
         "steps, resting",
-        f"right motion, of {RANDOM}",
+        f"right motion, of {rows[0]['drawn']} random",
         "failed",
         "steps a period (median)",
         "most in a period",
@@ -249,7 +253,7 @@ def told_rules(rows: list[dict[str, Any]]) -> None:
     for r in rows:
         numbers = (r[k] for k in ("steps", "resting", "random", "failed", "random steps", "random worst"))
         errors = f"{r['amplitude']:.1e}", f"{r['gradient']:.1e}"
-        cells.append((f"{r['tilt']:.1e}, {r['rate']:.1e}", r["known"], *errors, *numbers))
+        cells.append((f"{r['tilt']:.1e}, {r['rate']:.1e}", ", ".join(r["lost"]) or "none", *errors, *numbers))
     table(head, cells)
 
 
