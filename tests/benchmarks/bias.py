@@ -25,8 +25,8 @@ from jaxtyping import Array, Float
 
 jax.config.update("jax_enable_x64", True)
 
-from tests.benchmarks.engine import table  # noqa: E402
 from tests.benchmarks.ladder import scenes  # noqa: E402
+from tests.benchmarks.tables import table  # noqa: E402
 from tests.counting import counted  # noqa: E402
 from tests.reference import BARE, HUNG, MOVING, STILL, Case, exact, parameters  # noqa: E402
 from tpd import Parameters, Smoothed, canvas, status_name, steady_state  # noqa: E402
@@ -59,6 +59,8 @@ SOLVERS = {"Tsit5": diffrax.Tsit5(), "Dopri8": diffrax.Dopri8(), "Kvaerno5": dif
 FAR = tuple(float(x) for x in 10.0 ** np.arange(-1.0, -10.5, -1.0))
 """Widths at which the solvers are tried, on from where `Smoothed` refuses."""
 TRIED = (HUNG[0], HUNG[3], BARE[1], STILL)
+_LABELLED = 14
+"""Which of the widths carries the slopes' names."""
 SAME = 0.05
 """Relative distance of the amplitude up to which it is that of the same motion."""
 RULES = ((1.0, 1.0), (5.0, 5.0), (10.0, 1.0), (3.0, 1.0), (10.0, 0.1), (3.0, 0.1), (1.0, 0.1), (0.1, 0.1))
@@ -282,6 +284,9 @@ def draw(results: dict[str, Any], path: Path) -> None:
         where = {"transform": ax.get_xaxis_transform(), "color": "#555555", "fontsize": 8}
         ax.text(1.15 * DEFAULT, 0.03, "default", **where)
         ax.set(xscale="log", yscale="log", ylabel=f"relative error of the {quantity} (-)")
+        for words, way, below in (("slope 1", "together", 3.5), ("slope 2", "tilt alone", 0.1)):
+            height = np.median([float(w[way][quantity][_LABELLED]) for w in results["errors"].values()])
+            ax.text(SHARES[_LABELLED], below * height, words, color=canvas.INK, fontsize=8, ha="center")
         ax.grid(color="#e5e5e5", lw=0.6)
     axes[0].legend(title="signs smoothed (thick: median of scenes)", fontsize=8, title_fontsize=8)
     axes[-1].set_xlabel(r"smoothing width $\varepsilon$, a share of the expected tilt and of its rate (-)")

@@ -24,7 +24,7 @@ from jaxtyping import Array
 
 jax.config.update("jax_enable_x64", True)
 
-from tests.benchmarks.engine import table  # noqa: E402
+from tests.benchmarks.tables import table  # noqa: E402
 from tests.reference import HUNG, parameters  # noqa: E402
 from tpd import Smoothed  # noqa: E402
 from tpd.equations import smoothed_rates  # noqa: E402
