@@ -284,7 +284,7 @@ def draw(results: dict[str, Any], path: Path) -> None:
         where = {"transform": ax.get_xaxis_transform(), "color": "#555555", "fontsize": 8}
         ax.text(1.15 * DEFAULT, 0.03, "default", **where)
         ax.set(xscale="log", yscale="log", ylabel=f"relative error of the {quantity} (-)")
-        for words, way, below in (("slope 1", "together", 3.5), ("slope 2", "tilt alone", 0.1)):
+        for words, way, below in (("slope 1", "together", 40.0), ("slope 2", "tilt alone", 0.03)):
             height = np.median([float(w[way][quantity][_LABELLED]) for w in results["errors"].values()])
             ax.text(SHARES[_LABELLED], below * height, words, color=canvas.INK, fontsize=8, ha="center")
         ax.grid(color="#e5e5e5", lw=0.6)
