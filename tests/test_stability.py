@@ -2,6 +2,7 @@
 
 import diffrax
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -53,7 +54,7 @@ def test_a_push_grows_from_the_theoretical_step_on(solver, scene):
 def test_a_solver_that_cannot_keep_up_says_so_by_name_and_without_a_nan():
     # The resting block hums in a layer a two thousandth of the default's: 4096 steps see no period through.
     model = Smoothed(sharpness=1e-6)
-    settled = jax.jit(lambda x: model.settle(parameters(x), np.zeros(4)))(np.array(STILL.x))
+    settled = jax.jit(lambda x: model.settle(parameters(x), jnp.zeros(4)))(np.array(STILL.x))
     assert status_name(settled.status) == "event_bound"
     for size in (settled.amplitude, settled.stroke, settled.y):
         assert np.all(np.isfinite(np.asarray(size)))

@@ -26,6 +26,7 @@ import numpy as np
 from jaxtyping import Array
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, NullLocator
 
 jax.config.update("jax_enable_x64", True)
 
@@ -199,8 +200,15 @@ def draw(results: dict[str, Any], path: Path) -> None:
                 r["sizes"], r["seconds"], color=color, ls=line, marker=mark, ms=5, mfc="white", label=label
             )
         ax.set(xscale="log", yscale="log", xlabel=over, ylabel="time (s)")
+        every = [seconds for r in rows for seconds in r["seconds"]]
+        ax.set_ylim(10.0 ** np.floor(np.log10(min(every))), 10.0 ** np.ceil(np.log10(2.0 * max(every))))
+        ax.yaxis.set_minor_formatter(NullFormatter())
+        sizes = rows[0]["sizes"]
+        if max(sizes) < 10.0 * min(sizes):
+            ax.set_xticks(sizes, [f"{size:g}" for size in sizes])
+            ax.xaxis.set_minor_locator(NullLocator())
         ax.grid(color="#e5e5e5", lw=0.6)
-        ax.legend(fontsize=8)
+        ax.legend(fontsize=8, loc="best")
     place(path, canvas.png(figure))
 
 
