@@ -5,7 +5,7 @@
 Within the smoothing width the block has a stiff spring where the true one rests, and a stiff damper. A solver
 of constant step is stable there while |R(h s)| <= 1 for every eigenvalue s of the equations linearised at
 rest, R being its stability polynomial. The step is measured by bisection: does a small push die away? Prints
-a Markdown table and writes `results/stability.json`. Half a minute on one core.
+a Markdown table and writes `results/stability.json`. A minute on one core.
 """
 
 from __future__ import annotations
