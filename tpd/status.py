@@ -43,8 +43,9 @@ class Status(eqx.Enumeration):
         "is no gradient, and it is refused. Move the parameters."
     )
     event_bound = (
-        "More events in one period than `max_events` allows (rattling without end): the amplitude is the "
-        "largest of the last periods and has no gradient. Raise `max_events`."
+        "More events in one period than `max_events` allows (rattling without end), or more solver steps "
+        "than `max_steps` (signs smoothed too sharply): the amplitude is the largest of the last periods and "
+        "has no gradient. Raise that bound."
     )
     failed = (
         "The solver produced no finite number (resonance without damping, or a singular limit "

@@ -24,6 +24,7 @@ import numpy as np
 jax.config.update("jax_enable_x64", True)
 
 from tests.benchmarks import arithmetic, peers  # noqa: E402
+from tests.benchmarks.tables import table, timed  # noqa: E402
 from tests.reference import HUNG, parameters  # noqa: E402
 from tpd import Piecewise, in_chunks, symmetric_orbits  # noqa: E402
 from tpd.batch import CHUNK  # noqa: E402
@@ -54,24 +55,6 @@ def describe(x):
         return o.amplitude, (o.amplitude, o.multipliers, o.status)
 
     return jax.jacfwd(sizes, has_aux=True)(x[1:4])
-
-
-def timed(function, repeats=1):
-    """Median seconds of a call."""
-    seconds = []
-    for _ in range(repeats):
-        begun = time.perf_counter()
-        jax.block_until_ready(function())
-        seconds.append(time.perf_counter() - begun)
-    return statistics.median(seconds)
-
-
-def table(head, rows):
-    """A Markdown table."""
-    print("\n| " + " | ".join(head) + " |\n" + "|---" * len(head) + "|")
-    for row in rows:
-        print("| " + " | ".join(str(cell) for cell in row) + " |")
-    sys.stdout.flush()
 
 
 def growth(sizes):

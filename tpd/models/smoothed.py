@@ -99,8 +99,10 @@ class Smoothed(AbstractModel):
 
         def one_period(y: State, memory: None) -> Period:
             ys, bounded = self._integrate(field, y, times)
+            # What a solver out of steps did not reach is infinite.
+            ys = jnp.where(bounded | jnp.isfinite(ys), ys, y[None])
             amplitude, stroke = jnp.max(jnp.abs(ys[:, 0])), jnp.max(jnp.abs(ys[:, 1]))
-            lost = ~(amplitude < limit) & bounded
+            lost = ~(amplitude < limit)
             return Period(ys[-1], memory, amplitude, stroke, no, lost, ~bounded, no, amplitude, stroke)
 
         return settle(one_period, p, y0, None, tolerance=self.tolerance, max_periods=self.max_periods)

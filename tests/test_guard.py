@@ -1,0 +1,196 @@
+"""What the package does for an answer, and how near it comes, may not get worse unnoticed: counts and errors
+against the stored ones. No seconds, so that it does not matter where this runs.
+
+    python -m tests.test_guard
+
+writes `counts.json` anew, after a change that is meant; half a minute.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.extend import core
+
+jax.config.update("jax_enable_x64", True)
+
+from tests.counting import counted  # noqa: E402
+from tests.reference import BARE, HUNG, STILL, parameters  # noqa: E402
+from tests.test_truth import SETTLE, SETTLED, scales  # noqa: E402
+from tpd import Measure, Piecewise, Segmented, Smoothed, one_harmonic, symmetric_orbits  # noqa: E402
+from tpd.exact.roots import NODES, ROOTS  # noqa: E402
+from tpd.exact.symmetric import ORBITS, PATH_NODES  # noqa: E402
+from tpd.files import as_json, place, versions  # noqa: E402
+from tpd.models.piecewise import Lane  # noqa: E402
+from tpd.robust.minimax import Local, minimise  # noqa: E402
+from tpd.search import with_design  # noqa: E402
+
+STORED = Path(__file__).with_name("counts.json")
+COMMAND = "python -m tests.test_guard"
+
+MORE, LESS = 1.1, 0.5
+"""How much above and below the stored one a count may be: rounding differs between machines, and half of the
+work is rather work that is no longer counted."""
+WORSE, ROUND_OFF = 4.0, 2e-13
+"""How much above the stored one an error of the size of rounding may be, and what is none."""
+SCENES = (HUNG[0], BARE[1], STILL)
+EVERY = 3
+"""Every so many rows of the table of 50 digits are looked at here; `test_truth` looks at all."""
+
+
+def steps() -> dict[str, float]:
+    """Solver steps until the integrated models have settled."""
+    out: dict[str, float] = {}
+    for model in (Smoothed(), Segmented()):
+        with counted() as solves:
+            run = jax.jit(lambda x, y0, model=model: model.settle(parameters(x), y0).elapsed)
+            for case in SCENES[:2]:
+                periods = int(run(np.array(case.x), np.array(case.y0)))
+                name = f"{type(model).__name__}, {case.name}"
+                out |= {f"{name}: solver steps": sum(solves.taken()), f"{name}: periods": periods}
+    return out
+
+
+def looks() -> dict[str, float]:
+    """Periods of the exact solution until it has settled, and looks at its progress: of six leaps at most."""
+    model = Piecewise()
+
+    @jax.jit
+    def run(x: jax.Array, y0: jax.Array) -> tuple[jax.Array, jax.Array]:
+        p = parameters(x)
+
+        def step(carry: tuple[Lane, jax.Array]) -> tuple[Lane, jax.Array]:
+            return model.follow(p, carry[0], model.max_periods, 1), carry[1] + 1
+
+        first = model.lane(p, y0), jnp.zeros((), int)
+        lane, count = jax.lax.while_loop(lambda carry: ~carry[0].record.done, step, first)
+        return lane.record.elapsed, count
+
+    out: dict[str, float] = {}
+    for case in SCENES:
+        elapsed, count = run(np.array(case.x), np.array(case.y0))
+        out |= {
+            f"Piecewise, {case.name}: periods": int(elapsed),
+            f"Piecewise, {case.name}: looks": int(count),
+        }
+    return out
+
+
+def program() -> dict[str, float]:
+    """Equations in what is compiled for the closed form and its gradient, those of all loops and branches
+    once; and the turns of its loops."""
+
+    def orbits(x: jax.Array) -> tuple:
+        o = symmetric_orbits(parameters(x))
+        return o.amplitude, (o.multipliers, o.status)
+
+    size = equations(jax.make_jaxpr(jax.jacfwd(orbits, has_aux=True))(jnp.array([*HUNG[0].x, 1.0])).jaxpr)
+    turns = {"samples": NODES, "roots": ROOTS, "orbits": ORBITS, "samples of an arc": PATH_NODES}
+    return {"equations": size, **{f"constant: {name}": value for name, value in turns.items()}}
+
+
+def equations(jaxpr: core.Jaxpr) -> int:
+    """Of a program and all within it."""
+    inner = (value for eqn in jaxpr.eqns for leaf in eqn.params.values() for value in jax.tree.leaves(leaf))
+    nested = (v.jaxpr if isinstance(v, core.ClosedJaxpr) else v for v in inner)
+    return len(jaxpr.eqns) + sum(equations(v) for v in nested if isinstance(v, core.Jaxpr))
+
+
+def search() -> dict[str, float]:
+    """Designs that descents over a band of frequencies look at, and the tilt they get to; on the one-harmonic
+    balance, which takes no time to compile."""
+    p, low, high = parameters(HUNG[0].x), np.array([0.01, 0.3, 0.05]), np.array([0.2, 1.5, 0.4])
+
+    def one(x: jax.Array, xi: jax.Array) -> tuple[jax.Array, jax.Array]:
+        def tilt(u: jax.Array) -> jax.Array:
+            q = with_design(p, low + u * (high - low))
+            return one_harmonic(eqx.tree_at(lambda q: q.xi, q, xi)).amplitude / p.nu
+
+        return tilt(x), jax.grad(tilt)(x)
+
+    every = jax.jit(jax.vmap(jax.vmap(one, (None, 0)), (0, None)))
+    band = jnp.geomspace(1.5, 2.2, 6)
+
+    def local(unit: np.ndarray) -> Local:
+        value, slope = (np.array(v) for v in every(jnp.asarray(unit), band))
+        return Local(value, slope, np.zeros((len(unit), 0)), np.zeros((len(unit), 0, 3)))
+
+    starts = np.random.default_rng(3).random((6, 3))
+    found = minimise(local, starts, 1.0, Measure.worst().of, steps=40)
+    return {"designs": found.evaluations, "steps": int(found.steps.sum()), "value": float(found.merit.min())}
+
+
+def truth() -> dict[str, float]:
+    """The worst relative errors of settled motions against 50 digits."""
+    sizes, states = [], []
+    for row in SETTLED[::EVERY]:
+        x = np.array(row["parameters"])
+        s = SETTLE(x, np.array(row["y0"]))
+        pairs = ((float(getattr(s, name)), float(row[name])) for name in ("amplitude", "stroke"))
+        sizes.append(max(abs(found - known) / (known or 1.0) for found, known in pairs))
+        end = np.array([float(v) for v in row["end"]])
+        states.append(np.max(np.abs(np.asarray(s.state) - end) / scales(x)))
+    return {"error of the sizes": float(max(sizes)), "error of the state": float(max(states))}
+
+
+MEASURES: dict[str, Callable[[], dict[str, float]]] = {
+    f.__name__: f for f in (steps, looks, program, search, truth)
+}
+
+
+@pytest.mark.parametrize("kind", MEASURES)
+def test_no_more_work_and_no_larger_error_than_stored(kind):
+    stored = json.loads(STORED.read_text())[kind]
+    found = MEASURES[kind]()
+    assert set(found) == set(stored), f"what is counted has changed: run `{COMMAND}`"
+    wrong = {
+        name: (value, stored[name]) for name, value in found.items() if not holds(name, value, stored[name])
+    }
+    assert not wrong, f"(found, stored), if meant run `{COMMAND}`: {wrong}"
+
+
+def holds(name: str, value: float, stored: float) -> bool:
+    """Whether a number is within the slack of its kind."""
+    if name.startswith("error"):
+        return value <= max(WORSE * stored, ROUND_OFF)
+    if name.startswith("constant"):
+        return value == stored
+    if name == "value":
+        return value <= stored + 1e-4 * abs(stored)
+    return LESS * stored <= value <= MORE * stored
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "stored", "expected"),
+    [
+        ("looks", 110, 100, True),
+        ("looks", 112, 100, False),
+        ("looks", 40, 100, False),
+        ("error of x", 3.9e-12, 1e-12, True),
+        ("error of x", 4.1e-12, 1e-12, False),
+        ("error of x", 1.9e-13, 1e-15, True),
+        ("error of x", np.nan, 1e-12, False),
+        ("constant: samples", 63, 64, False),
+        ("value", 0.27, 0.28, True),
+        ("value", 0.2801, 0.28, False),
+    ],
+)
+def test_the_slack_is_as_stated(name, value, stored, expected):
+    assert holds(name, value, stored) is expected
+
+
+def main() -> None:
+    """Store what is counted now."""
+    found = {kind: measure() for kind, measure in MEASURES.items()}
+    print(place(STORED, as_json({"command": COMMAND, "versions": versions(), **found})))
+
+
+if __name__ == "__main__":
+    main()
