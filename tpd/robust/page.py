@@ -180,7 +180,8 @@ def _models(shown: Shown, winner: Judged) -> Section:
         )
     ]
     if shown.ladder is not None:
-        parts += [ladder_table(shown.ladder), *(paragraph(x, "danger") for x in shown.ladder.objections)]
+        told = "Under the scene's own shaking: "
+        parts += [ladder_table(shown.ladder), *(paragraph(told + x + ".") for x in shown.ladder.objections)]
     return Section("What the models say", "\n".join(parts))
 
 

@@ -49,7 +49,9 @@ def plot_conditions(design: DesignOver, axes: Any = None) -> Any:
                 label=f"{what}: overturns from rest",
             )
         if what != "bare block":
-            axes[1].plot(x, t.stroke[0][order], ms=3.5, lw=1.2, label="bob", **style)
+            # Nothing settles where every start overturns.
+            stroke = np.where(np.broadcast_to(t.lost, t.kind.shape)[0] < 1.0, t.stroke[0], np.nan)
+            axes[1].plot(x, stroke[order], ms=3.5, lw=1.2, label="bob", **style)
     axes[0].set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
     axes[0].legend(fontsize=8, frameon=False)
     axes[1].axhline(design.space.stroke, color=ORANGE, lw=1.0, ls=":", label="stroke limit")
@@ -106,7 +108,8 @@ def plot_landscape(design: DesignOver, ax: Axes | None = None) -> Axes:
 
 
 def plot_front(front: Front, design: DesignOver, ax: Axes | None = None) -> Axes:
-    """The least value for every mass, and the answer."""
+    """The least value for every mass, and the answer; not where that is one of another measure, over what
+    starts reach."""
     ax = cast(Axes, new_axes() if ax is None else ax)
     nu, mass = design.scene.block.slenderness, design.scene.block.mass
     kept = np.isfinite(front.value)
@@ -118,8 +121,9 @@ def plot_front(front: Front, design: DesignOver, ax: Axes | None = None) -> Axes
         ms=4,
         label="best design of its mass",
     )
-    ax.axhline(design.bare_value * nu, color=GREY, ls="--", label="bare block")
-    if design.winner is not None:
+    if design.reached is None:
+        ax.axhline(design.bare_value * nu, color=GREY, ls="--", label="bare block")
+    if design.winner is not None and design.reached is None:
         ax.plot(
             design.winner.mass_ratio * mass,
             design.winner.value * nu,
