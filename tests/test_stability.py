@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tests.benchmarks.stability import SCENES, eigenvalues, limit, measured, polynomial, theory
-from tests.reference import STILL, parameters
-from tpd import Smoothed, status_name
+from tests.reference import HUNG, STILL, parameters
+from tpd import Segmented, Smoothed, status_name
 
 SWINGING = "default width, friction k = 0.0005"
 
@@ -55,6 +55,14 @@ def test_a_solver_that_cannot_keep_up_says_so_by_name_and_without_a_nan():
     # The resting block hums in a layer a two thousandth of the default's: 4096 steps see no period through.
     model = Smoothed(sharpness=1e-6)
     settled = jax.jit(lambda x: model.settle(parameters(x), jnp.zeros(4)))(np.array(STILL.x))
+    assert status_name(settled.status) == "event_bound"
+    for size in (settled.amplitude, settled.stroke, settled.y):
+        assert np.all(np.isfinite(np.asarray(size)))
+
+
+def test_segments_that_run_out_of_steps_are_told_by_name_and_without_a_nan():
+    model = Segmented(max_steps=4, max_periods=3)
+    settled = jax.jit(lambda x: model.settle(parameters(x), jnp.zeros(4)))(np.array(HUNG[0].x))
     assert status_name(settled.status) == "event_bound"
     for size in (settled.amplitude, settled.stroke, settled.y):
         assert np.all(np.isfinite(np.asarray(size)))

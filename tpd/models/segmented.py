@@ -171,7 +171,7 @@ class Segmented(AbstractModel):
             return (left > 1e-14 * equations.p.period) & ~r.lost & (r.segments < self.max_events)
 
         def step(r: _Run) -> _Run:
-            time, y, met = self._segment(equations, r, end, precise)
+            time, y, met, failed = self._segment(equations, r, end, precise)
             # Two events at once: the second is over before its segment begins.
             over = jnp.min(stop_gradient(_signals(equations, r, r.time, r.y))) <= 0.0
             time, y, met = jnp.where(over, r.time, time), jnp.where(over, r.y, y), met | over
@@ -179,7 +179,7 @@ class Segmented(AbstractModel):
             onward = r._replace(time=time, y=y)
             r = jax.tree.map(lambda a, b: jnp.where(met, a, b), arrived, onward)
             lost = r.lost | ~(jnp.abs(r.y[0]) < equations.beyond_return)
-            return r._replace(segments=r.segments + 1, lost=lost)
+            return r._replace(segments=jnp.where(failed, self.max_events, r.segments + 1), lost=lost)
 
         r = jax.lax.while_loop(going, step, run)
         stroke = jnp.maximum(r.stroke, jnp.abs(r.y[1]))
@@ -187,8 +187,9 @@ class Segmented(AbstractModel):
 
     def _segment(
         self, equations: Equations, r: _Run, end: Number, precise: bool
-    ) -> tuple[Number, State, Bool[Array, ""]]:
-        """Time and state at the next event, or at `end`, and whether there was one."""
+    ) -> tuple[Number, State, Bool[Array, ""], Bool[Array, ""]]:
+        """Time and state at the next event, or at `end`, whether there was one, and whether the solver ran
+        out of steps."""
         p, slips = equations.p, r.mode.kind == SLIP
 
         def field(tau: Any, y: State, args: None) -> State:
@@ -219,8 +220,9 @@ class Segmented(AbstractModel):
         assert solution.ts is not None
         ys: Array = solution.ys  # type: ignore[assignment]
         failed = solution.result == diffrax.RESULTS.max_steps_reached
-        y = jnp.where(failed, jnp.nan, ys[-1])
-        return solution.ts[-1], y, solution.result == diffrax.RESULTS.event_occurred
+        # Out of steps: the motion stays where it was, and its period counts as having too many segments.
+        time, y = jnp.where(failed, r.time, solution.ts[-1]), jnp.where(failed, r.y, ys[-1])
+        return time, y, solution.result == diffrax.RESULTS.event_occurred, failed
 
 
 def _signals(equations: Equations, r: _Run, tau: Number, y: State) -> Float[Array, "4"]:
