@@ -1,5 +1,5 @@
-"""The atlas of failures as a table: the regimes in which a method loses its footing, what holds there and what
-does not, how it shows, what the user is told, and which tests keep it so.
+"""The atlas of failures as a table: the regimes in which a method loses its footing, what holds there and
+what does not, how it shows, what the user is told, and which tests keep it so.
 
 `tests.benchmarks.atlas` draws them, `tests.benchmarks.guards` takes their guards away.
 """
@@ -45,8 +45,8 @@ REGIMES = (
     Regime(
         "breaking of symmetry",
         "the symmetric orbit and its gradient, on both sides, by `symmetric_orbits` and `periodic_orbit`",
-        "that orbit no longer attracts; the motion leans as the root of the distance, and the gradient of the "
-        "leaning one grows as its inverse",
+        "that orbit no longer attracts; the motion leans as the root of the distance, and its gradient grows "
+        "as the inverse",
         "unstable, refused by `steady_state`; rocking and not `symmetric` of the leaning motion",
         _of(
             "atlas",
@@ -171,7 +171,7 @@ REGIMES = (
     Regime(
         "slender blocks",
         "amplitude over slenderness, down to nu = 1e-10",
-        "below nu = 1e-11 absolute thresholds of the exact flow show: amplitude off by 6e-9, gradient by 1e-4",
+        "below nu = 1e-11 thresholds of the exact flow show: amplitude off by 6e-9, gradient by 1e-4",
         "nothing",
         _of("atlas", "a_slender_block_s_amplitude_is_in_proportion_as_nu_vanishes"),
     ),
