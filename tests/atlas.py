@@ -36,6 +36,7 @@ REGIMES = (
             "atlas",
             "at_a_fold_the_gradient_grows_as_the_inverse_root_over_six_decades",
             "next_to_a_fold_the_gradient_is_refused_by_name",
+            "an_orbit_about_to_be_lost_has_a_name_and_no_derivative",
             "a_little_farther_from_a_fold_steady_state_and_orbits_have_the_same_large_gradient",
         )
         + _of("symmetric", "at_a_fold_there_is_no_gradient_and_beyond_it_no_orbit")
@@ -52,6 +53,7 @@ REGIMES = (
             "atlas",
             "the_symmetric_orbit_loses_its_stability_and_keeps_its_gradient_where_symmetry_breaks",
             "beyond_the_breaking_steady_state_refuses_the_symmetric_orbit",
+            "a_motion_that_leans_is_not_called_symmetric",
             "beyond_the_breaking_the_motion_leans_as_the_root_and_its_gradient_grows_as_the_inverse",
         )
         + _of("exact", "a_motion_on_a_repelling_orbit_is_called_unstable_and_has_no_gradient")
@@ -80,6 +82,7 @@ REGIMES = (
         _of(
             "atlas",
             "where_sticking_begins_amplitude_and_gradient_are_continuous_and_the_status_changes",
+            "a_block_that_friction_holds_for_a_while_is_called_sticking",
         )
         + _of(
             "bifurcations",
@@ -95,7 +98,7 @@ REGIMES = (
             "atlas",
             "the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed",
             "friction_ends_a_rattle_without_impact_loss_as_fast_as_its_ratio_says",
-            "what_capture_leaves_out_is_of_the_square_of_its_speed",
+            "what_capture_leaves_out_is_below_the_square_of_its_speed",
         )
         + _of("exact", "too_few_events_are_reported_and_leave_no_numbers")
         + _of("general", "no_orbit_says_why"),

@@ -49,7 +49,13 @@ def fold() -> Figure:
     o = among(FOLDING, "f", b.value * (1.0 + distances))
     for j, (label, marker, color) in enumerate((("attracting", "o", BLUE), ("repelling", "s", ORANGE))):
         left.loglog(
-            distances, np.abs(o.slopes[:, j, 0, F]), marker, ms=5 - j, color=color, mfc="none", label=label
+            distances,
+            np.abs(o.slopes[:, j, 0, F]),
+            marker,
+            ms=8 - 4 * j,
+            color=color,
+            mfc="none",
+            label=label,
         )
     known = np.isfinite(o.slopes[:, 0, 0, F])
     power(left, distances[known], np.abs(o.slopes[known, 0, 0, F])[0], -0.5)
@@ -57,7 +63,7 @@ def fold() -> Figure:
     left.set(
         xlabel="distance from the fold, f/f* - 1 (-)", ylabel="size of the gradient d(amplitude)/df (rad)"
     )
-    values = b.value * (1.0 + np.linspace(1e-9, 0.05, 60))
+    values = b.value * (1.0 + 0.05 * np.linspace(1e-5, 1.0, 60) ** 2)
     o = among(FOLDING, "f", values)
     for j, style in enumerate(("-", "--")):
         right.plot(values, o.amplitude[:, j], style, color=BLUE if j == 0 else ORANGE)
@@ -65,6 +71,7 @@ def fold() -> Figure:
     right.set(xlabel="base acceleration f (-)", ylabel="amplitude of the tilt (rad)")
     right.annotate("no orbit", (b.value - 1e-4, o.amplitude[0, 0]), ha="right", va="center")
     right.set_xlim(b.value - 8e-4, None)
+    right.locator_params(axis="x", nbins=5)
     right.set_title("solid: attracting, dashed: repelling")
     left.legend()
     return figure
