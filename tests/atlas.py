@@ -180,8 +180,8 @@ REGIMES = (
     ),
     Regime(
         "fast and slow shaking",
-        "xi from 1e-4 to 300: the limits of xi to infinity and to zero",
-        "above 1000 the tilt is below what repetition is judged by; below 1e-5 a period has too many steps",
+        "xi from 2e-4 to 300: the limits of xi to infinity and to zero",
+        "above 1000 the tilt is below what repetition is judged by; below 1e-4 a period has too many steps",
         "unstable or grazing above, event_bound or failed below; never a settled status",
         _of(
             "atlas",

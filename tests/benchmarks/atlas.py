@@ -29,11 +29,12 @@ from tpd.parameters import as_arrays  # noqa: E402
 PICTURES = Path(__file__).parents[2] / "notebooks" / "pictures" / "atlas"
 
 
-def axes(columns: int) -> tuple[Figure, Any]:
-    """A figure and its axes side by side, always an array."""
-    figure = Figure(figsize=(5.2 * columns, 4.2), layout="constrained", dpi=110)
+def axes(count: int, rows: int = 1) -> tuple[Figure, Any]:
+    """A figure and its axes, always a vector."""
+    columns = count // rows
+    figure = Figure(figsize=(5.2 * columns, 4.2 * rows), layout="constrained", dpi=110)
     FigureCanvasAgg(figure)
-    return figure, figure.subplots(1, columns, squeeze=False)[0]
+    return figure, figure.subplots(rows, columns, squeeze=False).ravel()
 
 
 def power(ax: Any, distances: np.ndarray, value: float, exponent: float) -> None:
@@ -48,15 +49,8 @@ def fold() -> Figure:
     b, distances = lost(Kind.fold), 10.0 ** np.linspace(-14.0, -2.0, 49)
     o = among(FOLDING, "f", b.value * (1.0 + distances))
     for j, (label, marker, color) in enumerate((("attracting", "o", BLUE), ("repelling", "s", ORANGE))):
-        left.loglog(
-            distances,
-            np.abs(o.slopes[:, j, 0, F]),
-            marker,
-            ms=8 - 4 * j,
-            color=color,
-            mfc="none",
-            label=label,
-        )
+        slopes = np.abs(o.slopes[:, j, 0, F])
+        left.loglog(distances, slopes, marker, ms=8 - 4 * j, color=color, mfc="none", label=label)
     known = np.isfinite(o.slopes[:, 0, 0, F])
     power(left, distances[known], np.abs(o.slopes[known, 0, 0, F])[0], -0.5)
     left.axvspan(distances[0], distances[known][0], color=GREY, alpha=0.35, label="near_fold: refused")
@@ -211,12 +205,14 @@ def rattling() -> Figure:
     x, y0 = np.array((0.2, 0.2, 0.5, 0.1, 0.02, 0.05, 2.0, 0.8)), np.array([0.02, 0.05, 0.0, 0.0])
     ends = [np.asarray(atlas._after(x, y0, np.array(10.0), np.array(0.2 * q))[0]) for q in (1e-7, *speeds)]
     apart = np.linalg.norm(np.array(ends[1:]) - ends[0], axis=1)
-    seen = (apart > 0.0) & (speeds > 3e-7)
+    seen = apart > 3e-15
     right.loglog(speeds[seen], apart[seen], "o", mfc="none", color=BLUE, label="state of the bob later on")
-    power(right, speeds[seen][::-1], apart[seen][-1], 2.0)
+    right.loglog(speeds, (0.2 * speeds) ** 2, "-", color=GREY, label="square of the speed")
+    power(right, speeds[seen][::-1], apart[seen][-1], 3.0)
     right.set(
         xlabel="capture speed, in units of the slenderness (-)",
-        ylabel="difference from capture at 1e-7 (rad, rad per tau)",
+        ylabel="difference from capture at 1e-7 (rad)",
+        ylim=(1e-16, 1e-2),
     )
     right.legend()
     return figure
@@ -276,7 +272,7 @@ def overturning() -> Figure:
 
 def limits() -> Figure:
     """Four limits against what is known of them."""
-    figure, (a, b, c, d) = axes(4)
+    figure, (a, b, c, d) = axes(4, rows=2)
     shares = 10.0 ** np.linspace(0.0, -4.0, 9)
     sizes = [exact(np.array(HUNG[3].x) * np.array([s, 1, 1, 1, s, s, 1])).amplitude / s for s in shares]
     limit = exact(np.array(HUNG[3].x) * np.array([1e-8, 1, 1, 1, 1e-8, 1e-8, 1])).amplitude / 1e-8
@@ -300,14 +296,14 @@ def limits() -> Figure:
     c.set(xlabel="frequency ratio (-)", ylabel="relative distance from f (-)", title="slow shaking")
     damping = 10.0 ** np.linspace(-1.0, -8.0, 15)
     xi = np.sqrt((1.0 + 0.25**2) / (0.75 * 0.8))
-    for mu, marker, color in ((0.0, "o", BLUE), (0.1, "x", INK)):
+    for mu, marker, color in ((0.0, "o", BLUE), (0.1, "s", INK)):
         found = [exact((0.25, mu, 0.8, z, 0.05, 0.1, xi)) for z in damping]
         rest = np.array([answer.status == "rest" for answer in found])
         strokes = np.array([answer.stroke for answer in found])
         d.loglog(damping[rest], strokes[rest], marker, mfc="none", color=color, label=f"rest, mu = {mu:g}")
         gone = ~rest
         if gone.any():
-            d.loglog(damping[gone], np.full(gone.sum(), 0.2), "+", color=ORANGE, label="mu = 0.1, no answer")
+            d.loglog(damping[gone], np.full(gone.sum(), 0.2), "+", color=ORANGE, label="no motion, mu = 0.1")
     d.loglog(damping, 0.05 / damping, ":", color=INK, label="f/(2 zeta)")
     d.set(xlabel="damping ratio of the hinge (-)", ylabel="stroke of the bob (rad)", title="resonance")
     for ax in (a, b, c, d):

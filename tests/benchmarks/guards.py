@@ -110,7 +110,6 @@ GUARDS = (
         "rests = (jnp.abs(y[2]) <= -quiet) & holds",
         _atlas(
             "the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed",
-            "friction_ends_a_rattle_without_impact_loss_as_fast_as_its_ratio_says",
             "what_capture_leaves_out_is_below_the_square_of_its_speed",
         ),
     ),
