@@ -177,8 +177,10 @@ GUARDS = (
         "tpd/steady.py",
         "slopes = jnp.where(isolated, slopes, jnp.nan)",
         "slopes = jnp.where(isolated, slopes, slopes)",
-        _atlas("starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name")
-        + ("tests/test_exact.py::test_a_slow_decay_is_not_settled_rather_than_aperiodic",),
+        (
+            *_atlas("starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name"),
+            "tests/test_exact.py::test_a_slow_decay_is_not_settled_rather_than_aperiodic",
+        ),
     ),
     Guard(
         "resonance without damping; huge shaking",
