@@ -207,7 +207,7 @@ REGIMES = (
         "smoothing",
         "a bias in proportion to the sharpness",
         "too coarse a smoothing overturns a block that rocks; too sharp a one needs too many steps",
-        "ValueError outside 1e-6 to 1, and for impact loss; event_bound",
+        "ValueError outside 1e-6 to 1, and for impact loss; event_bound or failed",
         _of(
             "smoothed",
             "the_bias_falls_in_proportion_to_the_sharpness",

@@ -605,7 +605,7 @@ def test_the_sharpest_smoothing_is_right_or_told_to_be_too_much():
         if answer.status in SETTLED:
             assert answer.amplitude == pytest.approx(case.amplitude, rel=max(0.1 * sharpness, 1e-7))
         else:
-            assert answer.status in ("event_bound", "not_settled")
+            assert answer.status in ("event_bound", "not_settled", "failed")
             assert np.all(np.isnan(answer.slopes))
 
 
