@@ -22,6 +22,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Complex, Float
 
+from tpd import checks
 from tpd.equations import Linear
 from tpd.exact.multipliers import quartic_roots
 from tpd.parameters import Number, Parameters, as_arrays
@@ -61,7 +62,12 @@ def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
 
 
 def uplift(p: Parameters) -> Uplift:
-    """The no-uplift criterion |B| f <= (1 + mu) nu + k, in closed form and differentiable."""
+    """The no-uplift criterion |B| f <= (1 + mu) nu + k, in closed form and differentiable.
+
+    Raises:
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
     size2, b_real, b_imag = _transfer(p)
     demand = p.f * jnp.sqrt(b_real**2 + b_imag**2)
     capacity = (1.0 + p.mu) * p.nu + p.k
@@ -128,7 +134,11 @@ def one_harmonic_branches(p: Parameters) -> HarmonicBranches:
 
     The paper's (27), corrected, with friction and damping. The upper branch is 1 to 5 % above the exact
     amplitude as a rule, the lower one 5 to 30 %: `neglected_harmonics` says how much.
+
+    Raises:
+        RuntimeError: JAX is in 32-bit mode.
     """
+    checks.require_x64()
     of = _balance(p)
     a2, half = _abs2(of.a), _dot(of.a, of.signs)
     rest = _abs2(of.signs) - _abs2(of.b) * p.f**2
@@ -180,7 +190,11 @@ def neglected_harmonics(p: Parameters) -> Neglected:
     The signs' third to eleventh harmonics pass through the linear transfer function 1/A(n xi). They add
     to the tilt at the turn, and they shift the crossing and the turn, so that the first harmonics of
     weight and friction turn a little against the forcing, which moves the balance itself.
+
+    Raises:
+        RuntimeError: JAX is in 32-bit mode.
     """
+    checks.require_x64()
     of, both = _balance(p), one_harmonic_branches(p)
     of = _Balance(*(x[..., None] for x in jnp.broadcast_arrays(*of)))
     phi = jnp.where(both.exists, both.amplitude, 1.0)
@@ -206,7 +220,11 @@ def parametric_branches(p: Parameters) -> HarmonicBranches:
     (23) for the bare block, the corrected (27) with a pendulum. Single numbers; use `jax.vmap`.
 
     The term is of second order in the angles, like others that (25) drops.
+
+    Raises:
+        RuntimeError: JAX is in 32-bit mode.
     """
+    checks.require_x64()
     p = as_arrays(p)
     of = _balance(p)
     pull = 4.0 / (3.0 * jnp.pi) * Linear(p).weight

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from tpd import checks
 from tpd.equations import Linear
 from tpd.parameters import Number, Parameters
 
@@ -69,7 +70,11 @@ def free_motion(p: Parameters) -> Free:
     k, zeta, f and e of `p` are not used: the motion is that at k = zeta = f = 0, e = 1. At mu = 0 it is the
     bare block's (11), with a bob too light to be felt. There is a resonance with the bob, and no such
     motion, at every frequency whose odd multiple is that of the swinging mode.
+
+    Raises:
+        RuntimeError: JAX is in 32-bit mode.
     """
+    checks.require_x64()
     modes = _modes(p)
     quarter = 0.5 * jnp.pi / p.xi
     shares = jnp.linspace(0.0, 1.0, _SAMPLES, endpoint=False)

@@ -43,7 +43,9 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Float[Array, "*batch"]
 
     Raises:
         ValueError: an amplitude out of range.
+        RuntimeError: JAX is in 32-bit mode.
     """
+    checks.require_x64()
     checks.not_negative("amplitude", amplitude)
     linear = Linear(p)
     twice, tilt = 2.0 * linear.weight, linear.tilt

@@ -234,6 +234,10 @@ def answered(fixed: Parameters, model: AbstractModel, settled: Settled) -> tuple
     orbit, separation = _finish(fixed, model, settled)
     multiplier, to_fold = _multipliers(fixed, orbit.by_state[:4])
     status = _verdict(settled, orbit, multiplier, to_fold, separation, model.resolution(fixed))
+    # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
+    # unless it has more steps than that may take.
+    cut_short = (settled.status == Status.rest) & (fixed.zeta > 0.0) & ~jnp.isfinite(orbit.residual)
+    status = Status.where(cut_short, Status.event_bound, status)
     sizes, slopes = _answers(fixed, settled, orbit, status, multiplier)
     periodic = is_settled(status) | (status == Status.unstable)
     periods, duration = settled.periods, settled.periods * fixed.period

@@ -212,6 +212,8 @@ class Piecewise(AbstractModel):
         def one_period(_: Array, carry: tuple) -> tuple:
             y, mode, sizes, gentlest = carry
             m, y = advance(plant, start(plant, mode, y, phase), p.period, watch_bob=True, **self._settings(p))
+            # What ended before its period, for want of steps, is no orbit, though it may end where it began.
+            y = jnp.where(m.steps < self.max_events, y, jnp.nan)
             now = (m.up, m.down, m.stroke)
             sizes = tuple(jnp.maximum(a, b) for a, b in zip(sizes, now, strict=True))
             return y, m.mode, sizes, jnp.minimum(gentlest, m.gentlest)

@@ -1,0 +1,684 @@
+"""The atlas of failures: in every regime where a method loses its footing, how that shows and what is told.
+
+`tests.atlas` lists the regimes with all their tests; here are those that no other module has.
+`python -m tests.benchmarks.guards` takes the guards away one by one and sees these tests fail.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import fsolve
+
+from tests.atlas import REGIMES
+from tests.reference import BARE, HUNG, UNSTABLE, differences, exact, parameters, smoothed, solver
+from tests.test_bifurcations import BARE as FOLDING
+from tests.test_bifurcations import HELD, TOUCHING, Kind, lost
+from tests.test_general import carried, near
+from tests.test_nonlinear import nonlinear
+from tests.test_symmetric import among
+from tests.test_symmetric import solve as orbits
+from tpd import Block, Harmonic, Pendulum, Piecewise, Scene, Smoothed, Status, simulate, status_name
+from tpd.exact.arcs import REST as RESTING
+from tpd.exact.arcs import classify
+from tpd.exact.flow import advance, start
+from tpd.exact.recording import record
+from tpd.exact.sequence import LANDING
+from tpd.exact.spectrum import Plant
+from tpd.models.interface import Settled
+from tpd.models.settling import scale_of
+from tpd.orbits import _answered, _Described, _Margins
+from tpd.parameters import as_arrays
+from tpd.status import SETTLED
+from tpd.steady import _Orbit, _verdict
+
+NU, MU, LAM, ZETA, K, F, XI, E = range(8)
+CHAOTIC = (0.321, 0.205, 0.096, 0.047, 0.087, 0.347, 2.803, 1.0)
+OVERTURNING = (0.25, 0.1, 0.2, 0.1, 0.05, 0.6, 2.67)
+SAMPLES = 201
+"""Of every trajectory here, so that one compilation serves them all."""
+
+
+def moved(x: Any, i: int, value: float) -> np.ndarray:
+    """All eight parameters, one of them changed."""
+    out = np.ones(8)
+    out[: len(x)] = x
+    out[i] = value
+    return out
+
+
+def power(distances: np.ndarray, values: np.ndarray) -> float:
+    """The exponent of a power law."""
+    return float(np.polyfit(np.log(distances), np.log(values), 1)[0])
+
+
+@jax.jit
+def _along(x: jax.Array, y0: jax.Array, times: jax.Array) -> tuple:
+    def run(y0: jax.Array) -> tuple:
+        motion = simulate(parameters(x), y0, times)
+        return motion.ys, (motion.ys, motion.status)
+
+    return jax.jacfwd(run, has_aux=True)(y0)
+
+
+def along(x: Any, y0: Any, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
+    """States at the times, their derivatives with respect to the start, and the status."""
+    slopes, (ys, status) = _along(np.array(x), np.array(y0), times)
+    return np.asarray(ys), np.asarray(slopes), status_name(status)
+
+
+def test_every_test_of_the_table_exists():
+    root = Path(__file__).parents[1]
+    for regime in REGIMES:
+        assert regime.tests, regime.name
+        for test in regime.tests:
+            path, name = test.split("::")
+            tree = ast.parse((root / path).read_text(encoding="utf-8"))
+            assert name in {f.name for f in ast.walk(tree) if isinstance(f, ast.FunctionDef)}, test
+
+
+# Saddle-node fold
+
+
+def test_at_a_fold_the_gradient_grows_as_the_inverse_root_over_six_decades():
+    b, distances = lost(Kind.fold), 10.0 ** np.linspace(-9.0, -3.0, 13)
+    o = among(FOLDING, "f", b.value * (1.0 + distances))
+    for j, sign in ((0, 1.0), (1, -1.0)):
+        slopes = sign * o.slopes[:, j, 0, F]
+        assert power(distances, slopes) == pytest.approx(-0.5, abs=0.005)
+        # It is that of the root: twice the distance times the slope is how far the amplitude has come.
+        come = sign * (o.amplitude[:, j] - b.amplitude)
+        np.testing.assert_allclose(2.0 * distances * b.value * slopes, come, rtol=2e-2)
+
+
+def test_next_to_a_fold_the_gradient_is_refused_by_name():
+    b = lost(Kind.fold)
+    x = moved(FOLDING, F, b.value * (1.0 + 5e-14))
+    o = orbits([x])
+    assert list(o.status[0, :2]) == ["near_fold", "near_fold"]
+    assert np.all(np.isnan(o.slopes[0, :2]))
+    np.testing.assert_allclose(o.amplitude[0, :2], b.amplitude, rtol=1e-5)
+    settled = exact(x, o.state[0, 0])
+    assert settled.status == "near_fold"
+    assert np.all(np.isnan(settled.slopes))
+    assert settled.amplitude == pytest.approx(b.amplitude, rel=1e-5)
+
+
+def test_a_little_farther_from_a_fold_steady_state_and_orbits_have_the_same_large_gradient():
+    x = moved(FOLDING, F, lost(Kind.fold).value * (1.0 + 1e-8))
+    o = orbits([x])
+    settled = exact(x, o.state[0, 0])
+    assert settled.status == "rocking"
+    assert settled.slopes[0, F] > 1000.0
+    assert settled.slopes[0, F] == pytest.approx(o.slopes[0, 0, 0, F], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("half", "dent", "status"),
+    [
+        (0.5, 1.0, "rocking"),
+        (1.5, 1.0, "unstable"),
+        (1.0 - 1e-7, 1.0, "near_fold"),
+        (1.0 - 1e-5, 1.0, "rocking"),
+        (0.5, 1e-8, "grazing"),
+        (0.5, 1e-6, "rocking"),
+    ],
+)
+def test_an_orbit_about_to_be_lost_has_a_name_and_no_derivative(half, dent, status):
+    halves, one = jnp.array([half, 0.1, -0.1, 0.0]) + 0.0j, jnp.ones(())
+
+    def amplitude(size: jax.Array) -> tuple[jax.Array, Status]:
+        margins = _Margins(one, one, one, one, jnp.asarray(dent))
+        of = _Described(size, one, jnp.ones(4), one, one, halves, margins)
+        named, numbers, _, _ = _answered(of, jnp.asarray(True))
+        return numbers[0], named
+
+    size, slope, named = jax.jvp(amplitude, (jnp.asarray(0.1),), (one,), has_aux=True)
+    assert status_name(named) == status
+    assert size == 0.1
+    assert np.isfinite(slope) == (status in ("rocking", "unstable"))
+
+
+# Breaking of symmetry
+
+LEANING = (*UNSTABLE[0], 1.0)
+
+
+def test_the_symmetric_orbit_loses_its_stability_and_keeps_its_gradient_where_symmetry_breaks():
+    b, distances = lost(Kind.symmetry_breaking), 10.0 ** np.linspace(-7.0, -3.0, 9)
+    below, above = (among(LEANING, "xi", b.value * (1.0 + s * distances)) for s in (-1.0, 1.0))
+    assert set(below.status[:, 0]) == {"unstable"}
+    assert set(above.status[:, 0]) == {"rocking"}
+    for o, sign in ((below, -1.0), (above, 1.0)):
+        assert power(distances, sign * o.symmetry[:, 0]) == pytest.approx(1.0, abs=0.01)
+        assert np.all(np.abs(np.abs(o.multipliers[:, 0]).max(axis=1) - 1.0) < 50.0 * distances)
+    np.testing.assert_allclose(below.slopes[0, 0, :6], above.slopes[0, 0, :6], rtol=1e-4, atol=1e-5)
+
+
+def test_beyond_the_breaking_steady_state_refuses_the_symmetric_orbit():
+    x = moved(LEANING, XI, lost(Kind.symmetry_breaking).value * 0.98)
+    answer = exact(x, orbits([x]).state[0, 0])
+    assert answer.status == "unstable"
+    assert np.isfinite(answer.amplitude)
+    assert np.all(np.isnan(answer.slopes))
+
+
+def test_beyond_the_breaking_the_motion_leans_as_the_root_and_its_gradient_grows_as_the_inverse():
+    b, distances = lost(Kind.symmetry_breaking), 10.0 ** np.linspace(-2.0, -4.5, 6)
+    straight = among(LEANING, "xi", b.value * (1.0 - distances))
+    lean, leans, slopes = 0.01 * straight.state[0, 0], [], []
+    for i, distance in enumerate(distances):
+        answer = exact(moved(LEANING, XI, b.value * (1.0 - distance)), straight.state[i, 0] + lean)
+        assert answer.status == "rocking"
+        assert not bool(answer.steady.symmetric)
+        leans.append(answer.amplitude - straight.amplitude[i, 0])
+        slopes.append(straight.slopes[i, 0, 0, XI] - answer.slopes[0, XI])
+        lean = (np.asarray(answer.steady.state) - straight.state[i, 0]) * 10.0**-0.25
+    assert power(distances[2:], np.array(leans)[2:]) == pytest.approx(0.5, abs=0.02)
+    assert power(distances[2:], np.array(slopes)[2:]) == pytest.approx(-0.5, abs=0.02)
+
+
+def test_a_motion_that_leans_is_not_called_symmetric():
+    lopsided = (0.19, 0.04, 0.58, 0.1, 0.09, 0.43, 1.66, 0.81)
+    answer = exact(lopsided, (-0.0117, 0.66787, 0.26387, -0.93402))
+    assert answer.status == "rocking"
+    assert int(answer.steady.periods) == 1
+    assert not bool(answer.steady.symmetric)
+    assert bool(exact(BARE[0].x, BARE[0].y0).steady.symmetric)
+
+
+# Grazing
+
+
+def tossed() -> tuple[np.ndarray, float, float, float]:
+    """A bare block falling towards its base while the forcing turns it: parameters, the time of the start,
+    the speed with which it touches its base and no more, and when it does."""
+    nu, k, f, xi, tilt = 0.2, 0.03, 0.7, 3.0, 0.05
+    begin = (1.5 * np.pi - 1.2) / xi
+
+    # phi'' - phi = k - nu - f sin(xi tau) while it falls.
+    def fall(v: float, s: float) -> tuple[float, float]:
+        def forced(tau: float) -> tuple[float, float]:
+            share = f / (1.0 + xi**2)
+            return nu - k + share * np.sin(xi * tau), xi * share * np.cos(xi * tau)
+
+        (phi0, rate0), (phi, rate) = forced(begin), forced(begin + s)
+        a, b = tilt - phi0, -v - rate0
+        return a * np.cosh(s) + b * np.sinh(s) + phi, a * np.sinh(s) + b * np.cosh(s) + rate
+
+    v, s = fsolve(lambda u: fall(*u), (0.25, 0.4), xtol=1e-14)
+    assert np.abs(fall(v, s)).max() < 1e-14
+    return np.array((nu, 0.0, 0.4, 0.2, k, f, xi, 1.0)), begin, float(v), float(s)
+
+
+def test_past_a_touch_of_the_base_the_derivative_of_the_motion_grows_as_the_inverse_root():
+    x, begin, v, touch = tossed()
+    times = begin + np.linspace(0.0, 1.3 * touch, SAMPLES)
+
+    def slope(distance: float) -> float:
+        _, slopes, _ = along(x, (0.05, 0.0, -v * (1.0 + distance), 0.0), times)
+        return abs(slopes[-1, 2, 2])
+
+    distances = 10.0 ** np.linspace(-9.0, -3.0, 7)
+    short = [slope(-d) for d in distances]
+    assert np.ptp(short) < 1e-2 * short[0]
+    past = np.array([slope(d) for d in distances])
+    assert power(distances, past) == pytest.approx(-0.5, abs=0.02)
+
+
+def test_next_to_a_grazing_the_gradient_is_refused_by_name():
+    b, distances = lost(Kind.grazing), 10.0 ** np.linspace(-9.0, -3.0, 7)
+    o = among(TOUCHING, "f", b.value * (1.0 - distances))
+    # The margin vanishes in proportion: below 1e-7 of what is usual it is called grazing.
+    assert power(distances, o.grazing[:, 1]) == pytest.approx(1.0, abs=0.01)
+    told = o.status[:, 1] == "grazing"
+    np.testing.assert_array_equal(told, o.grazing[:, 1] < 1e-7)
+    assert 2 <= told.sum() <= 4
+    assert np.all(np.isnan(o.slopes[told, 1]))
+    assert np.all(np.isfinite(o.slopes[~told, 1]))
+    np.testing.assert_allclose(o.amplitude[told, 1], b.amplitude, rtol=1e-6)
+    assert among(TOUCHING, "f", np.array([b.value * (1.0 + 1e-6)])).status[0, 1] == "no_orbit"
+
+
+def judged(**what: float) -> str:
+    """What `steady_state` calls a motion that repeats, of which all else is in order."""
+    usual = {"gentlest": 1.0, "residual": 0.0, "multiplier": 0.5, "to_fold": 0.5, "separation": np.nan}
+    given = {name: jnp.asarray(value) for name, value in {**usual, **what}.items()}
+    one, y = jnp.asarray(1), jnp.array([0.05, 0.1, 0.0, 0.2])
+    sizes = jnp.array([0.1, 0.2])
+    repeats = Settled(y, None, one, sizes[0], sizes[1], Status.rocking, one, sizes[0], sizes[1])
+    orbit = _Orbit(
+        y, given["residual"], y, sizes, jnp.zeros((6, 9)), jnp.zeros((6, 4)), given["gentlest"], sizes[0]
+    )
+    rest = (given[name] for name in ("multiplier", "to_fold", "separation"))
+    return status_name(_verdict(repeats, orbit, *rest, jnp.asarray(0.0)))
+
+
+@pytest.mark.parametrize(
+    ("what", "status"),
+    [
+        ({}, "rocking"),
+        ({"gentlest": 1e-8}, "grazing"),
+        ({"gentlest": 1e-6}, "rocking"),
+        ({"to_fold": 1e-6}, "near_fold"),
+        ({"to_fold": 1e-5}, "rocking"),
+        ({"multiplier": 1.001}, "unstable"),
+        ({"residual": 1e-7}, "not_settled"),
+        ({"residual": np.nan}, "not_settled"),
+        ({"separation": 0.1}, "aperiodic"),
+    ],
+)
+def test_the_verdict_has_a_name_for_each_loss(what, status):
+    assert judged(**what) == status
+
+
+# Sticking and rattling
+
+
+def test_where_sticking_begins_amplitude_and_gradient_are_continuous_and_the_status_changes():
+    b, distances = lost(Kind.sticking), 10.0 ** np.linspace(-6.0, -3.0, 7)
+    o = among(HELD, "f", b.value * (1.0 + distances))
+    assert set(o.status[:, 0]) == {"rocking"}
+    assert power(distances, o.sticking[:, 0]) == pytest.approx(1.0, abs=0.01)
+    slips, sticks = (exact(moved(HELD, F, b.value * (1.0 + d)), o.state[0, 0]) for d in (1e-6, -1e-6))
+    assert (slips.status, sticks.status) == ("rocking", "sticking")
+    assert sticks.amplitude == pytest.approx(slips.amplitude, rel=1e-4)
+    np.testing.assert_allclose(sticks.slopes[0], slips.slopes[0], rtol=1e-3, atol=1e-5)
+    beyond = moved(HELD, F, b.value * (1.0 - 1e-3))
+    answer = exact(beyond, o.state[0, 0])
+    assert answer.status == "sticking"
+    expected = differences(lambda x: exact(x, answer.steady.state).amplitude, beyond, F, share=1e-4)
+    assert answer.slopes[0, F] == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_block_that_friction_holds_for_a_while_is_called_sticking():
+    start = (0.034, 0.1, 0.0, 0.0)
+    assert exact(moved(HELD, F, 0.322), start).status == "sticking"
+    assert exact(moved(HELD, F, 0.33), start).status == "rocking"
+
+
+@jax.jit
+def _hops(x: jax.Array, y0: jax.Array, span: jax.Array, quiet: jax.Array) -> tuple:
+    log = record(Plant(parameters(x)), y0, span, room=256, quiet=quiet)
+    met = jnp.arange(log.ending.size) < log.met
+    return jnp.sum(met & (log.ending == LANDING)), log.last.kind, log.overflow
+
+
+def hops(x: Any, tilt: float, quiet: float) -> int:
+    """Impacts of a block let go at a tilt until it is captured at rest, below a speed in units of nu."""
+    count, kind, overflow = _hops(
+        np.array(x), np.array([tilt, 0.0, 0.0, 0.0]), np.array(20.0), np.array(quiet * x[NU])
+    )
+    assert int(kind) == RESTING
+    assert not bool(overflow)
+    return int(count)
+
+
+def test_the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed():
+    nu, e, tilt = 0.2, 0.8, 0.01
+    x = (nu, 0.0, 0.4, 0.2, 0.0, 0.0, 1.0, e)
+    # Without friction every hop lands as fast as it began: speeds fall by e.
+    fastest = np.sqrt(2.0 * nu * tilt - tilt**2)
+    for quiet in (1e-2, 1e-4, 1e-6, 2e-7):
+        assert hops(x, tilt, quiet) == 1 + np.ceil(np.log(quiet * nu / fastest) / np.log(e))
+
+
+def test_friction_ends_a_rattle_without_impact_loss_as_fast_as_its_ratio_says():
+    nu, k = 0.2, 0.05
+    x = (nu, 0.0, 0.4, 0.2, k, 0.0, 1.0, 1.0)
+    # Up against weight and friction, down against weight less friction.
+    ratio = np.sqrt((nu - k) / (nu + k))
+    more = hops(x, 0.01, 1e-7) - hops(x, 0.01, 1e-3)
+    assert more == pytest.approx(np.log(1e-4) / np.log(ratio), abs=1.0)
+
+
+@jax.jit
+def _after(x: jax.Array, y0: jax.Array, span: jax.Array, quiet: jax.Array) -> tuple:
+    plant, zero = Plant(parameters(x)), jnp.zeros_like(span)
+    first = start(plant, classify(plant, y0, zero), y0, zero)
+    motion, y = advance(plant, first, span, quiet=quiet, max_steps=4000)
+    return y, motion.mode.kind, motion.steps
+
+
+def test_what_capture_leaves_out_is_below_the_square_of_its_speed():
+    x, y0 = np.array((0.2, 0.2, 0.5, 0.1, 0.02, 0.05, 2.0, 0.8)), np.array([0.02, 0.05, 0.0, 0.0])
+    speeds, span, ends = 0.2 * 10.0 ** -np.linspace(1.0, 4.0, 25), np.array(10.0), []
+    for quiet in (*speeds, 2e-8):
+        y, kind, _ = _after(x, y0, span, np.array(quiet))
+        assert int(kind) == RESTING
+        ends.append(np.asarray(y))
+    apart = np.linalg.norm(np.array(ends[:-1]) - ends[-1], axis=1)
+    assert np.all(apart < speeds**2)
+    # Here even its third power: the bob follows the rod, which is back where it was after every hop.
+    assert np.all(apart < 50.0 * speeds**3)
+    assert power(speeds[[0, 9, 17]], apart[[0, 9, 17]]) == pytest.approx(3.0, abs=0.2)
+    # A threshold that rounding hides is never met: the bound on the steps ends it, which is told.
+    _, kind, steps = _after(x, y0, span, np.array(1e-11))
+    assert int(kind) != RESTING
+    assert int(steps) == 4000
+
+
+# Motion that does not repeat
+
+
+def test_the_gradient_through_a_chaotic_simulation_grows_at_the_reported_rate():
+    answer = exact(CHAOTIC)
+    assert answer.status == "aperiodic"
+    assert np.all(np.isnan(answer.slopes))
+    # Over the hundred periods after those that were followed, as in the report.
+    p, period = as_arrays(parameters(CHAOTIC)), 2.0 * np.pi / CHAOTIC[XI]
+    settled = eqx.filter_jit(Piecewise().settle)(p, jnp.zeros(4))
+    assert status_name(settled.status) == "not_settled"
+    times = np.arange(SAMPLES) * period
+    _, slopes, status = along(CHAOTIC, settled.y, times)
+    assert status == "rocking"
+    scale = np.asarray(scale_of(p))
+    sizes = np.linalg.norm(slopes @ scale / scale, axis=1)[:101]
+    assert sizes[-1] > 1e15
+    rate = np.polyfit(times[10:101], np.log(sizes[10:]), 1)[0]
+    assert rate == pytest.approx(float(answer.steady.lyapunov), rel=0.1)
+    assert np.log(sizes[-1] / sizes[0]) / times[100] == pytest.approx(float(answer.steady.lyapunov), rel=0.05)
+
+
+def test_shooting_has_the_gradient_of_an_orbit_inside_chaos_where_simulation_loses_it():
+    o = orbits([CHAOTIC])
+    i = list(o.status[0]).index("unstable")
+    orbit = near(CHAOTIC, o.state[0, i])
+    assert status_name(orbit.status) == "unstable"
+    answer = carried(CHAOTIC, orbit)
+    assert np.abs(answer.slopes[0]).max() < 10.0
+    np.testing.assert_allclose(answer.slopes[0], o.slopes[0, i, 0], rtol=1e-8, atol=1e-9)
+    multiplier = np.abs(o.multipliers[0, i]).max()
+    assert multiplier > 1.1
+    periods = np.arange(SAMPLES) * 2.0 * np.pi / CHAOTIC[XI]
+    _, slopes, _ = along(CHAOTIC, o.state[0, i], periods)
+    sizes = np.linalg.norm(slopes, axis=(1, 2))
+    assert sizes[100] > 1e5
+    rate = np.polyfit(np.arange(20, 101), np.log(sizes[20:101]), 1)[0]
+    assert rate == pytest.approx(np.log(multiplier), rel=0.02)
+
+
+@pytest.mark.slow
+def test_the_rates_agree_over_two_thousand_periods():
+    answer = solver(Piecewise(lyapunov_periods=2000), 8)(CHAOTIC)
+    y, times = answer.steady.state, np.arange(SAMPLES) * 2.0 * np.pi / CHAOTIC[XI]
+    rates = []
+    for _ in range(10):
+        ys, slopes, _ = along(CHAOTIC, y, times)
+        sizes = np.linalg.norm(slopes, axis=(1, 2))
+        rates.append(np.polyfit(times[20:], np.log(sizes[20:]), 1)[0])
+        y = ys[-1]
+    assert np.mean(rates) == pytest.approx(float(answer.steady.lyapunov), rel=0.05)
+
+
+# Overturning
+
+
+@pytest.mark.parametrize(
+    "solve", [exact, smoothed, nonlinear], ids=["piecewise", "smoothed", "segmented nonlinear"]
+)
+def test_every_model_tells_an_overturning_and_refuses_its_gradient(solve):
+    answer = solve(OVERTURNING)
+    assert answer.status == "overturned"
+    assert answer.amplitude == answer.stroke == np.inf
+    assert np.all(np.isnan(answer.slopes))
+    assert np.isnan(answer.steady.multiplier)
+
+
+def test_a_free_block_let_go_next_to_its_balance_falls_after_the_logarithm_of_the_distance():
+    nu = 0.2
+    x = (nu, 0.0, 0.4, 0.2, 0.0, 0.0, 1.0, 1.0)
+    for distance in (1e-3, 1e-6, 1e-9):
+        back = np.arccosh(1.0 / distance)
+        times = np.linspace(0.0, back * (1.0 + 1e-6), SAMPLES)
+        ys, slopes, status = along(x, (nu * (1.0 - distance), 0.0, 0.0, 0.0), times)
+        assert status == "rocking"
+        assert ys[-2, 0] > 0.0 > ys[-1, 0]
+        # What a start is off by has grown as much.
+        assert slopes[-2, 0, 0] == pytest.approx(np.cosh(times[-2]), rel=1e-6)
+        _, _, status = along(x, (nu * (1.0 + distance), 0.0, 0.0, 0.0), np.linspace(0.0, 2.0 * back, SAMPLES))
+        assert status == "overturned"
+
+
+def boundary(solve: Any, x: Any, low: float, high: float, steps: int) -> list:
+    """Answers from starts that close in on the tilt from which the block overturns."""
+    answers = []
+    for _ in range(steps):
+        tilt = 0.5 * (low + high)
+        answers.append(solve(x, (tilt, 0.0, 0.0, 0.0)))
+        low, high = (low, tilt) if answers[-1].status == "overturned" else (tilt, high)
+    return answers
+
+
+def assert_named(answers: list, amplitude: float, saddle: float, rtol: float) -> None:
+    """Every one is the attractor with its gradient, or rest, or lost, or the saddle in between, refused."""
+    assert {a.status for a in answers} == {"rocking", "rest", "overturned", "unstable"}
+    for a in answers:
+        size = {"rocking": amplitude, "rest": 0.0, "overturned": np.inf, "unstable": saddle}[a.status]
+        assert a.amplitude == pytest.approx(size, rel=rtol)
+        assert np.all(np.isfinite(a.slopes[0])) == (a.status in SETTLED)
+
+
+def test_starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name():
+    answers = boundary(exact, BARE[1].x, 0.16, 0.3, 50)
+    saddle = next(a.amplitude for a in answers if a.status == "unstable")
+    assert saddle > 0.2
+    assert_named(answers, BARE[1].amplitude, saddle, 1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solve", [smoothed, nonlinear], ids=["smoothed", "segmented"])
+def test_the_same_of_the_integrated_models(solve):
+    answers = boundary(solve, BARE[1].x, 0.16, 0.3, 24)
+    sizes = {a.status: a.amplitude for a in answers}
+    assert_named(answers, sizes["rocking"], sizes["unstable"], 1e-8)
+    assert sizes["rocking"] == pytest.approx(BARE[1].amplitude, rel=0.01)
+
+
+# Limits
+
+
+def test_at_resonance_a_bob_under_a_resting_block_swings_by_its_damping_alone():
+    nu, lam, f = 0.25, 0.8, 0.1
+    xi = np.sqrt((1.0 + nu**2) / (0.75 * lam))
+    for zeta in (1e-1, 1e-3, 1e-6):
+        light = exact((nu, 0.0, lam, zeta, 0.05, f, xi))
+        assert light.status == "rest"
+        assert light.stroke == pytest.approx(f / (2.0 * zeta), rel=1e-9)
+        assert light.slopes[1, ZETA] == pytest.approx(-f / (2.0 * zeta**2), rel=1e-6)
+    assert exact((nu, 0.1, lam, 0.1, 0.05, f, xi)).status == "rest"
+    for zeta in (1e-2, 1e-4, 1e-6, 1e-8):
+        heavy = exact((nu, 0.1, lam, zeta, 0.05, f, xi))
+        assert heavy.status in ("overturned", "event_bound")
+        assert np.all(np.isnan(heavy.slopes))
+
+
+def test_resonance_without_damping_to_the_last_digit_is_told():
+    # 1 - lam rho xi^2 is zero.
+    for mu in (0.0, 0.1):
+        answer = exact((0.5, mu, 1.0 / 0.6, 0.0, 0.05, 0.1, 1.0))
+        assert answer.status == "failed"
+        assert np.isnan(answer.amplitude)
+        assert np.all(np.isnan(answer.slopes))
+
+
+def test_a_slender_block_s_amplitude_is_in_proportion_as_nu_vanishes():
+    shares = np.array([1e-1, 1e-2, 1e-3, 1e-8])
+    answers = [exact(np.array(HUNG[3].x) * np.array([s, 1, 1, 1, s, s, 1])) for s in shares]
+    assert {a.status for a in answers} == {"rocking"}
+    sizes = np.array([a.amplitude for a in answers]) / shares
+    # rho is all that changes, by nu^2.
+    assert power(shares[:3], np.abs(sizes[:3] - sizes[3])) == pytest.approx(2.0, abs=0.01)
+    assert answers[3].slopes[0, NU] == pytest.approx(answers[2].slopes[0, NU], rel=1e-6)
+
+
+def fast_limit(nu: float, k: float, f: float) -> float:
+    """What xi^2 times the amplitude of a bare block tends to as xi grows: u = xi^2 phi obeys u'' = k - nu -
+    f sin(theta + gamma) from the turn on, and 2 nu more after u = 0."""
+
+    def conditions(unknown: np.ndarray) -> list[float]:
+        top, crossing, gamma = unknown
+
+        def u(theta: float) -> float:
+            bend = 0.5 * (k - nu) * theta**2 + nu * max(theta - crossing, 0.0) ** 2
+            return top + bend + f * (np.sin(theta + gamma) - np.sin(gamma) - theta * np.cos(gamma))
+
+        turning = (k - nu) * np.pi + 2.0 * nu * (np.pi - crossing) - 2.0 * f * np.cos(gamma)
+        return [u(crossing), u(np.pi) + top, turning]
+
+    return float(fsolve(conditions, (0.74, 1.4, 1.2), xtol=1e-13)[0])
+
+
+def test_under_fast_shaking_the_amplitude_is_that_of_a_block_that_nothing_topples():
+    nu, k, f = 0.2, 0.05, 0.5
+    limit = fast_limit(nu, k, f)
+    rates = np.array([10.0, 30.0, 100.0, 300.0])
+    o = among((nu, 0.0, 0.4, 0.2, k, f, 1.0, 1.0), "xi", rates)
+    assert set(o.status[:, 0]) == {"rocking"}
+    apart = np.abs(o.amplitude[:, 0] * rates**2 / limit - 1.0)
+    assert power(rates, apart) == pytest.approx(-2.0, abs=0.05)
+    for i in (0, 2):
+        answer = exact((nu, 0.0, 0.4, 0.2, k, f, rates[i]))
+        assert answer.amplitude == pytest.approx(o.amplitude[i, 0], rel=1e-9)
+    # Farther out the events are too gentle by the scales of the exact model, and it says so.
+    for rate in (1e4, 1e6):
+        assert exact((nu, 0.0, 0.4, 0.2, k, f, rate)).status not in SETTLED
+
+
+def test_under_slow_shaking_the_block_rests_or_overturns_and_the_bob_follows():
+    rates = np.array([1e-1, 1e-2, 1e-3])
+    answers = [exact((0.2, 0.1, 0.4, 0.2, 0.05, 0.1, xi)) for xi in rates]
+    assert {a.status for a in answers} == {"rest"}
+    assert power(rates, np.array([a.stroke - 0.1 for a in answers])) == pytest.approx(2.0, abs=0.01)
+    for xi in rates:
+        assert exact((0.2, 0.1, 0.4, 0.2, 0.05, 0.5, xi)).status == "overturned"
+
+
+def test_a_period_too_long_to_be_followed_is_told():
+    for xi in (1e-6, 1e-8):
+        for f in (0.1, 0.5):
+            answer = exact((0.2, 0.1, 0.4, 0.2, 0.05, f, xi))
+            assert answer.status in ("event_bound", "failed", "overturned")
+            assert np.all(np.isnan(answer.slopes))
+    assert exact((0.2, 0.1, 0.4, 0.2, 0.05, 0.1, 1e-6)).status == "event_bound"
+
+
+@pytest.mark.parametrize("f", [1e1, 1e6, 1e100, 1e300])
+def test_huge_shaking_overturns_or_is_told_to_be_beyond_numbers(f):
+    answer = exact((0.2, 0.1, 0.4, 0.2, 0.05, f, 3.5))
+    assert answer.status == ("failed" if f == 1e300 else "overturned")
+    assert np.all(np.isnan(answer.slopes))
+
+
+def test_far_outside_every_design_there_is_no_nan_with_a_settled_status():
+    rng = np.random.default_rng(7)
+    low = np.array([1e-6, 1e-9, 1e-3, 1e-2, 1e-6, 1e-4, 1e-1, 1e-3])
+    high = np.array([0.5, 1e6, 1e6, 1e3, 1e2, 1e6, 1e4, 1.0])
+    met = set()
+    for _ in range(60):
+        x = np.exp(rng.uniform(np.log(low), np.log(high)))
+        if rng.random() < 0.5:
+            x[F], x[K] = x[NU] * np.exp(rng.uniform(-1.0, 3.0)), x[NU] * rng.random()
+        answer = exact(x, rng.uniform(-1.0, 1.0, 4) * x[NU] * (rng.random() < 0.3))
+        sizes = [answer.amplitude, answer.stroke, *np.asarray(answer.steady.state), *answer.slopes[0]]
+        assert np.all(np.isfinite(sizes)) or answer.status not in SETTLED, (answer.status, list(x))
+        assert np.all(np.isnan(answer.slopes)) or answer.status in SETTLED, (answer.status, list(x))
+        met.add(answer.status)
+    assert met >= {"rest", "overturned"}
+
+
+@pytest.mark.slow
+def test_the_sharpest_smoothing_is_right_or_told_to_be_too_much():
+    case = HUNG[3]
+    for sharpness in (1e-4, 1e-5, 1e-6):
+        answer = solver(Smoothed(sharpness=sharpness), 7)(case.x)
+        if answer.status in SETTLED:
+            assert answer.amplitude == pytest.approx(case.amplitude, rel=max(0.1 * sharpness, 1e-7))
+        else:
+            assert answer.status in ("event_bound", "not_settled", "failed")
+            assert np.all(np.isnan(answer.slopes))
+
+
+# Numbers of 32 bits, and scales
+
+IN_32_BITS = """
+import numpy as np, tpd
+scene, pendulum = tpd.paper_scene(), tpd.Pendulum(mass=1.6, length=0.12, damping_ratio=0.1)
+p, values = scene.parameters(pendulum), np.linspace(0.3, 0.4, 9)
+band, y0 = (2.0, 3.5), np.zeros(4)
+calls = {
+    "steady_state": lambda: tpd.steady_state(p),
+    "Auto": lambda: tpd.steady_state(p, model=tpd.Auto()),
+    "simulate": lambda: tpd.simulate(p, y0, np.array([0.0, 1.0])),
+    "symmetric_orbits": lambda: tpd.symmetric_orbits(p),
+    "periodic_orbit": lambda: tpd.periodic_orbit(p, y0),
+    "sweep": lambda: tpd.sweep(p, "f", values),
+    "bifurcations": lambda: tpd.bifurcations(p, "f", 0.3, 0.4),
+    "branches": lambda: tpd.branches(p, "f", 0.3, 0.4),
+    "design_map": lambda: tpd.design_map(p, ("mu", values), ("lam", values)),
+    "attractors": lambda: tpd.attractors(p, starts=tpd.Starts(size=4, seed=0)),
+    "optimise": lambda: tpd.optimise(scene, tpd.DesignSpace()),
+    "optimise_over": lambda: tpd.optimise_over(scene, tpd.Conditions.band(scene, *band)),
+    "pareto": lambda: tpd.pareto(scene, tpd.Conditions.band(scene, *band)),
+    "verdict": lambda: tpd.verdict(scene, pendulum, ensemble=tpd.Ensemble(seed=0)),
+    "outcomes": lambda: tpd.outcomes(scene, pendulum, ensemble=tpd.Ensemble(seed=0)),
+    "check": lambda: tpd.check(scene, pendulum, stroke=0.5),
+    "settled_response": lambda: tpd.settled_response(scene, "frequency", np.array(band)),
+    "uplift": lambda: tpd.uplift(p),
+    "one_harmonic": lambda: tpd.one_harmonic(p),
+    "one_harmonic_branches": lambda: tpd.one_harmonic_branches(p),
+    "neglected_harmonics": lambda: tpd.neglected_harmonics(p),
+    "parametric_branches": lambda: tpd.parametric_branches(p),
+    "free_motion": lambda: tpd.free_motion(p),
+    "equivalent_friction": lambda: tpd.equivalent_friction(p, 0.05),
+}
+for name, call in calls.items():
+    try:
+        call()
+    except RuntimeError as error:
+        assert str(error).startswith("tpd needs 64-bit floats, but JAX is in 32-bit mode"), (name, error)
+    else:
+        raise AssertionError(name + " answers in 32 bits")
+print("refused", len(calls))
+"""
+
+
+def test_in_32_bits_every_call_refuses_by_name():
+    done = subprocess.run([sys.executable, "-c", IN_32_BITS], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert done.stdout.startswith("refused 24")
+
+
+def scene(size: float, mass: float) -> tuple[Scene, Pendulum]:
+    """The paper's block and its shaking, `size` times as large and shaken that much slower."""
+    block = Block(width=0.1 * size, height=0.4 * size, mass=mass, friction=0.05)
+    motion = Harmonic(amplitude=0.015 * size, frequency=2.5 / np.sqrt(size))
+    return Scene(block, motion), Pendulum(mass=0.05 * mass, length=0.04 * size, damping_ratio=0.1)
+
+
+@functools.cache
+def dimensionless(size: float, mass: float) -> tuple[float, ...]:
+    at, pendulum = scene(size, mass)
+    p = at.parameters(pendulum)
+    return tuple(float(getattr(p, n)) for n in ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e"))
+
+
+@pytest.mark.parametrize("height", [1e-3, 1e-1, 1e3], ids="{:g} m".format)
+@pytest.mark.parametrize("mass", [1e-6, 1e9], ids="{:g} kg".format)
+def test_neither_millimetres_nor_kilometres_change_a_dimensionless_answer(height, mass):
+    x, usual = dimensionless(height / 0.4, mass), dimensionless(1.0, 16.2)
+    np.testing.assert_allclose(x, usual, rtol=1e-14)
+    answer, expected = exact(x), exact(usual)
+    assert answer.status == expected.status == "rocking"
+    assert answer.amplitude == pytest.approx(expected.amplitude, rel=1e-11)
+    np.testing.assert_allclose(answer.slopes[0], expected.slopes[0], rtol=1e-8, atol=1e-10)
