@@ -114,10 +114,10 @@ class Segmented(AbstractModel):
 
         def one_period(y: State, mode: Mode) -> Period:
             r = self._advance(equations, _begin(equations, y, mode, jnp.zeros(())), p.period)
-            rests = _rests_for_good(p, r, y)
+            exhausted = r.segments >= self.max_events
+            rests = _rests_for_good(p, r, y) & ~exhausted
             peak = jnp.maximum(r.up, r.down)
             amplitude = jnp.where(rests, 0.0, peak)
-            exhausted = r.segments >= self.max_events
             return Period(r.y, r.mode, amplitude, r.stroke, rests, r.lost, exhausted, r.held, peak, r.stroke)
 
         mode = _classify(equations, y0, jnp.zeros(()))
