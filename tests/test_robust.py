@@ -408,5 +408,5 @@ def test_a_search_is_finished_over_what_starts_reach():
     assert np.isfinite(design.end_values).any()
     assert design.status in (OverStatus.found, OverStatus.refused)
     assert "the mean over the starts" in report.notes(design)[-1]
-    with pytest.raises(ValueError, match=r"`by_share` .* needs `reached`"):
-        tpd.optimise_over(SCENE, BAND, SPACE, by_share=True, **REACHED)
+    with pytest.raises(ValueError, match="`from_rest` and `reached` exclude each other"):
+        tpd.optimise_over(SCENE, BAND, SPACE, from_rest=True, reached=starts, **REACHED)

@@ -51,6 +51,8 @@ def run(options: argparse.Namespace) -> int:
         )
         # More rocking here may be the price of less in the worst of all conditions.
         against = replace(found, bare=math.inf).objections
+        if found.top.status == "overturned" and math.isinf(found.bare):
+            against = ()
     for objection in found.objections:
         print(f"\n{'DO NOT USE' if objection in against else 'under this shaking'}: {objection}.")
     return common.UNSOUND if against else common.SOUND

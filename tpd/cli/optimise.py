@@ -78,10 +78,9 @@ def _add_conditions(optimise: argparse.ArgumentParser) -> None:
         help="finish over the motions that N starts reach, by events, rather than over all symmetric orbits",
     )
     many.add_argument(
-        "--by-share",
+        "--worst-start",
         action="store_true",
-        default=None,
-        help="weigh these by the share of the starts that reaches them, rather than take the worst",
+        help="count the worst of these, rather than their mean over the starts",
     )
     many.add_argument("--pareto", action="store_true", help="the least rocking for every mass as well")
     many.add_argument("--resume", action="store_true", help="go on with what an interrupted run left in DIR")
@@ -114,7 +113,7 @@ def _given(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
             ("conditions", "measure", options.measure),
             ("conditions", "by_overturning", options.by_overturning),
             ("conditions", "reached", options.from_starts),
-            ("conditions", "by_share", options.by_share),
+            ("conditions", "by_share", False if options.worst_start else None),
             *(("scatter", name, width) for name, width in _scatter(options.scatter).items()),
         ],
     )

@@ -132,7 +132,9 @@ class Segmented(AbstractModel):
             run = _begin(equations, y, mode, jnp.zeros_like(p.xi))
             r = self._advance(equations, run, p.period, precise=True)
             sizes = jnp.maximum(sizes, jnp.stack([r.up, r.down, r.stroke]))
-            return r.y, r.mode, sizes, jnp.minimum(gentlest, r.gentlest)
+            # Cut short, the motion stands where it stood: that is not to pass for an orbit.
+            end = jnp.where(r.segments < self.max_events, r.y, jnp.nan)
+            return end, r.mode, sizes, jnp.minimum(gentlest, r.gentlest)
 
         first = (y, settled.memory, jnp.stack([zero, zero, zero]), jnp.full_like(zero, jnp.inf))
         y, mode, (up, down, stroke), gentlest = jax.lax.fori_loop(0, settled.periods, one_period, first)
@@ -159,7 +161,7 @@ class Segmented(AbstractModel):
         (_, _, lost, exhausted, failed), ys = jax.lax.scan(leg, first, intervals)
         status = Status.where(lost, Status.overturned, Status.rocking)
         status = Status.where(exhausted, Status.event_bound, status)
-        # A solver that gave up leaves NaN where an overturning block is far, but somewhere.
+        # Numbers that are not finite: an overturning block is far, but somewhere.
         status = Status.where(failed, Status.failed, status)
         return jnp.concatenate([y0[None], ys]), status
 

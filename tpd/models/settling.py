@@ -75,7 +75,8 @@ class Record(NamedTuple):
             push(period.amplitude, self.amplitudes),
             push(period.stroke, self.strokes),
             push(period.held, self.held),
-            repeats,
+            # A motion that was cut short stands where it stood, which is no repetition.
+            jnp.where(period.exhausted, 0, repeats),
             period.rests,
             period.lost,
             period.exhausted,

@@ -40,7 +40,7 @@ class Wanted:
     from_rest: bool = False
     reached: int = 0
     """Starts that the search is finished over, at what they reach; 0 for all symmetric orbits instead."""
-    by_share: bool = False
+    by_share: bool = True
     by_overturning: bool = False
 
     def __post_init__(self) -> None:
@@ -52,8 +52,8 @@ class Wanted:
         checks.count("samples", self.samples)
         checks.within("share", self.share, 1e-9, 1.0)
         checks.count("reached", self.reached, least=0)
-        if self.by_share and not self.reached:
-            raise ValueError("`by_share` weighs what starts reach: `reached` must be 1 or more, but is 0")
+        if self.from_rest and self.reached:
+            raise ValueError(f"`from_rest` is for one start: `reached` must then be 0, but is {self.reached}")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -58,7 +58,7 @@ class Judge:
 
     def best_of(self, search: Search) -> tuple[OverStatus, tuple[Judged, ...]]:
         """The best design that nothing is to be said against, after those that something is."""
-        if np.all(self.bare.kind == KINDS.index("rest")):
+        if np.all(self.bare.kind == KINDS.index("rest")) and not np.any(self.bare.lost):
             return OverStatus.no_uplift, ()
         order = search.order()
         if not len(order):

@@ -56,6 +56,8 @@ class Told(NamedTuple):
     """Index into `KINDS`."""
     lost: np.ndarray | float = 0.0
     """Share of the starts that overturn, where starts are followed: tilt and stroke are of the others."""
+    loose: np.ndarray | float = 0.0
+    """Share of the starts whose motion has no derivative: not settled, grazing or about to vanish."""
 
     @property
     def attracts(self) -> np.ndarray:

@@ -22,6 +22,9 @@ from tpd.robust.search import Search
 from tpd.scene import Scene
 from tpd.search import Progress
 
+FOLLOWED = 500
+"""Most forcing periods that a start is followed for its motion: what decays slowly has a slope as well."""
+
 
 def optimise_over(
     scene: Scene,
@@ -32,7 +35,7 @@ def optimise_over(
     limits: Limits | None = None,
     from_rest: bool = False,
     reached: Starts | None = None,
-    by_share: bool = False,
+    by_share: bool = True,
     by_overturning: bool = False,
     ensemble: Ensemble | None = None,
     starts: int = 64,
@@ -61,7 +64,8 @@ def optimise_over(
         reached: finish the search over the motions that these starts settle into, followed by events under
             every condition, rather than over all symmetric orbits.
         by_share: of these the mean over the starts counts, every motion weighted by the share of the starts
-            that reaches it, rather than the worst.
+            that reaches it; otherwise the worst start, which asks for the uplift margin alone as long as one
+            of them overturns.
         by_overturning: of the designs found that rock less than the bare block, look first at those that
             overturn under the fewest conditions from rest, rather than at those that rock least.
         ensemble: that judges; default `Ensemble()`, its runs dealt out among the conditions.
@@ -80,8 +84,8 @@ def optimise_over(
     for name, value in {"starts": starts, "steps": steps, "screening": screening}.items():
         checks.count(name, value)
     checks.count("seed", seed, least=0)
-    if by_share and reached is None:
-        raise ValueError("`by_share` weighs the motions that starts reach: it needs `reached`, which is None")
+    if from_rest and reached is not None:
+        raise ValueError("`from_rest` and `reached` exclude each other: one start, or several")
     limits = Limits() if limits is None else limits
     space = _narrowed(DesignSpace() if space is None else space, scene, limits)
     measure = Measure.worst() if measure is None else measure
@@ -91,15 +95,15 @@ def optimise_over(
     problem = (scene, conditions, space, measure, limits, from_rest, search.settings)
     kept = Kept.of(checkpoint, problem if reached is None else (*problem, reached, by_share))
     search.run(kept)
-    if reached is not None:
-        objective = ReachedObjective(
-            **vars(objective), starts=reached, by_share=by_share, periods=ensemble.periods
-        )
-        if len(search.units) and not search.interrupted:
-            search = search.carry_on(objective, kept)
+    if reached is not None and len(search.units) and not search.interrupted:
+        finer = ReachedObjective(**vars(objective), starts=reached, by_share=by_share, periods=FOLLOWED)
+        on = search.carry_on(finer, kept)
+        if on.groups:
+            search, objective = on, finer
+        search.interrupted = on.interrupted
     judge = Judge(scene, objective, ensemble, by_overturning, progress)
     status, judged = judge.best_of(search)
-    offered = judged[-1] if status is OverStatus.found or (search.interrupted and judged) else None
+    offered = judged[-1] if judged and not judged[-1].objections else None
     return DesignOver(
         scene=scene,
         conditions=conditions,
@@ -107,7 +111,7 @@ def optimise_over(
         measure=measure,
         limits=limits,
         from_rest=from_rest,
-        reached=reached,
+        reached=objective.starts if isinstance(objective, ReachedObjective) else None,
         by_share=by_share,
         status=OverStatus.interrupted if search.interrupted else status,
         pendulum=None if offered is None else pendulum_of(scene, offered),

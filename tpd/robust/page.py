@@ -189,7 +189,13 @@ def _search(shown: Shown) -> Section:
     design = shown.design
     counts = {s: design.starts.count(s) for s in dict.fromkeys(design.starts)}
     words = (
-        f"{design.evaluations} designs under all conditions, from {len(design.starts)} starts: "
+        f"{design.evaluations} designs under all conditions, from {design.settings['starts']} starts"
+        + (
+            ""
+            if design.reached is None
+            else f", the best {len(design.starts)} finished over what starts reach"
+        )
+        + ": "
         + "; ".join(f"{n} {s.value}" for s, n in counts.items())
     )
     return Section(

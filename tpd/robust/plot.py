@@ -33,7 +33,8 @@ def plot_conditions(design: DesignOver, axes: Any = None) -> Any:
         told.append(
             (design.winner.told, design.winner.reached, "with the pendulum", {"color": BLUE, "marker": "o"})
         )
-    tilts = [np.where(t.attracts[0], t.tilt[0], np.nan)[order] * nu for t, *_ in told]
+    shown = [t.attracts[0] if design.reached is None else np.isfinite(t.tilt[0]) for t, *_ in told]
+    tilts = [np.where(on, t.tilt[0], np.nan)[order] * nu for on, (t, *_) in zip(shown, told, strict=True)]
     top = 1.3 * max((float(np.nanmax(t)) for t in tilts if np.isfinite(t).any()), default=1.0)
     for i, (t, reached, what, style) in enumerate(told):
         axes[0].plot(x, tilts[i], ms=3.5, lw=1.2, ls="-" if i else "--", label=what, **style)

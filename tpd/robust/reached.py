@@ -71,16 +71,20 @@ class ReachedObjective(Objective):
             multiplier=np.where(gone.all(axis=-1), np.inf, multiplier),
             kind=_pick(kind, worst),
             lost=gone.mean(axis=-1),
+            loose=(kind == _UNSTABLE).mean(axis=-1),
         )
 
     def elasticities(self, told: Told, design: np.ndarray) -> dict[str, float]:
         """d ln(value)/d ln(x) of mass, length and damping ratio, as long as every start reaches the motion
-        that it does: from the slopes of the merits, weighted as the measure does."""
+        that it does: from the slopes of the merits, weighted as the measure does. None where a motion that
+        counts has no slope."""
         value, n = float(self.value(told)[0]), len(self.conditions)
         left, weights = 1.0, np.zeros(n)
         for i in np.argsort(-told.merit[0], kind="stable"):
             weights[i] = min(self.measure.cap(n), left)
             left -= weights[i]
+        if np.any(np.broadcast_to(told.loose, told.kind.shape)[0][weights > 0.0]):
+            return {}
         slopes = weights @ told.merit_slope[0]
         return {
             name: float(slope * x / abs(value))

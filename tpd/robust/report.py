@@ -43,13 +43,13 @@ def text(design: DesignOver, front: Front | None = None) -> str:
             lines += ["", "refused: mu {:.4g}, lam {:.4g}, zeta {:.4g}".format(*at)]
             lines += [f"  {o}" for o in judged.objections]
     if front is not None:
-        lines += ["", "largest mass ratio    value (tilt over nu)"]
+        lines += ["", "largest mass ratio    value (tilt over nu, over all symmetric orbits)"]
         lines += [f"{m:18.4g}    {v:.4f}" for m, v in zip(front.mass_ratio, front.value, strict=True)]
     counts = Counter(s.value for s in design.starts)
-    lines += [
-        "",
-        f"searched from {len(design.starts)} starts, seed {design.seed}, {design.evaluations} designs:",
-    ]
+    begun = f"{len(design.starts)} starts"
+    if design.reached is not None:
+        begun = f"{design.settings['starts']} starts, {len(design.starts)} finished over what starts reach"
+    lines += ["", f"searched from {begun}, seed {design.seed}, {design.evaluations} designs:"]
     return "\n".join([*lines, *(f"  {n} of them {s}" for s, n in counts.items())]) + "\n"
 
 
@@ -84,7 +84,12 @@ def notes(design: DesignOver) -> list[str]:
                 f"from {np.mean(winner.told.lost):.1%} of the starts the block overturns with the pendulum, "
                 f"from {np.mean(design.bare.lost):.1%} without: tilts are those of the others."
             )
-        elif np.any(~winner.told.attracts):
+        if np.any(winner.told.loose):
+            out.append(
+                f"of {np.mean(winner.told.loose):.1%} of the starts the motion does not repeat, or is about "
+                "to vanish: it counts by its largest tilt, and the search saw no slope there."
+            )
+        if design.reached is None and np.any(~winner.told.attracts):
             out.append(
                 f"under {int(np.sum(~winner.told.attracts))} conditions no symmetric motion attracts: what "
                 "the block does there only events tell."
@@ -109,7 +114,7 @@ def walls(block: Block, pendulum: Pendulum | None, winner: Judged) -> list[str]:
         return []
     wall, reach = 0.5 * block.width, winner.verdict.hung.quantiles("peak_stroke", (0.5,))[0]
     swing = pendulum.length * math.sin(min(reach, 0.5 * math.pi))
-    if swing <= wall:
+    if swing <= wall or not math.isfinite(reach):
         return []
     return [
         f"in half of the runs the bob swings {swing:.3g} m or more to a side, beyond the block's half width "
@@ -137,9 +142,12 @@ def _answer(design: DesignOver) -> list[str]:
 
 def worth(design: DesignOver, value: float) -> str:
     """A value of the design's measure in words."""
-    if design.reached is None or (value <= 1.0 and not design.by_share):
-        return tilt(value, design.scene.block.slenderness)
-    return f"{value:.4f} times nu, a start that overturns counted as 2 less the uplift margin"
+    followed = design.reached is not None
+    mean = design.measure.share > 0.0 or (followed and design.by_share)
+    told = f"{value:.4f} times nu, rest counted as less its uplift margin"
+    if followed and (mean or value > 1.0):
+        return told + ", a start that overturns as 2 less that margin"
+    return told if mean and value <= 0.0 else tilt(value, design.scene.block.slenderness)
 
 
 def tilt(value: float, nu: float) -> str:

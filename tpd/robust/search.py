@@ -115,12 +115,14 @@ class Search:
         on.settings, on.before = self.settings, self.evaluations
         on.screened, on.screened_value = self.screened, self.screened_value
         units = self.units[spread_out(self.units, self.order(feasible=False), on.count)]
-        on.count, number = len(units), len(self.groups)
+        on.count, begun = len(units), len(self.groups)
         try:
-            ended = kept.get(number)
-            known = objective.local(units) if ended is None else None
-            on.groups.append(on._descend(units, known, 0, 1) if ended is None else ended)
-            kept.put(number, on.groups[0])
+            for i in range(len(units)):
+                ended = kept.get(begun + i)
+                on.groups.append(
+                    on._descend(units[i : i + 1], None, i, len(units)) if ended is None else ended
+                )
+                kept.put(begun + i, on.groups[-1])
         except KeyboardInterrupt:
             on.interrupted = True
         return on
@@ -142,7 +144,9 @@ class Search:
 
     def order(self, feasible: bool = True) -> np.ndarray:
         """Those that keep to the limits, the best first; then, if wanted, those that do not."""
-        order = np.argsort(self.values, kind="stable")
+        if not self.groups:
+            return np.zeros(0, int)
+        order = np.lexsort((self.column(lambda g: g.merit), self.values))
         return order[np.isfinite(self.values[order])] if feasible else order
 
     @property
