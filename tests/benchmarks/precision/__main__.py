@@ -44,8 +44,8 @@ def batch() -> tuple[np.ndarray, np.ndarray]:
 
 
 def batches(methods: list[Method], rounds: int) -> list[str]:
-    """Gradients of a batch: seconds a design, and errors against the Taylor integrator. Of what takes a second
-    a design a few are enough, timed once."""
+    """Gradients of a batch: seconds a design, and errors against the Taylor integrator. Of what takes a
+    second a design a few are enough, timed once."""
     xs, y0s = batch()
     calls = []
     for method in methods:
@@ -65,7 +65,7 @@ def batches(methods: list[Method], rounds: int) -> list[str]:
     other = [c for c in calls if c[0].name == "heyoka, Newton"]
     exact, fastest = (other or calls)[-1][2], calls[0][3]
     lines = [
-        "| gradients of a batch | designs | microseconds a design | ratio | error: median, 90 % | no answer |",
+        "| gradients of a batch | designs | us a design | ratio | error: median, 90 % | no answer |",
         "|---" * 6 + "|",
     ]
     for method, setting, out, took in calls:
