@@ -35,7 +35,7 @@ def figure(rows: list[Row], kind: str, scenes: list[str]) -> Figure:
         ax.grid(True, which="major", color="0.9")
         ax.text(0.02, 0.98, _failures(there), transform=ax.transAxes, va="top", fontsize=6.2, color="0.25")
     for ax in axes[-1]:
-        ax.set_xlabel("relative error against 50 digits")
+        ax.set_xlabel("relative error, against 30 digits")
     for ax in axes[:, 0]:
         ax.set_ylabel("seconds, warm")
     what = "Steady amplitude" if kind == "value" else "Gradient of the steady amplitude, three parameters"
