@@ -89,8 +89,7 @@ class Setup:
 
     def check_name(self, argument: str, name: str) -> None:
         """`ValueError` unless `name`, given as `argument`, can be varied."""
-        if name not in self.names:
-            raise ValueError(f"`{argument}` must be one of {', '.join(self.names)}, but is {name!r}")
+        checks.one_of(argument, name, self.names)
         if self.scene and not self.hung and name in _OF_PENDULUM:
             raise ValueError(f"`{name}` cannot be varied without a pendulum, but none is given")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import jax
 import jax.core
@@ -55,6 +55,12 @@ def within(name: str, value: object, low: float, high: float, unit: str = "") ->
         f"between {low:g} and {high:g}{unit}",
         lambda x: (x >= low) & (x <= high),
     )
+
+
+def one_of(name: str, value: object, allowed: Sequence[str]) -> None:
+    """Raise `ValueError` unless `value` is one of the words allowed."""
+    if value not in allowed:
+        raise ValueError(f"`{name}` must be one of {', '.join(allowed)}, but is {value!r}")
 
 
 def interval(name: str, value: object, low: float, high: float) -> tuple[float, float]:

@@ -16,13 +16,20 @@ from tpd.scene import Block, Harmonic, Scene, paper_scene
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """Settings of the search; see `optimise`."""
+    """Settings of the search; see `optimise`, and over many conditions `optimise_over`."""
 
     starts: int = 8
     steps: int = 30
     screening: int = 192
-    tolerance: float = 0.01
     seed: int = 0
+    tolerance: float | None = 0.01
+    """Under one shaking only: None over many conditions."""
+    method: str | None = None
+    """Over many conditions only: None under one shaking."""
+
+
+_OVER = Search(starts=64, steps=40, screening=512, tolerance=None, method="sequential")
+"""What is meant over many conditions unless said otherwise: starts cost little there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +71,7 @@ _ALLOWED = {
     "search": [f.name for f in fields(Search)],
 }
 _PAIRS = ("space.mass_ratio", "space.length_ratio", "space.damping_ratio")
+_WORDS = ("block.restitution", "search.method")
 _WHOLE = ("search.starts", "search.steps", "search.screening", "search.seed")
 
 
@@ -75,6 +83,8 @@ def build(given: dict[str, Any]) -> Job:
     """
     merged = defaults()
     asked, ensemble = Asked.of(given), ensemble_of(given)
+    if asked is not None:
+        merged["search"] = plain(_OVER)
     for table, values in given.items():
         if table in TABLES:
             continue
@@ -86,6 +96,11 @@ def build(given: dict[str, Any]) -> Job:
             if key not in _ALLOWED[table]:
                 raise ValueError(f"unknown key `{key}` in [{table}]; allowed are {_listed(_ALLOWED[table])}")
             merged[table][key] = _typed(f"{table}.{key}", value)
+    if asked is not None:
+        # Two models that must agree on an amplitude are compared under one shaking only.
+        merged["search"]["tolerance"] = None
+    elif "method" in merged["search"]:
+        raise ValueError("`search.method` goes with conditions, such as a band: none are given")
     block = given.get("block", {})
     if "restitution" in block and "friction" not in block:
         # The default's friction goes with the default's impacts.
@@ -97,7 +112,7 @@ def build(given: dict[str, Any]) -> Job:
 
 
 def _typed(name: str, value: Any) -> Any:
-    if name == "block.restitution" and isinstance(value, str):
+    if name in _WORDS and isinstance(value, str):
         return value
     pair = name in _PAIRS and isinstance(value, list) and len(value) == 2
     numbers: list[Any] = value if pair else [value]

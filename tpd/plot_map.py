@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke, TickedStroke
 
+from tpd import checks
 from tpd.canvas import INK, LABELS, ORANGE, new_axes
 from tpd.maps import DesignMap
 
@@ -41,8 +42,7 @@ def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = Non
     Raises:
         ValueError: another quantity.
     """
-    if quantity not in _QUANTITIES:
-        raise ValueError(f"`quantity` must be one of {', '.join(_QUANTITIES)}, but is {quantity!r}")
+    checks.one_of("quantity", quantity, tuple(_QUANTITIES))
     ax = cast(Axes, new_axes(size=(7.0, 5.4)) if ax is None else ax)
     values = getattr(m, quantity)
     coloured = {"amplitude": _MOVING, "stroke": (*_MOVING, "rest"), "margin": tuple(m.counts)}[quantity]

@@ -1,5 +1,5 @@
-"""Does the gradient pay: the search of `tpd.optimise_over` against derivative-free methods, on the same exact
-objective, from ten seeds each. Prints a table a problem and draws `proof.png`.
+"""Does the gradient pay: the search of `tpd.optimise_over` against its own optax methods and against
+derivative-free ones, on the same exact objective, from ten seeds each. Prints a table a problem and draws `proof.png`.
 
 .venv/bin/python -m tests.benchmarks.proof
 """
@@ -13,7 +13,7 @@ from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from threading import Condition
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cma
 import jax
@@ -146,7 +146,7 @@ class Ledger:
         return Run(1 + np.arange(len(best)), best, time.perf_counter() - began)
 
 
-def ours(objective: Objective, seed: int, **budget: int) -> Run:
+def ours(objective: Objective, seed: int, **budget: Any) -> Run:
     """Screening, and descents from the best of it."""
     began = time.perf_counter()
     search = Search(objective, **{**OURS, **budget}, seed=seed, progress=None)
@@ -241,6 +241,8 @@ def grid(objective: Objective) -> Run:
 
 METHODS: dict[str, Callable[[Objective, int], Run | dict[str, Run]]] = {
     "ours": ours,
+    "optax: Adam": partial(ours, method="adam", steps=60),
+    "optax: L-BFGS": partial(ours, method="lbfgs", steps=60),
     "differential evolution": evolution,
     "CMA-ES, restarted": adaptation,
     "random": chance,
@@ -308,7 +310,7 @@ def told(name: str, best: float, rows: dict[str, Row]) -> str:
             f"{method:26}{r.hits:6} of {r.runs:<3}{r.until:12.0f}{r.total:8.0f}{r.seconds:9.2f}"
             f"{r.worst:10.0e}"
         )
-    peers = {m: r for m, r in rows.items() if m not in ("ours", "grid")}
+    peers = {m: r for m, r in rows.items() if m not in ("ours", "grid") and not m.startswith("optax")}
     sound = {m: r for m, r in peers.items() if r.hits >= 0.9 * r.runs}
     own, close = rows["ours"], min((sound or peers).items(), key=lambda item: item[1].until)
     share = own.until / close[1].until
@@ -322,6 +324,8 @@ def told(name: str, best: float, rows: dict[str, Row]) -> str:
 
 STYLES = {
     "ours": ("#000000", "-", 2.2),
+    "optax: Adam": ("#000000", (0, (1, 1)), 1.4),
+    "optax: L-BFGS": ("#000000", (0, (5, 2)), 1.4),
     "differential evolution": ("#0072b2", "--", 1.4),
     "the same, polished": ("#56b4e9", (0, (6, 2, 1, 2)), 1.4),
     "Nelder-Mead, restarted": ("#d55e00", "-.", 1.4),

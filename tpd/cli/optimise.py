@@ -37,7 +37,9 @@ def add(commands: Any) -> None:
         metavar="ZETA",
         help="damping ratio of the hinge, or two bounds to search it as well (default 0.1)",
     )
-    optimise.add_argument("--starts", type=int, metavar="N", help="searches run at once (default 8)")
+    optimise.add_argument(
+        "--starts", type=int, metavar="N", help="searches (default 8, over many conditions 64)"
+    )
     optimise.add_argument("--seed", type=int, metavar="N", help="of every random choice (default 0)")
     _add_conditions(optimise)
     common.add_out(optimise, "tpd-design")
@@ -82,6 +84,7 @@ def _add_conditions(optimise: argparse.ArgumentParser) -> None:
         action="store_true",
         help="count the worst of these, rather than their mean over the starts",
     )
+    many.add_argument("--method", metavar="WORD", help="of the search: sequential (default), adam or lbfgs")
     many.add_argument("--pareto", action="store_true", help="the least rocking for every mass as well")
     many.add_argument("--resume", action="store_true", help="go on with what an interrupted run left in DIR")
 
@@ -108,6 +111,7 @@ def _given(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
             ("space", "damping_ratio", _damping(options.damping)),
             ("search", "starts", options.starts),
             ("search", "seed", options.seed),
+            ("search", "method", options.method),
             ("conditions", "band", options.band),
             ("conditions", "amplitudes", options.amplitudes),
             ("conditions", "measure", options.measure),
@@ -148,7 +152,7 @@ def run(options: argparse.Namespace) -> int:
             starts=search.starts,
             steps=search.steps,
             screening=search.screening,
-            tolerance=search.tolerance,
+            tolerance=search.tolerance or 0.0,
             ensemble=work.ensemble,
             progress=bar,
         )

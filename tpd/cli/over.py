@@ -46,7 +46,10 @@ def run_over(options: argparse.Namespace, work: Job) -> int:
             by_share=asked.wanted.by_share,
             by_overturning=asked.wanted.by_overturning,
             ensemble=work.ensemble,
-            starts=max(search.starts, _STARTS),
+            starts=search.starts,
+            steps=search.steps,
+            screening=search.screening,
+            method=search.method or "sequential",
             seed=search.seed,
             checkpoint=unfinished,
             progress=bar,
@@ -71,10 +74,6 @@ def run_over(options: argparse.Namespace, work: Job) -> int:
         return common.INTERRUPTED
     unfinished.unlink(missing_ok=True)
     return common.SOUND if report.is_sound(design) else common.UNSOUND
-
-
-_STARTS = 64
-"""Searches at least: they cost little here."""
 
 
 def _ladder(design: DesignOver, bar: common.Bar) -> Check | None:

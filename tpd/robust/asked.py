@@ -44,8 +44,7 @@ class Wanted:
     by_overturning: bool = False
 
     def __post_init__(self) -> None:
-        if self.measure not in MEASURES:
-            raise ValueError(f"`measure` must be one of {', '.join(MEASURES)}, but is {self.measure!r}")
+        checks.one_of("measure", self.measure, MEASURES)
         if len(self.band) not in (0, 2):
             raise ValueError(f"`band` must be two frequencies, but has {len(self.band)}")
         checks.count("frequencies", self.frequencies, least=2)

@@ -190,7 +190,7 @@ class Measure:
         ordered = -np.sort(-values, axis=-1)
         weights = np.clip(1.0 - cap * np.arange(n), 0.0, cap)
         # What carries no weight may be infinite.
-        return np.sum(np.where(weights > 0.0, ordered * weights, 0.0), axis=-1)
+        return np.sum(np.where(weights > 0.0, ordered, 0.0) * weights, axis=-1)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,6 +14,7 @@ from tpd.design import DesignSpace
 from tpd.ensemble import Ensemble
 from tpd.robust.answer import DesignOver, Judged, OverStatus
 from tpd.robust.conditions import FACTORS, Conditions, Limits, Measure
+from tpd.robust.first_order import METHODS
 from tpd.robust.judge import Judge, pendulum_of
 from tpd.robust.kept import Kept
 from tpd.robust.objective import Objective
@@ -41,6 +42,7 @@ def optimise_over(
     starts: int = 64,
     screening: int = 512,
     steps: int = 40,
+    method: str = "sequential",
     seed: int = 0,
     checkpoint: Path | None = None,
     progress: Progress | None = None,
@@ -72,6 +74,8 @@ def optimise_over(
         starts: searches.
         screening: designs solved under all conditions before.
         steps: bound on the steps of each search.
+        method: "sequential" programming, or optax on a smoothed measure: "adam", "lbfgs". The first needs the
+            fewest designs and ends at kinks as surely as elsewhere.
         seed: of every random choice.
         checkpoint: a file that keeps finished searches; what it holds of the same problem is not repeated.
         progress: called with (stage, done, of how many).
@@ -84,6 +88,7 @@ def optimise_over(
     for name, value in {"starts": starts, "steps": steps, "screening": screening}.items():
         checks.count(name, value)
     checks.count("seed", seed, least=0)
+    checks.one_of("method", method, METHODS)
     if from_rest and reached is not None:
         raise ValueError("`from_rest` and `reached` exclude each other: one start, or several")
     limits = Limits() if limits is None else limits
@@ -91,7 +96,7 @@ def optimise_over(
     measure = Measure.worst() if measure is None else measure
     ensemble = Ensemble(seed=seed) if ensemble is None else ensemble
     objective = Objective(scene.parameters(), conditions, space, measure, limits, from_rest)
-    search = Search(objective, starts, screening, steps, seed, progress)
+    search = Search(objective, starts, screening, steps, seed, progress, method)
     problem = (scene, conditions, space, measure, limits, from_rest, search.settings)
     kept = Kept.of(checkpoint, problem if reached is None else (*problem, reached, by_share))
     search.run(kept)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from tpd.design import StartStatus
 from tpd.parameters import as_arrays
+from tpd.robust.first_order import descend
 from tpd.robust.kept import Kept
 from tpd.robust.minimax import Descent, Local, minimise
 from tpd.robust.objective import Objective, margins
@@ -35,13 +37,15 @@ class Search:
         steps: int,
         seed: int,
         progress: Progress | None,
+        method: str = "sequential",
     ) -> None:
-        self.objective, self.progress = objective, progress
+        self.objective, self.progress, self.method = objective, progress, method
         self.settings: dict[str, object] = {
             "starts": starts,
             "screening": screening,
             "steps": steps,
             "seed": seed,
+            "method": method,
         }
         self.count, self.planned, self.bound, self.seed = starts, max(screening, starts), steps, seed
         self.groups: list[Descent] = []
@@ -99,7 +103,8 @@ class Search:
                 self.progress("searching", group * steps + step, groups * steps)
 
         objective = self.objective
-        return minimise(
+        search = minimise if self.method == "sequential" else partial(descend, self.method)
+        return search(
             objective.local,
             starts,
             objective.measure.cap(len(objective.conditions)),
@@ -111,7 +116,9 @@ class Search:
 
     def carry_on(self, objective: Objective, kept: Kept) -> Search:
         """The search that goes on from the best designs of this one that lie apart, on another objective."""
-        on = Search(objective, min(_CARRIED, self.count), 0, _FINISHING, self.seed, self.progress)
+        on = Search(
+            objective, min(_CARRIED, self.count), 0, _FINISHING, self.seed, self.progress, self.method
+        )
         on.settings, on.before = self.settings, self.evaluations
         on.screened, on.screened_value = self.screened, self.screened_value
         units = self.units[spread_out(self.units, self.order(feasible=False), on.count)]

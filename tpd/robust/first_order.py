@@ -1,0 +1,201 @@
+"""Descending by optax instead: Adam, or L-BFGS, on a measure whose kinks are rounded off less and less.
+
+What `minimise` solves by sequential programming, for those who want the plain gradient method, or to see what
+it costs: the capped weighted worst of n functions is smoothed as the subproblem smooths it,
+min over s of s + cap width sum softplus((v - s)/width), whose slope along v are weights that sum to one;
+limits enter as a smoothed exact penalty. Adam is projected onto the bounds; L-BFGS runs in an angle whose
+squared sine is the share of the bounds, with as many halvings of a step as it needs. What has ended is
+measured by the same linear models, so that the two kinds of search tell the same of what they found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Float
+
+from tpd.robust.minimax import PENALTY, Descent, Local, minimise
+
+METHODS = ("sequential", "adam", "lbfgs")
+"""How to descend over many conditions."""
+_WIDTHS = (1e-1, 1e-4)
+"""First and last width of the smoothing, in units of the merit."""
+_LEVELS = 4
+"""Widths that L-BFGS goes through."""
+_LONGEST = 0.15
+"""Step of L-BFGS, in shares of the bounds."""
+_STEEP = 1e-2
+"""First-order gain at which a descent counts as not ended: merit per whole width of the bounds."""
+
+
+def descend(
+    method: str,
+    evaluate: Callable[[np.ndarray], Local],
+    starts: np.ndarray,
+    cap: float,
+    measure: Callable[[np.ndarray], np.ndarray],
+    *,
+    known: Local | None = None,
+    steps: int = 40,
+    after: Callable[[int, int], None] | None = None,
+) -> Descent:
+    """`minimise`, but by the optax method of that name; every step evaluates every start once."""
+    book = _Book(evaluate, measure, np.clip(starts, 0.0, 1.0), known)
+    way = _adam if method == "adam" else _lbfgs
+    try_out = way(book, cap, steps)
+    for step in range(steps):
+        next(try_out)
+        if after is not None:
+            after(step + 1, steps)
+    ended = minimise(evaluate, book.x, cap, measure, known=book.local, steps=0)
+    path, merits = np.stack([x for x, _ in book.path]), np.stack([merit for _, merit in book.path])
+    return ended._replace(
+        steps=np.full(len(starts), steps),
+        open=ended.stationarity > _STEEP,
+        evaluations=book.evaluations,
+        path=path,
+        path_merit=merits,
+    )
+
+
+class _Book:
+    """The best design of every start so far, and what is known of it."""
+
+    def __init__(
+        self,
+        evaluate: Callable[[np.ndarray], Local],
+        measure: Callable[[np.ndarray], np.ndarray],
+        starts: np.ndarray,
+        known: Local | None,
+    ) -> None:
+        self.evaluate, self.measure = evaluate, measure
+        self.evaluations = len(starts) if known is None else 0
+        self.x = starts.copy()
+        self.local = evaluate(starts) if known is None else Local(*(np.array(part) for part in known))
+        self.merit = self._merit(self.local)
+        self.path = [(self.x.copy(), self.merit.copy())]
+
+    def _merit(self, at: Local) -> np.ndarray:
+        return self.measure(at.value) + PENALTY * np.sum(np.maximum(at.limit, 0.0), axis=1)
+
+    def tried(self, x: np.ndarray) -> Local:
+        """What is at designs, one a start."""
+        at = self.evaluate(x)
+        self.evaluations += len(x)
+        merit = self._merit(at)
+        better = merit < self.merit
+        self.x[better], self.merit[better] = x[better], merit[better]
+        for old, fresh in zip(self.local, at, strict=True):
+            old[better] = fresh[better]
+        self.path.append((self.x.copy(), self.merit.copy()))
+        return at
+
+
+def _adam(book: _Book, cap: float, steps: int) -> Any:
+    """Projected Adam; from where nothing is known half way back to the best."""
+    widths = np.geomspace(*_WIDTHS, max(steps, 2))
+    adam = optax.adam(optax.cosine_decay_schedule(0.06, max(steps, 1), alpha=0.02), b1=0.8, b2=0.95)
+    u, at = jnp.asarray(book.x), book.local
+    state = adam.init(u)
+    for width in widths:
+        value, slope = _smooth(at, cap, float(width))
+        updates, state = adam.update(jnp.asarray(np.where(np.isfinite(slope), slope, 0.0)), state)
+        lost = ~np.isfinite(value)[:, None]
+        onward = np.clip(np.asarray(cast(Array, optax.apply_updates(u, updates))), 0.0, 1.0)
+        new = np.where(lost, 0.5 * (np.asarray(u) + book.x), onward)
+        u, at = jnp.asarray(new), book.tried(new)
+        yield
+
+
+def _lbfgs(book: _Book, cap: float, steps: int) -> Any:
+    """L-BFGS of optax, every start with a memory of its own, from level to level of the smoothing."""
+    method = optax.lbfgs(learning_rate=1.0, memory_size=6, linesearch=None)
+    begin, update = jax.jit(jax.vmap(method.init)), jax.jit(jax.vmap(method.update))
+    per_level = -(-steps // _LEVELS)
+    for width in np.geomspace(*_WIDTHS, _LEVELS):
+        # From the best so far, off the bounds, where the angle would have no slope.
+        z = _angle(np.clip(book.x, 1e-3, 1.0 - 1e-3))
+        at, fresh = book.local, True
+        value, slope = _smooth(at, cap, float(width))
+        slope = slope * _turn(z)
+        state = begin(jnp.asarray(z))
+        size = np.ones(len(z))
+        move, after = _direction(update, slope, state, z)
+        for _ in range(per_level):
+            there = z + size[:, None] * move
+            at = book.tried(np.sin(there) ** 2)
+            new, new_slope = _smooth(at, cap, float(width))
+            new_slope = new_slope * _turn(there)
+            fits = new <= value + 1e-4 * size * np.sum(slope * move, axis=1)
+            fits |= (fresh & (new <= value)) | ~np.isfinite(value)
+            rows = fits[:, None]
+            z, value, slope = (
+                np.where(rows, there, z),
+                np.where(fits, new, value),
+                np.where(rows, new_slope, slope),
+            )
+            state = jax.tree.map(lambda a, b, f=fits: jnp.where(_like(f, a), a, b), after, state)
+            onward, later = _direction(update, slope, state, z)
+            move = np.where(rows, onward, move)
+            after = jax.tree.map(lambda a, b, f=fits: jnp.where(_like(f, a), a, b), later, after)
+            size, fresh = np.where(fits, 1.0, 0.4 * size), False
+            yield
+
+
+def _angle(u: np.ndarray) -> np.ndarray:
+    return np.arcsin(np.sqrt(u))
+
+
+def _turn(z: np.ndarray) -> np.ndarray:
+    """d sin(z)^2 / dz."""
+    return np.sin(2.0 * z)
+
+
+def _like(rows: np.ndarray, array: Array) -> np.ndarray:
+    return rows.reshape(-1, *(1,) * (array.ndim - 1))
+
+
+def _direction(update: Callable, slope: np.ndarray, state: Any, z: np.ndarray) -> tuple[np.ndarray, Any]:
+    """Where L-BFGS would go, no farther than `_LONGEST`, and its memory after it; downhill in any case."""
+    sound = np.where(np.isfinite(slope), slope, 0.0)
+    move, after = update(jnp.asarray(sound), state, jnp.asarray(z))
+    move = np.asarray(move)
+    uphill = np.sum(move * sound, axis=1, keepdims=True) > 0.0
+    move = np.where(uphill | ~np.isfinite(move), -sound, move)
+    longest = np.max(np.abs(move), axis=1, keepdims=True)
+    return move * np.minimum(1.0, _LONGEST / np.maximum(longest, 1e-300)), after
+
+
+def _smooth(at: Local, cap: float, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """The smoothed merit (m,) and its slopes (m, d); of a design with an infinite value not finite."""
+    known = np.isfinite(at.value).all(axis=1)
+    at = at._replace(value=np.where(known[:, None], at.value, 0.0))
+    level = _level(at.value, cap, width)
+    above = (at.value - level[:, None]) / width
+    value = level + cap * width * np.sum(np.logaddexp(0.0, above), axis=1)
+    over = at.limit / width
+    value = value + PENALTY * width * np.sum(np.logaddexp(0.0, over), axis=1)
+    slope = cap * np.einsum("mn,mnd->md", _sigmoid(above), at.slope)
+    slope = slope + PENALTY * np.einsum("ml,mld->md", _sigmoid(over), at.limit_slope)
+    return np.where(known, value, np.inf), np.where(known[:, None], slope, 0.0)
+
+
+def _level(value: np.ndarray, cap: float, width: float) -> Float[np.ndarray, "m"]:
+    """The s of the smoothed measure: where the weights sum to one, by bisection."""
+    n = value.shape[1]
+    low = value.min(axis=1) - 40.0 * width
+    high = value.max(axis=1) + width * np.log(n + 1.0)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        over = cap * np.sum(_sigmoid((value - middle[:, None]) / width), axis=1) < 1.0
+        low, high = np.where(over, low, middle), np.where(over, middle, high)
+    return 0.5 * (low + high)
+
+
+def _sigmoid(x: np.ndarray) -> np.ndarray:
+    return 0.5 * (1.0 + np.tanh(0.5 * x))
