@@ -3,12 +3,13 @@
 import json
 import subprocess
 import sys
+import tomllib
 
 import pytest
 
 import tpd
-from tpd import Pendulum, paper_scene
-from tpd.cli import common, main, parser
+from tpd import Pendulum, job, paper_scene
+from tpd.cli import common, main, optimise, parser
 
 SMALL = "[space]\nmass_ratio = [0.1, 0.4]\n[search]\nstarts = 2\nsteps = 4\nscreening = 12\n"
 PICTURES = {"search.png", "motion.png", "response.png", "drawing.png", "animation.gif"}
@@ -45,6 +46,15 @@ def refused(capsys, *arguments: str, command: str = "optimise") -> str:
         (("--stroke", "0"), "`stroke` must be positive"),
         (("--starts", "0"), "`starts` must be a whole number, 1 or more"),
         (("--seed", "-1"), "`seed` must be zero or positive"),
+        (("--band", "3", "2"), "`band` must be an interval low < high"),
+        (("--band", "2", "3", "--from-starts", "-1"), "`reached` must be a whole number, 0 or more"),
+        (("--band", "2", "3", "--worst-start"), "the worst start (`by_share` false) is among those"),
+        (("--band", "2", "3", "--method", "newton"), "`method` must be one of sequential, adam, lbfgs"),
+        (("--method", "adam"), "`search.method` goes with conditions"),
+        (("--scatter", "friction"), "`--scatter` must be NAME=WIDTH"),
+        (("--scatter", "colour=0.1"), "unknown key `colour` in [scatter]"),
+        (("--pareto",), "`--pareto` and `--resume` go with conditions"),
+        (("--band", "2", "3", "--resume"), "there is nothing to resume"),
         (("--width", "wide"), "invalid float value: 'wide'"),
         (("--scene", "absent.toml"), "cannot read absent.toml: No such file or directory"),
     ],
@@ -144,6 +154,24 @@ def test_losses_come_from_the_file_and_the_options(tmp_path, content, options, e
     file.write_text(f"[block]\n{content}")
     block = common.scene(parser().parse_args(["response", "--scene", str(file), *options])).block
     assert (block.friction, block.restitution) == expected
+
+
+@pytest.mark.parametrize(
+    ("options", "starts", "by_share", "method"),
+    [
+        ((), 0, True, "sequential"),
+        (("--from-starts", "12"), 12, True, "sequential"),
+        (("--from-starts", "12", "--worst-start", "--method", "lbfgs"), 12, False, "lbfgs"),
+    ],
+)
+def test_what_a_search_over_conditions_is_about_comes_from_the_options(options, starts, by_share, method):
+    given = parser().parse_args(["optimise", "--band", "2", "3", "--scatter", "friction=0.1", *options])
+    work = job.build(optimise._given(given))
+    assert work.asked.reached(3) == (tpd.Starts(size=starts, seed=3) if starts else None)
+    assert work.asked.wanted.by_share is by_share
+    assert work.asked.scatter == {"friction": 0.1}
+    assert work.search.method == method
+    assert job.build(tomllib.loads(job.dump(work))) == work
 
 
 def test_existing_reports_and_unwritable_places_are_left_alone(capsys, tmp_path):

@@ -1,5 +1,6 @@
 """Does the gradient pay: the search of `tpd.optimise_over` against its own optax methods and against
-derivative-free ones, on the same exact objective, from ten seeds each. Prints a table a problem and draws `proof.png`.
+derivative-free ones, on the same exact objective, from ten seeds each. Prints a table a problem and
+draws `proof.png`.
 
 .venv/bin/python -m tests.benchmarks.proof
 """

@@ -51,6 +51,8 @@ class Wanted:
         checks.count("samples", self.samples)
         checks.within("share", self.share, 1e-9, 1.0)
         checks.count("reached", self.reached, least=0)
+        if not self.by_share and not self.reached:
+            raise ValueError("the worst start (`by_share` false) is among those of `reached`: none are given")
         if self.from_rest and self.reached:
             raise ValueError(f"`from_rest` is for one start: `reached` must then be 0, but is {self.reached}")
 

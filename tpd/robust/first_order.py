@@ -173,7 +173,7 @@ def _direction(update: Callable, slope: np.ndarray, state: Any, z: np.ndarray) -
 
 def _smooth(at: Local, cap: float, width: float) -> tuple[np.ndarray, np.ndarray]:
     """The smoothed merit (m,) and its slopes (m, d); of a design with an infinite value not finite."""
-    known = np.isfinite(at.value).all(axis=1)
+    known = np.all(np.isfinite(at.value), axis=1)
     at = at._replace(value=np.where(known[:, None], at.value, 0.0))
     level = _level(at.value, cap, width)
     above = (at.value - level[:, None]) / width
