@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from tpd import Parameters, Piecewise, Smoothed, status_name, steady_state
+from tpd import Parameters, Piecewise, Smoothed, simulate, status_name, steady_state
 from tpd.models.interface import AbstractModel
 from tpd.steady import Steady
 
@@ -164,6 +164,27 @@ def solver(model: AbstractModel, size: int) -> Callable[..., Answer]:
         return Answer(float(s.amplitude), float(s.stroke), status_name(s.status), slopes, s)
 
     return answer
+
+
+MOST_TIMES = 361
+"""Points in time of `along`, and its one compiled shape."""
+
+
+@jax.jit
+def _along(x: jax.Array, y0: jax.Array, times: jax.Array) -> tuple:
+    def run(y0: jax.Array) -> tuple:
+        motion = simulate(parameters(x), y0, times)
+        return motion.ys, (motion.ys, motion.status)
+
+    return jax.jacfwd(run, has_aux=True)(y0)
+
+
+def along(x: Any, y0: Any, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
+    """States at the times, their derivatives with respect to the start, and the status; compiled once."""
+    full, padded = np.ones(8), np.full(MOST_TIMES, times[-1], dtype=float)
+    full[: len(x)], padded[: len(times)] = x, times
+    slopes, (ys, status) = _along(full, np.asarray(y0, dtype=float), padded)
+    return np.asarray(ys)[: len(times)], np.asarray(slopes)[: len(times)], status_name(status)
 
 
 exact = solver(Piecewise(), 8)

@@ -21,14 +21,14 @@ import pytest
 from scipy.optimize import fsolve
 
 from tests.atlas import REGIMES
-from tests.reference import BARE, HUNG, UNSTABLE, differences, exact, parameters, smoothed, solver
+from tests.reference import BARE, HUNG, UNSTABLE, along, differences, exact, parameters, smoothed, solver
 from tests.test_bifurcations import BARE as FOLDING
 from tests.test_bifurcations import HELD, TOUCHING, Kind, lost
 from tests.test_general import carried, near
 from tests.test_nonlinear import nonlinear
 from tests.test_symmetric import among
 from tests.test_symmetric import solve as orbits
-from tpd import Block, Harmonic, Pendulum, Piecewise, Scene, Smoothed, Status, simulate, status_name
+from tpd import Block, Harmonic, Pendulum, Piecewise, Scene, Smoothed, Status, status_name
 from tpd.exact.arcs import REST as RESTING
 from tpd.exact.arcs import classify
 from tpd.exact.flow import advance, start
@@ -60,21 +60,6 @@ def moved(x: Any, i: int, value: float) -> np.ndarray:
 def power(distances: np.ndarray, values: np.ndarray) -> float:
     """The exponent of a power law."""
     return float(np.polyfit(np.log(distances), np.log(values), 1)[0])
-
-
-@jax.jit
-def _along(x: jax.Array, y0: jax.Array, times: jax.Array) -> tuple:
-    def run(y0: jax.Array) -> tuple:
-        motion = simulate(parameters(x), y0, times)
-        return motion.ys, (motion.ys, motion.status)
-
-    return jax.jacfwd(run, has_aux=True)(y0)
-
-
-def along(x: Any, y0: Any, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
-    """States at the times, their derivatives with respect to the start, and the status."""
-    slopes, (ys, status) = _along(np.array(x), np.array(y0), times)
-    return np.asarray(ys), np.asarray(slopes), status_name(status)
 
 
 def test_every_test_of_the_table_exists():

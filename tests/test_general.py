@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import BARE, HUNG, UNSTABLE, Case, differences, named, parameters
-from tpd import Status, simulate, status_name, steady_state, symmetric_orbits
+from tests.reference import BARE, HUNG, UNSTABLE, Case, along, differences, named, parameters
+from tpd import Status, status_name, steady_state, symmetric_orbits
 from tpd.equations import Linear
 from tpd.general import PeriodicOrbit, continue_orbit, periodic_orbit
 from tpd.pool import settle_all
@@ -154,20 +154,11 @@ def found(scene: Scene) -> Answer:
     return carried(scene.x, orbit)
 
 
-@jax.jit
-def _followed(x: jax.Array, y0: jax.Array, times: jax.Array) -> tuple[jax.Array, jax.Array]:
-    def run(y0: jax.Array) -> tuple[jax.Array, jax.Array]:
-        ys = simulate(parameters(x), y0, times).ys
-        return ys[-1], ys
-
-    return jax.jacfwd(run, has_aux=True)(y0)
-
-
 def followed(scene: Scene, y0: Any, begin: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """One period of the motion from `y0` at a time `begin`: d end/d start, and 361 states."""
     span = scene.periods * 2.0 * np.pi / scene.x[6]
-    slopes, ys = _followed(jnp.asarray(scene.x), jnp.asarray(y0), begin + np.linspace(0.0, 1.0, 361) * span)
-    return np.asarray(slopes), np.asarray(ys)
+    ys, slopes, _ = along(scene.x, y0, begin + np.linspace(0.0, 1.0, 361) * span)
+    return slopes[-1], ys
 
 
 def letters(orbit: PeriodicOrbit) -> tuple[str, str]:

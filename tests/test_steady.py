@@ -20,7 +20,10 @@ def test_reverse_mode_needs_no_jit():
     np.testing.assert_allclose(slopes, exact(X).slopes[0], rtol=1e-8)
 
 
-@pytest.mark.parametrize(("model", "solve"), MODELS)
+@pytest.mark.parametrize(
+    ("model", "solve"),
+    [MODELS[0], pytest.param(Smoothed(), smoothed, marks=pytest.mark.slow, id="smoothed")],
+)
 def test_forward_mode_of_a_batch_agrees_with_reverse_mode_of_one(model, solve):
     def sizes(x):
         steady = steady_state(parameters(x), model=model)
@@ -33,6 +36,7 @@ def test_forward_mode_of_a_batch_agrees_with_reverse_mode_of_one(model, solve):
         np.testing.assert_allclose(slopes[i], solve(x).slopes[:2], rtol=1e-8, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_an_inertia_ratio_left_out_is_tied_to_the_slenderness():
     fixed = jax.jit(
         jax.value_and_grad(

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from tests.reference import BARE, MOVING, NAMES, UNSTABLE, Case, differences, named, parameters
-from tpd import Status, simulate, status_name, steady_state, symmetric_orbits
+from tests.reference import BARE, MOVING, NAMES, UNSTABLE, Case, along, differences, exact, named, parameters
+from tpd import Status, simulate, status_name, symmetric_orbits
 from tpd.exact.roots import NODES
 
 BATCH = 64
@@ -90,15 +90,6 @@ def solve(xs: Any) -> Answers:
     return Answers(status, *sizes, m.fold, m.symmetry, m.sticking, m.grazing, slopes, o.overflow)
 
 
-@jax.jit
-def _cycle(x: jax.Array, y0: jax.Array, times: jax.Array) -> tuple:
-    def run(y0: jax.Array) -> tuple:
-        motion = simulate(parameters(x), y0, times)
-        return motion.ys[2], (motion.ys, motion.status)
-
-    return jax.jacfwd(run, has_aux=True)(y0)
-
-
 class Cycle(NamedTuple):
     """One forcing period, event by event."""
 
@@ -111,12 +102,9 @@ class Cycle(NamedTuple):
 def cycle(x: Any, y0: Any, *, begin: float = 0.0, split: float = 0.5) -> Cycle:
     """The motion from `y0` at `begin` over one forcing period, looked at after a share of it too."""
     times = begin + np.array([0.0, split, 1.0]) * 2.0 * np.pi / x[6]
-    slopes, (ys, status) = _cycle(full(x), np.asarray(y0), times)
-    assert status_name(status) == "rocking"
-    return Cycle(np.asarray(ys[1]), np.asarray(ys[2]), np.asarray(slopes))
-
-
-steady = jax.jit(lambda x, y0: steady_state(parameters(x), y0=y0))
+    ys, slopes, status = along(x, y0, times)
+    assert status == "rocking"
+    return Cycle(ys[1], ys[2], slopes[2])
 
 
 @functools.cache
@@ -301,7 +289,7 @@ def some_orbits() -> list[tuple[np.ndarray, Answers]]:
 
 def test_an_attracting_orbit_is_the_steady_state_from_its_own_state():
     for x, o in [(full(case.x), of_case(case)) for case in MOVING] + chosen(20, "rocking"):
-        s = steady(x, o.state)
+        s = exact(x, o.state).steady
         assert status_name(s.status) == "rocking"
         assert s.periods == 1
         assert o.amplitude == pytest.approx(float(s.amplitude), rel=1e-11)

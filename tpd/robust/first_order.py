@@ -119,7 +119,7 @@ def _lbfgs(book: _Book, cap: float, steps: int) -> Any:
     per_level = -(-steps // _LEVELS)
     for width in np.geomspace(*_WIDTHS, _LEVELS):
         # From the best so far, off the bounds, where the angle would have no slope.
-        z = _angle(np.clip(book.x, 1e-3, 1.0 - 1e-3))
+        z = _angle(np.clip(book.x, 1e-4, 1.0 - 1e-4))
         at, fresh = book.local, True
         value, slope = _smooth(at, cap, float(width))
         slope = slope * _turn(z)
