@@ -174,6 +174,14 @@ def test_what_a_search_over_conditions_is_about_comes_from_the_options(options, 
     assert job.build(tomllib.loads(job.dump(work))) == work
 
 
+def test_a_file_may_leave_to_the_options_what_makes_it_whole(tmp_path):
+    file = tmp_path / "scene.toml"
+    file.write_text('[search]\nmethod = "adam"\n[conditions]\nby_share = false\n')
+    options = ("--band", "2", "3", "--from-starts", "4")
+    work = job.build(optimise._given(parser().parse_args(["optimise", "--scene", str(file), *options])))
+    assert (work.search.method, work.asked.wanted.reached, work.asked.wanted.by_share) == ("adam", 4, False)
+
+
 def test_existing_reports_and_unwritable_places_are_left_alone(capsys, tmp_path):
     taken = tmp_path / "taken"
     taken.mkdir()

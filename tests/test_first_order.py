@@ -5,7 +5,8 @@ import pytest
 
 import tpd
 from tpd.job import build
-from tpd.robust.first_order import METHODS, _smooth, descend
+from tpd.robust.asked import METHODS
+from tpd.robust.first_order import _smooth, descend
 from tpd.robust.minimax import Local, minimise
 
 WORST = tpd.Measure.worst().of
@@ -58,6 +59,15 @@ def test_a_known_minimax_is_approached_at_more_cost(method, problem, least):
     assert found.path.shape == (161, 4, 2)
     assert np.all(np.diff(found.path_merit, axis=0) <= 0.0)
     assert found.weights[0].shape == (4, 3)
+
+
+@pytest.mark.parametrize("method", ["adam", "lbfgs"])
+def test_a_batch_gives_every_start_what_it_gets_alone(method):
+    together = descend(method, limited, STARTS, 1.0, WORST, steps=30)
+    for i in range(len(STARTS)):
+        alone = descend(method, limited, STARTS[i : i + 1], 1.0, WORST, steps=30)
+        np.testing.assert_allclose(alone.x[0], together.x[i], rtol=1e-9)
+        np.testing.assert_allclose(alone.path_merit[:, 0], together.path_merit[:, i], rtol=1e-9)
 
 
 def test_a_start_where_nothing_is_known_goes_back_to_the_best_it_has_seen():

@@ -290,9 +290,20 @@ def test_an_interrupted_search_goes_on_and_comes_to_the_same(design, tmp_path):
     assert whole.winner.value == design.winner.value
     with pytest.raises(ValueError, match="holds searches of another problem"):
         tpd.optimise_over(SCENE, BAND, SPACE, checkpoint=place, seed=1, **SMALL)
+    with pytest.raises(ValueError, match="holds searches of another problem"):
+        tpd.optimise_over(SCENE, BAND, SPACE, checkpoint=place, method="adam", **SMALL)
     place.write_bytes(b"not a file of arrays")
     with pytest.raises(ValueError, match="it holds no finished searches"):
         tpd.optimise_over(SCENE, BAND, SPACE, checkpoint=place, **SMALL)
+
+
+@pytest.mark.parametrize("method", ["adam", "lbfgs"])
+def test_optax_comes_near_the_same_answer(design, method):
+    other = tpd.optimise_over(SCENE, BAND, SPACE, method=method, **(SMALL | {"starts": 8, "steps": 60}))
+    assert other.settings["method"] == method
+    assert np.all(other.end_values >= design.winner.value * (1.0 - 1e-6))
+    assert other.end_values.min() < 1.1 * design.winner.value
+    assert other.winner.told.stroke.max() <= SPACE.stroke * (1 + 1e-5)
 
 
 def test_a_mass_limit_narrows_the_space():
@@ -340,6 +351,7 @@ def test_tables_are_read_and_written_back():
         ({"scatter": {"friction": 0.9}}, r"`scatter.friction` must be between 0 and 0\.5, but is 0\.9"),
         ({"limits": {"tilt": "much"}}, "`limits.tilt` must be a number, but is 'much'"),
         ({"scatter": 3}, "`scatter` must be a table, but is 3"),
+        ({"limits": {"mass": 500.0}}, r"\[limits\] goes with conditions"),
     ],
 )
 def test_tables_that_make_no_sense_are_refused(given, message):

@@ -8,15 +8,20 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from tpd import checks
 from tpd.design import DesignSpace
 from tpd.ensemble import Ensemble
-from tpd.robust.asked import TABLES, Asked, ensemble_of, plain
+from tpd.robust.asked import METHODS, TABLES, Asked, ensemble_of, plain
 from tpd.scene import Block, Harmonic, Scene, paper_scene
 
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """Settings of the search; see `optimise`, and over many conditions `optimise_over`."""
+    """Settings of the search; see `optimise`, and over many conditions `optimise_over`.
+
+    Raises:
+        ValueError: a value out of range.
+    """
 
     starts: int = 8
     steps: int = 30
@@ -26,6 +31,15 @@ class Search:
     """Under one shaking only: None over many conditions."""
     method: str | None = None
     """Over many conditions only: None under one shaking."""
+
+    def __post_init__(self) -> None:
+        for name in ("starts", "steps", "screening"):
+            checks.count(name, getattr(self, name))
+        checks.not_negative("seed", self.seed)
+        if self.tolerance is not None:
+            checks.positive("tolerance", self.tolerance)
+        if self.method is not None:
+            checks.one_of("method", self.method, METHODS)
 
 
 _OVER = Search(starts=64, steps=40, screening=512, tolerance=None, method="sequential")
@@ -135,16 +149,20 @@ def read(path: Path) -> dict[str, Any]:
     """The tables of a job file.
 
     Raises:
-        ValueError: the file cannot be read, or is not TOML.
+        ValueError: the file cannot be read, is not TOML, or holds something beside tables.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        given = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ValueError(f"cannot read {path}: {error.strerror or error}") from None
     except UnicodeDecodeError:
         raise ValueError(f"{path} is not a text file in UTF-8") from None
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{path} is not valid TOML: {error}") from None
+    for table, values in given.items():
+        if not isinstance(values, dict):
+            raise ValueError(f"`{table}` must be a table, but is {values!r}")
+    return given
 
 
 def dump(job: Job) -> str:

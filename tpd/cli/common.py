@@ -77,7 +77,6 @@ def tables(options: argparse.Namespace, more: list[tuple[str, str, Any]]) -> dic
     from tpd import job
 
     given = {} if options.scene is None else job.read(options.scene)
-    job.build(given)
     over = [(table, key, getattr(options, flag)) for flag, (table, key, _, _) in _SCENE.items()]
     for table, key, value in [*over, *more]:
         if value is not None:

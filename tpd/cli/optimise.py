@@ -85,7 +85,11 @@ def _add_conditions(optimise: argparse.ArgumentParser) -> None:
         help="count the worst of these, rather than their mean over the starts",
     )
     many.add_argument("--method", metavar="WORD", help="of the search: sequential (default), adam or lbfgs")
-    many.add_argument("--pareto", action="store_true", help="the least rocking for every mass as well")
+    many.add_argument(
+        "--pareto",
+        action="store_true",
+        help="the least rocking for every mass as well, by sequential searches",
+    )
     many.add_argument("--resume", action="store_true", help="go on with what an interrupted run left in DIR")
 
 

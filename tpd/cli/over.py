@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tpd.cli import common
@@ -27,6 +30,7 @@ def run_over(options: argparse.Namespace, work: Job) -> int:
 
     asked, search, out = work.asked, work.search, options.out
     assert asked is not None
+    assert search.method is not None
     conditions = asked.conditions(work.scene, search.seed)
     unfinished = out / _UNFINISHED
     if options.resume and not unfinished.exists():
@@ -34,7 +38,8 @@ def run_over(options: argparse.Namespace, work: Job) -> int:
     files.claim(out, overwrite=options.overwrite or options.resume)
     if not options.resume:
         unfinished.unlink(missing_ok=True)
-    with common.Bar() as bar:
+    hint = f"go on with the same command and --resume (finished searches are in {unfinished})"
+    with common.Bar() as bar, _hinting(unfinished, hint):
         design = optimise_over(
             work.scene,
             conditions,
@@ -49,7 +54,7 @@ def run_over(options: argparse.Namespace, work: Job) -> int:
             starts=search.starts,
             steps=search.steps,
             screening=search.screening,
-            method=search.method or "sequential",
+            method=search.method,
             seed=search.seed,
             checkpoint=unfinished,
             progress=bar,
@@ -70,7 +75,8 @@ def run_over(options: argparse.Namespace, work: Job) -> int:
         contents["report.html"] = over_page(Shown(design, work, front, pictures, ladder, out))
     print("\n".join(f"written: {files.place(out / name, content)}" for name, content in contents.items()))
     if design.status.name == "interrupted":
-        print(f"go on with: --resume (finished searches are in {unfinished})")
+        if unfinished.exists():
+            print(hint)
         return common.INTERRUPTED
     unfinished.unlink(missing_ok=True)
     return common.SOUND if report.is_sound(design) else common.UNSOUND
@@ -82,21 +88,38 @@ def _ladder(design: DesignOver, bar: common.Bar) -> Check | None:
         return None
     from tpd.checking import QUICK, check
 
-    return check(design.scene, design.pendulum, stroke=design.space.stroke, rungs=QUICK, progress=bar)
+    try:
+        return check(design.scene, design.pendulum, stroke=design.space.stroke, rungs=QUICK, progress=bar)
+    except KeyboardInterrupt:
+        return None
 
 
 def _front(options: argparse.Namespace, work: Job, design: DesignOver, bar: common.Bar) -> Front | None:
     """The front of mass against rocking, if asked for and there is something to be had."""
-    if not options.pareto or design.pendulum is None:
+    if not options.pareto or design.pendulum is None or design.status.name == "interrupted":
         return None
     from tpd.robust.pareto import pareto
 
-    return pareto(
-        work.scene,
-        design.conditions,
-        design.space,
-        measure=design.measure,
-        limits=design.limits,
-        seed=work.search.seed,
-        progress=bar,
-    )
+    try:
+        return pareto(
+            work.scene,
+            design.conditions,
+            design.space,
+            measure=design.measure,
+            limits=design.limits,
+            seed=work.search.seed,
+            progress=bar,
+        )
+    except KeyboardInterrupt:
+        return None
+
+
+@contextlib.contextmanager
+def _hinting(unfinished: Path, hint: str) -> Iterator[None]:
+    """Ctrl-C while designs are judged: the searches have ended, and need not be done again."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if unfinished.exists():
+            print(hint)
+        raise

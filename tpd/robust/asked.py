@@ -14,6 +14,8 @@ from tpd.scene import Scene
 
 MEASURES = ("worst", "expected", "cvar")
 """What can be minimised."""
+METHODS = ("sequential", "adam", "lbfgs")
+"""How to descend."""
 TABLES = ("conditions", "scatter", "limits", "ensemble")
 """Tables of a job file that are read here."""
 
@@ -79,6 +81,8 @@ class Asked:
         for name, width in scatter.items():
             checks.within(f"scatter.{name}", width, 0.0, 0.5)
         if not {"conditions", "scatter"} & set(given):
+            if "limits" in given:
+                raise ValueError("[limits] goes with conditions, such as a band: none are given")
             return None
         return Asked(wanted=wanted, scatter=dict(scatter), limits=limits)
 

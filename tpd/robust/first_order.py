@@ -4,13 +4,15 @@ What `minimise` solves by sequential programming, for those who want the plain g
 it costs: the capped weighted worst of n functions is smoothed as the subproblem smooths it,
 min over s of s + cap width sum softplus((v - s)/width), whose slope along v are weights that sum to one;
 limits enter as a smoothed exact penalty. Adam is projected onto the bounds; L-BFGS runs in an angle whose
-squared sine is the share of the bounds, with as many halvings of a step as it needs. What has ended is
-measured by the same linear models, so that the two kinds of search tell the same of what they found.
+squared sine is the share of the bounds, and shortens a step until it helps, every trial counted among the
+steps. What has ended is measured by the same linear models, so that the two kinds of search tell the same of
+what they found. A start with an infinite value stays where it is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, cast
 
 import jax
@@ -21,10 +23,10 @@ from jaxtyping import Array, Float
 
 from tpd.robust.minimax import PENALTY, Descent, Local, minimise
 
-METHODS = ("sequential", "adam", "lbfgs")
-"""How to descend over many conditions."""
 _WIDTHS = (1e-1, 1e-4)
 """First and last width of the smoothing, in units of the merit."""
+_SHARPER = 0.1
+"""The width of the penalty over that of the measure: there may be hundreds of limits with room to spare."""
 _LEVELS = 4
 """Widths that L-BFGS goes through."""
 _LONGEST = 0.15
@@ -114,36 +116,34 @@ def _adam(book: _Book, cap: float, steps: int) -> Any:
 
 def _lbfgs(book: _Book, cap: float, steps: int) -> Any:
     """L-BFGS of optax, every start with a memory of its own, from level to level of the smoothing."""
-    method = optax.lbfgs(learning_rate=1.0, memory_size=6, linesearch=None)
-    begin, update = jax.jit(jax.vmap(method.init)), jax.jit(jax.vmap(method.update))
+    begin, update = _memory()
     per_level = -(-steps // _LEVELS)
     for width in np.geomspace(*_WIDTHS, _LEVELS):
         # From the best so far, off the bounds, where the angle would have no slope.
         z = _angle(np.clip(book.x, 1e-4, 1.0 - 1e-4))
-        at, fresh = book.local, True
-        value, slope = _smooth(at, cap, float(width))
-        slope = slope * _turn(z)
-        state = begin(jnp.asarray(z))
-        size = np.ones(len(z))
+        value, slope = _smooth(book.tried(np.sin(z) ** 2), cap, float(width))
+        yield
+        slope, state, size = slope * _turn(z), begin(jnp.asarray(z)), np.ones(len(z))
         move, after = _direction(update, slope, state, z)
-        for _ in range(per_level):
+        for _ in range(per_level - 1):
             there = z + size[:, None] * move
             at = book.tried(np.sin(there) ** 2)
             new, new_slope = _smooth(at, cap, float(width))
             new_slope = new_slope * _turn(there)
             fits = new <= value + 1e-4 * size * np.sum(slope * move, axis=1)
-            fits |= (fresh & (new <= value)) | ~np.isfinite(value)
-            rows = fits[:, None]
+            rows, bent = fits[:, None], np.sum((new_slope - slope) * (there - z), axis=1) > 0.0
             z, value, slope = (
                 np.where(rows, there, z),
                 np.where(fits, new, value),
                 np.where(rows, new_slope, slope),
             )
-            state = jax.tree.map(lambda a, b, f=fits: jnp.where(_like(f, a), a, b), after, state)
+            state = _chosen(fits, after, state)
+            # A pair along which the slope falls would make a memory that points uphill.
+            state = _chosen(fits & ~bent, begin(jnp.asarray(z)), state)
             onward, later = _direction(update, slope, state, z)
             move = np.where(rows, onward, move)
-            after = jax.tree.map(lambda a, b, f=fits: jnp.where(_like(f, a), a, b), later, after)
-            size, fresh = np.where(fits, 1.0, 0.4 * size), False
+            after = _chosen(fits, later, after)
+            size = np.where(fits, 1.0, 0.4 * size)
             yield
 
 
@@ -156,8 +156,20 @@ def _turn(z: np.ndarray) -> np.ndarray:
     return np.sin(2.0 * z)
 
 
-def _like(rows: np.ndarray, array: Array) -> np.ndarray:
-    return rows.reshape(-1, *(1,) * (array.ndim - 1))
+@lru_cache
+def _memory() -> tuple[Callable, Callable]:
+    """`init` and `update` of optax's L-BFGS, for a batch of starts, each with a memory of its own."""
+    method = optax.lbfgs(learning_rate=1.0, memory_size=6, linesearch=None)
+    return jax.jit(jax.vmap(method.init)), jax.jit(jax.vmap(method.update))
+
+
+def _chosen(rows: np.ndarray, one: Any, other: Any) -> Any:
+    """Row by row the one state or the other."""
+
+    def choose(a: Array, b: Array) -> Array:
+        return jnp.where(rows.reshape(-1, *(1,) * (a.ndim - 1)), a, b)
+
+    return jax.tree.map(choose, one, other)
 
 
 def _direction(update: Callable, slope: np.ndarray, state: Any, z: np.ndarray) -> tuple[np.ndarray, Any]:
@@ -178,8 +190,8 @@ def _smooth(at: Local, cap: float, width: float) -> tuple[np.ndarray, np.ndarray
     level = _level(at.value, cap, width)
     above = (at.value - level[:, None]) / width
     value = level + cap * width * np.sum(np.logaddexp(0.0, above), axis=1)
-    over = at.limit / width
-    value = value + PENALTY * width * np.sum(np.logaddexp(0.0, over), axis=1)
+    over = at.limit / (_SHARPER * width)
+    value = value + PENALTY * _SHARPER * width * np.sum(np.logaddexp(0.0, over), axis=1)
     slope = cap * np.einsum("mn,mnd->md", _sigmoid(above), at.slope)
     slope = slope + PENALTY * np.einsum("ml,mld->md", _sigmoid(over), at.limit_slope)
     return np.where(known, value, np.inf), np.where(known[:, None], slope, 0.0)

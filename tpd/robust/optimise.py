@@ -13,8 +13,8 @@ from tpd.attractor import Starts
 from tpd.design import DesignSpace
 from tpd.ensemble import Ensemble
 from tpd.robust.answer import DesignOver, Judged, OverStatus
+from tpd.robust.asked import METHODS
 from tpd.robust.conditions import FACTORS, Conditions, Limits, Measure
-from tpd.robust.first_order import METHODS
 from tpd.robust.judge import Judge, pendulum_of
 from tpd.robust.kept import Kept
 from tpd.robust.objective import Objective
@@ -73,7 +73,7 @@ def optimise_over(
         ensemble: that judges; default `Ensemble()`, its runs dealt out among the conditions.
         starts: searches.
         screening: designs solved under all conditions before.
-        steps: bound on the steps of each search.
+        steps: bound on the steps of each search; with optax their number.
         method: "sequential" programming, or optax on a smoothed measure: "adam", "lbfgs". The first needs the
             fewest designs and ends at kinks as surely as elsewhere.
         seed: of every random choice.
