@@ -71,16 +71,23 @@ def test_a_batch_gives_every_start_what_it_gets_alone(method):
 
 
 def test_a_start_where_nothing_is_known_goes_back_to_the_best_it_has_seen():
+    """Beyond x = 0.6 nothing is known, and there the minimum lies. Both descents end at that edge, well
+    below their start (8.0), though not at the edge's best place (2.97): nothing leads them along it."""
+    entered = []
+
     def holed(unit):
         at = local(unit)
         hole = unit[:, 0] > 0.6
+        entered.append(hole.any())
         return at._replace(value=np.where(hole[:, None], np.inf, at.value))
 
     for method in ("adam", "lbfgs"):
+        entered.clear()
         found = descend(method, holed, STARTS[2:3], 1.0, WORST, steps=60)
-        assert found.x[0, 0] <= 0.6
-        assert np.isfinite(found.merit[0])
-        assert found.merit[0] < holed(STARTS[2:3]).value.max()
+        assert any(entered), "the descent has been where nothing is known"
+        assert not entered[0]
+        assert 0.5999 < found.x[0, 0] <= 0.6
+        assert found.merit[0] < 4.0
 
 
 def test_settings_of_a_search_over_conditions_are_the_files():

@@ -24,6 +24,8 @@ from tpd.drawing import corners, plot_scene, rod
 from tpd.elasticity import Elasticities, elasticities
 from tpd.ensemble import Ensemble, Outcomes, Verdict
 from tpd.job import Job
+from tpd.notes import notes
+from tpd.robust.report import walls
 
 DOT = png(plot_scene(tpd.paper_scene(), None).figure)
 HUNG = tpd.Pendulum(mass=1.6, length=0.12, damping_ratio=0.1)
@@ -175,6 +177,31 @@ def test_warnings_come_before_the_answer_and_everything_is_told():
     assert places == sorted(places)
     for part in ("0.12 m", "N m s/rad", "a < b", "-2", "Seed 3", "jax", "mass_ratio", "1 met no design"):
         assert part in text
+
+
+def test_a_bob_that_would_strike_the_walls_is_a_danger_with_a_remedy():
+    """Half width 0.05 m, length 0.12 m: sin 0.42 * 0.12 m = 0.0489 m, sin 0.43 * 0.12 m = 0.0500 m."""
+    assert not any("STRIKE" in note for note in notes(design(peak=(0.06, 0.42))))
+    (note,) = (x for x in notes(design(peak=(0.06, 0.43))) if "STRIKE" in x)
+    assert "swings 0.05 m (on the way there)" in note
+    assert "up to 0.42 rad" in note
+    said = notes(design(stroke=0.5))
+    dangers = [x.startswith("DANGER") for x in said]
+    assert "swings 0.0575 m (settled)" in said[dangers.index(False) - 1]
+    assert dangers == sorted(dangers, reverse=True)
+
+
+def test_over_conditions_the_walls_are_watched_settled_and_in_the_ensemble():
+    def said(stroke, lost=2):
+        strokes = np.array([[0.1, stroke, np.nan]])
+        return walls(
+            tpd.paper_scene().block, HUNG, strokes, Verdict(hung=outcomes(lost), bare=outcomes(lost))
+        )
+
+    assert said(0.42) == []
+    (note,) = said(0.5)
+    assert "0.0575 m or more (settled under the worst condition)" in note
+    assert said(0.42, lost=30) == []
 
 
 def test_the_command_repeats_the_run_and_what_users_give_is_escaped():

@@ -45,7 +45,12 @@ def notes(design: Design, responses: tuple[Response, ...] = ()) -> list[str]:
             f"of the designs screened, {share:.0%} overturn the block: "
             "a pendulum in the wrong place does harm."
         )
-    return out
+    return dangers_first(out)
+
+
+def dangers_first(said: list[str]) -> list[str]:
+    """What begins with DANGER before the rest, else in the order given."""
+    return sorted(said, key=lambda note: not note.startswith("DANGER"))
 
 
 def _margins(winner: Candidate) -> list[str]:
@@ -69,13 +74,19 @@ def _walls(design: Design, pendulum: Pendulum) -> list[str]:
     """Whether the bob keeps within the width of the block, seen as a point."""
     wall = 0.5 * design.scene.block.width
     swings = [pendulum.length * math.sin(min(x, 0.5 * math.pi)) for x in (design.stroke, design.peak[1])]
-    if max(swings) <= wall:
-        return []
     when = "settled" if swings[0] > wall else "on the way there"
-    return [
-        f"the bob swings {max(swings):.3g} m to either side ({when}), beyond the block's half width of "
-        f"{wall:.3g} m: it cannot hang inside."
-    ]
+    return [strikes(f"{max(swings):.3g} m ({when})", pendulum, wall)] if max(swings) > wall else []
+
+
+def strikes(swing: str, pendulum: Pendulum, wall: float) -> str:
+    """The note that a bob would strike the walls (half width `wall`, m), and what would keep it off."""
+    most = math.floor(100.0 * math.asin(min(wall / pendulum.length, 1.0))) / 100.0
+    return (
+        f"DANGER: the bob, taken as a point, swings {swing} to a side, beyond the block's half width of "
+        f"{wall:.3g} m: inside it would STRIKE the walls, which nothing here computes. A stroke up to "
+        f"{most:g} rad would stay off them at this length, less for the bob's radius (`--stroke` limits the "
+        "settled one)."
+    )
 
 
 def _dangers(design: Design, responses: tuple[Response, ...]) -> list[str]:

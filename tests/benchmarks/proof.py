@@ -27,7 +27,7 @@ jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
 from tpd.robust.kept import Kept  # noqa: E402
-from tpd.robust.minimax import PENALTY  # noqa: E402
+from tpd.robust.minimax import merit_of  # noqa: E402
 from tpd.robust.objective import Objective  # noqa: E402
 from tpd.robust.search import Search  # noqa: E402
 
@@ -91,8 +91,7 @@ class Run(NamedTuple):
 
 def merits(objective: Objective, unit: np.ndarray) -> np.ndarray:
     """What is minimised, at designs in shares of the bounds, (k, 3)."""
-    local = objective.local(np.clip(unit, 0.0, 1.0))
-    return objective.measure.of(local.value) + PENALTY * np.sum(np.maximum(local.limit, 0.0), axis=1)
+    return merit_of(objective.local(np.clip(unit, 0.0, 1.0)), objective.measure.of)
 
 
 class Together:

@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -143,6 +144,15 @@ def use_64_bits() -> None:
             cache.mkdir(parents=True, exist_ok=True)
             jax.config.update("jax_compilation_cache_dir", str(cache))
             jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+
+
+@contextlib.contextmanager
+def left_out(what: str) -> Iterator[None]:
+    """Something beside the answer: Ctrl-C leaves it out, says so, and keeps the answer."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(f"tpd: interrupted; the report goes without {what}", file=sys.stderr)
 
 
 class Bar:

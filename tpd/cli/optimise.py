@@ -148,6 +148,7 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError("`--pareto` and `--resume` go with conditions, such as --band: none are given")
     files.claim(options.out, overwrite=options.overwrite)
     search = work.search
+    assert search.tolerance is not None
     with common.Bar() as bar:
         design = optimise(
             work.scene,
@@ -156,7 +157,7 @@ def run(options: argparse.Namespace) -> int:
             starts=search.starts,
             steps=search.steps,
             screening=search.screening,
-            tolerance=search.tolerance or 0.0,
+            tolerance=search.tolerance,
             ensemble=work.ensemble,
             progress=bar,
         )
@@ -178,11 +179,10 @@ def _ladder(design: Design, bar: common.Bar) -> Check | None:
 
     if design.pendulum is None or design.interrupted:
         return None
-    try:
+    with common.left_out("what the models say"):
         limit = design.space.stroke
         return check(design.scene, design.pendulum, stroke=limit, rungs=QUICK, progress=bar)
-    except KeyboardInterrupt:
-        return None
+    return None
 
 
 def _responses(design: Design, bar: common.Bar) -> tuple:
@@ -193,7 +193,6 @@ def _responses(design: Design, bar: common.Bar) -> tuple:
     if design.interrupted:
         return ()
     hung = (None,) if design.pendulum is None else (None, design.pendulum)
-    try:
+    with common.left_out("the response over frequency"):
         return tuple(frequency_response(design.scene, p, plot.band(design), progress=bar) for p in hung)
-    except KeyboardInterrupt:
-        return ()
+    return ()

@@ -88,10 +88,9 @@ def _ladder(design: DesignOver, bar: common.Bar) -> Check | None:
         return None
     from tpd.checking import QUICK, check
 
-    try:
+    with common.left_out("what the models say"):
         return check(design.scene, design.pendulum, stroke=design.space.stroke, rungs=QUICK, progress=bar)
-    except KeyboardInterrupt:
-        return None
+    return None
 
 
 def _front(options: argparse.Namespace, work: Job, design: DesignOver, bar: common.Bar) -> Front | None:
@@ -100,7 +99,7 @@ def _front(options: argparse.Namespace, work: Job, design: DesignOver, bar: comm
         return None
     from tpd.robust.pareto import pareto
 
-    try:
+    with common.left_out("the front"):
         return pareto(
             work.scene,
             design.conditions,
@@ -110,8 +109,7 @@ def _front(options: argparse.Namespace, work: Job, design: DesignOver, bar: comm
             seed=work.search.seed,
             progress=bar,
         )
-    except KeyboardInterrupt:
-        return None
+    return None
 
 
 @contextlib.contextmanager

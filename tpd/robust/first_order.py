@@ -11,9 +11,9 @@ what they found. A start with an infinite value stays where it is.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import lru_cache
-from typing import Any, cast
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +21,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float
 
-from tpd.robust.minimax import PENALTY, Descent, Local, minimise
+from tpd.robust.minimax import PENALTY, Descent, Local, merit_of, minimise
 
 _WIDTHS = (1e-1, 1e-4)
 """First and last width of the smoothing, in units of the merit."""
@@ -79,17 +79,14 @@ class _Book:
         self.evaluations = len(starts) if known is None else 0
         self.x = starts.copy()
         self.local = evaluate(starts) if known is None else Local(*(np.array(part) for part in known))
-        self.merit = self._merit(self.local)
+        self.merit = merit_of(self.local, measure)
         self.path = [(self.x.copy(), self.merit.copy())]
-
-    def _merit(self, at: Local) -> np.ndarray:
-        return self.measure(at.value) + PENALTY * np.sum(np.maximum(at.limit, 0.0), axis=1)
 
     def tried(self, x: np.ndarray) -> Local:
         """What is at designs, one a start."""
         at = self.evaluate(x)
         self.evaluations += len(x)
-        merit = self._merit(at)
+        merit = merit_of(at, self.measure)
         better = merit < self.merit
         self.x[better], self.merit[better] = x[better], merit[better]
         for old, fresh in zip(self.local, at, strict=True):
@@ -98,23 +95,22 @@ class _Book:
         return at
 
 
-def _adam(book: _Book, cap: float, steps: int) -> Any:
+def _adam(book: _Book, cap: float, steps: int) -> Iterator[None]:
     """Projected Adam; from where nothing is known half way back to the best."""
     widths = np.geomspace(*_WIDTHS, max(steps, 2))
     adam = optax.adam(optax.cosine_decay_schedule(0.06, max(steps, 1), alpha=0.02), b1=0.8, b2=0.95)
-    u, at = jnp.asarray(book.x), book.local
-    state = adam.init(u)
+    u, at = book.x.copy(), book.local
+    state = adam.init(jnp.asarray(u))
     for width in widths:
         value, slope = _smooth(at, cap, float(width))
-        updates, state = adam.update(jnp.asarray(np.where(np.isfinite(slope), slope, 0.0)), state)
-        lost = ~np.isfinite(value)[:, None]
-        onward = np.clip(np.asarray(cast(Array, optax.apply_updates(u, updates))), 0.0, 1.0)
-        new = np.where(lost, 0.5 * (np.asarray(u) + book.x), onward)
-        u, at = jnp.asarray(new), book.tried(new)
+        updates, state = adam.update(jnp.asarray(slope), state)
+        onward = np.clip(np.asarray(optax.apply_updates(jnp.asarray(u), updates)), 0.0, 1.0)
+        u = np.where(np.isfinite(value)[:, None], onward, 0.5 * (u + book.x))
+        at = book.tried(u)
         yield
 
 
-def _lbfgs(book: _Book, cap: float, steps: int) -> Any:
+def _lbfgs(book: _Book, cap: float, steps: int) -> Iterator[None]:
     """L-BFGS of optax, every start with a memory of its own, from level to level of the smoothing."""
     begin, update = _memory()
     per_level = -(-steps // _LEVELS)
@@ -174,11 +170,10 @@ def _chosen(rows: np.ndarray, one: Any, other: Any) -> Any:
 
 def _direction(update: Callable, slope: np.ndarray, state: Any, z: np.ndarray) -> tuple[np.ndarray, Any]:
     """Where L-BFGS would go, no farther than `_LONGEST`, and its memory after it; downhill in any case."""
-    sound = np.where(np.isfinite(slope), slope, 0.0)
-    move, after = update(jnp.asarray(sound), state, jnp.asarray(z))
+    move, after = update(jnp.asarray(slope), state, jnp.asarray(z))
     move = np.asarray(move)
-    uphill = np.sum(move * sound, axis=1, keepdims=True) > 0.0
-    move = np.where(uphill | ~np.isfinite(move), -sound, move)
+    uphill = np.sum(move * slope, axis=1, keepdims=True) > 0.0
+    move = np.where(uphill | ~np.isfinite(move), -slope, move)
     longest = np.max(np.abs(move), axis=1, keepdims=True)
     return move * np.minimum(1.0, _LONGEST / np.maximum(longest, 1e-300)), after
 

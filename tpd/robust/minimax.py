@@ -104,7 +104,7 @@ def minimise(
     m, d = starts.shape
     x = np.clip(starts, low, high)
     here = evaluate(x) if known is None else Local(*(np.array(part) for part in known))
-    merit = _merit(here, measure)
+    merit = merit_of(here, measure)
     reach, curve = np.full(m, radius), np.tile(1e-3 * np.eye(d), (m, 1, 1))
     alive, taken = np.isfinite(merit), np.zeros(m, int)
     path, evaluations = [(x.copy(), merit.copy())], m if known is None else 0
@@ -127,7 +127,7 @@ def minimise(
         there = x[rows] + move
         trial = evaluate(there)
         evaluations += len(rows)
-        new = _merit(trial, measure)
+        new = merit_of(trial, measure)
         ratio = (merit[rows] - new) / gain
         curve[rows] = _learn(curve[rows], move, now.at(~done), trial, weights)
         good = (ratio > 0.05) & np.isfinite(new)
@@ -158,7 +158,8 @@ def _stacked(path: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.
     return np.stack([x for x, _ in path]), np.stack([merit for _, merit in path])
 
 
-def _merit(at: Local, measure: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def merit_of(at: Local, measure: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Measure plus penalty, (m,)."""
     return measure(at.value) + PENALTY * np.sum(np.maximum(at.limit, 0.0), axis=1)
 
 

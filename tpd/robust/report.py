@@ -12,6 +12,7 @@ import numpy as np
 
 from tpd import files
 from tpd.ensemble import Verdict
+from tpd.notes import dangers_first, strikes
 from tpd.robust.answer import DesignOver, Judged, OverStatus
 from tpd.robust.objective import KINDS, Told
 from tpd.robust.pareto import Front
@@ -72,7 +73,7 @@ def notes(design: DesignOver) -> list[str]:
         if winner.verdict is not None:
             share, without = winner.verdict.hung.overturned, winner.verdict.bare.overturned
             out.append(f"of the ensemble {share} overturn with the pendulum, {without} without.")
-            out.extend(walls(design.scene.block, design.pendulum, winner))
+            out.extend(walls(design.scene.block, design.pendulum, winner.told.stroke, winner.verdict))
         fallen = [design.conditions.name(i) for i, _, _, status in winner.nonlinear if status == "overturned"]
         if fallen:
             out.append(
@@ -95,7 +96,7 @@ def notes(design: DesignOver) -> list[str]:
                 "the block does there only events tell."
             )
     out.append(f"tilts are those of {_whose(design)}; an earthquake is not a harmonic.")
-    return out
+    return dangers_first(out)
 
 
 def _whose(design: DesignOver) -> str:
@@ -108,18 +109,20 @@ def _whose(design: DesignOver) -> str:
     return f"the largest motion, by the linear equations, that one of {start} reaches"
 
 
-def walls(block: Block, pendulum: Pendulum | None, winner: Judged) -> list[str]:
-    """Whether the bob, seen as a point, keeps within the width of the block in most runs of the ensemble."""
-    if pendulum is None or winner.verdict is None:
+def walls(block: Block, pendulum: Pendulum | None, strokes: np.ndarray, verdict: Verdict | None) -> list[str]:
+    """Whether the bob, taken as a point, keeps within the width of the block: settled under every condition
+    (`strokes`, rad, any shape), and in most runs of the ensemble."""
+    if pendulum is None:
         return []
-    wall, reach = 0.5 * block.width, winner.verdict.hung.quantiles("peak_stroke", (0.5,))[0]
-    swing = pendulum.length * math.sin(min(reach, 0.5 * math.pi))
-    if swing <= wall or not math.isfinite(reach):
-        return []
-    return [
-        f"in half of the runs the bob swings {swing:.3g} m or more to a side, beyond the block's half width "
-        f"of {wall:.3g} m: it would strike the walls."
-    ]
+    wall, out = 0.5 * block.width, []
+    reaches = {"settled under the worst condition": np.max(strokes, where=np.isfinite(strokes), initial=0.0)}
+    if verdict is not None:
+        reaches["in half of the runs"] = verdict.hung.quantiles("peak_stroke", (0.5,))[0]
+    for when, reach in reaches.items():
+        swing = pendulum.length * math.sin(min(reach, 0.5 * math.pi))
+        if swing > wall and math.isfinite(reach):
+            out.append(strikes(f"{swing:.3g} m or more ({when})", pendulum, wall))
+    return out
 
 
 def _answer(design: DesignOver) -> list[str]:
