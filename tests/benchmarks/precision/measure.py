@@ -3,7 +3,7 @@
 import statistics
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -69,8 +69,19 @@ def seconds(call: Call) -> float:
 def first_calls(
     methods: Iterable[Method], scenes: Iterable[Scene], truth: dict[str, tuple[float, np.ndarray]]
 ) -> list[tuple[Row, Call | None]]:
-    """Every method, setting, scene and kind once."""
+    """Every method, setting, scene and kind once. Ctrl-C leaves out the rest."""
     out: list[tuple[Row, Call | None]] = []
+    try:
+        for row_and_call in _each(methods, tuple(scenes), truth):
+            out.append(row_and_call)
+    except KeyboardInterrupt:
+        print("interrupted: what has not been called yet is left out", file=sys.stderr, flush=True)
+    return out
+
+
+def _each(
+    methods: Iterable[Method], scenes: tuple[Scene, ...], truth: dict[str, tuple[float, np.ndarray]]
+) -> Iterator[tuple[Row, Call | None]]:
     long: set[tuple[str, str, str]] = set()
     for method in methods:
         for setting in method.settings:
@@ -83,14 +94,13 @@ def first_calls(
                     curve = (scene.name, kind, method.name)
                     if curve in long:
                         row.note = f"a coarser setting took {TOO_LONG:g} s"
-                        out.append((row, None))
+                        yield row, None
                         continue
                     known = truth[scene.name][kind == "gradient"]
-                    out.append((row, _first(row, make, scene, setting, known)))
+                    yield row, _first(row, make, scene, setting, known)
                     if not method.ours and row.cold > TOO_LONG and setting != method.settings[0]:
                         long.add(curve)
             print(f"{method.name}, {method.knob} {setting:g}", file=sys.stderr, flush=True)
-    return out
 
 
 def _first(row: Row, make: Callable[[Scene, float], Call], scene: Scene, setting: float, truth: Any) -> Any:
