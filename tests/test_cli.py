@@ -268,3 +268,23 @@ assert "jax" not in sys.modules
     assert done.stderr == ""
     if flag == "--version":
         assert done.stdout == f"tpd {tpd.__version__}\n"
+
+
+def test_what_the_command_line_compiles_can_be_kept():
+    """A program that calls back to Python is compiled anew in every run."""
+    code = """
+from tpd.cli import common
+common.use_64_bits()
+import equinox as eqx, jax
+from tpd import Segmented, Smoothed, Terms, paper_scene, steady_state
+from tpd.parameters import as_arrays
+p = as_arrays(paper_scene().parameters())
+def amplitude(mu, model):
+    return steady_state(eqx.tree_at(lambda q: q.mu, p, mu), model=model).amplitude
+for model in (Smoothed(), Segmented(terms=Terms.nonlinear)):
+    text = jax.jit(lambda mu: amplitude(mu, model)).lower(0.1).as_text()
+    assert "while" in text
+    assert "callback" not in text, model
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

@@ -135,6 +135,10 @@ def inputs(of: Scene, hung: Pendulum | None) -> dict[str, Any]:
 def use_64_bits() -> None:
     """Before anything else is done with JAX. What it compiles is kept for later runs, in the user's cache
     or where `JAX_COMPILATION_CACHE_DIR` says."""
+    if "equinox" not in sys.modules:
+        # Times out of order, which diffrax looks for, are then NaN in place of an exception: a program that
+        # calls back to Python to raise one is never kept.
+        os.environ.setdefault("EQX_ON_ERROR", "nan")
     import jax
 
     jax.config.update("jax_enable_x64", True)
