@@ -201,9 +201,9 @@ def test_a_picture_colours_what_moves_hatches_the_rest_and_names_its_axes():
     np.testing.assert_array_equal(shown, m.status == "rocking")
     labels = {text.get_text() for text in ax.get_legend().get_texts()}
     assert labels == {
-        "stays at rest",
+        "rest, no rocking attracts",
         "orbits, but none attracts",
-        "no uplift from rest on the ticked side",
+        "ticked side: no uplift once the bob has settled",
     }
     assert ax.figure.axes[1].get_ylabel() == r"largest tilt $|\varphi|$ (rad)"
 

@@ -24,7 +24,7 @@ from tpd.drawing import corners, plot_scene, rod
 from tpd.elasticity import Elasticities, elasticities
 from tpd.ensemble import Ensemble, Outcomes, Verdict
 from tpd.job import Job
-from tpd.notes import notes
+from tpd.notes import notes, strikes
 from tpd.robust.report import walls
 
 DOT = png(plot_scene(tpd.paper_scene(), None).figure)
@@ -180,28 +180,50 @@ def test_warnings_come_before_the_answer_and_everything_is_told():
 
 
 def test_a_bob_that_would_strike_the_walls_is_a_danger_with_a_remedy():
-    """Half width 0.05 m, length 0.12 m: sin 0.42 * 0.12 m = 0.0489 m, sin 0.43 * 0.12 m = 0.0500 m."""
-    assert not any("STRIKE" in note for note in notes(design(peak=(0.06, 0.42))))
-    (note,) = (x for x in notes(design(peak=(0.06, 0.43))) if "STRIKE" in x)
-    assert "swings 0.05 m (on the way there)" in note
-    assert "up to 0.42 rad" in note
-    said = notes(design(stroke=0.5))
-    dangers = [x.startswith("DANGER") for x in said]
-    assert "swings 0.0575 m (settled)" in said[dangers.index(False) - 1]
+    """Half width 0.05 m, length 0.12 m; a ball of 0.5 kg has a radius of 0.0248 m: 0.2118 rad are left."""
+    light = dataclasses.replace(HUNG, mass=0.5)
+    ball = (0.5 / 7850.0 * 3.0 / (4.0 * np.pi)) ** (1.0 / 3.0)
+    most = np.arcsin((0.05 - ball) / 0.12)
+
+    def said(**changes):
+        return [x for x in notes(design(pendulum=light, **changes)) if "STRIKE" in x]
+
+    assert said(stroke=0.1, peak=(0.06, most - 1e-6)) == []
+    (note,) = said(stroke=0.1, peak=(0.06, most + 1e-6))
+    assert note.startswith("DANGER: on the way there the bob swings 0.0252 m to a side")
+    assert f"stays off them up to {np.floor(1e3 * most) / 1e3:g} rad, a point up to 0.429 rad" in note
+    (note,) = said(stroke=0.5, peak=(0.06, 0.6))
+    assert "DANGER: settled the bob swings 0.0575 m" in note
+    dangers = [x.startswith("DANGER") for x in notes(design(stroke=0.5))]
+    assert 1 < sum(dangers) < len(dangers)
     assert dangers == sorted(dangers, reverse=True)
 
 
-def test_over_conditions_the_walls_are_watched_settled_and_in_the_ensemble():
-    def said(stroke, lost=2):
-        strokes = np.array([[0.1, stroke, np.nan]])
-        return walls(
-            tpd.paper_scene().block, HUNG, strokes, Verdict(hung=outcomes(lost), bare=outcomes(lost))
-        )
+def test_a_ball_wider_than_the_block_fits_at_no_angle():
+    (note,) = strikes(tpd.paper_scene().block, dataclasses.replace(HUNG, mass=16.0), {"settled": 0.0})
+    assert "stays off them at no angle" in note
 
-    assert said(0.42) == []
+
+def test_over_conditions_the_walls_are_watched_settled_and_in_the_ensemble():
+    light = dataclasses.replace(HUNG, mass=0.5)
+
+    def said(stroke, lost=2):
+        verdict = Verdict(hung=outcomes(lost), bare=outcomes(lost))
+        return walls(tpd.paper_scene().block, light, np.array([[0.05, stroke, np.nan]]), verdict)
+
+    assert said(0.2) == []
     (note,) = said(0.5)
-    assert "0.0575 m or more (settled under the worst condition)" in note
-    assert said(0.42, lost=30) == []
+    assert "settled under the worst condition the bob swings 0.0575 m" in note
+    assert said(0.2, lost=30) == []
+
+
+def test_bounds_that_hold_a_design_are_named():
+    space = tpd.DesignSpace(mass_ratio=(0.01, 0.1), damping_ratio=(0.05, 0.1), stroke=0.3)
+    said = " ".join(notes(design(space=space)))
+    assert "the mass ratio is at the largest allowed, 0.1." in said
+    assert "the damping ratio is at the largest allowed, 0.1." in said
+    assert "the settled stroke is at its limit, 0.3 rad." in said
+    assert "at the largest" not in " ".join(notes(design()))
 
 
 def test_the_command_repeats_the_run_and_what_users_give_is_escaped():

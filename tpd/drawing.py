@@ -16,8 +16,6 @@ from tpd.scene import Pendulum, Scene
 
 BODY = "#e8e8e8"
 """Fill of the block."""
-_STEEL = 7850.0
-"""kg/m^3"""
 _TALL, _WIDE = 4.2, 3.0
 """Room for what is drawn to scale, inches."""
 _LEFT, _RIGHT, _ABOVE, _BELOW = 1.15, 2.4, 0.5, 0.75
@@ -111,8 +109,7 @@ def _pendulum(
         words.append((angle, (float(arc[-1, 0]), float(arc[-1, 1]))))
     ax.plot(*line.T, color=BLUE, lw=2.0)
     ax.plot(*line[0], "o", ms=5, mfc="white", mec=INK)
-    radius = (3.0 * pendulum.mass / (4.0 * math.pi * _STEEL)) ** (1.0 / 3.0)
-    ax.add_patch(Circle(tuple(line[1]), radius, fill=False, ec=INK, lw=0.7, ls=(0, (1, 1.5))))
+    ax.add_patch(Circle(tuple(line[1]), pendulum.ball_radius, fill=False, ec=INK, lw=0.7, ls=(0, (1, 1.5))))
     ax.plot(*line[1], "o", ms=6, color=INK)
     words.append(
         (

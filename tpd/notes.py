@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from tpd.status import SETTLED
 
 LARGE_PEAK = 0.7
 """Of the toppling tilt; above it a start from rest is called dangerous."""
+GRAVE = 2.0
+"""Times the bare block's amplitude; above it rocking more at another frequency is a danger."""
 LARGE_STROKE = 0.3
 """rad; sin(psi) is 1.5 % below psi there, and falls further with its square."""
 
@@ -71,22 +74,32 @@ def _margins(winner: Candidate) -> list[str]:
 
 
 def _walls(design: Design, pendulum: Pendulum) -> list[str]:
-    """Whether the bob keeps within the width of the block, seen as a point."""
-    wall = 0.5 * design.scene.block.width
-    swings = [pendulum.length * math.sin(min(x, 0.5 * math.pi)) for x in (design.stroke, design.peak[1])]
-    when = "settled" if swings[0] > wall else "on the way there"
-    return [strikes(f"{max(swings):.3g} m ({when})", pendulum, wall)] if max(swings) > wall else []
+    """Whether a bob of steel keeps within the width of the block."""
+    angles = {"settled": design.stroke, "on the way there": design.peak[1]}
+    return strikes(design.scene.block, pendulum, angles)[:1]
 
 
-def strikes(swing: str, pendulum: Pendulum, wall: float) -> str:
-    """The note that a bob would strike the walls (half width `wall`, m), and what would keep it off."""
-    most = math.floor(100.0 * math.asin(min(wall / pendulum.length, 1.0))) / 100.0
-    return (
-        f"DANGER: the bob, taken as a point, swings {swing} to a side, beyond the block's half width of "
-        f"{wall:.3g} m: inside it would STRIKE the walls, which nothing here computes. A stroke up to "
-        f"{most:g} rad would stay off them at this length, less for the bob's radius (`--stroke` limits the "
-        "settled one)."
-    )
+def strikes(block: Block, pendulum: Pendulum, angles: Mapping[str, float]) -> list[str]:
+    """A note for every one of the `angles` (rad, by when the bob reaches them) at which a solid ball of steel
+    would strike the walls, and what would keep it off."""
+    wall, length, ball = 0.5 * block.width, pendulum.length, pendulum.ball_radius
+
+    def clear(room: float) -> str:
+        """The largest stroke at which so much room (m) to a side is enough, rounded down."""
+        return f"{math.floor(1000.0 * math.asin(min(room / length, 1.0))) / 1000.0:g} rad"
+
+    fits = f"up to {clear(wall - ball)}" if ball < wall else "at no angle"
+    out = []
+    for when, angle in angles.items():
+        swing = length * math.sin(min(angle, 0.5 * math.pi))
+        if swing + ball > wall:
+            out.append(
+                f"DANGER: {when} the bob swings {swing:.3g} m to a side, and the block's half width is "
+                f"{wall:.3g} m. Inside it, a solid ball of steel of this mass ({ball:.3g} m in radius) would "
+                "STRIKE the walls, which nothing here computes. On a rod of this length it stays off them "
+                f"{fits}, a point up to {clear(wall)} (`--stroke` limits the settled angle)."
+            )
+    return out
 
 
 def _dangers(design: Design, responses: tuple[Response, ...]) -> list[str]:
@@ -119,8 +132,9 @@ def _dangers(design: Design, responses: tuple[Response, ...]) -> list[str]:
     worse = np.flatnonzero(settled[0] & settled[1] & (hung.amplitude > 1.02 * bare.amplitude))
     if worse.size:
         i = worse[np.argmin(away[worse])]
+        grave = "DANGER: " if hung.amplitude[i] > GRAVE * bare.amplitude[i] else ""
         out.append(
-            f"at {hung.frequency[i]:.4g} Hz the block rocks more with this pendulum "
+            f"{grave}at {hung.frequency[i]:.4g} Hz the block rocks more with this pendulum "
             f"({hung.amplitude[i]:.4g} rad) than without ({bare.amplitude[i]:.4g} rad)."
         )
     out.append(
@@ -132,14 +146,19 @@ def _dangers(design: Design, responses: tuple[Response, ...]) -> list[str]:
 
 def _edges(design: Design, winner: Candidate) -> list[str]:
     space, out = design.space, []
-    for name, value, bounds in (
+    searched = [
         ("mass", winner.mass_ratio, space.mass_ratio),
         ("length", winner.length_ratio, space.length_ratio),
-    ):
+    ]
+    if isinstance(space.damping_ratio, tuple):
+        searched.append(("damping", winner.damping_ratio, space.damping_ratio))
+    for name, value, bounds in searched:
         width = bounds[1] - bounds[0]
         for bound, word in ((bounds[0], "least"), (bounds[1], "largest")):
             if abs(value - bound) < 0.002 * width:
                 out.append(f"the {name} ratio is at the {word} allowed, {bound:g}.")
+    if winner.stroke > 0.98 * space.stroke:
+        out.append(f"the settled stroke is at its limit, {space.stroke:g} rad.")
     return out
 
 

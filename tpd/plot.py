@@ -97,7 +97,7 @@ def _no_uplift_region(design: Design, ax: Axes) -> None:
     margin = np.asarray(jax.vmap(lambda d: uplift(with_design(p, d)).margin)(flat)).reshape(120, 120)
     if (margin > 0).any():
         ax.contourf(mu, lam, margin, levels=[0.0, np.inf], colors=[GREY], alpha=0.25)
-        ax.plot([], [], color=GREY, lw=6, alpha=0.4, label="a block at rest stays at rest")
+        ax.plot([], [], color=GREY, lw=6, alpha=0.4, label="no uplift once the bob has settled")
 
 
 def plot_motion(design: Design, axes: Any = None) -> Any:

@@ -17,7 +17,7 @@ from tpd.maps import DesignMap
 _MOVING = ("rocking", "sticking", "near_fold", "grazing")
 """Statuses of motions that last, with a size to show."""
 _HATCHES = {
-    "rest": ("", "stays at rest"),
+    "rest": ("", "rest, no rocking attracts"),
     "unstable": ("////", "orbits, but none attracts"),
     "no_orbit": ("....", "no orbit"),
     "overturned": ("xxxx", "overturns"),
@@ -55,7 +55,7 @@ def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = Non
     handles = _hatched(ax, m, coloured) + _edge(ax, m)
     ax.set(xlabel=LABELS[m.x_name], ylabel=LABELS[m.y_name])
     if handles:
-        place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 3}
+        place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 2}
         ax.legend(handles=handles, fontsize=8, frameon=False, **place)
     return ax
 
@@ -72,6 +72,8 @@ def _hatched(ax: Axes, m: DesignMap, coloured: tuple[str, ...]) -> list[Any]:
     """Hatches over what has no colour; returns what the legend shows."""
     uncoloured = [s for s in m.counts if s not in coloured]
     kinds = {s: _HATCHES.get(s, _OTHER) for s in uncoloured}
+    if m.start is not None and "rest" in kinds:
+        kinds["rest"] = ("", "settles at rest")
     handles = []
     for hatch, label in dict.fromkeys(kinds.values()):
         here = np.isin(m.status, [s for s in uncoloured if kinds[s] == (hatch, label)])
@@ -88,5 +90,5 @@ def _edge(ax: Axes, m: DesignMap) -> list[Any]:
     drawn = [Normal(), TickedStroke(angle=135, length=0.7, spacing=9.0)]
     cased = [Stroke(linewidth=3.2, foreground="white"), *drawn]
     ax.contour(m.x, m.y, m.margin, levels=[0.0], colors=[ORANGE], linewidths=1.4).set(path_effects=cased)
-    label = "no uplift from rest on the ticked side"
+    label = "ticked side: no uplift once the bob has settled"
     return [Line2D([], [], color=ORANGE, lw=1.4, path_effects=drawn, label=label)]

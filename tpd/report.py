@@ -20,7 +20,9 @@ from tpd.response import Response
 
 def text(design: Design, responses: tuple[Response, ...] = ()) -> str:
     """The report in words; its first line says what the answer is worth."""
-    lines = [design.status.value, ""]
+    said = notes(design, responses)
+    dangers = [f"note: {note}" for note in said if note.startswith("DANGER")]
+    lines = [design.status.value, "", *dangers, *([""] if dangers else [])]
     lines += _answer(design)
     lines += ["", f"{'':24}{'exact':>14}{design.searched_with:>14}{'difference':>12}  settles as"]
     named = (
@@ -30,10 +32,11 @@ def text(design: Design, responses: tuple[Response, ...] = ()) -> str:
     )
     lines += [_row(name, c) for name, c in named if c is not None]
     lines += _rounds(design)
-    lines += ["", *(f"note: {note}" for note in notes(design, responses))]
+    lines += ["", *(f"note: {note}" for note in said[len(dangers) :])]
     if design.verdict is not None:
         runs = design.verdict.hung.ensemble
-        lines += ["", f"ensemble of {runs.size} runs, seed {runs.seed}:", design.verdict.table()]
+        head = f"ensemble of {runs.size} runs, seed {runs.seed} (lost: overturned, or no answer):"
+        lines += ["", head, design.verdict.table()]
     lines += ["", f"searched from {len(design.starts)} starts, seed {design.seed}:"]
     counts = {s: design.starts.count(s) for s in dict.fromkeys(design.starts)}
     lines += [f"  {n} of them {s.value}" for s, n in counts.items()]
@@ -91,7 +94,10 @@ def _row(name: str, c: Candidate) -> str:
         f"{x:14.6f}" if math.isfinite(x) else f"{'-':>14}" for x in (c.amplitude, c.smoothed_amplitude)
     )
     settles = c.status if c.periods == 1 else f"{c.status}, period {c.periods}"
-    return f"{name:24}{sizes}{difference}  {settles}{agree}"
+    which = ""
+    if name == "runner-up":
+        which = f"  (mu {c.mass_ratio:.4g}, lam {c.length_ratio:.4g}, zeta {c.damping_ratio:.4g})"
+    return f"{name:24}{sizes}{difference}  {settles}{agree}{which}"
 
 
 def as_json(

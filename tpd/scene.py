@@ -12,6 +12,8 @@ from tpd.parameters import SLENDERNESS_LIMIT, Parameters
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2"""
+_STEEL = 7850.0
+"""kg/m^3"""
 HOUSNER = "housner"
 """Restitution tied to the block's shape by `housner`."""
 FRICTION = 0.05
@@ -113,6 +115,11 @@ class Pendulum:
         checks.not_negative("mass", self.mass)
         checks.positive("length", self.length)
         checks.not_negative("damping_ratio", self.damping_ratio)
+
+    @property
+    def ball_radius(self) -> float:
+        """Radius (m) of a solid ball of steel, 7850 kg/m^3, that weighs what the bob does."""
+        return (3.0 * self.mass / (4.0 * math.pi * _STEEL)) ** (1.0 / 3.0)
 
     def hinge_damping(self, gravity: float = STANDARD_GRAVITY) -> float:
         """The hinge's moment over the rate of its angle, N m s/rad: 2 zeta m l^1.5 g^0.5."""

@@ -55,6 +55,8 @@ def run(options: argparse.Namespace) -> int:
             against = ()
     for objection in found.objections:
         print(f"\n{'DO NOT USE' if objection in against else 'under this shaking'}: {objection}.")
+    if not found.objections:
+        print("\nThe nonlinear equations have nothing against this design under this shaking, from rest.")
     return common.UNSOUND if against else common.SOUND
 
 

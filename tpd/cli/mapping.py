@@ -66,6 +66,8 @@ def run(options: argparse.Namespace) -> int:
             progress=partial(bar, "mapping"),
         )
     print("\n".join(f"{count:8} {status.replace('_', ' ')}" for status, count in m.counts.items()))
+    if not options.from_rest:
+        print("motions that repeat; whether the block reaches one, or overturns, --from-rest says")
     for path, content in _files(m, common.inputs(scene, hung)):
         print(f"written: {files.place(options.out / path, content)}")
     return common.SOUND

@@ -57,6 +57,8 @@ def run(options: argparse.Namespace) -> int:
         cases = _branches(scene, hung, name, (low, high), options.points, bar)
         settled = _settled(scene, hung, name, (low, high), options.from_rest, bar)
     print("\n".join(line for label, case in cases.items() for line in _text(label, case)))
+    if settled is None:
+        print("motions that repeat; whether the block reaches one, or overturns, --from-rest N says")
     for path, content in _files(scene, hung, cases, settled):
         print(f"written: {files.place(options.out / path, content)}")
     return common.SOUND
