@@ -56,10 +56,15 @@ def search(seed: int) -> Search:
     return out
 
 
-def robust(seed: int) -> DesignOver:
+def robust(seed: int, starts: int = STARTS) -> DesignOver:
     """256 samples, the mean of the worst tenth."""
     measure = tpd.Measure.cvar(0.1)
-    return tpd.optimise_over(SCENE, SCATTER, SPACE, limits=LIMITS, measure=measure, seed=seed)
+    return tpd.optimise_over(SCENE, SCATTER, SPACE, limits=LIMITS, measure=measure, seed=seed, starts=starts)
+
+
+def few(seed: int) -> DesignOver:
+    """The same from a quarter of the starts."""
+    return robust(seed, 16)
 
 
 def ensemble(seed: int) -> Outcomes:
@@ -71,6 +76,7 @@ WORK = {
     "band of 20 frequencies, 64 starts, (μ, λ, ζ), stroke and mass limited": (band, "5 s; cold 20 s"),
     "its search alone": (search, ""),
     "256 samples, worst tenth, 64 starts": (robust, "20 s"),
+    "the same, 16 starts": (few, "20 s"),
     "ensemble of 10 000 runs of 100 periods": (ensemble, "40 s, aim 10 s"),
 }
 
@@ -82,11 +88,12 @@ def main() -> None:
     print("| what | reach, warm | first, s | warm, s |\n|---|---|---|---|")
     for name, (work, reach) in WORK.items():
         out, first = timed(lambda work=work: work(0))
-        warm = [timed(lambda work=work, seed=seed: work(seed))[1] for seed in SEEDS]
+        others, warm = zip(*(timed(lambda work=work, seed=seed: work(seed)) for seed in SEEDS), strict=True)
         print(f"| {name} | {reach} | {first:.1f} | {statistics.median(warm):.2f} |", flush=True)
-        if isinstance(out, DesignOver):
-            best = out.judged[-1]
-            print(f"  {out.status.name}, {best.value:.6f}, gain left {best.stationarity:.1e}", flush=True)
+        for found in (out, *others):
+            if isinstance(found, DesignOver):
+                best = found.judged[-1]
+                print(f"  {found.status.name}, {best.value:.6f}, gain left {best.stationarity:.1e}", flush=True)
 
 
 if __name__ == "__main__":

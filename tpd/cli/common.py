@@ -25,7 +25,7 @@ _SCENE: dict[str, tuple[str, str, str, str]] = {
         "block",
         "friction",
         "K",
-        "friction moment of the contact over M g b (default 0.05; with --restitution 0)",
+        "friction moment of the contact over M g b (default 0.05, or 0 with --restitution)",
     ),
     "restitution": (
         "block",

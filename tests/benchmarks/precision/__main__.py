@@ -4,12 +4,10 @@
 
 Writes two pictures into notebooks/pictures and tables and all numbers into tests/benchmarks/results. Takes
 an hour on two cores, most of it compiling and SciPy; leave the machine alone meanwhile. `--only` measures
-some methods; with `--add` they take their places among those measured last, their times put to scale by the
-defaults, which are measured again beside them. `--draw` only draws what was measured last.
+some methods, `--draw` only draws what was measured last, and Ctrl-C keeps what was measured.
 """
 
 import argparse
-import dataclasses
 import datetime
 import json
 import math
@@ -33,7 +31,6 @@ RESULTS = ROOT / "tests" / "benchmarks" / "results"
 PICTURES = ROOT / "notebooks" / "pictures"
 PACKAGES = ("tpd", "jax", "diffrax", "numpy", "scipy", "numba", "scikit-sundae", "heyoka", "mujoco")
 KEPT = RESULTS / "precision.json"
-DEFAULT = "(default)"
 BATCH, FEW, SHARE = 512, 8, 0.03
 """Designs in the batch, of what is slow, and how far they lie about two of the scenes."""
 SLOW = ("SciPy", "SUNDIALS")
@@ -116,27 +113,11 @@ def stored() -> tuple[list[Row], list[str], dict[str, str]]:
     return rows, held["batch"], held["about"]
 
 
-def added(old: list[Row], new: list[Row]) -> tuple[list[Row], float]:
-    """The new rows among the old ones, and the factor that their times were multiplied by: the median ratio
-    of the defaults' warm times in the two runs."""
-    before = {(r.scene, r.kind, r.method): r.warm for r in old if DEFAULT in r.method}
-    pairs = [(before[key], r.warm) for r in new if (key := (r.scene, r.kind, r.method)) in before]
-    factor = float(np.nanmedian([a / b for a, b in pairs]))
-    fresh = [
-        dataclasses.replace(r, warm=factor * r.warm, cold=factor * r.cold)
-        for r in new
-        if DEFAULT not in r.method
-    ]
-    names = {r.method for r in fresh}
-    return [r for r in old if r.method not in names] + fresh, factor
-
-
 def main() -> None:
     """Measure, write and draw."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--draw", action="store_true", help="draw what was measured last")
     parser.add_argument("--only", nargs="+", metavar="WORD", help="methods whose names hold a word")
-    parser.add_argument("--add", action="store_true", help="to what was measured last")
     parser.add_argument("--sparse", action="store_true", help="every other setting of SciPy and CVODE")
     parser.add_argument("--rounds", type=int, default=5, help="warm runs of everything (default 5)")
     options = parser.parse_args()
@@ -146,8 +127,7 @@ def main() -> None:
     from tests.benchmarks.precision.ours import OURS
     from tests.benchmarks.precision.peers import PEERS
 
-    words = [*(options.only or [""]), *([DEFAULT] if options.add else [])]
-    methods = [m for m in (*OURS, *PEERS) if any(w in m.name for w in words)]
+    methods = [m for m in (*OURS, *PEERS) if any(w in m.name for w in options.only or [""])]
     if options.sparse:
         methods = [
             m._replace(settings=m.settings[::-2][::-1]) if m.name.startswith(SLOW) else m for m in methods
@@ -155,13 +135,7 @@ def main() -> None:
     measured = first_calls(methods, SCENES, load())
     warm(measured, options.rounds)
     rows = [row for row, _ in measured]
-    if options.add:
-        old, more, about = stored()
-        rows, factor = added(old, rows)
-        said = f"on {datetime.date.today()}, times multiplied by {factor:.2f}"
-        about[f"added {', '.join(options.only or ['all'])}"] = said
-    else:
-        more, about = batches(methods, options.rounds), {"date": str(datetime.date.today()), **versions()}
+    more, about = batches(methods, options.rounds), {"date": str(datetime.date.today()), **versions()}
     KEPT.write_text(json.dumps({"about": about, "batch": more, "rows": plain(rows)}, indent=0) + "\n")
     draw(rows, more, about)
 

@@ -15,15 +15,23 @@ EQUAL = 1e-12
 """Errors below are equal: they are of rounding."""
 ASKED = 1e-6
 """Error at which methods are compared."""
-_OURS, _THEIRS = "osD^v<>ph*", "x+1234|_XdP"
+_OURS, _THEIRS = "osD^v<>ph*", "x+^v<>sDo*p"
+_LINE = 0.031
+"""Height of a line of failures, in shares of a panel's."""
+_SHORT = {
+    "another motion or a wrong number": "wrong",
+    "not the same model": "other model",
+    "no number": "none",
+}
 
 
 def figure(rows: list[Row], kind: str, scenes: list[str]) -> Figure:
-    """Error against warm seconds, a panel a scene: black and filled ours, grey and open the others."""
-    fig, axes = plt.subplots(2, 3, figsize=(13.0, 9.2), sharex=True, sharey=True, layout="constrained")
+    """Error against warm seconds, a panel a scene: black and filled ours, grey and open the others. What
+    has no answer is named above: "wrong" is another motion or an error above 30 %."""
+    fig, axes = plt.subplots(2, 3, figsize=(13.0, 10.6), sharex=True, sharey="row", layout="constrained")
     rows = [r for r in rows if r.kind == kind]
     styles = dict(_styles(rows))
-    handles = {}
+    handles, lines = {}, []
     for ax, scene in zip(axes.flat, scenes, strict=True):
         there = [r for r in rows if r.scene == scene]
         for name, style in styles.items():
@@ -33,7 +41,13 @@ def figure(rows: list[Row], kind: str, scenes: list[str]) -> Figure:
                 handles[name] = ax.plot(x, y, **style, label=name)[0]
         ax.set(xscale="log", yscale="log", title=scene)
         ax.grid(True, which="major", color="0.9")
-        ax.text(0.02, 0.98, _failures(there), transform=ax.transAxes, va="top", fontsize=6.2, color="0.25")
+        said = _failures(there)
+        lines.append(len(said))
+        ax.text(0.02, 0.985, "\n".join(said), transform=ax.transAxes, va="top", fontsize=6.2, color="0.25")
+    # Room for the failures above the curves, of which the panels of a row share the scale.
+    for row, most in zip(axes, np.reshape(lines, (2, 3)).max(axis=1), strict=True):
+        low, high = np.log10(row[0].get_ylim())
+        row[0].set_ylim(top=10.0 ** (low + (high - low) / (1.0 - _LINE * (most + 1))))
     for ax in axes[-1]:
         ax.set_xlabel("relative error, against 30 digits")
     for ax in axes[:, 0]:
@@ -56,6 +70,7 @@ def _styles(rows: list[Row]) -> Iterable[tuple[str, dict]]:
                 "color": "black" if own else "0.5",
                 "marker": next(ours if own else theirs),
                 "markersize": 10 if default else 6,
+                "markerfacecolor": "black" if own else "none",
                 "linestyle": next(dashes),
                 "linewidth": 1.0,
                 "zorder": 3 if own else 2,
@@ -63,16 +78,18 @@ def _styles(rows: list[Row]) -> Iterable[tuple[str, dict]]:
         )
 
 
-def _failures(rows: list[Row]) -> str:
+def _failures(rows: list[Row]) -> list[str]:
     """The methods that had no answer, and why; of some settings only, how many."""
     lines = []
     for name in dict.fromkeys(r.method for r in rows):
         of = [r for r in rows if r.method == name]
         failed = [r for r in of if r.note]
         if failed:
-            share = "" if len(failed) == len(of) else f" ({len(failed)} of {len(of)} settings)"
-            lines.append(f"x {name}{share}: {failed[0].note}")
-    return "\n".join(lines)
+            share = "" if len(failed) == len(of) else f", {len(failed)} of {len(of)}"
+            lines.append(
+                f"{name.removesuffix(' (default)')}{share}: {_SHORT.get(failed[0].note, failed[0].note)}"
+            )
+    return lines
 
 
 def on_front(rows: list[Row], scene: str, kind: str) -> list[str]:
