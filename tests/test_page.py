@@ -193,7 +193,7 @@ def test_a_bob_that_would_strike_the_walls_is_a_danger_with_a_remedy():
     assert note.startswith("DANGER: on the way there the bob swings 0.0252 m to a side")
     assert f"stays off them up to {np.floor(1e3 * most) / 1e3:g} rad, a point up to 0.429 rad" in note
     (note,) = said(stroke=0.5, peak=(0.06, 0.6))
-    assert "DANGER: settled the bob swings 0.0575 m" in note
+    assert "DANGER: once settled the bob swings 0.0575 m" in note
     dangers = [x.startswith("DANGER") for x in notes(design(stroke=0.5))]
     assert 1 < sum(dangers) < len(dangers)
     assert dangers == sorted(dangers, reverse=True)

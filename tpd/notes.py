@@ -75,7 +75,7 @@ def _margins(winner: Candidate) -> list[str]:
 
 def _walls(design: Design, pendulum: Pendulum) -> list[str]:
     """Whether a bob of steel keeps within the width of the block."""
-    angles = {"settled": design.stroke, "on the way there": design.peak[1]}
+    angles = {"once settled": design.stroke, "on the way there": design.peak[1]}
     return strikes(design.scene.block, pendulum, angles)[:1]
 
 

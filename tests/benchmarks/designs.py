@@ -92,8 +92,8 @@ def main() -> None:
         print(f"| {name} | {reach} | {first:.1f} | {statistics.median(warm):.2f} |", flush=True)
         for found in (out, *others):
             if isinstance(found, DesignOver):
-                best = found.judged[-1]
-                print(f"  {found.status.name}, {best.value:.6f}, gain left {best.stationarity:.1e}", flush=True)
+                value, left = found.judged[-1].value, found.judged[-1].stationarity
+                print(f"  {found.status.name}, {value:.6f}, gain left {left:.1e}", flush=True)
 
 
 if __name__ == "__main__":
