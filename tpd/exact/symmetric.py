@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool
 
 from tpd.exact.conditions import Half, conditions, crossing
 from tpd.exact.matrix import Factor, Functional, components, exponential, identity
-from tpd.exact.multipliers import Matrix, product
+from tpd.exact.multipliers import Matrix, computed_once, product
 from tpd.exact.roots import NODES, ROOTS, Bracket, Root, brackets, converge, refine
 from tpd.exact.skipping import where_needed
 from tpd.exact.spectrum import Plant
@@ -281,20 +281,22 @@ def half_map(half: Half, orbit: Orbit) -> Matrix:
         before[3] + jump[1] * before[2],
     )
     through = tuple(a - b for a, b in zip(after, carried, strict=True))
+    end = _rates(half, orbit, orbit.second, at.rest, half.span)
+    slack = 2.0 * linear.friction
+    thrown = tuple(x / before[0] for x in through)
+    pushed = tuple(-slack * x / end[2] for x in per_moment)
+    first, second, (thrown,), (pushed,) = computed_once(first, second, (thrown,), (pushed,))
     crossing_jump = tuple(
         tuple(
             (one if i == j else zero)
             + (jump[i - 2] if j == 2 and i >= 2 else 0.0)
-            + (through[i] / before[0] if j == 0 else 0.0)
+            + (thrown[i] if j == 0 else 0.0)
             for j in range(4)
         )
         for i in range(4)
     )
-    end = _rates(half, orbit, orbit.second, at.rest, half.span)
-    slack = 2.0 * linear.friction
-    push = (zero, zero, -slack * per_moment[0], -slack * per_moment[1])
     turning_jump = tuple(
-        tuple((one if i == j else zero) + (push[i] / end[2] if j == 2 else 0.0) for j in range(4))
+        tuple((one if i == j else zero) + (pushed[i - 2] if j == 2 and i >= 2 else 0.0) for j in range(4))
         for i in range(4)
     )
     m = product(turning_jump, product(second, product(crossing_jump, first)))
