@@ -226,13 +226,9 @@ def test_a_check_takes_the_design_of_a_report_up_the_ladder(written):
     command = [sys.executable, "-m", "tpd.cli", "check", "first", "--quick"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert [line.split()[0] for line in done.stdout.splitlines()] == [
-        "rung",
-        "uplift",
-        "one",
-        "exact",
-        "nonlinear",
-    ]
+    table, verdict = done.stdout.split("\n\n")
+    assert [line.split()[0] for line in table.splitlines()] == ["rung", "uplift", "one", "exact", "nonlinear"]
+    assert "nothing against this design" in verdict
 
 
 @pytest.mark.parametrize(
