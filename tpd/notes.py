@@ -75,13 +75,19 @@ def _margins(winner: Candidate) -> list[str]:
 
 def _walls(design: Design, pendulum: Pendulum) -> list[str]:
     """Whether a bob of steel keeps within the width of the block."""
-    angles = {"once settled": design.stroke, "on the way there": design.peak[1]}
+    angles = {"once settled": design.stroke + design.amplitude, "on the way there": sum(design.peak)}
     return strikes(design.scene.block, pendulum, angles)[:1]
 
 
 def strikes(block: Block, pendulum: Pendulum, angles: Mapping[str, float]) -> list[str]:
-    """A note for every one of the `angles` (rad, by when the bob reaches them) at which a solid ball of steel
-    would strike the walls, and what would keep it off."""
+    """A note for every one of the `angles` at which a solid ball of steel would strike the walls, and what
+    would keep it off.
+
+    Args:
+        block, pendulum: the design.
+        angles: between bob and block, rad, by when they are reached: the largest bob angle and the largest
+            tilt together, which is never too little.
+    """
     wall, length, ball = 0.5 * block.width, pendulum.length, pendulum.ball_radius
 
     def clear(room: float) -> str:
@@ -94,10 +100,11 @@ def strikes(block: Block, pendulum: Pendulum, angles: Mapping[str, float]) -> li
         swing = length * math.sin(min(angle, 0.5 * math.pi))
         if swing + ball > wall:
             out.append(
-                f"DANGER: {when} the bob swings {swing:.3g} m to a side, and the block's half width is "
-                f"{wall:.3g} m. Inside it, a solid ball of steel of this mass ({ball:.3g} m in radius) would "
-                "STRIKE the walls, which nothing here computes. On a rod of this length it stays off them "
-                f"{fits}, a point up to {clear(wall)} (`--stroke` limits the settled angle)."
+                f"DANGER: {when} the bob may swing {swing:.3g} m out of the block's axis, and the block's "
+                f"half width is {wall:.3g} m. Inside it, a solid ball of steel of this mass ({ball:.3g} m "
+                "in radius) would STRIKE the walls, which nothing here computes. On a rod of this length "
+                f"it stays off them {fits} between rod and block, a point up to {clear(wall)} "
+                "(`--stroke` limits the settled angle of the rod)."
             )
     return out
 
@@ -131,8 +138,9 @@ def _dangers(design: Design, responses: tuple[Response, ...]) -> list[str]:
     settled = [np.isin(r.status, SETTLED) for r in responses]
     worse = np.flatnonzero(settled[0] & settled[1] & (hung.amplitude > 1.02 * bare.amplitude))
     if worse.size:
-        i = worse[np.argmin(away[worse])]
-        grave = "DANGER: " if hung.amplitude[i] > GRAVE * bare.amplitude[i] else ""
+        gravely = worse[hung.amplitude[worse] > GRAVE * bare.amplitude[worse]]
+        told = gravely if gravely.size else worse
+        i, grave = told[np.argmin(away[told])], "DANGER: " if gravely.size else ""
         out.append(
             f"{grave}at {hung.frequency[i]:.4g} Hz the block rocks more with this pendulum "
             f"({hung.amplitude[i]:.4g} rad) than without ({bare.amplitude[i]:.4g} rad)."

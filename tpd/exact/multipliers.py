@@ -36,7 +36,8 @@ def computed_once(*matrices: Matrix) -> tuple[Matrix, ...]:
     """The same matrices, their entries stored before anything is made of them.
 
     Otherwise the compiler computes an entry, and its derivatives, anew for every product that it is in.
-    It looks through everything but a product of matrices: hence the one with the identity.
+    It looks through everything but a product of matrices: hence the one with the identity. What is not finite
+    in one entry is NaN in all.
     """
     flat = jnp.stack([jnp.asarray(x) for m in matrices for row in m for x in row])
     stored = iter(flat @ jnp.eye(flat.size))

@@ -73,7 +73,9 @@ def notes(design: DesignOver) -> list[str]:
         if winner.verdict is not None:
             share, without = winner.verdict.hung.overturned, winner.verdict.bare.overturned
             out.append(f"of the ensemble {share} overturn with the pendulum, {without} without.")
-            out.extend(walls(design.scene.block, design.pendulum, winner.told.stroke, winner.verdict))
+        nu = design.scene.block.slenderness * design.conditions.column("slenderness")
+        settled = winner.told.stroke + winner.told.tilt * nu
+        out.extend(walls(design.scene.block, design.pendulum, settled, winner.verdict))
         fallen = [design.conditions.name(i) for i, _, _, status in winner.nonlinear if status == "overturned"]
         if fallen:
             out.append(
@@ -109,17 +111,17 @@ def _whose(design: DesignOver) -> str:
     return f"the largest motion, by the linear equations, that one of {start} reaches"
 
 
-def walls(block: Block, pendulum: Pendulum | None, strokes: np.ndarray, verdict: Verdict | None) -> list[str]:
-    """Whether a bob of steel keeps within the width of the block: settled under every condition (`strokes`,
-    rad, any shape), and in most runs of the ensemble."""
+def walls(block: Block, pendulum: Pendulum | None, settled: np.ndarray, verdict: Verdict | None) -> list[str]:
+    """Whether a bob of steel keeps within the width of the block: under every condition (`settled`, the
+    largest bob angle and tilt together, rad, any shape), and in most runs of the ensemble."""
     if pendulum is None:
         return []
-    angles = {
-        "settled under the worst condition": float(np.max(strokes, where=np.isfinite(strokes), initial=0.0))
-    }
-    reach = math.inf if verdict is None else verdict.hung.quantiles("peak_stroke", (0.5,))[0]
-    if math.isfinite(reach):
-        angles["in half of the runs, at least,"] = reach
+    worst = np.max(settled, where=np.isfinite(settled), initial=0.0)
+    angles = {"once settled under the worst condition": float(worst)}
+    if verdict is not None:
+        reach = np.quantile(verdict.hung.peak_stroke + verdict.hung.peak, 0.5, method="inverted_cdf")
+        if math.isfinite(reach):
+            angles["in half of the runs"] = float(reach)
     return strikes(block, pendulum, angles)
 
 
