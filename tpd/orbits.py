@@ -20,7 +20,7 @@ from tpd.exact.conditions import Half
 from tpd.exact.derivatives import refused, refused_in
 from tpd.exact.multipliers import GRAZING, NEAR_FOLD, characteristic, quartic_roots
 from tpd.exact.roots import Root, differentiable
-from tpd.exact.skipping import where_needed
+from tpd.exact.skipping import computed_once, where_needed
 from tpd.exact.spectrum import Plant
 from tpd.exact.symmetric import Orbit, Path, candidates, half_map, instant, orbit_of, state_at
 from tpd.parameters import Number, Parameters, State, as_arrays
@@ -139,7 +139,7 @@ class _Described(NamedTuple):
 
 
 def _describe(p: Parameters, half: Half, root: Root, path: Path) -> _Described:
-    polished, height = differentiable(half, root)
+    polished, height = computed_once(*differentiable(half, root))
     orbit = orbit_of(half, polished)
     multipliers, determinants = _stability(p, half, orbit)
     sticking = path.leaving / (path.leaving - 2.0 * _friction_pull(half))
@@ -180,7 +180,7 @@ def _stability(p: Parameters, half: Half, orbit: Orbit) -> tuple[Array, tuple[Nu
     m = half_map(half, orbit)
     felt = jnp.where(jnp.asarray(p.mu) > 0, 1.0, 0.0)
     m = tuple(tuple(m[i][j] * (felt if i % 2 or j % 2 else 1.0) for j in range(4)) for i in range(4))
-    c1, c2, c3, c4 = characteristic(m)
+    c1, c2, c3, c4 = computed_once(*characteristic(*computed_once(m)))
     fold, symmetry = 1.0 + c1 + c2 + c3 + c4, 1.0 - c1 + c2 - c3 + c4
     # The sums y = g_i g_j + g_k g_l are the roots of the quartic's resolvent cubic; it is taken at 1 + c4.
     y = 1.0 + c4

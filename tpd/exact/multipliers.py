@@ -32,18 +32,6 @@ def product(left: Matrix, right: Matrix) -> Matrix:
     return tuple(tuple(sum(row[k] * right[k][j] for k in inner) for j in columns) for row in left)
 
 
-def computed_once(*matrices: Matrix) -> tuple[Matrix, ...]:
-    """The same matrices, their entries stored before anything is made of them.
-
-    Otherwise the compiler computes an entry, and its derivatives, anew for every product that it is in.
-    It looks through everything but a product of matrices: hence the one with the identity. What is not finite
-    in one entry is NaN in all.
-    """
-    flat = jnp.stack([jnp.asarray(x) for m in matrices for row in m for x in row])
-    stored = iter(flat @ jnp.eye(flat.size))
-    return tuple(tuple(tuple(next(stored) for _ in row) for row in m) for m in matrices)
-
-
 def characteristic(m: Matrix) -> tuple[Number, ...]:
     """Coefficients c1 to c4 of det(z - m) = z^4 + c1 z^3 + c2 z^2 + c3 z + c4: sums of the
     principal minors, with alternating signs."""

@@ -1,4 +1,4 @@
-"""Work that a batch can leave out because none of its members needs it.
+"""Work that can be left out: by a batch because none of its members needs it, or because it is done.
 
 Under `vmap` a `cond` computes both sides and a loop computes and selects until the slowest member is
 through. What is asked of the whole batch is one number again, and a branch is one.
@@ -27,9 +27,24 @@ def _anywhere_batched(_: int, batched: list[bool], flag: Array) -> tuple[Array, 
 
 def where_needed(flag: Bool[Array, ""], function: Callable[..., Any], *args: Any) -> Any:
     """`function(*args)` where `flag` is true; elsewhere it may be that, or zeros."""
-    shapes = jax.eval_shape(function, *args)
+    # Python goes through it once, for the shapes and for the branch.
+    traced = jax.jit(function)
+    shapes = jax.eval_shape(traced, *args)
 
     def nothing(*_: Any) -> Any:
         return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
 
-    return jax.lax.cond(anywhere(flag), function, nothing, *args)
+    return jax.lax.cond(anywhere(flag), traced, nothing, *args)
+
+
+def computed_once(*trees: Any) -> Any:
+    """The same pytrees of single numbers, stored before anything is made of them.
+
+    Otherwise the compiler computes a number, and its derivatives, anew for everything that it is in. It
+    looks through all but a product of matrices: hence the one with the identity. What is not finite in one
+    number is NaN in all.
+    """
+    leaves, structure = jax.tree.flatten(trees)
+    flat = jnp.stack([jnp.asarray(x) for x in leaves])
+    stored = flat @ jnp.eye(flat.size)
+    return jax.tree.unflatten(structure, [stored[i] for i in range(flat.size)])

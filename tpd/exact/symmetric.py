@@ -17,9 +17,9 @@ from jaxtyping import Array, Bool
 
 from tpd.exact.conditions import Half, conditions, crossing
 from tpd.exact.matrix import Factor, Functional, components, exponential, identity
-from tpd.exact.multipliers import Matrix, computed_once, product
+from tpd.exact.multipliers import Matrix, product
 from tpd.exact.roots import NODES, ROOTS, Bracket, Root, brackets, converge, refine
-from tpd.exact.skipping import where_needed
+from tpd.exact.skipping import computed_once, where_needed
 from tpd.exact.spectrum import Plant
 from tpd.exact.trigonometry import Turn, turn
 from tpd.parameters import Number, State
@@ -74,8 +74,8 @@ def orbit_of(half: Half, root: Root) -> Orbit:
     """The orbit of a root."""
     rates, plant = half.plant.slip, half.plant
     at, phase = crossing(half, root.t), turn(root.gamma)
-    c = conditions(half, at)
-    impact = c.impact.at(phase)
+    at, phase = computed_once(at, phase)
+    (impact,) = computed_once(conditions(half, at).impact.at(phase))
     zero = jnp.zeros_like(root.t)
     one = identity(root.t)
     both = one.plus(half.whole)
@@ -264,7 +264,8 @@ def state_at(half: Half, orbit: Orbit, s: Number) -> State:
 def half_map(half: Half, orbit: Orbit) -> Matrix:
     """The derivative of -(the map over half a period), cut just after the turn: the flow of both
     arcs, and at its ends the saltation matrices of crossing and turning."""
-    plant, at = half.plant, crossing(half, orbit.root.t)
+    plant = half.plant
+    (at,) = computed_once(crossing(half, orbit.root.t))
     first, second = _flow_matrix(plant, at.flow), _flow_matrix(plant, at.rest)
     linear, lost = plant.linear, plant.restitution - 1.0
     zero, one = jnp.zeros_like(half.span), jnp.ones_like(half.span)
