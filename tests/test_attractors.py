@@ -8,6 +8,7 @@ import pytest
 from tests.reference import BARE, HUNG, parameters
 from tests.reference import exact as solve
 from tpd import Parameters, Starts, Status, attractors
+from tpd.models.piecewise import Piecewise
 from tpd.models.settling import scale_of
 from tpd.parameters import as_arrays
 from tpd.pool import settle_all
@@ -189,3 +190,16 @@ def test_an_attractor_has_the_gradient_of_its_orbit(bare):
     slopes = solve(BARE[1].x, state).slopes[0]
     known = np.array(BARE[1].gradient)
     np.testing.assert_allclose(slopes[[0, 4, 5, 6]], known[[0, 4, 5, 6]], atol=BARE[1].gradient_atol)
+
+
+def test_a_model_is_compiled_once_for_either_size(crowd, monkeypatch):
+    traced, follow = [], Piecewise.follow
+
+    def watched(self, *args):
+        traced.append(self)
+        return follow(self, *args)
+
+    monkeypatch.setattr(Piecewise, "follow", watched)
+    for _ in range(2):
+        settle_all(BARE_BLOCK, crowd[1][:150], model=Piecewise(tolerance=3.1e-9))
+    assert len(traced) == 2

@@ -17,7 +17,7 @@ from tpd.robust import report
 from tpd.robust.answer import OverStatus
 from tpd.robust.asked import Asked
 from tpd.robust.conditions import under
-from tpd.robust.minimax import PENALTY, Local, _subproblem, minimise
+from tpd.robust.minimax import PENALTY, Local, _subproblem, _within_reach, minimise
 from tpd.robust.objective import KINDS, Objective, margins
 from tpd.robust.page import Shown, over_page
 from tpd.robust.reached import ReachedObjective
@@ -151,6 +151,46 @@ def test_a_constraint_and_a_smooth_bottom_are_met():
     # Lagrange: x = 2 - 10/11, y = 1 - 1/11.
     np.testing.assert_allclose(held.x, [[2.0 - 10 / 11, 1.0 - 1 / 11]], atol=1e-3)
     assert held.weights[1][0, 0] == pytest.approx(20 / 11, rel=1e-2)
+
+
+def test_a_curved_limit_is_followed_in_long_steps():
+    """Maratos' effect: along a ring to its rightmost point, where every straight step leaves the ring."""
+
+    def ring(sign):
+        return lambda x, y: (sign * 50 * (x**2 + y**2 - 1), (sign * 100 * x, sign * 100 * y))
+
+    right = [lambda x, y: (-x, (-np.ones_like(x), np.zeros_like(y)))]
+    problem, begin = of_functions(right, [ring(1.0), ring(-1.0)]), np.array([[np.cos(2.5), np.sin(2.5)]])
+    wide = {"low": np.full((1, 2), -2.0), "high": np.full((1, 2), 2.0)}
+    found = minimise(problem, begin, 1.0, tpd.Measure.worst().of, steps=60, **wide)
+    np.testing.assert_allclose(found.x, [[1.0, 0.0]], atol=1e-4)
+    assert found.evaluations < 130
+    assert not found.open.any()
+
+
+def test_constraints_out_of_reach_are_left_out_and_nothing_else():
+    rng, n, d, many = np.random.default_rng(7), 5, 3, 200
+    far = rng.normal(size=(4, many)) - 2.2
+    local = Local(
+        rng.normal(size=(4, n)),
+        rng.normal(size=(4, n, d)),
+        far,
+        rng.normal(size=(4, many, d)),
+    )
+    box = np.full((4, d), -0.3), np.full((4, d), 0.2)
+    curve = np.tile(np.eye(d), (4, 1, 1))
+    move, gain, weights = _subproblem(local, curve, box, 1.0, np.zeros(4))
+    assert np.any(weights[1] > 1e-3), "one of them holds"
+    assert _within_reach(local, box).shape == (4, 64)
+    most = far + np.maximum(local.limit_slope * -0.3, local.limit_slope * 0.2).sum(axis=2)
+    few = [Local(*(part[[i]] for part in local)) for i in range(4)]
+    for i, one in enumerate(few):
+        rows = np.flatnonzero(most[i] > -0.5)
+        alone = one._replace(limit=one.limit[:, rows], limit_slope=one.limit_slope[:, rows])
+        again = _subproblem(alone, curve[[i]], (box[0][[i]], box[1][[i]]), 1.0, np.zeros(1))
+        np.testing.assert_allclose(move[i], again[0][0], atol=1e-6)
+        assert gain[i] == pytest.approx(again[1][0], rel=1e-6)
+        np.testing.assert_allclose(weights[1][i, rows], again[2][1][0], atol=1e-4)
 
 
 @pytest.mark.parametrize("cap", [1.0, 0.4, 1.0 / 12])

@@ -26,6 +26,8 @@ from tpd.parameters import Parameters
 
 LANES = (256, 16)
 """Motions followed at once, and of these the last few."""
+_FEW = 4
+"""Times the smaller size that are still followed in it alone."""
 _ROUNDS = 12
 """Looks at the ends of periods before the loop stops to make room."""
 
@@ -88,7 +90,11 @@ def settle_all(
         p, begin, ramp = jax.tree.map(lambda x: x[share], batch)
         return _Pool(model, p, (starts[share], begin, ramp)).run(report)
 
+    code = _code(replace(model, max_periods=1))
+    first = jax.tree.map(lambda x: x[:1], (batch[0], starts, *batch[1:]))
     with ThreadPoolExecutor(cores) as threads:
+        # Both sizes at once, rather than either on every core.
+        list(threads.map(lambda size: code.prepare(size, *first), _sizes(-(-n // cores))))
         parts = list(threads.map(run, range(cores)))
     order = np.argsort(np.concatenate(shares), kind="stable")
     return jax.tree.map(lambda *x: np.concatenate(x)[order], *parts)
@@ -100,13 +106,13 @@ class _Pool:
     def __init__(self, model: Piecewise, p: Parameters, starts: tuple[np.ndarray, ...]) -> None:
         self.model, self.p, self.starts = model, p, starts
         # How long a motion is followed at most is no matter of compiling.
-        self.begin, self.go = _compiled(replace(model, max_periods=1))
+        self.code = _code(replace(model, max_periods=1))
         self.results: list[tuple[np.ndarray, Any]] = []
 
     def run(self, report: Callable[[int], None]) -> Any:
         """Follow all of them: their `Settled` in order."""
         waiting, n = 0, len(self.starts[0])
-        size = LANES[0] if n > LANES[-1] else LANES[-1]
+        size = _sizes(n)[0]
         index = np.full(size, -1)
         lanes: Any = None
         finished = 0
@@ -119,7 +125,7 @@ class _Pool:
                 size = LANES[-1]
                 keep = np.argsort(index < 0, kind="stable")[:size]
                 index, lanes = index[keep], jax.tree.map(lambda x, k=keep: x[k], lanes)
-            lanes, over, settled = self.go(
+            lanes, over, settled = self.code.go(
                 self._parameters(index), lanes, jnp.asarray(self.model.max_periods)
             )
             ready = np.flatnonzero(np.asarray(over) & (index >= 0))
@@ -142,7 +148,7 @@ class _Pool:
         if lanes is not None and not len(room):
             return lanes
         rows = np.maximum(index, 0)
-        fresh = self.begin(self._parameters(index), *(jnp.asarray(x[rows]) for x in self.starts))
+        fresh = self.code.begin(self._parameters(index), *(jnp.asarray(x[rows]) for x in self.starts))
         if lanes is None:
             return fresh
         new = np.zeros(len(index), bool)
@@ -158,11 +164,40 @@ def _merge(new: jax.Array, fresh: Any, old: Any) -> Any:
     return jax.tree.map(choose, fresh, old)
 
 
-@lru_cache(maxsize=8)
-def _compiled(model: Piecewise) -> tuple[Callable, Callable]:
-    def go(p: Parameters, lane: Lane, periods: jax.Array) -> tuple[Lane, Any, Settled]:
-        lane = model.follow(p, lane, periods, _ROUNDS)
-        over = lane.record.done | (lane.record.elapsed >= periods)
-        return lane, over, lane.record.settled()
+def _sizes(n: int) -> tuple[int, ...]:
+    """Of the batches in which n motions are followed, the first first."""
+    return LANES if n > _FEW * LANES[-1] else LANES[-1:]
 
-    return eqx.filter_jit(jax.vmap(model.lane)), eqx.filter_jit(jax.vmap(go, in_axes=(0, 0, None)))
+
+class _Code:
+    """What is compiled for a model, for either size."""
+
+    def __init__(self, model: Piecewise) -> None:
+        def lane(p: Parameters, *start: jax.Array) -> Lane:
+            return _strong(model.lane(p, *start))
+
+        def go(p: Parameters, lane: Lane, periods: jax.Array) -> tuple[Lane, Any, Settled]:
+            lane = model.follow(p, lane, periods, _ROUNDS)
+            over = lane.record.done | (lane.record.elapsed >= periods)
+            return _strong((lane, over, lane.record.settled()))
+
+        self.begin = eqx.filter_jit(jax.vmap(lane))
+        self.go = eqx.filter_jit(jax.vmap(go, in_axes=(0, 0, None)))
+        self.ready: set[int] = set()
+
+    def prepare(self, size: int, p: Parameters, *start: Any) -> None:
+        """Compile for a batch of this size, by a motion that is followed over no period."""
+        if size in self.ready:
+            return
+        p, start = jax.tree.map(lambda x: jnp.repeat(jnp.asarray(x), size, axis=0), (p, start))
+        lanes = self.begin(p, *start)
+        self.go(p, _merge(jnp.zeros(size, bool), lanes, lanes), jnp.asarray(0))
+        self.ready.add(size)
+
+
+_code = lru_cache(maxsize=8)(_Code)
+
+
+def _strong(tree: Any) -> Any:
+    """With types that do not give way to others': what a loop hands on is compiled for once."""
+    return jax.tree.map(lambda x: jnp.asarray(x, dtype=jnp.asarray(x).dtype), tree)

@@ -53,11 +53,15 @@ class Judged:
     """Settled |phi| from rest, rad; infinite where the block overturns."""
     nonlinear: tuple[tuple[int, float, float, str], ...]
     """By the nonlinear equations, from rest: (condition, amplitude, stroke, status)."""
+    nonlinear_bare: tuple[str, ...]
+    """What becomes of the bare block by the same, where this one overturns; elsewhere empty."""
     verdict: Verdict | None
     stationarity: float
     """Decrease of the value that is left, to first order, per unit of a step in shares of the bounds."""
     active: tuple[str, ...]
     """What holds the design: conditions and limits with their weights, and bounds."""
+    ended: bool
+    """Whether a descent ended here; otherwise one came through."""
     objections: tuple[str, ...]
 
 

@@ -15,7 +15,7 @@ from tpd.pool import settle_all
 from tpd.robust.answer import Judged, OverStatus
 from tpd.robust.conditions import under, under_all
 from tpd.robust.objective import KINDS, Objective, Told
-from tpd.robust.search import Search, spread_out, stage
+from tpd.robust.search import AT_BOUND, Search, spread_out, stage
 from tpd.scene import Pendulum, Scene
 from tpd.search import Progress
 from tpd.status import SETTLED, names_of
@@ -50,10 +50,11 @@ class Judge:
     ) -> None:
         self.scene, self.objective, self.ensemble, self.progress = scene, objective, ensemble, progress
         self.by_overturning = by_overturning
-        none = np.array([[0.0, float(objective.p.lam), float(objective.p.zeta)]])
-        self.bare = objective.told(none)
+        self.none = jnp.array([0.0, float(objective.p.lam), float(objective.p.zeta)])
+        self.bare = objective.told(np.asarray(self.none)[None])
         self.bare_value = float(objective.value(self.bare)[0])
-        self.bare_reached = self._reached(none[0])
+        self.bare_reached = self._reached(np.asarray(self.none))
+        self._bare_status: dict[int, str] = {}
         self.bare_outcomes: Outcomes | None = None
 
     def best_of(self, search: Search) -> tuple[OverStatus, tuple[Judged, ...]]:
@@ -66,20 +67,31 @@ class Judge:
         helps = order[search.values[order] < self.bare_value]
         if not len(helps):
             return OverStatus.no_improvement, ()
+        out: list[Judged] = []
+        if self._stands(search, helps, out):
+            return OverStatus.found, tuple(out)
+        # What stands need not be where a descent ends.
+        on_the_way = search.on_the_way(self.bare_value)
+        order = on_the_way.order()
+        helps = order[on_the_way.values[order] < self.bare_value]
+        found = self._stands(on_the_way, helps, out)
+        return OverStatus.found if found else OverStatus.refused, tuple(out)
+
+    def _stands(self, search: Search, helps: np.ndarray, out: list[Judged]) -> bool:
+        """Judge the first of some designs until there is nothing to be said against one."""
         apart = self._apart(search, helps)
         reached = [self._reached(search.designs[i]) for i in apart]
         # Designs that events from rest speak against come last: they are told of if all are refused.
         worse = np.array([self._harm(names)[0] for names, _ in reached])
         lost = np.array([np.sum(names == "overturned") for names, _ in reached])
         order = np.lexsort((lost if self.by_overturning else np.zeros_like(lost), worse))
-        out: list[Judged] = []
         for done, i in enumerate(order[:LOOKED_AT]):
             if self.progress is not None:
                 self.progress("judging", done + 1, LOOKED_AT)
             out.append(self._judged(search, apart[i], *reached[i]))
             if not out[-1].objections:
-                return OverStatus.found, tuple(out)
-        return OverStatus.refused, tuple(out)
+                return True
+        return False
 
     def _apart(self, search: Search, order: np.ndarray) -> list[int]:
         """The best designs that are no neighbours, as many as can be followed under all conditions."""
@@ -105,9 +117,13 @@ class Judge:
             reached=reached,
             reached_tilt=tilt,
             nonlinear=asked,
+            nonlinear_bare=tuple(
+                self._bare_nonlinear(i) if s == "overturned" else "" for i, _, _, s in asked
+            ),
             verdict=None,
             stationarity=float(search.column(lambda g: g.stationarity)[i]),
             active=self._active(search, i, design),
+            ended=search.ended,
             objections=self._objections(reached, asked),
         )
         if found.objections:
@@ -148,6 +164,13 @@ class Judge:
             out.append((int(i), *nonlinear(under(self.objective.p, jnp.asarray(design), rows[int(i)]))))
         return tuple(out)
 
+    def _bare_nonlinear(self, i: int) -> str:
+        """What becomes of the bare block by the same equations."""
+        if i not in self._bare_status:
+            p = under(self.objective.p, self.none, self.objective.conditions.rows()[i])
+            self._bare_status[i] = nonlinear(p)[2]
+        return self._bare_status[i]
+
     def _objections(
         self, reached: np.ndarray, asked: tuple[tuple[int, float, float, str], ...]
     ) -> tuple[str, ...]:
@@ -160,8 +183,9 @@ class Judge:
             )
         limit = self.objective.space.stroke
         for i, _, stroke, status in asked:
-            if status == "overturned" and self.bare_reached[0][i] != "overturned":
-                out.append(f"by the nonlinear equations the block overturns {name(i)}")
+            bare = self.bare_reached[0][i], self._bare_nonlinear(i) if status == "overturned" else ""
+            if status == "overturned" and "overturned" not in bare:
+                out.append(f"by the nonlinear equations the block overturns {name(i)}, and bare it stands")
             elif status in SETTLED and stroke > limit:
                 out.append(
                     f"by the nonlinear equations the stroke is {stroke:.4g} rad, above {limit:g}, {name(i)}"
@@ -185,6 +209,6 @@ class Judge:
         low, high = self.objective.space.bounds
         for value, least, most, what in zip(design, low, high, ("mass", "length", "damping"), strict=False):
             for word, bound in (("least", least), ("largest", most)):
-                if abs(value - bound) < 1e-6 * (most - least):
+                if abs(value - bound) < AT_BOUND * (most - least):
                     out.append(f"the {word} {what} ratio, {value:.4g}")
         return tuple(out)

@@ -3,8 +3,9 @@
 What is minimised is a capped weighted worst of n smooth functions (the maximum, the mean, or what lies
 between, the mean of the worst share), under inequality constraints and bounds. Each step minimises the
 same measure of their linear models, with a quadratic term that learns the curvature (BFGS, damped), so
-that a kink where several conditions balance is met as surely as a smooth bottom. The subproblem is convex
-and has as many variables as the design: Newton's method on a smoothed form solves it to rounding.
+that a kink where several conditions balance is met as surely as a smooth bottom, and second-order
+corrections, so that a curved kink is followed in long steps. The subproblem is convex and has as many
+variables as the design: Newton's method on a smoothed form solves it to rounding.
 """
 
 from __future__ import annotations
@@ -12,11 +13,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+
+from tpd.batch import in_chunks
 
 PENALTY = 10.0
 """Weight of a violated constraint in the merit: exact as long as no multiplier exceeds it."""
@@ -24,6 +26,14 @@ _SHARPEST = 1e-9
 """Last width of the smoothing in the subproblem."""
 _LEVELS, _NEWTON = 12, 5
 """Widths of the smoothing on the way there, and Newton steps at each."""
+_CORRECTIONS = 2
+"""Most second-order corrections of a step that fails."""
+_HALVINGS = 12
+"""Most halvings of a Newton step."""
+_FEW = 64
+"""Constraints that a subproblem has, if no more can matter."""
+_BATCH = 4
+"""Subproblems solved at once, on each core."""
 _SMALL = 1e-4
 """Step, in shares of the bounds, over which the linear decrease is measured that remains at the end."""
 
@@ -124,12 +134,15 @@ def minimise(
         if not len(rows):
             break
         weights = tuple(w[~done] for w in weights)
-        there = x[rows] + move
-        trial = evaluate(there)
-        evaluations += len(rows)
+        now, box = now.at(~done), (box[0][~done], box[1][~done])
+        trial = evaluate(x[rows] + move)
+        curve[rows] = _learn(curve[rows], move, now, trial, weights)
+        models = _Models(x[rows], now, curve[rows], *box, merit[rows])
+        move, trial, more = _bent(evaluate, measure, cap, models, move, trial)
         new = merit_of(trial, measure)
+        evaluations += len(rows) + more
+        there = x[rows] + move
         ratio = (merit[rows] - new) / gain
-        curve[rows] = _learn(curve[rows], move, now.at(~done), trial, weights)
         good = (ratio > 0.05) & np.isfinite(new)
         wide = np.abs(move).max(axis=1) > 0.9 * reach[rows]
         reach[rows] = np.where(
@@ -154,6 +167,61 @@ def minimise(
     return Descent(x, here, merit, stationarity, weights, taken, alive, evaluations, *_stacked(path))
 
 
+class _Models(NamedTuple):
+    """Designs, what is known there, and the regions around them in which that is trusted."""
+
+    x: np.ndarray
+    local: Local
+    curve: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    merit: np.ndarray
+
+    def at(self, rows: np.ndarray) -> _Models:
+        """Those of some of the designs."""
+        x, local, curve, low, high, merit = self
+        return _Models(x[rows], local.at(rows), curve[rows], low[rows], high[rows], merit[rows])
+
+    def through(self, trial: Local, move: np.ndarray) -> Local:
+        """Linear models with the slopes here that give what was met after `move`."""
+        here = self.local
+        return Local(
+            trial.value - np.einsum("mnd,md->mn", here.slope, move),
+            here.slope,
+            trial.limit - np.einsum("mld,md->ml", here.limit_slope, move),
+            here.limit_slope,
+        )
+
+
+def _bent(
+    evaluate: Callable[[np.ndarray], Local],
+    measure: Callable[[np.ndarray], np.ndarray],
+    cap: float,
+    models: _Models,
+    move: np.ndarray,
+    trial: Local,
+) -> tuple[np.ndarray, Local, int]:
+    """Second-order corrections (Fletcher) of the steps that climb: a straight step along a curved kink or
+    limit leaves it, the farther the longer it is, and is bent towards what it met. Steps, what is there, and
+    how many designs were asked for."""
+    move, trial, asked = move.copy(), Local(*(part.copy() for part in trial)), 0
+    for _ in range(_CORRECTIONS):
+        new = merit_of(trial, measure)
+        poor = np.flatnonzero((new > models.merit) & np.isfinite(new))
+        if not len(poor):
+            break
+        of = models.at(poor)
+        met = of.through(trial.at(poor), move[poor])
+        again, _, _ = _subproblem(met, of.curve, (of.low, of.high), cap, of.merit)
+        bent = evaluate(of.x + again)
+        asked += len(poor)
+        better = merit_of(bent, measure) < new[poor]
+        move[poor[better]] = again[better]
+        for old, fresh in zip(trial, bent, strict=True):
+            old[poor[better]] = fresh[better]
+    return move, trial, asked
+
+
 def _stacked(path: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([x for x, _ in path]), np.stack([merit for _, merit in path])
 
@@ -167,22 +235,30 @@ def _subproblem(
     at: Local, curve: np.ndarray, box: tuple[np.ndarray, np.ndarray], cap: float, merit: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
     """Steps (k, d), the gains that the models promise, and the weights of functions and constraints."""
-    size = 1 << max(3, int(np.ceil(np.log2(len(merit)))))
-    index = np.minimum(np.arange(size), len(merit) - 1)
-    move, value, weights, others = _solved(
-        *(jnp.asarray(x[index]) for x in (*at, curve, *box)), jnp.asarray(cap)
+    rows = _within_reach(at, box)
+    near = at._replace(
+        limit=np.take_along_axis(at.limit, rows, axis=1),
+        limit_slope=np.take_along_axis(at.limit_slope, rows[..., None], axis=1),
     )
-    rows = slice(len(merit))
-    return (
-        np.asarray(move)[rows],
-        merit - np.asarray(value)[rows],
-        (np.asarray(weights)[rows], np.asarray(others)[rows]),
-    )
+    move, value, weights, others = in_chunks(_solved, (*near, curve, *box, cap), chunk=_BATCH)
+    by = np.zeros_like(at.limit)
+    np.put_along_axis(by, rows, others, axis=1)
+    return move, merit - value, (weights, by)
 
 
-@eqx.filter_jit
-def _solved(*args: Array) -> tuple[Array, Array, Array, Array]:
-    return jax.vmap(_one, in_axes=(0, 0, 0, 0, 0, 0, 0, None))(*args)
+def _within_reach(at: Local, box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """The constraints, (k, few), that a step within the box may break by their linear models, and others to
+    fill up; all of them where more may."""
+    ends = (at.limit_slope * side[:, None] for side in box)
+    most = at.limit + np.sum(np.maximum(*ends), axis=2)
+    count = most.shape[1]
+    if np.sum(most > 0.0, axis=1).max(initial=0) <= _FEW < count:
+        return np.argpartition(-most, _FEW, axis=1)[:, :_FEW]
+    return np.tile(np.arange(count), (len(most), 1))
+
+
+def _solved(args: tuple[Array, ...]) -> tuple[Array, Array, Array, Array]:
+    return _one(*args)
 
 
 def _one(
@@ -218,7 +294,7 @@ def _one(
         bent = slope0 @ u + 0.5 * u @ b @ u
         return jnp.where(inside, z[k] + soft + wall + bent, jnp.inf)
 
-    def newton(z: Array, width: Array) -> Array:
+    def newton(z: Array, width: Array) -> tuple[Array, Array]:
         v, c = parts(z)
         p, q = jax.nn.sigmoid(v / width), jax.nn.sigmoid(c / width)
         rows = jnp.concatenate([g, -jnp.ones((n, 1))], axis=1)
@@ -234,12 +310,23 @@ def _one(
         # As far as the box allows, then half of it and so on: the first that lowers the total.
         toward = jnp.where(move[:k] > 0, 1.0 - u, -u)
         room = jnp.min(jnp.where(move[:k] == 0, jnp.inf, toward / jnp.where(move[:k] == 0, 1.0, move[:k])))
-        sizes = jnp.minimum(1.0, 0.95 * room) * 0.5 ** jnp.arange(12.0)
-        totals = jax.vmap(lambda s: total(z + s * move, width))(sizes)
-        before = total(z, width)
-        fits = totals <= before + 1e-4 * sizes * (gradient @ move)
-        size = jnp.where(jnp.any(fits), sizes[jnp.argmax(fits)], 0.0)
-        return jnp.where(jnp.isfinite(size * move), z + size * move, z)
+        before, slope = total(z, width), gradient @ move
+        rounding = 1e-14 * jnp.abs(before)
+
+        def too_long(size: Array) -> Array:
+            # A total that is no number fits nowhere.
+            return ~(total(z + size * move, width) <= before + 1e-4 * size * slope + rounding)
+
+        longest = jnp.minimum(1.0, 0.95 * room)
+        _, size = jax.lax.while_loop(
+            lambda c: (c[0] < _HALVINGS) & too_long(c[1]),
+            lambda c: (c[0] + 1, 0.5 * c[1]),
+            (jnp.zeros((), int), longest),
+        )
+        # What is left to gain, half of this slope, is small against the smoothing's own error, or rounding.
+        onward = -slope > jnp.maximum(1e-6 * width, rounding)
+        good = (size > 0.5**_HALVINGS * longest) & jnp.all(jnp.isfinite(move))
+        return jnp.where(good, z + size * move, z), good & onward
 
     spread = jnp.maximum(jnp.max(value) - jnp.min(value) + jnp.max(jnp.abs(g)), 1e-6)
     widths = jnp.geomspace(1.0, _SHARPEST, _LEVELS) * spread
@@ -258,7 +345,12 @@ def _one(
         return z.at[k].set(0.5 * (low + high))
 
     def level(z: Array, width: Array) -> tuple[Array, None]:
-        return jax.lax.fori_loop(0, _NEWTON, lambda _, z: newton(z, width), leveled(z, width)), None
+        def step(carry: tuple) -> tuple:
+            z, _, count = carry
+            return *newton(z, width), count + 1
+
+        first = leveled(z, width), jnp.ones((), bool), jnp.zeros((), int)
+        return jax.lax.while_loop(lambda c: c[1] & (c[2] < _NEWTON), step, first)[0], None
 
     first = jnp.full(k + 1, 0.5).at[k].set(jnp.max(value))
     z, _ = jax.lax.scan(level, first, widths)

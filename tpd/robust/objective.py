@@ -25,9 +25,9 @@ from tpd.robust.conditions import Conditions, Limits, Measure, under
 from tpd.robust.minimax import Local
 from tpd.status import Status
 
-_CHUNK = 64
-"""Designs under one condition each that are solved at once: as quick a design as more, and the last steps of
-a descent ask for few."""
+_CHUNK = (64, 128)
+"""Designs under one condition each that are solved at once: the more the quicker each, but the last steps of
+a descent ask for few. With as many conditions as the second, that."""
 KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
 """What a design does under a condition, see `Told.kind`."""
 _ROCKING, _NEAR, _REST, _UNSTABLE, _NONE = range(5)
@@ -85,7 +85,7 @@ class Objective:
         factors = np.asarray(self.conditions.rows())
         m, n = len(designs), len(factors)
         batch = (self.p, np.repeat(designs, n, axis=0), np.tile(factors, (m, 1)), float(self.from_rest))
-        out = in_chunks(_one, batch, chunk=_CHUNK, progress=progress)
+        out = in_chunks(_one, batch, chunk=_CHUNK[int(n >= _CHUNK[1])], progress=progress)
         return Told(*(x.reshape(m, n, *x.shape[1:]) for x in out))
 
     def value(self, told: Told) -> np.ndarray:

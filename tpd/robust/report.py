@@ -76,11 +76,11 @@ def notes(design: DesignOver) -> list[str]:
         nu = design.scene.block.slenderness * design.conditions.column("slenderness")
         settled = winner.told.stroke + winner.told.tilt * nu
         out.extend(walls(design.scene.block, design.pendulum, settled, winner.verdict))
-        fallen = [design.conditions.name(i) for i, _, _, status in winner.nonlinear if status == "overturned"]
-        if fallen:
+        out.extend(_fallen(design, winner))
+        if not winner.ended:
             out.append(
-                "by the nonlinear equations, from rest, the block overturns with the pendulum "
-                f"{', '.join(fallen)}; held against it only where by the linear ones the bare block stands."
+                "no design at which a search ended stands events, nonlinear equations and ensemble; this one "
+                "was met on the way. It is not the best of its neighbours, and those may be refused."
             )
         if design.reached is not None and np.any(winner.told.lost):
             out.append(
@@ -99,6 +99,25 @@ def notes(design: DesignOver) -> list[str]:
             )
     out.append(f"tilts are those of {_whose(design)}; an earthquake is not a harmonic.")
     return dangers_first(out)
+
+
+def _fallen(design: DesignOver, winner: Judged) -> list[str]:
+    """Where the block overturns by the nonlinear equations, and what the bare one does there."""
+    names = [design.conditions.name(i) for i, _, _, _ in winner.nonlinear]
+    alone = [
+        n for n, bare in zip(names, winner.nonlinear_bare, strict=True) if bare not in ("", "overturned")
+    ]
+    both = [n for n, bare in zip(names, winner.nonlinear_bare, strict=True) if bare == "overturned"]
+    start = "by the nonlinear equations, from rest, the block overturns with the pendulum"
+    out = []
+    if alone:
+        out.append(
+            f"DANGER: {start} {', '.join(alone)}, and bare it stands; not held against it, since by the "
+            "linear ones the bare block overturns there: a single run near overturning says little."
+        )
+    if both:
+        out.append(f"{start} {', '.join(both)}, and so it does bare.")
+    return sorted(out, key=lambda note: not note.startswith("DANGER"))
 
 
 def _whose(design: DesignOver) -> str:

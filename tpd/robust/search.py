@@ -22,6 +22,10 @@ _CLOSED = 4096
 """Designs screened by the closed form."""
 _CARRIED, _FINISHING = 8, 12
 """Designs that a search goes on from on another objective, and bound on the steps there."""
+_AWAY = 0.05
+"""Least distance, in shares of the bounds, of a design on the way from every end."""
+AT_BOUND = 1e-4
+"""Distance, in shares of the bounds, that counts as none."""
 _FEASIBLE = 1e-5
 """Largest relative excess of a limit that is rounding."""
 
@@ -51,6 +55,7 @@ class Search:
         self.groups: list[Descent] = []
         self.before = 0
         self.interrupted = False
+        self.ended = True
         self.screened, self.screened_value = np.zeros((0, 3)), np.zeros(0)
         self.low, self.high = objective.space.bounds
 
@@ -134,6 +139,25 @@ class Search:
             on.interrupted = True
         return on
 
+    def on_the_way(self, most: float) -> Search:
+        """The best designs, of a merit below `most`, that the descents came through apart from where they
+        ended, as if they had ended there."""
+        on = Search(self.objective, _CARRIED, 0, 1, self.seed, self.progress, self.method)
+        on.settings, on.before, on.ended = self.settings, self.evaluations, False
+        units = np.concatenate([g.path.reshape(-1, self.low.size) for g in self.groups])
+        merit = np.concatenate([g.path_merit.ravel() for g in self.groups])
+        order = np.argsort(merit, kind="stable")
+        order = order[merit[order] < most]
+        ends = len(self.units)
+        first = [*range(ends), *(ends + order)]
+        every = np.concatenate([self.units, units])
+        taken = spread_out(every, np.array(first), ends + _CARRIED, _AWAY, ends)[ends:]
+        if taken:
+            objective = self.objective
+            cap = objective.measure.cap(len(objective.conditions))
+            on.groups = [minimise(objective.local, every[taken], cap, objective.measure.of, steps=0)]
+        return on
+
     @property
     def evaluations(self) -> int:
         """Designs evaluated, screening included."""
@@ -180,7 +204,7 @@ class Search:
         out, n = [], len(self.objective.conditions)
         for g in self.groups:
             for i in range(len(g.x)):
-                inside = (g.x[i] > 1e-6) & (g.x[i] < 1.0 - 1e-6)
+                inside = (g.x[i] > AT_BOUND) & (g.x[i] < 1.0 - AT_BOUND)
                 if g.local.limit[i].max() > _FEASIBLE:
                     out.append(StartStatus.infeasible)
                 elif g.open[i]:
@@ -194,11 +218,13 @@ class Search:
         return tuple(out) + (StartStatus.interrupted,) * (self.count - len(out))
 
 
-def spread_out(units: np.ndarray, order: np.ndarray, most: int, apart: float = 0.02) -> list[int]:
+def spread_out(
+    units: np.ndarray, order: np.ndarray, most: int, apart: float = 0.02, kept: int = 0
+) -> list[int]:
     """The first of an order of designs that are no neighbours: at least so far apart in shares of the
-    bounds."""
-    taken: list[int] = []
-    for i in map(int, order):
+    bounds. Of the order the first `kept` are taken whatever they are."""
+    taken = [int(i) for i in order[:kept]]
+    for i in map(int, order[kept:]):
         if len(taken) < most and all(np.linalg.norm(units[i] - units[j]) > apart for j in taken):
             taken.append(i)
     return taken
