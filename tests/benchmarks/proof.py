@@ -155,9 +155,7 @@ def ours(objective: Objective, seed: int, **budget: Any) -> Run:
     seconds = time.perf_counter() - began
     screened = Ledger(objective)
     screened((search.screened - search.low) / (search.high - search.low))
-    tried = [np.sum(found.steps > step) for step in range(len(found.path_merit) - 1)]
-    counts = len(screened.values) + np.cumsum([0, *tried])
-    assert counts[-1] == len(search.screened) + found.evaluations
+    counts = len(screened.values) + found.path_spent
     first = screened.run(began)
     best = np.minimum.accumulate([first.best[-1], *found.path_merit.min(axis=1)])[1:]
     return Run(np.append(first.evaluations, counts), np.append(first.best, best), seconds)

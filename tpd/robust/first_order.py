@@ -55,13 +55,13 @@ def descend(
         if after is not None:
             after(step + 1, steps)
     ended = minimise(evaluate, book.x, cap, measure, known=book.local, steps=0)
-    path, merits = np.stack([x for x, _ in book.path]), np.stack([merit for _, merit in book.path])
+    path, merits, spent = (np.stack(part) for part in zip(*book.path, strict=True))
     return ended._replace(
         steps=np.full(len(starts), steps),
         open=ended.stationarity > _STEEP,
-        evaluations=book.evaluations,
         path=path,
         path_merit=merits,
+        path_spent=spent,
     )
 
 
@@ -80,7 +80,7 @@ class _Book:
         self.x = starts.copy()
         self.local = evaluate(starts) if known is None else Local(*(np.array(part) for part in known))
         self.merit = merit_of(self.local, measure)
-        self.path = [(self.x.copy(), self.merit.copy())]
+        self.path = [(self.x.copy(), self.merit.copy(), self.evaluations)]
 
     def tried(self, x: np.ndarray) -> Local:
         """What is at designs, one a start."""
@@ -91,7 +91,7 @@ class _Book:
         self.x[better], self.merit[better] = x[better], merit[better]
         for old, fresh in zip(self.local, at, strict=True):
             old[better] = fresh[better]
-        self.path.append((self.x.copy(), self.merit.copy()))
+        self.path.append((self.x.copy(), self.merit.copy(), self.evaluations))
         return at
 
 

@@ -20,7 +20,7 @@ from tpd.scene import Pendulum, Scene
 from tpd.search import Progress
 from tpd.status import SETTLED, names_of
 
-LOOKED_AT = 4
+LOOKED_AT = 6
 """Most designs that are judged, the best first."""
 _ASKED = 4
 """Conditions under which the nonlinear equations are asked, the worst first."""
@@ -68,26 +68,29 @@ class Judge:
         if not len(helps):
             return OverStatus.no_improvement, ()
         out: list[Judged] = []
-        if self._stands(search, helps, out):
+        if self._stands(search, helps, out, 1):
             return OverStatus.found, tuple(out)
-        # What stands need not be where a descent ends.
-        on_the_way = search.on_the_way(self.bare_value)
-        order = on_the_way.order()
-        helps = order[on_the_way.values[order] < self.bare_value]
-        found = self._stands(on_the_way, helps, out)
+        # What stands need not be where a descent ends: a neighbour of the best is better than another's best.
+        wider = search.with_the_way(self.bare_value)
+        order = wider.order()
+        helps = order[wider.values[order] < self.bare_value]
+        found = self._stands(wider, helps, out, LOOKED_AT)
         return OverStatus.found if found else OverStatus.refused, tuple(out)
 
-    def _stands(self, search: Search, helps: np.ndarray, out: list[Judged]) -> bool:
-        """Judge the first of some designs until there is nothing to be said against one."""
+    def _stands(self, search: Search, helps: np.ndarray, out: list[Judged], most: int) -> bool:
+        """Judge the first of some designs until nothing is to be said against one, or `most` are judged."""
         apart = self._apart(search, helps)
         reached = [self._reached(search.designs[i]) for i in apart]
         # Designs that events from rest speak against come last: they are told of if all are refused.
         worse = np.array([self._harm(names)[0] for names, _ in reached])
         lost = np.array([np.sum(names == "overturned") for names, _ in reached])
         order = np.lexsort((lost if self.by_overturning else np.zeros_like(lost), worse))
-        for done, i in enumerate(order[:LOOKED_AT]):
+        known = {(j.mass_ratio, j.length_ratio, j.damping_ratio) for j in out}
+        for i in (i for i in order if tuple(search.designs[apart[i]].tolist()) not in known):
+            if len(out) == most:
+                break
             if self.progress is not None:
-                self.progress("judging", done + 1, LOOKED_AT)
+                self.progress("judging", len(out) + 1, LOOKED_AT)
             out.append(self._judged(search, apart[i], *reached[i]))
             if not out[-1].objections:
                 return True
@@ -123,7 +126,7 @@ class Judge:
             verdict=None,
             stationarity=float(search.column(lambda g: g.stationarity)[i]),
             active=self._active(search, i, design),
-            ended=search.ended,
+            ended=i < search.ended,
             objections=self._objections(reached, asked),
         )
         if found.objections:

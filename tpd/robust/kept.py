@@ -29,7 +29,8 @@ class Kept:
         Raises:
             ValueError: the file is of another problem, or cannot be read.
         """
-        fingerprint = hashlib.sha256(_plain(problem).encode()).hexdigest()
+        # What an older version kept is of another make.
+        fingerprint = hashlib.sha256(_plain((problem, Descent._fields)).encode()).hexdigest()
         if path is None or not path.exists():
             return Kept(path, fingerprint, {})
         try:
@@ -49,9 +50,9 @@ class Kept:
         if not values:
             return None
         local = Local(*(values[f"local_{name}"] for name in Local._fields))
-        rest = {n: values[n] for n in Descent._fields if n not in ("local", "weights", "evaluations")}
+        rest = {n: values[n] for n in Descent._fields if n not in ("local", "weights")}
         weights = values["weights_0"], values["weights_1"]
-        return Descent(local=local, weights=weights, evaluations=int(values["evaluations"]), **rest)
+        return Descent(local=local, weights=weights, **rest)
 
     def put(self, group: int, descent: Descent) -> None:
         """Keep a group's descents; what is in the file stays whole whatever happens."""

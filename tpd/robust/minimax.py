@@ -72,12 +72,17 @@ class Descent(NamedTuple):
     """Steps tried."""
     open: np.ndarray
     """Whether a descent was still going on when the steps ran out."""
-    evaluations: int
-    """Designs evaluated."""
     path: np.ndarray
     """Designs before the first and after every step, (steps + 1, m, d)."""
     path_merit: np.ndarray
     """Their merits, (steps + 1, m)."""
+    path_spent: np.ndarray
+    """Designs evaluated by then, (steps + 1,)."""
+
+    @property
+    def evaluations(self) -> int:
+        """Designs evaluated."""
+        return int(self.path_spent[-1])
 
 
 def minimise(
@@ -117,7 +122,8 @@ def minimise(
     merit = merit_of(here, measure)
     reach, curve = np.full(m, radius), np.tile(1e-3 * np.eye(d), (m, 1, 1))
     alive, taken = np.isfinite(merit), np.zeros(m, int)
-    path, evaluations = [(x.copy(), merit.copy())], m if known is None else 0
+    evaluations = m if known is None else 0
+    path = [(x.copy(), merit.copy(), evaluations)]
     for step in range(steps):
         rows = np.flatnonzero(alive)
         if not len(rows):
@@ -157,14 +163,15 @@ def minimise(
         for old, fresh in zip(here, trial, strict=True):
             old[kept] = fresh[good]
         alive[rows] &= reach[rows] > 1e-7
-        path.append((x.copy(), merit.copy()))
+        path.append((x.copy(), merit.copy(), evaluations))
         if after is not None:
             after(step + 1, steps)
     small = np.maximum(low - x, -_SMALL), np.minimum(high - x, _SMALL)
     flat = np.tile(1e-9 * np.eye(d), (m, 1, 1))
     _, left, weights = _subproblem(here, flat, small, cap, merit)
     stationarity = np.maximum(left, 0.0) / _SMALL
-    return Descent(x, here, merit, stationarity, weights, taken, alive, evaluations, *_stacked(path))
+    on_the_way = (np.stack(part) for part in zip(*path, strict=True))
+    return Descent(x, here, merit, stationarity, weights, taken, alive, *on_the_way)
 
 
 class _Models(NamedTuple):
@@ -220,10 +227,6 @@ def _bent(
         for old, fresh in zip(trial, bent, strict=True):
             old[poor[better]] = fresh[better]
     return move, trial, asked
-
-
-def _stacked(path: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    return np.stack([x for x, _ in path]), np.stack([merit for _, merit in path])
 
 
 def merit_of(at: Local, measure: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:

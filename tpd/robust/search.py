@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from functools import partial
 
 import numpy as np
@@ -53,9 +54,8 @@ class Search:
         }
         self.count, self.planned, self.bound, self.seed = starts, max(screening, starts), steps, seed
         self.groups: list[Descent] = []
-        self.before = 0
+        self.before, self.met = 0, 0
         self.interrupted = False
-        self.ended = True
         self.screened, self.screened_value = np.zeros((0, 3)), np.zeros(0)
         self.low, self.high = objective.space.bounds
 
@@ -139,24 +139,28 @@ class Search:
             on.interrupted = True
         return on
 
-    def on_the_way(self, most: float) -> Search:
-        """The best designs, of a merit below `most`, that the descents came through apart from where they
-        ended, as if they had ended there."""
-        on = Search(self.objective, _CARRIED, 0, 1, self.seed, self.progress, self.method)
-        on.settings, on.before, on.ended = self.settings, self.evaluations, False
+    def with_the_way(self, most: float) -> Search:
+        """This one, and after its ends the best designs, of a merit below `most`, that the descents came
+        through apart from them, as if they had ended there as well."""
+        on = copy(self)
         units = np.concatenate([g.path.reshape(-1, self.low.size) for g in self.groups])
         merit = np.concatenate([g.path_merit.ravel() for g in self.groups])
         order = np.argsort(merit, kind="stable")
-        order = order[merit[order] < most]
         ends = len(self.units)
-        first = [*range(ends), *(ends + order)]
+        first = np.concatenate([np.arange(ends), ends + order[merit[order] < most]])
         every = np.concatenate([self.units, units])
-        taken = spread_out(every, np.array(first), ends + _CARRIED, _AWAY, ends)[ends:]
+        taken = spread_out(every, first, ends + _CARRIED, _AWAY, ends)[ends:]
         if taken:
             objective = self.objective
             cap = objective.measure.cap(len(objective.conditions))
-            on.groups = [minimise(objective.local, every[taken], cap, objective.measure.of, steps=0)]
+            met = minimise(objective.local, every[taken], cap, objective.measure.of, steps=0)
+            on.groups, on.met = [*self.groups, met], len(taken)
         return on
+
+    @property
+    def ended(self) -> int:
+        """Starts: what stands after their ends are designs on the way."""
+        return len(self.units) - self.met
 
     @property
     def evaluations(self) -> int:
