@@ -17,6 +17,7 @@ from tpd.robust import report
 from tpd.robust.answer import OverStatus
 from tpd.robust.asked import Asked
 from tpd.robust.conditions import under
+from tpd.robust.judge import Judge
 from tpd.robust.minimax import PENALTY, Local, _subproblem, _within_reach, minimise
 from tpd.robust.objective import KINDS, Objective, margins
 from tpd.robust.page import Shown, over_page
@@ -284,6 +285,45 @@ def test_the_answer_is_better_than_anything_screened_and_within_its_limits(desig
     assert winner.stationarity < 0.05
     assert len(design.starts) == 20
     assert StartStatus.converged in design.starts
+
+
+def test_after_a_refusal_designs_on_the_way_are_judged(monkeypatch):
+    looked, against = [], Judge._objections
+
+    def refuses(self, *args):
+        looked.append(args)
+        return ("not the best one",) if len(looked) == 1 else against(self, *args)
+
+    monkeypatch.setattr(Judge, "_objections", refuses)
+    found = tpd.optimise_over(SCENE, BAND, SPACE, **(SMALL | {"starts": 4, "steps": 10}))
+    best, *others = found.judged
+    assert best.ended
+    assert best.objections == ("not the best one",)
+    assert best.value == pytest.approx(found.end_values.min(), rel=1e-9)
+    assert found.status is OverStatus.found
+    assert len(looked) == len(found.judged)
+    assert not found.winner.ended
+    assert best.value < found.winner.value < found.bare_value
+    assert found.winner.told.stroke.max() <= SPACE.stroke * (1 + 1e-5)
+    designs = [(j.mass_ratio, j.length_ratio, j.damping_ratio) for j in found.judged]
+    assert len(set(designs)) == len(others) + 1
+    told = report.text(found)
+    assert "a search came through this design" in told
+    assert "  not the best one" in told
+
+
+def test_an_overturning_that_the_bare_block_withstands_is_a_danger(design):
+    lost = [(i, np.inf, np.inf, "overturned") for i in (0, 1)]
+    winner = dataclasses.replace(
+        design.winner,
+        nonlinear=(*lost, (2, 0.01, 0.1, "rocking")),
+        nonlinear_bare=("rocking", "overturned", ""),
+    )
+    first, second = report._fallen(design, winner)
+    assert first.startswith("DANGER: by the nonlinear equations")
+    assert design.conditions.name(0) in first
+    assert "and bare it stands" in first
+    assert second.endswith(f"{design.conditions.name(1)}, and so it does bare.")
 
 
 def test_the_report_says_it(design):

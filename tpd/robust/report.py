@@ -79,8 +79,8 @@ def notes(design: DesignOver) -> list[str]:
         out.extend(_fallen(design, winner))
         if not winner.ended:
             out.append(
-                "no design at which a search ended stands events, nonlinear equations and ensemble; this one "
-                "was met on the way. It is not the best of its neighbours, and those may be refused."
+                "the best at which a search ended was refused, see below; a search came through this design "
+                "on its way. It is not the best of its neighbours, and a neighbour may be refused as well."
             )
         if design.reached is not None and np.any(winner.told.lost):
             out.append(
@@ -117,7 +117,7 @@ def _fallen(design: DesignOver, winner: Judged) -> list[str]:
         )
     if both:
         out.append(f"{start} {', '.join(both)}, and so it does bare.")
-    return sorted(out, key=lambda note: not note.startswith("DANGER"))
+    return out
 
 
 def _whose(design: DesignOver) -> str:

@@ -159,7 +159,7 @@ class Search:
 
     @property
     def ended(self) -> int:
-        """Starts: what stands after their ends are designs on the way."""
+        """How many starts have ended; what is listed after them are designs on the way."""
         return len(self.units) - self.met
 
     @property
