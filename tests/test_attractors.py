@@ -11,7 +11,7 @@ from tpd import Parameters, Starts, Status, attractors
 from tpd.models.piecewise import Piecewise
 from tpd.models.settling import scale_of
 from tpd.parameters import as_arrays
-from tpd.pool import settle_all
+from tpd.pool import prepare, settle_all
 
 BARE_BLOCK = parameters(BARE[1].x)
 """Rests, rocks or overturns, as it starts."""
@@ -200,6 +200,9 @@ def test_a_model_is_compiled_once_for_either_size(crowd, monkeypatch):
         return follow(self, *args)
 
     monkeypatch.setattr(Piecewise, "follow", watched)
+    model = Piecewise(tolerance=3.1e-9)
+    prepare(as_arrays(BARE_BLOCK), 150, model)
+    assert len(traced) == 2
     for _ in range(2):
-        settle_all(BARE_BLOCK, crowd[1][:150], model=Piecewise(tolerance=3.1e-9))
+        settle_all(BARE_BLOCK, crowd[1][:150], model=model)
     assert len(traced) == 2

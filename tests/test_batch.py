@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tpd import Status, in_chunks
+from tpd import Status, in_chunks, threads
+from tpd.batch import trace
 
 LENGTH = 101
 X = np.random.default_rng(3).uniform(0.1, 2.0, size=(LENGTH, 3))
@@ -153,3 +154,37 @@ def test_no_workers_are_refused():
 def test_a_chunk_below_one_is_refused(chunk, shown):
     with pytest.raises(ValueError, match=f"`chunk` must be a whole number, 1 or more, but is {shown}"):
         in_chunks(answer, X, chunk=chunk)
+
+
+def test_every_thread_computes_in_the_floats_of_the_one_that_asks():
+    wide = np.arange(1.0, 400.0) + 1e-9
+    exact = in_chunks(third, wide, chunk=64)
+    np.testing.assert_allclose(exact, wide / 3.0, rtol=1e-15)
+    # What a context manager of JAX sets holds in one thread: here the other way round.
+    with jax.enable_x64(False):
+        rough = in_chunks(third, wide, chunk=64)
+    assert rough.dtype == np.float32
+    assert np.abs(rough / exact - 1.0)[64:].max() > 1e-9
+    seen = []
+    with jax.enable_x64(False):
+        threads.aside(lambda: seen.append(jax.config.jax_enable_x64)).join()
+    threads.aside(lambda: seen.append(jax.config.jax_enable_x64)).join()
+    assert seen == [False, True]
+
+
+def third(x):
+    return x / 3.0
+
+
+def test_what_has_been_traced_is_not_traced_again():
+    traced = []
+
+    def slow(x):
+        traced.append(x)
+        return jnp.sin(x)
+
+    trace(slow, X, chunk=16)
+    assert len(traced) == 1
+    np.testing.assert_allclose(in_chunks(slow, X, chunk=16), np.sin(X), rtol=1e-15)
+    trace(slow, X, chunk=16)
+    assert len(traced) == 1

@@ -377,6 +377,53 @@ def test_an_interrupted_search_goes_on_and_comes_to_the_same(design, tmp_path):
         tpd.optimise_over(SCENE, BAND, SPACE, checkpoint=place, **SMALL)
 
 
+def test_of_many_conditions_a_sample_is_searched_under_first(monkeypatch, tmp_path):
+    many = tpd.Conditions.scatter(10, friction=0.2, length=0.05, frequency=0.1)
+    settings = SMALL | {"starts": 8, "screening": 32}
+    whole = tpd.optimise_over(SCENE, many, SPACE, **settings)
+    monkeypatch.setattr("tpd.robust.optimise._MANY", 10)
+    monkeypatch.setattr("tpd.robust.optimise._SAMPLED", 5)
+    place, stages = tmp_path / "unfinished.npz", []
+
+    def stop(stage, done, total):
+        stages.append(stage)
+        if stages.count("searching") == 2:
+            raise KeyboardInterrupt
+
+    cut = tpd.optimise_over(SCENE, many, SPACE, checkpoint=place, progress=stop, **settings)
+    assert cut.status is OverStatus.interrupted
+    assert set(cut.starts) <= {StartStatus.interrupted}
+    first = tpd.optimise_over(SCENE, many, SPACE, checkpoint=place, **settings)
+    assert (
+        first.searched
+        == f"8 starts under 5 of the 10 conditions, {len(first.ends)} finished under all of them"
+    )
+    assert first.winner.told.merit.shape == (1, 10)
+    assert first.winner.value == pytest.approx(whole.winner.value, rel=1e-3)
+    assert first.searched in report.text(first)
+    stages.clear()
+    again = tpd.optimise_over(
+        SCENE, many, SPACE, checkpoint=place, progress=lambda *e: stages.append(e[0]), **settings
+    )
+    assert "searching" not in stages, "what had ended is not done again"
+    np.testing.assert_array_equal(again.ends, first.ends)
+
+
+def test_a_sample_of_conditions_is_spread_over_all_of_them():
+    band = tpd.Conditions.band(SCENE, 2.0, 3.0, 20)
+    both = band * tpd.Conditions.scatter(16, 1, friction=0.2, mass=0.1)
+    some = both.some(64)
+    assert len(some) == 64
+    assert set(some.column("frequency")) == set(band.column("frequency"))
+    rows = {tuple(r) for r in np.asarray(both.rows())}
+    assert {tuple(r) for r in np.asarray(some.rows())} < rows
+    for name in ("friction", "mass"):
+        assert len(set(some.column(name))) == 16
+        assert some.column(name).mean() == pytest.approx(1.0, abs=0.02)
+    assert some.units == both.units
+    assert band.some(64) is band
+
+
 @pytest.mark.parametrize("method", ["adam", "lbfgs"])
 def test_optax_comes_near_the_same_answer(design, method):
     other = tpd.optimise_over(SCENE, BAND, SPACE, method=method, **(SMALL | {"starts": 8, "steps": 60}))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from threading import Lock
 from typing import Any
@@ -14,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from tpd import checks
+from tpd import checks, threads
 
 CHUNK = 256
 """Designs computed at once. Some hundred arrays of this length are alive at a time, about one
@@ -50,24 +49,14 @@ def in_chunks(
     Raises:
         ValueError: an empty batch, leaves of different lengths, or a chunk or workers below one.
     """
-    leaves, treedef = jax.tree.flatten(batch)
-    arrays = [np.asarray(x) for x in leaves]
-    lengths = {x.shape[0] for x in arrays if x.ndim}
-    if len(lengths) != 1 or 0 in lengths:
-        raise ValueError(
-            f"`batch` must be arrays of one length above zero, but has lengths {sorted(lengths)}"
-        )
-    checks.count("chunk", chunk)
-    (length,) = lengths
-    arrays = [x if x.ndim else np.broadcast_to(x, length) for x in arrays]
+    part_of, length = _parts(batch, chunk)
     compiled = _compiled(function)
     if workers is not None:
         checks.count("workers", workers)
     cores = (os.cpu_count() or 1) if workers is None else workers
 
     def run(begin: int) -> int:
-        index = np.minimum(np.arange(begin, begin + chunk), length - 1)
-        out = compiled(jax.tree.unflatten(treedef, [jnp.asarray(x[index]) for x in arrays]))
+        out = compiled(part_of(begin))
         results, structure = jax.tree.flatten(out)
         with lock:
             if not wholes:
@@ -85,7 +74,7 @@ def in_chunks(
         # Two threads that both come first would both compile.
         done = first = run(0)
         _CALLED.add((function, chunk))
-    with ThreadPoolExecutor(cores) as pool:
+    with threads.cores(cores) as pool:
         for count in pool.map(run, range(first, length, chunk)):
             done += count
             if progress is not None:
@@ -93,6 +82,33 @@ def in_chunks(
     return jax.tree.unflatten(structures[0], wholes)
 
 
+def trace(function: Callable[[Any], Any], batch: Any, *, chunk: int = CHUNK) -> None:
+    """Trace `function` as `in_chunks` will call it: then its first call has only to compile, which leaves
+    Python to other threads."""
+    if (function, chunk) not in _CALLED:
+        _compiled(function).lower(_parts(batch, chunk)[0](0))
+
+
+def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
+    """The chunk from some element on, filled up with the last one, and how many elements there are."""
+    leaves, treedef = jax.tree.flatten(batch)
+    arrays = [np.asarray(x) for x in leaves]
+    lengths = {x.shape[0] for x in arrays if x.ndim}
+    if len(lengths) != 1 or 0 in lengths:
+        raise ValueError(
+            f"`batch` must be arrays of one length above zero, but has lengths {sorted(lengths)}"
+        )
+    checks.count("chunk", chunk)
+    (length,) = lengths
+    arrays = [x if x.ndim else np.broadcast_to(x, length) for x in arrays]
+
+    def part_of(begin: int) -> Any:
+        index = np.minimum(np.arange(begin, begin + chunk), length - 1)
+        return jax.tree.unflatten(treedef, [jnp.asarray(x[index]) for x in arrays])
+
+    return part_of, length
+
+
 @lru_cache(maxsize=32)
-def _compiled(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
+def _compiled(function: Callable[[Any], Any]) -> Any:
     return eqx.filter_jit(jax.vmap(function))

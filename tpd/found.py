@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from threading import Thread
 
 import jax
 import jax.numpy as jnp
@@ -31,6 +30,7 @@ from tpd.search import (
 )
 from tpd.status import SETTLED, status_name
 from tpd.steady import Steady, steady_state
+from tpd.threads import aside
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def search(
     if interrupted or compiling is None:
         return Found(None, screened, trace([], len(chosen)), nothing, interrupted)
     compiling.join()
-    _aside(lambda: nonlinear(p))
+    aside(lambda: nonlinear(p))
     path, interrupted = descend(evaluate, space, chosen, steps=steps, progress=progress)
     best = path.best(space.stroke)
     if not interrupted:
@@ -139,21 +139,9 @@ def choose(screened: Screened, space: DesignSpace, starts: int) -> np.ndarray:
     return screened.planned[chosen]
 
 
-def _compile_aside(evaluate: Callable[[Array], Evaluation], designs: np.ndarray) -> threading.Thread:
+def _compile_aside(evaluate: Callable[[Array], Evaluation], designs: np.ndarray) -> Thread:
     """Compile the search's function while the other core screens."""
-    return _aside(lambda: jax.block_until_ready(evaluate(jnp.asarray(designs)).merit))
-
-
-def _aside(work: Callable[[], object]) -> threading.Thread:
-    """Do something that has to be compiled while the other core is busy; what fails, fails again later."""
-
-    def run() -> None:
-        with contextlib.suppress(Exception):
-            work()
-
-    thread = threading.Thread(target=run, daemon=True)
-    thread.start()
-    return thread
+    return aside(lambda: jax.block_until_ready(evaluate(jnp.asarray(designs)).merit))
 
 
 def bare_design(p: Parameters) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from functools import partial
 
@@ -10,6 +9,7 @@ from tpd.design import Candidate
 from tpd.ensemble import Ensemble, Outcomes, Verdict, outcomes, verdict
 from tpd.scene import Pendulum, Scene
 from tpd.search import Progress
+from tpd.threads import aside
 
 
 class Jury:
@@ -23,9 +23,7 @@ class Jury:
             self.progress = partial(progress, "ensemble")
         self._bare: Outcomes | None = None
         self._known: dict[Pendulum, Verdict] = {}
-        self._thread = threading.Thread(target=self._run, daemon=True) if needed else None
-        if self._thread is not None:
-            self._thread.start()
+        self._thread = aside(self._run) if needed else None
 
     def _run(self) -> None:
         self._bare = outcomes(self.scene, ensemble=self.ensemble, workers=1)

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import lru_cache
+from threading import Lock
 from typing import Any
 
 import equinox as eqx
@@ -19,7 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from tpd import checks
+from tpd import checks, threads
 from tpd.models.interface import Settled
 from tpd.models.piecewise import Lane, Piecewise
 from tpd.parameters import Parameters
@@ -90,14 +91,27 @@ def settle_all(
         p, begin, ramp = jax.tree.map(lambda x: x[share], batch)
         return _Pool(model, p, (starts[share], begin, ramp)).run(report)
 
-    code = _code(replace(model, max_periods=1))
     first = jax.tree.map(lambda x: x[:1], (batch[0], starts, *batch[1:]))
-    with ThreadPoolExecutor(cores) as threads:
-        # Both sizes at once, rather than either on every core.
-        list(threads.map(lambda size: code.prepare(size, *first), _sizes(-(-n // cores))))
-        parts = list(threads.map(run, range(cores)))
+    with threads.cores(cores) as crew:
+        _prepared(crew, model, -(-n // cores), first)
+        parts = list(crew.map(run, range(cores)))
     order = np.argsort(np.concatenate(shares), kind="stable")
     return jax.tree.map(lambda *x: np.concatenate(x)[order], *parts)
+
+
+def prepare(p: Parameters, n: int, model: Piecewise) -> None:
+    """Compile what `settle_all` of n motions will need; `p` holds plain numbers."""
+    count = os.cpu_count() or 1
+    share = -(-n // min(count, max(1, n // LANES[-1])))
+    p, begin, ramp = jax.tree.map(lambda x: np.full(1, float(x)), (p, 0.0, 0.0))
+    with threads.cores(count) as crew:
+        _prepared(crew, model, share, (p, np.zeros((1, 4)), begin, ramp))
+
+
+def _prepared(crew: ThreadPoolExecutor, model: Piecewise, share: int, first: tuple) -> None:
+    """Both sizes at once, rather than either on every core."""
+    code = _code(replace(model, max_periods=1))
+    list(crew.map(lambda size: code.prepare(size, *first), _sizes(share)))
 
 
 class _Pool:
@@ -184,15 +198,17 @@ class _Code:
         self.begin = eqx.filter_jit(jax.vmap(lane))
         self.go = eqx.filter_jit(jax.vmap(go, in_axes=(0, 0, None)))
         self.ready: set[int] = set()
+        self.locks: dict[int, Lock] = {}
 
     def prepare(self, size: int, p: Parameters, *start: Any) -> None:
         """Compile for a batch of this size, by a motion that is followed over no period."""
-        if size in self.ready:
-            return
-        p, start = jax.tree.map(lambda x: jnp.repeat(jnp.asarray(x), size, axis=0), (p, start))
-        lanes = self.begin(p, *start)
-        self.go(p, _merge(jnp.zeros(size, bool), lanes, lanes), jnp.asarray(0))
-        self.ready.add(size)
+        with self.locks.setdefault(size, Lock()):
+            if size in self.ready:
+                return
+            p, start = jax.tree.map(lambda x: jnp.repeat(jnp.asarray(x), size, axis=0), (p, start))
+            lanes = self.begin(p, *start)
+            self.go(p, _merge(jnp.zeros(size, bool), lanes, lanes), jnp.asarray(0))
+            self.ready.add(size)
 
 
 _code = lru_cache(maxsize=8)(_Code)

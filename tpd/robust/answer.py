@@ -93,6 +93,7 @@ class DesignOver:
     screened: np.ndarray
     """Designs screened, (m, 3)."""
     screened_value: np.ndarray
+    """Their values, under the conditions that the starts were searched from under."""
     starts: tuple[StartStatus, ...]
     paths: tuple[np.ndarray, ...]
     """Designs (mu, lam, zeta) on the way from each start, (steps, 3)."""
@@ -101,7 +102,9 @@ class DesignOver:
     end_values: np.ndarray
     """Their values, infinite where a limit is broken."""
     evaluations: int
-    """Designs evaluated under all conditions."""
+    """Designs evaluated, each under all conditions or those that the starts were searched from under."""
+    searched: str
+    """From what and in which stages."""
     seed: int
     settings: dict[str, object]
 

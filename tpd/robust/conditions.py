@@ -52,6 +52,15 @@ class Conditions:
         """The factors on one of `FACTORS`, shape (n,): ones where it does not differ."""
         return np.asarray(self.factors.get(name, np.ones(len(self))), dtype=float)
 
+    def some(self, most: int) -> Conditions:
+        """At most so many of them, spread evenly through their order."""
+        n = len(self)
+        if n <= most:
+            return self
+        rows = np.linspace(0, n - 1, most).round().astype(int)
+        told = f"{most} of {n} conditions: {', '.join(self.told)}"
+        return Conditions({k: v[rows] for k, v in self.factors.items()}, (told,), self.units)
+
     @property
     def along(self) -> str | None:
         """What the conditions differ in, if it is one thing: the axis of a picture."""

@@ -11,7 +11,7 @@ import numpy as np
 from tpd.checking import nonlinear
 from tpd.ensemble import SIGNIFICANT, Ensemble, Outcomes, chance_of, outcomes, verdict
 from tpd.models.piecewise import Piecewise
-from tpd.pool import settle_all
+from tpd.pool import prepare, settle_all
 from tpd.robust.answer import Judged, OverStatus
 from tpd.robust.conditions import under, under_all
 from tpd.robust.objective import KINDS, Objective, Told
@@ -35,6 +35,14 @@ def pendulum_of(scene: Scene, of: Judged) -> Pendulum:
     return scene.pendulum(
         mass_ratio=of.mass_ratio, length_ratio=of.length_ratio, damping_ratio=of.damping_ratio
     )
+
+
+def make_ready(objective: Objective, ensemble: Ensemble) -> None:
+    """Compile what judging takes: events of few motions and of many, and the nonlinear equations."""
+    p = objective.p
+    q = replace(p, mu=0.0, rho=float(p.inertia_ratio))
+    prepare(q, max(ensemble.size, len(objective.conditions)), Piecewise())
+    nonlinear(p)
 
 
 class Judge:

@@ -8,7 +8,7 @@ starts, and events, the nonlinear equations and an ensemble of runs judge what i
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import jax
@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array
 
 from tpd.balance import uplift
-from tpd.batch import in_chunks
+from tpd.batch import in_chunks, trace
 from tpd.design import DesignSpace
 from tpd.orbits import symmetric_orbits
 from tpd.parameters import Parameters
@@ -27,7 +27,7 @@ from tpd.status import Status
 
 _CHUNK = (64, 128)
 """Designs under one condition each that are solved at once: the more the quicker each, but the last steps of
-a descent ask for few. With as many conditions as the second, that."""
+a descent ask for few. With as many conditions as the first or more, the second."""
 KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
 """What a design does under a condition, see `Told.kind`."""
 _ROCKING, _NEAR, _REST, _UNSTABLE, _NONE = range(5)
@@ -80,13 +80,28 @@ class Objective:
     from_rest: bool
     """Whether rest counts where it holds, though rocking attracts as well from other starts."""
 
+    def fewer(self, most: int) -> Objective:
+        """The same over at most so many of the conditions."""
+        return replace(self, conditions=self.conditions.some(most))
+
     def told(self, designs: np.ndarray, progress: Callable[[int, int], None] | None = None) -> Told:
         """Designs (mu, lam, zeta), shape (m, 3), under all conditions."""
-        factors = np.asarray(self.conditions.rows())
-        m, n = len(designs), len(factors)
-        batch = (self.p, np.repeat(designs, n, axis=0), np.tile(factors, (m, 1)), float(self.from_rest))
-        out = in_chunks(_one, batch, chunk=_CHUNK[int(n >= _CHUNK[1])], progress=progress)
+        m, n = len(designs), len(self.conditions)
+        out = in_chunks(_one, self._batch(designs), chunk=self._chunk, progress=progress)
         return Told(*(x.reshape(m, n, *x.shape[1:]) for x in out))
+
+    def trace(self) -> None:
+        """What `told` does in Python before anything can be compiled."""
+        trace(_one, self._batch(np.zeros((1, 3))), chunk=self._chunk)
+
+    @property
+    def _chunk(self) -> int:
+        return _CHUNK[int(len(self.conditions) >= _CHUNK[0])]
+
+    def _batch(self, designs: np.ndarray) -> tuple:
+        factors = np.asarray(self.conditions.rows())
+        every = np.repeat(designs, len(factors), axis=0), np.tile(factors, (len(designs), 1))
+        return self.p, *every, float(self.from_rest)
 
     def value(self, told: Told) -> np.ndarray:
         """The measure of the merits, (m,)."""

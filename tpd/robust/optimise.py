@@ -15,16 +15,21 @@ from tpd.ensemble import Ensemble
 from tpd.robust.answer import DesignOver, Judged, OverStatus
 from tpd.robust.asked import METHODS
 from tpd.robust.conditions import FACTORS, Conditions, Limits, Measure
-from tpd.robust.judge import Judge, pendulum_of
+from tpd.robust.judge import Judge, make_ready, pendulum_of
 from tpd.robust.kept import Kept
 from tpd.robust.objective import Objective
 from tpd.robust.reached import ReachedObjective
-from tpd.robust.search import Search
+from tpd.robust.search import GROUP, Search
 from tpd.scene import Scene
 from tpd.search import Progress
+from tpd.threads import aside
 
 FOLLOWED = 500
 """Most forcing periods that a start is followed for its motion: what decays slowly has a slope as well."""
+_MANY, _SAMPLED = 128, 64
+"""From so many conditions on the starts are searched from under a sample of them, of this size."""
+_FINISHING = 12
+"""Bound on the steps over what starts reach."""
 
 
 def optimise_over(
@@ -51,8 +56,9 @@ def optimise_over(
 
     Under every condition the tilt is that of the largest attracting symmetric orbit, whichever start leads
     to it, or the uplift margin where there is none. The search is multi-start sequential programming on
-    exact gradients. Of what it finds the best is followed by events from rest under every condition, put
-    to the nonlinear equations under the worst, and to the ensemble; the next best takes its place if it
+    exact gradients; from 128 conditions on it first looks at 64 of them, and the best designs that lie apart
+    are finished under all. Of what it finds the best is followed by events from rest under every condition,
+    put to the nonlinear equations under the worst, and to the ensemble; the next best takes its place if it
     does not stand them.
 
     Args:
@@ -72,7 +78,7 @@ def optimise_over(
             overturn under the fewest conditions from rest, rather than at those that rock least.
         ensemble: that judges; default `Ensemble()`, its runs dealt out among the conditions.
         starts: searches.
-        screening: designs solved under all conditions before.
+        screening: designs solved before.
         steps: bound on the steps of each search; with optax their number.
         method: "sequential" programming, or optax on a smoothed measure: "adam", "lbfgs". The first needs the
             fewest designs and ends at kinks as surely as elsewhere.
@@ -96,13 +102,20 @@ def optimise_over(
     measure = Measure.worst() if measure is None else measure
     ensemble = Ensemble(seed=seed) if ensemble is None else ensemble
     objective = Objective(scene.parameters(), conditions, space, measure, limits, from_rest)
-    search = Search(objective, starts, screening, steps, seed, progress, method)
+    sampled = objective.fewer(_SAMPLED) if len(conditions) >= _MANY else objective
+    search = Search(sampled, starts, screening, steps, seed, progress, method)
+    search.settings["conditions"] = len(sampled.conditions)
     problem = (scene, conditions, space, measure, limits, from_rest, search.settings)
     kept = Kept.of(checkpoint, problem if reached is None else (*problem, reached, by_share))
+    sampled.trace()
+    aside(lambda: make_ready(objective, ensemble))
     search.run(kept)
+    if sampled is not objective:
+        search.words += f" under {_SAMPLED} of the {len(conditions)} conditions"
+        search = search.carry_on(objective, kept, "under all of them", steps, GROUP)
     if reached is not None and len(search.units) and not search.interrupted:
         finer = ReachedObjective(**vars(objective), starts=reached, by_share=by_share, periods=FOLLOWED)
-        on = search.carry_on(finer, kept)
+        on = search.carry_on(finer, kept, "over what starts reach", _FINISHING, 1)
         if on.groups:
             search, objective = on, finer
         search.interrupted = on.interrupted
@@ -133,6 +146,7 @@ def optimise_over(
         ends=search.designs,
         end_values=search.values,
         evaluations=search.evaluations,
+        searched=search.words,
         seed=seed,
         settings=search.settings,
     )

@@ -28,7 +28,7 @@ _CAPTIONS = {
     ),
     "search.png": (
         "Mass ratio against length ratio: designs screened, search paths and the answer",
-        "Designs screened under all conditions, the paths of the searches and their ends.",
+        "Designs screened, the paths of the last searches and their ends.",
     ),
     "front.png": (
         "Least tilt against the mass of the bob",
@@ -188,15 +188,8 @@ def _models(shown: Shown, winner: Judged) -> Section:
 def _search(shown: Shown) -> Section:
     design = shown.design
     counts = {s: design.starts.count(s) for s in dict.fromkeys(design.starts)}
-    words = (
-        f"{design.evaluations} designs under all conditions, from {design.settings['starts']} starts"
-        + (
-            ""
-            if design.reached is None
-            else f", the best {len(design.starts)} finished over what starts reach"
-        )
-        + ": "
-        + "; ".join(f"{n} {s.value}" for s, n in counts.items())
+    words = f"{design.evaluations} designs, from {design.searched}: " + "; ".join(
+        f"{n} {s.value}" for s, n in counts.items()
     )
     return Section(
         "Where it was looked for",

@@ -47,10 +47,7 @@ def text(design: DesignOver, front: Front | None = None) -> str:
         lines += ["", "largest mass ratio    value (tilt over nu, over all symmetric orbits)"]
         lines += [f"{m:18.4g}    {v:.4f}" for m, v in zip(front.mass_ratio, front.value, strict=True)]
     counts = Counter(s.value for s in design.starts)
-    begun = f"{len(design.starts)} starts"
-    if design.reached is not None:
-        begun = f"{design.settings['starts']} starts, {len(design.starts)} finished over what starts reach"
-    lines += ["", f"searched from {begun}, seed {design.seed}, {design.evaluations} designs:"]
+    lines += ["", f"searched from {design.searched}, seed {design.seed}, {design.evaluations} designs:"]
     return "\n".join([*lines, *(f"  {n} of them {s}" for s, n in counts.items())]) + "\n"
 
 
@@ -247,6 +244,7 @@ def as_json(design: DesignOver, job: dict[str, Any], front: Front | None = None)
         "end_values": design.end_values.tolist(),
         "front": None if front is None else _lists(vars(front)),
         "evaluations": design.evaluations,
+        "searched": design.searched,
         "seed": design.seed,
         "settings": design.settings,
         "job": job,

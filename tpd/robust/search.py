@@ -17,12 +17,12 @@ from tpd.robust.objective import Objective, margins
 from tpd.sampling import latin_hypercube
 from tpd.search import Progress, starting_points
 
-_GROUP = 16
+GROUP = 16
 """Starts searched from at once: what an interruption may lose."""
 _CLOSED = 4096
 """Designs screened by the closed form."""
-_CARRIED, _FINISHING = 8, 12
-"""Designs that a search goes on from on another objective, and bound on the steps there."""
+_CARRIED = 8
+"""Designs that a search goes on from on another objective."""
 _AWAY = 0.05
 """Least distance, in shares of the bounds, of a design on the way from every end."""
 AT_BOUND = 1e-4
@@ -54,7 +54,8 @@ class Search:
         }
         self.count, self.planned, self.bound, self.seed = starts, max(screening, starts), steps, seed
         self.groups: list[Descent] = []
-        self.before, self.met = 0, 0
+        self.words = f"{starts} starts"
+        self.before, self.first, self.met = 0, 0, 0
         self.interrupted = False
         self.screened, self.screened_value = np.zeros((0, 3)), np.zeros(0)
         self.low, self.high = objective.space.bounds
@@ -63,9 +64,9 @@ class Search:
         """Everything; Ctrl-C keeps the groups that had ended."""
         try:
             chosen, known = self.screen()
-            groups = range(0, len(chosen), _GROUP)
+            groups = range(0, len(chosen), GROUP)
             for i, begin in enumerate(groups):
-                rows, ended = slice(begin, begin + _GROUP), kept.get(i)
+                rows, ended = slice(begin, begin + GROUP), kept.get(i)
                 self.groups.append(
                     self._descend(chosen[rows], known.at(rows), i, len(groups)) if ended is None else ended
                 )
@@ -119,22 +120,27 @@ class Search:
             after=after,
         )
 
-    def carry_on(self, objective: Objective, kept: Kept) -> Search:
-        """The search that goes on from the best designs of this one that lie apart, on another objective."""
-        on = Search(
-            objective, min(_CARRIED, self.count), 0, _FINISHING, self.seed, self.progress, self.method
-        )
-        on.settings, on.before = self.settings, self.evaluations
+    def carry_on(self, objective: Objective, kept: Kept, words: str, steps: int, together: int) -> Search:
+        """The search that goes on from the best designs of this one that lie apart, on another objective, so
+        many of them at once. One that was interrupted only sees what they are there."""
+        on = Search(objective, min(_CARRIED, self.count), 0, steps, self.seed, self.progress, self.method)
+        on.settings, on.before, on.first = self.settings, self.evaluations, self.first + len(self.groups)
         on.screened, on.screened_value = self.screened, self.screened_value
         units = self.units[spread_out(self.units, self.order(feasible=False), on.count)]
-        on.count, begun = len(units), len(self.groups)
+        on.count, on.words = len(units), f"{self.words}, {len(units)} finished {words}"
+        if self.interrupted:
+            on.interrupted = True
+            if len(units):
+                on.groups.append(on._seen(units))
+            return on
+        groups = range(0, len(units), together)
         try:
-            for i in range(len(units)):
-                ended = kept.get(begun + i)
-                on.groups.append(
-                    on._descend(units[i : i + 1], None, i, len(units)) if ended is None else ended
-                )
-                kept.put(begun + i, on.groups[-1])
+            for i, begin in enumerate(groups):
+                ended = kept.get(on.first + i)
+                if ended is None:
+                    ended = on._descend(units[begin : begin + together], None, i, len(groups))
+                on.groups.append(ended)
+                kept.put(on.first + i, ended)
         except KeyboardInterrupt:
             on.interrupted = True
         return on
@@ -151,11 +157,14 @@ class Search:
         every = np.concatenate([self.units, units])
         taken = spread_out(every, first, ends + _CARRIED, _AWAY, ends)[ends:]
         if taken:
-            objective = self.objective
-            cap = objective.measure.cap(len(objective.conditions))
-            met = minimise(objective.local, every[taken], cap, objective.measure.of, steps=0)
-            on.groups, on.met = [*self.groups, met], len(taken)
+            on.groups, on.met = [*self.groups, self._seen(every[taken])], len(taken)
         return on
+
+    def _seen(self, units: np.ndarray) -> Descent:
+        """Descents of no step."""
+        objective = self.objective
+        cap = objective.measure.cap(len(objective.conditions))
+        return minimise(objective.local, units, cap, objective.measure.of, steps=0)
 
     @property
     def ended(self) -> int:
