@@ -28,6 +28,7 @@ SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=(0.05, 0.4))
 BAND = tpd.Conditions.band(SCENE, 2.0, 3.5, 5)
 SMALL = {"starts": 20, "screening": 64, "steps": 25, "ensemble": tpd.Ensemble(size=64, periods=40)}
 GOOD = np.array([[0.15, 0.26, 0.35]])
+NAMES = ("mass_ratio", "length_ratio", "damping_ratio")
 
 
 @pytest.fixture(scope="module")
@@ -232,6 +233,37 @@ def test_slopes_are_those_of_differences(objective):
             at.limit_slope[..., i], (up.limit - down.limit) / (2 * step), rtol=1e-4, atol=1e-5
         )
     assert len(objective.limit_names()) == at.limit.shape[1]
+
+
+def test_a_ball_of_steel_keeps_off_the_walls():
+    factors = {"mass": [0.9, 1.1], "length": [1.0, 1.02], "slenderness": [1.0, 0.97]}
+    scattered = BAND * tpd.Conditions({k: np.array(v) for k, v in factors.items()})
+    limits = tpd.Limits(walls=True, reserve=None)
+    objective = Objective.of(SCENE, scattered, SPACE, tpd.Measure.worst(), limits)
+    n = len(scattered)
+    assert objective.limit_names()[n:] == ["walls"] * n
+    told, hung = objective.told(GOOD), SCENE.pendulum(**dict(zip(NAMES, GOOD[0], strict=True)))
+    over, slope = objective.limited(told)
+    for i in range(n):
+        mass, length, slenderness = (scattered.column(name)[i] for name in factors)
+        ball = dataclasses.replace(hung, mass=hung.mass * mass).ball_radius
+        angle = told.stroke[0, i] + told.tilt[0, i] * SCENE.block.slenderness * slenderness
+        room = 0.5 * SCENE.block.width * slenderness
+        assert over[0, n + i] == pytest.approx((hung.length * length * np.sin(angle) + ball) / room - 1.0)
+    for axis in range(3):
+        step = 1e-5 * GOOD[0, axis]
+        sides = [objective.limited(objective.told(GOOD + s * step * np.eye(3)[axis]))[0] for s in (1, -1)]
+        np.testing.assert_allclose(slope[..., axis], (sides[0] - sides[1]) / (2 * step), rtol=1e-4, atol=1e-6)
+
+
+def test_where_no_design_keeps_to_the_limits_the_nearest_is_told():
+    found = tpd.optimise_over(SCENE, BAND, SPACE, limits=tpd.Limits(walls=True), **SMALL)
+    assert found.status is OverStatus.none_feasible
+    assert set(found.starts) == {StartStatus.infeasible}
+    assert found.pendulum is None
+    assert "it breaks the limit on" in found.nearest
+    assert f"nearest to the limits comes {found.nearest}" in report.text(found)
+    assert json.loads(report.as_json(found, {}))["limits"]["walls"] is True
 
 
 def test_a_condition_is_answered_by_its_largest_attracting_orbit_or_by_rest(objective):

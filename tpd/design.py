@@ -71,7 +71,7 @@ class StartStatus(enum.Enum):
     at_bound = "reached the edge of the design space"
     stroke_limited = "reached the stroke limit"
     steps_exhausted = "was still improving when the steps ran out"
-    infeasible = "met no design within the stroke limit"
+    infeasible = "met no design within the limits"
     lost = "met no design with a settled motion"
     interrupted = "was interrupted"
 

@@ -82,6 +82,8 @@ class DesignOver:
     pendulum: Pendulum | None
     judged: tuple[Judged, ...]
     """What was looked at, in order; the last one is offered if it has no objection."""
+    nearest: str
+    """Where no design keeps to the limits, the one that comes nearest to it; otherwise empty."""
     bare: Told
     """The bare block under every condition, leading axis 1."""
     bare_value: float

@@ -223,6 +223,8 @@ class Limits:
     Without it a search ends on the edge of what is stable."""
     mass: float | None = None
     """Largest mass of the bob, kg; beside the bounds of the design space."""
+    walls: bool = False
+    """Whether a solid ball of steel must keep off the block's walls once it has settled."""
 
     def __post_init__(self) -> None:
         for name in ("relative_stroke", "tilt", "mass", "reserve"):
@@ -234,4 +236,5 @@ class Limits:
     def told(self) -> dict[str, Any]:
         """Those that are set, by name."""
         names = ("relative_stroke", "tilt", "multiplier", "reserve", "mass")
-        return {n: getattr(self, n) for n in names if getattr(self, n) is not None}
+        told = {n: getattr(self, n) for n in names if getattr(self, n) is not None}
+        return told | ({"walls": True} if self.walls else {})

@@ -85,6 +85,18 @@ class Judge:
         found = self._stands(wider, helps, out, LOOKED_AT)
         return OverStatus.found if found else OverStatus.refused, tuple(out)
 
+    def nearest(self, search: Search) -> str:
+        """Where no design keeps to the limits: the one that comes nearest to it, and what it breaks most."""
+        order = search.order(feasible=False)
+        if not len(order) or np.isfinite(search.values[order]).any():
+            return ""
+        over = search.column(lambda g: g.local.limit)
+        i = order[np.argmin(np.sum(np.maximum(over[order], 0.0), axis=1))]
+        j, n = int(np.argmax(over[i])), len(self.objective.conditions)
+        at = "mu {:.4g}, lam {:.4g}, zeta {:.4g}".format(*search.designs[i])
+        what = f"the limit on {self.objective.limit_names()[j]} by {over[i, j]:.1%}"
+        return f"{at}: it breaks {what} {self.objective.conditions.name(j % n)}"
+
     def _stands(self, search: Search, helps: np.ndarray, out: list[Judged], most: int) -> bool:
         """Judge the first of some designs until nothing is to be said against one, or `most` are judged."""
         apart = self._apart(search, helps)
@@ -135,7 +147,7 @@ class Judge:
             stationarity=float(search.column(lambda g: g.stationarity)[i]),
             active=self._active(search, i, design),
             ended=i < search.ended,
-            objections=self._objections(reached, asked),
+            objections=self._objections(design, reached, asked),
         )
         if found.objections:
             return found
@@ -183,7 +195,7 @@ class Judge:
         return self._bare_status[i]
 
     def _objections(
-        self, reached: np.ndarray, asked: tuple[tuple[int, float, float, str], ...]
+        self, design: np.ndarray, reached: np.ndarray, asked: tuple[tuple[int, float, float, str], ...]
     ) -> tuple[str, ...]:
         out, name = [], self.objective.conditions.name
         harms, worse, better = self._harm(reached)
@@ -193,7 +205,7 @@ class Judge:
                 f"without the pendulum, and stands {better} under which it overturns without"
             )
         limit = self.objective.space.stroke
-        for i, _, stroke, status in asked:
+        for i, tilt, stroke, status in asked:
             bare = self.bare_reached[0][i], self._bare_nonlinear(i) if status == "overturned" else ""
             if status == "overturned" and "overturned" not in bare:
                 out.append(f"by the nonlinear equations the block overturns {name(i)}, and bare it stands")
@@ -201,7 +213,14 @@ class Judge:
                 out.append(
                     f"by the nonlinear equations the stroke is {stroke:.4g} rad, above {limit:g}, {name(i)}"
                 )
+            elif status in SETTLED and self.objective.limits.walls and self._strikes(design, i, tilt, stroke):
+                out.append(f"by the nonlinear equations a ball of steel strikes the walls {name(i)}")
         return tuple(out)
+
+    def _strikes(self, design: np.ndarray, i: int, amplitude: float, stroke: float) -> bool:
+        """Whether a ball of steel strikes the walls under the i-th condition."""
+        tilt = amplitude / (float(self.objective.p.nu) * self.objective.conditions.column("slenderness"))
+        return bool(self.objective.outermost(design, tilt, stroke)[i] > 1.0)
 
     def _active(self, search: Search, i: int, design: np.ndarray) -> tuple[str, ...]:
         """What holds the design."""

@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
+from numpy.typing import ArrayLike
 
 from tpd.balance import uplift
 from tpd.batch import in_chunks, trace
@@ -23,6 +24,7 @@ from tpd.orbits import symmetric_orbits
 from tpd.parameters import Parameters
 from tpd.robust.conditions import Conditions, Limits, Measure, under
 from tpd.robust.minimax import Local
+from tpd.scene import Scene
 from tpd.status import Status
 
 _CHUNK = (64, 128)
@@ -57,6 +59,8 @@ class Told(NamedTuple):
     reserve_slope: np.ndarray
     kind: np.ndarray
     """Index into `KINDS`."""
+    design: np.ndarray
+    """(m, 3)"""
     lost: np.ndarray | float = 0.0
     """Share of the starts that overturn, where starts are followed: tilt and stroke are of the others."""
     loose: np.ndarray | float = 0.0
@@ -79,6 +83,22 @@ class Objective:
     limits: Limits
     from_rest: bool
     """Whether rest counts where it holds, though rocking attracts as well from other starts."""
+    ball: float = 0.0
+    """Radius of a ball of steel that weighs what the block does, over the block's half height."""
+
+    @staticmethod
+    def of(
+        scene: Scene,
+        conditions: Conditions,
+        space: DesignSpace,
+        measure: Measure,
+        limits: Limits,
+        from_rest: bool = False,
+    ) -> Objective:
+        """That of a scene."""
+        ball = scene.pendulum(mass_ratio=1.0, length_ratio=1.0, damping_ratio=0.0).ball_radius
+        size = ball / scene.block.half_height
+        return Objective(scene.parameters(), conditions, space, measure, limits, from_rest, size)
 
     def fewer(self, most: int) -> Objective:
         """The same over at most so many of the conditions."""
@@ -88,7 +108,7 @@ class Objective:
         """Designs (mu, lam, zeta), shape (m, 3), under all conditions."""
         m, n = len(designs), len(self.conditions)
         out = in_chunks(_one, self._batch(designs), chunk=self._chunk, progress=progress)
-        return Told(*(x.reshape(m, n, *x.shape[1:]) for x in out))
+        return Told(*(x.reshape(m, n, *x.shape[1:]) for x in out), design=designs)
 
     def trace(self) -> None:
         """What `told` does in Python before anything can be compiled."""
@@ -119,7 +139,7 @@ class Objective:
 
     def limit_names(self) -> list[str]:
         """Of the constraints, in the order of `limited`."""
-        asked = ("relative_stroke", "tilt", "multiplier", "reserve")
+        asked = ("relative_stroke", "tilt", "multiplier", "reserve", "walls")
         names = ["stroke", *(n for n in asked if n in self.limits.told())]
         return [name for name in names for _ in range(len(self.conditions))]
 
@@ -137,7 +157,38 @@ class Objective:
         if limits.reserve is not None:
             # As a size that must stay below one.
             out.append((2.0 - t.reserve / limits.reserve, -t.reserve_slope / limits.reserve, 1.0))
+        if limits.walls:
+            out.append((*self._outermost(t), 1.0))
         return out
+
+    def outermost(self, design: np.ndarray, tilt: ArrayLike, stroke: ArrayLike) -> np.ndarray:
+        """How far a ball of steel reaches from the block's axis, over half the width, under every condition:
+        l sin(angle) plus its radius, the angle that of bob and block together, which is never too little.
+
+        Args:
+            design: (mu, lam, zeta), shape (..., 3).
+            tilt: largest |phi|/nu under every condition, shape (..., n).
+            stroke: largest |psi|, rad, of the same shape.
+        """
+        rod, ball, nu = self._bob(design)
+        angle = np.minimum(np.asarray(stroke) + np.asarray(tilt) * nu, 0.5 * np.pi)
+        return (rod * np.sin(angle) + ball) / nu
+
+    def _bob(self, design: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rod and radius in half heights, and the slenderness, under every condition."""
+        of = self.conditions.column
+        rod = design[..., 1, None] * of("length")
+        ball = self.ball * np.cbrt(design[..., 0, None] * of("mass"))
+        return rod, ball, float(self.p.nu) * of("slenderness")
+
+    def _outermost(self, t: Told) -> tuple[np.ndarray, np.ndarray]:
+        rod, ball, nu = self._bob(t.design)
+        angle = t.stroke + t.tilt * nu
+        onward = np.where(angle < 0.5 * np.pi, rod * np.cos(np.where(np.isfinite(angle), angle, 0.0)), 0.0)
+        slope = onward[..., None] * (t.stroke_slope + t.tilt_slope * nu[:, None])
+        slope[..., 0] += ball / (3.0 * t.design[:, 0, None])
+        slope[..., 1] += np.sin(np.minimum(angle, 0.5 * np.pi)) * self.conditions.column("length")
+        return self.outermost(t.design, t.tilt, t.stroke), slope / nu[:, None]
 
     def local(self, unit: np.ndarray) -> Local:
         """For the search, at designs in shares of the bounds, (m, d)."""

@@ -101,7 +101,7 @@ def optimise_over(
     space = _narrowed(DesignSpace() if space is None else space, scene, limits)
     measure = Measure.worst() if measure is None else measure
     ensemble = Ensemble(seed=seed) if ensemble is None else ensemble
-    objective = Objective(scene.parameters(), conditions, space, measure, limits, from_rest)
+    objective = Objective.of(scene, conditions, space, measure, limits, from_rest)
     sampled = objective.fewer(_SAMPLED) if len(conditions) >= _MANY else objective
     search = Search(sampled, starts, screening, steps, seed, progress, method)
     search.settings["conditions"] = len(sampled.conditions)
@@ -134,6 +134,7 @@ def optimise_over(
         status=OverStatus.interrupted if search.interrupted else status,
         pendulum=None if offered is None else pendulum_of(scene, offered),
         judged=judged,
+        nearest=judge.nearest(search),
         bare=judge.bare,
         bare_value=judge.bare_value,
         bare_reached=judge.bare_reached[0],

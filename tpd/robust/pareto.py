@@ -58,7 +58,7 @@ def pareto(
     space = DesignSpace() if space is None else space
     measure = Measure.worst() if measure is None else measure
     limits = Limits() if limits is None else limits
-    objective = Objective(scene.parameters(), conditions, space, measure, limits, False)
+    objective = Objective.of(scene, conditions, space, measure, limits, False)
     search = Search(objective, starts, screening, steps, seed, progress)
     search.screen()
     low, high = space.bounds

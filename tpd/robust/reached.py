@@ -34,7 +34,7 @@ from tpd.steady import answered
 _ROCKING, _REST, _UNSTABLE, _NONE = (KINDS.index(k) for k in ("rocking", "rest", "unstable", "no_orbit"))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ReachedObjective(Objective):
     """An `Objective` over the motions that the starts reach. Tilt, stroke and merit are of these; how far
     an orbit is from where it stops attracting is still that of the largest symmetric one."""

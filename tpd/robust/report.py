@@ -146,7 +146,8 @@ def _answer(design: DesignOver) -> list[str]:
     bare = f"{what} tilt without {worth(design, design.bare_value)}"
     pendulum, winner = design.pendulum, design.winner
     if pendulum is None or winner is None:
-        return ["no pendulum to offer", bare]
+        near = [f"nearest to the limits comes {design.nearest}"] if design.nearest else []
+        return ["no pendulum to offer", *near, bare]
     hinge = 2.0 * pendulum.damping_ratio * pendulum.mass * pendulum.length**1.5 * design.scene.gravity**0.5
     return [
         f"pendulum mass      {pendulum.mass:10.4g} kg   (mass ratio   mu   = {winner.mass_ratio:.5g})",
@@ -235,6 +236,7 @@ def as_json(design: DesignOver, job: dict[str, Any], front: Front | None = None)
         "measure": asdict(design.measure),
         "conditions": {"told": design.conditions.told, **_lists(design.conditions.factors)},
         "limits": design.limits.told() | {"stroke": design.space.stroke},
+        "nearest": design.nearest,
         "bare": {"value": design.bare_value, "reached": design.bare_reached.tolist(), **_told(design.bare)},
         "judged": [_judged(j) for j in design.judged],
         "bare_ensemble": None if design.bare_outcomes is None else design.bare_outcomes.summary(),
