@@ -104,7 +104,8 @@ def strikes(block: Block, pendulum: Pendulum, angles: Mapping[str, float]) -> li
                 f"half width is {wall:.3g} m. Inside it, a solid ball of steel of this mass ({ball:.3g} m "
                 "in radius) would STRIKE the walls, which nothing here computes. On a rod of this length "
                 f"it stays off them {fits} between rod and block, a point up to {clear(wall)} "
-                "(`--stroke` limits the settled angle of the rod)."
+                "(`--stroke` limits the settled angle of the rod; over many conditions `--walls` keeps a "
+                "settled ball off)."
             )
     return out
 

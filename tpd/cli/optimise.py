@@ -68,6 +68,12 @@ def _add_conditions(optimise: argparse.ArgumentParser) -> None:
     )
     many.add_argument("--measure", metavar="WORD", help="worst (default), expected or cvar")
     many.add_argument(
+        "--walls",
+        action="store_true",
+        default=None,
+        help="a solid ball of steel must keep off the block's walls once it has settled",
+    )
+    many.add_argument(
         "--by-overturning",
         action="store_true",
         default=None,
@@ -120,6 +126,7 @@ def _given(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
             ("conditions", "amplitudes", options.amplitudes),
             ("conditions", "measure", options.measure),
             ("conditions", "by_overturning", options.by_overturning),
+            ("limits", "walls", options.walls),
             ("conditions", "reached", options.from_starts),
             ("conditions", "by_share", False if options.worst_start else None),
             *(("scatter", name, width) for name, width in _scatter(options.scatter).items()),
