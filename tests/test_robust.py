@@ -238,22 +238,36 @@ def test_slopes_are_those_of_differences(objective):
 def test_a_ball_of_steel_keeps_off_the_walls():
     factors = {"mass": [0.9, 1.1], "length": [1.0, 1.02], "slenderness": [1.0, 0.97]}
     scattered = BAND * tpd.Conditions({k: np.array(v) for k, v in factors.items()})
-    limits = tpd.Limits(walls=True, reserve=None)
+    limits = tpd.Limits(walls=True, swing=0.03, reserve=None)
     objective = Objective.of(SCENE, scattered, SPACE, tpd.Measure.worst(), limits)
     n = len(scattered)
-    assert objective.limit_names()[n:] == ["walls"] * n
+    assert objective.limit_names()[n:] == ["swing"] * n + ["walls"] * n
     told, hung = objective.told(GOOD), SCENE.pendulum(**dict(zip(NAMES, GOOD[0], strict=True)))
     over, slope = objective.limited(told)
     for i in range(n):
         mass, length, slenderness = (scattered.column(name)[i] for name in factors)
         ball = dataclasses.replace(hung, mass=hung.mass * mass).ball_radius
         angle = told.stroke[0, i] + told.tilt[0, i] * SCENE.block.slenderness * slenderness
-        room = 0.5 * SCENE.block.width * slenderness
-        assert over[0, n + i] == pytest.approx((hung.length * length * np.sin(angle) + ball) / room - 1.0)
+        reach, room = hung.length * length * np.sin(angle), 0.5 * SCENE.block.width * slenderness
+        assert over[0, n + i] == pytest.approx(reach / 0.03 - 1.0)
+        assert over[0, 2 * n + i] == pytest.approx((reach + ball) / room - 1.0)
     for axis in range(3):
         step = 1e-5 * GOOD[0, axis]
         sides = [objective.limited(objective.told(GOOD + s * step * np.eye(3)[axis]))[0] for s in (1, -1)]
         np.testing.assert_allclose(slope[..., axis], (sides[0] - sides[1]) / (2 * step), rtol=1e-4, atol=1e-6)
+
+
+def test_nonlinear_equations_are_asked_about_the_room_as_well():
+    limits = tpd.Limits(swing=0.02, walls=True)
+    objective = Objective.of(SCENE, BAND, SPACE, tpd.Measure.worst(), limits)
+    judge = Judge(SCENE, objective, SMALL["ensemble"], False, None)
+    stands = np.full(len(BAND), "rocking")
+    light = np.array([0.01, 0.26, 0.35])
+    assert judge._objections(light, stands, ((1, 0.03, 0.35, "rocking"),)) == ()
+    (said,) = judge._objections(light, stands, ((1, 0.06, 0.35, "rocking"),))
+    assert said == f"by the nonlinear equations the bob breaks the limit on swing {BAND.name(1)}"
+    (said,) = judge._objections(GOOD[0], stands, ((1, 0.03, 0.35, "rocking"),))
+    assert "breaks the limit on walls" in said
 
 
 def test_where_no_design_keeps_to_the_limits_the_nearest_is_told():

@@ -223,11 +223,13 @@ class Limits:
     Without it a search ends on the edge of what is stable."""
     mass: float | None = None
     """Largest mass of the bob, kg; beside the bounds of the design space."""
+    swing: float | None = None
+    """Largest distance (m) of the settled bob's middle from the block's axis."""
     walls: bool = False
     """Whether a solid ball of steel must keep off the block's walls once it has settled."""
 
     def __post_init__(self) -> None:
-        for name in ("relative_stroke", "tilt", "mass", "reserve"):
+        for name in ("relative_stroke", "tilt", "mass", "reserve", "swing"):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name))
         if self.multiplier is not None:
@@ -235,6 +237,6 @@ class Limits:
 
     def told(self) -> dict[str, Any]:
         """Those that are set, by name."""
-        names = ("relative_stroke", "tilt", "multiplier", "reserve", "mass")
+        names = ("relative_stroke", "tilt", "multiplier", "reserve", "mass", "swing")
         told = {n: getattr(self, n) for n in names if getattr(self, n) is not None}
         return told | ({"walls": True} if self.walls else {})

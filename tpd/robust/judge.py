@@ -205,7 +205,7 @@ class Judge:
                 f"without the pendulum, and stands {better} under which it overturns without"
             )
         limit = self.objective.space.stroke
-        for i, tilt, stroke, status in asked:
+        for i, amplitude, stroke, status in asked:
             bare = self.bare_reached[0][i], self._bare_nonlinear(i) if status == "overturned" else ""
             if status == "overturned" and "overturned" not in bare:
                 out.append(f"by the nonlinear equations the block overturns {name(i)}, and bare it stands")
@@ -213,14 +213,14 @@ class Judge:
                 out.append(
                     f"by the nonlinear equations the stroke is {stroke:.4g} rad, above {limit:g}, {name(i)}"
                 )
-            elif status in SETTLED and self.objective.limits.walls and self._strikes(design, i, tilt, stroke):
-                out.append(f"by the nonlinear equations a ball of steel strikes the walls {name(i)}")
+            elif status in SETTLED:
+                angle = np.full((1, len(self.objective.conditions)), amplitude + stroke)
+                for limit_name, taken in self.objective.room(design[None], angle).items():
+                    if taken[0, i] > 1.0:
+                        out.append(
+                            f"by the nonlinear equations the bob breaks the limit on {limit_name} {name(i)}"
+                        )
         return tuple(out)
-
-    def _strikes(self, design: np.ndarray, i: int, amplitude: float, stroke: float) -> bool:
-        """Whether a ball of steel strikes the walls under the i-th condition."""
-        tilt = amplitude / (float(self.objective.p.nu) * self.objective.conditions.column("slenderness"))
-        return bool(self.objective.outermost(design, tilt, stroke)[i] > 1.0)
 
     def _active(self, search: Search, i: int, design: np.ndarray) -> tuple[str, ...]:
         """What holds the design."""

@@ -15,7 +15,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
-from numpy.typing import ArrayLike
 
 from tpd.balance import uplift
 from tpd.batch import in_chunks, trace
@@ -83,8 +82,10 @@ class Objective:
     limits: Limits
     from_rest: bool
     """Whether rest counts where it holds, though rocking attracts as well from other starts."""
+    half_height: float = 1.0
+    """Of the block, m."""
     ball: float = 0.0
-    """Radius of a ball of steel that weighs what the block does, over the block's half height."""
+    """Radius of a ball of steel that weighs what the block does, m."""
 
     @staticmethod
     def of(
@@ -97,8 +98,8 @@ class Objective:
     ) -> Objective:
         """That of a scene."""
         ball = scene.pendulum(mass_ratio=1.0, length_ratio=1.0, damping_ratio=0.0).ball_radius
-        size = ball / scene.block.half_height
-        return Objective(scene.parameters(), conditions, space, measure, limits, from_rest, size)
+        sizes = scene.block.half_height, ball
+        return Objective(scene.parameters(), conditions, space, measure, limits, from_rest, *sizes)
 
     def fewer(self, most: int) -> Objective:
         """The same over at most so many of the conditions."""
@@ -139,7 +140,7 @@ class Objective:
 
     def limit_names(self) -> list[str]:
         """Of the constraints, in the order of `limited`."""
-        asked = ("relative_stroke", "tilt", "multiplier", "reserve", "walls")
+        asked = ("relative_stroke", "tilt", "multiplier", "reserve", "swing", "walls")
         names = ["stroke", *(n for n in asked if n in self.limits.told())]
         return [name for name in names for _ in range(len(self.conditions))]
 
@@ -157,38 +158,49 @@ class Objective:
         if limits.reserve is not None:
             # As a size that must stay below one.
             out.append((2.0 - t.reserve / limits.reserve, -t.reserve_slope / limits.reserve, 1.0))
-        if limits.walls:
-            out.append((*self._outermost(t), 1.0))
+        if limits.swing is not None or limits.walls:
+            out.extend(self._room_sizes(t))
         return out
 
-    def outermost(self, design: np.ndarray, tilt: ArrayLike, stroke: ArrayLike) -> np.ndarray:
-        """How far a ball of steel reaches from the block's axis, over half the width, under every condition:
-        l sin(angle) plus its radius, the angle that of bob and block together, which is never too little.
+    def room(self, designs: np.ndarray, angle: np.ndarray) -> dict[str, np.ndarray]:
+        """What a bob takes of the room to either side, by the limits on that, over what they allow.
 
         Args:
-            design: (mu, lam, zeta), shape (..., 3).
-            tilt: largest |phi|/nu under every condition, shape (..., n).
-            stroke: largest |psi|, rad, of the same shape.
+            designs: (mu, lam, zeta), shape (m, 3).
+            angle: largest angle between bob and block, rad, under every condition, shape (m, n).
+
+        Returns:
+            "swing": the middle of the bob; "walls": the outside of a ball of steel. Shapes (m, n).
         """
-        rod, ball, nu = self._bob(design)
-        angle = np.minimum(np.asarray(stroke) + np.asarray(tilt) * nu, 0.5 * np.pi)
-        return (rod * np.sin(angle) + ball) / nu
+        rod, ball, wall = self._lengths(designs)
+        reach, out = rod * np.sin(np.minimum(angle, 0.5 * np.pi)), {}
+        if self.limits.swing is not None:
+            out["swing"] = reach / self.limits.swing
+        if self.limits.walls:
+            out["walls"] = (reach + ball) / wall
+        return out
 
-    def _bob(self, design: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rod and radius in half heights, and the slenderness, under every condition."""
+    def _lengths(self, designs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the rod, a ball of steel's radius and half the width of the block, m, (m, n)."""
         of = self.conditions.column
-        rod = design[..., 1, None] * of("length")
-        ball = self.ball * np.cbrt(design[..., 0, None] * of("mass"))
-        return rod, ball, float(self.p.nu) * of("slenderness")
+        rod = self.half_height * designs[:, 1, None] * of("length")
+        ball = self.ball * np.cbrt(designs[:, 0, None] * of("mass"))
+        return rod, ball, self.half_height * float(self.p.nu) * of("slenderness")[None, :]
 
-    def _outermost(self, t: Told) -> tuple[np.ndarray, np.ndarray]:
-        rod, ball, nu = self._bob(t.design)
+    def _room_sizes(self, t: Told) -> list[tuple[np.ndarray, np.ndarray, float]]:
+        rod, ball, wall = self._lengths(t.design)
+        nu = wall / self.half_height
+        # Together never less than the angle between them.
         angle = t.stroke + t.tilt * nu
-        onward = np.where(angle < 0.5 * np.pi, rod * np.cos(np.where(np.isfinite(angle), angle, 0.0)), 0.0)
-        slope = onward[..., None] * (t.stroke_slope + t.tilt_slope * nu[:, None])
-        slope[..., 0] += ball / (3.0 * t.design[:, 0, None])
-        slope[..., 1] += np.sin(np.minimum(angle, 0.5 * np.pi)) * self.conditions.column("length")
-        return self.outermost(t.design, t.tilt, t.stroke), slope / nu[:, None]
+        swinging = np.where(angle < 0.5 * np.pi, rod * np.cos(np.where(np.isfinite(angle), angle, 0.0)), 0.0)
+        slope = swinging[..., None] * (t.stroke_slope + t.tilt_slope * nu[..., None])
+        slope[..., 1] += rod / t.design[:, 1, None] * np.sin(np.minimum(angle, 0.5 * np.pi))
+        growing = np.zeros_like(slope)
+        growing[..., 0] = ball / (3.0 * t.design[:, 0, None])
+        slopes = {"walls": (slope + growing) / wall[..., None]}
+        if self.limits.swing is not None:
+            slopes["swing"] = slope / self.limits.swing
+        return [(size, slopes[name], 1.0) for name, size in self.room(t.design, angle).items()]
 
     def local(self, unit: np.ndarray) -> Local:
         """For the search, at designs in shares of the bounds, (m, d)."""
