@@ -436,9 +436,19 @@ def test_of_many_conditions_a_sample_is_searched_under_first(monkeypatch, tmp_pa
         if stages.count("searching") == 2:
             raise KeyboardInterrupt
 
+    def stop_in_the_second_group(stage, done, total):
+        if stage == "searching" and done > total / 2:
+            raise KeyboardInterrupt
+
     cut = tpd.optimise_over(SCENE, many, SPACE, checkpoint=place, progress=stop, **settings)
     assert cut.status is OverStatus.interrupted
-    assert set(cut.starts) <= {StartStatus.interrupted}
+    assert cut.starts == (StartStatus.interrupted,) * 8
+    more = settings | {"starts": 20, "screening": 64}
+    late = tpd.optimise_over(SCENE, many, SPACE, progress=stop_in_the_second_group, **more)
+    assert late.status is OverStatus.interrupted
+    assert set(late.starts) == {StartStatus.interrupted}
+    assert late.winner.told.merit.shape == (1, 10)
+    assert late.searched.endswith("not finished")
     first = tpd.optimise_over(SCENE, many, SPACE, checkpoint=place, **settings)
     assert (
         first.searched

@@ -127,12 +127,12 @@ class Search:
         on.settings, on.before, on.first = self.settings, self.evaluations, self.first + len(self.groups)
         on.screened, on.screened_value = self.screened, self.screened_value
         units = self.units[spread_out(self.units, self.order(feasible=False), on.count)]
-        on.count, on.words = len(units), f"{self.words}, {len(units)} finished {words}"
         if self.interrupted:
-            on.interrupted = True
+            on.count, on.words, on.interrupted = self.count, f"{self.words}, not finished", True
             if len(units):
                 on.groups.append(on._seen(units))
             return on
+        on.count, on.words = len(units), f"{self.words}, {len(units)} finished {words}"
         groups = range(0, len(units), together)
         try:
             for i, begin in enumerate(groups):
@@ -218,7 +218,9 @@ class Search:
         for g in self.groups:
             for i in range(len(g.x)):
                 inside = (g.x[i] > AT_BOUND) & (g.x[i] < 1.0 - AT_BOUND)
-                if g.local.limit[i].max() > _FEASIBLE:
+                if g.open[i] and not g.steps[i]:
+                    out.append(StartStatus.interrupted)
+                elif g.local.limit[i].max() > _FEASIBLE:
                     out.append(StartStatus.infeasible)
                 elif g.open[i]:
                     out.append(StartStatus.steps_exhausted)
