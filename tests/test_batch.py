@@ -1,5 +1,8 @@
 """Batches in chunks, against `vmap` of the whole."""
 
+import subprocess
+import sys
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -188,3 +191,11 @@ def test_what_has_been_traced_is_not_traced_again():
     np.testing.assert_allclose(in_chunks(slow, X, chunk=16), np.sin(X), rtol=1e-15)
     trace(slow, X, chunk=16)
     assert len(traced) == 1
+
+
+def test_the_interpreter_waits_for_what_goes_on_aside():
+    work = "import time; from tpd.threads import aside; aside(lambda: (time.sleep(1), print('done')))"
+    ended = subprocess.run(
+        [sys.executable, "-c", work + "; raise SystemExit(3)"], capture_output=True, text=True
+    )
+    assert (ended.returncode, ended.stdout.strip(), ended.stderr) == (3, "done", "")

@@ -423,6 +423,17 @@ def test_an_interrupted_search_goes_on_and_comes_to_the_same(design, tmp_path):
         tpd.optimise_over(SCENE, BAND, SPACE, checkpoint=place, **SMALL)
 
 
+def test_an_interruption_before_anything_is_known_is_told_without_a_picture_of_it():
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    cut = tpd.optimise_over(SCENE, BAND, SPACE, progress=stop, **SMALL)
+    assert cut.status is OverStatus.interrupted
+    assert cut.starts == (StartStatus.interrupted,) * SMALL["starts"]
+    assert [name for name, _ in report.pictures(cut)] == ["conditions.png"]
+    assert report.text(cut).startswith("INTERRUPTED")
+
+
 def test_of_many_conditions_a_sample_is_searched_under_first(monkeypatch, tmp_path):
     many = tpd.Conditions.scatter(10, friction=0.2, length=0.05, frequency=0.1)
     settings = SMALL | {"starts": 8, "screening": 32}

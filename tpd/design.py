@@ -73,7 +73,7 @@ class StartStatus(enum.Enum):
     steps_exhausted = "was still improving when the steps ran out"
     infeasible = "met no design within the limits"
     lost = "met no design with a settled motion"
-    interrupted = "was interrupted"
+    interrupted = "had not ended when the search was interrupted"
 
 
 class DesignStatus(enum.Enum):

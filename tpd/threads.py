@@ -17,7 +17,8 @@ def cores(count: int) -> ThreadPoolExecutor:
 
 
 def aside(work: Callable[[], object]) -> threading.Thread:
-    """Do something that has to be compiled while the other core is busy; what fails, fails again later."""
+    """Do something that has to be compiled while the other core is busy; what fails, fails again later.
+    The interpreter waits for it before it ends: a thread that is stopped while it compiles aborts all."""
     begin = _alike()
 
     def run() -> None:
@@ -25,7 +26,7 @@ def aside(work: Callable[[], object]) -> threading.Thread:
         with contextlib.suppress(Exception):
             work()
 
-    thread = threading.Thread(target=run, daemon=True)
+    thread = threading.Thread(target=run)
     thread.start()
     return thread
 

@@ -284,7 +284,8 @@ def pictures(design: DesignOver, front: Front | None = None) -> Iterator[tuple[s
 
     if design.conditions.along is not None:
         yield "conditions.png", png(plot_conditions(design)[0].figure)
-    yield "search.png", png(plot_landscape(design).figure)
+    if len(design.screened):
+        yield "search.png", png(plot_landscape(design).figure)
     if front is not None:
         yield "front.png", png(plot_front(front, design).figure)
     if design.winner is not None and design.status is OverStatus.found:
