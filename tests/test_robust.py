@@ -12,16 +12,18 @@ from scipy.optimize import linprog
 import tpd
 from tests.reference import exact
 from tpd.design import StartStatus
+from tpd.ensemble import Verdict
 from tpd.job import Job
 from tpd.robust import report
 from tpd.robust.answer import OverStatus
 from tpd.robust.asked import Asked
-from tpd.robust.conditions import under
+from tpd.robust.conditions import FACTORS, under
 from tpd.robust.judge import Judge
 from tpd.robust.minimax import PENALTY, Local, _subproblem, _within_reach, minimise
 from tpd.robust.objective import KINDS, Objective, margins
 from tpd.robust.page import Shown, over_page
 from tpd.robust.reached import ReachedObjective
+from tpd.robust.search import Search
 
 SCENE = tpd.paper_scene()
 SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=(0.05, 0.4))
@@ -238,10 +240,10 @@ def test_slopes_are_those_of_differences(objective):
 def test_a_ball_of_steel_keeps_off_the_walls():
     factors = {"mass": [0.9, 1.1], "length": [1.0, 1.02], "slenderness": [1.0, 0.97]}
     scattered = BAND * tpd.Conditions({k: np.array(v) for k, v in factors.items()})
-    limits = tpd.Limits(walls=True, swing=0.03, reserve=None)
+    limits = tpd.Limits(walls=True, offset=0.03, reserve=None)
     objective = Objective.of(SCENE, scattered, SPACE, tpd.Measure.worst(), limits)
     n = len(scattered)
-    assert objective.limit_names()[n:] == ["swing"] * n + ["walls"] * n
+    assert objective.limit_names()[n:] == ["offset"] * n + ["walls"] * n + ["ball"] * n
     told, hung = objective.told(GOOD), SCENE.pendulum(**dict(zip(NAMES, GOOD[0], strict=True)))
     over, slope = objective.limited(told)
     for i in range(n):
@@ -251,23 +253,35 @@ def test_a_ball_of_steel_keeps_off_the_walls():
         reach, room = hung.length * length * np.sin(angle), 0.5 * SCENE.block.width * slenderness
         assert over[0, n + i] == pytest.approx(reach / 0.03 - 1.0)
         assert over[0, 2 * n + i] == pytest.approx((reach + ball) / room - 1.0)
+        assert over[0, 3 * n + i] == pytest.approx(ball / (0.5 * hung.length * length) - 1.0)
     for axis in range(3):
         step = 1e-5 * GOOD[0, axis]
         sides = [objective.limited(objective.told(GOOD + s * step * np.eye(3)[axis]))[0] for s in (1, -1)]
         np.testing.assert_allclose(slope[..., axis], (sides[0] - sides[1]) / (2 * step), rtol=1e-4, atol=1e-6)
 
 
+def test_no_bob_takes_no_room_and_has_a_slope_that_is_a_number():
+    limits = tpd.Limits(walls=True, offset=0.03, reserve=None)
+    objective = Objective.of(SCENE, BAND, SPACE, tpd.Measure.worst(), limits)
+    none = objective.told(np.array([[0.0, 0.26, 0.35]]))
+    for part in objective.limited(none):
+        assert np.isfinite(part).all()
+    assert np.all(objective.room(none.design, none.stroke)["ball"] == 0.0)
+
+
 def test_nonlinear_equations_are_asked_about_the_room_as_well():
-    limits = tpd.Limits(swing=0.02, walls=True)
+    limits = tpd.Limits(offset=0.02, walls=True)
     objective = Objective.of(SCENE, BAND, SPACE, tpd.Measure.worst(), limits)
     judge = Judge(SCENE, objective, SMALL["ensemble"], False, None)
     stands = np.full(len(BAND), "rocking")
     light = np.array([0.01, 0.26, 0.35])
     assert judge._objections(light, stands, ((1, 0.03, 0.35, "rocking"),)) == ()
     (said,) = judge._objections(light, stands, ((1, 0.06, 0.35, "rocking"),))
-    assert said == f"by the nonlinear equations the bob breaks the limit on swing {BAND.name(1)}"
-    (said,) = judge._objections(GOOD[0], stands, ((1, 0.03, 0.35, "rocking"),))
-    assert "breaks the limit on walls" in said
+    assert said == f"by the nonlinear equations it breaks the limit on offset by 0.036 of it {BAND.name(1)}"
+    said = judge._objections(GOOD[0], stands, ((1, 0.03, 0.35, "rocking"),))
+    assert len(said) == 2
+    assert "the limit on walls by" in said[0]
+    assert "the limit on ball by" in said[1]
 
 
 def test_where_no_design_keeps_to_the_limits_the_nearest_is_told():
@@ -276,6 +290,11 @@ def test_where_no_design_keeps_to_the_limits_the_nearest_is_told():
     assert set(found.starts) == {StartStatus.infeasible}
     assert found.pendulum is None
     assert "it breaks the limit on" in found.nearest
+    # What is told is the design's own, and no end of a search is nearer.
+    objective = Objective.of(SCENE, BAND, SPACE, tpd.Measure.worst(), found.limits)
+    excess = objective.limited(objective.told(found.ends))[0].max(axis=1)
+    assert f" by {excess.min():.2g} of it " in found.nearest.split(", and that")[0]
+    assert f"mu {found.ends[np.argmin(excess), 0]:.4g}," in found.nearest
     assert f"nearest to the limits comes {found.nearest}" in report.text(found)
     assert json.loads(report.as_json(found, {}))["limits"]["walls"] is True
 
@@ -372,6 +391,16 @@ def test_an_overturning_that_the_bare_block_withstands_is_a_danger(design):
     assert second.endswith(f"{design.conditions.name(1)}, and so it does bare.")
 
 
+@pytest.mark.parametrize(("worse", "better", "fewer"), [(0, 0, False), (3, 5, False), (0, 19, True)])
+def test_that_it_overturns_less_is_shown_by_significantly_fewer_runs(
+    design, monkeypatch, worse, better, fewer
+):
+    monkeypatch.setattr(Verdict, "worse", worse)
+    monkeypatch.setattr(Verdict, "better", better)
+    winner = dataclasses.replace(design.winner, reached=design.bare_reached)
+    assert report._overturns_less(design, winner) is fewer
+
+
 def test_the_report_says_it(design):
     text = report.text(design)
     assert text.startswith("A pendulum was found")
@@ -459,7 +488,22 @@ def test_of_many_conditions_a_sample_is_searched_under_first(monkeypatch, tmp_pa
     assert late.status is OverStatus.interrupted
     assert set(late.starts) == {StartStatus.interrupted}
     assert late.winner.told.merit.shape == (1, 10)
-    assert late.searched.endswith("not finished")
+    assert late.searched.endswith("not all finished under all of them")
+    descend = Search._descend
+
+    def stop_while_finishing(self, *args):
+        if len(self.objective.conditions) == 10:
+            raise KeyboardInterrupt
+        return descend(self, *args)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Search, "_descend", stop_while_finishing)
+        last = tpd.optimise_over(SCENE, many, SPACE, **settings)
+    assert last.status is OverStatus.interrupted
+    assert last.searched.endswith("not all finished under all of them")
+    assert set(last.starts) == {StartStatus.interrupted}
+    assert len(last.ends) == len(last.starts) > 0, "what the sample had found is kept"
+    assert last.winner is not None or "it breaks the limit on" in last.nearest
     first = tpd.optimise_over(SCENE, many, SPACE, checkpoint=place, **settings)
     assert (
         first.searched
@@ -476,19 +520,27 @@ def test_of_many_conditions_a_sample_is_searched_under_first(monkeypatch, tmp_pa
     np.testing.assert_array_equal(again.ends, first.ends)
 
 
-def test_a_sample_of_conditions_is_spread_over_all_of_them():
-    band = tpd.Conditions.band(SCENE, 2.0, 3.0, 20)
-    both = band * tpd.Conditions.scatter(16, 1, friction=0.2, mass=0.1)
-    some = both.some(64)
+def test_a_sample_of_conditions_has_the_corners_and_is_seeded():
+    band = tpd.Conditions.band(SCENE, 2.0, 3.0, 64)
+    both = band * tpd.Conditions.amplitudes(0.8, 1.2)
+    some = both.some(64, 1)
     assert len(some) == 64
-    assert set(some.column("frequency")) == set(band.column("frequency"))
-    rows = {tuple(r) for r in np.asarray(both.rows())}
-    assert {tuple(r) for r in np.asarray(some.rows())} < rows
-    for name in ("friction", "mass"):
-        assert len(set(some.column(name))) == 16
-        assert some.column(name).mean() == pytest.approx(1.0, abs=0.02)
     assert some.units == both.units
+    rows = [tuple(r) for r in np.asarray(some.rows())]
+    assert len(set(rows)) == 64
+    assert set(rows) < {tuple(r) for r in np.asarray(both.rows())}
+    for frequency in band.column("frequency")[[0, -1]]:
+        at = some.column("frequency") == frequency
+        assert set(some.column("amplitude")[at]) == {0.8, 1.2}
+    # Neither amplitude has the one half of the band alone.
+    low = some.column("frequency") < 1.0
+    for amplitude in (0.8, 1.2):
+        assert 0.25 < np.mean(low[some.column("amplitude") == amplitude]) < 0.75
+    assert rows == [tuple(r) for r in np.asarray(both.some(64, 1).rows())]
+    assert rows != [tuple(r) for r in np.asarray(both.some(64, 2).rows())]
     assert band.some(64) is band
+    many = tpd.Conditions.scatter(200, 0, **dict.fromkeys(FACTORS, 0.1)).some(64)
+    assert len({tuple(r) for r in np.asarray(many.rows())}) == 64
 
 
 @pytest.mark.parametrize("method", ["adam", "lbfgs"])

@@ -18,6 +18,13 @@ GRAVE = 2.0
 """Times the bare block's amplitude; above it rocking more at another frequency is a danger."""
 LARGE_STROKE = 0.3
 """rad; sin(psi) is 1.5 % below psi there, and falls further with its square."""
+_POINT = 0.5
+"""Largest radius of a ball, in lengths of its rod, that counts as a point."""
+_HINTS = (
+    "`--stroke` limits the settled angle of the rod; over many conditions `--walls` keeps a settled ball off",
+    "the limit on walls is one on the settled motion",
+)
+"""What can be done about a ball that strikes the walls, and what has been."""
 
 
 def toppling(design: Design, mass_ratio: float) -> float:
@@ -38,7 +45,7 @@ def notes(design: Design, responses: tuple[Response, ...] = ()) -> list[str]:
     out = _dangers(design, responses) + out
     if winner is not None and design.pendulum is not None:
         out.extend(_margins(winner))
-        out.extend(_walls(design, design.pendulum))
+        out.extend([*_walls(design, design.pendulum), *thick(design.pendulum)])
         out.extend(_edges(design, winner))
     if not design.bare.agree and design.bare.smoothed_status != "not solved":
         out.append("the models disagree on the bare block: take its amplitude as a rough one.")
@@ -79,7 +86,9 @@ def _walls(design: Design, pendulum: Pendulum) -> list[str]:
     return strikes(design.scene.block, pendulum, angles)[:1]
 
 
-def strikes(block: Block, pendulum: Pendulum, angles: Mapping[str, float]) -> list[str]:
+def strikes(
+    block: Block, pendulum: Pendulum, angles: Mapping[str, float], limited: bool = False
+) -> list[str]:
     """A note for every one of the `angles` at which a solid ball of steel would strike the walls, and what
     would keep it off.
 
@@ -87,6 +96,7 @@ def strikes(block: Block, pendulum: Pendulum, angles: Mapping[str, float]) -> li
         block, pendulum: the design.
         angles: between bob and block, rad, by when they are reached: the largest bob angle and the largest
             tilt together, which is never too little.
+        limited: whether the search has kept the settled ball off them.
     """
     wall, length, ball = 0.5 * block.width, pendulum.length, pendulum.ball_radius
 
@@ -104,10 +114,22 @@ def strikes(block: Block, pendulum: Pendulum, angles: Mapping[str, float]) -> li
                 f"half width is {wall:.3g} m. Inside it, a solid ball of steel of this mass ({ball:.3g} m "
                 "in radius) would STRIKE the walls, which nothing here computes. On a rod of this length "
                 f"it stays off them {fits} between rod and block, a point up to {clear(wall)} "
-                "(`--stroke` limits the settled angle of the rod; over many conditions `--walls` keeps a "
-                "settled ball off)."
+                f"({_HINTS[limited]})."
             )
     return out
+
+
+def thick(pendulum: Pendulum) -> list[str]:
+    """A note where a solid ball of steel is no point on its rod."""
+    share = pendulum.ball_radius / pendulum.length
+    if share <= _POINT:
+        return []
+    return [
+        f"a solid ball of steel of this mass is {pendulum.ball_radius:.3g} m in radius, on a rod of "
+        f"{pendulum.length:.3g} m: no point, as is assumed here. Its own moment of inertia adds "
+        f"{0.4 * share**2:.0%} to that of the point"
+        + (", and it is thicker than the rod is long." if share >= 1.0 else ".")
+    ]
 
 
 def _dangers(design: Design, responses: tuple[Response, ...]) -> list[str]:

@@ -75,8 +75,7 @@ def run_over(options: argparse.Namespace, work: Job) -> int:
         contents["report.html"] = over_page(Shown(design, work, front, pictures, ladder, out))
     print("\n".join(f"written: {files.place(out / name, content)}" for name, content in contents.items()))
     if design.status.name == "interrupted":
-        if unfinished.exists():
-            print(hint)
+        print(hint if unfinished.exists() else "no group of searches had ended: begin again with --overwrite")
         return common.INTERRUPTED
     unfinished.unlink(missing_ok=True)
     return common.SOUND if report.is_sound(design) else common.UNSOUND

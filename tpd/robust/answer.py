@@ -95,7 +95,8 @@ class DesignOver:
     screened: np.ndarray
     """Designs screened, (m, 3)."""
     screened_value: np.ndarray
-    """Their values, under the conditions that the starts were searched from under."""
+    """Their values under the conditions that the starts were searched from under, and what they exceed limits
+    by, in shares of these, added up."""
     starts: tuple[StartStatus, ...]
     paths: tuple[np.ndarray, ...]
     """Designs (mu, lam, zeta) on the way from each start, (steps, 3)."""

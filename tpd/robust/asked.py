@@ -82,7 +82,9 @@ class Asked:
             checks.within(f"scatter.{name}", width, 0.0, 0.5)
         if not {"conditions", "scatter"} & set(given):
             if "limits" in given:
-                raise ValueError("[limits] goes with conditions, such as a band: none are given")
+                raise ValueError(
+                    "[limits], such as --walls, goes with conditions, such as a band: none are given"
+                )
             return None
         return Asked(wanted=wanted, scatter=dict(scatter), limits=limits)
 

@@ -52,14 +52,21 @@ class Conditions:
         """The factors on one of `FACTORS`, shape (n,): ones where it does not differ."""
         return np.asarray(self.factors.get(name, np.ones(len(self))), dtype=float)
 
-    def some(self, most: int) -> Conditions:
-        """At most so many of them, spread evenly through their order."""
+    def some(self, most: int, seed: int = 0) -> Conditions:
+        """At most so many of them: those nearest to the corners of what they span, where the worst is likely
+        to be, and a seeded choice of the others."""
         n = len(self)
         if n <= most:
             return self
-        rows = np.linspace(0, n - 1, most).round().astype(int)
+        rows = np.array([v for v in self.factors.values() if np.ptp(v) > 0.0]).T
+        unit = (rows - rows.min(axis=0)) / np.ptp(rows, axis=0)
+        d = unit.shape[1]
+        corners = np.stack(np.meshgrid(*[[0.0, 1.0]] * d, indexing="ij"), axis=-1).reshape(-1, d)
+        nearest = {int(np.argmin(np.abs(unit - corner).sum(axis=1))) for corner in corners[: most // 2]}
+        others = [i for i in np.random.default_rng([seed, 4]).permutation(n) if i not in nearest]
+        chosen = np.sort([*nearest, *others[: most - len(nearest)]])
         told = f"{most} of {n} conditions: {', '.join(self.told)}"
-        return Conditions({k: v[rows] for k, v in self.factors.items()}, (told,), self.units)
+        return Conditions({k: v[chosen] for k, v in self.factors.items()}, (told,), self.units)
 
     @property
     def along(self) -> str | None:
@@ -223,20 +230,23 @@ class Limits:
     Without it a search ends on the edge of what is stable."""
     mass: float | None = None
     """Largest mass of the bob, kg; beside the bounds of the design space."""
-    swing: float | None = None
+    offset: float | None = None
     """Largest distance (m) of the settled bob's middle from the block's axis."""
     walls: bool = False
-    """Whether a solid ball of steel must keep off the block's walls once it has settled."""
+    """Whether a solid ball of steel must keep off the block's walls once it has settled, and be no thicker
+    than its rod is long."""
 
     def __post_init__(self) -> None:
-        for name in ("relative_stroke", "tilt", "mass", "reserve", "swing"):
+        for name in ("relative_stroke", "tilt", "mass", "reserve", "offset"):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name))
+        if not isinstance(self.walls, bool):
+            raise ValueError(f"`walls` must be true or false, but is {self.walls!r}")
         if self.multiplier is not None:
             checks.within("multiplier", self.multiplier, 1e-6, 1.0)
 
     def told(self) -> dict[str, Any]:
         """Those that are set, by name."""
-        names = ("relative_stroke", "tilt", "multiplier", "reserve", "mass", "swing")
+        names = ("relative_stroke", "tilt", "multiplier", "reserve", "mass", "offset")
         told = {n: getattr(self, n) for n in names if getattr(self, n) is not None}
         return told | ({"walls": True} if self.walls else {})

@@ -15,15 +15,15 @@ from tpd.pool import prepare, settle_all
 from tpd.robust.answer import Judged, OverStatus
 from tpd.robust.conditions import under, under_all
 from tpd.robust.objective import KINDS, Objective, Told
-from tpd.robust.search import AT_BOUND, Search, spread_out, stage
+from tpd.robust.search import AT_BOUND, FEASIBLE, Search, spread_out, stage
 from tpd.scene import Pendulum, Scene
 from tpd.search import Progress
 from tpd.status import SETTLED, names_of
 
 LOOKED_AT = 6
 """Most designs that are judged, the best first."""
-_ASKED = 4
-"""Conditions under which the nonlinear equations are asked, the worst first."""
+_ASKED, _NEAR = 4, 2
+"""Conditions under which the nonlinear equations are asked: the worst, and those at a limit."""
 _RUNS = 4096
 """Runs from rest spent on choosing what is judged."""
 _MET = 1e-3
@@ -86,16 +86,21 @@ class Judge:
         return OverStatus.found if found else OverStatus.refused, tuple(out)
 
     def nearest(self, search: Search) -> str:
-        """Where no design keeps to the limits: the one that comes nearest to it, and what it breaks most."""
+        """Where no design keeps to the limits: the one whose largest excess is least, and what it breaks."""
         order = search.order(feasible=False)
         if not len(order) or np.isfinite(search.values[order]).any():
             return ""
         over = search.column(lambda g: g.local.limit)
-        i = order[np.argmin(np.sum(np.maximum(over[order], 0.0), axis=1))]
-        j, n = int(np.argmax(over[i])), len(self.objective.conditions)
+        i = order[np.argmin(np.max(over[order], axis=1))]
+        name, n = self.objective.conditions.name, len(self.objective.conditions)
+        each = dict(zip(self.objective.limit_names()[::n], over[i].reshape(-1, n), strict=True))
+        broken = [
+            f"{limit} by {excess.max():.2g} of it {name(int(np.argmax(excess)))}"
+            for limit, excess in sorted(each.items(), key=lambda item: -item[1].max())
+            if excess.max() > FEASIBLE
+        ]
         at = "mu {:.4g}, lam {:.4g}, zeta {:.4g}".format(*search.designs[i])
-        what = f"the limit on {self.objective.limit_names()[j]} by {over[i, j]:.1%}"
-        return f"{at}: it breaks {what} {self.objective.conditions.name(j % n)}"
+        return f"{at}: it breaks the limit on {', and that on '.join(broken)}"
 
     def _stands(self, search: Search, helps: np.ndarray, out: list[Judged], most: int) -> bool:
         """Judge the first of some designs until nothing is to be said against one, or `most` are judged."""
@@ -180,10 +185,18 @@ class Judge:
         return names, np.where(names == "overturned", math.inf, np.asarray(settled.amplitude))
 
     def _nonlinear(self, design: np.ndarray, told: Told) -> tuple[tuple[int, float, float, str], ...]:
-        """What the nonlinear equations say of the worst conditions, from rest."""
+        """What the nonlinear equations say of the worst conditions and of those nearest to a limit, from
+        rest."""
         rows = self.objective.conditions.rows()
+        over = self.objective.limited(told)[0].reshape(-1, len(rows))
+        names = self.objective.limit_names()[:: len(rows)]
+        # How near an orbit is to where it stops attracting is no size that these equations give.
+        unasked = ("reserve", "multiplier", "ball")
+        held = np.max([row for row, n in zip(over, names, strict=True) if n not in unasked], axis=0)
+        worst = np.argsort(-told.merit[0], kind="stable")[:_ASKED]
+        near = [i for i in np.argsort(-held, kind="stable") if i not in worst and held[i] > -_MET]
         out = []
-        for i in np.argsort(-told.merit[0], kind="stable")[:_ASKED]:
+        for i in [*worst, *near[:_NEAR]]:
             out.append((int(i), *nonlinear(under(self.objective.p, jnp.asarray(design), rows[int(i)]))))
         return tuple(out)
 
@@ -204,23 +217,27 @@ class Judge:
                 f"from rest the block overturns under {worse} of {len(reached)} conditions that it stands "
                 f"without the pendulum, and stands {better} under which it overturns without"
             )
-        limit = self.objective.space.stroke
         for i, amplitude, stroke, status in asked:
             bare = self.bare_reached[0][i], self._bare_nonlinear(i) if status == "overturned" else ""
             if status == "overturned" and "overturned" not in bare:
                 out.append(f"by the nonlinear equations the block overturns {name(i)}, and bare it stands")
-            elif status in SETTLED and stroke > limit:
-                out.append(
-                    f"by the nonlinear equations the stroke is {stroke:.4g} rad, above {limit:g}, {name(i)}"
-                )
             elif status in SETTLED:
-                angle = np.full((1, len(self.objective.conditions)), amplitude + stroke)
-                for limit_name, taken in self.objective.room(design[None], angle).items():
-                    if taken[0, i] > 1.0:
-                        out.append(
-                            f"by the nonlinear equations the bob breaks the limit on {limit_name} {name(i)}"
-                        )
+                broken = self._broken(design, i, amplitude, stroke)
+                out += [f"by the nonlinear equations it breaks {what} {name(i)}" for what in broken]
         return tuple(out)
+
+    def _broken(self, design: np.ndarray, i: int, amplitude: float, stroke: float) -> list[str]:
+        """The limits that angles (rad) of these sizes break under the i-th condition."""
+        objective, limits = self.objective, self.objective.limits
+        sizes = {"stroke": stroke / objective.space.stroke}
+        if limits.relative_stroke is not None:
+            sizes["relative_stroke"] = (stroke + amplitude) / limits.relative_stroke
+        if limits.tilt is not None:
+            nu = float(objective.p.nu) * objective.conditions.column("slenderness")[i]
+            sizes["tilt"] = amplitude / nu / limits.tilt
+        angle = np.full((1, len(objective.conditions)), amplitude + stroke)
+        sizes |= {name: taken[0, i] for name, taken in objective.room(design[None], angle).items()}
+        return [f"the limit on {n} by {x - 1.0:.2g} of it" for n, x in sizes.items() if x > 1.0 + FEASIBLE]
 
     def _active(self, search: Search, i: int, design: np.ndarray) -> tuple[str, ...]:
         """What holds the design."""

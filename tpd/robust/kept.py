@@ -30,7 +30,7 @@ class Kept:
             ValueError: the file is of another problem, or cannot be read.
         """
         # What an older version kept is of another make.
-        fingerprint = hashlib.sha256(_plain((problem, Descent._fields)).encode()).hexdigest()
+        fingerprint = hashlib.sha256(_plain((problem, Descent._fields, Local._fields)).encode()).hexdigest()
         if path is None or not path.exists():
             return Kept(path, fingerprint, {})
         try:
@@ -40,7 +40,8 @@ class Kept:
             raise ValueError(f"cannot read {path}: it holds no finished searches") from None
         if str(held.pop("problem", "")) != fingerprint:
             raise ValueError(
-                f"{path} holds searches of another problem: delete it, or take the inputs it was made with"
+                f"{path} holds searches of another problem, or of another version of tpd: delete it, or take "
+                "the inputs it was made with"
             )
         return Kept(path, fingerprint, held)
 

@@ -29,6 +29,9 @@ from tpd.status import Status
 _CHUNK = (64, 128)
 """Designs under one condition each that are solved at once: the more the quicker each, but the last steps of
 a descent ask for few. With as many conditions as the first or more, the second."""
+_BALL = 0.5
+"""Largest radius of a ball of steel, in lengths of its rod: beyond it the ball is no point, whose own moment
+of inertia is 2/5 of the square of that, and would touch what it hangs from."""
 KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
 """What a design does under a condition, see `Told.kind`."""
 _ROCKING, _NEAR, _REST, _UNSTABLE, _NONE = range(5)
@@ -101,9 +104,9 @@ class Objective:
         sizes = scene.block.half_height, ball
         return Objective(scene.parameters(), conditions, space, measure, limits, from_rest, *sizes)
 
-    def fewer(self, most: int) -> Objective:
-        """The same over at most so many of the conditions."""
-        return replace(self, conditions=self.conditions.some(most))
+    def fewer(self, most: int, seed: int) -> Objective:
+        """The same over at most so many of the conditions, see `Conditions.some`."""
+        return replace(self, conditions=self.conditions.some(most, seed))
 
     def told(self, designs: np.ndarray, progress: Callable[[int, int], None] | None = None) -> Told:
         """Designs (mu, lam, zeta), shape (m, 3), under all conditions."""
@@ -140,8 +143,9 @@ class Objective:
 
     def limit_names(self) -> list[str]:
         """Of the constraints, in the order of `limited`."""
-        asked = ("relative_stroke", "tilt", "multiplier", "reserve", "swing", "walls")
+        asked = ("relative_stroke", "tilt", "multiplier", "reserve", "offset", "walls")
         names = ["stroke", *(n for n in asked if n in self.limits.told())]
+        names += ["ball"] if self.limits.walls else []
         return [name for name in names for _ in range(len(self.conditions))]
 
     def _sizes(self, t: Told) -> list[tuple[np.ndarray, np.ndarray, float]]:
@@ -158,7 +162,7 @@ class Objective:
         if limits.reserve is not None:
             # As a size that must stay below one.
             out.append((2.0 - t.reserve / limits.reserve, -t.reserve_slope / limits.reserve, 1.0))
-        if limits.swing is not None or limits.walls:
+        if limits.offset is not None or limits.walls:
             out.extend(self._room_sizes(t))
         return out
 
@@ -170,14 +174,15 @@ class Objective:
             angle: largest angle between bob and block, rad, under every condition, shape (m, n).
 
         Returns:
-            "swing": the middle of the bob; "walls": the outside of a ball of steel. Shapes (m, n).
+            "offset": the middle of the bob; "walls": the outside of a ball of steel; "ball": its radius,
+            against half the rod. Shapes (m, n).
         """
         rod, ball, wall = self._lengths(designs)
         reach, out = rod * np.sin(np.minimum(angle, 0.5 * np.pi)), {}
-        if self.limits.swing is not None:
-            out["swing"] = reach / self.limits.swing
+        if self.limits.offset is not None:
+            out["offset"] = reach / self.limits.offset
         if self.limits.walls:
-            out["walls"] = (reach + ball) / wall
+            out |= {"walls": (reach + ball) / wall, "ball": ball / (_BALL * rod)}
         return out
 
     def _lengths(self, designs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -195,11 +200,16 @@ class Objective:
         swinging = np.where(angle < 0.5 * np.pi, rod * np.cos(np.where(np.isfinite(angle), angle, 0.0)), 0.0)
         slope = swinging[..., None] * (t.stroke_slope + t.tilt_slope * nu[..., None])
         slope[..., 1] += rod / t.design[:, 1, None] * np.sin(np.minimum(angle, 0.5 * np.pi))
-        growing = np.zeros_like(slope)
-        growing[..., 0] = ball / (3.0 * t.design[:, 0, None])
-        slopes = {"walls": (slope + growing) / wall[..., None]}
-        if self.limits.swing is not None:
-            slopes["swing"] = slope / self.limits.swing
+        longer, growing = np.zeros_like(slope), np.zeros_like(slope)
+        longer[..., 1] = rod / t.design[:, 1, None]
+        # That of no bob at all would be infinite.
+        growing[..., 0] = ball / np.maximum(3.0 * t.design[:, 0, None], 1e-9)
+        most = _BALL * rod
+        slopes = {
+            "offset": slope if self.limits.offset is None else slope / self.limits.offset,
+            "walls": (slope + growing) / wall[..., None],
+            "ball": (growing - (ball / rod)[..., None] * longer) / most[..., None],
+        }
         return [(size, slopes[name], 1.0) for name, size in self.room(t.design, angle).items()]
 
     def local(self, unit: np.ndarray) -> Local:

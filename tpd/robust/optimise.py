@@ -102,7 +102,7 @@ def optimise_over(
     measure = Measure.worst() if measure is None else measure
     ensemble = Ensemble(seed=seed) if ensemble is None else ensemble
     objective = Objective.of(scene, conditions, space, measure, limits, from_rest)
-    sampled = objective.fewer(_SAMPLED) if len(conditions) >= _MANY else objective
+    sampled = objective.fewer(_SAMPLED, seed) if len(conditions) >= _MANY else objective
     search = Search(sampled, starts, screening, steps, seed, progress, method)
     search.settings["conditions"] = len(sampled.conditions)
     problem = (scene, conditions, space, measure, limits, from_rest, search.settings)
@@ -113,6 +113,8 @@ def optimise_over(
     if sampled is not objective:
         search.words += f" under {_SAMPLED} of the {len(conditions)} conditions"
         search = search.carry_on(objective, kept, "under all of them", steps, GROUP)
+        if search.interrupted:
+            search.look_at_the_rest()
     if reached is not None and len(search.units) and not search.interrupted:
         finer = ReachedObjective(**vars(objective), starts=reached, by_share=by_share, periods=FOLLOWED)
         on = search.carry_on(finer, kept, "over what starts reach", _FINISHING, 1)

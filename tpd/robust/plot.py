@@ -66,7 +66,9 @@ def plot_landscape(design: DesignOver, ax: Axes | None = None) -> Axes:
     ax = cast(Axes, new_axes() if ax is None else ax)
     best = np.argsort(design.screened_value, kind="stable")[:_SHOWN]
     value = design.screened_value[best]
-    within = value <= max(1.2 * design.bare_value, np.median(value))
+    # Beyond a limit a value holds what it exceeds that by: not for the scale of the colours.
+    within = value <= 1.2 * design.bare_value
+    within = within if within.any() else value <= np.median(value)
     points = ax.scatter(
         *design.screened[best][within, :2].T,
         c=value[within],
@@ -89,10 +91,12 @@ def plot_landscape(design: DesignOver, ax: Axes | None = None) -> Axes:
             path[:, 0], path[:, 1], color=INK, lw=0.6, alpha=0.6, label="search paths" if i == 0 else None
         )
     kept = np.isfinite(design.end_values)
-    ax.plot(*design.ends[kept, :2].T, ls="", marker="o", mfc="none", mec=INK, ms=5, label="ends of searches")
-    for judged in design.judged:
-        if judged.objections:
-            ax.plot(judged.mass_ratio, judged.length_ratio, "X", ms=10, mfc="white", mec=INK)
+    if kept.any():
+        style = {"ls": "", "marker": "o", "mfc": "none", "mec": INK, "ms": 5}
+        ax.plot(*design.ends[kept, :2].T, label="ends of searches", **style)
+    refused = np.array([(j.mass_ratio, j.length_ratio) for j in design.judged if j.objections])
+    if len(refused):
+        ax.plot(*refused.T, "X", ms=10, mfc="white", mec=INK, label="refused when judged")
     if design.winner is not None:
         ax.plot(
             design.winner.mass_ratio,

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from tpd import files
-from tpd.ensemble import Verdict
-from tpd.notes import dangers_first, strikes
+from tpd.ensemble import SIGNIFICANT, Verdict, chance_of
+from tpd.notes import dangers_first, strikes, thick
 from tpd.robust.answer import DesignOver, Judged, OverStatus
-from tpd.robust.objective import KINDS, Told
+from tpd.robust.objective import KINDS, Objective, Told
 from tpd.robust.pareto import Front
 from tpd.scene import Block, Pendulum
 
@@ -72,7 +72,14 @@ def notes(design: DesignOver) -> list[str]:
             out.append(f"of the ensemble {share} overturn with the pendulum, {without} without.")
         nu = design.scene.block.slenderness * design.conditions.column("slenderness")
         settled = winner.told.stroke + winner.told.tilt * nu
-        out.extend(walls(design.scene.block, design.pendulum, settled, winner.verdict))
+        kept = design.limits.walls
+        out.extend(walls(design.scene.block, design.pendulum, settled, winner.verdict, kept))
+        out.extend([] if design.pendulum is None else thick(design.pendulum))
+        if not _overturns_less(design, winner):
+            out.append(
+                "that the block overturns less with this pendulum is not shown: neither from rest nor in the "
+                "ensemble are there significantly fewer. What it lessens is the steady tilt."
+            )
         out.extend(_fallen(design, winner))
         if not winner.ended:
             out.append(
@@ -127,7 +134,22 @@ def _whose(design: DesignOver) -> str:
     return f"the largest motion, by the linear equations, that one of {start} reaches"
 
 
-def walls(block: Block, pendulum: Pendulum | None, settled: np.ndarray, verdict: Verdict | None) -> list[str]:
+def _overturns_less(design: DesignOver, winner: Judged) -> bool:
+    """Whether significantly fewer conditions, or runs of the ensemble, overturn the block than without."""
+    lost, bare = winner.reached == "overturned", design.bare_reached == "overturned"
+    pairs = [(int(np.sum(lost & ~bare)), int(np.sum(bare & ~lost)))]
+    if winner.verdict is not None:
+        pairs.append((winner.verdict.worse, winner.verdict.better))
+    return any(better > worse and chance_of(better, worse) < SIGNIFICANT for worse, better in pairs)
+
+
+def walls(
+    block: Block,
+    pendulum: Pendulum | None,
+    settled: np.ndarray,
+    verdict: Verdict | None,
+    limited: bool = False,
+) -> list[str]:
     """Whether a bob of steel keeps within the width of the block: under every condition (`settled`, the
     largest bob angle and tilt together, rad, any shape), and in most runs of the ensemble."""
     if pendulum is None:
@@ -138,7 +160,7 @@ def walls(block: Block, pendulum: Pendulum | None, settled: np.ndarray, verdict:
         reach = np.quantile(verdict.hung.peak_stroke + verdict.hung.peak, 0.5, method="inverted_cdf")
         if math.isfinite(reach):
             angles["in half of the runs"] = float(reach)
-    return strikes(block, pendulum, angles)
+    return strikes(block, pendulum, angles, limited)
 
 
 def _answer(design: DesignOver) -> list[str]:
@@ -147,7 +169,9 @@ def _answer(design: DesignOver) -> list[str]:
     pendulum, winner = design.pendulum, design.winner
     if pendulum is None or winner is None:
         near = [f"nearest to the limits comes {design.nearest}"] if design.nearest else []
-        return ["no pendulum to offer", *near, bare]
+        known = design.end_values[np.isfinite(design.end_values)]
+        best = [f"best within the limits {worth(design, float(known.min()))}"] if known.size else []
+        return ["no pendulum to offer", *near, *best, bare]
     hinge = 2.0 * pendulum.damping_ratio * pendulum.mass * pendulum.length**1.5 * design.scene.gravity**0.5
     return [
         f"pendulum mass      {pendulum.mass:10.4g} kg   (mass ratio   mu   = {winner.mass_ratio:.5g})",
@@ -157,7 +181,18 @@ def _answer(design: DesignOver) -> list[str]:
         f"{what} tilt         {worth(design, winner.value)}",
         bare,
         f"largest stroke     {np.nanmax(winner.told.stroke):10.4f} rad, limit {design.space.stroke:g} rad",
+        *_room(design, winner),
     ]
+
+
+def _room(design: DesignOver, winner: Judged) -> list[str]:
+    """What the settled bob takes of the room to either side, where that is limited."""
+    asked = design.scene, design.conditions, design.space, design.measure, design.limits
+    told = winner.told
+    nu = design.scene.block.slenderness * design.conditions.column("slenderness")
+    taken = Objective.of(*asked).room(told.design, told.stroke + told.tilt * nu)
+    words = {"offset": "bob from the axis", "walls": "ball to the wall", "ball": "ball within rod"}
+    return [f"{words[n]:18} {x.max():10.4f} of what the limit on {n} allows" for n, x in taken.items()]
 
 
 def worth(design: DesignOver, value: float) -> str:

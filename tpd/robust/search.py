@@ -27,7 +27,7 @@ _AWAY = 0.05
 """Least distance, in shares of the bounds, of a design on the way from every end."""
 AT_BOUND = 1e-4
 """Distance, in shares of the bounds, that counts as none."""
-_FEASIBLE = 1e-5
+FEASIBLE = 1e-5
 """Largest relative excess of a limit that is rounding."""
 
 
@@ -59,6 +59,7 @@ class Search:
         self.interrupted = False
         self.screened, self.screened_value = np.zeros((0, 3)), np.zeros(0)
         self.low, self.high = objective.space.bounds
+        self.pending = np.zeros((0, self.low.size))
 
     def run(self, kept: Kept) -> None:
         """Everything; Ctrl-C keeps the groups that had ended."""
@@ -122,28 +123,32 @@ class Search:
 
     def carry_on(self, objective: Objective, kept: Kept, words: str, steps: int, together: int) -> Search:
         """The search that goes on from the best designs of this one that lie apart, on another objective, so
-        many of them at once. One that was interrupted only sees what they are there."""
+        many of them at once; none if this one was interrupted. See `look_at_the_rest`."""
         on = Search(objective, min(_CARRIED, self.count), 0, steps, self.seed, self.progress, self.method)
         on.settings, on.before, on.first = self.settings, self.evaluations, self.first + len(self.groups)
         on.screened, on.screened_value = self.screened, self.screened_value
         units = self.units[spread_out(self.units, self.order(feasible=False), on.count)]
-        if self.interrupted:
-            on.count, on.words, on.interrupted = self.count, f"{self.words}, not finished", True
-            if len(units):
-                on.groups.append(on._seen(units))
-            return on
-        on.count, on.words = len(units), f"{self.words}, {len(units)} finished {words}"
+        on.count, on.words, on.pending = len(units), f"{self.words}, {len(units)} finished {words}", units
         groups = range(0, len(units), together)
         try:
+            if self.interrupted:
+                on.count = self.count
+                raise KeyboardInterrupt
             for i, begin in enumerate(groups):
                 ended = kept.get(on.first + i)
                 if ended is None:
                     ended = on._descend(units[begin : begin + together], None, i, len(groups))
                 on.groups.append(ended)
+                on.pending = units[begin + together :]
                 kept.put(on.first + i, ended)
         except KeyboardInterrupt:
-            on.interrupted = True
+            on.interrupted, on.words = True, f"{self.words}, not all finished {words}"
         return on
+
+    def look_at_the_rest(self) -> None:
+        """After an interruption: what the designs are that were to be gone on from."""
+        if len(self.pending):
+            self.groups.append(self._seen(self.pending))
 
     def with_the_way(self, most: float) -> Search:
         """This one, and after its ends the best designs, of a merit below `most`, that the descents came
@@ -200,7 +205,7 @@ class Search:
             return np.zeros(0)
         value = np.concatenate([self.objective.measure.of(g.local.value) for g in self.groups])
         excess = np.concatenate([g.local.limit.max(axis=1) for g in self.groups])
-        return np.where(excess <= _FEASIBLE, value, np.inf)
+        return np.where(excess <= FEASIBLE, value, np.inf)
 
     @property
     def paths(self) -> list[np.ndarray]:
@@ -220,7 +225,7 @@ class Search:
                 inside = (g.x[i] > AT_BOUND) & (g.x[i] < 1.0 - AT_BOUND)
                 if g.open[i] and not g.steps[i]:
                     out.append(StartStatus.interrupted)
-                elif g.local.limit[i].max() > _FEASIBLE:
+                elif g.local.limit[i].max() > FEASIBLE:
                     out.append(StartStatus.infeasible)
                 elif g.open[i]:
                     out.append(StartStatus.steps_exhausted)
