@@ -83,7 +83,7 @@ class Asked:
         if not {"conditions", "scatter"} & set(given):
             if "limits" in given:
                 raise ValueError(
-                    "[limits], such as --walls, goes with conditions, such as a band: none are given"
+                    "[limits] goes with conditions, such as a band, and so does --walls: none are given"
                 )
             return None
         return Asked(wanted=wanted, scatter=dict(scatter), limits=limits)

@@ -68,7 +68,9 @@ def plot_landscape(design: DesignOver, ax: Axes | None = None) -> Axes:
     value = design.screened_value[best]
     # Beyond a limit a value holds what it exceeds that by: not for the scale of the colours.
     within = value <= 1.2 * design.bare_value
-    within = within if within.any() else value <= np.median(value)
+    label = f"{design.measure.name} tilt / slenderness"
+    if not within.any():
+        within, label = value <= np.median(value), f"{label}, plus what exceeds limits"
     points = ax.scatter(
         *design.screened[best][within, :2].T,
         c=value[within],
@@ -77,7 +79,7 @@ def plot_landscape(design: DesignOver, ax: Axes | None = None) -> Axes:
         linewidths=0.4,
         edgecolors="white",
     )
-    ax.figure.colorbar(points, ax=ax, label=f"{design.measure.name} tilt / slenderness (-)")
+    ax.figure.colorbar(points, ax=ax, label=f"{label} (-)")
     ax.scatter(
         *design.screened[best][~within, :2].T,
         marker="x",
