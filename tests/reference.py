@@ -17,8 +17,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from tpd import Parameters, Piecewise, Smoothed, simulate, status_name, steady_state
-from tpd.models.interface import AbstractModel
-from tpd.steady import Steady
+from tpd.analysis.steady_state import Steady
+from tpd.models.base import AbstractModel
 
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
 """The order of a vector of parameters; e may be left out, and rho is tied to nu."""

@@ -29,18 +29,18 @@ from tests.test_nonlinear import nonlinear
 from tests.test_symmetric import among
 from tests.test_symmetric import solve as orbits
 from tpd import Block, Harmonic, Pendulum, Piecewise, Scene, Smoothed, Status, status_name
-from tpd.exact.arcs import REST as RESTING
-from tpd.exact.arcs import classify
+from tpd.analysis.steady_state import _Orbit, _verdict
+from tpd.analysis.symmetric_orbits import _answered, _Described, _Margins
+from tpd.core.parameters import as_arrays
+from tpd.core.status import SETTLED
+from tpd.exact.arc import REST as RESTING
+from tpd.exact.arc import classify
+from tpd.exact.event_log import record
 from tpd.exact.flow import advance, start
-from tpd.exact.recording import record
-from tpd.exact.sequence import LANDING
-from tpd.exact.spectrum import Plant
-from tpd.models.interface import Settled
+from tpd.exact.modes import Plant
+from tpd.exact.multiple_shooting import LANDING
+from tpd.models.base import Settled
 from tpd.models.settling import scale_of
-from tpd.orbits import _answered, _Described, _Margins
-from tpd.parameters import as_arrays
-from tpd.status import SETTLED
-from tpd.steady import _Orbit, _verdict
 
 NU, MU, LAM, ZETA, K, F, XI, E = range(8)
 CHAOTIC = (0.321, 0.205, 0.096, 0.047, 0.087, 0.347, 2.803, 1.0)

@@ -8,10 +8,10 @@ import pytest
 from tests.reference import BARE, HUNG, parameters
 from tests.reference import exact as solve
 from tpd import Parameters, Starts, Status, attractors
+from tpd.analysis.work_queue import prepare, settle_all
+from tpd.core.parameters import as_arrays
 from tpd.models.piecewise import Piecewise
 from tpd.models.settling import scale_of
-from tpd.parameters import as_arrays
-from tpd.pool import prepare, settle_all
 
 BARE_BLOCK = parameters(BARE[1].x)
 """Rests, rocks or overturns, as it starts."""

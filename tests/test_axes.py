@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tpd import Block, Harmonic, Parameters, Pendulum, Scene
-from tpd.axes import NAMES, QUANTITIES, Axis, Setup
-from tpd.scene import paper_scene
+from tpd.core.quantities import NAMES, QUANTITIES, Axis, Setup
+from tpd.core.scene import paper_scene
 
 SCENE, HUNG = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
 OTHER = Scene(

@@ -28,7 +28,7 @@ from tpd import (
     symmetric_orbits,
     uplift,
 )
-from tpd.parameters import as_arrays
+from tpd.core.parameters import as_arrays
 
 ONE = jax.jit(lambda x: one_harmonic(parameters(x)))
 UPLIFT = jax.jit(lambda x: uplift(parameters(x)))

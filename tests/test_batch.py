@@ -9,8 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tpd import Status, in_chunks, threads
-from tpd.batch import trace
+from tpd import Status, in_chunks
+from tpd.core import threads
+from tpd.core.batch import trace
 
 LENGTH = 101
 X = np.random.default_rng(3).uniform(0.1, 2.0, size=(LENGTH, 3))

@@ -14,10 +14,10 @@ import pytest
 
 from tests.reference import UNSTABLE, EventDriven
 from tpd import Parameters, status_name, steady_state
-from tpd import bifurcation as module
-from tpd.axes import NAMES, Axis
-from tpd.bifurcation import Bifurcation, Kind, bifurcations
-from tpd.sweeps import Sweep, orbits_at, sweep
+from tpd.analysis import bifurcations as module
+from tpd.analysis.bifurcations import Bifurcation, Kind, bifurcations
+from tpd.analysis.sweep import Sweep, orbits_at, sweep
+from tpd.core.quantities import NAMES, Axis
 
 LOW = np.array([0.08, 0.0, 0.05, 0.0, 0.0, 0.02, 0.6, 0.5])
 HIGH = np.array([0.35, 0.5, 2.0, 1.2, 0.15, 0.6, 6.0, 1.0])

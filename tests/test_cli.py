@@ -8,8 +8,9 @@ import tomllib
 import pytest
 
 import tpd
-from tpd import Pendulum, job, paper_scene
+from tpd import Pendulum, paper_scene
 from tpd.cli import common, main, optimise, parser
+from tpd.design import job
 
 SMALL = "[space]\nmass_ratio = [0.1, 0.4]\n[search]\nstarts = 2\nsteps = 4\nscreening = 12\n"
 PICTURES = {"search.png", "motion.png", "response.png", "drawing.png", "animation.gif"}
@@ -273,7 +274,7 @@ from tpd.cli import common
 common.use_64_bits()
 import equinox as eqx, jax
 from tpd import Segmented, Smoothed, Terms, paper_scene, steady_state
-from tpd.parameters import as_arrays
+from tpd.core.parameters import as_arrays
 p = as_arrays(paper_scene().parameters())
 def amplitude(mu, model):
     return steady_state(eqx.tree_at(lambda q: q.mu, p, mu), model=model).amplitude

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.ensemble import Outcomes, Share, Verdict, chance_of, plan
-from tpd.pool import settle_all
-from tpd.status import names_of
+from tpd.analysis.ensemble import Outcomes, Share, Verdict, chance_of, plan
+from tpd.analysis.work_queue import settle_all
+from tpd.core.status import names_of
 
 HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
 SPREADS = ("tilt", "tilt_rate", "swing", "swing_rate", "amplitude", "frequency", "friction", "damping")

@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 
 from tpd import Parameters
-from tpd.equations import Equations, Linear, Terms, smoothed_rates
+from tpd.core.equations import Equations, Linear, Terms, smoothed_rates
 
 NU, MU, LAM, RHO, F, XI, K, HINGE, TAU = sp.symbols("nu mu lam rho f xi k c_p tau", positive=True)
 Q = sp.symbols("phi psi")

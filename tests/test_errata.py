@@ -1,7 +1,7 @@
 """The paper's misprints, each proved: the right form follows from first principles, the printed one does not.
 
-The table is the docstring of `tpd.paper`. First principles are the Lagrangian of `tests.test_equations`,
-integrals done by SymPy, and the exact orbits.
+The table is the docstring of `tpd.closed_form.paper`. First principles are the Lagrangian of
+`tests.test_equations`, integrals done by SymPy, and the exact orbits.
 """
 
 import re
@@ -9,12 +9,12 @@ import re
 import numpy as np
 import pytest
 import sympy as sp
+import tpd.closed_form.paper
 
 import tests.test_errata
-import tpd.paper
 from tests.test_equations import HINGE, LAM, MU, NU, RHO, SIGNS, TAU, XI, A, F, K, Q, V, lagrange, linearised
 from tpd import Parameters, free_motion, parametric_branches, symmetric_orbits
-from tpd.paper import (
+from tpd.closed_form.paper import (
     printed_bare_balance,
     printed_forced_motion,
     printed_free_amplitude,
@@ -50,7 +50,7 @@ def galerkin(expression, weight):
 
 
 def test_every_line_of_the_table_names_a_test_that_exists():
-    named = re.findall(r"`(test_\w+?)_?(?:\.\.\.)?`", tpd.paper.__doc__)
+    named = re.findall(r"`(test_\w+?)_?(?:\.\.\.)?`", tpd.closed_form.paper.__doc__)
     assert len(named) >= 20
     for name in named:
         assert any(test.startswith(name) for test in vars(tests.test_errata)), name

@@ -24,11 +24,11 @@ from tests.reference import (
     parameters,
 )
 from tpd import Harmonic, Piecewise, Status, paper_scene, simulate, status_name, steady_state
-from tpd.equations import Linear
-from tpd.exact.arcs import classify
+from tpd.core.equations import Linear
+from tpd.core.parameters import as_arrays
+from tpd.exact.arc import classify
 from tpd.exact.flow import advance, start
-from tpd.exact.spectrum import Plant
-from tpd.parameters import as_arrays
+from tpd.exact.modes import Plant
 
 SAMPLES = 201
 """Of every trajectory here, so that one compilation serves them all."""

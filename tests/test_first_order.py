@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.job import build
-from tpd.robust.asked import METHODS
-from tpd.robust.first_order import _smooth, descend
-from tpd.robust.minimax import Local, minimise
+from tpd.design.first_order import _smooth, descend
+from tpd.design.job import build
+from tpd.design.many_asked import METHODS
+from tpd.design.sequential import Local, minimise
 
 WORST = tpd.Measure.worst().of
 STARTS = np.array([[0.35, 0.8], [0.8, 0.5], [0.5, 0.5], [0.65, 0.45]])

@@ -13,9 +13,9 @@ import pytest
 
 from tests.reference import BARE, HUNG, UNSTABLE, Case, along, differences, named, parameters
 from tpd import Status, status_name, steady_state, symmetric_orbits
-from tpd.equations import Linear
-from tpd.general import PeriodicOrbit, continue_orbit, periodic_orbit
-from tpd.pool import settle_all
+from tpd.analysis.periodic_orbit import PeriodicOrbit, continue_orbit, periodic_orbit
+from tpd.analysis.work_queue import settle_all
+from tpd.core.equations import Linear
 
 
 class Scene(NamedTuple):

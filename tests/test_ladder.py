@@ -12,8 +12,8 @@ import pytest
 from tests.reference import HUNG, NAMES, STILL, parameters
 from tests.reference import exact as linear
 from tpd import Auto, Block, Pendulum, Scene, Segmented, check, paper_scene, status_name, steady_state
-from tpd.checking import RUNGS, objections
-from tpd.ladder import dropped
+from tpd.analysis.auto import dropped
+from tpd.analysis.compare_models import RUNGS, objections
 
 LOW = (*STILL.x[:5], 0.05, STILL.x[6])
 """Never lifts."""

@@ -8,10 +8,10 @@ import pytest
 from scipy.linalg import expm
 
 from tests.reference import differences, parameters
-from tpd.equations import Linear
-from tpd.exact.matrix import Factor, components, exponential, identity
-from tpd.exact.multipliers import characteristic, product, quartic_roots
-from tpd.exact.spectrum import Plant
+from tpd.core.eigenvalues import characteristic, product, quartic_roots
+from tpd.core.equations import Linear
+from tpd.exact.modes import Plant
+from tpd.exact.propagator import Factor, components, exponential, identity
 from tpd.exact.trigonometry import Turn, turn
 
 # The quartic

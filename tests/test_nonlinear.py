@@ -13,14 +13,14 @@ import pytest
 from tests.reference import HUNG, REST, differences, parameters, solver
 from tests.reference import exact as linear
 from tpd import simulate, status_name
-from tpd.checking import nonlinear as unpolished
-from tpd.equations import Equations, Terms
-from tpd.exact.arcs import SLIP, Mode
-from tpd.exact.multipliers import GRAZING
+from tpd.analysis.compare_models import nonlinear as unpolished
+from tpd.core.eigenvalues import GRAZING
+from tpd.core.equations import Equations, Terms
+from tpd.core.parameters import as_arrays
+from tpd.exact.arc import SLIP, Mode
 from tpd.models.segmented import _TURN, Segmented, _begin, _gentleness
 from tpd.models.settling import scale_of
 from tpd.models.smoothed import Smoothed
-from tpd.parameters import as_arrays
 
 X = HUNG[3].x
 SETTLED = 0.0659875

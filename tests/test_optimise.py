@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd import notes, plot, report
-from tpd.design import DesignStatus, StartStatus
-from tpd.job import Job, Search, build, dump, tables
-from tpd.optimiser import searched_with
+from tpd.design.job import Job, Search, build, dump, tables
+from tpd.design.result import DesignStatus, StartStatus
+from tpd.design.single import searched_with
+from tpd.plot import single as plot
+from tpd.report import notes
+from tpd.report import single as report
 
 SMALL = {"starts": 3, "steps": 10, "screening": 64}
 SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.1), stroke=1.5)
@@ -199,7 +201,7 @@ def test_a_block_that_rests_by_the_linear_equations_alone_is_no_calm_one(monkeyp
     import dataclasses
 
     # A stub: from rest the bare block lifts by both equations or by none.
-    monkeypatch.setattr("tpd.rounds.nonlinear", lambda p: (0.03, 0.0, "rocking"))
+    monkeypatch.setattr("tpd.design.single_rounds.nonlinear", lambda p: (0.03, 0.0, "rocking"))
     calm = dataclasses.replace(tpd.paper_scene(), motion=tpd.Harmonic(amplitude=0.005, frequency=2.5))
     design = tpd.optimise(calm, SPACE, **SMALL)
     assert design.status is DesignStatus.nonlinear_objects

@@ -13,20 +13,20 @@ from matplotlib.text import Text
 from PIL import Image
 
 import tpd
-from tpd import page
-from tpd.animation import animate
-from tpd.canvas import png
-from tpd.checking import Check, Rung
-from tpd.design import Candidate, Design, DesignStatus, History, Round, StartStatus
-from tpd.design_page import Told, design_page
-from tpd.digits import number
-from tpd.drawing import corners, plot_scene, rod
-from tpd.elasticity import Elasticities, elasticities
-from tpd.ensemble import Ensemble, Outcomes, Verdict
-from tpd.job import Job
-from tpd.notes import notes, strikes
-from tpd.response import Response
-from tpd.robust.report import walls
+from tpd.analysis.compare_models import Check, Rung
+from tpd.analysis.ensemble import Ensemble, Outcomes, Verdict
+from tpd.analysis.response import Response
+from tpd.analysis.sensitivity import Elasticities, elasticities
+from tpd.core.formatting import number
+from tpd.design.job import Job
+from tpd.design.result import Candidate, Design, DesignStatus, History, Round, StartStatus
+from tpd.plot.animation import animate
+from tpd.plot.drawing import corners, plot_scene, rod
+from tpd.plot.style import png
+from tpd.report import html as page
+from tpd.report.many import walls
+from tpd.report.notes import notes, strikes
+from tpd.report.single_page import Told, design_page
 
 DOT = png(plot_scene(tpd.paper_scene(), None).figure)
 HUNG = tpd.Pendulum(mass=1.6, length=0.12, damping_ratio=0.1)
@@ -396,7 +396,7 @@ def test_the_animation_is_small_and_moves():
 
 
 def test_an_overturned_block_lies_and_is_called_so():
-    from tpd.animation import _reel
+    from tpd.plot.animation import _reel
 
     scene = dataclasses.replace(tpd.paper_scene(), motion=tpd.Harmonic(amplitude=0.05, frequency=2.5))
     reel = _reel(scene, None, np.arange(100) / 20.0)

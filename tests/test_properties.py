@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from tests.reference import HUNG, named, parameters
 from tests.reference import exact as solve
 from tpd import Parameters, Status, in_chunks, simulate, symmetric_orbits
-from tpd.parameters import as_arrays
-from tpd.status import SETTLED
+from tpd.core.parameters import as_arrays
+from tpd.core.status import SETTLED
 
 BOX = ((0.03, 0.5), (0.0, 1.0), (0.02, 2.0), (0.0, 1.0), (0.0, 0.3), (0.0, 1.0), (0.3, 12.0), (0.0, 1.0))
 """Bounds of the parameters, in the order of `tests.reference.NAMES`."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import tpd
 from tpd.cli import parser
-from tpd.job import build
+from tpd.design.job import build
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 

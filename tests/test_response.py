@@ -21,12 +21,12 @@ from tpd import (
     sweep,
     symmetric_orbits,
 )
-from tpd.axes import Setup
-from tpd.balance import uplift
-from tpd.bifurcation import Kind
+from tpd.analysis.bifurcations import Kind
+from tpd.analysis.response import Branches
 from tpd.cli import main
-from tpd.plot_branches import plot_branches
-from tpd.response import Branches
+from tpd.closed_form.harmonic_balance import uplift
+from tpd.core.quantities import Setup
+from tpd.plot.branches import plot_branches
 
 SCENE, HUNG = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
 BARE = Parameters(nu=0.2, mu=0.0, lam=0.4, zeta=0.2, k=0.05, f=0.1, xi=2.0)

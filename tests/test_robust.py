@@ -11,19 +11,19 @@ from scipy.optimize import linprog
 
 import tpd
 from tests.reference import exact
-from tpd.design import StartStatus
-from tpd.ensemble import Verdict
-from tpd.job import Job
-from tpd.robust import report
-from tpd.robust.answer import OverStatus
-from tpd.robust.asked import Asked
-from tpd.robust.conditions import FACTORS, under
-from tpd.robust.judge import Judge
-from tpd.robust.minimax import PENALTY, Local, _subproblem, _within_reach, minimise
-from tpd.robust.objective import KINDS, Objective, margins
-from tpd.robust.page import Shown, over_page
-from tpd.robust.reached import ReachedObjective
-from tpd.robust.search import Search
+from tpd.analysis.ensemble import Verdict
+from tpd.core.conditions import FACTORS, under
+from tpd.design.basins import ReachedObjective
+from tpd.design.job import Job
+from tpd.design.many_asked import Asked
+from tpd.design.many_result import OverStatus
+from tpd.design.objective import KINDS, Objective, margins
+from tpd.design.result import StartStatus
+from tpd.design.search import Search
+from tpd.design.sequential import PENALTY, Local, _subproblem, _within_reach, minimise
+from tpd.design.verify import Judge
+from tpd.report import many as report
+from tpd.report.many_page import Shown, over_page
 
 SCENE = tpd.paper_scene()
 SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=(0.05, 0.4))
@@ -467,8 +467,8 @@ def test_of_many_conditions_a_sample_is_searched_under_first(monkeypatch, tmp_pa
     many = tpd.Conditions.scatter(10, friction=0.2, length=0.05, frequency=0.1)
     settings = SMALL | {"starts": 8, "screening": 32}
     whole = tpd.optimise_over(SCENE, many, SPACE, **settings)
-    monkeypatch.setattr("tpd.robust.optimise._MANY", 10)
-    monkeypatch.setattr("tpd.robust.optimise._SAMPLED", 5)
+    monkeypatch.setattr("tpd.design.many._MANY", 10)
+    monkeypatch.setattr("tpd.design.many._SAMPLED", 5)
     place, stages = tmp_path / "unfinished.npz", []
 
     def stop(stage, done, total):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tpd import Block, Harmonic, Parameters, Pendulum, Scene, paper_scene
-from tpd.scene import STANDARD_GRAVITY, housner
+from tpd.core.scene import STANDARD_GRAVITY, housner
 
 BLOCK = {"width": 0.1, "height": 0.4, "mass": 16.224}
 MOTION = {"amplitude": 0.015, "frequency": 2.5}

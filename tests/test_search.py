@@ -8,11 +8,11 @@ import pytest
 from scipy.optimize import linprog
 
 import tpd
-from tpd.balance import uplift
-from tpd.design import StartStatus
-from tpd.parameters import as_arrays
-from tpd.polish import knapsack
-from tpd.search import Trace, start_status, starting_points, trace, with_design
+from tpd.closed_form.harmonic_balance import uplift
+from tpd.core.parameters import as_arrays
+from tpd.design.result import StartStatus
+from tpd.design.single_polish import knapsack
+from tpd.design.single_search import Trace, start_status, starting_points, trace, with_design
 
 
 @pytest.mark.parametrize(("seed", "size"), list(itertools.product(range(40), (2, 3))))

@@ -7,9 +7,9 @@ import pytest
 from scipy.linalg import expm
 
 from tests.reference import differences, parameters
-from tpd.equations import Linear
-from tpd.exact.arcs import REST, SLIP, STICK, Mode, launch
-from tpd.exact.spectrum import Plant, Rates, quartic, roots
+from tpd.core.equations import Linear
+from tpd.exact.arc import REST, SLIP, STICK, Mode, launch
+from tpd.exact.modes import Plant, Rates, quartic, roots
 
 ALL_ROOTS = jax.jit(jax.vmap(lambda x: jnp.stack(roots(parameters(x)))))
 ALL_QUARTICS = jax.jit(jax.vmap(lambda x: jnp.stack(quartic(parameters(x)))))

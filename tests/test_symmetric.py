@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from tests.reference import BARE, MOVING, NAMES, UNSTABLE, Case, along, differences, exact, named, parameters
 from tpd import Status, simulate, status_name, symmetric_orbits
-from tpd.exact.roots import NODES
+from tpd.exact.orbit_roots import NODES
 
 BATCH = 64
 """Of everything computed here, so that one compilation serves all tests."""

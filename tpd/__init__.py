@@ -7,108 +7,108 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tpd.attractor import Attractor as Attractor
-    from tpd.attractor import Starts as Starts
-    from tpd.attractor import attractors as attractors
-    from tpd.balance import neglected_harmonics as neglected_harmonics
-    from tpd.balance import one_harmonic as one_harmonic
-    from tpd.balance import one_harmonic_branches as one_harmonic_branches
-    from tpd.balance import parametric_branches as parametric_branches
-    from tpd.balance import uplift as uplift
-    from tpd.batch import in_chunks as in_chunks
-    from tpd.bifurcation import Bifurcation as Bifurcation
-    from tpd.bifurcation import bifurcations as bifurcations
-    from tpd.checking import check as check
-    from tpd.design import Design as Design
-    from tpd.design import DesignSpace as DesignSpace
-    from tpd.ensemble import Ensemble as Ensemble
-    from tpd.ensemble import outcomes as outcomes
-    from tpd.ensemble import verdict as verdict
-    from tpd.equations import Terms as Terms
-    from tpd.free import free_motion as free_motion
-    from tpd.general import continue_orbit as continue_orbit
-    from tpd.general import periodic_orbit as periodic_orbit
-    from tpd.ladder import Auto as Auto
-    from tpd.losses import equivalent_friction as equivalent_friction
-    from tpd.maps import DesignMap as DesignMap
-    from tpd.maps import design_map as design_map
+    from tpd.analysis.attractors import Attractor as Attractor
+    from tpd.analysis.attractors import Starts as Starts
+    from tpd.analysis.attractors import attractors as attractors
+    from tpd.analysis.auto import Auto as Auto
+    from tpd.analysis.bifurcations import Bifurcation as Bifurcation
+    from tpd.analysis.bifurcations import bifurcations as bifurcations
+    from tpd.analysis.compare_models import check as check
+    from tpd.analysis.design_map import DesignMap as DesignMap
+    from tpd.analysis.design_map import design_map as design_map
+    from tpd.analysis.ensemble import Ensemble as Ensemble
+    from tpd.analysis.ensemble import outcomes as outcomes
+    from tpd.analysis.ensemble import verdict as verdict
+    from tpd.analysis.periodic_orbit import continue_orbit as continue_orbit
+    from tpd.analysis.periodic_orbit import periodic_orbit as periodic_orbit
+    from tpd.analysis.response import branches as branches
+    from tpd.analysis.response import frequency_response as frequency_response
+    from tpd.analysis.response import settled_response as settled_response
+    from tpd.analysis.steady_state import simulate as simulate
+    from tpd.analysis.steady_state import steady_state as steady_state
+    from tpd.analysis.sweep import sweep as sweep
+    from tpd.analysis.symmetric_orbits import symmetric_orbits as symmetric_orbits
+    from tpd.closed_form.equivalent_friction import equivalent_friction as equivalent_friction
+    from tpd.closed_form.free_rocking import free_motion as free_motion
+    from tpd.closed_form.harmonic_balance import neglected_harmonics as neglected_harmonics
+    from tpd.closed_form.harmonic_balance import one_harmonic as one_harmonic
+    from tpd.closed_form.harmonic_balance import one_harmonic_branches as one_harmonic_branches
+    from tpd.closed_form.harmonic_balance import parametric_branches as parametric_branches
+    from tpd.closed_form.harmonic_balance import uplift as uplift
+    from tpd.core.batch import in_chunks as in_chunks
+    from tpd.core.conditions import Conditions as Conditions
+    from tpd.core.conditions import Limits as Limits
+    from tpd.core.conditions import Measure as Measure
+    from tpd.core.equations import Terms as Terms
+    from tpd.core.parameters import Parameters as Parameters
+    from tpd.core.scene import Block as Block
+    from tpd.core.scene import Harmonic as Harmonic
+    from tpd.core.scene import Pendulum as Pendulum
+    from tpd.core.scene import Scene as Scene
+    from tpd.core.scene import paper_scene as paper_scene
+    from tpd.core.status import Status as Status
+    from tpd.core.status import status_name as status_name
+    from tpd.design.many import optimise_over as optimise_over
+    from tpd.design.pareto import pareto as pareto
+    from tpd.design.result import Design as Design
+    from tpd.design.result import DesignSpace as DesignSpace
+    from tpd.design.single import optimise as optimise
     from tpd.models.piecewise import Piecewise as Piecewise
     from tpd.models.segmented import Segmented as Segmented
     from tpd.models.smoothed import Smoothed as Smoothed
-    from tpd.optimiser import optimise as optimise
-    from tpd.orbits import symmetric_orbits as symmetric_orbits
-    from tpd.parameters import Parameters as Parameters
-    from tpd.response import branches as branches
-    from tpd.response import frequency_response as frequency_response
-    from tpd.response import settled_response as settled_response
-    from tpd.robust.conditions import Conditions as Conditions
-    from tpd.robust.conditions import Limits as Limits
-    from tpd.robust.conditions import Measure as Measure
-    from tpd.robust.optimise import optimise_over as optimise_over
-    from tpd.robust.pareto import pareto as pareto
-    from tpd.scene import Block as Block
-    from tpd.scene import Harmonic as Harmonic
-    from tpd.scene import Pendulum as Pendulum
-    from tpd.scene import Scene as Scene
-    from tpd.scene import paper_scene as paper_scene
-    from tpd.status import Status as Status
-    from tpd.status import status_name as status_name
-    from tpd.steady import simulate as simulate
-    from tpd.steady import steady_state as steady_state
-    from tpd.sweeps import sweep as sweep
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Attractor": "attractor",
-    "Auto": "ladder",
-    "Bifurcation": "bifurcation",
-    "Block": "scene",
-    "Conditions": "robust.conditions",
-    "Design": "design",
-    "DesignMap": "maps",
-    "DesignSpace": "design",
-    "Ensemble": "ensemble",
-    "Harmonic": "scene",
-    "Limits": "robust.conditions",
-    "Measure": "robust.conditions",
-    "Parameters": "parameters",
-    "Pendulum": "scene",
+    "Attractor": "analysis.attractors",
+    "Auto": "analysis.auto",
+    "Bifurcation": "analysis.bifurcations",
+    "Block": "core.scene",
+    "Conditions": "core.conditions",
+    "Design": "design.result",
+    "DesignMap": "analysis.design_map",
+    "DesignSpace": "design.result",
+    "Ensemble": "analysis.ensemble",
+    "Harmonic": "core.scene",
+    "Limits": "core.conditions",
+    "Measure": "core.conditions",
+    "Parameters": "core.parameters",
+    "Pendulum": "core.scene",
     "Piecewise": "models.piecewise",
-    "Scene": "scene",
+    "Scene": "core.scene",
     "Segmented": "models.segmented",
     "Smoothed": "models.smoothed",
-    "Starts": "attractor",
-    "Status": "status",
-    "Terms": "equations",
-    "attractors": "attractor",
-    "bifurcations": "bifurcation",
-    "branches": "response",
-    "check": "checking",
-    "continue_orbit": "general",
-    "design_map": "maps",
-    "equivalent_friction": "losses",
-    "free_motion": "free",
-    "frequency_response": "response",
-    "in_chunks": "batch",
-    "neglected_harmonics": "balance",
-    "one_harmonic": "balance",
-    "one_harmonic_branches": "balance",
-    "optimise": "optimiser",
-    "optimise_over": "robust.optimise",
-    "outcomes": "ensemble",
-    "paper_scene": "scene",
-    "parametric_branches": "balance",
-    "pareto": "robust.pareto",
-    "periodic_orbit": "general",
-    "settled_response": "response",
-    "simulate": "steady",
-    "status_name": "status",
-    "steady_state": "steady",
-    "sweep": "sweeps",
-    "symmetric_orbits": "orbits",
-    "uplift": "balance",
-    "verdict": "ensemble",
+    "Starts": "analysis.attractors",
+    "Status": "core.status",
+    "Terms": "core.equations",
+    "attractors": "analysis.attractors",
+    "bifurcations": "analysis.bifurcations",
+    "branches": "analysis.response",
+    "check": "analysis.compare_models",
+    "continue_orbit": "analysis.periodic_orbit",
+    "design_map": "analysis.design_map",
+    "equivalent_friction": "closed_form.equivalent_friction",
+    "free_motion": "closed_form.free_rocking",
+    "frequency_response": "analysis.response",
+    "in_chunks": "core.batch",
+    "neglected_harmonics": "closed_form.harmonic_balance",
+    "one_harmonic": "closed_form.harmonic_balance",
+    "one_harmonic_branches": "closed_form.harmonic_balance",
+    "optimise": "design.single",
+    "optimise_over": "design.many",
+    "outcomes": "analysis.ensemble",
+    "paper_scene": "core.scene",
+    "parametric_branches": "closed_form.harmonic_balance",
+    "pareto": "design.pareto",
+    "periodic_orbit": "analysis.periodic_orbit",
+    "settled_response": "analysis.response",
+    "simulate": "analysis.steady_state",
+    "status_name": "core.status",
+    "steady_state": "analysis.steady_state",
+    "sweep": "analysis.sweep",
+    "symmetric_orbits": "analysis.symmetric_orbits",
+    "uplift": "closed_form.harmonic_balance",
+    "verdict": "analysis.ensemble",
 }
 
 __all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -23,8 +23,8 @@ from tests.test_bifurcations import BARE as FOLDING  # noqa: E402
 from tests.test_bifurcations import HELD, TOUCHING, Kind, lost  # noqa: E402
 from tests.test_symmetric import among  # noqa: E402
 from tpd import Piecewise  # noqa: E402
-from tpd.canvas import BLUE, GREY, INK, ORANGE  # noqa: E402
-from tpd.parameters import as_arrays  # noqa: E402
+from tpd.core.parameters import as_arrays  # noqa: E402
+from tpd.plot.style import BLUE, GREY, INK, ORANGE  # noqa: E402
 
 PICTURES = Path(__file__).parents[2] / "notebooks" / "pictures" / "atlas"
 

@@ -19,11 +19,11 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
-from tpd.ensemble import Outcomes  # noqa: E402
-from tpd.robust.answer import DesignOver  # noqa: E402
-from tpd.robust.kept import Kept  # noqa: E402
-from tpd.robust.objective import Objective  # noqa: E402
-from tpd.robust.search import Search  # noqa: E402
+from tpd.analysis.ensemble import Outcomes  # noqa: E402
+from tpd.design.checkpoint import Kept  # noqa: E402
+from tpd.design.many_result import DesignOver  # noqa: E402
+from tpd.design.objective import Objective  # noqa: E402
+from tpd.design.search import Search  # noqa: E402
 
 SCENE = tpd.paper_scene()
 SPACE = tpd.DesignSpace(damping_ratio=(0.05, 0.4))

@@ -33,10 +33,11 @@ jax.config.update("jax_enable_x64", True)
 from tests.benchmarks.engine import batch, describe  # noqa: E402
 from tests.benchmarks.tables import table, timed  # noqa: E402
 from tests.reference import HUNG, parameters  # noqa: E402
-from tpd import Piecewise, Smoothed, canvas, in_chunks, simulate, symmetric_orbits  # noqa: E402
-from tpd.files import as_json, place, versions  # noqa: E402
-from tpd.parameters import as_arrays  # noqa: E402
-from tpd.pool import settle_all  # noqa: E402
+from tpd import Piecewise, Smoothed, in_chunks, simulate, symmetric_orbits  # noqa: E402
+from tpd.analysis.work_queue import settle_all  # noqa: E402
+from tpd.core.files import as_json, place, versions  # noqa: E402
+from tpd.core.parameters import as_arrays  # noqa: E402
+from tpd.plot import style as canvas  # noqa: E402
 
 COMMAND = "python -m tests.benchmarks.growth"
 RESULTS = Path(__file__).with_name("results") / "growth.json"

@@ -49,7 +49,7 @@ GUARDS = (
     Guard(
         "fold",
         "orbits: no derivative where a multiplier of the half map is within 1e-6 of 1",
-        "tpd/orbits.py",
+        "tpd/analysis/symmetric_orbits.py",
         "usable = there & ~near & ~grazes",
         "usable = there & ~grazes",
         _atlas(_LOST + "[0.9999999-1.0-near_fold]"),
@@ -57,7 +57,7 @@ GUARDS = (
     Guard(
         "fold",
         "steady_state: near_fold",
-        "tpd/steady.py",
+        "tpd/analysis/steady_state.py",
         "moving & (to_fold < 2.0 * NEAR_FOLD)",
         "moving & (to_fold < 0.0)",
         _atlas(_JUDGED + "[what3-near_fold]"),
@@ -65,7 +65,7 @@ GUARDS = (
     Guard(
         "breaking of symmetry",
         "steady_state: unstable where a multiplier exceeds 1",
-        "tpd/steady.py",
+        "tpd/analysis/steady_state.py",
         "moving & (multiplier > 1.0)",
         "moving & (multiplier > jnp.inf)",
         _atlas(_JUDGED + "[what5-unstable]"),
@@ -73,7 +73,7 @@ GUARDS = (
     Guard(
         "breaking of symmetry",
         "steady_state: symmetric only if it leans to neither side",
-        "tpd/steady.py",
+        "tpd/analysis/steady_state.py",
         "(periods % 2 == 1) & (orbit.lean < _SYMMETRIC)",
         "(periods % 2 == 1)",
         _atlas("a_motion_that_leans_is_not_called_symmetric"),
@@ -81,7 +81,7 @@ GUARDS = (
     Guard(
         "grazing",
         "orbits: no derivative where the fall all but halts",
-        "tpd/orbits.py",
+        "tpd/analysis/symmetric_orbits.py",
         "usable = there & ~near & ~grazes",
         "usable = there & ~near",
         _atlas(_LOST + "[0.5-1e-08-grazing]"),
@@ -89,7 +89,7 @@ GUARDS = (
     Guard(
         "grazing",
         "steady_state: grazing where an event is met too gently",
-        "tpd/steady.py",
+        "tpd/analysis/steady_state.py",
         "moving & (orbit.gentlest < GRAZING)",
         "moving & (orbit.gentlest < 0.0)",
         _atlas(_JUDGED + "[what1-grazing]"),
@@ -105,7 +105,7 @@ GUARDS = (
     Guard(
         "rattling to rest",
         "arcs: an impact slower than the capture speed is rest",
-        "tpd/exact/arcs.py",
+        "tpd/exact/arc.py",
         "rests = (jnp.abs(y[2]) <= quiet) & holds",
         "rests = (jnp.abs(y[2]) <= -quiet) & holds",
         _atlas(
@@ -116,7 +116,7 @@ GUARDS = (
     Guard(
         "period three and chaos",
         "steady_state: aperiodic where neighbours part",
-        "tpd/steady.py",
+        "tpd/analysis/steady_state.py",
         "separation > _APERIODIC",
         "separation > jnp.inf",
         _atlas(
@@ -127,7 +127,7 @@ GUARDS = (
     Guard(
         "period three and chaos",
         "periodic_orbit: unstable where a multiplier exceeds 1",
-        "tpd/general.py",
+        "tpd/analysis/periodic_orbit.py",
         "status = Status.where(jnp.max(jnp.abs(multipliers)) < 1.0, status, Status.unstable)",
         "status = Status.where(jnp.max(jnp.abs(multipliers)) < jnp.inf, status, Status.unstable)",
         ("tests/test_general.py::test_continuation_passes_where_the_orbit_repels",),
@@ -135,7 +135,7 @@ GUARDS = (
     Guard(
         "motion that does not repeat",
         "steady_state: not_settled where Newton's method has not closed the orbit",
-        "tpd/steady.py",
+        "tpd/analysis/steady_state.py",
         "moving & ~(orbit.residual < _RESIDUAL)",
         "moving & ~(orbit.residual < jnp.inf)",
         _atlas(_JUDGED + "[what6-not_settled]"),
@@ -166,7 +166,7 @@ GUARDS = (
     Guard(
         "overturning, all but",
         "steady_state: unstable on the saddle between rocking and overturning",
-        "tpd/steady.py",
+        "tpd/analysis/steady_state.py",
         "moving & (multiplier > 1.0)",
         "moving & (multiplier > jnp.inf)",
         _atlas("starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name"),
@@ -174,7 +174,7 @@ GUARDS = (
     Guard(
         "no derivative without an orbit",
         "steady_state: derivatives only of what is settled and attracts",
-        "tpd/steady.py",
+        "tpd/analysis/steady_state.py",
         "slopes = jnp.where(isolated, slopes, jnp.nan)",
         "slopes = jnp.where(isolated, slopes, slopes)",
         (
@@ -204,7 +204,7 @@ GUARDS = (
     Guard(
         "slow shaking",
         "steady_state: event_bound where the period of a resting block was cut short",
-        "tpd/steady.py",
+        "tpd/analysis/steady_state.py",
         "status = Status.where(cut_short, Status.event_bound, status)",
         "status = Status.where(cut_short, status, status)",
         _atlas("a_period_too_long_to_be_followed_is_told"),
@@ -228,7 +228,7 @@ GUARDS = (
     Guard(
         "32-bit floats",
         "every entry: 64 bits are asked for",
-        "tpd/checks.py",
+        "tpd/core/checks.py",
         "if not jax.config.jax_enable_x64:",
         "if jax.config.jax_enable_x64 is None:",
         _atlas("in_32_bits_every_call_refuses_by_name"),
@@ -236,7 +236,7 @@ GUARDS = (
     Guard(
         "scales",
         "scene: omega0 from the half height",
-        "tpd/scene.py",
+        "tpd/core/scene.py",
         'rate = (q["gravity"] * rho / half_height) ** 0.5',
         'rate = (q["gravity"] * rho / 0.2) ** 0.5',
         _atlas("neither_millimetres_nor_kilometres_change_a_dimensionless_answer"),

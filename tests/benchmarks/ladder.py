@@ -10,8 +10,8 @@ import numpy as np
 
 from tests.reference import NAMES
 from tpd import Auto, Parameters, Segmented, status_name, steady_state
-from tpd.files import versions
-from tpd.status import SETTLED
+from tpd.core.files import versions
+from tpd.core.status import SETTLED
 
 SCENES, SEED = 320, 11
 LOW = np.array([0.08, 0.0, 0.1, 0.05, 0.01, 0.05, 1.0])

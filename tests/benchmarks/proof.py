@@ -26,10 +26,10 @@ from scipy.optimize import differential_evolution, minimize
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
-from tpd.robust.kept import Kept  # noqa: E402
-from tpd.robust.minimax import merit_of  # noqa: E402
-from tpd.robust.objective import Objective  # noqa: E402
-from tpd.robust.search import Search  # noqa: E402
+from tpd.design.checkpoint import Kept  # noqa: E402
+from tpd.design.objective import Objective  # noqa: E402
+from tpd.design.search import Search  # noqa: E402
+from tpd.design.sequential import merit_of  # noqa: E402
 
 SEEDS = 10
 NEAR = 1e-3

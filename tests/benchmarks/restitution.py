@@ -13,9 +13,9 @@ import numpy as np
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
-from tpd.pool import settle_all  # noqa: E402
-from tpd.scene import housner  # noqa: E402
-from tpd.status import names_of  # noqa: E402
+from tpd.analysis.work_queue import settle_all  # noqa: E402
+from tpd.core.scene import housner  # noqa: E402
+from tpd.core.status import names_of  # noqa: E402
 
 SCENES, SEED = 400, 5
 ITERATIONS = 16

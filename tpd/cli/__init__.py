@@ -7,7 +7,9 @@ import argparse
 import sys
 
 import tpd
-from tpd.cli import checking, common, mapping, optimise, response
+from tpd.cli import check as checking
+from tpd.cli import common, optimise, response
+from tpd.cli import map as mapping
 
 
 def parser() -> argparse.ArgumentParser:

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tpd.job import Job
-    from tpd.scene import Pendulum, Scene
+    from tpd.core.scene import Pendulum, Scene
+    from tpd.design.job import Job
 
 SOUND, BAD_INPUT, UNSOUND, INTERRUPTED = 0, 2, 3, 130
 
@@ -75,7 +75,7 @@ def add_pendulum(command: argparse.ArgumentParser) -> None:
 
 def tables(options: argparse.Namespace, more: list[tuple[str, str, Any]]) -> dict[str, dict[str, Any]]:
     """The job's tables of a scene file, overridden by options, and by `more` (table, key, value)."""
-    from tpd import job
+    from tpd.design import job
 
     given = {} if options.scene is None else job.read(options.scene)
     over = [(table, key, getattr(options, flag)) for flag, (table, key, _, _) in _SCENE.items()]
@@ -87,7 +87,7 @@ def tables(options: argparse.Namespace, more: list[tuple[str, str, Any]]) -> dic
 
 def scene(options: argparse.Namespace) -> Scene:
     """The scene of a file and the options."""
-    from tpd import job
+    from tpd.design import job
 
     work: Job = job.build(tables(options, []))
     return work.scene
@@ -99,7 +99,7 @@ def pendulum(options: argparse.Namespace, of: Scene, varied: tuple[str, ...] = (
     Raises:
         ValueError: a pendulum of which half is missing, or a value out of range.
     """
-    from tpd.scene import Pendulum
+    from tpd.core.scene import Pendulum
 
     mass = _one(options.pendulum_mass, options.mass_ratio, of.block.mass)
     length = _one(options.pendulum_length, options.length_ratio, of.block.half_height)
@@ -125,7 +125,7 @@ def inputs(of: Scene, hung: Pendulum | None) -> dict[str, Any]:
     """What results depend on, for their JSON."""
     from dataclasses import asdict
 
-    from tpd import files
+    from tpd.core import files
 
     pendulum = None if hung is None else asdict(hung)
     # Nothing in a response or a map is random.

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from tpd.cli import common
 
 if TYPE_CHECKING:
-    from tpd.checking import Check
-    from tpd.design import Design
+    from tpd.analysis.compare_models import Check
+    from tpd.design.result import Design
 
 
 def add(commands: Any) -> None:
@@ -143,8 +143,10 @@ def _damping(values: list[float] | None) -> float | list[float] | None:
 def run(options: argparse.Namespace) -> int:
     """Search, write the report, and say what it is worth."""
     common.use_64_bits()
-    from tpd import files, job, report
-    from tpd.optimiser import optimise
+    from tpd.core import files
+    from tpd.design import job
+    from tpd.design.single import optimise
+    from tpd.report import single as report
 
     work = job.build(_given(options))
     if work.asked is not None:
@@ -182,7 +184,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _ladder(design: Design, bar: common.Bar) -> Check | None:
     """The design by the models that do not take long to compile; `tpd check` has all."""
-    from tpd.checking import QUICK, check
+    from tpd.analysis.compare_models import QUICK, check
 
     if design.pendulum is None or design.interrupted:
         return None
@@ -194,8 +196,8 @@ def _ladder(design: Design, bar: common.Bar) -> Check | None:
 
 def _responses(design: Design, bar: common.Bar) -> tuple:
     """Amplitude over frequency without and with the pendulum; not after an interruption."""
-    from tpd import plot
-    from tpd.response import frequency_response
+    from tpd.analysis.response import frequency_response
+    from tpd.plot import single as plot
 
     if design.interrupted:
         return ()

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 from tpd.cli import common
 
 if TYPE_CHECKING:
-    from tpd.checking import Check
-    from tpd.job import Job
-    from tpd.robust.answer import DesignOver
-    from tpd.robust.pareto import Front
+    from tpd.analysis.compare_models import Check
+    from tpd.design.job import Job
+    from tpd.design.many_result import DesignOver
+    from tpd.design.pareto import Front
 
 _UNFINISHED = "unfinished.npz"
 """Searches that have ended, while others have not."""
@@ -22,11 +22,11 @@ _UNFINISHED = "unfinished.npz"
 
 def run_over(options: argparse.Namespace, work: Job) -> int:
     """Search, judge, write the report, and say what it is worth."""
-    from tpd import files
-    from tpd.job import dump, tables
-    from tpd.robust import report
-    from tpd.robust.optimise import optimise_over
-    from tpd.robust.page import Shown, over_page
+    from tpd.core import files
+    from tpd.design.job import dump, tables
+    from tpd.design.many import optimise_over
+    from tpd.report import many as report
+    from tpd.report.many_page import Shown, over_page
 
     asked, search, out = work.asked, work.search, options.out
     assert asked is not None
@@ -85,7 +85,7 @@ def _ladder(design: DesignOver, bar: common.Bar) -> Check | None:
     """The design by the models that do not take long to compile, under the scene's own shaking."""
     if design.pendulum is None or design.status.name == "interrupted":
         return None
-    from tpd.checking import QUICK, check
+    from tpd.analysis.compare_models import QUICK, check
 
     with common.left_out("what the models say"):
         return check(design.scene, design.pendulum, stroke=design.space.stroke, rungs=QUICK, progress=bar)
@@ -96,7 +96,7 @@ def _front(options: argparse.Namespace, work: Job, design: DesignOver, bar: comm
     """The front of mass against rocking, if asked for and there is something to be had."""
     if not options.pareto or design.pendulum is None or design.status.name == "interrupted":
         return None
-    from tpd.robust.pareto import pareto
+    from tpd.design.pareto import pareto
 
     with common.left_out("the front"):
         return pareto(

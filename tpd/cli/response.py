@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from tpd.cli import common
 
 if TYPE_CHECKING:
-    from tpd.response import Branches, Response
-    from tpd.scene import Pendulum, Scene
+    from tpd.analysis.response import Branches, Response
+    from tpd.core.scene import Pendulum, Scene
 
 BARE, HUNG = "bare block", "with the pendulum"
 _UNITS = {"frequency": "Hz", "xi": ""}
@@ -45,7 +45,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Follow the branches, write and say where they are lost."""
     common.use_64_bits()
-    from tpd import checks, files
+    from tpd.core import checks, files
 
     scene = common.scene(options)
     hung = common.pendulum(options, scene)
@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _range(options: argparse.Namespace, scene: Scene) -> tuple[str, float, float]:
     """What varies, and from where to where."""
-    from tpd import checks
+    from tpd.core import checks
 
     name = "xi" if options.dimensionless else "frequency"
     own = float(scene.parameters().xi) if options.dimensionless else scene.motion.frequency
@@ -92,7 +92,7 @@ def _branches(
     points: int,
     bar: common.Bar,
 ) -> dict[str, Branches]:
-    from tpd.response import branches
+    from tpd.analysis.response import branches
 
     hangings, cases = _hangings(hung), {}
     bar("following branches", 0, len(hangings))
@@ -112,7 +112,7 @@ def _settled(
 ) -> dict[str, Response] | None:
     import numpy as np
 
-    from tpd.response import settled_response
+    from tpd.analysis.response import settled_response
 
     if points is None:
         return None
@@ -144,8 +144,9 @@ def _files(
     cases: Mapping[str, Branches],
     settled: Mapping[str, Response] | None,
 ) -> Iterator[tuple[str, str | bytes]]:
-    from tpd import canvas, files
-    from tpd.plot_branches import plot_branches
+    from tpd.core import files
+    from tpd.plot import style as canvas
+    from tpd.plot.branches import plot_branches
 
     name = next(iter(cases.values())).name
     header = ("case", "branch", name, "status", "amplitude_rad", "stroke_rad", "phase_rad", "multiplier")

@@ -21,10 +21,10 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Int
 
-from tpd.exact.arcs import REST, SLIP, Arc, Instant, Mode, Signal, ending, ends, launch
-from tpd.exact.spectrum import Plant, Rates
+from tpd.core.parameters import Number, Numbers, State
+from tpd.exact.arc import REST, SLIP, Arc, Instant, Mode, Signal, ending, ends, launch
+from tpd.exact.modes import Plant, Rates
 from tpd.exact.trigonometry import kept, turn
-from tpd.parameters import Number, Numbers, State
 
 _NEAR = 1e-8
 """A safe step below this share of the horizon has all but reached the event: one Newton step, whose

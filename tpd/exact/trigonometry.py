@@ -13,7 +13,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from tpd.parameters import Number
+from tpd.core.parameters import Number
 
 _HALF_PI = tuple(float.fromhex(x) for x in ("0x1.921fb544p+0", "0x1.0b4611a6p-34", "0x1.3198a2e037073p-69"))
 _SINE = tuple((-1) ** i / math.factorial(2 * i + 1) for i in range(9))

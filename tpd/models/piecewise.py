@@ -10,15 +10,15 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
-from tpd import checks
-from tpd.exact.arcs import classify
+from tpd.core import checks
+from tpd.core.parameters import Number, Parameters, State
+from tpd.core.status import Status
+from tpd.exact.arc import classify
 from tpd.exact.flow import Motion, advance, arrived, leap, settled_at_rest, start, state_at
-from tpd.exact.spectrum import Plant
+from tpd.exact.modes import Plant
 from tpd.exact.trigonometry import kept
-from tpd.models.interface import AbstractModel, Cycle, Settled
+from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.settling import Period, Record, blank, scale_of
-from tpd.parameters import Number, Parameters, State
-from tpd.status import Status
 
 _STAIRS = 16
 """Steps per forcing period in which growing shaking grows."""

@@ -17,13 +17,13 @@ import optimistix
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
-from tpd import checks
-from tpd.equations import Equations, Terms
-from tpd.exact.arcs import REST, SLIP, STICK, Mode
-from tpd.models.interface import AbstractModel, Cycle, Settled
+from tpd.core import checks
+from tpd.core.equations import Equations, Terms
+from tpd.core.parameters import Number, Parameters, State
+from tpd.core.status import Status
+from tpd.exact.arc import REST, SLIP, STICK, Mode
+from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.settling import Period, settle
-from tpd.parameters import Number, Parameters, State
-from tpd.status import Status
 
 _LANDING, _TURN, _BOB, _LOST = 0, 1, 2, 3
 """Events of a slipping block; of a held one the first two are its releases to either side."""

@@ -9,9 +9,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from tpd.models.interface import Settled
-from tpd.parameters import Number, Parameters, State
-from tpd.status import Status
+from tpd.core.parameters import Number, Parameters, State
+from tpd.core.status import Status
+from tpd.models.base import Settled
 
 LONGEST = 8
 """Longest motion recognised as periodic, in forcing periods."""

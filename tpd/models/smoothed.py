@@ -13,12 +13,12 @@ import optimistix
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float
 
-from tpd import checks
-from tpd.equations import Equations, Linear, Terms, smoothed_rates
-from tpd.models.interface import AbstractModel, Cycle, Settled
+from tpd.core import checks
+from tpd.core.equations import Equations, Linear, Terms, smoothed_rates
+from tpd.core.parameters import Number, Parameters, State
+from tpd.core.status import Status
+from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.settling import Period, settle
-from tpd.parameters import Number, Parameters, State
-from tpd.status import Status
 
 _ABSURD = 1e3
 """rad (and rad per unit tau): far beyond any angle that means something."""

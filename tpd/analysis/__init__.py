@@ -1,0 +1,1 @@
+"""Questions about one design, one question a module."""

@@ -1,0 +1,197 @@
+"""Which motions a design can settle into, and the share of starts that reach each.
+
+Rest, rocking of several kinds, chaos and overturning exist side by side; which one is reached
+depends on the start and on the phase of the shaking. So a seeded set of starts is followed by the
+exact engine, and what they settle into is sorted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.analysis.steady_state import Steady, steady_state
+from tpd.analysis.work_queue import settle_all
+from tpd.core import checks
+from tpd.core.parameters import Parameters, as_arrays
+from tpd.core.sampling import latin_hypercube
+from tpd.core.status import Status, status_name
+from tpd.models.base import Settled
+from tpd.models.piecewise import Piecewise
+from tpd.models.settling import scale_of
+
+_CLOSE = 1e-4
+"""Relative difference of the sizes of two motions that may be one, as they were followed."""
+_ONE_OF_A_KIND = ("aperiodic", "not_settled", "overturned", "event_bound", "failed")
+"""Statuses of motions that are not told apart."""
+_SAME = 1e-6
+"""The same of two that are one, or mirror images, after Newton's method."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Starts:
+    """A seeded set of states at tau = 0, spread evenly over a box; the first is at rest.
+
+    Raises:
+        ValueError: a size below one, or a spread below zero.
+    """
+
+    size: int = 64
+    seed: int = 0
+    tilt: float = 0.8
+    """Largest |phi|, in shares of nu."""
+    tilt_rate: float = 0.5
+    """Largest |phi'|, in shares of nu."""
+    swing: float = 0.2
+    """Largest |psi|, rad."""
+    swing_rate: float = 0.2
+    """Largest |psi'|, rad per unit tau."""
+
+    def __post_init__(self) -> None:
+        checks.count("size", self.size)
+        for name in ("tilt", "tilt_rate", "swing", "swing_rate"):
+            checks.not_negative(name, getattr(self, name))
+
+    def states(self, nu: float) -> np.ndarray:
+        """The states (phi, psi, phi', psi'), shape (size, 4): a Latin hypercube."""
+        rng = np.random.default_rng(self.seed)
+        reach = np.array([self.tilt * nu, self.swing, self.tilt_rate * nu, self.swing_rate])
+        unit = 2.0 * latin_hypercube(rng, self.size, 4) - 1.0
+        unit[0] = 0.0
+        return unit * reach
+
+
+@dataclass(frozen=True)
+class Attractor:
+    """One motion that some of the starts reach."""
+
+    status: str
+    """Name of the `Status`: rocking, sticking, rest, aperiodic, overturned, not_settled, ..."""
+    periods: int
+    """Forcing periods in one period of the motion; 1 where it has none."""
+    symmetric: bool
+    """Whether the motion is its own mirror image half a period of it later."""
+    share: float
+    """Share of the starts that reach it, or its mirror image, or itself some forcing periods later."""
+    starts: tuple[int, ...]
+    """Which of the starts."""
+    steady: Steady
+    """The settled motion of the first of these; for gradients call `steady_state` from that start."""
+
+
+def attractors(
+    p: Parameters,
+    *,
+    starts: Starts | None = None,
+    model: Piecewise | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Attractor, ...]:
+    """The motions that a set of starts settles into, the one most often reached first.
+
+    Motions that do not repeat (aperiodic, not_settled, overturned, event_bound) are kept together by
+    their status. Motions whose amplitudes and strokes agree within 1e-6 are taken for one or for mirror
+    images. The shares are estimates: of n starts, a share s is known to about sqrt(s (1 - s)/n).
+
+    Args:
+        p: dimensionless parameters, plain numbers.
+        starts: default `Starts()`, 64 of them, seed 0.
+        model: settings of the exact model.
+        progress: called with (starts followed, of how many).
+
+    Raises:
+        ValueError: bad input.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    model = Piecewise() if model is None else model
+    starts = Starts() if starts is None else starts
+    fixed = as_arrays(p)
+    y0 = starts.states(float(fixed.nu))
+    settled = settle_all(fixed, y0, model=model, progress=progress)
+    # A bob without mass (mu = 0) cannot be felt; its swing may still be on the way.
+    felt = bool(np.isfinite(np.asarray(scale_of(fixed))[1]))
+    motions: list[_Motion] = []
+    for group in _groups(settled, felt):
+        # Whether a motion that did not repeat is aperiodic is for each start to say.
+        undecided = _name_of(settled.status, group[0]) == "not_settled"
+        for starts_of in [[i] for i in group] if undecided else [group]:
+            steady = _solver(model)(fixed, jnp.asarray(y0[starts_of[0]]))
+            _add(motions, _Motion(status_name(steady.status), steady, list(starts_of)), felt)
+    return tuple(sorted((m.attractor(len(y0)) for m in motions), key=lambda a: -a.share))
+
+
+@dataclass
+class _Motion:
+    """A motion and the starts that are known to reach it."""
+
+    status: str
+    steady: Steady
+    starts: list[int]
+
+    def same(self, other: _Motion, felt: bool) -> bool:
+        """Whether both are one motion, or of one kind that does not repeat."""
+        if self.status != other.status:
+            return False
+        if self.status in ("rest", *_ONE_OF_A_KIND):
+            return True
+        a, b = (np.array([m.steady.amplitude, m.steady.stroke]) for m in (self, other))
+        return int(self.steady.periods) == int(other.steady.periods) and _agree(a, b, _SAME, felt)
+
+    def attractor(self, size: int) -> Attractor:
+        """What is told of it."""
+        return Attractor(
+            status=self.status,
+            periods=int(self.steady.periods),
+            symmetric=bool(self.steady.symmetric),
+            share=len(self.starts) / size,
+            starts=tuple(sorted(self.starts)),
+            steady=self.steady,
+        )
+
+
+def _add(motions: list[_Motion], new: _Motion, felt: bool) -> None:
+    for motion in motions:
+        if motion.same(new, felt):
+            motion.starts += new.starts
+            return
+    motions.append(new)
+
+
+def _agree(a: np.ndarray, b: np.ndarray, share: float, felt: bool) -> bool:
+    """Whether two pairs (amplitude, stroke) agree; the stroke of a bob that is not felt need not."""
+    close = np.abs(a - b) <= share * np.maximum(a, b)
+    return bool(close[0] and (close[1] or not felt))
+
+
+def _groups(settled: Settled, felt: bool) -> list[list[int]]:
+    """Indices of the starts that seem to reach the same motion."""
+    names = [_name_of(settled.status, i) for i in range(len(settled.periods))]
+    sizes = np.stack([np.asarray(settled.amplitude), np.asarray(settled.stroke)], axis=-1)
+    groups: list[list[int]] = []
+    for i, name in enumerate(names):
+        for group in groups:
+            j = group[0]
+            alike = names[j] == name and settled.periods[i] == settled.periods[j]
+            if alike and (name not in ("rocking", "sticking") or _agree(sizes[i], sizes[j], _CLOSE, felt)):
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    return groups
+
+
+def _name_of(status: Status, i: int) -> str:
+    """The name of the i-th of a batch of statuses."""
+    return status_name(jax.tree.map(lambda x: np.asarray(x)[i], status))
+
+
+@lru_cache(maxsize=8)
+def _solver(model: Piecewise) -> Callable[[Parameters, Any], Steady]:
+    return eqx.filter_jit(lambda p, y0: steady_state(p, model=model, y0=y0))

@@ -1,0 +1,203 @@
+"""The ladder of models: the cheapest that is good enough for a scene answers, and says why.
+
+| rung | what it is | what it neglects |
+|---|---|---|
+| uplift | closed form: the block never lifts | second order in the angles of the resting bob |
+| one harmonic | closed form: the upper branch of (27) | other harmonics and attractors, and the same |
+| exact | the exact solution of the linear equations | terms of second order in the angles |
+| nonlinear | the equations (4), integrated from event to event | nothing of (4) |
+
+The smoothed models are no rungs: they cost more than the exact solution and are less accurate.
+
+The error of the linear equations is estimated from their own answer: each dropped term changes weight,
+forcing, spring or coupling by a share known from the angles, and the gradient says what such a change
+does to the amplitude. So the estimate grows where the answer is sensitive, near a fold above all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from tpd.analysis.steady_state import Steady, steady_state
+from tpd.closed_form.harmonic_balance import neglected_harmonics, one_harmonic_branches, uplift
+from tpd.core import checks
+from tpd.core.parameters import Number, Parameters, State, as_arrays
+from tpd.core.status import SETTLED, Status, is_settled, status_name
+from tpd.exact.flow import held_at_rest
+from tpd.exact.modes import Plant
+from tpd.models.base import AbstractChoice
+from tpd.models.piecewise import Piecewise
+from tpd.models.segmented import Segmented
+
+INTEGRATED = 1e-5
+"""Relative error of the nonlinear rung: that of its integration, with some to spare."""
+SAFETY = 2.0
+"""Of the estimate of what the linear equations drop: its parts may add up less well than assumed."""
+_LIFTS = -0.1
+"""Uplift margin below which rest is no attractor by far, so that the balance may answer for a start
+at rest."""
+
+
+class Auto(AbstractChoice):
+    """`steady_state(p, model=Auto(tolerance=...))` climbs the ladder until a rung's estimated relative
+    error of the amplitude is within the tolerance; the result's `rung`, `estimate` and `reason` say
+    which, how large and why.
+
+    The one-harmonic balance knows no start: of the motions that random blocks come to from rest a third
+    is another one (most of them overturn). With `balance=True` it is asked all the same, of blocks that start
+    at rest, cannot stay there and lose nothing at impacts (e = 1): for the amplitude of rocking where
+    rocking is known to be reached.
+
+    Raises:
+        ValueError: a tolerance that is not between 1e-5 and 1.
+    """
+
+    tolerance: float = eqx.field(default=0.05, static=True, kw_only=True)
+    balance: bool = eqx.field(default=False, static=True, kw_only=True)
+
+    def __check_init__(self) -> None:
+        checks.within("tolerance", self.tolerance, INTEGRATED, 1.0)
+
+    def steady(self, p: Parameters, y0: State) -> Steady:
+        """The settled motion from `y0` by the cheapest rung.
+
+        Raises:
+            ValueError: traced or batched parameters, by whose values nothing can be chosen.
+        """
+        if not all(checks.is_concrete(x) and np.ndim(x) == 0 for x in jax.tree.leaves(p)):
+            raise ValueError(
+                "`Auto` chooses by numbers: `p` must hold plain numbers, but is traced or batched"
+            )
+        fixed, limit = as_arrays(p), f"the tolerance {self.tolerance:g}"
+        still = _still(fixed, y0)
+        if bool(still.rests) and float(still.estimate) <= min(self.tolerance, float(still.reserve)):
+            reserve = f"{float(still.reserve):.1%} of the moment that would lift the block is in reserve"
+            why = f"the block never lifts: {reserve}, from the start on"
+            return _told(still.steady, "uplift", still.estimate, why)
+        lossless, moved = float(fixed.e) == 1.0, bool(jnp.any(y0 != 0.0))
+        if self.balance and lossless and not moved and float(still.margin) < _LIFTS:
+            steady, estimate = _balanced(fixed)
+            if float(estimate) <= self.tolerance:
+                why = "what the balance neglects is estimated to be within " + limit
+                return _told(steady, "one harmonic", estimate, why)
+        steady, estimate = _exact(fixed, y0)
+        name = status_name(steady.status)
+        if name in SETTLED and float(estimate) <= self.tolerance:
+            why = f"what the linear equations drop is estimated to be within {limit}"
+            return _told(steady, "exact", estimate, why)
+        why = f"the linear equations may be off by {float(estimate):.2g}, beyond {limit}"
+        if name in SETTLED and not float(estimate) < jnp.inf:
+            why = "of what the linear equations drop nothing can be said here"
+        elif name not in SETTLED:
+            why = f"the linear equations end {name}, which says nothing about their error"
+        top = steady_state(fixed, model=Segmented(), y0=y0)
+        sure = jnp.where(is_settled(top.status), INTEGRATED, jnp.nan)
+        return _told(top, "nonlinear", sure, why)
+
+
+def _told(steady: Steady, rung: str, estimate: Number, reason: str) -> Steady:
+    return replace(steady, rung=rung, estimate=estimate, reason=reason)
+
+
+class _Still(NamedTuple):
+    """A block at its start."""
+
+    rests: Array
+    """Whether it can never lift."""
+    reserve: Number
+    """Share of the moment that would lift the block which the bob, on its way as well, leaves over."""
+    margin: Number
+    """The same once the bob has settled."""
+    estimate: Number
+    """Share by which the dropped terms change the moment on it."""
+    steady: Steady
+
+
+@eqx.filter_jit
+def _still(p: Parameters, y0: State) -> _Still:
+    """Whether the block is done at its start, in closed form: nothing is followed."""
+    lane, lift = Piecewise().lane(p, y0), uplift(p)
+    record, (reserve, reach) = lane.record, held_at_rest(Plant(p), lane.motion)
+    stroke = jnp.where(p.zeta > 0, lift.stroke, reach)
+    steady = _closed(Status.rest, jnp.zeros(()), stroke, record.y)
+    return _Still(record.rests, reserve, lift.margin, _dropped_at_rest(p, reach * (p.mu > 0)), steady)
+
+
+@eqx.filter_jit
+def _balanced(p: Parameters) -> tuple[Steady, Number]:
+    """The upper branch of the one-harmonic balance, and what it and the linear equations neglect."""
+
+    def size(p: Parameters) -> tuple[Array, tuple]:
+        both = one_harmonic_branches(p)
+        return both.amplitude[0], (both.stroke[0], both.phase[0], both.exists[0])
+
+    slope, (stroke, phase, exists) = jax.jacfwd(size, has_aux=True)(p)
+    amplitude = size(p)[0]
+    # Of the bob's phase nothing is said.
+    none = jnp.full_like(amplitude, jnp.nan)
+    state = jnp.stack([amplitude * jnp.cos(phase), none, p.xi * amplitude * jnp.sin(phase), none])
+    steady = _closed(Status.rocking, amplitude, stroke, state)
+    estimate = neglected_harmonics(p).bound[0] + dropped(p, amplitude, stroke, slope)
+    return steady, jnp.where(exists, estimate, jnp.inf)
+
+
+def _closed(status: Status, amplitude: Array, stroke: Array, state: State) -> Steady:
+    """A closed form as a steady motion: of its stability nothing is said."""
+    unknown, yes = jnp.full_like(amplitude, jnp.nan), jnp.ones((), bool)
+    one, none = jnp.ones((), int), jnp.zeros((), int)
+    return Steady(amplitude, stroke, status, one, unknown, yes, unknown, state, none)
+
+
+@eqx.filter_jit
+def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
+    """The exact solution of the linear equations, and what these drop."""
+
+    def size(p: Parameters) -> tuple[Number, Steady]:
+        steady = steady_state(p, model=Piecewise(lyapunov_periods=0), y0=y0)
+        return steady.amplitude, steady
+
+    slope, steady = jax.jacrev(size, has_aux=True)(p)
+    return steady, dropped(p, steady.amplitude, steady.stroke, slope)
+
+
+def _dropped_at_rest(p: Parameters, reach: Number) -> Number:
+    """Share by which terms dropped from (4) change the moment on a resting block under a bob that
+    swings to `reach`: nu/2 psi from S = 2 cos psi -+ nu sin psi, and what is of second order."""
+    return 0.5 * p.nu * reach + reach**2
+
+
+def dropped(p: Parameters, phi: Number, psi: Number, slope: Any) -> Number:
+    """Estimated relative change of the amplitude `phi` by the terms of (4) that (25) drops.
+
+    The weight's moment changes by the shares f phi (the parametric term) and phi^2/2, the forcing by
+    (phi^2 + psi^2)/2, the bob's spring by psi^2/6, and the coupling by nu (phi + psi)/2 and
+    (phi + psi)^2/2; what such a share does follows from the elasticities d ln phi/d ln(nu, f, lam, mu).
+    Of a block at rest: the share of the moment, infinite where that exceeds the uplift margin.
+
+    Args:
+        p: dimensionless parameters.
+        phi: settled amplitude, rad.
+        psi: settled stroke, rad.
+        slope: d phi/d p, as `jax.grad` gives it.
+    """
+    felt = psi * (p.mu > 0)
+
+    def elasticity(by: Any, x: Number) -> Number:
+        return jnp.abs(by * x / jnp.where(phi > 0, phi, 1.0))
+
+    lean = phi + felt
+    coupling = 0.5 * p.nu * lean + 0.5 * lean**2
+    weight = elasticity(slope.nu, p.nu) * (p.f * phi + 0.5 * phi**2)
+    forcing = elasticity(slope.f, p.f) * 0.5 * (phi**2 + felt**2)
+    spring = elasticity(slope.lam, p.lam) * (felt**2 / 6.0 + coupling)
+    bob = elasticity(slope.mu, p.mu) * coupling
+    resting = _dropped_at_rest(p, felt)
+    at_rest = jnp.where(resting < uplift(p).margin, resting, jnp.inf)
+    return jnp.where(phi > 0, SAFETY * (weight + forcing + spring + bob), at_rest)

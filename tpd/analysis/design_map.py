@@ -1,0 +1,205 @@
+"""Amplitude, stroke, status and uplift margin of the designs on a grid of any two numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.analysis.symmetric_orbits import Orbits, symmetric_orbits
+from tpd.analysis.work_queue import settle_all
+from tpd.closed_form.harmonic_balance import uplift
+from tpd.core import checks
+from tpd.core.batch import in_chunks
+from tpd.core.parameters import Parameters
+from tpd.core.quantities import NAMES, Setup, parameters
+from tpd.core.scene import Pendulum, Scene
+from tpd.core.status import names_of
+from tpd.models.settling import scale_of
+
+_MATCH = 1e-3
+"""Largest distance, in shares of the scales, of a motion as it was followed from the orbit it is on."""
+_CHOICE = ("rocking", "near_fold", "grazing", "rest", "unstable", "no_orbit")
+"""Of what a design has, the first is its answer where no start is given."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignMap:
+    """A grid of designs: arrays (ny, nx), row by row along y. Angles in rad."""
+
+    x_name: str
+    x: np.ndarray
+    """(nx,), in SI units if `x_name` is one of a scene's quantities."""
+    y_name: str
+    y: np.ndarray
+    """(ny,)"""
+    start: tuple[float, ...] | None
+    """State at tau = 0 that the designs were followed from; None where none was asked for."""
+    amplitude: np.ndarray
+    """Largest |phi|; see `design_map` for which motion's. Infinite where the block overturns."""
+    stroke: np.ndarray
+    """Largest |psi| of the same motion. Without a pendulum, of a bob too light to be felt."""
+    status: np.ndarray
+    """Names of statuses."""
+    margin: np.ndarray
+    """Of `uplift`: where it is positive a block at rest under the settled pendulum stays at rest."""
+    exact: np.ndarray
+    """Whether amplitude and stroke are exact to rounding; else the motion was followed until it repeated
+    itself within 1e-6 of nu (amplitude) and of nu + f (stroke), or did not repeat."""
+    overflow: np.ndarray
+    """Whether a design had more orbits than were followed up."""
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of designs of each status, the most frequent first."""
+        names, counts = np.unique(self.status, return_counts=True)
+        return {str(names[i]): int(counts[i]) for i in np.argsort(-counts, kind="stable")}
+
+
+def design_map(
+    p: Parameters | Scene,
+    x: tuple[str, Any],
+    y: tuple[str, Any],
+    *,
+    pendulum: Pendulum | None = None,
+    start: Any = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> DesignMap:
+    """The motion of every design on a grid of two parameters, or of two quantities of a scene.
+
+    Without a `start` the answer is the largest attracting motion among the symmetric period-one orbits
+    and rest, each known in closed form (some 15 µs a design and core). Its status is
+
+    - rocking: that orbit attracts; the block may rest or rock less as well, from another start;
+    - near_fold, grazing: the same, but the orbit is about to be lost;
+    - rest: no such orbit attracts, and a block at rest stays at rest; amplitude zero, and the stroke
+      is that of the bob under the resting block;
+    - unstable: there are orbits, but all repel, and rest does not hold: the block does something else,
+      which a start tells. Amplitude and stroke are those of the largest;
+    - no_orbit: there is none, and rest does not hold; NaN.
+
+    With a `start` every design is followed from it by events (some 0.6 ms a design) until the motion
+    repeats itself: rocking, sticking, rest, overturned (infinite), not_settled (also what would be
+    aperiodic: `steady_state` tells these two apart), event_bound or failed, as in `steady_state`. Where
+    that is a symmetric period-one orbit its exact sizes are given; see `DesignMap.exact`.
+
+    Args:
+        p: dimensionless parameters, or a scene; what it has of the two names is not used.
+        x: a name, as for `tpd.sweep`, and its values, shape (nx,), increasing. A name in SI units can be
+            combined with a parameter that it does not move; the other parameters are held then.
+        y: the same of the other axis, shape (ny,).
+        pendulum: in the scene; default none.
+        start: (phi, psi, phi', psi') at tau = 0 in rad and rad per unit tau; zeros are from rest.
+        progress: called with (designs done, of how many).
+
+    Raises:
+        ValueError: unknown names or two that move the same, batched parameters, or values that do not
+            increase or lie outside their range.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    setup = Setup.of(p, pendulum)
+    (x_name, xs), (y_name, ys) = _line(setup, "x", x), _line(setup, "y", y)
+    _check_together(setup, {x_name: xs, y_name: ys})
+    wide, high = np.meshgrid(xs, ys)
+    varied = {x_name: wide.ravel(), y_name: high.ravel()}
+    designs = parameters([jnp.broadcast_to(jnp.asarray(v), wide.size) for v in setup.vector(varied)])
+    y0 = None if start is None else _state(start)
+    orbits = in_chunks(symmetric_orbits, designs, progress=progress if y0 is None else None)
+    still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
+    if y0 is None:
+        answer = _largest(orbits, still["margin"], still["stroke"])
+    else:
+        answer = _followed(designs, orbits, still["stroke"], y0, progress)
+    shaped = {n: v.reshape(wide.shape) for n, v in answer.items()}
+    return DesignMap(
+        x_name=x_name,
+        x=xs,
+        y_name=y_name,
+        y=ys,
+        start=None if y0 is None else tuple(map(float, y0)),
+        margin=still["margin"].reshape(wide.shape),
+        overflow=np.asarray(orbits.overflow).reshape(wide.shape),
+        **shaped,
+    )
+
+
+def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.ndarray]:
+    """The name and values of one axis, checked."""
+    name, values = axis[0], np.asarray(axis[1], dtype=float)
+    if values.ndim != 1 or len(values) < 2 or not (np.isfinite(values).all() and np.all(np.diff(values) > 0)):
+        raise ValueError(
+            f"the values of `{argument}` must be two or more finite numbers that increase, but are not"
+        )
+    setup.check_name(argument, name)
+    for value in (values[0], values[-1]):
+        setup.check_sign(name, float(value))
+    return name, values
+
+
+def _check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
+    """`ValueError` for two axes that move the same, or corners of the grid that are out of range."""
+    if len(lines) < 2:
+        raise ValueError(f"`x` and `y` must differ, but both are {next(iter(lines))!r}")
+    for name, other in (tuple(lines), tuple(lines)[::-1]):
+        if other in NAMES and other in setup.moved(name):
+            raise ValueError(f"`x` and `y` must not both move {other}, but {name!r} does so as well")
+    (x, xs), (y, ys) = lines.items()
+    for corner in ((i, j) for i in (0, -1) for j in (0, -1)):
+        setup.at({x: float(xs[corner[0]]), y: float(ys[corner[1]])})
+
+
+def _state(start: Any) -> np.ndarray:
+    y0 = np.asarray(start, dtype=float)
+    if y0.shape != (4,) or not np.isfinite(y0).all():
+        raise ValueError(f"`start` must be four finite numbers (phi, psi, phi', psi'), but is {start!r}")
+    return y0
+
+
+def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str, np.ndarray]:
+    """The answers where no start is given."""
+    names = names_of(orbits.status)
+    resting = np.where(margin > 0.0, "rest", "no_orbit")[:, None]
+    names = np.concatenate([names, resting], axis=1)
+    amplitude = np.concatenate([orbits.amplitude, np.where(margin > 0.0, 0.0, np.nan)[:, None]], axis=1)
+    stroke = np.concatenate([orbits.stroke, np.where(margin > 0.0, reach, np.nan)[:, None]], axis=1)
+    place = np.select([names == n for n in _CHOICE], list(range(len(_CHOICE))), len(_CHOICE))
+    # The first of the smallest is the largest orbit of the best status.
+    best = np.argmin(place, axis=1)[:, None]
+    taken = {"amplitude": amplitude, "stroke": stroke, "status": names}
+    chosen = {n: np.take_along_axis(v, best, axis=1)[:, 0] for n, v in taken.items()}
+    return {**chosen, "exact": np.ones(len(margin), bool)}
+
+
+def _followed(
+    p: Parameters,
+    orbits: Orbits,
+    reach: np.ndarray,
+    y0: np.ndarray,
+    progress: Callable[[int, int], None] | None,
+) -> dict[str, np.ndarray]:
+    """The answers from a start; where a motion is on one of the orbits, that orbit's."""
+    n = len(np.asarray(p.nu))
+    settled = settle_all(p, np.tile(y0, (n, 1)), progress=progress)
+    names = names_of(settled.status)
+    amplitude = np.where(names == "overturned", math.inf, np.asarray(settled.amplitude))
+    stroke = np.where(names == "overturned", math.inf, np.asarray(settled.stroke))
+    # Undamped the bob rings for ever, and its reach depends on how the block came to rest.
+    stroke = np.where((names == "rest") & (np.asarray(p.zeta) > 0.0), reach, stroke)
+    scale = np.asarray(jax.vmap(scale_of)(p))
+    apart = np.abs(np.asarray(orbits.state) - np.asarray(settled.y)[:, None]) / scale[:, None]
+    apart = np.where(names_of(orbits.status) == "rocking", apart.max(axis=-1), np.inf)
+    nearest = np.argmin(apart, axis=1)
+    alike = (names == "rocking") & (np.asarray(settled.periods) == 1)
+    on = alike & (apart[np.arange(n), nearest] < _MATCH)
+    return {
+        "amplitude": np.where(on, orbits.amplitude[np.arange(n), nearest], amplitude),
+        "stroke": np.where(on, orbits.stroke[np.arange(n), nearest], stroke),
+        "status": names,
+        "exact": on | np.isin(names, ("rest", "overturned")),
+    }

@@ -1,0 +1,156 @@
+"""Amplitude and stroke against frequency: all branches of orbits, and what is settled into from rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.analysis.bifurcations import Bifurcation, bifurcations
+from tpd.analysis.steady_state import steady_state
+from tpd.analysis.sweep import Sweep, along
+from tpd.closed_form.harmonic_balance import uplift
+from tpd.core.parameters import Parameters, as_arrays
+from tpd.core.progress import Progress
+from tpd.core.quantities import Axis, parameters
+from tpd.core.scene import Pendulum, Scene
+from tpd.core.status import status_name
+
+_TOWARDS = np.geomspace(1e-5, 0.5, 12)
+"""Distances from a bifurcation, in spacings of the sweep, at which the branches are looked at as well:
+at a fold they turn round as a root does, which no even spacing would show."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Branches:
+    """All symmetric period-one orbits, and the resting block, over one frequency, parameter or quantity."""
+
+    sweep: Sweep
+    """The orbits; `sweep.line(i)` is one branch. Its values crowd towards the bifurcations."""
+    bifurcations: tuple[Bifurcation, ...]
+    """Where orbits fold, lose their symmetry, stick or graze, with what is known of each."""
+    margin: np.ndarray
+    """(n,), of `uplift` at the values of the sweep: where positive, a block at rest stays at rest."""
+    rest_stroke: np.ndarray
+    """(n,), the bob's largest angle under a resting block, rad."""
+    hung: bool
+    """Whether there is a pendulum; without one strokes are those of a bob too light to be felt."""
+
+    @property
+    def name(self) -> str:
+        """Of what varies."""
+        return self.sweep.name
+
+
+def branches(
+    p: Parameters | Scene,
+    name: str,
+    low: float,
+    high: float,
+    *,
+    pendulum: Pendulum | None = None,
+    samples: int = 400,
+) -> Branches:
+    """All branches of symmetric period-one orbits, stable and unstable, and what ends them.
+
+    `branches(scene, "frequency", 1.0, 5.0)` is the response at constant base amplitude, in Hz;
+    `branches(p, "xi", 1.0, 5.0)` that at constant base acceleration f. Orbits that lean, stick or
+    repeat after several periods are not among them: see `frequency_response`.
+
+    Args:
+        p: dimensionless parameters, or a scene; its value of `name` is not used.
+        name: of what varies, as for `tpd.sweep`.
+        low: lower end of its range.
+        high: upper end.
+        pendulum: in the scene; default none.
+        samples: values evenly spaced, 8 or more; some are added next to the bifurcations.
+
+    Raises:
+        ValueError: an unknown name, batched parameters, no interval, values out of range, or fewer
+            than 8 samples.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    found = tuple(bifurcations(p, name, low, high, samples=samples, pendulum=pendulum))
+    axis = Axis.of(p, name, pendulum)
+    near = (high - low) / (samples - 1) * np.concatenate([-_TOWARDS, _TOWARDS])
+    beside = [b.value + near for b in found]
+    grid = np.unique(np.concatenate([np.linspace(low, high, samples), *beside]))
+    grid = grid[(grid >= low) & (grid <= high)]
+    still = uplift(parameters(list(jnp.asarray(axis.at(grid).T))))
+    return Branches(
+        sweep=along(axis, grid),
+        bifurcations=found,
+        margin=np.asarray(still.margin),
+        rest_stroke=np.asarray(still.stroke),
+        hung=axis.setup.hung,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Response:
+    """One curve: arrays over frequency, or over what else varies."""
+
+    frequency: np.ndarray
+    """Hz, or values of what else varies."""
+    amplitude: np.ndarray
+    """Settled |phi| from rest, rad; infinite where the block overturns."""
+    stroke: np.ndarray
+    """Settled |psi|, rad."""
+    status: np.ndarray
+    """Names of the steady states' statuses."""
+
+
+def frequency_response(
+    scene: Scene,
+    pendulum: Pendulum | None,
+    frequencies: np.ndarray,
+    *,
+    progress: Progress | None = None,
+) -> Response:
+    """`settled_response` at each frequency (Hz) of the scene's base amplitude."""
+    return settled_response(scene, "frequency", frequencies, pendulum=pendulum, progress=progress)
+
+
+def settled_response(
+    p: Parameters | Scene,
+    name: str,
+    values: Any,
+    *,
+    pendulum: Pendulum | None = None,
+    progress: Progress | None = None,
+) -> Response:
+    """The motion that the block settles into from rest, over one parameter or quantity.
+
+    Each is polished by Newton's method and judged by its multipliers, as `steady_state` does, so that
+    amplitudes are exact: some 20 ms a value. For thousands of designs see `tpd.design_map`.
+
+    Args:
+        p: dimensionless parameters, or a scene; its value of `name` is not used.
+        name: of what varies, as for `tpd.sweep`.
+        values: shape (n,), in any order.
+        pendulum: in the scene; default none.
+        progress: called with ("responding", values done, of how many).
+
+    Raises:
+        ValueError: an unknown name, batched parameters, or a value out of range.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    axis, line = Axis.of(p, name, pendulum), np.atleast_1d(np.asarray(values, dtype=float))
+    axis.check(*line)
+    amplitude, stroke, status = [], [], []
+    for i, value in enumerate(line):
+        s = jax.block_until_ready(steady_state(as_arrays(axis.setup.at({name: float(value)}))))
+        amplitude.append(float(s.amplitude))
+        stroke.append(float(s.stroke))
+        status.append(status_name(s.status))
+        if progress is not None:
+            progress("responding", i + 1, len(line))
+    return Response(
+        frequency=line,
+        amplitude=np.array(amplitude),
+        stroke=np.array(stroke),
+        status=np.array(status, dtype=str),
+    )

@@ -1,0 +1,407 @@
+"""Steady states and trajectories, for every model alike, and their exact derivatives.
+
+A settled motion is a fixed point y* of the period map P. Newton's method on P finishes what
+following began, and the implicit function theorem gives dy*/dp = (I - DP)^-1 dP/dp, so a gradient
+costs a few periods however long the transient was. With nine parameters and four states against
+two answers over many steps, forward mode along those periods is the cheap one; what comes out is
+linear in the direction, hence usable in forward and in reverse mode. Where a multiplier reaches the
+unit circle it does not exist.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.core
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jax.lax import stop_gradient
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
+
+from tpd.core import checks
+from tpd.core.eigenvalues import GRAZING, NEAR_FOLD
+from tpd.core.parameters import Number, Parameters, State, as_arrays
+from tpd.core.status import Status, is_moving, is_settled
+from tpd.exact.derivatives import refused, refused_in, with_slopes
+from tpd.models.base import AbstractChoice, AbstractModel, Settled
+from tpd.models.piecewise import Piecewise
+from tpd.models.settling import scale_of
+
+_NEWTON_STEPS = 8
+"""Bound on the steps of Newton's method; three or four usually do."""
+_RESIDUAL = 1e-8
+"""Largest residual of the period map, in shares of the scales, of what is called an orbit."""
+_SYMMETRIC = 1e-6
+"""Largest difference between the tilts to either side, over the amplitude, of a symmetric motion."""
+_APERIODIC = 5e-3
+"""Lyapunov exponent, per unit tau, above which a motion that did not repeat is called aperiodic."""
+
+
+class Steady(eqx.Module):
+    """A steady state; angles in rad.
+
+    `amplitude` is the largest |phi| and `stroke` the largest |psi| over the settled period(s). They and
+    `state` are differentiable in every parameter when `status` is rocking, sticking or rest; elsewhere
+    their derivative is NaN and `status` says why. Stroke and state of a bob under a resting block have
+    none either if zeta = 0: the bob rings for ever, and its reach depends on how the block came to rest.
+    Nor has the stroke of a bob that hangs still, being at the corner of |psi|. The derivatives of
+    `multiplier` and `lyapunov` are always NaN. At mu = 0 the stroke is that of a bob too light to be felt.
+    An overturned block has infinite amplitude and stroke.
+    """
+
+    amplitude: Number
+    stroke: Number
+    status: Status
+    periods: Int[Array, "..."]
+    """Forcing periods in one period of the motion."""
+    multiplier: Number
+    """Largest modulus of the Floquet multipliers; below 1 the motion attracts. NaN of a motion that is
+    not periodic."""
+    symmetric: Bool[Array, "..."]
+    """Whether the motion is its own mirror image half a period of it later."""
+    lyapunov: Number
+    """Rate, per unit tau, at which neighbouring motions separate (negative: approach). Of a periodic
+    motion exact; of one that does not repeat an estimate; NaN where neither applies."""
+    state: Float[Array, "... 4"]
+    """(phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
+    elapsed: Int[Array, "..."]
+    """Forcing periods followed before the repetition was recognised."""
+    estimate: Number = math.nan
+    """Of a model that `Auto` chose: estimated relative error of the amplitude."""
+    rung: str = eqx.field(static=True, default="")
+    """The model that `Auto` chose."""
+    reason: str = eqx.field(static=True, default="")
+    """Why, in a sentence."""
+
+
+class Trajectory(eqx.Module):
+    """States over dimensionless time: `ys` has shape (times, 4), order phi, psi, phi', psi'."""
+
+    times: Float[Array, "times"]
+    ys: Float[Array, "times 4"]
+    status: Status
+
+
+def at_rest() -> State:
+    """The default start: block and bob at rest, at tau = 0."""
+    return jnp.zeros(4)
+
+
+def steady_state(
+    p: Parameters,
+    *,
+    model: AbstractModel | AbstractChoice | None = None,
+    y0: ArrayLike | None = None,
+    throw: bool = False,
+) -> Steady:
+    """The motion that the block settles into from a stated start.
+
+    Args:
+        p: dimensionless parameters; gradients with respect to them are exact.
+        model: `Piecewise()`, the exact solution of the linear equations (default), `Smoothed()`,
+            `Segmented()`, or `Auto()`, which chooses.
+        y0: start (phi, psi, phi', psi') in rad and rad per unit tau, at tau = 0; default at rest.
+        throw: raise an error where the status is not rocking, sticking or rest.
+
+    Raises:
+        ValueError: bad input, or a parameter that the model has no term for.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    model = Piecewise() if model is None else model
+    checks.require_x64()
+    start = at_rest() if y0 is None else _state(y0)
+    if isinstance(model, AbstractChoice):
+        steady = model.steady(p, start)
+    else:
+        model.check(p)
+        steady = _steady_state(as_arrays(p), model, start)
+    if throw:
+        settled = is_settled(steady.status)
+        steady = eqx.tree_at(
+            lambda s: s.amplitude, steady, steady.status.error_if(steady.amplitude, ~settled)
+        )
+    return steady
+
+
+def simulate(
+    p: Parameters, y0: ArrayLike, times: ArrayLike, *, model: AbstractModel | None = None
+) -> Trajectory:
+    """The motion from `y0` at `times[0]`, at increasing dimensionless `times`, shape (n,).
+
+    After an overturning the exact model's states and their derivatives are NaN, and the status says so.
+    Derivatives in p and y0 are exact in both modes, those in `times` in forward mode only.
+
+    Raises:
+        ValueError: bad input, or a parameter that the model has no term for.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    model = Piecewise() if model is None else model
+    checks.require_x64()
+    model.check(p)
+    clock = jnp.asarray(times, dtype=jnp.float64)
+    if clock.ndim != 1 or clock.shape[0] < 2:
+        raise ValueError(f"`times` must be a vector of two or more, but has shape {clock.shape}")
+    sound = jnp.all(jnp.isfinite(clock)) & jnp.all(jnp.diff(clock) > 0)
+    if not isinstance(clock, jax.core.Tracer) and not bool(sound):
+        raise ValueError("`times` must increase and be finite, but do not")
+    ys, status = _trajectory(as_arrays(p), model, _state(y0), clock)
+    ys = refused(ys, jnp.isfinite(ys))
+    return Trajectory(clock, ys, status)
+
+
+def sampled(p: Parameters, periods: int = 24, per_period: int = 60) -> Float[Array, "times"]:
+    """Times tau over the first forcing periods, fine enough to draw."""
+    return jnp.linspace(0.0, 1.0, per_period * periods + 1) * periods * p.period
+
+
+def _state(y0: ArrayLike) -> State:
+    y = jnp.asarray(y0, dtype=jnp.float64)
+    if y.shape != (4,):
+        raise ValueError(f"`y0` must be (phi, psi, phi', psi'), but has shape {y.shape}")
+    return y
+
+
+@eqx.filter_jit
+def _trajectory(p: Parameters, model: AbstractModel, y0: State, times: Array) -> tuple[Array, Status]:
+    return _followed(p, y0, times, model=model)
+
+
+@eqx.filter_custom_jvp
+def _followed(p: Parameters, y0: State, times: Array, *, model: AbstractModel) -> tuple[Array, Status]:
+    return model.trajectory(p, y0, times)
+
+
+@_followed.def_jvp
+def _followed_jvp(primals: tuple, tangents: tuple, *, model: AbstractModel) -> tuple:
+    """All derivatives of one run with respect to parameters and start, so that what comes out is
+    linear in the direction and can be transposed. That in the times is for forward mode only."""
+    p, y0, times = primals
+    x, unflatten = ravel_pytree((p, y0))
+
+    def run(x: Float[Array, "n"]) -> tuple[Array, Status]:
+        p, y0 = unflatten(x)
+        return model.trajectory(p, y0, times)
+
+    def push(direction: Float[Array, "n"]) -> tuple[Array, Array, Status]:
+        return jax.jvp(run, (x,), (direction,), has_aux=True)
+
+    ys, slopes, status = jax.vmap(push, out_axes=(None, -1, None))(jnp.eye(x.size))
+    moved = jax.tree.map(_or_zero, tangents[:2], (p, y0), is_leaf=lambda leaf: leaf is None)
+    out = slopes @ ravel_pytree(moved)[0]
+    if tangents[2] is not None:
+        out = out + jax.jvp(lambda t: model.trajectory(p, y0, t)[0], (times,), (tangents[2],))[1]
+    return (ys, status), (out, jax.tree.map(lambda _: None, status))
+
+
+def _or_zero(tangent: Array | None, primal: Any) -> Any:
+    return jax.tree.map(jnp.zeros_like, primal) if tangent is None else tangent
+
+
+def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
+    steady, slopes = _solved(stop_gradient(p), model, stop_gradient(y0))
+    if all(checks.is_concrete(x) for x in jax.tree.leaves(p)):
+        return steady
+    # Not in what is compiled, so that the first gradient after a value has nothing to compile.
+    sizes = jnp.stack([steady.amplitude, steady.stroke])
+    answer = with_slopes(ravel_pytree(p)[0], jnp.concatenate([sizes, steady.state]), slopes)
+    rates = (refused_in(p, jnp.asarray(rate)) for rate in (steady.multiplier, steady.lyapunov))
+    return eqx.tree_at(
+        lambda s: (s.amplitude, s.stroke, s.state, s.multiplier, s.lyapunov),
+        steady,
+        (answer[0], answer[1], answer[2:], *rates),
+    )
+
+
+@eqx.filter_jit
+def _solved(p: Parameters, model: AbstractModel, y0: State) -> tuple[Steady, Float[Array, "6 n"]]:
+    """The steady state, and the slopes of amplitude, stroke and state: NaN where there are none."""
+    flat, unflatten = ravel_pytree(p)
+    sane = jnp.all(jnp.isfinite(flat)) & jnp.all(jnp.isfinite(y0))
+    # A solver fed with NaN would try until its bound; it gets something harmless instead.
+    fixed = unflatten(jnp.where(sane, flat, 1.0))
+    settled = model.settle(fixed, jnp.where(sane, y0, 0.0))
+    settled = eqx.tree_at(lambda s: s.status, settled, Status.where(sane, settled.status, Status.failed))
+    return answered(fixed, model, settled)
+
+
+def answered(fixed: Parameters, model: AbstractModel, settled: Settled) -> tuple[Steady, Float[Array, "6 n"]]:
+    """What is said of a motion that has been followed, and the slopes of amplitude, stroke and state in the
+    leaves of `fixed`: NaN where there are none."""
+    orbit, separation = _finish(fixed, model, settled)
+    multiplier, to_fold = _multipliers(fixed, orbit.by_state[:4])
+    status = _verdict(settled, orbit, multiplier, to_fold, separation, model.resolution(fixed))
+    # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
+    # unless it has more steps than that may take.
+    cut_short = (settled.status == Status.rest) & (fixed.zeta > 0.0) & ~jnp.isfinite(orbit.residual)
+    status = Status.where(cut_short, Status.event_bound, status)
+    sizes, slopes = _answers(fixed, settled, orbit, status, multiplier)
+    periodic = is_settled(status) | (status == Status.unstable)
+    periods, duration = settled.periods, settled.periods * fixed.period
+    lyapunov = jnp.where(periodic, jnp.log(multiplier) / duration, separation)
+    symmetric = periodic & (periods % 2 == 1) & (orbit.lean < _SYMMETRIC)
+    followed = periodic | (status == Status.near_fold) | (status == Status.grazing)
+    multiplier = jnp.where(followed, multiplier, jnp.nan)
+    steady = Steady(
+        sizes[0], sizes[1], status, periods, multiplier, symmetric, lyapunov, orbit.y, settled.elapsed
+    )
+    return steady, slopes
+
+
+def _answers(
+    fixed: Parameters, settled: Settled, orbit: _Orbit, status: Status, multiplier: Number
+) -> tuple[Float[Array, "2"], Float[Array, "6 n"]]:
+    """(amplitude, stroke), and the slopes of these and the state where they exist."""
+    # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
+    ringing = (status == Status.rest) & (fixed.zeta == 0.0)
+    isolated = is_settled(status) & (multiplier < 1.0) & ~ringing
+    last = jnp.where(status == Status.failed, jnp.nan, jnp.stack([settled.amplitude, settled.stroke]))
+    sizes, slopes = _implicit(orbit)
+    followed = (status == Status.unstable) | (status == Status.near_fold) | (status == Status.grazing)
+    last = jnp.where(followed | (status == Status.aperiodic), orbit.sizes, last)
+    sizes = jnp.where(isolated, sizes, jnp.where(status == Status.overturned, jnp.inf, last))
+    slopes = jnp.where(isolated, slopes, jnp.nan)
+    rests = status == Status.rest
+    sizes = sizes.at[0].set(jnp.where(rests, 0.0, sizes[0]))
+    slopes = slopes.at[0].set(jnp.where(rests, 0.0, slopes[0]))
+    # The stroke of a bob that hangs still is at the corner of |psi|.
+    slopes = slopes.at[1].set(jnp.where(rests & (sizes[1] == 0.0), jnp.nan, slopes[1]))
+    return sizes, slopes
+
+
+class _Orbit(eqx.Module):
+    """A (nearly) periodic orbit with the derivatives of one run along it."""
+
+    y: State
+    residual: Number
+    end: State
+    sizes: Float[Array, "2"]
+    """Amplitude and stroke; of a motion that did not repeat the largest met so far."""
+    by_parameter: Float[Array, "6 n"]
+    """d(end, sizes)/dp at a fixed start."""
+    by_state: Float[Array, "6 4"]
+    """d(end, sizes)/dy at fixed parameters."""
+    gentlest: Number
+    """See `Cycle`."""
+    lean: Number
+    """See `Cycle`."""
+
+
+class _Walk(NamedTuple):
+    """Newton's method on its way to a periodic orbit; or, of a motion that did not repeat, the
+    motion itself and how its neighbours part from it."""
+
+    y: State
+    memory: Any
+    best: _Orbit
+    direction: State
+    parted: Number
+    steps: Int[Array, ""]
+
+
+def _finish(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[_Orbit, Number]:
+    """The periodic orbit near where following the motion ended. For a motion that did not repeat,
+    its largest Lyapunov exponent (else NaN) instead."""
+    along = _linearised(p, model, settled)
+    repeats = settled.status != Status.not_settled
+    # There is nothing to be said of a motion that is lost.
+    worthwhile = is_settled(settled.status) | ~repeats
+    scale = jnp.where(jnp.isfinite(scale_of(p)), scale_of(p), 1e300)
+    nothing = jax.tree.map(
+        lambda s: jnp.full(s.shape, jnp.inf, s.dtype), jax.eval_shape(along, settled.y, settled.memory)[0]
+    )
+
+    def going(w: _Walk) -> Array:
+        newton = (w.steps < _NEWTON_STEPS) & (w.best.residual > model.round_off)
+        return worthwhile & jnp.where(repeats, newton, w.steps < model.lyapunov_periods)
+
+    def step(w: _Walk) -> _Walk:
+        orbit, memory = along(w.y, w.memory)
+        sizes = jnp.where(repeats, orbit.sizes, jnp.maximum(orbit.sizes, w.best.sizes))
+        orbit = eqx.tree_at(lambda o: o.sizes, orbit, sizes)
+        move = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], orbit.end - w.y)
+        better = orbit.residual < w.best.residual
+        best = jax.tree.map(lambda a, b: jnp.where(better | ~repeats, a, b), orbit, w.best)
+        newton = jnp.where(jnp.all(jnp.isfinite(move)), w.y + move, w.y)
+        onward = orbit.by_state[:4] @ w.direction
+        size = jnp.sqrt(jnp.sum((onward / scale) ** 2)) + 1e-300
+        count = jnp.where(better | ~repeats, w.steps + 1, _NEWTON_STEPS)
+        memory = jax.tree.map(lambda a, b: jnp.where(repeats, a, b), w.memory, memory)
+        y = jnp.where(repeats, newton, orbit.end)
+        return _Walk(y, memory, best, onward / size, w.parted + jnp.log(size), count)
+
+    sizes = jnp.stack([settled.amplitude, settled.stroke])
+    none = eqx.tree_at(lambda o: (o.y, o.sizes), nothing, (settled.y, sizes))
+    zero = jnp.zeros(())
+    first = _Walk(settled.y, settled.memory, none, 0.5 * scale, zero, jnp.zeros((), int))
+    walk = jax.lax.while_loop(going, step, first)
+    measured = ~repeats & (walk.steps > 1)
+    exponent = walk.parted / (jnp.maximum(walk.steps, 1) * p.period)
+    return walk.best, jnp.where(measured, exponent, jnp.nan)
+
+
+def _linearised(
+    p: Parameters, model: AbstractModel, settled: Settled
+) -> Callable[[State, Any], tuple[_Orbit, Any]]:
+    """A function that runs the motion's periods from a state, with all derivatives."""
+    flat, unflatten = ravel_pytree(p)
+    size, scale = flat.size, scale_of(p, bob=jnp.asarray((p.mu > 0) | (p.zeta > 0)))
+
+    def along(y: State, memory: Any) -> tuple[_Orbit, Any]:
+        x = jnp.concatenate([flat, y])
+        now = eqx.tree_at(lambda s: s.memory, settled, memory, is_leaf=lambda leaf: leaf is None)
+
+        def run(x: Float[Array, "n"]) -> tuple[Float[Array, "6"], tuple]:
+            cycle = model.cycle(unflatten(x[:size]), now, x[size:])
+            sizes = jnp.stack([cycle.amplitude, cycle.stroke])
+            return jnp.concatenate([cycle.end, sizes]), (cycle.gentlest, cycle.lean, cycle.memory)
+
+        def push(direction: Float[Array, "n"]) -> tuple[Array, Array, tuple]:
+            return jax.jvp(run, (x,), (direction,), has_aux=True)
+
+        out, columns, (gentlest, lean, memory) = jax.vmap(push, out_axes=(None, 1, None))(jnp.eye(x.size))
+        residual = jnp.max(jnp.abs(out[:4] - y) / scale)
+        by_parameter, by_state = columns[:, :size], columns[:, size:]
+        return _Orbit(y, residual, out[:4], out[4:], by_parameter, by_state, gentlest, lean), memory
+
+    return along
+
+
+def _multipliers(p: Parameters, jacobian: Float[Array, "4 4"]) -> tuple[Number, Number]:
+    """The largest modulus of the Floquet multipliers that the block can feel (all, unless mu = 0), and
+    the least distance of one from +1."""
+    block = jnp.array([1.0, 0.0, 1.0, 0.0])
+    felt = jnp.where(p.mu > 0, jacobian, jacobian * jnp.outer(block, block))
+    finite = jnp.all(jnp.isfinite(felt))
+    values = jnp.linalg.eigvals(jnp.where(finite, felt, 0.0))
+    return jnp.where(finite, jnp.max(jnp.abs(values)), jnp.inf), jnp.min(jnp.abs(1.0 - values))
+
+
+def _verdict(
+    settled: Settled,
+    orbit: _Orbit,
+    multiplier: Number,
+    to_fold: Number,
+    separation: Number,
+    resolution: Number,
+) -> Status:
+    moving = is_moving(settled.status)
+    status = Status.where(moving & (multiplier > 1.0), Status.unstable, settled.status)
+    status = Status.where(moving & (orbit.gentlest < GRAZING), Status.grazing, status)
+    status = Status.where(moving & (to_fold < 2.0 * NEAR_FOLD), Status.near_fold, status)
+    status = Status.where(moving & ~(orbit.residual < _RESIDUAL), Status.not_settled, status)
+    status = Status.where(separation > _APERIODIC, Status.aperiodic, status)
+    return Status.where(moving & (orbit.sizes[0] < resolution), Status.rest, status)
+
+
+def _implicit(orbit: _Orbit) -> tuple[Float[Array, "2"], Float[Array, "6 n"]]:
+    """(amplitude, stroke) after one more Newton step, and the derivatives of (amplitude, stroke, state)
+    with the orbit following its parameters."""
+    right = jnp.concatenate([(orbit.end - orbit.y)[:, None], orbit.by_parameter[:4]], axis=1)
+    follow = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], right)
+    moves = orbit.by_state[4:] @ follow
+    slopes = jnp.concatenate([orbit.by_parameter[4:] + moves[:, 1:], follow[:, 1:]])
+    return orbit.sizes + moves[:, 0], slopes

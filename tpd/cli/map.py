@@ -1,0 +1,104 @@
+"""`tpd map`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from tpd.cli import common
+
+if TYPE_CHECKING:
+    from tpd.analysis.design_map import DesignMap
+
+_MOST_POINTS = 2000.0
+"""Along each axis: four million designs take a minute, and a gigabyte of memory."""
+
+
+def add(commands: Any) -> None:
+    """The command's grammar."""
+    mapping = commands.add_parser(
+        "map",
+        help="amplitude, stroke, status and uplift over any two parameters",
+        description="Solve every design on a grid of two names: dimensionless parameters (nu, mu, lam, zeta, "
+        "k, f, xi, e, rho) or, in SI units, width, height, mass, friction, restitution, amplitude, "
+        "frequency, pendulum-mass, pendulum-length and pendulum-damping. Shown is the largest attracting "
+        "symmetric period-one orbit, or rest; with --from-rest what is settled into from rest. Exit status: "
+        "0 done, 2 bad input, 130 interrupted.",
+    )
+    common.add_scene(mapping)
+    common.add_pendulum(mapping)
+    for axis in ("x", "y"):
+        mapping.add_argument(
+            f"--{axis}", nargs=3, required=True, metavar=("NAME", "LO", "HI"), help=f"the {axis} axis"
+        )
+    mapping.add_argument("--points", type=int, default=200, metavar="N", help="along each axis (default 200)")
+    mapping.add_argument(
+        "--from-rest", action="store_true", help="follow every design from rest: forty times slower"
+    )
+    common.add_out(mapping, "tpd-map")
+    mapping.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Solve the grid, write it and count the statuses."""
+    common.use_64_bits()
+    import numpy as np
+
+    from tpd.analysis.design_map import design_map
+    from tpd.core import checks, files
+
+    scene = common.scene(options)
+    checks.count("--points", options.points, least=2)
+    checks.within("--points", options.points, 2.0, _MOST_POINTS)
+    x, y = (_axis(flag, given) for flag, given in (("--x", options.x), ("--y", options.y)))
+    hung = common.pendulum(options, scene, (x[0], y[0]))
+    files.claim(options.out, overwrite=options.overwrite)
+    with common.Bar() as bar:
+        bar("mapping", 0, options.points**2)
+        m = design_map(
+            scene,
+            (x[0], np.linspace(x[1], x[2], options.points)),
+            (y[0], np.linspace(y[1], y[2], options.points)),
+            pendulum=hung,
+            start=np.zeros(4) if options.from_rest else None,
+            progress=partial(bar, "mapping"),
+        )
+    print("\n".join(f"{count:8} {status.replace('_', ' ')}" for status, count in m.counts.items()))
+    if not options.from_rest:
+        print("motions that repeat; whether the block reaches one, or overturns, --from-rest says")
+    for path, content in _files(m, common.inputs(scene, hung)):
+        print(f"written: {files.place(options.out / path, content)}")
+    return common.SOUND
+
+
+def _axis(flag: str, given: list[str]) -> tuple[str, float, float]:
+    """Name and bounds of an axis."""
+    try:
+        low, high = (float(v) for v in given[1:])
+    except ValueError:
+        raise ValueError(f"`{flag}` must be a name and two numbers, but is {' '.join(given)}") from None
+    if not low < high:
+        raise ValueError(f"`{flag}` must go up, but goes from {low:g} to {high:g}")
+    return given[0].replace("-", "_"), low, high
+
+
+def _files(m: DesignMap, inputs: dict[str, Any]) -> Iterator[tuple[str, str | bytes]]:
+    import numpy as np
+
+    from tpd.core import files
+    from tpd.plot import style as canvas
+    from tpd.plot.design_map import plot_map
+
+    wide, high = np.meshgrid(m.x, m.y)
+    columns = (wide, high, m.status, m.amplitude, m.stroke, m.margin, m.exact, m.overflow)
+    header = ("status", "amplitude_rad", "stroke_rad", "uplift_margin", "exact", "overflow")
+    rows = zip(*(c.ravel().tolist() for c in columns), strict=True)
+    yield "map.csv", files.as_csv((m.x_name, m.y_name, *header), rows)
+    axes = {"x": (m.x_name, *m.x[[0, -1]].tolist()), "y": (m.y_name, *m.y[[0, -1]].tolist())}
+    # What varies replaces what the scene and the pendulum have of it.
+    content = {**inputs, "varied": axes, "points": len(m.x), "start": m.start, "statuses": m.counts}
+    yield "map.json", files.as_json(content)
+    for quantity in ("amplitude", "stroke", "margin"):
+        yield f"{quantity}.png", canvas.png(plot_map(m, quantity).figure)

@@ -1,0 +1,1 @@
+"""Closed forms: harmonic balance, uplift, free rocking, equivalent friction, the paper's own formulas."""

@@ -1,0 +1,1 @@
+"""Foundations: scene, parameters, conditions, equations, statuses, batches."""

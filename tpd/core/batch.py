@@ -1,0 +1,114 @@
+"""Large batches: in chunks that fit the processor's cache, on all cores, in bounded memory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import lru_cache
+from threading import Lock
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.core import checks, threads
+
+CHUNK = 256
+"""Designs computed at once. Some hundred arrays of this length are alive at a time, about one
+megabyte: more designs at once are no faster, since they leave the cache."""
+
+_CALLED: set[tuple[Callable[[Any], Any], int]] = set()
+"""Functions that have been compiled, with their chunk sizes."""
+
+
+def in_chunks(
+    function: Callable[[Any], Any],
+    batch: Any,
+    *,
+    chunk: int = CHUNK,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Any:
+    """`function` of every element of `batch`: `jit(vmap(function))`, but in chunks and on all cores.
+
+    Args:
+        function: of one element (a pytree of arrays without the leading axis), pure as for `jit`.
+            Compiled once per function object and chunk size; keep the object to keep the code.
+        batch: a pytree of arrays that share their leading axis, of any length above zero; single
+            numbers belong to every element.
+        chunk: elements per chunk. Memory beyond inputs and results is proportional to
+            `chunk * workers`, not to the length of the batch.
+        workers: threads; default the number of cores.
+        progress: called with (elements done, of how many) after each chunk.
+
+    Returns:
+        The same pytree as `vmap(function)` would give, with NumPy arrays for leaves.
+
+    Raises:
+        ValueError: an empty batch, leaves of different lengths, or a chunk or workers below one.
+    """
+    part_of, length = _parts(batch, chunk)
+    compiled = _compiled(function)
+    if workers is not None:
+        checks.count("workers", workers)
+    cores = (os.cpu_count() or 1) if workers is None else workers
+
+    def run(begin: int) -> int:
+        out = compiled(part_of(begin))
+        results, structure = jax.tree.flatten(out)
+        with lock:
+            if not wholes:
+                wholes.extend(np.empty((length, *x.shape[1:]), x.dtype) for x in results)
+                structures.append(structure)
+        end = min(begin + chunk, length)
+        for whole, part in zip(wholes, results, strict=True):
+            whole[begin:end] = np.asarray(part)[: end - begin]
+        return end - begin
+
+    wholes: list[np.ndarray] = []
+    structures: list[Any] = []
+    lock, done, first = Lock(), 0, 0
+    if (function, chunk) not in _CALLED:
+        # Two threads that both come first would both compile.
+        done = first = run(0)
+        _CALLED.add((function, chunk))
+    with threads.cores(cores) as pool:
+        for count in pool.map(run, range(first, length, chunk)):
+            done += count
+            if progress is not None:
+                progress(done, length)
+    return jax.tree.unflatten(structures[0], wholes)
+
+
+def trace(function: Callable[[Any], Any], batch: Any, *, chunk: int = CHUNK) -> None:
+    """Trace `function` as `in_chunks` will call it: then its first call has only to compile, which leaves
+    Python to other threads."""
+    if (function, chunk) not in _CALLED:
+        _compiled(function).lower(_parts(batch, chunk)[0](0))
+
+
+def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
+    """The chunk from some element on, filled up with the last one, and how many elements there are."""
+    leaves, treedef = jax.tree.flatten(batch)
+    arrays = [np.asarray(x) for x in leaves]
+    lengths = {x.shape[0] for x in arrays if x.ndim}
+    if len(lengths) != 1 or 0 in lengths:
+        raise ValueError(
+            f"`batch` must be arrays of one length above zero, but has lengths {sorted(lengths)}"
+        )
+    checks.count("chunk", chunk)
+    (length,) = lengths
+    arrays = [x if x.ndim else np.broadcast_to(x, length) for x in arrays]
+
+    def part_of(begin: int) -> Any:
+        index = np.minimum(np.arange(begin, begin + chunk), length - 1)
+        return jax.tree.unflatten(treedef, [jnp.asarray(x[index]) for x in arrays])
+
+    return part_of, length
+
+
+@lru_cache(maxsize=32)
+def _compiled(function: Callable[[Any], Any]) -> Any:
+    return eqx.filter_jit(jax.vmap(function))

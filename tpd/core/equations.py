@@ -1,0 +1,212 @@
+"""The equations of block and pendulum: the paper's (25) with its misprints corrected, and its (4).
+
+With s the sign of the tilt phi, sigma that of its rate, and primes d/dtau:
+
+    [1 + mu rho (4 + nu^2)] phi'' - 2 mu rho lam psi'' - (1 + 2 mu) phi + mu lam c_p (phi' - psi')
+        = -s (1 + mu) nu - sigma k - f (1 + 2 mu) sin(xi tau)
+    -2 rho phi'' + lam rho psi'' + psi + c_p (psi' - phi') = f sin(xi tau)
+
+`Linear` holds these coefficients, and everything that solves (25) is built from it. `Equations` has
+them as a vector field, with the parametric term if asked for, or (4), from which (25) follows for small
+angles: with S = s nu sin(phi - psi) + 2 cos(phi - psi) and C = s nu cos(phi - psi) - 2 sin(phi - psi),
+
+    [1 + mu rho (4 + nu^2)] phi'' - mu rho lam S psi'' + mu rho lam C psi'^2
+        + f [s (1 + mu) nu sin phi + (1 + 2 mu) cos phi] sin(xi tau) + s (1 + mu) nu cos phi
+        - (1 + 2 mu) sin phi + sigma k + mu lam c_p (phi' - psi') = 0
+    -rho S phi'' + lam rho psi'' - rho C phi'^2 - f cos psi sin(xi tau) + sin psi + c_p (psi' - phi') = 0
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from tpd.core.parameters import Number, Numbers, Parameters, State
+
+
+class Linear(eqx.Module):
+    """Coefficients of the linear equations (25): M q'' + C q' + K q = moments, q = (phi, psi)."""
+
+    m11: Number
+    m12: Number
+    m21: Number
+    m22: Number
+    determinant: Number
+    c1: Number
+    c2: Number
+    tilt: Number
+    weight: Number
+    friction: Number
+    f: Number
+    xi: Number
+    bias: Number
+
+    def __init__(self, p: Parameters) -> None:
+        rho, c = p.inertia_ratio, p.hinge
+        self.m11 = 1.0 + p.mu * rho * (4.0 + p.nu**2)
+        self.m12 = -2.0 * p.mu * rho * p.lam
+        self.m21 = -2.0 * rho
+        self.m22 = p.lam * rho
+        self.determinant = self.m22 * (1.0 + p.mu * rho * p.nu**2)
+        self.c1 = p.mu * p.lam * c
+        self.c2 = c
+        self.tilt = 1.0 + 2.0 * p.mu
+        self.weight = (1.0 + p.mu) * p.nu
+        self.friction = p.k
+        self.f = p.f
+        self.xi = p.xi
+        self.bias = p.mu * c * (p.lam - 2.0)
+
+    @property
+    def mass(self) -> Float[Array, "2 2"]:
+        """The mass matrix M."""
+        return jnp.array([[self.m11, self.m12], [self.m21, self.m22]])
+
+    @property
+    def damping(self) -> Float[Array, "2 2"]:
+        """The damping matrix C of the hinge."""
+        return jnp.array([[self.c1, -self.c1], [-self.c2, self.c2]])
+
+    @property
+    def stiffness(self) -> Float[Array, "2 2"]:
+        """The stiffness matrix K: the inverted block, and the bob's weight."""
+        return jnp.array([[-self.tilt, 0.0], [0.0, 1.0]])
+
+    def rates(self, y: State, step: Number, drag: Number, sine: Number) -> State:
+        """d/dtau of the state (phi, psi, phi', psi').
+
+        `step` stands for sgn(phi), `drag` for sgn(phi'), `sine` for sin(xi tau); each may be
+        smoothed, zero (the free system), or a constant sign.
+        """
+        phi, psi, dphi, dpsi = y
+        slip = dphi - dpsi
+        r1 = -step * self.weight - drag * self.friction - self.f * self.tilt * sine
+        r1 = r1 + self.tilt * phi - self.c1 * slip
+        r2 = self.f * sine - psi + self.c2 * slip
+        ddphi = (self.m22 * r1 - self.m12 * r2) / self.determinant
+        ddpsi = (self.m11 * r2 - self.m21 * r1) / self.determinant
+        return jnp.stack([dphi, dpsi, ddphi, ddpsi])
+
+    def holding_moment(self, y: State | Numbers, sine: Number) -> Number:
+        """R, the moment on a block held still (phi' = 0); it stays held while friction and
+        weight can balance it."""
+        phi, psi, _, dpsi = y
+        return self.tilt * phi - self.f * sine - (self.tilt - 1.0) * psi + self.bias * dpsi
+
+    @property
+    def beyond_return(self) -> Number:
+        """A tilt from which neither friction, forcing nor bob brings the linear block back: ten
+        times that at which weight, friction and forcing balance."""
+        return 10.0 * (self.weight + self.friction + self.f * self.tilt) / self.tilt
+
+    def energy(self, y: State, mass_ratio: Number, length_ratio: Number) -> Number:
+        """The energy of the linear model without forcing, conserved when k = zeta = f = 0, e = 1."""
+        phi, psi, dphi, dpsi = y
+        bob = mass_ratio * length_ratio
+        kinetic = self.m11 * dphi**2 + 2.0 * self.m12 * dphi * dpsi + bob * self.m22 * dpsi**2
+        potential = -self.tilt * phi**2 + bob * psi**2
+        return 0.5 * (kinetic + potential) + self.weight * jnp.abs(phi)
+
+
+class Terms(enum.StrEnum):
+    """Which terms of the equations of motion (4) are kept."""
+
+    linear = "linear"
+    """(25) without its parametric term: what has an exact solution."""
+    parametric = "parametric"
+    """(25) with s f (1 + mu) nu phi sin(xi tau) on the left, of second order in the angles."""
+    nonlinear = "nonlinear"
+    """All of them."""
+
+
+class Equations(eqx.Module):
+    """The moments on block and bob, for models that integrate."""
+
+    linear: Linear
+    p: Parameters
+    rho: Number
+    terms: Terms = eqx.field(static=True)
+
+    def __init__(self, p: Parameters, terms: Terms) -> None:
+        self.linear, self.p, self.rho, self.terms = Linear(p), p, p.inertia_ratio, terms
+
+    def rates(self, y: State, step: Number, drag: Number, sine: Number) -> State:
+        """d/dtau of the state; arguments as of `Linear.rates`."""
+        if self.terms is not Terms.nonlinear:
+            rates, moment = self.linear.rates(y, step, drag, sine), self._parametric(y, step, sine)
+            by_moment = jnp.stack([self.linear.m22, -self.linear.m21]) / self.linear.determinant
+            return rates + jnp.concatenate([jnp.zeros(2), by_moment * moment])
+        dphi, dpsi = y[2], y[3]
+        linear, (big_s, big_c), slip = self.linear, self._arms(y, step), dphi - dpsi
+        r1 = self._on_block(y, step, sine) - drag * linear.friction - linear.c1 * slip
+        r2 = self._on_bob(y, sine) + self.rho * big_c * dphi**2 + linear.c2 * slip
+        coupling = self.p.mu * self.rho * self.p.lam * big_s
+        determinant = linear.m11 * linear.m22 - coupling * self.rho * big_s
+        ddphi = (linear.m22 * r1 + coupling * r2) / determinant
+        ddpsi = (linear.m11 * r2 + self.rho * big_s * r1) / determinant
+        return jnp.stack([dphi, dpsi, ddphi, ddpsi])
+
+    def held_rates(self, y: State, sine: Number) -> State:
+        """The same of a block that is held: only the bob moves."""
+        pull = (self._on_bob(y, sine) - self.linear.c2 * y[3]) / self.linear.m22
+        return jnp.stack([jnp.zeros_like(pull), y[3], jnp.zeros_like(pull), pull])
+
+    def excess(self, y: State, step: Number, sine: Number) -> Number:
+        """The moment on a held block beyond what its weight balances: it stays held while friction
+        can balance that. At phi = 0 weight acts against either direction, `step` of lifting."""
+        linear, pull = self.linear, self.held_rates(y, sine)[3]
+        if self.terms is Terms.nonlinear:
+            coupling = self.p.mu * self.rho * self.p.lam * self._arms(y, step)[0]
+            return self._on_block(y, step, sine) + linear.c1 * y[3] + coupling * pull
+        moment = linear.tilt * y[0] - linear.f * linear.tilt * sine - linear.m12 * pull + linear.c1 * y[3]
+        return moment + self._parametric(y, step, sine) - step * linear.weight
+
+    def kick(self, y: State) -> Number:
+        """What an impact that changes phi' by one changes psi' by: the rod pulls along itself only."""
+        return (2.0 * jnp.cos(y[1]) if self.terms is Terms.nonlinear else 2.0) / self.p.lam
+
+    @property
+    def beyond_return(self) -> Number:
+        """A tilt from which the block does not come back: a right angle, or see `Linear`."""
+        return 0.5 * jnp.pi if self.terms is Terms.nonlinear else self.linear.beyond_return
+
+    def _arms(self, y: State, step: Number) -> tuple[Number, Number]:
+        """S and C of (4)."""
+        lean = y[0] - y[1]
+        sine, cosine = jnp.sin(lean), jnp.cos(lean)
+        return step * self.p.nu * sine + 2.0 * cosine, step * self.p.nu * cosine - 2.0 * sine
+
+    def _on_block(self, y: State, step: Number, sine: Number) -> Number:
+        """The moment on the block from weight, base motion and the bob's way round its hinge."""
+        linear, (sin, cos) = self.linear, (jnp.sin(y[0]), jnp.cos(y[0]))
+        shaken = linear.f * sine * (step * linear.weight * sin + linear.tilt * cos)
+        weight = linear.tilt * sin - step * linear.weight * cos
+        return weight - shaken - self.p.mu * self.rho * self.p.lam * self._arms(y, step)[1] * y[3] ** 2
+
+    def _on_bob(self, y: State, sine: Number) -> Number:
+        """The moment on the bob from weight and base motion."""
+        if self.terms is Terms.nonlinear:
+            return self.linear.f * jnp.cos(y[1]) * sine - jnp.sin(y[1])
+        return self.linear.f * sine - y[1]
+
+    def _parametric(self, y: State, step: Number, sine: Number) -> Number:
+        kept = self.terms is Terms.parametric
+        return -step * self.linear.f * self.linear.weight * y[0] * sine if kept else jnp.zeros(())
+
+
+def smoothed_rates(
+    p: Parameters, tilt_width: Number, rate_width: Number, terms: Terms = Terms.linear
+) -> Callable[[Number, State, None], State]:
+    """The vector field with sgn(x) smoothed to tanh(x/width), for an ODE solver."""
+    equations = Linear(p) if terms is Terms.linear else Equations(p, terms)
+
+    def field(tau: Number, y: State, args: None) -> State:
+        del args
+        step, drag = jnp.tanh(y[0] / tilt_width), jnp.tanh(y[2] / rate_width)
+        return equations.rates(y, step, drag, jnp.sin(p.xi * tau))
+
+    return field

@@ -1,0 +1,78 @@
+"""Directories of results: never overwritten unasked, each file complete or absent."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import platform
+import tempfile
+from collections.abc import Iterable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+PACKAGES = ("jax", "jaxlib", "diffrax", "optax", "equinox", "numpy")
+
+
+def claim(directory: Path, *, overwrite: bool) -> None:
+    """Check, before any work, that results can be written.
+
+    Raises:
+        ValueError: the directory exists and may not be overwritten, or cannot be written.
+    """
+    if directory.exists() and not directory.is_dir():
+        raise ValueError(f"cannot write the report: {directory} is a file, not a directory")
+    if directory.exists() and any(directory.iterdir()) and not overwrite:
+        raise ValueError(
+            f"{directory} already holds files: choose another directory with --out, or pass --overwrite"
+        )
+    try:
+        directory.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory if directory.exists() else directory.parent):
+            pass
+    except OSError as error:
+        raise ValueError(f"cannot write to {directory}: {error.strerror or error}") from None
+
+
+def place(path: Path, content: str | bytes) -> Path:
+    """Write a file, and its directory, so that it appears complete or not at all; returns `path`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    data = content.encode() if isinstance(content, str) else content
+    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+        file.write(data)
+    Path(file.name).chmod(0o644)
+    Path(file.name).replace(path)
+    return path
+
+
+def as_json(content: Any) -> str:
+    """Sorted JSON; what is infinite or not a number becomes a word."""
+    return json.dumps(_finite(content), indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
+def as_csv(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    """A table with a header, numbers in full."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def versions() -> dict[str, str]:
+    """Of this package and of those that results depend on."""
+    own = {"python": platform.python_version(), "tpd": version("tpd")}
+    return own | {name: version(name) for name in PACKAGES}
+
+
+def _finite(value: Any) -> Any:
+    """JSON has no infinity: what overturns or is unknown becomes a word."""
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return "nan" if math.isnan(value) else "infinite"
+    return value

@@ -1,0 +1,96 @@
+"""The dimensionless parameters of the block-pendulum system."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from tpd.core import checks
+
+Number = Float[Array, "..."] | float
+State = Float[Array, "4"]
+Numbers = tuple[Number, Number, Number, Number]
+"""A state (phi, psi, phi', psi'), one number each."""
+
+SLENDERNESS_LIMIT = 0.5
+"""Widest block (width over height) the linear equations are offered for: they drop terms of
+relative order nu**2, a quarter at this limit."""
+
+
+def _real(value: Any) -> Any:
+    """Whole numbers become floats, so that every parameter can be differentiated."""
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def _parameter(default: Any = ...) -> Any:
+    options = {} if default is ... else {"default": default}
+    return eqx.field(converter=_real, kw_only=True, **options)
+
+
+class Parameters(eqx.Module):
+    """Dimensionless parameters, a pytree of floats; all angles in rad, time is tau = omega0 t.
+
+    Symbols are those of Collini et al. (2016), the paper behind this package. Fields may hold
+    traced or batched values; plain numbers are checked on construction.
+
+    Raises:
+        ValueError: a plain number outside its range.
+    """
+
+    nu: Number = _parameter()
+    """Slenderness a/b: half width over half height."""
+    mu: Number = _parameter()
+    """Mass ratio m/M of bob to block; 0 is the bare block."""
+    lam: Number = _parameter()
+    """Length ratio l/b: pendulum length over half height (the paper's Table 1 uses half of it)."""
+    zeta: Number = _parameter()
+    """Damping ratio of the hinge, of the pendulum hung from a fixed point."""
+    k: Number = _parameter()
+    """Dry friction moment of the rocking contact, divided by M g b."""
+    f: Number = _parameter()
+    """Base acceleration amplitude in g: alpha omega**2 / g."""
+    xi: Number = _parameter()
+    """Forcing frequency ratio omega/omega0."""
+    rho: Number | None = _parameter(None)
+    """b**2/(a**2 + b**2 + c**2); None ties it to `nu` as for a uniform rectangle."""
+    e: Number = _parameter(1.0)
+    """Velocity ratio across an impact at zero tilt; 1 is no impact loss."""
+
+    def __check_init__(self) -> None:
+        checks.positive("nu", self.nu)
+        checks.within(
+            "nu", self.nu, 0.0, SLENDERNESS_LIMIT, " (the linear equations drop terms of order nu**2)"
+        )
+        checks.not_negative("mu", self.mu)
+        checks.positive("lam", self.lam)
+        checks.not_negative("zeta", self.zeta)
+        checks.not_negative("k", self.k)
+        checks.not_negative("f", self.f)
+        checks.positive("xi", self.xi)
+        if self.rho is not None:
+            checks.within("rho", self.rho, 1e-6, 1.0)
+        checks.within("e", self.e, 0.0, 1.0)
+
+    @property
+    def inertia_ratio(self) -> Number:
+        """The ratio rho in use: `rho` itself, or 3/(4(1 + nu**2)) of a uniform rectangle."""
+        return 0.75 / (1.0 + self.nu**2) if self.rho is None else self.rho
+
+    @property
+    def hinge(self) -> Number:
+        """The hinge coefficient c_p = 2 zeta sqrt(lam rho)."""
+        return 2.0 * self.zeta * jnp.sqrt(self.lam * self.inertia_ratio)
+
+    @property
+    def period(self) -> Number:
+        """The forcing period 2 pi / xi, in tau."""
+        return 2.0 * jnp.pi / self.xi
+
+
+def as_arrays(p: Parameters) -> Parameters:
+    """The same parameters with 64-bit array leaves, so that jit does not recompile per value."""
+    return jax.tree.map(lambda x: jnp.asarray(x, dtype=jnp.float64), p)

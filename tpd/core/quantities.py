@@ -1,0 +1,169 @@
+"""What can be varied: the dimensionless parameters, or the quantities of a scene in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from tpd.core import checks
+from tpd.core.parameters import Parameters
+from tpd.core.scene import Pendulum, Scene, dimensionless
+
+NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e", "rho")
+"""Dimensionless parameters that can be varied, in the order of a vector of parameters."""
+QUANTITIES: dict[str, tuple[str, ...]] = {
+    "width": ("nu", "rho", "xi"),
+    "height": ("nu", "rho", "xi", "lam"),
+    "mass": ("mu",),
+    "friction": ("k",),
+    "restitution": ("e",),
+    "amplitude": ("f",),
+    "frequency": ("f", "xi"),
+    "pendulum_mass": ("mu",),
+    "pendulum_length": ("lam",),
+    "pendulum_damping": ("zeta",),
+}
+"""What can be varied of a scene (m, m, kg, -, -, m, Hz, kg, m, -), and the parameters that it moves. Width
+and height move e as well where the restitution is Housner's: see `Setup.moved`."""
+_MAY_BE_ZERO = ("friction", "amplitude", "pendulum_mass", "pendulum_damping")
+_OF_PENDULUM = ("mu", "lam", "zeta", "pendulum_mass", "pendulum_length", "pendulum_damping")
+
+
+def parameters(x: Any) -> Parameters:
+    """The parameters in a vector in the order of NAMES."""
+    return Parameters(**dict(zip(NAMES, x, strict=True)))
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A block, its shaking and its pendulum as plain numbers by name, of which some may vary."""
+
+    values: Mapping[str, float]
+    scene: bool
+    """Whether these are a scene's quantities in SI units; else dimensionless parameters."""
+    hung: bool
+    """Whether there is a pendulum."""
+
+    @staticmethod
+    def of(subject: Parameters | Scene, pendulum: Pendulum | None = None) -> Setup:
+        """That of dimensionless parameters, or of a scene and the pendulum in it, if any.
+
+        Raises:
+            ValueError: batched parameters, or a pendulum beside parameters.
+        """
+        if isinstance(subject, Scene):
+            return Setup(subject.quantities(pendulum), True, pendulum is not None)
+        if pendulum is not None:
+            raise ValueError("`pendulum` goes with a scene; dimensionless parameters have their own")
+        values = {n: getattr(subject, n) for n in NAMES if n != "rho" or subject.rho is not None}
+        for n, value in values.items():
+            if not (checks.is_concrete(value) and np.ndim(value) == 0):
+                raise ValueError(f"`{n}` must be a single number, but is {value!r}")
+        return Setup({n: float(v) for n, v in values.items()}, False, float(values["mu"]) > 0.0)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What can be varied."""
+        return (*QUANTITIES, *NAMES) if self.scene else NAMES
+
+    def moved(self, name: str) -> tuple[str, ...]:
+        """The parameters that a quantity moves; of a parameter, none but itself."""
+        if not self.scene or name not in QUANTITIES:
+            return ()
+        tied = "restitution" not in self.values and name in ("width", "height")
+        return QUANTITIES[name] + (("e",) if tied else ())
+
+    def check(self, argument: str, name: str, *values: float) -> None:
+        """`ValueError` unless `name`, given as `argument`, can be varied and take these values."""
+        self.check_name(argument, name)
+        for value in map(float, values):
+            self.check_sign(name, value)
+            self.at({name: value})
+
+    def check_name(self, argument: str, name: str) -> None:
+        """`ValueError` unless `name`, given as `argument`, can be varied."""
+        checks.one_of(argument, name, self.names)
+        if self.scene and not self.hung and name in _OF_PENDULUM:
+            raise ValueError(f"`{name}` cannot be varied without a pendulum, but none is given")
+
+    def check_sign(self, name: str, value: float) -> None:
+        """`ValueError` for a quantity that is negative, or zero where it may not be. Whether the rest
+        allows for it (a width for a height) is checked by `at`."""
+        if name in QUANTITIES:
+            check = checks.not_negative if name in _MAY_BE_ZERO else checks.positive
+            check(name, value)
+
+    def at(self, varied: Mapping[str, Any]) -> Parameters:
+        """The parameters with some numbers replaced, each by a number or an array. In a scene the
+        quantities in SI units go first; a parameter given as well leaves all others as they are (e by
+        Housner's formula too), but rho, which follows nu unless the block has a radius of gyration."""
+        return Parameters(**self.numbers(varied))
+
+    def numbers(self, varied: Mapping[str, Any]) -> dict[str, Any]:
+        """The same as a dictionary, unchecked: also for traced values, and beyond what is allowed."""
+        if not self.scene:
+            return {**self.values, **varied}
+        over = {n: v for n, v in varied.items() if n in NAMES}
+        own = {n: v for n, v in varied.items() if n not in over}
+        return {**dimensionless({**self.values, **own}), **over}
+
+    def vector(self, varied: Mapping[str, Any]) -> list[Any]:
+        """The same as a list in the order of NAMES."""
+        p = self.numbers(varied)
+        rho = 0.75 / (1.0 + p["nu"] ** 2) if p.get("rho") is None else p["rho"]
+        return [*(p[n] for n in NAMES[:-2]), p.get("e", 1.0), rho]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A line through the space of parameters, along which one number of a setup varies."""
+
+    setup: Setup
+    name: str
+    """Of what varies."""
+
+    @staticmethod
+    def of(subject: Parameters | Scene, name: str, pendulum: Pendulum | None = None) -> Axis:
+        """That of `name` through parameters or a scene; `ValueError` for bad input."""
+        setup = Setup.of(subject, pendulum)
+        setup.check("name", name)
+        if setup.scene and name in NAMES:
+            setup = Setup.of(setup.at({}))
+        return Axis(setup, name)
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """Names of what else could vary, in the order of the columns of `jacobian`."""
+        absent = self.setup.scene and not self.setup.hung
+        return tuple(
+            n for n in self.setup.values if n != self.name and not (absent and n.startswith("pendulum_"))
+        )
+
+    def check(self, *values: float) -> None:
+        """`ValueError` unless all values are in their range."""
+        self.setup.check("name", self.name, *values)
+
+    def at(self, values: np.ndarray) -> np.ndarray:
+        """The parameters in the order of NAMES, shape (n, 9)."""
+        rows = [np.broadcast_to(x, np.shape(values)) for x in self.setup.vector({self.name: values})]
+        return np.stack(rows, axis=1)
+
+    def jacobian(self, value: float) -> np.ndarray:
+        """Derivatives of the parameters with respect to what varies and then `others`, shape
+        (9, 1 + others)."""
+        varied = {**self.setup.values, self.name: value}
+        slopes = _slopes(varied, self.setup.scene)
+        return np.stack([np.asarray(slopes[n]) for n in (self.name, *self.others)], axis=1)
+
+
+@partial(jax.jit, static_argnums=1)
+@partial(jax.jacfwd, argnums=0)
+def _slopes(values: Mapping[str, Any], scene: bool) -> Float[Array, "9"]:
+    return jnp.stack([jnp.asarray(x) for x in Setup({}, scene, True).vector(values)])

@@ -1,0 +1,258 @@
+"""The scene in SI units: block, base motion, pendulum; and its dimensionless parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+from tpd.core import checks
+from tpd.core.parameters import SLENDERNESS_LIMIT, Parameters
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2"""
+_STEEL = 7850.0
+"""kg/m^3"""
+HOUSNER = "housner"
+"""Restitution tied to the block's shape by `housner`."""
+FRICTION = 0.05
+"""Of a block without impact loss, unless given: that of the paper's section 3."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """A rigid block, its base 2a wide and 2b high in the paper's symbols.
+
+    It loses energy by friction, at impacts, or both. Once made, `friction` is a number, which
+    `dataclasses.replace` keeps: give it as well where `restitution` is replaced.
+
+    Raises:
+        ValueError: a size, mass, friction or restitution out of range, or a block too wide for linear
+            equations.
+    """
+
+    width: float
+    """Whole width of the base, m."""
+    height: float
+    """Whole height, m; the pendulum hangs from the middle of the top."""
+    mass: float
+    """kg"""
+    friction: float | None = None
+    """k: dry friction moment of the rocking contact over M g b, dimensionless. None is 0.05 without a
+    restitution, and 0 with one."""
+    radius_of_gyration: float | None = None
+    """About the centroid, m; None is that of a uniform rectangle."""
+    restitution: float | str | None = None
+    """e: velocity ratio across an impact of the base, in (0, 1], or "housner" for that of the block's shape;
+    None is no impact loss."""
+
+    def __post_init__(self) -> None:
+        checks.positive("width", self.width)
+        checks.positive("height", self.height)
+        checks.positive("mass", self.mass)
+        self._check_losses()
+        if self.radius_of_gyration is not None:
+            checks.positive("radius_of_gyration", self.radius_of_gyration)
+        if self.width > SLENDERNESS_LIMIT * self.height:
+            raise ValueError(
+                f"`width` must be at most {SLENDERNESS_LIMIT:g} of `height` (the linear equations "
+                f"drop terms of order (width/height)**2), but is {self.width / self.height:g} of it"
+            )
+
+    def _check_losses(self) -> None:
+        if isinstance(self.restitution, str):
+            if self.restitution != HOUSNER:
+                raise ValueError(
+                    f"`restitution` must be a number or {HOUSNER!r}, but is {self.restitution!r}"
+                )
+        elif self.restitution is not None:
+            checks.positive("restitution", self.restitution)
+            checks.within("restitution", self.restitution, 0.0, 1.0)
+        if self.friction is None:
+            object.__setattr__(self, "friction", FRICTION if self.restitution is None else 0.0)
+        checks.not_negative("friction", self.friction)
+
+    @property
+    def half_height(self) -> float:
+        """b, m."""
+        return 0.5 * self.height
+
+    @property
+    def slenderness(self) -> float:
+        """nu = a/b."""
+        return self.width / self.height
+
+    @property
+    def inertia_ratio(self) -> float:
+        """rho = b^2/(a^2 + b^2 + c^2)."""
+        return _inertia_ratio(self.width, self.height, self.radius_of_gyration)
+
+    @property
+    def velocity_ratio(self) -> float:
+        """e: the restitution as a number; 1 without impact loss."""
+        if isinstance(self.restitution, str):
+            return housner(self.slenderness, self.inertia_ratio)
+        return 1.0 if self.restitution is None else float(self.restitution)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pendulum:
+    """A point bob on a rod from the middle of the block's top.
+
+    Raises:
+        ValueError: a mass, length or damping ratio out of range.
+    """
+
+    mass: float
+    """kg; 0 is no pendulum."""
+    length: float
+    """m"""
+    damping_ratio: float
+    """Of critical, of the pendulum hung from a fixed point."""
+
+    def __post_init__(self) -> None:
+        checks.not_negative("mass", self.mass)
+        checks.positive("length", self.length)
+        checks.not_negative("damping_ratio", self.damping_ratio)
+
+    @property
+    def ball_radius(self) -> float:
+        """Radius (m) of a solid ball of steel, 7850 kg/m^3, that weighs what the bob does."""
+        return (3.0 * self.mass / (4.0 * math.pi * _STEEL)) ** (1.0 / 3.0)
+
+    def hinge_damping(self, gravity: float = STANDARD_GRAVITY) -> float:
+        """The hinge's moment over the rate of its angle, N m s/rad: 2 zeta m l^1.5 g^0.5."""
+        return 2.0 * self.damping_ratio * self.mass * self.length**1.5 * gravity**0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Harmonic:
+    """Horizontal base motion x = amplitude sin(2 pi frequency t).
+
+    Raises:
+        ValueError: an amplitude or frequency out of range.
+    """
+
+    amplitude: float
+    """m"""
+    frequency: float
+    """Hz"""
+
+    def __post_init__(self) -> None:
+        checks.not_negative("amplitude", self.amplitude)
+        checks.positive("frequency", self.frequency)
+
+    @property
+    def rate(self) -> float:
+        """omega, rad/s."""
+        return 2.0 * math.pi * self.frequency
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A block and the motion of its base; `parameters` makes them dimensionless."""
+
+    block: Block
+    motion: Harmonic
+    gravity: float = STANDARD_GRAVITY
+    """m/s^2"""
+
+    def __post_init__(self) -> None:
+        checks.positive("gravity", self.gravity)
+
+    @property
+    def rate(self) -> float:
+        """omega0 = sqrt(g rho / b), rad/s: dimensionless time is tau = omega0 t."""
+        return math.sqrt(self.gravity * self.block.inertia_ratio / self.block.half_height)
+
+    def parameters(self, pendulum: Pendulum | None = None) -> Parameters:
+        """The dimensionless parameters with a pendulum, or of the bare block (mu = 0).
+
+        rho stays tied to nu for a uniform rectangle, also in gradients. e is a number of its own, by
+        Housner's formula as well; `tpd.core.quantities` has its derivatives.
+        """
+        return Parameters(**dimensionless(self.quantities(pendulum)))
+
+    def quantities(self, pendulum: Pendulum | None = None) -> dict[str, float]:
+        """Everything that `parameters` depends on, in SI units by name. Those of the pendulum begin
+        with `pendulum_`; without one its mass is zero. A restitution by Housner's formula is none of them:
+        it depends on the others."""
+        block, motion = self.block, self.motion
+        hung = (
+            Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3) if pendulum is None else pendulum
+        )
+        own = {} if block.radius_of_gyration is None else {"radius_of_gyration": block.radius_of_gyration}
+        lost = {} if block.restitution == HOUSNER else {"restitution": block.velocity_ratio}
+        return {
+            "width": block.width,
+            "height": block.height,
+            "mass": block.mass,
+            "friction": cast(float, block.friction),
+            **lost,
+            **own,
+            "amplitude": motion.amplitude,
+            "frequency": motion.frequency,
+            "gravity": self.gravity,
+            "pendulum_mass": hung.mass,
+            "pendulum_length": hung.length,
+            "pendulum_damping": hung.damping_ratio,
+        }
+
+    def pendulum(self, *, mass_ratio: float, length_ratio: float, damping_ratio: float) -> Pendulum:
+        """The pendulum, in SI, of given mu, lam and zeta."""
+        return Pendulum(
+            mass=mass_ratio * self.block.mass,
+            length=length_ratio * self.block.half_height,
+            damping_ratio=damping_ratio,
+        )
+
+
+def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
+    """The parameters, by name and unchecked, of `Scene.quantities`: of numbers, or of arrays or traced
+    values of one shape among them. rho is None without a `radius_of_gyration`; e is Housner's without a
+    `restitution`."""
+    half_height, radius = 0.5 * q["height"], q.get("radius_of_gyration")
+    rho = _inertia_ratio(q["width"], q["height"], radius)
+    nu = q["width"] / q["height"]
+    rate = (q["gravity"] * rho / half_height) ** 0.5
+    omega = 2.0 * math.pi * q["frequency"]
+    return {
+        "nu": nu,
+        "mu": q["pendulum_mass"] / q["mass"],
+        "lam": q["pendulum_length"] / half_height,
+        "zeta": q["pendulum_damping"],
+        "k": q["friction"],
+        "f": q["amplitude"] * omega**2 / q["gravity"],
+        "xi": omega / rate,
+        "rho": None if radius is None else rho,
+        "e": q["restitution"] if "restitution" in q else housner(nu, rho),
+    }
+
+
+def housner(nu: Any, rho: Any) -> Any:
+    """Housner's velocity ratio e = 1 - 2 rho nu^2 of an impact: of plain numbers, arrays or traced values.
+
+    The block, which turned about one corner, turns about the other: what strikes it there has no moment
+    about that corner. Its angular momentum per mass about it is (c^2 + b^2 - a^2) phi' before, and
+    (c^2 + b^2 + a^2) phi' after. With tan(alpha) = nu this is e = 1 - 2 rho nu^2, of a uniform rectangle
+    1 - 1.5 sin(alpha)^2. The pull of a bob's rod in the impact, which would lower e by less than
+    2 mu rho nu^2, is left out. (G. W. Housner, The behavior of inverted pendulum structures during
+    earthquakes, Bull. Seismol. Soc. Am. 53, 1963.)
+    """
+    return 1.0 - 2.0 * rho * nu**2
+
+
+def _inertia_ratio(width: Any, height: Any, radius: Any) -> Any:
+    a, b = 0.5 * width, 0.5 * height
+    c2 = (a**2 + b**2) / 3.0 if radius is None else radius**2
+    return b**2 / (a**2 + b**2 + c2)
+
+
+def paper_scene() -> Scene:
+    """The case study of Collini et al. (2016), section 5: a block of 0.1 x 0.2 x 0.4 m and
+    2028 kg/m^3 on a base moving 15 mm at 2.5 Hz; friction as in the paper's section 3."""
+    return Scene(
+        Block(width=0.1, height=0.4, mass=16.224, friction=0.05),
+        Harmonic(amplitude=0.015, frequency=2.5),
+    )

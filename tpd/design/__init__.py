@@ -1,0 +1,1 @@
+"""Search for the pendulum and verification of the answer."""

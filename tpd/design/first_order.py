@@ -1,0 +1,208 @@
+"""Descending by optax instead: Adam, or L-BFGS, on a measure whose kinks are rounded off less and less.
+
+What `minimise` solves by sequential programming, for those who want the plain gradient method, or to see what
+it costs: the capped weighted worst of n functions is smoothed as the subproblem smooths it,
+min over s of s + cap width sum softplus((v - s)/width), whose slope along v are weights that sum to one;
+limits enter as a smoothed exact penalty. Adam is projected onto the bounds; L-BFGS runs in an angle whose
+squared sine is the share of the bounds, and shortens a step until it helps, every trial counted among the
+steps. What has ended is measured by the same linear models, so that the two kinds of search tell the same of
+what they found. A start with an infinite value stays where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Float
+
+from tpd.design.sequential import PENALTY, Descent, Local, merit_of, minimise
+
+_WIDTHS = (1e-1, 1e-4)
+"""First and last width of the smoothing, in units of the merit."""
+_SHARPER = 0.1
+"""The width of the penalty over that of the measure: there may be hundreds of limits with room to spare."""
+_LEVELS = 4
+"""Widths that L-BFGS goes through."""
+_LONGEST = 0.15
+"""Step of L-BFGS, in shares of the bounds."""
+_STEEP = 1e-2
+"""First-order gain at which a descent counts as not ended: merit per whole width of the bounds."""
+
+
+def descend(
+    method: str,
+    evaluate: Callable[[np.ndarray], Local],
+    starts: np.ndarray,
+    cap: float,
+    measure: Callable[[np.ndarray], np.ndarray],
+    *,
+    known: Local | None = None,
+    steps: int = 40,
+    after: Callable[[int, int], None] | None = None,
+) -> Descent:
+    """`minimise`, but by the optax method of that name; every step evaluates every start once."""
+    book = _Book(evaluate, measure, np.clip(starts, 0.0, 1.0), known)
+    way = _adam if method == "adam" else _lbfgs
+    try_out = way(book, cap, steps)
+    for step in range(steps):
+        next(try_out)
+        if after is not None:
+            after(step + 1, steps)
+    ended = minimise(evaluate, book.x, cap, measure, known=book.local, steps=0)
+    path, merits, spent = (np.stack(part) for part in zip(*book.path, strict=True))
+    return ended._replace(
+        steps=np.full(len(starts), steps),
+        open=ended.stationarity > _STEEP,
+        path=path,
+        path_merit=merits,
+        path_spent=spent,
+    )
+
+
+class _Book:
+    """The best design of every start so far, and what is known of it."""
+
+    def __init__(
+        self,
+        evaluate: Callable[[np.ndarray], Local],
+        measure: Callable[[np.ndarray], np.ndarray],
+        starts: np.ndarray,
+        known: Local | None,
+    ) -> None:
+        self.evaluate, self.measure = evaluate, measure
+        self.evaluations = len(starts) if known is None else 0
+        self.x = starts.copy()
+        self.local = evaluate(starts) if known is None else Local(*(np.array(part) for part in known))
+        self.merit = merit_of(self.local, measure)
+        self.path = [(self.x.copy(), self.merit.copy(), self.evaluations)]
+
+    def tried(self, x: np.ndarray) -> Local:
+        """What is at designs, one a start."""
+        at = self.evaluate(x)
+        self.evaluations += len(x)
+        merit = merit_of(at, self.measure)
+        better = merit < self.merit
+        self.x[better], self.merit[better] = x[better], merit[better]
+        for old, fresh in zip(self.local, at, strict=True):
+            old[better] = fresh[better]
+        self.path.append((self.x.copy(), self.merit.copy(), self.evaluations))
+        return at
+
+
+def _adam(book: _Book, cap: float, steps: int) -> Iterator[None]:
+    """Projected Adam; from where nothing is known half way back to the best."""
+    widths = np.geomspace(*_WIDTHS, max(steps, 2))
+    adam = optax.adam(optax.cosine_decay_schedule(0.06, max(steps, 1), alpha=0.02), b1=0.8, b2=0.95)
+    u, at = book.x.copy(), book.local
+    state = adam.init(jnp.asarray(u))
+    for width in widths:
+        value, slope = _smooth(at, cap, float(width))
+        updates, state = adam.update(jnp.asarray(slope), state)
+        onward = np.clip(np.asarray(optax.apply_updates(jnp.asarray(u), updates)), 0.0, 1.0)
+        u = np.where(np.isfinite(value)[:, None], onward, 0.5 * (u + book.x))
+        at = book.tried(u)
+        yield
+
+
+def _lbfgs(book: _Book, cap: float, steps: int) -> Iterator[None]:
+    """L-BFGS of optax, every start with a memory of its own, from level to level of the smoothing."""
+    begin, update = _memory()
+    per_level = -(-steps // _LEVELS)
+    for width in np.geomspace(*_WIDTHS, _LEVELS):
+        # From the best so far, off the bounds, where the angle would have no slope.
+        z = _angle(np.clip(book.x, 1e-4, 1.0 - 1e-4))
+        value, slope = _smooth(book.tried(np.sin(z) ** 2), cap, float(width))
+        yield
+        slope, state, size = slope * _turn(z), begin(jnp.asarray(z)), np.ones(len(z))
+        move, after = _direction(update, slope, state, z)
+        for _ in range(per_level - 1):
+            there = z + size[:, None] * move
+            at = book.tried(np.sin(there) ** 2)
+            new, new_slope = _smooth(at, cap, float(width))
+            new_slope = new_slope * _turn(there)
+            fits = new <= value + 1e-4 * size * np.sum(slope * move, axis=1)
+            rows, bent = fits[:, None], np.sum((new_slope - slope) * (there - z), axis=1) > 0.0
+            z, value, slope = (
+                np.where(rows, there, z),
+                np.where(fits, new, value),
+                np.where(rows, new_slope, slope),
+            )
+            state = _chosen(fits, after, state)
+            # A pair along which the slope falls would make a memory that points uphill.
+            state = _chosen(fits & ~bent, begin(jnp.asarray(z)), state)
+            onward, later = _direction(update, slope, state, z)
+            move = np.where(rows, onward, move)
+            after = _chosen(fits, later, after)
+            size = np.where(fits, 1.0, 0.4 * size)
+            yield
+
+
+def _angle(u: np.ndarray) -> np.ndarray:
+    return np.arcsin(np.sqrt(u))
+
+
+def _turn(z: np.ndarray) -> np.ndarray:
+    """d sin(z)^2 / dz."""
+    return np.sin(2.0 * z)
+
+
+@lru_cache
+def _memory() -> tuple[Callable, Callable]:
+    """`init` and `update` of optax's L-BFGS, for a batch of starts, each with a memory of its own."""
+    method = optax.lbfgs(learning_rate=1.0, memory_size=6, linesearch=None)
+    return jax.jit(jax.vmap(method.init)), jax.jit(jax.vmap(method.update))
+
+
+def _chosen(rows: np.ndarray, one: Any, other: Any) -> Any:
+    """Row by row the one state or the other."""
+
+    def choose(a: Array, b: Array) -> Array:
+        return jnp.where(rows.reshape(-1, *(1,) * (a.ndim - 1)), a, b)
+
+    return jax.tree.map(choose, one, other)
+
+
+def _direction(update: Callable, slope: np.ndarray, state: Any, z: np.ndarray) -> tuple[np.ndarray, Any]:
+    """Where L-BFGS would go, no farther than `_LONGEST`, and its memory after it; downhill in any case."""
+    move, after = update(jnp.asarray(slope), state, jnp.asarray(z))
+    move = np.asarray(move)
+    uphill = np.sum(move * slope, axis=1, keepdims=True) > 0.0
+    move = np.where(uphill | ~np.isfinite(move), -slope, move)
+    longest = np.max(np.abs(move), axis=1, keepdims=True)
+    return move * np.minimum(1.0, _LONGEST / np.maximum(longest, 1e-300)), after
+
+
+def _smooth(at: Local, cap: float, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """The smoothed merit (m,) and its slopes (m, d); of a design with an infinite value not finite."""
+    known = np.all(np.isfinite(at.value), axis=1)
+    at = at._replace(value=np.where(known[:, None], at.value, 0.0))
+    level = _level(at.value, cap, width)
+    above = (at.value - level[:, None]) / width
+    value = level + cap * width * np.sum(np.logaddexp(0.0, above), axis=1)
+    over = at.limit / (_SHARPER * width)
+    value = value + PENALTY * _SHARPER * width * np.sum(np.logaddexp(0.0, over), axis=1)
+    slope = cap * np.einsum("mn,mnd->md", _sigmoid(above), at.slope)
+    slope = slope + PENALTY * np.einsum("ml,mld->md", _sigmoid(over), at.limit_slope)
+    return np.where(known, value, np.inf), np.where(known[:, None], slope, 0.0)
+
+
+def _level(value: np.ndarray, cap: float, width: float) -> Float[np.ndarray, "m"]:
+    """The s of the smoothed measure: where the weights sum to one, by bisection."""
+    n = value.shape[1]
+    low = value.min(axis=1) - 40.0 * width
+    high = value.max(axis=1) + width * np.log(n + 1.0)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        over = cap * np.sum(_sigmoid((value - middle[:, None]) / width), axis=1) < 1.0
+        low, high = np.where(over, low, middle), np.where(over, middle, high)
+    return 0.5 * (low + high)
+
+
+def _sigmoid(x: np.ndarray) -> np.ndarray:
+    return 0.5 * (1.0 + np.tanh(0.5 * x))

@@ -1,0 +1,91 @@
+"""What a model must offer; `steady_state` and `simulate` do the rest for every model alike."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array, Float, Int
+
+from tpd.core.parameters import Number, Parameters, State
+from tpd.core.status import Status
+
+
+class Settled(eqx.Module):
+    """Where a motion has settled. Not differentiated: a start value for its periodic orbit."""
+
+    y: State
+    """State at tau = 0 modulo the forcing period."""
+    memory: Any
+    """What else the model needs to go on from there (the exact model: its discrete mode)."""
+    periods: Int[Array, ""]
+    """Forcing periods in one period of the motion."""
+    amplitude: Number
+    """Largest |phi| of the last periods; the answer where there is no periodic orbit."""
+    stroke: Number
+    """Largest |psi| of the last periods."""
+    status: Status
+    elapsed: Int[Array, ""]
+    """Forcing periods simulated."""
+    peak: Number
+    """Largest |phi| from the start on."""
+    peak_stroke: Number
+    """Largest |psi| from the start on."""
+
+
+class Cycle(eqx.Module):
+    """One period of a motion, differentiable in forward mode."""
+
+    end: State
+    amplitude: Number
+    stroke: Number
+    memory: Any
+    """As `Settled.memory`, at the end."""
+    gentlest: Number
+    """How transversally the motion met its events, at worst: at zero it grazed one. Infinite where a
+    model has none."""
+    lean: Number
+    """How much farther the block tilts to one side than to the other, over the amplitude."""
+
+
+class AbstractChoice(eqx.Module):
+    """A way to choose among models."""
+
+    @abstractmethod
+    def steady(self, p: Parameters, y0: State) -> Any:
+        """The `Steady` of the model chosen for these parameters, plain numbers."""
+
+
+class AbstractModel(eqx.Module):
+    """A model of block and pendulum in dimensionless form."""
+
+    lyapunov_periods: eqx.AbstractVar[int]
+    """Periods over which the separation of neighbouring motions is measured; 0 for never."""
+
+    @property
+    @abstractmethod
+    def round_off(self) -> float:
+        """Residual of the period map, relative to its scale, that counts as round-off."""
+
+    @abstractmethod
+    def check(self, p: Parameters) -> None:
+        """Raise `ValueError` if the model cannot represent these parameters."""
+
+    @abstractmethod
+    def resolution(self, p: Parameters) -> Number:
+        """The largest |phi| that the model cannot tell from rest."""
+
+    @abstractmethod
+    def settle(self, p: Parameters, y0: State) -> Settled:
+        """Follow the motion from `y0` at tau = 0 until it repeats itself."""
+
+    @abstractmethod
+    def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
+        """Run `settled.periods` forcing periods from the state `y` at tau = 0."""
+
+    @abstractmethod
+    def trajectory(
+        self, p: Parameters, y0: State, times: Float[Array, "times"]
+    ) -> tuple[Float[Array, "times 4"], Status]:
+        """The states at `times`, from `y0` at `times[0]`."""

@@ -1,0 +1,196 @@
+"""The scene to scale: block, pendulum and base motion with their dimensions in SI units."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon
+
+from tpd.core.formatting import number
+from tpd.core.scene import Pendulum, Scene
+from tpd.plot.style import BLUE, GREY, INK
+
+BODY = "#e8e8e8"
+"""Fill of the block."""
+_TALL, _WIDE = 4.2, 3.0
+"""Room for what is drawn to scale, inches."""
+_LEFT, _RIGHT, _ABOVE, _BELOW = 1.15, 2.4, 0.5, 0.75
+"""Room for dimensions and words around it, inches."""
+
+
+def corners(scene: Scene, tilt: float, base: float = 0.0) -> np.ndarray:
+    """Corners of the block, m, shape (4, 2), from the lower left one on, the base moved by `base` m.
+
+    A positive tilt (rad) turns it about its left corner, counterclockwise; a negative one about the right.
+    """
+    a, height = 0.5 * scene.block.width, scene.block.height
+    upright = np.array([[-a, 0.0], [a, 0.0], [a, height], [-a, height]])
+    pivot = np.array([math.copysign(a, -tilt), 0.0])
+    c, s = math.cos(tilt), math.sin(tilt)
+    return (upright - pivot) @ np.array([[c, s], [-s, c]]) + pivot + np.array([base, 0.0])
+
+
+def rod(block: np.ndarray, length: float, angle: float) -> np.ndarray:
+    """Hinge, in the middle of the top of the block with these corners, and bob: m, shape (2, 2).
+
+    The angle (rad) is that from the vertical; positive, the bob hangs to the right of its hinge.
+    """
+    hinge = 0.5 * (block[2] + block[3])
+    return np.stack([hinge, hinge + length * np.array([math.sin(angle), -math.cos(angle)])])
+
+
+def plot_scene(scene: Scene, pendulum: Pendulum | None, *, stroke: float = 0.0) -> Axes:
+    """A figure of the block at rest, with its pendulum, to scale.
+
+    Args:
+        scene: block and base motion.
+        pendulum: None for the bare block.
+        stroke: largest bob angle of the settled motion, rad, drawn to both sides.
+    """
+    half = _half_width(scene, pendulum, stroke)
+    scale = min(_TALL / scene.block.height, _WIDE / (2.0 * half))
+    ax = _canvas(scene.block.height, half, scale)
+    ax.add_patch(Polygon(corners(scene, 0.0), closed=True, fc=BODY, ec=INK, lw=1.4))
+    labels: list[tuple[str, tuple[float, float]]] = []
+    if pendulum is not None:
+        labels = _pendulum(ax, scene, pendulum, stroke)
+    a, height = 0.5 * scene.block.width, scene.block.height
+    labels.append((f"block, {number(scene.block.mass)} kg", (0.85 * a, 0.12 * height)))
+    labels.sort(key=lambda label: -label[1][1])
+    _labels(ax, labels, half + 0.35 / scale, scale, height)
+    _dimensions(ax, scene, pendulum, half, scale)
+    _base(ax, scene, half, scale)
+    return ax
+
+
+def _half_width(scene: Scene, pendulum: Pendulum | None, stroke: float) -> float:
+    """What is to scale reaches so far from the middle, m."""
+    swing = 0.0 if pendulum is None else pendulum.length * math.sin(min(stroke, 0.5 * math.pi))
+    return max(0.5 * scene.block.width, swing)
+
+
+def _canvas(height: float, half: float, scale: float) -> Axes:
+    """Axes that fill a figure, `scale` inches a metre, with room for words."""
+    width_in, height_in = 2.0 * half * scale + _LEFT + _RIGHT, height * scale + _ABOVE + _BELOW
+    figure = Figure(figsize=(width_in, height_in), dpi=130)
+    FigureCanvasAgg(figure)
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set(
+        xlim=(-half - _LEFT / scale, half + _RIGHT / scale), ylim=(-_BELOW / scale, height + _ABOVE / scale)
+    )
+    ax.set_aspect("equal")
+    ax.set_axis_off()
+    return ax
+
+
+def _pendulum(
+    ax: Axes, scene: Scene, pendulum: Pendulum, stroke: float
+) -> list[tuple[str, tuple[float, float]]]:
+    """Draw it; returns words and the places they speak of, from the top down."""
+    block, length = corners(scene, 0.0), pendulum.length
+    line = rod(block, length, 0.0)
+    words = [
+        (
+            f"hinge, {number(pendulum.hinge_damping(scene.gravity), 3)} N m s/rad\n"
+            f"({pendulum.damping_ratio:.3g} of critical)",
+            (float(line[0, 0]), float(line[0, 1])),
+        )
+    ]
+    if stroke > 0.0:
+        arc = np.stack([rod(block, length, x)[1] for x in np.linspace(-stroke, stroke, 61)])
+        ax.plot(*arc.T, color=BLUE, lw=1.0, ls=(0, (4, 2)))
+        for end in (arc[0], arc[-1]):
+            ax.plot(*np.stack([line[0], end]).T, color=BLUE, lw=0.6, ls=(0, (1, 2)))
+        angle = f"settled stroke ±{stroke:.3g} rad\n(±{math.degrees(stroke):.3g}°)"
+        words.append((angle, (float(arc[-1, 0]), float(arc[-1, 1]))))
+    ax.plot(*line.T, color=BLUE, lw=2.0)
+    ax.plot(*line[0], "o", ms=5, mfc="white", mec=INK)
+    ax.add_patch(Circle(tuple(line[1]), pendulum.ball_radius, fill=False, ec=INK, lw=0.7, ls=(0, (1, 1.5))))
+    ax.plot(*line[1], "o", ms=6, color=INK)
+    words.append(
+        (
+            f"bob, {number(pendulum.mass)} kg\n(dotted: a ball of steel)",
+            (float(line[1, 0]), float(line[1, 1])),
+        )
+    )
+    return words
+
+
+def _labels(
+    ax: Axes, labels: list[tuple[str, tuple[float, float]]], x: float, scale: float, height: float
+) -> None:
+    """Words in a column at `x`, no two upon each other, each with a line to its place."""
+    room, top = 0.42 / scale, height + 0.1 / scale
+    for i, (words, place) in enumerate(labels):
+        y = min(place[1], top)
+        # Those below need their room as well.
+        y = max(y, (len(labels) - 1 - i) * room - 0.1 / scale)
+        top = y - room
+        ax.annotate(
+            words,
+            xy=place,
+            xytext=(x, y),
+            fontsize=8,
+            va="center",
+            color=INK,
+            arrowprops={"arrowstyle": "-", "lw": 0.6, "color": INK, "shrinkB": 3, "relpos": (0.0, 0.5)},
+        )
+
+
+def _dimensions(ax: Axes, scene: Scene, pendulum: Pendulum | None, half: float, scale: float) -> None:
+    """Width above the block, height and length of the pendulum to its left."""
+    a, height, inch = 0.5 * scene.block.width, scene.block.height, 1.0 / scale
+    outer = -half - (0.4 if pendulum is None else 0.8) * inch
+    _dimension(ax, (-a, height), (a, height), 0.2 * inch, f"{number(scene.block.width)} m", scale)
+    _dimension(ax, (-a, 0.0), (-a, height), outer + a, f"{number(height)} m", scale)
+    if pendulum is not None:
+        low = height - pendulum.length
+        _dimension(ax, (0.0, low), (0.0, height), -half - 0.35 * inch, f"{number(pendulum.length)} m", scale)
+
+
+def _dimension(
+    ax: Axes, low: tuple[float, float], high: tuple[float, float], away: float, words: str, scale: float
+) -> None:
+    """A dimension line from `low` to `high`, drawn `away` m to the side, or above if it is level."""
+    level = low[1] == high[1]
+    shift = np.array([0.0, away] if level else [away, 0.0])
+    ends = np.array([low, high]) + shift
+    over = 0.06 / scale * shift / np.abs(away)
+    for start, end in zip((low, high), ends, strict=True):
+        ax.plot(*np.stack([start, end + over]).T, color=GREY, lw=0.5)
+    ax.annotate(
+        "",
+        xy=tuple(ends[1]),
+        xytext=tuple(ends[0]),
+        arrowprops={"arrowstyle": "<|-|>", "lw": 0.8, "color": INK},
+    )
+    middle = ends.mean(axis=0)
+    if level:
+        ax.text(middle[0], middle[1] + 0.05 / scale, words, fontsize=8, color=INK, ha="center", va="bottom")
+        return
+    # Of a short one the words stand below its upper end.
+    y = min(middle[1], ends[1, 1] - 0.035 * len(words) / scale)
+    x = middle[0] - 0.04 / scale
+    ax.text(x, y, words, rotation=90, fontsize=8, color=INK, ha="right", va="center")
+
+
+def _base(ax: Axes, scene: Scene, half: float, scale: float) -> None:
+    """The ground, and an arrow as long as its motion, where that can be seen."""
+    reach, inch = max(half, 0.5 * scene.block.width) + 0.2 / scale, 1.0 / scale
+    ax.plot([-reach, reach], [0.0, 0.0], color=INK, lw=1.4)
+    for x in np.arange(-reach, reach, 0.12 * inch):
+        ax.plot([x, x - 0.07 * inch], [0.0, -0.08 * inch], color=INK, lw=0.6)
+    motion = scene.motion
+    true = motion.amplitude * scale >= 0.12
+    length = motion.amplitude if true else 0.25 * inch
+    y = -0.3 * inch
+    ax.annotate(
+        "", xy=(length, y), xytext=(-length, y), arrowprops={"arrowstyle": "<|-|>", "lw": 1.6, "color": INK}
+    )
+    words = f"base: ±{number(motion.amplitude, 3)} m at {number(motion.frequency)} Hz"
+    words += "" if true else "\n(arrow not to scale)"
+    ax.text(0.0, y - 0.1 * inch, words, fontsize=8, ha="center", va="top", color=INK)
