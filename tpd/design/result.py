@@ -1,215 +1,351 @@
-"""What is searched and what comes out: the design space, its candidates, and the design."""
+"""The answer of `optimise`: what was found, how it was verified, and why a design was refused."""
 
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tpd.analysis.ensemble import Verdict
-from tpd.core import checks
+from tpd.analysis.attractors import Starts
+from tpd.analysis.ensemble import Ensemble, Outcomes, Verdict
+from tpd.core.conditions import Conditions
 from tpd.core.scene import Pendulum, Scene
+from tpd.design.criteria import Limit, Risk, stroke_limit
+from tpd.design.space import DesignSpace
 
-LONGEST_RATIO = 2.0
-"""A pendulum longer than the whole block, l/b = 2, would swing through the floor."""
+if TYPE_CHECKING:
+    from tpd.design.methods import Method
+    from tpd.design.objective import Evaluation
 
 
-@dataclass(frozen=True, kw_only=True)
-class DesignSpace:
-    """Bounds of the search, and the limit on the bob's stroke.
+class DesignStatus(enum.Enum):
+    """What the answer is worth; the value is the sentence that a report opens with."""
 
-    Raises:
-        ValueError: a bound out of range, reversed or empty.
-    """
-
-    mass_ratio: tuple[float, float] = (0.01, 0.2)
-    """mu = m/M, from and to."""
-    length_ratio: tuple[float, float] = (0.1, 1.5)
-    """lam = l/b, from and to."""
-    damping_ratio: float | tuple[float, float] = 0.1
-    """zeta of the hinge: a number, or from and to if it is searched as well."""
-    stroke: float = 0.5
-    """Largest allowed |psi|, rad. The linear equations lose their meaning beyond about this."""
-
-    def __post_init__(self) -> None:
-        set_ = object.__setattr__
-        set_(self, "mass_ratio", checks.interval("mass_ratio", self.mass_ratio, 0.0, 10.0))
-        set_(self, "length_ratio", checks.interval("length_ratio", self.length_ratio, 1e-3, LONGEST_RATIO))
-        if isinstance(self.damping_ratio, (int, float)):
-            checks.within("damping_ratio", self.damping_ratio, 0.0, 2.0)
-            set_(self, "damping_ratio", float(self.damping_ratio))
-        else:
-            set_(self, "damping_ratio", checks.interval("damping_ratio", self.damping_ratio, 0.0, 2.0))
-        checks.positive("stroke", self.stroke)
+    found = (
+        "A pendulum was found that lessens the settled rocking under the stated conditions; the exact solution "
+        "of the linear equations confirms it, and neither shakings within 1 %, the nonlinear equations nor the "
+        "ensemble speak against it. That is no verdict of safety: read the shares."
+    )
+    refused = "NO DESIGN TO OFFER: no design that the search found passes the verification."
+    no_improvement = "NO PENDULUM in this design space rocks less than the bare block under these conditions."
+    none_feasible = "NO DESIGN in this space keeps to the limits under all conditions."
+    no_uplift = (
+        "NO PENDULUM IS NEEDED FROM REST: under all conditions the bare block settles at rest. Pushed hard "
+        "enough it may rock or overturn all the same."
+    )
+    interrupted = "INTERRUPTED: what follows is the best that had been found by then, if anything."
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The searched parameters, by their symbols."""
-        return ("mu", "lam", "zeta") if isinstance(self.damping_ratio, tuple) else ("mu", "lam")
-
-    @property
-    def bounds(self) -> np.ndarray:
-        """Lower and upper bounds of the searched parameters, shape (2, len(names))."""
-        pairs = [self.mass_ratio, self.length_ratio]
-        if isinstance(self.damping_ratio, tuple):
-            pairs.append(self.damping_ratio)
-        return np.array(pairs).T
-
-    def full(self, x: np.ndarray) -> np.ndarray:
-        """(mu, lam, zeta) of searched values `x`, shape (..., 2 or 3) to (..., 3)."""
-        if isinstance(self.damping_ratio, tuple):
-            return np.asarray(x)
-        return np.concatenate([x, np.full((*np.shape(x)[:-1], 1), self.damping_ratio)], axis=-1)
+    def is_sound(self) -> bool:
+        """Whether the answer may be used: a design found and verified, or none needed."""
+        return self in (DesignStatus.found, DesignStatus.no_uplift)
 
 
-class StartStatus(enum.Enum):
-    """How the search from one start ended."""
+class SearchStatus(enum.Enum):
+    """How one search ended."""
 
     rests = "found designs that settle at rest; the uplift margin grew as far as it goes"
-    converged = "reached a minimum of the amplitude"
+    converged = "reached a minimum of the risk"
     at_bound = "reached the edge of the design space"
     stroke_limited = "reached the stroke limit"
     steps_exhausted = "was still improving when the steps ran out"
     infeasible = "met no design within the limits"
-    lost = "met no design with a settled motion"
     interrupted = "had not ended when the search was interrupted"
 
 
-class DesignStatus(enum.Enum):
-    """What the answer is worth; the value is the sentence a report opens with."""
+class Step(enum.Enum):
+    """Steps of the verification, in order."""
 
-    found = (
-        "A pendulum was found that lessens the settled rocking under this one shaking, from rest; the exact "
-        "solution of the linear equations confirms it, and the nonlinear equations have nothing against it."
-    )
-    models_disagree = (
-        "DO NOT USE AS IT IS: the model searched with and the exact solution disagree on this design by "
-        "more than the tolerance, so its motion depends on details that neither can promise."
-    )
-    nonlinear_objects = (
-        "NO DESIGN TO OFFER: what the linear equations find does not hold by the nonlinear ones, also "
-        "under limits corrected for that."
-    )
-    fragile = (
-        "DO NOT RELY ON IT: with this pendulum the block settles at the design's own shaking, but overturns "
-        "at one within 1 % of it."
-    )
-    interrupted = "INTERRUPTED: what follows is what had been found by then, if anything."
-    no_improvement = "NO PENDULUM in this design space rocks less than the bare block from this start."
-    no_uplift = "NO PENDULUM IS NEEDED: the bare block settles at rest."
-    none_feasible = "NO DESIGN in this space settles within the stroke limit."
+    exact = "exact solution by events"
+    cross_check = "cross-check of the two models"
+    neighbours = "shakings within 1 %"
+    nonlinear = "nonlinear equations"
+    ensemble = "ensemble"
 
-    @property
-    def is_sound(self) -> bool:
-        """Whether the answer may be used: a design found and confirmed, or none needed."""
-        return self in (DesignStatus.found, DesignStatus.no_uplift)
+
+class ReasonKind(enum.Enum):
+    """Why a design is refused."""
+
+    overturns = enum.auto()
+    """The block overturns with the design where it stands without."""
+    overturns_more = enum.auto()
+    """Significantly more conditions or runs overturn with the design than without."""
+    breaks_limit = enum.auto()
+    rocks_more = enum.auto()
+    """The block rocks at least as much as without the design."""
+    does_not_settle = enum.auto()
+    models_disagree = enum.auto()
 
 
 @dataclass(frozen=True, kw_only=True)
-class Candidate:
-    """One design, or the bare block, solved by both models from the same start."""
+class Reason:
+    """One reason why a design is refused, as data; `str` makes a sentence of it."""
 
-    mass_ratio: float
-    length_ratio: float
-    damping_ratio: float
-    amplitude: float
-    """Exact settled |phi|, rad."""
-    stroke: float
-    """Exact settled |psi|, rad."""
-    status: str
-    """Exact status, by name."""
-    periods: int
-    """Forcing periods in one period of the exact motion."""
-    multiplier: float
-    """Largest Floquet multiplier of the exact motion."""
-    margin: float
-    """Uplift margin; positive: a block at rest under the settled pendulum stays at rest."""
-    smoothed_amplitude: float
-    """By the model searched with, as the two below; see `Design.searched_with`."""
-    smoothed_stroke: float
-    smoothed_status: str
-    agree: bool
-    """Whether both models settle alike, with amplitudes within the tolerance."""
+    step: Step
+    kind: ReasonKind
+    condition: str = ""
+    """Label of the condition, if the reason belongs to one."""
+    limit: str = ""
+    """Name of the limit that is broken."""
+    value: float = math.nan
+    """The size met: rad, a count, or a limited quantity over its limit."""
+    reference: float = math.nan
+    """The size it is compared with."""
+    total: int = 0
+    """Conditions, shakings or runs tried, where counts are compared."""
+    outcome: str = ""
+    """Name of the status in which the motion ends."""
 
-    @property
-    def difference(self) -> float:
-        """Amplitude by the model searched with minus the exact one, over the exact one; 0 where both rest."""
-        if not np.isfinite(self.amplitude):
-            return float("nan")
-        if self.amplitude == 0.0:
-            return 0.0 if self.smoothed_amplitude == 0.0 else float("inf")
-        return self.smoothed_amplitude / self.amplitude - 1.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Round:
-    """A best design under the linear equations, and what the nonlinear ones say of it; angles in rad."""
-
-    limit: float
-    """Stroke limit it was searched under: corrected from the second round on."""
-    mass_ratio: float
-    length_ratio: float
-    damping_ratio: float
-    amplitude: float
-    """Settled |phi| by the nonlinear equations."""
-    stroke: float
-    status: str
-    objections: tuple[str, ...]
-    """Why it is not offered, a sentence each; none if it is."""
+    def __str__(self) -> str:
+        at = f" at {self.condition}" if self.condition else ""
+        by = f"by the {self.step.value}"
+        match self.kind:
+            case ReasonKind.overturns:
+                return f"{by} the block overturns{at}, and stands without the pendulum"
+            case ReasonKind.overturns_more:
+                return (
+                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases that it stands without "
+                    f"the pendulum, and stands in {self.reference:.0f} in which it overturns without{at}"
+                )
+            case ReasonKind.breaks_limit:
+                return f"{by} the design exceeds the limit on {self.limit} by {self.value - 1.0:.2g} of it{at}"
+            case ReasonKind.rocks_more:
+                return (
+                    f"{by} the block rocks {self.value:.4g} rad, and {self.reference:.4g} rad without the "
+                    f"pendulum{at}"
+                )
+            case ReasonKind.does_not_settle:
+                return f"{by} the motion ends {self.outcome.replace('_', ' ')}{at}"
+            case ReasonKind.models_disagree:
+                return (
+                    f"the search's model gives an amplitude of {self.value:.4g} rad, the exact solution "
+                    f"{self.reference:.4g} rad{at}: the motion depends on details that neither can promise"
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
-class History:
-    """The search's path: arrays of shape (starts, steps), and (starts, steps, 3) for `designs`."""
+class Motions:
+    """Settled motions under every condition by one model, from the stated start; arrays of shape (n,)."""
 
-    designs: np.ndarray
-    """(mu, lam, zeta)."""
-    amplitude: np.ndarray
-    stroke: np.ndarray
-    margin: np.ndarray
+    model: str
     status: np.ndarray
-    """Names of the steady state's status."""
+    """Names of statuses."""
+    amplitude: np.ndarray
+    """|phi|, rad; infinite where the block overturns."""
+    stroke: np.ndarray
+    """|psi|, rad."""
+    peak: np.ndarray
+    """Largest |phi| from the start on, rad; NaN where the model was not asked."""
+    peak_stroke: np.ndarray
+    """Largest |psi| from the start on, rad; NaN where the model was not asked."""
+    multiplier: np.ndarray
+    """Largest modulus of the Floquet multipliers; NaN where unknown."""
+    periods: np.ndarray
+    """Forcing periods in one period of the motion."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Neighbours:
+    """Shakings within 1 % in amplitude and frequency of one condition, from rest, by the exact solution."""
+
+    condition: int
+    tried: int
+    overturned: int
+    """Shakings that overturn the block with the pendulum."""
+    overturned_bare: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nonlinear:
+    """A design under one condition by the nonlinear equations, from rest; angles in rad."""
+
+    condition: int
+    amplitude: float
+    stroke: float
+    status: str
+    bare_amplitude: float
+    bare_status: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Active:
+    """A condition, limit or bound that holds a design, with its weight in the optimality condition."""
+
+    kind: str
+    """"tilt", "limit", "lower bound" or "upper bound"."""
+    name: str
+    """Name of the limit or of the ratio."""
+    condition: str
+    """Label of the condition; empty for a bound."""
+    weight: float
+    """Weight of the condition or limit; for a bound the ratio's value."""
+
+    def __str__(self) -> str:
+        match self.kind:
+            case "tilt":
+                return f"tilt at {self.condition} ({self.weight:.2f})"
+            case "limit":
+                return f"limit on {self.name} at {self.condition}"
+            case _:
+                return f"{self.kind} of the {self.name} ratio, {self.weight:.4g}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verified:
+    """A design that went through the verification; angles in rad."""
+
+    mass_ratio: float
+    length_ratio: float
+    damping_ratio: float
+    value: float
+    """Risk of the merits, tilts over nu; see `Evaluation`."""
+    evaluation: Evaluation
+    """Under every condition by the search's objective, leading axis 1."""
+    exact: Motions
+    """By the exact solution of the linear equations."""
+    searched: Motions | None
+    """By the model of the search; None where it searched over exact orbits."""
+    margin: np.ndarray
+    """Uplift margin under every condition, shape (n,)."""
+    neighbours: Neighbours | None
+    """None where the verification ended before that step, as of the two below."""
+    nonlinear: tuple[Nonlinear, ...]
+    verdict: Verdict | None
+    """Ensemble of runs with and without the pendulum."""
+    stationarity: float
+    """Decrease of the risk that is left, to first order, per unit of a step in shares of the bounds."""
+    active: tuple[Active, ...]
+    source: str
+    """"search", "path" (a search passed through the design) or "nonlinear search"."""
+    reasons: tuple[Reason, ...]
+    """Why it is refused; empty if it is offered."""
+
+    @property
+    def design(self) -> np.ndarray:
+        """(mu, lam, zeta)."""
+        return np.array([self.mass_ratio, self.length_ratio, self.damping_ratio])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bare:
+    """The block without a pendulum under every condition."""
+
+    value: float
+    evaluation: Evaluation
+    exact: Motions
+    searched: Motions | None
+    outcomes: Outcomes | None
+    """Ensemble of runs; None where no design was put to it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """The history of the search, for reports and pictures."""
+
     screened: np.ndarray
-    """The designs screened before the search by the exact solution, shape (n, 3)."""
-    screened_amplitude: np.ndarray
-    screened_stroke: np.ndarray
-    screened_status: np.ndarray
+    """Designs (mu, lam, zeta) solved before the searches, (m, 3)."""
+    screened_value: np.ndarray
+    """Their risk, plus the excess over limits, (m,)."""
+    screened_feasible: np.ndarray
+    """Whether they keep to the limits, (m,)."""
+    screened_overturned: np.ndarray
+    """Whether they overturn, or reach no settled motion, under any condition, (m,)."""
+    paths: tuple[np.ndarray, ...]
+    """Designs on the way of each search, each (steps, 3)."""
+    ends: np.ndarray
+    """Best design of each search, (searches, 3)."""
+    end_values: np.ndarray
+    """Their risks, infinite where a limit is broken."""
+    statuses: tuple[SearchStatus, ...]
+    evaluations: int
+    """Designs evaluated, screening included."""
+    nonlinear_evaluations: int
+    """Designs evaluated by the nonlinear equations, in the search on them."""
+    description: str
+    """From how many designs and in which stages, in words."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nearest:
+    """Where no design keeps to the limits: the design of least excess."""
+
+    design: np.ndarray
+    """(mu, lam, zeta)."""
+    broken: tuple[Reason, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Design:
-    """The answer of `optimise`: angles in rad, lengths in m, masses in kg."""
+    """The answer of `optimise`: angles in rad, lengths in m, masses in kg. `print` shows a summary."""
 
     scene: Scene
     space: DesignSpace
-    pendulum: Pendulum | None
-    """None where no design settles within the limits and rocks less than the bare block."""
-    amplitude: float
-    """Exact settled |phi| with the pendulum, rad; that of the bare block where there is none."""
-    amplitude_without: float
-    """Exact settled |phi| of the bare block, rad."""
-    stroke: float
-    """Exact settled |psi|, rad."""
-    status: DesignStatus
-    winner: Candidate | None
-    runner_up: Candidate | None
-    bare: Candidate
-    starts: tuple[StartStatus, ...]
-    history: History
-    peak: tuple[float, float]
-    """Largest |phi| and |psi| (rad) in the first 24 periods from rest, with the pendulum if there is one."""
-    overturned_nearby: tuple[int, int, int]
-    """How many shakings within 1 % of the design's were tried, and how many of them overturn the
-    block with the pendulum and without."""
-    verdict: Verdict | None
-    """An ensemble of runs with the pendulum and without; None where there is no pendulum."""
-    rounds: tuple[Round, ...]
-    """The designs put to the nonlinear equations in turn; the last one is offered if it has no objection."""
-    tolerance: float
-    """Largest relative difference of the two models' amplitudes that counts as agreement."""
+    conditions: Conditions
+    starts: Starts
+    risk: Risk
+    limits: tuple[Limit, ...]
+    method: Method
+    ensemble: Ensemble
     seed: int
-    searched_with: str = "smoothed"
-    """Name of the model that the search ran on."""
-    interrupted: bool = False
+    status: DesignStatus
+    pendulum: Pendulum | None
+    """None where no design is offered."""
+    verified: tuple[Verified, ...]
+    """Designs that were verified, in order; the last one is offered if it has no reason against it."""
+    bare: Bare
+    nearest: Nearest | None
+    search: Search
+    elasticities: dict[str, float]
+    """d ln(value)/d ln(x) at the design, x one of `conditions.FACTORS`."""
     settings: dict[str, object] = field(default_factory=dict)
+
+    @property
+    def winner(self) -> Verified | None:
+        """The design offered, if any."""
+        return self.verified[-1] if self.pendulum is not None else None
+
+    @property
+    def best(self) -> Verified | None:
+        """The design offered or, where none is, the best that was verified."""
+        return self.winner or min(self.verified, key=lambda v: v.value, default=None)
+
+    @property
+    def amplitude(self) -> float:
+        """Largest exact settled |phi| of all conditions with the pendulum, or without where there is none."""
+        return float(np.max((self.bare if self.winner is None else self.winner).exact.amplitude))
+
+    @property
+    def amplitude_without(self) -> float:
+        """Largest exact settled |phi| of all conditions without a pendulum, rad."""
+        return float(np.max(self.bare.exact.amplitude))
+
+    @property
+    def stroke(self) -> float:
+        """Largest exact settled |psi| of all conditions, rad; 0 without a pendulum."""
+        return 0.0 if self.winner is None else float(np.max(self.winner.exact.stroke))
+
+    @property
+    def stroke_limit(self) -> float:
+        """Largest settled |psi| allowed, rad."""
+        return stroke_limit(self.limits)
+
+    def __str__(self) -> str:
+        lines = [f"Design: {self.status.name}", self.status.value]
+        if self.pendulum is None or self.winner is None:
+            lines += [f"  refused: {reason}" for v in self.verified for reason in v.reasons]
+            return "\n".join(lines)
+        hung = self.pendulum
+        return "\n".join(
+            [
+                *lines,
+                f"  pendulum    {hung.mass:.4g} kg on {hung.length:.4g} m, damping ratio {hung.damping_ratio:.4g}",
+                f"  amplitude   {self.amplitude:.4g} rad, {self.amplitude_without:.4g} rad without",
+                f"  stroke      {self.stroke:.4g} rad, limit {self.stroke_limit:g} rad",
+            ]
+        )
+
+    def _repr_html_(self) -> str:
+        return "<pre>" + str(self).replace("&", "&amp;").replace("<", "&lt;") + "</pre>"

@@ -1,0 +1,311 @@
+"""Criteria of a design: the risk measure over the conditions, and the limits that it must keep.
+
+A limit is a size that must not exceed one under every condition. A search takes any list of limits: it reads
+their sizes and the derivatives of these with respect to (mu, lam, zeta). A new limit is one new class here.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import numpy as np
+
+from tpd.core import checks
+
+if TYPE_CHECKING:
+    from tpd.design.objective import Evaluation
+
+_THICKEST = 0.5
+"""Largest radius of a ball of steel, in lengths of its rod. Beyond it the ball is no point: its own moment of
+inertia is 2/5 of the square of that, and it would touch the hinge."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Risk:
+    """Risk measure: one number made of the tilts under all conditions, the mean of the worst `share`."""
+
+    share: float
+    name: str
+
+    @staticmethod
+    def worst() -> Risk:
+        """Largest tilt of all conditions."""
+        return Risk(share=0.0, name="worst")
+
+    @staticmethod
+    def expected() -> Risk:
+        """Mean tilt over all conditions."""
+        return Risk(share=1.0, name="expected")
+
+    @staticmethod
+    def cvar(share: float = 0.1) -> Risk:
+        """Conditional value at risk: the mean tilt of the worst `share` of the conditions.
+
+        Raises:
+            ValueError: a share that is not above 0 and at most 1.
+        """
+        checks.within("share", share, 1e-9, 1.0)
+        return Risk(share=float(share), name=f"mean of the worst {share:.3g}")
+
+    def cap(self, n: int) -> float:
+        """Largest weight of one of n conditions."""
+        return min(1.0, 1.0 / max(self.share * n, 1.0))
+
+    def of(self, values: np.ndarray) -> np.ndarray:
+        """Measure over the last axis: the largest weighted mean with no weight above the cap."""
+        n = values.shape[-1]
+        cap = self.cap(n)
+        ordered = -np.sort(-values, axis=-1)
+        weights = np.clip(1.0 - cap * np.arange(n), 0.0, cap)
+        # A condition without weight may be infinite: 0 times infinity must not enter the sum.
+        return np.sum(np.where(weights > 0.0, ordered, 0.0) * weights, axis=-1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Geometry:
+    """Lengths and ratios of the block under n conditions, for limits that are stated in SI units."""
+
+    half_height: float
+    """b, m."""
+    block_mass: float
+    """M, kg."""
+    ball: float
+    """Radius of a ball of steel that weighs what the block does, m."""
+    slenderness: np.ndarray
+    """nu, shape (n,)."""
+    mass_factor: np.ndarray
+    """Factor on the bob's mass, shape (n,)."""
+    length_factor: np.ndarray
+    """Factor on the pendulum's length, shape (n,)."""
+
+    def rod(self, designs: np.ndarray) -> np.ndarray:
+        """Length of the rod, m, (m, n), of designs (m, 3)."""
+        return self.half_height * designs[:, 1, None] * self.length_factor
+
+    def radius(self, designs: np.ndarray) -> np.ndarray:
+        """Radius of a ball of steel of the bob's mass, m, (m, n)."""
+        return self.ball * np.cbrt(designs[:, 0, None] * self.mass_factor)
+
+    @property
+    def wall(self) -> np.ndarray:
+        """Half width of the block, m, (1, n)."""
+        return self.half_height * self.slenderness[None, :]
+
+
+class Size(NamedTuple):
+    """A limited quantity over its limit, under every condition: at most 1 where the limit is kept."""
+
+    name: str
+    value: np.ndarray
+    """(m, n)"""
+    slope: np.ndarray
+    """Derivatives with respect to (mu, lam, zeta), (m, n, 3)."""
+
+
+@dataclass(frozen=True)
+class Limit(ABC):
+    """A requirement on a design under every condition."""
+
+    name: ClassVar[str]
+    """Key in a job file, and in reports."""
+    of_motion: ClassVar[bool] = True
+    """Whether the limit follows from tilt, bob angle and design alone, so that any model can be asked."""
+
+    @abstractmethod
+    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+        """Limited quantities of m designs under n conditions, over their limits."""
+
+
+@dataclass(frozen=True)
+class Stroke(Limit):
+    """Largest settled |psi|, rad. The linear equations lose their meaning beyond about 0.5 rad."""
+
+    angle: float = 0.5
+    name: ClassVar[str] = "stroke"
+
+    def __post_init__(self) -> None:
+        checks.positive(self.name, self.angle)
+
+    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+        """The stroke over the limit."""
+        yield Size(self.name, e.stroke / self.angle, e.stroke_slope / self.angle)
+
+
+@dataclass(frozen=True)
+class RelativeStroke(Limit):
+    """Largest settled |psi - phi|, rad. The sum of both largest angles is limited, which is never less."""
+
+    angle: float
+    name: ClassVar[str] = "relative_stroke"
+
+    def __post_init__(self) -> None:
+        checks.positive(self.name, self.angle)
+
+    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+        """The sum of both angles over the limit."""
+        angle, slope = _relative(e, g)
+        yield Size(self.name, angle / self.angle, slope / self.angle)
+
+
+@dataclass(frozen=True)
+class Tilt(Limit):
+    """Largest settled |phi|, as a share of nu."""
+
+    share: float
+    name: ClassVar[str] = "tilt"
+
+    def __post_init__(self) -> None:
+        checks.positive(self.name, self.share)
+
+    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+        """The tilt over the limit."""
+        yield Size(self.name, e.tilt / self.share, e.tilt_slope / self.share)
+
+
+@dataclass(frozen=True)
+class Mass(Limit):
+    """Largest mass of the bob, kg."""
+
+    kg: float
+    name: ClassVar[str] = "mass"
+
+    def __post_init__(self) -> None:
+        checks.positive(self.name, self.kg)
+
+    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+        """No size: the optimiser narrows the design space instead, which every search keeps exactly."""
+        return ()
+
+
+@dataclass(frozen=True)
+class Offset(Limit):
+    """Largest distance of the settled bob's centre from the block's axis, m."""
+
+    distance: float
+    name: ClassVar[str] = "offset"
+
+    def __post_init__(self) -> None:
+        checks.positive(self.name, self.distance)
+
+    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+        """The offset l sin(angle) over the limit."""
+        reach, slope = _reach(e, g)
+        yield Size(self.name, reach / self.distance, slope / self.distance)
+
+
+@dataclass(frozen=True)
+class Walls(Limit):
+    """Room for a solid ball of steel: once settled it keeps off the block's walls, and its radius is at most
+    half the rod's length."""
+
+    name: ClassVar[str] = "walls"
+
+    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+        """The ball's reach over the half width, and its radius over half the rod."""
+        rod, ball = g.rod(e.design), g.radius(e.design)
+        reach, slope = _reach(e, g)
+        growing, longer = np.zeros_like(slope), np.zeros_like(slope)
+        # The radius of a bob without mass has no derivative; a search never starts there.
+        growing[..., 0] = ball / np.maximum(3.0 * e.design[:, 0, None], 1e-9)
+        longer[..., 1] = rod / e.design[:, 1, None]
+        yield Size(self.name, (reach + ball) / g.wall, (slope + growing) / g.wall[..., None])
+        most = _THICKEST * rod
+        bulk = (growing - (ball / rod)[..., None] * longer) / most[..., None]
+        yield Size("ball", ball / most, bulk)
+
+
+@dataclass(frozen=True)
+class Multiplier(Limit):
+    """Largest modulus of the Floquet multipliers, below 1. It has no derivative: a search stops at it rather
+    than moving along it. `Reserve` has one."""
+
+    largest: float
+    name: ClassVar[str] = "multiplier"
+    of_motion: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        checks.within(self.name, self.largest, 1e-6, 1.0)
+
+    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+        """The modulus over the limit."""
+        yield Size(self.name, e.multiplier / self.largest, np.zeros_like(e.tilt_slope))
+
+
+@dataclass(frozen=True)
+class Reserve(Limit):
+    """Least distance of a symmetric orbit from where it stops attracting (fold, loss of symmetry, torus).
+    Without it a search over orbits ends on the edge of what is stable."""
+
+    least: float = 0.05
+    name: ClassVar[str] = "reserve"
+    of_motion: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        checks.positive(self.name, self.least)
+
+    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+        """A size that is at most one where the reserve is at least `least`."""
+        yield Size(self.name, 2.0 - e.reserve / self.least, -e.reserve_slope / self.least)
+
+
+KINDS: tuple[type[Limit], ...] = (
+    Stroke,
+    RelativeStroke,
+    Tilt,
+    Mass,
+    Offset,
+    Walls,
+    Multiplier,
+    Reserve,
+)
+"""All limits, in the order of a report."""
+
+DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Reserve())
+
+
+def limit_of(limits: tuple[Limit, ...], kind: type[Limit]) -> Limit | None:
+    """The limit of a kind, or None."""
+    return next((limit for limit in limits if isinstance(limit, kind)), None)
+
+
+def stroke_limit(limits: tuple[Limit, ...]) -> float:
+    """Largest settled |psi| allowed, rad; infinite without such a limit."""
+    limit = limit_of(limits, Stroke)
+    return limit.angle if isinstance(limit, Stroke) else np.inf
+
+
+def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
+    """The limits as a tuple in the order of a report.
+
+    Raises:
+        ValueError: something that is not a limit, or two limits of one kind.
+    """
+    listed = tuple(limits)
+    for limit in listed:
+        if not isinstance(limit, KINDS):
+            raise ValueError(f"`limits` must hold objects of `tpd.limits`, but has {limit!r}")
+    for kind in KINDS:
+        if sum(isinstance(limit, kind) for limit in listed) > 1:
+            raise ValueError(f"`limits` must hold one limit of a kind, but has two of {kind.__name__}")
+    return tuple(sorted(listed, key=lambda limit: KINDS.index(type(limit))))
+
+
+def _relative(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:
+    """Sum of the largest bob angle and the largest tilt, rad, and its derivatives."""
+    nu = g.slenderness[None, :]
+    return e.stroke + e.tilt * nu, e.stroke_slope + e.tilt_slope * nu[..., None]
+
+
+def _reach(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:
+    """Largest distance of the bob's centre from the block's axis, m, and its derivatives."""
+    angle, angle_slope = _relative(e, g)
+    rod = g.rod(e.design)
+    inside = angle < 0.5 * np.pi
+    sine = np.sin(np.minimum(angle, 0.5 * np.pi))
+    across = np.where(inside, rod * np.cos(np.where(inside, angle, 0.0)), 0.0)
+    slope = across[..., None] * angle_slope
+    slope[..., 1] += rod / e.design[:, 1, None] * sine
+    return rod * sine, slope
