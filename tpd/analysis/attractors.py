@@ -7,6 +7,7 @@ exact engine, and what they settle into is sorted.
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -35,9 +36,19 @@ _SAME = 1e-6
 """The same of two that are one, or mirror images, after Newton's method."""
 
 
+class StartKind(enum.Enum):
+    """Initial states that a question is about."""
+
+    rest = "block and bob at rest at tau = 0"
+    any = "whichever initial state: every symmetric orbit that attracts"
+    sampled = "a seeded set of initial states"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Starts:
-    """A seeded set of states at tau = 0, spread evenly over a box; the first is at rest.
+    """Initial states at tau = 0: a seeded set, spread evenly over a box, whose first state is at rest.
+
+    `Starts.rest()` is one start at rest, `Starts.any()` stands for whichever start.
 
     Raises:
         ValueError: a size below one, or a spread below zero.
@@ -46,21 +57,41 @@ class Starts:
     size: int = 64
     seed: int = 0
     tilt: float = 0.8
-    """Largest |phi|, in shares of nu."""
+    """Largest |phi|, as a share of nu."""
     tilt_rate: float = 0.5
-    """Largest |phi'|, in shares of nu."""
+    """Largest |phi'|, as a share of nu."""
     swing: float = 0.2
     """Largest |psi|, rad."""
     swing_rate: float = 0.2
     """Largest |psi'|, rad per unit tau."""
+    worst: bool = False
+    """Whether a search counts the worst start rather than the mean over the starts."""
+    kind: StartKind = StartKind.sampled
 
     def __post_init__(self) -> None:
         checks.count("size", self.size)
+        checks.count("seed", self.seed, least=0)
         for name in ("tilt", "tilt_rate", "swing", "swing_rate"):
             checks.not_negative(name, getattr(self, name))
 
+    @staticmethod
+    def rest() -> Starts:
+        """One start: block and bob at rest."""
+        return Starts(size=1, kind=StartKind.rest)
+
+    @staticmethod
+    def any() -> Starts:
+        """Whichever start: a question about all symmetric orbits that attract."""
+        return Starts(size=1, kind=StartKind.any)
+
     def states(self, nu: float) -> np.ndarray:
-        """The states (phi, psi, phi', psi'), shape (size, 4): a Latin hypercube."""
+        """The states (phi, psi, phi', psi'), shape (size, 4): a Latin hypercube.
+
+        Raises:
+            ValueError: `Starts.any()`, which has no states.
+        """
+        if self.kind is StartKind.any:
+            raise ValueError("`starts` must be a set of states here, but is Starts.any()")
         rng = np.random.default_rng(self.seed)
         reach = np.array([self.tilt * nu, self.swing, self.tilt_rate * nu, self.swing_rate])
         unit = 2.0 * latin_hypercube(rng, self.size, 4) - 1.0

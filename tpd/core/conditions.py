@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -30,7 +29,7 @@ class Conditions:
     """
 
     factors: Mapping[str, np.ndarray] = field(default_factory=dict)
-    told: tuple[str, ...] = ()
+    description: tuple[str, ...] = ()
     """What they are, a phrase each."""
     units: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     """Of factors that have one: the scene's own value, and its unit."""
@@ -46,13 +45,13 @@ class Conditions:
             for name in FACTORS
             if name in names
         }
-        return Conditions(both, (*self.told, *other.told), {**self.units, **other.units})
+        return Conditions(both, (*self.description, *other.description), {**self.units, **other.units})
 
     def column(self, name: str) -> np.ndarray:
         """The factors on one of `FACTORS`, shape (n,): ones where it does not differ."""
         return np.asarray(self.factors.get(name, np.ones(len(self))), dtype=float)
 
-    def some(self, most: int, seed: int = 0) -> Conditions:
+    def subset(self, most: int, seed: int = 0) -> Conditions:
         """At most so many of them: those nearest to the corners of what they span, where the worst is likely
         to be, and a seeded choice of the others."""
         n = len(self)
@@ -65,27 +64,27 @@ class Conditions:
         nearest = {int(np.argmin(np.abs(unit - corner).sum(axis=1))) for corner in corners[: most // 2]}
         others = [i for i in np.random.default_rng([seed, 4]).permutation(n) if i not in nearest]
         chosen = np.sort([*nearest, *others[: most - len(nearest)]])
-        told = f"{most} of {n} conditions: {', '.join(self.told)}"
+        told = f"{most} of {n} conditions: {', '.join(self.description)}"
         return Conditions({k: v[chosen] for k, v in self.factors.items()}, (told,), self.units)
 
     @property
-    def along(self) -> str | None:
+    def axis(self) -> str | None:
         """What the conditions differ in, if it is one thing: the axis of a picture."""
         differ = [name for name, v in self.factors.items() if np.ptp(v) > 0.0]
         return differ[0] if len(differ) == 1 else None
 
-    def name(self, i: int) -> str:
-        """The i-th condition, as "under ..."."""
+    def label(self, i: int) -> str:
+        """Label of the i-th condition, such as "2.5 Hz and 1.1 times the amplitude"."""
         differ = [name for name, v in self.factors.items() if np.ptp(v) > 0.0]
         if len(differ) > 2:
-            return f"in sample {i}"
+            return f"sample {i}"
         parts = []
         for name in differ:
             own, unit = self.units.get(name, (1.0, f"times the {name}"))
             parts.append(f"{self.factors[name][i] * own:.4g} {unit}")
-        return "at " + (" and ".join(parts) if parts else "the scene's own shaking")
+        return " and ".join(parts) if parts else "the scene's own shaking"
 
-    def rows(self) -> Float[Array, "n 7"]:
+    def factor_rows(self) -> Float[Array, "n 7"]:
         """All factors, in the order of `FACTORS`."""
         return jnp.stack([jnp.asarray(self.column(name)) for name in FACTORS], axis=1)
 
@@ -160,93 +159,9 @@ def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "7 
 def under_all(p: Parameters, designs: Float[Array, "m 3"], conditions: Conditions) -> Parameters:
     """The parameters of m designs under all n conditions: leaves (m n,), conditions running fastest."""
     n = len(conditions)
-    rows = jnp.tile(conditions.rows(), (len(designs), 1))
+    rows = jnp.tile(conditions.factor_rows(), (len(designs), 1))
     each = jnp.repeat(jnp.asarray(designs), n, axis=0)
     q = under(p, each.T, rows.T)
     names = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
     whole = {name: jnp.broadcast_to(jnp.asarray(getattr(q, name)), len(rows)) for name in names}
     return Parameters(**whole, rho=jnp.broadcast_to(jnp.asarray(q.inertia_ratio), len(rows)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Measure:
-    """How one number is made of the tilts under all conditions: the mean of the worst `share` of them."""
-
-    share: float
-    name: str
-
-    @staticmethod
-    def worst() -> Measure:
-        """The largest."""
-        return Measure(share=0.0, name="worst")
-
-    @staticmethod
-    def expected() -> Measure:
-        """The mean."""
-        return Measure(share=1.0, name="expected")
-
-    @staticmethod
-    def cvar(share: float = 0.1) -> Measure:
-        """The conditional value at risk: the mean of the worst `share`.
-
-        Raises:
-            ValueError: a share that is not above 0 and at most 1.
-        """
-        checks.within("share", share, 1e-9, 1.0)
-        return Measure(share=float(share), name=f"mean of the worst {share:.3g}")
-
-    def cap(self, n: int) -> float:
-        """Largest weight of one of n conditions."""
-        return min(1.0, 1.0 / max(self.share * n, 1.0))
-
-    def of(self, values: np.ndarray) -> np.ndarray:
-        """The number, over the last axis: the largest weighted mean with no weight above the cap."""
-        n = values.shape[-1]
-        cap = self.cap(n)
-        ordered = -np.sort(-values, axis=-1)
-        weights = np.clip(1.0 - cap * np.arange(n), 0.0, cap)
-        # What carries no weight may be infinite.
-        return np.sum(np.where(weights > 0.0, ordered, 0.0) * weights, axis=-1)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Limits:
-    """What a design must keep to under every condition, beside the space's stroke limit; None where there
-    is no limit.
-
-    Raises:
-        ValueError: a limit that is not positive, or a multiplier above one.
-    """
-
-    relative_stroke: float | None = None
-    """Largest |psi - phi|, rad. The sum of both largest angles is held below it, which is never less."""
-    tilt: float | None = None
-    """Largest |phi|, in shares of nu."""
-    multiplier: float | None = None
-    """Largest modulus of the Floquet multipliers, below 1. It has no slope: a search stops at it rather
-    than moving along it; `reserve` has."""
-    reserve: float | None = 0.05
-    """Least of fold, symmetry and torus in `Margins`: how far an orbit is from where it stops attracting.
-    Without it a search ends on the edge of what is stable."""
-    mass: float | None = None
-    """Largest mass of the bob, kg; beside the bounds of the design space."""
-    offset: float | None = None
-    """Largest distance (m) of the settled bob's middle from the block's axis."""
-    walls: bool = False
-    """Whether a solid ball of steel must keep off the block's walls once it has settled, and be no thicker
-    than its rod is long."""
-
-    def __post_init__(self) -> None:
-        for name in ("relative_stroke", "tilt", "mass", "reserve", "offset"):
-            if getattr(self, name) is not None:
-                checks.positive(name, getattr(self, name))
-        if not isinstance(self.walls, bool):
-            raise ValueError(f"`walls` must be true or false, but is {self.walls!r}")
-        if self.multiplier is not None:
-            checks.within("multiplier", self.multiplier, 1e-6, 1.0)
-
-    def told(self) -> dict[str, Any]:
-        """Those that are set, by name."""
-        names = ("relative_stroke", "tilt", "multiplier", "reserve", "mass", "offset")
-        told = {n: getattr(self, n) for n in names if getattr(self, n) is not None}
-        return told | ({"walls": True} if self.walls else {})

@@ -1,4 +1,4 @@
-"""Searches that have ended, kept in a file so that an interrupted run goes on where it was."""
+"""Checkpoint: searches that have ended, in a file, so that an interrupted run goes on where it was."""
 
 from __future__ import annotations
 
@@ -13,64 +13,66 @@ from typing import Any
 import numpy as np
 
 from tpd.core import files
-from tpd.design.sequential import Descent, Local
+from tpd.design.objective import BACK_OFF
+from tpd.design.sequential import Ends, Linearisation
 
 
-class Kept:
-    """Descents by the number of their group, in a file if there is one."""
+class Checkpoint:
+    """Ends of searches by the number of their group, in a file if there is one."""
 
-    def __init__(self, path: Path | None, fingerprint: str, held: dict[str, np.ndarray]) -> None:
-        self.path, self.fingerprint, self.held = path, fingerprint, held
+    def __init__(self, path: Path | None, fingerprint: str, stored: dict[str, np.ndarray]) -> None:
+        self.path, self.fingerprint, self.stored = path, fingerprint, stored
 
     @staticmethod
-    def of(path: Path | None, problem: Any) -> Kept:
-        """What `path` holds of a problem, nothing if there is no such file.
+    def of(path: Path | None, problem: Any) -> Checkpoint:
+        """Checkpoint of a problem in the file `path`; empty if there is no such file.
 
         Raises:
             ValueError: the file is of another problem, or cannot be read.
         """
-        # What an older version kept is of another make.
-        fingerprint = hashlib.sha256(_plain((problem, Descent._fields, Local._fields)).encode()).hexdigest()
+        # Fields and back-off are part of the fingerprint: another version may have meant other searches.
+        make = Ends._fields, Linearisation._fields, BACK_OFF
+        fingerprint = hashlib.sha256(_plain((problem, *make)).encode()).hexdigest()
         if path is None or not path.exists():
-            return Kept(path, fingerprint, {})
+            return Checkpoint(path, fingerprint, {})
         try:
             with np.load(path, allow_pickle=False) as file:
-                held = {name: file[name] for name in file.files}
+                stored = {name: file[name] for name in file.files}
         except (OSError, ValueError, zipfile.BadZipFile, EOFError):
             raise ValueError(f"cannot read {path}: it holds no finished searches") from None
-        if str(held.pop("problem", "")) != fingerprint:
+        if str(stored.pop("problem", "")) != fingerprint:
             raise ValueError(
                 f"{path} holds searches of another problem, or of another version of tpd: delete it, or take "
                 "the inputs it was made with"
             )
-        return Kept(path, fingerprint, held)
+        return Checkpoint(path, fingerprint, stored)
 
-    def get(self, group: int) -> Descent | None:
-        """A group's descents, if it has ended."""
-        values = {n.split("/")[1]: v for n, v in self.held.items() if n.split("/")[0] == str(group)}
+    def get(self, group: int) -> Ends | None:
+        """Ends of a group of searches, or None."""
+        values = {n.split("/")[1]: v for n, v in self.stored.items() if n.split("/")[0] == str(group)}
         if not values:
             return None
-        local = Local(*(values[f"local_{name}"] for name in Local._fields))
-        rest = {n: values[n] for n in Descent._fields if n not in ("local", "weights")}
+        local = Linearisation(*(values[f"local_{name}"] for name in Linearisation._fields))
+        rest = {n: values[n] for n in Ends._fields if n not in ("local", "weights")}
         weights = values["weights_0"], values["weights_1"]
-        return Descent(local=local, weights=weights, **rest)
+        return Ends(local=local, weights=weights, **rest)
 
-    def put(self, group: int, descent: Descent) -> None:
-        """Keep a group's descents; what is in the file stays whole whatever happens."""
+    def put(self, group: int, ends: Ends) -> None:
+        """Store the ends of a group; the file is complete at any moment."""
         if self.path is None:
             return
-        values: dict[str, Any] = {f"local_{n}": v for n, v in descent.local._asdict().items()}
-        values |= {f"weights_{i}": v for i, v in enumerate(descent.weights)}
-        values |= {n: v for n, v in descent._asdict().items() if n not in ("local", "weights")}
-        self.held |= {f"{group}/{name}": np.asarray(value) for name, value in values.items()}
+        values: dict[str, Any] = {f"local_{n}": v for n, v in ends.local._asdict().items()}
+        values |= {f"weights_{i}": v for i, v in enumerate(ends.weights)}
+        values |= {n: v for n, v in ends._asdict().items() if n not in ("local", "weights")}
+        self.stored |= {f"{group}/{name}": np.asarray(value) for name, value in values.items()}
         content = io.BytesIO()
-        whole: dict[str, Any] = {"problem": np.array(self.fingerprint), **self.held}
+        whole: dict[str, Any] = {"problem": np.array(self.fingerprint), **self.stored}
         np.savez_compressed(content, **whole)
         files.place(self.path, content.getvalue())
 
 
 def _plain(value: Any) -> str:
-    """A text that two problems share only if they are the same."""
+    """Text that two problems share only if they are equal."""
     if is_dataclass(value) and not isinstance(value, type):
         return f"{type(value).__name__}{_plain(asdict(value))}"
     if isinstance(value, Mapping):

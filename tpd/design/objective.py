@@ -1,15 +1,16 @@
-"""A design for everything that the block may see: the pendulum that is best in the worst of many conditions.
+"""Objectives of a search: the merit of a design under every condition, with exact derivatives.
 
-Every condition is answered by all symmetric period-one orbits and the uplift margin, in closed form and
-with exact gradients: a hundred thousand a second. So the search is over what the block can do however it
-starts, and events, the nonlinear equations and an ensemble of runs judge what it finds.
-"""
+An objective evaluates designs under all conditions, applies the risk measure, and states the limits as
+constraints. `Orbits` asks for all symmetric period-one orbits in closed form, a hundred thousand designs a
+second, so that its answer holds whatever the start. `tpd.design.followed` follows motions from given starts
+by any model instead."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,259 +18,260 @@ import numpy as np
 from jaxtyping import Array
 
 from tpd.analysis.symmetric_orbits import symmetric_orbits
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form import uplift
 from tpd.core.batch import in_chunks, trace
-from tpd.core.conditions import Conditions, Limits, Measure, under
+from tpd.core.conditions import Conditions, under
 from tpd.core.parameters import Parameters
 from tpd.core.scene import Scene
 from tpd.core.status import Status
-from tpd.design.result import DesignSpace
-from tpd.design.sequential import Local
+from tpd.design.criteria import Geometry, Limit, Reserve, Risk, Size
+from tpd.design.sequential import Linearisation
+from tpd.design.space import DesignSpace
+
+Count = Callable[[int, int], None]
+"""Called with (units done, of how many)."""
 
 _CHUNK = (64, 128)
-"""Designs under one condition each that are solved at once: the more the quicker each, but the last steps of
-a descent ask for few. With as many conditions as the first or more, the second."""
-_BALL = 0.5
-"""Largest radius of a ball of steel, in lengths of its rod: beyond it the ball is no point, whose own moment
-of inertia is 2/5 of the square of that, and would touch what it hangs from."""
+"""Pairs of design and condition that are solved at once. Large chunks are quicker for each pair, but the last
+steps of a descent ask for few: with fewer conditions than the first number, the first, else the second."""
+BACK_OFF = 1e-5
+"""Share of every limit that a search leaves unused. A descent may end so far beyond its constraints, by
+rounding or where a limit has no derivative, and the design still keeps the limit itself."""
 KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
-"""What a design does under a condition, see `Told.kind`."""
-_ROCKING, _NEAR, _REST, _UNSTABLE, _NONE = range(5)
+"""Motions of a design under a condition, see `Evaluation.kind`."""
+ROCKING, NEAR, REST, UNSTABLE, NONE = range(5)
 
 
-class Told(NamedTuple):
-    """Designs under conditions: arrays (m, n), slopes (m, n, 3) in (mu, lam, zeta)."""
+class Evaluation(NamedTuple):
+    """Designs under conditions: arrays (m, n), derivatives (m, n, 3) with respect to (mu, lam, zeta)."""
 
     merit: np.ndarray
-    """tilt where the block rocks; -margin where it can only rest; above 1 where no symmetric orbit
-    attracts and rest does not hold: lower is better, and all but orbits near a fold have slopes."""
+    """Tilt over nu where the block rocks; minus the uplift margin where it rests; above 1 where it does not
+    settle. Lower is better, and a resting design is better than any rocking one. All have derivatives but
+    orbits near a fold."""
     merit_slope: np.ndarray
     tilt: np.ndarray
-    """Largest |phi| over nu of the largest attracting symmetric orbit; 0 at rest. Where none attracts that
-    of the largest, or infinite."""
+    """Largest |phi| over nu; 0 at rest. Where no motion attracts, that of the largest orbit, or infinite."""
     tilt_slope: np.ndarray
     stroke: np.ndarray
-    """Largest |psi| of the same, rad."""
+    """Largest |psi| of the same motion, rad."""
     stroke_slope: np.ndarray
     margin: np.ndarray
-    """Of `uplift`."""
+    """Uplift margin."""
     multiplier: np.ndarray
-    """Largest modulus; 0 at rest."""
+    """Largest modulus of the Floquet multipliers; 0 at rest."""
     reserve: np.ndarray
-    """What is left until the orbit stops attracting: the least of fold, symmetry and torus in `Margins`;
-    1 at rest."""
+    """Distance of the orbit from where it stops attracting: the least of fold, symmetry and torus in
+    `Margins`; 1 at rest."""
     reserve_slope: np.ndarray
     kind: np.ndarray
     """Index into `KINDS`."""
     design: np.ndarray
     """(m, 3)"""
     lost: np.ndarray | float = 0.0
-    """Share of the starts that overturn, where starts are followed: tilt and stroke are of the others."""
-    loose: np.ndarray | float = 0.0
+    """Share of the starts that overturn, where motions are followed: tilt and stroke are of the others."""
+    unsettled: np.ndarray | float = 0.0
     """Share of the starts whose motion has no derivative: not settled, grazing or about to vanish."""
 
     @property
     def attracts(self) -> np.ndarray:
-        """Whether there is a motion to settle into, as far as symmetric orbits and rest can tell."""
-        return self.kind <= _REST
+        """Whether there is a motion to settle into, as far as the objective can tell."""
+        return self.kind <= REST
+
+    def at(self, rows: np.ndarray | list[int]) -> Evaluation:
+        """Evaluation of some of the designs."""
+        lost, unsettled = (np.broadcast_to(x, self.kind.shape)[rows] for x in (self.lost, self.unsettled))
+        return Evaluation(*(x[rows] for x in self[:-2]), lost=lost, unsettled=unsettled)
 
 
 @dataclass(frozen=True)
-class Objective:
-    """What is asked of a design: a measure of the tilt under conditions, and limits."""
+class AbstractObjective(ABC):
+    """Risk of the merits under all conditions, and limits."""
 
     p: Parameters
+    """Of the bare block."""
     conditions: Conditions
     space: DesignSpace
-    measure: Measure
-    limits: Limits
-    from_rest: bool
-    """Whether rest counts where it holds, though rocking attracts as well from other starts."""
-    half_height: float = 1.0
-    """Of the block, m."""
-    ball: float = 0.0
-    """Radius of a ball of steel that weighs what the block does, m."""
+    risk: Risk
+    limits: tuple[Limit, ...]
+    geometry: Geometry
 
-    @staticmethod
-    def of(
-        scene: Scene,
-        conditions: Conditions,
-        space: DesignSpace,
-        measure: Measure,
-        limits: Limits,
-        from_rest: bool = False,
-    ) -> Objective:
-        """That of a scene."""
-        ball = scene.pendulum(mass_ratio=1.0, length_ratio=1.0, damping_ratio=0.0).ball_radius
-        sizes = scene.block.half_height, ball
-        return Objective(scene.parameters(), conditions, space, measure, limits, from_rest, *sizes)
+    @property
+    def back_off(self) -> float:
+        """Share of every limit that a search leaves unused."""
+        return BACK_OFF
 
-    def fewer(self, most: int, seed: int) -> Objective:
-        """The same over at most so many of the conditions, see `Conditions.some`."""
-        return replace(self, conditions=self.conditions.some(most, seed))
+    @property
+    @abstractmethod
+    def holds_reserve(self) -> bool:
+        """Whether `Evaluation.reserve` and its derivative are known, so that `Reserve` can be a limit."""
 
-    def told(self, designs: np.ndarray, progress: Callable[[int, int], None] | None = None) -> Told:
+    @abstractmethod
+    def evaluate(self, designs: np.ndarray, progress: Count | None = None) -> Evaluation:
         """Designs (mu, lam, zeta), shape (m, 3), under all conditions."""
-        m, n = len(designs), len(self.conditions)
-        out = in_chunks(_one, self._batch(designs), chunk=self._chunk, progress=progress)
-        return Told(*(x.reshape(m, n, *x.shape[1:]) for x in out), design=designs)
 
-    def trace(self) -> None:
-        """What `told` does in Python before anything can be compiled."""
-        trace(_one, self._batch(np.zeros((1, 3))), chunk=self._chunk)
+    @abstractmethod
+    def prepare(self) -> None:
+        """Trace or compile what `evaluate` needs, so that this can happen beside other work."""
+
+    def over(self, conditions: Conditions) -> AbstractObjective:
+        """The same objective under other conditions of the same scene."""
+        p, g = self.p, self.geometry
+        geometry = geometry_under(float(p.nu), g.half_height, g.block_mass, g.ball, conditions)
+        return replace(self, conditions=conditions, geometry=geometry)
+
+    def value(self, e: Evaluation) -> np.ndarray:
+        """Risk of the merits, (m,)."""
+        return self.risk.of(e.merit)
+
+    @property
+    def active_limits(self) -> tuple[Limit, ...]:
+        """Limits that this objective can state."""
+        return tuple(x for x in self.limits if self.holds_reserve or not isinstance(x, Reserve))
+
+    def sizes(self, e: Evaluation) -> list[Size]:
+        """Limited quantities over their limits."""
+        return [size for limit in self.active_limits for size in limit.sizes(e, self.geometry)]
+
+    def constraints(self, e: Evaluation) -> tuple[np.ndarray, np.ndarray]:
+        """Constraints (<= 0), shape (m, l), and their derivatives; l is n times the number of sizes."""
+        m = len(e.kind)
+        sizes = self.sizes(e)
+        value = np.concatenate([np.zeros((m, 0)), *(s.value - 1.0 for s in sizes)], axis=1)
+        slope = np.concatenate([np.zeros((m, 0, 3)), *(s.slope for s in sizes)], axis=1)
+        # A quantity that is not finite breaks its limit, and no derivative says which way leads out.
+        return np.where(np.isfinite(value), value, 10.0), np.where(np.isfinite(slope), slope, 0.0)
+
+    def constraint_names(self) -> list[str]:
+        """Names of the limited quantities, each the name of n constraints, in the order of `constraints`."""
+        return [size.name for size in self.sizes(self._blank())]
+
+    def _blank(self) -> Evaluation:
+        n = len(self.conditions)
+        one, slope = np.ones((1, n)), np.zeros((1, n, 3))
+        kind = np.zeros((1, n), int)
+        sizes = one, slope, one, slope, one, slope
+        return Evaluation(*sizes, one, one, one, slope, kind, np.ones((1, 3)))
+
+    def linearised(self, e: Evaluation) -> Linearisation:
+        """Merits, tightened constraints and their derivatives along the searched shares of the bounds."""
+        low, high = self.space.bounds
+        scale, d = (high - low)[None, None, :], low.size
+        limit, limit_slope = self.constraints(e)
+        merit_slope, limit_slope = e.merit_slope[..., :d] * scale, limit_slope[..., :d] * scale
+        return Linearisation(e.merit, merit_slope, limit + self.back_off, limit_slope)
+
+    def at(self, unit: np.ndarray) -> Linearisation:
+        """Linearisation at designs in shares of the bounds, (m, d)."""
+        return self.linearised(self.evaluate(self.space.unscaled(unit)))
+
+
+def geometry_under(
+    nu: float, half_height: float, block_mass: float, ball: float, conditions: Conditions
+) -> Geometry:
+    """Geometry of a block of slenderness `nu` under all conditions."""
+    return Geometry(
+        half_height=half_height,
+        block_mass=block_mass,
+        ball=ball,
+        slenderness=nu * conditions.column("slenderness"),
+        mass_factor=conditions.column("mass"),
+        length_factor=conditions.column("length"),
+    )
+
+
+def geometry_of(scene: Scene, conditions: Conditions) -> Geometry:
+    """Geometry of a scene's block under all conditions."""
+    block = scene.block
+    ball = scene.pendulum(mass_ratio=1.0, length_ratio=1.0, damping_ratio=0.0).ball_radius
+    return geometry_under(block.slenderness, block.half_height, block.mass, ball, conditions)
+
+
+@dataclass(frozen=True)
+class Orbits(AbstractObjective):
+    """The largest attracting symmetric period-one orbit under every condition, or rest."""
+
+    rest_counts: bool = False
+    """Whether rest counts wherever it holds, though rocking attracts as well from other starts."""
+
+    @property
+    def holds_reserve(self) -> bool:
+        """The closed form gives the reserve and its derivative."""
+        return True
+
+    def evaluate(self, designs: np.ndarray, progress: Count | None = None) -> Evaluation:
+        """See `AbstractObjective`."""
+        m, n = len(designs), len(self.conditions)
+        out = in_chunks(_orbits, self._batch(designs), chunk=self._chunk, progress=progress)
+        return Evaluation(*(x.reshape(m, n, *x.shape[1:]) for x in out), design=designs)
+
+    def prepare(self) -> None:
+        """Trace the closed form: compiling then leaves Python to other threads."""
+        trace(_orbits, self._batch(np.zeros((1, 3))), chunk=self._chunk)
 
     @property
     def _chunk(self) -> int:
         return _CHUNK[int(len(self.conditions) >= _CHUNK[0])]
 
     def _batch(self, designs: np.ndarray) -> tuple:
-        factors = np.asarray(self.conditions.rows())
-        every = np.repeat(designs, len(factors), axis=0), np.tile(factors, (len(designs), 1))
-        return self.p, *every, float(self.from_rest)
-
-    def value(self, told: Told) -> np.ndarray:
-        """The measure of the merits, (m,)."""
-        return self.measure.of(told.merit)
-
-    def limited(self, told: Told) -> tuple[np.ndarray, np.ndarray]:
-        """Constraints (<= 0), shape (m, l), and their slopes; l is n times the number of limits."""
-        rows, slopes = [], []
-        for size, slope, limit in self._sizes(told):
-            rows.append(size / limit - 1.0)
-            slopes.append(slope / limit)
-        value, slope = np.concatenate(rows, axis=1), np.concatenate(slopes, axis=1)
-        # What has no size breaks its limit, and nothing says which way leads out.
-        return np.where(np.isfinite(value), value, 10.0), np.where(np.isfinite(slope), slope, 0.0)
-
-    def limit_names(self) -> list[str]:
-        """Of the constraints, in the order of `limited`."""
-        asked = ("relative_stroke", "tilt", "multiplier", "reserve", "offset", "walls")
-        names = ["stroke", *(n for n in asked if n in self.limits.told())]
-        names += ["ball"] if self.limits.walls else []
-        return [name for name in names for _ in range(len(self.conditions))]
-
-    def _sizes(self, t: Told) -> list[tuple[np.ndarray, np.ndarray, float]]:
-        nu = (float(self.p.nu) * self.conditions.column("slenderness"))[None, :]
-        out = [(t.stroke, t.stroke_slope, self.space.stroke)]
-        limits = self.limits
-        if limits.relative_stroke is not None:
-            both = t.stroke_slope + t.tilt_slope * nu[..., None]
-            out.append((t.stroke + t.tilt * nu, both, limits.relative_stroke))
-        if limits.tilt is not None:
-            out.append((t.tilt, t.tilt_slope, limits.tilt))
-        if limits.multiplier is not None:
-            out.append((t.multiplier, np.zeros_like(t.tilt_slope), limits.multiplier))
-        if limits.reserve is not None:
-            # As a size that must stay below one.
-            out.append((2.0 - t.reserve / limits.reserve, -t.reserve_slope / limits.reserve, 1.0))
-        if limits.offset is not None or limits.walls:
-            out.extend(self._room_sizes(t))
-        return out
-
-    def room(self, designs: np.ndarray, angle: np.ndarray) -> dict[str, np.ndarray]:
-        """What a bob takes of the room to either side, by the limits on that, over what they allow.
-
-        Args:
-            designs: (mu, lam, zeta), shape (m, 3).
-            angle: largest angle between bob and block, rad, under every condition, shape (m, n).
-
-        Returns:
-            "offset": the middle of the bob; "walls": the outside of a ball of steel; "ball": its radius,
-            against half the rod. Shapes (m, n).
-        """
-        rod, ball, wall = self._lengths(designs)
-        reach, out = rod * np.sin(np.minimum(angle, 0.5 * np.pi)), {}
-        if self.limits.offset is not None:
-            out["offset"] = reach / self.limits.offset
-        if self.limits.walls:
-            out |= {"walls": (reach + ball) / wall, "ball": ball / (_BALL * rod)}
-        return out
-
-    def _lengths(self, designs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of the rod, a ball of steel's radius and half the width of the block, m, (m, n)."""
-        of = self.conditions.column
-        rod = self.half_height * designs[:, 1, None] * of("length")
-        ball = self.ball * np.cbrt(designs[:, 0, None] * of("mass"))
-        return rod, ball, self.half_height * float(self.p.nu) * of("slenderness")[None, :]
-
-    def _room_sizes(self, t: Told) -> list[tuple[np.ndarray, np.ndarray, float]]:
-        rod, ball, wall = self._lengths(t.design)
-        nu = wall / self.half_height
-        # Together never less than the angle between them.
-        angle = t.stroke + t.tilt * nu
-        swinging = np.where(angle < 0.5 * np.pi, rod * np.cos(np.where(np.isfinite(angle), angle, 0.0)), 0.0)
-        slope = swinging[..., None] * (t.stroke_slope + t.tilt_slope * nu[..., None])
-        slope[..., 1] += rod / t.design[:, 1, None] * np.sin(np.minimum(angle, 0.5 * np.pi))
-        longer, growing = np.zeros_like(slope), np.zeros_like(slope)
-        longer[..., 1] = rod / t.design[:, 1, None]
-        # That of no bob at all would be infinite.
-        growing[..., 0] = ball / np.maximum(3.0 * t.design[:, 0, None], 1e-9)
-        most = _BALL * rod
-        slopes = {
-            "offset": slope if self.limits.offset is None else slope / self.limits.offset,
-            "walls": (slope + growing) / wall[..., None],
-            "ball": (growing - (ball / rod)[..., None] * longer) / most[..., None],
-        }
-        return [(size, slopes[name], 1.0) for name, size in self.room(t.design, angle).items()]
-
-    def local(self, unit: np.ndarray) -> Local:
-        """For the search, at designs in shares of the bounds, (m, d)."""
-        low, high = self.space.bounds
-        return self.scaled(self.told(self.space.full(low + unit * (high - low))))
-
-    def scaled(self, told: Told) -> Local:
-        """What the search asks of designs, its slopes along shares of the bounds."""
-        low, high = self.space.bounds
-        scale = (high - low)[None, None, :]
-        limit, limit_slope = self.limited(told)
-        d = low.size
-        return Local(told.merit, told.merit_slope[..., :d] * scale, limit, limit_slope[..., :d] * scale)
+        factors = np.asarray(self.conditions.factor_rows())
+        pairs = np.repeat(designs, len(factors), axis=0), np.tile(factors, (len(designs), 1))
+        return self.p, *pairs, float(self.rest_counts)
 
 
-def _one(args: tuple[Parameters, Array, Array, Array]) -> tuple:
-    """`Told` of one design under one condition."""
-    p, design, factors, from_rest = args
+def _orbits(args: tuple[Parameters, Array, Array, Array]) -> tuple:
+    """`Evaluation` of one design under one condition."""
+    p, design, factors, rest_counts = args
 
-    def sizes(x: Array) -> tuple[Array, tuple]:
+    def sizes(x: Array) -> tuple[tuple, tuple]:
         q = under(p, x, factors)
         o, lift = symmetric_orbits(q), uplift(q)
-        margins = o.margins
-        reserve = jnp.minimum(jnp.minimum(margins.fold, margins.symmetry), margins.torus)
-        still = jnp.stack([jnp.asarray(lift.margin), jnp.asarray(lift.stroke)])
-        out = jnp.concatenate([o.amplitude / q.nu, o.stroke, still, reserve])
+        reserve = jnp.minimum(jnp.minimum(o.margins.fold, o.margins.symmetry), o.margins.torus)
+        out = o.amplitude / q.nu, o.stroke, reserve, jnp.asarray(lift.margin), jnp.asarray(lift.stroke)
         return out, (out, o.status, jnp.max(jnp.abs(o.multipliers), axis=-1))
 
     slopes, (values, status, multipliers) = jax.jacfwd(sizes, has_aux=True)(design)
-    near = (status == Status.near_fold) | (status == Status.grazing)
-    kinds = jnp.where(status == Status.rocking, _ROCKING, jnp.where(near, _NEAR, _UNSTABLE))
-    kinds = jnp.where(status == Status.no_orbit, _NONE, kinds)
-    margin = values[6]
-    rests = margin > 0.0
+    kinds = _kinds(status)
     best = jnp.argmin(kinds)
-    kind = jnp.where(rests & ((kinds[best] > _REST) | (from_rest > 0.0)), _REST, kinds[best])
-    moves = (kind != _REST) & (kind != _NONE)
-    tilt = jnp.where(moves, values[best], jnp.where(kind == _REST, 0.0, jnp.inf))
-    stroke = jnp.where(moves, values[3 + best], values[7])
-    multiplier = jnp.where(moves, multipliers[best], jnp.where(kind == _REST, 0.0, jnp.inf))
+    margin, still = values[3], values[4]
+    rests = (margin > 0.0) & ((kinds[best] > REST) | (rest_counts > 0.0))
+    kind = jnp.where(rests, REST, kinds[best])
+    at_rest, moves = kind == REST, (kind != REST) & (kind != NONE)
 
-    def sound(x: Array) -> Array:
-        return jnp.where(jnp.isfinite(x), x, 0.0)
+    def chosen(i: int, other: Array) -> Array:
+        return _finite(jnp.where(moves, slopes[i][best], other))
 
-    reserve = jnp.where(moves, values[8 + best], jnp.where(kind == _REST, 1.0, 0.0))
-    reserve_slope = sound(jnp.where(moves, slopes[8 + best], 0.0))
-    lost = jnp.where(kind == _UNSTABLE, 1.0 + tilt, 2.0 - margin)
-    merit = jnp.where(kind <= _NEAR, tilt, jnp.where(kind == _REST, -margin, lost))
-
-    tilt_slope = sound(jnp.where(moves, slopes[best], 0.0))
-    stroke_slope = sound(jnp.where(moves, slopes[3 + best], slopes[7]))
-    merit_slope = jnp.where(moves, tilt_slope, -sound(slopes[6]))
-    sizes_and_slopes = merit, merit_slope, tilt, tilt_slope, stroke, stroke_slope
-    return *sizes_and_slopes, margin, multiplier, reserve, reserve_slope, kind
+    tilt = jnp.where(moves, values[0][best], jnp.where(at_rest, 0.0, jnp.inf))
+    tilt_slope, margin_slope = chosen(0, jnp.zeros(3)), _finite(slopes[3])
+    stroke = jnp.where(moves, values[1][best], still)
+    multiplier = jnp.where(moves, multipliers[best], jnp.where(at_rest, 0.0, jnp.inf))
+    reserve = jnp.where(moves, values[2][best], jnp.where(at_rest, 1.0, 0.0))
+    merit = _merit(kind, tilt, margin)
+    merit_slope = jnp.where(moves, tilt_slope, -margin_slope)
+    both = merit, merit_slope, tilt, tilt_slope, stroke, chosen(1, slopes[4])
+    return *both, margin, multiplier, reserve, chosen(2, jnp.zeros(3)), kind
 
 
-def margins(objective: Objective, designs: Any) -> np.ndarray:
+def _kinds(status: Status) -> Array:
+    """Index into `KINDS` of each orbit, the best of them the smallest."""
+    near = (status == Status.near_fold) | (status == Status.grazing)
+    kinds = jnp.where(status == Status.rocking, ROCKING, jnp.where(near, NEAR, UNSTABLE))
+    return jnp.where(status == Status.no_orbit, NONE, kinds)
+
+
+def _merit(kind: Array, tilt: Array, margin: Array) -> Array:
+    """Merit of an orbit, of rest, or of nothing that attracts: the worse, the larger."""
+    nothing = jnp.where(kind == UNSTABLE, 1.0 + tilt, 2.0 - margin)
+    return jnp.where(kind <= NEAR, tilt, jnp.where(kind == REST, -margin, nothing))
+
+
+def _finite(x: Array) -> Array:
+    return jnp.where(jnp.isfinite(x), x, 0.0)
+
+
+def margins(objective: AbstractObjective, designs: np.ndarray) -> np.ndarray:
     """Uplift margins of designs (m, 3) under all conditions, (m, n), in closed form."""
-    return np.asarray(_margins(objective.p, jnp.asarray(designs), objective.conditions.rows()))
+    return np.asarray(_margins(objective.p, jnp.asarray(designs), objective.conditions.factor_rows()))
 
 
 @jax.jit

@@ -1,22 +1,23 @@
-"""The least rocking for every mass: a front of designs, found in one sweep."""
+"""Pareto front of the bob's mass against the rocking that is left, found in one sweep."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
+from tpd.analysis.attractors import Starts
 from tpd.core import checks
-from tpd.core.conditions import Conditions, Limits, Measure
+from tpd.core.conditions import Conditions
 from tpd.core.progress import Progress
 from tpd.core.scene import Scene
-from tpd.design.objective import Objective
-from tpd.design.result import DesignSpace
-from tpd.design.search import Search, stage
+from tpd.design.criteria import Limit, Risk
+from tpd.design.methods import Method, Sequential
+from tpd.design.problem import Problem
+from tpd.design.search import Multistart, stage
 from tpd.design.sequential import minimise
-
-_FEASIBLE = 1e-5
-"""Largest relative excess of a limit that is rounding."""
+from tpd.design.space import DesignSpace
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,75 +27,86 @@ class Front:
     mass_ratio: np.ndarray
     """Largest mass ratio allowed."""
     value: np.ndarray
-    """The measure, see `Told.merit`; infinite where no design keeps to the limits."""
+    """Risk of the merits, see `Evaluation`; infinite where no design keeps the limits."""
     design: np.ndarray
     """(mu, lam, zeta), (points, 3)."""
     evaluations: int
+    """Designs evaluated."""
 
 
 def pareto(
     scene: Scene,
-    conditions: Conditions,
     space: DesignSpace | None = None,
     *,
-    measure: Measure | None = None,
-    limits: Limits | None = None,
+    conditions: Conditions | None = None,
+    starts: Starts | None = None,
+    risk: Risk | None = None,
+    limits: Iterable[Limit] | None = None,
     points: int = 12,
-    starts: int = 8,
-    screening: int = 512,
-    steps: int = 30,
+    method: Method | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Front:
-    """The front of mass against rocking: for each of `points` bounds on the mass ratio, in equal ratios over
-    the space, the best of `starts` searches. Designs are not judged; see `optimise_over` for that.
+    """Least risk for every mass: for each of `points` bounds on the mass ratio, in equal ratios over the
+    space, the best of several sequential searches. Designs are not verified; see `optimise` for that.
+
+    Args:
+        scene, space, conditions, starts, risk, limits, seed, progress: as for `optimise`.
+        points: bounds on the mass ratio.
+        method: budget, `searches` for every point; default `Sequential(searches=8, steps=30)`.
 
     Raises:
         ValueError: bad input.
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
     checks.count("points", points, least=2)
-    space = DesignSpace() if space is None else space
-    measure = Measure.worst() if measure is None else measure
-    limits = Limits() if limits is None else limits
-    objective = Objective.of(scene, conditions, space, measure, limits, False)
-    search = Search(objective, starts, screening, steps, seed, progress)
+    method = Sequential(searches=8, steps=30) if method is None else method
+    problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed)
+    objective, space = problem.objective, problem.space
+    search = Multistart(objective, problem.method, seed, progress)
     search.screen()
+    least = max(space.mass_ratio[0], 1e-3 * space.mass_ratio[1])
+    bounds = np.geomspace(least, space.mass_ratio[1], points + 1)[1:]
+    units, ceiling = _lanes(search, bounds, method.searches)
+    found = minimise(
+        objective.at,
+        units,
+        objective.risk.cap(len(objective.conditions)),
+        objective.risk.of,
+        high=ceiling,
+        steps=method.steps,
+        after=None if progress is None else stage(progress, "front"),
+    )
+    excess = found.local.limit.max(axis=1, initial=-1.0) - objective.back_off
+    value = np.where(excess <= 0.0, objective.risk.of(found.local.value), np.inf)
+    value, x = _monotone(value.reshape(points, -1), found.x.reshape(points, -1, found.x.shape[1]))
+    evaluations = len(search.screened) + found.evaluations
+    return Front(mass_ratio=bounds, value=value, design=space.unscaled(x), evaluations=evaluations)
+
+
+def _lanes(search: Multistart, bounds: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """`count` designs for every bound on the mass ratio, in shares of the bounds, and their upper bounds."""
+    space = search.objective.space
     low, high = space.bounds
-    bounds = np.geomspace(
-        max(space.mass_ratio[0], 1e-3 * space.mass_ratio[1]), space.mass_ratio[1], points + 1
-    )[1:]
-    unit = (search.screened[:, : low.size] - low) / (high - low)
+    units = space.scaled(search.screened)
     order = np.argsort(search.screened_value, kind="stable")
     lanes, tops = [], []
     for most in bounds:
-        light = [i for i in order if search.screened[i, 0] <= most][: starts - 1]
+        light = [i for i in order if search.screened[i, 0] <= most][: count - 1]
         # The best of all, brought down to the bound, follows the heavier designs' basin.
-        lanes += [unit[i] for i in light] + [unit[order[0]]] * (starts - len(light))
-        tops += [(most - low[0]) / (high[0] - low[0])] * starts
+        lanes += [units[i] for i in light] + [units[order[0]]] * (count - len(light))
+        tops += [(most - low[0]) / (high[0] - low[0])] * count
     ceiling = np.ones((len(lanes), low.size))
     ceiling[:, 0] = tops
-    found = minimise(
-        objective.local,
-        np.array(lanes),
-        measure.cap(len(conditions)),
-        measure.of,
-        high=ceiling,
-        steps=steps,
-        after=None if progress is None else stage(progress, "front"),
-    )
-    value = np.where(found.local.limit.max(axis=1) <= _FEASIBLE, measure.of(found.local.value), np.inf)
-    value, x = value.reshape(points, starts), found.x.reshape(points, starts, -1)
-    best = np.argmin(value, axis=1)
-    value, x = value[np.arange(points), best], x[np.arange(points), best]
-    for i in range(1, points):
+    return np.array(lanes), ceiling
+
+
+def _monotone(value: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Best search of every point (points, searches): a lighter design that is better holds for heavier
+    bounds."""
+    rows, best = np.arange(len(value)), np.argmin(value, axis=1)
+    value, x = value[rows, best], x[rows, best]
+    for i in range(1, len(value)):
         if value[i] > value[i - 1]:
-            # What is lighter and better is allowed here as well.
             value[i], x[i] = value[i - 1], x[i - 1]
-    return Front(
-        mass_ratio=bounds,
-        value=value,
-        design=space.full(low + x * (high - low)),
-        evaluations=len(search.screened) + found.evaluations,
-    )
+    return value, x

@@ -25,9 +25,9 @@ class DesignStatus(enum.Enum):
     """What the answer is worth; the value is the sentence that a report opens with."""
 
     found = (
-        "A pendulum was found that lessens the settled rocking under the stated conditions; the exact solution "
-        "of the linear equations confirms it, and neither shakings within 1 %, the nonlinear equations nor the "
-        "ensemble speak against it. That is no verdict of safety: read the shares."
+        "A pendulum was found that lessens the settled rocking under the stated conditions; the exact "
+        "solution of the linear equations confirms it, and neither shakings within 1 %, the nonlinear "
+        "equations nor the ensemble speak against it. That is no verdict of safety: read the shares."
     )
     refused = "NO DESIGN TO OFFER: no design that the search found passes the verification."
     no_improvement = "NO PENDULUM in this design space rocks less than the bare block under these conditions."
@@ -107,11 +107,13 @@ class Reason:
                 return f"{by} the block overturns{at}, and stands without the pendulum"
             case ReasonKind.overturns_more:
                 return (
-                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases that it stands without "
-                    f"the pendulum, and stands in {self.reference:.0f} in which it overturns without{at}"
+                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum "
+                    f"only, and in {self.reference:.0f} without it only{at}"
                 )
             case ReasonKind.breaks_limit:
-                return f"{by} the design exceeds the limit on {self.limit} by {self.value - 1.0:.2g} of it{at}"
+                return (
+                    f"{by} the design exceeds the limit on {self.limit} by {self.value - 1.0:.2g} of it{at}"
+                )
             case ReasonKind.rocks_more:
                 return (
                     f"{by} the block rocks {self.value:.4g} rad, and {self.reference:.4g} rad without the "
@@ -341,7 +343,8 @@ class Design:
         return "\n".join(
             [
                 *lines,
-                f"  pendulum    {hung.mass:.4g} kg on {hung.length:.4g} m, damping ratio {hung.damping_ratio:.4g}",
+                f"  pendulum    {hung.mass:.4g} kg on {hung.length:.4g} m, "
+                f"damping ratio {hung.damping_ratio:.4g}",
                 f"  amplitude   {self.amplitude:.4g} rad, {self.amplitude_without:.4g} rad without",
                 f"  stroke      {self.stroke:.4g} rad, limit {self.stroke_limit:g} rad",
             ]

@@ -1,181 +1,157 @@
-"""The search over many conditions: closed forms, exact screening, descents in groups."""
+"""Multistart: screening, then searches in groups, with a checkpoint after every group."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from functools import partial
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
-from tpd.core.parameters import as_arrays
+from tpd.analysis.work_queue import settle_all
+from tpd.core.conditions import under_all
 from tpd.core.progress import Progress
-from tpd.core.sampling import latin_hypercube
-from tpd.design.checkpoint import Kept
-from tpd.design.first_order import descend
-from tpd.design.objective import Objective, margins
-from tpd.design.result import StartStatus
-from tpd.design.sequential import Descent, Local, minimise
-from tpd.design.single_search import starting_points
+from tpd.core.status import names_of
+from tpd.design.checkpoint import Checkpoint
+from tpd.design.criteria import stroke_limit
+from tpd.design.followed import Followed
+from tpd.design.methods import Method
+from tpd.design.objective import REST, AbstractObjective, Count, Evaluation, Orbits, margins
+from tpd.design.result import Search, SearchStatus
+from tpd.design.screening import best_apart, first_apart, screened_designs
+from tpd.design.sequential import Ends, Linearisation, minimise
+from tpd.models.piecewise import Piecewise
 
 GROUP = 16
-"""Starts searched from at once: what an interruption may lose."""
-_CLOSED = 4096
-"""Designs screened by the closed form."""
+"""Searches run at once: the work that an interruption may lose."""
 _CARRIED = 8
 """Designs that a search goes on from on another objective."""
 _AWAY = 0.05
-"""Least distance, in shares of the bounds, of a design on the way from every end."""
+"""Least distance, in shares of the bounds, of a design on a path from every end."""
 AT_BOUND = 1e-4
-"""Distance, in shares of the bounds, that counts as none."""
-FEASIBLE = 1e-5
-"""Largest relative excess of a limit that is rounding."""
+"""Distance from a bound, in shares of the bounds, that counts as none."""
+_SCREENED_PERIODS = 100
+"""Forcing periods that a screened design is followed."""
 
 
-class Search:
-    """Screening and descents, group after group of starts."""
+class Multistart:
+    """Searches of one method on one objective, group after group."""
 
     def __init__(
-        self,
-        objective: Objective,
-        starts: int,
-        screening: int,
-        steps: int,
-        seed: int,
-        progress: Progress | None,
-        method: str = "sequential",
+        self, objective: AbstractObjective, method: Method, seed: int, progress: Progress | None
     ) -> None:
-        self.objective, self.progress, self.method = objective, progress, method
-        self.settings: dict[str, object] = {
-            "starts": starts,
-            "screening": screening,
-            "steps": steps,
-            "seed": seed,
-            "method": method,
-        }
-        self.count, self.planned, self.bound, self.seed = starts, max(screening, starts), steps, seed
-        self.groups: list[Descent] = []
-        self.words = f"{starts} starts"
-        self.before, self.first, self.met = 0, 0, 0
-        self.interrupted = False
+        self.objective, self.method, self.seed, self.progress = objective, method, seed, progress
+        self.count, self.groups, self.interrupted = method.searches, list[Ends](), False
+        self.description = f"{method.searches} designs"
+        self.before, self.first, self.passed = 0, 0, 0
         self.screened, self.screened_value = np.zeros((0, 3)), np.zeros(0)
-        self.low, self.high = objective.space.bounds
-        self.pending = np.zeros((0, self.low.size))
+        self.feasible, self.overturned = np.zeros(0, bool), np.zeros(0, bool)
+        self.pending = np.zeros((0, objective.space.bounds.shape[1]))
 
-    def run(self, kept: Kept) -> None:
-        """Everything; Ctrl-C keeps the groups that had ended."""
+    def run(self, checkpoint: Checkpoint) -> None:
+        """Screen and search; Ctrl-C keeps the groups that had ended."""
         try:
-            chosen, known = self.screen()
-            groups = range(0, len(chosen), GROUP)
+            units, known = self.screen()
+            groups = range(0, len(units), GROUP)
             for i, begin in enumerate(groups):
-                rows, ended = slice(begin, begin + GROUP), kept.get(i)
-                self.groups.append(
-                    self._descend(chosen[rows], known.at(rows), i, len(groups)) if ended is None else ended
-                )
-                kept.put(i, self.groups[-1])
+                rows, ended = slice(begin, begin + GROUP), checkpoint.get(i)
+                if ended is None:
+                    part = None if known is None else known.at(rows)
+                    ended = self._search(units[rows], part, i, len(groups))
+                self.groups.append(ended)
+                checkpoint.put(i, ended)
         except KeyboardInterrupt:
             self.interrupted = True
 
-    def screen(self) -> tuple[np.ndarray, Local]:
-        """Starts for the descents, in shares of the bounds, and what is known of them: the best under all
-        conditions that lie apart."""
-        objective, space = self.objective, self.objective.space
-        p = as_arrays(objective.p)
-        wide = space.full(self._spread(_CLOSED))
-        still = np.argsort(-margins(objective, wide).min(axis=1), kind="stable")[: self.planned // 4]
-        spread = starting_points(p, space, self.planned - len(still), self.seed)
-        designs = np.concatenate([spread, wide[still]])
-        told = objective.told(designs, None if self.progress is None else stage(self.progress, "screening"))
-        local = objective.scaled(told)
-        value = objective.value(told) + np.maximum(local.limit, 0.0).sum(axis=1)
-        self.screened, self.screened_value = designs, value
-        unit = self._unit(designs)
-        chosen: list[int] = []
-        for apart in (0.1, 0.03, 0.0):
-            for i in np.argsort(value, kind="stable"):
-                far = all(np.linalg.norm(unit[i] - unit[j]) > apart for j in chosen)
-                if len(chosen) < self.count and far and i not in chosen:
-                    chosen.append(int(i))
-        return unit[chosen], local.at(np.array(chosen))
+    def screen(self) -> tuple[np.ndarray, Linearisation | None]:
+        """Designs for the searches, in shares of the bounds, and their linearisation where it is known: the
+        best of those screened that lie apart."""
+        objective = self.objective
+        planned = max(self.method.screening, self.method.searches)
+        designs = screened_designs(objective, planned, self.seed)
+        after = None if self.progress is None else stage(self.progress, "screening")
+        followed = isinstance(objective, Followed)
+        e = _exact(objective, designs, after) if followed else objective.evaluate(designs, after)
+        local = objective.linearised(e)
+        excess = np.maximum(local.limit, 0.0).sum(axis=1)
+        self.screened, self.screened_value = designs, objective.value(e) + excess
+        self.feasible, self.overturned = excess == 0.0, np.any(~e.attracts, axis=1)
+        units = objective.space.scaled(designs)
+        chosen = best_apart(units, self.screened_value, self.count)
+        return units[chosen], None if followed else local.at(chosen)
 
-    def _spread(self, size: int) -> np.ndarray:
-        rng = np.random.default_rng([self.seed, 2])
-        return self.low + latin_hypercube(rng, size, self.low.size) * (self.high - self.low)
-
-    def _unit(self, designs: np.ndarray) -> np.ndarray:
-        return (designs[:, : self.low.size] - self.low) / (self.high - self.low)
-
-    def _descend(self, starts: np.ndarray, known: Local | None, group: int, groups: int) -> Descent:
+    def _search(self, units: np.ndarray, known: Linearisation | None, group: int, groups: int) -> Ends:
         def after(step: int, steps: int) -> None:
             if self.progress is not None:
                 self.progress("searching", group * steps + step, groups * steps)
 
         objective = self.objective
-        search = minimise if self.method == "sequential" else partial(descend, self.method)
-        return search(
-            objective.local,
-            starts,
-            objective.measure.cap(len(objective.conditions)),
-            objective.measure.of,
-            known=known,
-            steps=self.bound,
-            after=after,
-        )
+        cap = objective.risk.cap(len(objective.conditions))
+        return self.method.search(objective.at, units, cap, objective.risk.of, known=known, after=after)
 
-    def carry_on(self, objective: Objective, kept: Kept, words: str, steps: int, together: int) -> Search:
-        """The search that goes on from the best designs of this one that lie apart, on another objective, so
-        many of them at once; none if this one was interrupted. See `look_at_the_rest`."""
-        on = Search(objective, min(_CARRIED, self.count), 0, steps, self.seed, self.progress, self.method)
-        on.settings, on.before, on.first = self.settings, self.evaluations, self.first + len(self.groups)
-        on.screened, on.screened_value = self.screened, self.screened_value
-        units = self.units[spread_out(self.units, self.order(feasible=False), on.count)]
-        on.count, on.words, on.pending = len(units), f"{self.words}, {len(units)} finished {words}", units
-        groups = range(0, len(units), together)
+    def carry_on(
+        self, objective: AbstractObjective, checkpoint: Checkpoint, words: str, method: Method, together: int
+    ) -> Multistart:
+        """Searches on another objective from the best ends of this one that lie apart, `together` at once;
+        none if this one was interrupted."""
+        on = Multistart(objective, method, self.seed, self.progress)
+        on.before, on.first = self.evaluations, self.first + len(self.groups)
+        on._inherit(self)
+        best = first_apart(self.units, self.order(feasible=False), min(_CARRIED, self.count))
+        on.pending = self.units[best]
+        on.count, on.description = len(best), f"{self.description}, {len(best)} finished {words}"
+        groups = range(0, len(best), together)
         try:
             if self.interrupted:
                 on.count = self.count
                 raise KeyboardInterrupt
             for i, begin in enumerate(groups):
-                ended = kept.get(on.first + i)
+                ended = checkpoint.get(on.first + i)
                 if ended is None:
-                    ended = on._descend(units[begin : begin + together], None, i, len(groups))
+                    ended = on._search(self.units[best][begin : begin + together], None, i, len(groups))
                 on.groups.append(ended)
-                on.pending = units[begin + together :]
-                kept.put(on.first + i, ended)
+                on.pending = self.units[best][begin + together :]
+                checkpoint.put(on.first + i, ended)
         except KeyboardInterrupt:
-            on.interrupted, on.words = True, f"{self.words}, not all finished {words}"
+            on.interrupted, on.description = True, f"{self.description}, not all finished {words}"
         return on
 
-    def look_at_the_rest(self) -> None:
-        """After an interruption: what the designs are that were to be gone on from."""
-        if len(self.pending):
-            self.groups.append(self._seen(self.pending))
+    def _inherit(self, other: Multistart) -> None:
+        """Take over the screening of another search."""
+        self.screened, self.screened_value = other.screened, other.screened_value
+        self.feasible, self.overturned = other.feasible, other.overturned
 
-    def with_the_way(self, most: float) -> Search:
-        """This one, and after its ends the best designs, of a merit below `most`, that the descents came
-        through apart from them, as if they had ended there as well."""
+    def evaluate_pending(self) -> None:
+        """After an interruption: evaluate the designs from which a search had not begun."""
+        if len(self.pending):
+            self.groups.append(self._without_steps(self.pending))
+
+    def with_paths(self, most: float) -> Multistart:
+        """This search and, after its ends, the best designs of a merit below `most` that its paths passed
+        apart from the ends, as if a search had ended there as well."""
         on = copy(self)
-        units = np.concatenate([g.path.reshape(-1, self.low.size) for g in self.groups])
+        units = np.concatenate([g.path.reshape(-1, g.path.shape[-1]) for g in self.groups])
         merit = np.concatenate([g.path_merit.ravel() for g in self.groups])
         order = np.argsort(merit, kind="stable")
         ends = len(self.units)
         first = np.concatenate([np.arange(ends), ends + order[merit[order] < most]])
         every = np.concatenate([self.units, units])
-        taken = spread_out(every, first, ends + _CARRIED, _AWAY, ends)[ends:]
+        taken = first_apart(every, first, ends + _CARRIED, _AWAY, ends)[ends:]
         if taken:
-            on.groups, on.met = [*self.groups, self._seen(every[taken])], len(taken)
+            on.groups, on.passed = [*self.groups, self._without_steps(every[taken])], len(taken)
         return on
 
-    def _seen(self, units: np.ndarray) -> Descent:
-        """Descents of no step."""
+    def _without_steps(self, units: np.ndarray) -> Ends:
+        """Searches of no step: an evaluation in the form of an end."""
         objective = self.objective
-        cap = objective.measure.cap(len(objective.conditions))
-        return minimise(objective.local, units, cap, objective.measure.of, steps=0)
+        cap = objective.risk.cap(len(objective.conditions))
+        return minimise(objective.at, units, cap, objective.risk.of, steps=0)
 
     @property
     def ended(self) -> int:
-        """How many starts have ended; what is listed after them are designs on the way."""
-        return len(self.units) - self.met
+        """Searches that have ended; designs listed after them lie on paths."""
+        return len(self.units) - self.passed
 
     @property
     def evaluations(self) -> int:
@@ -184,16 +160,16 @@ class Search:
 
     @property
     def units(self) -> np.ndarray:
-        """The best design of every start that has ended, in shares of the bounds."""
-        return np.concatenate([np.zeros((0, self.low.size)), *(g.x for g in self.groups)])
+        """Best design of every search that has ended, in shares of the bounds."""
+        return np.concatenate([self.pending[:0], *(g.x for g in self.groups)])
 
     @property
     def designs(self) -> np.ndarray:
-        """The same as (mu, lam, zeta), (starts, 3)."""
-        return self.objective.space.full(self.low + self.units * (self.high - self.low))
+        """The same as (mu, lam, zeta), (searches, 3)."""
+        return self.objective.space.unscaled(self.units)
 
     def order(self, feasible: bool = True) -> np.ndarray:
-        """Those that keep to the limits, the best first; then, if wanted, those that do not."""
+        """Indices of the ends that keep the limits, the best first; if asked for, then the others."""
         if not self.groups:
             return np.zeros(0, int)
         order = np.lexsort((self.column(lambda g: g.merit), self.values))
@@ -201,56 +177,96 @@ class Search:
 
     @property
     def values(self) -> np.ndarray:
-        """Their measures, infinite where a limit is broken."""
+        """Risks of the ends, infinite where a limit is broken."""
         if not self.groups:
             return np.zeros(0)
-        value = np.concatenate([self.objective.measure.of(g.local.value) for g in self.groups])
-        excess = np.concatenate([g.local.limit.max(axis=1) for g in self.groups])
-        return np.where(excess <= FEASIBLE, value, np.inf)
+        value = np.concatenate([self.objective.risk.of(g.local.value) for g in self.groups])
+        return np.where(self.excess.max(axis=1, initial=0.0) <= 0.0, value, np.inf)
 
     @property
-    def paths(self) -> list[np.ndarray]:
-        """Designs on the way from every start."""
-        space, width = self.objective.space, self.high - self.low
-        return [space.full(self.low + g.path[:, i] * width) for g in self.groups for i in range(len(g.x))]
+    def excess(self) -> np.ndarray:
+        """Excess of every limit at the ends, (searches, l): at most 0 where it is kept. The search itself
+        works with tightened constraints."""
+        return self.column(lambda g: g.local.limit) - self.objective.back_off
 
-    def column(self, get: Callable[[Descent], np.ndarray]) -> np.ndarray:
-        """Something of all starts."""
+    def column(self, get: Callable[[Ends], np.ndarray]) -> np.ndarray:
+        """One quantity of all searches."""
         return np.concatenate([get(g) for g in self.groups])
 
-    def statuses(self) -> tuple[StartStatus, ...]:
-        """How every start ended."""
-        out, n = [], len(self.objective.conditions)
-        for g in self.groups:
-            for i in range(len(g.x)):
-                inside = (g.x[i] > AT_BOUND) & (g.x[i] < 1.0 - AT_BOUND)
-                if g.open[i] and not g.steps[i]:
-                    out.append(StartStatus.interrupted)
-                elif g.local.limit[i].max() > FEASIBLE:
-                    out.append(StartStatus.infeasible)
-                elif g.open[i]:
-                    out.append(StartStatus.steps_exhausted)
-                elif g.local.limit[i, :n].max() > -1e-3:
-                    out.append(StartStatus.stroke_limited)
-                elif g.local.value[i].max() <= 0.0:
-                    out.append(StartStatus.rests)
-                else:
-                    out.append(StartStatus.converged if inside.all() else StartStatus.at_bound)
-        return tuple(out) + (StartStatus.interrupted,) * (self.count - len(out))
+    @property
+    def history(self) -> Search:
+        """History for reports and pictures."""
+        unscaled = self.objective.space.unscaled
+        paths = tuple(unscaled(g.path[:, i]) for g in self.groups for i in range(len(g.x)))
+        return Search(
+            screened=self.screened,
+            screened_value=self.screened_value,
+            screened_feasible=self.feasible,
+            screened_overturned=self.overturned,
+            paths=paths,
+            ends=self.designs,
+            end_values=self.values,
+            statuses=self.statuses(),
+            evaluations=self.evaluations,
+            nonlinear_evaluations=0,
+            description=self.description,
+        )
+
+    def statuses(self) -> tuple[SearchStatus, ...]:
+        """How every search ended."""
+        out = [self._status(g, i) for g in self.groups for i in range(len(g.x))]
+        return (*out, *(SearchStatus.interrupted,) * (self.count - len(out)))
+
+    def _status(self, g: Ends, i: int) -> SearchStatus:
+        back_off, n = self.objective.back_off, len(self.objective.conditions)
+        limit = g.local.limit[i] - back_off
+        inside = (g.x[i] > AT_BOUND) & (g.x[i] < 1.0 - AT_BOUND)
+        limited = np.isfinite(stroke_limit(self.objective.limits))
+        if g.open[i] and not g.steps[i]:
+            return SearchStatus.interrupted
+        if limit.max(initial=0.0) > 0.0:
+            return SearchStatus.infeasible
+        if g.open[i]:
+            return SearchStatus.steps_exhausted
+        if limited and limit[:n].max() > -1e-3:
+            return SearchStatus.stroke_limited
+        if g.local.value[i].max() <= 0.0:
+            return SearchStatus.rests
+        return SearchStatus.converged if inside.all() else SearchStatus.at_bound
 
 
-def spread_out(
-    units: np.ndarray, order: np.ndarray, most: int, apart: float = 0.02, kept: int = 0
-) -> list[int]:
-    """The first of an order of designs that are no neighbours: at least so far apart in shares of the
-    bounds. Of the order the first `kept` are taken whatever they are."""
-    taken = [int(i) for i in order[:kept]]
-    for i in map(int, order[kept:]):
-        if len(taken) < most and all(np.linalg.norm(units[i] - units[j]) > apart for j in taken):
-            taken.append(i)
-    return taken
-
-
-def stage(progress: Progress, name: str) -> Callable[[int, int], None]:
-    """Progress of one stage of that name."""
+def stage(progress: Progress, name: str) -> Count:
+    """Progress of one stage."""
     return lambda done, total: progress(name, done, total)
+
+
+def _exact(objective: Followed, designs: np.ndarray, after: Count | None) -> Evaluation:
+    """Evaluation of designs by the exact solution from the objective's starts, without derivatives: a model
+    that is integrated would take a hundred times as long."""
+    m, n, s = len(designs), len(objective.conditions), objective.starts.size
+    p = under_all(objective.p, jnp.asarray(designs), objective.conditions)
+    every = jax.tree.map(lambda x: np.repeat(np.asarray(x), s), p)
+    y0 = np.tile(objective.starts.states(float(objective.p.nu)), (m * n, 1))
+    model = Piecewise(max_periods=_SCREENED_PERIODS)
+    settled = settle_all(every, y0, model=model, progress=after)
+    names = names_of(settled.status).reshape(m, n, s)
+    nu = np.asarray(every.nu).reshape(m, n, s)
+    tilt = np.asarray(settled.amplitude).reshape(m, n, s) / nu
+    margin = margins(objective, designs)
+    lost, rests = np.isin(names, ("overturned", "failed")), names == "rest"
+    merit = np.where(lost, 2.0 - margin[..., None], np.where(rests, -margin[..., None], tilt))
+    merit = merit.max(axis=-1) if objective.starts.worst else merit.mean(axis=-1)
+    stroke = np.where(lost, 0.0, np.asarray(settled.stroke).reshape(m, n, s)).max(axis=-1)
+    kind = np.where(lost.any(axis=-1), REST + 1, np.where(rests.all(axis=-1), REST, 0))
+    tallest = np.where(lost, -np.inf, tilt).max(axis=-1)
+    tallest = np.where(lost.all(axis=-1), np.inf, tallest)
+    zero, one = np.zeros((m, n, 3)), np.ones((m, n))
+    sizes = merit, zero, tallest, zero, stroke, zero
+    return Evaluation(*sizes, margin, 0.0 * one, one, zero, kind, designs, lost=lost.mean(axis=-1))
+
+
+def sampled_orbits(objective: Orbits, most: int, seed: int) -> Orbits:
+    """The same objective under at most so many of its conditions, see `Conditions.subset`."""
+    fewer = objective.over(objective.conditions.subset(most, seed))
+    assert isinstance(fewer, Orbits)
+    return fewer

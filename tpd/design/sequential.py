@@ -38,7 +38,7 @@ _SMALL = 1e-4
 """Step, in shares of the bounds, over which the linear decrease is measured that remains at the end."""
 
 
-class Local(NamedTuple):
+class Linearisation(NamedTuple):
     """n functions and l constraints (<= 0) at m designs, and their slopes along d scaled coordinates."""
 
     value: np.ndarray
@@ -50,17 +50,17 @@ class Local(NamedTuple):
     limit_slope: np.ndarray
     """(m, l, d)"""
 
-    def at(self, rows: np.ndarray | slice) -> Local:
+    def at(self, rows: np.ndarray | slice) -> Linearisation:
         """That of some of the designs."""
-        return Local(*(x[rows] for x in self))
+        return Linearisation(*(x[rows] for x in self))
 
 
-class Descent(NamedTuple):
+class Ends(NamedTuple):
     """What became of m starts."""
 
     x: np.ndarray
     """Best designs, scaled, (m, d)."""
-    local: Local
+    local: Linearisation
     """There."""
     merit: np.ndarray
     """Measure plus penalty, (m,)."""
@@ -86,26 +86,26 @@ class Descent(NamedTuple):
 
 
 def minimise(
-    evaluate: Callable[[np.ndarray], Local],
+    evaluate: Callable[[np.ndarray], Linearisation],
     starts: np.ndarray,
     cap: float,
-    measure: Callable[[np.ndarray], np.ndarray],
+    risk: Callable[[np.ndarray], np.ndarray],
     *,
-    known: Local | None = None,
+    known: Linearisation | None = None,
     low: np.ndarray | None = None,
     high: np.ndarray | None = None,
     steps: int = 40,
     radius: float = 0.15,
     tolerance: float = 1e-6,
     after: Callable[[int, int], None] | None = None,
-) -> Descent:
+) -> Ends:
     """Descend from all starts (m, d) at once; coordinates are scaled to bounds of about [0, 1].
 
     Args:
         evaluate: functions and constraints at designs, (k, d).
         starts: shape (m, d).
         cap: largest weight of one function; 1 for the maximum, 1/n for the mean.
-        measure: the measure itself of values (k, n).
+        risk: the risk measure itself, of values (k, n).
         known: what `evaluate` gives at the starts, if it has been asked before.
         low: bounds of each start, (m, d); default 0.
         high: default 1.
@@ -118,8 +118,8 @@ def minimise(
     high = np.ones_like(starts) if high is None else high
     m, d = starts.shape
     x = np.clip(starts, low, high)
-    here = evaluate(x) if known is None else Local(*(np.array(part) for part in known))
-    merit = merit_of(here, measure)
+    here = evaluate(x) if known is None else Linearisation(*(np.array(part) for part in known))
+    merit = merit_of(here, risk)
     reach, curve = np.full(m, radius), np.tile(1e-3 * np.eye(d), (m, 1, 1))
     alive, taken = np.isfinite(merit), np.zeros(m, int)
     evaluations = m if known is None else 0
@@ -144,8 +144,8 @@ def minimise(
         trial = evaluate(x[rows] + move)
         curve[rows] = _learn(curve[rows], move, now, trial, weights)
         models = _Models(x[rows], now, curve[rows], *box, merit[rows])
-        move, trial, more = _bent(evaluate, measure, cap, models, move, trial)
-        new = merit_of(trial, measure)
+        move, trial, more = _bent(evaluate, risk, cap, models, move, trial)
+        new = merit_of(trial, risk)
         evaluations += len(rows) + more
         there = x[rows] + move
         ratio = (merit[rows] - new) / gain
@@ -171,14 +171,14 @@ def minimise(
     _, left, weights = _subproblem(here, flat, small, cap, merit)
     stationarity = np.maximum(left, 0.0) / _SMALL
     on_the_way = (np.stack(part) for part in zip(*path, strict=True))
-    return Descent(x, here, merit, stationarity, weights, taken, alive, *on_the_way)
+    return Ends(x, here, merit, stationarity, weights, taken, alive, *on_the_way)
 
 
 class _Models(NamedTuple):
     """Designs, what is known there, and the regions around them in which that is trusted."""
 
     x: np.ndarray
-    local: Local
+    local: Linearisation
     curve: np.ndarray
     low: np.ndarray
     high: np.ndarray
@@ -189,10 +189,10 @@ class _Models(NamedTuple):
         x, local, curve, low, high, merit = self
         return _Models(x[rows], local.at(rows), curve[rows], low[rows], high[rows], merit[rows])
 
-    def through(self, trial: Local, move: np.ndarray) -> Local:
+    def through(self, trial: Linearisation, move: np.ndarray) -> Linearisation:
         """Linear models with the slopes here that give what was met after `move`."""
         here = self.local
-        return Local(
+        return Linearisation(
             trial.value - np.einsum("mnd,md->mn", here.slope, move),
             here.slope,
             trial.limit - np.einsum("mld,md->ml", here.limit_slope, move),
@@ -201,19 +201,19 @@ class _Models(NamedTuple):
 
 
 def _bent(
-    evaluate: Callable[[np.ndarray], Local],
-    measure: Callable[[np.ndarray], np.ndarray],
+    evaluate: Callable[[np.ndarray], Linearisation],
+    risk: Callable[[np.ndarray], np.ndarray],
     cap: float,
     models: _Models,
     move: np.ndarray,
-    trial: Local,
-) -> tuple[np.ndarray, Local, int]:
+    trial: Linearisation,
+) -> tuple[np.ndarray, Linearisation, int]:
     """Second-order corrections (Fletcher) of the steps that climb: a straight step along a curved kink or
     limit leaves it, the farther the longer it is, and is bent towards what it met. Steps, what is there, and
     how many designs were asked for."""
-    move, trial, asked = move.copy(), Local(*(part.copy() for part in trial)), 0
+    move, trial, asked = move.copy(), Linearisation(*(part.copy() for part in trial)), 0
     for _ in range(_CORRECTIONS):
-        new = merit_of(trial, measure)
+        new = merit_of(trial, risk)
         poor = np.flatnonzero((new > models.merit) & np.isfinite(new))
         if not len(poor):
             break
@@ -222,20 +222,20 @@ def _bent(
         again, _, _ = _subproblem(met, of.curve, (of.low, of.high), cap, of.merit)
         bent = evaluate(of.x + again)
         asked += len(poor)
-        better = merit_of(bent, measure) < new[poor]
+        better = merit_of(bent, risk) < new[poor]
         move[poor[better]] = again[better]
         for old, fresh in zip(trial, bent, strict=True):
             old[poor[better]] = fresh[better]
     return move, trial, asked
 
 
-def merit_of(at: Local, measure: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def merit_of(at: Linearisation, risk: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Measure plus penalty, (m,)."""
-    return measure(at.value) + PENALTY * np.sum(np.maximum(at.limit, 0.0), axis=1)
+    return risk(at.value) + PENALTY * np.sum(np.maximum(at.limit, 0.0), axis=1)
 
 
 def _subproblem(
-    at: Local, curve: np.ndarray, box: tuple[np.ndarray, np.ndarray], cap: float, merit: np.ndarray
+    at: Linearisation, curve: np.ndarray, box: tuple[np.ndarray, np.ndarray], cap: float, merit: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
     """Steps (k, d), the gains that the models promise, and the weights of functions and constraints."""
     rows = _within_reach(at, box)
@@ -249,7 +249,7 @@ def _subproblem(
     return move, merit - value, (weights, by)
 
 
-def _within_reach(at: Local, box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+def _within_reach(at: Linearisation, box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """The constraints, (k, few), that a step within the box may break by their linear models, and others to
     fill up; all of them where more may."""
     ends = (at.limit_slope * side[:, None] for side in box)
@@ -367,7 +367,9 @@ def _one(
     return move, promised, cap * p, PENALTY * q
 
 
-def _learn(curve: np.ndarray, move: np.ndarray, old: Local, new: Local, weights: tuple) -> np.ndarray:
+def _learn(
+    curve: np.ndarray, move: np.ndarray, old: Linearisation, new: Linearisation, weights: tuple
+) -> np.ndarray:
     """Damped BFGS on the gradient of the Lagrangian."""
     on, by = weights
     change = np.einsum("mn,mnd->md", on, new.slope - old.slope)

@@ -1,261 +1,478 @@
-"""What is said for and against a design that a search over many conditions has found."""
+"""Verification: one pipeline for every design that a search found.
+
+The steps are, in order: the exact solution by events from rest under every condition; a cross-check of the
+model that was searched with; shakings within 1 % of the worst condition; the nonlinear equations under the
+worst conditions and at limits; and a paired ensemble of runs. Each step gives typed reasons of refusal. The
+first step that refuses a design ends its verification, since every step costs more than the one before."""
 
 from __future__ import annotations
 
-import math
+from copy import copy
 from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from tpd.analysis.compare_models import nonlinear
 from tpd.analysis.ensemble import SIGNIFICANT, Ensemble, Outcomes, chance_of, outcomes, verdict
+from tpd.analysis.steady_state import steady_state
 from tpd.analysis.work_queue import prepare, settle_all
-from tpd.core.conditions import under, under_all
+from tpd.core.conditions import Conditions, under, under_all
+from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
-from tpd.core.status import SETTLED, names_of
-from tpd.design.many_result import Judged, OverStatus
-from tpd.design.objective import KINDS, Objective, Told
-from tpd.design.search import AT_BOUND, FEASIBLE, Search, spread_out, stage
+from tpd.core.status import SETTLED, names_of, status_name
+from tpd.design.active import active
+from tpd.design.followed import Followed
+from tpd.design.methods import Descent, Method
+from tpd.design.objective import KINDS, NONE, REST, AbstractObjective, Evaluation, margins
+from tpd.design.result import (
+    Bare,
+    DesignStatus,
+    Motions,
+    Nearest,
+    Neighbours,
+    Nonlinear,
+    Reason,
+    ReasonKind,
+    Step,
+    Verified,
+)
+from tpd.design.screening import first_apart
+from tpd.design.search import Multistart, stage
 from tpd.models.piecewise import Piecewise
+from tpd.models.smoothed import Smoothed
 
-LOOKED_AT = 6
-"""Most designs that are judged, the best first."""
+VERIFIED = 6
+"""Most designs that are verified, the best first."""
 _ASKED, _NEAR = 4, 2
-"""Conditions under which the nonlinear equations are asked: the worst, and those at a limit."""
+"""Conditions under which the nonlinear equations are asked: the worst, and those nearest to a limit."""
 _RUNS = 4096
-"""Runs from rest spent on choosing what is judged."""
-_MET = 1e-3
-"""Share of a limit that is left of one that counts as met."""
+"""Runs from rest spent on choosing the designs to verify."""
+_AT_LIMIT = 1e-3
+"""Share of a limit that is left where the limit counts as met."""
+_POLISHED = 32
+"""Conditions up to which exact amplitudes are polished by Newton's method, to round-off."""
+_NEARBY = (-0.01, -0.005, 0.005, 0.01)
+"""Changes of the base motion's amplitude, and of its frequency, that a design must stand."""
 
 
-def pendulum_of(scene: Scene, of: Judged) -> Pendulum:
-    """A design in SI."""
-    return scene.pendulum(
-        mass_ratio=of.mass_ratio, length_ratio=of.length_ratio, damping_ratio=of.damping_ratio
-    )
-
-
-def make_ready(objective: Objective, ensemble: Ensemble) -> None:
-    """Compile what judging takes: events of few motions and of many, and the nonlinear equations."""
-    p = objective.p
-    q = replace(p, mu=0.0, rho=float(p.inertia_ratio))
-    prepare(q, max(ensemble.size, len(objective.conditions)), Piecewise())
-    nonlinear(p)
-
-
-class Judge:
+class Verification:
     """The bare block under all conditions, and designs compared with it."""
 
     def __init__(
         self,
         scene: Scene,
-        objective: Objective,
+        objective: AbstractObjective,
+        method: Method,
         ensemble: Ensemble,
         by_overturning: bool,
         progress: Progress | None,
     ) -> None:
         self.scene, self.objective, self.ensemble, self.progress = scene, objective, ensemble, progress
         self.by_overturning = by_overturning
-        self.none = jnp.array([0.0, float(objective.p.lam), float(objective.p.zeta)])
-        self.bare = objective.told(np.asarray(self.none)[None])
-        self.bare_value = float(objective.value(self.bare)[0])
-        self.bare_reached = self._reached(np.asarray(self.none))
-        self._bare_status: dict[int, str] = {}
-        self.bare_outcomes: Outcomes | None = None
+        self.tolerance = method.tolerance if isinstance(method, Descent) else 0.0
+        p = objective.p
+        self.none = np.array([0.0, float(p.lam), float(p.zeta)])
+        evaluation = objective.evaluate(self.none[None])
+        self.bare = Bare(
+            value=float(objective.value(evaluation)[0]),
+            evaluation=evaluation,
+            exact=self._exact(self.none),
+            searched=self._searched(evaluation),
+            outcomes=None,
+        )
+        self._nonlinear_bare: dict[int, tuple[float, float, str]] = {}
+        self._neighbours_bare: dict[int, int] = {}
+        self.verified: list[Verified] = []
+        self.source = "search"
 
-    def best_of(self, search: Search) -> tuple[OverStatus, tuple[Judged, ...]]:
-        """The best design that nothing is to be said against, after those that something is."""
-        if np.all(self.bare.kind == KINDS.index("rest")) and not np.any(self.bare.lost):
-            return OverStatus.no_uplift, ()
+    def on(self, objective: AbstractObjective, source: str) -> Verification:
+        """The same verification of designs that were searched for on another objective."""
+        other = copy(self)
+        other.objective, other.source, other.tolerance = objective, source, 0.0
+        e = objective.evaluate(self.none[None])
+        value = float(objective.value(e)[0])
+        other.bare = replace(self.bare, value=value, evaluation=e, searched=other._searched(e))
+        return other
+
+    @property
+    def rests(self) -> bool:
+        """Whether the bare block settles at rest under all conditions, by the linear equations."""
+        e = self.bare.evaluation
+        return bool(np.all(e.kind == REST) and not np.any(e.lost))
+
+    def best_of(self, search: Multistart) -> DesignStatus:
+        """Verify the best designs of a search until one passes; its entries are added to `verified`."""
         order = search.order()
         if not len(order):
-            return OverStatus.none_feasible, ()
-        helps = order[search.values[order] < self.bare_value]
+            return DesignStatus.none_feasible
+        helps = order[search.values[order] < self._needed]
         if not len(helps):
-            return OverStatus.no_improvement, ()
-        out: list[Judged] = []
-        if self._stands(search, helps, out, 1):
-            return OverStatus.found, tuple(out)
-        # What stands need not be where a descent ends: a neighbour of the best is better than another's best.
-        wider = search.with_the_way(self.bare_value)
+            return DesignStatus.no_improvement
+        begun = len(self.verified)
+        if self._first_to_pass(search, helps, begun + 1):
+            return DesignStatus.found
+        # A design that passes need not be where a search ended: a neighbour of the best end on its path is
+        # better than the end of another search.
+        wider = search.with_paths(self._needed)
         order = wider.order()
-        helps = order[wider.values[order] < self.bare_value]
-        found = self._stands(wider, helps, out, LOOKED_AT)
-        return OverStatus.found if found else OverStatus.refused, tuple(out)
+        helps = order[wider.values[order] < self._needed]
+        passed = self._first_to_pass(wider, helps, begun + VERIFIED)
+        return DesignStatus.found if passed else DesignStatus.refused
 
-    def nearest(self, search: Search) -> str:
-        """Where no design keeps to the limits: the one whose largest excess is least, and what it breaks."""
+    @property
+    def _needed(self) -> float:
+        """Risk below which a design counts as an improvement on the bare block."""
+        return self.bare.value * (1.0 - self.tolerance) if self.bare.value > 0.0 else self.bare.value
+
+    def nearest(self, search: Multistart) -> Nearest | None:
+        """Where no design keeps the limits: the design whose largest excess is least."""
         order = search.order(feasible=False)
         if not len(order) or np.isfinite(search.values[order]).any():
-            return ""
-        over = search.column(lambda g: g.local.limit)
-        i = order[np.argmin(np.max(over[order], axis=1))]
-        name, n = self.objective.conditions.name, len(self.objective.conditions)
-        each = dict(zip(self.objective.limit_names()[::n], over[i].reshape(-1, n), strict=True))
+            return None
+        conditions, excess = self.objective.conditions, search.excess
+        i = order[np.argmin(excess[order].max(axis=1))]
+        each = zip(self.objective.constraint_names(), excess[i].reshape(-1, len(conditions)), strict=True)
         broken = [
-            f"{limit} by {excess.max():.2g} of it {name(int(np.argmax(excess)))}"
-            for limit, excess in sorted(each.items(), key=lambda item: -item[1].max())
-            if excess.max() > FEASIBLE
+            Reason(
+                step=Step.exact,
+                kind=ReasonKind.breaks_limit,
+                limit=name,
+                value=1.0 + float(row.max()),
+                condition=conditions.label(int(np.argmax(row))),
+            )
+            for name, row in each
+            if row.max() > 0.0
         ]
-        at = "mu {:.4g}, lam {:.4g}, zeta {:.4g}".format(*search.designs[i])
-        return f"{at}: it breaks the limit on {', and that on '.join(broken)}"
+        worst_first = sorted(broken, key=lambda reason: -reason.value)
+        return Nearest(design=search.designs[i], broken=tuple(worst_first))
 
-    def _stands(self, search: Search, helps: np.ndarray, out: list[Judged], most: int) -> bool:
-        """Judge the first of some designs until nothing is to be said against one, or `most` are judged."""
-        apart = self._apart(search, helps)
-        reached = [self._reached(search.designs[i]) for i in apart]
-        # Designs that events from rest speak against come last: they are told of if all are refused.
-        worse = np.array([self._harm(names)[0] for names, _ in reached])
-        lost = np.array([np.sum(names == "overturned") for names, _ in reached])
-        order = np.lexsort((lost if self.by_overturning else np.zeros_like(lost), worse))
-        known = {(j.mass_ratio, j.length_ratio, j.damping_ratio) for j in out}
-        for i in (i for i in order if tuple(search.designs[apart[i]].tolist()) not in known):
-            if len(out) == most:
+    def _first_to_pass(self, search: Multistart, order: np.ndarray, most: int) -> bool:
+        """Verify designs until one passes or `most` entries stand in `verified`."""
+        known = {tuple(v.design.tolist()) for v in self.verified}
+        for i, exact in self._ranked(search, order):
+            if len(self.verified) == most:
                 break
+            if tuple(search.designs[i].tolist()) in known:
+                continue
             if self.progress is not None:
-                self.progress("judging", len(out) + 1, LOOKED_AT)
-            out.append(self._judged(search, apart[i], *reached[i]))
-            if not out[-1].objections:
+                self.progress("verifying", len(self.verified) + 1, VERIFIED)
+            self.verified.append(self._verified(search, i, exact))
+            if not self.verified[-1].reasons:
                 return True
         return False
 
-    def _apart(self, search: Search, order: np.ndarray) -> list[int]:
-        """The best designs that are no neighbours, as many as can be followed under all conditions."""
-        return spread_out(search.units, order, max(LOOKED_AT, _RUNS // len(self.objective.conditions)))
+    def _ranked(self, search: Multistart, order: np.ndarray) -> list[tuple[int, Motions]]:
+        """Designs that lie apart with their exact motions: those against which events from rest speak come
+        last, so that they are reported if all are refused."""
+        n = len(self.objective.conditions)
+        apart = first_apart(search.units, order, max(VERIFIED, _RUNS // n))
+        exact = [self._exact(search.designs[i]) for i in apart]
+        worse = np.array([self._harm(e)[0] for e in exact])
+        lost = np.array([np.sum(e.status == "overturned") for e in exact])
+        ranks = np.lexsort((lost if self.by_overturning else np.zeros_like(lost), worse))
+        return [(apart[i], exact[i]) for i in ranks]
 
-    def _harm(self, reached: np.ndarray) -> tuple[bool, int, int]:
-        """Whether significantly more conditions overturn the block from rest with a design than without,
-        and under how many it does so with the one only and with the other only."""
-        lost, bare = reached == "overturned", self.bare_reached[0] == "overturned"
-        worse, better = int(np.sum(lost & ~bare)), int(np.sum(bare & ~lost))
-        return worse > better and chance_of(worse, better) < SIGNIFICANT, worse, better
-
-    def _judged(self, search: Search, i: int, reached: np.ndarray, tilt: np.ndarray) -> Judged:
+    def _verified(self, search: Multistart, i: int, exact: Motions) -> Verified:
+        """All steps for one design, up to the first that refuses it."""
         objective, design = self.objective, search.designs[i]
-        told = objective.told(design[None])
-        asked = self._nonlinear(design, told)
-        found = Judged(
+        e = objective.evaluate(design[None])
+        v = Verified(
             mass_ratio=float(design[0]),
             length_ratio=float(design[1]),
             damping_ratio=float(design[2]),
-            value=float(objective.value(told)[0]),
-            told=told,
-            reached=reached,
-            reached_tilt=tilt,
-            nonlinear=asked,
-            nonlinear_bare=tuple(
-                self._bare_nonlinear(i) if s == "overturned" else "" for i, _, _, s in asked
-            ),
+            value=float(objective.value(e)[0]),
+            evaluation=e,
+            exact=exact,
+            searched=self._searched(e),
+            margin=margins(objective, design[None])[0],
+            neighbours=None,
+            nonlinear=(),
             verdict=None,
             stationarity=float(search.column(lambda g: g.stationarity)[i]),
-            active=self._active(search, i, design),
-            ended=i < search.ended,
-            objections=self._objections(design, reached, asked),
+            active=active(search, i, _AT_LIMIT),
+            source=self.source if i < search.ended else "path",
+            reasons=(),
         )
-        if found.objections:
-            return found
-        return self._with_ensemble(found)
+        for step in (self._by_events, self._by_neighbours, self._by_nonlinear, self._by_ensemble):
+            v = step(v)
+            if v.reasons:
+                break
+        return v
 
-    def _with_ensemble(self, found: Judged) -> Judged:
-        conditions, pendulum = self.objective.conditions, pendulum_of(self.scene, found)
-        told = None if self.progress is None else stage(self.progress, "ensemble")
-        if self.bare_outcomes is None:
-            self.bare_outcomes = outcomes(
-                self.scene, ensemble=self.ensemble, conditions=conditions, progress=told
+    def _by_events(self, v: Verified) -> Verified:
+        """Exact solution under every condition, and the cross-check of the search's model."""
+        reasons = []
+        harms, worse, better = self._harm(v.exact)
+        n, label = len(v.exact.status), self.objective.conditions.label
+        if harms:
+            reasons.append(
+                Reason(
+                    step=Step.exact,
+                    kind=ReasonKind.overturns_more,
+                    value=worse,
+                    reference=better,
+                    total=n,
+                )
             )
-        judged = verdict(
+        if v.searched is None or not isinstance(self._model, Smoothed):
+            return replace(v, reasons=tuple(reasons))
+        for i in np.flatnonzero(~self._agree(v.searched, v.exact)):
+            reasons.append(
+                Reason(
+                    step=Step.cross_check,
+                    kind=ReasonKind.models_disagree,
+                    condition=label(int(i)),
+                    value=float(v.searched.amplitude[i]),
+                    reference=float(v.exact.amplitude[i]),
+                )
+            )
+        if not reasons:
+            e = _with_sizes(v.evaluation, v.exact.amplitude, v.exact.stroke, self.objective)
+            reasons += self._broken(e, Step.exact, np.isin(v.exact.status, SETTLED))
+        return replace(v, reasons=tuple(reasons))
+
+    def _agree(self, searched: Motions, exact: Motions) -> np.ndarray:
+        """Whether the model and the exact solution settle alike, with amplitudes within the tolerance."""
+        a, b = searched.amplitude, exact.amplitude
+        settled = np.isin(searched.status, SETTLED) & np.isin(exact.status, SETTLED)
+        with np.errstate(invalid="ignore"):
+            near = np.abs(a - b) <= self.tolerance * np.maximum(a, b) + self._resolution
+        both_lost = (searched.status == "overturned") & (exact.status == "overturned")
+        return (settled & near) | both_lost
+
+    def _by_neighbours(self, v: Verified) -> Verified:
+        """Eight shakings within 1 % of the worst condition; one settled motion does not say that it is
+        reached safely."""
+        worst = int(np.argmax(v.evaluation.merit[0]))
+        shakes = [(1.0 + d, 1.0) for d in _NEARBY] + [(1.0, 1.0 + d) for d in _NEARBY]
+        amplitude, frequency = np.array(shakes).T
+        near = Conditions({"amplitude": amplitude, "frequency": frequency})
+        here = Conditions({k: x[worst : worst + 1] for k, x in self.objective.conditions.factors.items()})
+
+        def overturned(design: np.ndarray) -> int:
+            names, *_ = self._settled(design, here * near)
+            return int(np.sum(names == "overturned"))
+
+        if worst not in self._neighbours_bare:
+            self._neighbours_bare[worst] = overturned(self.none)
+        found = Neighbours(
+            condition=worst,
+            tried=len(shakes),
+            overturned=overturned(v.design),
+            overturned_bare=self._neighbours_bare[worst],
+        )
+        # A design for one shaking must stand its neighbours. Over many conditions the designs are compared.
+        allowed = 0 if len(self.objective.conditions) == 1 else found.overturned_bare
+        reason = Reason(
+            step=Step.neighbours,
+            kind=ReasonKind.overturns_more,
+            condition=self.objective.conditions.label(worst),
+            value=found.overturned,
+            reference=found.overturned_bare,
+            total=found.tried,
+        )
+        return replace(v, neighbours=found, reasons=(reason,) if found.overturned > allowed else ())
+
+    def _by_nonlinear(self, v: Verified) -> Verified:
+        """Nonlinear equations under the worst conditions and under those nearest to a limit, from rest."""
+        asked = tuple(self._nonlinear(v, int(i)) for i in self._conditions_asked(v.evaluation))
+        v = replace(v, nonlinear=asked)
+        alone, label = len(self.objective.conditions) == 1, self.objective.conditions.label
+        reasons: list[Reason] = []
+        for a in asked:
+            at = {"step": Step.nonlinear, "condition": label(a.condition)}
+            bare = a.bare_status, self.bare.exact.status[a.condition]
+            if a.status == "overturned" and "overturned" not in bare:
+                reasons.append(Reason(kind=ReasonKind.overturns, **at))
+            elif alone and a.status not in SETTLED:
+                reasons.append(Reason(kind=ReasonKind.does_not_settle, outcome=a.status, **at))
+            elif alone and a.amplitude > 0.0 and a.amplitude >= a.bare_amplitude:
+                sizes = {"value": a.amplitude, "reference": a.bare_amplitude}
+                reasons.append(Reason(kind=ReasonKind.rocks_more, **sizes, **at))
+        return replace(v, reasons=(*reasons, *self._broken_nonlinearly(v)))
+
+    def _broken_nonlinearly(self, v: Verified) -> list[Reason]:
+        """Limits that the nonlinear motions break."""
+        n = len(self.objective.conditions)
+        amplitude, stroke, known = np.zeros(n), np.zeros(n), np.zeros(n, bool)
+        for a in v.nonlinear:
+            if a.status in SETTLED:
+                amplitude[a.condition], stroke[a.condition], known[a.condition] = a.amplitude, a.stroke, True
+        e = _with_sizes(v.evaluation, amplitude, stroke, self.objective)
+        return self._broken(e, Step.nonlinear, known)
+
+    def _conditions_asked(self, e: Evaluation) -> list[int]:
+        n = len(self.objective.conditions)
+        worst = [int(i) for i in np.argsort(-e.merit[0], kind="stable")[:_ASKED]]
+        # How near an orbit is to where it stops attracting is no size that the nonlinear equations give.
+        limits = [x for x in self.objective.active_limits if x.of_motion]
+        rows = [s.value[0] - 1.0 for x in limits for s in x.sizes(e, self.objective.geometry)]
+        held = np.max([np.full(n, -np.inf), *rows], axis=0)
+        near = [int(i) for i in np.argsort(-held, kind="stable") if i not in worst and held[i] > -_AT_LIMIT]
+        return worst + near[:_NEAR]
+
+    def _nonlinear(self, v: Verified, i: int) -> Nonlinear:
+        row = self.objective.conditions.factor_rows()[i]
+        if i not in self._nonlinear_bare:
+            self._nonlinear_bare[i] = nonlinear(under(self.objective.p, jnp.asarray(self.none), row))
+        amplitude, stroke, status = nonlinear(under(self.objective.p, jnp.asarray(v.design), row))
+        bare_amplitude, _, bare_status = self._nonlinear_bare[i]
+        return Nonlinear(
+            condition=i,
+            amplitude=amplitude,
+            stroke=stroke,
+            status=status,
+            bare_amplitude=bare_amplitude,
+            bare_status=bare_status,
+        )
+
+    def bare_rests_nonlinearly(self) -> bool:
+        """Whether the bare block settles at rest by the nonlinear equations under the worst conditions."""
+        rows = self.objective.conditions.factor_rows()
+        asked = self._conditions_asked(self.bare.evaluation)[:_ASKED]
+        return all(
+            nonlinear(under(self.objective.p, jnp.asarray(self.none), rows[i]))[2] == "rest" for i in asked
+        )
+
+    def _by_ensemble(self, v: Verified) -> Verified:
+        """Paired ensemble of runs with the pendulum and without (McNemar's test)."""
+        conditions, pendulum = self.objective.conditions, pendulum_of(self.scene, v)
+        after = None if self.progress is None else stage(self.progress, "ensemble")
+        found = verdict(
             self.scene,
             pendulum,
             ensemble=self.ensemble,
             conditions=conditions,
-            bare=self.bare_outcomes,
-            progress=told,
+            bare=self.bare_outcomes(),
+            progress=after,
         )
-        against = (judged.objection,) if judged.harms else ()
-        return replace(found, verdict=judged, objections=against)
+        reason = Reason(
+            step=Step.ensemble,
+            kind=ReasonKind.overturns_more,
+            value=found.worse,
+            reference=found.better,
+            total=len(found.hung.status),
+        )
+        return replace(v, verdict=found, reasons=(reason,) if found.harms else ())
 
-    def _reached(self, design: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Names and settled tilts from rest, by events, under all conditions."""
-        n = len(self.objective.conditions)
-        p = under_all(self.objective.p, jnp.asarray(design)[None], self.objective.conditions)
-        settled = settle_all(p, np.zeros((n, 4)), model=Piecewise(max_periods=self.ensemble.periods))
-        names = names_of(settled.status)
-        return names, np.where(names == "overturned", math.inf, np.asarray(settled.amplitude))
-
-    def _nonlinear(self, design: np.ndarray, told: Told) -> tuple[tuple[int, float, float, str], ...]:
-        """What the nonlinear equations say of the worst conditions and of those nearest to a limit, from
-        rest."""
-        rows = self.objective.conditions.rows()
-        over = self.objective.limited(told)[0].reshape(-1, len(rows))
-        names = self.objective.limit_names()[:: len(rows)]
-        # How near an orbit is to where it stops attracting is no size that these equations give.
-        unasked = ("reserve", "multiplier", "ball")
-        held = np.max([row for row, n in zip(over, names, strict=True) if n not in unasked], axis=0)
-        worst = np.argsort(-told.merit[0], kind="stable")[:_ASKED]
-        near = [i for i in np.argsort(-held, kind="stable") if i not in worst and held[i] > -_MET]
-        out = []
-        for i in [*worst, *near[:_NEAR]]:
-            out.append((int(i), *nonlinear(under(self.objective.p, jnp.asarray(design), rows[int(i)]))))
-        return tuple(out)
-
-    def _bare_nonlinear(self, i: int) -> str:
-        """What becomes of the bare block by the same equations."""
-        if i not in self._bare_status:
-            p = under(self.objective.p, self.none, self.objective.conditions.rows()[i])
-            self._bare_status[i] = nonlinear(p)[2]
-        return self._bare_status[i]
-
-    def _objections(
-        self, design: np.ndarray, reached: np.ndarray, asked: tuple[tuple[int, float, float, str], ...]
-    ) -> tuple[str, ...]:
-        out, name = [], self.objective.conditions.name
-        harms, worse, better = self._harm(reached)
-        if harms:
-            out.append(
-                f"from rest the block overturns under {worse} of {len(reached)} conditions that it stands "
-                f"without the pendulum, and stands {better} under which it overturns without"
+    def bare_outcomes(self) -> Outcomes:
+        """Ensemble of runs of the bare block, followed once."""
+        if self.bare.outcomes is None:
+            after = None if self.progress is None else stage(self.progress, "ensemble")
+            runs = outcomes(
+                self.scene, ensemble=self.ensemble, conditions=self.objective.conditions, progress=after
             )
-        for i, amplitude, stroke, status in asked:
-            bare = self.bare_reached[0][i], self._bare_nonlinear(i) if status == "overturned" else ""
-            if status == "overturned" and "overturned" not in bare:
-                out.append(f"by the nonlinear equations the block overturns {name(i)}, and bare it stands")
-            elif status in SETTLED:
-                broken = self._broken(design, i, amplitude, stroke)
-                out += [f"by the nonlinear equations it breaks {what} {name(i)}" for what in broken]
-        return tuple(out)
+            self.bare = replace(self.bare, outcomes=runs)
+        assert self.bare.outcomes is not None
+        return self.bare.outcomes
 
-    def _broken(self, design: np.ndarray, i: int, amplitude: float, stroke: float) -> list[str]:
-        """The limits that angles (rad) of these sizes break under the i-th condition."""
-        objective, limits = self.objective, self.objective.limits
-        sizes = {"stroke": stroke / objective.space.stroke}
-        if limits.relative_stroke is not None:
-            sizes["relative_stroke"] = (stroke + amplitude) / limits.relative_stroke
-        if limits.tilt is not None:
-            nu = float(objective.p.nu) * objective.conditions.column("slenderness")[i]
-            sizes["tilt"] = amplitude / nu / limits.tilt
-        angle = np.full((1, len(objective.conditions)), amplitude + stroke)
-        sizes |= {name: taken[0, i] for name, taken in objective.room(design[None], angle).items()}
-        return [f"the limit on {n} by {x - 1.0:.2g} of it" for n, x in sizes.items() if x > 1.0 + FEASIBLE]
+    def _broken(self, e: Evaluation, step: Step, known: np.ndarray) -> list[Reason]:
+        """Limits on the motion that an evaluation of one design breaks under known conditions."""
+        label = self.objective.conditions.label
+        return [
+            Reason(
+                step=step,
+                kind=ReasonKind.breaks_limit,
+                condition=label(int(i)),
+                limit=size.name,
+                value=float(size.value[0, i]),
+            )
+            for limit in self.objective.active_limits
+            if limit.of_motion
+            for size in limit.sizes(e, self.objective.geometry)
+            for i in np.flatnonzero(known & (size.value[0] > 1.0))
+        ]
 
-    def _active(self, search: Search, i: int, design: np.ndarray) -> tuple[str, ...]:
-        """What holds the design."""
-        on = search.column(lambda g: g.weights[0])[i]
-        by = search.column(lambda g: g.weights[1])[i]
-        name, n = self.objective.conditions.name, len(self.objective.conditions)
-        out = [f"tilt {name(int(j))} ({on[j]:.2f})" for j in np.argsort(-on)[:6] if on[j] > 0.02]
-        if self.objective.measure.share >= 1.0:
-            out = ["the mean tilt"]
-        names = self.objective.limit_names()
-        over = search.column(lambda g: g.local.limit)[i]
-        # A limit that is met may carry no weight where another one beside it does.
-        met = (by > 1e-4) | (over > -_MET)
-        order = np.lexsort((-over, -by))[:6]
-        out += [f"limit on {names[j]} {name(int(j) % n)}" for j in order if met[j]]
-        low, high = self.objective.space.bounds
-        for value, least, most, what in zip(design, low, high, ("mass", "length", "damping"), strict=False):
-            for word, bound in (("least", least), ("largest", most)):
-                if abs(value - bound) < AT_BOUND * (most - least):
-                    out.append(f"the {word} {what} ratio, {value:.4g}")
-        return tuple(out)
+    def _harm(self, exact: Motions) -> tuple[bool, int, int]:
+        """Whether significantly more conditions overturn the block from rest with a design than without, and
+        under how many it does so with the one only and with the other only."""
+        lost, bare = exact.status == "overturned", self.bare.exact.status == "overturned"
+        worse, better = int(np.sum(lost & ~bare)), int(np.sum(bare & ~lost))
+        significant = worse > better and chance_of(worse, better) < SIGNIFICANT
+        alone = len(lost) == 1 and worse > better
+        return significant or alone, worse, better
+
+    def _exact(self, design: np.ndarray) -> Motions:
+        """Exact settled motions from rest under all conditions."""
+        conditions = self.objective.conditions
+        names, amplitude, stroke, peak, peak_stroke, periods = self._settled(design, conditions)
+        multiplier = np.full(len(names), np.nan)
+        if len(names) <= _POLISHED:
+            polished = [self._polished(design, row) for row in conditions.factor_rows()]
+            names, amplitude, stroke, periods, multiplier = (np.array(x) for x in zip(*polished, strict=True))
+        return Motions(
+            model="exact",
+            status=names,
+            amplitude=amplitude,
+            stroke=stroke,
+            peak=peak,
+            peak_stroke=peak_stroke,
+            multiplier=multiplier,
+            periods=periods,
+        )
+
+    def _polished(self, design: np.ndarray, row: Array) -> tuple:
+        s = steady_state(as_arrays(under(self.objective.p, jnp.asarray(design), row)), model=Piecewise())
+        sizes = float(s.amplitude), float(s.stroke), int(s.periods), float(s.multiplier)
+        return status_name(s.status), *sizes
+
+    def _settled(self, design: np.ndarray, conditions: Conditions) -> tuple:
+        """(status, amplitude, stroke, peak, peak_stroke, periods) from rest, as followed."""
+        p = under_all(self.objective.p, jnp.asarray(design)[None], conditions)
+        y0 = np.zeros((len(conditions), 4))
+        settled = settle_all(p, y0, model=Piecewise(max_periods=self.ensemble.periods))
+        names = names_of(settled.status)
+        sizes = settled.amplitude, settled.stroke, settled.peak, settled.peak_stroke
+        lost = names == "overturned"
+        return names, *(np.where(lost, np.inf, np.asarray(x)) for x in sizes), np.asarray(settled.periods)
+
+    def _searched(self, e: Evaluation) -> Motions | None:
+        """Motions by the model that was searched with; None for a search over exact orbits."""
+        if not isinstance(self.objective, Followed):
+            return None
+        names = {REST: "rest", NONE: "overturned"}
+        status = np.array([names.get(int(k), KINDS[int(k)]) for k in e.kind[0]])
+        unknown = np.full(len(status), np.nan)
+        return Motions(
+            model=type(self.objective.model).__name__.lower(),
+            status=status,
+            amplitude=e.tilt[0] * self.objective.geometry.slenderness,
+            stroke=e.stroke[0],
+            peak=unknown,
+            peak_stroke=unknown,
+            multiplier=e.multiplier[0],
+            periods=np.ones(len(status), int),
+        )
+
+    @property
+    def _model(self) -> object:
+        return self.objective.model if isinstance(self.objective, Followed) else None
+
+    @property
+    def _resolution(self) -> float:
+        """Amplitude (rad) that the search's model cannot tell from rest."""
+        if not isinstance(self.objective, Followed):
+            return 0.0
+        return float(self.objective.model.resolution(as_arrays(self.objective.p)))
+
+
+def pendulum_of(scene: Scene, v: Verified) -> Pendulum:
+    """A verified design in SI."""
+    return scene.pendulum(mass_ratio=v.mass_ratio, length_ratio=v.length_ratio, damping_ratio=v.damping_ratio)
+
+
+def prepare_verification(p: Parameters, conditions: int, ensemble: Ensemble) -> None:
+    """Compile for the verification: events of few motions and of many, and the nonlinear equations."""
+    bare = replace(p, mu=0.0, rho=float(p.inertia_ratio))
+    prepare(bare, max(ensemble.size, conditions), Piecewise())
+    nonlinear(p)
+
+
+def _with_sizes(
+    e: Evaluation, amplitude: np.ndarray, stroke: np.ndarray, objective: AbstractObjective
+) -> Evaluation:
+    """An evaluation of one design with other settled angles (rad), shapes (n,)."""
+    return e._replace(tilt=(amplitude / objective.geometry.slenderness)[None], stroke=stroke[None])

@@ -1,13 +1,15 @@
-"""Descending by optax instead: Adam, or L-BFGS, on a measure whose kinks are rounded off less and less.
+"""Descent by optax on a smoothed risk measure: Adam, L-BFGS or any other gradient transformation.
 
-What `minimise` solves by sequential programming, for those who want the plain gradient method, or to see what
-it costs: the capped weighted worst of n functions is smoothed as the subproblem smooths it,
-min over s of s + cap width sum softplus((v - s)/width), whose slope along v are weights that sum to one;
-limits enter as a smoothed exact penalty. Adam is projected onto the bounds; L-BFGS runs in an angle whose
-squared sine is the share of the bounds, and shortens a step until it helps, every trial counted among the
-steps. What has ended is measured by the same linear models, so that the two kinds of search tell the same of
-what they found. A start with an infinite value stays where it is.
-"""
+`minimise` solves the same problem by sequential programming. Here the capped weighted worst of n functions is
+smoothed as the subproblem there smooths it,
+
+    min over s of  s + cap width sum softplus((v - s)/width),
+
+whose derivatives with respect to v are weights that sum to one; limits enter as a smoothed exact penalty. The
+width falls from step to step, because the worst case has kinks that a fixed width would round off. Projected
+methods stay within the bounds by clipping. L-BFGS runs in an angle whose squared sine is the share of the
+bounds, and shortens a step until the merit falls; every trial counts as a step. The ends are measured by the
+linear models of `minimise`, so that both kinds of search report the same quantities."""
 
 from __future__ import annotations
 
@@ -21,7 +23,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float
 
-from tpd.design.sequential import PENALTY, Descent, Local, merit_of, minimise
+from tpd.design.sequential import PENALTY, Ends, Linearisation, merit_of, minimise
 
 _WIDTHS = (1e-1, 1e-4)
 """First and last width of the smoothing, in units of the merit."""
@@ -36,25 +38,32 @@ _STEEP = 1e-2
 
 
 def descend(
-    method: str,
-    evaluate: Callable[[np.ndarray], Local],
+    optimiser: str | optax.GradientTransformation,
+    evaluate: Callable[[np.ndarray], Linearisation],
     starts: np.ndarray,
     cap: float,
-    measure: Callable[[np.ndarray], np.ndarray],
+    risk: Callable[[np.ndarray], np.ndarray],
     *,
-    known: Local | None = None,
+    known: Linearisation | None = None,
     steps: int = 40,
     after: Callable[[int, int], None] | None = None,
-) -> Descent:
-    """`minimise`, but by the optax method of that name; every step evaluates every start once."""
-    book = _Book(evaluate, measure, np.clip(starts, 0.0, 1.0), known)
-    way = _adam if method == "adam" else _lbfgs
-    try_out = way(book, cap, steps)
+) -> Ends:
+    """Descend from all starts (m, d) by an optimiser of optax; every step evaluates every start once.
+
+    Args: optimiser: "adam" with a decaying step, "lbfgs" with a line search, or any transformation of optax,
+        whose
+            steps are in shares of the bounds.
+        evaluate, starts, cap, risk, known: as for `minimise`.
+        steps: number of steps.
+        after: called with (steps done, of how many).
+    """
+    book = _Book(evaluate, risk, np.clip(starts, 0.0, 1.0), known)
+    walk = _lbfgs(book, cap, steps) if optimiser == "lbfgs" else _projected(book, cap, steps, optimiser)
     for step in range(steps):
-        next(try_out)
+        next(walk)
         if after is not None:
             after(step + 1, steps)
-    ended = minimise(evaluate, book.x, cap, measure, known=book.local, steps=0)
+    ended = minimise(evaluate, book.x, cap, risk, known=book.local, steps=0)
     path, merits, spent = (np.stack(part) for part in zip(*book.path, strict=True))
     return ended._replace(
         steps=np.full(len(starts), steps),
@@ -66,27 +75,27 @@ def descend(
 
 
 class _Book:
-    """The best design of every start so far, and what is known of it."""
+    """Best design of every start so far, its linearisation, and the path."""
 
     def __init__(
         self,
-        evaluate: Callable[[np.ndarray], Local],
-        measure: Callable[[np.ndarray], np.ndarray],
+        evaluate: Callable[[np.ndarray], Linearisation],
+        risk: Callable[[np.ndarray], np.ndarray],
         starts: np.ndarray,
-        known: Local | None,
+        known: Linearisation | None,
     ) -> None:
-        self.evaluate, self.measure = evaluate, measure
+        self.evaluate, self.risk = evaluate, risk
         self.evaluations = len(starts) if known is None else 0
         self.x = starts.copy()
-        self.local = evaluate(starts) if known is None else Local(*(np.array(part) for part in known))
-        self.merit = merit_of(self.local, measure)
+        self.local = evaluate(starts) if known is None else Linearisation(*(np.array(part) for part in known))
+        self.merit = merit_of(self.local, risk)
         self.path = [(self.x.copy(), self.merit.copy(), self.evaluations)]
 
-    def tried(self, x: np.ndarray) -> Local:
-        """What is at designs, one a start."""
+    def tried(self, x: np.ndarray) -> Linearisation:
+        """Linearisation at one design of each start; the best designs are recorded."""
         at = self.evaluate(x)
         self.evaluations += len(x)
-        merit = merit_of(at, self.measure)
+        merit = merit_of(at, self.risk)
         better = merit < self.merit
         self.x[better], self.merit[better] = x[better], merit[better]
         for old, fresh in zip(self.local, at, strict=True):
@@ -95,15 +104,20 @@ class _Book:
         return at
 
 
-def _adam(book: _Book, cap: float, steps: int) -> Iterator[None]:
-    """Projected Adam; from where nothing is known half way back to the best."""
+def _projected(
+    book: _Book, cap: float, steps: int, optimiser: str | optax.GradientTransformation
+) -> Iterator[None]:
+    """Steps of any optimiser, projected onto the bounds, every start with a state of its own. A start whose
+    value is infinite goes half way back to its best design."""
     widths = np.geomspace(*_WIDTHS, max(steps, 2))
-    adam = optax.adam(optax.cosine_decay_schedule(0.06, max(steps, 1), alpha=0.02), b1=0.8, b2=0.95)
+    schedule = optax.cosine_decay_schedule(0.06, max(steps, 1), alpha=0.02)
+    chosen = optax.adam(schedule, b1=0.8, b2=0.95) if isinstance(optimiser, str) else optimiser
     u, at = book.x.copy(), book.local
-    state = adam.init(jnp.asarray(u))
+    begin, update = jax.vmap(chosen.init), jax.jit(jax.vmap(chosen.update))
+    state = begin(jnp.asarray(u))
     for width in widths:
         value, slope = _smooth(at, cap, float(width))
-        updates, state = adam.update(jnp.asarray(slope), state)
+        updates, state = update(jnp.asarray(slope), state, jnp.asarray(u))
         onward = np.clip(np.asarray(optax.apply_updates(jnp.asarray(u), updates)), 0.0, 1.0)
         u = np.where(np.isfinite(value)[:, None], onward, 0.5 * (u + book.x))
         at = book.tried(u)
@@ -178,7 +192,7 @@ def _direction(update: Callable, slope: np.ndarray, state: Any, z: np.ndarray) -
     return move * np.minimum(1.0, _LONGEST / np.maximum(longest, 1e-300)), after
 
 
-def _smooth(at: Local, cap: float, width: float) -> tuple[np.ndarray, np.ndarray]:
+def _smooth(at: Linearisation, cap: float, width: float) -> tuple[np.ndarray, np.ndarray]:
     """The smoothed merit (m,) and its slopes (m, d); of a design with an infinite value not finite."""
     known = np.all(np.isfinite(at.value), axis=1)
     at = at._replace(value=np.where(known[:, None], at.value, 0.0))

@@ -1,0 +1,127 @@
+"""The problem that a search solves: inputs checked, defaults filled in, the objective chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from tpd.analysis.attractors import StartKind, Starts
+from tpd.core import checks
+from tpd.core.conditions import Conditions
+from tpd.core.parameters import Parameters, as_arrays
+from tpd.core.scene import Scene
+from tpd.design.criteria import DEFAULT_LIMITS, Limit, Mass, Risk, check_limits, limit_of
+from tpd.design.followed import Followed
+from tpd.design.methods import Descent, Method, Sequential
+from tpd.design.objective import AbstractObjective, Orbits, geometry_of
+from tpd.design.space import DesignSpace
+from tpd.models.base import AbstractModel
+from tpd.models.piecewise import Piecewise
+from tpd.models.smoothed import Smoothed
+
+FOLLOWED_PERIODS = 500
+"""Most forcing periods that a start is followed for its motion, so that slow decay has derivatives as
+well."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Inputs of `optimise`, complete and checked."""
+
+    scene: Scene
+    space: DesignSpace
+    """Within the limit on the bob's mass, if there is one."""
+    starts: Starts
+    method: Method
+    objective: AbstractObjective
+    seed: int
+
+    @staticmethod
+    def of(
+        scene: Scene,
+        space: DesignSpace | None,
+        conditions: Conditions | None,
+        starts: Starts | None,
+        risk: Risk | None,
+        limits: Iterable[Limit] | None,
+        method: Method | None,
+        seed: int,
+    ) -> Problem:
+        """Problem of a scene; None stands for the default everywhere.
+
+        Raises:
+            ValueError: bad input.
+            RuntimeError: JAX is in 32-bit mode.
+        """
+        checks.require_x64()
+        checks.count("seed", seed, least=0)
+        conditions = Conditions() if conditions is None else conditions
+        limits = DEFAULT_LIMITS if limits is None else check_limits(limits)
+        space = _narrowed(DesignSpace() if space is None else space, scene, limits)
+        p = as_arrays(scene.parameters())
+        method = _with_model(_default_method(conditions) if method is None else method, p, conditions)
+        starts = _default_starts(method) if starts is None else starts
+        if method.model is not None and starts.kind is StartKind.any:
+            raise ValueError(
+                "`starts` must be states where a method has a model to follow them by, but is Starts.any()"
+            )
+        risk = Risk.worst() if risk is None else risk
+        common = p, conditions, space, risk, limits, geometry_of(scene, conditions)
+        if method.model is None:
+            objective: AbstractObjective = Orbits(*common, rest_counts=starts.kind is StartKind.rest)
+        else:
+            method.model.check(p)
+            objective = Followed(*common, model=method.model, starts=starts)
+        return Problem(scene, space, starts, method, objective, seed)
+
+    @property
+    def over_basins(self) -> Followed | None:
+        """Objective over the motions that sampled starts reach, if a search over orbits is to be finished on
+        it."""
+        o = self.objective
+        if not isinstance(o, Orbits) or self.starts.kind is not StartKind.sampled:
+            return None
+        model = Piecewise(max_periods=FOLLOWED_PERIODS, lyapunov_periods=0)
+        common = o.p, o.conditions, o.space, o.risk, o.limits, o.geometry
+        return Followed(*common, model=model, starts=self.starts, orbits=o)
+
+
+def _default_method(conditions: Conditions) -> Method:
+    """Descent on smoothed signs for one condition, sequential programming on orbits for several."""
+    return Descent() if len(conditions) == 1 else Sequential()
+
+
+def _with_model(method: Method, p: Parameters, conditions: Conditions) -> Method:
+    """The method with the model that `Descent` takes by default: with one condition the smoothed signs, or
+    the exact model where impacts lose energy, which smoothed signs cannot represent."""
+    if not isinstance(method, Descent) or method.model is not None or len(conditions) > 1:
+        return method
+    lossless = float(p.e) == 1.0
+    model: AbstractModel = (
+        Smoothed(max_periods=200) if lossless else Piecewise(max_periods=200, lyapunov_periods=0)
+    )
+    return replace(method, model=model)
+
+
+def _default_starts(method: Method) -> Starts:
+    """Rest for a model that follows motions, whichever start for the orbits."""
+    return Starts.any() if method.model is None else Starts.rest()
+
+
+def _narrowed(space: DesignSpace, scene: Scene, limits: tuple[Limit, ...]) -> DesignSpace:
+    """The space within the limit on the bob's mass.
+
+    Raises:
+        ValueError: a mass below the least bob of the space.
+    """
+    limit = limit_of(limits, Mass)
+    if not isinstance(limit, Mass):
+        return space
+    low, high = space.mass_ratio
+    most = limit.kg / scene.block.mass
+    if most <= low:
+        raise ValueError(
+            f"`mass` must be above the least bob of the design space, {low * scene.block.mass:g} kg, but is "
+            f"{limit.kg:g} kg"
+        )
+    return replace(space, mass_ratio=(low, min(high, most)))

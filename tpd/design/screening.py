@@ -1,0 +1,110 @@
+"""Screening: designs solved before the searches, and the choice of those from which a search begins.
+
+Half of the designs are spread over the space. The other half is moved by closed forms to where a resting
+block stays at rest: the amplitude is flat there, so that a search would hardly find the way by itself."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Float, Int
+
+from tpd.closed_form import uplift
+from tpd.core.parameters import Parameters
+from tpd.core.sampling import latin_hypercube
+from tpd.design.criteria import stroke_limit
+from tpd.design.objective import AbstractObjective, margins
+from tpd.design.space import DesignSpace
+
+_CLOSED = 4096
+"""Designs screened by the closed form of the uplift margin."""
+_AIM = 0.99
+"""Share of the stroke limit at which a resting bob aims."""
+_APART = (0.1, 0.03, 0.0)
+"""Distances, in shares of the bounds, that chosen designs keep from each other as long as there are
+enough."""
+
+
+def with_design(p: Parameters, design: Float[Array, "3"]) -> Parameters:
+    """The parameters with another (mu, lam, zeta)."""
+    return eqx.tree_at(lambda q: (q.mu, q.lam, q.zeta), p, (design[0], design[1], design[2]))
+
+
+def screened_designs(objective: AbstractObjective, count: int, seed: int) -> np.ndarray:
+    """Seeded designs (mu, lam, zeta), shape (count, 3): three quarters by `starting_designs`, one quarter of
+    the largest uplift margin under all conditions."""
+    space = objective.space
+    rng = np.random.default_rng([seed, 2])
+    wide = space.unscaled(latin_hypercube(rng, _CLOSED, space.bounds.shape[1]))
+    still = np.argsort(-margins(objective, wide).min(axis=1), kind="stable")[: count // 4]
+    limit = min(stroke_limit(objective.limits), 0.5 * np.pi)
+    spread = starting_designs(objective.p, space, limit, count - len(still), seed)
+    return np.concatenate([spread, wide[still]])
+
+
+def starting_designs(p: Parameters, space: DesignSpace, stroke: float, count: int, seed: int) -> np.ndarray:
+    """`count` seeded designs (mu, lam, zeta): half spread over the space (Latin hypercube), and the same ones
+    moved by the closed forms to where a resting block stays at rest, if anywhere."""
+    rng = np.random.default_rng(seed)
+    low, high = space.bounds
+    half = (count + 1) // 2
+    spread = latin_hypercube(rng, half, low.size)
+    target = rng.uniform(0.0, 0.2, size=half)
+    fixed = jnp.asarray(space.full(low))[low.size :]
+    ends = jnp.asarray(low), jnp.asarray(high)
+    still = _moved(p, *ends, fixed, jnp.asarray(_AIM * stroke), jnp.asarray(spread), jnp.asarray(target))
+    return space.full(low + np.concatenate([spread, np.asarray(still)])[:count] * (high - low))
+
+
+@eqx.filter_jit
+def _moved(
+    p: Parameters, low: Array, high: Array, fixed: Array, stroke: Array, unit: Array, target: Array
+) -> Array:
+    """Designs (shares of the bounds) moved until their uplift margin reaches `target` and the resting bob
+    keeps to the stroke; those already there stay."""
+
+    def shortfall(u: Array, goal: Array) -> Array:
+        x = low + u * (high - low)
+        lift = uplift(with_design(p, jnp.concatenate([x, fixed])))
+        return jax.nn.relu(goal - lift.margin) + jax.nn.relu(lift.stroke / stroke - 1.0)
+
+    adam = optax.adam(0.03)
+
+    def step(_: Int[Array, ""], carry: tuple) -> tuple:
+        u, state = carry
+        slope = jax.vmap(jax.grad(shortfall))(u, target)
+        updates, state = adam.update(slope, state)
+        moved = jnp.any(slope != 0.0, axis=1, keepdims=True)
+        onward = cast(Array, optax.apply_updates(u, updates))
+        return jnp.where(moved, jnp.clip(onward, 0.0, 1.0), u), state
+
+    return jax.lax.fori_loop(0, 100, step, (unit, adam.init(unit)))[0]
+
+
+def best_apart(units: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    """Indices of the best designs that lie apart from each other, shape (count,) or fewer."""
+    chosen: list[int] = []
+    order = np.argsort(values, kind="stable")
+    for apart in _APART:
+        for i in order:
+            far = all(np.linalg.norm(units[i] - units[j]) > apart for j in chosen)
+            if len(chosen) < count and far and i not in chosen:
+                chosen.append(int(i))
+    return np.array(chosen, dtype=int)
+
+
+def first_apart(
+    units: np.ndarray, order: np.ndarray, most: int, apart: float = 0.02, fixed: int = 0
+) -> list[int]:
+    """The first of an ordered list of designs that are no neighbours: at least `apart` from each other, in
+    shares of the bounds. The first `fixed` are taken in any case."""
+    taken = [int(i) for i in order[:fixed]]
+    for i in map(int, order[fixed:]):
+        if len(taken) < most and all(np.linalg.norm(units[i] - units[j]) > apart for j in taken):
+            taken.append(i)
+    return taken
