@@ -30,7 +30,7 @@ from tpd.models.settling import scale_of
 
 _CLOSE = 1e-4
 """Relative difference of the sizes of two motions that may be one, as they were followed."""
-_ONE_OF_A_KIND = ("aperiodic", "not_settled", "overturned", "event_bound", "failed")
+_ONE_OF_A_KIND = ("aperiodic", "held", "not_settled", "overturned", "event_bound", "failed")
 """Statuses of motions that are not told apart."""
 _SAME = 1e-6
 """The same of two that are one, or mirror images, after Newton's method."""

@@ -24,7 +24,7 @@ from tpd.models.settling import scale_of
 
 _MATCH = 1e-3
 """Largest distance, in shares of the scales, of a motion as it was followed from the orbit it is on."""
-_CHOICE = ("rocking", "near_fold", "grazing", "rest", "unstable", "no_orbit")
+_CHOICE = ("rocking", "near_fold", "grazing", "rest", "neutral", "unstable", "no_orbit")
 """Of what a design has, the first is its answer where no start is given."""
 
 
@@ -79,12 +79,13 @@ def design_map(
     - near_fold, grazing: the same, but the orbit is about to be lost;
     - rest: no such orbit attracts, and a block at rest stays at rest; amplitude zero, and the stroke
       is that of the bob under the resting block;
+    - neutral: there is such an orbit, but nothing takes energy from it, so that it does not attract;
     - unstable: there are orbits, but all repel, and rest does not hold: the block does something else,
       which a start tells. Amplitude and stroke are those of the largest;
     - no_orbit: there is none, and rest does not hold; NaN.
 
     With a `start` every design is followed from it by events (some 0.6 ms a design) until the motion
-    repeats itself: rocking, sticking, rest, overturned (infinite), not_settled (also what would be
+    repeats itself: rocking, sticking, rest, held, overturned (infinite), not_settled (also what would be
     aperiodic: `steady_state` tells these two apart), event_bound or failed, as in `steady_state`. Where
     that is a symmetric period-one orbit its exact sizes are given; see `DesignMap.exact`.
 

@@ -16,9 +16,9 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd.core import checks
-from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, characteristic, quartic_roots
+from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, characteristic, is_neutral, quartic_roots
 from tpd.core.parameters import Number, Parameters, State, as_arrays
-from tpd.core.status import Status
+from tpd.core.status import Status, is_moving
 from tpd.exact.arc import REST, SLIP
 from tpd.exact.derivatives import refused_in, with_slopes
 from tpd.exact.event_log import cut, record
@@ -220,8 +220,10 @@ def _solve(p: Parameters, legs: Leg, guess: Cycle, periods: Int[Array, ""], outc
     cycle = polished_cycle(plant, legs, near, span)
     met, multipliers, margins = _inspect(fixed, plant, legs, cycle, near.blocks)
     valid = (outcome == Status.rocking) & _holds(fixed, legs, met) & (near.moved < _CONVERGED)
-    status = Status.where(outcome == Status.rocking, _verdict(legs, multipliers, margins, valid), outcome)
-    usable = (status == Status.rocking) | (status == Status.sticking) | (status == Status.unstable)
+    status = Status.where(
+        outcome == Status.rocking, _verdict(fixed, legs, multipliers, margins, valid), outcome
+    )
+    usable = is_moving(status) | (status == Status.unstable) | (status == Status.neutral)
     sizes, cycle = _differentiable(p, legs, near, met, periods, valid, usable)
     count = jnp.where(valid, jnp.sum(legs.real), 0)
     multipliers, margins = jax.tree.map(lambda x: jnp.where(valid, x, jnp.nan), (multipliers, margins))
@@ -321,10 +323,14 @@ def _sticking(plant: Plant, leg: Leg, end: State, sine: Number) -> Number:
     return jnp.where(leg.real & (leg.ending == TURN), share, jnp.inf)
 
 
-def _verdict(legs: Leg, multipliers: Array, margins: CycleMargins, valid: Bool[Array, ""]) -> Status:
+def _verdict(
+    p: Parameters, legs: Leg, multipliers: Array, margins: CycleMargins, valid: Bool[Array, ""]
+) -> Status:
     held = jnp.any(legs.real & (legs.kind != SLIP))
     status = Status.where(held, Status.sticking, Status.rocking)
-    status = Status.where(jnp.max(jnp.abs(multipliers)) < 1.0, status, Status.unstable)
+    largest = jnp.max(jnp.abs(multipliers))
+    status = Status.where(largest < 1.0, status, Status.unstable)
+    status = Status.where(is_neutral(p, largest), Status.neutral, status)
     status = Status.where(margins.grazing < GRAZING, Status.grazing, status)
     near = jnp.min(jnp.abs(1.0 - multipliers)) < 2.0 * NEAR_FOLD
     return Status.where(valid, Status.where(near, Status.near_fold, status), Status.no_orbit)

@@ -23,7 +23,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from tpd.core import checks
-from tpd.core.eigenvalues import GRAZING, NEAR_FOLD
+from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, is_neutral
 from tpd.core.parameters import Number, Parameters, State, as_arrays
 from tpd.core.status import Status, is_moving, is_settled
 from tpd.exact.derivatives import refused, refused_in, with_slopes
@@ -233,17 +233,22 @@ def answered(fixed: Parameters, model: AbstractModel, settled: Settled) -> tuple
     leaves of `fixed`: NaN where there are none."""
     orbit, separation = _finish(fixed, model, settled)
     multiplier, to_fold = _multipliers(fixed, orbit.by_state[:4])
-    status = _verdict(settled, orbit, multiplier, to_fold, separation, model.resolution(fixed))
+    neutral = is_neutral(fixed, multiplier)
+    status = _verdict(settled, orbit, multiplier, neutral, to_fold, separation, model.resolution(fixed))
     # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
     # unless it has more steps than that may take.
     cut_short = (settled.status == Status.rest) & (fixed.zeta > 0.0) & ~jnp.isfinite(orbit.residual)
     status = Status.where(cut_short, Status.event_bound, status)
+    sound = jnp.all(jnp.isfinite(orbit.y)) | (status == Status.overturned)
+    status = Status.where(sound, status, Status.failed)
+    # The tilt at which friction holds a block is a state next to which it is held as well.
+    multiplier = jnp.where(status == Status.held, 1.0, multiplier)
     sizes, slopes = _answers(fixed, settled, orbit, status, multiplier)
-    periodic = is_settled(status) | (status == Status.unstable)
+    periodic = is_settled(status) | _is_marginal(status)
     periods, duration = settled.periods, settled.periods * fixed.period
     lyapunov = jnp.where(periodic, jnp.log(multiplier) / duration, separation)
     symmetric = periodic & (periods % 2 == 1) & (orbit.lean < _SYMMETRIC)
-    followed = periodic | (status == Status.near_fold) | (status == Status.grazing)
+    followed = periodic | (status == Status.held) | _is_singular(status)
     multiplier = jnp.where(followed, multiplier, jnp.nan)
     steady = Steady(
         sizes[0], sizes[1], status, periods, multiplier, symmetric, lyapunov, orbit.y, settled.elapsed
@@ -260,7 +265,7 @@ def _answers(
     isolated = is_settled(status) & (multiplier < 1.0) & ~ringing
     last = jnp.where(status == Status.failed, jnp.nan, jnp.stack([settled.amplitude, settled.stroke]))
     sizes, slopes = _implicit(orbit)
-    followed = (status == Status.unstable) | (status == Status.near_fold) | (status == Status.grazing)
+    followed = _is_marginal(status) | _is_singular(status)
     last = jnp.where(followed | (status == Status.aperiodic), orbit.sizes, last)
     sizes = jnp.where(isolated, sizes, jnp.where(status == Status.overturned, jnp.inf, last))
     slopes = jnp.where(isolated, slopes, jnp.nan)
@@ -270,6 +275,16 @@ def _answers(
     # The stroke of a bob that hangs still is at the corner of |psi|.
     slopes = slopes.at[1].set(jnp.where(rests & (sizes[1] == 0.0), jnp.nan, slopes[1]))
     return sizes, slopes
+
+
+def _is_marginal(status: Status) -> Bool[Array, ""]:
+    """Whether an orbit was found that does not attract."""
+    return (status == Status.unstable) | (status == Status.neutral)
+
+
+def _is_singular(status: Status) -> Bool[Array, ""]:
+    """Whether an orbit was found whose gradient is refused."""
+    return (status == Status.near_fold) | (status == Status.grazing)
 
 
 class _Orbit(eqx.Module):
@@ -300,6 +315,8 @@ class _Walk(NamedTuple):
     direction: State
     parted: Number
     steps: Int[Array, ""]
+    cut: Bool[Array, ""]
+    """Whether a motion that did not repeat could not be followed further."""
 
 
 def _finish(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[_Orbit, Number]:
@@ -316,7 +333,7 @@ def _finish(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[_Orb
 
     def going(w: _Walk) -> Array:
         newton = (w.steps < _NEWTON_STEPS) & (w.best.residual > model.round_off)
-        return worthwhile & jnp.where(repeats, newton, w.steps < model.lyapunov_periods)
+        return worthwhile & ~w.cut & jnp.where(repeats, newton, w.steps < model.lyapunov_periods)
 
     def step(w: _Walk) -> _Walk:
         orbit, memory = along(w.y, w.memory)
@@ -331,12 +348,15 @@ def _finish(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[_Orb
         count = jnp.where(better | ~repeats, w.steps + 1, _NEWTON_STEPS)
         memory = jax.tree.map(lambda a, b: jnp.where(repeats, a, b), w.memory, memory)
         y = jnp.where(repeats, newton, orbit.end)
-        return _Walk(y, memory, best, onward / size, w.parted + jnp.log(size), count)
+        after = _Walk(y, memory, best, onward / size, w.parted + jnp.log(size), count, w.cut)
+        cut = ~repeats & ~jnp.all(jnp.isfinite(orbit.end))
+        return jax.tree.map(lambda a, b: jnp.where(cut, a, b), w._replace(cut=cut), after)
 
     sizes = jnp.stack([settled.amplitude, settled.stroke])
     none = eqx.tree_at(lambda o: (o.y, o.sizes), nothing, (settled.y, sizes))
     zero = jnp.zeros(())
-    first = _Walk(settled.y, settled.memory, none, 0.5 * scale, zero, jnp.zeros((), int))
+    no = jnp.zeros((), bool)
+    first = _Walk(settled.y, settled.memory, none, 0.5 * scale, zero, jnp.zeros((), int), no)
     walk = jax.lax.while_loop(going, step, first)
     measured = ~repeats & (walk.steps > 1)
     exponent = walk.parted / (jnp.maximum(walk.steps, 1) * p.period)
@@ -384,12 +404,14 @@ def _verdict(
     settled: Settled,
     orbit: _Orbit,
     multiplier: Number,
+    neutral: Bool[Array, ""],
     to_fold: Number,
     separation: Number,
     resolution: Number,
 ) -> Status:
     moving = is_moving(settled.status)
     status = Status.where(moving & (multiplier > 1.0), Status.unstable, settled.status)
+    status = Status.where(moving & neutral, Status.neutral, status)
     status = Status.where(moving & (orbit.gentlest < GRAZING), Status.grazing, status)
     status = Status.where(moving & (to_fold < 2.0 * NEAR_FOLD), Status.near_fold, status)
     status = Status.where(moving & ~(orbit.residual < _RESIDUAL), Status.not_settled, status)

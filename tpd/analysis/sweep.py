@@ -32,7 +32,7 @@ class Sweep:
     value: np.ndarray
     """(n,)"""
     status: np.ndarray
-    """Names: rocking (attracting), unstable, near_fold, grazing or no_orbit."""
+    """Names: rocking (attracting), unstable, neutral, near_fold, grazing or no_orbit."""
     amplitude: np.ndarray
     """Largest |phi|, rad."""
     stroke: np.ndarray

@@ -7,6 +7,7 @@ nothing is simulated; their derivatives follow from the implicit function theore
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -16,7 +17,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.core import checks
-from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, characteristic, quartic_roots
+from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, characteristic, is_neutral, quartic_roots
 from tpd.core.parameters import Number, Parameters, State, as_arrays
 from tpd.core.status import Status
 from tpd.exact.batch_branches import computed_once, where_needed
@@ -57,7 +58,7 @@ class Orbits(eqx.Module):
     """
 
     status: Status
-    """rocking (attracting), unstable, near_fold, grazing or no_orbit."""
+    """rocking (attracting), unstable, neutral, near_fold, grazing or no_orbit."""
     amplitude: Float[Array, "*orbits"]
     """Largest |phi|."""
     stroke: Float[Array, "*orbits"]
@@ -106,9 +107,8 @@ def _symmetric_orbits(p: Parameters) -> Orbits:
 
     # One after the other: in a batch the designs, not the few orbits, are next to each other in memory.
     _, described = jax.lax.scan(step, None, (safe, found.path, found.exists))
-    status, (amplitude, stroke, state, phase, crossing), multipliers, margins = jax.vmap(_answered)(
-        described, found.exists
-    )
+    answers = jax.vmap(partial(_answered, p))(described, found.exists)
+    status, (amplitude, stroke, state, phase, crossing), multipliers, margins = answers
     multipliers = refused_in(p, jnp.real(multipliers)) + 1j * refused_in(p, jnp.imag(multipliers))
     sticking, grazing = refused_in(p, margins.sticking), refused_in(p, margins.grazing)
     margins = Margins(margins.fold, margins.symmetry, margins.torus, sticking, grazing)
@@ -160,11 +160,13 @@ def _describe(p: Parameters, half: Half, root: Root, path: Path) -> _Described:
     )
 
 
-def _answered(of: _Described, there: Bool[Array, ""]) -> tuple:
+def _answered(p: Parameters, of: _Described, there: Bool[Array, ""]) -> tuple:
     """The fields of `Orbits`: nothing where there is no orbit, and no derivative where it has none."""
     near = jnp.min(jnp.abs(1.0 - of.halves)) < NEAR_FOLD
     grazes = of.margins.grazing < GRAZING
-    status = Status.where(jnp.max(jnp.abs(of.halves)) < 1.0, Status.rocking, Status.unstable)
+    largest = jnp.max(jnp.abs(of.halves))
+    status = Status.where(largest < 1.0, Status.rocking, Status.unstable)
+    status = Status.where(is_neutral(p, largest), Status.neutral, status)
     status = Status.where(grazes, Status.grazing, status)
     status = Status.where(there, Status.where(near, Status.near_fold, status), Status.no_orbit)
     usable = there & ~near & ~grazes

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from tpd.core.parameters import Number
+from tpd.core.parameters import Number, Parameters
 
 Matrix = tuple[tuple[Number, ...], ...]
 """Rows of a small matrix, written out: a batch of such products fuses, one of `dot` does not."""
@@ -24,6 +24,25 @@ NEAR_FOLD = 1e-6
 orbit has no usable derivative."""
 GRAZING = 1e-7
 """Share of what is usual below which an event is met too gently for one."""
+
+CONSERVED = 1e-6
+"""Largest excess over 1 of the largest multiplier of an orbit that neither attracts nor repels where the
+equations conserve energy: a double multiplier is known to the root of rounding."""
+UNDECIDED = 1e-11
+"""Distance from 1 of the largest multiplier below which rounding decides whether an orbit attracts."""
+
+
+def conserves(p: Parameters) -> Bool[Array, ""]:
+    """Whether nothing takes energy from a rocking block: no friction, no impact loss, and no hinge damping
+    that the block can feel. No motion attracts then."""
+    unfelt = (jnp.asarray(p.mu) == 0.0) | (jnp.asarray(p.zeta) == 0.0)
+    return (jnp.asarray(p.k) == 0.0) & (jnp.asarray(p.e) == 1.0) & unfelt
+
+
+def is_neutral(p: Parameters, largest: Number) -> Bool[Array, ""]:
+    """Whether an orbit whose multiplier is `largest` in size neither attracts nor repels."""
+    conserved = conserves(p) & (largest < 1.0 + CONSERVED)
+    return conserved | (jnp.abs(largest - 1.0) < UNDECIDED)
 
 
 def product(left: Matrix, right: Matrix) -> Matrix:

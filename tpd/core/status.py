@@ -16,6 +16,10 @@ class Status(eqx.Enumeration):
         "every period."
     )
     rest = "The block settles at rest on its base and does not rock."
+    held = (
+        "Friction holds the block leaning for good: it does not rock. The amplitude is the tilt it keeps: it "
+        "depends on the start and has no gradient. Start from another state, or reduce the friction."
+    )
     overturned = (
         "The tilt grows beyond any return: the block overturns. "
         "Change the pendulum, or start from another state."
@@ -33,6 +37,10 @@ class Status(eqx.Enumeration):
     unstable = (
         "The motion found is periodic but not attracting: the slightest push leads away from it. "
         "Start from another state."
+    )
+    neutral = (
+        "The motion found is periodic, and neither attracts nor repels: nothing takes energy from it (no "
+        "friction, no impact loss, and no hinge damping that the block feels). Add one of these."
     )
     near_fold = (
         "The periodic motion is about to merge with an unstable one and vanish: its gradient grows "
@@ -58,10 +66,12 @@ _NAMES = (
     "rocking",
     "sticking",
     "rest",
+    "held",
     "overturned",
     "aperiodic",
     "not_settled",
     "unstable",
+    "neutral",
     "near_fold",
     "grazing",
     "event_bound",

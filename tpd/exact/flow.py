@@ -22,13 +22,13 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Int
 
 from tpd.core.parameters import Number, Numbers, State
-from tpd.exact.arc import REST, SLIP, Arc, Instant, Mode, Signal, ending, ends, launch
+from tpd.exact.arc import REST, SLIP, STICK, Arc, Instant, Mode, Signal, ending, ends, launch
 from tpd.exact.modes import Plant, Rates
 from tpd.exact.trigonometry import kept, turn
 
 _NEAR = 1e-8
-"""A safe step below this share of the horizon has all but reached the event: one Newton step, whose
-error is of its square, then does the rest."""
+"""A safe step below this share of the horizon (at most a forcing period) has all but reached the event: one
+Newton step, whose error is of its square, then does the rest."""
 _STRAIGHT = 1e-3
 """A signal that bends less than this share on its way to zero is left to Newton's method."""
 _REACHED = 1e-15
@@ -309,6 +309,23 @@ def settled_at_rest(plant: Plant, m: Motion) -> tuple[Bool[Array, ""], Number]:
 def held_at_rest(plant: Plant, m: Motion) -> tuple[Number, Number]:
     """Of a block at rest: the share of what weight and friction hold that the bob's decaying and steady
     swing at their largest leave over, and how far they reach (rad)."""
+    moment, reach = _moment_of_bob(plant, m)
+    return 1.0 - moment / (plant.linear.weight + plant.linear.friction), reach
+
+
+def held_leaning(plant: Plant, m: Motion) -> tuple[Bool[Array, ""], Number]:
+    """Whether friction holds a leaning block for good, because forcing and bob at their largest stay within
+    what friction balances there; and how far the settled bob reaches (rad; undamped: as far as it may)."""
+    linear, (moment, reach) = plant.linear, _moment_of_bob(plant, m)
+    tilt = m.arc.tilt.constant
+    lever = jnp.abs(linear.tilt * tilt - m.mode.tilt_sign * linear.weight)
+    holds = (m.mode.kind == STICK) & (tilt != 0.0) & (moment + lever < linear.friction)
+    decays = plant.held.p > 0.0
+    return holds, jnp.where(decays, jnp.hypot(plant.swing[0], plant.swing[1]), reach)
+
+
+def _moment_of_bob(plant: Plant, m: Motion) -> tuple[Number, Number]:
+    """The largest moment of forcing, decaying and steady swing on a held block, and the bob's reach (rad)."""
     linear, s, c = plant.linear, plant.swing[0], plant.swing[1]
     # R = -f sin - 2 mu psi + bias psi' for the steady swing, whose rate is xi (s cos - c sin).
     two_mu, bias, xi = linear.tilt - 1.0, linear.bias, linear.xi
@@ -318,5 +335,4 @@ def held_at_rest(plant: Plant, m: Motion) -> tuple[Number, Number]:
     stiffness = plant.held.q
     swing = jnp.sqrt(psi**2 + rate**2 / stiffness)
     decaying = two_mu * swing + jnp.abs(bias) * swing * jnp.sqrt(stiffness)
-    reserve = 1.0 - (steady + decaying) / (linear.weight + linear.friction)
-    return reserve, jnp.sqrt(s**2 + c**2) + swing
+    return steady + decaying, jnp.sqrt(s**2 + c**2) + swing

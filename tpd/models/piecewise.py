@@ -13,11 +13,22 @@ from jaxtyping import Array, Bool, Float, Int
 from tpd.core import checks
 from tpd.core.parameters import Number, Parameters, State
 from tpd.core.status import Status
-from tpd.exact.arc import classify
-from tpd.exact.flow import Motion, advance, arrived, leap, settled_at_rest, start, state_at
+from tpd.exact.arc import REST, STICK, Mode, classify
+from tpd.exact.flow import (
+    Motion,
+    advance,
+    arrived,
+    held_at_rest,
+    held_leaning,
+    leap,
+    settled_at_rest,
+    start,
+    state_at,
+)
 from tpd.exact.modes import Plant
 from tpd.exact.trigonometry import kept
 from tpd.models.base import AbstractModel, Cycle, Settled
+from tpd.models.clock import split, through
 from tpd.models.settling import Period, Record, blank, scale_of
 
 _STAIRS = 16
@@ -191,18 +202,31 @@ class Piecewise(AbstractModel):
         """The period that a motion has just completed; rest is for good only under `steady` shaking."""
         y = jnp.stack([kept(x) for x in state_at(m, p.period)])
         rests, reach = settled_at_rest(plant, m)
-        rests = rests & steady & jnp.all(jnp.isfinite(y))
-        y = jnp.where(rests, self._at_rest(plant, p, y), y)
+        leans, settled_reach = held_leaning(plant, m)
         peak = jnp.maximum(jnp.maximum(m.up, m.down), jnp.abs(y[0]))
+        rattles_out = self._rattles_out(plant, p, m, peak)
+        reach = jnp.where(leans & ~rattles_out, settled_reach, reach)
+        rests = (rests | leans | rattles_out) & steady & jnp.all(jnp.isfinite(y))
+        mode = eqx.tree_at(lambda n: n.kind, m.mode, jnp.where(rattles_out & rests, REST, m.mode.kind))
+        y = jnp.where(rattles_out, y.at[0].set(0.0), y)
+        y = jnp.where(rests, self._at_rest(plant, p, y), y)
         peak_stroke = jnp.where(rests, jnp.maximum(reach, m.stroke), m.stroke)
-        amplitude, stroke = jnp.where(rests, 0.0, peak), jnp.where(rests, reach, m.stroke)
+        amplitude, stroke = jnp.where(rests, jnp.abs(y[0]), peak), jnp.where(rests, reach, m.stroke)
         exhausted = m.steps >= self.max_events
-        return Period(y, m.mode, amplitude, stroke, rests, m.lost, exhausted, m.held, peak, peak_stroke)
+        return Period(y, mode, amplitude, stroke, rests, m.lost, exhausted, m.held, peak, peak_stroke)
+
+    def _rattles_out(self, plant: Plant, p: Parameters, m: Motion, peak: Number) -> Bool[Array, ""]:
+        """Whether friction holds the block all but on its base, under a bob that cannot lift it from there.
+        Where friction outweighs the block, it stops and holds each hop: there are a few in each period, each
+        smaller than the last, and no number of them ends in rest."""
+        low = (m.mode.kind == STICK) & (peak < self.tolerance * p.nu)
+        dissipates = (p.k > 0.0) | (p.e < 1.0)
+        return low & dissipates & (held_at_rest(plant, m)[0] > 0.0)
 
     def _at_rest(self, plant: Plant, p: Parameters, y: State) -> State:
-        """The state at tau = 0 that a block at rest for good comes to, from `y` there."""
+        """The state at tau = 0 that a block at rest, or held leaning, for good comes to, from `y` there."""
         zero = jnp.zeros_like(p.xi)
-        steady = jnp.stack([zero, plant.swing[1], zero, p.xi * plant.swing[0]])
+        steady = jnp.stack([y[0], plant.swing[1], zero, p.xi * plant.swing[0]])
         return jnp.where(p.zeta > 0, steady, y)
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
@@ -230,19 +254,11 @@ class Piecewise(AbstractModel):
         """The exact states at `times`, from `y0` at `times[0]`."""
         plant = Plant(p)
 
-        def leg(carry: tuple, interval: Float[Array, "2"]) -> tuple[tuple, State]:
-            y, mode, lost, exhausted = carry
-            begin, end = interval
+        def leg(y: State, mode: Mode, begin: Number, end: Number) -> tuple[State, Mode, Status]:
             m = start(plant, mode, y, p.xi * begin)
-            bound = (self.max_events * (1.0 + (end - begin) / p.period)).astype(int)
-            m, y = advance(plant, m, end - begin, quiet=self.rest_rate * p.nu, max_steps=bound)
-            carry = y, m.mode, lost | m.lost, exhausted | (m.steps >= bound)
-            return carry, jnp.where(carry[2] | carry[3], jnp.nan, y)
+            m, y = advance(plant, m, end - begin, **self._settings(p))
+            status = Status.where(m.steps >= self.max_events, Status.event_bound, Status.rocking)
+            return y, m.mode, Status.where(m.lost, Status.overturned, status)
 
-        no = jnp.zeros((), bool)
-        first = (y0, classify(plant, y0, jnp.sin(p.xi * times[0])), no, no)
-        intervals = jnp.stack([times[:-1], times[1:]], axis=1)
-        (_, _, lost, exhausted), ys = jax.lax.scan(leg, first, intervals)
-        status = Status.where(lost, Status.overturned, Status.rocking)
-        status = Status.where(exhausted, Status.event_bound, status)
-        return jnp.concatenate([y0[None], ys]), status
+        since = split(p, times)[1][0]
+        return through(p, y0, classify(plant, y0, jnp.sin(p.xi * since)), times, leg)

@@ -23,6 +23,7 @@ from tpd.core.parameters import Number, Parameters, State
 from tpd.core.status import Status
 from tpd.exact.arc import REST, SLIP, STICK, Mode
 from tpd.models.base import AbstractModel, Cycle, Settled
+from tpd.models.clock import split, through
 from tpd.models.settling import Period, settle
 
 _LANDING, _TURN, _BOB, _LOST = 0, 1, 2, 3
@@ -115,9 +116,9 @@ class Segmented(AbstractModel):
         def one_period(y: State, mode: Mode) -> Period:
             r = self._advance(equations, _begin(equations, y, mode, jnp.zeros(())), p.period)
             exhausted = r.segments >= self.max_events
-            rests = _rests_for_good(p, r, y) & ~exhausted
+            rests = _stays(p, r, y) & ~exhausted
             peak = jnp.maximum(r.up, r.down)
-            amplitude = jnp.where(rests, 0.0, peak)
+            amplitude = jnp.where(rests, jnp.abs(r.y[0]), peak)
             return Period(r.y, r.mode, amplitude, r.stroke, rests, r.lost, exhausted, r.held, peak, r.stroke)
 
         mode = _classify(equations, y0, jnp.zeros(()))
@@ -148,22 +149,16 @@ class Segmented(AbstractModel):
         """The states at `times`, from `y0` at `times[0]`; NaN once the block is lost."""
         equations = Equations(p, self.terms)
 
-        def leg(carry: tuple, interval: Float[Array, "2"]) -> tuple[tuple, State]:
-            y, mode, lost, exhausted, failed = carry
-            r = self._advance(equations, _begin(equations, y, mode, interval[0]), interval[1])
-            failed = failed | ~jnp.all(jnp.isfinite(r.y))
-            carry = r.y, r.mode, lost | r.lost, exhausted | (r.segments >= self.max_events), failed
-            return carry, jnp.where(carry[2] | carry[3], jnp.nan, r.y)
+        def leg(y: State, mode: Mode, begin: Number, end: Number) -> tuple[State, Mode, Status]:
+            r = _hurried(equations, self._advance(equations, _begin(equations, y, mode, begin), end), end)
+            status = Status.where(r.lost, Status.overturned, Status.rocking)
+            status = Status.where(r.segments >= self.max_events, Status.event_bound, status)
+            # Numbers that are not finite: an overturning block is far, but somewhere.
+            finite = jnp.all(jnp.isfinite(r.y))
+            return r.y, r.mode, Status.where(finite, status, Status.failed)
 
-        no = jnp.zeros((), bool)
-        first = (y0, _classify(equations, y0, times[0]), no, no, no)
-        intervals = jnp.stack([times[:-1], times[1:]], axis=1)
-        (_, _, lost, exhausted, failed), ys = jax.lax.scan(leg, first, intervals)
-        status = Status.where(lost, Status.overturned, Status.rocking)
-        status = Status.where(exhausted, Status.event_bound, status)
-        # Numbers that are not finite: an overturning block is far, but somewhere.
-        status = Status.where(failed, Status.failed, status)
-        return jnp.concatenate([y0[None], ys]), status
+        mode = _classify(equations, y0, split(p, times)[1][0])
+        return through(p, y0, mode, times, leg)
 
     def _advance(self, equations: Equations, run: _Run, end: Number, *, precise: bool = False) -> _Run:
         """Segment after segment up to the time `end`."""
@@ -252,6 +247,16 @@ def _begin(equations: Equations, y: State, mode: Mode, time: Number) -> _Run:
     return _Run(time, y, mode, way, *sizes, jnp.zeros((), int), none, mode.kind != SLIP, gentlest)
 
 
+def _hurried(equations: Equations, r: _Run, end: Number) -> _Run:
+    """A run that stopped within rounding of `end`, there: a leg without length too has derivatives."""
+    late = end - r.time
+    late = jnp.where(jnp.abs(stop_gradient(late)) < 1e-9 * equations.p.period, late, 0.0)
+    sine = jnp.sin(equations.p.xi * r.time)
+    slip = equations.rates(r.y, r.mode.tilt_sign, r.mode.rate_sign, sine)
+    rates = jnp.where(r.mode.kind == SLIP, slip, equations.held_rates(r.y, sine))
+    return r._replace(y=r.y + late * rates)
+
+
 def _classify(equations: Equations, y: State, time: Number) -> Mode:
     """The mode of a state."""
     return _decide(equations, y, jnp.sign(y[0]), jnp.sign(y[2]), jnp.sin(equations.p.xi * time))
@@ -319,8 +324,10 @@ def _gentleness(
     return stop_gradient(jnp.where((r.mode.kind == SLIP) & (after.kind == SLIP), met, jnp.inf))
 
 
-def _rests_for_good(p: Parameters, r: _Run, before: State) -> Bool[Array, ""]:
-    """Whether the block has rested for a whole period in which the bob's swing hardly changed. A bob
-    that nothing damps beats for ever, and may lift the block yet."""
+def _stays(p: Parameters, r: _Run, before: State) -> Bool[Array, ""]:
+    """Whether the block has rested, or been held leaning, for a whole period in which the bob's swing hardly
+    changed. A bob that nothing damps beats for ever, and may move the block yet."""
     change = jnp.max(jnp.abs(r.y - before) / ((p.nu + p.f) * jnp.array([1.0, 1.0, p.xi, p.xi])))
-    return (r.mode.kind == REST) & (jnp.maximum(r.up, r.down) == 0.0) & ((change < _STILL) | (p.mu == 0.0))
+    rests = (r.mode.kind == REST) & (jnp.maximum(r.up, r.down) == 0.0)
+    leans = (r.mode.kind == STICK) & (r.y[0] == before[0])
+    return (rests | leans) & ((change < _STILL) | (p.mu == 0.0))

@@ -25,6 +25,7 @@ class Period(NamedTuple):
     amplitude: Number
     stroke: Number
     rests: Bool[Array, ""]
+    """Whether the block does not move any more: on its base, or where friction holds it leaning."""
     lost: Bool[Array, ""]
     exhausted: Bool[Array, ""]
     held: Bool[Array, ""]
@@ -92,14 +93,15 @@ class Record(NamedTuple):
         status = Status.where(held, Status.sticking, Status.rocking)
         status = Status.where(self.repeats > 0, status, Status.not_settled)
         status = Status.where(self.exhausted, Status.event_bound, status)
-        status = Status.where(self.rests, Status.rest, status)
+        leans = self.rests & (self.y[0] != 0.0)
+        status = Status.where(self.rests, Status.where(leans, Status.held, Status.rest), status)
         status = Status.where(self.lost, Status.overturned, status)
         status = Status.where(jnp.all(jnp.isfinite(self.y)), status, Status.failed)
         # Of a motion that repeats itself, what its own periods reached: those before belong to the way there.
         own = (jnp.arange(LONGEST) < periods) | (self.repeats == 0)
         stroke, amplitude = (jnp.max(jnp.where(own, x, 0.0)) for x in (self.strokes, self.amplitudes))
         stroke = jnp.where(self.rests, self.strokes[0], stroke)
-        amplitude = jnp.where(self.rests, 0.0, amplitude)
+        amplitude = jnp.where(self.rests, jnp.abs(self.y[0]), amplitude)
         peaks = (jnp.where(self.lost, jnp.inf, x) for x in (self.peak, self.peak_stroke))
         return Settled(self.y, self.memory, periods, amplitude, stroke, status, self.elapsed, *peaks)
 

@@ -18,6 +18,8 @@ _MOVING = ("rocking", "sticking", "near_fold", "grazing")
 """Statuses of motions that last, with a size to show."""
 _HATCHES = {
     "rest": ("", "rest, no rocking attracts"),
+    "held": ("----", "held leaning"),
+    "neutral": ("||||", "an orbit, neutral"),
     "unstable": ("////", "orbits, but none attracts"),
     "no_orbit": ("....", "no orbit"),
     "overturned": ("xxxx", "overturns"),
