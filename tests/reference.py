@@ -218,8 +218,10 @@ class EventDriven:
     STEP = 0.02
     GONE = 2.0
 
-    def __init__(self, x: Any) -> None:
+    def __init__(self, x: Any, *, onset: float = 0.0, growth: float = 0.0) -> None:
+        """Shaking of full size or, from `onset` on, growing linearly for the time `growth`."""
         self.nu, self.mu, self.lam, zeta, self.k, self.f, self.xi = x[:7]
+        self.onset, self.growth = onset, growth
         self.e = x[7] if len(x) > 7 else 1.0
         rho = 3.0 / (4.0 * (1.0 + self.nu**2))
         self.spring = self.lam * rho
@@ -242,22 +244,26 @@ class EventDriven:
             t, y, mode = self._event(end, state, mode, which, quiet * self.nu)
         return np.array(out)
 
+    def _shaking(self, t: float) -> float:
+        share = min((t - self.onset) / self.growth, 1.0) if self.growth else 1.0
+        return share * self.f * np.sin(self.xi * t)
+
     def _slip(self, t: float, y: np.ndarray, s: float, sigma: float) -> np.ndarray:
         phi, psi, dphi, dpsi = y
-        sine, slide = self.f * np.sin(self.xi * t), self.hinge * (dphi - dpsi)
+        sine, slide = self._shaking(t), self.hinge * (dphi - dpsi)
         block = (1.0 + 2.0 * self.mu) * (phi - sine) - s * self.weight - sigma * self.k
         return np.array(
             [dphi, dpsi, *(self.inverse @ [block - self.mu * self.lam * slide, sine - psi + slide])]
         )
 
     def _held(self, t: float, y: np.ndarray) -> np.ndarray:
-        swing = (self.f * np.sin(self.xi * t) - y[1] - self.hinge * y[3]) / self.spring
+        swing = (self._shaking(t) - y[1] - self.hinge * y[3]) / self.spring
         return np.array([0.0, y[3], 0.0, swing])
 
     def _moment(self, t: float, y: np.ndarray) -> float:
         """What weight and friction must balance while the block is held."""
         swing = self._held(t, y)[3]
-        block = (1.0 + 2.0 * self.mu) * (y[0] - self.f * np.sin(self.xi * t))
+        block = (1.0 + 2.0 * self.mu) * (y[0] - self._shaking(t))
         return block + self.drag * swing + self.mu * self.lam * self.hinge * y[3]
 
     def _mode(self, t: float, y: np.ndarray) -> tuple[str, float, float]:
@@ -317,3 +323,89 @@ class EventDriven:
         # The rod pulls along itself only: the bob keeps its speed across, lam psi' - 2 phi'.
         y[3] += 2.0 / self.lam * (y[2] - before)
         return t, y, self._mode(t, y)
+
+
+class BareCrowd:
+    """Many bare blocks without impact losses, each under shaking that grows linearly from `onset` on for
+    the time `growth`: closed forms over short steps, events by bisection. Shares nothing with the package."""
+
+    STEP, QUIET = 0.05, 2e-7
+
+    def __init__(self, p: Parameters, onset: np.ndarray, growth: np.ndarray) -> None:
+        self.nu, self.k, self.f, self.xi = (np.asarray(x, dtype=float) for x in (p.nu, p.k, p.f, p.xi))
+        self.onset, self.growth = onset, growth
+
+    def run(self, y0: np.ndarray, begin: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """phi and phi' at `end`, NaN where the block has overturned before."""
+        self.t, self.phi, self.v = begin.copy(), y0[:, 0].copy(), y0[:, 2].copy()
+        self.held, self.s, self.sigma = np.zeros(len(begin), bool), np.zeros(len(begin)), np.zeros(len(begin))
+        self._decide(np.ones(len(begin), bool))
+        knee = self.onset + self.growth
+        while np.any(self.t < end):
+            # The closed form holds to the end of the growth.
+            onward = np.minimum(self.t + self.STEP, end)
+            onward = np.where((self.t < knee) & (onward > knee), knee, onward)
+            self._step(onward)
+            gone = ~(np.abs(self.phi) < 10.0 * (self.nu + self.k + self.f))
+            self.phi, self.t = np.where(gone, np.nan, self.phi), np.where(gone, end, self.t)
+        return self.phi, self.v
+
+    def _share(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        growing, span = t < self.onset + self.growth, np.where(self.growth > 0, self.growth, 1.0)
+        return np.where(growing, (t - self.onset) / span, 1.0), np.where(growing, 1.0 / span, 0.0)
+
+    def _excess(self, t: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The moment on a held block, and what friction and weight can balance."""
+        moment = self.phi - self.f * share * np.sin(self.xi * t)
+        on_base = self.phi == 0.0
+        return moment - np.sign(self.phi) * self.nu, self.k + np.where(on_base, self.nu, 0.0)
+
+    def _decide(self, which: np.ndarray) -> None:
+        excess, hold = self._excess(self.t, self._share(self.t)[0])
+        still = self.v == 0.0
+        sigma = np.where(still, np.sign(excess), np.sign(self.v))
+        self.held = np.where(which, still & (np.abs(excess) <= hold), self.held)
+        self.s = np.where(which, np.where(self.phi == 0.0, sigma, np.sign(self.phi)), self.s)
+        self.sigma = np.where(which, sigma, self.sigma)
+
+    def _at(self, t: np.ndarray) -> tuple[np.ndarray, ...]:
+        """phi, phi', and whether the block has met an event before."""
+        share, rate = self._share(self.t)
+        size = self.f / (1.0 + self.xi**2)
+        lag = 2.0 * size * rate * self.xi / (1.0 + self.xi**2)
+        level, late = self.s * self.nu + self.sigma * self.k, t - self.t
+
+        def forced(t: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            sine, cosine = np.sin(self.xi * t), np.cos(self.xi * t)
+            slope = size * (rate * sine + share * self.xi * cosine) - lag * self.xi * sine
+            return level + size * share * sine + lag * cosine, slope
+
+        now, then = forced(self.t, share), forced(t, share + rate * late)
+        q, r = self.phi - now[0], self.v - now[1]
+        cosh, sinh = np.cosh(late), np.sinh(late)
+        phi, v = q * cosh + r * sinh + then[0], q * sinh + r * cosh + then[1]
+        excess, hold = self._excess(t, share + rate * late)
+        over = (self.sigma * v < 0.0) | ((self.s * phi < 0.0) & (self.s * self.sigma < 0.0))
+        met = np.where(self.held, np.abs(excess) > hold, over)
+        return np.where(self.held, self.phi, phi), np.where(self.held, 0.0, v), met
+
+    def _step(self, onward: np.ndarray) -> None:
+        phi, v, met = self._at(onward)
+        if np.any(met):
+            low, high = self.t, onward
+            for _ in range(50):
+                middle = 0.5 * (low + high)
+                before = self._at(middle)[2]
+                low, high = np.where(before, low, middle), np.where(before, middle, high)
+            onward = np.where(met, high, onward)
+            phi, v, _ = self._at(onward)
+        turned = met & ~self.held & (self.sigma * v <= 0.0)
+        crossed = met & ~self.held & ~turned
+        self.t, self.phi, self.v = onward, np.where(crossed, 0.0, phi), np.where(turned, 0.0, v)
+        excess, hold = self._excess(self.t, self._share(self.t)[0])
+        rests = crossed & (np.abs(v) <= self.QUIET * self.nu) & (np.abs(excess) <= hold)
+        self.v = np.where(rests, 0.0, self.v)
+        freed, sigma = met & self.held, np.sign(excess)
+        self._decide(turned | crossed)
+        self.s = np.where(freed & (self.phi == 0.0), sigma, self.s)
+        self.sigma, self.held = np.where(freed, sigma, self.sigma), self.held & ~freed

@@ -59,7 +59,9 @@ class Ensemble:
     """Whether the shaking may begin at any of its phases; else at a zero of the base's acceleration."""
     ramps: tuple[float, ...] = (0.0, 2.0)
     """Start profiles: seconds over which the shaking grows, dealt out evenly; 0 is sudden. (Of
-    dimensionless parameters: units of tau.) It grows in sixteen steps a forcing period."""
+    dimensionless parameters: units of tau.) It grows linearly,
+    counted from the zero of the base's acceleration before the run begins: a run that begins at another
+    phase begins under the share that is reached by then."""
     amplitude: float = 0.01
     """Relative half width of the base's amplitude."""
     frequency: float = 0.01

@@ -50,8 +50,8 @@ def settle_all(
         y0: starts, shape (n, 4).
         begin: dimensionless times at which the shaking and the motion begin, within the first forcing
             period; shape (n,) or one for all. The default is tau = 0.
-        ramp: forcing periods over which the shaking grows from zero to its full size, in sixteen steps
-            a period; shape (n,) or one for all. The default is sudden.
+        ramp: forcing periods over which the shaking grows linearly to its full size, counted from tau = 0
+            also for motions that begin later; shape (n,) or one for all. The default is sudden.
         model: default `Piecewise()`; its `max_periods` bounds each motion.
         workers: threads; default the number of cores.
         progress: called with (motions done, of how many) now and then.
@@ -75,6 +75,8 @@ def settle_all(
             f"`p`, `begin` and `ramp` must have shape (n,) and `y0` (n, 4), but have {shapes} and "
             f"{starts.shape}"
         )
+    # Motions under steady shaking alone are followed by quicker code.
+    ramp = ramp if np.any(np.asarray(ramp) != 0.0) else None
     batch = jax.tree.map(lambda x: np.broadcast_to(np.asarray(x, dtype=float), n), (p, begin, ramp))
     cores = min((os.cpu_count() or 1) if workers is None else workers, max(1, n // LANES[-1]))
     # Neighbours in a batch are often alike: dealt out like cards, the cores get equal work.
@@ -99,11 +101,12 @@ def settle_all(
     return jax.tree.map(lambda *x: np.concatenate(x)[order], *parts)
 
 
-def prepare(p: Parameters, n: int, model: Piecewise) -> None:
-    """Compile what `settle_all` of n motions will need; `p` holds plain numbers."""
+def prepare(p: Parameters, n: int, model: Piecewise, *, growing: bool = False) -> None:
+    """Compile what `settle_all` of n motions will need, some of them under growing shaking or none;
+    `p` holds plain numbers."""
     count = os.cpu_count() or 1
     share = -(-n // min(count, max(1, n // LANES[-1])))
-    p, begin, ramp = jax.tree.map(lambda x: np.full(1, float(x)), (p, 0.0, 0.0))
+    p, begin, ramp = jax.tree.map(lambda x: np.full(1, float(x)), (p, 0.0, 0.0 if growing else None))
     with threads.cores(count) as crew:
         _prepared(crew, model, share, (p, np.zeros((1, 4)), begin, ramp))
 
@@ -117,7 +120,7 @@ def _prepared(crew: ThreadPoolExecutor, model: Piecewise, share: int, first: tup
 class _Pool:
     """The motions of one core: those on their way, those still to begin, those done."""
 
-    def __init__(self, model: Piecewise, p: Parameters, starts: tuple[np.ndarray, ...]) -> None:
+    def __init__(self, model: Piecewise, p: Parameters, starts: tuple[np.ndarray | None, ...]) -> None:
         self.model, self.p, self.starts = model, p, starts
         # How long a motion is followed at most is no matter of compiling.
         self.code = _code(replace(model, max_periods=1))
@@ -125,7 +128,7 @@ class _Pool:
 
     def run(self, report: Callable[[int], None]) -> Any:
         """Follow all of them: their `Settled` in order."""
-        waiting, n = 0, len(self.starts[0])
+        waiting, n = 0, len(jax.tree.leaves(self.starts)[0])
         size = _sizes(n)[0]
         index = np.full(size, -1)
         lanes: Any = None
@@ -162,7 +165,8 @@ class _Pool:
         if lanes is not None and not len(room):
             return lanes
         rows = np.maximum(index, 0)
-        fresh = self.code.begin(self._parameters(index), *(jnp.asarray(x[rows]) for x in self.starts))
+        begun = jax.tree.map(lambda x: jnp.asarray(x[rows]), self.starts)
+        fresh = self.code.begin(self._parameters(index), *begun)
         if lanes is None:
             return fresh
         new = np.zeros(len(index), bool)
@@ -187,7 +191,7 @@ class _Code:
     """What is compiled for a model, for either size."""
 
     def __init__(self, model: Piecewise) -> None:
-        def lane(p: Parameters, *start: jax.Array) -> Lane:
+        def lane(p: Parameters, *start: Any) -> Lane:
             return _strong(model.lane(p, *start))
 
         def go(p: Parameters, lane: Lane, periods: jax.Array) -> tuple[Lane, Any, Settled]:
@@ -197,18 +201,19 @@ class _Code:
 
         self.begin = eqx.filter_jit(jax.vmap(lane))
         self.go = eqx.filter_jit(jax.vmap(go, in_axes=(0, 0, None)))
-        self.ready: set[int] = set()
-        self.locks: dict[int, Lock] = {}
+        self.ready: set[tuple[int, bool]] = set()
+        self.locks: dict[tuple[int, bool], Lock] = {}
 
     def prepare(self, size: int, p: Parameters, *start: Any) -> None:
         """Compile for a batch of this size, by a motion that is followed over no period."""
-        with self.locks.setdefault(size, Lock()):
-            if size in self.ready:
+        kind = size, start[-1] is None
+        with self.locks.setdefault(kind, Lock()):
+            if kind in self.ready:
                 return
             p, start = jax.tree.map(lambda x: jnp.repeat(jnp.asarray(x), size, axis=0), (p, start))
             lanes = self.begin(p, *start)
             self.go(p, _merge(jnp.zeros(size, bool), lanes, lanes), jnp.asarray(0))
-            self.ready.add(size)
+            self.ready.add(kind)
 
 
 _code = lru_cache(maxsize=8)(_Code)

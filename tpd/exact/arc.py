@@ -29,11 +29,71 @@ class Mode(eqx.Module):
     rate_sign: Float[Array, ""]
 
 
+class Growth(NamedTuple):
+    """Shaking that grows linearly: f (share + rate t) sin(...), t from the arc's start."""
+
+    share: Number
+    """Share of its full size at the arc's start."""
+    rate: Number
+    """Increase of the share per unit tau; 0 once the shaking is steady."""
+
+    def after(self, t: Number) -> Growth:
+        """The growth counted from a later time."""
+        return Growth(self.share + self.rate * t, self.rate)
+
+
 class Instant(NamedTuple):
-    """A time on an arc: what the free motion has become since its start, and the forcing's phase."""
+    """A time on an arc: what the free motion has become since its start, the forcing's phase, and the
+    time since the start."""
 
     flow: Factor
     forcing: Turn
+    time: Number
+
+
+class Gain(NamedTuple):
+    """Increase of a harmonic's two amplitudes per unit tau."""
+
+    along: Number
+    across: Number
+
+
+class Harmonic(NamedTuple):
+    """along sin + across cos of the forcing's phase; under growing shaking both change linearly in time."""
+
+    along: Number
+    across: Number
+    gain: Gain | None = None
+    """None under steady shaking, where it costs nothing."""
+
+    def amplitudes(self, time: Number) -> tuple[Number, Number]:
+        """The factors of sin and cos at a time on the arc."""
+        if self.gain is None:
+            return self.along, self.across
+        return self.along + self.gain.along * time, self.across + self.gain.across * time
+
+    def at(self, forcing: Turn, time: Number) -> Number:
+        """Value at a phase and a time on the arc."""
+        along, across = self.amplitudes(time)
+        return along * forcing.sine + across * forcing.cosine
+
+    def rate(self, xi: Number) -> Harmonic:
+        """Derivative in time."""
+        along, across = -xi * self.across, xi * self.along
+        if self.gain is None:
+            return Harmonic(along, across)
+        a, c = self.gain
+        return Harmonic(along + a, across + c, Gain(-xi * c, xi * a))
+
+    def bound(self, time: Number, window: Number) -> Number:
+        """Largest value from `time` until `window` later: the amplitude is a convex function of time, so
+        that it is largest at an end."""
+        along, across = self.amplitudes(time)
+        now = jnp.sqrt(along**2 + across**2)
+        if self.gain is None:
+            return now
+        along, across = self.amplitudes(time + window)
+        return jnp.maximum(now, jnp.sqrt(along**2 + across**2))
 
 
 class Signal(NamedTuple):
@@ -41,18 +101,16 @@ class Signal(NamedTuple):
 
     constant: Number
     free: Functional
-    along: Number
-    across: Number
+    harmonic: Harmonic
 
     def at(self, now: Instant) -> Number:
         """Its value."""
-        harmonic = self.along * now.forcing.sine + self.across * now.forcing.cosine
-        return self.constant + self.free.of(now.flow) + harmonic
+        return self.constant + self.free.of(now.flow) + self.harmonic.at(now.forcing, now.time)
 
     def rate(self, rates: Rates) -> Signal:
         """Its derivative in time."""
-        xi, zero = rates.xi, jnp.zeros_like(self.constant)
-        return Signal(zero, self.free.rate(rates), -xi * self.across, xi * self.along)
+        zero = jnp.zeros_like(self.constant)
+        return Signal(zero, self.free.rate(rates), self.harmonic.rate(rates.xi))
 
     def scaled(self, c: Number) -> Signal:
         """c times it."""
@@ -63,10 +121,11 @@ class Signal(NamedTuple):
         return jax.tree.map(lambda a, b: a + b, self, other)
 
 
-def constant(value: Number) -> Signal:
-    """A signal that does not change."""
+def constant(value: Number, growth: Growth | None = None) -> Signal:
+    """A signal that does not change, among others of an arc under such shaking."""
     zero = jnp.zeros_like(value)
-    return Signal(value, Functional(zero, zero, zero, zero), zero, zero)
+    gain = None if growth is None else Gain(zero, zero)
+    return Signal(value, Functional(zero, zero, zero, zero), Harmonic(zero, zero, gain))
 
 
 class Arc(eqx.Module):
@@ -76,10 +135,16 @@ class Arc(eqx.Module):
     bob: Signal
     rates: Rates
     phase: Number
+    growth: Growth | None = None
+    """None under steady shaking."""
 
     def at(self, t: Number) -> Instant:
         """The instant at local time `t`."""
-        return Instant(exponential(self.rates, t), turn(self.phase + self.rates.xi * t))
+        return Instant(exponential(self.rates, t), turn(self.phase + self.rates.xi * t), t)
+
+    def shaken(self, sine: Number, t: Number) -> Number:
+        """The forcing at local time `t`, over its full size, where its sine is known."""
+        return sine if self.growth is None else sine * self.growth.after(t).share
 
     def state(self, now: Instant, late: Number) -> Numbers:
         """(phi, psi, phi', psi') so little after an instant that two terms of the series will do."""
@@ -93,7 +158,7 @@ class Arc(eqx.Module):
 def classify(plant: Plant, y: State | Numbers, sine: Number) -> Mode:
     """The mode that a state starts in, from its signs and, where they vanish, from the moment
     R on the held block: at rest while |R| <= (1 + mu) nu + k, stuck while
-    |R - s (1 + mu) nu| <= k."""
+    |R - s (1 + mu) nu| <= k. `sine` is the forcing over its full size."""
     linear = plant.linear
     moment = linear.holding_moment(y, sine)
     on_base, turning = y[0] == 0.0, y[2] == 0.0
@@ -106,44 +171,58 @@ def classify(plant: Plant, y: State | Numbers, sine: Number) -> Mode:
     return Mode(kind, jax.lax.stop_gradient(tilt_sign), jax.lax.stop_gradient(rate_sign))
 
 
-def launch(plant: Plant, mode: Mode, y: State | Numbers, phase: Number) -> Arc:
-    """The arc that leaves state `y` in `mode`, the forcing being sin(phase + xi t)."""
+def launch(plant: Plant, mode: Mode, y: State | Numbers, phase: Number, growth: Growth | None = None) -> Arc:
+    """The arc that leaves state `y` in `mode`, the forcing being sin(phase + xi t) or, where it grows,
+    (share + rate t) times that."""
     slipping, forcing = mode.kind == SLIP, turn(phase)
-    slip, held = _slip(plant, mode, y, forcing), _held(plant, mode, y, forcing)
+    slip, held = _slip(plant, mode, y, forcing, growth), _held(plant, mode, y, forcing, growth)
     tilt, bob = jax.tree.map(lambda a, b: jnp.where(slipping, a, b), slip, held)
     rates = Rates(*(jnp.where(slipping, a, b) for a, b in zip(plant.slip, plant.held, strict=True)))
-    return Arc(tilt, bob, rates, phase)
+    return Arc(tilt, bob, rates, phase, growth)
 
 
-def _slip(plant: Plant, mode: Mode, y: State | Numbers, forcing: Turn) -> tuple[Signal, Signal]:
+def _forced(response: Array, lag: Array, growth: Growth | None) -> Harmonic:
+    """The response to the forcing: H(i xi) is `response` and dH/ds there is `lag`, and the response to
+    (share + rate t) exp(s t) is ((share + rate t) H + rate dH/ds) exp(s t)."""
+    (s, c), (ls, lc) = response, lag
+    if growth is None:
+        return Harmonic(s, c)
+    share, rate = growth
+    return Harmonic(share * s + rate * ls, share * c + rate * lc, Gain(rate * s, rate * c))
+
+
+def _slip(
+    plant: Plant, mode: Mode, y: State | Numbers, forcing: Turn, growth: Growth | None
+) -> tuple[Signal, Signal]:
     linear, zero = plant.linear, jnp.zeros_like(y[0])
     load = mode.tilt_sign * linear.weight + mode.rate_sign * linear.friction
     balance = load / linear.tilt
-    (s0, c0), (s1, c1) = (plant.response[i] for i in range(2))
-    sine, cosine, xi = forcing.sine, forcing.cosine, linear.xi
+    tilt, bob = (_forced(plant.response[i], plant.response_lag[i], growth) for i in range(2))
     free = (
-        y[0] - balance - s0 * sine - c0 * cosine,
-        y[1] - s1 * sine - c1 * cosine,
-        y[2] - xi * (s0 * cosine - c0 * sine),
-        y[3] - xi * (s1 * cosine - c1 * sine),
+        y[0] - balance - tilt.at(forcing, zero),
+        y[1] - bob.at(forcing, zero),
+        y[2] - tilt.rate(linear.xi).at(forcing, zero),
+        y[3] - bob.rate(linear.xi).at(forcing, zero),
     )
     first = sum(plant.falling.left[i] * free[i] for i in range(4))
     second = sum(plant.rising.left[i] * free[i] for i in range(4))
     a, b = plant.falling.shape, plant.rising.shape
     pair = [free[i] - first * a[i] - second * b[i] for i in range(4)]
     return (
-        Signal(balance, Functional(first * a[0], second * b[0], pair[0], pair[2]), s0, c0),
-        Signal(zero, Functional(first * a[1], second * b[1], pair[1], pair[3]), s1, c1),
+        Signal(balance, Functional(first * a[0], second * b[0], pair[0], pair[2]), tilt),
+        Signal(zero, Functional(first * a[1], second * b[1], pair[1], pair[3]), bob),
     )
 
 
-def _held(plant: Plant, mode: Mode, y: State | Numbers, forcing: Turn) -> tuple[Signal, Signal]:
-    zero, xi = jnp.zeros_like(y[0]), plant.linear.xi
-    s, c = plant.swing[0], plant.swing[1]
-    free = y[1] - s * forcing.sine - c * forcing.cosine
-    rate = y[3] - xi * (s * forcing.cosine - c * forcing.sine)
-    tilt = constant(jnp.where(mode.kind == REST, 0.0, y[0]))
-    return tilt, Signal(zero, Functional(zero, zero, free, rate), s, c)
+def _held(
+    plant: Plant, mode: Mode, y: State | Numbers, forcing: Turn, growth: Growth | None
+) -> tuple[Signal, Signal]:
+    zero = jnp.zeros_like(y[0])
+    bob = _forced(plant.swing, plant.swing_lag, growth)
+    free = y[1] - bob.at(forcing, zero)
+    rate = y[3] - bob.rate(plant.linear.xi).at(forcing, zero)
+    tilt = constant(jnp.where(mode.kind == REST, 0.0, y[0]), growth)
+    return tilt, Signal(zero, Functional(zero, zero, free, rate), bob)
 
 
 def ending(plant: Plant, mode: Mode, arc: Arc) -> tuple[Signal, Signal]:
@@ -151,14 +230,18 @@ def ending(plant: Plant, mode: Mode, arc: Arc) -> tuple[Signal, Signal]:
     the tilt if it is falling back to the base; moving outward, the tilt cannot return before the
     rate vanishes. Held: the distance of the moment to either limit."""
     linear = plant.linear
-    one = jnp.ones_like(arc.phase)
+    one, growth = jnp.ones_like(arc.phase), arc.growth
     inward = mode.tilt_sign * mode.rate_sign < 0
     rate = arc.tilt.rate(arc.rates).scaled(mode.rate_sign)
     falling = arc.tilt.scaled(mode.tilt_sign)
-    tilt = jax.tree.map(lambda a, b: jnp.where(inward, a, b), falling, constant(one))
+    tilt = jax.tree.map(lambda a, b: jnp.where(inward, a, b), falling, constant(one, growth))
     stuck = mode.kind == STICK
     moment = arc.bob.scaled(1.0 - linear.tilt).plus(arc.bob.rate(arc.rates).scaled(linear.bias))
-    moment = moment._replace(along=moment.along - linear.f)
+    # The forcing itself: -f sin, or -f (share + rate t) sin.
+    forcing, zero = Harmonic(-linear.f, jnp.zeros_like(one)), jnp.zeros_like(one)
+    if growth is not None:
+        forcing = Harmonic(-linear.f * growth.share, zero, Gain(-linear.f * growth.rate, zero))
+    moment = moment._replace(harmonic=jax.tree.map(lambda a, b: a + b, moment.harmonic, forcing))
     level = linear.tilt * arc.tilt.constant - jnp.where(stuck, mode.tilt_sign * linear.weight, 0.0)
     hold = linear.friction + jnp.where(stuck, 0.0, linear.weight)
     below = moment.scaled(-1.0)._replace(constant=hold - level)

@@ -22,7 +22,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Int
 
 from tpd.core.parameters import Number, Numbers, State
-from tpd.exact.arc import REST, SLIP, STICK, Arc, Instant, Mode, Signal, ending, ends, launch
+from tpd.exact.arc import REST, SLIP, STICK, Arc, Growth, Instant, Mode, Signal, ending, ends, launch
 from tpd.exact.modes import Plant, Rates
 from tpd.exact.trigonometry import kept, turn
 
@@ -62,10 +62,13 @@ class Motion(eqx.Module):
     """The least rate at which the block's turns and free crossings were met, over xi^2 nu or xi nu."""
 
 
-def start(plant: Plant, mode: Mode, y: State | Numbers, phase: Number) -> Motion:
-    """A motion at the beginning of a period, or anywhere else, from a state and its mode."""
+def start(
+    plant: Plant, mode: Mode, y: State | Numbers, phase: Number, growth: Growth | None = None
+) -> Motion:
+    """A motion at the beginning of a period, or anywhere else, from a state and its mode, under shaking
+    that is steady or grows."""
     state = jnp.asarray(y[0]), jnp.asarray(y[1]), jnp.asarray(y[2]), jnp.asarray(y[3])
-    arc = launch(plant, mode, state, phase)
+    arc = launch(plant, mode, state, phase, growth)
     zero = jnp.zeros_like(state[0])
     # From rest the bob's first and second derivatives vanish: look a little ahead instead.
     ahead = arc.bob.rate(arc.rates).at(arc.at(1e-3 / plant.linear.xi))
@@ -123,7 +126,7 @@ def arrived(m: Motion, horizon: Number) -> Bool[Array, ""]:
 def _bob_signal(m: Motion) -> Signal:
     """Positive until the bob turns; a bob that does not move at all does not."""
     rate = m.arc.bob.rate(m.arc.rates).scaled(m.bob_sign)
-    size = sum(jnp.abs(stop_gradient(x)) for x in (*rate.free, rate.along, rate.across))
+    size = sum(jnp.abs(stop_gradient(x)) for x in (*rate.free, *jax.tree.leaves(rate.harmonic)))
     return rate._replace(constant=jnp.where(size > 1e-100, 0.0, 1.0))
 
 
@@ -217,7 +220,7 @@ def _safe_step(
         jnp.abs(w.third.free.on_s1) * now.flow.at_s1 * growth
         + jnp.abs(w.third.free.on_s2) * e2
         + jnp.sqrt(pair**2 + pair_rate**2 / rates.q)
-        + jnp.sqrt(w.third.along**2 + w.third.across**2)
+        + w.third.harmonic.bound(now.time, window)
         + 1e-300
     )
     bound = kept(bound)
@@ -263,15 +266,17 @@ def _meet(
     late = kept(_late(m.arc, signals, now, which))
     y = jax.tree.map(kept, m.arc.state(now, late))
     time = m.begun + m.local + late
-    phase = m.arc.phase + plant.linear.xi * (m.local + late)
-    mode, after = ends(plant, m.mode, y, turn(phase).sine, which, quiet)
+    elapsed = m.local + late
+    phase = m.arc.phase + plant.linear.xi * elapsed
+    growth = None if m.arc.growth is None else m.arc.growth.after(elapsed)
+    mode, after = ends(plant, m.mode, y, m.arc.shaken(turn(phase).sine, elapsed), which, quiet)
     bob_turned = which == 2
     mode, after = jax.tree.map(lambda a, b: jnp.where(bob_turned, a, b), (m.mode, y), (mode, after))
     after = jax.tree.map(kept, after)
     bob_sign = jnp.where(bob_turned | (after[3] * y[3] < 0), -m.bob_sign, m.bob_sign)
     return Motion(
         mode,
-        jax.tree.map(kept, launch(plant, mode, after, phase)),
+        jax.tree.map(kept, launch(plant, mode, after, phase, growth)),
         time,
         jnp.zeros_like(m.local),
         bob_sign,
@@ -292,7 +297,7 @@ def _gentleness(plant: Plant, m: Motion, now: Instant, which: Int[Array, ""], af
     usual = linear.xi * linear.weight
     turn_slope = jnp.abs(slope.rate(m.arc.rates).at(now)) / (linear.xi * usual)
     still = (jnp.zeros_like(m.local), m.arc.bob.at(now), m.local, m.arc.bob.rate(m.arc.rates).at(now))
-    moment = jnp.abs(linear.holding_moment(still, now.forcing.sine))
+    moment = jnp.abs(linear.holding_moment(still, m.arc.shaken(now.forcing.sine, now.time)))
     free = moment > linear.weight + linear.friction
     crossing_slope = jnp.where(free, jnp.abs(slope.at(now)) / usual, jnp.inf)
     met = jnp.where(which == 0, turn_slope, jnp.where(which == 1, crossing_slope, jnp.inf))
@@ -300,8 +305,9 @@ def _gentleness(plant: Plant, m: Motion, now: Instant, which: Int[Array, ""], af
 
 
 def settled_at_rest(plant: Plant, m: Motion) -> tuple[Bool[Array, ""], Number]:
-    """Whether a resting block can never lift again, because the pendulum's decaying swing and its
-    steady one together stay within what weight and friction hold; and how far they reach (rad)."""
+    """Whether a resting block can never lift again under steady shaking, because the pendulum's decaying
+    swing and its steady one together stay within what weight and friction hold; and how far they reach
+    (rad). On an arc under growing shaking the answer means nothing."""
     reserve, reach = held_at_rest(plant, m)
     return (m.mode.kind == REST) & (reserve >= 0.0), reach
 

@@ -151,6 +151,11 @@ def _mode(linear: Linear, s: Number) -> Eigenmode:
     return Eigenmode(jnp.concatenate([v, s * v]), left)
 
 
+def _parts(z: Array) -> Array:
+    """Real and imaginary part, along a last axis: the factors of sin and cos in Im(z exp(i xi t))."""
+    return jnp.stack([jnp.real(z), jnp.imag(z)], axis=-1)
+
+
 class Plant(eqx.Module):
     """Everything about the linear system that does not change from arc to arc."""
 
@@ -163,6 +168,11 @@ class Plant(eqx.Module):
     """Harmonic response of (phi, psi) while sliding: columns for sin and cos."""
     swing: Float[Array, "2"]
     """Harmonic response of psi under a held block: for sin and cos."""
+    response_lag: Float[Array, "2 2"]
+    """dH/ds of the transfer function H at s = i xi, of which `response` is H: the response to t sin(xi t)
+    is t times `response` plus this."""
+    swing_lag: Float[Array, "2"]
+    """The same for `swing`."""
     restitution: Number
     length_ratio: Number
 
@@ -178,16 +188,14 @@ class Plant(eqx.Module):
         determinant = a * d - b * c
         r1, r2 = -linear.f * linear.tilt, linear.f
         y = jnp.stack([(d * r1 - b * r2) / determinant, (a * r2 - c * r1) / determinant])
-        self.response = jnp.stack([jnp.real(y), jnp.imag(y)], axis=-1)
+        self.response = _parts(y)
+        # H = P^-1 r with P = M s^2 + C s + K, hence dH/ds = -P^-1 dP/ds H.
+        pencil = 2j * xi * linear.mass + linear.damping
+        l1, l2 = (-(row[0] * y[0] + row[1] * y[1]) for row in pencil)
+        self.response_lag = _parts(
+            jnp.stack([(d * l1 - b * l2) / determinant, (a * l2 - c * l1) / determinant])
+        )
         z = linear.f / d
-        self.swing = jnp.stack([jnp.real(z), jnp.imag(z)])
+        self.swing, self.swing_lag = _parts(z), _parts(-pencil[1, 1] / d * z)
         self.restitution = jnp.asarray(p.e)
         self.length_ratio = jnp.asarray(p.lam)
-
-    def shaken(self, share: Number) -> Plant:
-        """The same system under a share of its forcing."""
-        return eqx.tree_at(
-            lambda plant: (plant.linear.f, plant.response, plant.swing),
-            self,
-            (share * self.linear.f, share * self.response, share * self.swing),
-        )

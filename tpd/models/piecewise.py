@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 from tpd.core import checks
 from tpd.core.parameters import Number, Parameters, State
 from tpd.core.status import Status
-from tpd.exact.arc import REST, STICK, Mode, classify
+from tpd.exact.arc import REST, STICK, Growth, Mode, classify
 from tpd.exact.flow import (
     Motion,
     advance,
@@ -31,10 +31,10 @@ from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.clock import split, through
 from tpd.models.settling import Period, Record, blank, scale_of
 
-_STAIRS = 16
-"""Steps per forcing period in which growing shaking grows."""
 _LEAPS = 6
 """Leaps between two looks at whether a period has ended; most periods take about as many."""
+_ROUNDING = 1e-12
+"""Differences of times below this share of a period are rounding."""
 
 
 class Lane(eqx.Module):
@@ -42,22 +42,42 @@ class Lane(eqx.Module):
 
     motion: Motion
     record: Record
-    ramp: Number
-    """Forcing periods over which the shaking grows; 0 if it is sudden."""
-    stair: Int[Array, ""]
-    """Of the `_STAIRS` of a period in which the shaking grows, the one that the motion is on; else 0."""
+    grown: Number | None = None
+    """Time at which the shaking reaches its full size, counted from the start of the running period;
+    None if it was sudden for all motions of a batch, which then costs nothing."""
 
 
-def _stairs(ramp: Number, elapsed: Int[Array, ""] | int) -> Number:
-    """Into how many parts the period after so many is cut: more than one while the shaking grows."""
-    return jnp.where(elapsed < ramp, float(_STAIRS), 1.0)
+def _growing(p: Parameters, begin: Number, ramp: Number) -> tuple[Number, Growth]:
+    """When shaking that grows over `ramp` periods from tau = 0 has its full size, and its growth from
+    `begin` on."""
+    grown = jnp.asarray(ramp, dtype=jnp.float64) * p.period
+    rate = 1.0 / jnp.where(grown > 0.0, grown, 1.0)
+    return grown, _levelling(Growth(begin * rate, rate), jnp.asarray(grown <= begin))
 
 
-def _share(ramp: Number, elapsed: Int[Array, ""] | int, stair: Int[Array, ""]) -> Number:
-    """Of the shaking that grows over `ramp` periods, what there is on a stair of the period after so many:
-    that in the stair's middle."""
-    grown = elapsed + (stair + 0.5) / _stairs(ramp, elapsed)
-    return jnp.where(ramp > 0.0, jnp.minimum(grown / jnp.where(ramp > 0.0, ramp, 1.0), 1.0), 1.0)
+def _levelling(growth: Growth, over: Bool[Array, ""]) -> Growth:
+    """The growth, or full size where it is over."""
+    return Growth(jnp.where(over, 1.0, growth.share), jnp.where(over, 0.0, growth.rate))
+
+
+def _grows(m: Motion) -> Bool[Array, ""]:
+    """Whether a motion is on an arc under growing shaking."""
+    return jnp.zeros((), bool) if m.arc.growth is None else jnp.asarray(m.arc.growth.rate > 0.0)
+
+
+def _next_stop(p: Parameters, lane: Lane) -> tuple[Number, Bool[Array, ""]]:
+    """Until when to follow a motion at most: the end of its period or, before that, of the growth; and
+    whether it is that of the growth."""
+    if lane.grown is None:
+        return p.period, jnp.zeros((), bool)
+    knee = _grows(lane.motion) & (lane.grown < (1.0 - _ROUNDING) * p.period)
+    return jnp.where(knee, lane.grown, p.period), knee
+
+
+def _forgetful(record: Record, grew: Bool[Array, ""]) -> Record:
+    """A record for which nothing repeats itself that was met before the shaking became steady."""
+    past = record.past.at[1:].set(jnp.where(grew, jnp.inf, record.past[1:]))
+    return record._replace(past=past, repeats=jnp.where(grew, 0, record.repeats))
 
 
 class Piecewise(AbstractModel):
@@ -104,19 +124,17 @@ class Piecewise(AbstractModel):
         """Follow the motion from `y0` at tau = 0 until it repeats or rests for good."""
         return self.follow(p, self.lane(p, y0), self.max_periods).record.settled()
 
-    def lane(self, p: Parameters, y0: State, begin: Number = 0.0, ramp: Number = 0.0) -> Lane:
+    def lane(self, p: Parameters, y0: State, begin: Number = 0.0, ramp: Number | None = None) -> Lane:
         """A motion that is about to begin at tau = `begin`, within the first forcing period, under shaking
         that is sudden or grows over `ramp` forcing periods; one that can never lift is done already."""
-        ramp = jnp.asarray(ramp, dtype=jnp.float64)
         full, begin = Plant(p), jnp.asarray(begin)
-        stair = jnp.floor(begin / p.period * _stairs(ramp, 0)).astype(int)
-        plant = full.shaken(_share(ramp, 0, stair))
-        phase = p.xi * begin
-        mode = classify(plant, y0, jnp.sin(phase))
-        motion, record = start(plant, mode, y0, phase), blank(y0, mode)
+        phase, sine = p.xi * begin, jnp.sin(p.xi * begin)
+        grown, growth = (None, None) if ramp is None else _growing(p, begin, ramp)
+        mode = classify(full, y0, sine if growth is None else growth.share * sine)
+        motion, record = start(full, mode, y0, phase, growth), blank(y0, mode)
         motion = eqx.tree_at(lambda m: m.begun, motion, jnp.zeros_like(motion.begun) + begin)
         rests, reach = settled_at_rest(full, motion)
-        rests = rests & (ramp == 0.0)
+        rests = rests & ~_grows(motion)
         still = record._replace(
             y=self._at_rest(full, p, y0),
             strokes=jnp.full_like(record.strokes, reach),
@@ -124,7 +142,7 @@ class Piecewise(AbstractModel):
             peak_stroke=jnp.maximum(record.peak_stroke, reach),
         )
         record = jax.tree.map(lambda a, b: jnp.where(rests, a, b), still, record)
-        return Lane(motion, record, ramp, stair)
+        return Lane(motion, record, grown)
 
     def follow(
         self, p: Parameters, lane: Lane, periods: Int[Array, ""] | int, leaps: int | None = None
@@ -143,10 +161,7 @@ class Piecewise(AbstractModel):
 
         def step(carry: tuple[Lane, Int[Array, ""]]) -> tuple[Lane, Int[Array, ""]]:
             lane, count = carry
-            stairs = _stairs(lane.ramp, lane.record.elapsed)
-            plant = full.shaken(_share(lane.ramp, lane.record.elapsed, lane.stair))
-            top = lane.stair + 1 >= stairs
-            horizon = jnp.where(top, p.period, p.period * (lane.stair + 1) / stairs)
+            horizon, knee = _next_stop(p, lane)
 
             def short(carry: tuple[Motion, Int[Array, ""]]) -> Bool[Array, ""]:
                 m, leaps = carry
@@ -154,59 +169,58 @@ class Piecewise(AbstractModel):
 
             def onward(carry: tuple[Motion, Int[Array, ""]]) -> tuple[Motion, Int[Array, ""]]:
                 m, leaps = carry
-                return leap(plant, m, horizon, watch_bob=True, quiet=self.rest_rate * p.nu), leaps + 1
+                return leap(full, m, horizon, watch_bob=True, quiet=self.rest_rate * p.nu), leaps + 1
 
             m = jax.lax.while_loop(short, onward, (lane.motion, jnp.zeros((), int)))[0]
             over = m.lost | (m.steps >= self.max_events)
-            climbed = arrived(m, horizon) & ~top & ~over
-            ended = (arrived(m, horizon) & top) | over
-            elapsed = lane.record.elapsed + 1
-            growing = elapsed < lane.ramp
-            period = self._summary(full, p, m, ~growing)
+            ended = (arrived(m, horizon) & ~knee) | over
+            period = self._summary(full, p, m)
             record = lane.record.add(period, scale, self.tolerance)
-            record = record._replace(repeats=jnp.where(growing, 0, record.repeats))
-            again = self._launched(full, p, lane, m, period.y, ended, horizon)
-            fresh, stale = Lane(again, record, lane.ramp, jnp.zeros_like(lane.stair)), replace(lane, motion=m)
-            higher = replace(lane, motion=again, stair=lane.stair + 1)
-            after = jax.tree.map(lambda a, b: jnp.where(ended, a, b), fresh, stale)
-            return jax.tree.map(lambda a, b: jnp.where(climbed, a, b), higher, after), count + 1
+            if lane.grown is not None:
+                record = _forgetful(record, _grows(m) | _grows(lane.motion))
+            fresh, stale = self._next_period(full, p, lane, m, record), replace(lane, motion=m)
+            if lane.grown is not None:
+                levelled = self._levelled(full, p, m, horizon)
+                reached = arrived(m, horizon) & knee & ~over
+                motion = jax.tree.map(lambda a, b: jnp.where(reached, a, b), levelled, m)
+                stale = replace(lane, motion=motion)
+            return jax.tree.map(lambda a, b: jnp.where(ended, a, b), fresh, stale), count + 1
 
         return jax.lax.while_loop(going, step, (lane, jnp.zeros((), int)))[0]
 
-    def _launched(
-        self,
-        full: Plant,
-        p: Parameters,
-        lane: Lane,
-        m: Motion,
-        y: State,
-        ended: Bool[Array, ""],
-        at: Number,
-    ) -> Motion:
-        """The motion at the beginning of a period, from `y`; or on the next stair, which begins `at`."""
-        elapsed, zero = lane.record.elapsed, jnp.zeros_like(lane.stair)
-        share = jnp.where(
-            ended, _share(lane.ramp, elapsed + 1, zero), _share(lane.ramp, elapsed, lane.stair + 1)
+    def _next_period(self, full: Plant, p: Parameters, lane: Lane, m: Motion, record: Record) -> Lane:
+        """The lane at the beginning of its next period."""
+        zero = jnp.zeros_like(p.xi)
+        if lane.grown is None or m.arc.growth is None:
+            return replace(lane, motion=start(full, m.mode, record.y, zero), record=record)
+        grown = lane.grown - p.period
+        growth = _levelling(
+            m.arc.growth.after(p.period - m.begun), jnp.asarray(grown <= _ROUNDING * p.period)
         )
-        now = jnp.where(ended, y, jnp.stack([kept(x) for x in state_at(m, at)]))
-        time = jnp.where(ended, 0.0, at)
-        again = start(full.shaken(share), m.mode, now, p.xi * time)
-        onward = (again.up, again.down, again.stroke, again.steps, again.held)
-        so_far = (m.up, m.down, m.stroke, m.steps, m.held)
-        whole = [jnp.where(ended, a, jnp.maximum(a, b)) for a, b in zip(onward, so_far, strict=True)]
-        return eqx.tree_at(
-            lambda n: (n.begun, n.up, n.down, n.stroke, n.steps, n.held), again, (time, *whole)
-        )
+        return Lane(start(full, m.mode, record.y, zero, growth), record, grown)
 
-    def _summary(self, plant: Plant, p: Parameters, m: Motion, steady: Bool[Array, ""]) -> Period:
-        """The period that a motion has just completed; rest is for good only under `steady` shaking."""
+    def _levelled(self, full: Plant, p: Parameters, m: Motion, at: Number) -> Motion:
+        """The motion going on under steady shaking from `at`, where the shaking has its full size."""
+        now = jnp.stack([kept(x) for x in state_at(m, at)])
+        growth = Growth(jnp.ones_like(at), jnp.zeros_like(at))
+        again = start(full, m.mode, now, p.xi * at, growth)
+        sizes = [jnp.maximum(getattr(again, n), getattr(m, n)) for n in ("up", "down", "stroke")]
+        so_far = (at, *sizes, m.steps, m.held, m.bob_sign, m.gentlest)
+
+        def changed(n: Motion) -> tuple:
+            return n.begun, n.up, n.down, n.stroke, n.steps, n.held, n.bob_sign, n.gentlest
+
+        return eqx.tree_at(changed, again, so_far)
+
+    def _summary(self, plant: Plant, p: Parameters, m: Motion) -> Period:
+        """The period that a motion has just completed; rest is for good only under steady shaking."""
         y = jnp.stack([kept(x) for x in state_at(m, p.period)])
         rests, reach = settled_at_rest(plant, m)
         leans, settled_reach = held_leaning(plant, m)
         peak = jnp.maximum(jnp.maximum(m.up, m.down), jnp.abs(y[0]))
         rattles_out = self._rattles_out(plant, p, m, peak)
         reach = jnp.where(leans & ~rattles_out, settled_reach, reach)
-        rests = (rests | leans | rattles_out) & steady & jnp.all(jnp.isfinite(y))
+        rests = (rests | leans | rattles_out) & ~_grows(m) & jnp.all(jnp.isfinite(y))
         mode = eqx.tree_at(lambda n: n.kind, m.mode, jnp.where(rattles_out & rests, REST, m.mode.kind))
         y = jnp.where(rattles_out, y.at[0].set(0.0), y)
         y = jnp.where(rests, self._at_rest(plant, p, y), y)
