@@ -9,9 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tpd import Status, in_chunks
+from tpd import Parameters, Status, in_chunks, steady_state, symmetric_orbits
 from tpd.core import threads
-from tpd.core.batch import trace
+from tpd.core.batch import CHUNK, UNEVEN, trace
+from tpd.core.batch import _chunk as default_chunk
 
 LENGTH = 101
 X = np.random.default_rng(3).uniform(0.1, 2.0, size=(LENGTH, 3))
@@ -123,6 +124,37 @@ def test_a_function_is_compiled_once_per_chunk_size():
     assert traced == [(3,)]
     in_chunks(watched, X, chunk=32, workers=1)
     assert len(traced) == 2
+
+
+def collatz(n):
+    """Steps to one, with a loop of its own for the halvings."""
+
+    def halved(n):
+        return jax.lax.while_loop(lambda n: n % 2 == 0, lambda n: n // 2, n)
+
+    return jax.lax.while_loop(lambda c: c[0] > 1, lambda c: (halved(3 * c[0] + 1), c[1] + 1), (halved(n), 0))[
+        1
+    ]
+
+
+def test_elements_of_uneven_work_do_not_wait_for_a_whole_chunk_of_others():
+    told = []
+    numbers = np.arange(1, 31)
+    found = in_chunks(collatz, numbers, progress=lambda *at: told.append(at[0]))
+    np.testing.assert_array_equal(found, in_chunks(collatz, numbers, chunk=1))
+    assert told[-1] == 30
+    assert np.diff(told).max() == UNEVEN < CHUNK
+    assert default_chunk(answer, X) == CHUNK
+
+
+def test_the_default_chunk_knows_steady_states_from_orbits():
+    p = {"f": np.array([0.3, 0.4])}
+
+    def with_forcing(f):
+        return Parameters(nu=0.25, mu=0.1, lam=0.4, zeta=0.2, k=0.05, f=f, xi=3.0)
+
+    assert default_chunk(lambda x: steady_state(with_forcing(x["f"])), p) == UNEVEN
+    assert default_chunk(lambda x: symmetric_orbits(with_forcing(x["f"])), p) == CHUNK
 
 
 def test_an_error_of_the_function_is_not_swallowed():

@@ -88,6 +88,23 @@ def test_a_start_off_rest_is_not_left_to_the_balance():
     assert found.rung == "exact"
 
 
+def test_the_nonlinear_equations_say_which_motion_a_start_reaches():
+    p = parameters((0.3482, 0.2248, 0.6407, 0.4573, 0.0525, 0.3503, 4.9036))
+    y0 = jnp.array([-0.1314, -0.0447, 0.0, 0.0])
+    by_linear = steady_state(p, y0=y0)
+    assert status_name(by_linear.status) == "rocking"
+    found = steady_state(p, model=Auto(), y0=y0)
+    assert status_name(found.status) == "rest"
+    assert found.amplitude == 0.0
+    assert found.rung == "nonlinear"
+    assert "the linear equations end rocking, and the nonlinear ones reach another motion" in found.reason
+    # On the linear motion itself the estimate holds: nothing else is asked.
+    near = steady_state(p, model=Auto(), y0=by_linear.state)
+    assert near.rung == "exact"
+    assert float(near.amplitude) == pytest.approx(float(by_linear.amplitude), rel=1e-9)
+    assert float(near.estimate) < 0.05
+
+
 def test_what_is_dropped_falls_with_the_square_of_the_angles():
     shares = []
     for s in (1.0, 0.1, 0.01):

@@ -477,8 +477,11 @@ def test_slopes_are_those_of_differences(kind):
         (0.16935, 0.17743, 1.04946, 0.41102, 0.03664, 0.3403, 0.98591, 0.62592),
         # Two peaks on the same side.
         (0.22249, 0.09079, 1.19946, 0.03875, 0.03063, 0.4051, 0.94689, 1.0),
+        # A short pendulum under slow shaking swings many times between two events.
+        (0.26701, 0.43098, 0.01157, 0.01365, 0.02863, 0.39796, 0.4922, 0.97828),
+        (0.26872, 0.39663, 0.01389, 0.00989, 0.04543, 0.58657, 0.36855, 1.0),
     ],
-    ids=["corner", "two peaks"],
+    ids=["corner", "two peaks", "many peaks", "many peaks, no loss"],
 )
 def test_the_stroke_is_the_largest_of_all_peaks(x):
     o = solve([x])
@@ -489,6 +492,13 @@ def test_the_stroke_is_the_largest_of_all_peaks(x):
         bob = np.abs(np.asarray(simulate(parameters(x), o.state[0, j], times).ys)[:, 1])
         assert o.stroke[0, j] == pytest.approx(bob.max(), rel=1e-3)
         assert o.stroke[0, j] >= bob.max() - 1e-9
+
+
+def test_a_path_with_too_many_peaks_is_not_followed_and_the_answer_says_so():
+    bare = (0.2, 0.0, 0.4, 0.1, 0.05, 0.1, 1.5)
+    o = solve([bare, (*bare[:2], 3e-7, *bare[3:])])
+    assert o.exists[:, 0].tolist() == [True, False]
+    assert o.overflow.tolist() == [False, True]
 
 
 def test_reverse_mode_gives_the_same_gradient_and_second_derivatives_are_refused():

@@ -12,6 +12,10 @@ The smoothed models are no rungs: they cost more than the exact solution and are
 The error of the linear equations is estimated from their own answer: each dropped term changes weight,
 forcing, spring or coupling by a share known from the angles, and the gradient says what such a change
 does to the amplitude. So the estimate grows where the answer is sensitive, near a fold above all.
+
+The estimate is of the motion that the linear equations reach. Which motion a start reaches is decided by
+the nonlinear ones: they are followed from every start that is not near the settled motion, and answer where
+they reach another one. A comparison with neighbouring parameters costs more and misses some of these.
 """
 
 from __future__ import annotations
@@ -25,21 +29,27 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from tpd.analysis.steady_state import Steady, steady_state
+from tpd.analysis.steady_state import Steady, answered, steady_state
 from tpd.closed_form.harmonic_balance import neglected_harmonics, one_harmonic_branches, uplift
 from tpd.core import checks
 from tpd.core.parameters import Number, Parameters, State, as_arrays
 from tpd.core.status import SETTLED, Status, is_settled, status_name
 from tpd.exact.flow import held_at_rest
 from tpd.exact.modes import Plant
-from tpd.models.base import AbstractChoice
+from tpd.models.base import AbstractChoice, Settled
 from tpd.models.piecewise import Piecewise
 from tpd.models.segmented import Segmented
+from tpd.models.settling import scale_of
 
 INTEGRATED = 1e-5
 """Relative error of the nonlinear rung: that of its integration, with some to spare."""
 SAFETY = 2.0
 """Of the estimate of what the linear equations drop: its parts may add up less well than assumed."""
+_NEAR = 0.02
+"""Largest distance of a start from the settled motion, in shares of the scales of the state, at which the
+nonlinear equations are not asked which motion it reaches."""
+_ALIKE = 0.25
+"""Largest relative difference between the amplitudes of motions of (25) and (4) that count as the same."""
 _LIFTS = -0.1
 """Uplift margin below which rest is no attractor by far, so that the balance may answer for a start
 at rest."""
@@ -89,17 +99,26 @@ class Auto(AbstractChoice):
                 return _told(steady, "one harmonic", estimate, why)
         steady, estimate = _exact(fixed, y0)
         name = status_name(steady.status)
-        if name in SETTLED and float(estimate) <= self.tolerance:
+        close = name in SETTLED and float(estimate) <= self.tolerance
+        reached = None if close and bool(_near(fixed, y0, steady)) else _nonlinear_motion(fixed, y0)
+        if close and (reached is None or _same_motion(steady, reached)):
             why = f"what the linear equations drop is estimated to be within {limit}"
             return _told(steady, "exact", estimate, why)
-        why = f"the linear equations may be off by {float(estimate):.2g}, beyond {limit}"
-        if name in SETTLED and not float(estimate) < jnp.inf:
-            why = "of what the linear equations drop nothing can be said here"
-        elif name not in SETTLED:
-            why = f"the linear equations end {name}, which says nothing about their error"
-        top = steady_state(fixed, model=Segmented(), y0=y0)
+        assert reached is not None
+        top = _nonlinear(fixed, reached)
         sure = jnp.where(is_settled(top.status), INTEGRATED, jnp.nan)
-        return _told(top, "nonlinear", sure, why)
+        return _told(top, "nonlinear", sure, _refusal(name, float(estimate), limit, close))
+
+
+def _refusal(name: str, estimate: float, limit: str, close: bool) -> str:
+    """Why the exact solution of the linear equations does not answer, of its status and estimated error."""
+    if name not in SETTLED:
+        return f"the linear equations end {name}, which says nothing about their error"
+    if close:
+        return f"from this start the linear equations end {name}, and the nonlinear ones reach another motion"
+    if not estimate < np.inf:
+        return "of what the linear equations drop nothing can be said here"
+    return f"the linear equations may be off by {estimate:.2g}, beyond {limit}"
 
 
 def _told(steady: Steady, rung: str, estimate: Number, reason: str) -> Steady:
@@ -165,6 +184,38 @@ def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
 
     slope, steady = jax.jacrev(size, has_aux=True)(p)
     return steady, dropped(p, steady.amplitude, steady.stroke, slope)
+
+
+@eqx.filter_jit
+def _near(p: Parameters, y0: State, steady: Steady) -> Array:
+    """Whether the start is near the state of the settled motion at tau = 0: then the motion attracts it
+    by either equations."""
+    return jnp.max(jnp.abs(y0 - steady.state) / scale_of(p)) < _NEAR
+
+
+@eqx.filter_jit
+def _nonlinear_motion(p: Parameters, y0: State) -> Settled:
+    """The motion that the start reaches by the nonlinear equations."""
+    sane = jnp.all(jnp.isfinite(y0))
+    # A solver fed with NaN would try until its bound.
+    settled = Segmented().settle(p, jnp.where(sane, y0, 0.0))
+    return replace(settled, status=Status.where(sane, settled.status, Status.failed))
+
+
+@eqx.filter_jit
+def _nonlinear(p: Parameters, settled: Settled) -> Steady:
+    """The steady state of the nonlinear equations that a start has reached."""
+    return answered(p, Segmented(), settled)[0]
+
+
+def _same_motion(steady: Steady, reached: Settled) -> bool:
+    """Whether the nonlinear equations reach the kind of motion that the linear ones settle into. Of several
+    rocking motions side by side the amplitudes are far apart."""
+    rests, other = (bool(s == Status.rest) for s in (steady.status, reached.status))
+    if rests or other:
+        return rests and other
+    alike = abs(float(reached.amplitude) - float(steady.amplitude)) <= _ALIKE * float(steady.amplitude)
+    return bool(is_settled(reached.status)) and int(reached.periods) == int(steady.periods) and alike
 
 
 def _dropped_at_rest(p: Parameters, reach: Number) -> Number:

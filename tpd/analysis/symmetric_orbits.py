@@ -73,7 +73,8 @@ class Orbits(eqx.Module):
     """Floquet multipliers over one forcing period; attracting if all are below 1 in size."""
     margins: Margins
     overflow: Bool[Array, ""]
-    """Whether there were more than could be followed up."""
+    """Whether there may be more: more roots than could be followed up, or a bob that swings freely more than
+    300 times on one of the two arcs of a half period, whose path is not followed."""
 
 
 def symmetric_orbits(p: Parameters) -> Orbits:

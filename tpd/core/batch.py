@@ -12,22 +12,27 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import jaxprs_in_params
 
 from tpd.core import checks, threads
 
 CHUNK = 256
-"""Designs computed at once. Some hundred arrays of this length are alive at a time, about one
-megabyte: more designs at once are no faster, since they leave the cache."""
+"""Designs computed at once where all take the same work. Some hundred arrays of this length are alive at a
+time, about one megabyte: more designs at once are no faster, since they leave the cache."""
+UNEVEN = 4
+"""Designs computed at once where each takes as many steps as it needs and waits for the slowest of them."""
 
 _CALLED: set[tuple[Callable[[Any], Any], int]] = set()
 """Functions that have been compiled, with their chunk sizes."""
+_CHUNKS: dict[Callable[[Any], Any], int] = {}
+"""Default chunk sizes of functions that have been called without one."""
 
 
 def in_chunks(
     function: Callable[[Any], Any],
     batch: Any,
     *,
-    chunk: int = CHUNK,
+    chunk: int | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Any:
@@ -38,8 +43,10 @@ def in_chunks(
             Compiled once per function object and chunk size; keep the object to keep the code.
         batch: a pytree of arrays that share their leading axis, of any length above zero; single
             numbers belong to every element.
-        chunk: elements per chunk. Memory beyond inputs and results is proportional to
-            `chunk * workers`, not to the length of the batch.
+        chunk: elements per chunk; default 256, but 4 for a function with a loop within a loop, each of
+            them as long as the element needs, such as `steady_state`: there all wait for the slowest element.
+            Memory beyond inputs and results is proportional to `chunk * workers`, not to the length of the
+            batch.
         workers: threads; default the number of cores.
         progress: called with (elements done, of how many) after each chunk.
 
@@ -49,6 +56,7 @@ def in_chunks(
     Raises:
         ValueError: an empty batch, leaves of different lengths, or a chunk or workers below one.
     """
+    chunk = _chunk(function, batch) if chunk is None else chunk
     part_of, length = _parts(batch, chunk)
     compiled = _compiled(function)
     if workers is not None:
@@ -82,9 +90,10 @@ def in_chunks(
     return jax.tree.unflatten(structures[0], wholes)
 
 
-def trace(function: Callable[[Any], Any], batch: Any, *, chunk: int = CHUNK) -> None:
+def trace(function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None) -> None:
     """Trace `function` as `in_chunks` will call it: then its first call has only to compile, which leaves
     Python to other threads."""
+    chunk = _chunk(function, batch) if chunk is None else chunk
     if (function, chunk) not in _CALLED:
         _compiled(function).lower(_parts(batch, chunk)[0](0))
 
@@ -107,6 +116,26 @@ def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
         return jax.tree.unflatten(treedef, [jnp.asarray(x[index]) for x in arrays])
 
     return part_of, length
+
+
+def _chunk(function: Callable[[Any], Any], batch: Any) -> int:
+    """The default chunk for a function of the elements of a batch."""
+    if function not in _CHUNKS:
+        part_of, _ = _parts(batch, 1)
+        element = jax.tree.map(lambda x: x[0], part_of(0))
+        arrays, rest = eqx.partition(element, eqx.is_array)
+        traced = eqx.filter_make_jaxpr(lambda x: function(eqx.combine(x, rest)))(arrays)[0]
+        _CHUNKS[function] = UNEVEN if _loops(traced.jaxpr) > 1 else CHUNK
+    return _CHUNKS[function]
+
+
+def _loops(jaxpr: Any) -> int:
+    """How deep loops of unknown length are nested in a traced function."""
+    deepest = 0
+    for equation in jaxpr.eqns:
+        within = [_loops(inner) for inner in jaxprs_in_params(equation.params)]
+        deepest = max(deepest, (equation.primitive.name == "while") + max(within, default=0))
+    return deepest
 
 
 @lru_cache(maxsize=32)

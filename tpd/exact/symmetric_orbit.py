@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Int
 
 from tpd.core.eigenvalues import Matrix, product
 from tpd.core.parameters import Number, State
@@ -28,6 +28,13 @@ ORBITS = 3
 """Most orbits per design."""
 PATH_NODES = 16
 """Samples of each of the two arcs of a half period, between which its extremes are looked for."""
+_COARSE = 0.8
+"""Largest turn (rad) of the bob's free oscillation from one of these samples to the next. Beyond it two
+extremes may lie between them, and more samples are taken."""
+_FINE = 0.25
+"""The turn between two samples then."""
+MOST_NODES = 8192
+"""Most samples of an arc. An orbit that asks for more is not followed up."""
 
 
 class Coordinate(NamedTuple):
@@ -128,17 +135,21 @@ class _Seen(NamedTuple):
     """The two largest |psi|, the larger first."""
 
 
-def path_of(half: Half, orbit: Orbit) -> Path:
-    """Follow both arcs, sampled with their derivatives: what peaks between two samples is found from
-    these."""
+def path_of(half: Half, orbit: Orbit, nodes: Int[Array, ""] | int = PATH_NODES) -> Path:
+    """Follow both arcs, each sampled `nodes` times with its derivatives: what peaks between two samples is
+    found from these."""
     plant, xi = half.plant, half.plant.linear.xi
     start, never = turn(orbit.root.gamma), jnp.full_like(orbit.root.t, jnp.inf)
     none = Peak(-never, jnp.zeros_like(never), jnp.zeros(never.shape, bool))
     seen = _Seen(-never, none._replace(size=never), (none, none))
     ends = []
+
+    def share_of(i: Array) -> Callable[[Number], Number]:
+        return lambda part: (i + part) / nodes
+
     for late, arc in enumerate((orbit.first, orbit.second)):
         length = half.span - orbit.root.t if late else orbit.root.t
-        spacing = length / PATH_NODES
+        spacing = length / nodes
         onward, turning = exponential(plant.slip, spacing), turn(xi * spacing)
         tilt, swing = (x._replace(constant=jnp.zeros_like(xi)) for x in arc)
 
@@ -157,11 +168,13 @@ def path_of(half: Half, orbit: Orbit) -> Path:
             now, old, seen = carry
             now = Instant(now.flow.times(ahead[0], plant.slip), now.phase.then(ahead[1]))
             new = look(now)
-            last = (i == PATH_NODES - 1) & (late == 1)
+            last = (i == nodes - 1) & (late == 1)
             highest = jnp.maximum(seen.highest, jnp.where(last, -jnp.inf, new[0]))
-            fall, dented = _extreme(-old[0], -old[1], -new[0], -new[1], spacing, i, late)
+            fall, dented = _extreme(-old[0], -old[1], -new[0], -new[1], spacing, share_of(i), late)
             way = jnp.where(old[3] < 0, 1.0, -1.0)
-            top, turned = _extreme(way * old[2], way * old[3], way * new[2], way * new[3], spacing, i, late)
+            top, turned = _extreme(
+                way * old[2], way * old[3], way * new[2], way * new[3], spacing, share_of(i), late
+            )
             top = top._replace(size=jnp.where(turned, -top.size, -jnp.inf))
             nearer = dented & (fall.size < seen.dent.size)
             dent = jax.tree.map(lambda a, b: jnp.where(nearer, a, b), fall, seen.dent)
@@ -170,29 +183,43 @@ def path_of(half: Half, orbit: Orbit) -> Path:
         now = Instant(identity(orbit.root.t), start)
         old = look(now)
         ends.append(old[1])
-        now, old, seen = jax.lax.fori_loop(0, PATH_NODES, step, (now, old, seen))
+        now, old, seen = jax.lax.fori_loop(0, nodes, step, (now, old, seen))
         ends.append(old[1])
         start = now.phase
         if not late:
             corner = Peak(jnp.abs(old[2]), jnp.ones_like(never), jnp.zeros(never.shape, bool))
             seen = seen._replace(bob=_ranked(seen.bob, corner))
     dented = jnp.isfinite(seen.dent.size)
-    dent = where_needed(dented, partial(_refined, row=0), half, orbit, seen.dent, dented)
-    bob = _largest(half, orbit, *seen.bob)
+    dent = where_needed(dented, partial(_refined, row=0), half, orbit, nodes, seen.dent, dented)
+    bob = _largest(half, orbit, nodes, *seen.bob)
     # With its sign: where the rate is positive the block turns back.
     fall = jnp.where(dented, -dent.size, jnp.inf)
     return Path(jnp.maximum(seen.highest, -fall), fall, ends[0], -ends[3], bob)
 
 
+def resolved_path(half: Half, orbit: Orbit) -> tuple[Path, Bool[Array, ""]]:
+    """The path with as many samples as the bob's free oscillation asks for, and whether these were not more
+    than `MOST_NODES`. Most orbits need no more than `PATH_NODES`."""
+    rates = half.plant.slip
+    swings = rates.q > 0.25 * rates.p**2
+    longest = jnp.maximum(orbit.root.t, half.span - orbit.root.t)
+    turned = jnp.where(swings, rates.swing_rate, 0.0) * longest
+    crowded = jnp.asarray(turned > _COARSE * PATH_NODES)
+    resolved = turned <= _FINE * MOST_NODES
+    wanted = jnp.where(crowded & resolved, jnp.ceil(turned / _FINE), 1.0).astype(int)
+    coarse, fine = path_of(half, orbit), where_needed(crowded, path_of, half, orbit, wanted)
+    return jax.tree.map(lambda a, b: jnp.where(crowded, a, b), fine, coarse), resolved
+
+
 def _extreme(
-    x0: Number, r0: Number, x1: Number, r1: Number, spacing: Number, i: Array, late: int
+    x0: Number, r0: Number, x1: Number, r1: Number, spacing: Number, at: Callable[[Number], Number], late: int
 ) -> tuple[Peak, Bool[Array, ""]]:
     """The least value within an interval with these values and slopes at its ends, and whether there
     is one; linear in the slopes, and to be refined."""
     there = jnp.asarray((r0 < 0) & (r1 >= 0))
     share = r0 / jnp.where(there, r0 - r1, 1.0)
     low = jnp.minimum(x0 + 0.5 * r0 * share * spacing, x1 - 0.5 * r1 * (1.0 - share) * spacing)
-    return Peak(low, (i + share) / PATH_NODES, jnp.full(there.shape, late == 1)), there
+    return Peak(low, at(share), jnp.full(there.shape, late == 1)), there
 
 
 def _ranked(best: tuple[Peak, Peak], new: Peak) -> tuple[Peak, Peak]:
@@ -205,22 +232,24 @@ def _ranked(best: tuple[Peak, Peak], new: Peak) -> tuple[Peak, Peak]:
     return choose(ahead, new, best[0]), choose(ahead, best[0], choose(behind, new, best[1]))
 
 
-def _largest(half: Half, orbit: Orbit, first: Peak, second: Peak) -> Peak:
+def _largest(half: Half, orbit: Orbit, nodes: Int[Array, ""] | int, first: Peak, second: Peak) -> Peak:
     """The larger of two peaks of |psi|; the second is looked at where it comes close."""
     refine = partial(_refined, row=1)
-    first = refine(half, orbit, first, jnp.asarray(first.share < 1.0))
+    first = refine(half, orbit, nodes, first, jnp.asarray(first.share < 1.0))
     close = (second.size > 0.95 * jnp.abs(first.size)) & jnp.isfinite(second.size)
-    second = where_needed(close, refine, half, orbit, second, close & (second.share < 1.0))
+    second = where_needed(close, refine, half, orbit, nodes, second, close & (second.share < 1.0))
     larger = close & (jnp.abs(second.size) > jnp.abs(first.size))
     return jax.tree.map(lambda a, b: jnp.where(larger, a, b), second, first)
 
 
-def _refined(half: Half, orbit: Orbit, peak: Peak, there: Bool[Array, ""], row: int) -> Peak:
+def _refined(
+    half: Half, orbit: Orbit, nodes: Int[Array, ""] | int, peak: Peak, there: Bool[Array, ""], row: int
+) -> Peak:
     """An extreme of phi' (row 0) or psi (row 1), by Newton's method if it is `there`."""
     length = jnp.where(peak.late, half.span - orbit.root.t, orbit.root.t)
     low, high = (
-        jnp.maximum(peak.share - 1.0 / PATH_NODES, 0.0),
-        jnp.minimum(peak.share + 1.0 / PATH_NODES, 1.0),
+        jnp.maximum(peak.share - 1.0 / nodes, 0.0),
+        jnp.minimum(peak.share + 1.0 / nodes, 1.0),
     )
     signal = _choose(peak.late, orbit, row)._replace(constant=jnp.zeros_like(length))
 
@@ -328,7 +357,8 @@ class Candidates(NamedTuple):
     path: Path
     exists: Bool[Array, "orbits"]
     overflow: Bool[Array, ""]
-    """Whether there were more roots than places for them."""
+    """Whether there were more roots than places for them, or one whose path needs more than `MOST_NODES`
+    samples: such a root is not among the orbits."""
 
 
 def candidates(half: Half) -> Candidates:
@@ -336,19 +366,22 @@ def candidates(half: Half) -> Candidates:
     found = brackets(half)
     stacked = Bracket(*(jnp.stack(x) for x in zip(*found.brackets, strict=True)))
 
-    def follow(bracket: Bracket, there: Array) -> tuple[Root, Path, Number, Bool[Array, ""]]:
+    def follow(bracket: Bracket, there: Array) -> tuple[Root, Path, Number, Bool[Array, ""], Bool[Array, ""]]:
         root, reached = converge(half, refine(half, bracket), there)
         orbit = orbit_of(half, root)
-        path, height = path_of(half, orbit), orbit.height
+        (path, resolved), height = resolved_path(half, orbit), orbit.height
         good = (path.highest_rate < 0) & (path.leaving < 0) & (path.arriving < 0) & (height > 0)
         inside = (root.t > bracket.low - 0.5 * width) & (root.t < bracket.high + 0.5 * width)
-        return root, path, height, good & reached & inside & there
+        found = reached & inside & there & (height > 0)
+        return root, path, height, good & found & resolved, found & ~resolved
 
     def step(_: None, slot: tuple[Bracket, Array]) -> tuple[None, tuple]:
         return None, where_needed(slot[1], follow, *slot)
 
     width = half.span / NODES
-    _, (root, path, tops, good) = jax.lax.scan(step, None, (stacked, jnp.arange(ROOTS) < found.number))
+    _, (root, path, tops, good, unresolved) = jax.lax.scan(
+        step, None, (stacked, jnp.arange(ROOTS) < found.number)
+    )
     height = jnp.asarray(tops)
     ahead = height[None, :] > height[:, None]
     rank = jnp.where(good, jnp.sum(ahead & good[None, :], axis=1), ROOTS)
@@ -358,4 +391,5 @@ def candidates(half: Half) -> Candidates:
 
     root, path = jax.tree.map(pick, (root, path))
     exists = jnp.arange(ORBITS) < jnp.sum(good)
-    return Candidates(root, path, exists, (found.number > ROOTS) | (jnp.sum(good) > ORBITS))
+    overflow = (found.number > ROOTS) | (jnp.sum(good) > ORBITS) | jnp.any(unresolved)
+    return Candidates(root, path, exists, overflow)
