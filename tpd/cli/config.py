@@ -26,9 +26,6 @@ from tpd.design.criteria import Limit, Risk
 from tpd.design.methods import Method
 from tpd.design.space import DesignSpace
 
-Tables = Mapping[str, Mapping[str, Any]]
-"""Tables of a job file by name, each with its keys and plain values."""
-
 _Holds = Callable[[JobFile], bool]
 
 
@@ -140,7 +137,7 @@ def chosen(given: Mapping[str, Any]) -> JobFile:
     return replace(file, search=replace(file.search, method=method), starts=replace(file.starts, kind=kind))
 
 
-def merged(given: Tables, over: Tables) -> dict[str, dict[str, Any]]:
+def merged(given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return the tables `given` with the values of `over` in place of theirs.
 
     A key that has no effect any more, because `over` chooses otherwise, is left out: a file with a share for

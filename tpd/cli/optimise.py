@@ -21,26 +21,26 @@ if TYPE_CHECKING:
 _UNFINISHED = "unfinished.npz"
 """File of the output directory with the searches that have ended, while others have not."""
 
-_DESIGN = (
+DESIGN = (
     Option("--mass-ratio", "space", "mass_ratio", ("LO", "HI")),
     Option("--length-ratio", "space", "length_ratio", ("LO", "HI")),
     Option("--damping", "space", "damping_ratio", "ZETA"),
     Option("--stroke", "limits", "stroke", "RAD"),
     Option("--walls", "limits", "walls"),
 )
-_CONDITIONS = (
+CONDITIONS = (
     Option("--band", "conditions", "band", ("LO", "HI")),
     Option("--amplitudes", "conditions", "amplitudes", "X"),
+    Option("--measure", "risk", "measure", "WORD"),
 )
-_RISK = (Option("--measure", "risk", "measure", "WORD"),)
-_SEARCH = (
+SEARCH = (
     Option("--method", "search", "method", "WORD"),
     Option("--optimiser", "search", "optimiser", "WORD"),
     Option("--searches", "search", "searches", "N"),
     Option("--seed", "search", "seed", "N"),
     Option("--by-overturning", "search", "by_overturning"),
 )
-_STARTS = (
+STARTS = (
     Option(
         "--from-rest",
         "starts",
@@ -56,12 +56,12 @@ _STARTS = (
         also={"kind": "sampled"},
         help="count the motions that N seeded starts settle into, followed by events",
     ),
-)
-_WORST_START = Option(
-    "--worst-start",
-    "starts",
-    "worst",
-    help="count the worst of these starts, in place of their mean by shares",
+    Option(
+        "--worst-start",
+        "starts",
+        "worst",
+        help="count the worst of these starts, in place of their mean by shares",
+    ),
 )
 
 
@@ -76,8 +76,8 @@ def add(commands: Any) -> None:
         "rely on, 130 interrupted.",
     )
     common.add_scene(optimise)
-    _add_group(optimise, "design space and limits", _DESIGN)
-    many = _add_group(optimise, "conditions", _CONDITIONS)
+    _add_group(optimise, "design space and limits", DESIGN)
+    many = _add_group(optimise, "conditions", CONDITIONS)
     many.add_argument(
         "--scatter",
         nargs="+",
@@ -86,13 +86,12 @@ def add(commands: Any) -> None:
         metavar="NAME=WIDTH",
         help=f"uncertain quantities by their relative half widths: {', '.join(keys()['scatter'])}",
     )
-    for option in _RISK:
-        option.add(many)
-    starts = many.add_mutually_exclusive_group()
-    for option in _STARTS:
-        option.add(starts)
-    _WORST_START.add(many)
-    _add_group(optimise, "search", _SEARCH)
+    kinds, worst = STARTS[:-1], STARTS[-1]
+    exclusive = many.add_mutually_exclusive_group()
+    for option in kinds:
+        option.add(exclusive)
+    worst.add(many)
+    _add_group(optimise, "search", SEARCH)
     optimise.add_argument("--pareto", action="store_true", help="also find the least rocking for every mass")
     optimise.add_argument(
         "--resume", action="store_true", help="go on with the searches that an interrupted run left in DIR"
@@ -114,12 +113,13 @@ def run(options: argparse.Namespace) -> int:
     """Search, verify, write the report and print it; return the exit status."""
     common.use_64_bits()
     from tpd.cli import config
-    from tpd.design.study import study
-    from tpd.report.files import write
 
     job = config.job_of(common.tables(options))
     unfinished = options.out / _UNFINISHED
     _claim(options, unfinished)
+    from tpd.design.study import study
+    from tpd.report.files import write
+
     with common.Bar() as bar, _hinting(unfinished):
         design = _design(job, unfinished, bar)
         front = _front(job, design, bar) if options.pareto else None
