@@ -181,7 +181,8 @@ def test_keys_without_effect_are_not_written():
     assert set(tables["conditions"]) == {"amplitudes"}
     assert set(tables["starts"]) == {"kind"}
     assert set(tables["risk"]) == {"measure"}
-    assert "tolerance" not in config.tables(config.job_of(BAND))["search"]
+    assert tables["search"]["optimiser"] == "adam"
+    assert not {"tolerance", "optimiser"} & set(config.tables(config.job_of(BAND))["search"])
 
 
 @pytest.mark.parametrize(
@@ -211,6 +212,15 @@ def test_what_is_pointless_in_the_file_itself_stays_an_error():
         ValueError, match=r"^`risk.share` goes with `risk.measure` cvar, which this job does not"
     ):
         config.job_of(merged)
+
+
+def test_a_file_may_list_defaults_that_have_no_effect():
+    listed = {
+        "conditions": {"frequencies": 20, "samples": 64},
+        "starts": {"kind": "rest", "size": 12, "worst": False},
+        "risk": {"measure": "worst", "share": 0.1},
+    }
+    assert config.job_of(listed) == config.job_of({})
 
 
 def test_a_file_may_leave_to_the_options_what_makes_it_whole():

@@ -125,7 +125,7 @@ def _checked(table: str, values: Any) -> dict[str, Any]:
 
 
 def chosen(given: Mapping[str, Any]) -> JobFile:
-    """Return the typed tables with the kind of the starts and the method of the search filled in.
+    """Return the typed tables, with the kind of the starts, the method and the optimiser filled in.
 
     Raises:
         ValueError: an unknown table or key, or a value of the wrong type or out of range.
@@ -134,7 +134,9 @@ def chosen(given: Mapping[str, Any]) -> JobFile:
     method = file.search.method or ("descent" if file.size == 1 else "sequential")
     default = "rest" if method == "descent" else "any"
     kind = file.starts.kind or ("sampled" if "size" in given.get("starts", {}) else default)
-    return replace(file, search=replace(file.search, method=method), starts=replace(file.starts, kind=kind))
+    optimiser = file.search.optimiser or ("adam" if method == "descent" else None)
+    search = replace(file.search, method=method, optimiser=optimiser)
+    return replace(file, search=search, starts=replace(file.starts, kind=kind))
 
 
 def merged(given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -166,9 +168,7 @@ def job_of(given: Mapping[str, Any]) -> Job:
             no effect.
     """
     file = chosen(given)
-    for (table, key), (needed, holds) in _ONLY_WITH.items():
-        if key in given.get(table, {}) and not holds(file):
-            raise ValueError(f"`{table}.{key}` goes with {needed}, which this job does not have")
+    _refuse_without_effect(file)
     scene = build.scene_of(file)
     file = build.with_model(file, scene)
     method = build.method_of(file)
@@ -183,6 +183,14 @@ def job_of(given: Mapping[str, Any]) -> Job:
         method=method,
         ensemble=build.ensemble_of(file),
     )
+
+
+def _refuse_without_effect(file: JobFile) -> None:
+    """Refuse a value that has no effect, unless it is the default: a file may list all keys."""
+    for (table, key), (needed, holds) in _ONLY_WITH.items():
+        is_default = getattr(getattr(file, table), key) == keys()[table][key].default
+        if not is_default and not holds(file):
+            raise ValueError(f"`{table}.{key}` goes with {needed}, which this job does not have")
 
 
 def scene_of(given: Mapping[str, Any]) -> Scene:

@@ -165,8 +165,9 @@ class SearchTable(Table, frozen=True, kw_only=True):
         _says("method of the search (default descent for one condition, sequential for several)"),
     ] = None
     optimiser: Annotated[
-        Literal["adam", "lbfgs"], _says("optimiser of optax that the method descent takes")
-    ] = "adam"
+        Literal["adam", "lbfgs"] | None,
+        _says("optimiser of optax that the method descent takes (default adam)"),
+    ] = None
     model: Annotated[
         Literal["smoothed", "piecewise", "segmented", "orbits"] | None,
         _says(
