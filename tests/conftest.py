@@ -18,7 +18,6 @@ install_import_hook("tpd", "beartype.beartype")
 
 LONGEST = (
     "robust",
-    "cli",
     "optimise",
     "symmetric",
     "notebooks",

@@ -1,4 +1,4 @@
-"""What the commands share: exit statuses, the scene's options, the pendulum's, and the progress bar."""
+"""Shared by the commands: exit statuses, options of the scene and the pendulum, progress bar, results."""
 
 from __future__ import annotations
 
@@ -10,91 +10,77 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tpd.cli.options import Option, given
+
 if TYPE_CHECKING:
     from tpd.core.scene import Pendulum, Scene
-    from tpd.design.job import Job
 
 SOUND, BAD_INPUT, UNSOUND, INTERRUPTED = 0, 2, 3, 130
+"""Exit statuses."""
 
-_SCENE: dict[str, tuple[str, str, str, str]] = {
-    # flag: (table, key, metavar, help)
-    "width": ("block", "width", "M", "whole width of the block, m (default 0.1)"),
-    "height": ("block", "height", "M", "whole height of the block, m (default 0.4)"),
-    "mass": ("block", "mass", "KG", "mass of the block, kg (default 16.224)"),
-    "friction": (
-        "block",
-        "friction",
-        "K",
-        "friction moment of the contact over M g b (default 0.05, or 0 with --restitution)",
-    ),
-    "restitution": (
-        "block",
-        "restitution",
-        "E",
-        "velocity ratio across an impact of the base, or `housner` for that of the block's shape "
-        "(default: no impact loss)",
-    ),
-    "amplitude": ("motion", "amplitude", "M", "amplitude of the base motion, m (default 0.015)"),
-    "frequency": ("motion", "frequency", "HZ", "frequency of the base motion, Hz (default 2.5)"),
-}
+SCENE = (
+    Option("--width", "block", "width", "M"),
+    Option("--height", "block", "height", "M"),
+    Option("--mass", "block", "mass", "KG"),
+    Option("--friction", "block", "friction", "K"),
+    Option("--restitution", "block", "restitution", "E"),
+    Option("--amplitude", "motion", "amplitude", "M"),
+    Option("--frequency", "motion", "frequency", "HZ"),
+)
+"""Options that describe block and base motion."""
 
 
 def add_scene(command: argparse.ArgumentParser) -> None:
-    """The options that describe block and base motion."""
-    command.add_argument("--scene", type=Path, metavar="FILE", help="TOML file; options override it")
-    for flag, (_, _, metavar, text) in _SCENE.items():
-        kind = _restitution if flag == "restitution" else float
-        command.add_argument(f"--{flag}", type=kind, metavar=metavar, help=text)
-
-
-def _restitution(text: str) -> float | str:
-    """A number, or a name, which the block knows or refuses."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
+    """Add the options that describe block and base motion."""
+    command.add_argument("--scene", type=Path, metavar="FILE", help="job file in TOML; options override it")
+    for option in SCENE:
+        option.add(command)
 
 
 def add_out(command: argparse.ArgumentParser, default: str) -> None:
-    """Where results go."""
+    """Add the options of the output directory."""
     command.add_argument("--out", type=Path, default=Path(default), metavar="DIR", help=f"default {default}")
     command.add_argument("--overwrite", action="store_true", help="replace the results in an existing DIR")
 
 
 def add_pendulum(command: argparse.ArgumentParser) -> None:
-    """The options that describe one pendulum."""
+    """Add the options that describe one pendulum."""
     mass, length = command.add_mutually_exclusive_group(), command.add_mutually_exclusive_group()
     mass.add_argument("--pendulum-mass", type=float, metavar="KG", help="mass of the bob, kg")
-    mass.add_argument("--mass-ratio", type=float, metavar="MU", help="the same over the block's")
+    mass.add_argument("--mass-ratio", type=float, metavar="MU", help="mass of the bob over the block's")
     length.add_argument("--pendulum-length", type=float, metavar="M", help="length of the pendulum, m")
-    length.add_argument("--length-ratio", type=float, metavar="LAM", help="the same over the half height")
+    length.add_argument(
+        "--length-ratio", type=float, metavar="LAM", help="length of the pendulum over the half height"
+    )
     command.add_argument(
         "--pendulum-damping", type=float, metavar="ZETA", help="damping ratio of the hinge (default 0.1)"
     )
 
 
-def tables(options: argparse.Namespace, more: list[tuple[str, str, Any]]) -> dict[str, dict[str, Any]]:
-    """The job's tables of a scene file, overridden by options, and by `more` (table, key, value)."""
-    from tpd.design import job
+def tables(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """Tables of the job file that `--scene` names, if any, with those of the options in their place.
 
-    given = {} if options.scene is None else job.read(options.scene)
-    over = [(table, key, getattr(options, flag)) for flag, (table, key, _, _) in _SCENE.items()]
-    for table, key, value in [*over, *more]:
-        if value is not None:
-            given.setdefault(table, {})[key] = value
-    return given
+    Raises:
+        ValueError: the file cannot be read, or a value is not allowed.
+    """
+    from tpd.cli import config
+
+    return config.merged({} if options.scene is None else config.read(options.scene), given(options))
 
 
 def scene(options: argparse.Namespace) -> Scene:
-    """The scene of a file and the options."""
-    from tpd.design import job
+    """Scene of a job file and the options.
 
-    work: Job = job.build(tables(options, []))
-    return work.scene
+    Raises:
+        ValueError: the file cannot be read, or a value is not allowed.
+    """
+    from tpd.cli import config
+
+    return config.scene_of(tables(options))
 
 
 def pendulum(options: argparse.Namespace, of: Scene, varied: tuple[str, ...] = ()) -> Pendulum | None:
-    """The pendulum of the options, if there is any; what is varied need not be given.
+    """Pendulum of the options, or None without one; a quantity that is varied need not be given.
 
     Raises:
         ValueError: a pendulum of which half is missing, or a value out of range.
@@ -122,7 +108,7 @@ def _one(value: float | None, ratio: float | None, unit: float) -> float | None:
 
 
 def inputs(of: Scene, hung: Pendulum | None) -> dict[str, Any]:
-    """What results depend on, for their JSON."""
+    """Inputs of a response or a map, for its JSON."""
     from dataclasses import asdict
 
     from tpd.core import files
@@ -133,11 +119,13 @@ def inputs(of: Scene, hung: Pendulum | None) -> dict[str, Any]:
 
 
 def use_64_bits() -> None:
-    """Before anything else is done with JAX. What it compiles is kept for later runs, in the user's cache
-    or where `JAX_COMPILATION_CACHE_DIR` says."""
+    """Set JAX up; call this before JAX computes anything.
+
+    Compiled programs are kept for later runs, in the user's cache or where `JAX_COMPILATION_CACHE_DIR` says.
+    """
     if "equinox" not in sys.modules:
-        # Times out of order, which diffrax looks for, are then NaN in place of an exception: a program that
-        # calls back to Python to raise one is never kept.
+        # diffrax looks for times out of order. With this setting such a time is NaN; otherwise the program
+        # calls back to Python to raise an exception, and JAX keeps no program that calls back.
         os.environ.setdefault("EQX_ON_ERROR", "nan")
     import jax
 
@@ -152,7 +140,7 @@ def use_64_bits() -> None:
 
 @contextlib.contextmanager
 def left_out(what: str) -> Iterator[None]:
-    """Something beside the answer: Ctrl-C leaves it out, says so, and keeps the answer."""
+    """Let Ctrl-C leave out a part of the report: say so on stderr, and go on with the answer."""
     try:
         yield
     except KeyboardInterrupt:
@@ -174,7 +162,7 @@ class Bar:
             self._bar.close()
 
     def __call__(self, stage: str, done: int, total: int) -> None:
-        """Show that of a stage so much is done."""
+        """Show how much of a stage is done."""
         from tqdm import tqdm
 
         if stage != self._stage or self._bar is None or done == 1:

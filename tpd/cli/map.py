@@ -1,4 +1,4 @@
-"""`tpd map`."""
+"""`tpd map`: amplitude, stroke, status and uplift margin over two parameters."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from tpd.analysis.design_map import DesignMap
 
 _MOST_POINTS = 2000.0
-"""Along each axis: four million designs take a minute, and a gigabyte of memory."""
+"""Along each axis: four million designs take a minute and a gigabyte of memory."""
 
 
 def add(commands: Any) -> None:
-    """The command's grammar."""
+    """Add the command to the grammar of the command line."""
     mapping = commands.add_parser(
         "map",
         help="amplitude, stroke, status and uplift over any two parameters",
@@ -42,7 +42,7 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Solve the grid, write it and count the statuses."""
+    """Solve the grid, write it and print the counts of the statuses; return the exit status."""
     common.use_64_bits()
     import numpy as np
 
@@ -97,7 +97,7 @@ def _files(m: DesignMap, inputs: dict[str, Any]) -> Iterator[tuple[str, str | by
     rows = zip(*(c.ravel().tolist() for c in columns), strict=True)
     yield "map.csv", files.as_csv((m.x_name, m.y_name, *header), rows)
     axes = {"x": (m.x_name, *m.x[[0, -1]].tolist()), "y": (m.y_name, *m.y[[0, -1]].tolist())}
-    # What varies replaces what the scene and the pendulum have of it.
+    # Along an axis its values replace those of the scene and the pendulum.
     content = {**inputs, "varied": axes, "points": len(m.x), "start": m.start, "statuses": m.counts}
     yield "map.json", files.as_json(content)
     for quantity in ("amplitude", "stroke", "margin"):

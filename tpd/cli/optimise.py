@@ -1,207 +1,205 @@
-"""`tpd optimise`."""
+"""`tpd optimise`: find the pendulum for a block, verify it and write the report."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tpd.cli import common
+from tpd.cli.options import Option, SetWidths
+from tpd.cli.schema import keys
 
 if TYPE_CHECKING:
-    from tpd.analysis.compare_models import Check
+    from tpd.cli.config import Job
+    from tpd.design.pareto import Front
     from tpd.design.result import Design
+
+_UNFINISHED = "unfinished.npz"
+"""File of the output directory with the searches that have ended, while others have not."""
+
+DESIGN = (
+    Option("--mass-ratio", "space", "mass_ratio", ("LO", "HI")),
+    Option("--length-ratio", "space", "length_ratio", ("LO", "HI")),
+    Option("--damping", "space", "damping_ratio", "ZETA"),
+    Option("--stroke", "limits", "stroke", "RAD"),
+    Option("--walls", "limits", "walls"),
+)
+CONDITIONS = (
+    Option("--band", "conditions", "band", ("LO", "HI")),
+    Option("--amplitudes", "conditions", "amplitudes", "X"),
+    Option("--measure", "risk", "measure", "WORD"),
+)
+SEARCH = (
+    Option("--method", "search", "method", "WORD"),
+    Option("--optimiser", "search", "optimiser", "WORD"),
+    Option("--searches", "search", "searches", "N"),
+    Option("--seed", "search", "seed", "N"),
+    Option("--by-overturning", "search", "by_overturning"),
+)
+STARTS = (
+    Option(
+        "--from-rest",
+        "starts",
+        "kind",
+        value="rest",
+        help="count the motion from rest, also where rocking attracts from other starts",
+    ),
+    Option(
+        "--from-starts",
+        "starts",
+        "size",
+        "N",
+        also={"kind": "sampled"},
+        help="count the motions that N seeded starts settle into, followed by events",
+    ),
+    Option(
+        "--worst-start",
+        "starts",
+        "worst",
+        help="count the worst of these starts, in place of their mean by shares",
+    ),
+)
 
 
 def add(commands: Any) -> None:
-    """The command's grammar."""
+    """Add the command to the grammar of the command line."""
     optimise = commands.add_parser(
         "optimise",
         help="find the pendulum for a block",
-        description="Find the pendulum of least settled rocking amplitude from rest. Without options: the "
-        "block of Collini et al. (2016). Exit status: 0 found, 2 bad input, 3 no design to rely on, "
-        "130 interrupted.",
+        description="Find the pendulum of least settled rocking, under one condition or many. Without "
+        "options: the block of Collini et al. (2016), from rest. A job file (--scene) can set everything "
+        "that the options set, and more. Exit status: 0 found or none needed, 2 bad input, 3 no design to "
+        "rely on, 130 interrupted.",
     )
     common.add_scene(optimise)
-    optimise.add_argument(
-        "--stroke", type=float, metavar="RAD", help="largest allowed bob angle, rad (default 0.5)"
-    )
-    two: dict[str, Any] = {"type": float, "nargs": 2, "metavar": ("LO", "HI")}
-    optimise.add_argument("--mass-ratio", help="bounds of bob over block mass (default 0.01 0.2)", **two)
-    optimise.add_argument(
-        "--length-ratio", help="bounds of pendulum length over half height (default 0.1 1.5)", **two
-    )
-    optimise.add_argument(
-        "--damping",
-        type=float,
+    _add_group(optimise, "design space and limits", DESIGN)
+    many = _add_group(optimise, "conditions", CONDITIONS)
+    many.add_argument(
+        "--scatter",
         nargs="+",
-        metavar="ZETA",
-        help="damping ratio of the hinge, or two bounds to search it as well (default 0.1)",
+        action=SetWidths,
+        default=argparse.SUPPRESS,
+        metavar="NAME=WIDTH",
+        help=f"uncertain quantities by their relative half widths: {', '.join(keys()['scatter'])}",
     )
+    kinds, worst = STARTS[:-1], STARTS[-1]
+    exclusive = many.add_mutually_exclusive_group()
+    for option in kinds:
+        option.add(exclusive)
+    worst.add(many)
+    _add_group(optimise, "search", SEARCH)
+    optimise.add_argument("--pareto", action="store_true", help="also find the least rocking for every mass")
     optimise.add_argument(
-        "--starts", type=int, metavar="N", help="searches (default 8, over many conditions 64)"
+        "--resume", action="store_true", help="go on with the searches that an interrupted run left in DIR"
     )
-    optimise.add_argument("--seed", type=int, metavar="N", help="of every random choice (default 0)")
-    _add_conditions(optimise)
     common.add_out(optimise, "tpd-design")
     optimise.set_defaults(run=run)
 
 
-def _add_conditions(optimise: argparse.ArgumentParser) -> None:
-    """Options for a design over many conditions; a file's tables say more."""
-    many = optimise.add_argument_group("over many conditions")
-    many.add_argument(
-        "--band",
-        type=float,
-        nargs=2,
-        metavar=("LO", "HI"),
-        help="least rocking over a band of frequencies, Hz",
-    )
-    many.add_argument(
-        "--amplitudes", type=float, nargs="+", metavar="X", help="factors on the amplitude of the base motion"
-    )
-    many.add_argument(
-        "--scatter",
-        nargs="+",
-        metavar="NAME=WIDTH",
-        help="what is uncertain, by relative half width: amplitude, frequency, friction, slenderness, mass, "
-        "length, damping",
-    )
-    many.add_argument("--measure", metavar="WORD", help="worst (default), expected or cvar")
-    many.add_argument(
-        "--walls",
-        action="store_true",
-        default=None,
-        help="a solid ball of steel must keep off the block's walls once it has settled",
-    )
-    many.add_argument(
-        "--by-overturning",
-        action="store_true",
-        default=None,
-        help="of what helps take first what overturns under the fewest conditions",
-    )
-    many.add_argument(
-        "--from-starts",
-        type=int,
-        metavar="N",
-        help="finish over the motions that N starts reach, by events, rather than over all symmetric orbits",
-    )
-    many.add_argument(
-        "--worst-start",
-        action="store_true",
-        help="count the worst of these, rather than their mean over the starts",
-    )
-    many.add_argument("--method", metavar="WORD", help="of the search: sequential (default), adam or lbfgs")
-    many.add_argument(
-        "--pareto",
-        action="store_true",
-        help="the least rocking for every mass as well, by sequential searches",
-    )
-    many.add_argument("--resume", action="store_true", help="go on with what an interrupted run left in DIR")
-
-
-def _scatter(pairs: list[str] | None) -> dict[str, float]:
-    out = {}
-    for pair in pairs or []:
-        name, _, width = pair.partition("=")
-        try:
-            out[name] = float(width)
-        except ValueError:
-            raise ValueError(f"`--scatter` must be NAME=WIDTH, such as friction=0.2, but is {pair}") from None
-    return out
-
-
-def _given(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
-    """The job's tables of a scene file, overridden by options."""
-    return common.tables(
-        options,
-        [
-            ("space", "stroke", options.stroke),
-            ("space", "mass_ratio", options.mass_ratio),
-            ("space", "length_ratio", options.length_ratio),
-            ("space", "damping_ratio", _damping(options.damping)),
-            ("search", "starts", options.starts),
-            ("search", "seed", options.seed),
-            ("search", "method", options.method),
-            ("conditions", "band", options.band),
-            ("conditions", "amplitudes", options.amplitudes),
-            ("conditions", "measure", options.measure),
-            ("conditions", "by_overturning", options.by_overturning),
-            ("limits", "walls", options.walls),
-            ("conditions", "reached", options.from_starts),
-            ("conditions", "by_share", False if options.worst_start else None),
-            *(("scatter", name, width) for name, width in _scatter(options.scatter).items()),
-        ],
-    )
-
-
-def _damping(values: list[float] | None) -> float | list[float] | None:
-    if values is not None and len(values) > 2:
-        raise ValueError(f"`--damping` must be one number or two bounds, but is {len(values)} numbers")
-    return values[0] if values is not None and len(values) == 1 else values
+def _add_group(
+    command: argparse.ArgumentParser, title: str, options: tuple[Option, ...]
+) -> argparse._ArgumentGroup:
+    group = command.add_argument_group(title)
+    for option in options:
+        option.add(group)
+    return group
 
 
 def run(options: argparse.Namespace) -> int:
-    """Search, write the report, and say what it is worth."""
+    """Search, verify, write the report and print it; return the exit status."""
     common.use_64_bits()
+    from tpd.cli import config
+
+    job = config.job_of(common.tables(options))
+    unfinished = options.out / _UNFINISHED
+    _claim(options, unfinished)
+    from tpd.design.study import study
+    from tpd.report.files import write
+
+    with common.Bar() as bar, _hinting(unfinished):
+        design = _design(job, unfinished, bar)
+        front = _front(job, design, bar) if options.pareto else None
+        shown = study(design, front=front, progress=bar)
+    for part in shown.left_out:
+        print(f"tpd: interrupted; the report goes without {part}", file=sys.stderr)
+    written = write(options.out, design, shown, config.tables(job), config.dump(job))
+    print((options.out / "report.txt").read_text(encoding="utf-8"))
+    print("\n".join(f"written: {path}" for path in written))
+    return _exit_status(design, unfinished)
+
+
+def _claim(options: argparse.Namespace, unfinished: Path) -> None:
+    """Check, before any work, that results can be written, and that there is a search to resume."""
     from tpd.core import files
-    from tpd.design import job
-    from tpd.design.single import optimise
-    from tpd.report import single as report
 
-    work = job.build(_given(options))
-    if work.asked is not None:
-        from tpd.cli.over import run_over
+    if options.resume and not unfinished.exists():
+        raise ValueError(f"there is nothing to resume: {unfinished} does not exist")
+    files.claim(options.out, overwrite=options.overwrite or options.resume)
+    if not options.resume:
+        unfinished.unlink(missing_ok=True)
 
-        return run_over(options, work)
-    if options.pareto or options.resume:
-        raise ValueError("`--pareto` and `--resume` go with conditions, such as --band: none are given")
-    files.claim(options.out, overwrite=options.overwrite)
-    search = work.search
-    assert search.tolerance is not None
-    with common.Bar() as bar:
-        design = optimise(
-            work.scene,
-            work.space,
-            seed=search.seed,
-            starts=search.starts,
-            steps=search.steps,
-            screening=search.screening,
-            tolerance=search.tolerance,
-            ensemble=work.ensemble,
+
+def _design(job: Job, unfinished: Path, bar: common.Bar) -> Design:
+    from tpd.design.optimise import optimise
+
+    return optimise(
+        job.scene,
+        job.space,
+        conditions=job.conditions,
+        starts=job.starts,
+        risk=job.risk,
+        limits=job.limits,
+        method=job.method,
+        ensemble=job.ensemble,
+        seed=job.seed,
+        by_overturning=job.by_overturning,
+        checkpoint=unfinished,
+        progress=bar,
+    )
+
+
+def _front(job: Job, design: Design, bar: common.Bar) -> Front | None:
+    """Front of mass against rocking, if a pendulum is offered."""
+    if design.pendulum is None or design.status.name == "interrupted":
+        return None
+    from tpd.design.pareto import pareto
+
+    with common.left_out("the front"):
+        return pareto(
+            job.scene,
+            job.space,
+            conditions=job.conditions,
+            risk=job.risk,
+            limits=job.limits,
+            seed=job.seed,
             progress=bar,
         )
-        responses = _responses(design, bar)
-        ladder = _ladder(design, bar)
-        written = report.write(options.out, design, work, responses, ladder=ladder)
-    print(report.text(design, responses))
-    if ladder is not None:
-        print(ladder.table() + "\n")
-    print("\n".join(f"written: {path}" for path in written))
-    if design.interrupted:
-        return common.INTERRUPTED
-    return common.SOUND if report.is_sound(design) else common.UNSOUND
-
-
-def _ladder(design: Design, bar: common.Bar) -> Check | None:
-    """The design by the models that do not take long to compile; `tpd check` has all."""
-    from tpd.analysis.compare_models import QUICK, check
-
-    if design.pendulum is None or design.interrupted:
-        return None
-    with common.left_out("what the models say"):
-        limit = design.space.stroke
-        return check(design.scene, design.pendulum, stroke=limit, rungs=QUICK, progress=bar)
     return None
 
 
-def _responses(design: Design, bar: common.Bar) -> tuple:
-    """Amplitude over frequency without and with the pendulum; not after an interruption."""
-    from tpd.analysis.response import frequency_response
-    from tpd.plot import single as plot
+def _exit_status(design: Design, unfinished: Path) -> int:
+    if design.status.name == "interrupted":
+        begin_again = "no search had ended: begin again with --overwrite"
+        print(_hint(unfinished) if unfinished.exists() else begin_again)
+        return common.INTERRUPTED
+    unfinished.unlink(missing_ok=True)
+    return common.SOUND if design.status.is_sound else common.UNSOUND
 
-    if design.interrupted:
-        return ()
-    hung = (None,) if design.pendulum is None else (None, design.pendulum)
-    with common.left_out("the response over frequency"):
-        return tuple(frequency_response(design.scene, p, plot.band(design), progress=bar) for p in hung)
-    return ()
+
+def _hint(unfinished: Path) -> str:
+    return f"go on with the same command and --resume (finished searches are in {unfinished})"
+
+
+@contextlib.contextmanager
+def _hinting(unfinished: Path) -> Iterator[None]:
+    """Say after Ctrl-C how to go on: searches that have ended need not be repeated."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if unfinished.exists():
+            print(_hint(unfinished))
+        raise

@@ -1,4 +1,4 @@
-"""`tpd response`."""
+"""`tpd response`: amplitude and stroke of the settled motion over frequency."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _UNITS = {"frequency": "Hz", "xi": ""}
 
 
 def add(commands: Any) -> None:
-    """The command's grammar."""
+    """Add the command to the grammar of the command line."""
     response = commands.add_parser(
         "response",
         help="amplitude and stroke against frequency",
@@ -43,7 +43,7 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Follow the branches, write and say where they are lost."""
+    """Follow the branches, write them and print where they are lost; return the exit status."""
     common.use_64_bits()
     from tpd.core import checks, files
 
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _range(options: argparse.Namespace, scene: Scene) -> tuple[str, float, float]:
-    """What varies, and from where to where."""
+    """Name of the varied quantity, and its bounds."""
     from tpd.core import checks
 
     name = "xi" if options.dimensionless else "frequency"

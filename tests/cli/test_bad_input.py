@@ -1,0 +1,265 @@
+"""Bad input: one sentence on stderr, exit status 2, and nothing is written."""
+
+import pytest
+
+from tpd.cli import main
+
+BAND = ("--band", "2", "3")
+MAP = ("--x", "mu", "0.01", "0.2", "--y", "lam", "0.1", "1.5")
+HUNG = ("--mass-ratio", "0.1", "--length-ratio", "0.5")
+
+OPTIONS = [
+    (("--width", "-1"), "`block.width` must be a number above 0, but is -1"),
+    (("--width", "wide"), "`block.width` must be a number above 0, but is 'wide'"),
+    (("--width", "true"), "`block.width` must be a number above 0, but is 'true'"),
+    (("--width", "0.3"), "[block] `width` must be at most 0.5 of `height` (the linear equations drop"),
+    (("--width",), "argument --width: expected one argument"),
+    (("--height", "0"), "`block.height` must be a number above 0, but is 0"),
+    (("--mass", "nan"), "`block.mass` must be a number above 0, but is nan"),
+    (("--mass", "inf"), "[block] `mass` must be positive and finite, but is inf"),
+    (("--frequency", "0"), "`motion.frequency` must be a number above 0"),
+    (("--amplitude", "-0.1"), "`motion.amplitude` must be a number of at least 0, but is -0.1"),
+    (("--friction", "-0.1"), "`block.friction` must be a number of at least 0"),
+    (("--restitution", "0"), "`block.restitution` must be a number above 0 or 'housner', but is 0"),
+    (("--restitution", "1.5"), "[block] `restitution` must be between 0 and 1, but is 1.5"),
+    (("--restitution", "bouncy"), "must be a number above 0 or 'housner', but is 'bouncy'"),
+    (("--mass-ratio", "0.2", "0.1"), "[space] `mass_ratio` must be an interval low < high"),
+    (("--mass-ratio", "0.2"), "argument --mass-ratio: expected 2 arguments"),
+    (("--length-ratio", "0.5", "0.5"), "[space] `length_ratio` must be an interval"),
+    (("--damping", "0.1", "0.2", "0.3"), "must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]"),
+    (("--damping", "-1"), "[space] `damping_ratio` must be between 0 and 2, but is -1"),
+    (("--stroke", "0"), "`limits.stroke` must be a number above 0, but is 0"),
+    (("--searches", "0"), "`search.searches` must be a whole number from 1 to 2147483647, but is 0"),
+    (("--searches", "2.5"), "`search.searches` must be a whole number from 1 to 2147483647, but is 2.5"),
+    (("--starts", "8"), "unrecognized arguments: --starts 8"),
+    (("--search", "8"), "unrecognized arguments: --search 8"),
+    (("--seed", "-1"), "`search.seed` must be a whole number from 0"),
+    (("--seed", "1e3"), "`search.seed` must be a whole number from 0 to 2147483647, but is 1000.0"),
+    (("--method", "newton"), "`search.method` must be one of descent, sequential, but is 'newton'"),
+    (("--method", "adam"), "`search.method` must be one of descent, sequential, but is 'adam'"),
+    (("--optimiser", "sgd"), "`search.optimiser` must be one of adam, lbfgs, but is 'sgd'"),
+    ((*BAND, "--optimiser", "adam"), "`search.optimiser` goes with `search.method` descent, which"),
+    (("--measure", "median"), "`risk.measure` must be one of cvar, expected, worst, but is 'median'"),
+    (("--band", "3", "2"), "[conditions] `band` must be an interval low < high"),
+    (("--band", "2", "x"), "`conditions.band` must be a pair of numbers, but is [2, 'x']"),
+    (("--amplitudes", "1", "0"), "`conditions.amplitudes` must be a list, not empty, each a number above 0"),
+    (("--amplitudes", "inf"), "[conditions] `factors` must be positive and finite"),
+    (("--scatter", "friction"), "`--scatter` must be NAME=WIDTH, such as friction=0.2, but is 'friction'"),
+    (("--scatter", "=0.1"), "`--scatter` must be NAME=WIDTH"),
+    (("--scatter", "friction=wide"), "`scatter.friction` must be a number from 0 to 0.5, but is 'wide'"),
+    (("--scatter", "friction=0.6"), "`scatter.friction` must be a number from 0 to 0.5, but is 0.6"),
+    (("--scatter", "colour=0.1"), "unknown key `colour` in [scatter]; allowed are amplitude, frequency"),
+    (("--from-starts", "0"), "`starts.size` must be a whole number from 1"),
+    (("--worst-start",), "`starts.worst` goes with sampled starts, `starts.size`, which this job does not"),
+    (("--from-rest", "--worst-start"), "`starts.worst` goes with sampled starts"),
+    (("--from-rest", "--from-starts", "3"), "argument --from-starts: not allowed with argument --from-rest"),
+    (("--resume",), "there is nothing to resume: tpd-design/unfinished.npz does not exist"),
+    ((*BAND, "--resume"), "there is nothing to resume"),
+    (("--scene", "absent.toml"), "cannot read absent.toml: No such file or directory"),
+    (("--scene", "."), "cannot read .: Is a directory"),
+]
+
+FILES = [
+    ("[block]\nwidht = 1.0\n", "unknown key `widht` in [block]; allowed are width, height, mass, friction"),
+    ("[blok]\nwidth = 1.0\n", "unknown table [blok]; allowed are block, motion, site, space, conditions"),
+    ("[block]\nwidth = 'wide'\n", "`block.width` must be a number above 0, but is 'wide'"),
+    ("[block]\nwidth = '0.1'\n", "`block.width` must be a number above 0, but is '0.1'"),
+    ("[block]\nwidth = true\n", "`block.width` must be a number above 0, but is True"),
+    ("[block]\nwidth = [0.1, 0.2]\n", "`block.width` must be a number above 0, but is [0.1, 0.2]"),
+    ("[block]\nwidth = 2020-01-01\n", "`block.width` must be a number above 0, but is datetime.date"),
+    ("[block]\nwidth = inf\n", "[block] `width` must be positive and finite, but is inf"),
+    ("[block]\nrestitution = 'bouncy'\n", "must be a number above 0 or 'housner', but is 'bouncy'"),
+    ("[block]\nrestitution = true\n", "must be a number above 0 or 'housner', but is True"),
+    ("[block.size]\nwidth = 1.0\n", "unknown key `size` in [block]"),
+    ("[site]\ngravity = 0\n", "`site.gravity` must be a number above 0, but is 0"),
+    ("[space]\nstroke = 0.5\n", "unknown key `stroke` in [space]; allowed are mass_ratio, length_ratio"),
+    ("[space]\nmass_ratio = 0.1\n", "`space.mass_ratio` must be a pair of numbers, but is 0.1"),
+    (
+        "[space]\nmass_ratio = [0.1, true]\n",
+        "`space.mass_ratio` must be a pair of numbers, but is [0.1, True]",
+    ),
+    ("[space]\nlength_ratio = [0.1, 3]\n", "[space] `length_ratio` must be an interval low < high within"),
+    ("[search]\nseed = 1.5\n", "`search.seed` must be a whole number from 0 to 2147483647, but is 1.5"),
+    ("[search]\nseed = 9999999999\n", "must be a whole number from 0 to 2147483647, but is 9999999999"),
+    ("[search]\nstarts = 8\n", "unknown key `starts` in [search]; allowed are method, optimiser, model"),
+    ("[search]\nmethod = 3\n", "`search.method` must be one of descent, sequential, but is 3"),
+    ("[search]\nmodel = 'orbits'\n", "`search.model` orbits goes with `search.method` sequential"),
+    (
+        "[search]\nmodel = 'smoothed'\n[block]\nrestitution = 0.9\n",
+        "`search.model` smoothed has no impact loss",
+    ),
+    ("[search]\nby_overturning = 1\n", "`search.by_overturning` must be true or false, but is 1"),
+    (
+        "[search]\nmethod = 'sequential'\ntolerance = 0.1\n",
+        "`search.tolerance` goes with `search.method` descent",
+    ),
+    ("[conditions]\nmeasure = 'worst'\n", "unknown key `measure` in [conditions]; allowed are band"),
+    ("[conditions]\nband = [2.0]\n", "`conditions.band` must be a pair of numbers, but is [2.0]"),
+    (
+        "[conditions]\nband = [2, 3]\nfrequencies = 1\n",
+        "must be a whole number from 2 to 2147483647, but is 1",
+    ),
+    (
+        "[conditions]\nband = [2, 3]\nfrequencies = 2000000\n",
+        "a job must have at most 100000 conditions, but has",
+    ),
+    ("[conditions]\nfrequencies = 9\n", "`conditions.frequencies` goes with a band, `conditions.band`"),
+    ("[conditions]\nsamples = 9\n", "`conditions.samples` goes with a width in [scatter], which this job"),
+    ("[conditions]\namplitudes = 1.0\n", "`conditions.amplitudes` must be a list, not empty, each a number"),
+    ("[conditions]\namplitudes = []\n", "`conditions.amplitudes` must be a list, not empty, each a number"),
+    ("[scatter]\nfriction = -0.1\n", "`scatter.friction` must be a number from 0 to 0.5, but is -0.1"),
+    ("[starts]\nkind = 'some'\n", "`starts.kind` must be one of any, rest, sampled, but is 'some'"),
+    ("[starts]\nkind = 'rest'\nsize = 4\n", "`starts.size` goes with `starts.kind` sampled, which this job"),
+    ("[starts]\nseed = 4\n", "`starts.seed` goes with `starts.kind` sampled, which this job does not have"),
+    ("[risk]\nshare = 0.2\n", "`risk.share` goes with `risk.measure` cvar, which this job does not have"),
+    ("[risk]\nmeasure = 'cvar'\nshare = 0\n", "`risk.share` must be a number from 1e-09 to 1, but is 0"),
+    ("[limits]\nmultiplier = 1.5\n", "`limits.multiplier` must be a number from 1e-06 to 1, but is 1.5"),
+    ("[limits]\nmass = nan\n", "`limits.mass` must be a number above 0, but is nan"),
+    ("[limits]\nmass = inf\n", "[limits] `mass` must be positive and finite, but is inf"),
+    ("[limits]\nwalls = 'yes'\n", "`limits.walls` must be true or false, but is 'yes'"),
+    ("[ensemble]\nsize = 0\n", "`ensemble.size` must be a whole number from 1 to 2147483647, but is 0"),
+    (
+        "[ensemble]\nramps = [-1.0]\n",
+        "`ensemble.ramps` must be a list, not empty, each a number of at least 0",
+    ),
+    ("[ensemble]\nrunes = 1\n", "unknown key `runes` in [ensemble]"),
+    ("block = 3\n", "`block` must be a table, but is 3"),
+    ("[[block]]\nwidth = 1\n", "`block` must be a table, but is [{'width': 1}]"),
+    ("x = = 3\n", "is not valid TOML: Invalid value (at line 1, column 5)"),
+    ("[block]\n[block]\n", "is not valid TOML: Cannot declare"),
+    (f"x = {'[' * 100_000}", "nests too deeply"),
+]
+
+OTHERS = [
+    (("response", "--width", "-1"), "`block.width` must be a number above 0, but is -1"),
+    (("response", "--pendulum-mass", "1"), "give --pendulum-length or --length-ratio as well"),
+    (("response", "--pendulum-length", "1"), "give --pendulum-mass or --mass-ratio as well"),
+    (("response", "--pendulum-damping", "0.2"), "give --pendulum-mass or --mass-ratio as well"),
+    (("response", *HUNG, "--pendulum-mass", "1"), "not allowed with argument"),
+    (("response", *HUNG, "--pendulum-damping", "-1"), "`damping_ratio` must be zero or positive"),
+    (("response", "--pendulum-mass", "heavy"), "invalid float value: 'heavy'"),
+    (("response", "--from", "0"), "`--from` must be positive and finite, but is 0"),
+    (("response", "--from", "3", "--to", "2"), "`--from` must be below `--to`, but they are 3 and 2"),
+    (("response", "--points", "3"), "`--points` must be between 8 and 100000, but is 3"),
+    (("response", "--from-rest", "1"), "`--from-rest` must be a whole number, 2 or more, but is 1"),
+    (("map", "--x", "mu", "0.01", "0.2"), "the following arguments are required: --y"),
+    (("map", *MAP[:4], "--y", "lam", "a", "1"), "`--y` must be a name and two numbers, but is lam a 1"),
+    (("map", *MAP[:4], "--y", "lam", "1", "0.1"), "`--y` must go up, but goes from 1 to 0.1"),
+    (("map", *HUNG, *MAP[:4], "--y", "omega", "1", "2"), "`y` must be one of width, height"),
+    (("map", *HUNG, *MAP[:4], "--y", "pendulum-mass", "1", "2"), "must not both move mu"),
+    (("map", *MAP[:4], "--y", "f", "0.1", "0.2"), "give --pendulum-length or --length-ratio as well"),
+    (("map", *MAP[:4], "--y", "nu", "0.1", "0.6"), "give --pendulum-length"),
+    (("map", *MAP, "--points", "3000"), "`--points` must be between 2 and 2000, but is 3000"),
+    (("map", *MAP, "--points", "1"), "`--points` must be a whole number, 2 or more, but is 1"),
+    (("map", *MAP, "--scene", "absent.toml"), "cannot read absent.toml: No such file or directory"),
+    (("check", "absent"), "cannot read absent: No such file or directory"),
+    (("check",), "the following arguments are required: DESIGN"),
+    (("design",), "invalid choice: 'design'"),
+    ((), "the following arguments are required: COMMAND"),
+]
+
+DESIGNS = [
+    ("not json", "is not a design in JSON"),
+    ("\xff", "is not a design in JSON"),
+    ("[1]", "has no `job` and `pendulum`"),
+    ('{"job": {}, "pendulum": null}', "must be of version 2, but is of 1: run the job again"),
+    ('{"version": 3, "job": {}, "pendulum": null}', "must be of version 2, but is of 3"),
+    ('{"version": 2, "job": [], "pendulum": null}', "is not what a report holds"),
+    ('{"version": 2, "job": {}, "pendulum": {"mass": 1.0}}', "is not what a report holds"),
+    (
+        '{"version": 2, "job": {}, "pendulum": {"mass": "1", "length": 1.0, "damping_ratio": 0.1}}',
+        "is not what a report holds",
+    ),
+    (
+        '{"version": 2, "job": {}, "pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1}}',
+        "`length` must be positive and finite, but is -1",
+    ),
+    ('{"version": 2, "job": {"blok": {}}, "pendulum": null}', "unknown table [blok]"),
+]
+
+
+def refused(capsys, *command: str) -> str:
+    """The sentence that refuses a command."""
+    try:
+        status = main([*command])
+    except SystemExit as stop:
+        status = stop.code
+    out, err = capsys.readouterr()
+    assert status == 2
+    assert out == ""
+    assert err.startswith("tpd")
+    assert err.endswith("\n")
+    assert len(err.splitlines()) == 1, err
+    assert "Traceback" not in err
+    return err
+
+
+@pytest.mark.parametrize(("options", "message"), OPTIONS)
+def test_bad_options_are_refused(capsys, tmp_path, monkeypatch, options, message):
+    monkeypatch.chdir(tmp_path)
+    assert message in refused(capsys, "optimise", *options)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("content", "message"), FILES)
+def test_bad_files_are_refused(capsys, tmp_path, content, message):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(content)
+    assert message in refused(capsys, "optimise", "--scene", str(scene), "--out", str(tmp_path / "out"))
+    assert list(tmp_path.iterdir()) == [scene]
+
+
+@pytest.mark.parametrize(("content", "message"), [case for case in FILES if case[0][1:6] == "block"])
+def test_a_bad_block_is_refused_by_the_other_commands_too(capsys, tmp_path, content, message):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(content)
+    for command in (("response",), ("map", *MAP)):
+        assert message in refused(capsys, *command, "--scene", str(scene), "--out", str(tmp_path / "out"))
+    assert list(tmp_path.iterdir()) == [scene]
+
+
+def test_a_file_that_is_no_text_is_refused(capsys, tmp_path):
+    scene = tmp_path / "scene.toml"
+    scene.write_bytes(b"\xff\xfe[block]")
+    for command in (("optimise",), ("response",), ("map", *MAP)):
+        assert "is not a text file in UTF-8" in refused(capsys, *command, "--scene", str(scene))
+
+
+@pytest.mark.parametrize(("command", "message"), OTHERS)
+def test_bad_options_of_the_other_commands_are_refused(capsys, tmp_path, monkeypatch, command, message):
+    monkeypatch.chdir(tmp_path)
+    assert message in refused(capsys, *command)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("content", "message"), DESIGNS)
+def test_a_file_that_is_no_design_is_not_checked(capsys, tmp_path, content, message):
+    file = tmp_path / "design.json"
+    file.write_text(content, encoding="latin-1")
+    assert message in refused(capsys, "check", str(tmp_path))
+    assert message in refused(capsys, "check", str(file))
+
+
+def test_existing_reports_and_unwritable_places_are_left_alone(capsys, tmp_path):
+    taken = tmp_path / "taken"
+    taken.mkdir()
+    (taken / "mine.txt").write_text("keep me")
+    (taken / "unfinished.npz").write_text("keep me")
+    for command in (
+        ("optimise",),
+        ("response",),
+        ("map", *MAP, "--mass-ratio", "0.1", "--length-ratio", "0.5"),
+    ):
+        assert "already holds files" in refused(capsys, *command, "--out", str(taken))
+        assert "is a file" in refused(capsys, *command, "--out", str(taken / "mine.txt"))
+        assert "cannot write to" in refused(capsys, *command, "--out", "/proc/nowhere/out")
+    assert {path.name: path.read_text() for path in taken.iterdir()} == {
+        "mine.txt": "keep me",
+        "unfinished.npz": "keep me",
+    }
+
+
+def test_bad_input_leaves_what_an_interrupted_run_left(capsys, tmp_path):
+    (tmp_path / "unfinished.npz").write_text("keep me")
+    refused(capsys, "optimise", "--width", "-1", "--overwrite", "--out", str(tmp_path))
+    assert (tmp_path / "unfinished.npz").read_text() == "keep me"

@@ -1,0 +1,51 @@
+"""The command starts fast, and what it compiles can be stored."""
+
+import subprocess
+import sys
+import time
+
+import pytest
+
+import tpd
+
+
+@pytest.mark.parametrize("flag", ["--version", "--help", "optimise --help", "map --help", "response --help"])
+def test_help_and_version_do_not_wait_for_jax(flag):
+    code = f"""
+import sys
+from tpd.cli import main
+try:
+    main({flag.split()})
+except SystemExit:
+    pass
+for name in ("jax", "numpy", "optax", "matplotlib"):
+    assert name not in sys.modules, name
+"""
+    begin = time.perf_counter()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    # Half of a second when nothing else runs; importing JAX alone takes one.
+    assert time.perf_counter() - begin < 5.0
+    if flag == "--version":
+        assert done.stdout == f"tpd {tpd.__version__}\n"
+
+
+def test_compiled_programs_can_be_stored():
+    """A program that calls back to Python is compiled anew in every run."""
+    code = """
+from tpd.cli import common
+common.use_64_bits()
+import equinox as eqx, jax
+from tpd import Segmented, Smoothed, Terms, paper_scene, steady_state
+from tpd.core.parameters import as_arrays
+p = as_arrays(paper_scene().parameters())
+def amplitude(mu, model):
+    return steady_state(eqx.tree_at(lambda q: q.mu, p, mu), model=model).amplitude
+for model in (Smoothed(), Segmented(terms=Terms.nonlinear)):
+    text = jax.jit(lambda mu: amplitude(mu, model)).lower(0.1).as_text()
+    assert "while" in text
+    assert "callback" not in text, model
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

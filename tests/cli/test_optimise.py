@@ -1,0 +1,141 @@
+"""`tpd optimise` and `tpd check` as a whole, on small jobs: what is written, printed and returned."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+
+import numpy as np
+import pytest
+
+from tpd.cli import config, main
+
+SMALL = """
+[space]
+mass_ratio = [0.1, 0.4]
+[search]
+searches = 2
+steps = 4
+screening = 12
+[ensemble]
+size = 32
+periods = 40
+"""
+BAND = """
+[space]
+damping_ratio = [0.05, 0.4]
+[conditions]
+band = [2.3, 2.7]
+frequencies = 3
+[search]
+searches = 4
+steps = 6
+screening = 32
+[ensemble]
+size = 32
+periods = 40
+"""
+DATA = {"report.txt", "report.html", "design.json", "scene.toml"}
+
+
+def command(folder, *arguments: str) -> subprocess.CompletedProcess:
+    """A finished run of the command line in `folder`."""
+    return subprocess.run(
+        [sys.executable, "-m", "tpd.cli", *arguments], cwd=folder, capture_output=True, text=True
+    )
+
+
+@pytest.fixture(scope="module", params=[SMALL, BAND], ids=["one", "band"])
+def written(request, tmp_path_factory):
+    """A small run of the whole command, and what it printed."""
+    folder = tmp_path_factory.mktemp("cli")
+    (folder / "small.toml").write_text(request.param)
+    return folder, command(folder, "optimise", "--scene", "small.toml", "--seed", "3", "--out", "first")
+
+
+def test_a_run_writes_its_report(written):
+    folder, done = written
+    assert done.returncode in (0, 3), done.stderr
+    names = {path.name for path in (folder / "first").iterdir()}
+    assert names >= DATA
+    assert "unfinished.npz" not in names
+    assert done.stdout.startswith((folder / "first" / "report.txt").read_text(encoding="utf-8"))
+    assert all(f"written: first/{name}" in done.stdout for name in names)
+    assert done.stderr == "", "no progress bar in a pipe"
+
+
+def test_the_exit_status_says_whether_a_design_is_offered(written):
+    folder, done = written
+    content = json.loads((folder / "first" / "design.json").read_text())
+    assert content["version"] == 2
+    assert (done.returncode == 0) is (content["pendulum"] is not None)
+
+
+def test_the_report_holds_the_job_with_the_options_over_the_file(written):
+    folder, _ = written
+    content = json.loads((folder / "first" / "design.json").read_text())
+    job = config.job_of(content["job"])
+    assert job.seed == 3
+    assert config.job_of(tomllib.loads((folder / "first" / "scene.toml").read_text())) == job
+
+
+def test_a_report_is_not_overwritten(written):
+    folder, _ = written
+    done = command(folder, "optimise", "--scene", "small.toml", "--out", "first")
+    assert done.returncode == 2
+    assert "already holds files" in done.stderr
+
+
+@pytest.mark.slow
+def test_the_written_job_repeats_the_run(written):
+    folder, _ = written
+    command(folder, "optimise", "--scene", "first/scene.toml", "--out", "second").check_returncode()
+    for name in ("design.json", "scene.toml"):
+        assert (folder / "first" / name).read_bytes() == (folder / "second" / name).read_bytes()
+
+
+def test_a_check_solves_the_design_of_a_report_by_all_models(written):
+    folder, _ = written
+    done = command(folder, "check", "first", "--quick")
+    assert done.returncode in (0, 3), done.stderr
+    table, *verdict = done.stdout.split("\n\n")
+    assert [line.split()[0] for line in table.splitlines()] == ["rung", "uplift", "one", "exact", "nonlinear"]
+    assert verdict
+
+
+@pytest.mark.slow
+def test_after_ctrl_c_a_run_keeps_what_it_has_and_goes_on_with_resume(tmp_path):
+    (tmp_path / "job.toml").write_text(BAND.replace("searches = 4", "searches = 64"))
+    arguments = [sys.executable, "-m", "tpd.cli", "optimise", "--scene", "job.toml", "--out", "out"]
+    run = subprocess.Popen(arguments, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    unfinished = tmp_path / "out" / "unfinished.npz"
+    while run.poll() is None and not unfinished.exists():
+        time.sleep(0.05)
+    run.send_signal(signal.SIGINT)
+    out, err = run.communicate(timeout=300)
+    assert run.returncode == 130, err
+    assert "go on with the same command and --resume" in out
+    assert unfinished.exists()
+    again = command(tmp_path, *arguments[3:], "--resume")
+    assert again.returncode in (0, 3), again.stderr
+    assert not unfinished.exists()
+    # A run that was not interrupted has the same answer.
+    whole = command(tmp_path, "optimise", "--scene", "job.toml", "--out", "whole")
+    assert whole.returncode == again.returncode
+    designs = [json.loads((tmp_path / name / "design.json").read_text()) for name in ("out", "whole")]
+    assert designs[0]["pendulum"] == designs[1]["pendulum"]
+
+
+def test_a_file_of_another_problem_is_not_resumed(capsys, tmp_path):
+    job = tmp_path / "job.toml"
+    job.write_text(BAND)
+    out = tmp_path / "out"
+    out.mkdir()
+    np.savez(out / "unfinished.npz", problem=np.array("another"))
+    content = (out / "unfinished.npz").read_bytes()
+    assert main(["optimise", "--scene", str(job), "--out", str(out), "--resume"]) == 2
+    assert "holds searches of another problem" in capsys.readouterr().err
+    assert {path.name for path in out.iterdir()} == {"unfinished.npz"}
+    assert (out / "unfinished.npz").read_bytes() == content

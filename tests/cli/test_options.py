@@ -1,0 +1,119 @@
+"""Options and job file are the same thing: every option sets a key of the schema, and the jobs are equal."""
+
+import tomllib
+
+import pytest
+
+from tpd.cli import common, config, main, optimise, parser
+from tpd.cli.options import plain
+
+SAME = [
+    ("", ()),
+    (
+        "[block]\nwidth = 2\nheight = 10.0\nmass = 40e3\n",
+        ("--width", "2", "--height", "10", "--mass", "40e3"),
+    ),
+    ("[block]\nfriction = 0.1\nrestitution = 1\n", ("--friction", "0.1", "--restitution", "1")),
+    ("[block]\nrestitution = 'housner'\n", ("--restitution", "housner")),
+    ("[motion]\namplitude = 0.02\nfrequency = 3\n", ("--amplitude", "0.02", "--frequency", "3")),
+    (
+        "[space]\nmass_ratio = [0.1, 0.4]\nlength_ratio = [0.2, 1]\ndamping_ratio = [0.05, 0.3]\n",
+        ("--mass-ratio", "0.1", "0.4", "--length-ratio", "0.2", "1", "--damping", "0.05", "0.3"),
+    ),
+    ("[space]\ndamping_ratio = 0.2\n", ("--damping", "0.2")),
+    ("[limits]\nstroke = 0.4\nwalls = true\n", ("--stroke", "0.4", "--walls")),
+    (
+        "[search]\nsearches = 3\nseed = 7\nby_overturning = true\n",
+        ("--searches", "3", "--seed", "7", "--by-overturning"),
+    ),
+    (
+        "[search]\nmethod = 'descent'\noptimiser = 'lbfgs'\n[conditions]\nband = [2, 3]\n",
+        ("--method", "descent", "--optimiser", "lbfgs", "--band", "2", "3"),
+    ),
+    ("[search]\nmethod = 'sequential'\n", ("--method", "sequential")),
+    (
+        "[conditions]\nband = [2.3, 2.7]\namplitudes = [0.8, 1, 1.2]\n[risk]\nmeasure = 'cvar'\n",
+        ("--band", "2.3", "2.7", "--amplitudes", "0.8", "1", "1.2", "--measure", "cvar"),
+    ),
+    ("[scatter]\nfriction = 0.2\nlength = 0.02\n", ("--scatter", "friction=0.2", "length=0.02")),
+    ("[conditions]\namplitudes = [1.2]\n", ("--amplitudes", "1.2")),
+    ("[starts]\nkind = 'rest'\n[conditions]\nband = [2, 3]\n", ("--from-rest", "--band", "2", "3")),
+    ("[starts]\nsize = 4\nworst = true\n", ("--from-starts", "4", "--worst-start")),
+    ("[risk]\nmeasure = 'expected'\n", ("--measure", "expected")),
+]
+
+
+def job_of(*options: str) -> config.Job:
+    """The job of a command."""
+    return config.job_of(common.tables(parser().parse_args(["optimise", *options])))
+
+
+@pytest.mark.parametrize(("file", "options"), SAME)
+def test_a_file_and_the_options_are_the_same_job(tmp_path, file, options):
+    path = tmp_path / "job.toml"
+    path.write_text(file)
+    job = config.job_of(tomllib.loads(file))
+    assert job_of(*options) == job
+    assert job_of("--scene", str(path)) == job
+    assert (job == config.job_of({})) is (file == "")
+
+
+def test_all_options_together_override_a_file_of_other_values(tmp_path):
+    path = tmp_path / "job.toml"
+    path.write_text(config.dump(config.job_of({"block": {"width": 0.15}, "risk": {"measure": "cvar"}})))
+    job = job_of("--scene", str(path), "--width", "0.12", "--measure", "worst", "--seed", "2")
+    assert (job.scene.block.width, job.risk.name, job.seed) == (0.12, "worst", 2)
+
+
+def test_a_written_job_is_a_file_for_the_command(tmp_path):
+    path = tmp_path / "job.toml"
+    options = ("--band", "2", "3", "--scatter", "mass=0.1", "--damping", "0.1", "0.2", "--from-starts", "3")
+    path.write_text(config.dump(job_of(*options)))
+    assert job_of("--scene", str(path)) == job_of(*options)
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "expected"),
+    [
+        ("", (), (0.05, None)),
+        ("", ("--restitution", "housner"), (0.0, "housner")),
+        ("restitution = 'housner'\n", ("--friction", "0.02"), (0.02, "housner")),
+        ("restitution = 'housner'\n", ("--restitution", "0.9"), (0.0, 0.9)),
+        ("friction = 0.1\n", ("--restitution", "1"), (0.1, 1.0)),
+    ],
+)
+def test_losses_come_from_the_file_and_the_options(tmp_path, content, options, expected):
+    file = tmp_path / "scene.toml"
+    file.write_text(f"[block]\n{content}")
+    block = common.scene(parser().parse_args(["response", "--scene", str(file), *options])).block
+    assert (block.friction, block.restitution) == expected
+
+
+def test_options_do_not_leak_from_one_call_to_the_next():
+    assert job_of("--width", "0.2").scene.block.width == 0.2
+    assert job_of() == config.job_of({})
+
+
+def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
+    with pytest.raises(SystemExit):
+        main(["optimise", "--help"])
+    text = " ".join(capsys.readouterr().out.split())
+    assert "whole width of the block, m (default 0.1)" in text
+    assert "bounds of bob over block mass (default 0.01 0.2)" in text
+    assert "--walls a solid ball of steel must keep off the block's walls once it has settled -" not in text
+    assert "seed of the screening, the samples and the starts (default 0)" in text
+
+
+def test_every_declared_option_is_compared_with_a_file():
+    groups = (common.SCENE, optimise.DESIGN, optimise.CONDITIONS, optimise.SEARCH, optimise.STARTS)
+    declared = [option.flag for group in groups for option in group]
+    assert len(declared) == len(set(declared))
+    assert {*declared, "--scatter"} == {word for _, options in SAME for word in options if word[:2] == "--"}
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("3", 3), ("3.0", 3.0), ("1e3", 1000.0), ("housner", "housner"), ("", ""), ("-1", -1)]
+)
+def test_texts_become_numbers_where_they_are(text, value):
+    assert plain(text) == value
+    assert type(plain(text)) is type(value)

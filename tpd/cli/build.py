@@ -1,0 +1,164 @@
+"""Objects that `tpd.optimise` takes, made of the typed tables of a job file."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+from msgspec.structs import replace
+
+from tpd.analysis.attractors import Starts
+from tpd.analysis.ensemble import Ensemble
+from tpd.cli.schema import JobFile
+from tpd.core.conditions import Conditions
+from tpd.core.scene import Block, Harmonic, Scene
+from tpd.design.criteria import KINDS, Limit, Risk
+from tpd.design.methods import Descent, Method, Sequential
+from tpd.design.space import DesignSpace
+from tpd.models.base import AbstractModel
+from tpd.models.piecewise import Piecewise
+from tpd.models.segmented import Segmented
+from tpd.models.smoothed import Smoothed
+
+_MOST_CONDITIONS = 100_000
+"""Beyond it the arrays of a search do not fit into the memory of a usual computer."""
+
+
+@contextlib.contextmanager
+def naming(table: str) -> Iterator[None]:
+    """Name the table in messages about its values."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"[{table}] {error}") from None
+
+
+def scene_of(file: JobFile) -> Scene:
+    """Block, base motion and gravity."""
+    with naming("block"):
+        block = Block(**msgspec.structs.asdict(file.block))
+    with naming("motion"):
+        motion = Harmonic(**msgspec.structs.asdict(file.motion))
+    with naming("site"):
+        return Scene(block, motion, file.site.gravity)
+
+
+def conditions_of(file: JobFile, scene: Scene) -> Conditions:
+    """Each frequency with each amplitude and each sample."""
+    if file.size > _MOST_CONDITIONS:
+        raise ValueError(f"a job must have at most {_MOST_CONDITIONS} conditions, but has {file.size}")
+    asked, out = file.conditions, Conditions()
+    with naming("conditions"):
+        if asked.band is not None:
+            out = out * Conditions.band(scene, *asked.band, asked.frequencies)
+        if asked.amplitudes != (1.0,):
+            out = out * Conditions.amplitudes(*asked.amplitudes)
+    with naming("scatter"):
+        if widths := file.widths:
+            out = out * Conditions.scatter(asked.samples, file.search.seed, **widths)
+    return out
+
+
+def space_of(file: JobFile) -> DesignSpace:
+    """Design space."""
+    with naming("space"):
+        return DesignSpace(**msgspec.structs.asdict(file.space))
+
+
+def ensemble_of(file: JobFile) -> Ensemble:
+    """Runs of the verification."""
+    with naming("ensemble"):
+        return Ensemble(**msgspec.structs.asdict(file.ensemble))
+
+
+def starts_of(file: JobFile) -> Starts:
+    """Initial states."""
+    match file.starts.kind:
+        case "rest":
+            return Starts.rest()
+        case "any":
+            return Starts.any()
+        case _:
+            asked = file.starts
+            seed = file.search.seed if asked.seed is None else asked.seed
+            return Starts(size=asked.size, seed=seed, worst=asked.worst)
+
+
+def risk_of(file: JobFile) -> Risk:
+    """Risk measure."""
+    match file.risk.measure:
+        case "worst":
+            return Risk.worst()
+        case "expected":
+            return Risk.expected()
+        case _:
+            return Risk.cvar(file.risk.share)
+
+
+def limits_of(file: JobFile) -> tuple[Limit, ...]:
+    """Limits, in the order of a report."""
+    asked = {kind: getattr(file.limits, kind.name) for kind in KINDS}
+    with naming("limits"):
+        # A limit is a number, or it is there or not.
+        return tuple(
+            kind() if value is True else kind(value)  # type: ignore[call-arg]
+            for kind, value in asked.items()
+            if value is not None and value is not False
+        )
+
+
+def with_model(file: JobFile, scene: Scene) -> JobFile:
+    """Choose the model of the search where it is not the first of its method.
+
+    Raises:
+        ValueError: a model that the method or the block does not allow.
+    """
+    model, lossless = file.search.model, scene.block.velocity_ratio == 1.0
+    if file.search.method != "descent":
+        return file
+    if model == "orbits":
+        raise ValueError(
+            "`search.model` orbits goes with `search.method` sequential, which this job does not have"
+        )
+    if model == "smoothed" and not lossless:
+        raise ValueError("`search.model` smoothed has no impact loss, but the block has: take piecewise")
+    if model is None and not lossless:
+        return replace(file, search=replace(file.search, model="piecewise"))
+    return file
+
+
+def method_of(file: JobFile) -> Method:
+    """Method of the search."""
+    asked = file.search
+    numbers = {name: getattr(asked, name) for name in ("searches", "screening", "steps")}
+    given: dict[str, Any] = {name: number for name, number in numbers.items() if number is not None}
+    # The first model of each method is its default.
+    if asked.model not in (None, "orbits" if asked.method == "sequential" else "smoothed"):
+        given["model"] = _model(asked.model)
+    with naming("search"):
+        if asked.method == "sequential":
+            return Sequential(**given)
+        return Descent(optimiser=asked.optimiser, tolerance=asked.tolerance, **given)
+
+
+def _model(name: str | None) -> AbstractModel:
+    """Model for a search, which gives up a motion that has not settled within 200 periods."""
+    match name:
+        case "smoothed":
+            return Smoothed(max_periods=200)
+        case "piecewise":
+            return Piecewise(max_periods=200, lyapunov_periods=0)
+        case _:
+            return Segmented(max_periods=200)
+
+
+def with_defaults(file: JobFile, scene: Scene, method: Method) -> JobFile:
+    """Fill in the defaults that depend on other keys, so that a written job does not depend on them."""
+    numbers = {name: getattr(method, name) for name in ("searches", "screening", "steps")}
+    return replace(
+        file,
+        block=replace(file.block, friction=scene.block.friction),
+        search=replace(file.search, **numbers),
+    )
