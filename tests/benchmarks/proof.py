@@ -1,11 +1,13 @@
 """Does the gradient pay: the search of `tpd.optimise_over` against its own optax methods and against
 derivative-free ones, on the same exact objective, from ten seeds each. Prints a table a problem and
-draws `proof.png`.
+draws `proof.png`. The runs are stored in `results/proof.json`; `--draw` draws and prints what is stored.
 
 .venv/bin/python -m tests.benchmarks.proof
 """
 
 import argparse
+import datetime
+import json
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -16,7 +18,6 @@ from pathlib import Path
 from threading import Condition
 from typing import Any, NamedTuple
 
-import cma
 import jax
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -26,12 +27,15 @@ from scipy.optimize import differential_evolution, minimize
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
+from tests.benchmarks.tables import compact  # noqa: E402
+from tpd.core.files import place  # noqa: E402
 from tpd.design.checkpoint import Kept  # noqa: E402
 from tpd.design.objective import Objective  # noqa: E402
 from tpd.design.search import Search  # noqa: E402
 from tpd.design.sequential import merit_of  # noqa: E402
 
 SEEDS = 10
+VERSIONS = ("tpd", "jax", "numpy", "scipy", "cma")
 NEAR = 1e-3
 """Distance from the best value anybody found, a share of it, that counts as found."""
 OURS = {"screening": 32, "starts": 4, "steps": 16}
@@ -41,6 +45,8 @@ BUDGET = 1000
 GRID = 20
 """Designs on an edge of the grid."""
 PICTURE = Path(__file__).parents[2] / "notebooks" / "pictures" / "proof.png"
+RESULTS = Path(__file__).with_name("results") / "proof.json"
+COMMAND = "python -m tests.benchmarks.proof"
 
 SCENE = tpd.paper_scene()
 SLIM = replace(SCENE, block=replace(SCENE.block, width=0.08))
@@ -203,6 +209,8 @@ def simplex(objective: Objective, seeds: int) -> list[Run]:
 
 def adaptation(objective: Objective, seed: int) -> Run:
     """CMA-ES, restarted with twice the population."""
+    import cma  # drawing what is stored does without this package
+
     ledger, began, rng = Ledger(objective), time.perf_counter(), np.random.default_rng([seed, 2])
     restarts = 0
     while len(ledger.values) < BUDGET:
@@ -361,18 +369,60 @@ def _gap(run: Run, best: float) -> np.ndarray:
     return np.maximum((run.best - best) / abs(best), 1e-7)
 
 
+def store(results: dict[str, dict[str, list[Run]]]) -> None:
+    """Write the runs, one a line: the designs after which the best value improved, and the last design."""
+    rows = [
+        {
+            "problem": problem,
+            "method": method,
+            "evaluations": run.evaluations[_improved(run)].tolist(),
+            "best": run.best[_improved(run)].tolist(),
+            "seconds": run.seconds,
+        }
+        for problem, methods in results.items()
+        for method, runs in methods.items()
+        for run in runs
+    ]
+    versions = {name: version(name) for name in VERSIONS}
+    about = {"date": str(datetime.date.today()), **versions, **OURS}
+    place(RESULTS, compact({"command": COMMAND, "about": about, "rows": rows}))
+
+
+def _improved(run: Run) -> np.ndarray:
+    better = np.diff(run.best, prepend=np.inf) < 0.0
+    better[[0, -1]] = True
+    return np.flatnonzero(better)
+
+
+def stored() -> dict[str, dict[str, list[Run]]]:
+    """The runs of each method on each problem, as they were stored."""
+    results: dict[str, dict[str, list[Run]]] = {}
+    for row in json.loads(RESULTS.read_text())["rows"]:
+        run = Run(np.array(row["evaluations"]), np.array(row["best"]), row["seconds"])
+        results.setdefault(row["problem"], {}).setdefault(row["method"], []).append(run)
+    return results
+
+
 def main() -> None:
-    """Print the tables and draw the picture."""
+    """Measure or read the runs, print the tables and draw the picture."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--picture", type=Path, default=PICTURE)
+    parser.add_argument("--draw", action="store_true", help="what is stored, without measuring")
     asked = parser.parse_args()
-    print(", ".join(f"{name} {version(name)}" for name in ("tpd", "jax", "numpy", "scipy", "cma")))
+    if asked.draw:
+        results = stored()
+        for name, runs in results.items():
+            print(told(name, *table(runs)))
+        draw(results, asked.picture)
+        return
+    print(", ".join(f"{name} {version(name)}" for name in VERSIONS))
     print(", ".join(f"{name} {value}" for name, value in OURS.items()), flush=True)
     results = {}
     for name, objective in PROBLEMS.items():
         results[name] = solved(objective, asked.seeds)
         print(told(name, *table(results[name])), flush=True)
+    store(results)
     draw(results, asked.picture)
 
 
