@@ -8,7 +8,8 @@ exists, proof.png into notebooks/pictures.
 
 import json
 
-from tests.benchmarks import bias, growth, proof
+from tests.benchmarks import bias, growth
+from tests.benchmarks import proof_runs as proof
 from tests.benchmarks.precision import __main__ as precision
 from tests.benchmarks.precision import chart
 from tests.benchmarks.precision.scenes import SCENES
