@@ -1,6 +1,24 @@
 """Tuned pendulum design: find the pendulum that keeps a rocking block from rocking.
 
 Names are imported on first use, so that `tpd --help` does not wait for JAX.
+
+The equations of the paper (Collini et al. 2016) and the modules that hold them. A folder imports only from
+those named before it: core, closed_form, exact, models, analysis, design, plot, report, cli.
+
+| equation | content | module |
+|---|---|---|
+| (4) | block and pendulum, nonlinear | core/equations; solved in models/segmented, models/smoothed |
+| (5) | uplift, here with a pendulum | closed_form/harmonic_balance |
+| (6), omega_0, rho | rate and inertia of the block | core/scene |
+| (7) to (11) | free rocking | closed_form/free_rocking |
+| (12) to (14) | forced bare block: mu = 0 | core/equations |
+| (16) to (18) | motion on one arc | exact/modes, exact/propagator, exact/arc |
+| (19) | periodic orbit, exact here | exact/orbit_equation, exact/orbit_roots, analysis/symmetric_orbits |
+| (20) to (24) | one-harmonic balance, bare block: mu = 0 | closed_form/harmonic_balance |
+| (25) | block and pendulum, linear | core/equations; solved in models/piecewise |
+| (26), (27) | one-harmonic balance with the pendulum | closed_form/harmonic_balance |
+| Table 1 | pendulums that keep the block down | closed_form/harmonic_balance, analysis/design_map |
+| as printed | formulas with their misprints, errata | closed_form/paper |
 """
 
 from importlib import import_module

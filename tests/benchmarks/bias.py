@@ -26,7 +26,7 @@ from jaxtyping import Array, Float
 jax.config.update("jax_enable_x64", True)
 
 from tests.benchmarks.ladder import scenes  # noqa: E402
-from tests.benchmarks.tables import table  # noqa: E402
+from tests.benchmarks.tables import compact, table  # noqa: E402
 from tests.counting import counted  # noqa: E402
 from tests.reference import BARE, HUNG, MOVING, STILL, Case, exact, parameters  # noqa: E402
 from tpd import Parameters, Smoothed, status_name, steady_state  # noqa: E402
@@ -311,7 +311,7 @@ def main() -> None:
             "far": FAR,
             "starts": starts(),
         }
-        place(RESULTS, as_json(results))
+        place(RESULTS, compact(json.loads(as_json(results))))
     results = json.loads(RESULTS.read_text())
     told(results)
     draw(results, PICTURE)

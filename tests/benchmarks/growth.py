@@ -31,7 +31,7 @@ from matplotlib.ticker import NullFormatter, NullLocator
 jax.config.update("jax_enable_x64", True)
 
 from tests.benchmarks.engine import batch, describe  # noqa: E402
-from tests.benchmarks.tables import table, timed  # noqa: E402
+from tests.benchmarks.tables import compact, table, timed  # noqa: E402
 from tests.reference import HUNG, parameters  # noqa: E402
 from tpd import Piecewise, Smoothed, in_chunks, simulate, symmetric_orbits  # noqa: E402
 from tpd.analysis.work_queue import settle_all  # noqa: E402
@@ -237,7 +237,7 @@ def main() -> None:
         results = json.loads(as_json(results))
     told(results)
     if not given.quick:
-        place(RESULTS, as_json(results))
+        place(RESULTS, compact(results))
         draw(results, PICTURE)
 
 

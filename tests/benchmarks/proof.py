@@ -1,6 +1,6 @@
 """Does the gradient pay: the search of `tpd.optimise_over` against its own optax methods and against
 derivative-free ones, on the same exact objective, from ten seeds each. Prints a table a problem and
-draws `proof.png`.
+draws `proof.png`. The runs are stored in `results/proof.json`; `--draw` draws and prints what is stored.
 
 .venv/bin/python -m tests.benchmarks.proof
 """
@@ -14,33 +14,28 @@ from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from threading import Condition
-from typing import Any, NamedTuple
+from typing import Any
 
-import cma
 import jax
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from scipy.optimize import differential_evolution, minimize
 
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
+from tests.benchmarks.proof_runs import PICTURE, VERSIONS, Run, draw, store, stored, table, told  # noqa: E402
 from tpd.design.checkpoint import Kept  # noqa: E402
 from tpd.design.objective import Objective  # noqa: E402
 from tpd.design.search import Search  # noqa: E402
 from tpd.design.sequential import merit_of  # noqa: E402
 
 SEEDS = 10
-NEAR = 1e-3
-"""Distance from the best value anybody found, a share of it, that counts as found."""
 OURS = {"screening": 32, "starts": 4, "steps": 16}
 """One budget for all problems."""
 BUDGET = 1000
 """Designs after which restarts of the peers end; a run that is going on is finished."""
 GRID = 20
 """Designs on an edge of the grid."""
-PICTURE = Path(__file__).parents[2] / "notebooks" / "pictures" / "proof.png"
 
 SCENE = tpd.paper_scene()
 SLIM = replace(SCENE, block=replace(SCENE.block, width=0.08))
@@ -77,16 +72,6 @@ PROBLEMS = {
         LESS, tpd.Conditions.band(LESS, 1.5, 2.8), WORST, from_rest=True
     ),
 }
-
-
-class Run(NamedTuple):
-    """One method from one seed."""
-
-    evaluations: np.ndarray
-    """Designs evaluated by then."""
-    best: np.ndarray
-    """The best value so far, of the same length."""
-    seconds: float
 
 
 def merits(objective: Objective, unit: np.ndarray) -> np.ndarray:
@@ -203,6 +188,8 @@ def simplex(objective: Objective, seeds: int) -> list[Run]:
 
 def adaptation(objective: Objective, seed: int) -> Run:
     """CMA-ES, restarted with twice the population."""
+    import cma  # drawing what is stored does without this package
+
     ledger, began, rng = Ledger(objective), time.perf_counter(), np.random.default_rng([seed, 2])
     restarts = 0
     while len(ledger.values) < BUDGET:
@@ -262,117 +249,26 @@ def solved(objective: Objective, seeds: int) -> dict[str, list[Run]]:
     return runs
 
 
-def reached(run: Run, goal: float) -> float:
-    """Designs evaluated until the goal; infinite where it was not met."""
-    met = np.flatnonzero(run.best <= goal)
-    return float(run.evaluations[met[0]]) if len(met) else np.inf
-
-
-class Row(NamedTuple):
-    """What a table says of a method."""
-
-    hits: int
-    runs: int
-    until: float
-    """Median number of designs until it was there; infinite where no more than half were."""
-    total: float
-    seconds: float
-    worst: float
-    """The largest distance from the best at the end, a share of the best."""
-
-
-def table(runs: dict[str, list[Run]]) -> tuple[float, dict[str, Row]]:
-    """The best value of all, and a row a method."""
-    best = min(run.best[-1] for of in runs.values() for run in of)
-    goal = best + NEAR * abs(best)
-    rows = {}
-    for name, of in runs.items():
-        until = [reached(run, goal) for run in of]
-        rows[name] = Row(
-            int(np.isfinite(until).sum()),
-            len(of),
-            float(np.median(until)),
-            float(np.median([run.evaluations[-1] for run in of])),
-            float(np.median([run.seconds for run in of])),
-            float(max(_gap(run, best)[-1] for run in of)),
-        )
-    return best, rows
-
-
-def told(name: str, best: float, rows: dict[str, Row]) -> str:
-    """The table, and whether ours does what is asked of it."""
-    head = f"{'method':26}{'within 0.1 %':>13}{'until there':>12}{'in all':>8}{'seconds':>9}{'worst gap':>10}"
-    lines = [f"\n{name}: best {best:.8g}", head]
-    for method, r in rows.items():
-        lines.append(
-            f"{method:26}{r.hits:6} of {r.runs:<3}{r.until:12.0f}{r.total:8.0f}{r.seconds:9.2f}"
-            f"{r.worst:10.0e}"
-        )
-    peers = {m: r for m, r in rows.items() if m not in ("ours", "grid") and not m.startswith("optax")}
-    sound = {m: r for m, r in peers.items() if r.hits >= 0.9 * r.runs}
-    own, close = rows["ours"], min((sound or peers).items(), key=lambda item: item[1].until)
-    share = own.until / close[1].until
-    lines.append(
-        f"best peer: {close[0]}{'' if sound else ', though not in nine of ten'}; ours needs {share:.1%} of "
-        f"its designs (reach: 5 %, {'met' if share <= 0.05 else 'NOT met'}) and is there in {own.hits} of "
-        f"{own.runs} (reach: nine of ten, {'met' if own.hits >= 0.9 * own.runs else 'NOT met'})"
-    )
-    return "\n".join(lines)
-
-
-STYLES = {
-    "ours": ("#000000", "-", 2.2),
-    "optax: Adam": ("#000000", (0, (1, 1)), 1.4),
-    "optax: L-BFGS": ("#000000", (0, (5, 2)), 1.4),
-    "differential evolution": ("#0072b2", "--", 1.4),
-    "the same, polished": ("#56b4e9", (0, (6, 2, 1, 2)), 1.4),
-    "Nelder-Mead, restarted": ("#d55e00", "-.", 1.4),
-    "CMA-ES, restarted": ("#009e73", (0, (3, 1, 1, 1, 1, 1)), 1.4),
-    "random": ("#999999", ":", 1.4),
-    "grid": ("#999999", "-", 1.0),
-}
-
-
-def draw(results: dict[str, dict[str, list[Run]]], path: Path) -> None:
-    """Median gap to the best value against designs evaluated, a panel a problem."""
-    figure = Figure(figsize=(9.0, 7.0), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
-    for ax, (name, runs) in zip(panels, results.items(), strict=False):
-        best = min(run.best[-1] for of in runs.values() for run in of)
-        for label, of in runs.items():
-            color, style, width = STYLES[label]
-            at = np.geomspace(1.0, max(run.evaluations[-1] for run in of), 300)
-            gaps = [_gap(run, best)[np.searchsorted(run.evaluations, at, side="right") - 1] for run in of]
-            ax.plot(at, np.median(gaps, axis=0), color=color, ls=style, lw=width, label=label)
-        ax.axhline(NEAR, color="#bbbbbb", lw=0.8, zorder=0)
-        ax.set(xscale="log", yscale="log", ylim=(1e-7, 30.0))
-        ax.set_title(name, fontsize=9)
-        ax.tick_params(labelbottom=True)
-    for ax in panels[len(results) :]:
-        ax.set_axis_off()
-    figure.supxlabel("designs evaluated", fontsize=10)
-    figure.supylabel("median gap to the best value found, a share of it (line: 0.1 %)", fontsize=10)
-    panels[0].legend(fontsize=8, loc="lower left", frameon=False)
-    figure.savefig(path, dpi=110)
-
-
-def _gap(run: Run, best: float) -> np.ndarray:
-    return np.maximum((run.best - best) / abs(best), 1e-7)
-
-
 def main() -> None:
-    """Print the tables and draw the picture."""
+    """Measure or read the runs, print the tables and draw the picture."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--picture", type=Path, default=PICTURE)
+    parser.add_argument("--draw", action="store_true", help="what is stored, without measuring")
     asked = parser.parse_args()
-    print(", ".join(f"{name} {version(name)}" for name in ("tpd", "jax", "numpy", "scipy", "cma")))
+    if asked.draw:
+        results = stored()
+        for name, runs in results.items():
+            print(told(name, *table(runs)))
+        draw(results, asked.picture)
+        return
+    print(", ".join(f"{name} {version(name)}" for name in VERSIONS))
     print(", ".join(f"{name} {value}" for name, value in OURS.items()), flush=True)
     results = {}
     for name, objective in PROBLEMS.items():
         results[name] = solved(objective, asked.seeds)
         print(told(name, *table(results[name])), flush=True)
+    store(results, OURS)
     draw(results, asked.picture)
 
 

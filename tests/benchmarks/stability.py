@@ -24,7 +24,7 @@ from jaxtyping import Array
 
 jax.config.update("jax_enable_x64", True)
 
-from tests.benchmarks.tables import table  # noqa: E402
+from tests.benchmarks.tables import compact, table  # noqa: E402
 from tests.reference import HUNG, parameters  # noqa: E402
 from tpd import Smoothed  # noqa: E402
 from tpd.core.equations import smoothed_rates  # noqa: E402
@@ -164,7 +164,7 @@ def main() -> None:
         "versions": versions(),
         "rows": rows,
     }
-    place(RESULTS, as_json(content))
+    place(RESULTS, compact(json.loads(as_json(content))))
     print(content["command"], content["date"], content["versions"])
     cells = []
     for r in json.loads(RESULTS.read_text())["rows"]:

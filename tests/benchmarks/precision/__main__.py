@@ -10,7 +10,6 @@ some methods, `--draw` only draws what was measured last, and Ctrl-C keeps what 
 import argparse
 import datetime
 import json
-import math
 import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
@@ -22,9 +21,10 @@ import numpy as np
 jax.config.update("jax_enable_x64", True)
 
 from tests.benchmarks.precision import chart  # noqa: E402
-from tests.benchmarks.precision.measure import Row, error, first_calls, once, plain, warm  # noqa: E402
+from tests.benchmarks.precision.measure import Row, error, first_calls, once, plain, read, warm  # noqa: E402
 from tests.benchmarks.precision.methods import Method, Unable  # noqa: E402
 from tests.benchmarks.precision.scenes import PENDULUM, SCENES, load  # noqa: E402
+from tests.benchmarks.tables import compact  # noqa: E402
 
 ROOT = Path(__file__).parents[3]
 RESULTS = ROOT / "tests" / "benchmarks" / "results"
@@ -109,8 +109,7 @@ def draw(rows: list[Row], more: list[str], about: dict[str, str]) -> None:
 def stored() -> tuple[list[Row], list[str], dict[str, str]]:
     """What was measured last: rows, the table of batches, and what it stands for."""
     held = json.loads(KEPT.read_text())
-    rows = [Row(**{k: math.nan if v is None else v for k, v in r.items()}) for r in held["rows"]]
-    return rows, held["batch"], held["about"]
+    return read(held["rows"]), held["batch"], held["about"]
 
 
 def main() -> None:
@@ -136,7 +135,7 @@ def main() -> None:
     warm(measured, options.rounds)
     rows = [row for row, _ in measured]
     more, about = batches(methods, options.rounds), {"date": str(datetime.date.today()), **versions()}
-    KEPT.write_text(json.dumps({"about": about, "batch": more, "rows": plain(rows)}, indent=0) + "\n")
+    KEPT.write_text(compact({"about": about, "batch": more, "rows": plain(rows)}))
     draw(rows, more, about)
 
 

@@ -1,5 +1,6 @@
 """Errors and times of all methods on all scenes, in one process, warm runs interleaved."""
 
+import math
 import statistics
 import sys
 import time
@@ -137,5 +138,12 @@ def warm(rows: list[tuple[Row, Call | None]], rounds: int) -> None:
 
 
 def plain(rows: Iterable[Row]) -> list[dict[str, Any]]:
-    """For JSON, where NaN is None."""
-    return [{k: None if v != v else v for k, v in asdict(row).items()} for row in rows]
+    """Rows as JSON holds them: NaN is null and infinity a string, see `read`."""
+    names = {math.inf: "infinite"}
+    return [{k: None if v != v else names.get(v, v) for k, v in asdict(row).items()} for row in rows]
+
+
+def read(rows: Iterable[dict[str, Any]]) -> list[Row]:
+    """Rows from what `plain` wrote."""
+    numbers = {None: math.nan, "infinite": math.inf}
+    return [Row(**{k: numbers.get(v, v) for k, v in row.items()}) for row in rows]
