@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from tpd.analysis.steady_state import steady_state as steady_state
     from tpd.analysis.sweep import sweep as sweep
     from tpd.analysis.symmetric_orbits import symmetric_orbits as symmetric_orbits
-    from tpd.closed_form.equivalent_friction import equivalent_friction as equivalent_friction
     from tpd.closed_form.free_rocking import free_motion as free_motion
     from tpd.closed_form.harmonic_balance import neglected_harmonics as neglected_harmonics
     from tpd.closed_form.harmonic_balance import one_harmonic as one_harmonic
     from tpd.closed_form.harmonic_balance import one_harmonic_branches as one_harmonic_branches
     from tpd.closed_form.harmonic_balance import parametric_branches as parametric_branches
-    from tpd.closed_form.harmonic_balance import uplift as uplift
+    from tpd.closed_form.impact_loss import equivalent_friction as equivalent_friction
+    from tpd.closed_form.no_uplift import uplift as uplift
     from tpd.core.batch import in_chunks as in_chunks
     from tpd.core.conditions import Conditions as Conditions
     from tpd.core.conditions import Limits as Limits
@@ -87,7 +87,7 @@ _HOMES = {
     "check": "analysis.compare_models",
     "continue_orbit": "analysis.periodic_orbit",
     "design_map": "analysis.design_map",
-    "equivalent_friction": "closed_form.equivalent_friction",
+    "equivalent_friction": "closed_form.impact_loss",
     "free_motion": "closed_form.free_rocking",
     "frequency_response": "analysis.response",
     "in_chunks": "core.batch",
@@ -107,7 +107,7 @@ _HOMES = {
     "steady_state": "analysis.steady_state",
     "sweep": "analysis.sweep",
     "symmetric_orbits": "analysis.symmetric_orbits",
-    "uplift": "closed_form.harmonic_balance",
+    "uplift": "closed_form.no_uplift",
     "verdict": "analysis.ensemble",
 }
 

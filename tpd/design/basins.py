@@ -22,7 +22,7 @@ from jaxtyping import Array
 from tpd.analysis.attractors import Starts
 from tpd.analysis.steady_state import answered
 from tpd.analysis.work_queue import settle_all
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form.no_uplift import uplift
 from tpd.core.batch import in_chunks
 from tpd.core.conditions import under, under_all
 from tpd.core.parameters import Parameters, as_arrays

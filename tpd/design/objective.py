@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array
 
 from tpd.analysis.symmetric_orbits import symmetric_orbits
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form.no_uplift import uplift
 from tpd.core.batch import in_chunks, trace
 from tpd.core.conditions import Conditions, Limits, Measure, under
 from tpd.core.parameters import Parameters

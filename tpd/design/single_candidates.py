@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form.no_uplift import uplift
 from tpd.core.parameters import Parameters
 from tpd.core.progress import Progress
 from tpd.core.status import SETTLED, status_name

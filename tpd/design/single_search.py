@@ -18,7 +18,7 @@ import optax
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.analysis.steady_state import Steady, steady_state
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form.no_uplift import uplift
 from tpd.core.parameters import Number, Parameters
 from tpd.core.progress import Progress
 from tpd.core.sampling import latin_hypercube
