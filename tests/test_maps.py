@@ -16,7 +16,7 @@ from matplotlib.collections import QuadMesh
 from tpd import Parameters, Pendulum, design_map, paper_scene, status_name, steady_state, symmetric_orbits
 from tpd.analysis.design_map import DesignMap
 from tpd.cli import main
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form.no_uplift import uplift
 from tpd.plot.design_map import plot_map
 
 SCENE, HUNG = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)

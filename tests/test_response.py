@@ -24,7 +24,7 @@ from tpd import (
 from tpd.analysis.bifurcations import Kind
 from tpd.analysis.response import Branches
 from tpd.cli import main
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form.no_uplift import uplift
 from tpd.core.quantities import Setup
 from tpd.plot.branches import plot_branches
 

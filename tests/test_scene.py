@@ -1,10 +1,14 @@
 """From SI units to the dimensionless parameters, and what a scene refuses."""
 
+import subprocess
+import sys
+
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tpd import Block, Harmonic, Parameters, Pendulum, Scene, paper_scene
+from tpd import Block, Harmonic, Parameters, Pendulum, Scene, paper_scene, steady_state, uplift
 from tpd.core.scene import STANDARD_GRAVITY, housner
 
 BLOCK = {"width": 0.1, "height": 0.4, "mass": 16.224}
@@ -172,3 +176,179 @@ def test_the_parameters_are_a_pytree_of_numbers():
     p = paper_scene().parameters()
     assert isinstance(p, Parameters)
     assert all(isinstance(x, float) for x in jax.tree.leaves(p))
+
+
+HUNG = Pendulum(mass=1.2, length=0.05, damping_ratio=0.2)
+TIED = Scene(Block(**BLOCK, friction=0.02, restitution="housner"), Harmonic(**MOTION))
+SCENES = {
+    "friction": paper_scene(),
+    "housner": TIED,
+    "all numbers": Scene(
+        Block(**BLOCK, friction=0.02, restitution=0.9, radius_of_gyration=0.13), Harmonic(**MOTION), 9.7
+    ),
+}
+
+
+def differences_in_si(function, both, share):
+    """Central differences of fourth order of a function of (scene, pendulum), leaf by leaf."""
+    leaves, structure = jax.tree.flatten(both)
+
+    def at(i, factor):
+        moved = [x * factor if i == j else x for j, x in enumerate(leaves)]
+        return np.asarray(function(jax.tree.unflatten(structure, moved)))
+
+    return [
+        (8 * (at(i, 1 + share) - at(i, 1 - share)) - (at(i, 1 + 2 * share) - at(i, 1 - 2 * share)))
+        / (12 * share * leaf)
+        for i, leaf in enumerate(leaves)
+    ]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_derivatives_of_the_parameters_in_si_are_those_of_differences(name):
+    def vector(both):
+        p = both[0].parameters(both[1])
+        return jnp.stack(
+            [jnp.asarray(x) for x in (p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.e)]
+        )
+
+    both = (SCENES[name], HUNG)
+    slopes = jax.tree.leaves(jax.jit(jax.jacrev(vector))(both))
+    for slope, expected in zip(slopes, differences_in_si(vector, both, 1e-3), strict=True):
+        np.testing.assert_allclose(slope, expected, rtol=1e-9, atol=1e-9)
+        assert np.any(slope != 0.0)
+
+
+@jax.jit
+def slopes_in_si(both):
+    return jax.value_and_grad(lambda both: steady_state(both[0].parameters(both[1])).amplitude)(both)
+
+
+def test_derivatives_of_the_amplitude_in_si_are_those_of_differences():
+    both = (TIED, HUNG)
+    amplitude, slopes = slopes_in_si(both)
+    assert float(amplitude) == pytest.approx(0.0740504, rel=1e-5)
+    assert jax.tree.structure(slopes) == jax.tree.structure(both)
+    assert isinstance(slopes[1], Pendulum)
+    expected = differences_in_si(lambda both: slopes_in_si(both)[0], both, 1e-4)
+    np.testing.assert_allclose(jax.tree.leaves(slopes), expected, rtol=1e-7)
+    # The gradient of the pendulum alone, without `jit`: rad per kg, per metre and per unit of zeta.
+    alone = jax.grad(lambda hung: steady_state(TIED.parameters(hung)).amplitude)(HUNG)
+    np.testing.assert_allclose(jax.tree.leaves(alone), jax.tree.leaves(slopes[1]), rtol=1e-9)
+
+
+def test_housner_s_restitution_follows_the_block_in_gradients():
+    def ratio(block):
+        return Scene(block, Harmonic(**MOTION)).parameters().e
+
+    tied = jax.grad(ratio)(Block(**BLOCK, restitution="housner"))
+    # e = 1 - 1.5 nu^2 / (1 + nu^2), so de/dnu = -3 nu / (1 + nu^2)^2.
+    assert float(tied.width) == pytest.approx(-3 * 0.25 / (1 + 0.25**2) ** 2 / 0.4, rel=1e-12)
+    assert tied.restitution == "housner"
+    free = jax.grad(ratio)(Block(**BLOCK, restitution=0.9))
+    assert (float(free.width), float(free.restitution)) == (0.0, 1.0)
+    none = jax.grad(lambda block: block.friction * block.width)(Block(**BLOCK))
+    assert none.restitution is None
+    assert float(none.friction) == 0.1
+
+
+BATCH = [
+    (TIED, HUNG),
+    (
+        Scene(
+            Block(width=0.11, height=0.4, mass=15.0, friction=0.03, restitution="housner"),
+            Harmonic(amplitude=0.014, frequency=2.6),
+        ),
+        Pendulum(mass=1.6, length=0.06, damping_ratio=0.3),
+    ),
+]
+
+
+def test_a_batch_of_scenes_and_pendulums_is_solved_one_by_one():
+    stacked = jax.tree.map(lambda *x: jnp.stack(x), *BATCH)
+    solve = jax.vmap(lambda both: steady_state(both[0].parameters(both[1])).amplitude)
+    alone = [float(slopes_in_si(both)[0]) for both in BATCH]
+    assert alone[0] != pytest.approx(alone[1], rel=1e-2)
+    np.testing.assert_allclose(jax.jit(solve)(stacked), alone, rtol=1e-12)
+
+
+@pytest.mark.parametrize("batched", [Pendulum, Block, Harmonic])
+def test_a_batch_of_any_part_meets_one_of_the_others(batched):
+    (scene, hung), (other, lighter) = BATCH
+    first = {Pendulum: hung, Block: scene.block, Harmonic: scene.motion}
+    second = {Pendulum: lighter, Block: other.block, Harmonic: other.motion}
+    stacked = jax.tree.map(lambda *x: jnp.stack(x), first[batched], second[batched])
+
+    def margin(part):
+        parts = {**first, batched: part}
+        return uplift(Scene(parts[Block], parts[Harmonic]).parameters(parts[Pendulum])).margin
+
+    expected = [float(margin(part[batched])) for part in (first, second)]
+    assert expected[0] != expected[1]
+    np.testing.assert_allclose(jax.vmap(margin)(stacked), expected, rtol=1e-14)
+    np.testing.assert_allclose(jax.jit(jax.vmap(margin))(stacked), expected, rtol=1e-14)
+    np.testing.assert_allclose(margin(stacked), expected, rtol=1e-14)
+
+
+def test_a_part_can_be_made_of_traced_numbers():
+    def margin(length):
+        return uplift(paper_scene().parameters(Pendulum(mass=1.6, length=length, damping_ratio=0.1))).margin
+
+    lengths = jnp.array([0.1, 0.2])
+    expected = [float(margin(x)) for x in (0.1, 0.2)]
+    np.testing.assert_allclose(jax.vmap(margin)(lengths), expected, rtol=1e-14)
+    assert np.all(jax.vmap(jax.grad(margin))(lengths) != 0.0)
+
+
+def test_parts_are_compared_and_hashed_as_plain_numbers():
+    assert Block(**BLOCK) == Block(**BLOCK)
+    assert Block(**BLOCK) != Block(**BLOCK, restitution="housner")
+    assert len({paper_scene(), paper_scene(), TIED}) == 2
+    whole = Block(width=1, height=4, mass=100, friction=0)
+    assert all(type(x) is float for x in jax.tree.leaves(whole))
+    assert jax.tree.map(lambda x: x, TIED) == TIED
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Block(**{**BLOCK, "width": "0.1"}), "`width` must be a number, but is '0.1'"),
+        (lambda: Block(**{**BLOCK, "mass": None}), "`mass` must be a number, but is None"),
+        (lambda: Block(**{**BLOCK, "height": [0.4]}), r"`height` must be a number, but is \[0.4\]"),
+        (lambda: Pendulum(**{**PENDULUM, "length": True}), "`length` must be a number, but is True"),
+        (lambda: Pendulum(**{**PENDULUM, "mass": 1j}), "`mass` must be a number, but is 1j"),
+        (lambda: Harmonic(**{**MOTION, "frequency": {}}), r"`frequency` must be a number, but is \{\}"),
+        (
+            lambda: Scene(Block(**BLOCK), Harmonic(**MOTION), "earth"),
+            "`gravity` must be a number, but is 'earth'",
+        ),
+        (
+            lambda: Block(**{**BLOCK, "width": jnp.array([0.1, 0.3])}),
+            r"`width` must be at most 0\.5 of `height`.*but is 0\.75 of it",
+        ),
+    ],
+)
+def test_wrong_types_are_refused_in_one_sentence(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_parts_of_the_wrong_class_are_refused_in_one_sentence():
+    # In another process: here the checker of types speaks first.
+    script = """
+from tpd import Block, Harmonic, Scene, paper_scene
+block, motion = paper_scene().block, paper_scene().motion
+for make in (
+    lambda: Scene(motion, motion), lambda: Scene(block, 2.5), lambda: paper_scene().parameters(0.1)
+):
+    try:
+        make()
+    except ValueError as error:
+        print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == [
+        "`block` must be a Block, but is Harmonic(amplitude=0.015, frequency=2.5)",
+        "`motion` must be a Harmonic, but is 2.5",
+        "`pendulum` must be a Pendulum, but is 0.1",
+    ]

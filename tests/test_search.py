@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import linprog
 
 import tpd
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form.no_uplift import uplift
 from tpd.core.parameters import as_arrays
 from tpd.design.result import StartStatus
 from tpd.design.single_polish import knapsack

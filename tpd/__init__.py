@@ -8,7 +8,7 @@ those named before it: core, closed_form, exact, models, analysis, design, plot,
 | equation | content | module |
 |---|---|---|
 | (4) | block and pendulum, nonlinear | core/equations; solved in models/segmented, models/smoothed |
-| (5) | uplift, here with a pendulum | closed_form/harmonic_balance |
+| (5) | uplift, here with a pendulum | closed_form/no_uplift |
 | (6), omega_0, rho | rate and inertia of the block | core/scene |
 | (7) to (11) | free rocking | closed_form/free_rocking |
 | (12) to (14) | forced bare block: mu = 0 | core/equations |
@@ -17,7 +17,7 @@ those named before it: core, closed_form, exact, models, analysis, design, plot,
 | (20) to (24) | one-harmonic balance, bare block: mu = 0 | closed_form/harmonic_balance |
 | (25) | block and pendulum, linear | core/equations; solved in models/piecewise |
 | (26), (27) | one-harmonic balance with the pendulum | closed_form/harmonic_balance |
-| Table 1 | pendulums that keep the block down | closed_form/harmonic_balance, analysis/design_map |
+| Table 1 | pendulums that keep the block down | closed_form/no_uplift, analysis/design_map |
 | as printed | formulas with their misprints, errata | closed_form/paper |
 """
 

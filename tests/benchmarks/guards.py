@@ -237,8 +237,8 @@ GUARDS = (
         "scales",
         "scene: omega0 from the half height",
         "tpd/core/scene.py",
-        'rate = (q["gravity"] * rho / half_height) ** 0.5',
-        'rate = (q["gravity"] * rho / 0.2) ** 0.5',
+        "return (gravity * rho / half_height) ** 0.5",
+        "return (gravity * rho / 0.2) ** 0.5",
         _atlas("neither_millimetres_nor_kilometres_change_a_dimensionless_answer"),
     ),
 )

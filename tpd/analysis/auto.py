@@ -30,7 +30,8 @@ import numpy as np
 from jaxtyping import Array
 
 from tpd.analysis.steady_state import Steady, answered, steady_state
-from tpd.closed_form.harmonic_balance import neglected_harmonics, one_harmonic_branches, uplift
+from tpd.closed_form.harmonic_balance import neglected_harmonics, one_harmonic_branches
+from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
 from tpd.core.parameters import Number, Parameters, State, as_arrays
 from tpd.core.status import SETTLED, Status, is_settled, status_name

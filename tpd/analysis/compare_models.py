@@ -15,7 +15,8 @@ import jax
 import jax.numpy as jnp
 
 from tpd.analysis.steady_state import steady_state
-from tpd.closed_form.harmonic_balance import one_harmonic, uplift
+from tpd.closed_form.harmonic_balance import one_harmonic
+from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
 from tpd.core.equations import Terms
 from tpd.core.parameters import Parameters, as_arrays

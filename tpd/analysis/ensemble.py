@@ -19,7 +19,7 @@ import numpy as np
 from tpd.analysis.work_queue import settle_all
 from tpd.core import checks
 from tpd.core.conditions import FACTORS, Conditions
-from tpd.core.parameters import Parameters
+from tpd.core.parameters import Parameters, uniform_inertia_ratio
 from tpd.core.sampling import latin_hypercube
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import SETTLED, names_of
@@ -321,7 +321,7 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
         "k": float(p.k) * friction * factor["friction"],
         "f": float(p.f) * amplitude * factor["amplitude"] * frequency**2,
         "xi": xi,
-        "rho": ones * (0.75 / (1.0 + (nu * factor["slenderness"]) ** 2) if p.rho is None else float(p.rho)),
+        "rho": ones * (uniform_inertia_ratio(nu * factor["slenderness"]) if p.rho is None else float(p.rho)),
         "e": ones * float(p.e),
     }
     begin = unit[:, 4] * 2.0 * np.pi / xi if ensemble.any_phase else np.zeros(ensemble.size)

@@ -12,7 +12,7 @@ import numpy as np
 from tpd.analysis.bifurcations import Bifurcation, bifurcations
 from tpd.analysis.steady_state import steady_state
 from tpd.analysis.sweep import Sweep, along
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form.no_uplift import uplift
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.progress import Progress
 from tpd.core.quantities import Axis, parameters

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from tpd.analysis.steady_state import steady_state
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form.no_uplift import uplift
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.status import SETTLED, Status, status_name
 

@@ -1,9 +1,30 @@
-"""Closed forms: harmonic balance, uplift, free rocking, equivalent friction, the paper's own formulas."""
+"""Closed forms: what can be computed of block and pendulum without solving for a motion.
 
-from tpd.closed_form.equivalent_friction import equivalent_friction as equivalent_friction
-from tpd.closed_form.free_rocking import free_motion as free_motion
-from tpd.closed_form.harmonic_balance import neglected_harmonics as neglected_harmonics
-from tpd.closed_form.harmonic_balance import one_harmonic as one_harmonic
-from tpd.closed_form.harmonic_balance import one_harmonic_branches as one_harmonic_branches
-from tpd.closed_form.harmonic_balance import parametric_branches as parametric_branches
-from tpd.closed_form.harmonic_balance import uplift as uplift
+| equation of the paper | file | functions |
+|---|---|---|
+| Table 1, no-uplift condition | `no_uplift` | `uplift` |
+| (11), free rocking | `free_rocking` | `free_motion` |
+| (23) and (27), one-harmonic balance | `harmonic_balance` | `one_harmonic` and three more |
+| losses at impacts as friction | `impact_loss` | `equivalent_friction` |
+| (11), (18), (19), (23), (27) as printed | `paper` | for comparison only, with the errata |
+"""
+
+from tpd.closed_form.free_rocking import free_motion
+from tpd.closed_form.harmonic_balance import (
+    neglected_harmonics,
+    one_harmonic,
+    one_harmonic_branches,
+    parametric_branches,
+)
+from tpd.closed_form.impact_loss import equivalent_friction
+from tpd.closed_form.no_uplift import uplift
+
+__all__ = [
+    "equivalent_friction",
+    "free_motion",
+    "neglected_harmonics",
+    "one_harmonic",
+    "one_harmonic_branches",
+    "parametric_branches",
+    "uplift",
+]

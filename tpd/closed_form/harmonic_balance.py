@@ -1,4 +1,4 @@
-"""Closed forms: the uplift margin, and the one-harmonic balance (23) and (27), corrected.
+"""One-harmonic balance: the paper's (23) for the bare block and (27) with a pendulum, corrected.
 
 With phi = Re Phi exp(i theta), psi = Re Z exp(i theta) and the forcing Re F exp(i theta), |F| = f:
 
@@ -7,11 +7,11 @@ With phi = Re Phi exp(i theta), psi = Re Z exp(i theta) and the forcing Re F exp
     A Phi + B F + (4/pi) [(1 + mu) nu + i k] = 0
 
 so that |A Phi + (4/pi)(...)|^2 = |B|^2 f^2 is a quadratic in Phi: two branches and no iteration. With the
-parametric term s f (1 + mu) nu phi sin(xi tau) of (12) and (27) the row becomes
+parametric term s f (1 + mu) nu phi sin(xi tau) of (12) and (27) the row of the block becomes
 
     A Phi + B F + (4/pi) [(1 + mu) nu + i k] + (4/(3 pi)) (1 + mu) nu Phi (2 Re F + i Im F) = 0
 
-and |F| = f a quartic. Every form here is of single numbers or, where it says so, of arrays in the fields.
+and |F| = f is a quartic in Phi.
 """
 
 from __future__ import annotations
@@ -35,43 +35,6 @@ _HARMONICS = (3, 5, 7, 9, 11)
 """Harmonics of the signs whose first-order effect is added up; they fall with their third power."""
 _REAL = 1e-8
 """Largest imaginary part, as a share of the size, of a root of the quartic that is taken as real."""
-
-
-class Uplift(NamedTuple):
-    """Whether a block at rest under the settled pendulum can lift. It may rock all the same: from
-    another start, or because the sudden start lifts it first.
-
-    `margin` is 1 - |B| f / ((1 + mu) nu + k): positive, and the resting block never lifts;
-    `stroke` is the bob's settled angle (rad) under the resting block. They speak of the settled
-    pendulum: a start from rest may lift the block once before that.
-    """
-
-    margin: Number
-    stroke: Number
-
-
-def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
-    """(|D|^2, B as real and imaginary parts) of the pendulum under a still block."""
-    rho, c = p.inertia_ratio, p.hinge
-    real, imaginary = 1.0 - p.lam * rho * p.xi**2, p.xi * c
-    size2 = real**2 + imaginary**2
-    h_real, h_imag = 2.0 * p.mu * rho * p.lam * p.xi**2, -p.xi * p.mu * p.lam * c
-    b_real = 1.0 + 2.0 * p.mu + (h_real * real + h_imag * imaginary) / size2
-    b_imag = (h_imag * real - h_real * imaginary) / size2
-    return size2, b_real, b_imag
-
-
-def uplift(p: Parameters) -> Uplift:
-    """The no-uplift criterion |B| f <= (1 + mu) nu + k, in closed form and differentiable.
-
-    Raises:
-        RuntimeError: JAX is in 32-bit mode.
-    """
-    checks.require_x64()
-    size2, b_real, b_imag = _transfer(p)
-    demand = p.f * jnp.sqrt(b_real**2 + b_imag**2)
-    capacity = (1.0 + p.mu) * p.nu + p.k
-    return Uplift(1.0 - demand / capacity, p.f / jnp.sqrt(size2))
 
 
 class _Balance(NamedTuple):

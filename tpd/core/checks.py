@@ -1,9 +1,10 @@
-"""Checks of user input: one sentence saying what, the value, and what is allowed."""
+"""Checks of user input. An error is one sentence: the name, the range that is allowed, and the value."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import jax
 import jax.core
@@ -11,16 +12,28 @@ import numpy as np
 
 
 def is_concrete(value: object) -> bool:
-    """Whether a value can be looked at now: not traced, and a plain number or array."""
+    """Return whether a value is a plain number or an array that is not traced."""
     plain = isinstance(value, (int, float, np.generic, np.ndarray, jax.Array))
     return plain and not isinstance(value, jax.core.Tracer)
 
 
+def as_float(value: Any) -> Any:
+    """Return a whole number as a float, which JAX can differentiate, and anything else unchanged."""
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def instance(name: str, value: object, of: type) -> None:
+    """Raise `ValueError` unless `value` is an object of the class `of`."""
+    if not isinstance(value, of):
+        raise ValueError(f"`{name}` must be a {of.__name__}, but is {value!r}")
+
+
 def _check(name: str, value: object, allowed: str, holds: Callable[[np.ndarray], np.ndarray]) -> None:
     if isinstance(value, jax.core.Tracer):
+        # A traced value has no number yet: whoever traces answers for its range.
         return
     array = np.asarray(value) if is_concrete(value) else np.asarray(value, dtype=object)
-    if array.dtype == bool or not np.issubdtype(array.dtype, np.number):
+    if not np.issubdtype(array.dtype, np.integer) and not np.issubdtype(array.dtype, np.floating):
         raise ValueError(f"`{name}` must be a number, but is {value!r}")
     if not (np.all(np.isfinite(array)) and np.all(holds(array))):
         shown = f"{value:g}" if isinstance(value, (int, float)) else f"{array}"
@@ -64,7 +77,7 @@ def one_of(name: str, value: object, allowed: Sequence[str]) -> None:
 
 
 def interval(name: str, value: object, low: float, high: float) -> tuple[float, float]:
-    """A pair (lo, hi) with `low` <= lo < hi <= `high`, or `ValueError`."""
+    """Return a pair (lo, hi) with `low` <= lo < hi <= `high`, or raise `ValueError`."""
     try:
         lo, hi = (float(x) for x in value)  # type: ignore[attr-defined]
     except (TypeError, ValueError):

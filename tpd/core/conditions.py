@@ -1,5 +1,5 @@
-"""Under what a design is judged: a band of frequencies, several amplitudes, uncertain numbers, and every
-combination of them, each a factor on the scene's own value."""
+"""Conditions that a design is evaluated under: a band of frequencies, several amplitudes, uncertain numbers,
+and combinations of these. Each condition is a set of factors on the scene's own values."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from tpd.core import checks
+from tpd.core import checks, sampling
 from tpd.core.parameters import Parameters
 from tpd.core.scene import Scene
 
 FACTORS = ("amplitude", "frequency", "friction", "slenderness", "mass", "length", "damping")
-"""What can differ: amplitude and frequency of the base motion, k, nu, and the pendulum's m, l and zeta."""
-_MOST_SCATTER = 0.5
-"""Largest relative half width of what is uncertain."""
+"""Numbers that can differ: amplitude and frequency of the base motion, k, nu, and the pendulum's m, l and
+zeta."""
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """A set of n conditions: for each of `FACTORS` that differs a vector of n factors.
+    """A set of n conditions. `Conditions()` is one condition, the scene's own shaking.
 
-    `Conditions.band(...) * Conditions.scatter(...)` is every one of the first under every one of the
-    second.
+    `Conditions.band(...) * Conditions.scatter(...)` combines every condition of the first set with every
+    condition of the second.
     """
 
     factors: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Factors on the scene's own values by name in `FACTORS`, shape (n,) each; a name left out is 1."""
     description: tuple[str, ...] = ()
-    """What they are, a phrase each."""
+    """Phrases that describe the set, one for each set that was combined."""
     units: Mapping[str, tuple[float, str]] = field(default_factory=dict)
-    """Of factors that have one: the scene's own value, and its unit."""
+    """The scene's own value and its unit, by name, of factors that have one."""
 
     def __len__(self) -> int:
         return max((len(v) for v in self.factors.values()), default=1)
@@ -48,15 +48,16 @@ class Conditions:
         return Conditions(both, (*self.description, *other.description), {**self.units, **other.units})
 
     def column(self, name: str) -> np.ndarray:
-        """The factors on one of `FACTORS`, shape (n,): ones where it does not differ."""
+        """Factors on one of `FACTORS`, shape (n,)."""
         return np.asarray(self.factors.get(name, np.ones(len(self))), dtype=float)
 
     def subset(self, most: int, seed: int = 0) -> Conditions:
-        """At most so many of them: those nearest to the corners of what they span, where the worst is likely
-        to be, and a seeded choice of the others."""
+        """Return at most `most` conditions: those nearest to the corners of the range of factors, and a
+        seeded choice of the others."""
         n = len(self)
         if n <= most:
             return self
+        # The worst condition is likely to be at a corner, where several factors are extreme at once.
         rows = np.array([v for v in self.factors.values() if np.ptp(v) > 0.0]).T
         unit = (rows - rows.min(axis=0)) / np.ptp(rows, axis=0)
         d = unit.shape[1]
@@ -64,42 +65,46 @@ class Conditions:
         nearest = {int(np.argmin(np.abs(unit - corner).sum(axis=1))) for corner in corners[: most // 2]}
         others = [i for i in np.random.default_rng([seed, 4]).permutation(n) if i not in nearest]
         chosen = np.sort([*nearest, *others[: most - len(nearest)]])
-        told = f"{most} of {n} conditions: {', '.join(self.description)}"
-        return Conditions({k: v[chosen] for k, v in self.factors.items()}, (told,), self.units)
+        phrase = f"{most} of {n} conditions: {', '.join(self.description)}"
+        return Conditions({k: v[chosen] for k, v in self.factors.items()}, (phrase,), self.units)
 
     @property
     def axis(self) -> str | None:
-        """What the conditions differ in, if it is one thing: the axis of a picture."""
-        differ = [name for name, v in self.factors.items() if np.ptp(v) > 0.0]
+        """Name of the factor in which the conditions differ, or None unless it is exactly one."""
+        differ = self._differing
         return differ[0] if len(differ) == 1 else None
+
+    @property
+    def _differing(self) -> tuple[str, ...]:
+        return tuple(name for name, v in self.factors.items() if np.ptp(v) > 0.0)
 
     def label(self, i: int) -> str:
         """Label of the i-th condition, such as "2.5 Hz and 1.1 times the amplitude"."""
-        differ = [name for name, v in self.factors.items() if np.ptp(v) > 0.0]
-        if len(differ) > 2:
+        if len(self._differing) > 2:
             return f"sample {i}"
         parts = []
-        for name in differ:
+        # A factor that is the same in all conditions still belongs to the label, unless it is 1.
+        for name in (name for name, v in self.factors.items() if np.any(v != 1.0)):
             own, unit = self.units.get(name, (1.0, f"times the {name}"))
             parts.append(f"{self.factors[name][i] * own:.4g} {unit}")
         return " and ".join(parts) if parts else "the scene's own shaking"
 
     def factor_rows(self) -> Float[Array, "n 7"]:
-        """All factors, in the order of `FACTORS`."""
+        """All factors: one row for each condition, columns in the order of `FACTORS`."""
         return jnp.stack([jnp.asarray(self.column(name)) for name in FACTORS], axis=1)
 
     @staticmethod
     def band(scene: Scene, low: float, high: float, count: int = 20) -> Conditions:
-        """Frequencies from `low` to `high` in Hz, in equal ratios; the base's amplitude stays.
+        """Frequencies from `low` to `high` in Hz, in equal ratios, at the scene's amplitude of displacement.
 
         Raises:
             ValueError: bounds that are not positive and in order, or a count below two.
         """
         checks.interval("band", (low, high), 1e-6 * scene.motion.frequency, 1e6 * scene.motion.frequency)
         checks.count("count", count, least=2)
-        told, own = f"{count} frequencies from {low:g} to {high:g} Hz", scene.motion.frequency
+        phrase, own = f"{count} frequencies from {low:g} to {high:g} Hz", scene.motion.frequency
         return Conditions(
-            {"frequency": np.geomspace(low, high, count) / own}, (told,), {"frequency": (own, "Hz")}
+            {"frequency": np.geomspace(low, high, count) / own}, (phrase,), {"frequency": (own, "Hz")}
         )
 
     @staticmethod
@@ -107,18 +112,19 @@ class Conditions:
         """Amplitudes of the base motion, as factors on the scene's.
 
         Raises:
-            ValueError: none, or one that is not positive.
+            ValueError: no factor, or a factor that is not positive.
         """
         if not factors:
             raise ValueError("`factors` must hold at least one number, but is empty")
         checks.positive("factors", np.array(factors, dtype=float))
-        told = f"amplitudes {', '.join(f'{x:g}' for x in factors)} times the scene's"
-        return Conditions({"amplitude": np.array(factors, dtype=float)}, (told,))
+        phrase = f"amplitudes {', '.join(f'{x:g}' for x in factors)} times the scene's"
+        return Conditions({"amplitude": np.array(factors, dtype=float)}, (phrase,))
 
     @staticmethod
     def scatter(size: int, seed: int = 0, **half_widths: float) -> Conditions:
-        """A seeded Latin hypercube of uncertain factors, each even between 1 - w and 1 + w: manufacturing
-        (mass, length, damping), the block (friction, slenderness) and the shaking (amplitude, frequency).
+        """A seeded Latin hypercube of uncertain factors, each uniform between 1 - w and 1 + w, with w given
+        by name in `FACTORS`: manufacturing (mass, length, damping), the block (friction, slenderness) and
+        the shaking (amplitude, frequency).
 
         Raises:
             ValueError: an unknown name, a width beyond 0 to 0.5, or a size below one.
@@ -128,20 +134,22 @@ class Conditions:
         unknown = [name for name in half_widths if name not in FACTORS]
         if unknown:
             raise ValueError(f"what scatters must be of {', '.join(FACTORS)}, but has {', '.join(unknown)}")
-        rng, factors = np.random.default_rng(seed), {}
-        for name in FACTORS:
-            # Drawn whether it is used or not: the others' draws do not depend on it.
-            unit = (rng.permutation(size) + rng.random(size)) / size
-            if name in half_widths:
-                checks.within(name, half_widths[name], 0.0, _MOST_SCATTER)
-                factors[name] = 1.0 + half_widths[name] * (2.0 * unit - 1.0)
+        sampling.check_half_widths(half_widths)
+        # Every name has its column, used or not, so that the draws of one name do not depend on the others.
+        unit = sampling.latin_hypercube(np.random.default_rng(seed), size, len(FACTORS), axis_by_axis=True)
+        used = [name for name in FACTORS if name in half_widths]
+        columns = unit[:, [FACTORS.index(name) for name in used]]
+        factors = sampling.factors(columns, {name: half_widths[name] for name in used})
         widths = ", ".join(f"{n} within {w:.0%}" for n, w in half_widths.items())
         return Conditions(factors, (f"{size} samples of {widths or 'nothing'} (seed {seed})",))
 
 
 def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "7 *n"]) -> Parameters:
-    """The parameters of one design (mu, lam, zeta) under one condition. A frequency moves f with its
-    square, since the base's amplitude stays; where rho is tied to nu it follows."""
+    """Return the parameters of one design (mu, lam, zeta) under one condition.
+
+    The base's amplitude of displacement stays, so f goes with the square of the frequency's factor. rho
+    follows nu where it is tied to it; xi and e do not.
+    """
     amplitude, frequency, friction, slenderness, mass, length, damping = factors
     return Parameters(
         nu=p.nu * slenderness,
@@ -157,7 +165,8 @@ def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "7 
 
 
 def under_all(p: Parameters, designs: Float[Array, "m 3"], conditions: Conditions) -> Parameters:
-    """The parameters of m designs under all n conditions: leaves (m n,), conditions running fastest."""
+    """Return the parameters of m designs under all n conditions: leaves (m n,), the conditions varying
+    fastest."""
     n = len(conditions)
     rows = jnp.tile(conditions.factor_rows(), (len(designs), 1))
     each = jnp.repeat(jnp.asarray(designs), n, axis=0)

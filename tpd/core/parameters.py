@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -12,6 +12,12 @@ from jaxtyping import Array, Float
 from tpd.core import checks
 
 Number = Float[Array, "..."] | float
+if TYPE_CHECKING:
+    Real = float
+else:
+    # An array or a traced value passes as well, and `checks` refuses the rest in words of its own, before
+    # and instead of a checker of types.
+    Real = Any
 State = Float[Array, "4"]
 Numbers = tuple[Number, Number, Number, Number]
 """A state (phi, psi, phi', psi'), one number each."""
@@ -21,14 +27,9 @@ SLENDERNESS_LIMIT = 0.5
 relative order nu**2, a quarter at this limit."""
 
 
-def _real(value: Any) -> Any:
-    """Whole numbers become floats, so that every parameter can be differentiated."""
-    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
-
-
 def _parameter(default: Any = ...) -> Any:
     options = {} if default is ... else {"default": default}
-    return eqx.field(converter=_real, kw_only=True, **options)
+    return eqx.field(converter=checks.as_float, kw_only=True, **options)
 
 
 class Parameters(eqx.Module):
@@ -56,7 +57,8 @@ class Parameters(eqx.Module):
     xi: Number = _parameter()
     """Forcing frequency ratio omega/omega0."""
     rho: Number | None = _parameter(None)
-    """b**2/(a**2 + b**2 + c**2); None ties it to `nu` as for a uniform rectangle."""
+    """b**2/(a**2 + b**2 + c**2) with c the radius of gyration about the centroid; None ties it to `nu` as
+    for a uniform rectangle, also in gradients."""
     e: Number = _parameter(1.0)
     """Velocity ratio across an impact at zero tilt; 1 is no impact loss."""
 
@@ -77,8 +79,8 @@ class Parameters(eqx.Module):
 
     @property
     def inertia_ratio(self) -> Number:
-        """The ratio rho in use: `rho` itself, or 3/(4(1 + nu**2)) of a uniform rectangle."""
-        return 0.75 / (1.0 + self.nu**2) if self.rho is None else self.rho
+        """rho as the equations use it: the field `rho`, or that of a uniform rectangle where it is None."""
+        return uniform_inertia_ratio(self.nu) if self.rho is None else self.rho
 
     @property
     def hinge(self) -> Number:
@@ -91,6 +93,11 @@ class Parameters(eqx.Module):
         return 2.0 * jnp.pi / self.xi
 
 
+def uniform_inertia_ratio(nu: Any) -> Any:
+    """rho = 3/(4(1 + nu^2)) of a uniform rectangle, whose c^2 is (a^2 + b^2)/3."""
+    return 0.75 / (1.0 + nu**2)
+
+
 def as_arrays(p: Parameters) -> Parameters:
-    """The same parameters with 64-bit array leaves, so that jit does not recompile per value."""
+    """Parameters with 64-bit array leaves, so that jit does not recompile for each value."""
     return jax.tree.map(lambda x: jnp.asarray(x, dtype=jnp.float64), p)

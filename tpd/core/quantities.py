@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from tpd.core import checks
-from tpd.core.parameters import Parameters
+from tpd.core.parameters import Parameters, uniform_inertia_ratio
 from tpd.core.scene import Pendulum, Scene, dimensionless
 
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e", "rho")
@@ -117,7 +117,7 @@ class Setup:
     def vector(self, varied: Mapping[str, Any]) -> list[Any]:
         """The same as a list in the order of NAMES."""
         p = self.numbers(varied)
-        rho = 0.75 / (1.0 + p["nu"] ** 2) if p.get("rho") is None else p["rho"]
+        rho = uniform_inertia_ratio(p["nu"]) if p.get("rho") is None else p["rho"]
         return [*(p[n] for n in NAMES[:-2]), p.get("e", 1.0), rho]
 
 

@@ -1,25 +1,40 @@
-"""The scene in SI units: block, base motion, pendulum; and its dimensionless parameters."""
+"""Block, base motion and pendulum in SI units, and the dimensionless parameters that follow from them.
+
+Every class here is a pytree whose leaves are its numbers: `jax.grad`, `jax.jit` and `jax.vmap` take a whole
+`Block`, `Harmonic`, `Pendulum` or `Scene` as an argument. Plain numbers and arrays are checked when an object
+is made; traced values pass unchecked. Symbols are those of the paper's (1) to (6) and (25).
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, cast
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
 
 from tpd.core import checks
-from tpd.core.parameters import SLENDERNESS_LIMIT, Parameters
+from tpd.core.parameters import SLENDERNESS_LIMIT, Parameters, Real, uniform_inertia_ratio
+from tpd.core.pytrees import pytree
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2"""
 _STEEL = 7850.0
 """kg/m^3"""
 HOUSNER = "housner"
-"""Restitution tied to the block's shape by `housner`."""
+"""Value of `Block.restitution` that ties e to the block's shape by the function `housner`."""
 FRICTION = 0.05
-"""Of a block without impact loss, unless given: that of the paper's section 3."""
+"""Default k of a block without impact loss: the value of the paper's section 3."""
 
 
+def _convert_whole_numbers(thing: Any) -> None:
+    """Turn the whole numbers among the fields of a frozen dataclass into floats."""
+    for name in (f.name for f in fields(thing)):
+        object.__setattr__(thing, name, checks.as_float(getattr(thing, name)))
+
+
+@pytree
 @dataclass(frozen=True, kw_only=True)
 class Block:
     """A rigid block, its base 2a wide and 2b high in the paper's symbols.
@@ -32,32 +47,34 @@ class Block:
             equations.
     """
 
-    width: float
+    width: Real
     """Whole width of the base, m."""
-    height: float
+    height: Real
     """Whole height, m; the pendulum hangs from the middle of the top."""
-    mass: float
+    mass: Real
     """kg"""
-    friction: float | None = None
+    friction: Real | None = None
     """k: dry friction moment of the rocking contact over M g b, dimensionless. None is 0.05 without a
     restitution, and 0 with one."""
-    radius_of_gyration: float | None = None
-    """About the centroid, m; None is that of a uniform rectangle."""
-    restitution: float | str | None = None
-    """e: velocity ratio across an impact of the base, in (0, 1], or "housner" for that of the block's shape;
-    None is no impact loss."""
+    radius_of_gyration: Real | None = None
+    """About the centroid, m; None is that of a uniform rectangle, and follows `width` and `height` in
+    gradients."""
+    restitution: Real | str | None = None
+    """e: velocity ratio across an impact of the base, in (0, 1]. "housner" takes that of the block's shape,
+    and follows it in gradients. None is no impact loss."""
 
     def __post_init__(self) -> None:
+        _convert_whole_numbers(self)
         checks.positive("width", self.width)
         checks.positive("height", self.height)
         checks.positive("mass", self.mass)
         self._check_losses()
         if self.radius_of_gyration is not None:
             checks.positive("radius_of_gyration", self.radius_of_gyration)
-        if self.width > SLENDERNESS_LIMIT * self.height:
+        if checks.is_concrete(self.slenderness) and np.any(self.slenderness > SLENDERNESS_LIMIT):
             raise ValueError(
                 f"`width` must be at most {SLENDERNESS_LIMIT:g} of `height` (the linear equations "
-                f"drop terms of order (width/height)**2), but is {self.width / self.height:g} of it"
+                f"drop terms of order (width/height)**2), but is {np.max(self.slenderness):g} of it"
             )
 
     def _check_losses(self) -> None:
@@ -74,28 +91,29 @@ class Block:
         checks.not_negative("friction", self.friction)
 
     @property
-    def half_height(self) -> float:
+    def half_height(self) -> Real:
         """b, m."""
         return 0.5 * self.height
 
     @property
-    def slenderness(self) -> float:
+    def slenderness(self) -> Real:
         """nu = a/b."""
         return self.width / self.height
 
     @property
-    def inertia_ratio(self) -> float:
-        """rho = b^2/(a^2 + b^2 + c^2)."""
+    def inertia_ratio(self) -> Real:
+        """rho = b^2/(a^2 + b^2 + c^2), with c the radius of gyration."""
         return _inertia_ratio(self.width, self.height, self.radius_of_gyration)
 
     @property
-    def velocity_ratio(self) -> float:
+    def velocity_ratio(self) -> Real:
         """e: the restitution as a number; 1 without impact loss."""
         if isinstance(self.restitution, str):
             return housner(self.slenderness, self.inertia_ratio)
-        return 1.0 if self.restitution is None else float(self.restitution)
+        return 1.0 if self.restitution is None else self.restitution
 
 
+@pytree
 @dataclass(frozen=True, kw_only=True)
 class Pendulum:
     """A point bob on a rod from the middle of the block's top.
@@ -104,28 +122,30 @@ class Pendulum:
         ValueError: a mass, length or damping ratio out of range.
     """
 
-    mass: float
+    mass: Real
     """kg; 0 is no pendulum."""
-    length: float
+    length: Real
     """m"""
-    damping_ratio: float
-    """Of critical, of the pendulum hung from a fixed point."""
+    damping_ratio: Real
+    """zeta: share of critical damping of the pendulum hung from a fixed point."""
 
     def __post_init__(self) -> None:
+        _convert_whole_numbers(self)
         checks.not_negative("mass", self.mass)
         checks.positive("length", self.length)
         checks.not_negative("damping_ratio", self.damping_ratio)
 
     @property
-    def ball_radius(self) -> float:
-        """Radius (m) of a solid ball of steel, 7850 kg/m^3, that weighs what the bob does."""
+    def ball_radius(self) -> Real:
+        """Radius (m) of a solid ball of steel, 7850 kg/m^3, with the mass of the bob."""
         return (3.0 * self.mass / (4.0 * math.pi * _STEEL)) ** (1.0 / 3.0)
 
-    def hinge_damping(self, gravity: float = STANDARD_GRAVITY) -> float:
-        """The hinge's moment over the rate of its angle, N m s/rad: 2 zeta m l^1.5 g^0.5."""
+    def hinge_damping(self, gravity: Real = STANDARD_GRAVITY) -> Real:
+        """Moment of the hinge per angular rate, N m s/rad: 2 zeta m l^1.5 g^0.5."""
         return 2.0 * self.damping_ratio * self.mass * self.length**1.5 * gravity**0.5
 
 
+@pytree
 @dataclass(frozen=True, kw_only=True)
 class Harmonic:
     """Horizontal base motion x = amplitude sin(2 pi frequency t).
@@ -134,61 +154,73 @@ class Harmonic:
         ValueError: an amplitude or frequency out of range.
     """
 
-    amplitude: float
+    amplitude: Real
     """m"""
-    frequency: float
+    frequency: Real
     """Hz"""
 
     def __post_init__(self) -> None:
+        _convert_whole_numbers(self)
         checks.not_negative("amplitude", self.amplitude)
         checks.positive("frequency", self.frequency)
 
     @property
-    def rate(self) -> float:
+    def rate(self) -> Real:
         """omega, rad/s."""
         return 2.0 * math.pi * self.frequency
 
 
+@pytree
 @dataclass(frozen=True)
 class Scene:
-    """A block and the motion of its base; `parameters` makes them dimensionless."""
+    """A block and the motion of its base; `parameters` makes them dimensionless.
+
+    Raises:
+        ValueError: an object of another class, or a gravity out of range.
+    """
 
     block: Block
     motion: Harmonic
-    gravity: float = STANDARD_GRAVITY
+    gravity: Real = STANDARD_GRAVITY
     """m/s^2"""
 
     def __post_init__(self) -> None:
+        _convert_whole_numbers(self)
+        checks.instance("block", self.block, Block)
+        checks.instance("motion", self.motion, Harmonic)
         checks.positive("gravity", self.gravity)
 
     @property
-    def rate(self) -> float:
+    def rate(self) -> Real:
         """omega0 = sqrt(g rho / b), rad/s: dimensionless time is tau = omega0 t."""
-        return math.sqrt(self.gravity * self.block.inertia_ratio / self.block.half_height)
+        return _rate(self.gravity, self.block.inertia_ratio, self.block.half_height)
 
     def parameters(self, pendulum: Pendulum | None = None) -> Parameters:
-        """The dimensionless parameters with a pendulum, or of the bare block (mu = 0).
+        """Return the dimensionless parameters with a pendulum, or of the bare block (mu = 0).
 
-        rho stays tied to nu for a uniform rectangle, also in gradients. e is a number of its own, by
-        Housner's formula as well; `tpd.core.quantities` has its derivatives.
+        Differentiable with respect to the scene and the pendulum: every dependence on an SI quantity is
+        followed, that of rho and of Housner's e on width and height as well. With respect to the parameters
+        themselves, e is a number of its own, and rho is None (tied to nu) for a uniform rectangle.
         """
+        if pendulum is not None:
+            checks.instance("pendulum", pendulum, Pendulum)
         return Parameters(**dimensionless(self.quantities(pendulum)))
 
-    def quantities(self, pendulum: Pendulum | None = None) -> dict[str, float]:
-        """Everything that `parameters` depends on, in SI units by name. Those of the pendulum begin
-        with `pendulum_`; without one its mass is zero. A restitution by Housner's formula is none of them:
-        it depends on the others."""
+    def quantities(self, pendulum: Pendulum | None = None) -> dict[str, Any]:
+        """Return the SI quantities that `parameters` depends on, by name. Those of the pendulum begin with
+        `pendulum_`; without one its mass is zero. A restitution by Housner's formula is left out, since it
+        depends on the others."""
         block, motion = self.block, self.motion
         hung = (
             Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3) if pendulum is None else pendulum
         )
         own = {} if block.radius_of_gyration is None else {"radius_of_gyration": block.radius_of_gyration}
-        lost = {} if block.restitution == HOUSNER else {"restitution": block.velocity_ratio}
+        lost = {} if isinstance(block.restitution, str) else {"restitution": block.velocity_ratio}
         return {
             "width": block.width,
             "height": block.height,
             "mass": block.mass,
-            "friction": cast(float, block.friction),
+            "friction": block.friction,
             **lost,
             **own,
             "amplitude": motion.amplitude,
@@ -199,8 +231,8 @@ class Scene:
             "pendulum_damping": hung.damping_ratio,
         }
 
-    def pendulum(self, *, mass_ratio: float, length_ratio: float, damping_ratio: float) -> Pendulum:
-        """The pendulum, in SI, of given mu, lam and zeta."""
+    def pendulum(self, *, mass_ratio: Real, length_ratio: Real, damping_ratio: Real) -> Pendulum:
+        """Return the pendulum in SI units that has these mu, lam and zeta."""
         return Pendulum(
             mass=mass_ratio * self.block.mass,
             length=length_ratio * self.block.half_height,
@@ -209,13 +241,12 @@ class Scene:
 
 
 def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
-    """The parameters, by name and unchecked, of `Scene.quantities`: of numbers, or of arrays or traced
-    values of one shape among them. rho is None without a `radius_of_gyration`; e is Housner's without a
-    `restitution`."""
+    """Return the parameters, by name and unchecked, of `Scene.quantities`: numbers, arrays that broadcast, or
+    traced values. rho is None without a `radius_of_gyration`; e is Housner's without a `restitution`."""
     half_height, radius = 0.5 * q["height"], q.get("radius_of_gyration")
     rho = _inertia_ratio(q["width"], q["height"], radius)
     nu = q["width"] / q["height"]
-    rate = (q["gravity"] * rho / half_height) ** 0.5
+    rate = _rate(q["gravity"], rho, half_height)
     omega = 2.0 * math.pi * q["frequency"]
     return {
         "nu": nu,
@@ -231,26 +262,31 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def housner(nu: Any, rho: Any) -> Any:
-    """Housner's velocity ratio e = 1 - 2 rho nu^2 of an impact: of plain numbers, arrays or traced values.
+    """Housner's velocity ratio e = 1 - 2 rho nu^2 of an impact; numbers, arrays or traced values.
 
-    The block, which turned about one corner, turns about the other: what strikes it there has no moment
-    about that corner. Its angular momentum per mass about it is (c^2 + b^2 - a^2) phi' before, and
-    (c^2 + b^2 + a^2) phi' after. With tan(alpha) = nu this is e = 1 - 2 rho nu^2, of a uniform rectangle
-    1 - 1.5 sin(alpha)^2. The pull of a bob's rod in the impact, which would lower e by less than
-    2 mu rho nu^2, is left out. (G. W. Housner, The behavior of inverted pendulum structures during
-    earthquakes, Bull. Seismol. Soc. Am. 53, 1963.)
+    Before the impact the block turns about one corner, after it about the other. The impact acts at the new
+    corner and has no moment about it, so the angular momentum about it is conserved: per unit mass it is
+    (c^2 + b^2 - a^2) phi' before, and (c^2 + b^2 + a^2) phi' after. With tan(alpha) = nu the ratio is
+    e = 1 - 2 rho nu^2, for a uniform rectangle 1 - 1.5 sin(alpha)^2. The pull of the bob's rod during the
+    impact, which would lower e by less than 2 mu rho nu^2, is left out. (G. W. Housner, The behavior of
+    inverted pendulum structures during earthquakes, Bull. Seismol. Soc. Am. 53, 1963.)
     """
     return 1.0 - 2.0 * rho * nu**2
 
 
 def _inertia_ratio(width: Any, height: Any, radius: Any) -> Any:
+    if radius is None:
+        return uniform_inertia_ratio(width / height)
     a, b = 0.5 * width, 0.5 * height
-    c2 = (a**2 + b**2) / 3.0 if radius is None else radius**2
-    return b**2 / (a**2 + b**2 + c2)
+    return b**2 / (a**2 + b**2 + radius**2)
+
+
+def _rate(gravity: Any, rho: Any, half_height: Any) -> Any:
+    return (gravity * rho / half_height) ** 0.5
 
 
 def paper_scene() -> Scene:
-    """The case study of Collini et al. (2016), section 5: a block of 0.1 x 0.2 x 0.4 m and
+    """Return the case study of Collini et al. (2016), section 5: a block of 0.1 x 0.2 x 0.4 m and
     2028 kg/m^3 on a base moving 15 mm at 2.5 Hz; friction as in the paper's section 3."""
     return Scene(
         Block(width=0.1, height=0.4, mass=16.224, friction=0.05),

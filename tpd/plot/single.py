@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 
 from tpd.analysis.response import Response
 from tpd.analysis.steady_state import sampled, simulate
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form.no_uplift import uplift
 from tpd.core.parameters import as_arrays
 from tpd.core.scene import Pendulum
 from tpd.core.status import SETTLED

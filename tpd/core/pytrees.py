@@ -1,0 +1,37 @@
+"""Frozen dataclasses of numbers as JAX pytrees."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any, TypeAlias, TypeVar
+
+import jax
+from jax.tree_util import GetAttrKey
+
+Class = TypeVar("Class", bound=type[Any])
+Static: TypeAlias = tuple[tuple[str, ...], tuple[tuple[str, str], ...]]
+"""Names of the leaves, and the fields that hold a word, by name."""
+
+
+def pytree(cls: Class) -> Class:
+    """Register a frozen dataclass as a pytree: a field that holds a word is static, any other is a leaf.
+
+    `jax.tree_util.register_dataclass` wants to know once and for all which fields are static, and runs the
+    checks of `__post_init__` on whatever JAX puts in the place of a leaf (axis numbers, None, symbolic
+    zeros). Here a word such as "housner" is static only where it is used, and rebuilding checks nothing.
+    """
+
+    def flatten_with_keys(thing: Any) -> tuple[tuple[tuple[Any, Any], ...], Static]:
+        held = {f.name: getattr(thing, f.name) for f in fields(cls)}
+        words = tuple((name, value) for name, value in held.items() if isinstance(value, str))
+        names = tuple(name for name, value in held.items() if not isinstance(value, str))
+        return tuple((GetAttrKey(name), held[name]) for name in names), (names, words)
+
+    def unflatten(static: Static, leaves: Any) -> Any:
+        thing, (names, words) = object.__new__(cls), static
+        for name, value in (*zip(names, leaves, strict=True), *words):
+            object.__setattr__(thing, name, value)
+        return thing
+
+    jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten)
+    return cls
