@@ -1,14 +1,13 @@
-"""Block and pendulum in motion, as a GIF: without the pendulum, and with it."""
+"""Animation of the block on its moving base, without the pendulum and with it."""
 
 from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
@@ -16,56 +15,60 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from tpd.analysis.steady_state import sampled, simulate
-from tpd.core.parameters import as_arrays
 from tpd.core.scene import Pendulum, Scene
+from tpd.design.study import TimeHistory
 from tpd.plot.drawing import BODY, corners, rod
 from tpd.plot.style import BLUE, INK
 
 _RATE = 20
 """Frames a second."""
 _SECONDS = 6.0
-"""Longest play."""
+"""Longest duration, s."""
 _PER_PERIOD = 8
-"""Fewest frames of a forcing period; where they are not enough, the play is slowed."""
+"""Fewest frames in a forcing period; where real time has fewer, the motion is slowed."""
 _VISIBLE = 0.05
 """rad; smaller tilts are magnified."""
 _MAGNIFIED = (1, 2, 5, 10, 20, 50, 100)
 _TALL, _WIDE, _NARROW = 3.6, 4.2, 2.0
 """Largest height, largest and least width of one motion, inches."""
 _ABOVE, _BELOW, _LEAST = 0.35, 0.5, 3.6
-"""Room for words, and the least width of the whole."""
+"""Room for words above and below, and the least width of the figure, inches."""
 _DPI = 80
 
 
 @dataclass(frozen=True)
 class Reel:
-    """One motion from rest, a row a frame; angles in rad."""
+    """Frames of one motion from rest, shapes (frames,); angles in rad."""
 
-    name: str
     pendulum: Pendulum | None
     tilt: np.ndarray
-    """Held at a right angle once it has reached it: nothing is known of a block that lies."""
+    """A right angle from the frame on in which it is reached: the equations end there."""
     angle: np.ndarray
     lost: np.ndarray
     """Whether the block has overturned by then."""
 
+    @property
+    def name(self) -> str:
+        """Title of the picture."""
+        return "without pendulum" if self.pendulum is None else "with the pendulum"
 
-def animate(scene: Scene, pendulum: Pendulum | None) -> bytes:
-    """A GIF of the first seconds from rest by the exact solution of the linear equations.
+
+def animate(scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHistory]) -> bytes:
+    """A GIF of the first seconds from rest: left the block without, right with the pendulum.
 
     Real time, unless the shaking is too fast for that; true geometry, unless tilts are too small to be
-    seen: then they are magnified. The picture says so. Left the block without, right with the pendulum.
+    seen: then they are magnified. The picture says so.
 
-    Raises:
-        RuntimeError: JAX is in 32-bit mode.
+    Args:
+        scene: block and base motion.
+        pendulum: None for the bare block alone.
+        histories: exact time histories, of the bare block and with the pendulum.
     """
     slowed = max(1, math.ceil(_PER_PERIOD * scene.motion.frequency / _RATE))
     frames = int(_RATE * min(_SECONDS, 24.0 / scene.motion.frequency * slowed))
     times = np.arange(frames) / (_RATE * slowed)
-    reels = [_reel(scene, None, times)]
-    if pendulum is not None:
-        reels.append(_reel(scene, pendulum, times))
+    exact = [h for h in histories if h.model == "exact"]
+    reels = [reel(h, pendulum if h.with_pendulum else None, times) for h in exact]
     figure, draw = _stage(scene, reels, times, _factor(reels), slowed)
     with tempfile.TemporaryDirectory() as folder:
         path, writer = Path(folder) / "motion.gif", PillowWriter(fps=_RATE)
@@ -76,26 +79,20 @@ def animate(scene: Scene, pendulum: Pendulum | None) -> bytes:
         return path.read_bytes()
 
 
-def _reel(scene: Scene, pendulum: Pendulum | None, times: np.ndarray) -> Reel:
-    p = as_arrays(scene.parameters(pendulum))
-    # These times are those that the report's other pictures ask for, and compiled already.
-    tau = sampled(p)
-    ys = np.asarray(simulate(p, jnp.zeros(4), tau).ys)
-    known = np.isfinite(ys).all(axis=1)
-    sound = known & (np.abs(ys[:, 0]) < 0.5 * math.pi)
+def reel(history: TimeHistory, pendulum: Pendulum | None, times: np.ndarray) -> Reel:
+    """Frames at `times` (s) of a time history."""
+    known = np.isfinite(history.tilt) & np.isfinite(history.bob)
+    sound = known & (np.abs(history.tilt) < 0.5 * math.pi)
     end = len(sound) if sound.all() else int(np.argmin(sound))
-    side = math.copysign(0.5 * math.pi, ys[max(end - 1, 0), 0])
-    at = times * scene.rate
-    lost = at >= float(tau[end]) if end < len(sound) else np.zeros(len(times), bool)
-    kept = slice(0, max(end, 1))
-    tilt = np.where(lost, side, np.interp(at, np.asarray(tau)[kept], ys[kept, 0]))
-    angle = np.where(lost, 0.0, np.interp(at, np.asarray(tau)[kept], ys[kept, 1]))
-    name = "without pendulum" if pendulum is None else "with the pendulum"
-    return Reel(name, pendulum, tilt, angle, lost)
+    side = math.copysign(0.5 * math.pi, history.tilt[max(end - 1, 0)])
+    lost = times >= history.time[end] if end < len(sound) else np.zeros(len(times), bool)
+    part = slice(0, max(end, 1))
+    tilt, bob = (np.interp(times, history.time[part], x[part]) for x in (history.tilt, history.bob))
+    return Reel(pendulum, np.where(lost, side, tilt), np.where(lost, 0.0, bob), lost)
 
 
 def _factor(reels: list[Reel]) -> int:
-    """How many times larger tilts are drawn, the same for all."""
+    """Magnification of the tilts, one for all motions."""
     largest = max(float(np.abs(r.tilt).max()) for r in reels)
     return next((m for m in _MAGNIFIED if m * largest >= _VISIBLE), 1) if largest > 1e-9 else 1
 
@@ -103,7 +100,7 @@ def _factor(reels: list[Reel]) -> int:
 def _stage(
     scene: Scene, reels: list[Reel], times: np.ndarray, larger: int, slowed: int
 ) -> tuple[Figure, Callable[[int], None]]:
-    """The figure, and what draws a frame of it."""
+    """Make the figure, and a function that draws a frame of it."""
     low, high = _bounds(scene, reels, larger)
     shape = (high[0] - low[0]) / (high[1] - low[1])
     tall = min(_TALL, _WIDE / shape)
@@ -132,13 +129,13 @@ def _stage(
 
 
 def _remarks(larger: int, slowed: int) -> str:
-    """What is not as it is."""
+    """Words on scale and speed."""
     tilt = f"only tilts drawn {larger} times larger" if larger > 1 else "drawn to scale"
     return f"{tilt}; {f'{slowed} times slower' if slowed > 1 else 'real time'}"
 
 
 def _bounds(scene: Scene, reels: list[Reel], larger: int) -> tuple[np.ndarray, np.ndarray]:
-    """Lower left and upper right of all that is drawn, m; the middle of the base in the middle."""
+    """Lower left and upper right corner of everything drawn, m, the base in the middle."""
     points = []
     for reel in reels:
         for tilt, angle, lost in zip(reel.tilt, reel.angle, reel.lost, strict=True):
@@ -159,7 +156,7 @@ def _base(scene: Scene, t: np.ndarray) -> np.ndarray:
 
 
 def _actor(ax: Axes, scene: Scene, reel: Reel, times: np.ndarray, larger: int) -> Callable[[int], None]:
-    """What draws one motion."""
+    """Add one motion to `ax`; returns a function that draws a frame of it."""
     half = 0.5 * scene.block.width
     base = _base(scene, times)
     block = Polygon(corners(scene, 0.0), closed=True, fc=BODY, ec=INK, lw=1.4)
