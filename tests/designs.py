@@ -302,3 +302,16 @@ def rung(name: str) -> Rung:
         first=1.0,
         neglects="a < b",
     )
+
+
+@dataclasses.dataclass(frozen=True)
+class Front:
+    mass_ratio: np.ndarray
+    value: np.ndarray
+    design: np.ndarray
+    evaluations: int
+
+
+def front() -> Front:
+    mass = np.array([0.05, 0.1, 0.2])
+    return Front(mass, np.array([0.5, 0.3, -0.02]), np.tile(RATIOS, (3, 1)), 500)

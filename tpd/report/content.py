@@ -13,15 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
+from tpd.analysis.attractors import Starts
 from tpd.core import files
 from tpd.core.formatting import number
 from tpd.design.objective import KINDS
 from tpd.design.result import Bare, Design, Motions, Verified
 from tpd.design.study import Study
-from tpd.report import tables, words
+from tpd.report import pictures, tables, words
 from tpd.report.blocks import Block, Cell, Code, Figure, Listing, Note, Report, Section, Severity, Table
 from tpd.report.notes import differences, disagree, information, notes, source_of_tilts, toppling, warning
-from tpd.report.pictures import available
 
 _ROWS = 40
 """Most conditions in a table, evenly over all of them."""
@@ -102,7 +102,7 @@ def _captions(design: Design) -> dict[str, tuple[str, str]]:
 
 def _figures(design: Design, study: Study, *names: str) -> list[Block]:
     """Figures of the pictures there are."""
-    there = available(design, study)
+    there = pictures.names(design, study)
     return [Figure(n, *_captions(design)[n], narrow=len(names) > 1) for n in names if n in there]
 
 
@@ -123,7 +123,7 @@ def _answer(design: Design, study: Study) -> list[Block]:
     ]
     caption = (
         "Angles are from the vertical. Toppling: the tilt at which the block falls by itself, nu (1 + mu)/(1 "
-        "+ 2 mu). The settled stroke and amplitude are those of the exact solution from rest."
+        "+ 2 mu). Rocking amplitudes are those of the exact solution from rest."
     )
     held = "; ".join(map(str, winner.active)) or "nothing"
     decrease = f"Decrease left, to first order: {winner.stationarity:.2g} per unit of a scaled step."
@@ -217,7 +217,7 @@ def _conditions(design: Design, study: Study) -> list[Block]:
             x if math.isfinite(x := float(of.evaluation.tilt[0, i] * nu[i])) else None
             for of in (best, design.bare)
         ]
-        ends = [of.exact.status[i].replace("_", " ") for of in (best, design.bare)]
+        ends = [str(of.exact.status[i]).replace("_", " ") for of in (best, design.bare)]
         stroke = float(best.evaluation.stroke[0, i])
         with_, without = (_kind(of, int(i)) for of in (best, design.bare))
         label = design.conditions.label(int(i))

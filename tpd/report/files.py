@@ -8,10 +8,10 @@ from typing import Any
 from tpd.core import files
 from tpd.design.result import Design, DesignStatus
 from tpd.design.study import Study
+from tpd.report import pictures
 from tpd.report.content import content
 from tpd.report.html import html
 from tpd.report.json import as_json
-from tpd.report.pictures import available
 from tpd.report.text import text
 
 
@@ -29,15 +29,15 @@ def write(
     """
     report = content(design, study, job_toml, directory)
     written = [
-        files.place(directory / "report.txt", text(report)),
+        files.place(directory / "report.txt", text(content(design, study, directory=directory))),
         files.place(directory / "design.json", as_json(design, study, job_tables)),
         files.place(directory / "scene.toml", job_toml),
     ]
-    pictures = {}
-    for name, draw in available(design, study).items():
-        pictures[name] = draw()
-        written.append(files.place(directory / name, pictures[name]))
+    drawn = {}
+    for name in pictures.names(design, study):
+        drawn[name] = pictures.draw(name, design, study)
+        written.append(files.place(directory / name, drawn[name]))
     if design.status is not DesignStatus.interrupted:
         # Last, so that a page stands for a whole report.
-        written.append(files.place(directory / "report.html", html(report, pictures)))
+        written.append(files.place(directory / "report.html", html(report, drawn)))
     return written

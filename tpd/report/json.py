@@ -19,6 +19,8 @@ from tpd.report.content import content
 
 VERSION = 2
 """Version of the format; it grows when a key changes its meaning or goes away."""
+_STUDY = ("responses", "comparison", "elasticities", "front", "left_out")
+"""Parts of a study; time histories and the uplift region follow from the job in no time."""
 _EVALUATION = ("tilt", "stroke", "margin", "multiplier", "reserve")
 
 
@@ -44,9 +46,7 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any]) -> str:
         "nearest": design.nearest,
         "search": design.search,
         "elasticities": design.elasticities,
-        "study": {
-            f.name: getattr(study, f.name) for f in fields(study) if f.name not in ("histories", "region")
-        },
+        "study": {name: getattr(study, name) for name in _STUDY} | {"usage": dict(study.usage)},
         "seed": design.seed,
         "settings": design.settings,
         "job": job_tables,

@@ -269,7 +269,8 @@ def _settled(winner: Verified) -> Iterator[Note]:
             "lift it in reserve, once the pendulum has settled; the sudden start may lift it before."
         )
     if np.any(rocks & (winner.margin > 0.0)):
-        at = f" under {np.sum(rocks & (winner.margin > 0.0))} conditions" if several else ""
+        count = np.sum(rocks & (winner.margin > 0.0))
+        at = f" under {count} of {rocks.size} conditions" if several else ""
         yield warning(f"The block could rest under this pendulum{at}, but a start from rest ends in rocking.")
     if (stroke := _finite_max(motions.stroke)) > LARGE_STROKE:
         yield warning(f"A stroke of {stroke:.2f} rad stretches the linear equations of the pendulum.")
