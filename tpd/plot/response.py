@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,9 +30,9 @@ def plot_response(responses: Sequence[Response], frequency: float, ax: Axes | No
         overturned(ax, r.frequency[r.status == "overturned"], top, i)
         other = ~known & (r.status != "overturned")
         if other.any():
-            style = CASES[i] | {"ls": "", "marker": "D", "mfc": "none", "ms": 5}
-            size = np.minimum(r.amplitude[other], 0.85 * top)
-            ax.plot(r.frequency[other], size, **style | {"label": f"{CASES[i]['label']}: not settled"})
+            style: dict[str, Any] = {"ls": "", "marker": "D", "mfc": "none", "ms": 5}
+            style |= {"color": CASES[i]["color"], "label": f"{CASES[i]['label']}: not settled"}
+            ax.plot(r.frequency[other], np.minimum(r.amplitude[other], 0.85 * top), **style)
     ax.axvline(frequency, color=ORANGE, lw=1.0, ls="--", label="design frequency")
     ax.set(xlabel=LABELS["frequency"], ylabel=r"settled amplitude $\Phi$ from rest (rad)")
     ax.set_ylim(-0.03 * top, 1.06 * top)

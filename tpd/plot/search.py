@@ -28,11 +28,11 @@ def plot_search(design: Design, region: UpliftRegion | None = None, ax: Axes | N
     _screened(design, ax)
     for i, path in enumerate(design.search.paths):
         ax.plot(path[:, 0], path[:, 1], color=INK, lw=0.8, label=None if i else "search paths")
-    _points(ax, design.search.ends[np.isfinite(design.search.end_values)], "o", 5, "ends of searches")
+    _points(ax, design.search.ends[np.isfinite(design.search.end_values)], "o", 5.0, "ends of searches")
     refused = [v.design for v in design.verified if v.reasons]
-    _points(ax, np.array(refused).reshape(-1, 3), "X", 9, "refused", mfc="white")
+    _points(ax, np.array(refused).reshape(-1, 3), "X", 9.0, "refused", mfc="white")
     if design.winner is not None:
-        _points(ax, design.winner.design[None], "*", 17, "answer", mfc=ORANGE)
+        _points(ax, design.winner.design[None], "*", 17.0, "answer", mfc=ORANGE)
     limits = {"xlim": _padded(design.space.mass_ratio), "ylim": _padded(design.space.length_ratio)}
     ax.set(xlabel=LABELS["mu"], ylabel=LABELS["lam"], **limits)
     ax.legend(
