@@ -183,6 +183,12 @@ def test_a_value_of_the_risk_in_words(value, changes, said):
     assert words.risk(designs.band(**changes), value) == said
 
 
+def test_angles_that_are_infinite_or_unknown_are_told_apart():
+    assert words.angle(0.1) == "0.1 rad (5.73°)"
+    assert words.angle(np.inf) == "overturns"
+    assert words.angle(np.nan) == "unknown"
+
+
 def test_limits_in_words():
     assert words.limit(Mass(2.0)) == "mass 2 kg"
     assert words.limit(Walls()) == "a settled ball of steel keeps off the walls"

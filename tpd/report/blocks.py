@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import re
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 from tpd.core.formatting import number
@@ -28,6 +29,14 @@ class Note:
     severity: Severity
     text: str
     kind: ClassVar[str] = "note"
+
+
+danger = partial(Note, Severity.danger)
+"""Note that must be read before anything is built."""
+warning = partial(Note, Severity.warning)
+"""Note on a limit of the answer."""
+information = partial(Note, Severity.information)
+"""Note that explains."""
 
 
 @dataclass(frozen=True)

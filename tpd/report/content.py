@@ -20,8 +20,20 @@ from tpd.design.objective import KINDS
 from tpd.design.result import Bare, Design, Motions, Verified
 from tpd.design.study import Study
 from tpd.report import pictures, tables, words
-from tpd.report.blocks import Block, Cell, Code, Figure, Listing, Note, Report, Section, Severity, Table
-from tpd.report.notes import differences, disagree, information, notes, source_of_tilts, toppling, warning
+from tpd.report.blocks import (
+    Block,
+    Cell,
+    Code,
+    Figure,
+    Listing,
+    Report,
+    Section,
+    Table,
+    danger,
+    information,
+    warning,
+)
+from tpd.report.notes import differences, disagree, notes
 
 _ROWS = 40
 """Most conditions in a table, evenly over all of them."""
@@ -36,7 +48,7 @@ def content(design: Design, study: Study, job_toml: str = "", directory: Path | 
         job_toml: the job file that repeats the run; left out if empty.
         directory: where the report lies, for the command that repeats the run.
     """
-    verdict = Note(Severity.information if design.status.is_sound else Severity.danger, design.status.value)
+    verdict = (information if design.status.is_sound else danger)(design.status.value)
     parts = {
         "Before anything else": notes(design, study),
         "The answer": _answer(design, study),
@@ -153,17 +165,17 @@ def _sizes(design: Design, winner: Verified) -> list[tuple[Cell, ...]]:
             (f"{name} with it", words.risk(design, winner.value), None),
             (f"{name} without a pendulum", words.risk(design, design.bare.value), None),
         ]
-    most, topples = winner.exact, toppling(nu, winner.mass_ratio)
+    most, topples = winner.exact, words.toppling(nu, winner.mass_ratio)
     hung, bare = float(np.max(most.amplitude)), float(np.max(design.bare.exact.amplitude))
     # From other starts than rest the search may know larger strokes than the one from rest.
-    asked = 0.0 if design.starts == Starts.rest() else float(np.nanmax(winner.evaluation.stroke))
+    asked = 0.0 if design.starts == Starts.rest() else words.finite_max(winner.evaluation.stroke)
     stroke = max(design.stroke, asked)
     assert design.pendulum is not None
     way = design.pendulum.length * math.sin(min(stroke, 0.5 * math.pi))
     limited = f"{stroke / design.stroke_limit:.0%} of the limit" if design.stroke_limit < np.inf else None
     rows += [
         ("rocking amplitude with it", words.angle(hung), _share(hung, topples)),
-        ("rocking amplitude without", words.angle(bare), _share(bare, toppling(nu, 0.0))),
+        ("rocking amplitude without", words.angle(bare), _share(bare, words.toppling(nu, 0.0))),
         ("stroke of the bob, settled", words.angle(stroke), limited),
         ("way of the bob to either side", f"{number(way)} m", "settled, from the vertical"),
     ]
@@ -223,7 +235,7 @@ def _conditions(design: Design, study: Study) -> list[Block]:
         label = design.conditions.label(int(i))
         rows.append((label, tilts[0], stroke, with_, ends[0], tilts[1], without, ends[1]))
     head = ("condition", "tilt (rad)", "stroke (rad)", "kind", "from rest")
-    source = source_of_tilts(design)
+    source = words.source_of_tilts(design)
     caption = f"Tilt, stroke and kind: of {source}. From rest: end of the motion followed by events."
     table = Table((*head, "bare tilt (rad)", "bare kind", "bare from rest"), tuple(rows), caption)
     described = information("; ".join(design.conditions.description) + ".")

@@ -15,7 +15,8 @@ from tpd.core.status import SETTLED
 from tpd.design.criteria import Walls, limit_of
 from tpd.design.result import Bare, Design, DesignStatus, Motions, Verified
 from tpd.design.study import Study
-from tpd.report.blocks import Note, Severity
+from tpd.report.blocks import Note, danger, information, warning
+from tpd.report.words import finite_max, source_of_tilts
 
 LARGE_PEAK = 0.7
 """Share of the tilt at which the block topples; a start from rest beyond it is called dangerous."""
@@ -35,38 +36,10 @@ def notes(design: Design, study: Study) -> tuple[Note, ...]:
     """All notes on a design: dangers first, else in the order of the generators below."""
     found = [*_interruptions(design, study), *_responses(design, study), *_searched(design)]
     if design.winner is not None and design.pendulum is not None:
-        found += _of_winner(design, design.winner, design.pendulum)
+        found += [*_overturning(design, design.winner), *_ensemble(design.winner)]
+        found += [*_nonlinear(design, design.winner), *_strikes(design, design.winner, design.pendulum)]
+        found += [*thick(design.pendulum), *_settled(design.winner), *_starts(design, design.winner)]
     return tuple(sorted(found, key=lambda note: note.severity.value))
-
-
-def _of_winner(design: Design, winner: Verified, pendulum: Pendulum) -> Iterator[Note]:
-    yield from _overturning(design, winner)
-    yield from _ensemble(winner)
-    yield from _nonlinear(design, winner)
-    yield from _strikes(design, winner, pendulum)
-    yield from thick(pendulum)
-    yield from _settled(winner)
-    yield from _starts(design, winner)
-
-
-def danger(text: str) -> Note:
-    """A note that must be read before anything is built."""
-    return Note(Severity.danger, text)
-
-
-def warning(text: str) -> Note:
-    """A note on a limit of the answer."""
-    return Note(Severity.warning, text)
-
-
-def information(text: str) -> Note:
-    """A note that explains."""
-    return Note(Severity.information, text)
-
-
-def toppling(slenderness: float, mass_ratio: float) -> float:
-    """Tilt (rad) at which the linear block topples by itself, nu (1 + mu)/(1 + 2 mu)."""
-    return slenderness * (1.0 + mass_ratio) / (1.0 + 2.0 * mass_ratio)
 
 
 def differences(exact: Motions, searched: Motions) -> np.ndarray:
@@ -84,18 +57,6 @@ def disagree(design: Design, of: Bare | Verified) -> np.ndarray:
     settled = [np.isin(motions.status, SETTLED) for motions in (of.exact, of.searched)]
     far = ~(np.abs(differences(of.exact, of.searched)) <= getattr(design.method, "tolerance", _TOLERANCE))
     return (settled[0] != settled[1]) | (settled[0] & settled[1] & far)
-
-
-def source_of_tilts(design: Design) -> str:
-    """Motions that the search's tilts belong to, in words."""
-    if design.starts == Starts.rest():
-        return "the motion that a start from rest settles into"
-    if design.starts == Starts.any():
-        return "the largest attracting symmetric motion, whichever start leads to it"
-    start = f"{design.starts.size} starts (seed {design.starts.seed})"
-    if design.starts.worst:
-        return f"the largest motion that one of {start} settles into"
-    return f"the motions that {start} settle into, the mean over the starts"
 
 
 def _interruptions(design: Design, study: Study) -> Iterator[Note]:
@@ -197,17 +158,13 @@ def _strikes(design: Design, winner: Verified, pendulum: Pendulum) -> list[Note]
     if design.starts != Starts.rest():
         settled = np.concatenate([settled, e.stroke[0] + e.tilt[0] * nu])
     angles = {"once settled": settled, "on the way from rest": winner.exact.peak + winner.exact.peak_stroke}
-    largest = {when: _finite_max(x) for when, x in angles.items()}
+    largest = {when: finite_max(x) for when, x in angles.items()}
     if winner.verdict is not None:
         runs = winner.verdict.hung
         reach = float(np.quantile(runs.peak_stroke + runs.peak, 0.5, method="inverted_cdf"))
         largest["in half of the ensemble's runs"] = reach if math.isfinite(reach) else 0.0
     limited = limit_of(design.limits, Walls) is not None
     return strikes(design.scene.block, pendulum, largest, limited)[:1]
-
-
-def _finite_max(values: np.ndarray) -> float:
-    return float(np.max(values, where=np.isfinite(values), initial=0.0))
 
 
 def strikes(block: Block, pendulum: Pendulum, angles: Mapping[str, float], limited: bool) -> list[Note]:
@@ -272,9 +229,9 @@ def _settled(winner: Verified) -> Iterator[Note]:
         count = np.sum(rocks & (winner.margin > 0.0))
         at = f" under {count} of {rocks.size} conditions" if several else ""
         yield warning(f"The block could rest under this pendulum{at}, but a start from rest ends in rocking.")
-    if (stroke := _finite_max(motions.stroke)) > LARGE_STROKE:
+    if (stroke := finite_max(motions.stroke)) > LARGE_STROKE:
         yield warning(f"A stroke of {stroke:.2f} rad stretches the linear equations of the pendulum.")
-    if (multiplier := _finite_max(motions.multiplier[rocks])) > SLOW:
+    if (multiplier := finite_max(motions.multiplier[rocks])) > SLOW:
         yield warning(f"The motion attracts slowly (Floquet multiplier {multiplier:.3f}).")
 
 

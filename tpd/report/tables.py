@@ -10,8 +10,7 @@ from tpd.analysis.ensemble import Outcomes
 from tpd.core.formatting import number
 from tpd.design.result import Design
 from tpd.design.study import Study
-from tpd.report.blocks import Block, Cell, Table
-from tpd.report.notes import danger, information
+from tpd.report.blocks import Block, Cell, Table, danger, information
 
 if TYPE_CHECKING:
     from tpd.design.pareto import Front

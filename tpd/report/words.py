@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from tpd.analysis.attractors import Starts
 from tpd.core.formatting import number
 from tpd.core.scene import HOUSNER, Block
@@ -12,8 +14,32 @@ from tpd.design.result import Design
 
 
 def angle(x: float) -> str:
-    """An angle (rad) in radians and degrees."""
-    return f"{number(x)} rad ({number(math.degrees(x), 3)}°)" if math.isfinite(x) else "overturns"
+    """A largest angle (rad) in radians and degrees; infinite where the block overturns, NaN if unknown."""
+    if not math.isfinite(x):
+        return "unknown" if math.isnan(x) else "overturns"
+    return f"{number(x)} rad ({number(math.degrees(x), 3)}°)"
+
+
+def toppling(slenderness: float, mass_ratio: float) -> float:
+    """Tilt (rad) at which the linear block topples by itself, nu (1 + mu)/(1 + 2 mu)."""
+    return slenderness * (1.0 + mass_ratio) / (1.0 + 2.0 * mass_ratio)
+
+
+def source_of_tilts(design: Design) -> str:
+    """Motions that the search's tilts belong to, in words."""
+    if design.starts == Starts.rest():
+        return "the motion that a start from rest settles into"
+    if design.starts == Starts.any():
+        return "the largest attracting symmetric motion, whichever start leads to it"
+    start = f"{design.starts.size} starts (seed {design.starts.seed})"
+    if design.starts.worst:
+        return f"the largest motion that one of {start} settles into"
+    return f"the motions that {start} settle into, the mean over the starts"
+
+
+def finite_max(values: np.ndarray) -> float:
+    """Largest finite one of `values`, or 0."""
+    return float(np.max(values, where=np.isfinite(values), initial=0.0))
 
 
 def losses(block: Block) -> str:
