@@ -32,7 +32,7 @@ def test_the_verdict_comes_first_and_dangers_before_the_answer():
     report = content(designs.single(), designs.study())
     assert report.verdict == Note(Severity.information, DesignStatus.found.value)
     assert [s.title for s in report.sections[:2]] == ["Before anything else", "The answer"]
-    assert report.notes[0].severity is Severity.danger
+    assert report.sections[0].blocks[0].severity is Severity.danger
     assert report.title == "Pendulum for a block of 0.1 m × 0.4 m"
 
 

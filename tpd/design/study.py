@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -103,9 +102,9 @@ def study(design: Design, *, front: Front | None = None, progress: Progress | No
         return Study(front=front, usage=usage(design))
     scene, hung, left_out = design.scene, design.pendulum, []
 
-    def part(name: str, compute: Callable[[], _Part], wanted: bool = True) -> _Part | None:
+    def part(name: str, wanted: bool, compute: Callable[..., _Part], *inputs: Any) -> _Part | None:
         try:
-            return compute() if wanted else None
+            return compute(*inputs) if wanted else None
         except KeyboardInterrupt:
             left_out.append(name)
             return None
@@ -113,11 +112,11 @@ def study(design: Design, *, front: Front | None = None, progress: Progress | No
     own = is_own_shaking(design.conditions)
     from_rest = own and design.starts == Starts.rest()
     return Study(
-        histories=part("the time histories", partial(time_histories, scene, hung)),
-        responses=part("the response over frequency", partial(_responses, design, progress), own),
-        comparison=part("the comparison of models", partial(_comparison, design, progress), hung is not None),
-        elasticities=part("the sensitivities", lambda: elasticities(scene.parameters(hung)), from_rest),
-        region=part("the uplift region", partial(uplift_region, design)),
+        histories=part("the time histories", True, time_histories, scene, hung),
+        responses=part("the response over frequency", own, _responses, design, progress),
+        comparison=part("the comparison of models", hung is not None, _comparison, design, progress),
+        elasticities=part("the sensitivities", from_rest, elasticities, scene.parameters(hung)),
+        region=part("the uplift region", True, uplift_region, design),
         usage=usage(design),
         front=front,
         left_out=tuple(left_out),
@@ -136,15 +135,15 @@ def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory
         # The smoothed model has no impact loss.
         models["smoothed"] = Smoothed()
     cases = (None,) if pendulum is None else (None, pendulum)
-    return tuple(_history(scene, hung, name, model) for hung in cases for name, model in models.items())
-
-
-def _history(scene: Scene, pendulum: Pendulum | None, name: str, model: AbstractModel) -> TimeHistory:
-    p = as_arrays(scene.parameters(pendulum))
-    tau = sampled(p)
-    tilt, bob = np.asarray(simulate(p, jnp.zeros(4), tau, model=model).ys).T[:2]
-    time = np.asarray(tau) / scene.rate
-    return TimeHistory(model=name, with_pendulum=pendulum is not None, time=time, tilt=tilt, bob=bob)
+    out = []
+    for hung in cases:
+        p = as_arrays(scene.parameters(hung))
+        tau = sampled(p)
+        time = np.asarray(tau) / scene.rate
+        for name, model in models.items():
+            tilt, bob = np.asarray(simulate(p, jnp.zeros(4), tau, model=model).ys).T[:2]
+            out.append(TimeHistory(model=name, with_pendulum=hung is not None, time=time, tilt=tilt, bob=bob))
+    return tuple(out)
 
 
 def _responses(design: Design, progress: Progress | None) -> tuple[Response, ...]:

@@ -36,7 +36,7 @@ def plot_search(design: Design, region: UpliftRegion | None = None, ax: Axes | N
     limits = {"xlim": _padded(design.space.mass_ratio), "ylim": _padded(design.space.length_ratio)}
     ax.set(xlabel=LABELS["mu"], ylabel=LABELS["lam"], **limits)
     ax.legend(
-        loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=4, fontsize=7, frameon=False, markerscale=0.7
+        loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3, fontsize=7, frameon=False, markerscale=0.7
     )
     return ax
 

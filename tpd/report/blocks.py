@@ -31,12 +31,7 @@ class Note:
     kind: ClassVar[str] = "note"
 
 
-danger = partial(Note, Severity.danger)
-"""Note that must be read before anything is built."""
-warning = partial(Note, Severity.warning)
-"""Note on a limit of the answer."""
-information = partial(Note, Severity.information)
-"""Note that explains."""
+danger, warning, information = (partial(Note, severity) for severity in Severity)
 
 
 @dataclass(frozen=True)
@@ -53,11 +48,8 @@ class Table:
     kind: ClassVar[str] = "table"
 
     def __post_init__(self) -> None:
-        for row in self.rows:
-            if len(row) != len(self.head):
-                raise ValueError(
-                    f"a row must have {len(self.head)} cells as the head has, but has {len(row)}"
-                )
+        for n in {len(row) for row in self.rows} - {len(self.head)}:
+            raise ValueError(f"a row must have {len(self.head)} cells as the head has, but has {n}")
 
     @property
     def cells(self) -> list[list[str]]:
@@ -120,16 +112,11 @@ class Section:
 
 @dataclass(frozen=True)
 class Report:
-    """A whole report, the verdict first."""
+    """A whole report, the verdict first. The first section holds the notes."""
 
     title: str
     verdict: Note
     sections: tuple[Section, ...]
-
-    @property
-    def notes(self) -> tuple[Note, ...]:
-        """All notes of the first section: dangers, warnings, then information."""
-        return tuple(block for block in self.sections[0].blocks if isinstance(block, Note))
 
 
 def _text(cell: Cell) -> str:

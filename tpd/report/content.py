@@ -71,14 +71,25 @@ def content(design: Design, study: Study, job_toml: str = "", directory: Path | 
     return Report(title, verdict, tuple(sections))
 
 
+_LIMITED = {
+    "relative_stroke": "relative stroke",
+    "tilt": "tilt",
+    "multiplier": "multiplier",
+    "offset": "offset (bob from the axis)",
+    "walls": "walls (ball to the wall)",
+    "ball": "walls (ball within half the rod)",
+}
+"""Limits whose use a report shows; the stroke has a row of its own, and a reserve has no share."""
+
+
 def _captions(design: Design) -> dict[str, tuple[str, str]]:
     """Alternative text and caption of every picture."""
-    motion, hung = design.scene.motion, design.pendulum is not None
+    hung, motion = design.pendulum is not None, design.scene.motion
     beside = "left without the pendulum, right with it" if hung else "without a pendulum"
     return {
         "drawing.png": (
             f"The block on its base{' with the pendulum' if hung else ''}, to scale, with dimensions",
-            "To scale, dimensions in SI units." + (" Dashed: settled swing of the bob." if hung else ""),
+            f"To scale, dimensions in SI units.{' Dashed: settled swing of the bob.' if hung else ''}",
         ),
         "animation.gif": (
             f"Animation of the block on its moving base, {beside}",
@@ -86,24 +97,23 @@ def _captions(design: Design) -> dict[str, tuple[str, str]]:
         ),
         "response.png": (
             "Settled rocking amplitude against frequency, of the bare block (squares) and with the pendulum",
-            "Motion that the block settles into from rest at the same base amplitude, "
-            f"{number(motion.amplitude)} m. Crosses near the top: it overturns. Dashed: the frequency of the "
-            f"design, {number(motion.frequency)} Hz; the pendulum was chosen for that one only.",
+            f"Motion that the block settles into from rest at a base amplitude of {number(motion.amplitude)} "
+            "m. Marks near the top: it overturns. Dashed: the one frequency that the design is for.",
         ),
         "motion.png": (
             "Tilt of the block without and with the pendulum, and angle of the bob, against time from rest",
             "First 24 periods from rest under the scene's own shaking: exact solution, broad, and smoothed "
             "model, dashed. Where they part, the motion depends on details. The stroke limit (dotted) holds "
-            "for the settled motion: on the way there the bob may exceed it.",
+            "for the settled motion only.",
         ),
         "search.png": (
             "Mass ratio against length ratio: designs screened, search paths, their ends and the answer",
-            "Every design screened. Shaded: a block at rest stays at rest. Triangles exceed a limit, crosses "
-            "overturn the block or do not settle; lines are the searches.",
+            "Shaded: a block at rest stays at rest. Triangles exceed a limit, crosses overturn the block or "
+            "do not settle; lines are the searches.",
         ),
         "conditions.png": (
             "Tilt and bob angle over the quantity that the conditions differ in, with and without a pendulum",
-            "Lines: largest steady tilt of the motions that count. Crosses: from rest the block overturns.",
+            "Lines: largest steady tilt of the motions that count. Near the top: it overturns from rest.",
         ),
         "front.png": (
             "Least tilt against the mass of the bob",
@@ -122,100 +132,68 @@ def _answer(design: Design, study: Study) -> list[Block]:
     hung, winner = design.pendulum, design.winner
     if hung is None or winner is None:
         return _no_answer(design)
+    hinge = number(hung.hinge_damping(design.scene.gravity))
     rows: list[tuple[Cell, ...]] = [
         ("mass of the bob", f"{number(hung.mass)} kg", f"μ = {number(winner.mass_ratio, 5)}"),
         ("length of the pendulum", f"{number(hung.length)} m", f"λ = {number(winner.length_ratio, 5)}"),
-        (
-            "damping of the hinge",
-            f"{number(hung.hinge_damping(design.scene.gravity))} N m s/rad",
-            f"ζ = {number(hung.damping_ratio)}, of critical, hung from a fixed point",
-        ),
-        *_sizes(design, winner),
+        ("damping of the hinge", f"{hinge} N m s/rad", f"ζ = {number(hung.damping_ratio)} of critical"),
+        *_sizes(design, winner, hung.length),
         *((f"limit on {_LIMITED[n]}", f"{x:.1%} used", None) for n, x in study.usage if n in _LIMITED),
+        ("losses of the block", words.losses(design.scene.block), None),
     ]
     caption = (
         "Angles are from the vertical. Toppling: the tilt at which the block falls by itself, nu (1 + mu)/(1 "
         "+ 2 mu). Rocking amplitudes are those of the exact solution from rest."
     )
     held = "; ".join(map(str, winner.active)) or "nothing"
-    decrease = f"Decrease left, to first order: {winner.stationarity:.2g} per unit of a scaled step."
-    return [
-        Table(("", "value", "relative"), tuple(rows), caption),
-        information(f"Held by: {held}. {decrease}"),
-    ]
+    left = f"Decrease left, to first order: {winner.stationarity:.2g} per unit of a scaled step."
+    return [Table(("", "value", "relative"), tuple(rows), caption), information(f"Held by: {held}. {left}")]
 
 
-_LIMITED = {
-    "relative_stroke": "relative stroke",
-    "tilt": "tilt",
-    "multiplier": "multiplier",
-    "offset": "offset (bob from the axis)",
-    "walls": "walls (ball to the wall)",
-    "ball": "walls (ball within half the rod)",
-}
-"""Limits whose use a report shows; the stroke has a row of its own, and a reserve has no share."""
-
-
-def _sizes(design: Design, winner: Verified) -> list[tuple[Cell, ...]]:
+def _sizes(design: Design, winner: Verified, length: float) -> list[tuple[Cell, ...]]:
     """Rows of angles: risk over several conditions, amplitudes, strokes and the way from rest."""
-    nu, rows = design.scene.block.slenderness, []
-    if len(design.conditions) > 1:
-        name = f"{design.risk.name} tilt"
-        rows += [
-            (f"{name} with it", words.risk(design, winner.value), None),
-            (f"{name} without a pendulum", words.risk(design, design.bare.value), None),
-        ]
-    most, topples = winner.exact, words.toppling(nu, winner.mass_ratio)
-    hung, bare = float(np.max(most.amplitude)), float(np.max(design.bare.exact.amplitude))
+    exact, limit = winner.exact, design.stroke_limit
     # From other starts than rest the search may know larger strokes than the one from rest.
     asked = 0.0 if design.starts == Starts.rest() else words.finite_max(winner.evaluation.stroke)
     stroke = max(design.stroke, asked)
-    assert design.pendulum is not None
-    way = design.pendulum.length * math.sin(min(stroke, 0.5 * math.pi))
-    limited = f"{stroke / design.stroke_limit:.0%} of the limit" if design.stroke_limit < np.inf else None
-    rows += [
-        ("rocking amplitude with it", words.angle(hung), _share(hung, topples)),
-        ("rocking amplitude without", words.angle(bare), _share(bare, words.toppling(nu, 0.0))),
-        ("stroke of the bob, settled", words.angle(stroke), limited),
-        ("way of the bob to either side", f"{number(way)} m", "settled, from the vertical"),
-    ]
-    if np.isfinite(most.peak).any():
-        peak, swing = float(np.nanmax(most.peak)), float(np.nanmax(most.peak_stroke))
-        rows += [
-            ("largest tilt on the way from rest", words.angle(peak), _share(peak, topples)),
-            ("largest bob angle on the way from rest", words.angle(swing), None),
+    way = number(length * math.sin(min(stroke, 0.5 * math.pi)))
+    used = f"{stroke / limit:.0%} of the limit" if limit < np.inf else None
+    name = f"{design.risk.name} tilt"
+    rows: list[tuple[Cell, ...]] = []
+    if len(design.conditions) > 1:
+        rows = [
+            (f"{name} with it", words.risk(design, winner.value), None),
+            (f"{name} without a pendulum", words.risk(design, design.bare.value), None),
         ]
-    least = f"{np.min(winner.margin):.1%}", "of the moment that lifts the block"
-    return [
-        *rows,
-        ("uplift margin, settled", *least),
-        ("losses of the block", words.losses(design.scene.block), None),
+    rows += [
+        ("rocking amplitude with it", *words.of_toppling(design, design.amplitude, winner.mass_ratio)),
+        ("rocking amplitude without", *words.of_toppling(design, design.amplitude_without, 0.0)),
+        ("stroke of the bob, settled", words.angle(stroke), used),
+        ("way of the bob to either side", f"{way} m", "settled, from the vertical"),
     ]
-
-
-def _share(tilt: float, topples: float) -> str | None:
-    return f"{tilt / topples:.1%} of toppling" if math.isfinite(tilt) else None
+    if np.isfinite(exact.peak).any():
+        peak, swing = float(np.nanmax(exact.peak)), float(np.nanmax(exact.peak_stroke))
+        rows.append(("largest tilt from rest on", *words.of_toppling(design, peak, winner.mass_ratio)))
+        rows.append(("largest bob angle from rest on", words.angle(swing), None))
+    return [*rows, ("uplift margin, settled", f"{np.min(winner.margin):.1%}", "of the moment that lifts")]
 
 
 def _no_answer(design: Design) -> list[Block]:
-    rows = [("pendulum", "none to offer")]
     known = design.search.end_values[np.isfinite(design.search.end_values)]
-    if known.size:
-        rows.append(("best within the limits", words.risk(design, float(known.min()))))
-    rows += [
+    best = [("best within the limits", words.risk(design, float(known.min())))] if known.size else []
+    rows = (
+        ("pendulum", "none to offer"),
+        *best,
         ("rocking amplitude without pendulum", words.angle(design.amplitude_without)),
         (f"{design.risk.name} tilt without pendulum", words.risk(design, design.bare.value)),
         ("losses of the block", words.losses(design.scene.block)),
-    ]
-    out: list[Block] = [Table(("", "value"), tuple(rows))]
+    )
+    out: list[Block] = [Table(("", "value"), rows)]
     if design.nearest is not None:
-        at, broken = _ratios(design.nearest.design), "; ".join(map(str, design.nearest.broken))
+        at = "μ = {:.4g}, λ = {:.4g}, ζ = {:.4g}".format(*design.nearest.design)
+        broken = "; ".join(map(str, design.nearest.broken))
         out.append(warning(f"Nearest to the limits comes {at}: {broken}."))
     return out
-
-
-def _ratios(design: np.ndarray) -> str:
-    return "μ = {:.4g}, λ = {:.4g}, ζ = {:.4g}".format(*design)
 
 
 def _conditions(design: Design, study: Study) -> list[Block]:
@@ -253,11 +231,11 @@ def _kind(of: Verified | Bare, i: int) -> str:
 def _search(design: Design, study: Study) -> list[Block]:
     search = design.search
     counts = Counter(s.value for s in search.statuses)
-    more = (
-        f", {search.nonlinear_evaluations} by the nonlinear equations" if search.nonlinear_evaluations else ""
-    )
-    said = f"{search.evaluations} designs{more}, from {search.description}, seed {design.seed}"
     ends = "; ".join(f"{n} {what}" for what, n in counts.items())
+    said = f"{search.evaluations} designs"
+    if search.nonlinear_evaluations:
+        said += f", {search.nonlinear_evaluations} by the nonlinear equations"
+    said += f", from {search.description}, seed {design.seed}"
     out: list[Block] = [information(f"Method {design.method.name}: {said}. Searches: {ends or 'none'}.")]
     out += _figures(design, study, "search.png")
     if study.front is not None:
@@ -267,11 +245,9 @@ def _search(design: Design, study: Study) -> list[Block]:
 
 def _models(design: Design, study: Study) -> list[Block]:
     out: list[Block] = []
-    named = [
-        ("best design" if design.winner else "best found, not offered", design.best),
-        ("bare block", design.bare),
-    ]
-    rows = [_crossed(design, name, of) for name, of in named if of is not None and of.searched is not None]
+    best = "best design" if design.winner else "best found, not offered"
+    named = ((best, design.best), ("bare block", design.bare))
+    rows = [_crossed(design, name, of, of.searched) for name, of in named if of and of.searched]
     if rows:
         head = ("", "exact (rad)", "search (rad)", "difference", "stroke (rad)", "multiplier", "settles as")
         caption = (
@@ -285,28 +261,24 @@ def _models(design: Design, study: Study) -> list[Block]:
     return out
 
 
-def _crossed(design: Design, name: str, of: Verified | Bare) -> tuple[Cell, ...]:
+def _crossed(design: Design, name: str, of: Verified | Bare, searched: Motions) -> tuple[Cell, ...]:
     """One row of the cross-check of exact solution and search model."""
-    assert of.searched is not None
     exact, i = of.exact, int(np.argmax(of.exact.amplitude))
-    difference = float(differences(exact, of.searched)[i])
+    difference = float(differences(exact, searched)[i])
     stroke = float(exact.stroke[i]) if isinstance(of, Verified) else None
     relative = f"{difference:.2%}" if math.isfinite(difference) else None
-    ends = _ends(exact, i) + (", MODELS DISAGREE" if disagree(design, of)[i] else "")
-    sizes = (float(exact.amplitude[i]), float(of.searched.amplitude[i]))
+    ends = str(exact.status[i]).replace("_", " ")
+    ends += f", period {exact.periods[i]}" if exact.periods[i] > 1 else ""
+    ends += ", MODELS DISAGREE" if disagree(design, of)[i] else ""
+    sizes = (float(exact.amplitude[i]), float(searched.amplitude[i]))
     return (name, *sizes, relative, stroke, float(exact.multiplier[i]), ends)
 
 
-def _ends(motions: Motions, i: int) -> str:
-    name, periods = motions.status[i].replace("_", " "), int(motions.periods[i])
-    return f"{name}, period {periods}" if periods > 1 else name
-
-
 def _refused(design: Design) -> list[Block]:
-    refused = [v for v in design.verified if v.reasons]
     rows = tuple(
         (v.source, v.mass_ratio, v.length_ratio, v.damping_ratio, v.value, "; ".join(map(str, v.reasons)))
-        for v in refused
+        for v in design.verified
+        if v.reasons
     )
     caption = "Value: the risk, a tilt over nu where the block rocks. A refused design is not offered."
     return [Table(("from", "μ", "λ", "ζ", "value", "reasons"), rows, caption)] if rows else []
@@ -341,8 +313,6 @@ def _repeat(design: Design, study: Study, job_toml: str, directory: Path | None)
         scene, to = shlex.quote(str(directory / "scene.toml")), shlex.quote(str(again))
         out.append(Code(f"tpd optimise --scene {scene} --out {to}{more}"))
     if job_toml:
-        out += [
-            information(f"Seed {design.seed}. The file scene.toml beside this page holds:"),
-            Code(job_toml),
-        ]
+        out.append(information(f"Seed {design.seed}. The file scene.toml beside this page holds:"))
+        out.append(Code(job_toml))
     return [*out, information(f"Made with {made}. The file design.json holds all results in full.")]

@@ -15,7 +15,7 @@ from tpd.design.criteria import Limit
 from tpd.design.objective import KINDS
 from tpd.design.result import Design, Reason
 from tpd.design.study import Study
-from tpd.report.content import content
+from tpd.report.notes import notes
 
 VERSION = 2
 """Version of the format; it grows when a key changes its meaning or goes away."""
@@ -31,7 +31,7 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any]) -> str:
         "version": VERSION,
         "status": design.status.name,
         "status_message": design.status.value,
-        "notes": content(design, study).notes,
+        "notes": notes(design, study),
         "pendulum": hung,
         "hinge_damping_N_m_s_per_rad": None if hung is None else hung.hinge_damping(design.scene.gravity),
         "amplitude_rad": design.amplitude,

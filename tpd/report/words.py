@@ -42,6 +42,12 @@ def finite_max(values: np.ndarray) -> float:
     return float(np.max(values, where=np.isfinite(values), initial=0.0))
 
 
+def of_toppling(design: Design, tilt: float, mass_ratio: float) -> tuple[str, str | None]:
+    """A tilt (rad), and its share of the tilt at which the block topples."""
+    share = f"{tilt / toppling(design.scene.block.slenderness, mass_ratio):.1%} of toppling"
+    return angle(tilt), share if math.isfinite(tilt) else None
+
+
 def losses(block: Block) -> str:
     """Energy losses of the rocking block."""
     if block.restitution is None:
