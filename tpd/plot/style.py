@@ -1,14 +1,21 @@
-"""What all pictures share: the palette, axes of their own figure, names of axes, and PNG."""
+"""Style of all pictures: palette, markers, labels of axes, new axes, and PNG."""
 
 from __future__ import annotations
 
 import io
 from typing import Any
 
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 INK, GREY, BLUE, ORANGE = "#1a1a1a", "#9a9a9a", "#1f5fa8", "#d9822b"
+
+CASES: tuple[dict[str, Any], ...] = (
+    {"color": GREY, "marker": "s", "ls": "--", "ms": 3.5, "lw": 1.2, "label": "bare block"},
+    {"color": BLUE, "marker": "o", "ls": "-", "ms": 3.5, "lw": 1.2, "label": "with the pendulum"},
+)
+"""Lines of the bare block and of the block with a pendulum, which differ in grey as well."""
 
 LABELS = {
     "nu": r"slenderness $\nu$ = a/b (-)",
@@ -31,18 +38,26 @@ LABELS = {
     "pendulum_length": "length of the pendulum (m)",
     "pendulum_damping": "damping ratio of the hinge (-)",
 }
-"""Of an axis, by the name of what varies along it."""
+"""Labels of an axis by the name of the quantity along it."""
+
+
+def overturned(ax: Any, x: np.ndarray, top: float, case: int) -> None:
+    """Mark at `x`, near `top`, where the block overturns from rest, in the style of one of `CASES`."""
+    style, level = CASES[case], np.full(len(x), top * (1.0 - 0.05 * case))
+    if len(x):
+        label = f"{style['label']}: overturns from rest"
+        ax.plot(x, level, ls="", marker="+x"[case], ms=5, color=style["color"], label=label)
 
 
 def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6)) -> Any:
-    """Axes of a figure of their own; an array of them if `rows` > 1."""
+    """Axes of a new figure; an array of them if `rows` > 1."""
     figure = Figure(figsize=size, layout="constrained", dpi=130)
     FigureCanvasAgg(figure)
     return figure.subplots(rows, 1, sharex=rows > 1)
 
 
 def png(figure: Any) -> bytes:
-    """The picture as a file's content."""
+    """Content of a PNG file of the figure."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
     return buffer.getvalue()

@@ -1,0 +1,111 @@
+"""Computations behind a report, on the paper's block."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import tpd
+from tests import designs
+from tpd.analysis.response import frequency_response
+from tpd.analysis.steady_state import sampled
+from tpd.closed_form.harmonic_balance import uplift
+from tpd.core.conditions import Conditions
+from tpd.design.criteria import Offset, Stroke
+from tpd.design.result import DesignStatus
+from tpd.design.study import Study, is_own_shaking, study, time_histories, uplift_region, usage
+from tpd.models.piecewise import Piecewise
+from tpd.models.smoothed import Smoothed
+
+
+def interrupting(stage, done, of):
+    raise KeyboardInterrupt
+
+
+def test_an_interruption_leaves_one_part_out_and_goes_on_with_the_next():
+    found = study(designs.single(), progress=interrupting)
+    assert found.left_out == ("the response over frequency", "the comparison of models")
+    assert found.responses is None
+    assert found.comparison is None
+    assert [(h.with_pendulum, h.model) for h in found.histories] == [
+        (with_, model) for with_ in (False, True) for model in ("exact", "smoothed")
+    ]
+    assert found.elasticities.slopes
+    assert found.region.margin.shape == (96, 96)
+    assert found.usage[0] == ("stroke", 0.3 / 0.5)
+
+
+def test_over_conditions_there_is_no_response_and_the_front_is_passed_on():
+    front, bare = designs.front(), designs.band(pendulum=None)
+    found = study(bare, front=front, progress=interrupting)
+    assert (found.responses, found.elasticities, found.comparison) == (None, None, None)
+    assert found.left_out == ()
+    assert found.front is front
+    assert {h.with_pendulum for h in found.histories} == {False}
+
+
+def test_of_an_interrupted_search_nothing_is_solved():
+    found = study(designs.single(status=DesignStatus.interrupted, pendulum=None, verified=()))
+    assert found == Study()
+
+
+def test_responses_are_those_around_the_scenes_frequency():
+    stages = []
+
+    def progress(stage, done, of):
+        stages.append((stage, of))
+        if done == 2:
+            raise KeyboardInterrupt
+
+    study(designs.single(pendulum=None), progress=progress)
+    assert stages == [("responding", 41)] * 2
+    found = study(designs.single(pendulum=None)).responses
+    (bare,) = found
+    assert bare.frequency[[0, 15, -1]] == pytest.approx([1.75, 2.5, 3.75])
+    one = frequency_response(designs.SCENE, None, np.array([2.5]))
+    assert bare.amplitude[15] == pytest.approx(float(one.amplitude[0]), rel=1e-9)
+
+
+@pytest.mark.parametrize(("model", "name"), [(Piecewise(), "exact"), (Smoothed(), "smoothed")])
+def test_time_histories_are_simulations_from_rest(model, name):
+    (found,) = (h for h in time_histories(designs.SCENE, None) if h.model == name)
+    p = designs.SCENE.parameters()
+    tau = sampled(p)
+    ys = np.asarray(tpd.simulate(p, jnp.zeros(4), tau, model=model).ys)
+    assert found.tilt == pytest.approx(ys[:, 0], abs=1e-12)
+    assert found.bob == pytest.approx(ys[:, 1], abs=1e-12)
+    assert found.time[-1] == pytest.approx(24.0 / 2.5)
+
+
+def test_the_smoothed_model_is_left_out_where_impacts_lose_energy():
+    block = tpd.Block(width=0.1, height=0.4, mass=16.224, restitution="housner")
+    found = time_histories(dataclasses.replace(designs.SCENE, block=block), None)
+    assert [h.model for h in found] == ["exact"]
+
+
+def test_the_uplift_region_is_the_least_margin_of_all_conditions():
+    conditions = Conditions.amplitudes(0.5, 1.5)
+    found = uplift_region(designs.single(conditions=conditions))
+    i, j = 20, 70
+    mu, lam = found.mass_ratio[j], found.length_ratio[i]
+    p = dataclasses.replace(designs.SCENE.parameters(), mu=mu, lam=lam, zeta=0.1)
+    margins = [float(uplift(dataclasses.replace(p, f=p.f * factor)).margin) for factor in (0.5, 1.5)]
+    assert found.margin[i, j] == pytest.approx(min(margins), abs=1e-12)
+    assert found.margin[i, j] < max(margins)
+
+
+def test_usage_is_the_largest_size_over_its_limit():
+    design = designs.band(limits=(Stroke(0.5), Offset(0.1)))
+    sizes = dict(usage(design))
+    # The widest swing and the largest tilt are those of the lowest frequency.
+    assert sizes["stroke"] == pytest.approx(0.9)
+    assert sizes["offset"] == pytest.approx(0.12 * np.sin(0.45 + 0.3 * 0.25) / 0.1)
+    assert usage(designs.single(pendulum=None, verified=())) == ()
+
+
+def test_the_scenes_own_shaking_is_one_condition_without_factors():
+    assert is_own_shaking(Conditions())
+    assert is_own_shaking(Conditions.amplitudes(1.0))
+    assert not is_own_shaking(Conditions.amplitudes(1.2))
+    assert not is_own_shaking(Conditions.amplitudes(1.0, 1.2))

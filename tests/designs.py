@@ -1,0 +1,317 @@
+"""Designs and studies made by hand, with plausible numbers, for tests of reports and pictures."""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+import tpd
+from tpd.analysis.attractors import Starts
+from tpd.analysis.compare_models import Check, Rung
+from tpd.analysis.ensemble import Ensemble, Outcomes, Verdict
+from tpd.analysis.response import Response
+from tpd.analysis.sensitivity import Elasticities
+from tpd.core.conditions import Conditions
+from tpd.design.criteria import DEFAULT_LIMITS, Risk
+from tpd.design.result import (
+    Active,
+    Bare,
+    Design,
+    DesignStatus,
+    Motions,
+    Neighbours,
+    Nonlinear,
+    Reason,
+    ReasonKind,
+    Search,
+    SearchStatus,
+    Step,
+    Verified,
+)
+from tpd.design.space import DesignSpace
+from tpd.design.study import Study, TimeHistory, UpliftRegion
+
+SCENE = tpd.paper_scene()
+HUNG = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
+RATIOS = (0.1, 0.6, 0.1)
+NAMES = ("mu", "lam", "zeta", "nu", "k", "f", "xi")
+SIZES = ("merit", "tilt", "stroke", "reserve")
+REASON = Reason(
+    step=Step.nonlinear,
+    kind=ReasonKind.breaks_limit,
+    condition="2.5 Hz",
+    limit="stroke",
+    value=1.2,
+)
+
+
+class Evaluation(NamedTuple):
+    merit: np.ndarray
+    merit_slope: np.ndarray
+    tilt: np.ndarray
+    tilt_slope: np.ndarray
+    stroke: np.ndarray
+    stroke_slope: np.ndarray
+    margin: np.ndarray
+    multiplier: np.ndarray
+    reserve: np.ndarray
+    reserve_slope: np.ndarray
+    kind: np.ndarray
+    design: np.ndarray
+    lost: np.ndarray
+    unsettled: np.ndarray
+
+    @property
+    def attracts(self) -> np.ndarray:
+        return self.kind <= 2
+
+
+class Method(NamedTuple):
+    name: str
+    tolerance: float
+
+
+def evaluation(tilt, stroke, **changes) -> Evaluation:
+    tilt = np.atleast_2d(np.asarray(tilt, dtype=float))
+    one, slope = np.ones_like(tilt), np.zeros((*tilt.shape, 3))
+    values = {
+        "merit": tilt,
+        "tilt": tilt,
+        "stroke": stroke * one,
+        "margin": -0.2 * one,
+        "multiplier": 0.8 * one,
+        "reserve": 0.3 * one,
+        "kind": np.zeros(tilt.shape, dtype=int),
+        "design": np.array([RATIOS]),
+        "lost": 0.0 * one,
+        "unsettled": 0.0 * one,
+    }
+    return Evaluation(**({f"{name}_slope": slope for name in SIZES} | values | changes))
+
+
+def motions(model: str, amplitude, stroke=0.3, status="rocking", **changes) -> Motions:
+    amplitude = np.atleast_1d(np.asarray(amplitude, dtype=float))
+    one = np.ones_like(amplitude)
+    status = np.broadcast_to(np.asarray(status, dtype="<U16"), amplitude.shape)
+    lost = status == "overturned"
+    values = {
+        "status": status,
+        "amplitude": np.where(lost, np.inf, amplitude),
+        "stroke": np.where(lost, np.inf, stroke),
+        "peak": np.where(lost, np.inf, 1.5 * amplitude),
+        "peak_stroke": np.where(lost, np.inf, 1.4 * stroke),
+        "multiplier": 0.8 * one,
+        "periods": np.ones(amplitude.shape, dtype=int),
+    }
+    return Motions(model=model, **(values | changes))
+
+
+def outcomes(lost: int, size: int = 40) -> Outcomes:
+    over = np.arange(size) < lost
+    angle = np.where(over, np.inf, 0.1)
+    return Outcomes(
+        ensemble=Ensemble(size=size),
+        status=np.where(over, "overturned", "rocking"),
+        peak=angle,
+        amplitude=angle,
+        peak_stroke=angle,
+        stroke=angle,
+        ramp=np.where(np.arange(size) % 2, 2.0, 0.0),
+    )
+
+
+def verified(**changes) -> Verified:
+    """The paper's block under its own shaking, with a pendulum that halves the rocking."""
+    values = {
+        "mass_ratio": RATIOS[0],
+        "length_ratio": RATIOS[1],
+        "damping_ratio": RATIOS[2],
+        "value": 0.16,
+        "evaluation": evaluation(0.16, 0.3),
+        "exact": motions("piecewise", 0.04),
+        "searched": motions("smoothed", 0.0401),
+        "margin": np.array([-0.2]),
+        "neighbours": Neighbours(condition=0, tried=8, overturned=0, overturned_bare=1),
+        "nonlinear": (nonlinear(),),
+        "verdict": Verdict(hung=outcomes(2), bare=outcomes(20)),
+        "stationarity": 1e-3,
+        "active": (Active(kind="limit", name="stroke", condition="the scene's own shaking", weight=0.5),),
+        "source": "search",
+        "reasons": (),
+    }
+    return Verified(**(values | changes))
+
+
+def nonlinear(condition: int = 0, status: str = "rocking", bare: str = "rocking") -> Nonlinear:
+    return Nonlinear(
+        condition=condition,
+        amplitude=0.041,
+        stroke=0.31,
+        status=status,
+        bare_amplitude=0.08,
+        bare_status=bare,
+    )
+
+
+def search(**changes) -> Search:
+    rng = np.random.default_rng(0)
+    screened = np.array([0.01, 0.1, 0.1]) + rng.random((60, 3)) * np.array([0.19, 1.4, 0.0])
+    values = {
+        "screened": screened,
+        "screened_value": 0.2 + 2.0 * np.abs(screened[:, 1] - 0.6) * 0.2,
+        "screened_feasible": screened[:, 1] < 1.1,
+        "screened_overturned": (screened[:, 0] > 0.15) & (screened[:, 1] > 0.9),
+        "paths": (screened[[0, 1]], screened[[2, 3, 4]]),
+        "ends": np.array([RATIOS, screened[4]]),
+        "end_values": np.array([0.16, np.inf]),
+        "statuses": (SearchStatus.stroke_limited, SearchStatus.infeasible),
+        "evaluations": 100,
+        "nonlinear_evaluations": 7,
+        "description": "60 designs screened",
+    }
+    return Search(**(values | changes))
+
+
+def single(**changes) -> Design:
+    """A design for the scene's own shaking."""
+    values = {
+        "scene": SCENE,
+        "space": DesignSpace(),
+        "conditions": Conditions(),
+        "starts": Starts.rest(),
+        "risk": Risk.worst(),
+        "limits": DEFAULT_LIMITS,
+        "method": Method("descent", 0.01),
+        "ensemble": Ensemble(size=40),
+        "seed": 3,
+        "status": DesignStatus.found,
+        "pendulum": HUNG,
+        "verified": (verified(),),
+        "bare": Bare(
+            value=0.3333,
+            evaluation=evaluation(0.3333, 0.0),
+            exact=motions("piecewise", 0.0833335),
+            searched=motions("smoothed", 0.0833),
+            outcomes=outcomes(20),
+        ),
+        "nearest": None,
+        "search": search(),
+        "elasticities": {},
+    }
+    return Design(**(values | changes))
+
+
+def band(**changes) -> Design:
+    """A design for eight frequencies, over all symmetric orbits; the bare block overturns at the lowest."""
+    n, conditions = 8, Conditions.band(SCENE, 1.5, 4.0, 8)
+    tilt, kind = np.linspace(0.3, 0.0, n), np.zeros((1, n), dtype=int)
+    kind[0, -1] = 2
+    over = np.where(np.arange(n) == 0, "overturned", "rocking")
+    lost = {"status": over}
+    offered = verified(
+        value=0.3,
+        evaluation=evaluation(tilt, np.linspace(0.45, 0.1, n), kind=kind),
+        exact=motions("piecewise", 0.2 * tilt, np.linspace(0.4, 0.1, n), ["rocking"] * (n - 1) + ["rest"]),
+        searched=None,
+        margin=np.linspace(-0.5, 0.1, n),
+        neighbours=None,
+        nonlinear=(nonlinear(0), nonlinear(1)),
+        active=(Active(kind="tilt", name="", condition="1.5 Hz", weight=1.0),),
+    )
+    bare = Bare(
+        value=0.6,
+        evaluation=evaluation(2.0 * tilt, 0.0),
+        exact=motions("piecewise", 0.4 * tilt, 0.0, **lost),
+        searched=None,
+        outcomes=outcomes(20),
+    )
+    values = {
+        "conditions": conditions,
+        "starts": Starts.any(),
+        "method": Method("sequential", 0.01),
+        "verified": (dataclasses.replace(offered, value=0.2, reasons=(REASON,)), offered),
+        "bare": bare,
+        "elasticities": {"mass": -0.4, "length": 1.25, "frequency": -2.0},
+    }
+    return single(**(values | changes))
+
+
+def refused() -> Design:
+    """A search whose only design was refused."""
+    bad = verified(reasons=(REASON,), verdict=None, neighbours=None)
+    return single(status=DesignStatus.refused, pendulum=None, verified=(bad,))
+
+
+def response(*amplitudes, frequency=(2.4, 2.45, 2.6), status="rocking") -> Response:
+    return Response(
+        frequency=np.array(frequency),
+        amplitude=np.array(amplitudes),
+        stroke=np.full(len(amplitudes), 0.1),
+        status=np.broadcast_to(np.asarray(status, dtype="<U16"), len(amplitudes)),
+    )
+
+
+def history(with_pendulum: bool, model: str = "exact", size: float = 0.08, lost: bool = False) -> TimeHistory:
+    time = np.linspace(0.0, 9.6, 24 * 60 + 1)
+    tilt = size * np.sin(2.0 * np.pi * 2.5 * time) * (1.0 - np.exp(-time))
+    if lost:
+        tilt = np.where(time > 3.0, np.nan, np.sign(tilt[1]) * 0.01 * np.exp(2.0 * time))
+    bob = 0.3 * np.sin(2.0 * np.pi * 2.5 * time + 1.0)
+    return TimeHistory(
+        model=model,
+        with_pendulum=with_pendulum,
+        time=time,
+        tilt=tilt,
+        bob=np.where(np.isfinite(tilt), bob, np.nan),
+    )
+
+
+def study(**changes) -> Study:
+    """Everything that a report of `single` shows."""
+    frequency = tuple(2.5 * np.linspace(0.7, 1.5, 41))
+    mu, lam = np.linspace(0.01, 0.2, 30), np.linspace(0.1, 1.5, 30)
+    ratio = np.array(frequency) / 2.5
+    bare = response(
+        *(0.08 / ratio), frequency=frequency, status=np.where(ratio < 0.75, "overturned", "rocking")
+    )
+    hung = response(*(0.04 / ratio), frequency=frequency, status=np.where(ratio > 1.4, "rest", "rocking"))
+    cases = [(with_, model) for with_ in (False, True) for model in ("exact", "smoothed")]
+    values = {
+        "histories": tuple(history(with_, model, 0.04 if with_ else 0.08) for with_, model in cases),
+        "responses": (bare, hung),
+        "comparison": Check(rungs=(rung("exact"), rung("nonlinear")), limit=0.5, bare=0.08),
+        "elasticities": Elasticities(
+            of="amplitude",
+            value=0.04,
+            at=dict.fromkeys(NAMES, 0.1),
+            slopes=dict(zip(NAMES, np.linspace(-2.0, 1.0, 7).tolist(), strict=True)),
+        ),
+        "region": UpliftRegion(mass_ratio=mu, length_ratio=lam, margin=lam[:, None] - 1.2 + 0.0 * mu),
+        "usage": (("stroke", 0.6), ("offset", 0.8), ("reserve", -4.0)),
+    }
+    return Study(**(values | changes))
+
+
+def rung(name: str) -> Rung:
+    return Rung(
+        name=name,
+        amplitude=0.04,
+        stroke=0.3,
+        status="rocking",
+        seconds=0.01,
+        first=1.0,
+        neglects="a < b",
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Front:
+    mass_ratio: np.ndarray
+    value: np.ndarray
+    design: np.ndarray
+    evaluations: int
+
+
+def front() -> Front:
+    mass = np.array([0.05, 0.1, 0.2])
+    return Front(mass, np.array([0.5, 0.3, -0.02]), np.tile(RATIOS, (3, 1)), 500)

@@ -1,0 +1,196 @@
+"""The whole report as data: one family for one condition and for many."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests import designs
+from tpd.analysis.sensitivity import Elasticities
+from tpd.design.criteria import Mass, Risk, Walls
+from tpd.design.result import DesignStatus, Nearest
+from tpd.design.study import Study
+from tpd.report import words
+from tpd.report.blocks import Figure, Note, Severity, Table
+from tpd.report.content import content
+
+BAND = designs.study(responses=None, elasticities=None)
+
+
+def section(report, title):
+    (found,) = (s for s in report.sections if s.title == title)
+    return found.blocks
+
+
+def row(table: Table, name: str):
+    (found,) = (r for r in table.rows if r[0] == name)
+    return found
+
+
+def test_the_verdict_comes_first_and_dangers_before_the_answer():
+    report = content(designs.single(), designs.study())
+    assert report.verdict == Note(Severity.information, DesignStatus.found.value)
+    assert [s.title for s in report.sections[:2]] == ["Before anything else", "The answer"]
+    assert report.sections[0].blocks[0].severity is Severity.danger
+    assert report.title == "Pendulum for a block of 0.1 m × 0.4 m"
+
+
+def test_the_answer_has_the_pendulum_in_si_units_and_what_holds_it():
+    table, held = section(content(designs.single(), designs.study()), "The answer")
+    assert row(table, "mass of the bob")[1] == "1.622 kg"
+    assert row(table, "length of the pendulum")[1:] == ("0.12 m", "λ = 0.6")
+    assert row(table, "damping of the hinge")[1].endswith(" N m s/rad")
+    # nu (1 + mu)/(1 + 2 mu) is 0.2292 rad.
+    assert row(table, "rocking amplitude with it")[1:] == ("0.04 rad (2.29°)", "17.5% of toppling")
+    assert row(table, "stroke of the bob, settled")[2] == "60% of the limit"
+    assert row(table, "limit on offset (bob from the axis)")[1] == "80.0% used"
+    assert held.text.startswith("Held by: limit on stroke at the scene's own shaking.")
+
+
+def test_over_conditions_the_answer_has_the_risk_and_the_largest_stroke():
+    table, _ = section(content(designs.band(), BAND), "The answer")
+    assert row(table, "worst tilt with it")[1] == "0.07500 rad (30.0% of nu)"
+    assert row(table, "worst tilt without a pendulum")[1] == "0.15000 rad (60.0% of nu)"
+    assert row(table, "rocking amplitude without")[1:] == ("overturns", None)
+    assert row(table, "stroke of the bob, settled")[1].startswith("0.45 rad")
+
+
+def test_every_condition_is_a_row_with_motions_of_the_search_and_from_rest():
+    described, figure, table = section(content(designs.band(), BAND), "Under every condition")
+    assert described.text == "8 frequencies from 1.5 to 4 Hz."
+    assert figure.name == "conditions.png"
+    assert len(table.rows) == 8
+    assert table.rows[0][:5] == ("1.5 Hz", 0.075, 0.45, "rocking", "rocking")
+    assert table.rows[0][-1] == "overturned"
+    assert table.rows[-1][3:5] == ("rest", "rest")
+    titles = [s.title for s in content(designs.single(), designs.study()).sections]
+    assert "Under every condition" not in titles
+
+
+def test_starts_that_overturn_are_in_the_table_of_conditions():
+    design = designs.band()
+    lost = np.zeros((1, 8))
+    lost[0, :2] = 1.0, 0.25
+    e = design.winner.evaluation._replace(lost=lost)
+    design = dataclasses.replace(design, verified=(dataclasses.replace(design.winner, evaluation=e),))
+    table = section(content(design, BAND), "Under every condition")[-1]
+    assert [r[3] for r in table.rows[:3]] == ["overturned", "rocking; 25% overturn", "rocking"]
+
+
+def test_figures_are_those_that_there_is_data_for():
+    def names(design, study):
+        blocks = (b for s in content(design, study).sections for b in s.blocks)
+        return {b.name for b in blocks if isinstance(b, Figure)}
+
+    always = {"drawing.png", "animation.gif", "motion.png", "search.png"}
+    assert names(designs.single(), designs.study()) == always | {"response.png"}
+    assert names(designs.band(), BAND) == always | {"conditions.png"}
+    front = dataclasses.replace(BAND, front=designs.front())
+    assert names(designs.band(), front) == always | {"conditions.png", "front.png"}
+    assert names(designs.single(status=DesignStatus.interrupted, pendulum=None), Study()) == {"search.png"}
+
+
+def test_a_refused_design_is_not_shown_as_an_answer():
+    report = content(designs.refused(), designs.study(comparison=None))
+    assert report.verdict.severity is Severity.danger
+    assert report.verdict.text.startswith("NO DESIGN TO OFFER")
+    (table,) = section(report, "The answer")
+    assert row(table, "pendulum")[1] == "none to offer"
+    assert section(report, "By several models")[0].rows[0][0] == "best found, not offered"
+    (refused,) = section(report, "Designs refused")
+    assert refused.rows[0][-1] == str(designs.REASON)
+
+
+def test_the_design_nearest_to_the_limits_is_named_where_none_keeps_to_them():
+    nearest = Nearest(design=np.array(designs.RATIOS), broken=(designs.REASON,))
+    status = DesignStatus.none_feasible
+    design = designs.single(status=status, pendulum=None, verified=(), nearest=nearest)
+    _, note = section(content(design, Study()), "The answer")
+    assert note.text == f"Nearest to the limits comes μ = 0.1, λ = 0.6, ζ = 0.1: {designs.REASON}."
+
+
+def test_models_that_disagree_are_marked():
+    design = designs.single()
+    winner = dataclasses.replace(design.winner, searched=designs.motions("smoothed", 1.0))
+    bad = dataclasses.replace(design, verified=(winner,), status=DesignStatus.refused)
+    rows = section(content(bad, designs.study()), "By several models")[0].rows
+    assert [r[-1] for r in rows] == ["rocking, MODELS DISAGREE", "rocking"]
+    assert rows[1][3] == "-0.04%"
+
+
+def test_objections_of_the_nonlinear_model_are_dangers():
+    study = designs.study()
+    rung = dataclasses.replace(designs.rung("nonlinear"), stroke=0.6)
+    comparison = dataclasses.replace(study.comparison, rungs=(rung,))
+    note = section(content(designs.single(), designs.study(comparison=comparison)), "By several models")[-1]
+    assert note.severity is Severity.danger
+    assert "the stroke is 0.6 rad, above 0.5" in note.text
+
+
+def test_elasticities_stand_in_the_order_of_their_size_and_refusals_say_why():
+    table = section(content(designs.single(), designs.study()), "Sensitivity")[-1]
+    assert [r[-1] for r in table.rows[:3]] == ["-2", "-1.5", "-1"]
+    none = Elasticities(of="amplitude", value=np.inf, at={}, slopes={}, refused="overturned: it falls <over>")
+    (note,) = section(content(designs.single(), designs.study(elasticities=none)), "Sensitivity")
+    assert note.text == "There is no gradient: overturned: it falls <over>."
+    table = section(content(designs.band(), BAND), "Sensitivity")[-1]
+    assert table.rows == (("frequency", "-2.00"), ("length", "+1.25"), ("mass", "-0.40"))
+
+
+def test_the_front_has_a_row_for_every_mass():
+    study = dataclasses.replace(BAND, front=designs.front())
+    table = section(content(designs.band(), study), "Where it was searched")[-1]
+    assert table.rows[0] == (0.05, 0.05 * 16.224, 0.5)
+
+
+def test_the_command_that_repeats_the_run_is_quoted(tmp_path):
+    odd = tmp_path / "my & run"
+    study = dataclasses.replace(BAND, front=designs.front())
+    command, _, toml, _ = section(content(designs.band(), study, "[block]\n", odd), "How to repeat it")
+    assert command.text == f"tpd optimise --scene '{odd}/scene.toml' --out '{odd}-again' --pareto"
+    assert toml.text == "[block]\n"
+
+
+@pytest.mark.parametrize(
+    ("losses", "said"),
+    [
+        ({}, "friction k = 0.05"),
+        ({"restitution": "housner"}, "impact loss: Housner, e = 0.9118"),
+        ({"restitution": 0.9, "friction": 0.02}, "impact loss: e = 0.9; friction k = 0.02"),
+    ],
+)
+def test_a_report_names_the_energy_losses(losses, said):
+    assert words.losses(tpd.Block(width=0.1, height=0.4, mass=16.0, **losses)) == said
+
+
+@pytest.mark.parametrize(
+    ("value", "changes", "said"),
+    [
+        (0.3, {}, "0.07500 rad (30.0% of nu)"),
+        (-0.1, {}, "none: at rest with 10.0% of the lifting moment in reserve"),
+        (1.2, {}, "no settled motion under the worst condition: by events the block may overturn"),
+        (-0.1, {"risk": Risk.expected()}, "-0.1000 times nu, rest counted as less its uplift margin"),
+        (
+            0.3,
+            {"starts": tpd.Starts(size=5)},
+            "0.3000 times nu, rest counted as less its uplift margin, a start that overturns as 2 less that "
+            "margin",
+        ),
+    ],
+)
+def test_a_value_of_the_risk_in_words(value, changes, said):
+    assert words.risk(designs.band(**changes), value) == said
+
+
+def test_angles_that_are_infinite_or_unknown_are_told_apart():
+    assert words.angle(0.1) == "0.1 rad (5.73°)"
+    assert words.angle(np.inf) == "overturns"
+    assert words.angle(np.nan) == "unknown"
+
+
+def test_limits_in_words():
+    assert words.limit(Mass(2.0)) == "mass 2 kg"
+    assert words.limit(Walls()) == "a settled ball of steel keeps off the walls"
+    said = [words.limit(limit) for limit in designs.single().limits]
+    assert said == ["stroke 0.5 rad", "reserve 0.05"]

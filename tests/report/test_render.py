@@ -1,0 +1,203 @@
+"""Text, HTML and files of a report."""
+
+import dataclasses
+import io
+from html.parser import HTMLParser
+
+import pytest
+from PIL import Image
+
+from tests import designs
+from tpd.core.formatting import number
+from tpd.design.result import DesignStatus
+from tpd.design.study import Study
+from tpd.report import pictures
+from tpd.report.blocks import Code, Figure, Note, Report, Section, Severity, Table
+from tpd.report.content import content
+from tpd.report.files import write
+from tpd.report.html import html
+from tpd.report.text import text
+
+VOID = {"meta", "img", "br", "link"}
+
+
+class Reader(HTMLParser):
+    """Fails on tags that do not close in order; keeps tags with attributes, and the text."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.tags, self.text = [], [], ""
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if "style" not in self.open:
+            self.text += data
+
+
+def read(page: str) -> Reader:
+    reader = Reader()
+    reader.feed(page)
+    reader.close()
+    assert reader.open == []
+    return reader
+
+
+def png() -> bytes:
+    buffer = io.BytesIO()
+    Image.new("RGB", (2, 2)).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def drawn(design, study) -> dict[str, bytes]:
+    return dict.fromkeys(pictures.names(design, study), png())
+
+
+def of(*blocks) -> Report:
+    return Report("title", Note(Severity.information, "verdict"), (Section("first", blocks),))
+
+
+def test_the_page_is_whole_and_needs_nothing_from_outside():
+    design, study = designs.single(), designs.study()
+    page = html(content(design, study, "[block]\n"), drawn(design, study))
+    reader = read(page)
+    assert "http:" not in page
+    assert "https:" not in page
+    assert not {"script", "link", "iframe"} & {tag for tag, _ in reader.tags}
+    images = [attributes for tag, attributes in reader.tags if tag == "img"]
+    assert len(images) == 5
+    for image in images:
+        assert image["src"].startswith("data:image/png;base64,")
+        assert len(image["alt"]) > 20
+    assert sum(tag == "figcaption" for tag, _ in reader.tags) == 5
+
+
+@pytest.mark.parametrize("case", [designs.single, designs.band])
+def test_page_and_text_say_the_same_in_the_same_order(case):
+    design = case()
+    report = content(design, designs.study(responses=None), "[block]\n")
+    page, words = read(html(report, {})).text, text(report)
+    assert words.startswith(DesignStatus.found.value)
+    order = [
+        DesignStatus.found.value,
+        "DANGER: Once settled",
+        "The answer",
+        "1.622 kg",
+        "Assumptions",
+        "Seed 3",
+    ]
+    for said in (page, words):
+        places = [said.index(x) for x in order]
+        assert places == sorted(places)
+        for part in (
+            "0.12 m",
+            "N m s/rad",
+            "a < b",
+            "-2",
+            "jax",
+            "1 met no design",
+            "50.0% (",
+            "growing for 2 s",
+        ):
+            assert part in said
+
+
+def test_severities_are_classes_of_the_page():
+    blocks = [Note(severity, severity.name.upper()) for severity in Severity]
+    tags = read(html(of(*blocks), {})).tags
+    classes = [attributes["class"] for tag, attributes in tags if tag == "p"]
+    assert classes == ["verdict information", "danger", "warning", "information"]
+    danger = Report("title", Note(Severity.danger, "no"), (Section("first", ()),))
+    assert ("p", {"class": "verdict danger"}) in read(html(danger, {})).tags
+
+
+def test_everything_is_escaped_and_numbers_stand_to_the_right():
+    table = Table(("name", "size"), (("<i>", 1.0), ("none", None), ("?", float("nan"))), "a & b")
+    reader = read(html(of(table, Code("<b>"), Note(Severity.warning, "</p>")), {}))
+    cells = [attributes for tag, attributes in reader.tags if tag == "td"]
+    assert cells == [{}, {"class": "n"}] * 3
+    for part in ("<i>", "<b>", "</p>", "a & b"):
+        assert part in reader.text
+    assert reader.text.count("–") == 2
+
+
+def test_rows_have_the_cells_of_their_head():
+    with pytest.raises(ValueError, match="must have 2 cells as the head has, but has 1"):
+        Table(("name", "size"), (("one",),))
+
+
+def test_pictures_have_a_description_and_a_kind_that_pages_show():
+    with pytest.raises(ValueError, match="`alt` must describe the picture"):
+        Figure("a.png", alt="", caption="")
+    with pytest.raises(ValueError, match="must hold PNG or GIF files only"):
+        html(of(), {"a.bmp": b"BM"})
+
+
+def test_figures_without_a_file_are_left_out_of_the_page():
+    figure = Figure("a.png", alt="a dot", caption="dot")
+    assert "<figure>" not in html(of(figure), {})
+    assert "<figure>" in html(of(figure), {"a.png": png()})
+
+
+def test_long_sentences_of_a_table_stand_below_their_row():
+    lines = text(
+        of(Table(("from", "reasons"), (("search", "because " * 20), ("path", "short"))))
+    ).splitlines()
+    assert lines[-6:-4] == ["from", "search"]
+    assert all(line.startswith("    because") for line in lines[-4:-2])
+    assert lines[-2:] == ["path", "    short"]
+
+
+@pytest.mark.parametrize(
+    ("x", "said"),
+    [
+        (0.0, "0"),
+        (20e3, "20000"),
+        (123456.0, "123500"),
+        (0.0913456, "0.09135"),
+        (3.0, "3"),
+        (-0.25, "-0.25"),
+        (9.99996, "10"),
+        (1e-7, "1e-07"),
+        (float("inf"), "infinite"),
+        (float("nan"), "–"),
+    ],
+)
+def test_numbers_for_people(x, said):
+    assert number(x) == said
+
+
+def test_all_files_are_written_and_the_page_last(tmp_path):
+    study = dataclasses.replace(designs.study(), histories=None)
+    written = write(
+        tmp_path / "out", designs.single(), study, {"block": {"width": 0.1}}, "[block]\nwidth = 0.1\n"
+    )
+    names = [path.name for path in written]
+    assert names == [
+        *(
+            "report.txt",
+            "design.json",
+            "scene.toml",
+            "search.png",
+            "response.png",
+            "drawing.png",
+            "report.html",
+        )
+    ]
+    assert all(path.stat().st_size > 0 for path in written)
+    assert sorted(names) == sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert (tmp_path / "out" / "scene.toml").read_text() == "[block]\nwidth = 0.1\n"
+    assert "width = 0.1" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_an_interrupted_search_has_no_page(tmp_path):
+    cut = designs.single(status=DesignStatus.interrupted, pendulum=None, verified=())
+    names = {path.name for path in write(tmp_path, cut, Study(), {}, "")}
+    assert names == {"report.txt", "design.json", "scene.toml", "search.png"}
+    assert (tmp_path / "report.txt").read_text().startswith("INTERRUPTED")

@@ -1,0 +1,197 @@
+"""Computations behind a report: time histories, responses, comparison of models, sensitivities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.analysis.attractors import Starts
+from tpd.analysis.compare_models import QUICK, Check, check
+from tpd.analysis.response import Response, frequency_response
+from tpd.analysis.sensitivity import Elasticities, elasticities
+from tpd.analysis.steady_state import sampled, simulate
+from tpd.closed_form.harmonic_balance import uplift
+from tpd.core.conditions import Conditions, under
+from tpd.core.parameters import as_arrays
+from tpd.core.progress import Progress
+from tpd.core.scene import Pendulum, Scene
+from tpd.design.criteria import Geometry
+from tpd.design.result import Design, DesignStatus
+from tpd.models.base import AbstractModel
+from tpd.models.piecewise import Piecewise
+from tpd.models.smoothed import Smoothed
+
+if TYPE_CHECKING:
+    from tpd.design.pareto import Front
+
+_BAND = np.linspace(0.7, 1.5, 41)
+"""Frequencies of a response, in shares of the scene's own."""
+_GRID = 96
+"""Points of the uplift region along each axis."""
+_Part = TypeVar("_Part")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeHistory:
+    """One motion from rest under the scene's own shaking, shapes (times,)."""
+
+    model: str
+    """"exact" or "smoothed"."""
+    with_pendulum: bool
+    time: np.ndarray
+    """s"""
+    tilt: np.ndarray
+    """phi, rad; NaN where the model has no answer, as after an overturning."""
+    bob: np.ndarray
+    """psi, rad."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class UpliftRegion:
+    """Uplift margin of the resting block over the (mu, lam) plane, the least of all conditions."""
+
+    mass_ratio: np.ndarray
+    """(n,)"""
+    length_ratio: np.ndarray
+    """(n,)"""
+    margin: np.ndarray
+    """(n, n), length ratios along the first axis."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """Everything that a report shows beside the design; None where a part does not apply or was left out."""
+
+    histories: tuple[TimeHistory, ...] | None = None
+    """First 24 periods from rest: exact, and smoothed where impacts lose no energy."""
+    responses: tuple[Response, ...] | None = None
+    """Over frequency from rest: the bare block and, if there is one, the block with the pendulum. Only for
+    the scene's own shaking."""
+    comparison: Check | None = None
+    """The offered design by several models, under the scene's own shaking."""
+    elasticities: Elasticities | None = None
+    """Sensitivities of the motion from rest. Only for the scene's own shaking."""
+    region: UpliftRegion | None = None
+    usage: tuple[tuple[str, float], ...] = ()
+    """Limited quantities of the best design over their limits, the largest of all conditions."""
+    front: Front | None = None
+    left_out: tuple[str, ...] = ()
+    """Parts that an interruption left out."""
+
+
+def study(design: Design, *, front: Front | None = None, progress: Progress | None = None) -> Study:
+    """Compute everything that a report shows beside the design, once.
+
+    Ctrl-C during one part leaves this part out and goes on with the next one. Of an interrupted design
+    nothing is computed.
+
+    Args:
+        design: the answer of `optimise`.
+        front: the answer of `pareto`, to be shown as well.
+        progress: called with ("responding" or "checking", units done, units in all).
+
+    Raises:
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    if design.status is DesignStatus.interrupted:
+        return Study(front=front, usage=usage(design))
+    scene, hung, left_out = design.scene, design.pendulum, []
+
+    def part(name: str, wanted: bool, compute: Callable[..., _Part], *inputs: Any) -> _Part | None:
+        try:
+            return compute(*inputs) if wanted else None
+        except KeyboardInterrupt:
+            left_out.append(name)
+            return None
+
+    own = is_own_shaking(design.conditions)
+    from_rest = own and design.starts == Starts.rest()
+    return Study(
+        histories=part("the time histories", True, time_histories, scene, hung),
+        responses=part("the response over frequency", own, _responses, design, progress),
+        comparison=part("the comparison of models", hung is not None, _comparison, design, progress),
+        elasticities=part("the sensitivities", from_rest, elasticities, scene.parameters(hung)),
+        region=part("the uplift region", True, uplift_region, design),
+        usage=usage(design),
+        front=front,
+        left_out=tuple(left_out),
+    )
+
+
+def is_own_shaking(conditions: Conditions) -> bool:
+    """Whether the scene's own shaking is the only condition."""
+    return len(conditions) == 1 and all(np.all(v == 1.0) for v in conditions.factors.values())
+
+
+def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory, ...]:
+    """Histories from rest: of the bare block and, if there is one, of the block with the pendulum."""
+    models: dict[str, AbstractModel] = {"exact": Piecewise()}
+    if scene.block.velocity_ratio == 1.0:
+        # The smoothed model has no impact loss.
+        models["smoothed"] = Smoothed()
+    cases = (None,) if pendulum is None else (None, pendulum)
+    out = []
+    for hung in cases:
+        p = as_arrays(scene.parameters(hung))
+        tau = sampled(p)
+        time = np.asarray(tau) / scene.rate
+        for name, model in models.items():
+            tilt, bob = np.asarray(simulate(p, jnp.zeros(4), tau, model=model).ys).T[:2]
+            out.append(TimeHistory(model=name, with_pendulum=hung is not None, time=time, tilt=tilt, bob=bob))
+    return tuple(out)
+
+
+def _responses(design: Design, progress: Progress | None) -> tuple[Response, ...]:
+    frequencies = design.scene.motion.frequency * _BAND
+    cases = (None,) if design.pendulum is None else (None, design.pendulum)
+    return tuple(frequency_response(design.scene, hung, frequencies, progress=progress) for hung in cases)
+
+
+def _comparison(design: Design, progress: Progress | None) -> Check:
+    limit = design.stroke_limit
+    return check(design.scene, design.pendulum, stroke=limit, rungs=QUICK, progress=progress)
+
+
+def uplift_region(design: Design) -> UpliftRegion:
+    """Uplift margin over the mass and length ratios of the design space, at the best design's damping."""
+    space, best = design.space, design.best
+    zeta = float(np.mean(space.damping_ratio)) if best is None else best.damping_ratio
+    mu, lam = np.linspace(*space.mass_ratio, _GRID), np.linspace(*space.length_ratio, _GRID)
+    plane = np.stack([*np.meshgrid(mu, lam), np.full((_GRID, _GRID), zeta)], axis=-1).reshape(-1, 3)
+    p = as_arrays(design.scene.parameters())
+
+    @jax.jit
+    def margins(row: jax.Array) -> jax.Array:
+        return jax.vmap(lambda x: jnp.asarray(uplift(under(p, x, row)).margin))(jnp.asarray(plane))
+
+    # One condition after the other: all at once would take n times the memory.
+    least = np.min([np.asarray(margins(row)) for row in design.conditions.rows()], axis=0)
+    return UpliftRegion(mass_ratio=mu, length_ratio=lam, margin=least.reshape(_GRID, _GRID))
+
+
+def usage(design: Design) -> tuple[tuple[str, float], ...]:
+    """Limited quantities of the best design over their limits, the largest of all conditions."""
+    if design.best is None:
+        return ()
+    evaluation, where = design.best.evaluation, geometry(design.scene, design.conditions)
+    sizes = [size for limit in design.limits for size in limit.sizes(evaluation, where)]
+    return tuple((size.name, float(np.max(size.value))) for size in sizes)
+
+
+def geometry(scene: Scene, conditions: Conditions) -> Geometry:
+    """Lengths and ratios of the block under all conditions."""
+    block = scene.block
+    ball = scene.pendulum(mass_ratio=1.0, length_ratio=1.0, damping_ratio=0.0).ball_radius
+    return Geometry(
+        half_height=block.half_height,
+        block_mass=block.mass,
+        ball=ball,
+        slenderness=block.slenderness * conditions.column("slenderness"),
+        mass_factor=conditions.column("mass"),
+        length_factor=conditions.column("length"),
+    )

@@ -1,0 +1,61 @@
+"""Picture of a design over the quantity that its conditions differ in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tpd.design.result import Bare, Design, Verified
+from tpd.plot.style import CASES, INK, LABELS, ORANGE, new_axes, overturned
+
+_QUANTITIES = {"length": "pendulum_length", "mass": "pendulum_mass", "damping": "pendulum_damping"}
+"""Names of the pendulum's quantities, whose conditions have shorter ones."""
+
+
+def plot_conditions(design: Design, axes: Any = None) -> Any:
+    """Draw the steady tilt with the pendulum and without, and the bob's angle; returns both axes.
+
+    Raises:
+        ValueError: conditions that differ in no quantity, or in several.
+    """
+    name = design.conditions.axis
+    if name is None:
+        raise ValueError("`design` must have conditions that differ in one quantity")
+    axes = new_axes(2, (7.0, 5.6)) if axes is None else axes
+    # Values that scatter come in no order.
+    order = np.argsort(design.conditions.column(name), kind="stable")
+    x, label = _values(design, name)
+    nu = design.scene.block.slenderness * design.conditions.column("slenderness")
+    cases: list[Bare | Verified] = [design.bare, *([design.best] if design.best else [])]
+    tilts = [np.where(_known(of), of.evaluation.tilt[0], np.nan) * nu for of in cases]
+    top = 1.3 * max((float(np.nanmax(t)) for t in tilts if np.isfinite(t).any()), default=1.0)
+    for i, (of, tilt) in enumerate(zip(cases, tilts, strict=True)):
+        axes[0].plot(x[order], tilt[order], **CASES[i])
+        overturned(axes[0], x[of.exact.status == "overturned"], top, i)
+    if design.best is not None:
+        stroke = np.where(_known(design.best), design.best.evaluation.stroke[0], np.nan)
+        axes[1].plot(x[order], stroke[order], **CASES[1] | {"label": "bob"})
+    axes[0].set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
+    axes[1].axhline(design.stroke_limit, color=ORANGE, lw=1.2, ls=":", label="stroke limit")
+    axes[1].set(ylabel="largest bob angle (rad)", xlabel=label)
+    axes[1].axhline(0.0, color=INK, lw=0.4)
+    for ax in axes:
+        ax.legend(fontsize=8, frameon=False)
+    return axes
+
+
+def _known(of: Bare | Verified) -> np.ndarray:
+    """Under which conditions there is a motion to settle into, (n,)."""
+    e = of.evaluation
+    return e.attracts[0] & np.isfinite(e.tilt[0]) & (np.broadcast_to(e.lost, e.kind.shape)[0] < 1.0)
+
+
+def _values(design: Design, name: str) -> tuple[np.ndarray, str]:
+    """Values of what differs, in SI units where it has any, and their label."""
+    factors, quantity = design.conditions.column(name), _QUANTITIES.get(name, name)
+    if name == "slenderness":
+        return factors * design.scene.block.slenderness, LABELS["nu"]
+    if quantity != name and design.pendulum is None:
+        return factors, f"{name} of the pendulum, as a factor (-)"
+    return factors * design.scene.quantities(design.pendulum)[quantity], LABELS[quantity]

@@ -1,0 +1,127 @@
+"""Building blocks of a report: typed data that text, HTML and JSON render."""
+
+from __future__ import annotations
+
+import enum
+import re
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
+
+from tpd.core.formatting import number
+
+_NUMBER = re.compile(r"[+-]?\d[\d.]*%?")
+Cell = str | float | int | None
+
+
+class Severity(enum.Enum):
+    """How much a note matters to somebody who would build the design; in the order of a report."""
+
+    danger = 0
+    warning = 1
+    information = 2
+
+
+@dataclass(frozen=True)
+class Note:
+    """A statement, one or more sentences."""
+
+    severity: Severity
+    text: str
+    kind: ClassVar[str] = "note"
+
+
+danger, warning, information = (partial(Note, severity) for severity in Severity)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under a head. Cells of None or NaN have no value.
+
+    Raises:
+        ValueError: a row with another number of cells than the head.
+    """
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    caption: str = ""
+    kind: ClassVar[str] = "table"
+
+    def __post_init__(self) -> None:
+        for n in {len(row) for row in self.rows} - {len(self.head)}:
+            raise ValueError(f"a row must have {len(self.head)} cells as the head has, but has {n}")
+
+    @property
+    def cells(self) -> list[list[str]]:
+        """All cells as text: numbers to four digits, a dash where there is no value."""
+        return [[_text(cell) for cell in row] for row in self.rows]
+
+    @property
+    def numeric(self) -> list[bool]:
+        """Whether a column holds numbers, which stand to the right."""
+        columns = [[row[i] for row in self.rows if row[i] is not None] for i in range(len(self.head))]
+        return [bool(column) and all(map(_is_number, column)) for column in columns]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture by its file's name.
+
+    Raises:
+        ValueError: no description for readers who do not see the picture.
+    """
+
+    name: str
+    alt: str
+    caption: str
+    narrow: bool = False
+    """Whether two of these fit side by side."""
+    kind: ClassVar[str] = "figure"
+
+    def __post_init__(self) -> None:
+        if not self.alt:
+            raise ValueError("`alt` must describe the picture, but is empty")
+
+
+@dataclass(frozen=True)
+class Listing:
+    """A list of sentences."""
+
+    items: tuple[str, ...]
+    kind: ClassVar[str] = "listing"
+
+
+@dataclass(frozen=True)
+class Code:
+    """A command or the content of a file."""
+
+    text: str
+    kind: ClassVar[str] = "code"
+
+
+Block = Note | Table | Figure | Listing | Code
+
+
+@dataclass(frozen=True)
+class Section:
+    """A titled part of a report."""
+
+    title: str
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Report:
+    """A whole report, the verdict first. The first section holds the notes."""
+
+    title: str
+    verdict: Note
+    sections: tuple[Section, ...]
+
+
+def _text(cell: Cell) -> str:
+    return "–" if cell is None else number(cell) if isinstance(cell, float) else str(cell)
+
+
+def _is_number(cell: Cell) -> bool:
+    return _NUMBER.fullmatch(cell) is not None if isinstance(cell, str) else True

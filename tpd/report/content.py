@@ -1,0 +1,318 @@
+"""Content of a report as typed data: what was found, how far it can be relied upon, and how to repeat it.
+
+Nothing is solved here: all numbers come from the design and its study. One condition is a special case of
+many.
+"""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from tpd.analysis.attractors import Starts
+from tpd.core import files
+from tpd.core.formatting import number
+from tpd.design.objective import KINDS
+from tpd.design.result import Bare, Design, Motions, Verified
+from tpd.design.study import Study
+from tpd.report import pictures, tables, words
+from tpd.report.blocks import (
+    Block,
+    Cell,
+    Code,
+    Figure,
+    Listing,
+    Report,
+    Section,
+    Table,
+    danger,
+    information,
+    warning,
+)
+from tpd.report.notes import differences, disagree, notes
+
+_ROWS = 40
+"""Most conditions in a table, evenly over all of them."""
+
+
+def content(design: Design, study: Study, job_toml: str = "", directory: Path | None = None) -> Report:
+    """Build the report of a design.
+
+    Args:
+        design: the answer of `optimise`.
+        study: everything else that is shown, from `tpd.design.study.study`.
+        job_toml: the job file that repeats the run; left out if empty.
+        directory: where the report lies, for the command that repeats the run.
+    """
+    verdict = (information if design.status.is_sound else danger)(design.status.value)
+    parts = {
+        "Before anything else": notes(design, study),
+        "The answer": _answer(design, study),
+        "The block and its motion": _figures(design, study, "drawing.png", "animation.gif"),
+        "Over many runs": tables.ensemble(design),
+        "Under every condition": _conditions(design, study),
+        "Over frequency": _figures(design, study, "response.png"),
+        "Over time": _figures(design, study, "motion.png"),
+        "Where it was searched": _search(design, study),
+        "By several models": _models(design, study),
+        "Designs refused": _refused(design),
+        "Sensitivity": tables.sensitivity(design, study),
+        "Assumptions": _assumptions(design),
+        "How to repeat it": _repeat(design, study, job_toml, directory),
+    }
+    block = design.scene.block
+    title = f"Pendulum for a block of {number(block.width)} m × {number(block.height)} m"
+    first = next(iter(parts))
+    sections = (Section(t, tuple(blocks)) for t, blocks in parts.items() if blocks or t == first)
+    return Report(title, verdict, tuple(sections))
+
+
+_LIMITED = {
+    "relative_stroke": "relative stroke",
+    "tilt": "tilt",
+    "multiplier": "multiplier",
+    "offset": "offset (bob from the axis)",
+    "walls": "walls (ball to the wall)",
+    "ball": "walls (ball within half the rod)",
+}
+"""Limits whose use a report shows; the stroke has a row of its own, and a reserve has no share."""
+
+
+def _captions(design: Design) -> dict[str, tuple[str, str]]:
+    """Alternative text and caption of every picture."""
+    hung, motion = design.pendulum is not None, design.scene.motion
+    beside = "left without the pendulum, right with it" if hung else "without a pendulum"
+    return {
+        "drawing.png": (
+            f"The block on its base{' with the pendulum' if hung else ''}, to scale, with dimensions",
+            f"To scale, dimensions in SI units.{' Dashed: settled swing of the bob.' if hung else ''}",
+        ),
+        "animation.gif": (
+            f"Animation of the block on its moving base, {beside}",
+            f"First seconds from rest under the scene's own shaking, by the exact solution: {beside}.",
+        ),
+        "response.png": (
+            "Settled rocking amplitude against frequency, of the bare block (squares) and with the pendulum",
+            f"Motion that the block settles into from rest at a base amplitude of {number(motion.amplitude)} "
+            "m. Marks near the top: it overturns. Dashed: the one frequency that the design is for.",
+        ),
+        "motion.png": (
+            "Tilt of the block without and with the pendulum, and angle of the bob, against time from rest",
+            "First 24 periods from rest under the scene's own shaking: exact solution, broad, and smoothed "
+            "model, dashed. Where they part, the motion depends on details. The stroke limit (dotted) holds "
+            "for the settled motion only.",
+        ),
+        "search.png": (
+            "Mass ratio against length ratio: designs screened, search paths, their ends and the answer",
+            "Shaded: a block at rest stays at rest. Triangles exceed a limit, crosses overturn the block or "
+            "do not settle; lines are the searches.",
+        ),
+        "conditions.png": (
+            "Tilt and bob angle over the quantity that the conditions differ in, with and without a pendulum",
+            "Lines: largest steady tilt of the motions that count. Near the top: it overturns from rest.",
+        ),
+        "front.png": (
+            "Least tilt against the mass of the bob",
+            "Value of each kilogramme: the least tilt of all designs that are no heavier.",
+        ),
+    }
+
+
+def _figures(design: Design, study: Study, *names: str) -> list[Block]:
+    """Figures of the pictures there are."""
+    there = pictures.names(design, study)
+    return [Figure(n, *_captions(design)[n], narrow=len(names) > 1) for n in names if n in there]
+
+
+def _answer(design: Design, study: Study) -> list[Block]:
+    hung, winner = design.pendulum, design.winner
+    if hung is None or winner is None:
+        return _no_answer(design)
+    hinge = number(hung.hinge_damping(design.scene.gravity))
+    rows: list[tuple[Cell, ...]] = [
+        ("mass of the bob", f"{number(hung.mass)} kg", f"μ = {number(winner.mass_ratio, 5)}"),
+        ("length of the pendulum", f"{number(hung.length)} m", f"λ = {number(winner.length_ratio, 5)}"),
+        ("damping of the hinge", f"{hinge} N m s/rad", f"ζ = {number(hung.damping_ratio)} of critical"),
+        *_sizes(design, winner, hung.length),
+        *((f"limit on {_LIMITED[n]}", f"{x:.1%} used", None) for n, x in study.usage if n in _LIMITED),
+        ("losses of the block", words.losses(design.scene.block), None),
+    ]
+    caption = (
+        "Angles are from the vertical. Toppling: the tilt at which the block falls by itself, nu (1 + mu)/(1 "
+        "+ 2 mu). Rocking amplitudes are those of the exact solution from rest."
+    )
+    held = "; ".join(map(str, winner.active)) or "nothing"
+    left = f"Decrease left, to first order: {winner.stationarity:.2g} per unit of a scaled step."
+    return [Table(("", "value", "relative"), tuple(rows), caption), information(f"Held by: {held}. {left}")]
+
+
+def _sizes(design: Design, winner: Verified, length: float) -> list[tuple[Cell, ...]]:
+    """Rows of angles: risk over several conditions, amplitudes, strokes and the way from rest."""
+    exact, limit = winner.exact, design.stroke_limit
+    # From other starts than rest the search may know larger strokes than the one from rest.
+    asked = 0.0 if design.starts == Starts.rest() else words.finite_max(winner.evaluation.stroke)
+    stroke = max(design.stroke, asked)
+    way = number(length * math.sin(min(stroke, 0.5 * math.pi)))
+    used = f"{stroke / limit:.0%} of the limit" if limit < np.inf else None
+    name = f"{design.risk.name} tilt"
+    rows: list[tuple[Cell, ...]] = []
+    if len(design.conditions) > 1:
+        rows = [
+            (f"{name} with it", words.risk(design, winner.value), None),
+            (f"{name} without a pendulum", words.risk(design, design.bare.value), None),
+        ]
+    rows += [
+        ("rocking amplitude with it", *words.of_toppling(design, design.amplitude, winner.mass_ratio)),
+        ("rocking amplitude without", *words.of_toppling(design, design.amplitude_without, 0.0)),
+        ("stroke of the bob, settled", words.angle(stroke), used),
+        ("way of the bob to either side", f"{way} m", "settled, from the vertical"),
+    ]
+    if np.isfinite(exact.peak).any():
+        peak, swing = float(np.nanmax(exact.peak)), float(np.nanmax(exact.peak_stroke))
+        rows.append(("largest tilt from rest on", *words.of_toppling(design, peak, winner.mass_ratio)))
+        rows.append(("largest bob angle from rest on", words.angle(swing), None))
+    return [*rows, ("uplift margin, settled", f"{np.min(winner.margin):.1%}", "of the moment that lifts")]
+
+
+def _no_answer(design: Design) -> list[Block]:
+    known = design.search.end_values[np.isfinite(design.search.end_values)]
+    best = [("best within the limits", words.risk(design, float(known.min())))] if known.size else []
+    rows = (
+        ("pendulum", "none to offer"),
+        *best,
+        ("rocking amplitude without pendulum", words.angle(design.amplitude_without)),
+        (f"{design.risk.name} tilt without pendulum", words.risk(design, design.bare.value)),
+        ("losses of the block", words.losses(design.scene.block)),
+    )
+    out: list[Block] = [Table(("", "value"), rows)]
+    if design.nearest is not None:
+        at = "μ = {:.4g}, λ = {:.4g}, ζ = {:.4g}".format(*design.nearest.design)
+        broken = "; ".join(map(str, design.nearest.broken))
+        out.append(warning(f"Nearest to the limits comes {at}: {broken}."))
+    return out
+
+
+def _conditions(design: Design, study: Study) -> list[Block]:
+    n, best = len(design.conditions), design.best
+    if n == 1 or best is None:
+        return []
+    nu = design.scene.block.slenderness * design.conditions.column("slenderness")
+    rows = []
+    for i in np.unique(np.linspace(0, n - 1, min(n, _ROWS)).astype(int)):
+        tilts = [
+            x if math.isfinite(x := float(of.evaluation.tilt[0, i] * nu[i])) else None
+            for of in (best, design.bare)
+        ]
+        ends = [str(of.exact.status[i]).replace("_", " ") for of in (best, design.bare)]
+        stroke = float(best.evaluation.stroke[0, i])
+        with_, without = (_kind(of, int(i)) for of in (best, design.bare))
+        label = design.conditions.label(int(i))
+        rows.append((label, tilts[0], stroke, with_, ends[0], tilts[1], without, ends[1]))
+    head = ("condition", "tilt (rad)", "stroke (rad)", "kind", "from rest")
+    source = words.source_of_tilts(design)
+    caption = f"Tilt, stroke and kind: of {source}. From rest: end of the motion followed by events."
+    table = Table((*head, "bare tilt (rad)", "bare kind", "bare from rest"), tuple(rows), caption)
+    described = information("; ".join(design.conditions.description) + ".")
+    return [described, *_figures(design, study, "conditions.png"), table]
+
+
+def _kind(of: Verified | Bare, i: int) -> str:
+    """Kind of motion under a condition, and the share of the starts that overturn."""
+    e = of.evaluation
+    lost = float(np.broadcast_to(e.lost, e.kind.shape)[0, i])
+    kind = KINDS[int(e.kind[0, i])].replace("_", " ")
+    return kind if not lost else "overturned" if lost >= 1.0 else f"{kind}; {lost:.0%} overturn"
+
+
+def _search(design: Design, study: Study) -> list[Block]:
+    search = design.search
+    counts = Counter(s.value for s in search.statuses)
+    ends = "; ".join(f"{n} {what}" for what, n in counts.items())
+    said = f"{search.evaluations} designs"
+    if search.nonlinear_evaluations:
+        said += f", {search.nonlinear_evaluations} by the nonlinear equations"
+    said += f", from {search.description}, seed {design.seed}"
+    out: list[Block] = [information(f"Method {design.method.name}: {said}. Searches: {ends or 'none'}.")]
+    out += _figures(design, study, "search.png")
+    if study.front is not None:
+        out += [*_figures(design, study, "front.png"), tables.front(study.front, design.scene.block.mass)]
+    return out
+
+
+def _models(design: Design, study: Study) -> list[Block]:
+    out: list[Block] = []
+    best = "best design" if design.winner else "best found, not offered"
+    named = ((best, design.best), ("bare block", design.bare))
+    rows = [_crossed(design, name, of, of.searched) for name, of in named if of and of.searched]
+    if rows:
+        head = ("", "exact (rad)", "search (rad)", "difference", "stroke (rad)", "multiplier", "settles as")
+        caption = (
+            "Settled amplitudes from rest, by the exact solution and by the model of the search, under the "
+            "condition of the largest. The largest Floquet multiplier is below 1 where the motion attracts."
+        )
+        out.append(Table(head, tuple(rows), caption))
+    out += tables.nonlinear(design)
+    if study.comparison is not None:
+        out += tables.comparison(study.comparison)
+    return out
+
+
+def _crossed(design: Design, name: str, of: Verified | Bare, searched: Motions) -> tuple[Cell, ...]:
+    """One row of the cross-check of exact solution and search model."""
+    exact, i = of.exact, int(np.argmax(of.exact.amplitude))
+    difference = float(differences(exact, searched)[i])
+    stroke = float(exact.stroke[i]) if isinstance(of, Verified) else None
+    relative = f"{difference:.2%}" if math.isfinite(difference) else None
+    ends = str(exact.status[i]).replace("_", " ")
+    ends += f", period {exact.periods[i]}" if exact.periods[i] > 1 else ""
+    ends += ", MODELS DISAGREE" if disagree(design, of)[i] else ""
+    sizes = (float(exact.amplitude[i]), float(searched.amplitude[i]))
+    return (name, *sizes, relative, stroke, float(exact.multiplier[i]), ends)
+
+
+def _refused(design: Design) -> list[Block]:
+    rows = tuple(
+        (v.source, v.mass_ratio, v.length_ratio, v.damping_ratio, v.value, "; ".join(map(str, v.reasons)))
+        for v in design.verified
+        if v.reasons
+    )
+    caption = "Value: the risk, a tilt over nu where the block rocks. A refused design is not offered."
+    return [Table(("from", "μ", "λ", "ζ", "value", "reasons"), rows, caption)] if rows else []
+
+
+def _assumptions(design: Design) -> list[Block]:
+    scene, own = design.scene, design.scene.block.radius_of_gyration
+    inertia = "uniform rectangle" if own is None else f"radius of gyration {number(own)} m about the centroid"
+    more = "" if len(design.conditions) == 1 else ", before the conditions change it"
+    items = (
+        f"A rigid block ({inertia}) that rocks about its two lower edges: it neither slides nor bounces.",
+        f"Energy losses: {words.losses(scene.block)} (friction as a moment over M g b, e the ratio of the "
+        "tilting rates after and before an impact on the base).",
+        "A point bob on a massless rod from the middle of the top, with a viscous hinge.",
+        f"A harmonic motion of the base, {number(scene.motion.amplitude)} m · sin(2π · "
+        f"{number(scene.motion.frequency)} Hz · t){more}, horizontal and in the plane; g = "
+        f"{number(scene.gravity)} m/s².",
+        "A start at rest at t = 0, where the motion begins suddenly, unless a section says otherwise.",
+        "Linear equations (25) of Collini et al. (2016), misprints corrected, solved exactly; nonlinear "
+        "equations (4) for verified designs only.",
+        "Limits: " + ("; ".join(map(words.limit, design.limits)) or "none") + ".",
+    )
+    return [Listing(items)]
+
+
+def _repeat(design: Design, study: Study, job_toml: str, directory: Path | None) -> list[Block]:
+    made = ", ".join(f"{name} {v}" for name, v in files.versions().items())
+    out: list[Block] = []
+    if directory is not None:
+        again = directory.with_name(directory.name + "-again")
+        more = " --pareto" if study.front is not None else ""
+        scene, to = shlex.quote(str(directory / "scene.toml")), shlex.quote(str(again))
+        out.append(Code(f"tpd optimise --scene {scene} --out {to}{more}"))
+    if job_toml:
+        out.append(information(f"Seed {design.seed}. The file scene.toml beside this page holds:"))
+        out.append(Code(job_toml))
+    return [*out, information(f"Made with {made}. The file design.json holds all results in full.")]

@@ -1,0 +1,88 @@
+"""Report as JSON: the design in full, SI and dimensionless, as `design.schema.json` describes it."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from tpd.analysis.ensemble import Outcomes, Verdict
+from tpd.core import files
+from tpd.core.conditions import Conditions
+from tpd.design.criteria import Limit
+from tpd.design.objective import KINDS
+from tpd.design.result import Design, Reason
+from tpd.design.study import Study
+from tpd.report.notes import notes
+
+VERSION = 2
+"""Version of the format; it grows when a key changes its meaning or goes away."""
+_STUDY = ("responses", "comparison", "elasticities", "front", "left_out")
+"""Parts of a study; time histories and the uplift region follow from the job in no time."""
+_EVALUATION = ("tilt", "stroke", "margin", "multiplier", "reserve")
+
+
+def as_json(design: Design, study: Study, job_tables: dict[str, Any]) -> str:
+    """The design as sorted JSON; infinite and unknown numbers are the words "infinite" and "nan"."""
+    p, hung = design.scene.parameters(design.pendulum), design.pendulum
+    entries = {
+        "version": VERSION,
+        "status": design.status.name,
+        "status_message": design.status.value,
+        "notes": notes(design, study),
+        "pendulum": hung,
+        "hinge_damping_N_m_s_per_rad": None if hung is None else hung.hinge_damping(design.scene.gravity),
+        "amplitude_rad": design.amplitude,
+        "amplitude_without_rad": design.amplitude_without,
+        "stroke_rad": design.stroke,
+        "parameters": {k: v for k, v in vars(p).items() if v is not None} | {"rho": p.inertia_ratio},
+        "risk": design.risk,
+        "limits": {limit.name: _limit(limit) for limit in design.limits},
+        "conditions": design.conditions,
+        "verified": design.verified,
+        "bare": design.bare,
+        "nearest": design.nearest,
+        "search": design.search,
+        "elasticities": design.elasticities,
+        "study": {name: getattr(study, name) for name in _STUDY} | {"usage": dict(study.usage)},
+        "seed": design.seed,
+        "settings": design.settings,
+        "job": job_tables,
+        "versions": files.versions(),
+    }
+    return files.as_json(_plain(entries))
+
+
+def _limit(limit: Limit) -> Any:
+    """Value of a limit, or true where it has none."""
+    return next(iter(vars(limit).values()), True)
+
+
+def _plain(x: Any) -> Any:
+    """Dictionaries, lists and numbers in place of objects."""
+    match x:
+        case enum.Enum():
+            return x.name
+        case np.ndarray() | np.generic():
+            return x.tolist()
+        case Outcomes() | Verdict():
+            return x.summary()
+        case Conditions():
+            return {"description": list(x.description), "factors": _plain(dict(x.factors))}
+        case dict():
+            return {k: _plain(v) for k, v in x.items()}
+    if hasattr(x, "merit_slope"):
+        return _evaluation(x)
+    if is_dataclass(x):
+        sentence = {"sentence": str(x)} if isinstance(x, Reason) else {}
+        return {f.name: _plain(getattr(x, f.name)) for f in fields(x)} | sentence
+    return [_plain(v) for v in x] if isinstance(x, (list, tuple)) else x
+
+
+def _evaluation(e: Any) -> dict[str, Any]:
+    """One design under all conditions, without derivatives."""
+    lost = np.broadcast_to(e.lost, e.kind.shape)[0].tolist()
+    kinds = [KINDS[int(k)] for k in e.kind[0]]
+    return {n: getattr(e, n)[0].tolist() for n in _EVALUATION} | {"kind": kinds, "lost": lost}

@@ -1,0 +1,48 @@
+"""Pictures of a report, by their files' names."""
+
+from __future__ import annotations
+
+from tpd.design.result import Design, DesignStatus
+from tpd.design.study import Study
+
+
+def names(design: Design, study: Study) -> tuple[str, ...]:
+    """Names of the pictures that there is data for."""
+    whole = design.status is not DesignStatus.interrupted
+    there = {
+        "conditions.png": len(design.conditions) > 1 and design.conditions.axis is not None,
+        "search.png": len(design.search.screened) > 0,
+        "response.png": bool(study.responses),
+        "motion.png": bool(study.histories),
+        "front.png": study.front is not None,
+        "drawing.png": whole,
+        "animation.gif": whole and bool(study.histories),
+    }
+    return tuple(name for name, exists in there.items() if exists)
+
+
+def draw(name: str, design: Design, study: Study) -> bytes:
+    """Content of one of the files in `names`."""
+    # A report in words does not wait for Matplotlib.
+    from tpd.plot import animation, conditions, drawing, front, histories, response, search
+    from tpd.plot.style import png
+
+    scene, motions = design.scene, study.histories or ()
+    match name:
+        case "conditions.png":
+            axes = conditions.plot_conditions(design)[0]
+        case "search.png":
+            axes = search.plot_search(design, study.region)
+        case "response.png":
+            axes = response.plot_response(study.responses or (), scene.motion.frequency)
+        case "motion.png":
+            axes = histories.plot_histories(motions, scene.block.slenderness, design.stroke_limit)[0]
+        case "front.png" if study.front is not None:
+            axes = front.plot_front(study.front, design)
+        case "drawing.png":
+            axes = drawing.plot_scene(scene, design.pendulum, stroke=design.stroke)
+        case "animation.gif":
+            return animation.animate(scene, design.pendulum, motions)
+        case _:
+            raise ValueError(f"`name` must be one of {', '.join(names(design, study))}, but is {name!r}")
+    return png(axes.figure)

@@ -1,0 +1,135 @@
+"""Tables of a report: ensemble, nonlinear equations, comparison of models, sensitivities and front."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from tpd.analysis.compare_models import Check
+from tpd.analysis.ensemble import Outcomes
+from tpd.core.formatting import number
+from tpd.design.result import Design
+from tpd.design.study import Study
+from tpd.report.blocks import Block, Cell, Table, danger, information
+
+if TYPE_CHECKING:
+    from tpd.design.pareto import Front
+
+_MEANING = {
+    "mu": "mass ratio μ, bob over block",
+    "lam": "length ratio λ, pendulum over half height",
+    "zeta": "damping ratio ζ of the hinge",
+    "k": "friction k of the contact",
+    "f": "base acceleration f over g",
+    "xi": "frequency ratio ξ",
+    "nu": "slenderness ν, width over height",
+}
+
+
+def ensemble(design: Design) -> list[Block]:
+    """Shares and quantiles of many runs, with the best design and without a pendulum."""
+    verdict = None if design.best is None else design.best.verdict
+    if verdict is None:
+        return []
+    pair, runs = (verdict.hung, verdict.bare), verdict.hung.ensemble
+    shares: list[tuple[Cell, ...]] = [("overturned", *(str(o.overturned) for o in pair))]
+    for ramp in verdict.hung.by_ramp():
+        name = "– of sudden starts" if ramp == 0.0 else f"– growing for {ramp:g} s"
+        shares.append((name, *(f"{o.by_ramp()[ramp].value:.1%}" for o in pair)))
+    shares.append(("at rest in the end", *(str(o.at_rest) for o in pair)))
+    for name, quantity in (("largest tilt", "peak"), ("settled tilt", "amplitude")):
+        quantiles = (_quantiles(o, quantity) for o in pair)
+        shares.append((f"{name}: 50, 90, 99 % of the runs (rad)", *quantiles))
+    shares.append(("bob's largest angle: 50, 90, 99 % (rad)", _quantiles(verdict.hung, "peak_stroke"), None))
+    caption = (
+        f"Ensemble of {runs.size} runs, seed {runs.seed}: starts, phases, growth of the shaking and "
+        "uncertain quantities vary alike for both. Overturned: no answer counts as well. "
+        "In brackets: 95 % confidence."
+    )
+    text = (
+        f"{verdict.worse} runs overturn with the pendulum only, and {verdict.better} without it only (chance "
+        f"of that or more, were both alike: {verdict.chance:.2g})."
+    )
+    return [information(text), Table(("", "with pendulum", "without"), tuple(shares), caption)]
+
+
+def _quantiles(o: Outcomes, quantity: str) -> str:
+    return ", ".join(number(x) if math.isfinite(x) else "overturned" for x in o.quantiles(quantity))
+
+
+def nonlinear(design: Design) -> list[Block]:
+    """The best design by the nonlinear equations, under the conditions that were asked for."""
+    if design.best is None or not design.best.nonlinear:
+        return []
+    rows = tuple(
+        (
+            design.conditions.label(x.condition),
+            x.amplitude,
+            x.stroke,
+            x.status,
+            x.bare_amplitude,
+            x.bare_status,
+        )
+        for x in design.best.nonlinear
+    )
+    head = ("condition", "amplitude (rad)", "stroke (rad)", "ends", "bare (rad)", "bare ends")
+    caption = "By the nonlinear equations (4), from rest, under the worst conditions and those at a limit."
+    return [Table(head, rows, caption)]
+
+
+def comparison(check: Check) -> list[Block]:
+    """A design by all models that were asked, and objections of the last one."""
+    rows = tuple(
+        (r.name, r.amplitude, r.stroke, r.status.replace("_", " "), round(r.seconds * 1e3, 1), r.neglects)
+        for r in check.rungs
+    )
+    head = ("model", "amplitude (rad)", "stroke (rad)", "status", "time (ms)", "neglects")
+    caption = (
+        "The design from rest under the scene's own shaking, the cheapest model first; the last one judges."
+    )
+    return [
+        Table(head, rows, caption),
+        *(danger(f"Under the scene's own shaking {x}.") for x in check.objections),
+    ]
+
+
+def sensitivity(design: Design, study: Study) -> list[Block]:
+    """Elasticities: of the motion from rest for one condition, else of the risk; the strongest first."""
+    if study.elasticities is None:
+        order = sorted(design.elasticities, key=lambda name: -abs(design.elasticities[name]))
+        rows = tuple((name, f"{design.elasticities[name]:+.2f}") for name in order)
+        caption = (
+            f"Per cent of the {design.risk.name} tilt for one per cent more of each, the others constant."
+        )
+        return [Table(("quantity", "% for 1 %"), rows, caption)] if rows else []
+    found = study.elasticities
+    if not found.slopes:
+        return [information(f"There is no gradient: {found.refused}.")]
+    amplitude = found.of == "amplitude"
+    text = (
+        "Change of the settled rocking amplitude, in per cent, for one per cent more of each parameter."
+        if amplitude
+        else "The block rests, so its amplitude is zero and flat. The table has the uplift margin instead, "
+        f"of which {found.value:.2%} is left: its change, in points of per cent, for one per cent more of "
+        "each parameter. Where that uses up the margin, the block lifts."
+    )
+    scale = 1.0 if amplitude else 100.0
+    rows = tuple(
+        (_MEANING[name], found.at[name], f"{scale * found.slopes[name]:+.3g}")
+        for name in sorted(found.slopes, key=lambda name: -abs(found.slopes[name]))
+    )
+    head = ("parameter", "value", "% for 1 %" if amplitude else "points for 1 %")
+    caption = "From the exact gradient at the design: for small changes that lead to no other motion."
+    return [information(text), Table(head, rows, caption)]
+
+
+def front(points: Front, block_mass: float) -> Table:
+    """Least risk for every mass."""
+    rows = tuple(
+        (float(mu), float(mu) * block_mass, float(value))
+        for mu, value in zip(points.mass_ratio, points.value, strict=True)
+    )
+    caption = (
+        "Least value of all designs that are no heavier: the risk over all symmetric orbits, a tilt over nu."
+    )
+    return Table(("largest mass ratio", "bob (kg)", "value"), rows, caption)

@@ -1,0 +1,61 @@
+"""Report as plain text, for a terminal and for report.txt."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+
+from tpd.report.blocks import Block, Code, Figure, Listing, Note, Report, Severity, Table
+
+_WIDTH = 100
+"""Columns of text; tables may be wider."""
+_LONG = 48
+"""Characters of a cell in a last column that move to a line of their own."""
+_MARKS = {Severity.danger: "DANGER: ", Severity.warning: "note: ", Severity.information: ""}
+
+
+def text(report: Report) -> str:
+    """The report in words; its first line is the verdict. Pictures are left out."""
+    lines = [report.verdict.text]
+    for section in report.sections:
+        body = [line for block in section.blocks for line in _lines(block)]
+        lines += ["", section.title, "-" * len(section.title), *body] if body else []
+    return "\n".join(lines) + "\n"
+
+
+def _lines(block: Block) -> Iterator[str]:
+    match block:
+        case Note():
+            yield from _wrapped(_MARKS[block.severity] + block.text)
+        case Table():
+            yield from _table(block)
+        case Listing():
+            for item in block.items:
+                yield from textwrap.wrap(item, _WIDTH, initial_indent="- ", subsequent_indent="  ")
+        case Code():
+            yield from ("  " + line for line in block.text.splitlines())
+        case Figure():
+            return
+
+
+def _wrapped(words: str) -> list[str]:
+    return textwrap.wrap(words, _WIDTH, subsequent_indent="  ")
+
+
+def _table(table: Table) -> Iterator[str]:
+    rows = [list(table.head), *table.cells]
+    # Long sentences would push all other columns apart.
+    below = len(rows[0]) > 1 and max(len(row[-1]) for row in rows) > _LONG
+    short = [row[:-1] if below else row for row in rows]
+    widths = [max(map(len, column)) for column in zip(*short, strict=True)]
+    for row, whole in zip(short, rows, strict=True):
+        cells = (
+            cell.rjust(width) if right else cell.ljust(width)
+            for cell, width, right in zip(row, widths, table.numeric, strict=False)
+        )
+        if (line := "  ".join(cells).rstrip()) or not below:
+            yield line
+        if below and whole is not rows[0]:
+            yield from textwrap.wrap(whole[-1], _WIDTH, initial_indent="    ", subsequent_indent="    ")
+    if table.caption:
+        yield from _wrapped(f"({table.caption})")

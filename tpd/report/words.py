@@ -1,0 +1,85 @@
+"""Quantities of a design in words."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tpd.analysis.attractors import Starts
+from tpd.core.formatting import number
+from tpd.core.scene import HOUSNER, Block
+from tpd.design.criteria import Limit, Mass, Walls
+from tpd.design.result import Design
+
+
+def angle(x: float) -> str:
+    """A largest angle (rad) in radians and degrees; infinite where the block overturns, NaN if unknown."""
+    if not math.isfinite(x):
+        return "unknown" if math.isnan(x) else "overturns"
+    return f"{number(x)} rad ({number(math.degrees(x), 3)}°)"
+
+
+def toppling(slenderness: float, mass_ratio: float) -> float:
+    """Tilt (rad) at which the linear block topples by itself, nu (1 + mu)/(1 + 2 mu)."""
+    return slenderness * (1.0 + mass_ratio) / (1.0 + 2.0 * mass_ratio)
+
+
+def source_of_tilts(design: Design) -> str:
+    """Motions that the search's tilts belong to, in words."""
+    if design.starts == Starts.rest():
+        return "the motion that a start from rest settles into"
+    if design.starts == Starts.any():
+        return "the largest attracting symmetric motion, whichever start leads to it"
+    start = f"{design.starts.size} starts (seed {design.starts.seed})"
+    if design.starts.worst:
+        return f"the largest motion that one of {start} settles into"
+    return f"the motions that {start} settle into, the mean over the starts"
+
+
+def finite_max(values: np.ndarray) -> float:
+    """Largest finite one of `values`, or 0."""
+    return float(np.max(values, where=np.isfinite(values), initial=0.0))
+
+
+def of_toppling(design: Design, tilt: float, mass_ratio: float) -> tuple[str, str | None]:
+    """A tilt (rad), and its share of the tilt at which the block topples."""
+    share = f"{tilt / toppling(design.scene.block.slenderness, mass_ratio):.1%} of toppling"
+    return angle(tilt), share if math.isfinite(tilt) else None
+
+
+def losses(block: Block) -> str:
+    """Energy losses of the rocking block."""
+    if block.restitution is None:
+        return f"friction k = {block.friction:g}"
+    model = "Housner, " if block.restitution == HOUSNER else ""
+    impacts = f"impact loss: {model}e = {block.velocity_ratio:.4g}"
+    return f"{impacts}; friction k = {block.friction:g}" if block.friction else impacts
+
+
+def risk(design: Design, value: float) -> str:
+    """A value of the risk measure, which is a tilt over nu where every motion that counts rocks."""
+    sampled = design.starts not in (Starts.rest(), Starts.any())
+    mean = design.risk.share > 0.0 or (sampled and not design.starts.worst)
+    mixed = f"{value:.4f} times nu, rest counted as less its uplift margin"
+    if sampled and (mean or value > 1.0):
+        return f"{mixed}, a start that overturns as 2 less that margin"
+    if mean and value <= 0.0:
+        return mixed
+    if value <= 0.0:
+        return f"none: at rest with {-value:.1%} of the lifting moment in reserve"
+    if value > 1.0:
+        return "no settled motion under the worst condition: by events the block may overturn"
+    return f"{value * design.scene.block.slenderness:.5f} rad ({value:.1%} of nu)"
+
+
+def limit(of: Limit) -> str:
+    """A limit with its value."""
+    name = of.name.replace("_", " ")
+    if isinstance(of, Walls):
+        return "a settled ball of steel keeps off the walls"
+    (value,) = vars(of).values()
+    return f"{name} {number(value)}{' kg' if isinstance(of, Mass) else _UNITS.get(of.name, '')}"
+
+
+_UNITS = {"stroke": " rad", "relative_stroke": " rad", "tilt": " of nu", "offset": " m"}
