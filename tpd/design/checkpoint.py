@@ -14,7 +14,8 @@ import numpy as np
 
 from tpd.core import files
 from tpd.design.objective import BACK_OFF
-from tpd.design.sequential import Ends, Linearisation
+from tpd.design.sequential import Ends
+from tpd.design.subproblem import Linearisation
 
 
 class Checkpoint:

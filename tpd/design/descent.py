@@ -23,7 +23,8 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float
 
-from tpd.design.sequential import PENALTY, Ends, Linearisation, merit_of, minimise
+from tpd.design.sequential import Ends, merit_of, minimise
+from tpd.design.subproblem import PENALTY, Linearisation
 
 _WIDTHS = (1e-1, 1e-4)
 """First and last width of the smoothing, in units of the merit."""
@@ -116,7 +117,7 @@ def _projected(
     begin, update = jax.vmap(chosen.init), jax.jit(jax.vmap(chosen.update))
     state = begin(jnp.asarray(u))
     for width in widths:
-        value, slope = _smooth(at, cap, float(width))
+        value, slope = smoothed_merit(at, cap, float(width))
         updates, state = update(jnp.asarray(slope), state, jnp.asarray(u))
         onward = np.clip(np.asarray(optax.apply_updates(jnp.asarray(u), updates)), 0.0, 1.0)
         u = np.where(np.isfinite(value)[:, None], onward, 0.5 * (u + book.x))
@@ -131,14 +132,14 @@ def _lbfgs(book: _Book, cap: float, steps: int) -> Iterator[None]:
     for width in np.geomspace(*_WIDTHS, _LEVELS):
         # From the best so far, off the bounds, where the angle would have no slope.
         z = _angle(np.clip(book.x, 1e-4, 1.0 - 1e-4))
-        value, slope = _smooth(book.tried(np.sin(z) ** 2), cap, float(width))
+        value, slope = smoothed_merit(book.tried(np.sin(z) ** 2), cap, float(width))
         yield
         slope, state, size = slope * _turn(z), begin(jnp.asarray(z)), np.ones(len(z))
         move, after = _direction(update, slope, state, z)
         for _ in range(per_level - 1):
             there = z + size[:, None] * move
             at = book.tried(np.sin(there) ** 2)
-            new, new_slope = _smooth(at, cap, float(width))
+            new, new_slope = smoothed_merit(at, cap, float(width))
             new_slope = new_slope * _turn(there)
             fits = new <= value + 1e-4 * size * np.sum(slope * move, axis=1)
             rows, bent = fits[:, None], np.sum((new_slope - slope) * (there - z), axis=1) > 0.0
@@ -192,7 +193,7 @@ def _direction(update: Callable, slope: np.ndarray, state: Any, z: np.ndarray) -
     return move * np.minimum(1.0, _LONGEST / np.maximum(longest, 1e-300)), after
 
 
-def _smooth(at: Linearisation, cap: float, width: float) -> tuple[np.ndarray, np.ndarray]:
+def smoothed_merit(at: Linearisation, cap: float, width: float) -> tuple[np.ndarray, np.ndarray]:
     """The smoothed merit (m,) and its slopes (m, d); of a design with an infinite value not finite."""
     known = np.all(np.isfinite(at.value), axis=1)
     at = at._replace(value=np.where(known[:, None], at.value, 0.0))

@@ -12,7 +12,8 @@ import optax
 
 from tpd.core import checks
 from tpd.design.descent import descend
-from tpd.design.sequential import Ends, Linearisation, minimise
+from tpd.design.sequential import Ends, minimise
+from tpd.design.subproblem import Linearisation
 from tpd.models.base import AbstractModel
 
 OPTIMISERS = ("adam", "lbfgs")

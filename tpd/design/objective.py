@@ -25,8 +25,8 @@ from tpd.core.parameters import Parameters
 from tpd.core.scene import Scene
 from tpd.core.status import Status
 from tpd.design.criteria import Geometry, Limit, Reserve, Risk, Size
-from tpd.design.sequential import Linearisation
 from tpd.design.space import DesignSpace
+from tpd.design.subproblem import Linearisation
 
 Count = Callable[[int, int], None]
 """Called with (units done, of how many)."""

@@ -20,7 +20,8 @@ from tpd.design.methods import Method
 from tpd.design.objective import REST, AbstractObjective, Count, Evaluation, Orbits, margins
 from tpd.design.result import Search, SearchStatus
 from tpd.design.screening import best_apart, first_apart, screened_designs
-from tpd.design.sequential import Ends, Linearisation, minimise
+from tpd.design.sequential import Ends, minimise
+from tpd.design.subproblem import Linearisation
 from tpd.models.piecewise import Piecewise
 
 GROUP = 16
