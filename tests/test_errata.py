@@ -9,9 +9,9 @@ import re
 import numpy as np
 import pytest
 import sympy as sp
-import tpd.closed_form.paper
 
 import tests.test_errata
+import tpd.closed_form.paper
 from tests.test_equations import HINGE, LAM, MU, NU, RHO, SIGNS, TAU, XI, A, F, K, Q, V, lagrange, linearised
 from tpd import Parameters, free_motion, parametric_branches, symmetric_orbits
 from tpd.closed_form.paper import (

@@ -21,13 +21,14 @@ from jax.extend import core
 
 jax.config.update("jax_enable_x64", True)
 
+from tpd.design.single_search import with_design  # noqa: E402
+
 from tests.counting import counted  # noqa: E402
 from tests.reference import BARE, HUNG, STILL, parameters  # noqa: E402
 from tests.test_truth import SETTLE, SETTLED, scales  # noqa: E402
 from tpd import Measure, Piecewise, Segmented, Smoothed, one_harmonic, symmetric_orbits  # noqa: E402
 from tpd.core.files import as_json, place, versions  # noqa: E402
 from tpd.design.sequential import Local, minimise  # noqa: E402
-from tpd.design.single_search import with_design  # noqa: E402
 from tpd.exact.orbit_roots import NODES, ROOTS  # noqa: E402
 from tpd.exact.symmetric_orbit import ORBITS, PATH_NODES  # noqa: E402
 from tpd.models.piecewise import Lane  # noqa: E402

@@ -2,9 +2,9 @@
 
     .venv/bin/python -m tests.benchmarks.nonlinear [--points 40] [SCENE ...]
 
-For every scene: the least settled amplitude from rest by the nonlinear equations on a grid over (mu, lam), among
-the designs that keep the stroke limit, and the nonlinear amplitude of the design that `optimise` offers. The
-table stands in `tests/benchmarks/results/nonlinear.md`.
+For every scene: the least settled amplitude from rest by the nonlinear equations on a grid over (mu, lam),
+among the designs that keep the stroke limit, and the nonlinear amplitude of the design that is offered.
+The table stands in `tests/benchmarks/results/nonlinear.md`.
 """
 
 import argparse
@@ -98,7 +98,8 @@ def main():
     asked = options.parse_args()
     packages = ", ".join(f"{name} {version(name)}" for name in ("jax", "diffrax", "optax", "equinox"))
     lines = [
-        f"`python -m tests.benchmarks.nonlinear --points {asked.points}`, {packages}, {time.strftime('%Y-%m-%d')}",
+        f"`python -m tests.benchmarks.nonlinear --points {asked.points}`, {packages}, "
+        f"{time.strftime('%Y-%m-%d')}",
         "",
         "| scene | bare (rad) | best of the grid (rad) at (mu, lam) | offered | over the grid | s |",
         "|---|---|---|---|---|---|",

@@ -116,17 +116,17 @@ def with_model(file: JobFile, scene: Scene) -> JobFile:
         ValueError: a model that the method or the block does not allow.
     """
     model, lossless = file.search.model, scene.block.velocity_ratio == 1.0
-    if file.search.method != "descent":
+    if model == "smoothed" and not lossless:
+        raise ValueError("`search.model` smoothed has no impact loss, but the block has: take piecewise")
+    if file.search.method != "descent" or file.size > 1:
         return file
     if model == "orbits":
         raise ValueError(
-            "`search.model` orbits goes with `search.method` sequential, which this job does not have"
+            "`search.model` orbits goes with several conditions or `search.method` sequential: neither is given"
         )
-    if model == "smoothed" and not lossless:
-        raise ValueError("`search.model` smoothed has no impact loss, but the block has: take piecewise")
-    if model is None and not lossless:
-        return replace(file, search=replace(file.search, model="piecewise"))
-    return file
+    if model is None:
+        model = "smoothed" if lossless else "piecewise"
+    return replace(file, search=replace(file.search, model=model))
 
 
 def method_of(file: JobFile) -> Method:
@@ -134,13 +134,12 @@ def method_of(file: JobFile) -> Method:
     asked = file.search
     numbers = {name: getattr(asked, name) for name in ("searches", "screening", "steps")}
     given: dict[str, Any] = {name: number for name, number in numbers.items() if number is not None}
-    # The first model of each method is its default.
-    if asked.model not in (None, "orbits" if asked.method == "sequential" else "smoothed"):
+    if asked.model not in (None, "orbits"):
         given["model"] = _model(asked.model)
     with naming("search"):
         if asked.method == "sequential":
             return Sequential(**given)
-        return Descent(optimiser=asked.optimiser, tolerance=asked.tolerance, **given)
+        return Descent(optimiser=asked.optimiser or "adam", tolerance=asked.tolerance, **given)
 
 
 def _model(name: str | None) -> AbstractModel:

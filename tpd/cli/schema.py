@@ -171,8 +171,8 @@ class SearchTable(Table, frozen=True, kw_only=True):
     model: Annotated[
         Literal["smoothed", "piecewise", "segmented", "orbits"] | None,
         _says(
-            "model that is searched with (default orbits, the symmetric orbits in closed form, with the "
-            "method sequential; with descent smoothed, or piecewise where impacts lose energy)"
+            "model that is searched with (default orbits, the symmetric orbits in closed form; with descent "
+            "under one condition smoothed, or piecewise where impacts lose energy)"
         ),
     ] = None
     searches: Annotated[Count | None, _says("number of searches (default descent 8, sequential 64)")] = None

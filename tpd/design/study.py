@@ -15,7 +15,7 @@ from tpd.analysis.compare_models import QUICK, Check, check
 from tpd.analysis.response import Response, frequency_response
 from tpd.analysis.sensitivity import Elasticities, elasticities
 from tpd.analysis.steady_state import sampled, simulate
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form import uplift
 from tpd.core.conditions import Conditions, under
 from tpd.core.parameters import as_arrays
 from tpd.core.progress import Progress
@@ -170,7 +170,7 @@ def uplift_region(design: Design) -> UpliftRegion:
         return jax.vmap(lambda x: jnp.asarray(uplift(under(p, x, row)).margin))(jnp.asarray(plane))
 
     # One condition after the other: all at once would take n times the memory.
-    least = np.min([np.asarray(margins(row)) for row in design.conditions.rows()], axis=0)
+    least = np.min([np.asarray(margins(row)) for row in design.conditions.factor_rows()], axis=0)
     return UpliftRegion(mass_ratio=mu, length_ratio=lam, margin=least.reshape(_GRID, _GRID))
 
 
