@@ -78,7 +78,7 @@ def test_the_objects_of_a_job_that_is_read_back_are_the_same(given):
         "by_overturning",
     ):
         assert getattr(again, name) == getattr(job, name), name
-    np.testing.assert_array_equal(again.conditions.rows(), job.conditions.rows())
+    np.testing.assert_array_equal(again.conditions.factor_rows(), job.conditions.factor_rows())
 
 
 def test_jobs_that_differ_are_not_equal():
@@ -117,7 +117,7 @@ def test_conditions_are_each_frequency_with_each_amplitude_and_each_sample():
         * Conditions.scatter(16, 3, friction=0.2, length=0.02)
     )
     assert len(job.conditions) == 20 * 3 * 16
-    np.testing.assert_array_equal(job.conditions.rows(), expected.rows())
+    np.testing.assert_array_equal(job.conditions.factor_rows(), expected.factor_rows())
     assert job.risk == criteria.Risk.cvar(0.2)
     assert job.by_overturning
 
@@ -154,10 +154,10 @@ def test_starts_have_the_seed_of_the_search_unless_given(starts, expected):
 @pytest.mark.parametrize(
     ("block", "friction", "restitution", "model"),
     [
-        ({}, 0.05, None, None),
+        ({}, 0.05, None, "smoothed"),
         ({"restitution": "housner"}, 0.0, "housner", "piecewise"),
         ({"restitution": 0.9, "friction": 0.02}, 0.02, 0.9, "piecewise"),
-        ({"friction": 0.1, "restitution": 1}, 0.1, 1.0, None),
+        ({"friction": 0.1, "restitution": 1}, 0.1, 1.0, "smoothed"),
     ],
 )
 def test_where_impacts_lose_energy_friction_is_zero_and_the_model_is_exact(

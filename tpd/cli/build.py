@@ -122,7 +122,8 @@ def with_model(file: JobFile, scene: Scene) -> JobFile:
         return file
     if model == "orbits":
         raise ValueError(
-            "`search.model` orbits goes with several conditions or `search.method` sequential: neither is given"
+            "`search.model` orbits goes with several conditions or with `search.method` sequential: neither "
+            "is given"
         )
     if model is None:
         model = "smoothed" if lossless else "piecewise"

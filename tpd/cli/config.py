@@ -132,7 +132,9 @@ def chosen(given: Mapping[str, Any]) -> JobFile:
     """
     file = typed(given)
     method = file.search.method or ("descent" if file.size == 1 else "sequential")
-    default = "rest" if method == "descent" else "any"
+    named = file.search.model not in (None, "orbits")
+    follows = named or (method == "descent" and file.size == 1 and file.search.model is None)
+    default = "rest" if follows else "any"
     kind = file.starts.kind or ("sampled" if "size" in given.get("starts", {}) else default)
     optimiser = file.search.optimiser or ("adam" if method == "descent" else None)
     search = replace(file.search, method=method, optimiser=optimiser)
