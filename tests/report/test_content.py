@@ -9,9 +9,10 @@ import tpd
 from tests import designs
 from tpd.analysis.sensitivity import Elasticities
 from tpd.design.criteria import Mass, Risk, Walls
-from tpd.design.result import DesignStatus, Nearest
+from tpd.design.result import Design, DesignStatus, Nearest
 from tpd.design.study import Study
-from tpd.report import words
+from tpd.plot.style import new_axes
+from tpd.report import pictures, words
 from tpd.report.blocks import Figure, Note, Severity, Table
 from tpd.report.content import content
 
@@ -194,3 +195,28 @@ def test_limits_in_words():
     assert words.limit(Walls()) == "a settled ball of steel keeps off the walls"
     said = [words.limit(limit) for limit in designs.single().limits]
     assert said == ["stroke 0.5 rad", "reserve 0.05"]
+
+
+def lost_at_one() -> Design:
+    """A band in which the block overturns from rest under the first condition, with the pendulum too."""
+    design = designs.band()
+    status = np.array(["overturned", *["rocking"] * 7])
+    exact = designs.motions("piecewise", np.full(8, 0.05), np.linspace(0.2, 0.46, 8), status)
+    return dataclasses.replace(design, verified=(dataclasses.replace(design.winner, exact=exact),))
+
+
+def test_strokes_are_the_largest_of_the_conditions_that_the_block_withstands():
+    table, _ = section(content(lost_at_one(), BAND), "The answer")
+    assert row(table, "rocking amplitude with it")[1] == "overturns"
+    assert row(table, "stroke of the bob, settled")[1:] == ("0.46 rad (26.4°)", "92% of the limit")
+    # 0.12 m times sin(0.46)
+    assert row(table, "way of the bob to either side")[1] == "0.05327 m"
+
+
+def test_the_drawing_shows_a_finite_stroke(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        "tpd.plot.drawing.plot_scene", lambda scene, hung, *, stroke: drawn.append(stroke) or new_axes()
+    )
+    pictures.draw("drawing.png", lost_at_one(), BAND)
+    assert drawn == [pytest.approx(0.46)]

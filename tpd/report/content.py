@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tpd.analysis.attractors import Starts
 from tpd.core import files
 from tpd.core.formatting import number
 from tpd.design.objective import KINDS
@@ -153,9 +152,7 @@ def _answer(design: Design, study: Study) -> list[Block]:
 def _sizes(design: Design, winner: Verified, length: float) -> list[tuple[Cell, ...]]:
     """Rows of angles: risk over several conditions, amplitudes, strokes and the way from rest."""
     exact, limit = winner.exact, design.stroke_limit
-    # From other starts than rest the search may know larger strokes than the one from rest.
-    asked = 0.0 if design.starts == Starts.rest() else words.finite_max(winner.evaluation.stroke)
-    stroke = max(design.stroke, asked)
+    stroke = words.settled_stroke(design)
     way = number(length * math.sin(min(stroke, 0.5 * math.pi)))
     used = f"{stroke / limit:.0%} of the limit" if limit < np.inf else None
     name = f"{design.risk.name} tilt"
