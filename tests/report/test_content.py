@@ -244,7 +244,7 @@ def test_conditions_under_which_the_bare_block_rests_are_shown_without_a_pendulu
     assert report.verdict.severity is Severity.information
     (table,) = section(report, "The answer")
     assert row(table, "worst tilt without pendulum")[1].startswith("none: at rest with 10.0%")
-    described, figure, conditions = section(report, "Under every condition")
+    _, figure, conditions = section(report, "Under every condition")
     assert figure.name == "conditions.png"
     assert conditions.head == ("condition", "bare tilt (rad)", "bare kind", "bare from rest")
     assert conditions.rows[0][1:] == (0.0, "rest", "rest")
