@@ -69,6 +69,13 @@ def test_conditions_are_drawn_in_order_and_in_si_units():
     assert lines(plot_conditions(mixed)[0])["with the pendulum"].get_xdata() == pytest.approx(frequency)
 
 
+def test_a_refused_design_is_labelled_as_such():
+    design = designs.band()
+    ax, _ = plot_conditions(dataclasses.replace(design, pendulum=None, verified=design.verified[:1]))
+    assert "best found, not offered" in lines(ax)
+    assert "with the pendulum" not in lines(ax)
+
+
 def test_conditions_of_the_pendulum_are_in_si_units_where_there_is_one():
     factors = {"length": np.linspace(0.9, 1.1, 8)}
     _, below = plot_conditions(designs.band(conditions=Conditions(factors)))

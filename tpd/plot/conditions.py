@@ -25,20 +25,22 @@ def plot_conditions(design: Design, axes: Any = None) -> Any:
     axes = new_axes(2, (7.0, 5.6)) if axes is None else axes
     # Values that scatter come in no order.
     order = np.argsort(design.conditions.column(name), kind="stable")
-    x, label = _values(design, name)
+    x, xlabel = _values(design, name)
     nu = design.scene.block.slenderness * design.conditions.column("slenderness")
     cases: list[Bare | Verified] = [design.bare, *([design.best] if design.best else [])]
     tilts = [np.where(_known(of), of.evaluation.tilt[0], np.nan) * nu for of in cases]
-    top = 1.3 * max((float(np.nanmax(t)) for t in tilts if np.isfinite(t).any()), default=1.0)
+    top = 1.3 * max((float(np.nanmax(t)) for t in tilts if np.isfinite(t).any()), default=1.0) or 1.0
     for i, (of, tilt) in enumerate(zip(cases, tilts, strict=True)):
-        axes[0].plot(x[order], tilt[order], **CASES[i])
+        refused = i == 1 and design.winner is None
+        label = "best found, not offered" if refused else CASES[i]["label"]
+        axes[0].plot(x[order], tilt[order], **CASES[i] | {"label": label})
         overturned(axes[0], x[of.exact.status == "overturned"], top, i)
     if design.best is not None:
         stroke = np.where(_known(design.best), design.best.evaluation.stroke[0], np.nan)
         axes[1].plot(x[order], stroke[order], **CASES[1] | {"label": "bob"})
     axes[0].set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
     axes[1].axhline(design.stroke_limit, color=ORANGE, lw=1.2, ls=":", label="stroke limit")
-    axes[1].set(ylabel="largest bob angle (rad)", xlabel=label)
+    axes[1].set(ylabel="largest bob angle (rad)", xlabel=xlabel)
     axes[1].axhline(0.0, color=INK, lw=0.4)
     for ax in axes:
         ax.legend(fontsize=8, frameon=False)
