@@ -7,6 +7,7 @@ import pytest
 
 from tests import designs
 from tpd.core.conditions import Conditions
+from tpd.design.criteria import Reserve
 from tpd.plot.conditions import plot_conditions
 from tpd.plot.front import plot_front
 from tpd.plot.histories import plot_histories
@@ -143,3 +144,13 @@ def test_pictures_are_drawn_into_given_axes():
     assert plot_search(designs.single(), None, ax) is ax
     assert plot_front(designs.front(), designs.band(), new_axes()).figure is not ax.figure
     assert plot_response(designs.study().responses, 2.5, ax) is ax
+
+
+def test_without_a_stroke_limit_there_is_no_line_for_it():
+    _, below = plot_conditions(designs.band(limits=(Reserve(),)))
+    assert "stroke limit" not in lines(below)
+    assert all(np.isfinite(line.get_ydata()).all() for line in below.lines)
+    _, empty = plot_conditions(designs.band(limits=(Reserve(),), pendulum=None, verified=()))
+    assert empty.get_legend() is None
+    axes = plot_histories(designs.study().histories, 0.25)
+    assert legend(axes[0]) == {"exact", "smoothed"}

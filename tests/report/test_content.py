@@ -136,6 +136,8 @@ def test_elasticities_stand_in_the_order_of_their_size_and_refusals_say_why():
     assert note.text == "There is no gradient: overturned: it falls <over>."
     table = section(content(designs.band(), BAND), "Sensitivity")[-1]
     assert table.rows == (("frequency", "-2.00"), ("length", "+1.25"), ("mass", "-0.40"))
+    unknown = designs.band(elasticities={"mass": np.nan, "length": 1.25})
+    assert section(content(unknown, BAND), "Sensitivity")[-1].rows == (("length", "+1.25"),)
 
 
 def test_the_front_has_a_row_for_every_mass():
