@@ -8,7 +8,7 @@ import pytest
 import tpd
 from tests import designs
 from tpd.analysis.attractors import Starts
-from tpd.analysis.ensemble import Verdict
+from tpd.analysis.paired import Verdict
 from tpd.design.criteria import DEFAULT_LIMITS, Walls
 from tpd.design.result import DesignStatus, Neighbours
 from tpd.design.study import Study

@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tpd.analysis.attractors import Starts
-from tpd.analysis.ensemble import Ensemble, Outcomes, Verdict
+from tpd.analysis.ensemble import Ensemble
+from tpd.analysis.outcomes import Outcomes
+from tpd.analysis.paired import Verdict
 from tpd.core.conditions import Conditions
+from tpd.core.formatting import Printed
 from tpd.core.scene import Pendulum, Scene
 from tpd.design.criteria import Limit, Risk, stroke_limit
 from tpd.design.space import DesignSpace
@@ -279,8 +282,8 @@ class Nearest:
     broken: tuple[Reason, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Design:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Design(Printed):
     """The answer of `optimise`: angles in rad, lengths in m, masses in kg. `print` shows a summary."""
 
     scene: Scene
@@ -349,6 +352,3 @@ class Design:
                 f"  stroke      {self.stroke:.4g} rad, limit {self.stroke_limit:g} rad",
             ]
         )
-
-    def _repr_html_(self) -> str:
-        return "<pre>" + str(self).replace("&", "&amp;").replace("<", "&lt;") + "</pre>"

@@ -15,7 +15,9 @@ import numpy as np
 from jaxtyping import Array
 
 from tpd.analysis.compare_models import nonlinear
-from tpd.analysis.ensemble import SIGNIFICANT, Ensemble, Outcomes, chance_of, outcomes, verdict
+from tpd.analysis.ensemble import Ensemble, outcomes
+from tpd.analysis.outcomes import Outcomes
+from tpd.analysis.paired import SIGNIFICANT, chance_of, verdict
 from tpd.analysis.steady_state import steady_state
 from tpd.analysis.work_queue import prepare, settle_all
 from tpd.core.conditions import Conditions, under, under_all

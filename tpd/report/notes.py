@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from tpd.analysis.attractors import Starts
-from tpd.analysis.ensemble import SIGNIFICANT, chance_of
+from tpd.analysis.paired import SIGNIFICANT, chance_of
 from tpd.analysis.response import Response
 from tpd.core.scene import Block, Pendulum
 from tpd.core.status import SETTLED
