@@ -105,6 +105,12 @@ class Reason:
         match self.kind:
             case ReasonKind.overturns:
                 return f"{by} the block overturns{at}, and stands without the pendulum"
+            case ReasonKind.overturns_more if self.step is Step.neighbours:
+                # Counted one by one, not pair by pair as in the other steps.
+                return (
+                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum, "
+                    f"and in {self.reference:.0f} without it{at}"
+                )
             case ReasonKind.overturns_more:
                 return (
                     f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum "
