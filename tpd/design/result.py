@@ -108,6 +108,12 @@ class Reason:
         match self.kind:
             case ReasonKind.overturns:
                 return f"{by} the block overturns{at}, and stands without the pendulum"
+            case ReasonKind.overturns_more if self.step is Step.neighbours:
+                # Counted one by one, not pair by pair as in the other steps.
+                return (
+                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum, "
+                    f"and in {self.reference:.0f} without it{at}"
+                )
             case ReasonKind.overturns_more:
                 return (
                     f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum "
@@ -342,13 +348,19 @@ class Design(Printed):
         if self.pendulum is None or self.winner is None:
             lines += [f"  refused: {reason}" for v in self.verified for reason in v.reasons]
             return "\n".join(lines)
-        hung = self.pendulum
+        hung, amplitudes = self.pendulum, (self.amplitude, self.amplitude_without)
+        with_it, without = (f"{x:.4g} rad" if math.isfinite(x) else "overturned" for x in amplitudes)
+        if len(self.conditions) > 1:
+            lines.append(
+                f"  value       {self.winner.value:.4g}, {self.bare.value:.4g} without: {self.risk.name} tilt over "
+                "slenderness, less than 0 at rest"
+            )
         return "\n".join(
             [
                 *lines,
                 f"  pendulum    {hung.mass:.4g} kg on {hung.length:.4g} m, "
                 f"damping ratio {hung.damping_ratio:.4g}",
-                f"  amplitude   {self.amplitude:.4g} rad, {self.amplitude_without:.4g} rad without",
+                f"  amplitude   {with_it}, {without} without",
                 f"  stroke      {self.stroke:.4g} rad, limit {self.stroke_limit:g} rad",
             ]
         )
