@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from tpd import Block, Harmonic, Parameters, Pendulum, Scene
-from tpd.core.quantities import NAMES, QUANTITIES, Axis, Setup
+from tpd.core.quantities import NAMES, QUANTITIES, Axis, Setup, with_design
 from tpd.core.scene import paper_scene
 
 SCENE, HUNG = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
@@ -133,3 +135,31 @@ def test_a_pendulum_beside_parameters_is_refused():
         Setup.of(BARE, HUNG)
     with pytest.raises(ValueError, match=r"`name` must be one of nu, mu.*but is 'frequency'"):
         Axis.of(BARE, "frequency")
+
+
+def test_another_design_replaces_the_pendulum_and_nothing_else():
+    p = SCENE.parameters(HUNG)
+    q = jax.jit(with_design)(p, jnp.array([0.2, 0.3, 0.4]))
+    np.testing.assert_array_equal([q.mu, q.lam, q.zeta], [0.2, 0.3, 0.4])
+    for name in set(NAMES[:-1]) - {"mu", "lam", "zeta"}:
+        assert float(getattr(q, name)) == float(getattr(p, name))
+    assert q.rho is None
+    # Unchecked, so that a search may look beyond what is allowed.
+    assert float(with_design(p, jnp.array([-0.1, 0.3, 0.4])).mu) == -0.1
+
+
+def test_gradients_by_name_and_by_object_agree():
+    for scene in (SCENE, OTHER, TIED):
+        by_object = jax.jacrev(lambda part, s=scene: vector_of(dataclasses.replace(s, block=part)))(
+            scene.block
+        )
+        for name in ("width", "height", "mass", "friction"):
+            expected = Axis.of(scene, name, HUNG).jacobian(getattr(scene.block, name))[:, 0]
+            np.testing.assert_allclose(getattr(by_object, name), expected, rtol=1e-12, atol=1e-15)
+
+
+def vector_of(scene):
+    p = scene.parameters(HUNG)
+    return jnp.stack(
+        [jnp.asarray(x, dtype=float) for x in (*(getattr(p, n) for n in NAMES[:-1]), p.inertia_ratio)]
+    )

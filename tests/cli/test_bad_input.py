@@ -83,7 +83,10 @@ FILES = [
     ("[search]\nseed = 9999999999\n", "must be a whole number from 0 to 2147483647, but is 9999999999"),
     ("[search]\nstarts = 8\n", "unknown key `starts` in [search]; allowed are method, optimiser, model"),
     ("[search]\nmethod = 3\n", "`search.method` must be one of descent, sequential, but is 3"),
-    ("[search]\nmodel = 'orbits'\n", "`search.model` orbits goes with `search.method` sequential"),
+    (
+        "[search]\nmodel = 'orbits'\n",
+        "`search.model` orbits goes with several conditions or with `search.method` sequential",
+    ),
     (
         "[search]\nmodel = 'smoothed'\n[block]\nrestitution = 0.9\n",
         "`search.model` smoothed has no impact loss",

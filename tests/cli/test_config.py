@@ -166,7 +166,7 @@ def test_where_impacts_lose_energy_friction_is_zero_and_the_model_is_exact(
     job = config.job_of({"block": block})
     assert (job.scene.block.friction, job.scene.block.restitution) == (friction, restitution)
     assert config.tables(job)["search"].get("model") == model
-    assert isinstance(job.method.model, Piecewise) is (model is not None)
+    assert isinstance(job.method.model, Piecewise) is (model == "piecewise")
 
 
 def test_a_whole_number_is_taken_where_any_number_is_meant():

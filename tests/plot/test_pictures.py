@@ -7,6 +7,7 @@ import pytest
 
 from tests import designs
 from tpd.core.conditions import Conditions
+from tpd.design.criteria import Reserve
 from tpd.plot.conditions import plot_conditions
 from tpd.plot.front import plot_front
 from tpd.plot.histories import plot_histories
@@ -67,6 +68,13 @@ def test_conditions_are_drawn_in_order_and_in_si_units():
     winner = dataclasses.replace(design.winner, evaluation=e._replace(tilt=e.tilt[:, shuffled]))
     mixed = dataclasses.replace(design, conditions=Conditions(factors), verified=(winner,))
     assert lines(plot_conditions(mixed)[0])["with the pendulum"].get_xdata() == pytest.approx(frequency)
+
+
+def test_a_refused_design_is_labelled_as_such():
+    design = designs.band()
+    ax, _ = plot_conditions(dataclasses.replace(design, pendulum=None, verified=design.verified[:1]))
+    assert "best found, not offered" in lines(ax)
+    assert "with the pendulum" not in lines(ax)
 
 
 def test_conditions_of_the_pendulum_are_in_si_units_where_there_is_one():
@@ -136,3 +144,13 @@ def test_pictures_are_drawn_into_given_axes():
     assert plot_search(designs.single(), None, ax) is ax
     assert plot_front(designs.front(), designs.band(), new_axes()).figure is not ax.figure
     assert plot_response(designs.study().responses, 2.5, ax) is ax
+
+
+def test_without_a_stroke_limit_there_is_no_line_for_it():
+    _, below = plot_conditions(designs.band(limits=(Reserve(),)))
+    assert "stroke limit" not in lines(below)
+    assert all(np.isfinite(line.get_ydata()).all() for line in below.lines)
+    _, empty = plot_conditions(designs.band(limits=(Reserve(),), pendulum=None, verified=()))
+    assert empty.get_legend() is None
+    axes = plot_histories(designs.study().histories, 0.25)
+    assert legend(axes[0]) == {"exact", "smoothed"}

@@ -9,9 +9,10 @@ import tpd
 from tests import designs
 from tpd.analysis.sensitivity import Elasticities
 from tpd.design.criteria import Mass, Risk, Walls
-from tpd.design.result import DesignStatus, Nearest
+from tpd.design.result import Design, DesignStatus, Nearest
 from tpd.design.study import Study
-from tpd.report import words
+from tpd.plot.style import new_axes
+from tpd.report import pictures, words
 from tpd.report.blocks import Figure, Note, Severity, Table
 from tpd.report.content import content
 
@@ -61,9 +62,8 @@ def test_every_condition_is_a_row_with_motions_of_the_search_and_from_rest():
     assert described.text == "8 frequencies from 1.5 to 4 Hz."
     assert figure.name == "conditions.png"
     assert len(table.rows) == 8
-    assert table.rows[0][:5] == ("1.5 Hz", 0.075, 0.45, "rocking", "rocking")
-    assert table.rows[0][-1] == "overturned"
-    assert table.rows[-1][3:5] == ("rest", "rest")
+    assert table.rows[0] == ("1.5 Hz", 0.15, "rocking", "overturned", 0.075, "rocking", "rocking", 0.45)
+    assert table.rows[-1][5:7] == ("rest", "rest")
     titles = [s.title for s in content(designs.single(), designs.study()).sections]
     assert "Under every condition" not in titles
 
@@ -75,7 +75,7 @@ def test_starts_that_overturn_are_in_the_table_of_conditions():
     e = design.winner.evaluation._replace(lost=lost)
     design = dataclasses.replace(design, verified=(dataclasses.replace(design.winner, evaluation=e),))
     table = section(content(design, BAND), "Under every condition")[-1]
-    assert [r[3] for r in table.rows[:3]] == ["overturned", "rocking; 25% overturn", "rocking"]
+    assert [r[5] for r in table.rows[:3]] == ["overturned", "rocking; 25% overturn", "rocking"]
 
 
 def test_figures_are_those_that_there_is_data_for():
@@ -136,6 +136,8 @@ def test_elasticities_stand_in_the_order_of_their_size_and_refusals_say_why():
     assert note.text == "There is no gradient: overturned: it falls <over>."
     table = section(content(designs.band(), BAND), "Sensitivity")[-1]
     assert table.rows == (("frequency", "-2.00"), ("length", "+1.25"), ("mass", "-0.40"))
+    unknown = designs.band(elasticities={"mass": np.nan, "length": 1.25})
+    assert section(content(unknown, BAND), "Sensitivity")[-1].rows == (("length", "+1.25"),)
 
 
 def test_the_front_has_a_row_for_every_mass():
@@ -194,3 +196,59 @@ def test_limits_in_words():
     assert words.limit(Walls()) == "a settled ball of steel keeps off the walls"
     said = [words.limit(limit) for limit in designs.single().limits]
     assert said == ["stroke 0.5 rad", "reserve 0.05"]
+
+
+def lost_at_one() -> Design:
+    """A band in which the block overturns from rest under the first condition, with the pendulum too."""
+    design = designs.band()
+    status = np.array(["overturned", *["rocking"] * 7])
+    exact = designs.motions("piecewise", np.full(8, 0.05), np.linspace(0.2, 0.46, 8), status)
+    return dataclasses.replace(design, verified=(dataclasses.replace(design.winner, exact=exact),))
+
+
+def test_strokes_are_the_largest_of_the_conditions_that_the_block_withstands():
+    table, _ = section(content(lost_at_one(), BAND), "The answer")
+    assert row(table, "rocking amplitude with it")[1] == "overturns"
+    assert row(table, "stroke of the bob, settled")[1:] == ("0.46 rad (26.4°)", "92% of the limit")
+    # 0.12 m times sin(0.46)
+    assert row(table, "way of the bob to either side")[1] == "0.05327 m"
+
+
+def test_the_drawing_shows_a_finite_stroke(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        "tpd.plot.drawing.plot_scene", lambda scene, hung, *, stroke: drawn.append(stroke) or new_axes()
+    )
+    pictures.draw("drawing.png", lost_at_one(), BAND)
+    assert drawn == [pytest.approx(0.46)]
+
+
+def test_conditions_under_which_the_bare_block_rests_are_shown_without_a_pendulum():
+    kind = np.full((1, 8), 2)
+    bare = dataclasses.replace(
+        designs.band().bare,
+        value=-0.1,
+        evaluation=designs.evaluation(np.zeros(8), 0.0, kind=kind),
+        exact=designs.motions("piecewise", np.zeros(8), 0.0, "rest"),
+    )
+    empty = designs.search(
+        screened=np.zeros((0, 3)),
+        screened_value=np.zeros(0),
+        screened_feasible=np.zeros(0, bool),
+        screened_overturned=np.zeros(0, bool),
+        paths=(),
+        ends=np.zeros((0, 3)),
+        end_values=np.zeros(0),
+        statuses=(),
+    )
+    design = designs.band(status=DesignStatus.no_uplift, pendulum=None, verified=(), bare=bare, search=empty)
+    report = content(design, Study())
+    assert report.verdict.severity is Severity.information
+    (table,) = section(report, "The answer")
+    assert row(table, "worst tilt without pendulum")[1].startswith("none: at rest with 10.0%")
+    _, figure, conditions = section(report, "Under every condition")
+    assert figure.name == "conditions.png"
+    assert conditions.head == ("condition", "bare tilt (rad)", "bare kind", "bare from rest")
+    assert conditions.rows[0][1:] == (0.0, "rest", "rest")
+    assert pictures.draw("conditions.png", design, Study()).startswith(b"\x89PNG")
+    assert pictures.names(design, Study()) == ("conditions.png", "drawing.png")

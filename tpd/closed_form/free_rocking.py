@@ -1,4 +1,4 @@
-"""Free rocking of the undamped system, in closed form: the paper's (11), and with a pendulum.
+"""Free rocking of the undamped system in closed form: the paper's (11), extended to a pendulum.
 
 A free motion that is symmetric (its own mirror image half a period later) and turns at tau = 0 is even in
 tau, so phi and psi both vanish a quarter of a period later. Between the two moments the block stands on one
@@ -23,7 +23,7 @@ from tpd.core.equations import Linear
 from tpd.core.parameters import Number, Parameters
 
 _SAMPLES = 128
-"""Of the quarter period, where the sign of the tilt is looked at."""
+"""Times in the quarter period at which the sign of the tilt is checked."""
 
 
 class Free(NamedTuple):
@@ -32,14 +32,14 @@ class Free(NamedTuple):
     amplitude: Float[Array, "*batch"]
     """Tilt of the block at the turn, tau = 0."""
     bob: Float[Array, "*batch"]
-    """Angle of the bob then, with its sign: positive to the side that the block leans to."""
+    """Angle of the bob at the turn: positive to the side that the block leans to."""
     exists: Bool[Array, "*batch"]
-    """Whether the block stays on its corner, below the turn, for the whole quarter period (looked at
-    128 times). If not, the two angles solve the equations but are no motion."""
+    """True if the block stays on its corner, below the turn, for the whole quarter period (checked at 128
+    times). Otherwise the two angles solve the equations but belong to no motion."""
 
 
 class _Modes(NamedTuple):
-    """Rates and shares of the falling and of the swinging mode in the static angles."""
+    """Rates of the falling and of the swinging mode, and their shares w_j in the static angles."""
 
     falling: Number
     swinging: Number
@@ -48,10 +48,11 @@ class _Modes(NamedTuple):
 
 
 def _modes(p: Parameters) -> _Modes:
-    """From a4 x^2 + a2 x + a0 = det(M x + K), x = s^2, by partial fractions."""
+    """Modes from a4 x^2 + a2 x + a0 = det(M x + K), x = s^2, by partial fractions."""
     linear = Linear(p)
     a4, a2, a0 = linear.determinant, linear.m11 - linear.tilt * linear.m22, -linear.tilt
-    # One of the two forms has no difference of nearly equal numbers, whatever the sign of a2.
+    # The usual formula for one of the two roots subtracts nearly equal numbers; the product of the roots,
+    # a0/a4, gives that one from the other.
     size = 0.5 * (jnp.abs(a2) + jnp.sqrt(a2**2 - 4.0 * a4 * a0))
     up = jnp.where(a2 > 0, -a0 / size, size / a4)
     down = -jnp.where(a2 > 0, size / a4, -a0 / size)
@@ -67,9 +68,9 @@ def _modes(p: Parameters) -> _Modes:
 def free_motion(p: Parameters) -> Free:
     """The free symmetric rocking of frequency `p.xi` of the undamped linear system; fields may be arrays.
 
-    k, zeta, f and e of `p` are not used: the motion is that at k = zeta = f = 0, e = 1. At mu = 0 it is the
-    bare block's (11), with a bob too light to be felt. There is a resonance with the bob, and no such
-    motion, at every frequency whose odd multiple is that of the swinging mode.
+    k, zeta, f and e of `p` are not used: the motion is that at k = zeta = f = 0, e = 1. At mu = 0 it is (11),
+    the bare block's, with a bob too light to act on it. The bob resonates, and there is no such motion, at
+    every frequency of which an odd multiple is the frequency of the swinging mode.
 
     Raises:
         RuntimeError: JAX is in 32-bit mode.
@@ -81,10 +82,13 @@ def free_motion(p: Parameters) -> Free:
     falling, swinging, late = (jnp.asarray(x)[..., None] for x in (modes.falling, modes.swinging, quarter))
     fall = 1.0 - jnp.cosh(falling * late * shares) / jnp.cosh(falling * late)
     swing = 1.0 - jnp.cos(swinging * late * shares) / jnp.cos(swinging * late)
+    # Shape (..., times): the last axis is time within the quarter period.
     phi, psi = (
         jnp.asarray(a)[..., None] * fall + jnp.asarray(b)[..., None] * swing
         for a, b in (modes.tilts, modes.bobs)
     )
     turn = phi[..., :1]
+    # The paper supposes that the block stands on one corner from the turn to the crossing. A bob that swings
+    # faster than the block rocks can lift it across earlier.
     exists = jnp.all((phi > 0) & (phi <= turn), axis=-1)
     return Free(turn[..., 0], psi[..., 0], exists)

@@ -28,17 +28,18 @@ from tpd.core.equations import Linear
 from tpd.core.parameters import Number, Parameters, as_arrays
 
 _Amplitude = Complex[Array, "..."] | complex
-"""A complex amplitude."""
+"""Complex amplitude of a harmonic."""
 SAFETY = 2.5
 """Factor on the first-order size of the neglected harmonics in `Neglected.bound`."""
 _HARMONICS = (3, 5, 7, 9, 11)
-"""Harmonics of the signs whose first-order effect is added up; they fall with their third power."""
+"""Harmonics of the signs whose first-order effect is added up. It falls with the third power of the order:
+one power from the signs, two from the inertia of the block."""
 _REAL = 1e-8
 """Largest imaginary part, as a share of the size, of a root of the quartic that is taken as real."""
 
 
 class _Balance(NamedTuple):
-    """D, 2 rho xi^2 - i xi c_p, A, B and the first harmonic of the signs, complex."""
+    """Complex coefficients D, 2 rho xi^2 - i xi c_p, A, B, and the harmonic (4/pi)[...] of the signs."""
 
     d: _Amplitude
     drive: _Amplitude
@@ -48,7 +49,7 @@ class _Balance(NamedTuple):
 
 
 def _balance(p: Parameters, order: int = 1) -> _Balance:
-    """The coefficients at the frequency `order` xi; `order` is odd."""
+    """Coefficients at the frequency `order` xi, with an odd `order`."""
     linear, c, rho, xi = Linear(p), p.hinge, p.inertia_ratio, order * p.xi
     d = 1.0 - p.lam * rho * xi**2 + 1j * xi * c
     h = 2.0 * p.mu * rho * p.lam * xi**2 - 1j * xi * p.mu * p.lam * c
@@ -69,14 +70,14 @@ def _dot(z: _Amplitude, w: _Amplitude) -> Number:
 
 
 class HarmonicBranches(NamedTuple):
-    """The roots of a one-harmonic balance: last axis the upper and the lower branch, zeros where one
-    does not exist. Angles in rad. The upper one is the stable one as a rule, the lower one the saddle
-    between rocking and rest: it is there while |B| f < (4/pi) |(1 + mu) nu + i k|."""
+    """Roots of a one-harmonic balance: last axis the upper and the lower branch, zeros where one does not
+    exist. Angles in rad. As a rule the upper branch is stable, and the lower one is the saddle between
+    rocking and rest, which exists while |B| f < (4/pi) |(1 + mu) nu + i k|."""
 
     amplitude: Float[Array, "*batch 2"]
-    """Of the tilt phi."""
+    """Amplitude of the tilt phi."""
     stroke: Float[Array, "*batch 2"]
-    """Of the bob's angle psi."""
+    """Amplitude of the bob's angle psi."""
     phase: Float[Array, "*batch 2"]
     """Phase xi tau of the forcing f sin(xi tau) at the upper turn, in (-pi, pi]."""
     exists: Bool[Array, "*batch 2"]
@@ -85,7 +86,7 @@ class HarmonicBranches(NamedTuple):
 def _described(
     of: _Balance, phi: Number, forcing: _Amplitude, exists: Bool[Array, "..."]
 ) -> HarmonicBranches:
-    """What belongs to amplitudes phi (anything positive where they do not exist) and forcings F."""
+    """Branches of given amplitudes phi (any positive number where none exists) and complex forcings F."""
     z = (forcing - of.drive * phi) / of.d
     phase = jnp.arctan2(jnp.real(forcing), -jnp.imag(forcing))
     amplitude, stroke, phase = (jnp.where(exists, x, 0.0) for x in (phi, jnp.sqrt(_abs2(z)), phase))
@@ -93,10 +94,11 @@ def _described(
 
 
 def one_harmonic_branches(p: Parameters) -> HarmonicBranches:
-    """Both roots of the one-harmonic balance, without the parametric term; fields may be arrays.
+    """Both roots of the one-harmonic balance (27), corrected, with friction and damping and without the
+    parametric term; fields may be arrays.
 
-    The paper's (27), corrected, with friction and damping. The upper branch is 1 to 5 % above the exact
-    amplitude as a rule, the lower one 5 to 30 %: `neglected_harmonics` says how much.
+    As a rule the upper branch is 1 to 5 % above the exact amplitude and the lower one 5 to 30 %:
+    `neglected_harmonics` estimates the error.
 
     Raises:
         RuntimeError: JAX is in 32-bit mode.
@@ -105,7 +107,7 @@ def one_harmonic_branches(p: Parameters) -> HarmonicBranches:
     of = _balance(p)
     a2, half = _abs2(of.a), _dot(of.a, of.signs)
     rest = _abs2(of.signs) - _abs2(of.b) * p.f**2
-    # half^2 - a2 rest, without the difference of nearly equal numbers that friction alone keeps apart.
+    # half^2 - a2 rest, rearranged: without friction two nearly equal numbers would cancel.
     discriminant = a2 * _abs2(of.b) * p.f**2 - _dot(1j * of.a, of.signs) ** 2
     real = discriminant > 0
     reach = -half + jnp.sqrt(jnp.where(real, discriminant, 1.0))
@@ -119,7 +121,7 @@ def one_harmonic_branches(p: Parameters) -> HarmonicBranches:
 
 
 class Harmonic1(NamedTuple):
-    """The one-harmonic estimate of the stable branch: amplitudes in rad, and whether it exists."""
+    """One-harmonic estimate of the stable branch: amplitudes in rad, and True where it exists."""
 
     amplitude: Number
     stroke: Number
@@ -127,32 +129,32 @@ class Harmonic1(NamedTuple):
 
 
 def one_harmonic(p: Parameters) -> Harmonic1:
-    """The larger root of the one-harmonic balance, the stable branch (1 to 5 % above the exact).
+    """Larger root of the one-harmonic balance: the stable branch, 1 to 5 % above the exact amplitude.
 
-    Where there is no such orbit, `exists` is False and both amplitudes are zero.
+    Where the balance has no root, `exists` is False and both amplitudes are zero.
     """
     both = one_harmonic_branches(p)
     return Harmonic1(both.amplitude[..., 0], both.stroke[..., 0], both.exists[..., 0])
 
 
 class Neglected(NamedTuple):
-    """What the one-harmonic balance leaves out, as shares of its amplitude; last axis as in
-    `HarmonicBranches`, zero and infinity where the branch does not exist."""
+    """Error of the one-harmonic balance as shares of its amplitude; last axis as in `HarmonicBranches`, zero
+    and infinity where the branch does not exist."""
 
     correction: Float[Array, "*batch 2"]
-    """To the first order: the exact amplitude is about (1 + correction) times that of the balance."""
+    """First-order correction: the exact amplitude is about (1 + correction) times that of the balance."""
     bound: Float[Array, "*batch 2"]
-    """Estimate from above of the error of the balance: `SAFETY` times the size of the correction's
-    parts. No proof: of 300 random scenes it held for all 288 upper branches and for 49 of the 51 lower
-    ones that are orbits. The other 81 lower roots were none, and their bound was 0.3 or more."""
+    """Estimate of the largest error of the balance: `SAFETY` times the size of the parts of the correction.
+    It is not proved: of 300 random scenes it held for all 288 upper branches and for 49 of the 51 lower
+    branches that are orbits. The other 81 lower roots belong to no orbit; their bound was 0.3 or more."""
 
 
 def neglected_harmonics(p: Parameters) -> Neglected:
-    """The size of the harmonics that the one-harmonic balance neglects; fields may be arrays.
+    """Size of the harmonics that the one-harmonic balance neglects; fields may be arrays.
 
-    The signs' third to eleventh harmonics pass through the linear transfer function 1/A(n xi). They add
-    to the tilt at the turn, and they shift the crossing and the turn, so that the first harmonics of
-    weight and friction turn a little against the forcing, which moves the balance itself.
+    The third to eleventh harmonics of the signs pass through the linear transfer function 1/A(n xi). They add
+    to the tilt at the turn. They also shift the crossing and the turn, which rotates the first harmonics of
+    weight and friction against the forcing and moves the balance itself.
 
     Raises:
         RuntimeError: JAX is in 32-bit mode.
@@ -179,10 +181,10 @@ def neglected_harmonics(p: Parameters) -> Neglected:
 
 
 def parametric_branches(p: Parameters) -> HarmonicBranches:
-    """The roots of the one-harmonic balance with the parametric term s f (1 + mu) nu phi sin(xi tau):
-    (23) for the bare block, the corrected (27) with a pendulum. Single numbers; use `jax.vmap`.
+    """Roots of the one-harmonic balance with the parametric term s f (1 + mu) nu phi sin(xi tau): (23) for
+    the bare block, the corrected (27) with a pendulum. Fields are single numbers; use `jax.vmap` for a batch.
 
-    The term is of second order in the angles, like others that (25) drops.
+    The term is of second order in the angles, like other terms that (25) drops.
 
     Raises:
         RuntimeError: JAX is in 32-bit mode.
@@ -190,6 +192,8 @@ def parametric_branches(p: Parameters) -> HarmonicBranches:
     checks.require_x64()
     p = as_arrays(p)
     of = _balance(p)
+    # The first harmonic of s phi sin(xi tau) is linear in Phi and, over the reals, in F: the factor on Im F
+    # is half of that on Re F. So F solves two real linear equations with coefficients linear in Phi.
     pull = 4.0 / (3.0 * jnp.pi) * Linear(p).weight
     line = _forcing_polynomials(of, pull)
     square = [jnp.convolve(q, q) for q in line]
@@ -201,7 +205,7 @@ def parametric_branches(p: Parameters) -> HarmonicBranches:
 
 
 def _forcing_polynomials(of: _Balance, pull: Number) -> tuple[Array, Array, Array]:
-    """Quadratics in Phi, highest power first: F is (first + i second) / third."""
+    """Quadratics in Phi, highest power first, such that F = (first + i second) / third."""
 
     def line(slope: Number, level: Number) -> Array:
         return jnp.stack([jnp.asarray(slope), jnp.asarray(level)])
@@ -215,13 +219,13 @@ def _forcing_polynomials(of: _Balance, pull: Number) -> tuple[Array, Array, Arra
 
 
 def _two_largest(quartic: Float[Array, "5"]) -> tuple[Bool[Array, "2"], Float[Array, "2"]]:
-    """The two largest positive roots, and whether they are there; one Newton step from the converged
-    root gives the derivative."""
+    """Existence and value of the two largest positive roots, differentiable."""
     c4, c3, c2, c1, c0 = quartic
     real, imag = quartic_roots((c3 / c4, c2 / c4, c1 / c4, c0 / c4))
     there = (jnp.abs(imag) <= _REAL * jnp.abs(real)) & (real > 0)
     order = jnp.argsort(-jnp.where(there, real, 0.0))[:2]
     there, root = there[order], jnp.where(there, real, 1.0)[order]
+    # One Newton step from a converged root changes its value by rounding only, and has its derivative.
     slope = jnp.polyval(jnp.polyder(stop_gradient(quartic)), root)
     polished = root - jnp.polyval(quartic, root) / jnp.where(there, slope, 1.0)
     return there, jnp.where(there, polished, 1.0)

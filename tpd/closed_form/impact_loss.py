@@ -1,4 +1,4 @@
-"""The friction that loses as much as impacts do."""
+"""Equivalent friction: the dry friction k that loses as much energy per cycle as the impacts of ratio e."""
 
 from __future__ import annotations
 
@@ -14,29 +14,24 @@ from tpd.core.parameters import Parameters
 
 
 def equivalent_friction(p: Parameters, amplitude: Any) -> Float[Array, "*batch"]:
-    """The dry friction k that loses as much per cycle of amplitude Phi as the impacts of ratio `p.e`.
+    """Dry friction k that loses as much per cycle of amplitude Phi as the impacts of ratio `p.e`.
 
-    Friction takes 4 k Phi from a cycle: the way is four times Phi. Each of the two impacts takes
-    (1 - e^2) phi'^2/2, where phi'^2/2 is what the weight gave on the way down from Phi: w Phi - K Phi^2/2,
-    with w = (1 + mu) nu and K = 1 + 2 mu. Both are equal for
+    Friction takes 4 k Phi from a cycle, in which the tilt travels four times Phi. Each of the two impacts
+    takes (1 - e^2) phi'^2/2, where phi'^2/2 is the work of the weight on the way down from Phi:
+    w Phi - K Phi^2/2, with w = (1 + mu) nu and K = 1 + 2 mu. Both losses are equal for
 
         k = (1 - e^2)(2 w - K Phi)/4,   of the bare block (1 - e^2)(2 nu - Phi)/4.
 
-    Assumed is that all losses of a cycle are small against its energy: then the friction `p.k` that is
-    there already and the impacts do not feel each other, so that k adds to `p.k`, and the shaking,
-    which gives back what is lost, leaves the block as fast at its base as free rocking would. A pendulum
-    is assumed to add its weight and to take no energy on the way.
+    The formula assumes that all losses of a cycle are small against its energy: then the friction `p.k` and
+    the impacts do not affect each other, k adds to `p.k`, and the block passes its base as fast as in free
+    rocking. It assumes as well that a pendulum adds its weight and takes no energy on the way.
 
-    How good that is, by `python -m tests.benchmarks.restitution`: of 400 random scenes, half of them with a
-    pendulum, 193 move for good with their impacts. On the way from rest, with k at the amplitude that it
-    leads to, 116 of these end in the same status, with a median error of the amplitude of 0.6 % (90 %: below
-    4.9 %); 25 of those that rock overturn instead, and 28 come to rest. Started on the motion itself 175 keep
-    their status (0.6 %, 4.8 %), and 16 of the others stick before and rest then. So k serves for the motion
-    that is settled into, and not for the way there.
+    So k serves for the settled motion, and not for the way to it: `python -m tests.benchmarks.restitution`
+    compares both over random scenes.
 
     Args:
         p: dimensionless parameters; fields may be arrays. f, xi, lam, zeta and k are not used.
-        amplitude: Phi, rad, a number or an array: from 0 to 2 w/K, twice the tilt at which it topples.
+        amplitude: Phi in rad, a number or an array, from 0 to 2 w/K: twice the tilt of static overturning.
 
     Returns:
         k, to be added to `p.k` with e = 1; differentiable in both arguments.
@@ -49,6 +44,7 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Float[Array, "*batch"]
     checks.not_negative("amplitude", amplitude)
     linear = Linear(p)
     twice, tilt = 2.0 * linear.weight, linear.tilt
+    # Beyond this the weight would have done negative work, and k would be negative.
     if all(map(checks.is_concrete, (amplitude, twice, tilt))):
         _check_range(amplitude, np.asarray(twice) / np.asarray(tilt))
     return (1.0 - jnp.asarray(p.e) ** 2) * (twice - tilt * jnp.asarray(amplitude)) / 4.0

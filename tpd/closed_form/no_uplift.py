@@ -48,6 +48,7 @@ def uplift(p: Parameters) -> Uplift:
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    # Friction adds to the capacity: at rest it resists lifting to either side.
     size2, b_real, b_imag = _transfer(p)
     demand = p.f * jnp.sqrt(b_real**2 + b_imag**2)
     capacity = (1.0 + p.mu) * p.nu + p.k

@@ -1,10 +1,11 @@
-"""The paper's formulas as printed, misprints and all, for comparison only; and its errata.
+"""Formulas of the paper as printed, with their misprints, for comparison only; and the errata.
 
 L. Collini, R. Garziera, K. Riabova, M. Munitsyna, A. Tasora, *Oscillations Control of Rocking-Block-Type
 Buildings by the Addition of a Tuned Pendulum*, Shock and Vibration, 2016, article 8570538. Nothing else in
-the package is built on this file. What is right stands in `tpd.core.equations`,
-`tpd.closed_form.harmonic_balance`, `tpd.closed_form.free_rocking` and `tpd.analysis.symmetric_orbits`; every
-line below is proved by the test named, in `tests/test_errata.py`.
+the package is built on this file. The corrected equations are (4) and (25) in `tpd.core.equations`, (11) in
+`tpd.closed_form.free_rocking`, (23) and (27) in `tpd.closed_form.harmonic_balance`, and instead of (16) to
+(19) the exact orbits of `tpd.analysis.symmetric_orbits`. The test named in each line below, in
+`tests/test_errata.py`, proves it.
 
 | where | printed | right | test |
 |---|---|---|---|
@@ -81,9 +82,8 @@ def printed_quarter_crossing(p: Parameters, frequency: Number | None = None) -> 
 def quarter_crossing(p: Parameters) -> Quarter:
     """(19) at Omega = xi with the sine that follows from (16) to (18): -1/xi times the printed one.
 
-    Still one condition short: the block, crossing at a quarter of the period, turns there and has
-    no jump in rate, but its tilt and rate at the crossing cannot both agree from both sides unless
-    k = 0. `symmetric_orbits` has the exact solution.
+    It is still no orbit: the block is supposed to cross at a quarter of the period, but its tilt and its rate
+    at the crossing cannot both agree from both sides unless k = 0. `symmetric_orbits` has the exact solution.
     """
     sine = -p.k * (1.0 + p.xi**2) * jnp.tanh(0.5 * jnp.pi / p.xi) / (p.xi * p.f)
     return _quarter(p, p.xi, sine)
@@ -93,6 +93,7 @@ def _quarter(p: Parameters, omega: Number, sine: Number) -> Quarter:
     """Phi of (19), from (18) (with xi) vanishing at pi/(2 Omega)."""
     late, g = 0.5 * jnp.pi / omega, p.f / (1.0 + p.xi**2)
     sine = jnp.asarray(sine)[..., None]
+    # NaN on purpose: no phase exists, and this formula is for comparison only.
     cosine = jnp.sqrt(jnp.where(jnp.abs(sine) <= 1.0, 1.0 - sine**2, jnp.nan)) * jnp.array([1.0, -1.0])
     pull, level, c = (
         jnp.asarray(x)[..., None] for x in (1.0 - p.xi * jnp.sinh(late), p.nu - p.k, jnp.cosh(late))

@@ -1,1 +1,1 @@
-"""Foundations: scene, parameters, conditions, equations, statuses, batches."""
+"""Foundations: scene in SI units, dimensionless parameters, conditions, equations (4) and (25), statuses."""

@@ -12,7 +12,7 @@ import numpy as np
 
 
 def is_concrete(value: object) -> bool:
-    """Return whether a value is a plain number or an array that is not traced."""
+    """Return True for a plain number or an array that is not traced."""
     plain = isinstance(value, (int, float, np.generic, np.ndarray, jax.Array))
     return plain and not isinstance(value, jax.core.Tracer)
 
@@ -91,6 +91,7 @@ def interval(name: str, value: object, low: float, high: float) -> tuple[float, 
 
 def require_x64() -> None:
     """Raise `RuntimeError` unless JAX computes in 64 bits."""
+    # Set here it would change the caller's other computations, so it is asked for instead.
     if not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
         raise RuntimeError(
             "tpd needs 64-bit floats, but JAX is in 32-bit mode: call "

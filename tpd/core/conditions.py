@@ -40,6 +40,7 @@ class Conditions:
     def __mul__(self, other: Conditions) -> Conditions:
         n, m = len(self), len(other)
         names = {*self.factors, *other.factors}
+        # Factors multiply where both sets have one, such as two uncertainties of the amplitude.
         both = {
             name: np.repeat(self.column(name), m) * np.tile(other.column(name), n)
             for name in FACTORS
@@ -167,6 +168,7 @@ def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "7 
 def under_all(p: Parameters, designs: Float[Array, "m 3"], conditions: Conditions) -> Parameters:
     """Return the parameters of m designs under all n conditions: leaves (m n,), the conditions varying
     fastest."""
+    # rho becomes a number here: each condition may have its own nu, and all leaves need the same length.
     n = len(conditions)
     rows = jnp.tile(conditions.factor_rows(), (len(designs), 1))
     each = jnp.repeat(jnp.asarray(designs), n, axis=0)

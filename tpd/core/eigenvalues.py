@@ -1,7 +1,18 @@
-"""Eigenvalues of small real matrices, in arithmetic that a batch shares.
+"""Eigenvalues of real 4 x 4 matrices as roots of their characteristic quartic, fast in a batch.
 
-LAPACK finds them one matrix at a time. Here they are the roots of the characteristic polynomial,
-all four at once by Aberth's iteration, in real arithmetic.
+`jnp.linalg.eigvals` calls LAPACK for one matrix after the other. Sums and products of a whole batch fuse into
+few loops instead, so the roots of
+
+    det(z - m) = z^4 + c1 z^3 + c2 z^2 + c3 z + c4
+
+are found here by Aberth's iteration. It is Newton's iteration p/p' for all four roots at once, in which every
+root is repelled by the others: z_i moves by p/(p' - p sum_j 1/(z_i - z_j)), so no two end at the same simple
+root, and no root is divided out (which would pass the error of one on to the next). Convergence is cubic at
+simple roots. At a double root, where two multipliers meet, it is linear and the roots have half the digits,
+an error of about 1e-8.
+
+Rounding of the coefficients costs roots far below the largest most of their digits. That does no harm here:
+the question is which multipliers are larger than 1. Complex numbers are written as pairs of real ones.
 """
 
 from __future__ import annotations
@@ -17,13 +28,13 @@ from jaxtyping import Array, Bool, Float
 from tpd.core.parameters import Number, Parameters
 
 Matrix = tuple[tuple[Number, ...], ...]
-"""Rows of a small matrix, written out: a batch of such products fuses, one of `dot` does not."""
+"""Rows of a small matrix, entry by entry: XLA fuses a batch of products of entries, but not of `jnp.dot`."""
 
 NEAR_FOLD = 1e-6
-"""Distance from 1 of a multiplier over half a period (over a whole one: twice that) below which an
-orbit has no usable derivative."""
+"""Smallest distance of a multiplier over half a period from 1 (over a whole period: twice that) at which the
+derivative of an orbit is given."""
 GRAZING = 1e-7
-"""Share of what is usual below which an event is met too gently for one."""
+"""Smallest rate at an event, as a share of its usual size, at which the derivative of an orbit is given."""
 
 CONSERVED = 1e-6
 """Largest excess over 1 of the largest multiplier of an orbit that neither attracts nor repels where the
@@ -46,7 +57,7 @@ def is_neutral(p: Parameters, largest: Number) -> Bool[Array, ""]:
 
 
 def product(left: Matrix, right: Matrix) -> Matrix:
-    """The matrix product."""
+    """Matrix product."""
     inner, columns = range(len(right)), range(len(right[0]))
     return tuple(tuple(sum(row[k] * right[k][j] for k in inner) for j in columns) for row in left)
 
@@ -56,6 +67,7 @@ def characteristic(m: Matrix) -> tuple[Number, ...]:
     principal minors, with alternating signs."""
 
     def minor(rows: tuple[int, ...]) -> Number:
+        # Leibniz's formula: at most 24 products, and no pivot that a batch would have to choose.
         total = 0.0
         for order in permutations(range(len(rows))):
             swaps = sum(order[i] > order[j] for i, j in combinations(range(len(rows)), 2))
@@ -76,17 +88,20 @@ class _Roots(NamedTuple):
 
 
 def quartic_roots(coefficients: tuple[Number, ...]) -> tuple[Float[Array, "4"], Float[Array, "4"]]:
-    """Real and imaginary parts of the roots of z^4 + c1 z^3 + c2 z^2 + c3 z + c4, not ordered.
+    """Real and imaginary parts of the roots of z^4 + c1 z^3 + c2 z^2 + c3 z + c4, in no order.
 
-    Not differentiable: what is wanted of multipliers is their size.
+    No derivatives pass: where a caller wants one, a Newton step from the converged root gives it.
     """
     c1, c2, c3, c4 = (jax.lax.stop_gradient(c) for c in coefficients)
-    # Cauchy's bound from above and its mirror image from below put the starts on four radii.
+    # All roots lie within twice max |c_k|^(1/k) (Fujiwara's bound).
     radius = jnp.maximum(
         jnp.maximum(jnp.abs(c1), jnp.sqrt(jnp.abs(c2))),
         jnp.maximum(jnp.cbrt(jnp.abs(c3)), jnp.abs(c4) ** 0.25),
     )
     radius = jnp.where(radius > 0, radius, 1.0)
+    # The first guesses have no symmetry about the real axis: for a real polynomial the iteration preserves
+    # such a symmetry, and guesses in conjugate pairs never become two different real roots. The radii differ
+    # because multipliers often differ by orders of magnitude.
     angles = (0.4, 1.97, 3.54, 5.11)
     shares = (1.0, 0.8, 0.5, 0.25)
     first = _Roots(
@@ -96,6 +111,7 @@ def quartic_roots(coefficients: tuple[Number, ...]) -> tuple[Float[Array, "4"], 
 
     def going(carry: tuple) -> Array:
         _, moved, count = carry
+        # The bound is for multiple roots, whose last digits may never settle.
         return (moved > 1e-15) & (count < 60)
 
     def step(carry: tuple) -> tuple:
@@ -112,8 +128,9 @@ def quartic_roots(coefficients: tuple[Number, ...]) -> tuple[Float[Array, "4"], 
 
 
 def _aberth(roots: _Roots, i: int, c: tuple[Number, ...]) -> tuple[Number, Number]:
-    """The correction p/(p' - p sum 1/(z_i - z_j)) of the i-th root."""
+    """Correction p/(p' - p sum 1/(z_i - z_j)) of the i-th root, as real and imaginary part."""
     x, y = roots.real[i], roots.imag[i]
+    # Horner's scheme for p and p' together.
     value, slope = (jnp.ones_like(x), jnp.zeros_like(x)), (jnp.zeros_like(x), jnp.zeros_like(x))
     for coefficient in c:
         slope = (slope[0] * x - slope[1] * y + value[0], slope[0] * y + slope[1] * x + value[1])
@@ -122,6 +139,7 @@ def _aberth(roots: _Roots, i: int, c: tuple[Number, ...]) -> tuple[Number, Numbe
     for j in range(4):
         if j != i:
             a, b = x - roots.real[j], y - roots.imag[j]
+            # Two guesses that coincide do not repel each other: 0 instead of 0/0.
             size = jnp.maximum(a * a + b * b, 1e-300)
             push = (push[0] + a / size, push[1] - b / size)
     below = (

@@ -1,4 +1,4 @@
-"""The equations of block and pendulum: the paper's (25) with its misprints corrected, and its (4).
+"""Equations of motion of block and pendulum: the paper's (25) with its misprints corrected, and its (4).
 
 With s the sign of the tilt phi, sigma that of its rate, and primes d/dtau:
 
@@ -6,9 +6,9 @@ With s the sign of the tilt phi, sigma that of its rate, and primes d/dtau:
         = -s (1 + mu) nu - sigma k - f (1 + 2 mu) sin(xi tau)
     -2 rho phi'' + lam rho psi'' + psi + c_p (psi' - phi') = f sin(xi tau)
 
-`Linear` holds these coefficients, and everything that solves (25) is built from it. `Equations` has
-them as a vector field, with the parametric term if asked for, or (4), from which (25) follows for small
-angles: with S = s nu sin(phi - psi) + 2 cos(phi - psi) and C = s nu cos(phi - psi) - 2 sin(phi - psi),
+`Linear` holds these coefficients; every solver of (25) is built on it. `Equations` is the vector field of
+(25) with or without its parametric term, or of (4), from which (25) follows for small angles. With
+S = s nu sin(phi - psi) + 2 cos(phi - psi) and C = s nu cos(phi - psi) - 2 sin(phi - psi), (4) reads
 
     [1 + mu rho (4 + nu^2)] phi'' - mu rho lam S psi'' + mu rho lam C psi'^2
         + f [s (1 + mu) nu sin phi + (1 + 2 mu) cos phi] sin(xi tau) + s (1 + mu) nu cos phi
@@ -51,6 +51,7 @@ class Linear(eqx.Module):
         self.m12 = -2.0 * p.mu * rho * p.lam
         self.m21 = -2.0 * rho
         self.m22 = p.lam * rho
+        # m11 m22 - m12 m21, written so that nothing cancels where mu is large or nu small.
         self.determinant = self.m22 * (1.0 + p.mu * rho * p.nu**2)
         self.c1 = p.mu * p.lam * c
         self.c2 = c
@@ -59,6 +60,7 @@ class Linear(eqx.Module):
         self.friction = p.k
         self.f = p.f
         self.xi = p.xi
+        # Factor of psi' in `holding_moment`.
         self.bias = p.mu * c * (p.lam - 2.0)
 
     @property
@@ -77,7 +79,7 @@ class Linear(eqx.Module):
         return jnp.array([[-self.tilt, 0.0], [0.0, 1.0]])
 
     def rates(self, y: State, step: Number, drag: Number, sine: Number) -> State:
-        """d/dtau of the state (phi, psi, phi', psi').
+        """Derivative d/dtau of the state (phi, psi, phi', psi').
 
         `step` stands for sgn(phi), `drag` for sgn(phi'), `sine` for sin(xi tau); each may be
         smoothed, zero (the free system), or a constant sign.
@@ -92,19 +94,25 @@ class Linear(eqx.Module):
         return jnp.stack([dphi, dpsi, ddphi, ddpsi])
 
     def holding_moment(self, y: State | Numbers, sine: Number) -> Number:
-        """R, the moment on a block held still (phi' = 0); it stays held while friction and
-        weight can balance it."""
+        """Moment R on a block held still (phi' = 0). It stays held while friction and weight balance R.
+
+        Row 1 of (25) contains psi'', which row 2 gives for phi'' = 0: f (1 + 2 mu) becomes f, since the bob's
+        share of the forcing goes into its own motion.
+        """
         phi, psi, _, dpsi = y
         return self.tilt * phi - self.f * sine - (self.tilt - 1.0) * psi + self.bias * dpsi
 
     @property
     def beyond_return(self) -> Number:
-        """A tilt from which neither friction, forcing nor bob brings the linear block back: ten
-        times that at which weight, friction and forcing balance."""
+        """Tilt (rad) from which the linear block does not return: ten times the tilt at which weight,
+        friction and forcing balance."""
+        # Beyond the balance (25) grows like exp(tau), so a factor of ten costs little time, and it leaves
+        # room for the pull of the bob.
         return 10.0 * (self.weight + self.friction + self.f * self.tilt) / self.tilt
 
     def energy(self, y: State, mass_ratio: Number, length_ratio: Number) -> Number:
-        """The energy of the linear model without forcing, conserved when k = zeta = f = 0, e = 1."""
+        """Energy over M g b of the linear model without forcing; constant where k = zeta = f = 0, e = 1."""
+        # Row 2 times mu lam makes mass and stiffness symmetric, hence the factor on its entries.
         phi, psi, dphi, dpsi = y
         bob = mass_ratio * length_ratio
         kinetic = self.m11 * dphi**2 + 2.0 * self.m12 * dphi * dpsi + bob * self.m22 * dpsi**2
@@ -113,18 +121,18 @@ class Linear(eqx.Module):
 
 
 class Terms(enum.StrEnum):
-    """Which terms of the equations of motion (4) are kept."""
+    """Terms of the equations of motion (4) that a model keeps."""
 
     linear = "linear"
-    """(25) without its parametric term: what has an exact solution."""
+    """(25) without its parametric term, which has an exact solution between events."""
     parametric = "parametric"
     """(25) with s f (1 + mu) nu phi sin(xi tau) on the left, of second order in the angles."""
     nonlinear = "nonlinear"
-    """All of them."""
+    """(4) with all terms."""
 
 
 class Equations(eqx.Module):
-    """The moments on block and bob, for models that integrate."""
+    """Vector field of (25) or (4), for models that integrate it numerically."""
 
     linear: Linear
     p: Parameters
@@ -135,8 +143,10 @@ class Equations(eqx.Module):
         self.linear, self.p, self.rho, self.terms = Linear(p), p, p.inertia_ratio, terms
 
     def rates(self, y: State, step: Number, drag: Number, sine: Number) -> State:
-        """d/dtau of the state; arguments as of `Linear.rates`."""
+        """Derivative d/dtau of the state; arguments as in `Linear.rates`."""
         if self.terms is not Terms.nonlinear:
+            # The parametric term is one more moment on the block, so it moves both angles through the mass
+            # matrix.
             rates, moment = self.linear.rates(y, step, drag, sine), self._parametric(y, step, sine)
             by_moment = jnp.stack([self.linear.m22, -self.linear.m21]) / self.linear.determinant
             return rates + jnp.concatenate([jnp.zeros(2), by_moment * moment])
@@ -151,13 +161,13 @@ class Equations(eqx.Module):
         return jnp.stack([dphi, dpsi, ddphi, ddpsi])
 
     def held_rates(self, y: State, sine: Number) -> State:
-        """The same of a block that is held: only the bob moves."""
+        """Derivative d/dtau of the state of a block that is held: only the bob moves."""
         pull = (self._on_bob(y, sine) - self.linear.c2 * y[3]) / self.linear.m22
         return jnp.stack([jnp.zeros_like(pull), y[3], jnp.zeros_like(pull), pull])
 
     def excess(self, y: State, step: Number, sine: Number) -> Number:
-        """The moment on a held block beyond what its weight balances: it stays held while friction
-        can balance that. At phi = 0 weight acts against either direction, `step` of lifting."""
+        """Moment on a held block minus the moment of its weight. It stays held while this is within the
+        friction. At phi = 0 weight acts against lifting to either side: `step` is the side."""
         linear, pull = self.linear, self.held_rates(y, sine)[3]
         if self.terms is Terms.nonlinear:
             coupling = self.p.mu * self.rho * self.p.lam * self._arms(y, step)[0]
@@ -166,42 +176,48 @@ class Equations(eqx.Module):
         return moment + self._parametric(y, step, sine) - step * linear.weight
 
     def kick(self, y: State) -> Number:
-        """What an impact that changes phi' by one changes psi' by: the rod pulls along itself only."""
+        """Change of psi' in an impact that changes phi' by one.
+
+        The rod pulls along itself only, so the bob keeps its velocity across the rod, and
+        lam psi' - 2 cos(psi) phi' is the same before and after. The vertical velocity of the hinge, which
+        is smaller by the factor nu/2, is left out.
+        """
         return (2.0 * jnp.cos(y[1]) if self.terms is Terms.nonlinear else 2.0) / self.p.lam
 
     @property
     def beyond_return(self) -> Number:
-        """A tilt from which the block does not come back: a right angle, or see `Linear`."""
+        """Tilt (rad) from which the block does not return: a right angle, or `Linear.beyond_return`."""
         return 0.5 * jnp.pi if self.terms is Terms.nonlinear else self.linear.beyond_return
 
     def _arms(self, y: State, step: Number) -> tuple[Number, Number]:
-        """S and C of (4)."""
+        """Coefficients S and C of (4), which couple block and bob."""
         lean = y[0] - y[1]
         sine, cosine = jnp.sin(lean), jnp.cos(lean)
         return step * self.p.nu * sine + 2.0 * cosine, step * self.p.nu * cosine - 2.0 * sine
 
     def _on_block(self, y: State, step: Number, sine: Number) -> Number:
-        """The moment on the block from weight, base motion and the bob's way round its hinge."""
+        """Moment on the block of weight, base motion and the centripetal force on the bob."""
         linear, (sin, cos) = self.linear, (jnp.sin(y[0]), jnp.cos(y[0]))
         shaken = linear.f * sine * (step * linear.weight * sin + linear.tilt * cos)
         weight = linear.tilt * sin - step * linear.weight * cos
         return weight - shaken - self.p.mu * self.rho * self.p.lam * self._arms(y, step)[1] * y[3] ** 2
 
     def _on_bob(self, y: State, sine: Number) -> Number:
-        """The moment on the bob from weight and base motion."""
+        """Moment on the bob of weight and base motion."""
         if self.terms is Terms.nonlinear:
             return self.linear.f * jnp.cos(y[1]) * sine - jnp.sin(y[1])
         return self.linear.f * sine - y[1]
 
     def _parametric(self, y: State, step: Number, sine: Number) -> Number:
-        kept = self.terms is Terms.parametric
-        return -step * self.linear.f * self.linear.weight * y[0] * sine if kept else jnp.zeros(())
+        if self.terms is not Terms.parametric:
+            return jnp.zeros(())
+        return -step * self.linear.f * self.linear.weight * y[0] * sine
 
 
 def smoothed_rates(
     p: Parameters, tilt_width: Number, rate_width: Number, terms: Terms = Terms.linear
 ) -> Callable[[Number, State, None], State]:
-    """The vector field with sgn(x) smoothed to tanh(x/width), for an ODE solver."""
+    """Return the vector field with sgn(x) smoothed to tanh(x/width), for an ODE solver."""
     equations = Linear(p) if terms is Terms.linear else Equations(p, terms)
 
     def field(tau: Number, y: State, args: None) -> State:

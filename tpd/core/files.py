@@ -1,4 +1,4 @@
-"""Directories of results: never overwritten unasked, each file complete or absent."""
+"""Output files: a directory is not overwritten unless asked, and a file is complete or absent."""
 
 from __future__ import annotations
 
@@ -37,23 +37,25 @@ def claim(directory: Path, *, overwrite: bool) -> None:
 
 
 def place(path: Path, content: str | bytes) -> Path:
-    """Write a file, and its directory, so that it appears complete or not at all; returns `path`."""
+    """Write a file, and its directory, so that it appears complete or not at all; return `path`."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    # A rename within one directory is atomic: an interrupted run leaves no half-written file.
     data = content.encode() if isinstance(content, str) else content
     with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
         file.write(data)
+    # Temporary files are readable by their owner only.
     Path(file.name).chmod(0o644)
     Path(file.name).replace(path)
     return path
 
 
 def as_json(content: Any) -> str:
-    """Sorted JSON; what is infinite or not a number becomes a word."""
+    """Format as JSON with sorted keys; infinities and NaN become the words "infinite" and "nan"."""
     return json.dumps(_finite(content), indent=1, sort_keys=True, allow_nan=False) + "\n"
 
 
 def as_csv(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
-    """A table with a header, numbers in full."""
+    """Format a table with a header as CSV, numbers with all digits."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
@@ -62,13 +64,13 @@ def as_csv(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Of this package and of those that results depend on."""
+    """Versions of Python, of this package and of the packages that results depend on, by name."""
     own = {"python": platform.python_version(), "tpd": version("tpd")}
     return own | {name: version(name) for name in PACKAGES}
 
 
 def _finite(value: Any) -> Any:
-    """JSON has no infinity: what overturns or is unknown becomes a word."""
+    """Replace infinities and NaN, for which JSON has no number, by words."""
     if isinstance(value, dict):
         return {k: _finite(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):

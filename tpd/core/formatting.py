@@ -1,4 +1,4 @@
-"""Numbers for people to read."""
+"""Numbers as text for reports and figures."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 
 def number(x: float, digits: int = 4) -> str:
-    """A number to so many digits, without an exponent where it is of a usual size; a dash if it is none."""
+    """Format a number to `digits` significant digits: without an exponent from 1e-4 to 1e7, NaN as a dash."""
     if math.isnan(x):
         return "–"
     if math.isinf(x):

@@ -33,10 +33,10 @@ def _parameter(default: Any = ...) -> Any:
 
 
 class Parameters(eqx.Module):
-    """Dimensionless parameters, a pytree of floats; all angles in rad, time is tau = omega0 t.
+    """Dimensionless parameters of block, pendulum and shaking. Angles are in rad, time is tau = omega0 t.
 
-    Symbols are those of Collini et al. (2016), the paper behind this package. Fields may hold
-    traced or batched values; plain numbers are checked on construction.
+    A pytree of numbers. Symbols are those of (25) in Collini et al. (2016), the paper behind this package.
+    Fields may hold arrays or traced values; plain numbers and arrays are checked on construction.
 
     Raises:
         ValueError: a plain number outside its range.
@@ -99,5 +99,6 @@ def uniform_inertia_ratio(nu: Any) -> Any:
 
 
 def as_arrays(p: Parameters) -> Parameters:
-    """Parameters with 64-bit array leaves, so that jit does not recompile for each value."""
+    """Parameters with 64-bit array leaves."""
+    # `eqx.filter_jit` takes Python floats as static and would compile again for every value.
     return jax.tree.map(lambda x: jnp.asarray(x, dtype=jnp.float64), p)

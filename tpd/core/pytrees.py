@@ -28,6 +28,7 @@ def pytree(cls: Class) -> Class:
         return tuple((GetAttrKey(name), held[name]) for name in names), (names, words)
 
     def unflatten(static: Static, leaves: Any) -> Any:
+        # Not through the constructor: JAX puts objects of its own in the place of leaves.
         thing, (names, words) = object.__new__(cls), static
         for name, value in (*zip(names, leaves, strict=True), *words):
             object.__setattr__(thing, name, value)

@@ -1,4 +1,9 @@
-"""What can be varied: the dimensionless parameters, or the quantities of a scene in SI units."""
+"""Variation of a parameter or of an SI quantity by its name, with the derivatives along it.
+
+`Setup` holds plain numbers by name and gives the parameters with some of them replaced; `Axis` is the line
+along one of them. `with_design` replaces the pendulum alone. Gradients with respect to whole objects need no
+names: `Block`, `Pendulum`, `Harmonic` and `Scene` are pytrees.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,30 +36,35 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
     "pendulum_length": ("lam",),
     "pendulum_damping": ("zeta",),
 }
-"""What can be varied of a scene (m, m, kg, -, -, m, Hz, kg, m, -), and the parameters that it moves. Width
-and height move e as well where the restitution is Housner's: see `Setup.moved`."""
+"""Quantities of a scene by name (m, m, kg, -, -, m, Hz, kg, m, -), each with the parameters that depend on
+it. With Housner's restitution e depends on width and height as well: see `Setup.moved`."""
 _MAY_BE_ZERO = ("friction", "amplitude", "pendulum_mass", "pendulum_damping")
 _OF_PENDULUM = ("mu", "lam", "zeta", "pendulum_mass", "pendulum_length", "pendulum_damping")
 
 
 def parameters(x: Any) -> Parameters:
-    """The parameters in a vector in the order of NAMES."""
+    """Return the parameters in a vector in the order of NAMES."""
     return Parameters(**dict(zip(NAMES, x, strict=True)))
+
+
+def with_design(p: Parameters, design: Float[Array, "3"]) -> Parameters:
+    """Return the parameters with another pendulum (mu, lam, zeta), unchecked: also for traced values."""
+    return eqx.tree_at(lambda q: (q.mu, q.lam, q.zeta), p, (design[0], design[1], design[2]))
 
 
 @dataclass(frozen=True)
 class Setup:
-    """A block, its shaking and its pendulum as plain numbers by name, of which some may vary."""
+    """Numbers by name that describe block, shaking and pendulum, and of which any may vary."""
 
     values: Mapping[str, float]
     scene: bool
-    """Whether these are a scene's quantities in SI units; else dimensionless parameters."""
+    """True for quantities of a scene in SI units, False for dimensionless parameters."""
     hung: bool
-    """Whether there is a pendulum."""
+    """True with a pendulum."""
 
     @staticmethod
     def of(subject: Parameters | Scene, pendulum: Pendulum | None = None) -> Setup:
-        """That of dimensionless parameters, or of a scene and the pendulum in it, if any.
+        """Setup of dimensionless parameters, or of a scene with or without a pendulum.
 
         Raises:
             ValueError: batched parameters, or a pendulum beside parameters.
@@ -62,6 +73,7 @@ class Setup:
             return Setup(subject.quantities(pendulum), True, pendulum is not None)
         if pendulum is not None:
             raise ValueError("`pendulum` goes with a scene; dimensionless parameters have their own")
+        # Without a number of its own rho stays out, and follows nu.
         values = {n: getattr(subject, n) for n in NAMES if n != "rho" or subject.rho is not None}
         for n, value in values.items():
             if not (checks.is_concrete(value) and np.ndim(value) == 0):
@@ -70,52 +82,56 @@ class Setup:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What can be varied."""
+        """Names that can be varied."""
         return (*QUANTITIES, *NAMES) if self.scene else NAMES
 
     def moved(self, name: str) -> tuple[str, ...]:
-        """The parameters that a quantity moves; of a parameter, none but itself."""
+        """Parameters that depend on the quantity `name`; none where `name` is a parameter itself."""
         if not self.scene or name not in QUANTITIES:
             return ()
         tied = "restitution" not in self.values and name in ("width", "height")
         return QUANTITIES[name] + (("e",) if tied else ())
 
     def check(self, argument: str, name: str, *values: float) -> None:
-        """`ValueError` unless `name`, given as `argument`, can be varied and take these values."""
+        """Raise `ValueError` unless `name`, given as `argument`, can be varied and take these values."""
         self.check_name(argument, name)
         for value in map(float, values):
             self.check_sign(name, value)
             self.at({name: value})
 
     def check_name(self, argument: str, name: str) -> None:
-        """`ValueError` unless `name`, given as `argument`, can be varied."""
+        """Raise `ValueError` unless `name`, given as `argument`, can be varied."""
         checks.one_of(argument, name, self.names)
         if self.scene and not self.hung and name in _OF_PENDULUM:
             raise ValueError(f"`{name}` cannot be varied without a pendulum, but none is given")
 
     def check_sign(self, name: str, value: float) -> None:
-        """`ValueError` for a quantity that is negative, or zero where it may not be. Whether the rest
-        allows for it (a width for a height) is checked by `at`."""
+        """Raise `ValueError` for a quantity that is negative, or zero where it must be positive. `at` checks
+        it against the other quantities (a width against a height)."""
         if name in QUANTITIES:
             check = checks.not_negative if name in _MAY_BE_ZERO else checks.positive
             check(name, value)
 
     def at(self, varied: Mapping[str, Any]) -> Parameters:
-        """The parameters with some numbers replaced, each by a number or an array. In a scene the
-        quantities in SI units go first; a parameter given as well leaves all others as they are (e by
-        Housner's formula too), but rho, which follows nu unless the block has a radius of gyration."""
+        """Return the parameters with some numbers replaced, each by a number or an array.
+
+        In a scene the SI quantities are replaced first. A parameter that is replaced as well changes no
+        other parameter, not even Housner's e, except rho, which follows nu unless the block has a radius of
+        gyration.
+        """
         return Parameters(**self.numbers(varied))
 
     def numbers(self, varied: Mapping[str, Any]) -> dict[str, Any]:
-        """The same as a dictionary, unchecked: also for traced values, and beyond what is allowed."""
+        """Return the numbers of `at` by name, unchecked: also for traced values and values out of range."""
         if not self.scene:
             return {**self.values, **varied}
+        # A parameter overrides what the quantities give for it.
         over = {n: v for n, v in varied.items() if n in NAMES}
         own = {n: v for n, v in varied.items() if n not in over}
         return {**dimensionless({**self.values, **own}), **over}
 
     def vector(self, varied: Mapping[str, Any]) -> list[Any]:
-        """The same as a list in the order of NAMES."""
+        """Return the numbers of `at` as a list in the order of NAMES, with rho as a number."""
         p = self.numbers(varied)
         rho = uniform_inertia_ratio(p["nu"]) if p.get("rho") is None else p["rho"]
         return [*(p[n] for n in NAMES[:-2]), p.get("e", 1.0), rho]
@@ -123,41 +139,43 @@ class Setup:
 
 @dataclass(frozen=True)
 class Axis:
-    """A line through the space of parameters, along which one number of a setup varies."""
+    """Line through the space of parameters, along which one number of a setup varies."""
 
     setup: Setup
     name: str
-    """Of what varies."""
+    """Name of the number that varies."""
 
     @staticmethod
     def of(subject: Parameters | Scene, name: str, pendulum: Pendulum | None = None) -> Axis:
-        """That of `name` through parameters or a scene; `ValueError` for bad input."""
+        """Axis of `name` through parameters or a scene; `ValueError` for bad input."""
         setup = Setup.of(subject, pendulum)
         setup.check("name", name)
+        # A parameter varies at fixed other parameters, so the scene behind them has no part in it.
         if setup.scene and name in NAMES:
             setup = Setup.of(setup.at({}))
         return Axis(setup, name)
 
     @property
     def others(self) -> tuple[str, ...]:
-        """Names of what else could vary, in the order of the columns of `jacobian`."""
+        """Names of the other numbers, in the order of the columns of `jacobian` after the first."""
         absent = self.setup.scene and not self.setup.hung
         return tuple(
             n for n in self.setup.values if n != self.name and not (absent and n.startswith("pendulum_"))
         )
 
     def check(self, *values: float) -> None:
-        """`ValueError` unless all values are in their range."""
+        """Raise `ValueError` unless all values are in range."""
         self.setup.check("name", self.name, *values)
 
     def at(self, values: np.ndarray) -> np.ndarray:
-        """The parameters in the order of NAMES, shape (n, 9)."""
+        """Parameters at values of shape (n,), in the order of NAMES, shape (n, 9)."""
         rows = [np.broadcast_to(x, np.shape(values)) for x in self.setup.vector({self.name: values})]
         return np.stack(rows, axis=1)
 
     def jacobian(self, value: float) -> np.ndarray:
-        """Derivatives of the parameters with respect to what varies and then `others`, shape
-        (9, 1 + others)."""
+        """Derivatives of the parameters with respect to the number that varies and to `others`, shape
+        (9, 1 + len(others))."""
+        # Names are the keys of a dictionary that JAX differentiates: it returns one column for each of them.
         varied = {**self.setup.values, self.name: value}
         slopes = _slopes(varied, self.setup.scene)
         return np.stack([np.asarray(slopes[n]) for n in (self.name, *self.others)], axis=1)

@@ -30,6 +30,7 @@ FRICTION = 0.05
 
 def _convert_whole_numbers(thing: Any) -> None:
     """Turn the whole numbers among the fields of a frozen dataclass into floats."""
+    # `jax.grad` refuses integers, and `Block(width=1, ...)` means a metre.
     for name in (f.name for f in fields(thing)):
         object.__setattr__(thing, name, checks.as_float(getattr(thing, name)))
 
@@ -57,11 +58,11 @@ class Block:
     """k: dry friction moment of the rocking contact over M g b, dimensionless. None is 0.05 without a
     restitution, and 0 with one."""
     radius_of_gyration: Real | None = None
-    """About the centroid, m; None is that of a uniform rectangle, and follows `width` and `height` in
-    gradients."""
+    """Radius of gyration about the centroid, m. None is that of a uniform rectangle, which follows `width`
+    and `height` in gradients."""
     restitution: Real | str | None = None
-    """e: velocity ratio across an impact of the base, in (0, 1]. "housner" takes that of the block's shape,
-    and follows it in gradients. None is no impact loss."""
+    """e: velocity ratio across an impact of the base, in (0, 1]. "housner" ties it to the block's shape, also
+    in gradients. None is no impact loss."""
 
     def __post_init__(self) -> None:
         _convert_whole_numbers(self)
@@ -87,6 +88,7 @@ class Block:
             checks.positive("restitution", self.restitution)
             checks.within("restitution", self.restitution, 0.0, 1.0)
         if self.friction is None:
+            # Impacts alone let a bare block settle; without impact loss only friction does.
             object.__setattr__(self, "friction", FRICTION if self.restitution is None else 0.0)
         checks.not_negative("friction", self.friction)
 
@@ -211,6 +213,8 @@ class Scene:
         `pendulum_`; without one its mass is zero. A restitution by Housner's formula is left out, since it
         depends on the others."""
         block, motion = self.block, self.motion
+        # At mu = 0 the bob does not act on the block, but the equations of the pair still contain its length:
+        # any usual value serves.
         hung = (
             Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3) if pendulum is None else pendulum
         )
@@ -248,6 +252,7 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
     nu = q["width"] / q["height"]
     rate = _rate(q["gravity"], rho, half_height)
     omega = 2.0 * math.pi * q["frequency"]
+    # The paper's (25) takes lam as l/b; its Table 1 lists l/(2b), half of it.
     return {
         "nu": nu,
         "mu": q["pendulum_mass"] / q["mass"],
@@ -256,6 +261,7 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
         "k": q["friction"],
         "f": q["amplitude"] * omega**2 / q["gravity"],
         "xi": omega / rate,
+        # None keeps rho tied to nu where nu itself is varied later.
         "rho": None if radius is None else rho,
         "e": q["restitution"] if "restitution" in q else housner(nu, rho),
     }

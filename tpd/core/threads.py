@@ -1,5 +1,8 @@
-"""Threads that compute as the one that begins them: what a context manager of JAX sets holds in its own
-thread alone, and 32-bit floats elsewhere would be wrong numbers without a word."""
+"""Worker threads with the x64 setting of the thread that starts them.
+
+`jax.enable_x64(True)` as a context manager holds in its own thread only. Without the initialiser here, a
+worker would compute in 32 bits and return wrong numbers without an error.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +15,17 @@ import jax
 
 
 def cores(count: int) -> ThreadPoolExecutor:
-    """So many threads to share work among."""
-    return ThreadPoolExecutor(count, initializer=_alike())
+    """Return an executor with `count` worker threads."""
+    return ThreadPoolExecutor(count, initializer=_x64_initializer())
 
 
 def aside(work: Callable[[], object]) -> threading.Thread:
-    """Do something that has to be compiled while the other core is busy; what fails, fails again later.
-    The interpreter waits for it before it ends: a thread that is stopped while it compiles aborts all."""
-    begin = _alike()
+    """Start `work` in a thread of its own, to compile something while the other core is busy.
+
+    An error in it is dropped: the same work fails again, visibly, when its result is needed. The thread is no
+    daemon, so the interpreter waits for it: one that is stopped while XLA compiles aborts the process.
+    """
+    begin = _x64_initializer()
 
     def run() -> None:
         begin()
@@ -31,12 +37,13 @@ def aside(work: Callable[[], object]) -> threading.Thread:
     return thread
 
 
-def _alike() -> Callable[[], None]:
-    """What another thread has to do first to have this one's floats, until it ends."""
+def _x64_initializer() -> Callable[[], None]:
+    """Initialiser that gives a worker thread this thread's x64 setting."""
     wide = bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
 
     def begin() -> None:
         if bool(jax.config.jax_enable_x64) != wide:  # type: ignore[attr-defined]
+            # Entered and never left: the setting ends with the thread.
             jax.enable_x64(wide).__enter__()
 
     return begin

@@ -12,10 +12,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Int
 
 from tpd.closed_form import uplift
 from tpd.core.parameters import Parameters
+from tpd.core.quantities import with_design
 from tpd.core.sampling import latin_hypercube
 from tpd.design.criteria import stroke_limit
 from tpd.design.objective import AbstractObjective, margins
@@ -28,11 +29,6 @@ _AIM = 0.99
 _APART = (0.1, 0.03, 0.0)
 """Distances, in shares of the bounds, that chosen designs keep from each other as long as there are
 enough."""
-
-
-def with_design(p: Parameters, design: Float[Array, "3"]) -> Parameters:
-    """The parameters with another (mu, lam, zeta)."""
-    return eqx.tree_at(lambda q: (q.mu, q.lam, q.zeta), p, (design[0], design[1], design[2]))
 
 
 def screened_designs(objective: AbstractObjective, count: int, seed: int) -> np.ndarray:

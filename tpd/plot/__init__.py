@@ -1,1 +1,1 @@
-"""Pictures: data in, axes out."""
+"""Pictures of designs, responses and maps. Functions take data and axes, and return the axes."""

@@ -1,4 +1,4 @@
-"""The picture of all branches over frequency. Functions draw into given axes and return them."""
+"""Picture of all branches of orbits over frequency or another quantity."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _MARKERS = {
 def plot_branches(
     cases: Mapping[str, Branches], *, settled: Mapping[str, Response] | None = None, axes: Any = None
 ) -> Any:
-    """Amplitude, and with a pendulum stroke, of all branches: stable solid, unstable dashed, and where
-    they fold, lose their symmetry, stick or graze.
+    """Draw amplitude, and with a pendulum stroke, of all branches: stable solid, unstable dashed, with marks
+    where they fold, lose their symmetry, stick or graze.
 
     Args:
         cases: one or two by their labels, over the same name: the bare block and with a pendulum.
-        settled: over frequency, what is settled into from rest, by the same labels; drawn as dots.
+        settled: motions from rest over frequency, by the same labels; drawn as dots.
         axes: one, or two if a case has a pendulum; default those of a new figure.
 
     Returns:
@@ -75,7 +75,7 @@ def _lines(ax: Any, case: Branches, quantity: str, style: dict[str, Any]) -> Non
 
 
 def _runs(flags: np.ndarray) -> list[slice]:
-    """Where neighbours are equal."""
+    """Slices within which all flags are equal."""
     edges = [0, *(np.nonzero(np.diff(flags))[0] + 1), len(flags)]
     return [slice(a, b) for a, b in pairwise(edges)]
 
@@ -91,7 +91,7 @@ def _marks(ax: Any, case: Branches, quantity: str, color: str) -> None:
 
 
 def _stroke(case: Branches, b: Bifurcation) -> float:
-    """That of the orbit at a bifurcation, from the orbit next to it in the sweep."""
+    """Stroke (rad) of the orbit at a bifurcation, from the orbit next to it in the sweep."""
     s = case.sweep
     at = np.searchsorted(s.value, b.value)
     rows = slice(max(at - 2, 0), at + 2)
@@ -102,7 +102,7 @@ def _stroke(case: Branches, b: Bifurcation) -> float:
 
 
 def _dots(ax: Any, response: Response | None, quantity: str, color: str, level: float) -> None:
-    """What is settled into; at a level near the top where it overturns or does not settle."""
+    """Mark motions from rest; near the top where the block overturns or does not settle."""
     if response is None:
         return
     known = np.isin(response.status, SETTLED)

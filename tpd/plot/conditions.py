@@ -25,24 +25,33 @@ def plot_conditions(design: Design, axes: Any = None) -> Any:
     axes = new_axes(2, (7.0, 5.6)) if axes is None else axes
     # Values that scatter come in no order.
     order = np.argsort(design.conditions.column(name), kind="stable")
-    x, label = _values(design, name)
-    nu = design.scene.block.slenderness * design.conditions.column("slenderness")
-    cases: list[Bare | Verified] = [design.bare, *([design.best] if design.best else [])]
-    tilts = [np.where(_known(of), of.evaluation.tilt[0], np.nan) * nu for of in cases]
-    top = 1.3 * max((float(np.nanmax(t)) for t in tilts if np.isfinite(t).any()), default=1.0)
-    for i, (of, tilt) in enumerate(zip(cases, tilts, strict=True)):
-        axes[0].plot(x[order], tilt[order], **CASES[i])
-        overturned(axes[0], x[of.exact.status == "overturned"], top, i)
+    x, xlabel = _values(design, name)
+    _tilts(axes[0], design, x, order)
     if design.best is not None:
         stroke = np.where(_known(design.best), design.best.evaluation.stroke[0], np.nan)
         axes[1].plot(x[order], stroke[order], **CASES[1] | {"label": "bob"})
-    axes[0].set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
-    axes[1].axhline(design.stroke_limit, color=ORANGE, lw=1.2, ls=":", label="stroke limit")
-    axes[1].set(ylabel="largest bob angle (rad)", xlabel=label)
+    if np.isfinite(design.stroke_limit):
+        axes[1].axhline(design.stroke_limit, color=ORANGE, lw=1.2, ls=":", label="stroke limit")
+    axes[1].set(ylabel="largest bob angle (rad)", xlabel=xlabel)
     axes[1].axhline(0.0, color=INK, lw=0.4)
     for ax in axes:
-        ax.legend(fontsize=8, frameon=False)
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend(fontsize=8, frameon=False)
     return axes
+
+
+def _tilts(ax: Any, design: Design, x: np.ndarray, order: np.ndarray) -> None:
+    """Draw the tilts with and without the pendulum, and mark where the block overturns from rest."""
+    nu = design.scene.block.slenderness * design.conditions.column("slenderness")
+    cases: list[Bare | Verified] = [design.bare, *([design.best] if design.best else [])]
+    tilts = [np.where(_known(of), of.evaluation.tilt[0], np.nan) * nu for of in cases]
+    top = 1.3 * max((float(np.nanmax(t)) for t in tilts if np.isfinite(t).any()), default=1.0) or 1.0
+    for i, (of, tilt) in enumerate(zip(cases, tilts, strict=True)):
+        refused = i == 1 and design.winner is None
+        label = "best found, not offered" if refused else CASES[i]["label"]
+        ax.plot(x[order], tilt[order], **CASES[i] | {"label": label})
+        overturned(ax, x[of.exact.status == "overturned"], top, i)
+    ax.set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
 
 
 def _known(of: Bare | Verified) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The picture of a map of designs. Functions draw into given axes and return them."""
+"""Picture of a map of designs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tpd.core import checks
 from tpd.plot.style import INK, LABELS, ORANGE, new_axes
 
 _MOVING = ("rocking", "sticking", "near_fold", "grazing")
-"""Statuses of motions that last, with a size to show."""
+"""Statuses of periodic motions, which have an amplitude."""
 _HATCHES = {
     "rest": ("", "rest, no rocking attracts"),
     "held": ("----", "held leaning"),
@@ -34,7 +34,7 @@ _QUANTITIES = {
 
 
 def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = None) -> Axes:
-    """One quantity of a map in colour, hatched where it has none, and the edge of no uplift.
+    """Draw one quantity of a map in colour, hatched where it has none, and the edge of no uplift.
 
     Args:
         m: the map.
@@ -63,7 +63,7 @@ def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = Non
 
 
 def _limits(values: np.ndarray, quantity: str) -> tuple[float, float]:
-    """Of the colours: a few designs next to a resonance leave the others alike otherwise."""
+    """Limits of the colours. A few designs next to a resonance would make all others alike."""
     if not values.size:
         return 0.0, 1.0
     high = float(np.quantile(values, 0.995))
@@ -71,7 +71,7 @@ def _limits(values: np.ndarray, quantity: str) -> tuple[float, float]:
 
 
 def _hatched(ax: Axes, m: DesignMap, coloured: tuple[str, ...]) -> list[Any]:
-    """Hatches over what has no colour; returns what the legend shows."""
+    """Hatch designs without a colour; returns handles of the legend."""
     uncoloured = [s for s in m.counts if s not in coloured]
     kinds = {s: _HATCHES.get(s, _OTHER) for s in uncoloured}
     if m.start is not None and "rest" in kinds:

@@ -1,4 +1,4 @@
-"""The scene to scale: block, pendulum and base motion with their dimensions in SI units."""
+"""Drawing of a scene to scale: block, pendulum and base motion with their dimensions in SI units."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tpd.plot.style import BLUE, GREY, INK
 BODY = "#e8e8e8"
 """Fill of the block."""
 _TALL, _WIDE = 4.2, 3.0
-"""Room for what is drawn to scale, inches."""
+"""Largest height and width of the part to scale, inches."""
 _LEFT, _RIGHT, _ABOVE, _BELOW = 1.15, 2.4, 0.5, 0.75
 """Room for dimensions and words around it, inches."""
 
@@ -44,7 +44,7 @@ def rod(block: np.ndarray, length: float, angle: float) -> np.ndarray:
 
 
 def plot_scene(scene: Scene, pendulum: Pendulum | None, *, stroke: float = 0.0) -> Axes:
-    """A figure of the block at rest, with its pendulum, to scale.
+    """Draw the block at rest, with its pendulum, to scale into a new figure.
 
     Args:
         scene: block and base motion.
@@ -68,7 +68,7 @@ def plot_scene(scene: Scene, pendulum: Pendulum | None, *, stroke: float = 0.0) 
 
 
 def _half_width(scene: Scene, pendulum: Pendulum | None, stroke: float) -> float:
-    """What is to scale reaches so far from the middle, m."""
+    """Largest distance of block and bob from the middle, m."""
     swing = 0.0 if pendulum is None else pendulum.length * math.sin(min(stroke, 0.5 * math.pi))
     return max(0.5 * scene.block.width, swing)
 
@@ -90,7 +90,7 @@ def _canvas(height: float, half: float, scale: float) -> Axes:
 def _pendulum(
     ax: Axes, scene: Scene, pendulum: Pendulum, stroke: float
 ) -> list[tuple[str, tuple[float, float]]]:
-    """Draw it; returns words and the places they speak of, from the top down."""
+    """Draw the pendulum; returns labels and the places they belong to, m, from the top down."""
     block, length = corners(scene, 0.0), pendulum.length
     line = rod(block, length, 0.0)
     words = [
@@ -123,11 +123,11 @@ def _pendulum(
 def _labels(
     ax: Axes, labels: list[tuple[str, tuple[float, float]]], x: float, scale: float, height: float
 ) -> None:
-    """Words in a column at `x`, no two upon each other, each with a line to its place."""
+    """Write labels in a column at `x`, none over another, each with a line to its place."""
     room, top = 0.42 / scale, height + 0.1 / scale
     for i, (words, place) in enumerate(labels):
         y = min(place[1], top)
-        # Those below need their room as well.
+        # Labels further below need their room as well.
         y = max(y, (len(labels) - 1 - i) * room - 0.1 / scale)
         top = y - room
         ax.annotate(
@@ -142,7 +142,7 @@ def _labels(
 
 
 def _dimensions(ax: Axes, scene: Scene, pendulum: Pendulum | None, half: float, scale: float) -> None:
-    """Width above the block, height and length of the pendulum to its left."""
+    """Draw dimension lines: width above the block, height and length of the pendulum to its left."""
     a, height, inch = 0.5 * scene.block.width, scene.block.height, 1.0 / scale
     outer = -half - (0.4 if pendulum is None else 0.8) * inch
     _dimension(ax, (-a, height), (a, height), 0.2 * inch, f"{number(scene.block.width)} m", scale)
@@ -172,14 +172,14 @@ def _dimension(
     if level:
         ax.text(middle[0], middle[1] + 0.05 / scale, words, fontsize=8, color=INK, ha="center", va="bottom")
         return
-    # Of a short one the words stand below its upper end.
+    # Words longer than the line stand below its upper end.
     y = min(middle[1], ends[1, 1] - 0.035 * len(words) / scale)
     x = middle[0] - 0.04 / scale
     ax.text(x, y, words, rotation=90, fontsize=8, color=INK, ha="right", va="center")
 
 
 def _base(ax: Axes, scene: Scene, half: float, scale: float) -> None:
-    """The ground, and an arrow as long as its motion, where that can be seen."""
+    """Draw the ground and its motion, as an arrow to scale where that is long enough to be seen."""
     reach, inch = max(half, 0.5 * scene.block.width) + 0.2 / scale, 1.0 / scale
     ax.plot([-reach, reach], [0.0, 0.0], color=INK, lw=1.4)
     for x in np.arange(-reach, reach, 0.12 * inch):

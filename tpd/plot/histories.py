@@ -33,29 +33,34 @@ def plot_histories(
     hung = [h for h in histories if h.with_pendulum]
     if axes is None:
         axes = np.atleast_1d(new_axes(3, (7.0, 6.8)) if hung else new_axes(1, (7.0, 2.8)))
-    axes[0].set(ylabel="tilt $\\varphi$ (rad)\nwithout pendulum")
     for history in histories:
         _draw(axes[1:] if history.with_pendulum else axes[:1], history, slenderness)
-    if hung:
-        axes[1].set(ylabel="tilt $\\varphi$ (rad)\nwith pendulum")
-        axes[2].set(ylabel="bob angle $\\psi$ (rad)")
-        if np.isfinite(stroke_limit):
-            for side, label in ((-1.0, None), (1.0, "stroke limit (settled)")):
-                axes[2].axhline(side * stroke_limit, color=ORANGE, lw=1.2, ls=":", label=label)
-        # One scale for both tilts, which are compared.
-        top = max(max(np.abs(ax.get_ylim())) for ax in axes[:2])
-        for ax in axes[:2]:
-            ax.set_ylim(-top, top)
-    last = max(h.time[-1] for h in histories)
-    for ax in axes:
+    if hung and np.isfinite(stroke_limit):
+        for side, label in ((-1.0, None), (1.0, "stroke limit (settled)")):
+            axes[2].axhline(side * stroke_limit, color=ORANGE, lw=1.2, ls=":", label=label)
+    _finish(axes, max(h.time[-1] for h in histories))
+    return axes
+
+
+def _finish(axes: Any, last: float) -> None:
+    """Scales, labels and legend of one axis, or of three with a pendulum; `last` time in s."""
+    labels = (
+        "tilt $\\varphi$ (rad)\nwithout pendulum",
+        "tilt $\\varphi$ (rad)\nwith pendulum",
+        "bob angle $\\psi$ (rad)",
+    )
+    # One scale for both tilts, which are compared.
+    top = max(max(np.abs(ax.get_ylim())) for ax in axes[:2])
+    for i, (ax, label) in enumerate(zip(axes, labels, strict=False)):
         ax.axhline(0.0, color=INK, lw=0.4)
         # Autoscaling would take the end of a line that overturns for the end of time.
-        ax.set_xlim(-0.02 * last, 1.02 * last)
+        ax.set(ylabel=label, xlim=(-0.02 * last, 1.02 * last))
+        if i < 2:
+            ax.set_ylim(-top, top)
+    axes[-1].set(xlabel="time from a start at rest (s)")
     handles = dict(zip(*axes[-1].get_legend_handles_labels()[::-1], strict=True))
     place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 3}
     axes[0].legend(handles.values(), handles, fontsize=8, frameon=False, **place)
-    axes[-1].set(xlabel="time from a start at rest (s)")
-    return axes
 
 
 def _draw(axes: Any, history: TimeHistory, slenderness: float) -> None:

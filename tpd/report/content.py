@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tpd.analysis.attractors import Starts
 from tpd.core import files
 from tpd.core.formatting import number
 from tpd.design.objective import KINDS
@@ -153,9 +152,7 @@ def _answer(design: Design, study: Study) -> list[Block]:
 def _sizes(design: Design, winner: Verified, length: float) -> list[tuple[Cell, ...]]:
     """Rows of angles: risk over several conditions, amplitudes, strokes and the way from rest."""
     exact, limit = winner.exact, design.stroke_limit
-    # From other starts than rest the search may know larger strokes than the one from rest.
-    asked = 0.0 if design.starts == Starts.rest() else words.finite_max(winner.evaluation.stroke)
-    stroke = max(design.stroke, asked)
+    stroke = words.settled_stroke(design)
     way = number(length * math.sin(min(stroke, 0.5 * math.pi)))
     used = f"{stroke / limit:.0%} of the limit" if limit < np.inf else None
     name = f"{design.risk.name} tilt"
@@ -198,34 +195,31 @@ def _no_answer(design: Design) -> list[Block]:
 
 def _conditions(design: Design, study: Study) -> list[Block]:
     n, best = len(design.conditions), design.best
-    if n == 1 or best is None:
+    if n == 1:
         return []
-    nu = design.scene.block.slenderness * design.conditions.column("slenderness")
     rows = []
-    for i in np.unique(np.linspace(0, n - 1, min(n, _ROWS)).astype(int)):
-        tilts = [
-            x if math.isfinite(x := float(of.evaluation.tilt[0, i] * nu[i])) else None
-            for of in (best, design.bare)
-        ]
-        ends = [str(of.exact.status[i]).replace("_", " ") for of in (best, design.bare)]
-        stroke = float(best.evaluation.stroke[0, i])
-        with_, without = (_kind(of, int(i)) for of in (best, design.bare))
-        label = design.conditions.label(int(i))
-        rows.append((label, tilts[0], stroke, with_, ends[0], tilts[1], without, ends[1]))
-    head = ("condition", "tilt (rad)", "stroke (rad)", "kind", "from rest")
+    for i in map(int, np.unique(np.linspace(0, n - 1, min(n, _ROWS)).astype(int))):
+        cells = [design.conditions.label(i), *_motion(design, design.bare, i)]
+        if best is not None:
+            cells += [*_motion(design, best, i), float(best.evaluation.stroke[0, i])]
+        rows.append(tuple(cells))
+    head = ("condition", "bare tilt (rad)", "bare kind", "bare from rest")
+    head += () if best is None else ("tilt (rad)", "kind", "from rest", "stroke (rad)")
     source = words.source_of_tilts(design)
     caption = f"Tilt, stroke and kind: of {source}. From rest: end of the motion followed by events."
-    table = Table((*head, "bare tilt (rad)", "bare kind", "bare from rest"), tuple(rows), caption)
-    described = information("; ".join(design.conditions.description) + ".")
-    return [described, *_figures(design, study, "conditions.png"), table]
+    shown = " The design shown is the best found, which is not offered." if best and not design.winner else ""
+    described = information("; ".join(design.conditions.description) + "." + shown)
+    return [described, *_figures(design, study, "conditions.png"), Table(head, tuple(rows), caption)]
 
 
-def _kind(of: Verified | Bare, i: int) -> str:
-    """Kind of motion under a condition, and the share of the starts that overturn."""
-    e = of.evaluation
-    lost = float(np.broadcast_to(e.lost, e.kind.shape)[0, i])
+def _motion(design: Design, of: Verified | Bare, i: int) -> tuple[Cell, ...]:
+    """Tilt (rad) and kind of motion under a condition, share of starts that overturn, and end from rest."""
+    e, nu = of.evaluation, design.scene.block.slenderness * design.conditions.column("slenderness")[i]
+    tilt, lost = float(e.tilt[0, i] * nu), float(np.broadcast_to(e.lost, e.kind.shape)[0, i])
     kind = KINDS[int(e.kind[0, i])].replace("_", " ")
-    return kind if not lost else "overturned" if lost >= 1.0 else f"{kind}; {lost:.0%} overturn"
+    if lost:
+        kind = "overturned" if lost >= 1.0 else f"{kind}; {lost:.0%} overturn"
+    return tilt if math.isfinite(tilt) else None, kind, str(of.exact.status[i]).replace("_", " ")
 
 
 def _search(design: Design, study: Study) -> list[Block]:

@@ -36,7 +36,7 @@ def notes(design: Design, study: Study) -> tuple[Note, ...]:
     """All notes on a design: dangers first, else in the order of the generators below."""
     found = [*_interruptions(design, study), *_responses(design, study), *_searched(design)]
     if design.winner is not None and design.pendulum is not None:
-        found += [*_overturning(design, design.winner), *_ensemble(design.winner)]
+        found += [*_overturning(design, design.winner), *_repeated(design.winner)]
         found += [*_nonlinear(design, design.winner), *_strikes(design, design.winner, design.pendulum)]
         found += [*thick(design.pendulum), *_settled(design.winner), *_starts(design, design.winner)]
     return tuple(sorted(found, key=lambda note: note.severity.value))
@@ -84,7 +84,7 @@ def _searched(design: Design) -> Iterator[Note]:
 
 
 def _overturning(design: Design, winner: Verified) -> Iterator[Note]:
-    """Overturning from rest, and near it, with the pendulum and without."""
+    """Overturning from rest, with the pendulum and without."""
     lost, bare = (m.status == "overturned" for m in (winner.exact, design.bare.exact))
     harmed = np.flatnonzero(lost & ~bare)
     if harmed.size:
@@ -96,12 +96,6 @@ def _overturning(design: Design, winner: Verified) -> Iterator[Note]:
         yield warning(
             f"From rest the block overturns under {lost.sum()} of {lost.size} conditions with the pendulum "
             f"and {bare.sum()} without."
-        )
-    near = winner.neighbours
-    if near is not None and near.overturned:
-        yield danger(
-            f"Of {near.tried} shakings within 1 % in amplitude or frequency, {near.overturned} overturn the "
-            f"block with this pendulum ({near.overturned_bare} without), from rest."
         )
     share = winner.exact.peak / (design.scene.block.slenderness * design.conditions.column("slenderness"))
     if np.any(share[~lost] > LARGE_PEAK):
@@ -121,8 +115,14 @@ def _overturns_less(lost: np.ndarray, bare: np.ndarray, winner: Verified) -> boo
     return any(better > worse and chance_of(better, worse) < SIGNIFICANT for worse, better in pairs)
 
 
-def _ensemble(winner: Verified) -> Iterator[Note]:
-    verdict = winner.verdict
+def _repeated(winner: Verified) -> Iterator[Note]:
+    """Overturning in runs beside the one from rest: shakings nearby, and the ensemble."""
+    near, verdict = winner.neighbours, winner.verdict
+    if near is not None and near.overturned:
+        yield danger(
+            f"Of {near.tried} shakings within 1 % in amplitude or frequency, {near.overturned} overturn the "
+            f"block with this pendulum ({near.overturned_bare} without), from rest."
+        )
     if verdict is None:
         return
     if verdict.harms:

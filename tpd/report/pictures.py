@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tpd.design.result import Design, DesignStatus
 from tpd.design.study import Study
+from tpd.report.words import settled_stroke
 
 
 def names(design: Design, study: Study) -> tuple[str, ...]:
@@ -40,7 +41,7 @@ def draw(name: str, design: Design, study: Study) -> bytes:
         case "front.png" if study.front is not None:
             axes = front.plot_front(study.front, design)
         case "drawing.png":
-            axes = drawing.plot_scene(scene, design.pendulum, stroke=design.stroke)
+            axes = drawing.plot_scene(scene, design.pendulum, stroke=settled_stroke(design))
         case "animation.gif":
             return animation.animate(scene, design.pendulum, motions)
         case _:

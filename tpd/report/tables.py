@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from tpd.analysis.compare_models import Check
 from tpd.analysis.ensemble import Outcomes
+from tpd.analysis.sensitivity import Elasticities
 from tpd.core.formatting import number
 from tpd.design.result import Design
 from tpd.design.study import Study
@@ -61,15 +62,9 @@ def nonlinear(design: Design) -> list[Block]:
     """The best design by the nonlinear equations, under the conditions that were asked for."""
     if design.best is None or not design.best.nonlinear:
         return []
+    label = design.conditions.label
     rows = tuple(
-        (
-            design.conditions.label(x.condition),
-            x.amplitude,
-            x.stroke,
-            x.status,
-            x.bare_amplitude,
-            x.bare_status,
-        )
+        (label(x.condition), x.amplitude, x.stroke, x.status, x.bare_amplitude, x.bare_status)
         for x in design.best.nonlinear
     )
     head = ("condition", "amplitude (rad)", "stroke (rad)", "ends", "bare (rad)", "bare ends")
@@ -87,22 +82,22 @@ def comparison(check: Check) -> list[Block]:
     caption = (
         "The design from rest under the scene's own shaking, the cheapest model first; the last one judges."
     )
-    return [
-        Table(head, rows, caption),
-        *(danger(f"Under the scene's own shaking {x}.") for x in check.objections),
-    ]
+    objections = (danger(f"Under the scene's own shaking {x}.") for x in check.objections)
+    return [Table(head, rows, caption), *objections]
 
 
 def sensitivity(design: Design, study: Study) -> list[Block]:
     """Elasticities: of the motion from rest for one condition, else of the risk; the strongest first."""
-    if study.elasticities is None:
-        order = sorted(design.elasticities, key=lambda name: -abs(design.elasticities[name]))
-        rows = tuple((name, f"{design.elasticities[name]:+.2f}") for name in order)
-        caption = (
-            f"Per cent of the {design.risk.name} tilt for one per cent more of each, the others constant."
-        )
-        return [Table(("quantity", "% for 1 %"), rows, caption)] if rows else []
-    found = study.elasticities
+    if study.elasticities is not None:
+        return _of_motion(study.elasticities)
+    known = {name: x for name, x in design.elasticities.items() if math.isfinite(x)}
+    rows = tuple((name, f"{known[name]:+.2f}") for name in sorted(known, key=lambda name: -abs(known[name])))
+    caption = f"Per cent of the {design.risk.name} tilt for one per cent more of each, the others constant."
+    return [Table(("quantity", "% for 1 %"), rows, caption)] if rows else []
+
+
+def _of_motion(found: Elasticities) -> list[Block]:
+    """Elasticities of the amplitude or, at rest, of the uplift margin."""
     if not found.slopes:
         return [information(f"There is no gradient: {found.refused}.")]
     amplitude = found.of == "amplitude"

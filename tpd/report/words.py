@@ -42,6 +42,15 @@ def finite_max(values: np.ndarray) -> float:
     return float(np.max(values, where=np.isfinite(values), initial=0.0))
 
 
+def settled_stroke(design: Design) -> float:
+    """Largest settled |psi| (rad) of the conditions under which the block with the pendulum stands."""
+    if design.winner is None:
+        return 0.0
+    # From other starts than rest the search may know larger strokes than the one from rest.
+    asked = 0.0 if design.starts == Starts.rest() else finite_max(design.winner.evaluation.stroke)
+    return max(finite_max(design.winner.exact.stroke), asked)
+
+
 def of_toppling(design: Design, tilt: float, mass_ratio: float) -> tuple[str, str | None]:
     """A tilt (rad), and its share of the tilt at which the block topples."""
     share = f"{tilt / toppling(design.scene.block.slenderness, mass_ratio):.1%} of toppling"

@@ -1,0 +1,192 @@
+"""Risk measures against brute force, and every limit against what it says and against differences."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+import tpd
+from tpd.design.criteria import DEFAULT_LIMITS, KINDS, Geometry, Limit, check_limits, limit_of, stroke_limit
+from tpd.design.objective import Evaluation, geometry_of
+
+SCENE = tpd.paper_scene()
+FACTORS = {"mass": [0.9, 1.1], "length": [1.0, 1.02], "slenderness": [1.0, 0.97]}
+SCATTERED = tpd.Conditions({k: np.array(v) for k, v in FACTORS.items()})
+DESIGN = np.array([0.15, 0.26, 0.35])
+ONE_OF_EACH = (
+    tpd.limits.Stroke(0.4),
+    tpd.limits.RelativeStroke(0.6),
+    tpd.limits.Tilt(0.5),
+    tpd.limits.Mass(2.0),
+    tpd.limits.Offset(0.03),
+    tpd.limits.Walls(),
+    tpd.limits.Multiplier(0.9),
+    tpd.limits.Reserve(0.1),
+)
+
+
+# Risk
+
+
+@pytest.mark.parametrize(
+    ("risk", "expected"),
+    [
+        (tpd.Risk.worst(), 9.0),
+        (tpd.Risk.expected(), 4.5),
+        (tpd.Risk.cvar(0.2), 8.5),
+        (tpd.Risk.cvar(0.25), (9.0 + 8.0 + 0.5 * 7.0) / 2.5),
+        (tpd.Risk.cvar(0.01), 9.0),
+        (tpd.Risk.cvar(1.0), 4.5),
+    ],
+)
+def test_risks_are_means_of_the_worst(risk, expected):
+    values = np.random.default_rng(0).permutation(np.arange(10.0))
+    assert risk.of(values[None])[0] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("share", "n"), list(itertools.product([0.07, 0.1, 0.37, 0.5, 0.99], [1, 2, 7, 12])))
+def test_a_conditional_value_at_risk_is_the_largest_mean_with_capped_weights(share, n):
+    values, risk = np.random.default_rng(n).normal(size=(3, n)), tpd.Risk.cvar(share)
+    for row, value in zip(values, risk.of(values), strict=True):
+        bounds = [(0.0, min(1.0, 1.0 / (share * n)))] * n
+        answer = linprog(-row, A_eq=np.ones((1, n)), b_eq=[1.0], bounds=bounds)
+        assert value == pytest.approx(-answer.fun, rel=1e-9)
+
+
+def test_the_worst_is_the_maximum_and_the_expected_the_mean():
+    values = np.random.default_rng(3).normal(size=(5, 4, 9))
+    np.testing.assert_array_equal(tpd.Risk.worst().of(values), values.max(axis=-1))
+    np.testing.assert_allclose(tpd.Risk.expected().of(values), values.mean(axis=-1), rtol=1e-12)
+
+
+def test_an_infinite_value_counts_only_with_a_weight():
+    values = np.array([[1.0, np.inf, 2.0, 3.0]])
+    assert tpd.Risk.worst().of(values)[0] == np.inf
+    assert tpd.Risk.cvar(0.5).of(values)[0] == np.inf
+    assert tpd.Risk.worst().of(np.array([[1.0, -np.inf]]))[0] == 1.0
+
+
+@pytest.mark.parametrize("share", [0.0, -0.1, 1.1, float("nan")])
+def test_a_share_out_of_range_is_refused(share):
+    with pytest.raises(ValueError, match="`share` must be between"):
+        tpd.Risk.cvar(share)
+
+
+# Limits
+
+
+class Unknown(Limit):
+    name = "unknown"
+
+    def sizes(self, e, g):
+        return ()
+
+
+def evaluation(design: np.ndarray) -> Evaluation:
+    """Two conditions whose sizes are smooth functions of the design, with their derivatives."""
+    mu, lam, zeta = design
+    tilt = np.array([0.3 + mu * lam, 0.2 + lam**2 * zeta])
+    tilt_slope = np.array([[lam, mu, 0.0], [0.0, 2 * lam * zeta, lam**2]])
+    stroke = np.array([0.2 + mu * zeta, 0.1 + mu**2 + zeta])
+    stroke_slope = np.array([[zeta, 0.0, mu], [2 * mu, 0.0, 1.0]])
+    reserve, reserve_slope = 0.1 + 0.2 * stroke, 0.2 * stroke_slope
+    one = np.ones((1, 2))
+    parts = (x[None] for x in (tilt, tilt_slope, tilt, tilt_slope, stroke, stroke_slope))
+    last = -one, 0.5 * one, reserve[None], reserve_slope[None], np.zeros((1, 2), int), design[None]
+    return Evaluation(*parts, *last)
+
+
+@pytest.fixture(scope="module")
+def geometry() -> Geometry:
+    return geometry_of(SCENE, SCATTERED)
+
+
+def sizes(limit, design, geometry):
+    return {size.name: size for size in limit.sizes(evaluation(design), geometry)}
+
+
+@pytest.mark.parametrize("limit", ONE_OF_EACH, ids=lambda limit: limit.name)
+def test_slopes_of_a_limit_are_those_of_differences(limit, geometry):
+    here = sizes(limit, DESIGN, geometry)
+    for name, size in here.items():
+        for axis in range(3):
+            step = 1e-6 * np.eye(3)[axis]
+            up, down = (sizes(limit, DESIGN + s * step, geometry)[name].value for s in (1, -1))
+            expected = (up - down) / 2e-6
+            np.testing.assert_allclose(size.slope[..., axis], expected, rtol=1e-7, atol=1e-8, err_msg=name)
+    assert bool(here) is not isinstance(limit, tpd.limits.Mass), "a mass narrows the space instead"
+
+
+def test_limits_on_angles_are_what_they_say(geometry):
+    e, nu = evaluation(DESIGN), SCENE.block.slenderness * np.array(FACTORS["slenderness"])
+    np.testing.assert_allclose(geometry.slenderness, nu)
+    stroke, relative, tilt, _, _, _, multiplier, reserve = (
+        next(iter(limit.sizes(e, geometry)), None) for limit in ONE_OF_EACH
+    )
+    np.testing.assert_allclose(stroke.value, e.stroke / 0.4)
+    np.testing.assert_allclose(relative.value, (e.stroke + e.tilt * nu) / 0.6)
+    np.testing.assert_allclose(tilt.value, e.tilt / 0.5)
+    np.testing.assert_allclose(multiplier.value, e.multiplier / 0.9)
+    # The reserve is a lower limit: a size of one where it is just met, below one where there is more.
+    np.testing.assert_allclose(reserve.value <= 1.0, e.reserve >= 0.1)
+    np.testing.assert_allclose(1.0 - reserve.value, e.reserve / 0.1 - 1.0)
+
+
+def test_limits_on_room_are_those_of_a_ball_of_steel_on_a_rod(geometry):
+    hung = SCENE.pendulum(mass_ratio=DESIGN[0], length_ratio=DESIGN[1], damping_ratio=DESIGN[2])
+    e = evaluation(DESIGN)
+    offset = sizes(tpd.limits.Offset(0.03), DESIGN, geometry)["offset"].value
+    walls = sizes(tpd.limits.Walls(), DESIGN, geometry)
+    for i in range(2):
+        mass, length, slenderness = (np.array(FACTORS[name])[i] for name in FACTORS)
+        ball = tpd.Pendulum(mass=hung.mass * mass, length=hung.length, damping_ratio=0.1).ball_radius
+        angle = e.stroke[0, i] + e.tilt[0, i] * SCENE.block.slenderness * slenderness
+        reach, room = hung.length * length * np.sin(angle), 0.5 * SCENE.block.width * slenderness
+        assert offset[0, i] == pytest.approx(reach / 0.03)
+        assert walls["walls"].value[0, i] == pytest.approx((reach + ball) / room)
+        assert walls["ball"].value[0, i] == pytest.approx(ball / (0.5 * hung.length * length))
+
+
+def test_beyond_a_right_angle_the_bob_is_a_rods_length_away(geometry):
+    e = evaluation(DESIGN)._replace(stroke=np.array([[1.6, 3.0]]))
+    (size,) = tpd.limits.Offset(0.03).sizes(e, geometry)
+    np.testing.assert_allclose(size.value, geometry.rod(DESIGN[None]) / 0.03)
+    np.testing.assert_allclose(size.slope[..., [0, 2]], 0.0)
+
+
+def test_no_bob_takes_no_room_and_has_a_slope_that_is_a_number(geometry):
+    e = evaluation(DESIGN)._replace(design=np.array([[0.0, 0.26, 0.35]]))
+    for limit in (tpd.limits.Walls(), tpd.limits.Offset(0.03)):
+        for size in limit.sizes(e, geometry):
+            assert np.isfinite(size.value).all()
+            assert np.isfinite(size.slope).all()
+            if size.name == "ball":
+                np.testing.assert_array_equal(size.value, 0.0)
+
+
+def test_limits_are_listed_in_the_order_of_a_report_and_looked_up():
+    assert check_limits(reversed(ONE_OF_EACH)) == ONE_OF_EACH
+    assert [type(x) for x in ONE_OF_EACH] == list(KINDS)
+    assert check_limits(()) == ()
+    assert limit_of(ONE_OF_EACH, tpd.limits.Tilt) == tpd.limits.Tilt(0.5)
+    assert limit_of(DEFAULT_LIMITS, tpd.limits.Tilt) is None
+    assert stroke_limit(DEFAULT_LIMITS) == 0.5
+    assert stroke_limit(()) == np.inf
+    assert {x.name for x in ONE_OF_EACH if not x.of_motion} == {"multiplier", "reserve"}
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: tpd.limits.Tilt(-1.0), "`tilt` must be positive"),
+        (lambda: tpd.limits.Stroke(0.0), "`stroke` must be positive"),
+        (lambda: tpd.limits.Offset(float("nan")), "`offset` must be positive"),
+        (lambda: tpd.limits.Multiplier(1.5), r"`multiplier` must be between .* but is 1\.5"),
+        (lambda: check_limits((Unknown(),)), "`limits` must hold objects of `tpd.limits`, but has "),
+        (lambda: check_limits((tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))), "but has two of Tilt"),
+    ],
+)
+def test_limits_that_make_no_sense_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()

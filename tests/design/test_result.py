@@ -1,0 +1,59 @@
+"""Typed reasons: a sentence for every kind, with its numbers and the condition."""
+
+import pytest
+
+from tpd.design.result import Active, DesignStatus, Reason, ReasonKind, Step
+
+SENTENCES = {
+    ReasonKind.overturns: (
+        {"step": Step.nonlinear},
+        "by the nonlinear equations the block overturns at 2.5 Hz, and stands without the pendulum",
+    ),
+    ReasonKind.overturns_more: (
+        {"step": Step.ensemble, "value": 19.0, "reference": 3.0, "total": 64},
+        "by the ensemble the block overturns in 19 of 64 cases with the pendulum only, and in 3 without it "
+        "only at 2.5 Hz",
+    ),
+    ReasonKind.breaks_limit: (
+        {"step": Step.nonlinear, "limit": "offset", "value": 1.0364},
+        "by the nonlinear equations the design exceeds the limit on offset by 0.036 of it at 2.5 Hz",
+    ),
+    ReasonKind.rocks_more: (
+        {"step": Step.nonlinear, "value": 0.08917, "reference": 0.08398},
+        "by the nonlinear equations the block rocks 0.08917 rad, and 0.08398 rad without the pendulum at "
+        "2.5 Hz",
+    ),
+    ReasonKind.does_not_settle: (
+        {"step": Step.nonlinear, "outcome": "not_settled"},
+        "by the nonlinear equations the motion ends not settled at 2.5 Hz",
+    ),
+    ReasonKind.models_disagree: (
+        {"step": Step.cross_check, "value": 0.1, "reference": 0.05},
+        "the search's model gives an amplitude of 0.1 rad, the exact solution 0.05 rad at 2.5 Hz: the motion "
+        "depends on details that neither can promise",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", ReasonKind)
+def test_a_reason_makes_a_sentence(kind):
+    given, sentence = SENTENCES[kind]
+    assert str(Reason(kind=kind, condition="2.5 Hz", **given)) == sentence
+    assert " at " not in str(Reason(kind=kind, **given))
+
+
+def test_only_a_verified_design_or_none_needed_is_sound():
+    sound = {status for status in DesignStatus if status.is_sound}
+    assert sound == {DesignStatus.found, DesignStatus.no_uplift}
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "condition", "weight", "sentence"),
+    [
+        ("tilt", "tilt", "2 Hz", 0.25, "tilt at 2 Hz (0.25)"),
+        ("limit", "stroke", "2 Hz", 0.0, "limit on stroke at 2 Hz"),
+        ("upper bound", "mass", "", 0.2, "upper bound of the mass ratio, 0.2"),
+    ],
+)
+def test_what_holds_a_design_is_said(kind, name, condition, weight, sentence):
+    assert str(Active(kind=kind, name=name, condition=condition, weight=weight)) == sentence
