@@ -21,14 +21,15 @@ from jax.extend import core
 
 jax.config.update("jax_enable_x64", True)
 
-from tpd.design.single_search import with_design  # noqa: E402
-
 from tests.counting import counted  # noqa: E402
 from tests.reference import BARE, HUNG, STILL, parameters  # noqa: E402
 from tests.test_truth import SETTLE, SETTLED, scales  # noqa: E402
-from tpd import Measure, Piecewise, Segmented, Smoothed, one_harmonic, symmetric_orbits  # noqa: E402
+from tpd import Piecewise, Risk, Segmented, Smoothed, symmetric_orbits  # noqa: E402
+from tpd.closed_form import one_harmonic  # noqa: E402
 from tpd.core.files import as_json, place, versions  # noqa: E402
-from tpd.design.sequential import Local, minimise  # noqa: E402
+from tpd.design.screening import with_design  # noqa: E402
+from tpd.design.sequential import minimise  # noqa: E402
+from tpd.design.subproblem import Linearisation  # noqa: E402
 from tpd.exact.orbit_roots import NODES, ROOTS  # noqa: E402
 from tpd.exact.symmetric_orbit import ORBITS, PATH_NODES  # noqa: E402
 from tpd.models.piecewise import Lane  # noqa: E402
@@ -119,12 +120,12 @@ def search() -> dict[str, float]:
     every = jax.jit(jax.vmap(jax.vmap(one, (None, 0)), (0, None)))
     band = jnp.geomspace(1.5, 2.2, 6)
 
-    def local(unit: np.ndarray) -> Local:
+    def local(unit: np.ndarray) -> Linearisation:
         value, slope = (np.array(v) for v in every(jnp.asarray(unit), band))
-        return Local(value, slope, np.zeros((len(unit), 0)), np.zeros((len(unit), 0, 3)))
+        return Linearisation(value, slope, np.zeros((len(unit), 0)), np.zeros((len(unit), 0, 3)))
 
     starts = np.random.default_rng(3).random((6, 3))
-    found = minimise(local, starts, 1.0, Measure.worst().of, steps=40)
+    found = minimise(local, starts, 1.0, Risk.worst().of, steps=40)
     return {"designs": found.evaluations, "steps": int(found.steps.sum()), "value": float(found.merit.min())}
 
 

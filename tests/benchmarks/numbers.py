@@ -18,7 +18,8 @@ jax.config.update("jax_enable_x64", True)
 import tpd  # noqa: E402
 from tests.reference import BARE, HUNG, parameters  # noqa: E402
 from tpd.core.parameters import as_arrays  # noqa: E402
-from tpd.design.single_search import with_design  # noqa: E402
+from tpd.design.criteria import DEFAULT_LIMITS, stroke_limit  # noqa: E402
+from tpd.design.screening import with_design  # noqa: E402
 
 CASES = HUNG + BARE
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi")
@@ -101,27 +102,24 @@ TOWER = tpd.Scene(
     tpd.Block(width=0.08, height=0.4, mass=13.0, friction=0.05),
     tpd.Harmonic(amplitude=0.009243, frequency=2.839),
 )
+LIGHT = tpd.DesignSpace(mass_ratio=(0.01, 0.1))
+WIDE = (tpd.limits.Stroke(1.5), tpd.limits.Reserve())
 SCENES = {
-    "the paper's block, defaults": (tpd.paper_scene(), tpd.DesignSpace()),
-    "the paper's block, mu <= 0.1, stroke 1.5": (
-        tpd.paper_scene(),
-        tpd.DesignSpace(mass_ratio=(0.01, 0.1), stroke=1.5),
-    ),
-    "a slimmer block, mu <= 0.1": (TOWER, tpd.DesignSpace(mass_ratio=(0.01, 0.1))),
-    "a slimmer block, mu <= 0.1, stroke 1.5": (
-        TOWER,
-        tpd.DesignSpace(mass_ratio=(0.01, 0.1), stroke=1.5),
-    ),
+    "the paper's block, defaults": (tpd.paper_scene(), tpd.DesignSpace(), DEFAULT_LIMITS),
+    "the paper's block, mu <= 0.1, stroke 1.5": (tpd.paper_scene(), LIGHT, WIDE),
+    "a slimmer block, mu <= 0.1": (TOWER, LIGHT, DEFAULT_LIMITS),
+    "a slimmer block, mu <= 0.1, stroke 1.5": (TOWER, LIGHT, WIDE),
 }
+"""Scene, space and limits. `tests.benchmarks.nonlinear` has the same with a grid of nonlinear solutions."""
 
 
-def grid_best(scene, space, n=40):
-    """The least exact amplitude within the limits on an n x n grid over (mu, lam)."""
-    p, best = as_arrays(scene.parameters()), np.inf
+def grid_best(scene, space, limits, n=40):
+    """Least exact amplitude within the limit on the stroke on an n x n grid over (mu, lam)."""
+    p, best, most = as_arrays(scene.parameters()), np.inf, stroke_limit(limits)
     for mu in np.linspace(*space.mass_ratio, n):
         for lam in np.linspace(*space.length_ratio, n):
             s = tpd.steady_state(with_design(p, jnp.array([mu, lam, space.damping_ratio])), model=EXACT)
-            if tpd.status_name(s.status) in ("rocking", "rest") and float(s.stroke) <= space.stroke:
+            if tpd.status_name(s.status) in ("rocking", "rest") and float(s.stroke) <= most:
                 best = min(best, float(s.amplitude))
     return best
 
@@ -130,7 +128,9 @@ def main():
     """Print the table."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--quick", action="store_true", help="without the grids")
-    quick = options.parse_args().quick
+    options.add_argument("--points", type=int, default=40, help="of the grids along each axis (40)")
+    asked = options.parse_args()
+    quick, points = asked.quick, asked.points
     packages = ", ".join(f"{name} {version(name)}" for name in ("jax", "diffrax", "optax", "equinox"))
     print(f"tpd {tpd.__version__}, {packages}, {time.strftime('%Y-%m-%d')}\n")
     for what, worst in accuracy():
@@ -138,10 +138,12 @@ def main():
     if quick:
         return
     print(
-        "\n| scene | best of 40 x 40 grid (rad) | optimum (rad) | optimum over grid | bare (rad) | status |"
+        f"\n| scene | best of {points} x {points} grid (rad) | optimum (rad) | optimum over grid "
+        "| bare (rad) | status |"
     )
-    for name, (scene, space) in SCENES.items():
-        best, design = grid_best(scene, space), tpd.optimise(scene, space)
+    for name, (scene, space, limits) in SCENES.items():
+        best = grid_best(scene, space, limits, points)
+        design = tpd.optimise(scene, space, limits=limits)
         ratio = "both 0" if best == design.amplitude == 0.0 else f"{design.amplitude / best - 1.0:+.2%}"
         print(
             f"| {name} | {best:.6f} | {design.amplitude:.6f} | {ratio} "

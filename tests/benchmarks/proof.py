@@ -1,6 +1,7 @@
-"""Does the gradient pay: the search of `tpd.optimise_over` against its own optax methods and against
-derivative-free ones, on the same exact objective, from ten seeds each. Prints a table a problem and
-draws `proof.png`. The runs are stored in `results/proof.json`; `--draw` draws and prints what is stored.
+"""Does the gradient pay: sequential programming of `tpd.optimise` against its descents by optax and against
+derivative-free methods, on the same exact objective, from ten seeds each. Prints a table for each problem and
+draws `proof.png`. The runs are stored in `results/proof.json`; `--draw` prints and draws the stored runs, and
+`--ours` runs our methods only, compares with the best values that all methods have found, and stores nothing.
 
 .venv/bin/python -m tests.benchmarks.proof
 """
@@ -14,7 +15,6 @@ from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from threading import Condition
-from typing import Any
 
 import jax
 import numpy as np
@@ -23,15 +23,28 @@ from scipy.optimize import differential_evolution, minimize
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
-from tests.benchmarks.proof_runs import PICTURE, VERSIONS, Run, draw, store, stored, table, told  # noqa: E402
-from tpd.design.checkpoint import Kept  # noqa: E402
-from tpd.design.objective import Objective  # noqa: E402
-from tpd.design.search import Search  # noqa: E402
+from tests.benchmarks.proof_runs import (  # noqa: E402
+    PICTURE,
+    VERSIONS,
+    Run,
+    draw,
+    formatted,
+    store,
+    stored,
+    table,
+)
+from tpd.design.checkpoint import Checkpoint  # noqa: E402
+from tpd.design.methods import Method  # noqa: E402
+from tpd.design.objective import AbstractObjective  # noqa: E402
+from tpd.design.problem import Problem  # noqa: E402
+from tpd.design.search import Multistart  # noqa: E402
 from tpd.design.sequential import merit_of  # noqa: E402
 
 SEEDS = 10
-OURS = {"screening": 32, "starts": 4, "steps": 16}
+OURS = {"screening": 32, "searches": 4, "steps": 16}
 """One budget for all problems."""
+FIRST_ORDER_STEPS = 60
+"""Steps of the descents by optax, from the same designs."""
 BUDGET = 1000
 """Designs after which restarts of the peers end; a run that is going on is finished."""
 GRID = 20
@@ -40,49 +53,52 @@ GRID = 20
 SCENE = tpd.paper_scene()
 SLIM = replace(SCENE, block=replace(SCENE.block, width=0.08))
 LESS = replace(SCENE, motion=replace(SCENE.motion, amplitude=0.012))
-SPACE = tpd.DesignSpace(
-    mass_ratio=(0.01, 0.2), length_ratio=(0.1, 1.5), damping_ratio=(0.05, 0.4), stroke=0.5
-)
+SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.2), length_ratio=(0.1, 1.5), damping_ratio=(0.05, 0.4))
 SCATTER = tpd.Conditions.scatter(
     32, frequency=0.25, amplitude=0.1, friction=0.2, mass=0.05, length=0.05, damping=0.2
 )
 
 
-def asked(
+def problem(
     scene: tpd.Scene,
     conditions: tpd.Conditions,
-    measure: tpd.Measure,
+    risk: tpd.Risk,
     *,
     stroke: float = 0.5,
-    from_rest: bool = False,
-) -> Objective:
-    """One problem."""
-    space = replace(SPACE, stroke=stroke)
-    return Objective(scene.parameters(), conditions, space, measure, tpd.Limits(), from_rest)
+    starts: tpd.Starts | None = None,
+) -> AbstractObjective:
+    """Objective of one problem: all symmetric orbits, the risk of their tilts, and limits."""
+    limits = tpd.limits.Stroke(stroke), tpd.limits.Reserve()
+    method = tpd.Sequential(**OURS)
+    return Problem.of(scene, SPACE, conditions, starts, risk, limits, method, 0).objective
 
 
-WORST = tpd.Measure.worst()
+WORST = tpd.Risk.worst()
 PROBLEMS = {
-    "the paper's block, 2 to 3.5 Hz, worst of 20": asked(SCENE, tpd.Conditions.band(SCENE, 2.0, 3.5), WORST),
-    "the paper's block, 32 scattered, worst tenth": asked(SCENE, SCATTER, tpd.Measure.cvar(0.1)),
-    "a slimmer block, 2.2 to 2.8 Hz, stroke 0.8, worst of 20": asked(
+    "the paper's block, 2 to 3.5 Hz, worst of 20": problem(
+        SCENE, tpd.Conditions.band(SCENE, 2.0, 3.5), WORST
+    ),
+    "the paper's block, 32 scattered, worst tenth": problem(SCENE, SCATTER, tpd.Risk.cvar(0.1)),
+    "a slimmer block, 2.2 to 2.8 Hz, stroke 0.8, worst of 20": problem(
         SLIM, tpd.Conditions.band(SLIM, 2.2, 2.8), WORST, stroke=0.8
     ),
-    "shaken less, 1.5 to 2.8 Hz, from rest, worst of 20": asked(
-        LESS, tpd.Conditions.band(LESS, 1.5, 2.8), WORST, from_rest=True
+    "shaken less, 1.5 to 2.8 Hz, from rest, worst of 20": problem(
+        LESS, tpd.Conditions.band(LESS, 1.5, 2.8), WORST, starts=tpd.Starts.rest()
     ),
 }
+BEST = dict(zip(PROBLEMS, (0.273001, 0.298278, 0.285809, -0.129505), strict=True))
+"""Best values of all methods, peers included, on 2026-11-22."""
 
 
-def merits(objective: Objective, unit: np.ndarray) -> np.ndarray:
-    """What is minimised, at designs in shares of the bounds, (k, 3)."""
-    return merit_of(objective.local(np.clip(unit, 0.0, 1.0)), objective.measure.of)
+def merits(objective: AbstractObjective, unit: np.ndarray) -> np.ndarray:
+    """Risk plus penalty of broken limits, (k,), at designs in shares of the bounds, (k, 3)."""
+    return merit_of(objective.at(np.clip(unit, 0.0, 1.0)), objective.risk.of)
 
 
 class Together:
     """Answers the designs of several threads in one call, once every thread has asked for one."""
 
-    def __init__(self, objective: Objective, threads: int) -> None:
+    def __init__(self, objective: AbstractObjective, threads: int) -> None:
         self.objective, self.threads, self.asked = objective, threads, []
         self.turn = Condition()
 
@@ -112,7 +128,9 @@ class Together:
 class Ledger:
     """Values of designs in shares of the bounds, (k, 3), every one written down."""
 
-    def __init__(self, objective: Objective, by: Callable[[np.ndarray], np.ndarray] | None = None) -> None:
+    def __init__(
+        self, objective: AbstractObjective, by: Callable[[np.ndarray], np.ndarray] | None = None
+    ) -> None:
         self.by = partial(merits, objective) if by is None else by
         self.values: list[float] = []
 
@@ -131,22 +149,27 @@ class Ledger:
         return Run(1 + np.arange(len(best)), best, time.perf_counter() - began)
 
 
-def ours(objective: Objective, seed: int, **budget: Any) -> Run:
-    """Screening, and descents from the best of it."""
+def ours(objective: AbstractObjective, seed: int, method: Method | None = None) -> Run:
+    """Screening, and searches from the best of it; by default by sequential programming."""
     began = time.perf_counter()
-    search = Search(objective, **{**OURS, **budget}, seed=seed, progress=None)
-    search.run(Kept.of(None, None))
+    search = Multistart(objective, tpd.Sequential(**OURS) if method is None else method, seed, None)
+    search.run(Checkpoint.of(None, None))
     (found,) = search.groups
     seconds = time.perf_counter() - began
     screened = Ledger(objective)
-    screened((search.screened - search.low) / (search.high - search.low))
+    screened(objective.space.scaled(search.screened))
     counts = len(screened.values) + found.path_spent
     first = screened.run(began)
     best = np.minimum.accumulate([first.best[-1], *found.path_merit.min(axis=1)])[1:]
     return Run(np.append(first.evaluations, counts), np.append(first.best, best), seconds)
 
 
-def evolution(objective: Objective, seed: int) -> dict[str, Run]:
+def first_order(optimiser: str) -> Method:
+    """Descent by an optimiser of optax, from the same designs."""
+    return tpd.Descent(optimiser, **{**OURS, "steps": FIRST_ORDER_STEPS})
+
+
+def evolution(objective: AbstractObjective, seed: int) -> dict[str, Run]:
     """SciPy's differential evolution as it comes; and what it had before it polished its result."""
     ledger, began, generations = Ledger(objective), time.perf_counter(), []
     differential_evolution(
@@ -162,7 +185,7 @@ def evolution(objective: Objective, seed: int) -> dict[str, Run]:
     return {"differential evolution": plain, "the same, polished": ledger.run(began)}
 
 
-def simplex(objective: Objective, seeds: int) -> list[Run]:
+def simplex(objective: AbstractObjective, seeds: int) -> list[Run]:
     """Nelder and Mead's, from random designs again and again. It asks for one design at a time, and a call
     answers many conditions as fast as few: so all seeds go in step, each charged its share of the time."""
     together, began = Together(objective, seeds), time.perf_counter()
@@ -186,7 +209,7 @@ def simplex(objective: Objective, seeds: int) -> list[Run]:
     return [ledger.run(began)._replace(seconds=seconds) for ledger in ledgers]
 
 
-def adaptation(objective: Objective, seed: int) -> Run:
+def adaptation(objective: AbstractObjective, seed: int) -> Run:
     """CMA-ES, restarted with twice the population."""
     import cma  # drawing what is stored does without this package
 
@@ -208,14 +231,14 @@ def adaptation(objective: Objective, seed: int) -> Run:
     return ledger.run(began)
 
 
-def chance(objective: Objective, seed: int) -> Run:
+def chance(objective: AbstractObjective, seed: int) -> Run:
     """Random designs."""
     ledger, began = Ledger(objective), time.perf_counter()
     ledger(np.random.default_rng([seed, 3]).random((BUDGET, 3)))
     return ledger.run(began)
 
 
-def grid(objective: Objective) -> Run:
+def grid(objective: AbstractObjective) -> Run:
     """Every design of a grid, in random order for the sake of the picture."""
     ledger, began = Ledger(objective), time.perf_counter()
     line = np.linspace(0.0, 1.0, GRID)
@@ -224,29 +247,44 @@ def grid(objective: Objective) -> Run:
     return ledger.run(began)
 
 
-METHODS: dict[str, Callable[[Objective, int], Run | dict[str, Run]]] = {
+OWN: dict[str, Callable[[AbstractObjective, int], Run]] = {
     "ours": ours,
-    "optax: Adam": partial(ours, method="adam", steps=60),
-    "optax: L-BFGS": partial(ours, method="lbfgs", steps=60),
+    "optax: Adam": partial(ours, method=first_order("adam")),
+    "optax: L-BFGS": partial(ours, method=first_order("lbfgs")),
+}
+PEERS: dict[str, Callable[[AbstractObjective, int], Run | dict[str, Run]]] = {
     "differential evolution": evolution,
     "CMA-ES, restarted": adaptation,
     "random": chance,
 }
 
 
-def solved(objective: Objective, seeds: int) -> dict[str, list[Run]]:
-    """All methods from all seeds."""
-    objective.local(np.full((8, 3), 0.5))
+def solved(objective: AbstractObjective, seeds: int, peers: bool = True) -> dict[str, list[Run]]:
+    """Runs of all methods from all seeds."""
+    objective.at(np.full((8, 3), 0.5))
     ours(objective, 0)
     runs: dict[str, list[Run]] = {}
-    for name, method in METHODS.items():
+    for name, method in (OWN | PEERS if peers else OWN).items():
         for seed in range(seeds):
             out = method(objective, seed)
             for label, run in ({name: out} if isinstance(out, Run) else out).items():
                 runs.setdefault(label, []).append(run)
-    runs["Nelder-Mead, restarted"] = simplex(objective, seeds)
-    runs["grid"] = [grid(objective)]
+    if peers:
+        runs["Nelder-Mead, restarted"] = simplex(objective, seeds)
+        runs["grid"] = [grid(objective)]
     return runs
+
+
+def measured(seeds: int, peers: bool) -> dict[str, dict[str, list[Run]]]:
+    """Runs on all problems; prints a table as each is done."""
+    names = VERSIONS if peers else VERSIONS[:-1]
+    print(", ".join(f"{name} {version(name)}" for name in names))
+    print(", ".join(f"{name} {value}" for name, value in OURS.items()), flush=True)
+    results = {}
+    for name, objective in PROBLEMS.items():
+        results[name] = solved(objective, seeds, peers)
+        print(formatted(name, *table(results[name], None if peers else BEST[name])), flush=True)
+    return results
 
 
 def main() -> None:
@@ -254,22 +292,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--picture", type=Path, default=PICTURE)
-    parser.add_argument("--draw", action="store_true", help="what is stored, without measuring")
+    parser.add_argument("--draw", action="store_true", help="print and draw the stored runs")
+    parser.add_argument("--ours", action="store_true", help="our methods only; nothing is stored")
     asked = parser.parse_args()
     if asked.draw:
         results = stored()
         for name, runs in results.items():
-            print(told(name, *table(runs)))
+            print(formatted(name, *table(runs)))
         draw(results, asked.picture)
         return
-    print(", ".join(f"{name} {version(name)}" for name in VERSIONS))
-    print(", ".join(f"{name} {value}" for name, value in OURS.items()), flush=True)
-    results = {}
-    for name, objective in PROBLEMS.items():
-        results[name] = solved(objective, asked.seeds)
-        print(told(name, *table(results[name])), flush=True)
-    store(results, OURS)
-    draw(results, asked.picture)
+    results = measured(asked.seeds, peers=not asked.ours)
+    if not asked.ours:
+        store(results, OURS)
+        draw(results, asked.picture)
 
 
 if __name__ == "__main__":

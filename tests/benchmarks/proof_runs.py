@@ -53,9 +53,10 @@ class Row(NamedTuple):
     """The largest distance from the best at the end, a share of the best."""
 
 
-def table(runs: dict[str, list[Run]]) -> tuple[float, dict[str, Row]]:
-    """The best value of all, and a row a method."""
+def table(runs: dict[str, list[Run]], known: float | None = None) -> tuple[float, dict[str, Row]]:
+    """Best value of all runs, or the known one if it is better, and a row for each method."""
     best = min(run.best[-1] for of in runs.values() for run in of)
+    best = best if known is None else min(best, known)
     goal = best + NEAR * abs(best)
     rows = {}
     for name, of in runs.items():
@@ -71,8 +72,8 @@ def table(runs: dict[str, list[Run]]) -> tuple[float, dict[str, Row]]:
     return best, rows
 
 
-def told(name: str, best: float, rows: dict[str, Row]) -> str:
-    """The table, and whether ours does what is asked of it."""
+def formatted(name: str, best: float, rows: dict[str, Row]) -> str:
+    """Table as text, and whether our method meets its reaches."""
     head = f"{'method':26}{'within 0.1 %':>13}{'until there':>12}{'in all':>8}{'seconds':>9}{'worst gap':>10}"
     lines = [f"\n{name}: best {best:.8g}", head]
     for method, r in rows.items():
@@ -82,7 +83,10 @@ def told(name: str, best: float, rows: dict[str, Row]) -> str:
         )
     peers = {m: r for m, r in rows.items() if m not in ("ours", "grid") and not m.startswith("optax")}
     sound = {m: r for m, r in peers.items() if r.hits >= 0.9 * r.runs}
-    own, close = rows["ours"], min((sound or peers).items(), key=lambda item: item[1].until)
+    own = rows["ours"]
+    if not peers:
+        return "\n".join(lines)
+    close = min((sound or peers).items(), key=lambda item: item[1].until)
     share = own.until / close[1].until
     lines.append(
         f"best peer: {close[0]}{'' if sound else ', though not in nine of ten'}; ours needs {share:.1%} of "

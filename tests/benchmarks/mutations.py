@@ -1,0 +1,173 @@
+"""Changes of a function's syntax tree that take a guard out of it.
+
+A mutation is found by names, of a status, a variable or an argument, and not by the text of a line. One that
+finds nothing to change is an error, so that a guard that was moved or renamed is noticed.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable
+
+Mutation = Callable[[ast.AST], ast.AST | None]
+"""Replacement of one node; the node itself where there is nothing to change, None to delete a statement."""
+
+
+def mutated(source: str, function: str, mutation: Mutation) -> str:
+    """Source of a module with one function changed, comments lost.
+
+    Args:
+        source: of the whole module.
+        function: its name, that of a method after the class and a dot.
+        mutation: is applied to every node within the function.
+
+    Raises:
+        ValueError: no such function, or nothing in it to change.
+    """
+    tree = ast.parse(source)
+    before = ast.unparse(tree)
+    _Each(mutation).visit(_named(tree, function))
+    after = ast.unparse(ast.fix_missing_locations(tree))
+    if after == before:
+        raise ValueError(f"the guard in {function} was not found")
+    return after
+
+
+class _Each(ast.NodeTransformer):
+    """Applies a mutation to every node, the innermost first."""
+
+    def __init__(self, mutation: Mutation) -> None:
+        self.mutation = mutation
+
+    def visit(self, node: ast.AST) -> ast.AST | None:
+        """Node with what is within it changed, then itself."""
+        return self.mutation(self.generic_visit(node))
+
+
+def _named(tree: ast.Module, function: str) -> ast.AST:
+    here: ast.AST = tree
+    for name in function.split("."):
+        kinds = (ast.FunctionDef, ast.ClassDef)
+        found = [n for n in ast.iter_child_nodes(here) if isinstance(n, kinds) and n.name == name]
+        if not found:
+            raise ValueError(f"there is no function {function}")
+        here = found[0]
+    return here
+
+
+def _mentions(node: ast.AST, name: str) -> bool:
+    inner = list(ast.walk(node))
+    return any(
+        (isinstance(n, ast.Name) and n.id == name) or (isinstance(n, ast.Attribute) and n.attr == name)
+        for n in inner
+    )
+
+
+def _is_call(node: ast.AST, function: str) -> bool:
+    return isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == function
+
+
+def _within_assignment(variable: str, mutation: Mutation) -> Mutation:
+    """Mutation of what is assigned to a variable."""
+
+    def change(node: ast.AST) -> ast.AST | None:
+        if isinstance(node, ast.Assign) and any(
+            isinstance(t, ast.Name) and t.id == variable for t in node.targets
+        ):
+            return _Each(mutation).visit(node)
+        return node
+
+    return change
+
+
+def never(status: str) -> Mutation:
+    """`Status.where(condition, a, b)` no longer gives this status but the other one of the two."""
+
+    def change(node: ast.AST) -> ast.AST:
+        if isinstance(node, ast.Call) and _is_call(node, "where") and len(node.args) == 3:
+            _, yes, no = node.args
+            if isinstance(yes, ast.Attribute) and yes.attr == status:
+                return no
+            if isinstance(no, ast.Attribute) and no.attr == status:
+                return yes
+        return node
+
+    return change
+
+
+def without_term(variable: str, term: str) -> Mutation:
+    """The condition assigned to a variable loses the operand of `&` that mentions a name."""
+
+    def change(node: ast.AST) -> ast.AST:
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitAnd):
+            if _mentions(node.right, term):
+                return node.left
+            if _mentions(node.left, term) and not isinstance(node.left, ast.BinOp):
+                return node.right
+        return node
+
+    return _within_assignment(variable, change)
+
+
+def without_nan(variable: str) -> Mutation:
+    """`jnp.where(condition, x, jnp.nan)` assigned to a variable becomes x."""
+
+    def change(node: ast.AST) -> ast.AST:
+        if isinstance(node, ast.Call) and _is_call(node, "where") and len(node.args) == 3:
+            _, value, other = node.args
+            if isinstance(other, ast.Attribute) and other.attr == "nan":
+                return value
+        return node
+
+    return _within_assignment(variable, change)
+
+
+def nothing_true(name: str) -> Mutation:
+    """Comparisons that mention a name are false."""
+    return _fixed(name, ast.BitAnd(), False)
+
+
+def nothing_false(name: str) -> Mutation:
+    """Comparisons that mention a name are true."""
+    return _fixed(name, ast.BitOr(), True)
+
+
+def _fixed(name: str, op: ast.operator, value: bool) -> Mutation:
+    def change(node: ast.AST) -> ast.AST:
+        if isinstance(node, ast.Compare) and _mentions(node, name):
+            return ast.BinOp(node, op, ast.Constant(value))
+        return node
+
+    return change
+
+
+def unchecked(name: str) -> Mutation:
+    """Calls of a check whose first argument is this name are left out."""
+
+    def change(node: ast.AST) -> ast.AST | None:
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Call) and node.value.args:
+            first = node.value.args[0]
+            if isinstance(first, ast.Constant) and first.value == name:
+                return None
+        return node
+
+    return change
+
+
+def unrefused(error: str) -> Mutation:
+    """`raise` of this error becomes `pass`."""
+
+    def change(node: ast.AST) -> ast.AST:
+        return ast.Pass() if isinstance(node, ast.Raise) and _mentions(node, error) else node
+
+    return change
+
+
+def constant(name: str, value: float) -> Mutation:
+    """A name that is read becomes a number."""
+
+    def change(node: ast.AST) -> ast.AST:
+        read = isinstance(node, ast.Name) and node.id == name and isinstance(node.ctx, ast.Load)
+        return ast.Constant(value) if read else node
+
+    return change
