@@ -10,7 +10,7 @@ import tpd
 from tests import designs
 from tpd.analysis.response import frequency_response
 from tpd.analysis.steady_state import sampled
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form import uplift
 from tpd.core.conditions import Conditions
 from tpd.design.criteria import Offset, Stroke
 from tpd.design.result import DesignStatus
