@@ -42,6 +42,11 @@ def counted(names: np.ndarray) -> str:
     return ", ".join(f"{count} {name}" for name, count in sorted(each, key=lambda pair: -pair[1]))
 
 
+def counted_periods(n: int) -> str:
+    """Length of a motion in forcing periods: "1 period", "3 periods"."""
+    return f"{n} period{'s' * (n != 1)}"
+
+
 def span(values: np.ndarray, unit: str = "") -> str:
     """Range of the finite numbers in an array, such as "0.01 to 0.2 rad"; a dash where there are none."""
     finite = values[np.isfinite(values)]
