@@ -115,9 +115,11 @@ class Reason:
                     f"and in {self.reference:.0f} without it{at}"
                 )
             case ReasonKind.overturns_more:
+                # Conditions and runs are counted in pairs, neighbouring shakings are not.
+                only = "" if self.step is Step.neighbours else " only"
                 return (
-                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum "
-                    f"only, and in {self.reference:.0f} without it only{at}"
+                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum"
+                    f"{only}, and in {self.reference:.0f} without it{only}{at}"
                 )
             case ReasonKind.breaks_limit:
                 return (
