@@ -29,8 +29,9 @@ from tests.test_truth import SETTLE, SETTLED, scales  # noqa: E402
 from tpd import Measure, Piecewise, Segmented, Smoothed, one_harmonic, symmetric_orbits  # noqa: E402
 from tpd.core.files import as_json, place, versions  # noqa: E402
 from tpd.design.sequential import Local, minimise  # noqa: E402
+from tpd.exact.orbit_candidates import ORBITS  # noqa: E402
+from tpd.exact.orbit_path import PATH_NODES  # noqa: E402
 from tpd.exact.orbit_roots import NODES, ROOTS  # noqa: E402
-from tpd.exact.symmetric_orbit import ORBITS, PATH_NODES  # noqa: E402
 from tpd.models.piecewise import Lane  # noqa: E402
 
 STORED = Path(__file__).with_name("counts.json")

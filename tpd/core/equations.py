@@ -165,9 +165,9 @@ class Equations(eqx.Module):
         moment = linear.tilt * y[0] - linear.f * linear.tilt * sine - linear.m12 * pull + linear.c1 * y[3]
         return moment + self._parametric(y, step, sine) - step * linear.weight
 
-    def kick(self, y: State) -> Number:
-        """What an impact that changes phi' by one changes psi' by: the rod pulls along itself only."""
-        return (2.0 * jnp.cos(y[1]) if self.terms is Terms.nonlinear else 2.0) / self.p.lam
+    def rod_cosine(self, y: State) -> Number:
+        """The cosine of psi, 1 in the linear equations: the rod pulls along itself only."""
+        return jnp.cos(y[1]) if self.terms is Terms.nonlinear else jnp.ones_like(y[1])
 
     @property
     def beyond_return(self) -> Number:

@@ -22,8 +22,10 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Int
 
 from tpd.core.parameters import Number, Numbers, State
-from tpd.exact.arc import REST, SLIP, STICK, Arc, Growth, Instant, Mode, Signal, ending, ends, launch
+from tpd.exact.arc import Arc, ending, ends, held_on_base, launch
+from tpd.exact.contact import REST, SLIP, STICK, Mode, transversality_of
 from tpd.exact.modes import Plant, Rates
+from tpd.exact.signal import Growth, Instant, Signal
 from tpd.exact.trigonometry import kept, turn
 
 _NEAR = 1e-8
@@ -58,7 +60,7 @@ class Motion(eqx.Module):
     """Whether the tilt has grown beyond return."""
     held: Bool[Array, ""]
     """Whether the block was stuck or at rest for a while."""
-    gentlest: Number
+    transversality: Number
     """The least rate at which the block's turns and free crossings were met, over xi^2 nu or xi nu."""
 
 
@@ -95,7 +97,7 @@ def advance(
     motion: Motion,
     horizon: Number,
     *,
-    quiet: Number,
+    capture_speed: Number,
     max_steps: int | Int[Array, ""],
     watch_bob: bool = False,
 ) -> tuple[Motion, State]:
@@ -108,7 +110,7 @@ def advance(
         return ~arrived(m, horizon) & (m.steps < max_steps) & ~m.lost
 
     def step(m: Motion) -> Motion:
-        return leap(plant, m, horizon, quiet=quiet, watch_bob=watch_bob)
+        return leap(plant, m, horizon, capture_speed=capture_speed, watch_bob=watch_bob)
 
     motion = jax.lax.while_loop(going, step, motion)
     y = jnp.stack(state_at(motion, horizon))
@@ -147,7 +149,7 @@ def _watched(signal: Signal, rates: Rates) -> _Watched:
     return _Watched(*orders)
 
 
-def leap(plant: Plant, m: Motion, horizon: Number, *, quiet: Number, watch_bob: bool) -> Motion:
+def leap(plant: Plant, m: Motion, horizon: Number, *, capture_speed: Number, watch_bob: bool) -> Motion:
     """A few safe steps, and the event they have reached, if any."""
     fixed = stop_gradient(horizon)
     limit = stop_gradient(plant.linear.beyond_return)
@@ -189,7 +191,7 @@ def leap(plant: Plant, m: Motion, horizon: Number, *, quiet: Number, watch_bob: 
     local = jax.lax.fori_loop(0, 2, nearer, local)
     moved = eqx.tree_at(lambda n: n.local, m, local)
     now = m.arc.at(local)
-    after = _meet(plant, moved, signals, now, which, quiet)
+    after = _meet(plant, moved, signals, now, which, capture_speed)
     after = jax.tree.map(lambda a, b: jnp.where(met, a, b), after, moved)
     tilt = jnp.abs(stop_gradient(m.arc.tilt.at(now)))
     return eqx.tree_at(lambda n: (n.steps, n.lost), after, (m.steps + 1, ~(tilt < limit)))
@@ -260,7 +262,12 @@ def _late(arc: Arc, signals: Sequence[Signal], now: Instant, which: Int[Array, "
 
 
 def _meet(
-    plant: Plant, m: Motion, signals: tuple[Signal, ...], now: Instant, which: Int[Array, ""], quiet: Number
+    plant: Plant,
+    m: Motion,
+    signals: tuple[Signal, ...],
+    now: Instant,
+    which: Int[Array, ""],
+    capture_speed: Number,
 ) -> Motion:
     """The motion just after the event it has arrived at."""
     late = kept(_late(m.arc, signals, now, which))
@@ -269,7 +276,7 @@ def _meet(
     elapsed = m.local + late
     phase = m.arc.phase + plant.linear.xi * elapsed
     growth = None if m.arc.growth is None else m.arc.growth.after(elapsed)
-    mode, after = ends(plant, m.mode, y, m.arc.shaken(turn(phase).sine, elapsed), which, quiet)
+    mode, after = ends(plant, m.mode, y, m.arc.shaken(turn(phase).sine, elapsed), which, capture_speed)
     bob_turned = which == 2
     mode, after = jax.tree.map(lambda a, b: jnp.where(bob_turned, a, b), (m.mode, y), (mode, after))
     after = jax.tree.map(kept, after)
@@ -286,22 +293,19 @@ def _meet(
         m.steps,
         m.lost,
         m.held | (mode.kind != SLIP),
-        jnp.minimum(m.gentlest, _gentleness(plant, m, now, which, mode)),
+        jnp.minimum(m.transversality, _transversality(plant, m, now, which, mode)),
     )
 
 
-def _gentleness(plant: Plant, m: Motion, now: Instant, which: Int[Array, ""], after: Mode) -> Number:
-    """How transversally the block turns, or crosses its base without being held there, over what is
-    usual; hops of a rattle do not count."""
+def _transversality(plant: Plant, m: Motion, now: Instant, which: Int[Array, ""], after: Mode) -> Number:
+    """See `contact.transversality_of`."""
     linear, slope = plant.linear, m.arc.tilt.rate(m.arc.rates)
     usual = linear.xi * linear.weight
-    turn_slope = jnp.abs(slope.rate(m.arc.rates).at(now)) / (linear.xi * usual)
+    bend = jnp.where(which == 0, slope.rate(m.arc.rates).at(now), jnp.inf)
+    speed = jnp.where(which == 1, slope.at(now), jnp.inf)
     still = (jnp.zeros_like(m.local), m.arc.bob.at(now), m.local, m.arc.bob.rate(m.arc.rates).at(now))
-    moment = jnp.abs(linear.holding_moment(still, m.arc.shaken(now.forcing.sine, now.time)))
-    free = moment > linear.weight + linear.friction
-    crossing_slope = jnp.where(free, jnp.abs(slope.at(now)) / usual, jnp.inf)
-    met = jnp.where(which == 0, turn_slope, jnp.where(which == 1, crossing_slope, jnp.inf))
-    return stop_gradient(jnp.where((m.mode.kind == SLIP) & (after.kind == SLIP), met, jnp.inf))
+    free = ~held_on_base(plant, still, m.arc.shaken(now.forcing.sine, now.time))
+    return transversality_of(m.mode, after, bend, speed, free, (linear.xi * usual, usual))
 
 
 def settled_at_rest(plant: Plant, m: Motion) -> tuple[Bool[Array, ""], Number]:

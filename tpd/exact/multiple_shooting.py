@@ -22,8 +22,10 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.core.parameters import Number, State
-from tpd.exact.arc import REST, SLIP, Arc, Mode, Signal, ending, launch
+from tpd.exact.arc import Arc, ending, launch
+from tpd.exact.contact import REST, SLIP, Mode, captured_restitution, impact_jump
 from tpd.exact.modes import Plant
+from tpd.exact.signal import Signal
 
 TURN, LANDING, RELEASE = 0, 1, 2
 SAMPLES = 48
@@ -71,10 +73,10 @@ def state_on(arc: Arc, t: Number) -> State:
 
 def arrive(plant: Plant, leg: Leg, y: State) -> State:
     """The state after the event that a leg ends with."""
-    e = jnp.where(leg.onward == REST, 0.0, plant.restitution)
-    kick = (2.0 / plant.length_ratio) * (e - 1.0) * y[2]
+    e = captured_restitution(plant.restitution, leg.onward == REST)
+    block, bob = impact_jump((e - 1.0) * y[2], plant.length_ratio)
     turned = y.at[2].set(0.0)
-    landed = jnp.stack([jnp.zeros_like(y[0]), y[1], e * y[2], y[3] + kick])
+    landed = jnp.stack([jnp.zeros_like(y[0]), y[1], y[2] + block, y[3] + bob])
     return jnp.where(leg.ending == LANDING, landed, turned)
 
 

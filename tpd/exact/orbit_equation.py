@@ -21,6 +21,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from tpd.core.parameters import Number
+from tpd.exact.contact import impact_jump
 from tpd.exact.modes import Plant
 from tpd.exact.propagator import Factor, Functional, components, exponential, identity
 from tpd.exact.trigonometry import Turn, turn
@@ -50,7 +51,7 @@ class Half(eqx.Module):
         closing = self.whole.plus(identity(self.span)).inverse(rates)
         zero, one = jnp.zeros_like(self.span), jnp.ones_like(self.span)
         unit = components(plant, jnp.stack([one, zero, zero, zero]))
-        kick = components(plant, jnp.stack([zero, zero, one, 2.0 / plant.length_ratio]))
+        kick = components(plant, jnp.stack([zero, zero, *impact_jump(one, plant.length_ratio)]))
         self.unit = tuple(x.after(closing, rates) for x in unit)
         self.kick = tuple(x.after(closing, rates) for x in kick)
 

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from typing import Any
 
 import equinox as eqx
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from tpd.core.parameters import Number, Parameters, State
 from tpd.core.status import Status
@@ -42,11 +42,13 @@ class Cycle(eqx.Module):
     stroke: Number
     memory: Any
     """As `Settled.memory`, at the end."""
-    gentlest: Number
-    """How transversally the motion met its events, at worst: at zero it grazed one. Infinite where a
-    model has none."""
-    lean: Number
-    """How much farther the block tilts to one side than to the other, over the amplitude."""
+    transversality: Number
+    """Least rate at which the motion met an event, over the usual rate: 0 if it grazed one, infinite for a
+    model without events."""
+    asymmetry: Number
+    """Difference between the largest tilts to either side, over the amplitude."""
+    closed: Bool[Array, ""]
+    """Whether the discrete mode at the end is that at the beginning; true for a model without modes."""
 
 
 class AbstractChoice(eqx.Module):

@@ -13,7 +13,8 @@ from jaxtyping import Array, Bool, Float, Int
 from tpd.core import checks
 from tpd.core.parameters import Number, Parameters, State
 from tpd.core.status import Status
-from tpd.exact.arc import REST, STICK, Growth, Mode, classify
+from tpd.exact.arc import classify
+from tpd.exact.contact import REST, STICK, Mode
 from tpd.exact.flow import (
     Motion,
     advance,
@@ -26,6 +27,7 @@ from tpd.exact.flow import (
     state_at,
 )
 from tpd.exact.modes import Plant
+from tpd.exact.signal import Growth
 from tpd.exact.trigonometry import kept
 from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.clock import split, through
@@ -118,7 +120,7 @@ class Piecewise(AbstractModel):
         return jnp.zeros_like(jnp.asarray(p.nu))
 
     def _settings(self, p: Parameters) -> dict:
-        return {"quiet": self.rest_rate * p.nu, "max_steps": self.max_events}
+        return {"capture_speed": self.rest_rate * p.nu, "max_steps": self.max_events}
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Follow the motion from `y0` at tau = 0 until it repeats or rests for good."""
@@ -169,7 +171,7 @@ class Piecewise(AbstractModel):
 
             def onward(carry: tuple[Motion, Int[Array, ""]]) -> tuple[Motion, Int[Array, ""]]:
                 m, leaps = carry
-                return leap(full, m, horizon, watch_bob=True, quiet=self.rest_rate * p.nu), leaps + 1
+                return leap(full, m, horizon, watch_bob=True, capture_speed=self.rest_rate * p.nu), leaps + 1
 
             m = jax.lax.while_loop(short, onward, (lane.motion, jnp.zeros((), int)))[0]
             over = m.lost | (m.steps >= self.max_events)
@@ -205,10 +207,10 @@ class Piecewise(AbstractModel):
         growth = Growth(jnp.ones_like(at), jnp.zeros_like(at))
         again = start(full, m.mode, now, p.xi * at, growth)
         sizes = [jnp.maximum(getattr(again, n), getattr(m, n)) for n in ("up", "down", "stroke")]
-        so_far = (at, *sizes, m.steps, m.held, m.bob_sign, m.gentlest)
+        so_far = (at, *sizes, m.steps, m.held, m.bob_sign, m.transversality)
 
         def changed(n: Motion) -> tuple:
-            return n.begun, n.up, n.down, n.stroke, n.steps, n.held, n.bob_sign, n.gentlest
+            return n.begun, n.up, n.down, n.stroke, n.steps, n.held, n.bob_sign, n.transversality
 
         return eqx.tree_at(changed, again, so_far)
 
@@ -248,19 +250,19 @@ class Piecewise(AbstractModel):
         plant, phase, zero = Plant(p), jnp.zeros_like(p.xi), jnp.zeros_like(y[0])
 
         def one_period(_: Array, carry: tuple) -> tuple:
-            y, mode, sizes, gentlest = carry
+            y, mode, sizes, transversality = carry
             m, y = advance(plant, start(plant, mode, y, phase), p.period, watch_bob=True, **self._settings(p))
             # What ended before its period, for want of steps, is no orbit, though it may end where it began.
             y = jnp.where(m.steps < self.max_events, y, jnp.nan)
             now = (m.up, m.down, m.stroke)
             sizes = tuple(jnp.maximum(a, b) for a, b in zip(sizes, now, strict=True))
-            return y, m.mode, sizes, jnp.minimum(gentlest, m.gentlest)
+            return y, m.mode, sizes, jnp.minimum(transversality, m.transversality)
 
         first = (y, settled.memory, (zero, zero, zero), jnp.full_like(zero, jnp.inf))
-        y, mode, (up, down, stroke), gentlest = jax.lax.fori_loop(0, settled.periods, one_period, first)
+        y, mode, (up, down, stroke), transversality = jax.lax.fori_loop(0, settled.periods, one_period, first)
         amplitude = jnp.maximum(up, down)
-        lean = stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
-        return Cycle(y, amplitude, stroke, mode, gentlest, lean)
+        asymmetry = stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
+        return Cycle(y, amplitude, stroke, mode, transversality, asymmetry, mode.equals(settled.memory))
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]

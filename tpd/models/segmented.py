@@ -21,7 +21,17 @@ from tpd.core import checks
 from tpd.core.equations import Equations, Terms
 from tpd.core.parameters import Number, Parameters, State
 from tpd.core.status import Status
-from tpd.exact.arc import REST, SLIP, STICK, Mode
+from tpd.exact.contact import (
+    REST,
+    SLIP,
+    STICK,
+    Mode,
+    captured_restitution,
+    decide,
+    impact_jump,
+    released,
+    transversality_of,
+)
 from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.clock import split, through
 from tpd.models.settling import Period, settle
@@ -56,7 +66,7 @@ class _Run(NamedTuple):
     segments: Int[Array, ""]
     lost: Bool[Array, ""]
     held: Bool[Array, ""]
-    gentlest: Number
+    transversality: Number
     """See `Cycle`."""
 
 
@@ -129,19 +139,19 @@ class Segmented(AbstractModel):
         equations, zero = Equations(p, self.terms), jnp.zeros_like(y[0])
 
         def one_period(_: Array, carry: tuple) -> tuple:
-            y, mode, sizes, gentlest = carry
+            y, mode, sizes, transversality = carry
             run = _begin(equations, y, mode, jnp.zeros_like(p.xi))
             r = self._advance(equations, run, p.period, precise=True)
             sizes = jnp.maximum(sizes, jnp.stack([r.up, r.down, r.stroke]))
             # Cut short, the motion stands where it stood: that is not to pass for an orbit.
             end = jnp.where(r.segments < self.max_events, r.y, jnp.nan)
-            return end, r.mode, sizes, jnp.minimum(gentlest, r.gentlest)
+            return end, r.mode, sizes, jnp.minimum(transversality, r.transversality)
 
         first = (y, settled.memory, jnp.stack([zero, zero, zero]), jnp.full_like(zero, jnp.inf))
-        y, mode, (up, down, stroke), gentlest = jax.lax.fori_loop(0, settled.periods, one_period, first)
+        y, mode, (up, down, stroke), transversality = jax.lax.fori_loop(0, settled.periods, one_period, first)
         amplitude = jnp.maximum(up, down)
-        lean = stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
-        return Cycle(y, amplitude, stroke, mode, gentlest, lean)
+        asymmetry = stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
+        return Cycle(y, amplitude, stroke, mode, transversality, asymmetry, mode.equals(settled.memory))
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]
@@ -243,8 +253,8 @@ def _begin(equations: Equations, y: State, mode: Mode, time: Number) -> _Run:
     way = jnp.where(stop_gradient(jnp.where(jnp.abs(y[3]) > 1e-12, y[3], ahead)) < 0.0, -1.0, 1.0)
     none, zero = jnp.zeros((), bool), jnp.zeros_like(y[0])
     sizes = jnp.maximum(y[0], zero), jnp.maximum(-y[0], zero), jnp.abs(y[1])
-    gentlest = jnp.full_like(zero, jnp.inf)
-    return _Run(time, y, mode, way, *sizes, jnp.zeros((), int), none, mode.kind != SLIP, gentlest)
+    transversality = jnp.full_like(zero, jnp.inf)
+    return _Run(time, y, mode, way, *sizes, jnp.zeros((), int), none, mode.kind != SLIP, transversality)
 
 
 def _hurried(equations: Equations, r: _Run, end: Number) -> _Run:
@@ -264,14 +274,14 @@ def _classify(equations: Equations, y: State, time: Number) -> Mode:
 
 def _decide(equations: Equations, y: State, tilt: Number, rate: Number, sine: Number) -> Mode:
     """The mode of a state of which the signs of phi and phi' are known, zero included."""
-    k = equations.p.k
-    up, low = (equations.excess(y, jnp.where(tilt == 0, s, tilt), sine) for s in (1.0, -1.0))
-    lifts = jnp.where(up > k, 1.0, jnp.where(low < -k, -1.0, 0.0))
-    goes = jnp.where(rate != 0, rate, lifts)
-    held = jnp.where(tilt != 0, STICK, REST)
-    kind = jnp.where(goes != 0, SLIP, held)
-    # On the base the block tilts to where it goes.
-    return Mode(kind, stop_gradient(jnp.where(tilt != 0, tilt, goes)), stop_gradient(goes))
+    up, down = (equations.excess(y, jnp.where(tilt == 0, s, tilt), sine) for s in (1.0, -1.0))
+    return decide(up, down, equations.linear.friction, tilt, rate)
+
+
+def _held_on_base(equations: Equations, y: State, sine: Number) -> Bool[Array, ""]:
+    """Whether weight and friction would hold the block at phi = 0 if it did not move."""
+    zero = jnp.zeros_like(y[0])
+    return _decide(equations, y.at[0].set(0.0).at[2].set(0.0), zero, zero, sine).kind == REST
 
 
 def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: float) -> _Run:
@@ -280,18 +290,15 @@ def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: floa
     sine, slips = jnp.sin(p.xi * time), r.mode.kind == SLIP
     landed, turned, bob = (slips & (which == i) for i in (_LANDING, _TURN, _BOB))
     bob = bob | (~slips & (which == _BOB))
-    at_rest = y.at[0].set(0.0).at[2].set(0.0)
-    stays = _decide(equations, at_rest, jnp.zeros(()), jnp.zeros(()), sine).kind == REST
-    kept = jnp.where(stays & (p.e * jnp.abs(y[2]) <= rest_rate * p.nu), 0.0, p.e)
-    after = y.at[0].set(0.0).at[2].set(kept * y[2])
-    after = after.at[3].add((p.e - 1.0) * y[2] * equations.kick(y))
+    rests = _held_on_base(equations, y, sine) & (p.e * jnp.abs(y[2]) <= rest_rate * p.nu)
+    change = (captured_restitution(p.e, rests) - 1.0) * y[2]
+    jump = impact_jump(change, p.lam, equations.rod_cosine(y))
+    after = y.at[0].set(0.0).at[2].add(jump[0]).at[3].add(jump[1])
     y = jnp.where(landed, after, jnp.where(turned, y.at[2].set(0.0), jnp.where(bob, y.at[3].set(0.0), y)))
     tilt = jnp.where(landed | (r.mode.kind == REST), 0.0, r.mode.tilt_sign)
     onward = _decide(equations, y, tilt, jnp.where(landed, jnp.sign(y[2]), 0.0), sine)
-    # Friction at its limit lets go to the side that ended the hold, whatever rounding says.
-    side = jnp.where(which == 0, 1.0, -1.0)
-    released = Mode(jnp.full_like(onward.kind, SLIP), jnp.where(tilt == 0, side, tilt), side)
-    mode = jax.tree.map(lambda a, b: jnp.where(slips, a, b), onward, released)
+    freed = released(r.mode, jnp.where(which == 0, 1.0, -1.0))
+    mode = jax.tree.map(lambda a, b: jnp.where(slips, a, b), onward, freed)
     mode = jax.tree.map(lambda a, b: jnp.where(bob | (which == _LOST), a, b), r.mode, mode)
     flipped = bob | (landed & (y[3] * r.way < 0))
     return r._replace(
@@ -304,24 +311,22 @@ def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: floa
         stroke=jnp.maximum(r.stroke, jnp.abs(y[1])),
         lost=r.lost | (which == _LOST),
         held=r.held | (mode.kind != SLIP),
-        gentlest=jnp.minimum(r.gentlest, _gentleness(equations, r, before, which, mode, sine)),
+        transversality=jnp.minimum(
+            r.transversality, _transversality(equations, r, before, which, mode, sine)
+        ),
     )
 
 
-def _gentleness(
+def _transversality(
     equations: Equations, r: _Run, y: State, which: Int[Array, ""], after: Mode, sine: Number
 ) -> Number:
-    """How transversally the block turns, or crosses its base without being held there, over what is
-    usual; as in the exact solution, hops of a rattle do not count."""
-    usual = equations.p.xi * equations.linear.weight
+    """See `contact.transversality_of`."""
+    xi = equations.p.xi
+    usual = xi * equations.linear.weight
     bend = equations.rates(y, r.mode.tilt_sign, r.mode.rate_sign, sine)[2]
-    still = y.at[0].set(0.0).at[2].set(0.0)
-    up, low = (equations.excess(still, s, sine) for s in (1.0, -1.0))
-    free = (up > equations.linear.friction) | (low < -equations.linear.friction)
-    turn = jnp.abs(bend) / (equations.p.xi * usual)
-    crossing = jnp.where(free, jnp.abs(y[2]) / usual, jnp.inf)
-    met = jnp.where(which == _TURN, turn, jnp.where(which == _LANDING, crossing, jnp.inf))
-    return stop_gradient(jnp.where((r.mode.kind == SLIP) & (after.kind == SLIP), met, jnp.inf))
+    turn, crossing = jnp.where(which == _TURN, bend, jnp.inf), jnp.where(which == _LANDING, y[2], jnp.inf)
+    free = ~_held_on_base(equations, y, sine)
+    return transversality_of(r.mode, after, turn, crossing, free, (xi * usual, usual))
 
 
 def _stays(p: Parameters, r: _Run, before: State) -> Bool[Array, ""]:

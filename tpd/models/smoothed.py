@@ -125,8 +125,9 @@ class Smoothed(AbstractModel):
 
         first = (y, jnp.zeros(2), jnp.zeros(2))
         y, sizes, sides = jax.lax.fori_loop(0, settled.periods, one_period, first)
-        lean = jnp.abs(sides[0] - sides[1]) / jnp.max(sides)
-        return Cycle(y, sizes[0], sizes[1], None, jnp.full_like(lean, jnp.inf), lean)
+        asymmetry = jnp.abs(sides[0] - sides[1]) / jnp.max(sides)
+        never, closed = jnp.full_like(asymmetry, jnp.inf), jnp.ones((), bool)
+        return Cycle(y, sizes[0], sizes[1], None, never, asymmetry, closed)
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]
