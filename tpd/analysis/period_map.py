@@ -86,6 +86,7 @@ def refine(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[Orbit
         orbit, memory = along(w.y, w.memory)
         sizes = jnp.where(repeats, orbit.sizes, jnp.maximum(orbit.sizes, w.best.sizes))
         orbit = eqx.tree_at(lambda o: o.sizes, orbit, sizes)
+        # y* = P(y*): Newton's step solves (I - DP) dy = P(y) - y.
         move = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], orbit.end - w.y)
         better = orbit.error < w.best.error
         best = jax.tree.map(lambda a, b: jnp.where(better | ~repeats, a, b), orbit, w.best)
@@ -153,6 +154,10 @@ def multipliers(p: Parameters, jacobian: Float[Array, "4 4"]) -> tuple[Number, N
 def implicit(orbit: Orbit) -> tuple[Float[Array, "2"], Float[Array, "6 n"]]:
     """(amplitude, stroke) after one more Newton step, and the derivatives of (amplitude, stroke, state)
     with the orbit following its parameters."""
+    # y*(p) = P(y*(p), p), hence dy*/dp = (I - DP)^-1 dP/dp, however long the transient was; amplitude and
+    # stroke are functions of (y*, p) along the period. The residual is one more right-hand side, so that the
+    # sizes gain the last Newton step for nothing. I - DP is singular at a fold: the caller refuses slopes
+    # there.
     right = jnp.concatenate([(orbit.end - orbit.y)[:, None], orbit.by_parameter[:4]], axis=1)
     follow = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], right)
     moves = orbit.by_state[4:] @ follow

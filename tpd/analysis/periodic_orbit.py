@@ -79,7 +79,7 @@ class Sequence(eqx.Module):
 
 
 class CycleMargins(eqx.Module):
-    """What is left until an orbit is lost, as functions that vanish where it happens. Their derivatives
+    """Distances from the loss of an orbit, as functions that vanish where it happens. Their derivatives
     are NaN."""
 
     fold: Float[Array, "*batch"]
@@ -180,7 +180,7 @@ def continue_orbit(p: Parameters, orbit: PeriodicOrbit) -> PeriodicOrbit:
 
 
 class _Start(eqx.Module):
-    """What Newton's method starts from."""
+    """Sequence and guess that Newton's method starts from."""
 
     legs: Leg
     guess: Cycle
@@ -284,7 +284,7 @@ def _differentiable(
 def _inspect(
     p: Parameters, plant: Plant, legs: Leg, cycle: Cycle, blocks: Blocks
 ) -> tuple[Survey, Array, CycleMargins]:
-    """What the orbit meets, its multipliers and its margins."""
+    """Extremes, multipliers and margins of the orbit."""
     phases = cycle.phases(plant.linear.xi)
     met = jax.vmap(survey, (None, 0, 0, 0, 0))(plant, legs, cycle.states, phases, cycle.durations)
     multipliers, fold = _stability(p, monodromy(plant, legs, cycle, blocks))

@@ -66,7 +66,7 @@ class Steady(eqx.Module):
     elapsed: Int[Array, "..."]
     """Forcing periods followed before the repetition was recognised."""
     estimate: Number = math.nan
-    """Of a model that `Auto` chose: estimated relative error of the amplitude."""
+    """Estimated relative error of the amplitude, if `Auto` chose the model."""
     rung: str = eqx.field(static=True, default="")
     """The model that `Auto` chose."""
     reason: str = eqx.field(static=True, default="")
@@ -224,8 +224,8 @@ def _solved(p: Parameters, model: AbstractModel, y0: State) -> tuple[Steady, Flo
 
 
 def answered(fixed: Parameters, model: AbstractModel, settled: Settled) -> tuple[Steady, Float[Array, "6 n"]]:
-    """What is said of a motion that has been followed, and the slopes of amplitude, stroke and state in the
-    leaves of `fixed`: NaN where there are none."""
+    """The steady state of a motion that has been followed, and the slopes of amplitude, stroke and state in
+    the leaves of `fixed`: NaN where there are none."""
     orbit, separation = refine(fixed, model, settled)
     multiplier, to_fold = multipliers(fixed, orbit.by_state[:4])
     neutral = is_neutral(fixed, multiplier)

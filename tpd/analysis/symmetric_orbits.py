@@ -31,7 +31,7 @@ from tpd.exact.symmetric_orbit import Orbit, half_map, instant, orbit_of, state_
 
 
 class Margins(eqx.Module):
-    """What is left until an orbit is lost, as functions that vanish where it happens; leading axis the
+    """Distances from the loss of an orbit, as functions that vanish where it happens; leading axis the
     orbits. `fold`, `symmetry` and `torus` are differentiable as the amplitude is; the derivatives of the
     other two are NaN (`tpd.bifurcations` has those of the place where they vanish). An attracting orbit
     keeps attracting for as long as none of the five vanishes."""
@@ -129,7 +129,7 @@ class _Margins(NamedTuple):
 
 
 class _Described(NamedTuple):
-    """What is said of an orbit, if there is one."""
+    """Description of an orbit, before its status is known."""
 
     amplitude: Number
     stroke: Number
@@ -193,6 +193,6 @@ def _stability(p: Parameters, half: Half, orbit: Orbit) -> tuple[Array, tuple[Nu
 
 
 def _friction_pull(half: Half) -> Number:
-    """What friction adds to phi'' while the tilt falls."""
+    """Contribution of friction to phi'' while the tilt falls."""
     linear = half.plant.linear
     return linear.friction * linear.m22 / linear.determinant

@@ -183,12 +183,12 @@ def _merge(new: jax.Array, fresh: Any, old: Any) -> Any:
 
 
 def _sizes(n: int) -> tuple[int, ...]:
-    """Of the batches in which n motions are followed, the first first."""
+    """Sizes of the batches in which n motions are followed, in order."""
     return LANES if n > _FEW * LANES[-1] else LANES[-1:]
 
 
 class _Code:
-    """What is compiled for a model, for either size."""
+    """Compiled functions of a model, for either size."""
 
     def __init__(self, model: Piecewise) -> None:
         def lane(p: Parameters, *start: Any) -> Lane:

@@ -34,7 +34,7 @@ Newton step, whose error is of its square, then does the rest."""
 _STRAIGHT = 1e-3
 """A signal that bends less than this share on its way to zero is left to Newton's method."""
 _REACHED = 1e-15
-"""What is left of the horizon below this share of it is rounding."""
+"""Share of the horizon below which a remaining time is rounding."""
 _INNER = 3
 """Safe steps taken before an event is looked at."""
 
@@ -52,7 +52,7 @@ class Motion(eqx.Module):
     up: Number
     """Largest phi met at a turning point, not below zero."""
     down: Number
-    """The same of -phi."""
+    """Largest -phi met at a turning point, not below zero."""
     stroke: Number
     """Largest |psi| met at a turning point of the bob."""
     steps: Int[Array, ""]
@@ -174,7 +174,8 @@ def leap(plant: Plant, m: Motion, horizon: Number, *, capture_speed: Number, wat
             next_best = jnp.where(sooner, shortest, jnp.minimum(safe, next_best))
             shortest, first = jnp.where(sooner, safe, shortest), jnp.where(sooner, i, first)
             close = jnp.where(sooner, root, close)
-        # Newton's method from here: the root it finds comes before anything else can happen.
+        # Newton's method from here: the root it finds comes before anything else can happen. `next_best` is
+        # the shortest safe step of the other signals, so that no event of theirs can come first.
         alone = (close < left) & (1.01 * close < next_best)
         met_now = ((shortest < _NEAR * fixed) | alone) & ~fresh & (first >= 0)
         onward = jnp.minimum(jnp.maximum(shortest, jnp.where(fresh, 1e-10 * fixed, 0.0)), left)
@@ -184,6 +185,9 @@ def leap(plant: Plant, m: Motion, horizon: Number, *, capture_speed: Number, wat
     none = (m.local, jnp.zeros((), bool), jnp.zeros((), int))
     local, met, which = jax.lax.fori_loop(0, _INNER, step, none)
 
+    # Two Newton steps take what is left to rounding; they run without derivatives. The derivative of the
+    # event's time comes from one more step in `_meet`, which leaves the value alone: implicit function
+    # theorem.
     def nearer(_: Array, local: Number) -> Number:
         late = _late(arc, [w.value for w in watched], arc.at(local), which)
         return jnp.where(met, local + late, local)
@@ -212,6 +216,13 @@ def _safe_step(
     """A step within which a signal cannot vanish (at most `window`), and how far its root is if
     Newton's method is sure to find it from here (else infinite). An arc just `born` of an event
     begins inside: what rounding says to the contrary is noise."""
+    # On the window d the third derivative of the signal is at least -b3: each part of it (the growing and the
+    # decaying exponential, the pair's swing with its invariant amplitude, the harmonic) is bounded by its
+    # amplitude there. Taylor's formula then gives g(t) >= g0 + g1 t + g2 t^2/2 - b3 t^3/6, and because t <= d
+    # the cubic term is at least -(b3 d/3) t^2/2: a parabola that lies below the signal. Up to the parabola's
+    # first root the signal is positive, so that no event can be passed, whatever the signal does later. A
+    # long window has a weak bound and a short one ends early: three windows are tried, and the longest step
+    # wins. Close to a simple root d shrinks with the distance, and so does the error: quadratic convergence.
     value, g1, g2 = kept(w.value.at(now)), kept(w.first.at(now)), kept(w.second.at(now))
     g0 = jnp.maximum(value, 0.0)
     g1 = jnp.where(born & (value < 1e-12), jnp.maximum(g1, 0.0), g1)
@@ -240,6 +251,7 @@ def _safe_step(
 
 def _first_root(g0: Number, g1: Number, m: Number, longest: Number) -> Number:
     """The first positive root of g0 + g1 t + m t^2/2 with g0 >= 0, at most `longest`."""
+    # The form 2 g0/(root - g1) has no cancellation for g1 < 0, and (g1 + root)/(-m) none for g1 > 0.
     discriminant = g1**2 - 2.0 * m * g0
     root = jnp.sqrt(jnp.maximum(discriminant, 0.0))
     falling = g1 <= 0.0
@@ -270,6 +282,8 @@ def _meet(
     capture_speed: Number,
 ) -> Motion:
     """The motion just after the event it has arrived at."""
+    # The value of `late` is rounding. Its derivative -dg/g' is that of the event's time, and through the
+    # state and the phase after the event it becomes the saltation matrix: no event needs a rule of its own.
     late = kept(_late(m.arc, signals, now, which))
     y = jax.tree.map(kept, m.arc.state(now, late))
     time = m.begun + m.local + late
@@ -317,8 +331,8 @@ def settled_at_rest(plant: Plant, m: Motion) -> tuple[Bool[Array, ""], Number]:
 
 
 def held_at_rest(plant: Plant, m: Motion) -> tuple[Number, Number]:
-    """Of a block at rest: the share of what weight and friction hold that the bob's decaying and steady
-    swing at their largest leave over, and how far they reach (rad)."""
+    """Reserve of a block at rest, and the bob's reach (rad). The reserve is the share of what weight and
+    friction hold that the bob's decaying and steady swing leave over at their largest."""
     moment, reach = _moment_of_bob(plant, m)
     return 1.0 - moment / (plant.linear.weight + plant.linear.friction), reach
 

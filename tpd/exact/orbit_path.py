@@ -36,13 +36,13 @@ class Peak(NamedTuple):
 
     size: Number
     share: Number
-    """Of its arc's duration until then."""
+    """Share of its arc's duration at which it is met."""
     late: Bool[Array, ""]
     """Whether it is on the second arc."""
 
 
 class Path(NamedTuple):
-    """What an orbit meets on its way from turn to turn."""
+    """Extremes that an orbit meets on its way from turn to turn."""
 
     highest_rate: Number
     """Largest phi' between the turns: the orbit is none unless negative."""
@@ -57,7 +57,7 @@ class Path(NamedTuple):
 
 
 class _Seen(NamedTuple):
-    """What the samples of a path have shown so far."""
+    """Extremes that the samples of a path have shown so far."""
 
     highest: Number
     dent: Peak
@@ -111,7 +111,7 @@ class _Samples:
         return self.tilt.at(rate), self.tilt.at(rate.rate(self.rates)), self.bob.at(now), self.bob.at(rate)
 
     def follow(self, start: Instant, look: tuple, seen: _Seen) -> tuple[Instant, tuple, _Seen]:
-        """The end of the arc, the look there, and what all samples have shown; `look` is that at the start."""
+        """The end of the arc, the look there, and the extremes so far; `look` is the one at `start`."""
         return jax.lax.fori_loop(0, self.nodes, self._step, (start, look, seen))
 
     def _step(self, i: Array, carry: tuple) -> tuple:

@@ -48,8 +48,8 @@ def fall(half: Half, orbit: Orbit, s: Number) -> tuple[Number, Number]:
 
 
 class Survey(NamedTuple):
-    """What a solution (t, gamma) of the conditions meets between its turns; that it is an orbit asks for
-    height > 0 and all the others < 0."""
+    """Extremes of a solution (t, gamma) of the conditions between its turns. It is an orbit if height > 0 and
+    all the others are < 0."""
 
     height: Number
     """phi at the turn."""
@@ -79,6 +79,8 @@ def _merging(half: Half, root: Root) -> Number:
         c = conditions(half, at)
         return c.turning.at(phase), c.crossing.at(phase)
 
+    # Two orbits merge where this vanishes. In terms of (t, gamma) it is smooth through the fold, while the
+    # multipliers themselves have a square root there.
     quarter = Turn(-phase.sine, phase.cosine)
     a, c = jax.jvp(lambda at: values(at, phase), (at,), (per_time(half, at),))[1]
     b, d = jax.jvp(lambda phase: values(at, phase), (phase,), (quarter,))[1]

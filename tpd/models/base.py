@@ -1,4 +1,4 @@
-"""What a model must offer; `steady_state` and `simulate` do the rest for every model alike."""
+"""The interface of a model; `steady_state` and `simulate` do the rest for every model alike."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Settled(eqx.Module):
     y: State
     """State at tau = 0 modulo the forcing period."""
     memory: Any
-    """What else the model needs to go on from there (the exact model: its discrete mode)."""
+    """Anything else that the model needs to go on from there (the exact model: its discrete mode)."""
     periods: Int[Array, ""]
     """Forcing periods in one period of the motion."""
     amplitude: Number

@@ -165,6 +165,8 @@ class Piecewise(AbstractModel):
             lane, count = carry
             horizon, knee = _next_stop(p, lane)
 
+            # A look at the end of a period computes its summary, in a batch also for motions that are not
+            # there yet: a few leaps share one.
             def short(carry: tuple[Motion, Int[Array, ""]]) -> Bool[Array, ""]:
                 m, leaps = carry
                 return ~arrived(m, horizon) & ~m.lost & (leaps < _LEAPS)
@@ -235,6 +237,11 @@ class Piecewise(AbstractModel):
         """Whether friction holds the block all but on its base, under a bob that cannot lift it from there.
         Where friction outweighs the block, it stops and holds each hop: there are a few in each period, each
         smaller than the last, and no number of them ends in rest."""
+        # A rattle with e < 1 comes to rest within finite time, and each impact below `rest_rate` is captured
+        # at once. Hops under strong friction lack that limit: friction holds the block a little above its
+        # base until the moment has turned, so that one hop takes a good part of a period. Below the tolerance
+        # of a repetition they change nothing any more, and the block counts as at rest if the bob cannot lift
+        # it from its base.
         low = (m.mode.kind == STICK) & (peak < self.tolerance * p.nu)
         dissipates = (p.k > 0.0) | (p.e < 1.0)
         return low & dissipates & (held_at_rest(plant, m)[0] > 0.0)

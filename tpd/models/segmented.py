@@ -87,7 +87,7 @@ class Segmented(AbstractModel):
     rtol: float = eqx.field(default=1e-7, static=True, kw_only=True)
     """Relative tolerance of transients and trajectories; absolute is a hundredth of it."""
     cycle_rtol: float = eqx.field(default=1e-11, static=True, kw_only=True)
-    """The same for the settled period, whose derivatives are used."""
+    """Relative tolerance of the settled period, whose derivatives are used."""
     tolerance: float = eqx.field(default=1e-5, static=True, kw_only=True)
     """Repetition error at which following ends and Newton's method takes over."""
     rest_rate: float = eqx.field(default=1e-4, static=True, kw_only=True)
@@ -233,7 +233,7 @@ class Segmented(AbstractModel):
 
 
 def _signals(equations: Equations, r: _Run, tau: Number, y: State) -> Float[Array, "4"]:
-    """What stays positive until the next event, in sizes that compare."""
+    """Signals that stay positive until the next event, in sizes that compare."""
     p, linear = equations.p, equations.linear
     sine = jnp.sin(p.xi * tau)
     slip = jnp.stack([r.mode.tilt_sign * y[0], r.mode.rate_sign * y[2] / p.xi]) / p.nu

@@ -18,7 +18,7 @@ LONGEST = 8
 
 
 class Period(NamedTuple):
-    """What one forcing period did."""
+    """Summary of one forcing period."""
 
     y: State
     memory: Any
@@ -87,7 +87,7 @@ class Record(NamedTuple):
         )
 
     def settled(self) -> Settled:
-        """What it comes to."""
+        """Where the motion has settled, with its status."""
         periods = jnp.maximum(self.repeats, 1)
         held = jnp.any(self.held & (jnp.arange(LONGEST) < periods))
         status = Status.where(held, Status.sticking, Status.rocking)

@@ -56,7 +56,7 @@ class Smoothed(AbstractModel):
     rtol: float = eqx.field(default=1e-6, static=True, kw_only=True)
     """Relative tolerance of transients and trajectories; absolute is a hundredth of it."""
     cycle_rtol: float = eqx.field(default=1e-12, static=True, kw_only=True)
-    """The same for the settled period, whose derivatives are used."""
+    """Relative tolerance of the settled period, whose derivatives are used."""
     tolerance: float = eqx.field(default=1e-4, static=True, kw_only=True)
     """Repetition error at which following ends and Newton's method takes over."""
     max_periods: int = eqx.field(default=400, static=True, kw_only=True)
