@@ -197,6 +197,8 @@ def _or_zero(tangent: Array | None, primal: Any) -> Any:
 
 
 def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
+    # Value and slopes come out of one program and are joined here: forward and reverse mode, at any nesting,
+    # then cost one product with the slopes and never run through the loops that found the orbit.
     steady, slopes = _solved(stop_gradient(p), model, stop_gradient(y0))
     if all(checks.is_concrete(x) for x in jax.tree.leaves(p)):
         return steady
@@ -234,6 +236,8 @@ def answered(fixed: Parameters, model: AbstractModel, settled: Settled) -> tuple
     # unless it has more steps than that may take.
     cut_short = (settled.status == Status.rest) & (fixed.zeta > 0.0) & ~jnp.isfinite(orbit.residual)
     status = Status.where(cut_short, Status.event_bound, status)
+    # Without a finite derivative of the period map nothing can be said about stability.
+    status = Status.where((status == Status.unstable) & ~jnp.isfinite(multiplier), Status.failed, status)
     sound = jnp.all(jnp.isfinite(orbit.y)) | (status == Status.overturned)
     status = Status.where(sound, status, Status.failed)
     # The tilt at which friction holds a block is a state next to which it is held as well.
@@ -258,6 +262,8 @@ def _answers(
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
     ringing = (status == Status.rest) & (fixed.zeta == 0.0)
     isolated = is_settled(status) & (multiplier < 1.0) & ~ringing
+    # On an isolated orbit the sizes gain one more Newton step. Elsewhere I - DP may be singular: then they
+    # are those of the orbit as it was found, or, of a motion that did not repeat, the largest met.
     last = jnp.where(status == Status.failed, jnp.nan, jnp.stack([settled.amplitude, settled.stroke]))
     sizes, slopes = implicit(orbit)
     followed = _is_marginal(status) | _is_singular(status)
@@ -291,6 +297,10 @@ def _verdict(
     separation: Number,
     resolution: Number,
 ) -> Status:
+    """The status of a motion, from what Newton's method on its period map has found."""
+    # From the weakest statement to the strongest: each line overrules those above it. Stability comes first,
+    # because its numbers mean nothing if an event was grazed, next to a fold, or off an orbit; and a motion
+    # smaller than what the model can resolve is rest, whatever its multipliers.
     moving = is_moving(settled.status)
     status = Status.where(moving & (multiplier > 1.0), Status.unstable, settled.status)
     status = Status.where(moving & neutral, Status.neutral, status)

@@ -92,6 +92,8 @@ def _forced(response: Array, lag: Array, growth: Growth | None) -> Harmonic:
 def _slip(
     plant: Plant, mode: Mode, y: State | Numbers, forcing: Turn, growth: Growth | None
 ) -> tuple[Signal, Signal]:
+    # The state less balance and response is free motion: its parts along the two real modes are projections,
+    # and the rest belongs to the pair, whose `Functional` is (value, rate) at the start.
     linear, zero = plant.linear, jnp.zeros_like(y[0])
     load = mode.tilt_sign * linear.weight + mode.rate_sign * linear.friction
     balance = load / linear.tilt
@@ -127,6 +129,10 @@ def ending(plant: Plant, mode: Mode, arc: Arc) -> tuple[Signal, Signal]:
     """The two signals, positive inside the arc, that end it when they reach zero. Slip: the rate, and
     the tilt if it is falling back to the base; moving outward, the tilt cannot return before the
     rate vanishes. Held: the distance of the moment to either limit."""
+    # While the block moves outward phi cannot vanish before phi' does, and a tilt is monotone between zeros
+    # of its rate. So phi is watched on the way back only, and a signal that begins at zero (the tilt after a
+    # crossing) is never taken for an event. A held block needs both limits of friction, one for either
+    # direction.
     linear = plant.linear
     one, growth = jnp.ones_like(arc.phase), arc.growth
     inward = mode.tilt_sign * mode.rate_sign < 0

@@ -102,6 +102,9 @@ def cut(recording: Recording, span: Number, xi: Number, size: int) -> Found:
 
     The cut lies in the middle of the longest arc, where no event can fall on the wrong side of it.
     """
+    # Two periods are recorded so that one whole period lies around any cut. An event at the cut itself would
+    # belong to both sides or to none by rounding; the middle of the longest arc is as far from all events as
+    # can be.
     r, room = recording, recording.time.size
     index = jnp.arange(room)
     known = index < r.met

@@ -266,6 +266,8 @@ def survey(plant: Plant, leg: Leg, y: State, phase: Number, duration: Number) ->
 def _dents(values: Array, slopes: Array, width: Number) -> tuple[Array, Bool[Array, "..."]]:
     """The least value of each window where the slope changes from - to +, and where it does;
     leading axis the samples, or the windows between them."""
+    # Values at the samples alone would miss a signal that dips below zero between two of them. The slope at
+    # both ends tells whether there is a least value within, and the tangents say how low it can be.
     falling, rising = slopes[:-1], slopes[1:]
     dented = (falling < 0) & (rising > 0)
     share = falling / jnp.where(dented, falling - rising, 1.0)

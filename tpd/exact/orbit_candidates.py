@@ -34,6 +34,9 @@ class Candidates(NamedTuple):
 
 def candidates(half: Half) -> Candidates:
     """All orbits whose path keeps to its signs."""
+    # Roots in order of the crossing time say nothing about size, and some are no orbits. All that have a
+    # place are followed, then ranked by height. Sums over masks pick the ranks, because a batch fuses them,
+    # and a sort and a gather it does not.
     found = brackets(half)
     stacked = Bracket(*(jnp.stack(x) for x in zip(*found.brackets, strict=True)))
 

@@ -143,6 +143,10 @@ class _Samples:
 def resolved_path(half: Half, orbit: Orbit) -> tuple[Path, Bool[Array, ""]]:
     """The path with as many samples as the bob's free oscillation asks for, and whether these were not more
     than `MOST_NODES`. Most orbits need no more than `PATH_NODES`."""
+    # 16 samples of an arc are enough while the bob swings slowly. A short pendulum under slow shaking swings
+    # many times on one arc: several extremes would lie between two samples, and the largest could be missed
+    # (aliasing). The number of samples then follows the bob's own rate. The fine pass is compiled once, with
+    # a loop of unknown length, and is computed only where some design of a batch needs it.
     rates = half.plant.slip
     swings = rates.q > 0.25 * rates.p**2
     longest = jnp.maximum(orbit.root.t, half.span - orbit.root.t)

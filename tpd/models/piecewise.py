@@ -205,6 +205,8 @@ class Piecewise(AbstractModel):
 
     def _levelled(self, full: Plant, p: Parameters, m: Motion, at: Number) -> Motion:
         """The motion going on under steady shaking from `at`, where the shaking has its full size."""
+        # The end of the growth is not an event of the block: mode, peaks and counters go on, only the arc's
+        # forcing is another one.
         now = jnp.stack([kept(x) for x in state_at(m, at)])
         growth = Growth(jnp.ones_like(at), jnp.zeros_like(at))
         again = start(full, m.mode, now, p.xi * at, growth)
@@ -248,6 +250,9 @@ class Piecewise(AbstractModel):
 
     def _at_rest(self, plant: Plant, p: Parameters, y: State) -> State:
         """The state at tau = 0 that a block at rest, or held leaning, for good comes to, from `y` there."""
+        # Under a block that does not move the bob is a damped oscillator with one steady swing, which needs
+        # no simulation: psi = s sin(xi tau) + c cos(xi tau), here at tau = 0. An undamped bob keeps its own
+        # swing for ever.
         zero = jnp.zeros_like(p.xi)
         steady = jnp.stack([y[0], plant.swing[1], zero, p.xi * plant.swing[0]])
         return jnp.where(p.zeta > 0, steady, y)

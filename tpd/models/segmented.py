@@ -210,6 +210,10 @@ class Segmented(AbstractModel):
             return jnp.min(_signals(equations, r, t, y))
 
         rtol = self.cycle_rtol if precise else self.rtol
+        # One function of all signals, their least, ends the segment: diffrax bisects one root at a time, and
+        # which signal it was is asked afterwards. The bound dtmax keeps a step from passing two roots of one
+        # signal; only between steps does the solver look at signs. `ForwardMode` carries the derivative of
+        # the event's time along, because diffrax differentiates its root by the implicit function theorem.
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(field),
             diffrax.Dopri8() if precise else self.solver,
@@ -259,6 +263,8 @@ def _begin(equations: Equations, y: State, mode: Mode, time: Number) -> _Run:
 
 def _hurried(equations: Equations, r: _Run, end: Number) -> _Run:
     """A run that stopped within rounding of `end`, there: a leg without length too has derivatives."""
+    # The loop stops short of `end` by rounding. This one Euler step over a length of rounding has the right
+    # value and the right derivative in `end` and in the time of the last event.
     late = end - r.time
     late = jnp.where(jnp.abs(stop_gradient(late)) < 1e-9 * equations.p.period, late, 0.0)
     sine = jnp.sin(equations.p.xi * r.time)
@@ -332,6 +338,8 @@ def _transversality(
 def _stays(p: Parameters, r: _Run, before: State) -> Bool[Array, ""]:
     """Whether the block has rested, or been held leaning, for a whole period in which the bob's swing hardly
     changed. A bob that nothing damps beats for ever, and may move the block yet."""
+    # There is no closed form of the bob's future here. If its swing changes by less than a thousandth in a
+    # period that the block has spent at rest, what it may still gain cannot lift the block.
     change = jnp.max(jnp.abs(r.y - before) / ((p.nu + p.f) * jnp.array([1.0, 1.0, p.xi, p.xi])))
     rests = (r.mode.kind == REST) & (jnp.maximum(r.up, r.down) == 0.0)
     leans = (r.mode.kind == STICK) & (r.y[0] == before[0])
