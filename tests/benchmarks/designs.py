@@ -18,11 +18,10 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
-from tpd.design.many_result import DesignOver  # noqa: E402
-
 import tpd  # noqa: E402
 from tpd.analysis.ensemble import Outcomes  # noqa: E402
 from tpd.design.checkpoint import Kept  # noqa: E402
+from tpd.design.many_result import DesignOver  # noqa: E402
 from tpd.design.objective import Objective  # noqa: E402
 from tpd.design.search import Search  # noqa: E402
 

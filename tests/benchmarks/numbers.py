@@ -15,11 +15,10 @@ import numpy as np
 
 jax.config.update("jax_enable_x64", True)
 
-from tpd.design.single_search import with_design  # noqa: E402
-
 import tpd  # noqa: E402
 from tests.reference import BARE, HUNG, parameters  # noqa: E402
 from tpd.core.parameters import as_arrays  # noqa: E402
+from tpd.design.single_search import with_design  # noqa: E402
 
 CASES = HUNG + BARE
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi")

@@ -97,9 +97,6 @@ def quartic_roots(coefficients: tuple[Number, ...]) -> tuple[Float[Array, "4"], 
 
     Not differentiable: what is wanted of multipliers is their size.
     """
-    # Aberth's iteration is Newton's method for all roots at once, each repelled by the others as by equal
-    # charges, so that no two starts find the same root. It converges with the third power to simple roots and
-    # linearly to multiple ones, hence the bound on the steps.
     c1, c2, c3, c4 = (jax.lax.stop_gradient(c) for c in coefficients)
     # Cauchy's bound from above and its mirror image from below put the starts on four radii.
     radius = jnp.maximum(
