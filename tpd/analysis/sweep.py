@@ -71,10 +71,10 @@ def sweep(subject: Parameters | Scene, name: str, values: Any, *, pendulum: Pend
 
     Args:
         subject: dimensionless parameters, or a scene; its value of `name` is not used.
-        name: parameter or quantity that varies: one of nu, mu, lam, zeta, k, f, xi, e and rho, the other parameters
-            held. In a scene also width, height, mass, friction, restitution, amplitude, frequency,
-            pendulum_mass, pendulum_length or pendulum_damping, the other quantities in SI units held: a
-            higher `frequency` is a larger xi and, at the same amplitude, a larger f.
+        name: one of nu, mu, lam, zeta, k, f, xi, e and rho, the other parameters constant. In a scene
+            also width, height, mass, friction, restitution, amplitude, frequency, pendulum_mass,
+            pendulum_length or pendulum_damping, the other quantities in SI units constant: a higher
+            `frequency` is a larger xi and, at the same amplitude, a larger f.
         values: shape (n,), increasing; in SI units if the name is one of a scene.
         pendulum: in the scene; default none.
 
