@@ -22,8 +22,8 @@ from scipy.optimize import fsolve
 
 from tests.atlas import REGIMES
 from tests.reference import BARE, HUNG, UNSTABLE, along, differences, exact, parameters, smoothed, solver
-from tests.test_bifurcations import BARE as FOLDING
-from tests.test_bifurcations import HELD, TOUCHING, Kind, lost
+from tests.analysis.test_bifurcations import BARE as FOLDING
+from tests.analysis.test_bifurcations import HELD, TOUCHING, Kind, lost
 from tests.test_general import carried, near
 from tests.test_nonlinear import nonlinear
 from tests.test_symmetric import among

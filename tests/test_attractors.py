@@ -111,6 +111,14 @@ def test_a_bare_block_rocks_rests_or_overturns(bare):
     assert shares == sorted(shares, reverse=True)
 
 
+def test_an_attractor_prints_on_one_line(bare):
+    rocking = next(a for a in bare if a.status == "rocking")
+    lost = next(a for a in bare if a.status == "overturned")
+    assert str(lost) == repr(lost) == f"overturned: {lost.share:.1%} of the starts"
+    kind = "symmetric, 1 period, amplitude 0.06372 rad, stroke"
+    assert str(rocking).startswith(f"rocking: {rocking.share:.1%} of the starts, {kind}")
+
+
 def test_an_attractor_is_the_steady_state_of_its_starts(bare):
     states = Starts().states(BARE_BLOCK.nu)
     for found in bare:

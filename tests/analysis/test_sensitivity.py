@@ -13,6 +13,8 @@ from tpd.closed_form import uplift
 
 NAMES = ("mu", "lam", "zeta", "nu", "k", "f", "xi")
 
+HUNG = tpd.Pendulum(mass=3.2448, length=0.2, damping_ratio=0.1)
+
 
 def test_elasticities_are_those_of_differences():
     p = tpd.paper_scene().parameters(tpd.Pendulum(mass=1.6, length=0.3, damping_ratio=0.1))
@@ -49,3 +51,14 @@ def test_a_gradient_after_a_value_has_nothing_to_compile(caplog):
         slope = jax.grad(lambda q: tpd.steady_state(q).amplitude)(jax.tree.map(jax.numpy.asarray, p))
     assert np.isfinite(slope.f)
     assert "_solved" not in caplog.text
+
+
+def test_where_the_block_rests_the_margin_is_differentiated_for_a_scene_and_its_parameters():
+    p = tpd.paper_scene().parameters(HUNG)
+    found = elasticities(tpd.paper_scene(), HUNG)
+    assert found == elasticities(p)
+    assert found.of == "margin"
+    assert found.value == float(uplift(p).margin) > 0.0
+    assert set(found.slopes) == {"mu", "lam", "zeta", "nu", "k", "f", "xi"}
+    up, down = (float(uplift(dataclasses.replace(p, f=p.f * (1.0 + h))).margin) for h in (1e-5, -1e-5))
+    assert found.slopes["f"] == pytest.approx(0.01 * (up - down) / 2e-5, rel=1e-6)

@@ -24,8 +24,9 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 from tpd.analysis.period_map import RESIDUAL, Orbit, implicit, multipliers, refine
 from tpd.core import checks
 from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, is_neutral
+from tpd.core.formatting import counted_periods, number
 from tpd.core.parameters import Number, Parameters, State, as_arrays
-from tpd.core.status import Status, is_moving, is_settled
+from tpd.core.status import Status, is_moving, is_settled, status_name
 from tpd.exact.derivatives import refused, refused_in, with_slopes
 from tpd.models.base import AbstractChoice, AbstractModel, Settled
 from tpd.models.piecewise import Piecewise
@@ -71,6 +72,20 @@ class Steady(eqx.Module):
     """The model that `Auto` chose."""
     reason: str = eqx.field(static=True, default="")
     """Why, in a sentence."""
+
+    def __str__(self) -> str:
+        if not (checks.is_concrete(self.amplitude) and jnp.ndim(self.amplitude) == 0):
+            # Batched and traced answers have no single status.
+            return repr(self)
+        lines = [
+            f"{status_name(self.status)}: {Status[self.status]}",
+            f"  amplitude    {self.amplitude:.6g} rad",
+            f"  stroke       {self.stroke:.6g} rad",
+            f"  multiplier   {number(float(self.multiplier))}",
+            f"  repeats      after {counted_periods(int(self.periods))}",
+        ]
+        chosen = f"  model        {self.rung}, estimated error {self.estimate:.2g}: {self.reason}"
+        return "\n".join([*lines, chosen] if self.rung else lines)
 
 
 class Trajectory(eqx.Module):

@@ -15,7 +15,7 @@ from tpd.core.parameters import Parameters
 from tpd.core.quantities import Axis, parameters
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import names_of
-from tpd.exact.orbit_candidates import ORBITS
+from tpd.exact.symmetric_orbit import ORBITS
 
 _CHUNK = 128
 """Orbits solved at once: fewer than in large batches, which a sweep seldom fills."""
@@ -69,11 +69,12 @@ def sweep(subject: Parameters | Scene, name: str, values: Any, *, pendulum: Pend
     det(I - G) keeps its sign, so that no branch runs through a fold. rho follows nu where the subject
     leaves it so.
 
-    Args: subject: dimensionless parameters, or a scene; its value of `name` is not used. name: parameter or
-        quantity that varies: one of nu, mu, lam, zeta, k, f, xi, e and rho, the other parameters
-            held. In a scene also width, height, mass, friction, restitution, amplitude, frequency,
-            pendulum_mass, pendulum_length or pendulum_damping, the other quantities in SI units held: a
-            higher `frequency` is a larger xi and, at the same amplitude, a larger f.
+    Args:
+        subject: dimensionless parameters, or a scene; its value of `name` is not used.
+        name: one of nu, mu, lam, zeta, k, f, xi, e and rho, the other parameters constant. In a scene
+            also width, height, mass, friction, restitution, amplitude, frequency, pendulum_mass,
+            pendulum_length or pendulum_damping, the other quantities in SI units constant: a higher
+            `frequency` is a larger xi and, at the same amplitude, a larger f.
         values: shape (n,), increasing; in SI units if the name is one of a scene.
         pendulum: in the scene; default none.
 

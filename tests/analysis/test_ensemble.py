@@ -185,6 +185,18 @@ def test_the_papers_block_is_safer_with_its_pendulum(judged):
     assert "growing for 2 s" in table
     assert str(judged.bare.overturned) in table
     assert judged.worse < judged.better
+    assert str(judged) == f"{table}\n{judged.objection}"
+    assert str(judged.bare).splitlines()[0] == "Ensemble of 96 runs of up to 60 periods, seed 0"
+    assert f"{judged.bare.overturned}" in str(judged.bare).splitlines()[1]
+    assert judged.bare._repr_html_() == f"<pre>{judged.bare}</pre>"
+
+
+def test_a_verdict_on_parameters_is_on_the_block_with_their_pendulum_and_without():
+    few = tpd.Ensemble(size=4, periods=20)
+    p = tpd.paper_scene().parameters(PENDULUM)
+    both = tpd.verdict(p, ensemble=few)
+    np.testing.assert_array_equal(both.hung.peak, outcomes(p, ensemble=few).peak)
+    np.testing.assert_array_equal(both.bare.peak, outcomes(dataclasses.replace(p, mu=0.0), ensemble=few).peak)
 
 
 def test_conditions_are_dealt_out_evenly():

@@ -10,19 +10,10 @@ import json
 import numpy as np
 import pytest
 
-from tpd import (
-    Parameters,
-    Pendulum,
-    bifurcations,
-    branches,
-    frequency_response,
-    paper_scene,
-    settled_response,
-    sweep,
-    symmetric_orbits,
-)
-from tpd.analysis.bifurcations import Kind
+from tpd import Parameters, Pendulum, branches, paper_scene, settled_response, symmetric_orbits
+from tpd.analysis.bifurcations import Kind, bifurcations
 from tpd.analysis.response import Branches
+from tpd.analysis.sweep import sweep
 from tpd.cli import main
 from tpd.closed_form.no_uplift import uplift
 from tpd.core.quantities import Setup
@@ -135,18 +126,39 @@ def test_slopes_over_hz_are_those_of_differences_in_si_units(name):
 
 
 def test_settled_from_rest_the_paper_s_block_rocks_as_known_at_its_frequency():
-    r = frequency_response(SCENE, None, np.array([2.5, 1.5]))
+    r = settled_response(SCENE, "frequency", [2.5, 1.5])
     assert list(r.status) == ["rocking", "rest"]
     # From the grid of exact solutions in the README.
     assert r.amplitude == pytest.approx([0.083334, 0.0], abs=5e-7)
     p = SCENE.parameters()
     same = settled_response(p, "xi", [p.xi])
     assert same.amplitude[0] == pytest.approx(r.amplitude[0], rel=1e-10)
+    assert str(r).splitlines() == [
+        "Response from rest over frequency: 2 values, 1.5 to 2.5 Hz",
+        "  status      1 rocking, 1 rest",
+        "  amplitude   0 to 0.08333 rad",
+        f"  stroke      {r.stroke.min():.4g} to {r.stroke.max():.4g} rad",
+    ]
+    assert r._repr_html_() == f"<pre>{r}</pre>"
+
+
+def test_branches_print_one_line_for_each_bifurcation():
+    lines = str(bare()).splitlines()
+    assert lines[0] == "2 branches from 0.9 to 4"
+    breaking, sticking = bare().bifurcations
+    assert lines[1:] == [f"  {breaking}", f"  {sticking}"]
+    where = f"symmetry breaking  {breaking.value:10.6g}, amplitude {breaking.amplitude:.5g} rad"
+    assert str(breaking) == repr(breaking) == f"{where}: unstable below, rocking above"
+    in_hertz = f"{fold().value:.6g} Hz, amplitude {fold().amplitude:.5g} rad: "
+    assert in_hertz in str(fold())
+    assert str(hung()).splitlines()[0].endswith(" branches from 1.7 to 3 Hz")
+    lost = dataclasses.replace(breaking, kind=Kind.unresolved, reason="no cause was found")
+    assert str(lost) == f"unresolved         {breaking.value:10.6g}: no cause was found"
 
 
 def test_a_response_refuses_bad_input():
     with pytest.raises(ValueError, match="`frequency` must be positive and finite, but is 0"):
-        frequency_response(SCENE, None, np.array([1.0, 0.0]))
+        settled_response(SCENE, "frequency", [1.0, 0.0])
     with pytest.raises(ValueError, match="`name` must be one of"):
         branches(BARE, "frequency", 1.0, 2.0)
     with pytest.raises(ValueError, match=r"`\(low, high\)` must be an interval"):

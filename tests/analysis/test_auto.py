@@ -1,4 +1,4 @@
-"""Which model answers, with what error and why; a design by all models."""
+"""Selection of a model: the model that answers, its estimated error and its reason."""
 
 import functools
 import re
@@ -11,9 +11,8 @@ import pytest
 
 from tests.reference import HUNG, NAMES, STILL, parameters
 from tests.reference import exact as linear
-from tpd import Auto, Block, Pendulum, Scene, Segmented, check, paper_scene, status_name, steady_state
+from tpd import Auto, status_name, steady_state
 from tpd.analysis.auto import dropped
-from tpd.analysis.compare_models import RUNGS, objections
 
 LOW = (*STILL.x[:5], 0.05, STILL.x[6])
 """Never lifts."""
@@ -48,12 +47,25 @@ def test_a_bob_that_swings_at_the_start_leaves_less_in_reserve():
     assert reserves[0] > reserves[1] > reserves[2] > 0.0
 
 
-def test_a_tighter_tolerance_climbs_from_rung_to_rung():
+def test_a_tighter_tolerance_takes_a_more_accurate_model():
     rungs = [chosen(SMALL, tolerance, balance=True).rung for tolerance in (0.5, 0.01, 1e-5)]
     assert rungs == ["one harmonic", "exact", "nonlinear"]
     assert chosen(SMALL, 0.5).rung == "exact"
     estimates = [float(chosen(SMALL, t, balance=True).estimate) for t in (0.5, 0.01)]
     assert estimates[0] > estimates[1] > 0.0
+
+
+def test_an_answer_prints_its_sizes_its_model_and_the_reason():
+    found = chosen(HUNG[3].x, 0.5)
+    lines = str(found).splitlines()
+    assert lines[0] == "rocking: The block settles into periodic rocking."
+    assert lines[1] == f"  amplitude    {float(found.amplitude):.6g} rad"
+    assert lines[4] == "  repeats      after 1 period"
+    assert lines[5].startswith(f"  model        exact, estimated error {float(found.estimate):.2g}: ")
+    # An exact solution that was asked for itself names no model; a batch of answers has no single status.
+    assert len(str(linear(HUNG[3].x).steady).splitlines()) == 5
+    batch = jax.tree.map(lambda x: jnp.stack([x, x]), linear(HUNG[3].x).steady)
+    assert str(batch) == repr(batch)
 
 
 @pytest.mark.parametrize("x", [SMALL, LIFTS, HUNG[3].x], ids=["small", "lifts", "hung"])
@@ -67,7 +79,7 @@ def test_the_estimate_covers_the_true_error(x):
         assert "within the tolerance 0.5" in found.reason
 
 
-def test_the_exact_rung_is_the_exact_solution_and_the_top_one_the_nonlinear():
+def test_the_exact_model_is_the_exact_solution_and_the_last_one_the_nonlinear():
     low, top = chosen(HUNG[3].x, 0.5), chosen(HUNG[3].x, 1e-5)
     assert float(low.amplitude) == pytest.approx(HUNG[3].amplitude, rel=1e-9)
     assert float(top.amplitude) == pytest.approx(0.0659875, rel=1e-5)
@@ -123,80 +135,3 @@ def test_auto_needs_numbers():
         Auto(tolerance=1.5)
     with pytest.raises(ValueError, match="`tolerance` must be between 1e-05 and 1, but is 0"):
         Auto(tolerance=0.0)
-
-
-# A design by all models
-
-PENDULUM = Pendulum(mass=3.2448, length=0.2, damping_ratio=0.1)
-
-
-def test_a_check_has_every_rung_asked_for_and_the_nonlinear_one():
-    told = []
-    quick = ("uplift", "exact")
-    found = check(paper_scene(), PENDULUM, stroke=0.5, rungs=quick, progress=lambda *at: told.append(at))
-    assert [r.name for r in found.rungs] == ["uplift", "exact", "nonlinear"]
-    assert told == [("checking", i, 3) for i in (1, 2, 3)]
-    p = paper_scene().parameters(PENDULUM)
-    exact, top = steady_state(p), steady_state(p, model=Segmented())
-    assert found.rungs[1].amplitude == float(exact.amplitude)
-    assert found.rungs[1].status == status_name(exact.status) == "rest"
-    assert found.top.status == status_name(top.status)
-    assert found.top.stroke == pytest.approx(float(top.stroke), rel=1e-2)
-    assert found.objections == ()
-    assert all(r.seconds > 0 and r.neglects for r in found.rungs)
-    lines = found.table().splitlines()
-    assert len(lines) == 4
-    assert lines[-1].startswith("nonlinear")
-    assert "nothing of the paper's (4)" in lines[-1]
-
-
-def test_what_does_not_hold_is_said():
-    scene = paper_scene()
-    resonant = scene.pendulum(mass_ratio=0.1, length_ratio=0.20964589, damping_ratio=0.1)
-    found = check(scene, resonant, stroke=1.5, rungs=("exact",))
-    assert found.rungs[0].status == "rocking"
-    assert found.objections == ("by the nonlinear equations the motion ends overturned",)
-
-
-def test_models_without_impact_loss_have_nothing_to_say_of_a_block_with_it():
-    scene = Scene(Block(width=0.1, height=0.4, mass=16.0, restitution="housner"), paper_scene().motion)
-    found = check(scene, None, rungs=RUNGS)
-    assert {r.name for r in found.rungs if r.status == "no impacts"} == {
-        "one harmonic",
-        "smoothed",
-        "parametric",
-        "smoothed nonlinear",
-    }
-    assert all(np.isnan(r.amplitude) for r in found.rungs if r.status == "no impacts")
-    exact = next(r for r in found.rungs if r.name == "exact")
-    assert exact.status == "rocking"
-    assert not np.isnan(found.top.amplitude)
-    assert "no impacts" in found.table()
-
-
-@pytest.mark.parametrize(
-    ("told", "objection"),
-    [
-        ((0.05, 0.4, "rocking"), None),
-        ((0.0, 0.4, "rest"), None),
-        ((0.05, 0.6, "rocking"), r"the stroke is 0\.6 rad, above 0\.5"),
-        ((0.09, 0.4, "rocking"), r"the block rocks 0\.09 rad, and 0\.08 without the pendulum"),
-        ((np.inf, np.inf, "overturned"), "the motion ends overturned"),
-    ],
-)
-def test_objections(told, objection):
-    found = objections(*told, 0.5, 0.08)
-    if objection is None:
-        assert found == ()
-    else:
-        with pytest.raises(ValueError, match=objection):
-            raise ValueError(*found)
-
-
-def test_bad_input_is_refused():
-    with pytest.raises(ValueError, match="`stroke` must be positive, but is 0"):
-        check(paper_scene(), None, stroke=0.0)
-    with pytest.raises(ValueError, match=r"`rungs` must be of uplift, .* but has guess"):
-        check(paper_scene(), None, rungs=("guess",))
-    assert RUNGS[0] == "uplift"
-    assert RUNGS[-1] == "nonlinear"

@@ -86,6 +86,21 @@ def test_in_si_units_cells_are_scenes():
         np.testing.assert_allclose([m.amplitude[i, j], m.stroke[i, j]], [amplitude, stroke], rtol=1e-9)
 
 
+def test_a_map_prints_its_axes_statuses_and_ranges():
+    m = over_motion()
+    lines = str(m).splitlines()
+    assert lines[:3] == [
+        "Design map",
+        "  frequency       6 values, 1 to 5 Hz",
+        "  amplitude       3 values, 0.002 to 0.045 m",
+    ]
+    assert lines[3] == "  status          " + ", ".join(f"{n} {name}" for name, n in m.counts.items())
+    finite = m.amplitude[np.isfinite(m.amplitude)]
+    assert lines[4] == f"  amplitude       0 to {finite.max():.4g} rad"
+    assert len(lines) == 7
+    assert m._repr_html_().startswith("<pre>Design map\n")
+
+
 def test_the_order_of_the_axes_changes_nothing():
     m, turned = over_mass_and_length(), design_map(SCENE, Y, X, pendulum=HUNG)
     np.testing.assert_array_equal(turned.status.T, m.status)
