@@ -8,7 +8,9 @@ import numpy as np
 import tpd
 from tpd.analysis.attractors import Starts
 from tpd.analysis.compare_models import Check, Rung
-from tpd.analysis.ensemble import Ensemble, Outcomes, Verdict
+from tpd.analysis.ensemble import Ensemble
+from tpd.analysis.outcomes import Outcomes
+from tpd.analysis.paired import Verdict
 from tpd.analysis.response import Response
 from tpd.analysis.sensitivity import Elasticities
 from tpd.core.conditions import Conditions

@@ -29,12 +29,13 @@ from tests.test_nonlinear import nonlinear
 from tests.test_symmetric import among
 from tests.test_symmetric import solve as orbits
 from tpd import Block, Harmonic, Pendulum, Piecewise, Scene, Smoothed, Status, status_name
-from tpd.analysis.steady_state import _Orbit, _verdict
+from tpd.analysis.period_map import Orbit
+from tpd.analysis.steady_state import _verdict
 from tpd.analysis.symmetric_orbits import _answered, _Described, _Margins
 from tpd.core.parameters import as_arrays
 from tpd.core.status import SETTLED
-from tpd.exact.arc import REST as RESTING
 from tpd.exact.arc import classify
+from tpd.exact.contact import REST as RESTING
 from tpd.exact.event_log import record
 from tpd.exact.flow import advance, start
 from tpd.exact.modes import Plant
@@ -237,24 +238,25 @@ def test_next_to_a_grazing_the_gradient_is_refused_by_name():
 
 def judged(**what: float) -> str:
     """What `steady_state` calls a motion that repeats, of which all else is in order."""
-    usual = {"gentlest": 1.0, "residual": 0.0, "multiplier": 0.5, "to_fold": 0.5, "separation": np.nan}
+    usual = {"transversality": 1.0, "residual": 0.0, "multiplier": 0.5, "to_fold": 0.5, "separation": np.nan}
     given = {name: jnp.asarray(value) for name, value in {**usual, **what}.items()}
     one, y = jnp.asarray(1), jnp.array([0.05, 0.1, 0.0, 0.2])
     sizes = jnp.array([0.1, 0.2])
     repeats = Settled(y, None, one, sizes[0], sizes[1], Status.rocking, one, sizes[0], sizes[1])
-    orbit = _Orbit(
-        y, given["residual"], y, sizes, jnp.zeros((6, 9)), jnp.zeros((6, 4)), given["gentlest"], sizes[0]
-    )
-    rest = (given[name] for name in ("multiplier", "to_fold", "separation"))
-    return status_name(_verdict(repeats, orbit, *rest, jnp.asarray(0.0)))
+    slopes = jnp.zeros((6, 9)), jnp.zeros((6, 4))
+    met = given["transversality"], sizes[0], jnp.asarray(True)
+    orbit = Orbit(y, given["residual"], y, sizes, *slopes, *met)
+    multiplier, to_fold, separation = (given[name] for name in ("multiplier", "to_fold", "separation"))
+    neutral = jnp.asarray(False)
+    return status_name(_verdict(repeats, orbit, multiplier, neutral, to_fold, separation, jnp.asarray(0.0)))
 
 
 @pytest.mark.parametrize(
     ("what", "status"),
     [
         ({}, "rocking"),
-        ({"gentlest": 1e-8}, "grazing"),
-        ({"gentlest": 1e-6}, "rocking"),
+        ({"transversality": 1e-8}, "grazing"),
+        ({"transversality": 1e-6}, "rocking"),
         ({"to_fold": 1e-6}, "near_fold"),
         ({"to_fold": 1e-5}, "rocking"),
         ({"multiplier": 1.001}, "unstable"),
@@ -294,7 +296,7 @@ def test_a_block_that_friction_holds_for_a_while_is_called_sticking():
 
 @jax.jit
 def _hops(x: jax.Array, y0: jax.Array, span: jax.Array, quiet: jax.Array) -> tuple:
-    log = record(Plant(parameters(x)), y0, span, room=256, quiet=quiet)
+    log = record(Plant(parameters(x)), y0, span, room=256, capture_speed=quiet)
     met = jnp.arange(log.ending.size) < log.met
     return jnp.sum(met & (log.ending == LANDING)), log.last.kind, log.overflow
 
@@ -331,7 +333,7 @@ def test_friction_ends_a_rattle_without_impact_loss_as_fast_as_its_ratio_says():
 def _after(x: jax.Array, y0: jax.Array, span: jax.Array, quiet: jax.Array) -> tuple:
     plant, zero = Plant(parameters(x)), jnp.zeros_like(span)
     first = start(plant, classify(plant, y0, zero), y0, zero)
-    motion, y = advance(plant, first, span, quiet=quiet, max_steps=4000)
+    motion, y = advance(plant, first, span, capture_speed=quiet, max_steps=4000)
     return y, motion.mode.kind, motion.steps
 
 

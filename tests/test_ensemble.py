@@ -8,7 +8,9 @@ import pytest
 
 import tpd
 from tests.reference import NAMES, BareCrowd, EventDriven
-from tpd.analysis.ensemble import Outcomes, Share, Verdict, chance_of, plan
+from tpd.analysis.ensemble import outcomes, plan
+from tpd.analysis.outcomes import Outcomes, Share
+from tpd.analysis.paired import Verdict, chance_of
 from tpd.analysis.work_queue import settle_all
 from tpd.core.status import names_of
 
@@ -44,7 +46,7 @@ def test_the_first_run_is_the_nominal_one():
 
 
 def test_without_any_spread_every_run_is_what_is_settled_into_from_rest():
-    found = tpd.outcomes(HUNG, ensemble=dataclasses.replace(STILL, periods=200))
+    found = outcomes(HUNG, ensemble=dataclasses.replace(STILL, periods=200))
     assert set(found.status) == {"rocking"}
     np.testing.assert_allclose(found.amplitude, tpd.steady_state(HUNG).amplitude, rtol=1e-5)
     assert np.all(found.peak >= found.amplitude)
@@ -109,7 +111,7 @@ def test_growing_shaking_lifts_resting_blocks_when_an_independent_code_says():
 def test_the_share_overturned_by_growing_shaking_is_that_of_an_independent_code(seed, lost):
     """Source: `BareCrowd` over 100 periods, with steps of 0.02 and of 0.01."""
     ensemble = tpd.Ensemble(size=256, seed=seed, ramps=(2.0,))
-    found = np.sum(tpd.outcomes(tpd.paper_scene(), ensemble=ensemble).lost)
+    found = np.sum(outcomes(tpd.paper_scene(), ensemble=ensemble).lost)
     # The motions are chaotic: rounding may decide a run.
     assert abs(found - lost) <= 1
 
@@ -210,6 +212,6 @@ def test_ensembles_that_make_no_sense_are_refused(wrong, message):
 
 def test_bad_subjects_are_refused():
     with pytest.raises(ValueError, match="`pendulum` goes with a scene"):
-        tpd.outcomes(HUNG, PENDULUM)
-    with pytest.raises(ValueError, match="`subject` must hold plain numbers"):
-        tpd.outcomes(dataclasses.replace(HUNG, f=jnp.array([0.1, 0.2])))
+        outcomes(HUNG, PENDULUM)
+    with pytest.raises(ValueError, match="`f` must be a single number, but is"):
+        outcomes(dataclasses.replace(HUNG, f=jnp.array([0.1, 0.2])))

@@ -205,7 +205,7 @@ def test_a_motion_reaches_every_horizon_in_a_few_steps():
     y0, zero = jnp.array([0.2999, 0.0, 0.0, 0.0]), jnp.zeros(())
     motion = start(plant, classify(plant, y0, zero), y0, zero)
     horizons = np.random.default_rng(8).uniform(0.15, 0.35, 500)
-    run = jax.jit(jax.vmap(lambda h: advance(plant, motion, h, quiet=0.0, max_steps=100)[0].steps))
+    run = jax.jit(jax.vmap(lambda h: advance(plant, motion, h, capture_speed=0.0, max_steps=100)[0].steps))
     steps = run(horizons)
     assert jnp.max(steps) < 20
 
@@ -218,7 +218,8 @@ def test_watching_the_bob_changes_nothing_about_the_motion(frequency):
     plant, rest, zero = Plant(p), jnp.zeros(4), jnp.zeros(())
     motion = start(plant, classify(plant, rest, zero), rest, zero)
     watched, unwatched = (
-        advance(plant, motion, p.period, quiet=0.0, max_steps=500, watch_bob=watch) for watch in (True, False)
+        advance(plant, motion, p.period, capture_speed=0.0, max_steps=500, watch_bob=watch)
+        for watch in (True, False)
     )
     np.testing.assert_allclose(watched[1], unwatched[1], rtol=0, atol=1e-13)
     assert int(watched[0].steps) < 100

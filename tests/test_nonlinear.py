@@ -17,7 +17,7 @@ from tpd.analysis.compare_models import nonlinear as unpolished
 from tpd.core.eigenvalues import GRAZING
 from tpd.core.equations import Equations, Terms
 from tpd.core.parameters import as_arrays
-from tpd.exact.arc import SLIP, Mode
+from tpd.exact.contact import SLIP, Mode
 from tpd.models.segmented import _TURN, Segmented, _begin, _gentleness
 from tpd.models.settling import scale_of
 from tpd.models.smoothed import Smoothed

@@ -8,7 +8,8 @@ from scipy.linalg import expm
 
 from tests.reference import differences, parameters
 from tpd.core.equations import Linear
-from tpd.exact.arc import REST, SLIP, STICK, Mode, launch
+from tpd.exact.arc import launch
+from tpd.exact.contact import REST, SLIP, STICK, Mode
 from tpd.exact.modes import Plant, Rates, quartic, roots
 
 ALL_ROOTS = jax.jit(jax.vmap(lambda x: jnp.stack(roots(parameters(x)))))

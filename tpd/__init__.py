@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from tpd.analysis.compare_models import check as check
     from tpd.analysis.design_map import design_map as design_map
     from tpd.analysis.ensemble import Ensemble as Ensemble
-    from tpd.analysis.ensemble import verdict as verdict
+    from tpd.analysis.paired import verdict as verdict
     from tpd.analysis.periodic_orbit import periodic_orbit as periodic_orbit
     from tpd.analysis.response import branches as branches
     from tpd.analysis.response import settled_response as settled_response
@@ -98,7 +98,7 @@ _HOMES = {
     "status_name": "core.status",
     "steady_state": "analysis.steady_state",
     "symmetric_orbits": "analysis.symmetric_orbits",
-    "verdict": "analysis.ensemble",
+    "verdict": "analysis.paired",
 }
 _MODULES = {"closed_form": "closed_form", "limits": "design.criteria"}
 

@@ -9,7 +9,7 @@ import pytest
 
 import tpd
 from tpd.analysis.sensitivity import elasticities
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form import uplift
 
 NAMES = ("mu", "lam", "zeta", "nu", "k", "f", "xi")
 

@@ -42,6 +42,14 @@ def test_a_reason_makes_a_sentence(kind):
     assert " at " not in str(Reason(kind=kind, **given))
 
 
+def test_neighbouring_shakings_are_counted_with_and_without_the_pendulum():
+    reason = Reason(step=Step.neighbours, kind=ReasonKind.overturns_more, value=2.0, reference=2.0, total=8)
+    assert str(reason) == (
+        "by the shakings within 1 % the block overturns in 2 of 8 cases with the pendulum, and in 2 without "
+        "it"
+    )
+
+
 def test_only_a_verified_design_or_none_needed_is_sound():
     sound = {status for status in DesignStatus if status.is_sound}
     assert sound == {DesignStatus.found, DesignStatus.no_uplift}

@@ -8,9 +8,9 @@ import pytest
 
 import tpd
 from tests import designs
-from tpd.analysis.response import frequency_response
+from tpd.analysis.response import settled_response
 from tpd.analysis.steady_state import sampled
-from tpd.closed_form.harmonic_balance import uplift
+from tpd.closed_form import uplift
 from tpd.core.conditions import Conditions
 from tpd.design.criteria import Offset, Stroke
 from tpd.design.result import DesignStatus
@@ -63,7 +63,7 @@ def test_responses_are_those_around_the_scenes_frequency():
     found = study(designs.single(pendulum=None)).responses
     (bare,) = found
     assert bare.frequency[[0, 15, -1]] == pytest.approx([1.75, 2.5, 3.75])
-    one = frequency_response(designs.SCENE, None, np.array([2.5]))
+    one = settled_response(designs.SCENE, "frequency", np.array([2.5]))
     assert bare.amplitude[15] == pytest.approx(float(one.amplitude[0]), rel=1e-9)
 
 

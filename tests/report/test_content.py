@@ -116,7 +116,7 @@ def test_models_that_disagree_are_marked():
     bad = dataclasses.replace(design, verified=(winner,), status=DesignStatus.refused)
     rows = section(content(bad, designs.study()), "By several models")[0].rows
     assert [r[-1] for r in rows] == ["rocking, MODELS DISAGREE", "rocking"]
-    assert rows[1][3] == "-0.04%"
+    assert rows[1][2:5] == ("smoothed", 0.0833, "-0.04%")
 
 
 def test_objections_of_the_nonlinear_model_are_dangers():

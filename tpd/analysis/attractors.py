@@ -1,8 +1,8 @@
-"""Which motions a design can settle into, and the share of starts that reach each.
+"""Motions that a design can settle into, and the share of starts that reach each.
 
-Rest, rocking of several kinds, chaos and overturning exist side by side; which one is reached
-depends on the start and on the phase of the shaking. So a seeded set of starts is followed by the
-exact engine, and what they settle into is sorted.
+Rest, rocking of several kinds, chaos and overturning exist side by side; which one is reached depends on the
+start and on the phase of the shaking. So a seeded set of starts is followed by the exact model, and the
+motions that they settle into are sorted.
 """
 
 from __future__ import annotations
@@ -21,19 +21,24 @@ import numpy as np
 from tpd.analysis.steady_state import Steady, steady_state
 from tpd.analysis.work_queue import settle_all
 from tpd.core import checks
+from tpd.core.formatting import Printed, counted_periods
 from tpd.core.parameters import Parameters, as_arrays
+from tpd.core.quantities import parameters_of
 from tpd.core.sampling import latin_hypercube
+from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import Status, status_name
 from tpd.models.base import Settled
 from tpd.models.piecewise import Piecewise
 from tpd.models.settling import scale_of
 
 _CLOSE = 1e-4
-"""Relative difference of the sizes of two motions that may be one, as they were followed."""
-_ONE_OF_A_KIND = ("aperiodic", "held", "not_settled", "overturned", "event_bound", "failed")
-"""Statuses of motions that are not told apart."""
+"""Largest relative difference of the sizes of two motions that may be one. Motions are followed until they
+repeat within a tolerance only, so that starts of one motion end at slightly different sizes."""
+_UNDIVIDED = ("rest", "aperiodic", "held", "not_settled", "overturned", "event_bound", "failed")
+"""Statuses whose motions count as one each."""
 _SAME = 1e-6
-"""The same of two that are one, or mirror images, after Newton's method."""
+"""Largest relative difference of the sizes of two motions that are one, or mirror images, after Newton's
+method."""
 
 
 class StartKind(enum.Enum):
@@ -48,7 +53,7 @@ class StartKind(enum.Enum):
 class Starts:
     """Initial states at tau = 0: a seeded set, spread evenly over a box, whose first state is at rest.
 
-    `Starts.rest()` is one start at rest, `Starts.any()` stands for whichever start.
+    `Starts.rest()` is one start at rest; `Starts.any()` stands for whichever start.
 
     Raises:
         ValueError: a size below one, or a spread below zero.
@@ -99,8 +104,8 @@ class Starts:
         return unit * reach
 
 
-@dataclass(frozen=True)
-class Attractor:
+@dataclass(frozen=True, repr=False)
+class Attractor(Printed):
     """One motion that some of the starts reach."""
 
     status: str
@@ -112,13 +117,22 @@ class Attractor:
     share: float
     """Share of the starts that reach it, or its mirror image, or itself some forcing periods later."""
     starts: tuple[int, ...]
-    """Which of the starts."""
+    """Indices of these starts."""
     steady: Steady
     """The settled motion of the first of these; for gradients call `steady_state` from that start."""
 
+    def __str__(self) -> str:
+        share = f"{self.status.replace('_', ' ')}: {self.share:.1%} of the starts"
+        if self.status not in ("rocking", "sticking"):
+            return share
+        kind = f"{'symmetric' if self.symmetric else 'asymmetric'}, {counted_periods(self.periods)}"
+        s = self.steady
+        return f"{share}, {kind}, amplitude {s.amplitude:.4g} rad, stroke {s.stroke:.4g} rad"
+
 
 def attractors(
-    p: Parameters,
+    subject: Parameters | Scene,
+    pendulum: Pendulum | None = None,
     *,
     starts: Starts | None = None,
     model: Piecewise | None = None,
@@ -126,12 +140,13 @@ def attractors(
 ) -> tuple[Attractor, ...]:
     """The motions that a set of starts settles into, the one most often reached first.
 
-    Motions that do not repeat (aperiodic, not_settled, overturned, event_bound) are kept together by
-    their status. Motions whose amplitudes and strokes agree within 1e-6 are taken for one or for mirror
-    images. The shares are estimates: of n starts, a share s is known to about sqrt(s (1 - s)/n).
+    Motions that do not repeat (aperiodic, not_settled, overturned, event_bound) are grouped by their
+    status. Motions whose amplitudes and strokes agree within 1e-6 are taken for one or for mirror images.
+    The shares are estimates: with n starts, a share s is known to about sqrt(s (1 - s)/n).
 
     Args:
-        p: dimensionless parameters, plain numbers.
+        subject: dimensionless parameters, or a scene; plain numbers.
+        pendulum: in the scene; default none.
         starts: default `Starts()`, 64 of them, seed 0.
         model: settings of the exact model.
         progress: called with (starts followed, of how many).
@@ -143,14 +158,15 @@ def attractors(
     checks.require_x64()
     model = Piecewise() if model is None else model
     starts = Starts() if starts is None else starts
-    fixed = as_arrays(p)
+    fixed = as_arrays(parameters_of(subject, pendulum))
     y0 = starts.states(float(fixed.nu))
     settled = settle_all(fixed, y0, model=model, progress=progress)
     # A bob without mass (mu = 0) cannot be felt; its swing may still be on the way.
     felt = bool(np.isfinite(np.asarray(scale_of(fixed))[1]))
     motions: list[_Motion] = []
     for group in _groups(settled, felt):
-        # Whether a motion that did not repeat is aperiodic is for each start to say.
+        # Only the Lyapunov exponent of each motion separates chaos from slow decay, so that these starts
+        # are solved one by one; of the others one start stands for its group.
         undecided = _name_of(settled.status, group[0]) == "not_settled"
         for starts_of in [[i] for i in group] if undecided else [group]:
             steady = _solver(model)(fixed, jnp.asarray(y0[starts_of[0]]))
@@ -160,23 +176,21 @@ def attractors(
 
 @dataclass
 class _Motion:
-    """A motion and the starts that are known to reach it."""
+    """A motion and the starts that reach it."""
 
     status: str
     steady: Steady
     starts: list[int]
 
     def same(self, other: _Motion, felt: bool) -> bool:
-        """Whether both are one motion, or of one kind that does not repeat."""
-        if self.status != other.status:
-            return False
-        if self.status in ("rest", *_ONE_OF_A_KIND):
-            return True
+        """Whether both are one motion, or have one status whose motions are not divided."""
+        if self.status != other.status or self.status in _UNDIVIDED:
+            return self.status == other.status
         a, b = (np.array([m.steady.amplitude, m.steady.stroke]) for m in (self, other))
         return int(self.steady.periods) == int(other.steady.periods) and _agree(a, b, _SAME, felt)
 
     def attractor(self, size: int) -> Attractor:
-        """What is told of it."""
+        """The motion as an answer, with its share of `size` starts."""
         return Attractor(
             status=self.status,
             periods=int(self.steady.periods),
@@ -196,7 +210,7 @@ def _add(motions: list[_Motion], new: _Motion, felt: bool) -> None:
 
 
 def _agree(a: np.ndarray, b: np.ndarray, share: float, felt: bool) -> bool:
-    """Whether two pairs (amplitude, stroke) agree; the stroke of a bob that is not felt need not."""
+    """Whether two pairs (amplitude, stroke) agree; the strokes count only if the block feels the bob."""
     close = np.abs(a - b) <= share * np.maximum(a, b)
     return bool(close[0] and (close[1] or not felt))
 

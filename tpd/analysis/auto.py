@@ -1,21 +1,21 @@
-"""The ladder of models: the cheapest that is good enough for a scene answers, and says why.
+"""Selection of a model: the cheapest one whose estimated error is within a tolerance.
 
-| rung | what it is | what it neglects |
+| model | content | neglects |
 |---|---|---|
 | uplift | closed form: the block never lifts | second order in the angles of the resting bob |
-| one harmonic | closed form: the upper branch of (27) | other harmonics and attractors, and the same |
-| exact | the exact solution of the linear equations | terms of second order in the angles |
+| one harmonic | closed form: the upper branch of (27) | other harmonics and attractors, second order |
+| exact | exact solution of the linear equations (25) | terms of second order in the angles |
 | nonlinear | the equations (4), integrated from event to event | nothing of (4) |
 
-The smoothed models are no rungs: they cost more than the exact solution and are less accurate.
+The smoothed models are not among them: they cost more than the exact solution and are less accurate.
 
 The error of the linear equations is estimated from their own answer: each dropped term changes weight,
-forcing, spring or coupling by a share known from the angles, and the gradient says what such a change
-does to the amplitude. So the estimate grows where the answer is sensitive, near a fold above all.
+forcing, spring or coupling by a share known from the angles, and the gradient turns this share into a change
+of the amplitude. So the estimate grows where the answer is sensitive, near a fold above all.
 
-The estimate is of the motion that the linear equations reach. Which motion a start reaches is decided by
-the nonlinear ones: they are followed from every start that is not near the settled motion, and answer where
-they reach another one. A comparison with neighbouring parameters costs more and misses some of these.
+The estimate holds for the motion that the linear equations reach. The nonlinear equations decide which motion
+a start reaches: they are followed from every start that is not near the settled motion, and answer where they
+reach another one. A comparison with neighbouring parameters would cost more and miss some of these.
 """
 
 from __future__ import annotations
@@ -43,28 +43,28 @@ from tpd.models.segmented import Segmented
 from tpd.models.settling import scale_of
 
 INTEGRATED = 1e-5
-"""Relative error of the nonlinear rung: that of its integration, with some to spare."""
+"""Relative error of the nonlinear model: that of its integration, with some to spare."""
 SAFETY = 2.0
-"""Of the estimate of what the linear equations drop: its parts may add up less well than assumed."""
+"""Factor on the estimated error of the linear equations: its parts may add up less well than assumed."""
 _NEAR = 0.02
 """Largest distance of a start from the settled motion, in shares of the scales of the state, at which the
-nonlinear equations are not asked which motion it reaches."""
+linear equations decide alone which motion it reaches."""
 _ALIKE = 0.25
-"""Largest relative difference between the amplitudes of motions of (25) and (4) that count as the same."""
+"""Largest relative difference between the amplitudes by (25) and by (4) that count as one motion."""
 _LIFTS = -0.1
-"""Uplift margin below which rest is no attractor by far, so that the balance may answer for a start
-at rest."""
+"""Uplift margin below which a block certainly leaves rest, so that the balance may answer for a start at
+rest."""
 
 
 class Auto(AbstractChoice):
-    """`steady_state(p, model=Auto(tolerance=...))` climbs the ladder until a rung's estimated relative
-    error of the amplitude is within the tolerance; the result's `rung`, `estimate` and `reason` say
-    which, how large and why.
+    """`steady_state(p, model=Auto(tolerance=...))` takes the cheapest model whose estimated relative error of
+    the amplitude is within the tolerance; `rung`, `estimate` and `reason` of the result say which model
+    answered, with what error, and why.
 
-    The one-harmonic balance knows no start: of the motions that random blocks come to from rest a third
-    is another one (most of them overturn). With `balance=True` it is asked all the same, of blocks that start
-    at rest, cannot stay there and lose nothing at impacts (e = 1): for the amplitude of rocking where
-    rocking is known to be reached.
+    The one-harmonic balance does not depend on the start: from rest, a third of random blocks settle into
+    another motion than its own (most of them overturn). So it is used with `balance=True` only, for blocks
+    that start at rest, cannot stay there and have no impact loss (e = 1): it gives the amplitude of rocking
+    where rocking is known to be reached.
 
     Raises:
         ValueError: a tolerance that is not between 1e-5 and 1.
@@ -77,10 +77,10 @@ class Auto(AbstractChoice):
         checks.within("tolerance", self.tolerance, INTEGRATED, 1.0)
 
     def steady(self, p: Parameters, y0: State) -> Steady:
-        """The settled motion from `y0` by the cheapest rung.
+        """The settled motion from `y0` by the cheapest model that is accurate enough.
 
         Raises:
-            ValueError: traced or batched parameters, by whose values nothing can be chosen.
+            ValueError: traced or batched parameters, whose values are not known when a model is chosen.
         """
         if not all(checks.is_concrete(x) and np.ndim(x) == 0 for x in jax.tree.leaves(p)):
             raise ValueError(
@@ -91,38 +91,39 @@ class Auto(AbstractChoice):
         if bool(still.rests) and float(still.estimate) <= min(self.tolerance, float(still.reserve)):
             reserve = f"{float(still.reserve):.1%} of the moment that would lift the block is in reserve"
             why = f"the block never lifts: {reserve}, from the start on"
-            return _told(still.steady, "uplift", still.estimate, why)
+            return _labelled(still.steady, "uplift", still.estimate, why)
         lossless, moved = float(fixed.e) == 1.0, bool(jnp.any(y0 != 0.0))
         if self.balance and lossless and not moved and float(still.margin) < _LIFTS:
             steady, estimate = _balanced(fixed)
             if float(estimate) <= self.tolerance:
                 why = "what the balance neglects is estimated to be within " + limit
-                return _told(steady, "one harmonic", estimate, why)
+                return _labelled(steady, "one harmonic", estimate, why)
         steady, estimate = _exact(fixed, y0)
         name = status_name(steady.status)
         close = name in SETTLED and float(estimate) <= self.tolerance
         reached = None if close and bool(_near(fixed, y0, steady)) else _nonlinear_motion(fixed, y0)
         if close and (reached is None or _same_motion(steady, reached)):
             why = f"what the linear equations drop is estimated to be within {limit}"
-            return _told(steady, "exact", estimate, why)
+            return _labelled(steady, "exact", estimate, why)
         assert reached is not None
         top = _nonlinear(fixed, reached)
         sure = jnp.where(is_settled(top.status), INTEGRATED, jnp.nan)
-        return _told(top, "nonlinear", sure, _refusal(name, float(estimate), limit, close))
+        return _labelled(top, "nonlinear", sure, _refusal(name, float(estimate), limit, close))
 
 
 def _refusal(name: str, estimate: float, limit: str, close: bool) -> str:
-    """Why the exact solution of the linear equations does not answer, of its status and estimated error."""
+    """Sentence that says why the linear equations do not answer, from their status and estimated error."""
     if name not in SETTLED:
         return f"the linear equations end {name}, which says nothing about their error"
     if close:
         return f"from this start the linear equations end {name}, and the nonlinear ones reach another motion"
     if not estimate < np.inf:
-        return "of what the linear equations drop nothing can be said here"
+        return "the error of the linear equations cannot be estimated here"
     return f"the linear equations may be off by {estimate:.2g}, beyond {limit}"
 
 
-def _told(steady: Steady, rung: str, estimate: Number, reason: str) -> Steady:
+def _labelled(steady: Steady, rung: str, estimate: Number, reason: str) -> Steady:
+    """The answer with the model that gave it, its estimated error and the reason for the choice."""
     return replace(steady, rung=rung, estimate=estimate, reason=reason)
 
 
@@ -132,9 +133,9 @@ class _Still(NamedTuple):
     rests: Array
     """Whether it can never lift."""
     reserve: Number
-    """Share of the moment that would lift the block which the bob, on its way as well, leaves over."""
+    """Least share of the lifting moment that is left over, from the start on."""
     margin: Number
-    """The same once the bob has settled."""
+    """Share that is left over once the bob has settled: the uplift margin."""
     estimate: Number
     """Share by which the dropped terms change the moment on it."""
     steady: Steady
@@ -142,7 +143,7 @@ class _Still(NamedTuple):
 
 @eqx.filter_jit
 def _still(p: Parameters, y0: State) -> _Still:
-    """Whether the block is done at its start, in closed form: nothing is followed."""
+    """The block at its start, in closed form: no motion is followed."""
     lane, lift = Piecewise().lane(p, y0), uplift(p)
     record, (reserve, reach) = lane.record, held_at_rest(Plant(p), lane.motion)
     stroke = jnp.where(p.zeta > 0, lift.stroke, reach)
@@ -152,7 +153,7 @@ def _still(p: Parameters, y0: State) -> _Still:
 
 @eqx.filter_jit
 def _balanced(p: Parameters) -> tuple[Steady, Number]:
-    """The upper branch of the one-harmonic balance, and what it and the linear equations neglect."""
+    """The upper branch of the one-harmonic balance, and the estimated relative error of its amplitude."""
 
     def size(p: Parameters) -> tuple[Array, tuple]:
         both = one_harmonic_branches(p)
@@ -160,7 +161,7 @@ def _balanced(p: Parameters) -> tuple[Steady, Number]:
 
     slope, (stroke, phase, exists) = jax.jacfwd(size, has_aux=True)(p)
     amplitude = size(p)[0]
-    # Of the bob's phase nothing is said.
+    # The balance gives no phase of the bob, hence no state of it.
     none = jnp.full_like(amplitude, jnp.nan)
     state = jnp.stack([amplitude * jnp.cos(phase), none, p.xi * amplitude * jnp.sin(phase), none])
     steady = _closed(Status.rocking, amplitude, stroke, state)
@@ -169,7 +170,7 @@ def _balanced(p: Parameters) -> tuple[Steady, Number]:
 
 
 def _closed(status: Status, amplitude: Array, stroke: Array, state: State) -> Steady:
-    """A closed form as a steady motion: of its stability nothing is said."""
+    """A closed form as a steady motion; its multiplier and Lyapunov exponent are not known."""
     unknown, yes = jnp.full_like(amplitude, jnp.nan), jnp.ones((), bool)
     one, none = jnp.ones((), int), jnp.zeros((), int)
     return Steady(amplitude, stroke, status, one, unknown, yes, unknown, state, none)
@@ -177,7 +178,7 @@ def _closed(status: Status, amplitude: Array, stroke: Array, state: State) -> St
 
 @eqx.filter_jit
 def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
-    """The exact solution of the linear equations, and what these drop."""
+    """The exact solution of the linear equations, and the estimated relative error of its amplitude."""
 
     def size(p: Parameters) -> tuple[Number, Steady]:
         steady = steady_state(p, model=Piecewise(lyapunov_periods=0), y0=y0)
@@ -189,8 +190,8 @@ def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
 
 @eqx.filter_jit
 def _near(p: Parameters, y0: State, steady: Steady) -> Array:
-    """Whether the start is near the state of the settled motion at tau = 0: then the motion attracts it
-    by either equations."""
+    """Whether the start is near the state of the settled motion at tau = 0. Then this motion attracts it, by
+    the linear and by the nonlinear equations."""
     return jnp.max(jnp.abs(y0 - steady.state) / scale_of(p)) < _NEAR
 
 
@@ -198,7 +199,7 @@ def _near(p: Parameters, y0: State, steady: Steady) -> Array:
 def _nonlinear_motion(p: Parameters, y0: State) -> Settled:
     """The motion that the start reaches by the nonlinear equations."""
     sane = jnp.all(jnp.isfinite(y0))
-    # A solver fed with NaN would try until its bound.
+    # With NaN for a start the solver would step until its bound.
     settled = Segmented().settle(p, jnp.where(sane, y0, 0.0))
     return replace(settled, status=Status.where(sane, settled.status, Status.failed))
 
@@ -210,8 +211,8 @@ def _nonlinear(p: Parameters, settled: Settled) -> Steady:
 
 
 def _same_motion(steady: Steady, reached: Settled) -> bool:
-    """Whether the nonlinear equations reach the kind of motion that the linear ones settle into. Of several
-    rocking motions side by side the amplitudes are far apart."""
+    """Whether the nonlinear equations reach the motion that the linear ones settle into. Rocking motions that
+    exist side by side have amplitudes far apart, so that a coarse comparison is enough."""
     rests, other = (bool(s == Status.rest) for s in (steady.status, reached.status))
     if rests or other:
         return rests and other
@@ -230,8 +231,8 @@ def dropped(p: Parameters, phi: Number, psi: Number, slope: Any) -> Number:
 
     The weight's moment changes by the shares f phi (the parametric term) and phi^2/2, the forcing by
     (phi^2 + psi^2)/2, the bob's spring by psi^2/6, and the coupling by nu (phi + psi)/2 and
-    (phi + psi)^2/2; what such a share does follows from the elasticities d ln phi/d ln(nu, f, lam, mu).
-    Of a block at rest: the share of the moment, infinite where that exceeds the uplift margin.
+    (phi + psi)^2/2; their effect on phi follows from the elasticities d ln phi/d ln(nu, f, lam, mu).
+    For a block at rest the estimate is the share of the moment, infinite where it exceeds the uplift margin.
 
     Args:
         p: dimensionless parameters.

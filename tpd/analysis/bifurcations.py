@@ -1,8 +1,9 @@
-"""Where the symmetric period-one orbits of a design are lost as one parameter varies.
+"""Bifurcations of the symmetric period-one orbits of a design as one parameter varies.
 
 At such a place one more function of crossing time, phase and parameter vanishes beside the two
 conditions of the orbit (`tpd.exact.test_functions`): a square system in closed form, which Newton's method
-solves to round-off. A sweep supplies the starts, and what it finds on both sides has to agree.
+solves to round-off. A sweep supplies the initial guesses, and the orbits that it finds on both sides have to
+agree with the bifurcation.
 """
 
 from __future__ import annotations
@@ -21,20 +22,21 @@ from jaxtyping import Array, Float
 
 from tpd.analysis.sweep import Sweep, along, orbits_at, wrapped
 from tpd.core import checks
+from tpd.core.formatting import Printed
 from tpd.core.parameters import Parameters
-from tpd.core.quantities import Axis, parameters
+from tpd.core.quantities import UNITS, Axis, parameters
 from tpd.core.scene import Pendulum, Scene
 from tpd.exact.test_functions import Survey, survey, vanishing
 
 _FINER = 16
-"""Parts that a gap is divided into where nothing was found next to it."""
+"""Parts that a gap is divided into where no bifurcation was found next to it."""
 _DEPTH = 5
-"""Times that this is done."""
+"""Largest number of such divisions, one within the other."""
 _AWAY = np.geomspace(1e-5, 0.1, 40)
-"""Shares of the range at which the orbits on both sides are looked at: two that are about to merge
-are not told apart too close to their fold."""
+"""Distances from a bifurcation, in shares of the range, at which the orbits on both sides are examined.
+There are several, because two orbits that are about to merge cannot be separated too close to their fold."""
 _NEAR = 0.5
-"""Distance, in shares of half a period and in rad, of an orbit there."""
+"""Largest distance of such an orbit, in shares of half a period and in rad."""
 
 
 class Kind(StrEnum):
@@ -49,18 +51,18 @@ class Kind(StrEnum):
     grazing = "grazing"
     """phi' touches zero between the turns: beyond, the block turns back once more."""
     unresolved = "unresolved"
-    """Something happens to an orbit that none of these was found to explain."""
+    """An orbit is lost or changes, and none of these was found to explain it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Bifurcation:
-    """One such place. Angles in rad; numbers are NaN where they are not known."""
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Bifurcation(Printed):
+    """One bifurcation. Angles in rad; numbers are NaN where they are not known."""
 
     kind: Kind
     name: str
-    """Of what varies."""
+    """Parameter or quantity that varies."""
     value: float
-    """Its value; the middle of the gap if unresolved."""
+    """Its value at the bifurcation; the middle of the gap if unresolved."""
     error: float
     """The last Newton step of `value`, the size of its rounding; half the gap if unresolved."""
     amplitude: float
@@ -74,16 +76,23 @@ class Bifurcation:
     below: str = ""
     """Name of the orbit's status just below `value`; at a fold rocking if one of the two is."""
     above: str = ""
-    """The same just above."""
+    """Name of the orbit's status just above `value`."""
     slopes: dict[str, float] = field(default_factory=dict)
-    """d value / d(each other parameter, or of a scene each other quantity); rho follows nu where
-    `p.rho` is None."""
+    """d value / d(each other parameter, or each other quantity of a scene); rho follows nu where the subject
+    leaves it so."""
     reason: str = ""
-    """Unresolved only: what is missing, in a sentence."""
+    """Unresolved only: sentence that says what is missing."""
+
+    def __str__(self) -> str:
+        at = f"{self.kind.value.replace('_', ' '):18} {self.value:10.6g} {UNITS.get(self.name, '')}".rstrip()
+        if self.reason:
+            return f"{at}: {self.reason}"
+        sides = f"{self.below} below, {self.above} above".replace("_", " ")
+        return f"{at}, amplitude {self.amplitude:.5g} rad: {sides}"
 
 
 def bifurcations(
-    p: Parameters | Scene,
+    subject: Parameters | Scene,
     name: str,
     low: float,
     high: float,
@@ -91,33 +100,34 @@ def bifurcations(
     samples: int = 200,
     pendulum: Pendulum | None = None,
 ) -> list[Bifurcation]:
-    """Where symmetric period-one orbits are lost or lose their symmetry as `name` varies.
+    """Places where symmetric period-one orbits are lost or lose their symmetry as `name` varies.
 
-    Solved for are phi'(0) = 0 and phi(t) = 0 together with: their derivative determinant in
+    The equations phi'(0) = 0 and phi(t) = 0 are solved together with: their derivative determinant in
     (t, gamma) (fold); det(I + G), G the derivative of the mirrored half-period map (symmetry
     breaking); phi''(0+) (sticking); phi'(s) and phi''(s), s between the turns (grazing).
 
-    Not found is what happens twice between two samples and leaves no trace there, and where a
-    complex pair of multipliers passes the unit circle (Neimark-Sacker).
+    Two bifurcations between two samples that cancel each other are missed. A complex pair of multipliers
+    that passes the unit circle (Neimark-Sacker) is not searched for.
 
     Args:
-        p: dimensionless parameters, or a scene; its value of `name` is not used.
-        name: of what varies, as for `sweep`.
+        subject: dimensionless parameters, or a scene; its value of `name` is not used.
+        name: parameter or quantity that varies, as for `sweep`.
         low: lower end of its range.
         high: upper end.
-        samples: values that the range is swept with first.
+        samples: number of values in the first sweep of the range.
         pendulum: in the scene; default none.
 
     Returns:
-        In the order of the values. Each is confirmed by the orbits on both sides; where that fails,
-        or where an orbit is lost without a cause found, `kind` is unresolved and `reason` says why.
+        Bifurcations in the order of their values. Each is confirmed by the orbits on both sides; where
+        that fails, or where an orbit is lost without a cause found, `kind` is unresolved, and `reason` says
+        why.
 
     Raises:
         ValueError: an unknown name, batched parameters, no interval, or fewer than 8 samples.
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    axis = Axis.of(p, name, pendulum)
+    axis = Axis.of(subject, name, pendulum)
     low, high = checks.interval("(low, high)", (low, high), -math.inf, math.inf)
     checks.within("samples", samples, 8.0, 100_000.0)
     axis.check(low, high)
@@ -132,11 +142,11 @@ class _Search(NamedTuple):
     low: float
     high: float
     spacing: float
-    """Of the first sweep."""
+    """Distance of two values in the first sweep."""
 
     def window(self, kind: Kind, gap: _Gap) -> tuple[float, float]:
-        """Where a point may lie that explains a gap. Two orbits are lost from sight before they
-        merge, and grazing is judged from samples."""
+        """Interval of values that may explain a gap: wider than the gap, because the sweep loses two orbits
+        before they merge, and because it recognises grazing from samples in time."""
         if kind is Kind.fold:
             beyond = 0.1 * (self.high - self.low)
             return self.low - beyond, self.high + beyond
@@ -145,25 +155,26 @@ class _Search(NamedTuple):
 
 
 class _Gap(NamedTuple):
-    """Two neighbouring values between which something happens to an orbit at one of them."""
+    """Two neighbouring values between which an orbit is lost, or loses or gains its symmetry."""
 
     value: float
-    """Where the orbit is."""
+    """Value where the orbit is."""
     other: float
     lost: bool
-    """Whether it is not at the other value; else its det(I + G) changes sign."""
+    """Whether the orbit is lost at the other value; else its det(I + G) changes sign."""
     t: float
     gamma: float
 
     @property
     def causes(self) -> tuple[Kind, ...]:
-        """Kinds that would explain it."""
+        """Kinds of bifurcation that would explain the gap."""
         if self.lost:
             return Kind.fold, Kind.sticking, Kind.grazing
         return (Kind.symmetry_breaking,)
 
 
 def _gaps(s: Sweep) -> Iterator[_Gap]:
+    """Gaps of a sweep, from every orbit to its neighbours on both sides."""
     margin = np.asarray(s.margins.symmetry)
     for i, j in zip(*np.nonzero(s.branch >= 0), strict=True):
         for to in {max(i - 1, 0), min(i + 1, len(s.value) - 1)} - {i}:
@@ -176,9 +187,10 @@ def _gaps(s: Sweep) -> Iterator[_Gap]:
 
 
 def _explained(search: _Search, grid: np.ndarray, depth: int) -> list[Bifurcation]:
-    """What explains the gaps of a sweep; where nothing does, it is repeated with finer steps."""
+    """Bifurcations that explain the gaps of a sweep; a gap without one is swept again with finer steps."""
     found = []
     for gap in _gaps(along(search.axis, grid)):
+        # All kinds are tried, not only the causes of the gap: another one nearby costs little to find.
         kinds = [kind for kind in Kind if kind is not Kind.unresolved]
         points = [b for kind in kinds if (b := _located(search, gap, kind)) is not None]
         found += points
@@ -193,7 +205,7 @@ def _explained(search: _Search, grid: np.ndarray, depth: int) -> list[Bifurcatio
 
 
 def _unexplained(search: _Search, gap: _Gap) -> Bifurcation:
-    what = "is lost" if gap.lost else "changes the sign of its det(I + G)"
+    change = "is lost" if gap.lost else "changes the sign of its det(I + G)"
     causes = " or ".join(kind.value.replace("_", " ") for kind in gap.causes)
     return Bifurcation(
         kind=Kind.unresolved,
@@ -203,25 +215,25 @@ def _unexplained(search: _Search, gap: _Gap) -> Bifurcation:
         amplitude=math.nan,
         phase=gap.gamma,
         crossing=gap.t,
-        reason=f"an orbit {what} between {gap.value:.15g} and {gap.other:.15g}, but no {causes} was found",
+        reason=f"an orbit {change} between {gap.value:.15g} and {gap.other:.15g}, but no {causes} was found",
     )
 
 
 def _located(search: _Search, gap: _Gap, kind: Kind) -> Bifurcation | None:
-    """The point of a kind next to a gap that Newton's method leads to from the orbit there."""
+    """The bifurcation of a kind next to a gap, by Newton's method from the orbit there."""
     (x,) = search.axis.at(np.array([gap.value]))
-    starts = [np.array([gap.t, gap.gamma])]
+    guesses = [np.array([gap.t, gap.gamma])]
     if kind is Kind.grazing:
-        starts = [np.append(starts[0], s) for s in _dents(x, starts[0])]
-    for start in starts:
-        point = _newton(search, kind, start, gap)
+        guesses = [np.append(guesses[0], s) for s in _dents(x, guesses[0])]
+    for guess in guesses:
+        point = _newton(search, kind, guess, gap)
         if point is not None:
             return _on_orbit(search, kind, point)
     return None
 
 
 def _dents(x: np.ndarray, u: np.ndarray) -> list[float]:
-    """Times where phi' peaks between the turns, of the two peaks closest to zero."""
+    """Times of the two peaks of phi' between the turns that are closest to zero."""
     rates = np.asarray(_survey(jnp.asarray(u), jnp.asarray(x)).rates)
     inner = rates[1:-1]
     peaks = np.nonzero((inner >= rates[:-2]) & (inner >= rates[2:]))[0] + 1
@@ -235,17 +247,17 @@ class _Point(NamedTuple):
     u: np.ndarray
     """(t, gamma), and s for grazing."""
     value: float
-    """Of what varies."""
     x: np.ndarray
+    """The parameters there, in the order of NAMES."""
     moved: float
     """The last step of `value`."""
     slopes: np.ndarray
     """Its derivative with respect to each of the axis' others."""
 
 
-def _newton(search: _Search, kind: Kind, start: np.ndarray, gap: _Gap) -> _Point | None:
-    """Newton's method on u and what varies, its steps cut to what is near."""
-    u, m, value, last = start, len(start), gap.value, math.inf
+def _newton(search: _Search, kind: Kind, guess: np.ndarray, gap: _Gap) -> _Point | None:
+    """Solve for u and the value by Newton's method with limited steps; None if it fails to converge nearby."""
+    u, m, value, last = guess, len(guess), gap.value, math.inf
     low, high = search.window(kind, gap)
     for _ in range(40):
         (x,) = search.axis.at(np.array([value]))
@@ -253,12 +265,15 @@ def _newton(search: _Search, kind: Kind, start: np.ndarray, gap: _Gap) -> _Point
         system = np.column_stack([by_u, by_axis[:, 0]])
         if not np.all(np.isfinite(system)) or np.linalg.matrix_rank(system) <= m:
             return None
+        # The columns beyond the first are the derivatives of the solution, by the implicit function theorem.
         solved = np.linalg.solve(system, -np.column_stack([residual, by_axis[:, 1:]]))
         step, span = solved[:, 0], np.pi / x[6]
         share = np.abs(step) / np.array([*(span, 1.0, span)[:m], high - low])
+        # A long step would leave for another orbit: at most a tenth of half a period, and 0.1 rad of phase.
         step = step * min(1.0, 0.1 / max(share[:m].max(), 0.1), 1.0 / max(share[m], 1.0))
         u, value = u + step[:m], float(np.clip(value + step[m], low, high))
         before, last = last, share.max()
+        # Converged to round-off: the steps are below 1e-9 and no longer shrink.
         if last < 1e-15 or (before < 1e-9 and last >= before):
             near = max(abs(u[0] - gap.t) / span, abs(u[1] - gap.gamma)) <= _NEAR
             (x,) = search.axis.at(np.array([value]))
@@ -273,19 +288,18 @@ _ROWS = {
     Kind.sticking: [0, 1, 4],
     Kind.grazing: [0, 1, 5, 6],
 }
-"""Which of `vanishing` a kind asks for."""
+"""Entries of `vanishing` that are zero at a bifurcation of each kind."""
 
 
 def _linear(axis: Axis, kind: Kind, u: np.ndarray, value: float) -> tuple[np.ndarray, ...]:
-    """What must vanish for a kind, and its derivatives with respect to u, and to what varies and the
-    axis' others."""
+    """The residual for a kind, and its derivatives in u, and in the varied number and the axis' others."""
     m, rows, (x,) = len(u), _ROWS[kind], axis.at(np.array([value]))
     padded = jnp.asarray(np.append(u, [1.0] * (3 - m)))
     residual, by_u, by_x = (np.array(a)[rows] for a in _linearised(padded, jnp.asarray(x)))
     return residual, by_u[:, :m], by_x @ axis.jacobian(value)
 
 
-# Half the time to compile, of code that runs some hundred times.
+# This halves the time to compile; the code runs some hundred times only.
 @partial(jax.jit, compiler_options={"xla_llvm_disable_expensive_passes": True})
 def _linearised(u: Float[Array, "3"], x: Float[Array, "9"]) -> tuple[Array, Array, Array]:
     def twice(u: Array, x: Array) -> tuple[Array, Array]:
@@ -302,12 +316,12 @@ def _survey(u: Float[Array, "2"], x: Float[Array, "9"]) -> Survey:
 
 
 def _on_orbit(search: _Search, kind: Kind, point: _Point) -> Bifurcation | None:
-    """The answer, unless the solution breaks the signs of an orbit elsewhere on its way."""
+    """The bifurcation at a point, or None where its path has not the signs of an orbit elsewhere."""
     u, x, axis = point.u, point.x, search.axis
     way = _survey(jnp.asarray(u[:2]), jnp.asarray(x))
     touching = float(u[2]) if kind is Kind.grazing else math.nan
     times = [t for t in (u[0], touching) if not math.isnan(t)]
-    # What vanishes at this point is left out, being zero to rounding only.
+    # The quantity that vanishes at this point is zero to rounding only, so that its sign is not checked.
     highest = float(way.rates.max()) - 1e-9 * x[6] * float(way.height) * (kind is Kind.grazing)
     leaving = -1.0 if kind is Kind.sticking else float(way.leaving)
     falling = max(highest, leaving, float(way.arriving)) < 0
@@ -327,18 +341,22 @@ def _on_orbit(search: _Search, kind: Kind, point: _Point) -> Bifurcation | None:
 
 
 def _distinct(found: list[Bifurcation]) -> list[Bifurcation]:
-    """Each once: both branches of a fold end there."""
-    kept: list[Bifurcation] = []
+    """The bifurcations, each once. The search finds a fold twice, from both branches that end there."""
+    distinct: list[Bifurcation] = []
     for b in found:
         close = 1e-9 * abs(b.value) + 1e-12
-        twins = (a for a in kept if a.kind is b.kind and abs(a.value - b.value) <= close)
+        twins = (a for a in distinct if a.kind is b.kind and abs(a.value - b.value) <= close)
         if not any(abs(a.crossing - b.crossing) <= 1e-4 * b.crossing for a in twins):
-            kept.append(b)
-    return kept
+            distinct.append(b)
+    return distinct
 
 
 def _confirmed(search: _Search, b: Bifurcation) -> Bifurcation:
-    """With the statuses on both sides, if these are what the kind asks for at some distance."""
+    """The bifurcation with the statuses on both sides; unresolved where these contradict its kind.
+
+    At some distance one side must have two orbits more at a fold, one more at sticking and grazing; where
+    symmetry breaks their number stays and det(I + G) changes its sign.
+    """
     if b.kind is Kind.unresolved:
         return b
     away = _AWAY * (search.high - search.low)
@@ -357,13 +375,13 @@ class _Neighbour(NamedTuple):
     near: int
     """Number of orbits near a point."""
     status: str
-    """Of the closest; or rocking, if several are asked for and one of them is."""
+    """Status of the closest orbit; or rocking, if several are asked for and one of them is."""
     margin: float
     """det(I + G) of the closest."""
 
 
 def _neighbours(search: _Search, b: Bifurcation, values: np.ndarray, several: int) -> list[_Neighbour]:
-    """What there is near a point at other values."""
+    """The orbits near a bifurcation at other values."""
     values = np.clip(values, search.low, search.high)
     orbits, names = orbits_at(search.axis, values)
     symmetry = np.asarray(orbits.margins.symmetry)

@@ -1,14 +1,13 @@
-"""A design through the whole ladder of models: what each says, what it neglects and what it costs."""
+"""Comparison of models for one design: the answer of each, what it neglects and how long it takes."""
 
 from __future__ import annotations
 
-import functools
 import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import Any
+from functools import partial
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -19,7 +18,10 @@ from tpd.closed_form.harmonic_balance import one_harmonic
 from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
 from tpd.core.equations import Terms
+from tpd.core.formatting import Printed
 from tpd.core.parameters import Parameters, as_arrays
+from tpd.core.progress import Progress
+from tpd.core.quantities import Setup, bare_parameters_of
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import SETTLED, Status, status_name
 from tpd.models.base import AbstractModel, Settled
@@ -27,36 +29,14 @@ from tpd.models.piecewise import Piecewise
 from tpd.models.segmented import Segmented
 from tpd.models.smoothed import Smoothed
 
-TOP = "nonlinear"
-"""Name of the rung that the others are judged by."""
-
-_MODELS: dict[str, tuple[AbstractModel, str]] = {
-    "exact": (Piecewise(), "terms of second order in the angles"),
-    "smoothed": (Smoothed(), "the same, and the sharpness of signs"),
-    "parametric": (Smoothed(terms=Terms.parametric), "the same but s f nu phi sin(xi tau)"),
-    "smoothed nonlinear": (Smoothed(terms=Terms.nonlinear), "the sharpness of signs"),
-    TOP: (Segmented(), "nothing of the paper's (4)"),
-}
-"""Rungs that follow a motion from rest, and what each neglects."""
-
-_CLOSED = {
-    "uplift": "everything but the settled bob under a resting block",
-    "one harmonic": "all harmonics but one",
-}
-"""Closed forms, and what each neglects."""
-_LOSSLESS = ("one harmonic", "smoothed", "parametric", "smoothed nonlinear")
-"""Rungs that have no impact loss, and nothing to say where there is one."""
-
-RUNGS = (*_CLOSED, *_MODELS)
-"""All rungs, the cheapest first."""
-QUICK = ("uplift", "one harmonic", "exact", TOP)
-"""Those that do not take long to compile."""
+_Answer = tuple[float, float, str]
+"""Amplitude and stroke (rad), and the name of the status."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rung:
-    """What one model says of a design; angles in rad, NaN where it has nothing to say: the status is
-    "no impacts" where impacts lose energy and the model does not have that."""
+    """Answer of one model; angles in rad, NaN where it has none: the status is "no impacts" where impacts
+    lose energy and the model has no impact loss."""
 
     name: str
     amplitude: float
@@ -65,80 +45,87 @@ class Rung:
     """Largest |psi|."""
     status: str
     seconds: float
-    """Of a second run: compiled already."""
+    """Time of a second solution: compiled already."""
     first: float
-    """Of the first run, compilation included; near zero if it had been compiled before."""
+    """Time of the first solution, compilation included; near zero if it had been compiled before."""
     neglects: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class Check:
-    """A design's way up the ladder."""
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Check(Printed):
+    """A design by several models, the cheapest first."""
 
     rungs: tuple[Rung, ...]
     limit: float
     """Largest allowed stroke, rad."""
     bare: float
-    """Nonlinear amplitude of the bare block, rad; infinite if it overturns, NaN if not asked for."""
+    """Nonlinear amplitude of the bare block, rad; infinite if it overturns, NaN without a pendulum."""
 
     @property
     def top(self) -> Rung:
-        """The nonlinear rung."""
+        """The answer of the nonlinear equations."""
         return next(r for r in self.rungs if r.name == TOP)
 
     @property
     def objections(self) -> tuple[str, ...]:
-        """What the nonlinear equations have against the design, a sentence each; none if sound."""
+        """Sentences that say why the nonlinear equations refuse the design; empty if they confirm it."""
         return objections(self.top.amplitude, self.top.stroke, self.top.status, self.limit, self.bare)
 
     def table(self) -> str:
-        """The rungs as text."""
-        head = f"{'rung':20}{'amplitude':>11}{'stroke':>10}  {'status':13}{'time':>10}{'first':>9}  neglects"
+        """One line for each model."""
+        head = f"{'model':20}{'amplitude':>11}{'stroke':>10}  {'status':13}{'time':>10}{'first':>9}  neglects"
         return "\n".join([head, *(_row(r) for r in self.rungs)])
+
+    def __str__(self) -> str:
+        verdict = [f"objection: {x}" for x in self.objections] or ["no objection by the nonlinear equations"]
+        return "\n".join([self.table(), *verdict])
 
 
 def check(
-    scene: Scene,
-    pendulum: Pendulum | None,
+    subject: Parameters | Scene,
+    pendulum: Pendulum | None = None,
     *,
     stroke: float = math.inf,
-    rungs: tuple[str, ...] = RUNGS,
-    progress: Callable[[str, int, int], None] | None = None,
+    rungs: tuple[str, ...] | None = None,
+    progress: Progress | None = None,
 ) -> Check:
-    """A design by all models, from rest.
+    """Solve a design by all models, from rest.
 
     Args:
-        scene: block and base motion, SI.
-        pendulum: the design; None for the bare block.
+        subject: a scene, or dimensionless parameters (plain numbers).
+        pendulum: in the scene; default none, the bare block.
         stroke: limit on the bob's angle, rad.
-        rungs: names out of `RUNGS`; the nonlinear one is always there.
-        progress: called with (rung, how many are done, of how many).
+        rungs: names of models out of `RUNGS`, default all; the nonlinear one is always there.
+        progress: called with ("checking", models done, of how many).
 
     Raises:
-        ValueError: an unknown rung or a limit that is not positive.
+        ValueError: an unknown model, a limit that is not positive, traced or batched parameters, or a
+            pendulum beside parameters.
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
     if not stroke > 0:
         raise ValueError(f"`stroke` must be positive, but is {stroke:g}")
+    rungs = RUNGS if rungs is None else rungs
     unknown = [name for name in rungs if name not in RUNGS]
     if unknown:
         raise ValueError(f"`rungs` must be of {', '.join(RUNGS)}, but has {', '.join(unknown)}")
-    p, asked = as_arrays(scene.parameters(pendulum)), [r for r in RUNGS if r in rungs or r == TOP]
+    setup = Setup.of(subject, pendulum)
+    p, asked = as_arrays(setup.at({})), [r for r in RUNGS if r in rungs or r == TOP]
     done = []
     for i, name in enumerate(asked):
-        done.append(_rung(name, p))
+        done.append(_timed(name, p))
         if progress is not None:
             progress("checking", i + 1, len(asked))
-    if pendulum is None:
-        # There is no bob, whatever stands for it.
+    if not setup.hung:
+        # The parameters of a bare block stand for a bob too light to be felt; its stroke means nothing.
         return Check(rungs=tuple(replace(r, stroke=math.nan) for r in done), limit=math.inf, bare=math.nan)
-    return Check(rungs=tuple(done), limit=stroke, bare=nonlinear(as_arrays(scene.parameters()))[0])
+    return Check(rungs=tuple(done), limit=stroke, bare=nonlinear(bare_parameters_of(subject))[0])
 
 
 def objections(amplitude: float, stroke: float, status: str, limit: float, bare: float) -> tuple[str, ...]:
-    """What a nonlinear motion has against its design: it does not settle, its stroke is beyond the limit,
-    or the bare block rocks less."""
+    """Sentences that say why a nonlinear motion speaks against its design: it does not settle, its stroke
+    exceeds the limit, or the bare block rocks less. Angles in rad."""
     by, out = "by the nonlinear equations", []
     if status not in SETTLED:
         return (f"{by} the motion ends {status}",)
@@ -151,52 +138,55 @@ def objections(amplitude: float, stroke: float, status: str, limit: float, bare:
 
 def nonlinear(p: Parameters) -> tuple[float, float, str]:
     """(amplitude, stroke, status) by the nonlinear equations from rest, without derivatives."""
-    return _followed(_MODELS[TOP][0], as_arrays(p))
+    return _followed(Segmented(), as_arrays(p))
 
 
-def _rung(name: str, p: Parameters) -> Rung:
-    def run() -> tuple[float, float, str]:
-        if name in _LOSSLESS and float(p.e) < 1.0:
-            return math.nan, math.nan, "no impacts"
-        return _followed(_MODELS[name][0], p) if name in _MODELS else _closed(name, p)
-
+def _timed(name: str, p: Parameters) -> Rung:
+    """The answer of one model, solved twice to separate the time to compile from the time to solve."""
+    model = _MODELS[name]
+    solve = model.solve if model.impact_loss or float(p.e) == 1.0 else _no_impacts
     begin = time.perf_counter()
-    run()
+    solve(p)
     middle = time.perf_counter()
-    amplitude, stroke, status = run()
-    end = time.perf_counter()
-    return Rung(
-        name=name,
-        amplitude=amplitude,
-        stroke=stroke,
-        status=status,
-        seconds=end - middle,
-        first=middle - begin,
-        neglects=_CLOSED[name] if name in _CLOSED else _MODELS[name][1],
+    amplitude, stroke, status = solve(p)
+    times = {"first": middle - begin, "seconds": time.perf_counter() - middle}
+    sizes = {"amplitude": amplitude, "stroke": stroke}
+    return Rung(name=name, status=status, neglects=model.neglects, **sizes, **times)
+
+
+_uplift, _one_harmonic = eqx.filter_jit(uplift), eqx.filter_jit(one_harmonic)
+
+
+def _no_impacts(_: Parameters) -> _Answer:
+    return math.nan, math.nan, "no impacts"
+
+
+def _at_rest(p: Parameters) -> _Answer:
+    lift = _uplift(p)
+    return (
+        (0.0, float(lift.stroke), "rest") if lift.margin >= 0.0 else (math.nan, float(lift.stroke), "lifts")
     )
 
 
-def _closed(name: str, p: Parameters) -> tuple[float, float, str]:
-    if name == "uplift":
-        lift = _uplift(p)
-        stays = float(lift.margin) >= 0.0
-        return (0.0 if stays else math.nan), float(lift.stroke), "rest" if stays else "lifts"
-    found = _harmonic(p)
-    exists = bool(found.exists)
-    sizes = (float(found.amplitude), float(found.stroke)) if exists else (math.nan, math.nan)
-    return *sizes, "rocking" if exists else "no_orbit"
+def _balanced(p: Parameters) -> _Answer:
+    found = _one_harmonic(p)
+    if not bool(found.exists):
+        return math.nan, math.nan, "no_orbit"
+    return float(found.amplitude), float(found.stroke), "rocking"
 
 
-_uplift = eqx.filter_jit(uplift)
-_harmonic = eqx.filter_jit(one_harmonic)
+@eqx.filter_jit
+def _settled(model: AbstractModel, p: Parameters) -> Settled:
+    return model.settle(p, jnp.zeros(4))
 
 
-def _followed(model: AbstractModel, p: Parameters) -> tuple[float, float, str]:
-    # Between its samples the smoothed motion is known only once its orbit is polished; the others are
-    # exact at their turns. Polishing the exact one is compiled by `optimise` already.
-    polished = isinstance(model, (Piecewise, Smoothed))
-    solve = functools.partial(steady_state, model=model) if polished else _settler(model)
-    settled = jax.block_until_ready(solve(p))
+def _followed(model: AbstractModel, p: Parameters) -> _Answer:
+    # The smoothed motion is known between its samples only once its orbit is polished; the other models are
+    # exact at the turns of a motion. Polishing the exact one is compiled by `optimise` already.
+    if isinstance(model, (Piecewise, Smoothed)):
+        settled = jax.block_until_ready(steady_state(p, model=model))
+    else:
+        settled = jax.block_until_ready(_settled(model, p))
     resolution, status = float(model.resolution(p)), settled.status
     amplitude, stroke = float(settled.amplitude), float(settled.stroke)
     if status_name(status) in SETTLED and amplitude <= resolution:
@@ -205,9 +195,38 @@ def _followed(model: AbstractModel, p: Parameters) -> tuple[float, float, str]:
     return (math.inf, math.inf, "overturned") if lost else (amplitude, stroke, status_name(status))
 
 
-@lru_cache(maxsize=16)
-def _settler(model: AbstractModel) -> Callable[[Any], Settled]:
-    return eqx.filter_jit(lambda p: model.settle(p, jnp.zeros(4)))
+class _Model(NamedTuple):
+    """A model that can be asked for its answer from rest."""
+
+    neglects: str
+    solve: Callable[[Parameters], _Answer]
+    impact_loss: bool = True
+    """Whether the model has the loss of energy at impacts."""
+
+
+TOP = "nonlinear"
+"""Name of the model that the others are compared with."""
+_MODELS = {
+    "uplift": _Model("everything but the settled bob under a resting block", _at_rest),
+    "one harmonic": _Model("all harmonics but one", _balanced, impact_loss=False),
+    "exact": _Model("terms of second order in the angles", partial(_followed, Piecewise())),
+    "smoothed": _Model(
+        "terms of second order, and the sharpness of signs", partial(_followed, Smoothed()), impact_loss=False
+    ),
+    "parametric": _Model(
+        "as smoothed, but for s f nu phi sin(xi tau)",
+        partial(_followed, Smoothed(terms=Terms.parametric)),
+        impact_loss=False,
+    ),
+    "smoothed nonlinear": _Model(
+        "the sharpness of signs", partial(_followed, Smoothed(terms=Terms.nonlinear)), impact_loss=False
+    ),
+    TOP: _Model("nothing of the paper's (4)", partial(_followed, Segmented())),
+}
+RUNGS = tuple(_MODELS)
+"""Names of all models, the cheapest first."""
+QUICK = ("uplift", "one harmonic", "exact", TOP)
+"""Names of the models that do not take long to compile."""
 
 
 def _row(r: Rung) -> str:

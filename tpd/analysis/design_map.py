@@ -16,20 +16,21 @@ from tpd.analysis.work_queue import settle_all
 from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
 from tpd.core.batch import in_chunks
+from tpd.core.formatting import Printed, counted, span
 from tpd.core.parameters import Parameters
-from tpd.core.quantities import NAMES, Setup, parameters
+from tpd.core.quantities import NAMES, UNITS, Setup, parameters
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import names_of
 from tpd.models.settling import scale_of
 
 _MATCH = 1e-3
-"""Largest distance, in shares of the scales, of a motion as it was followed from the orbit it is on."""
+"""Largest distance, in shares of the scales, between a followed motion and the orbit that it is on."""
 _CHOICE = ("rocking", "near_fold", "grazing", "rest", "neutral", "unstable", "no_orbit")
-"""Of what a design has, the first is its answer where no start is given."""
+"""Statuses in the order in which one of them becomes the answer where no start is given."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class DesignMap:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DesignMap(Printed):
     """A grid of designs: arrays (ny, nx), row by row along y. Angles in rad."""
 
     x_name: str
@@ -41,18 +42,18 @@ class DesignMap:
     start: tuple[float, ...] | None
     """State at tau = 0 that the designs were followed from; None where none was asked for."""
     amplitude: np.ndarray
-    """Largest |phi|; see `design_map` for which motion's. Infinite where the block overturns."""
+    """Largest |phi| of the motion that `design_map` describes. Infinite where the block overturns."""
     stroke: np.ndarray
-    """Largest |psi| of the same motion. Without a pendulum, of a bob too light to be felt."""
+    """Largest |psi| of this motion. Without a pendulum, that of a bob too light to be felt."""
     status: np.ndarray
     """Names of statuses."""
     margin: np.ndarray
-    """Of `uplift`: where it is positive a block at rest under the settled pendulum stays at rest."""
+    """Uplift margin: where positive, a block at rest under the settled pendulum stays at rest."""
     exact: np.ndarray
-    """Whether amplitude and stroke are exact to rounding; else the motion was followed until it repeated
-    itself within 1e-6 of nu (amplitude) and of nu + f (stroke), or did not repeat."""
+    """Whether amplitude and stroke are exact to rounding. Elsewhere the motion was followed until it repeated
+    within 1e-6 of nu (amplitude) and of nu + f (stroke), or until its periods ended."""
     overflow: np.ndarray
-    """Whether a design had more orbits than were followed up."""
+    """Whether a design may have more orbits than were solved for."""
 
     @property
     def counts(self) -> dict[str, int]:
@@ -60,9 +61,17 @@ class DesignMap:
         names, counts = np.unique(self.status, return_counts=True)
         return {str(names[i]): int(counts[i]) for i in np.argsort(-counts, kind="stable")}
 
+    def __str__(self) -> str:
+        lines = ["Design map" if self.start is None else f"Design map from the start {self.start}"]
+        for name, values in ((self.x_name, self.x), (self.y_name, self.y)):
+            lines.append(f"  {name:15} {len(values)} values, {span(values, UNITS.get(name, ''))}")
+        sizes = {"amplitude": "rad", "stroke": "rad", "margin": ""}
+        lines.append(f"  {'status':15} {counted(self.status)}")
+        return "\n".join([*lines, *(f"  {n:15} {span(getattr(self, n), u)}" for n, u in sizes.items())])
+
 
 def design_map(
-    p: Parameters | Scene,
+    subject: Parameters | Scene,
     x: tuple[str, Any],
     y: tuple[str, Any],
     *,
@@ -75,25 +84,25 @@ def design_map(
     Without a `start` the answer is the largest attracting motion among the symmetric period-one orbits
     and rest, each known in closed form (some 15 µs a design and core). Its status is
 
-    - rocking: that orbit attracts; the block may rest or rock less as well, from another start;
-    - near_fold, grazing: the same, but the orbit is about to be lost;
-    - rest: no such orbit attracts, and a block at rest stays at rest; amplitude zero, and the stroke
+    - rocking: this orbit attracts; the block may rest or rock less as well, from another start;
+    - near_fold, grazing: this orbit attracts, but is about to be lost;
+    - rest: no such orbit attracts, and a block at rest stays at rest; the amplitude is zero, and the stroke
       is that of the bob under the resting block;
     - neutral: there is such an orbit, but nothing takes energy from it, so that it does not attract;
-    - unstable: there are orbits, but all repel, and rest does not hold: the block does something else,
-      which a start tells. Amplitude and stroke are those of the largest;
-    - no_orbit: there is none, and rest does not hold; NaN.
+    - unstable: there are orbits, but all repel, and a block at rest lifts: the block settles into another
+      motion, which depends on the start. Amplitude and stroke are those of the largest orbit;
+    - no_orbit: there is none, and a block at rest lifts; amplitude and stroke are NaN.
 
     With a `start` every design is followed from it by events (some 0.6 ms a design) until the motion
-    repeats itself: rocking, sticking, rest, held, overturned (infinite), not_settled (also what would be
-    aperiodic: `steady_state` tells these two apart), event_bound or failed, as in `steady_state`. Where
-    that is a symmetric period-one orbit its exact sizes are given; see `DesignMap.exact`.
+    repeats: rocking, sticking, rest, held, overturned (infinite), not_settled, event_bound or failed, as in
+    `steady_state`, which alone separates aperiodic motions from those not settled. Where the motion is a
+    symmetric period-one orbit its exact sizes are given; see `DesignMap.exact`.
 
     Args:
-        p: dimensionless parameters, or a scene; what it has of the two names is not used.
-        x: a name, as for `tpd.sweep`, and its values, shape (nx,), increasing. A name in SI units can be
-            combined with a parameter that it does not move; the other parameters are held then.
-        y: the same of the other axis, shape (ny,).
+        subject: dimensionless parameters, or a scene; its values of the two names are not used.
+        x: a name, see `tpd.analysis.sweep`, and its values, shape (nx,), increasing. A name in SI units can
+            be combined with a parameter that it does not move; the other parameters are held then.
+        y: name and values of the other axis, shape (ny,).
         pendulum: in the scene; default none.
         start: (phi, psi, phi', psi') at tau = 0 in rad and rad per unit tau; zeros are from rest.
         progress: called with (designs done, of how many).
@@ -104,7 +113,7 @@ def design_map(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    setup = Setup.of(p, pendulum)
+    setup = Setup.of(subject, pendulum)
     (x_name, xs), (y_name, ys) = _line(setup, "x", x), _line(setup, "y", y)
     _check_together(setup, {x_name: xs, y_name: ys})
     wide, high = np.meshgrid(xs, ys)
@@ -156,6 +165,7 @@ def _check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
 
 
 def _state(start: Any) -> np.ndarray:
+    """The start as an array, checked."""
     y0 = np.asarray(start, dtype=float)
     if y0.shape != (4,) or not np.isfinite(y0).all():
         raise ValueError(f"`start` must be four finite numbers (phi, psi, phi', psi'), but is {start!r}")
@@ -163,14 +173,15 @@ def _state(start: Any) -> np.ndarray:
 
 
 def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str, np.ndarray]:
-    """The answers where no start is given."""
+    """The answers where no start is given: one of the orbits of each design, or rest."""
     names = names_of(orbits.status)
     resting = np.where(margin > 0.0, "rest", "no_orbit")[:, None]
     names = np.concatenate([names, resting], axis=1)
     amplitude = np.concatenate([orbits.amplitude, np.where(margin > 0.0, 0.0, np.nan)[:, None]], axis=1)
     stroke = np.concatenate([orbits.stroke, np.where(margin > 0.0, reach, np.nan)[:, None]], axis=1)
     place = np.select([names == n for n in _CHOICE], list(range(len(_CHOICE))), len(_CHOICE))
-    # The first of the smallest is the largest orbit of the best status.
+    # Orbits are sorted by amplitude, the largest first, and `argmin` returns the first minimum: the largest
+    # orbit of the best status.
     best = np.argmin(place, axis=1)[:, None]
     taken = {"amplitude": amplitude, "stroke": stroke, "status": names}
     chosen = {n: np.take_along_axis(v, best, axis=1)[:, 0] for n, v in taken.items()}
@@ -184,13 +195,13 @@ def _followed(
     y0: np.ndarray,
     progress: Callable[[int, int], None] | None,
 ) -> dict[str, np.ndarray]:
-    """The answers from a start; where a motion is on one of the orbits, that orbit's."""
+    """The answers from a start: sizes of the orbit that the motion is on, or those of the motion itself."""
     n = len(np.asarray(p.nu))
     settled = settle_all(p, np.tile(y0, (n, 1)), progress=progress)
     names = names_of(settled.status)
     amplitude = np.where(names == "overturned", math.inf, np.asarray(settled.amplitude))
     stroke = np.where(names == "overturned", math.inf, np.asarray(settled.stroke))
-    # Undamped the bob rings for ever, and its reach depends on how the block came to rest.
+    # Without damping the bob rings for ever, and its reach depends on how the block came to rest.
     stroke = np.where((names == "rest") & (np.asarray(p.zeta) > 0.0), reach, stroke)
     scale = np.asarray(jax.vmap(scale_of)(p))
     apart = np.abs(np.asarray(orbits.state) - np.asarray(settled.y)[:, None]) / scale[:, None]

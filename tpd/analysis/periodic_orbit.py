@@ -16,10 +16,18 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd.core import checks
-from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, characteristic, is_neutral, quartic_roots
+from tpd.core.eigenvalues import (
+    GRAZING,
+    NEAR_FOLD,
+    characteristic,
+    felt_by_block,
+    is_neutral,
+    quartic_roots,
+    rows_of,
+)
 from tpd.core.parameters import Number, Parameters, State, as_arrays
 from tpd.core.status import Status, is_moving
-from tpd.exact.arc import REST, SLIP
+from tpd.exact.contact import REST, SLIP
 from tpd.exact.derivatives import refused_in, with_slopes
 from tpd.exact.event_log import cut, record
 from tpd.exact.modes import Plant
@@ -71,7 +79,7 @@ class Sequence(eqx.Module):
 
 
 class CycleMargins(eqx.Module):
-    """What is left until an orbit is lost, as functions that vanish where it happens. Their derivatives
+    """Distances from the loss of an orbit, as functions that vanish where it happens. Their derivatives
     are NaN."""
 
     fold: Float[Array, "*batch"]
@@ -172,7 +180,7 @@ def continue_orbit(p: Parameters, orbit: PeriodicOrbit) -> PeriodicOrbit:
 
 
 class _Start(eqx.Module):
-    """What Newton's method starts from."""
+    """Sequence and guess that Newton's method starts from."""
 
     legs: Leg
     guess: Cycle
@@ -185,7 +193,7 @@ def _recorded(p: Parameters, y0: State, periods: Int[Array, ""], max_events: int
     """The events of one period of the motion from `y0`."""
     p, y0 = stop_gradient(p), stop_gradient(y0)
     span = periods * p.period
-    log = record(Plant(p), y0, 2.0 * span, room=2 * max_events + 2, quiet=rest_rate * p.nu)
+    log = record(Plant(p), y0, 2.0 * span, room=2 * max_events + 2, capture_speed=rest_rate * p.nu)
     found = cut(log, span, p.xi, max_events)
     rests = (log.last.kind == REST) & ~jnp.any((log.time > span) & (jnp.arange(log.time.size) < log.met))
     sound = jnp.all(jnp.isfinite(jnp.stack([*jax.tree.leaves(p), *y0])))
@@ -276,7 +284,7 @@ def _differentiable(
 def _inspect(
     p: Parameters, plant: Plant, legs: Leg, cycle: Cycle, blocks: Blocks
 ) -> tuple[Survey, Array, CycleMargins]:
-    """What the orbit meets, its multipliers and its margins."""
+    """Extremes, multipliers and margins of the orbit."""
     phases = cycle.phases(plant.linear.xi)
     met = jax.vmap(survey, (None, 0, 0, 0, 0))(plant, legs, cycle.states, phases, cycle.durations)
     multipliers, fold = _stability(p, monodromy(plant, legs, cycle, blocks))
@@ -306,10 +314,8 @@ def _largest(cycle: Cycle, legs: Leg) -> Array:
 def _stability(p: Parameters, matrix: Float[Array, "4 4"]) -> tuple[Array, Array]:
     """The multipliers and det(I - M). A bob without mass (mu = 0) cannot be felt and is left out: two
     multipliers are zero then."""
-    block = jnp.array([1.0, 0.0, 1.0, 0.0])
-    felt = jnp.where(p.mu > 0, matrix, matrix * jnp.outer(block, block))
-    felt = jnp.where(jnp.all(jnp.isfinite(felt)), felt, jnp.zeros((4, 4)))
-    c1, c2, c3, c4 = characteristic(tuple(tuple(felt[i, j] for j in range(4)) for i in range(4)))
+    matrix = jnp.where(jnp.all(jnp.isfinite(matrix)), matrix, jnp.zeros((4, 4)))
+    c1, c2, c3, c4 = characteristic(felt_by_block(p, rows_of(matrix)))
     real, imag = quartic_roots((c1, c2, c3, c4))
     return real + 1j * imag, jnp.asarray(1.0 + c1 + c2 + c3 + c4)
 

@@ -1,4 +1,4 @@
-"""Amplitude and stroke against frequency: all branches of orbits, and what is settled into from rest."""
+"""Amplitude and stroke against frequency: all branches of orbits, and the motions settled into from rest."""
 
 from __future__ import annotations
 
@@ -13,27 +13,28 @@ from tpd.analysis.bifurcations import Bifurcation, bifurcations
 from tpd.analysis.steady_state import steady_state
 from tpd.analysis.sweep import Sweep, along
 from tpd.closed_form.no_uplift import uplift
+from tpd.core.formatting import Printed, counted, span
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.progress import Progress
-from tpd.core.quantities import Axis, parameters
+from tpd.core.quantities import UNITS, Axis, parameters
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import status_name
 
 _TOWARDS = np.geomspace(1e-5, 0.5, 12)
-"""Distances from a bifurcation, in spacings of the sweep, at which the branches are looked at as well:
-at a fold they turn round as a root does, which no even spacing would show."""
+"""Distances of further values from a bifurcation, in spacings of the sweep. At a fold the amplitude turns round
+like a square root: an even spacing would cut the tip off."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Branches:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Branches(Printed):
     """All symmetric period-one orbits, and the resting block, over one frequency, parameter or quantity."""
 
     sweep: Sweep
     """The orbits; `sweep.line(i)` is one branch. Its values crowd towards the bifurcations."""
     bifurcations: tuple[Bifurcation, ...]
-    """Where orbits fold, lose their symmetry, stick or graze, with what is known of each."""
+    """Places where orbits fold, lose their symmetry, stick or graze."""
     margin: np.ndarray
-    """(n,), of `uplift` at the values of the sweep: where positive, a block at rest stays at rest."""
+    """(n,), uplift margin at the values of the sweep: where positive, a block at rest stays at rest."""
     rest_stroke: np.ndarray
     """(n,), the bob's largest angle under a resting block, rad."""
     hung: bool
@@ -41,12 +42,21 @@ class Branches:
 
     @property
     def name(self) -> str:
-        """Of what varies."""
+        """Name of the parameter or quantity that varies."""
         return self.sweep.name
+
+    def __str__(self) -> str:
+        s, unit = self.sweep, f" {UNITS.get(self.name, '')}".rstrip()
+        lines = [f"{s.branches} branches from {s.value[0]:.4g} to {s.value[-1]:.4g}{unit}"]
+        lines += [f"  {b}" for b in self.bifurcations]
+        if s.overflow.any():
+            at = f"at {int(s.overflow.sum())} of {len(s.value)} values"
+            lines.append(f"  {at} there were more orbits than places")
+        return "\n".join(lines)
 
 
 def branches(
-    p: Parameters | Scene,
+    subject: Parameters | Scene,
     name: str,
     low: float,
     high: float,
@@ -54,15 +64,15 @@ def branches(
     pendulum: Pendulum | None = None,
     samples: int = 400,
 ) -> Branches:
-    """All branches of symmetric period-one orbits, stable and unstable, and what ends them.
+    """All branches of symmetric period-one orbits, stable and unstable, and the bifurcations that end them.
 
     `branches(scene, "frequency", 1.0, 5.0)` is the response at constant base amplitude, in Hz;
-    `branches(p, "xi", 1.0, 5.0)` that at constant base acceleration f. Orbits that lean, stick or
-    repeat after several periods are not among them: see `frequency_response`.
+    `branches(p, "xi", 1.0, 5.0)` is the response at constant base acceleration f. Orbits that lean, stick
+    or repeat after several periods are not among them: see `settled_response`.
 
     Args:
-        p: dimensionless parameters, or a scene; its value of `name` is not used.
-        name: of what varies, as for `tpd.sweep`.
+        subject: dimensionless parameters, or a scene; its value of `name` is not used.
+        name: parameter or quantity that varies, see `tpd.analysis.sweep`.
         low: lower end of its range.
         high: upper end.
         pendulum: in the scene; default none.
@@ -73,8 +83,8 @@ def branches(
             than 8 samples.
         RuntimeError: JAX is in 32-bit mode.
     """
-    found = tuple(bifurcations(p, name, low, high, samples=samples, pendulum=pendulum))
-    axis = Axis.of(p, name, pendulum)
+    found = tuple(bifurcations(subject, name, low, high, samples=samples, pendulum=pendulum))
+    axis = Axis.of(subject, name, pendulum)
     near = (high - low) / (samples - 1) * np.concatenate([-_TOWARDS, _TOWARDS])
     beside = [b.value + near for b in found]
     grid = np.unique(np.concatenate([np.linspace(low, high, samples), *beside]))
@@ -89,33 +99,35 @@ def branches(
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Response:
-    """One curve: arrays over frequency, or over what else varies."""
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Response(Printed):
+    """Motions settled into from rest over a frequency, or another quantity `name`: arrays (n,)."""
 
     frequency: np.ndarray
-    """Hz, or values of what else varies."""
+    """Hz, or values of `name`."""
     amplitude: np.ndarray
     """Settled |phi| from rest, rad; infinite where the block overturns."""
     stroke: np.ndarray
     """Settled |psi|, rad."""
     status: np.ndarray
     """Names of the steady states' statuses."""
+    name: str = "frequency"
 
-
-def frequency_response(
-    scene: Scene,
-    pendulum: Pendulum | None,
-    frequencies: np.ndarray,
-    *,
-    progress: Progress | None = None,
-) -> Response:
-    """`settled_response` at each frequency (Hz) of the scene's base amplitude."""
-    return settled_response(scene, "frequency", frequencies, pendulum=pendulum, progress=progress)
+    def __str__(self) -> str:
+        unit = UNITS.get(self.name, "")
+        return "\n".join(
+            [
+                f"Response from rest over {self.name}: {len(self.frequency)} values, "
+                f"{span(self.frequency, unit)}",
+                f"  status      {counted(self.status)}",
+                f"  amplitude   {span(self.amplitude, 'rad')}",
+                f"  stroke      {span(self.stroke, 'rad')}",
+            ]
+        )
 
 
 def settled_response(
-    p: Parameters | Scene,
+    subject: Parameters | Scene,
     name: str,
     values: Any,
     *,
@@ -124,12 +136,12 @@ def settled_response(
 ) -> Response:
     """The motion that the block settles into from rest, over one parameter or quantity.
 
-    Each is polished by Newton's method and judged by its multipliers, as `steady_state` does, so that
-    amplitudes are exact: some 20 ms a value. For thousands of designs see `tpd.design_map`.
+    Each value is solved by `steady_state`, so that amplitudes are exact: some 20 ms a value. For thousands of
+    designs see `tpd.design_map`.
 
     Args:
-        p: dimensionless parameters, or a scene; its value of `name` is not used.
-        name: of what varies, as for `tpd.sweep`.
+        subject: dimensionless parameters, or a scene; its value of `name` is not used.
+        name: parameter or quantity that varies, see `tpd.analysis.sweep`.
         values: shape (n,), in any order.
         pendulum: in the scene; default none.
         progress: called with ("responding", values done, of how many).
@@ -138,7 +150,7 @@ def settled_response(
         ValueError: an unknown name, batched parameters, or a value out of range.
         RuntimeError: JAX is in 32-bit mode.
     """
-    axis, line = Axis.of(p, name, pendulum), np.atleast_1d(np.asarray(values, dtype=float))
+    axis, line = Axis.of(subject, name, pendulum), np.atleast_1d(np.asarray(values, dtype=float))
     axis.check(*line)
     amplitude, stroke, status = [], [], []
     for i, value in enumerate(line):
@@ -153,4 +165,5 @@ def settled_response(
         amplitude=np.array(amplitude),
         stroke=np.array(stroke),
         status=np.array(status, dtype=str),
+        name=name,
     )

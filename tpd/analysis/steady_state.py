@@ -11,8 +11,7 @@ unit circle it does not exist.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -22,6 +21,7 @@ from jax.flatten_util import ravel_pytree
 from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
+from tpd.analysis.period_map import RESIDUAL, Orbit, implicit, multipliers, refine
 from tpd.core import checks
 from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, is_neutral
 from tpd.core.parameters import Number, Parameters, State, as_arrays
@@ -29,12 +29,7 @@ from tpd.core.status import Status, is_moving, is_settled
 from tpd.exact.derivatives import refused, refused_in, with_slopes
 from tpd.models.base import AbstractChoice, AbstractModel, Settled
 from tpd.models.piecewise import Piecewise
-from tpd.models.settling import scale_of
 
-_NEWTON_STEPS = 8
-"""Bound on the steps of Newton's method; three or four usually do."""
-_RESIDUAL = 1e-8
-"""Largest residual of the period map, in shares of the scales, of what is called an orbit."""
 _SYMMETRIC = 1e-6
 """Largest difference between the tilts to either side, over the amplitude, of a symmetric motion."""
 _APERIODIC = 5e-3
@@ -71,7 +66,7 @@ class Steady(eqx.Module):
     elapsed: Int[Array, "..."]
     """Forcing periods followed before the repetition was recognised."""
     estimate: Number = math.nan
-    """Of a model that `Auto` chose: estimated relative error of the amplitude."""
+    """Estimated relative error of the amplitude, if `Auto` chose the model."""
     rung: str = eqx.field(static=True, default="")
     """The model that `Auto` chose."""
     reason: str = eqx.field(static=True, default="")
@@ -202,6 +197,8 @@ def _or_zero(tangent: Array | None, primal: Any) -> Any:
 
 
 def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
+    # Value and slopes come out of one program and are joined here: forward and reverse mode, at any nesting,
+    # then cost one product with the slopes and never run through the loops that found the orbit.
     steady, slopes = _solved(stop_gradient(p), model, stop_gradient(y0))
     if all(checks.is_concrete(x) for x in jax.tree.leaves(p)):
         return steady
@@ -229,16 +226,18 @@ def _solved(p: Parameters, model: AbstractModel, y0: State) -> tuple[Steady, Flo
 
 
 def answered(fixed: Parameters, model: AbstractModel, settled: Settled) -> tuple[Steady, Float[Array, "6 n"]]:
-    """What is said of a motion that has been followed, and the slopes of amplitude, stroke and state in the
-    leaves of `fixed`: NaN where there are none."""
-    orbit, separation = _finish(fixed, model, settled)
-    multiplier, to_fold = _multipliers(fixed, orbit.by_state[:4])
+    """The steady state of a motion that has been followed, and the slopes of amplitude, stroke and state in
+    the leaves of `fixed`: NaN where there are none."""
+    orbit, separation = refine(fixed, model, settled)
+    multiplier, to_fold = multipliers(fixed, orbit.by_state[:4])
     neutral = is_neutral(fixed, multiplier)
     status = _verdict(settled, orbit, multiplier, neutral, to_fold, separation, model.resolution(fixed))
     # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
     # unless it has more steps than that may take.
     cut_short = (settled.status == Status.rest) & (fixed.zeta > 0.0) & ~jnp.isfinite(orbit.residual)
     status = Status.where(cut_short, Status.event_bound, status)
+    # Without a finite derivative of the period map nothing can be said about stability.
+    status = Status.where((status == Status.unstable) & ~jnp.isfinite(multiplier), Status.failed, status)
     sound = jnp.all(jnp.isfinite(orbit.y)) | (status == Status.overturned)
     status = Status.where(sound, status, Status.failed)
     # The tilt at which friction holds a block is a state next to which it is held as well.
@@ -247,7 +246,7 @@ def answered(fixed: Parameters, model: AbstractModel, settled: Settled) -> tuple
     periodic = is_settled(status) | _is_marginal(status)
     periods, duration = settled.periods, settled.periods * fixed.period
     lyapunov = jnp.where(periodic, jnp.log(multiplier) / duration, separation)
-    symmetric = periodic & (periods % 2 == 1) & (orbit.lean < _SYMMETRIC)
+    symmetric = periodic & (periods % 2 == 1) & (orbit.asymmetry < _SYMMETRIC)
     followed = periodic | (status == Status.held) | _is_singular(status)
     multiplier = jnp.where(followed, multiplier, jnp.nan)
     steady = Steady(
@@ -257,14 +256,16 @@ def answered(fixed: Parameters, model: AbstractModel, settled: Settled) -> tuple
 
 
 def _answers(
-    fixed: Parameters, settled: Settled, orbit: _Orbit, status: Status, multiplier: Number
+    fixed: Parameters, settled: Settled, orbit: Orbit, status: Status, multiplier: Number
 ) -> tuple[Float[Array, "2"], Float[Array, "6 n"]]:
     """(amplitude, stroke), and the slopes of these and the state where they exist."""
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
     ringing = (status == Status.rest) & (fixed.zeta == 0.0)
     isolated = is_settled(status) & (multiplier < 1.0) & ~ringing
+    # On an isolated orbit the sizes gain one more Newton step. Elsewhere I - DP may be singular: then they
+    # are those of the orbit as it was found, or, of a motion that did not repeat, the largest met.
     last = jnp.where(status == Status.failed, jnp.nan, jnp.stack([settled.amplitude, settled.stroke]))
-    sizes, slopes = _implicit(orbit)
+    sizes, slopes = implicit(orbit)
     followed = _is_marginal(status) | _is_singular(status)
     last = jnp.where(followed | (status == Status.aperiodic), orbit.sizes, last)
     sizes = jnp.where(isolated, sizes, jnp.where(status == Status.overturned, jnp.inf, last))
@@ -287,143 +288,24 @@ def _is_singular(status: Status) -> Bool[Array, ""]:
     return (status == Status.near_fold) | (status == Status.grazing)
 
 
-class _Orbit(eqx.Module):
-    """A (nearly) periodic orbit with the derivatives of one run along it."""
-
-    y: State
-    residual: Number
-    end: State
-    sizes: Float[Array, "2"]
-    """Amplitude and stroke; of a motion that did not repeat the largest met so far."""
-    by_parameter: Float[Array, "6 n"]
-    """d(end, sizes)/dp at a fixed start."""
-    by_state: Float[Array, "6 4"]
-    """d(end, sizes)/dy at fixed parameters."""
-    gentlest: Number
-    """See `Cycle`."""
-    lean: Number
-    """See `Cycle`."""
-
-
-class _Walk(NamedTuple):
-    """Newton's method on its way to a periodic orbit; or, of a motion that did not repeat, the
-    motion itself and how its neighbours part from it."""
-
-    y: State
-    memory: Any
-    best: _Orbit
-    direction: State
-    parted: Number
-    steps: Int[Array, ""]
-    cut: Bool[Array, ""]
-    """Whether a motion that did not repeat could not be followed further."""
-
-
-def _finish(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[_Orbit, Number]:
-    """The periodic orbit near where following the motion ended. For a motion that did not repeat,
-    its largest Lyapunov exponent (else NaN) instead."""
-    along = _linearised(p, model, settled)
-    repeats = settled.status != Status.not_settled
-    # There is nothing to be said of a motion that is lost.
-    worthwhile = is_settled(settled.status) | ~repeats
-    scale = jnp.where(jnp.isfinite(scale_of(p)), scale_of(p), 1e300)
-    nothing = jax.tree.map(
-        lambda s: jnp.full(s.shape, jnp.inf, s.dtype), jax.eval_shape(along, settled.y, settled.memory)[0]
-    )
-
-    def going(w: _Walk) -> Array:
-        newton = (w.steps < _NEWTON_STEPS) & (w.best.residual > model.round_off)
-        return worthwhile & ~w.cut & jnp.where(repeats, newton, w.steps < model.lyapunov_periods)
-
-    def step(w: _Walk) -> _Walk:
-        orbit, memory = along(w.y, w.memory)
-        sizes = jnp.where(repeats, orbit.sizes, jnp.maximum(orbit.sizes, w.best.sizes))
-        orbit = eqx.tree_at(lambda o: o.sizes, orbit, sizes)
-        move = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], orbit.end - w.y)
-        better = orbit.residual < w.best.residual
-        best = jax.tree.map(lambda a, b: jnp.where(better | ~repeats, a, b), orbit, w.best)
-        newton = jnp.where(jnp.all(jnp.isfinite(move)), w.y + move, w.y)
-        onward = orbit.by_state[:4] @ w.direction
-        size = jnp.sqrt(jnp.sum((onward / scale) ** 2)) + 1e-300
-        count = jnp.where(better | ~repeats, w.steps + 1, _NEWTON_STEPS)
-        memory = jax.tree.map(lambda a, b: jnp.where(repeats, a, b), w.memory, memory)
-        y = jnp.where(repeats, newton, orbit.end)
-        after = _Walk(y, memory, best, onward / size, w.parted + jnp.log(size), count, w.cut)
-        cut = ~repeats & ~jnp.all(jnp.isfinite(orbit.end))
-        return jax.tree.map(lambda a, b: jnp.where(cut, a, b), w._replace(cut=cut), after)
-
-    sizes = jnp.stack([settled.amplitude, settled.stroke])
-    none = eqx.tree_at(lambda o: (o.y, o.sizes), nothing, (settled.y, sizes))
-    zero = jnp.zeros(())
-    no = jnp.zeros((), bool)
-    first = _Walk(settled.y, settled.memory, none, 0.5 * scale, zero, jnp.zeros((), int), no)
-    walk = jax.lax.while_loop(going, step, first)
-    measured = ~repeats & (walk.steps > 1)
-    exponent = walk.parted / (jnp.maximum(walk.steps, 1) * p.period)
-    return walk.best, jnp.where(measured, exponent, jnp.nan)
-
-
-def _linearised(
-    p: Parameters, model: AbstractModel, settled: Settled
-) -> Callable[[State, Any], tuple[_Orbit, Any]]:
-    """A function that runs the motion's periods from a state, with all derivatives."""
-    flat, unflatten = ravel_pytree(p)
-    size, scale = flat.size, scale_of(p, bob=jnp.asarray((p.mu > 0) | (p.zeta > 0)))
-
-    def along(y: State, memory: Any) -> tuple[_Orbit, Any]:
-        x = jnp.concatenate([flat, y])
-        now = eqx.tree_at(lambda s: s.memory, settled, memory, is_leaf=lambda leaf: leaf is None)
-
-        def run(x: Float[Array, "n"]) -> tuple[Float[Array, "6"], tuple]:
-            cycle = model.cycle(unflatten(x[:size]), now, x[size:])
-            sizes = jnp.stack([cycle.amplitude, cycle.stroke])
-            return jnp.concatenate([cycle.end, sizes]), (cycle.gentlest, cycle.lean, cycle.memory)
-
-        def push(direction: Float[Array, "n"]) -> tuple[Array, Array, tuple]:
-            return jax.jvp(run, (x,), (direction,), has_aux=True)
-
-        out, columns, (gentlest, lean, memory) = jax.vmap(push, out_axes=(None, 1, None))(jnp.eye(x.size))
-        residual = jnp.max(jnp.abs(out[:4] - y) / scale)
-        by_parameter, by_state = columns[:, :size], columns[:, size:]
-        return _Orbit(y, residual, out[:4], out[4:], by_parameter, by_state, gentlest, lean), memory
-
-    return along
-
-
-def _multipliers(p: Parameters, jacobian: Float[Array, "4 4"]) -> tuple[Number, Number]:
-    """The largest modulus of the Floquet multipliers that the block can feel (all, unless mu = 0), and
-    the least distance of one from +1."""
-    block = jnp.array([1.0, 0.0, 1.0, 0.0])
-    felt = jnp.where(p.mu > 0, jacobian, jacobian * jnp.outer(block, block))
-    finite = jnp.all(jnp.isfinite(felt))
-    values = jnp.linalg.eigvals(jnp.where(finite, felt, 0.0))
-    return jnp.where(finite, jnp.max(jnp.abs(values)), jnp.inf), jnp.min(jnp.abs(1.0 - values))
-
-
 def _verdict(
     settled: Settled,
-    orbit: _Orbit,
+    orbit: Orbit,
     multiplier: Number,
     neutral: Bool[Array, ""],
     to_fold: Number,
     separation: Number,
     resolution: Number,
 ) -> Status:
+    """The status of a motion, from what Newton's method on its period map has found."""
+    # From the weakest statement to the strongest: each line overrules those above it. Stability comes first,
+    # because its numbers mean nothing if an event was grazed, next to a fold, or off an orbit; and a motion
+    # smaller than what the model can resolve is rest, whatever its multipliers.
     moving = is_moving(settled.status)
     status = Status.where(moving & (multiplier > 1.0), Status.unstable, settled.status)
     status = Status.where(moving & neutral, Status.neutral, status)
-    status = Status.where(moving & (orbit.gentlest < GRAZING), Status.grazing, status)
+    status = Status.where(moving & (orbit.transversality < GRAZING), Status.grazing, status)
     status = Status.where(moving & (to_fold < 2.0 * NEAR_FOLD), Status.near_fold, status)
-    status = Status.where(moving & ~(orbit.residual < _RESIDUAL), Status.not_settled, status)
+    status = Status.where(moving & ~(orbit.residual < RESIDUAL), Status.not_settled, status)
     status = Status.where(separation > _APERIODIC, Status.aperiodic, status)
     return Status.where(moving & (orbit.sizes[0] < resolution), Status.rest, status)
-
-
-def _implicit(orbit: _Orbit) -> tuple[Float[Array, "2"], Float[Array, "6 n"]]:
-    """(amplitude, stroke) after one more Newton step, and the derivatives of (amplitude, stroke, state)
-    with the orbit following its parameters."""
-    right = jnp.concatenate([(orbit.end - orbit.y)[:, None], orbit.by_parameter[:4]], axis=1)
-    follow = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], right)
-    moves = orbit.by_state[4:] @ follow
-    slopes = jnp.concatenate([orbit.by_parameter[4:] + moves[:, 1:], follow[:, 1:]])
-    return orbit.sizes + moves[:, 0], slopes

@@ -15,10 +15,10 @@ from tpd.core.parameters import Parameters
 from tpd.core.quantities import Axis, parameters
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import names_of
-from tpd.exact.symmetric_orbit import ORBITS
+from tpd.exact.orbit_candidates import ORBITS
 
 _CHUNK = 128
-"""Of a sweep: smaller than that of large batches, which a sweep seldom fills."""
+"""Orbits solved at once: fewer than in large batches, which a sweep seldom fills."""
 _APART = 1.0
 """Distance of two orbits, as the sum of shares of h, rad, and logarithms of the amplitude, beyond
 which they are never neighbours on a branch."""
@@ -62,20 +62,20 @@ class Sweep:
         return rows, columns
 
 
-def sweep(p: Parameters | Scene, name: str, values: Any, *, pendulum: Pendulum | None = None) -> Sweep:
+def sweep(subject: Parameters | Scene, name: str, values: Any, *, pendulum: Pendulum | None = None) -> Sweep:
     """All symmetric period-one orbits over increasing `values` of `name`.
 
     Neighbours are joined to branches where crossing time, phase and amplitude continue and
-    det(I - G) keeps its sign, so that no branch runs through a fold. Where `p.rho` is None, rho
-    follows nu.
+    det(I - G) keeps its sign, so that no branch runs through a fold. rho follows nu where the subject
+    leaves it so.
 
     Args:
-        p: dimensionless parameters, or a scene; its value of `name` is not used.
-        name: of what varies: one of nu, mu, lam, zeta, k, f, xi, e and rho, the other parameters
-            held. Of a scene also width, height, mass, friction, restitution, amplitude, frequency,
+        subject: dimensionless parameters, or a scene; its value of `name` is not used.
+        name: parameter or quantity that varies: one of nu, mu, lam, zeta, k, f, xi, e and rho, the other parameters
+            held. In a scene also width, height, mass, friction, restitution, amplitude, frequency,
             pendulum_mass, pendulum_length or pendulum_damping, the other quantities in SI units held: a
             higher `frequency` is a larger xi and, at the same amplitude, a larger f.
-        values: shape (n,); in SI units if the name is one of a scene.
+        values: shape (n,), increasing; in SI units if the name is one of a scene.
         pendulum: in the scene; default none.
 
     Raises:
@@ -84,7 +84,7 @@ def sweep(p: Parameters | Scene, name: str, values: Any, *, pendulum: Pendulum |
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    axis = Axis.of(p, name, pendulum)
+    axis = Axis.of(subject, name, pendulum)
     grid = np.asarray(values, dtype=float)
     if grid.ndim != 1 or len(grid) < 2 or not (np.all(np.isfinite(grid)) and np.all(np.diff(grid) > 0)):
         raise ValueError("`values` must be two or more finite numbers that increase, but are not")
@@ -99,7 +99,7 @@ def orbits_at(axis: Axis, values: np.ndarray) -> tuple[Orbits, np.ndarray]:
 
 
 def along(axis: Axis, grid: np.ndarray) -> Sweep:
-    """`sweep` without its checks."""
+    """Return the sweep over a grid that has been checked."""
     orbits, names = orbits_at(axis, grid)
     shares = orbits.crossing * axis.at(grid)[:, 6:7] / np.pi
     place = np.stack([shares, orbits.phase, np.log(orbits.amplitude)], axis=-1)
@@ -119,8 +119,14 @@ def along(axis: Axis, grid: np.ndarray) -> Sweep:
 
 
 def _joined(grid: np.ndarray, place: np.ndarray, side: np.ndarray) -> np.ndarray:
-    """Labels of the branches, row by row; `place` has shape (n, 3, 3), `side` tells two orbits
-    apart that merge in a fold."""
+    """Labels of the branches, row by row.
+
+    Args:
+        grid: values, shape (n,).
+        place: crossing time (share of half a period), phase and log amplitude, shape (n, 3, 3).
+        side: sign of det(I - G), shape (n, 3): two orbits that merge in a fold have different signs.
+    """
+    # The change per unit of the value predicts the next place, so that branches that cross are not swapped.
     labels, slope, count = np.full(side.shape, -1), np.zeros_like(place), 0
     for i in range(len(grid)):
         for new, old in _joints(i, grid, place, slope, side) if i else []:
@@ -143,6 +149,7 @@ def _joints(
     def pairs(order: tuple[int, ...]) -> list[tuple[int, int]]:
         return [(new, old) for new, old in enumerate(order) if allowed[new, old]]
 
+    # Three orbits have six pairings: trying all is simpler than an assignment solver, and exact.
     every = (pairs(order) for order in permutations(range(ORBITS)))
     return min(every, key=lambda found: (-len(found), sum(apart[pair] for pair in found)))
 
@@ -154,4 +161,5 @@ def wrapped(difference: np.ndarray) -> np.ndarray:
 
 
 def _distances(new: np.ndarray, old: np.ndarray) -> np.ndarray:
+    """Distances between the orbits of two rows, shape (3, 3); NaN where there is no orbit."""
     return np.abs(wrapped(new[:, None] - old[None, :])).sum(axis=-1)

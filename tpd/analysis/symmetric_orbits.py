@@ -17,19 +17,21 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.core import checks
-from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, characteristic, is_neutral, quartic_roots
+from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, characteristic, felt_by_block, is_neutral, quartic_roots
 from tpd.core.parameters import Number, Parameters, State, as_arrays
 from tpd.core.status import Status
 from tpd.exact.batch_branches import computed_once, where_needed
 from tpd.exact.derivatives import refused, refused_in
 from tpd.exact.modes import Plant
+from tpd.exact.orbit_candidates import candidates
 from tpd.exact.orbit_equation import Half
+from tpd.exact.orbit_path import Path
 from tpd.exact.orbit_roots import Root, differentiable
-from tpd.exact.symmetric_orbit import Orbit, Path, candidates, half_map, instant, orbit_of, state_at
+from tpd.exact.symmetric_orbit import Orbit, half_map, instant, orbit_of, state_at
 
 
 class Margins(eqx.Module):
-    """What is left until an orbit is lost, as functions that vanish where it happens; leading axis the
+    """Distances from the loss of an orbit, as functions that vanish where it happens; leading axis the
     orbits. `fold`, `symmetry` and `torus` are differentiable as the amplitude is; the derivatives of the
     other two are NaN (`tpd.bifurcations` has those of the place where they vanish). An attracting orbit
     keeps attracting for as long as none of the five vanishes."""
@@ -127,7 +129,7 @@ class _Margins(NamedTuple):
 
 
 class _Described(NamedTuple):
-    """What is said of an orbit, if there is one."""
+    """Description of an orbit, before its status is known."""
 
     amplitude: Number
     stroke: Number
@@ -152,7 +154,7 @@ def _describe(p: Parameters, half: Half, root: Root, path: Path) -> _Described:
     arc = jax.tree.map(lambda a, b: jnp.where(late, b, a), orbit.first[1], orbit.second[1])
     return _Described(
         height,
-        jnp.abs(arc.at(*bob)),
+        jnp.abs(arc.at(bob)),
         state_at(half, orbit, begun),
         polished.gamma,
         polished.t,
@@ -180,9 +182,7 @@ def _answered(p: Parameters, of: _Described, there: Bool[Array, ""]) -> tuple:
 def _stability(p: Parameters, half: Half, orbit: Orbit) -> tuple[Array, tuple[Number, Number, Number]]:
     """Eigenvalues of the mirrored half-period map, and its determinants (fold, symmetry, torus). A bob
     without mass (mu = 0) cannot be felt and is left out: two eigenvalues are zero then."""
-    m = half_map(half, orbit)
-    felt = jnp.where(jnp.asarray(p.mu) > 0, 1.0, 0.0)
-    m = tuple(tuple(m[i][j] * (felt if i % 2 or j % 2 else 1.0) for j in range(4)) for i in range(4))
+    m = felt_by_block(p, half_map(half, orbit))
     c1, c2, c3, c4 = computed_once(*characteristic(*computed_once(m)))
     fold, symmetry = 1.0 + c1 + c2 + c3 + c4, 1.0 - c1 + c2 - c3 + c4
     # The sums y = g_i g_j + g_k g_l are the roots of the quartic's resolvent cubic; it is taken at 1 + c4.
@@ -193,6 +193,6 @@ def _stability(p: Parameters, half: Half, orbit: Orbit) -> tuple[Array, tuple[Nu
 
 
 def _friction_pull(half: Half) -> Number:
-    """What friction adds to phi'' while the tilt falls."""
+    """Contribution of friction to phi'' while the tilt falls."""
     linear = half.plant.linear
     return linear.friction * linear.m22 / linear.determinant

@@ -67,17 +67,8 @@ def settle_all(
     model = Piecewise() if model is None else model
     if workers is not None:
         checks.count("workers", workers)
-    starts = np.asarray(y0, dtype=float)
+    starts, batch = _checked(p, y0, begin, ramp)
     n = len(starts)
-    shapes = sorted({np.shape(x) for x in jax.tree.leaves((p, begin, ramp))} - {()})
-    if starts.shape != (n, 4) or n == 0 or shapes not in ([], [(n,)]):
-        raise ValueError(
-            f"`p`, `begin` and `ramp` must have shape (n,) and `y0` (n, 4), but have {shapes} and "
-            f"{starts.shape}"
-        )
-    # Motions under steady shaking alone are followed by quicker code.
-    ramp = ramp if np.any(np.asarray(ramp) != 0.0) else None
-    batch = jax.tree.map(lambda x: np.broadcast_to(np.asarray(x, dtype=float), n), (p, begin, ramp))
     cores = min((os.cpu_count() or 1) if workers is None else workers, max(1, n // LANES[-1]))
     # Neighbours in a batch are often alike: dealt out like cards, the cores get equal work.
     shares = [np.arange(i, n, cores) for i in range(cores)]
@@ -101,6 +92,21 @@ def settle_all(
     return jax.tree.map(lambda *x: np.concatenate(x)[order], *parts)
 
 
+def _checked(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray, tuple]:
+    """The starts, and parameters, beginnings and ramps of shape (n,)."""
+    starts = np.asarray(y0, dtype=float)
+    n = len(starts)
+    shapes = sorted({np.shape(x) for x in jax.tree.leaves((p, begin, ramp))} - {()})
+    if starts.shape != (n, 4) or n == 0 or shapes not in ([], [(n,)]):
+        raise ValueError(
+            f"`p`, `begin` and `ramp` must have shape (n,) and `y0` (n, 4), but have {shapes} and "
+            f"{starts.shape}"
+        )
+    # Motions under steady shaking alone are followed by quicker code.
+    ramp = ramp if np.any(np.asarray(ramp) != 0.0) else None
+    return starts, jax.tree.map(lambda x: np.broadcast_to(np.asarray(x, dtype=float), n), (p, begin, ramp))
+
+
 def prepare(p: Parameters, n: int, model: Piecewise, *, growing: bool = False) -> None:
     """Compile what `settle_all` of n motions will need, some of them under growing shaking or none;
     `p` holds plain numbers."""
@@ -112,7 +118,7 @@ def prepare(p: Parameters, n: int, model: Piecewise, *, growing: bool = False) -
 
 
 def _prepared(crew: ThreadPoolExecutor, model: Piecewise, share: int, first: tuple) -> None:
-    """Both sizes at once, rather than either on every core."""
+    """Compile both sizes at once, rather than either on every core."""
     code = _code(replace(model, max_periods=1))
     list(crew.map(lambda size: code.prepare(size, *first), _sizes(share)))
 
@@ -138,6 +144,8 @@ class _Pool:
             index[room] = np.arange(waiting, waiting + len(room))
             waiting += len(room)
             lanes = self._fill(lanes, index, room)
+            # Nothing is left to begin and few motions are on their way: in the large batch each round would
+            # cost as much as for all of them. The places in use come first in a stable sort.
             if waiting == n and size > LANES[-1] and np.sum(index >= 0) <= LANES[-1]:
                 size = LANES[-1]
                 keep = np.argsort(index < 0, kind="stable")[:size]
@@ -183,12 +191,12 @@ def _merge(new: jax.Array, fresh: Any, old: Any) -> Any:
 
 
 def _sizes(n: int) -> tuple[int, ...]:
-    """Of the batches in which n motions are followed, the first first."""
+    """Sizes of the batches in which n motions are followed, in order."""
     return LANES if n > _FEW * LANES[-1] else LANES[-1:]
 
 
 class _Code:
-    """What is compiled for a model, for either size."""
+    """Compiled functions of a model, for either size."""
 
     def __init__(self, model: Piecewise) -> None:
         def lane(p: Parameters, *start: Any) -> Lane:
@@ -220,5 +228,7 @@ _code = lru_cache(maxsize=8)(_Code)
 
 
 def _strong(tree: Any) -> Any:
-    """With types that do not give way to others': what a loop hands on is compiled for once."""
+    """Give the numbers of a pytree types that do not give way to others."""
+    # JAX compiles anew for a weak type. What a loop returns may be weakly typed where its start was not, and
+    # every function here is to be compiled once.
     return jax.tree.map(lambda x: jnp.asarray(x, dtype=jnp.asarray(x).dtype), tree)

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from tpd.core.scene import Pendulum, Scene
 
 BARE, HUNG = "bare block", "with the pendulum"
-_UNITS = {"frequency": "Hz", "xi": ""}
 
 
 def add(commands: Any) -> None:
@@ -56,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     with common.Bar() as bar:
         cases = _branches(scene, hung, name, (low, high), options.points, bar)
         settled = _settled(scene, hung, name, (low, high), options.from_rest, bar)
-    print("\n".join(line for label, case in cases.items() for line in _text(label, case)))
+    print("\n".join(f"{label}: {case}" for label, case in cases.items()))
     if settled is None:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest N says")
     for path, content in _files(scene, hung, cases, settled):
@@ -121,21 +120,6 @@ def _settled(
         label: settled_response(scene, name, values, pendulum=pendulum, progress=bar)
         for label, pendulum in _hangings(hung).items()
     }
-
-
-def _text(label: str, case: Branches) -> Iterator[str]:
-    s, unit = case.sweep, f" {_UNITS[case.name]}".rstrip()
-    where = f"from {s.value[0]:.4g} to {s.value[-1]:.4g}{unit}"
-    yield f"{label}: {s.branches} branches {where}"
-    for b in case.bifurcations:
-        what = b.kind.value.replace("_", " ")
-        if b.reason:
-            yield f"  {what:18} {b.value:10.6g}{unit}: {b.reason}"
-        else:
-            sides = f"{b.below} below, {b.above} above".replace("_", " ")
-            yield f"  {what:18} {b.value:10.6g}{unit}, amplitude {b.amplitude:.5g} rad: {sides}"
-    if s.overflow.any():
-        yield f"  at {int(s.overflow.sum())} of {len(s.value)} values there were more orbits than places"
 
 
 def _files(

@@ -62,6 +62,23 @@ def product(left: Matrix, right: Matrix) -> Matrix:
     return tuple(tuple(sum(row[k] * right[k][j] for k in inner) for j in columns) for row in left)
 
 
+def rows_of(m: Float[Array, "n n"]) -> Matrix:
+    """An array as a matrix written out."""
+    return tuple(tuple(m[i, j] for j in range(m.shape[1])) for i in range(m.shape[0]))
+
+
+def felt_by_block(p: Parameters, m: Matrix) -> Matrix:
+    """The derivative `m` of a map of states (phi, psi, phi', psi') as far as the block can feel it.
+
+    A bob without mass (mu = 0) does not act on the block. Its rows and columns are set to zero then, which
+    leaves the multipliers of the block and two zeros.
+    """
+    bob = jnp.where(jnp.asarray(p.mu) > 0, 1.0, 0.0)
+    return tuple(
+        tuple(x * (bob if i % 2 or j % 2 else 1.0) for j, x in enumerate(row)) for i, row in enumerate(m)
+    )
+
+
 def characteristic(m: Matrix) -> tuple[Number, ...]:
     """Coefficients c1 to c4 of det(z - m) = z^4 + c1 z^3 + c2 z^2 + c3 z + c4: sums of the
     principal minors, with alternating signs."""
@@ -92,6 +109,9 @@ def quartic_roots(coefficients: tuple[Number, ...]) -> tuple[Float[Array, "4"], 
 
     No derivatives pass: where a caller wants one, a Newton step from the converged root gives it.
     """
+    # Aberth's iteration is Newton's method for all roots at once, each repelled by the others as by equal
+    # charges, so that no two starts find the same root. It converges with the third power to simple roots and
+    # linearly to multiple ones, hence the bound on the steps.
     c1, c2, c3, c4 = (jax.lax.stop_gradient(c) for c in coefficients)
     # All roots lie within twice max |c_k|^(1/k) (Fujiwara's bound).
     radius = jnp.maximum(

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import html
 import math
+from collections import Counter
+
+import numpy as np
 
 
 def number(x: float, digits: int = 4) -> str:
@@ -16,3 +20,36 @@ def number(x: float, digits: int = 4) -> str:
     places = max(0, digits - 1 - math.floor(math.log10(abs(x))))
     text = f"{round(x, digits - 1 - math.floor(math.log10(abs(x)))):.{places}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+class Printed:
+    """Base of results that print themselves: a subclass defines `__str__`, a few lines with units.
+
+    Arrays make the generated repr of a dataclass unreadable, so that notebooks and prompts show the same
+    lines as `print`. Such dataclasses are declared with `repr=False`.
+    """
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(str(self), quote=False)}</pre>"
+
+
+def counted(names: np.ndarray) -> str:
+    """Numbers of equal names in an array, the most frequent first: "20 rocking, 3 no orbit"."""
+    each = ((str(name).replace("_", " "), count) for name, count in Counter(names.ravel().tolist()).items())
+    return ", ".join(f"{count} {name}" for name, count in sorted(each, key=lambda pair: -pair[1]))
+
+
+def counted_periods(n: int) -> str:
+    """Length of a motion in forcing periods: "1 period", "3 periods"."""
+    return f"{n} period{'s' * (n != 1)}"
+
+
+def span(values: np.ndarray, unit: str = "") -> str:
+    """Range of the finite numbers in an array, such as "0.01 to 0.2 rad"; a dash where there are none."""
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return "–"
+    return f"{number(float(finite.min()))} to {number(float(finite.max()))} {unit}".rstrip()

@@ -8,7 +8,7 @@ names: `Block`, `Pendulum`, `Harmonic` and `Scene` are pytrees.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -38,8 +38,28 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
 }
 """Quantities of a scene by name (m, m, kg, -, -, m, Hz, kg, m, -), each with the parameters that depend on
 it. With Housner's restitution e depends on width and height as well: see `Setup.moved`."""
+UNITS = {
+    **dict.fromkeys(("width", "height", "amplitude", "pendulum_length"), "m"),
+    **dict.fromkeys(("mass", "pendulum_mass"), "kg"),
+    "frequency": "Hz",
+}
+"""Units by name; what is not here is dimensionless."""
 _MAY_BE_ZERO = ("friction", "amplitude", "pendulum_mass", "pendulum_damping")
 _OF_PENDULUM = ("mu", "lam", "zeta", "pendulum_mass", "pendulum_length", "pendulum_damping")
+
+
+def parameters_of(subject: Parameters | Scene, pendulum: Pendulum | None = None) -> Parameters:
+    """The parameters of a subject: dimensionless parameters, or a scene and the pendulum in it, if any.
+
+    Raises:
+        ValueError: traced or batched parameters, or a pendulum beside parameters.
+    """
+    return Setup.of(subject, pendulum).at({})
+
+
+def bare_parameters_of(subject: Parameters | Scene) -> Parameters:
+    """The parameters of a subject without its pendulum."""
+    return subject.parameters() if isinstance(subject, Scene) else replace(subject, mu=0.0)
 
 
 def parameters(x: Any) -> Parameters:

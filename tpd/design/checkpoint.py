@@ -25,15 +25,12 @@ class Checkpoint:
         self.path, self.fingerprint, self.stored = path, fingerprint, stored
 
     @staticmethod
-    def of(path: Path | None, problem: Any) -> Checkpoint:
-        """Checkpoint of a problem in the file `path`; empty if there is no such file.
+    def of(path: Path | None, fingerprint: str) -> Checkpoint:
+        """Checkpoint of the problem with a fingerprint in the file `path`; empty if there is no such file.
 
         Raises:
             ValueError: the file is of another problem, or cannot be read.
         """
-        # Fields and back-off are part of the fingerprint: another version may have meant other searches.
-        make = Ends._fields, Linearisation._fields, BACK_OFF
-        fingerprint = hashlib.sha256(_plain((problem, *make)).encode()).hexdigest()
         if path is None or not path.exists():
             return Checkpoint(path, fingerprint, {})
         try:
@@ -70,6 +67,13 @@ class Checkpoint:
         whole: dict[str, Any] = {"problem": np.array(self.fingerprint), **self.stored}
         np.savez_compressed(content, **whole)
         files.place(self.path, content.getvalue())
+
+
+def fingerprint_of(problem: Any) -> str:
+    """Fingerprint of everything on which the ends of searches depend."""
+    # Fields and back-off are part of it: another version may have meant other searches.
+    version = Ends._fields, Linearisation._fields, BACK_OFF
+    return hashlib.sha256(_plain((problem, *version)).encode()).hexdigest()
 
 
 def _plain(value: Any) -> str:

@@ -9,7 +9,7 @@ last one finishes a search that closed forms have led near a good design."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import jax
@@ -23,7 +23,7 @@ from tpd.analysis.steady_state import answered
 from tpd.analysis.work_queue import settle_all
 from tpd.closed_form import uplift
 from tpd.core.batch import in_chunks
-from tpd.core.conditions import under, under_all
+from tpd.core.conditions import Conditions, under, under_all
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.status import Status
 from tpd.design.objective import (
@@ -97,6 +97,14 @@ class Followed(AbstractObjective):
             lost=gone.mean(axis=-1),
             unsettled=(kind == UNSTABLE).mean(axis=-1),
         )
+
+    def over(self, conditions: Conditions) -> Followed:
+        """See `AbstractObjective`; the closed form moves with it."""
+        other = super().over(conditions)
+        assert isinstance(other, Followed)
+        orbits = None if self.orbits is None else self.orbits.over(conditions)
+        assert orbits is None or isinstance(orbits, Orbits)
+        return replace(other, orbits=orbits)
 
     def prepare(self) -> None:
         """Compile by one evaluation: a motion that is followed cannot be traced ahead."""

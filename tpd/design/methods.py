@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import optax
 
@@ -111,11 +113,36 @@ class Descent(Method):
                 f"`optimiser` must be a transformation of optax, or one of {', '.join(OPTIMISERS)}, but is "
                 f"{self.optimiser!r}"
             )
+        else:
+            self.taken(1)
 
     @property
     def optimiser_name(self) -> str:
         """Name of the optimiser; "custom" for a transformation that the user gave."""
         return self.optimiser if isinstance(self.optimiser, str) else "custom"
+
+    def taken(self, count: int) -> np.ndarray:
+        """First steps of an optimiser without a name on a fixed sequence of gradients, (count, 2); empty for
+        one with a name. They tell such optimisers apart.
+
+        Raises:
+            ValueError: an optimiser that needs more than gradients.
+        """
+        if isinstance(self.optimiser, str):
+            return np.zeros((0, 2))
+        x, steps = jnp.array([0.3, 0.6]), []
+        update = jax.jit(self.optimiser.update)
+        try:
+            state = self.optimiser.init(x)
+            for i in range(count):
+                step, state = update(jnp.array([1.0, -0.5 + 0.1 * i]), state, x)
+                steps.append(np.asarray(step))
+        except TypeError as error:
+            raise ValueError(
+                "`optimiser` must make its steps from gradients alone: give an optimiser without a line "
+                'search, or "lbfgs"'
+            ) from error
+        return np.array(steps)
 
     def search(
         self,

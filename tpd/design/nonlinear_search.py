@@ -14,7 +14,7 @@ from tpd.core.progress import Progress
 from tpd.core.sampling import latin_hypercube
 from tpd.design.followed import Followed
 from tpd.design.methods import Sequential
-from tpd.design.objective import AbstractObjective
+from tpd.design.objective import AbstractObjective, Orbits
 from tpd.design.result import DesignStatus, Step, Verified
 from tpd.design.screening import best_apart
 from tpd.design.search import Multistart, stage
@@ -43,12 +43,8 @@ def nonlinear_search(
     objective: AbstractObjective, search: Multistart, seed: int, progress: Progress | None
 ) -> Multistart:
     """Sequential programming on the nonlinear motion from rest, from the best of a nonlinear screening."""
-    model = _METHOD.model
-    assert model is not None
     o = objective
-    followed = Followed(
-        o.p, o.conditions, o.space, o.risk, o.limits, o.geometry, model=model, starts=Starts.rest()
-    )
+    followed = nonlinear_objective(objective)
     on = Multistart(followed, _METHOD, seed, progress)
     units = _screened(search, seed)
     after = None if progress is None else stage(progress, "nonlinear screening")
@@ -68,6 +64,16 @@ def nonlinear_search(
     on.groups, on.count = [ends], len(chosen)
     on.description = f"{len(units)} designs by the nonlinear equations"
     return on
+
+
+def nonlinear_objective(objective: AbstractObjective) -> Followed:
+    """Objective over the nonlinear motions from rest under the same limits. If the reserve of orbits was one
+    of those that the linear search kept to, it still is: the closed form states it."""
+    model, o = _METHOD.model, objective
+    assert model is not None
+    orbits = o if isinstance(o, Orbits) else o.orbits if isinstance(o, Followed) else None
+    common = o.p, o.conditions, o.space, o.risk, o.limits, o.geometry
+    return Followed(*common, model=model, starts=Starts.rest(), orbits=orbits)
 
 
 def _screened(search: Multistart, seed: int) -> np.ndarray:

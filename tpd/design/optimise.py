@@ -27,8 +27,6 @@ from tpd.design.search import GROUP, Multistart, sampled_orbits
 from tpd.design.space import DesignSpace
 from tpd.design.verify import Verification, pendulum_of, prepare_verification
 
-_MANY, _SAMPLED = 128, 64
-"""From so many conditions on the searches begin under a sample of them, of this size."""
 _FINISHING = Sequential(steps=12)
 """Searches over what sampled starts reach, at a thousand times the cost of orbits."""
 
@@ -80,29 +78,60 @@ def optimise(
     """
     problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed)
     ensemble = Ensemble(seed=seed) if ensemble is None else ensemble
-    store = Checkpoint.of(checkpoint, _fingerprint(problem))
-    if isinstance(problem.objective, Orbits):
-        problem.objective.prepare()
-    ready = aside(
-        lambda: prepare_verification(problem.objective.p, len(problem.objective.conditions), ensemble)
-    )
-    verification = Verification(scene, problem.objective, problem.method, ensemble, by_overturning, progress)
-    search = Multistart(problem.objective, problem.method, seed, progress)
-    status, second = DesignStatus.interrupted, None
+    return solve(problem, ensemble, by_overturning, checkpoint, progress)
+
+
+def solve(
+    problem: Problem,
+    ensemble: Ensemble,
+    by_overturning: bool = False,
+    checkpoint: Path | None = None,
+    progress: Progress | None = None,
+) -> Design:
+    """Search and verify a problem whose inputs are complete; see `optimise`."""
+    scene, objective = problem.scene, problem.objective
+    store = Checkpoint.of(checkpoint, problem.identity)
+    if isinstance(objective, Orbits):
+        objective.prepare()
+    ready = aside(lambda: prepare_verification(objective.p, len(objective.conditions), ensemble))
+    verification = Verification(scene, objective, problem.method, ensemble, by_overturning, progress)
+    search = Multistart(objective, problem.method, problem.seed, progress)
+    status, second, elasticities = DesignStatus.interrupted, None, {}
     try:
         if verification.rests and verification.bare_rests_nonlinearly():
             status = DesignStatus.no_uplift
         else:
             search, verification = _searched(problem, search, verification, store)
             ready.join()
-            status = verification.best_of(search)
-            if not search.interrupted and wanted(status, verification.verified, search.objective):
-                second = nonlinear_search(search.objective, search, seed, progress)
-                verification = verification.on(second.objective, "nonlinear search")
-                status = verification.best_of(second)
+            status, verification, second = _verified(problem, search, verification, progress)
+        if status is DesignStatus.found and not search.interrupted:
+            elasticities = _elasticities(verification.objective, verification.verified[-1], progress)
     except KeyboardInterrupt:
         search.interrupted = True
-    return _design(problem, ensemble, status, verification, search, second)
+    return _design(problem, ensemble, status, verification, search, second, elasticities)
+
+
+def _verified(
+    problem: Problem, search: Multistart, verification: Verification, progress: Progress | None
+) -> tuple[DesignStatus, Verification, Multistart | None]:
+    """Verify the best end; after a refusal the designs on the paths, or search on the nonlinear equations."""
+    status, alone = verification.best_of(search), len(search.objective.conditions) == 1
+    nonlinearly = not search.interrupted and wanted(status, verification.verified, search.objective)
+    if status is DesignStatus.refused and not (alone and nonlinearly):
+        # Under many conditions the nonlinear equations are costly: the linear search has more to offer first.
+        status = verification.best_of_paths(search)
+        nonlinearly = not search.interrupted and wanted(status, verification.verified, search.objective)
+    if not nonlinearly:
+        return status, verification, None
+    second = nonlinear_search(search.objective, search, problem.seed, progress)
+    other = verification.on(second.objective, "nonlinear search")
+    after = other.best_of(second)
+    if after is DesignStatus.refused:
+        after = other.best_of_paths(second)
+    passed = after is DesignStatus.found or not alone or status is not DesignStatus.refused
+    if passed or verification.best_of_paths(search) is not DesignStatus.found:
+        return after, other, second
+    return DesignStatus.found, verification, second
 
 
 def _searched(
@@ -111,14 +140,13 @@ def _searched(
     """Run the search in its stages: under a sample of many conditions first, then under all of them, then
     over the motions that sampled starts reach."""
     objective, n = problem.objective, len(problem.objective.conditions)
-    sampled = isinstance(objective, Orbits) and n >= _MANY
+    sampled = isinstance(objective, Orbits) and n >= problem.many
     if sampled and isinstance(objective, Orbits):
-        search = Multistart(
-            sampled_orbits(objective, _SAMPLED, problem.seed), problem.method, problem.seed, search.progress
-        )
+        fewer = sampled_orbits(objective, problem.sampled, problem.seed)
+        search = Multistart(fewer, problem.method, problem.seed, search.progress)
     search.run(store)
     if sampled:
-        search.description += f" under {_SAMPLED} of the {n} conditions"
+        search.description += f" under {problem.sampled} of the {n} conditions"
         search = search.carry_on(objective, store, "under all of them", problem.method, GROUP)
         if search.interrupted:
             search.evaluate_pending()
@@ -132,21 +160,6 @@ def _searched(
     return search, verification
 
 
-def _fingerprint(problem: Problem) -> tuple:
-    """Everything on which the ends of the searches depend."""
-    o = problem.objective
-    return (
-        problem.scene,
-        o.conditions,
-        problem.space,
-        o.risk,
-        [(limit.name, limit) for limit in o.limits],
-        problem.starts,
-        describe(problem.method),
-        problem.seed,
-    )
-
-
 def _design(
     problem: Problem,
     ensemble: Ensemble,
@@ -154,13 +167,13 @@ def _design(
     verification: Verification,
     search: Multistart,
     second: Multistart | None,
+    elasticities: dict[str, float],
 ) -> Design:
     """The answer, from what was searched and verified."""
     verified, objective = tuple(verification.verified), verification.objective
     passed = status is DesignStatus.found
     offered = verified[-1] if passed else None
     status = DesignStatus.interrupted if search.interrupted else status
-    shown = search if second is None or offered is None or second.screened.size == 0 else second
     return Design(
         scene=problem.scene,
         space=problem.space,
@@ -175,9 +188,9 @@ def _design(
         pendulum=None if offered is None else pendulum_of(problem.scene, offered),
         verified=verified,
         bare=verification.bare,
-        nearest=verification.nearest(shown) if status is DesignStatus.none_feasible else None,
+        nearest=verification.nearest(second or search) if status is DesignStatus.none_feasible else None,
         search=_history(search, second),
-        elasticities={} if offered is None or search.interrupted else _elasticities(objective, offered),
+        elasticities=elasticities,
         settings=describe(problem.method),
     )
 
@@ -199,14 +212,16 @@ def _history(search: Multistart, second: Multistart | None) -> Search:
     )
 
 
-def _elasticities(objective: AbstractObjective, of: Verified) -> dict[str, float]:
+def _elasticities(objective: AbstractObjective, of: Verified, progress: Progress | None) -> dict[str, float]:
     """d ln(value)/d ln(factor): by central differences of 0.1 %. For sampled starts from the exact
     derivatives, of the pendulum's three only, because a difference would be one of jumps of single starts
     between basins."""
     if isinstance(objective, Followed) and objective.starts.kind is StartKind.sampled:
         return _from_slopes(objective, of)
     step, out = 1e-3, {}
-    for name in FACTORS:
+    for i, name in enumerate(FACTORS):
+        if progress is not None:
+            progress("elasticities", i + 1, len(FACTORS))
         sides = []
         for factor in (1.0 - step, 1.0 + step):
             changed = objective.over(objective.conditions * Conditions({name: np.array([factor])}))

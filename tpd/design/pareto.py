@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tpd.analysis.attractors import Starts
+from tpd.analysis.attractors import StartKind, Starts
 from tpd.core import checks
 from tpd.core.conditions import Conditions
 from tpd.core.progress import Progress
@@ -61,6 +61,11 @@ def pareto(
     """
     checks.count("points", points, least=2)
     method = Sequential(searches=8, steps=30) if method is None else method
+    if starts is not None and starts.kind is StartKind.sampled and method.model is None:
+        raise ValueError(
+            "`starts` of a front must be Starts.rest() or Starts.any() where every orbit is known, but is a "
+            "sampled set: give `method` a model to follow it by"
+        )
     problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed)
     objective, space = problem.objective, problem.space
     search = Multistart(objective, problem.method, seed, progress)

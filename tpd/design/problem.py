@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
 
 from tpd.analysis.attractors import StartKind, Starts
 from tpd.core import checks
 from tpd.core.conditions import Conditions
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.scene import Scene
+from tpd.design.checkpoint import fingerprint_of
 from tpd.design.criteria import DEFAULT_LIMITS, Limit, Mass, Risk, check_limits, limit_of
 from tpd.design.followed import Followed
-from tpd.design.methods import Descent, Method, Sequential
+from tpd.design.methods import Descent, Method, Sequential, describe
 from tpd.design.objective import AbstractObjective, Orbits, geometry_of
 from tpd.design.space import DesignSpace
 from tpd.models.base import AbstractModel
@@ -35,6 +39,10 @@ class Problem:
     method: Method
     objective: AbstractObjective
     seed: int
+    many: int = 128
+    """Conditions from which on the searches over orbits begin under a sample of them."""
+    sampled: int = 64
+    """Conditions in that sample."""
 
     @staticmethod
     def of(
@@ -63,7 +71,8 @@ class Problem:
         starts = _default_starts(method) if starts is None else starts
         if method.model is not None and starts.kind is StartKind.any:
             raise ValueError(
-                "`starts` must be states where a method has a model to follow them by, but is Starts.any()"
+                "`starts` must be states where a method has a model to follow them by, but is Starts.any(): "
+                "take `Starts.rest()`, or take `method=Sequential()`, which knows every orbit"
             )
         risk = Risk.worst() if risk is None else risk
         common = p, conditions, space, risk, limits, geometry_of(scene, conditions)
@@ -73,6 +82,15 @@ class Problem:
             method.model.check(p)
             objective = Followed(*common, model=method.model, starts=starts)
         return Problem(scene, space, starts, method, objective, seed)
+
+    @cached_property
+    def identity(self) -> str:
+        """Fingerprint of everything on which the ends of the searches depend."""
+        o, method = self.objective, self.method
+        steps = method.taken(method.steps) if isinstance(method, Descent) else ()
+        criteria = o.risk, [(limit.name, limit) for limit in o.limits]
+        settings = describe(method), np.round(steps, 12), self.seed, self.many, self.sampled
+        return fingerprint_of((self.scene, o.conditions, self.space, *criteria, self.starts, *settings))
 
     @property
     def over_basins(self) -> Followed | None:

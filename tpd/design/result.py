@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tpd.analysis.attractors import Starts
-from tpd.analysis.ensemble import Ensemble, Outcomes, Verdict
+from tpd.analysis.ensemble import Ensemble
+from tpd.analysis.outcomes import Outcomes
+from tpd.analysis.paired import Verdict
 from tpd.core.conditions import Conditions
+from tpd.core.formatting import Printed
 from tpd.core.scene import Pendulum, Scene
 from tpd.design.criteria import Limit, Risk, stroke_limit
 from tpd.design.space import DesignSpace
@@ -105,10 +108,18 @@ class Reason:
         match self.kind:
             case ReasonKind.overturns:
                 return f"{by} the block overturns{at}, and stands without the pendulum"
-            case ReasonKind.overturns_more:
+            case ReasonKind.overturns_more if self.step is Step.neighbours:
+                # Counted one by one, not pair by pair as in the other steps.
                 return (
-                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum "
-                    f"only, and in {self.reference:.0f} without it only{at}"
+                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum, "
+                    f"and in {self.reference:.0f} without it{at}"
+                )
+            case ReasonKind.overturns_more:
+                # Conditions and runs are counted in pairs, neighbouring shakings are not.
+                only = "" if self.step is Step.neighbours else " only"
+                return (
+                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum"
+                    f"{only}, and in {self.reference:.0f} without it{only}{at}"
                 )
             case ReasonKind.breaks_limit:
                 return (
@@ -279,8 +290,8 @@ class Nearest:
     broken: tuple[Reason, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Design:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Design(Printed):
     """The answer of `optimise`: angles in rad, lengths in m, masses in kg. `print` shows a summary."""
 
     scene: Scene
@@ -339,16 +350,19 @@ class Design:
         if self.pendulum is None or self.winner is None:
             lines += [f"  refused: {reason}" for v in self.verified for reason in v.reasons]
             return "\n".join(lines)
-        hung = self.pendulum
+        hung, amplitudes = self.pendulum, (self.amplitude, self.amplitude_without)
+        with_it, without = (f"{x:.4g} rad" if math.isfinite(x) else "overturned" for x in amplitudes)
+        if len(self.conditions) > 1:
+            lines.append(
+                f"  value       {self.winner.value:.4g}, {self.bare.value:.4g} without: {self.risk.name} tilt over "
+                "slenderness, less than 0 at rest"
+            )
         return "\n".join(
             [
                 *lines,
                 f"  pendulum    {hung.mass:.4g} kg on {hung.length:.4g} m, "
                 f"damping ratio {hung.damping_ratio:.4g}",
-                f"  amplitude   {self.amplitude:.4g} rad, {self.amplitude_without:.4g} rad without",
+                f"  amplitude   {with_it}, {without} without",
                 f"  stroke      {self.stroke:.4g} rad, limit {self.stroke_limit:g} rad",
             ]
         )
-
-    def _repr_html_(self) -> str:
-        return "<pre>" + str(self).replace("&", "&amp;").replace("<", "&lt;") + "</pre>"

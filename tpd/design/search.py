@@ -80,6 +80,8 @@ class Multistart:
         self.feasible, self.overturned = excess == 0.0, np.any(~e.attracts, axis=1)
         units = objective.space.scaled(designs)
         chosen = best_apart(units, self.screened_value, self.count)
+        # Fewer than asked for, where screened designs coincide.
+        self.count = len(chosen)
         return units[chosen], None if followed else local.at(chosen)
 
     def _search(self, units: np.ndarray, known: Linearisation | None, group: int, groups: int) -> Ends:

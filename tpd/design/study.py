@@ -12,7 +12,7 @@ import numpy as np
 
 from tpd.analysis.attractors import Starts
 from tpd.analysis.compare_models import QUICK, Check, check
-from tpd.analysis.response import Response, frequency_response
+from tpd.analysis.response import Response, settled_response
 from tpd.analysis.sensitivity import Elasticities, elasticities
 from tpd.analysis.steady_state import sampled, simulate
 from tpd.closed_form import uplift
@@ -149,7 +149,10 @@ def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory
 def _responses(design: Design, progress: Progress | None) -> tuple[Response, ...]:
     frequencies = design.scene.motion.frequency * _BAND
     cases = (None,) if design.pendulum is None else (None, design.pendulum)
-    return tuple(frequency_response(design.scene, hung, frequencies, progress=progress) for hung in cases)
+    return tuple(
+        settled_response(design.scene, "frequency", frequencies, pendulum=hung, progress=progress)
+        for hung in cases
+    )
 
 
 def _comparison(design: Design, progress: Progress | None) -> Check:

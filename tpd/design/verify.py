@@ -12,21 +12,23 @@ from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
+from tpd.analysis.attractors import StartKind, Starts
 from tpd.analysis.compare_models import nonlinear
-from tpd.analysis.ensemble import SIGNIFICANT, Ensemble, Outcomes, chance_of, outcomes, verdict
-from tpd.analysis.steady_state import steady_state
-from tpd.analysis.work_queue import prepare, settle_all
-from tpd.core.conditions import Conditions, under, under_all
+from tpd.analysis.ensemble import Ensemble, outcomes
+from tpd.analysis.outcomes import Outcomes
+from tpd.analysis.paired import SIGNIFICANT, chance_of, verdict
+from tpd.analysis.work_queue import prepare
+from tpd.core.conditions import Conditions, under
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
-from tpd.core.status import SETTLED, names_of, status_name
+from tpd.core.status import SETTLED
 from tpd.design.active import active
 from tpd.design.followed import Followed
 from tpd.design.methods import Descent, Method
-from tpd.design.objective import KINDS, NONE, REST, AbstractObjective, Evaluation, margins
+from tpd.design.motions import motions_from_rest, polished, searched_motions
+from tpd.design.objective import REST, AbstractObjective, Evaluation, margins
 from tpd.design.result import (
     Bare,
     DesignStatus,
@@ -52,8 +54,6 @@ _RUNS = 4096
 """Runs from rest spent on choosing the designs to verify."""
 _AT_LIMIT = 1e-3
 """Share of a limit that is left where the limit counts as met."""
-_POLISHED = 32
-"""Conditions up to which exact amplitudes are polished by Newton's method, to round-off."""
 _NEARBY = (-0.01, -0.005, 0.005, 0.01)
 """Changes of the base motion's amplitude, and of its frequency, that a design must stand."""
 
@@ -72,15 +72,18 @@ class Verification:
     ) -> None:
         self.scene, self.objective, self.ensemble, self.progress = scene, objective, ensemble, progress
         self.by_overturning = by_overturning
-        self.tolerance = method.tolerance if isinstance(method, Descent) else 0.0
+        followed = isinstance(objective, Followed)
+        self.tolerance = method.tolerance if followed and isinstance(method, Descent) else 0.0
+        """Share by which amplitudes of the search's model and of the exact solution may differ; 0 where the
+        search knows the exact orbits."""
         p = objective.p
         self.none = np.array([0.0, float(p.lam), float(p.zeta)])
         evaluation = objective.evaluate(self.none[None])
         self.bare = Bare(
             value=float(objective.value(evaluation)[0]),
             evaluation=evaluation,
-            exact=self._exact(self.none),
-            searched=self._searched(evaluation),
+            exact=self._polished(self.none, self._from_rest(self.none)),
+            searched=self._searched(self.none, evaluation),
             outcomes=None,
         )
         self._nonlinear_bare: dict[int, tuple[float, float, str]] = {}
@@ -93,8 +96,8 @@ class Verification:
         other = copy(self)
         other.objective, other.source, other.tolerance = objective, source, 0.0
         e = objective.evaluate(self.none[None])
-        value = float(objective.value(e)[0])
-        other.bare = replace(self.bare, value=value, evaluation=e, searched=other._searched(e))
+        value, searched = float(objective.value(e)[0]), other._searched(self.none, e)
+        other.bare = replace(self.bare, value=value, evaluation=e, searched=searched)
         return other
 
     @property
@@ -104,26 +107,28 @@ class Verification:
         return bool(np.all(e.kind == REST) and not np.any(e.lost))
 
     def best_of(self, search: Multistart) -> DesignStatus:
-        """Verify the best designs of a search until one passes; its entries are added to `verified`."""
+        """Verify the best end of a search. Its entry is added to `verified`."""
         order = search.order()
         if not len(order):
             return DesignStatus.none_feasible
-        helps = order[search.values[order] < self._needed]
+        helps = order[search.values[order] < self.needed]
         if not len(helps):
             return DesignStatus.no_improvement
-        begun = len(self.verified)
-        if self._first_to_pass(search, helps, begun + 1):
-            return DesignStatus.found
-        # A design that passes need not be where a search ended: a neighbour of the best end on its path is
-        # better than the end of another search.
-        wider = search.with_paths(self._needed)
+        passed = self._first_to_pass(search, helps, len(self.verified) + 1)
+        return DesignStatus.found if passed else DesignStatus.refused
+
+    def best_of_paths(self, search: Multistart) -> DesignStatus:
+        """After a refusal: verify the other ends and designs on the paths until one passes. A design that
+        passes need not be where a search ended: a neighbour of the best end on its path is better than the
+        end of another search."""
+        wider = search.with_paths(self.needed)
         order = wider.order()
-        helps = order[wider.values[order] < self._needed]
-        passed = self._first_to_pass(wider, helps, begun + VERIFIED)
+        helps = order[wider.values[order] < self.needed]
+        passed = self._first_to_pass(wider, helps, len(self.verified) + VERIFIED - 1)
         return DesignStatus.found if passed else DesignStatus.refused
 
     @property
-    def _needed(self) -> float:
+    def needed(self) -> float:
         """Risk below which a design counts as an improvement on the bare block."""
         return self.bare.value * (1.0 - self.tolerance) if self.bare.value > 0.0 else self.bare.value
 
@@ -152,14 +157,15 @@ class Verification:
     def _first_to_pass(self, search: Multistart, order: np.ndarray, most: int) -> bool:
         """Verify designs until one passes or `most` entries stand in `verified`."""
         known = {tuple(v.design.tolist()) for v in self.verified}
-        for i, exact in self._ranked(search, order):
+        begun = len(self.verified)
+        for i, motions in self._ranked(search, order):
             if len(self.verified) == most:
                 break
             if tuple(search.designs[i].tolist()) in known:
                 continue
             if self.progress is not None:
-                self.progress("verifying", len(self.verified) + 1, VERIFIED)
-            self.verified.append(self._verified(search, i, exact))
+                self.progress("verifying", len(self.verified) + 1 - begun, most - begun)
+            self.verified.append(self._verified(search, i, motions))
             if not self.verified[-1].reasons:
                 return True
         return False
@@ -169,13 +175,13 @@ class Verification:
         last, so that they are reported if all are refused."""
         n = len(self.objective.conditions)
         apart = first_apart(search.units, order, max(VERIFIED, _RUNS // n))
-        exact = [self._exact(search.designs[i]) for i in apart]
+        exact = [self._from_rest(search.designs[i]) for i in apart]
         worse = np.array([self._harm(e)[0] for e in exact])
         lost = np.array([np.sum(e.status == "overturned") for e in exact])
         ranks = np.lexsort((lost if self.by_overturning else np.zeros_like(lost), worse))
         return [(apart[i], exact[i]) for i in ranks]
 
-    def _verified(self, search: Multistart, i: int, exact: Motions) -> Verified:
+    def _verified(self, search: Multistart, i: int, motions: Motions) -> Verified:
         """All steps for one design, up to the first that refuses it."""
         objective, design = self.objective, search.designs[i]
         e = objective.evaluate(design[None])
@@ -185,8 +191,8 @@ class Verification:
             damping_ratio=float(design[2]),
             value=float(objective.value(e)[0]),
             evaluation=e,
-            exact=exact,
-            searched=self._searched(e),
+            exact=self._polished(design, motions),
+            searched=self._searched(design, e),
             margin=margins(objective, design[None])[0],
             neighbours=None,
             nonlinear=(),
@@ -196,13 +202,13 @@ class Verification:
             source=self.source if i < search.ended else "path",
             reasons=(),
         )
-        for step in (self._by_events, self._by_neighbours, self._by_nonlinear, self._by_ensemble):
+        for step in (self.by_events, self.by_neighbours, self.by_nonlinear, self.by_ensemble):
             v = step(v)
             if v.reasons:
                 break
         return v
 
-    def _by_events(self, v: Verified) -> Verified:
+    def by_events(self, v: Verified) -> Verified:
         """Exact solution under every condition, and the cross-check of the search's model."""
         reasons = []
         harms, worse, better = self._harm(v.exact)
@@ -212,8 +218,8 @@ class Verification:
                 Reason(
                     step=Step.exact,
                     kind=ReasonKind.overturns_more,
-                    value=worse,
-                    reference=better,
+                    value=float(worse),
+                    reference=float(better),
                     total=n,
                 )
             )
@@ -243,7 +249,7 @@ class Verification:
         both_lost = (searched.status == "overturned") & (exact.status == "overturned")
         return (settled & near) | both_lost
 
-    def _by_neighbours(self, v: Verified) -> Verified:
+    def by_neighbours(self, v: Verified) -> Verified:
         """Eight shakings within 1 % of the worst condition; one settled motion does not say that it is
         reached safely."""
         worst = int(np.argmax(v.evaluation.merit[0]))
@@ -253,8 +259,8 @@ class Verification:
         here = Conditions({k: x[worst : worst + 1] for k, x in self.objective.conditions.factors.items()})
 
         def overturned(design: np.ndarray) -> int:
-            names, *_ = self._settled(design, here * near)
-            return int(np.sum(names == "overturned"))
+            motions = motions_from_rest(self.objective.p, design, here * near, self.ensemble.periods)
+            return int(np.sum(motions.status == "overturned"))
 
         if worst not in self._neighbours_bare:
             self._neighbours_bare[worst] = overturned(self.none)
@@ -270,19 +276,23 @@ class Verification:
             step=Step.neighbours,
             kind=ReasonKind.overturns_more,
             condition=self.objective.conditions.label(worst),
-            value=found.overturned,
-            reference=found.overturned_bare,
+            value=float(found.overturned),
+            reference=float(found.overturned_bare),
             total=found.tried,
         )
         return replace(v, neighbours=found, reasons=(reason,) if found.overturned > allowed else ())
 
-    def _by_nonlinear(self, v: Verified) -> Verified:
+    def by_nonlinear(self, v: Verified) -> Verified:
         """Nonlinear equations under the worst conditions and under those nearest to a limit, from rest."""
-        asked = tuple(self._nonlinear(v, int(i)) for i in self._conditions_asked(v.evaluation))
+        asked = tuple(self._nonlinear(v, int(i)) for i in self.conditions_asked(v.evaluation))
         v = replace(v, nonlinear=asked)
+        return replace(v, reasons=self.nonlinear_reasons(v))
+
+    def nonlinear_reasons(self, v: Verified) -> tuple[Reason, ...]:
+        """Reasons against a design by the nonlinear motions that were met."""
         alone, label = len(self.objective.conditions) == 1, self.objective.conditions.label
         reasons: list[Reason] = []
-        for a in asked:
+        for a in v.nonlinear:
             at = {"step": Step.nonlinear, "condition": label(a.condition)}
             bare = a.bare_status, self.bare.exact.status[a.condition]
             if a.status == "overturned" and "overturned" not in bare:
@@ -292,7 +302,7 @@ class Verification:
             elif alone and a.amplitude > 0.0 and a.amplitude >= a.bare_amplitude:
                 sizes = {"value": a.amplitude, "reference": a.bare_amplitude}
                 reasons.append(Reason(kind=ReasonKind.rocks_more, **sizes, **at))
-        return replace(v, reasons=(*reasons, *self._broken_nonlinearly(v)))
+        return (*reasons, *self._broken_nonlinearly(v))
 
     def _broken_nonlinearly(self, v: Verified) -> list[Reason]:
         """Limits that the nonlinear motions break."""
@@ -304,7 +314,8 @@ class Verification:
         e = _with_sizes(v.evaluation, amplitude, stroke, self.objective)
         return self._broken(e, Step.nonlinear, known)
 
-    def _conditions_asked(self, e: Evaluation) -> list[int]:
+    def conditions_asked(self, e: Evaluation) -> list[int]:
+        """Conditions under which the nonlinear equations are asked: the worst, and those at a limit."""
         n = len(self.objective.conditions)
         worst = [int(i) for i in np.argsort(-e.merit[0], kind="stable")[:_ASKED]]
         # How near an orbit is to where it stops attracting is no size that the nonlinear equations give.
@@ -332,12 +343,12 @@ class Verification:
     def bare_rests_nonlinearly(self) -> bool:
         """Whether the bare block settles at rest by the nonlinear equations under the worst conditions."""
         rows = self.objective.conditions.factor_rows()
-        asked = self._conditions_asked(self.bare.evaluation)[:_ASKED]
+        asked = self.conditions_asked(self.bare.evaluation)[:_ASKED]
         return all(
             nonlinear(under(self.objective.p, jnp.asarray(self.none), rows[i]))[2] == "rest" for i in asked
         )
 
-    def _by_ensemble(self, v: Verified) -> Verified:
+    def by_ensemble(self, v: Verified) -> Verified:
         """Paired ensemble of runs with the pendulum and without (McNemar's test)."""
         conditions, pendulum = self.objective.conditions, pendulum_of(self.scene, v)
         after = None if self.progress is None else stage(self.progress, "ensemble")
@@ -352,8 +363,8 @@ class Verification:
         reason = Reason(
             step=Step.ensemble,
             kind=ReasonKind.overturns_more,
-            value=found.worse,
-            reference=found.better,
+            value=float(found.worse),
+            reference=float(found.better),
             total=len(found.hung.status),
         )
         return replace(v, verdict=found, reasons=(reason,) if found.harms else ())
@@ -395,57 +406,24 @@ class Verification:
         alone = len(lost) == 1 and worse > better
         return significant or alone, worse, better
 
-    def _exact(self, design: np.ndarray) -> Motions:
-        """Exact settled motions from rest under all conditions."""
-        conditions = self.objective.conditions
-        names, amplitude, stroke, peak, peak_stroke, periods = self._settled(design, conditions)
-        multiplier = np.full(len(names), np.nan)
-        if len(names) <= _POLISHED:
-            polished = [self._polished(design, row) for row in conditions.factor_rows()]
-            names, amplitude, stroke, periods, multiplier = (np.array(x) for x in zip(*polished, strict=True))
-        return Motions(
-            model="exact",
-            status=names,
-            amplitude=amplitude,
-            stroke=stroke,
-            peak=peak,
-            peak_stroke=peak_stroke,
-            multiplier=multiplier,
-            periods=periods,
-        )
+    def _from_rest(self, design: np.ndarray) -> Motions:
+        """Exact motions from rest under all conditions, as followed."""
+        periods = self.ensemble.periods
+        return motions_from_rest(self.objective.p, design, self.objective.conditions, periods)
 
-    def _polished(self, design: np.ndarray, row: Array) -> tuple:
-        s = steady_state(as_arrays(under(self.objective.p, jnp.asarray(design), row)), model=Piecewise())
-        sizes = float(s.amplitude), float(s.stroke), int(s.periods), float(s.multiplier)
-        return status_name(s.status), *sizes
+    def _polished(self, design: np.ndarray, motions: Motions) -> Motions:
+        return polished(self.objective.p, design, self.objective.conditions, motions)
 
-    def _settled(self, design: np.ndarray, conditions: Conditions) -> tuple:
-        """(status, amplitude, stroke, peak, peak_stroke, periods) from rest, as followed."""
-        p = under_all(self.objective.p, jnp.asarray(design)[None], conditions)
-        y0 = np.zeros((len(conditions), 4))
-        settled = settle_all(p, y0, model=Piecewise(max_periods=self.ensemble.periods))
-        names = names_of(settled.status)
-        sizes = settled.amplitude, settled.stroke, settled.peak, settled.peak_stroke
-        lost = names == "overturned"
-        return names, *(np.where(lost, np.inf, np.asarray(x)) for x in sizes), np.asarray(settled.periods)
-
-    def _searched(self, e: Evaluation) -> Motions | None:
-        """Motions by the model that was searched with; None for a search over exact orbits."""
-        if not isinstance(self.objective, Followed):
+    def _searched(self, design: np.ndarray, e: Evaluation) -> Motions | None:
+        """Motions from rest by the model that was searched with; None for a search over exact orbits."""
+        objective = self.objective
+        if not isinstance(objective, Followed):
             return None
-        names = {REST: "rest", NONE: "overturned"}
-        status = np.array([names.get(int(k), KINDS[int(k)]) for k in e.kind[0]])
-        unknown = np.full(len(status), np.nan)
-        return Motions(
-            model=type(self.objective.model).__name__.lower(),
-            status=status,
-            amplitude=e.tilt[0] * self.objective.geometry.slenderness,
-            stroke=e.stroke[0],
-            peak=unknown,
-            peak_stroke=unknown,
-            multiplier=e.multiplier[0],
-            periods=np.ones(len(status), int),
-        )
+        if objective.starts.kind is StartKind.sampled:
+            # The evaluation is of all starts; the exact solution, with which this is compared, of rest.
+            objective = replace(objective, starts=Starts.rest(), orbits=None)
+            e = objective.evaluate(design[None])
+        return searched_motions(objective, e)
 
     @property
     def _model(self) -> object:

@@ -6,126 +6,17 @@ fuses into few loops, and products of 4 x 4 matrices do not.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Int
 
 from tpd.core.parameters import Number, Numbers, State
+from tpd.exact.contact import REST, SLIP, STICK, Mode, captured_restitution, decide, impact_jump, released
 from tpd.exact.modes import Plant, Rates
-from tpd.exact.propagator import Factor, Functional, exponential
+from tpd.exact.propagator import Functional, exponential
+from tpd.exact.signal import Gain, Growth, Harmonic, Instant, Signal, constant
 from tpd.exact.trigonometry import Turn, turn
-
-SLIP, STICK, REST = 0, 1, 2
-
-
-class Mode(eqx.Module):
-    """The discrete state: slip, stick or rest, with the signs of the tilt and of its rate."""
-
-    kind: Int[Array, ""]
-    tilt_sign: Float[Array, ""]
-    rate_sign: Float[Array, ""]
-
-
-class Growth(NamedTuple):
-    """Shaking that grows linearly: f (share + rate t) sin(...), t from the arc's start."""
-
-    share: Number
-    """Share of its full size at the arc's start."""
-    rate: Number
-    """Increase of the share per unit tau; 0 once the shaking is steady."""
-
-    def after(self, t: Number) -> Growth:
-        """The growth counted from a later time."""
-        return Growth(self.share + self.rate * t, self.rate)
-
-
-class Instant(NamedTuple):
-    """A time on an arc: what the free motion has become since its start, the forcing's phase, and the
-    time since the start."""
-
-    flow: Factor
-    forcing: Turn
-    time: Number
-
-
-class Gain(NamedTuple):
-    """Increase of a harmonic's two amplitudes per unit tau."""
-
-    along: Number
-    across: Number
-
-
-class Harmonic(NamedTuple):
-    """along sin + across cos of the forcing's phase; under growing shaking both change linearly in time."""
-
-    along: Number
-    across: Number
-    gain: Gain | None = None
-    """None under steady shaking, where it costs nothing."""
-
-    def amplitudes(self, time: Number) -> tuple[Number, Number]:
-        """The factors of sin and cos at a time on the arc."""
-        if self.gain is None:
-            return self.along, self.across
-        return self.along + self.gain.along * time, self.across + self.gain.across * time
-
-    def at(self, forcing: Turn, time: Number) -> Number:
-        """Value at a phase and a time on the arc."""
-        along, across = self.amplitudes(time)
-        return along * forcing.sine + across * forcing.cosine
-
-    def rate(self, xi: Number) -> Harmonic:
-        """Derivative in time."""
-        along, across = -xi * self.across, xi * self.along
-        if self.gain is None:
-            return Harmonic(along, across)
-        a, c = self.gain
-        return Harmonic(along + a, across + c, Gain(-xi * c, xi * a))
-
-    def bound(self, time: Number, window: Number) -> Number:
-        """Largest value from `time` until `window` later: the amplitude is a convex function of time, so
-        that it is largest at an end."""
-        along, across = self.amplitudes(time)
-        now = jnp.sqrt(along**2 + across**2)
-        if self.gain is None:
-            return now
-        along, across = self.amplitudes(time + window)
-        return jnp.maximum(now, jnp.sqrt(along**2 + across**2))
-
-
-class Signal(NamedTuple):
-    """A quantity along an arc: a constant, a function of the free motion, and one harmonic."""
-
-    constant: Number
-    free: Functional
-    harmonic: Harmonic
-
-    def at(self, now: Instant) -> Number:
-        """Its value."""
-        return self.constant + self.free.of(now.flow) + self.harmonic.at(now.forcing, now.time)
-
-    def rate(self, rates: Rates) -> Signal:
-        """Its derivative in time."""
-        zero = jnp.zeros_like(self.constant)
-        return Signal(zero, self.free.rate(rates), self.harmonic.rate(rates.xi))
-
-    def scaled(self, c: Number) -> Signal:
-        """c times it."""
-        return jax.tree.map(lambda x: c * x, self)
-
-    def plus(self, other: Signal) -> Signal:
-        """The sum of two."""
-        return jax.tree.map(lambda a, b: a + b, self, other)
-
-
-def constant(value: Number, growth: Growth | None = None) -> Signal:
-    """A signal that does not change, among others of an arc under such shaking."""
-    zero = jnp.zeros_like(value)
-    gain = None if growth is None else Gain(zero, zero)
-    return Signal(value, Functional(zero, zero, zero, zero), Harmonic(zero, zero, gain))
 
 
 class Arc(eqx.Module):
@@ -159,16 +50,23 @@ def classify(plant: Plant, y: State | Numbers, sine: Number) -> Mode:
     """The mode that a state starts in, from its signs and, where they vanish, from the moment
     R on the held block: at rest while |R| <= (1 + mu) nu + k, stuck while
     |R - s (1 + mu) nu| <= k. `sine` is the forcing over its full size."""
+    return _decided(plant, y, sine, jnp.sign(y[0]), jnp.sign(y[2]))
+
+
+def _decided(plant: Plant, y: State | Numbers, sine: Number, tilt_sign: Number, rate_sign: Number) -> Mode:
+    """The mode of a state with these signs of phi and phi'."""
     linear = plant.linear
     moment = linear.holding_moment(y, sine)
-    on_base, turning = y[0] == 0.0, y[2] == 0.0
-    tilt_sign = jnp.where(on_base, jnp.where(turning, jnp.sign(moment), jnp.sign(y[2])), jnp.sign(y[0]))
-    excess = moment - jnp.where(on_base, 0.0, tilt_sign * linear.weight)
-    hold = linear.friction + jnp.where(on_base, linear.weight, 0.0)
-    held = turning & (jnp.abs(excess) <= hold)
-    kind = jnp.where(held, jnp.where(on_base, REST, STICK), SLIP)
-    rate_sign = jnp.where(turning, jnp.sign(excess), jnp.sign(y[2]))
-    return Mode(kind, jax.lax.stop_gradient(tilt_sign), jax.lax.stop_gradient(rate_sign))
+    on_base = tilt_sign == 0.0
+    up = moment - jnp.where(on_base, 1.0, tilt_sign) * linear.weight
+    down = jnp.where(on_base, moment + linear.weight, up)
+    return decide(up, down, linear.friction, tilt_sign, rate_sign)
+
+
+def held_on_base(plant: Plant, y: State | Numbers, sine: Number) -> Bool[Array, ""]:
+    """Whether weight and friction would hold the block of state `y` at phi = 0 if it did not move."""
+    zero = jnp.zeros_like(y[0])
+    return _decided(plant, (zero, y[1], zero, y[3]), sine, zero, zero).kind == REST
 
 
 def launch(plant: Plant, mode: Mode, y: State | Numbers, phase: Number, growth: Growth | None = None) -> Arc:
@@ -194,6 +92,8 @@ def _forced(response: Array, lag: Array, growth: Growth | None) -> Harmonic:
 def _slip(
     plant: Plant, mode: Mode, y: State | Numbers, forcing: Turn, growth: Growth | None
 ) -> tuple[Signal, Signal]:
+    # The state less balance and response is free motion: its parts along the two real modes are projections,
+    # and the rest belongs to the pair, whose `Functional` is (value, rate) at the start.
     linear, zero = plant.linear, jnp.zeros_like(y[0])
     load = mode.tilt_sign * linear.weight + mode.rate_sign * linear.friction
     balance = load / linear.tilt
@@ -229,6 +129,10 @@ def ending(plant: Plant, mode: Mode, arc: Arc) -> tuple[Signal, Signal]:
     """The two signals, positive inside the arc, that end it when they reach zero. Slip: the rate, and
     the tilt if it is falling back to the base; moving outward, the tilt cannot return before the
     rate vanishes. Held: the distance of the moment to either limit."""
+    # While the block moves outward phi cannot vanish before phi' does, and a tilt is monotone between zeros
+    # of its rate. So phi is watched on the way back only, and a signal that begins at zero (the tilt after a
+    # crossing) is never taken for an event. A held block needs both limits of friction, one for either
+    # direction.
     linear = plant.linear
     one, growth = jnp.ones_like(arc.phase), arc.growth
     inward = mode.tilt_sign * mode.rate_sign < 0
@@ -251,48 +155,46 @@ def ending(plant: Plant, mode: Mode, arc: Arc) -> tuple[Signal, Signal]:
 
 
 def ends(
-    plant: Plant, mode: Mode, y: Numbers, sine: Number, which: Int[Array, ""], quiet: Number
+    plant: Plant, mode: Mode, y: Numbers, sine: Number, which: Int[Array, ""], capture_speed: Number
 ) -> tuple[Mode, Numbers]:
     """The mode and state after the event that ended an arc.
 
-    `which` is 0 or 1, the signal that vanished. An impact slower than `quiet` counts as rest if
+    `which` is 0 or 1, the signal that vanished. An impact slower than `capture_speed` counts as rest if
     the block can be held there: this is how rattling without end is captured.
     """
-    turned, landed = _after_turn(plant, mode, y, sine, quiet), _after_landing(plant, mode, y, sine, quiet)
-    freed = _after_release(mode, y, which)
+    turned = _after_turn(plant, mode, y, sine, capture_speed)
+    landed = _after_landing(plant, mode, y, sine, capture_speed)
     first = which == 0
+    freed = released(mode, jnp.where(first, 1.0, -1.0)), y
     branch = jnp.where(mode.kind == SLIP, jnp.where(first, 0, 1), 2)
     return jax.tree.map(
         lambda a, b, c: jnp.where(branch == 0, a, jnp.where(branch == 1, b, c)), turned, landed, freed
     )
 
 
-def _after_turn(plant: Plant, mode: Mode, y: Numbers, sine: Number, quiet: Number) -> tuple[Mode, Numbers]:
-    on_base = jnp.abs(y[0]) <= quiet**2
-    y = (jnp.where(on_base, 0.0, y[0]), y[1], jnp.zeros_like(y[2]), y[3])
-    after = classify(plant, y, sine)
-    tilt_sign = jnp.where(on_base, after.tilt_sign, mode.tilt_sign)
-    return Mode(after.kind, tilt_sign, after.rate_sign), y
+def _after_turn(
+    plant: Plant, mode: Mode, y: Numbers, sine: Number, capture_speed: Number
+) -> tuple[Mode, Numbers]:
+    # A turn this low belongs to hops slower than the capture speed, whose height is of its square.
+    zero, on_base = jnp.zeros_like(y[2]), jnp.abs(y[0]) <= capture_speed**2
+    y = (jnp.where(on_base, 0.0, y[0]), y[1], zero, y[3])
+    return _decided(plant, y, sine, jnp.where(on_base, 0.0, mode.tilt_sign), zero), y
 
 
-def _after_landing(plant: Plant, mode: Mode, y: Numbers, sine: Number, quiet: Number) -> tuple[Mode, Numbers]:
-    linear = plant.linear
-    still = (y[0], y[1], jnp.zeros_like(y[2]), y[3])
-    held = linear.holding_moment(still, sine)
-    holds = jnp.abs(held) <= linear.weight + linear.friction
-    rests = (jnp.abs(y[2]) <= quiet) & holds
-    # A rattle's remaining hops take the block's rate to zero and give the bob what a perfectly
-    # plastic impact would, up to the square of the rate.
-    e = jnp.where(rests, 0.0, plant.restitution)
-    kick = (2.0 / plant.length_ratio) * (e - 1.0) * y[2]
-    y = (jnp.zeros_like(y[0]), y[1], e * y[2], y[3] + kick)
+def _after_landing(
+    plant: Plant, mode: Mode, y: Numbers, sine: Number, capture_speed: Number
+) -> tuple[Mode, Numbers]:
+    zero = jnp.zeros_like(y[0])
+    rests = (jnp.abs(y[2]) <= capture_speed) & held_on_base(plant, y, sine)
+    e = captured_restitution(plant.restitution, rests)
+    y = (zero, y[1], *_impact(plant, e, y))
     # A block that an impact stops (e = 0) goes where the moment on it takes it.
-    stopped = classify(plant, y, sine)
+    stopped = _decided(plant, y, sine, zero, zero)
     onward = Mode(jnp.where(rests, REST, SLIP), mode.rate_sign, mode.rate_sign)
     return jax.tree.map(lambda a, b: jnp.where(y[2] == 0.0, a, b), stopped, onward), y
 
 
-def _after_release(mode: Mode, y: Numbers, which: Int[Array, ""]) -> tuple[Mode, Numbers]:
-    rate_sign = jnp.where(which == 0, 1.0, -1.0)
-    tilt_sign = jnp.where(mode.kind == REST, rate_sign, mode.tilt_sign)
-    return Mode(jnp.full_like(mode.kind, SLIP), tilt_sign, rate_sign), y
+def _impact(plant: Plant, e: Number, y: Numbers) -> tuple[Number, Number]:
+    block, bob = impact_jump((e - 1.0) * y[2], plant.length_ratio)
+    # e = 1 leaves the rate as it is and e = 0 makes it 0, both to the last digit.
+    return y[2] + block, y[3] + bob

@@ -27,6 +27,8 @@ def _anywhere_batched(_: int, batched: list[bool], flag: Array) -> tuple[Array, 
 
 def where_needed(flag: Bool[Array, ""], function: Callable[..., Any], *args: Any) -> Any:
     """`function(*args)` where `flag` is true; elsewhere it may be that, or zeros."""
+    # The flag is asked of the whole batch, so that under `vmap` the branch stays a branch: the function costs
+    # nothing where no member needs it, and is computed for all where one does.
     # Python goes through it once, for the shapes and for the branch.
     traced = jax.jit(function)
     shapes = jax.eval_shape(traced, *args)
@@ -38,7 +40,7 @@ def where_needed(flag: Bool[Array, ""], function: Callable[..., Any], *args: Any
 
 
 def computed_once(*trees: Any) -> Any:
-    """The same pytrees of single numbers, stored before anything is made of them.
+    """Store pytrees of single numbers before anything is made of them.
 
     Otherwise the compiler computes a number, and its derivatives, anew for everything that it is in. It
     looks through all but a product of matrices: hence the one with the identity. What is not finite in one

@@ -73,7 +73,10 @@ def _batched(args: tuple, axes: tuple, **spared: bool) -> tuple[Array, int]:
     return _scaled_p.bind(*same, **spared), 0
 
 
-# A linear map whose transpose is not quite itself: no function of JAX's states that.
+# A derivative that does not exist has to be NaN in forward and in reverse mode, for batches and for second
+# derivatives. `where` and `stop_gradient` do not do that: reverse mode multiplies the NaN of one output into
+# the zeros of all others. Hence a primitive with rules of its own for weights of zero. A linear map whose
+# transpose is not quite itself: no function of JAX's states that.
 _scaled_p = Primitive("scaled")
 _scaled_p.def_impl(_product)
 _scaled_p.def_abstract_eval(lambda factor, x, point, **_: x)

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.core.parameters import Number, State
-from tpd.exact.arc import REST, SLIP, Mode, classify, ending
+from tpd.exact.arc import classify, ending
+from tpd.exact.contact import REST, SLIP, Mode
 from tpd.exact.flow import Motion, arrived, leap, start
 from tpd.exact.modes import Plant
 from tpd.exact.multiple_shooting import LANDING, RELEASE, TURN, Cycle, Leg, state_on
@@ -38,10 +39,10 @@ class Recording(NamedTuple):
     """Whether the recording ended for want of room."""
 
 
-def record(plant: Plant, y0: State, span: Number, *, room: int, quiet: Number) -> Recording:
+def record(plant: Plant, y0: State, span: Number, *, room: int, capture_speed: Number) -> Recording:
     """The events of the motion from `y0` at tau = 0, up to tau = `span`; no more than `room`.
 
-    An impact slower than `quiet` that the block can be held after counts as rest.
+    An impact slower than `capture_speed` that the block can be held after counts as rest.
     """
 
     def going(carry: tuple[Motion, Recording]) -> Bool[Array, ""]:
@@ -50,7 +51,7 @@ def record(plant: Plant, y0: State, span: Number, *, room: int, quiet: Number) -
 
     def step(carry: tuple[Motion, Recording]) -> tuple[Motion, Recording]:
         m, log = carry
-        after = leap(plant, m, span, quiet=quiet, watch_bob=False)
+        after = leap(plant, m, span, capture_speed=capture_speed, watch_bob=False)
         # A leap that meets no event moves on along its arc; an event begins a new one.
         met = after.local == 0.0
         i = jnp.where(met, log.met, room)
@@ -101,6 +102,9 @@ def cut(recording: Recording, span: Number, xi: Number, size: int) -> Found:
 
     The cut lies in the middle of the longest arc, where no event can fall on the wrong side of it.
     """
+    # Two periods are recorded so that one whole period lies around any cut. An event at the cut itself would
+    # belong to both sides or to none by rounding; the middle of the longest arc is as far from all events as
+    # can be.
     r, room = recording, recording.time.size
     index = jnp.arange(room)
     known = index < r.met

@@ -22,8 +22,10 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Int
 
 from tpd.core.parameters import Number, Numbers, State
-from tpd.exact.arc import REST, SLIP, STICK, Arc, Growth, Instant, Mode, Signal, ending, ends, launch
+from tpd.exact.arc import Arc, ending, ends, held_on_base, launch
+from tpd.exact.contact import REST, SLIP, STICK, Mode, transversality_of
 from tpd.exact.modes import Plant, Rates
+from tpd.exact.signal import Growth, Instant, Signal
 from tpd.exact.trigonometry import kept, turn
 
 _NEAR = 1e-8
@@ -32,7 +34,7 @@ Newton step, whose error is of its square, then does the rest."""
 _STRAIGHT = 1e-3
 """A signal that bends less than this share on its way to zero is left to Newton's method."""
 _REACHED = 1e-15
-"""What is left of the horizon below this share of it is rounding."""
+"""Share of the horizon below which a remaining time is rounding."""
 _INNER = 3
 """Safe steps taken before an event is looked at."""
 
@@ -50,7 +52,7 @@ class Motion(eqx.Module):
     up: Number
     """Largest phi met at a turning point, not below zero."""
     down: Number
-    """The same of -phi."""
+    """Largest -phi met at a turning point, not below zero."""
     stroke: Number
     """Largest |psi| met at a turning point of the bob."""
     steps: Int[Array, ""]
@@ -58,7 +60,7 @@ class Motion(eqx.Module):
     """Whether the tilt has grown beyond return."""
     held: Bool[Array, ""]
     """Whether the block was stuck or at rest for a while."""
-    gentlest: Number
+    transversality: Number
     """The least rate at which the block's turns and free crossings were met, over xi^2 nu or xi nu."""
 
 
@@ -95,7 +97,7 @@ def advance(
     motion: Motion,
     horizon: Number,
     *,
-    quiet: Number,
+    capture_speed: Number,
     max_steps: int | Int[Array, ""],
     watch_bob: bool = False,
 ) -> tuple[Motion, State]:
@@ -108,7 +110,7 @@ def advance(
         return ~arrived(m, horizon) & (m.steps < max_steps) & ~m.lost
 
     def step(m: Motion) -> Motion:
-        return leap(plant, m, horizon, quiet=quiet, watch_bob=watch_bob)
+        return leap(plant, m, horizon, capture_speed=capture_speed, watch_bob=watch_bob)
 
     motion = jax.lax.while_loop(going, step, motion)
     y = jnp.stack(state_at(motion, horizon))
@@ -147,7 +149,7 @@ def _watched(signal: Signal, rates: Rates) -> _Watched:
     return _Watched(*orders)
 
 
-def leap(plant: Plant, m: Motion, horizon: Number, *, quiet: Number, watch_bob: bool) -> Motion:
+def leap(plant: Plant, m: Motion, horizon: Number, *, capture_speed: Number, watch_bob: bool) -> Motion:
     """A few safe steps, and the event they have reached, if any."""
     fixed = stop_gradient(horizon)
     limit = stop_gradient(plant.linear.beyond_return)
@@ -172,7 +174,8 @@ def leap(plant: Plant, m: Motion, horizon: Number, *, quiet: Number, watch_bob: 
             next_best = jnp.where(sooner, shortest, jnp.minimum(safe, next_best))
             shortest, first = jnp.where(sooner, safe, shortest), jnp.where(sooner, i, first)
             close = jnp.where(sooner, root, close)
-        # Newton's method from here: the root it finds comes before anything else can happen.
+        # Newton's method from here: the root it finds comes before anything else can happen. `next_best` is
+        # the shortest safe step of the other signals, so that no event of theirs can come first.
         alone = (close < left) & (1.01 * close < next_best)
         met_now = ((shortest < _NEAR * fixed) | alone) & ~fresh & (first >= 0)
         onward = jnp.minimum(jnp.maximum(shortest, jnp.where(fresh, 1e-10 * fixed, 0.0)), left)
@@ -182,6 +185,9 @@ def leap(plant: Plant, m: Motion, horizon: Number, *, quiet: Number, watch_bob: 
     none = (m.local, jnp.zeros((), bool), jnp.zeros((), int))
     local, met, which = jax.lax.fori_loop(0, _INNER, step, none)
 
+    # Two Newton steps take what is left to rounding; they run without derivatives. The derivative of the
+    # event's time comes from one more step in `_meet`, which leaves the value alone: implicit function
+    # theorem.
     def nearer(_: Array, local: Number) -> Number:
         late = _late(arc, [w.value for w in watched], arc.at(local), which)
         return jnp.where(met, local + late, local)
@@ -189,7 +195,7 @@ def leap(plant: Plant, m: Motion, horizon: Number, *, quiet: Number, watch_bob: 
     local = jax.lax.fori_loop(0, 2, nearer, local)
     moved = eqx.tree_at(lambda n: n.local, m, local)
     now = m.arc.at(local)
-    after = _meet(plant, moved, signals, now, which, quiet)
+    after = _meet(plant, moved, signals, now, which, capture_speed)
     after = jax.tree.map(lambda a, b: jnp.where(met, a, b), after, moved)
     tilt = jnp.abs(stop_gradient(m.arc.tilt.at(now)))
     return eqx.tree_at(lambda n: (n.steps, n.lost), after, (m.steps + 1, ~(tilt < limit)))
@@ -210,6 +216,13 @@ def _safe_step(
     """A step within which a signal cannot vanish (at most `window`), and how far its root is if
     Newton's method is sure to find it from here (else infinite). An arc just `born` of an event
     begins inside: what rounding says to the contrary is noise."""
+    # On the window d the third derivative of the signal is at least -b3: each part of it (the growing and the
+    # decaying exponential, the pair's swing with its invariant amplitude, the harmonic) is bounded by its
+    # amplitude there. Taylor's formula then gives g(t) >= g0 + g1 t + g2 t^2/2 - b3 t^3/6, and because t <= d
+    # the cubic term is at least -(b3 d/3) t^2/2: a parabola that lies below the signal. Up to the parabola's
+    # first root the signal is positive, so that no event can be passed, whatever the signal does later. A
+    # long window has a weak bound and a short one ends early: three windows are tried, and the longest step
+    # wins. Close to a simple root d shrinks with the distance, and so does the error: quadratic convergence.
     value, g1, g2 = kept(w.value.at(now)), kept(w.first.at(now)), kept(w.second.at(now))
     g0 = jnp.maximum(value, 0.0)
     g1 = jnp.where(born & (value < 1e-12), jnp.maximum(g1, 0.0), g1)
@@ -238,6 +251,7 @@ def _safe_step(
 
 def _first_root(g0: Number, g1: Number, m: Number, longest: Number) -> Number:
     """The first positive root of g0 + g1 t + m t^2/2 with g0 >= 0, at most `longest`."""
+    # The form 2 g0/(root - g1) has no cancellation for g1 < 0, and (g1 + root)/(-m) none for g1 > 0.
     discriminant = g1**2 - 2.0 * m * g0
     root = jnp.sqrt(jnp.maximum(discriminant, 0.0))
     falling = g1 <= 0.0
@@ -260,16 +274,23 @@ def _late(arc: Arc, signals: Sequence[Signal], now: Instant, which: Int[Array, "
 
 
 def _meet(
-    plant: Plant, m: Motion, signals: tuple[Signal, ...], now: Instant, which: Int[Array, ""], quiet: Number
+    plant: Plant,
+    m: Motion,
+    signals: tuple[Signal, ...],
+    now: Instant,
+    which: Int[Array, ""],
+    capture_speed: Number,
 ) -> Motion:
     """The motion just after the event it has arrived at."""
+    # The value of `late` is rounding. Its derivative -dg/g' is that of the event's time, and through the
+    # state and the phase after the event it becomes the saltation matrix: no event needs a rule of its own.
     late = kept(_late(m.arc, signals, now, which))
     y = jax.tree.map(kept, m.arc.state(now, late))
     time = m.begun + m.local + late
     elapsed = m.local + late
     phase = m.arc.phase + plant.linear.xi * elapsed
     growth = None if m.arc.growth is None else m.arc.growth.after(elapsed)
-    mode, after = ends(plant, m.mode, y, m.arc.shaken(turn(phase).sine, elapsed), which, quiet)
+    mode, after = ends(plant, m.mode, y, m.arc.shaken(turn(phase).sine, elapsed), which, capture_speed)
     bob_turned = which == 2
     mode, after = jax.tree.map(lambda a, b: jnp.where(bob_turned, a, b), (m.mode, y), (mode, after))
     after = jax.tree.map(kept, after)
@@ -286,22 +307,19 @@ def _meet(
         m.steps,
         m.lost,
         m.held | (mode.kind != SLIP),
-        jnp.minimum(m.gentlest, _gentleness(plant, m, now, which, mode)),
+        jnp.minimum(m.transversality, _transversality(plant, m, now, which, mode)),
     )
 
 
-def _gentleness(plant: Plant, m: Motion, now: Instant, which: Int[Array, ""], after: Mode) -> Number:
-    """How transversally the block turns, or crosses its base without being held there, over what is
-    usual; hops of a rattle do not count."""
+def _transversality(plant: Plant, m: Motion, now: Instant, which: Int[Array, ""], after: Mode) -> Number:
+    """See `contact.transversality_of`."""
     linear, slope = plant.linear, m.arc.tilt.rate(m.arc.rates)
     usual = linear.xi * linear.weight
-    turn_slope = jnp.abs(slope.rate(m.arc.rates).at(now)) / (linear.xi * usual)
+    bend = jnp.where(which == 0, slope.rate(m.arc.rates).at(now), jnp.inf)
+    speed = jnp.where(which == 1, slope.at(now), jnp.inf)
     still = (jnp.zeros_like(m.local), m.arc.bob.at(now), m.local, m.arc.bob.rate(m.arc.rates).at(now))
-    moment = jnp.abs(linear.holding_moment(still, m.arc.shaken(now.forcing.sine, now.time)))
-    free = moment > linear.weight + linear.friction
-    crossing_slope = jnp.where(free, jnp.abs(slope.at(now)) / usual, jnp.inf)
-    met = jnp.where(which == 0, turn_slope, jnp.where(which == 1, crossing_slope, jnp.inf))
-    return stop_gradient(jnp.where((m.mode.kind == SLIP) & (after.kind == SLIP), met, jnp.inf))
+    free = ~held_on_base(plant, still, m.arc.shaken(now.forcing.sine, now.time))
+    return transversality_of(m.mode, after, bend, speed, free, (linear.xi * usual, usual))
 
 
 def settled_at_rest(plant: Plant, m: Motion) -> tuple[Bool[Array, ""], Number]:
@@ -313,8 +331,8 @@ def settled_at_rest(plant: Plant, m: Motion) -> tuple[Bool[Array, ""], Number]:
 
 
 def held_at_rest(plant: Plant, m: Motion) -> tuple[Number, Number]:
-    """Of a block at rest: the share of what weight and friction hold that the bob's decaying and steady
-    swing at their largest leave over, and how far they reach (rad)."""
+    """Reserve of a block at rest, and the bob's reach (rad). The reserve is the share of what weight and
+    friction hold that the bob's decaying and steady swing leave over at their largest."""
     moment, reach = _moment_of_bob(plant, m)
     return 1.0 - moment / (plant.linear.weight + plant.linear.friction), reach
 

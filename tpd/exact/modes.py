@@ -55,6 +55,9 @@ def _pair(p: Number, q: Number, t: Number, swing: Turn | None = None) -> tuple[N
     """exp(-pt/2) times (cos wt, sin(wt)/w), w^2 = q - p^2/4, through w^2 = 0 and below it.
 
     `swing` is the turn by `_swing_rate` times t, if known."""
+    # cos and sin turn into cosh and sinh where w^2 changes its sign. Close to zero both formulas divide by a
+    # small w and their derivatives by its square: there the power series in w^2 takes over, which is one
+    # analytic function on both sides. All three are computed and selected, because a batch has no branches.
     w2 = q - 0.25 * p**2
     x2 = w2 * t**2
     near, below = jnp.abs(x2) < _SERIES, w2 < 0
@@ -102,6 +105,9 @@ def _positive_root(a4: Number, a3: Number, a2: Number, a1: Number, a0: Number) -
 
 def _isolated_root(b3: Number, b2: Number, b1: Number, b0: Number) -> Number:
     """The real root of the cubic farthest from its mean, hence away from the other two."""
+    # The cubic without its square term, t^3 + third t + level: three real roots (a cosine of a third of an
+    # angle) or one (cosh, sinh). The root taken lies on the side opposite to the sign of the cubic at the
+    # mean.
     mean = -b2 / (3.0 * b3)
     third = (b1 - b2**2 / (3.0 * b3)) / b3
     level = (((b3 * mean + b2) * mean + b1) * mean + b0) / b3
@@ -116,6 +122,12 @@ def _isolated_root(b3: Number, b2: Number, b1: Number, b0: Number) -> Number:
 
 def roots(p: Parameters) -> tuple[Number, Number, Number, Number]:
     """(s1, s2, p, q) of the sliding system, each differentiable by one Newton step."""
+    # A general eigensolver would take about half of the time of a batch, and has no derivative where two
+    # eigenvalues meet, as at critical damping of the bob. Here only the two real roots that never meet others
+    # are solved for: s1 > 0 (one sign change of the coefficients, hence one positive root) and the real root
+    # of the cubic left over that is farthest from its mean. Deflation leaves the pair as z^2 + p z + q. The
+    # root-finders run without derivatives; one Newton step on the full quartic puts them back (implicit
+    # function theorem) and removes the rounding that deflation has brought in.
     a4, a3, a2, a1, a0 = quartic(p)
     s1 = stop_gradient(_positive_root(*(stop_gradient(jnp.asarray(a)) for a in (a4, a3, a2, a1, a0))))
     b2 = a3 + s1 * a4
@@ -172,7 +184,7 @@ class Plant(eqx.Module):
     """dH/ds of the transfer function H at s = i xi, of which `response` is H: the response to t sin(xi t)
     is t times `response` plus this."""
     swing_lag: Float[Array, "2"]
-    """The same for `swing`."""
+    """dH/ds of the transfer function of which `swing` is H(i xi)."""
     restitution: Number
     length_ratio: Number
 

@@ -22,8 +22,10 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.core.parameters import Number, State
-from tpd.exact.arc import REST, SLIP, Arc, Mode, Signal, ending, launch
+from tpd.exact.arc import Arc, ending, launch
+from tpd.exact.contact import REST, SLIP, Mode, captured_restitution, impact_jump
 from tpd.exact.modes import Plant
+from tpd.exact.signal import Signal
 
 TURN, LANDING, RELEASE = 0, 1, 2
 SAMPLES = 48
@@ -34,11 +36,11 @@ _CONVERGED = 1e-9
 _ROUNDING = 1e-9
 """Share of its largest value by which a signal may seem to leave its arc."""
 _NOISE = 1e-14
-"""The same in itself, for what is as small as the hops of a rattle."""
+"""Largest value outside its arc that a signal may seem to have through rounding alone."""
 
 
 class Leg(NamedTuple):
-    """What is discrete about an arc: its mode, the event that ends it, and what follows.
+    """The discrete side of an arc: its mode, the event that ends it, and what follows.
 
     In a sequence every field has a leading axis; arcs with `real` false are padding: they take no
     time and change nothing.
@@ -71,10 +73,10 @@ def state_on(arc: Arc, t: Number) -> State:
 
 def arrive(plant: Plant, leg: Leg, y: State) -> State:
     """The state after the event that a leg ends with."""
-    e = jnp.where(leg.onward == REST, 0.0, plant.restitution)
-    kick = (2.0 / plant.length_ratio) * (e - 1.0) * y[2]
+    e = captured_restitution(plant.restitution, leg.onward == REST)
+    block, bob = impact_jump((e - 1.0) * y[2], plant.length_ratio)
     turned = y.at[2].set(0.0)
-    landed = jnp.stack([jnp.zeros_like(y[0]), y[1], e * y[2], y[3] + kick])
+    landed = jnp.stack([jnp.zeros_like(y[0]), y[1], y[2] + block, y[3] + bob])
     return jnp.where(leg.ending == LANDING, landed, turned)
 
 
@@ -94,10 +96,10 @@ class Cycle(NamedTuple):
     """At the starts of the arcs."""
     durations: Float[Array, "arcs"]
     phase: Number
-    """Of the forcing at the start of the first, rad."""
+    """Phase of the forcing at the start of the first arc, rad."""
 
     def phases(self, xi: Number) -> Float[Array, "arcs"]:
-        """Of the forcing at the starts of the arcs, rad."""
+        """Phases of the forcing at the starts of the arcs, rad."""
         begun = jnp.cumsum(self.durations) - self.durations
         return self.phase + xi * begun
 
@@ -109,7 +111,7 @@ class Cycle(NamedTuple):
 
 
 def residual(plant: Plant, legs: Leg, cycle: Cycle, span: Number) -> Float[Array, "unknowns"]:
-    """What must vanish: joints and events, arc by arc, and the durations' sum less `span`."""
+    """The residual of a cycle: joints and events, arc by arc, and the durations' sum less `span`."""
     phases = cycle.phases(plant.linear.xi)
     ends = jax.vmap(traverse, (None, 0, 0, 0, 0))(plant, legs, cycle.states, phases, cycle.durations)
     return _missed(ends, cycle, span)
@@ -145,6 +147,9 @@ def linearise(plant: Plant, legs: Leg, cycle: Cycle) -> tuple[Float[Array, "arcs
 
 def jacobian(blocks: Blocks, xi: Number) -> Float[Array, "unknowns unknowns"]:
     """The derivative of `residual`."""
+    # The phase at the start of an arc is that of the cycle plus xi times all earlier durations. The
+    # derivative in the durations is therefore lower triangular and not diagonal, which is what `earlier`
+    # stands for.
     n = blocks.by_time.shape[0]
     here, earlier = jnp.eye(n), jnp.tril(jnp.ones((n, n)), -1)
     following = jnp.roll(here, 1, axis=1)
@@ -162,13 +167,16 @@ class Polished(NamedTuple):
 
     cycle: Cycle
     blocks: Blocks
-    """Of the last step."""
+    """Derivatives at the last step."""
     moved: Number
     """How far that step went, in shares of the scales."""
 
 
 def polish(plant: Plant, legs: Leg, guess: Cycle, span: Number, scale: State) -> Polished:
     """Newton's method from a guess, to the last step but one."""
+    # Shooting over a whole period multiplies errors by the growth of every arc and divides them by the rate
+    # at which every event is met. Here durations and states of all arcs are unknowns at once, so that a step
+    # needs only the linear map of each arc by itself, and stays regular where an event is met at zero rate.
     n, xi = guess.durations.size, plant.linear.xi
     sizes = jnp.concatenate([jnp.tile(scale, n), span * jnp.ones(n), jnp.ones(1)])
 
@@ -188,6 +196,8 @@ def polish(plant: Plant, legs: Leg, guess: Cycle, span: Number, scale: State) ->
 
 def polished_cycle(plant: Plant, legs: Leg, near: Polished, span: Number) -> Cycle:
     """The last step, which carries the cycle's derivative with respect to plant and span."""
+    # The implicit function theorem in one line: at the root dx = -J^-1 dR, and one Newton step with J held
+    # fixed has this derivative, whatever way led to the root. Newton's loop itself is never differentiated.
     late = residual(plant, legs, near.cycle, span)
     return near.cycle.moved(jnp.linalg.solve(jacobian(near.blocks, stop_gradient(plant.linear.xi)), late))
 
@@ -203,6 +213,8 @@ def monodromy(plant: Plant, legs: Leg, cycle: Cycle, blocks: Blocks) -> Float[Ar
         now = arc.at(jnp.zeros_like(phase))
         return jnp.stack([r.at(now) for r in rates])
 
+    # An event met late by dt shifts the state by dt times the difference of the rates before and after it.
+    # With dt = -(derivative of the event's signal)/(its rate) that is the saltation matrix of each link.
     rates = jax.vmap(leaving)(legs, cycle.states, cycle.phases(plant.linear.xi))
     # What follows the last arc in use is the first one, not the padding.
     last = legs.real & ~jnp.roll(legs.real, -1)
@@ -214,7 +226,7 @@ def monodromy(plant: Plant, legs: Leg, cycle: Cycle, blocks: Blocks) -> Float[Ar
 
 
 class Survey(NamedTuple):
-    """What an arc meets between its events; in a sequence with a leading axis."""
+    """Extremes on an arc between its events; in a sequence with a leading axis."""
 
     inside: Bool[Array, "..."]
     """Whether both signals stay positive."""
@@ -254,6 +266,8 @@ def survey(plant: Plant, leg: Leg, y: State, phase: Number, duration: Number) ->
 def _dents(values: Array, slopes: Array, width: Number) -> tuple[Array, Bool[Array, "..."]]:
     """The least value of each window where the slope changes from - to +, and where it does;
     leading axis the samples, or the windows between them."""
+    # Values at the samples alone would miss a signal that dips below zero between two of them. The slope at
+    # both ends tells whether there is a least value within, and the tangents say how low it can be.
     falling, rising = slopes[:-1], slopes[1:]
     dented = (falling < 0) & (rising > 0)
     share = falling / jnp.where(dented, falling - rising, 1.0)

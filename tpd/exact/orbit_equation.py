@@ -21,13 +21,14 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from tpd.core.parameters import Number
+from tpd.exact.contact import impact_jump
 from tpd.exact.modes import Plant
 from tpd.exact.propagator import Factor, Functional, components, exponential, identity
 from tpd.exact.trigonometry import Turn, turn
 
 
 class Half(eqx.Module):
-    """What the equation needs that depends on the parameters alone.
+    """Parts of the equation that depend on the parameters alone.
 
     As [1 + exp(A h)]^-1 is part of everything, it is part of the functionals.
     """
@@ -40,7 +41,7 @@ class Half(eqx.Module):
     unit: tuple[Functional, ...]
     """The components of g(A) [1 + exp(A h)]^-1 e1, a unit of tilt."""
     kick: tuple[Functional, ...]
-    """The same of d, a unit of impact."""
+    """The components of g(A) [1 + exp(A h)]^-1 d, a unit of impact."""
 
     def __init__(self, plant: Plant) -> None:
         rates = plant.slip
@@ -50,7 +51,7 @@ class Half(eqx.Module):
         closing = self.whole.plus(identity(self.span)).inverse(rates)
         zero, one = jnp.zeros_like(self.span), jnp.ones_like(self.span)
         unit = components(plant, jnp.stack([one, zero, zero, zero]))
-        kick = components(plant, jnp.stack([zero, zero, one, 2.0 / plant.length_ratio]))
+        kick = components(plant, jnp.stack([zero, zero, *impact_jump(one, plant.length_ratio)]))
         self.unit = tuple(x.after(closing, rates) for x in unit)
         self.kick = tuple(x.after(closing, rates) for x in kick)
 
@@ -61,7 +62,7 @@ class Half(eqx.Module):
 
     @property
     def slack(self) -> Number:
-        """That at a turn, 2 k/K."""
+        """The jump of the balance tilt at a turn, 2 k/K."""
         return 2.0 * self.plant.linear.friction / self.plant.linear.tilt
 
     def harmonic(self, forcing: Turn, row: int) -> tuple[Number, Number]:
@@ -114,7 +115,7 @@ class Phased(NamedTuple):
 
 
 class Conditions(NamedTuple):
-    """What must vanish, and the impact V, as functions of gamma."""
+    """The two residuals of an orbit, its impact V and its height, as functions of gamma."""
 
     turning: Phased
     """phi'(0)"""
@@ -127,6 +128,9 @@ class Conditions(NamedTuple):
 
 def conditions(half: Half, at: Crossing) -> Conditions:
     """The two conditions for a crossing."""
+    # V depends on phi'(t-), which depends on V again through the mirror condition. Both are linear, so that
+    # the loop closes with the denominator of `per_fall`, and every condition stays linear in (sin, cos) of
+    # gamma.
     lost, xi = half.plant.restitution - 1.0, half.plant.linear.xi
     s0, u0 = half.harmonic(Turn(jnp.ones_like(xi), jnp.zeros_like(xi)), 0)
     s1, u1 = half.harmonic(at.forcing, 0)
@@ -170,6 +174,10 @@ class Branches(NamedTuple):
 
 def branches(c: Conditions) -> Branches:
     """The two branches: turning fixes how far (sin gamma, cos gamma) reaches along one direction."""
+    # phi'(0) = 0 reads c + |(s, u)| cos(gamma - direction) = 0. A unit vector with a given component along
+    # one direction has two values across it, and none if that component exceeds one: no orbit has this
+    # crossing time then. Where both values meet, sqrt(inside) has an infinite slope; the product of both
+    # branches has not.
     size = jnp.sqrt(c.turning.s**2 + c.turning.u**2)
     along, way_s, way_u = -c.turning.c / size, c.turning.s / size, c.turning.u / size
     middle = c.crossing.c + along * (c.crossing.s * way_s + c.crossing.u * way_u)

@@ -124,11 +124,16 @@ class _Dip(NamedTuple):
 
     at: Number
     depth: Number
-    """Of the parabola through three samples, over the middle one; 2 for none."""
+    """Depth of the parabola through three samples, over the middle one; 2 for none."""
 
 
 def brackets(half: Half) -> Found:
     """Sample both branches over (0, h), and note every change of sign, and every pair of them."""
+    # A root within an interval changes the sign of a branch there. Three things can hide one: a branch may
+    # begin or end between two samples (`leaving`, `entering`: both meet there, so that one of them has a root
+    # if they differ in sign); two roots may lie in one interval, as just before a fold (`_Dip`); or the root
+    # may belong to an orbit that turns below the base (`tall`, `low`: such a root is dropped at once, which
+    # saves places for others). exp(A t) of each sample is that of the last times one fixed factor.
     spacing, rates = half.span / NODES, half.plant.slip
     onward, backward = exponential(rates, spacing), exponential(rates, -spacing)
     turning = turn(half.plant.linear.xi * spacing)
@@ -136,6 +141,7 @@ def brackets(half: Half) -> Found:
     def step(i: Int[Array, ""], carry: tuple) -> tuple:
         seen, dips, at, old, earlier, quiet0 = carry
         rest = at.rest.times(backward, rates)
+        # exp(s2 (h - t)) starts from a number that may underflow, and products would never leave zero.
         rest = rest._replace(at_s2=jnp.exp(rates.s2 * (half.span - spacing * (i + 1.0))))
         at = Crossing(at.flow.times(onward, rates), rest, at.forcing.then(turning))
         now = _sample(half, at)
@@ -288,6 +294,9 @@ class _Step(NamedTuple):
 
 def _newton_step(half: Half, fixed: Half, root: Root) -> _Step:
     """One step, with the Jacobian of `fixed` and the residual of `half`."""
+    # Where `half` carries derivatives and `fixed` does not, the step's derivative is that of the implicit
+    # function theorem. The two conditions stay regular in (t, gamma) at a fold of the branches, where the
+    # scalar equation in t alone has a square root: hence Newton's method on both in the end.
     t, gamma = root
     at, phase = crossing(fixed, t), turn(gamma)
 

@@ -42,6 +42,7 @@ class Factor(NamedTuple):
 
     def inverse(self, rates: Rates) -> Factor:
         """1/g."""
+        # (a + b z)(a - p b - b z) = a^2 - p a b + q b^2 on the pair, where z^2 = -p z - q.
         norm = self.a**2 - rates.p * self.a * self.b + rates.q * self.b**2
         return Factor(1.0 / self.at_s1, 1.0 / self.at_s2, (self.a - rates.p * self.b) / norm, -self.b / norm)
 
@@ -97,6 +98,8 @@ def identity(like: Number) -> Factor:
 
 def components(plant: Plant, v: State) -> tuple[Functional, ...]:
     """The four components of g(A) v as functions of g."""
+    # Projections on the two real modes; what is left over belongs to the pair, on which g = a + b z acts as
+    # a v + b A v, so that neither of its two roots is needed.
     first = (plant.falling.left @ v) * plant.falling.shape
     second = (plant.rising.left @ v) * plant.rising.shape
     pair = v - first - second

@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from tpd.core.eigenvalues import felt_by_block
 from tpd.core.parameters import Number, Parameters
 from tpd.exact.modes import Plant
 from tpd.exact.orbit_equation import Crossing, Half, conditions, crossing, per_time
@@ -41,14 +42,14 @@ def fall(half: Half, orbit: Orbit, s: Number) -> tuple[Number, Number]:
     """phi' and phi'' a time s after the upper turn, before the next."""
     late = jnp.asarray(s > orbit.root.t)
     arc = jax.tree.map(lambda a, b: jnp.where(late, b, a), orbit.first[0], orbit.second[0])
-    tilt = arc._replace(constant=jnp.zeros_like(s))
-    rate = instant(half, orbit, s - jnp.where(late, orbit.root.t, 0.0), late).rate(half.plant)
-    return tilt.at(*rate), tilt.at(*rate.rate(half.plant))
+    tilt = arc.changing()
+    rate = instant(half, orbit, s - jnp.where(late, orbit.root.t, 0.0), late).rate(half.plant.slip)
+    return tilt.at(rate), tilt.at(rate.rate(half.plant.slip))
 
 
 class Survey(NamedTuple):
-    """What a solution (t, gamma) of the conditions meets between its turns; that it is an orbit asks for
-    height > 0 and all the others < 0."""
+    """Extremes of a solution (t, gamma) of the conditions between its turns. It is an orbit if height > 0 and
+    all the others are < 0."""
 
     height: Number
     """phi at the turn."""
@@ -78,6 +79,8 @@ def _merging(half: Half, root: Root) -> Number:
         c = conditions(half, at)
         return c.turning.at(phase), c.crossing.at(phase)
 
+    # Two orbits merge where this vanishes. In terms of (t, gamma) it is smooth through the fold, while the
+    # multipliers themselves have a square root there.
     quarter = Turn(-phase.sine, phase.cosine)
     a, c = jax.jvp(lambda at: values(at, phase), (at,), (per_time(half, at),))[1]
     b, d = jax.jvp(lambda phase: values(at, phase), (phase,), (quarter,))[1]
@@ -86,6 +89,5 @@ def _merging(half: Half, root: Root) -> Number:
 
 def _symmetry(p: Parameters, half: Half, orbit: Orbit) -> Number:
     """det(I + G), without a bob that has no mass."""
-    g = jnp.stack([jnp.stack(row) for row in half_map(half, orbit)])
-    block = jnp.array([[(i + 1) % 2 * ((j + 1) % 2) for j in range(4)] for i in range(4)])
-    return jnp.linalg.det(jnp.eye(4) + g * jnp.where(jnp.asarray(p.mu) > 0, 1.0, block))
+    g = felt_by_block(p, half_map(half, orbit))
+    return jnp.linalg.det(jnp.eye(4) + jnp.stack([jnp.stack(row) for row in g]))

@@ -1,4 +1,4 @@
-"""What a model must offer; `steady_state` and `simulate` do the rest for every model alike."""
+"""The interface of a model; `steady_state` and `simulate` do the rest for every model alike."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from abc import abstractmethod
 from typing import Any
 
 import equinox as eqx
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from tpd.core.parameters import Number, Parameters, State
 from tpd.core.status import Status
@@ -18,7 +18,7 @@ class Settled(eqx.Module):
     y: State
     """State at tau = 0 modulo the forcing period."""
     memory: Any
-    """What else the model needs to go on from there (the exact model: its discrete mode)."""
+    """Anything else that the model needs to go on from there (the exact model: its discrete mode)."""
     periods: Int[Array, ""]
     """Forcing periods in one period of the motion."""
     amplitude: Number
@@ -42,11 +42,13 @@ class Cycle(eqx.Module):
     stroke: Number
     memory: Any
     """As `Settled.memory`, at the end."""
-    gentlest: Number
-    """How transversally the motion met its events, at worst: at zero it grazed one. Infinite where a
-    model has none."""
-    lean: Number
-    """How much farther the block tilts to one side than to the other, over the amplitude."""
+    transversality: Number
+    """Least rate at which the motion met an event, over the usual rate: 0 if it grazed one, infinite for a
+    model without events."""
+    asymmetry: Number
+    """Difference between the largest tilts to either side, over the amplitude."""
+    closed: Bool[Array, ""]
+    """Whether the discrete mode at the end is that at the beginning; true for a model without modes."""
 
 
 class AbstractChoice(eqx.Module):

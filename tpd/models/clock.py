@@ -29,6 +29,8 @@ most one period; the status is rocking if all went well."""
 def split(p: Parameters, times: Float[Array, "times"]) -> tuple[Float[Array, "times"], Float[Array, "times"]]:
     """Whole forcing periods before `times`, and the times since, with all derivatives of the times and of
     the period."""
+    # Reduced by an integer number of periods, a late time has the phase of an early one to the last digit of
+    # the count. The integer has no derivative; times and period keep theirs through the product.
     whole = stop_gradient(jnp.floor(times / p.period + _ROUNDING))
     return whole, times - whole * p.period
 

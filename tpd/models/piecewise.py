@@ -13,7 +13,8 @@ from jaxtyping import Array, Bool, Float, Int
 from tpd.core import checks
 from tpd.core.parameters import Number, Parameters, State
 from tpd.core.status import Status
-from tpd.exact.arc import REST, STICK, Growth, Mode, classify
+from tpd.exact.arc import classify
+from tpd.exact.contact import REST, STICK, Mode
 from tpd.exact.flow import (
     Motion,
     advance,
@@ -26,6 +27,7 @@ from tpd.exact.flow import (
     state_at,
 )
 from tpd.exact.modes import Plant
+from tpd.exact.signal import Growth
 from tpd.exact.trigonometry import kept
 from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.clock import split, through
@@ -118,7 +120,7 @@ class Piecewise(AbstractModel):
         return jnp.zeros_like(jnp.asarray(p.nu))
 
     def _settings(self, p: Parameters) -> dict:
-        return {"quiet": self.rest_rate * p.nu, "max_steps": self.max_events}
+        return {"capture_speed": self.rest_rate * p.nu, "max_steps": self.max_events}
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Follow the motion from `y0` at tau = 0 until it repeats or rests for good."""
@@ -163,13 +165,15 @@ class Piecewise(AbstractModel):
             lane, count = carry
             horizon, knee = _next_stop(p, lane)
 
+            # A look at the end of a period computes its summary, in a batch also for motions that are not
+            # there yet: a few leaps share one.
             def short(carry: tuple[Motion, Int[Array, ""]]) -> Bool[Array, ""]:
                 m, leaps = carry
                 return ~arrived(m, horizon) & ~m.lost & (leaps < _LEAPS)
 
             def onward(carry: tuple[Motion, Int[Array, ""]]) -> tuple[Motion, Int[Array, ""]]:
                 m, leaps = carry
-                return leap(full, m, horizon, watch_bob=True, quiet=self.rest_rate * p.nu), leaps + 1
+                return leap(full, m, horizon, watch_bob=True, capture_speed=self.rest_rate * p.nu), leaps + 1
 
             m = jax.lax.while_loop(short, onward, (lane.motion, jnp.zeros((), int)))[0]
             over = m.lost | (m.steps >= self.max_events)
@@ -201,14 +205,16 @@ class Piecewise(AbstractModel):
 
     def _levelled(self, full: Plant, p: Parameters, m: Motion, at: Number) -> Motion:
         """The motion going on under steady shaking from `at`, where the shaking has its full size."""
+        # The end of the growth is not an event of the block: mode, peaks and counters go on, only the arc's
+        # forcing is another one.
         now = jnp.stack([kept(x) for x in state_at(m, at)])
         growth = Growth(jnp.ones_like(at), jnp.zeros_like(at))
         again = start(full, m.mode, now, p.xi * at, growth)
         sizes = [jnp.maximum(getattr(again, n), getattr(m, n)) for n in ("up", "down", "stroke")]
-        so_far = (at, *sizes, m.steps, m.held, m.bob_sign, m.gentlest)
+        so_far = (at, *sizes, m.steps, m.held, m.bob_sign, m.transversality)
 
         def changed(n: Motion) -> tuple:
-            return n.begun, n.up, n.down, n.stroke, n.steps, n.held, n.bob_sign, n.gentlest
+            return n.begun, n.up, n.down, n.stroke, n.steps, n.held, n.bob_sign, n.transversality
 
         return eqx.tree_at(changed, again, so_far)
 
@@ -233,12 +239,20 @@ class Piecewise(AbstractModel):
         """Whether friction holds the block all but on its base, under a bob that cannot lift it from there.
         Where friction outweighs the block, it stops and holds each hop: there are a few in each period, each
         smaller than the last, and no number of them ends in rest."""
+        # A rattle with e < 1 comes to rest within finite time, and each impact below `rest_rate` is captured
+        # at once. Hops under strong friction lack that limit: friction holds the block a little above its
+        # base until the moment has turned, so that one hop takes a good part of a period. Below the tolerance
+        # of a repetition they change nothing any more, and the block counts as at rest if the bob cannot lift
+        # it from its base.
         low = (m.mode.kind == STICK) & (peak < self.tolerance * p.nu)
         dissipates = (p.k > 0.0) | (p.e < 1.0)
         return low & dissipates & (held_at_rest(plant, m)[0] > 0.0)
 
     def _at_rest(self, plant: Plant, p: Parameters, y: State) -> State:
         """The state at tau = 0 that a block at rest, or held leaning, for good comes to, from `y` there."""
+        # Under a block that does not move the bob is a damped oscillator with one steady swing, which needs
+        # no simulation: psi = s sin(xi tau) + c cos(xi tau), here at tau = 0. An undamped bob keeps its own
+        # swing for ever.
         zero = jnp.zeros_like(p.xi)
         steady = jnp.stack([y[0], plant.swing[1], zero, p.xi * plant.swing[0]])
         return jnp.where(p.zeta > 0, steady, y)
@@ -248,19 +262,19 @@ class Piecewise(AbstractModel):
         plant, phase, zero = Plant(p), jnp.zeros_like(p.xi), jnp.zeros_like(y[0])
 
         def one_period(_: Array, carry: tuple) -> tuple:
-            y, mode, sizes, gentlest = carry
+            y, mode, sizes, transversality = carry
             m, y = advance(plant, start(plant, mode, y, phase), p.period, watch_bob=True, **self._settings(p))
             # What ended before its period, for want of steps, is no orbit, though it may end where it began.
             y = jnp.where(m.steps < self.max_events, y, jnp.nan)
             now = (m.up, m.down, m.stroke)
             sizes = tuple(jnp.maximum(a, b) for a, b in zip(sizes, now, strict=True))
-            return y, m.mode, sizes, jnp.minimum(gentlest, m.gentlest)
+            return y, m.mode, sizes, jnp.minimum(transversality, m.transversality)
 
         first = (y, settled.memory, (zero, zero, zero), jnp.full_like(zero, jnp.inf))
-        y, mode, (up, down, stroke), gentlest = jax.lax.fori_loop(0, settled.periods, one_period, first)
+        y, mode, (up, down, stroke), transversality = jax.lax.fori_loop(0, settled.periods, one_period, first)
         amplitude = jnp.maximum(up, down)
-        lean = stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
-        return Cycle(y, amplitude, stroke, mode, gentlest, lean)
+        asymmetry = stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
+        return Cycle(y, amplitude, stroke, mode, transversality, asymmetry, mode.equals(settled.memory))
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]

@@ -21,7 +21,17 @@ from tpd.core import checks
 from tpd.core.equations import Equations, Terms
 from tpd.core.parameters import Number, Parameters, State
 from tpd.core.status import Status
-from tpd.exact.arc import REST, SLIP, STICK, Mode
+from tpd.exact.contact import (
+    REST,
+    SLIP,
+    STICK,
+    Mode,
+    captured_restitution,
+    decide,
+    impact_jump,
+    released,
+    transversality_of,
+)
 from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.clock import split, through
 from tpd.models.settling import Period, settle
@@ -56,7 +66,7 @@ class _Run(NamedTuple):
     segments: Int[Array, ""]
     lost: Bool[Array, ""]
     held: Bool[Array, ""]
-    gentlest: Number
+    transversality: Number
     """See `Cycle`."""
 
 
@@ -77,7 +87,7 @@ class Segmented(AbstractModel):
     rtol: float = eqx.field(default=1e-7, static=True, kw_only=True)
     """Relative tolerance of transients and trajectories; absolute is a hundredth of it."""
     cycle_rtol: float = eqx.field(default=1e-11, static=True, kw_only=True)
-    """The same for the settled period, whose derivatives are used."""
+    """Relative tolerance of the settled period, whose derivatives are used."""
     tolerance: float = eqx.field(default=1e-5, static=True, kw_only=True)
     """Repetition error at which following ends and Newton's method takes over."""
     rest_rate: float = eqx.field(default=1e-4, static=True, kw_only=True)
@@ -129,19 +139,19 @@ class Segmented(AbstractModel):
         equations, zero = Equations(p, self.terms), jnp.zeros_like(y[0])
 
         def one_period(_: Array, carry: tuple) -> tuple:
-            y, mode, sizes, gentlest = carry
+            y, mode, sizes, transversality = carry
             run = _begin(equations, y, mode, jnp.zeros_like(p.xi))
             r = self._advance(equations, run, p.period, precise=True)
             sizes = jnp.maximum(sizes, jnp.stack([r.up, r.down, r.stroke]))
             # Cut short, the motion stands where it stood: that is not to pass for an orbit.
             end = jnp.where(r.segments < self.max_events, r.y, jnp.nan)
-            return end, r.mode, sizes, jnp.minimum(gentlest, r.gentlest)
+            return end, r.mode, sizes, jnp.minimum(transversality, r.transversality)
 
         first = (y, settled.memory, jnp.stack([zero, zero, zero]), jnp.full_like(zero, jnp.inf))
-        y, mode, (up, down, stroke), gentlest = jax.lax.fori_loop(0, settled.periods, one_period, first)
+        y, mode, (up, down, stroke), transversality = jax.lax.fori_loop(0, settled.periods, one_period, first)
         amplitude = jnp.maximum(up, down)
-        lean = stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
-        return Cycle(y, amplitude, stroke, mode, gentlest, lean)
+        asymmetry = stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
+        return Cycle(y, amplitude, stroke, mode, transversality, asymmetry, mode.equals(settled.memory))
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]
@@ -200,6 +210,10 @@ class Segmented(AbstractModel):
             return jnp.min(_signals(equations, r, t, y))
 
         rtol = self.cycle_rtol if precise else self.rtol
+        # One function of all signals, their least, ends the segment: diffrax bisects one root at a time, and
+        # which signal it was is asked afterwards. The bound dtmax keeps a step from passing two roots of one
+        # signal; only between steps does the solver look at signs. `ForwardMode` carries the derivative of
+        # the event's time along, because diffrax differentiates its root by the implicit function theorem.
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(field),
             diffrax.Dopri8() if precise else self.solver,
@@ -223,7 +237,7 @@ class Segmented(AbstractModel):
 
 
 def _signals(equations: Equations, r: _Run, tau: Number, y: State) -> Float[Array, "4"]:
-    """What stays positive until the next event, in sizes that compare."""
+    """Signals that stay positive until the next event, in sizes that compare."""
     p, linear = equations.p, equations.linear
     sine = jnp.sin(p.xi * tau)
     slip = jnp.stack([r.mode.tilt_sign * y[0], r.mode.rate_sign * y[2] / p.xi]) / p.nu
@@ -243,12 +257,14 @@ def _begin(equations: Equations, y: State, mode: Mode, time: Number) -> _Run:
     way = jnp.where(stop_gradient(jnp.where(jnp.abs(y[3]) > 1e-12, y[3], ahead)) < 0.0, -1.0, 1.0)
     none, zero = jnp.zeros((), bool), jnp.zeros_like(y[0])
     sizes = jnp.maximum(y[0], zero), jnp.maximum(-y[0], zero), jnp.abs(y[1])
-    gentlest = jnp.full_like(zero, jnp.inf)
-    return _Run(time, y, mode, way, *sizes, jnp.zeros((), int), none, mode.kind != SLIP, gentlest)
+    transversality = jnp.full_like(zero, jnp.inf)
+    return _Run(time, y, mode, way, *sizes, jnp.zeros((), int), none, mode.kind != SLIP, transversality)
 
 
 def _hurried(equations: Equations, r: _Run, end: Number) -> _Run:
     """A run that stopped within rounding of `end`, there: a leg without length too has derivatives."""
+    # The loop stops short of `end` by rounding. This one Euler step over a length of rounding has the right
+    # value and the right derivative in `end` and in the time of the last event.
     late = end - r.time
     late = jnp.where(jnp.abs(stop_gradient(late)) < 1e-9 * equations.p.period, late, 0.0)
     sine = jnp.sin(equations.p.xi * r.time)
@@ -264,14 +280,14 @@ def _classify(equations: Equations, y: State, time: Number) -> Mode:
 
 def _decide(equations: Equations, y: State, tilt: Number, rate: Number, sine: Number) -> Mode:
     """The mode of a state of which the signs of phi and phi' are known, zero included."""
-    k = equations.p.k
-    up, low = (equations.excess(y, jnp.where(tilt == 0, s, tilt), sine) for s in (1.0, -1.0))
-    lifts = jnp.where(up > k, 1.0, jnp.where(low < -k, -1.0, 0.0))
-    goes = jnp.where(rate != 0, rate, lifts)
-    held = jnp.where(tilt != 0, STICK, REST)
-    kind = jnp.where(goes != 0, SLIP, held)
-    # On the base the block tilts to where it goes.
-    return Mode(kind, stop_gradient(jnp.where(tilt != 0, tilt, goes)), stop_gradient(goes))
+    up, down = (equations.excess(y, jnp.where(tilt == 0, s, tilt), sine) for s in (1.0, -1.0))
+    return decide(up, down, equations.linear.friction, tilt, rate)
+
+
+def _held_on_base(equations: Equations, y: State, sine: Number) -> Bool[Array, ""]:
+    """Whether weight and friction would hold the block at phi = 0 if it did not move."""
+    zero = jnp.zeros_like(y[0])
+    return _decide(equations, y.at[0].set(0.0).at[2].set(0.0), zero, zero, sine).kind == REST
 
 
 def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: float) -> _Run:
@@ -280,18 +296,15 @@ def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: floa
     sine, slips = jnp.sin(p.xi * time), r.mode.kind == SLIP
     landed, turned, bob = (slips & (which == i) for i in (_LANDING, _TURN, _BOB))
     bob = bob | (~slips & (which == _BOB))
-    at_rest = y.at[0].set(0.0).at[2].set(0.0)
-    stays = _decide(equations, at_rest, jnp.zeros(()), jnp.zeros(()), sine).kind == REST
-    kept = jnp.where(stays & (p.e * jnp.abs(y[2]) <= rest_rate * p.nu), 0.0, p.e)
-    after = y.at[0].set(0.0).at[2].set(kept * y[2])
-    after = after.at[3].add((p.e - 1.0) * y[2] * equations.kick(y))
+    rests = _held_on_base(equations, y, sine) & (p.e * jnp.abs(y[2]) <= rest_rate * p.nu)
+    change = (captured_restitution(p.e, rests) - 1.0) * y[2]
+    jump = impact_jump(change, p.lam, equations.rod_cosine(y))
+    after = y.at[0].set(0.0).at[2].add(jump[0]).at[3].add(jump[1])
     y = jnp.where(landed, after, jnp.where(turned, y.at[2].set(0.0), jnp.where(bob, y.at[3].set(0.0), y)))
     tilt = jnp.where(landed | (r.mode.kind == REST), 0.0, r.mode.tilt_sign)
     onward = _decide(equations, y, tilt, jnp.where(landed, jnp.sign(y[2]), 0.0), sine)
-    # Friction at its limit lets go to the side that ended the hold, whatever rounding says.
-    side = jnp.where(which == 0, 1.0, -1.0)
-    released = Mode(jnp.full_like(onward.kind, SLIP), jnp.where(tilt == 0, side, tilt), side)
-    mode = jax.tree.map(lambda a, b: jnp.where(slips, a, b), onward, released)
+    freed = released(r.mode, jnp.where(which == 0, 1.0, -1.0))
+    mode = jax.tree.map(lambda a, b: jnp.where(slips, a, b), onward, freed)
     mode = jax.tree.map(lambda a, b: jnp.where(bob | (which == _LOST), a, b), r.mode, mode)
     flipped = bob | (landed & (y[3] * r.way < 0))
     return r._replace(
@@ -304,29 +317,29 @@ def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: floa
         stroke=jnp.maximum(r.stroke, jnp.abs(y[1])),
         lost=r.lost | (which == _LOST),
         held=r.held | (mode.kind != SLIP),
-        gentlest=jnp.minimum(r.gentlest, _gentleness(equations, r, before, which, mode, sine)),
+        transversality=jnp.minimum(
+            r.transversality, _transversality(equations, r, before, which, mode, sine)
+        ),
     )
 
 
-def _gentleness(
+def _transversality(
     equations: Equations, r: _Run, y: State, which: Int[Array, ""], after: Mode, sine: Number
 ) -> Number:
-    """How transversally the block turns, or crosses its base without being held there, over what is
-    usual; as in the exact solution, hops of a rattle do not count."""
-    usual = equations.p.xi * equations.linear.weight
+    """See `contact.transversality_of`."""
+    xi = equations.p.xi
+    usual = xi * equations.linear.weight
     bend = equations.rates(y, r.mode.tilt_sign, r.mode.rate_sign, sine)[2]
-    still = y.at[0].set(0.0).at[2].set(0.0)
-    up, low = (equations.excess(still, s, sine) for s in (1.0, -1.0))
-    free = (up > equations.linear.friction) | (low < -equations.linear.friction)
-    turn = jnp.abs(bend) / (equations.p.xi * usual)
-    crossing = jnp.where(free, jnp.abs(y[2]) / usual, jnp.inf)
-    met = jnp.where(which == _TURN, turn, jnp.where(which == _LANDING, crossing, jnp.inf))
-    return stop_gradient(jnp.where((r.mode.kind == SLIP) & (after.kind == SLIP), met, jnp.inf))
+    turn, crossing = jnp.where(which == _TURN, bend, jnp.inf), jnp.where(which == _LANDING, y[2], jnp.inf)
+    free = ~_held_on_base(equations, y, sine)
+    return transversality_of(r.mode, after, turn, crossing, free, (xi * usual, usual))
 
 
 def _stays(p: Parameters, r: _Run, before: State) -> Bool[Array, ""]:
     """Whether the block has rested, or been held leaning, for a whole period in which the bob's swing hardly
     changed. A bob that nothing damps beats for ever, and may move the block yet."""
+    # There is no closed form of the bob's future here. If its swing changes by less than a thousandth in a
+    # period that the block has spent at rest, what it may still gain cannot lift the block.
     change = jnp.max(jnp.abs(r.y - before) / ((p.nu + p.f) * jnp.array([1.0, 1.0, p.xi, p.xi])))
     rests = (r.mode.kind == REST) & (jnp.maximum(r.up, r.down) == 0.0)
     leans = (r.mode.kind == STICK) & (r.y[0] == before[0])

@@ -18,7 +18,7 @@ LONGEST = 8
 
 
 class Period(NamedTuple):
-    """What one forcing period did."""
+    """Summary of one forcing period."""
 
     y: State
     memory: Any
@@ -61,6 +61,8 @@ class Record(NamedTuple):
 
     def add(self, period: Period, scale: Float[Array, "4"], tolerance: float) -> Record:
         """With one more period."""
+        # One period is compared with each of the last few: a motion of period n repeats the n-th of them.
+        # Comparing states rather than sizes of swings cannot mistake one motion for another of the same size.
         errors = jnp.max(jnp.abs(period.y[None] - self.past) / scale[None], axis=1)
         # A motion alternating on its way to period one repeats sooner after two periods than
         # after one: take the shortest period that is close as well.
@@ -87,7 +89,7 @@ class Record(NamedTuple):
         )
 
     def settled(self) -> Settled:
-        """What it comes to."""
+        """Where the motion has settled, with its status."""
         periods = jnp.maximum(self.repeats, 1)
         held = jnp.any(self.held & (jnp.arange(LONGEST) < periods))
         status = Status.where(held, Status.sticking, Status.rocking)
@@ -119,6 +121,7 @@ def scale_of(p: Parameters, *, bob: Bool[Array, ""] | None = None) -> Float[Arra
     cannot move the block, so that its state is left out unless `bob` asks for it."""
     rate = jnp.maximum(p.xi, 1.0)
     swing = jnp.where(jnp.asarray(p.mu) > 0 if bob is None else bob, p.nu + p.f, jnp.inf)
+    # Errors of rates count over the forcing's rate, but at slow forcing over that of the block itself.
     return jnp.stack([p.nu * jnp.ones(()), swing, p.nu * rate, swing * rate])
 
 

@@ -56,7 +56,7 @@ class Smoothed(AbstractModel):
     rtol: float = eqx.field(default=1e-6, static=True, kw_only=True)
     """Relative tolerance of transients and trajectories; absolute is a hundredth of it."""
     cycle_rtol: float = eqx.field(default=1e-12, static=True, kw_only=True)
-    """The same for the settled period, whose derivatives are used."""
+    """Relative tolerance of the settled period, whose derivatives are used."""
     tolerance: float = eqx.field(default=1e-4, static=True, kw_only=True)
     """Repetition error at which following ends and Newton's method takes over."""
     max_periods: int = eqx.field(default=400, static=True, kw_only=True)
@@ -96,6 +96,7 @@ class Smoothed(AbstractModel):
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Integrate from `y0` at tau = 0, one forcing period after another, until they repeat."""
         field = smoothed_rates(p, *self.widths(p), self.terms)
+        # The bound on the tilt makes an overturning block end its transient: it would grow without end.
         limit, no = Equations(p, self.terms).beyond_return, jnp.zeros((), bool)
         times = jnp.linspace(0.0, 1.0, 17) * p.period
 
@@ -125,8 +126,9 @@ class Smoothed(AbstractModel):
 
         first = (y, jnp.zeros(2), jnp.zeros(2))
         y, sizes, sides = jax.lax.fori_loop(0, settled.periods, one_period, first)
-        lean = jnp.abs(sides[0] - sides[1]) / jnp.max(sides)
-        return Cycle(y, sizes[0], sizes[1], None, jnp.full_like(lean, jnp.inf), lean)
+        asymmetry = jnp.abs(sides[0] - sides[1]) / jnp.max(sides)
+        never, closed = jnp.full_like(asymmetry, jnp.inf), jnp.ones((), bool)
+        return Cycle(y, sizes[0], sizes[1], None, never, asymmetry, closed)
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]
@@ -174,6 +176,9 @@ class Smoothed(AbstractModel):
         # An overturning motion has no peak, and its overflow must not reach the root finder.
         bounded = jnp.all(jnp.abs(stop_gradient(ys)) < _ABSURD)
         ys = jnp.where(bounded, ys, 0.0)
+        # The largest sample lies beside the peak, and its derivative is that of a fixed time: wrong by the
+        # rate there times the derivative of the peak's time. At the peak itself the rate is zero. The window
+        # of two and a half samples holds the peak wherever it lies beside the largest sample.
         angles, rates = stop_gradient(ys)[:, i], stop_gradient(ys)[:, 2 + i]
         j = jnp.argmax(jnp.abs(angles))
         j = jnp.where((j == 0) & (angles[0] * rates[0] < 0), times.size - 1, j)

@@ -243,7 +243,7 @@ def _models(design: Design, study: Study) -> list[Block]:
     named = ((best, design.best), ("bare block", design.bare))
     rows = [_crossed(design, name, of, of.searched) for name, of in named if of and of.searched]
     if rows:
-        head = ("", "exact (rad)", "search (rad)", "difference", "stroke (rad)", "multiplier", "settles as")
+        head = ("", "exact (rad)", "model", "(rad)", "difference", "stroke (rad)", "multiplier", "settles as")
         caption = (
             "Settled amplitudes from rest, by the exact solution and by the model of the search, under the "
             "condition of the largest. The largest Floquet multiplier is below 1 where the motion attracts."
@@ -264,7 +264,7 @@ def _crossed(design: Design, name: str, of: Verified | Bare, searched: Motions) 
     ends = str(exact.status[i]).replace("_", " ")
     ends += f", period {exact.periods[i]}" if exact.periods[i] > 1 else ""
     ends += ", MODELS DISAGREE" if disagree(design, of)[i] else ""
-    sizes = (float(exact.amplitude[i]), float(searched.amplitude[i]))
+    sizes = (float(exact.amplitude[i]), searched.model, float(searched.amplitude[i]))
     return (name, *sizes, relative, stroke, float(exact.multiplier[i]), ends)
 
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from tpd.analysis.ensemble import Outcomes, Verdict
+from tpd.analysis.outcomes import Outcomes
+from tpd.analysis.paired import Verdict
 from tpd.core import files
 from tpd.core.conditions import Conditions
 from tpd.design.criteria import Limit

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from tpd.analysis.attractors import Starts
-from tpd.analysis.ensemble import SIGNIFICANT, chance_of
+from tpd.analysis.paired import SIGNIFICANT, chance_of
 from tpd.analysis.response import Response
 from tpd.core.scene import Block, Pendulum
 from tpd.core.status import SETTLED
@@ -51,8 +51,9 @@ def differences(exact: Motions, searched: Motions) -> np.ndarray:
 
 
 def disagree(design: Design, of: Bare | Verified) -> np.ndarray:
-    """Under which conditions the search's model and the exact solution give different motions, (n,)."""
-    if of.searched is None:
+    """Under which conditions the smoothed model of a search and the exact solution give different motions,
+    (n,). Other models solve the same equations in the same way, or other equations."""
+    if of.searched is None or of.searched.model != "smoothed":
         return np.zeros(len(design.conditions), dtype=bool)
     settled = [np.isin(motions.status, SETTLED) for motions in (of.exact, of.searched)]
     far = ~(np.abs(differences(of.exact, of.searched)) <= getattr(design.method, "tolerance", _TOLERANCE))

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from tpd.analysis.compare_models import Check
-from tpd.analysis.ensemble import Outcomes
+from tpd.analysis.outcomes import Outcomes
 from tpd.analysis.sensitivity import Elasticities
 from tpd.core.formatting import number
 from tpd.design.result import Design

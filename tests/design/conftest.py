@@ -1,0 +1,57 @@
+"""Designs that several modules look at: each is made once in a session."""
+
+import pytest
+
+import tpd
+from tpd.design.checkpoint import Checkpoint
+from tpd.design.problem import Problem
+from tpd.design.search import Multistart
+
+SCENE = tpd.paper_scene()
+LIGHT = tpd.DesignSpace(mass_ratio=(0.01, 0.1))
+ONE = {
+    "method": tpd.Descent(searches=3, steps=4, screening=24),
+    "limits": (tpd.limits.Stroke(1.5),),
+    "ensemble": tpd.Ensemble(size=32, periods=40),
+    "seed": 1,
+}
+"""One condition, a small budget. By the nonlinear equations the best design of the linear ones overturns, or
+rocks more than the bare block: so the search goes on with them."""
+WIDE = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=(0.05, 0.4))
+BAND = tpd.Conditions.band(SCENE, 2.0, 3.5, 5)
+SEVERAL = {
+    "conditions": BAND,
+    "method": tpd.Sequential(searches=20, screening=64, steps=25),
+    "ensemble": tpd.Ensemble(size=64, periods=40),
+}
+
+
+@pytest.fixture(scope="session")
+def stages():
+    """Reports of progress of `one`."""
+    return []
+
+
+@pytest.fixture(scope="session")
+def one(stages):
+    """Design for one condition, on smoothed signs."""
+    return tpd.optimise(SCENE, LIGHT, progress=lambda *event: stages.append(event), **ONE)
+
+
+@pytest.fixture(scope="session")
+def several():
+    """Design for a band of frequencies, on exact orbits."""
+    return tpd.optimise(SCENE, WIDE, **SEVERAL)
+
+
+FEW_STEPS = tpd.Sequential(searches=20, screening=48, steps=8)
+ORBIT_LIMITS = (tpd.limits.Stroke(0.5), tpd.limits.Reserve(0.05))
+
+
+@pytest.fixture(scope="session")
+def search():
+    """Multistart over the orbits under a band of frequencies; not verified."""
+    problem = Problem.of(SCENE, WIDE, BAND, None, None, ORBIT_LIMITS, FEW_STEPS, 0)
+    out = Multistart(problem.objective, FEW_STEPS, 0, None)
+    out.run(Checkpoint(None, "", {}))
+    return out

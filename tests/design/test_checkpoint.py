@@ -1,0 +1,62 @@
+"""Checkpoints: what is stored comes back, and another problem is refused."""
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.design.test_descent import LIMITED, STARTS, WORST
+from tpd.design.checkpoint import Checkpoint, fingerprint_of
+from tpd.design.sequential import minimise
+
+
+@pytest.fixture(scope="module")
+def ends():
+    return minimise(LIMITED, STARTS, 1.0, WORST, steps=3)
+
+
+def test_ends_come_back_as_they_were(ends, tmp_path):
+    path = tmp_path / "some.npz"
+    store = Checkpoint.of(path, "a")
+    assert store.get(0) is None
+    store.put(0, ends)
+    store.put(2, ends._replace(x=ends.x + 1.0))
+    again = Checkpoint.of(path, "a")
+    assert again.get(1) is None
+    np.testing.assert_array_equal(again.get(2).x, ends.x + 1.0)
+    for name, value in ends._asdict().items():
+        found = getattr(again.get(0), name)
+        parts = zip(value, found, strict=True) if name in ("local", "weights") else [(value, found)]
+        for a, b in parts:
+            np.testing.assert_array_equal(a, b)
+            assert a.dtype == b.dtype
+
+
+def test_groups_of_two_digits_are_not_mixed_up(ends, tmp_path):
+    store = Checkpoint.of(tmp_path / "some.npz", "a")
+    store.put(11, ends)
+    assert store.get(1) is None
+    assert store.get(11) is not None
+
+
+def test_without_a_file_nothing_is_stored(ends):
+    store = Checkpoint.of(None, "a")
+    store.put(0, ends)
+    assert store.get(0) is None
+
+
+def test_another_problem_or_no_checkpoint_at_all_is_refused(ends, tmp_path):
+    path = tmp_path / "some.npz"
+    Checkpoint.of(path, "a").put(0, ends)
+    with pytest.raises(ValueError, match="holds searches of another problem"):
+        Checkpoint.of(path, "b")
+    for content in (b"", b"not a file of arrays", path.read_bytes()[:100]):
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match="it holds no finished searches"):
+            Checkpoint.of(path, "a")
+
+
+def test_a_fingerprint_is_of_values():
+    assert fingerprint_of((1.0, tpd.Risk.worst())) == fingerprint_of((1.0, tpd.Risk.worst()))
+    assert fingerprint_of({"b": 1, "a": np.arange(3)}) == fingerprint_of({"a": np.arange(3), "b": 1})
+    assert fingerprint_of(1.0) != fingerprint_of(1.0 + 1e-15)
+    assert fingerprint_of(tpd.limits.Stroke(0.5)) != fingerprint_of(tpd.limits.Tilt(0.5))

@@ -1,0 +1,64 @@
+"""Exact motions from rest: as followed, polished, and where the block overturns."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.design.conftest import BAND, SCENE
+from tests.design.test_followed import followed
+from tests.design.test_objective import GOOD
+from tpd.core.parameters import as_arrays
+from tpd.design.motions import motions_from_rest, polished, searched_motions
+
+P = as_arrays(SCENE.parameters())
+
+
+@pytest.fixture(scope="module")
+def motions():
+    return motions_from_rest(P, GOOD[0], BAND, 100)
+
+
+def test_motions_are_those_of_the_steady_state(motions):
+    sharp = polished(P, GOOD[0], BAND, motions)
+    for i, factor in enumerate(BAND.column("frequency")):
+        motion = dataclasses.replace(SCENE.motion, frequency=SCENE.motion.frequency * factor)
+        scene = dataclasses.replace(SCENE, motion=motion)
+        hung = scene.pendulum(mass_ratio=GOOD[0, 0], length_ratio=GOOD[0, 1], damping_ratio=GOOD[0, 2])
+        s = tpd.steady_state(scene.parameters(hung))
+        assert sharp.status[i] == tpd.status_name(s.status)
+        assert sharp.amplitude[i] == pytest.approx(float(s.amplitude), rel=1e-12)
+        assert sharp.stroke[i] == pytest.approx(float(s.stroke), rel=1e-12)
+        assert sharp.multiplier[i] == pytest.approx(float(s.multiplier), rel=1e-9)
+    np.testing.assert_allclose(motions.amplitude, sharp.amplitude, rtol=1e-4)
+    assert np.all(motions.peak >= 0.999 * motions.amplitude)
+    assert np.isnan(motions.multiplier).all()
+
+
+def test_many_conditions_are_not_polished():
+    many = tpd.Conditions.scatter(33, friction=0.1)
+    motions = motions_from_rest(P, GOOD[0], many, 40)
+    assert polished(P, GOOD[0], many, motions) is motions
+
+
+def test_an_overturning_block_has_no_amplitude():
+    hard = tpd.Conditions.amplitudes(1.0, 6.0)
+    motions = motions_from_rest(P, np.array([0.0, 0.3, 0.1]), hard, 40)
+    for m in (motions, polished(P, np.array([0.0, 0.3, 0.1]), hard, motions)):
+        assert m.status.tolist() == ["rocking", "overturned"]
+        assert m.amplitude[0] == pytest.approx(0.0833335, abs=1e-4)
+        assert m.amplitude[1] == m.stroke[1] == m.peak[1] == np.inf
+
+
+def test_motions_of_a_model_are_read_from_its_evaluation():
+    objective = followed(tpd.Piecewise(max_periods=200), tpd.Starts.rest(), BAND, closed=False)
+    e = objective.evaluate(GOOD)
+    found = searched_motions(objective, e)
+    assert found.model == "piecewise"
+    np.testing.assert_allclose(found.amplitude, e.tilt[0] * SCENE.block.slenderness, rtol=1e-12)
+    exact = polished(P, GOOD[0], BAND, motions_from_rest(P, GOOD[0], BAND, 100))
+    rocks = exact.status == "rocking"
+    assert rocks.any()
+    np.testing.assert_allclose(found.amplitude[rocks], exact.amplitude[rocks], rtol=1e-8)
+    np.testing.assert_array_equal(found.status[rocks], "rocking")

@@ -1,0 +1,137 @@
+"""Objective over exact orbits: values, derivatives, limits as constraints."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.design.conftest import BAND, SCENE, WIDE
+from tpd.core.parameters import as_arrays
+from tpd.design.objective import KINDS, REST, ROCKING, Orbits, geometry_of, margins
+
+GOOD = np.array([[0.15, 0.26, 0.35]])
+UNIT = WIDE.scaled(GOOD)
+LIMITS = (
+    tpd.limits.Stroke(0.5),
+    tpd.limits.RelativeStroke(0.8),
+    tpd.limits.Tilt(0.5),
+    tpd.limits.Offset(0.03),
+    tpd.limits.Walls(),
+    tpd.limits.Reserve(0.05),
+)
+
+
+def orbits(scene=SCENE, conditions=BAND, limits=LIMITS, **more) -> Orbits:
+    geometry = geometry_of(scene, conditions)
+    p = as_arrays(scene.parameters())
+    return Orbits(p, conditions, WIDE, tpd.Risk.worst(), limits, geometry, **more)
+
+
+@pytest.fixture(scope="module")
+def objective():
+    return orbits()
+
+
+def test_a_condition_is_answered_by_its_largest_attracting_orbit_or_by_rest(objective):
+    e = objective.evaluate(GOOD)
+    for i, factor in enumerate(BAND.column("frequency")):
+        motion = dataclasses.replace(SCENE.motion, frequency=SCENE.motion.frequency * factor)
+        mass, length, damping = GOOD[0]
+        scene = dataclasses.replace(SCENE, motion=motion)
+        p = scene.parameters(scene.pendulum(mass_ratio=mass, length_ratio=length, damping_ratio=damping))
+        found = tpd.symmetric_orbits(p)
+        assert KINDS[e.kind[0, i]] == "rocking"
+        assert e.tilt[0, i] == pytest.approx(float(found.amplitude[0]) / p.nu, rel=1e-10)
+        assert e.stroke[0, i] == pytest.approx(float(found.stroke[0]), rel=1e-10)
+        assert e.margin[0, i] == pytest.approx(float(tpd.closed_form.uplift(p).margin), rel=1e-10)
+    np.testing.assert_allclose(margins(objective, GOOD), e.margin, rtol=1e-12)
+    np.testing.assert_array_equal(e.merit, e.tilt)
+    assert objective.value(e)[0] == e.tilt.max()
+
+
+def test_slopes_are_those_of_differences(objective):
+    at, step = objective.at(UNIT), 1e-5
+    for i in range(3):
+        up, down = (objective.at(UNIT + s * step * np.eye(3)[i]) for s in (1, -1))
+        expected = (up.value - down.value) / (2 * step)
+        np.testing.assert_allclose(at.slope[..., i], expected, rtol=1e-5, atol=1e-7)
+        expected = (up.limit - down.limit) / (2 * step)
+        np.testing.assert_allclose(at.limit_slope[..., i], expected, rtol=1e-4, atol=1e-5)
+
+
+def test_constraints_have_names_and_are_tightened_for_a_search(objective):
+    e, n = objective.evaluate(GOOD), len(BAND)
+    names = ["stroke", "relative_stroke", "tilt", "offset", "walls", "ball", "reserve"]
+    assert objective.constraint_names() == names
+    value, slope = objective.constraints(e)
+    assert value.shape == (1, n * len(names))
+    assert slope.shape == (*value.shape, 3)
+    np.testing.assert_array_equal(value[0, :n], e.stroke[0] / 0.5 - 1.0)
+    np.testing.assert_array_equal(objective.linearised(e).limit, value + objective.back_off)
+
+
+def test_without_limits_there_are_no_constraints():
+    free = orbits(limits=())
+    at = free.at(UNIT)
+    assert at.limit.shape == (1, 0)
+    assert at.limit_slope.shape == (1, 0, 3)
+    assert free.constraint_names() == []
+
+
+def test_a_quantity_that_is_not_finite_breaks_its_limit(objective):
+    e = objective.evaluate(GOOD)
+    e = e._replace(stroke=np.full_like(e.stroke, np.inf), tilt=np.full_like(e.tilt, np.nan))
+    value, slope = objective.constraints(e)
+    assert np.all(value[0, :10] == 10.0)
+    assert np.isfinite(slope).all()
+
+
+def test_a_gentle_shaking_is_answered_by_rest_and_its_margin():
+    calm = orbits(conditions=tpd.Conditions.amplitudes(0.1, 0.2))
+    e = calm.evaluate(GOOD)
+    assert np.all(e.kind == REST)
+    np.testing.assert_array_equal(e.merit, -e.margin)
+    np.testing.assert_array_equal(e.tilt, 0.0)
+    np.testing.assert_array_equal(e.multiplier, 0.0)
+    np.testing.assert_array_equal(e.reserve, 1.0)
+    for axis in range(3):
+        step = 1e-6 * np.eye(3)[axis]
+        up, down = (calm.evaluate(GOOD + s * step).merit for s in (1, -1))
+        np.testing.assert_allclose(e.merit_slope[..., axis], (up - down) / 2e-6, rtol=1e-6, atol=1e-9)
+
+
+def test_rest_counts_from_rest_though_rocking_attracts_from_elsewhere():
+    """Between the shaking at which an orbit vanishes and that which lifts the resting block."""
+    conditions = tpd.Conditions.amplitudes(*np.linspace(0.3, 1.0, 15))
+    either, rest = (orbits(conditions=conditions, rest_counts=c).evaluate(GOOD) for c in (False, True))
+    both = (either.kind == ROCKING) & (either.margin > 0.0)
+    assert both.any(), "there are conditions with both"
+    np.testing.assert_array_equal(rest.kind == REST, rest.margin > 0.0)
+    np.testing.assert_array_equal(rest.merit[both], -rest.margin[both])
+    np.testing.assert_array_equal(rest.merit[~both], either.merit[~both])
+
+
+def test_other_conditions_of_the_same_scene(objective):
+    factors = {"slenderness": np.array([0.9, 1.1]), "mass": np.array([1.0, 1.2])}
+    other = objective.over(tpd.Conditions(factors))
+    np.testing.assert_allclose(other.geometry.slenderness, SCENE.block.slenderness * factors["slenderness"])
+    np.testing.assert_array_equal(other.geometry.mass_factor, factors["mass"])
+    assert other.evaluate(GOOD).merit.shape == (1, 2)
+    assert objective.evaluate(GOOD).at([0]).merit.shape == (1, 5)
+
+
+def test_the_torus_margin_vanishes_where_a_pair_of_multipliers_leaves_the_circle():
+    """At the least frequency of the band a design without a reserve ends on that edge."""
+    edge = np.array([[0.2, 0.24187974, 0.34017006]])
+    sides = []
+    for factor in (0.99, 1.0, 1.01):
+        motion = dataclasses.replace(SCENE.motion, frequency=2.0, amplitude=0.015 * factor)
+        hung = SCENE.pendulum(mass_ratio=edge[0, 0], length_ratio=edge[0, 1], damping_ratio=edge[0, 2])
+        orbit = tpd.symmetric_orbits(dataclasses.replace(SCENE, motion=motion).parameters(hung))
+        sides.append((float(orbit.margins.torus[0]), float(np.abs(orbit.multipliers[0]).max())))
+        assert orbit.margins.fold[0] > 1.0
+        assert orbit.margins.symmetry[0] > 1.0
+    assert sides[0][0] < 0.0 < sides[2][0]
+    assert sides[0][1] > 1.0 > sides[2][1]
+    assert abs(sides[1][0]) < 1e-3

@@ -1,0 +1,386 @@
+"""The main job: answers with one condition and with several, interruption, checkpoints, statuses."""
+
+import dataclasses
+
+import numpy as np
+import optax
+import pytest
+
+import tpd
+from tests.design.conftest import BAND, LIGHT, ONE, SCENE, SEVERAL, WIDE
+from tests.design.test_objective import orbits
+from tpd.core.conditions import FACTORS
+from tpd.design.nonlinear_search import wanted
+from tpd.design.optimise import solve
+from tpd.design.problem import Problem
+from tpd.design.result import DesignStatus, ReasonKind, SearchStatus, Step
+
+CALM = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.001, frequency=2.5))
+"""A shaking that lifts no block, and under which no orbit attracts."""
+FEW = tpd.Sequential(searches=3, screening=16, steps=3)
+RUNS = tpd.Ensemble(size=16, periods=30)
+
+
+def is_verified(design) -> bool:
+    """Whether an offered design has gone through every step, and nothing speaks against it."""
+    v = design.winner
+    through = v.neighbours is not None and len(v.nonlinear) > 0 and v.verdict is not None
+    return through and v.reasons == () and v is design.verified[-1]
+
+
+def same(a, b) -> bool:
+    """Whether two answers are the same to the last digit."""
+    designs = [np.array([v.design for v in d.verified]) for d in (a, b)]
+    return (
+        a.status is b.status
+        and np.array_equal(*designs)
+        and np.array_equal(a.search.ends, b.search.ends)
+        and np.array_equal(a.search.screened, b.search.screened)
+        and [v.reasons for v in a.verified] == [v.reasons for v in b.verified]
+        and a.elasticities == b.elasticities
+    )
+
+
+# One condition
+
+
+def test_the_answer_is_exact_and_within_the_limits(one):
+    assert one.status is DesignStatus.found
+    assert is_verified(one)
+    exact = tpd.steady_state(SCENE.parameters(one.pendulum))
+    assert float(exact.amplitude) == pytest.approx(one.amplitude, rel=1e-9)
+    assert float(exact.stroke) == pytest.approx(one.stroke, rel=1e-9)
+    low, high = LIGHT.bounds
+    assert np.all((one.winner.design[:2] >= low - 1e-12) & (one.winner.design[:2] <= high + 1e-12))
+    assert one.pendulum.mass == pytest.approx(one.winner.mass_ratio * SCENE.block.mass)
+
+
+def test_it_lessens_the_rocking_of_the_papers_block(one):
+    assert one.amplitude_without == pytest.approx(0.0833335, abs=1e-6)
+    assert one.amplitude < 0.95 * one.amplitude_without
+    neighbours = one.winner.neighbours
+    assert (neighbours.tried, neighbours.overturned) == (8, 0)
+    assert one.winner.exact.peak[0] >= 0.9 * one.amplitude, "the way there is no smaller than the end"
+
+
+def test_where_the_nonlinear_equations_refuse_the_search_goes_on_with_them(one):
+    first = one.verified[0]
+    assert first.source == "search"
+    assert {reason.step for reason in first.reasons} == {Step.nonlinear}
+    # The nonlinear optimum is fragile: shakings within 1 % overturn the block. A neighbour of it stands.
+    optimum, winner = one.verified[1:]
+    assert optimum.source == "nonlinear search"
+    assert optimum.value == pytest.approx(0.24279, abs=2e-4)
+    assert {reason.step for reason in optimum.reasons} == {Step.neighbours}
+    assert winner.source == "path"
+    (asked,) = winner.nonlinear
+    assert asked.status == "rocking"
+    assert asked.stroke <= 1.5
+    found = tpd.check(SCENE, one.pendulum, stroke=1.5, rungs=("uplift",))
+    assert found.objections == ()
+    assert found.top.amplitude == pytest.approx(asked.amplitude)
+    assert found.top.stroke == pytest.approx(asked.stroke)
+    assert winner.value == pytest.approx(asked.amplitude / SCENE.block.slenderness, rel=1e-5)
+    assert optimum.value < winner.value < 1.05 * optimum.value
+    assert one.search.nonlinear_evaluations > 0
+
+
+def test_a_refusal_by_the_nonlinear_equations_makes_it_wanted(one):
+    refused = [one.verified[0]]
+    assert wanted(DesignStatus.refused, refused, orbits())
+    assert not wanted(DesignStatus.none_feasible, refused, orbits())
+    many = orbits(conditions=tpd.Conditions.scatter(33, friction=0.1))
+    assert not wanted(DesignStatus.refused, refused, many)
+
+
+def test_the_model_and_the_exact_solution_agree_on_the_best_end_and_the_bare_block(one):
+    for looked_at in (one.verified[0], one.bare):
+        model = "segmented" if looked_at is one.bare else "smoothed"
+        assert looked_at.searched.model == model
+    smoothed, exact = one.verified[0].searched.amplitude, one.verified[0].exact.amplitude
+    np.testing.assert_allclose(smoothed, exact, rtol=0.01)
+
+
+def test_every_search_has_a_path_and_a_status(one):
+    history = one.search
+    assert len(history.paths) == len(history.statuses) == len(history.ends) == len(history.end_values)
+    assert len(history.ends) == 3 + 8
+    assert history.screened.shape == (24, 3)
+    assert all(path.shape[1] == 3 for path in history.paths)
+    assert "3 designs" in history.description
+    assert SearchStatus.interrupted not in history.statuses
+
+
+def test_progress_covers_every_stage(one, stages):
+    assert one is not None
+    expected = {
+        "screening",
+        "searching",
+        "verifying",
+        "nonlinear screening",
+        "nonlinear search",
+        "ensemble",
+        "elasticities",
+    }
+    assert {name for name, _, _ in stages} == expected
+    assert all(0 < done <= total for _, done, total in stages)
+
+
+def test_one_condition_given_as_none_or_as_conditions_is_the_same(one):
+    assert same(one, tpd.optimise(SCENE, LIGHT, conditions=tpd.Conditions(), **ONE))
+
+
+@pytest.mark.parametrize(
+    "stage",
+    [
+        "screening",
+        "searching",
+        "verifying",
+        "ensemble",
+        "nonlinear screening",
+        "nonlinear search",
+        "elasticities",
+    ],
+)
+def test_an_interruption_never_offers_what_is_not_verified(one, stage):
+    assert one.status is DesignStatus.found
+
+    def stop(now, done, _):
+        if now == stage:
+            raise KeyboardInterrupt
+
+    cut = tpd.optimise(SCENE, LIGHT, progress=stop, **ONE)
+    assert cut.status is DesignStatus.interrupted
+    assert (cut.pendulum is None) is (stage != "elasticities")
+    assert cut.pendulum is None or is_verified(cut)
+    assert cut.bare.exact.amplitude[0] == pytest.approx(0.0833335, abs=1e-6)
+    assert cut.nearest is None
+    assert not cut.status.is_sound
+    assert "INTERRUPTED" in str(cut)
+    searched = stage not in ("screening", "searching")
+    assert len(cut.search.ends) == (3 if searched else 0) + (8 if stage == "elasticities" else 0)
+    assert (set(cut.search.statuses) == {SearchStatus.interrupted}) is not searched
+
+
+def test_an_optimiser_of_the_user_searches():
+    method = tpd.Descent(optax.sgd(0.05), searches=2, steps=4, screening=24)
+    design = tpd.optimise(SCENE, LIGHT, method=method, limits=(), ensemble=RUNS, seed=1)
+    assert design.settings["optimiser"] == "custom"
+    assert design.limits == ()
+    assert design.stroke_limit == np.inf
+    assert design.pendulum is None or is_verified(design)
+    assert np.isfinite(design.search.end_values).all(), "without limits none is broken"
+    assert all("limit" not in a.kind for v in design.verified for a in v.active)
+
+
+def test_a_block_that_rests_needs_no_pendulum():
+    for given in ({"method": FEW}, {"method": ONE["method"]}, {"method": FEW, "conditions": BAND}):
+        design = tpd.optimise(CALM, LIGHT, ensemble=RUNS, **given)
+        assert design.status is DesignStatus.no_uplift
+        assert design.status.is_sound
+        assert design.pendulum is None
+        assert design.verified == ()
+        assert design.amplitude == design.amplitude_without == 0.0
+        assert str(design).startswith("Design: no_uplift")
+
+
+def test_where_no_design_keeps_to_the_limits_the_nearest_is_told():
+    """The nonlinear search, which follows the linear one, states the reserve as well: each excess belongs to
+    the limit that is named."""
+    limits = (tpd.limits.Stroke(0.5), tpd.limits.Walls(), tpd.limits.Reserve(0.05))
+    design = tpd.optimise(SCENE, LIGHT, method=FEW, limits=limits, ensemble=RUNS)
+    assert design.status is DesignStatus.none_feasible
+    assert design.pendulum is None
+    assert not np.isfinite(design.search.end_values).any()
+    assert {reason.kind for reason in design.nearest.broken} == {ReasonKind.breaks_limit}
+    assert {reason.limit for reason in design.nearest.broken} <= {"stroke", "walls", "ball", "reserve"}
+    values = [reason.value for reason in design.nearest.broken]
+    assert values == sorted(values, reverse=True)
+    assert values[-1] > 1.0
+
+
+def test_where_every_pendulum_rocks_more_none_is_offered():
+    """Long pendulums with little damping below resonance."""
+    space = tpd.DesignSpace(mass_ratio=(0.01, 0.012), length_ratio=(1.9, 2.0), damping_ratio=0.0)
+    soft = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.03, frequency=1.5))
+    design = tpd.optimise(soft, space, method=FEW, limits=(), ensemble=RUNS)
+    assert design.status in (DesignStatus.no_improvement, DesignStatus.refused)
+    assert design.pendulum is None
+
+
+# Several conditions
+
+
+def test_the_answer_is_better_than_anything_screened_and_within_its_limits(several):
+    assert several.status is DesignStatus.found
+    assert is_verified(several)
+    winner, e = several.winner, several.winner.evaluation
+    assert winner.value <= several.search.screened_value.min()
+    assert winner.value < several.bare.value
+    assert winner.value == pytest.approx(0.273, abs=2e-3), "as with 64 starts and 20 frequencies"
+    assert e.stroke.max() <= 0.5
+    assert e.reserve.min() >= 0.05
+    assert np.all(e.attracts)
+    assert not winner.verdict.harms
+    assert winner.stationarity < 0.05
+    assert "upper bound of the mass ratio, 0.2" in [str(a) for a in winner.active]
+    assert len(several.search.statuses) == 20
+    assert SearchStatus.converged in several.search.statuses
+    assert set(several.elasticities) == set(FACTORS)
+
+
+def test_elasticities_are_relative_differences(several):
+    objective = Problem.of(SCENE, WIDE, BAND, None, None, None, SEVERAL["method"], 0).objective
+    v = several.winner
+    for axis, name in ((0, "mass"), (1, "length"), (2, "damping")):
+        moved = v.design[None].repeat(2, axis=0)
+        moved[:, axis] *= [0.999, 1.001]
+        low, high = objective.value(objective.evaluate(moved))
+        assert several.elasticities[name] == pytest.approx((high - low) / (0.002 * v.value), rel=1e-6)
+
+
+def test_the_same_seed_gives_the_same_answer_and_another_another(several):
+    assert same(several, tpd.optimise(SCENE, WIDE, **SEVERAL))
+    few = SEVERAL | {"method": FEW, "ensemble": RUNS}
+    other = [tpd.optimise(SCENE, WIDE, seed=seed, **few) for seed in (0, 1)]
+    assert not np.array_equal(other[0].search.ends, other[1].search.ends)
+
+
+@pytest.mark.parametrize("optimiser", ["adam", "lbfgs"])
+def test_optax_comes_near_the_same_answer(several, optimiser):
+    method = tpd.Descent(optimiser, searches=8, screening=64, steps=40)
+    other = tpd.optimise(SCENE, WIDE, **(SEVERAL | {"method": method}))
+    assert other.settings["optimiser"] == optimiser
+    assert np.all(other.search.end_values >= several.winner.value * (1.0 - 1e-6))
+    assert other.search.end_values.min() < 1.1 * several.winner.value
+    assert is_verified(other)
+    assert other.winner.evaluation.stroke.max() <= 0.5
+
+
+def test_an_interrupted_search_goes_on_and_comes_to_the_same(several, tmp_path):
+    place, events = tmp_path / "unfinished.npz", []
+
+    def stop(stage, done, total):
+        if stage == "searching" and done > total / 2:
+            raise KeyboardInterrupt
+
+    cut = tpd.optimise(SCENE, WIDE, checkpoint=place, progress=stop, **SEVERAL)
+    assert cut.status is DesignStatus.interrupted
+    assert cut.search.statuses.count(SearchStatus.interrupted) == 4
+    assert cut.pendulum is not None, "the best of the group that had ended"
+    assert is_verified(cut)
+    whole = tpd.optimise(SCENE, WIDE, checkpoint=place, progress=lambda *e: events.append(e[:2]), **SEVERAL)
+    assert ("searching", 1) not in events, "what had ended is not done again"
+    assert same(whole, several)
+    for other in ({"seed": 1}, {"method": tpd.Descent("adam")}, {"risk": tpd.Risk.expected()}):
+        with pytest.raises(ValueError, match="holds searches of another problem"):
+            tpd.optimise(SCENE, WIDE, checkpoint=place, **(SEVERAL | other))
+    place.write_bytes(b"not a file of arrays")
+    with pytest.raises(ValueError, match="it holds no finished searches"):
+        tpd.optimise(SCENE, WIDE, checkpoint=place, **SEVERAL)
+
+
+def test_an_interruption_before_anything_is_known():
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    cut = tpd.optimise(SCENE, WIDE, progress=stop, **SEVERAL)
+    assert cut.status is DesignStatus.interrupted
+    assert cut.search.statuses == (SearchStatus.interrupted,) * 20
+    assert cut.pendulum is cut.nearest is cut.best is None
+    assert cut.verified == ()
+
+
+def test_a_single_step_is_enough_to_answer():
+    method = tpd.Sequential(searches=3, screening=16, steps=1)
+    design = tpd.optimise(SCENE, WIDE, **(SEVERAL | {"method": method, "ensemble": RUNS}))
+    assert design.verified
+
+
+# Many conditions: under a sample of them first
+
+
+@pytest.fixture(scope="module")
+def many():
+    """Ten conditions that count as many: a sample of five is searched first."""
+    conditions = tpd.Conditions.scatter(10, friction=0.2, length=0.05, frequency=0.1)
+    method = tpd.Sequential(searches=20, screening=64, steps=15)
+    problem = Problem.of(SCENE, WIDE, conditions, None, None, None, method, 0)
+    return dataclasses.replace(problem, many=10, sampled=5)
+
+
+@pytest.fixture(scope="module")
+def of_many(many, tmp_path_factory):
+    place = tmp_path_factory.mktemp("many") / "unfinished.npz"
+    return solve(many, RUNS, checkpoint=place), place
+
+
+def test_of_many_conditions_a_sample_is_searched_under_first(many, of_many):
+    design, place = of_many
+    ends = len(design.search.ends)
+    assert design.search.description == (
+        f"20 designs under 5 of the 10 conditions, {ends} finished under all of them"
+    )
+    assert design.verified[-1].evaluation.merit.shape == (1, 10)
+    whole = solve(dataclasses.replace(many, many=128), RUNS)
+    assert design.search.end_values.min() == pytest.approx(whole.search.end_values.min(), rel=1e-3)
+    events = []
+    again = solve(many, RUNS, checkpoint=place, progress=lambda *e: events.append(e[0]))
+    assert "searching" not in events, "what had ended is not done again"
+    assert same(again, design)
+
+
+@pytest.mark.parametrize("group", [1, 2])
+def test_an_interruption_under_the_sample_leaves_its_ends_under_all_conditions(many, group):
+    def stop(stage, done, total):
+        if stage == "searching" and done > (group - 1) * total / 2:
+            raise KeyboardInterrupt
+
+    cut = solve(many, RUNS, progress=stop)
+    assert cut.status is DesignStatus.interrupted
+    assert set(cut.search.statuses) == {SearchStatus.interrupted}
+    assert cut.search.description.endswith("not all finished under all of them")
+    assert (len(cut.search.ends) > 0) is (group == 2)
+    assert cut.pendulum is None or is_verified(cut)
+    for v in cut.verified:
+        assert v.evaluation.merit.shape == (1, 10)
+
+
+def test_an_interruption_while_finishing_leaves_what_the_sample_had_found(many):
+    searched = []
+
+    def stop(stage, done, total):
+        # The first search has two groups, the second one.
+        if stage == "searching":
+            searched.append((done, total))
+            if total == searched[0][1] / 2:
+                raise KeyboardInterrupt
+
+    cut = solve(many, RUNS, progress=stop)
+    assert cut.status is DesignStatus.interrupted
+    assert cut.search.description.endswith("not all finished under all of them")
+    assert set(cut.search.statuses) == {SearchStatus.interrupted}
+    assert len(cut.search.ends) == len(cut.search.statuses) > 0
+    assert cut.pendulum is None or is_verified(cut)
+
+
+# Sampled starts
+
+
+def test_a_search_is_finished_over_what_starts_reach():
+    starts = tpd.Starts(size=6, seed=2)
+    design = tpd.optimise(
+        SCENE,
+        WIDE,
+        conditions=tpd.Conditions.band(SCENE, 2.2, 3.2, 2),
+        starts=starts,
+        method=tpd.Sequential(searches=4, screening=32, steps=6),
+        ensemble=tpd.Ensemble(size=32, periods=60),
+    )
+    assert design.starts is starts
+    assert design.search.description.endswith("finished over what starts reach")
+    assert np.isfinite(design.search.end_values).any()
+    assert design.status in (DesignStatus.found, DesignStatus.refused)
+    assert design.bare.searched.model == "piecewise"
+    if design.status is DesignStatus.found:
+        assert set(design.elasticities) in ({"mass", "length", "damping"}, set())

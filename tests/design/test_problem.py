@@ -1,0 +1,120 @@
+"""Problems: defaults, the space within a limit on the mass, the objective that belongs to the inputs."""
+
+import dataclasses
+
+import numpy as np
+import optax
+import pytest
+
+import tpd
+from tpd.analysis.attractors import StartKind
+from tpd.design.criteria import DEFAULT_LIMITS
+from tpd.design.followed import Followed
+from tpd.design.objective import Orbits
+from tpd.design.problem import Problem
+
+SCENE = tpd.paper_scene()
+BAND = tpd.Conditions.band(SCENE, 2.0, 3.5, 5)
+LOSSY = tpd.Scene(tpd.Block(width=0.1, height=0.4, mass=16.224, restitution="housner"), SCENE.motion)
+
+
+def problem(scene=SCENE, **given) -> Problem:
+    asked = dict.fromkeys(("space", "conditions", "starts", "risk", "limits", "method"))
+    return Problem.of(scene, **(asked | {"seed": 0} | given))
+
+
+def test_one_condition_is_searched_by_descent_on_smoothed_signs_from_rest():
+    made = problem()
+    assert isinstance(made.method, tpd.Descent)
+    assert isinstance(made.method.model, tpd.Smoothed)
+    assert isinstance(made.objective, Followed)
+    assert made.starts.kind is StartKind.rest
+    assert made.objective.limits == DEFAULT_LIMITS
+    assert made.objective.risk == tpd.Risk.worst()
+    assert made.space == tpd.DesignSpace()
+    assert made.over_basins is None
+
+
+def test_several_conditions_are_searched_by_sequential_programming_on_every_orbit():
+    made = problem(conditions=BAND)
+    assert made.method == tpd.Sequential()
+    assert isinstance(made.objective, Orbits)
+    assert not made.objective.rest_counts
+    assert made.starts.kind is StartKind.any
+    assert problem(conditions=BAND, starts=tpd.Starts.rest()).objective.rest_counts
+    assert isinstance(problem(conditions=BAND, method=tpd.Descent()).objective, Orbits)
+
+
+def test_one_condition_given_is_the_scenes_own():
+    assert problem(conditions=tpd.Conditions()).identity == problem().identity
+
+
+def test_where_impacts_lose_energy_the_exact_model_is_searched():
+    assert isinstance(problem(LOSSY).method.model, tpd.Piecewise)
+    with pytest.raises(ValueError, match="`e` must be between 1 and 1 in the smoothed model"):
+        problem(LOSSY, method=tpd.Descent(model=tpd.Smoothed()))
+
+
+def test_sampled_starts_finish_a_search_over_orbits():
+    starts = tpd.Starts(size=6, seed=2, worst=True)
+    made = problem(conditions=BAND, starts=starts)
+    assert isinstance(made.objective, Orbits)
+    finer = made.over_basins
+    assert isinstance(finer.model, tpd.Piecewise)
+    assert finer.starts is starts
+    assert finer.orbits is made.objective
+    assert finer.holds_reserve
+
+
+def test_a_limit_on_the_mass_narrows_the_space():
+    made = problem(limits=[tpd.limits.Mass(0.8112)])
+    np.testing.assert_allclose(made.space.mass_ratio, (0.01, 0.05))
+    assert made.objective.space == made.space
+    assert problem(limits=[tpd.limits.Mass(100.0)]).space == tpd.DesignSpace()
+    with pytest.raises(ValueError, match=r"`mass` must be above the least bob .* but is 0\.1 kg"):
+        problem(limits=[tpd.limits.Mass(0.1)])
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"starts": tpd.Starts.any()}, r"`starts` must be states .* or take `method=Sequential\(\)`"),
+        (
+            {"starts": tpd.Starts.any(), "method": tpd.Sequential(model=tpd.Segmented())},
+            "`starts` must be states",
+        ),
+        ({"seed": -1}, "`seed` must be a whole number, 0 or more, but is -1"),
+        ({"limits": (tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))}, "two of Tilt"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        problem(**given)
+
+
+def test_a_problem_is_identified_by_everything_that_the_searches_depend_on():
+    """Two optimisers of optax are told apart by the steps that they take: they have no name."""
+    here = problem(conditions=BAND)
+    others = [
+        {"seed": 1},
+        {"conditions": tpd.Conditions.band(SCENE, 2.0, 3.5, 6)},
+        {"space": tpd.DesignSpace(mass_ratio=(0.01, 0.1))},
+        {"risk": tpd.Risk.cvar(0.5)},
+        {"limits": ()},
+        {"limits": (tpd.limits.Stroke(0.4),)},
+        {"starts": tpd.Starts.rest()},
+        {"starts": tpd.Starts(size=6)},
+        {"method": tpd.Sequential(steps=41)},
+        {"method": tpd.Descent("adam")},
+        {"method": tpd.Descent("lbfgs")},
+        {"method": tpd.Descent(optax.sgd(0.05))},
+        {"method": tpd.Descent(optax.sgd(0.01))},
+        {"method": tpd.Descent(optax.sgd(0.05, momentum=0.5))},
+    ]
+    found = [here.identity, *(problem(**({"conditions": BAND} | given)).identity for given in others)]
+    assert len(set(found)) == len(found)
+    assert problem(conditions=BAND).identity == here.identity
+    motion = dataclasses.replace(SCENE.motion, amplitude=0.016)
+    assert problem(dataclasses.replace(SCENE, motion=motion), conditions=BAND).identity != here.identity
+    twice = [problem(method=tpd.Descent(optax.sgd(0.05))).identity for _ in range(2)]
+    assert twice[0] == twice[1]

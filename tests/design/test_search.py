@@ -1,0 +1,142 @@
+"""Multistart: groups, order, statuses, designs on the paths, and going on with another objective."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.design.conftest import BAND, WIDE
+from tests.design.conftest import FEW_STEPS as METHOD
+from tests.design.conftest import ORBIT_LIMITS as LIMITS
+from tests.design.test_objective import orbits
+from tpd.design.checkpoint import Checkpoint
+from tpd.design.result import SearchStatus
+from tpd.design.search import GROUP, Multistart, sampled_orbits
+
+NONE = Checkpoint(None, "", {})
+
+
+def test_searches_run_in_groups_from_the_best_of_the_screening(search):
+    assert [len(g.x) for g in search.groups] == [GROUP, 4]
+    assert not search.interrupted
+    assert search.screened.shape == (48, 3)
+    assert search.ended == 20
+    begun = np.concatenate([g.path[0] for g in search.groups])
+    # Half of the bests of the screening are among the designs from which searches begin.
+    best = WIDE.scaled(search.screened[np.argsort(search.screened_value)[:1]])
+    assert np.abs(begun - best).sum(axis=1).min() < 1e-12
+    assert search.evaluations == 48 + sum(g.evaluations for g in search.groups)
+
+
+def test_ends_are_ordered_by_risk_and_a_broken_limit_is_infinite(search):
+    order = search.order()
+    assert np.all(np.diff(search.values[order]) >= 0.0)
+    assert set(order) == set(np.flatnonzero(np.isfinite(search.values)))
+    assert len(search.order(feasible=False)) == 20
+    e = search.objective.evaluate(search.designs)
+    kept = search.objective.constraints(e)[0].max(axis=1) <= 0.0
+    np.testing.assert_array_equal(np.isfinite(search.values), kept)
+    np.testing.assert_allclose(search.values[kept], search.objective.value(e)[kept], rtol=1e-10)
+    np.testing.assert_allclose(search.excess, search.objective.constraints(e)[0], atol=1e-9)
+
+
+def test_designs_on_the_paths_come_after_the_ends(search):
+    most = float(np.median(search.values))
+    wider = search.with_paths(most)
+    assert 0 < wider.passed <= 8
+    assert wider.ended == 20
+    assert len(wider.units) == 20 + wider.passed
+    assert search.passed == 0
+    np.testing.assert_array_equal(wider.units[:20], search.units)
+    for i in range(20, len(wider.units)):
+        assert np.linalg.norm(wider.units[:i] - wider.units[i], axis=1).min() > 0.02
+    assert search.with_paths(-1.0).passed == 0
+
+
+def test_the_history_is_that_of_the_search(search):
+    history = search.history
+    assert len(history.paths) == len(history.statuses) == 20
+    np.testing.assert_array_equal(history.ends, search.designs)
+    np.testing.assert_array_equal(history.paths[17][-1], search.designs[17])
+    assert history.evaluations == search.evaluations
+    assert history.description == "20 designs"
+
+
+def test_a_search_that_begins_fewer_times_than_asked_for_is_not_interrupted():
+    """Where nothing lifts, moved designs stay where they were: screened designs coincide."""
+    calm = orbits(conditions=tpd.Conditions.amplitudes(0.01, 0.02), limits=())
+    narrow = dataclasses.replace(calm, space=tpd.DesignSpace(length_ratio=(0.1, 0.2)))
+    out = Multistart(narrow, tpd.Sequential(searches=24, screening=24, steps=2), 0, None)
+    out.run(NONE)
+    assert len(out.statuses()) == len(out.units) < 24
+    assert SearchStatus.interrupted not in out.statuses()
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected"),
+    [
+        ({}, SearchStatus.converged),
+        ({"open": True}, SearchStatus.steps_exhausted),
+        ({"open": True, "steps": 0}, SearchStatus.interrupted),
+        ({"x": 0.0}, SearchStatus.at_bound),
+        ({"limit": -1e-4}, SearchStatus.stroke_limited),
+        ({"limit": 0.1}, SearchStatus.infeasible),
+        ({"value": -0.1}, SearchStatus.rests),
+    ],
+)
+def test_every_search_ends_with_a_status(search, changed, expected):
+    g = search.groups[1]
+    local = g.local._replace(
+        value=np.full_like(g.local.value, changed.get("value", 0.3)),
+        limit=np.full_like(g.local.limit, changed.get("limit", -0.5)),
+    )
+    ends = g._replace(
+        x=np.full_like(g.x, changed.get("x", 0.5)),
+        local=local,
+        open=np.full(4, changed.get("open", False)),
+        steps=np.full(4, changed.get("steps", 3)),
+    )
+    one = Multistart(search.objective, METHOD, 0, None)
+    one.groups, one.count = [ends], 4
+    assert one.statuses() == (expected,) * 4
+
+
+def test_a_search_that_has_not_begun_has_nothing():
+    empty = Multistart(orbits(limits=LIMITS), METHOD, 0, None)
+    assert empty.units.shape == (0, 3)
+    assert len(empty.order()) == len(empty.values) == 0
+    assert empty.statuses() == (SearchStatus.interrupted,) * 20
+    assert empty.history.paths == ()
+
+
+def test_a_search_goes_on_under_other_conditions(search):
+    few = sampled_orbits(orbits(limits=LIMITS), 2, 0)
+    assert len(few.conditions) == 2
+    whole = orbits(limits=LIMITS)
+    on = search.carry_on(whole, NONE, "again", METHOD, 3)
+    assert on.count == len(on.units) <= 8
+    assert on.description == f"20 designs, {on.count} finished again"
+    assert all(len(g.x) <= 3 for g in on.groups)
+    assert on.evaluations > search.evaluations
+    np.testing.assert_array_equal(on.screened, search.screened)
+    assert on.values.min() <= search.values.min()
+    assert on.pending.shape == (0, 3)
+
+
+def test_an_interruption_while_going_on_leaves_what_has_not_begun(search):
+    def stop(stage, done, total):
+        if done > total / 2:
+            raise KeyboardInterrupt
+
+    before = Multistart(search.objective, METHOD, 0, stop)
+    before.groups, before.screened = search.groups, search.screened
+    on = before.carry_on(orbits(limits=LIMITS), NONE, "again", METHOD, 4)
+    assert on.interrupted
+    assert on.description == "20 designs, not all finished again"
+    begun = len(on.units)
+    assert len(on.pending) > 0
+    on.evaluate_pending()
+    assert len(on.units) == begun + len(on.pending)
+    assert on.statuses()[begun:] == (SearchStatus.interrupted,) * len(on.pending)
+    assert len(BAND) == on.column(lambda g: g.local.value).shape[1]

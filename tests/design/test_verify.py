@@ -1,0 +1,303 @@
+"""The verification: every step's reasons, from motions that are given to it."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.design.conftest import BAND, FEW_STEPS, SCENE
+from tests.design.test_followed import followed
+from tests.design.test_objective import GOOD, orbits
+from tpd.design.result import DesignStatus, Neighbours, Nonlinear, Reason, ReasonKind, Step
+from tpd.design.verify import Verification, pendulum_of
+
+RUNS = tpd.Ensemble(size=16, periods=30)
+ALONE = tpd.Conditions()
+LIGHT = np.array([0.01, 0.26, 0.35])
+
+
+def verification(objective, method=FEW_STEPS, **more) -> Verification:
+    return Verification(SCENE, objective, method, RUNS, more.get("by_overturning", False), None)
+
+
+class Refusing(Verification):
+    """Refuses the first designs that come to the ensemble."""
+
+    refusals = 1
+
+    def by_ensemble(self, v):
+        if len(self.verified) >= self.refusals:
+            return super().by_ensemble(v)
+        return dataclasses.replace(v, reasons=(Reason(step=Step.ensemble, kind=ReasonKind.overturns),))
+
+
+@pytest.fixture(scope="module")
+def judged(search):
+    """A verification whose first design is refused, and what it says to the best end and to the paths."""
+    stern = Refusing(SCENE, search.objective, FEW_STEPS, RUNS, False, None)
+    first = stern.best_of(search)
+    begun = len(stern.verified)
+    second = stern.best_of_paths(search)
+    return stern, first, begun, second
+
+
+@pytest.fixture(scope="module")
+def alone():
+    """Verification of a search on smoothed signs, from rest, with a limit on the stroke."""
+    return verification(
+        followed(tpd.Smoothed(max_periods=200), tpd.Starts.rest(), ALONE, closed=False), tpd.Descent()
+    )
+
+
+@pytest.fixture(scope="module")
+def v(judged):
+    """Design that passed, under the band of frequencies."""
+    return judged[0].verified[-1]
+
+
+def with_exact(v, **changed):
+    return dataclasses.replace(v, exact=dataclasses.replace(v.exact, **changed), reasons=())
+
+
+def test_after_a_refusal_other_ends_and_designs_on_the_paths_are_verified(judged, search):
+    stern, first, begun, second = judged
+    assert first is DesignStatus.refused
+    assert begun == 1
+    best, *others = stern.verified
+    assert best.source == "search"
+    assert best.value == pytest.approx(search.values.min(), rel=1e-9)
+    assert best.reasons[0].step is Step.ensemble
+    assert second is DesignStatus.found
+    winner = stern.verified[-1]
+    assert winner.reasons == ()
+    assert winner.verdict is not None
+    assert best.value < winner.value < stern.bare.value
+    assert winner.evaluation.stroke.max() <= 0.5
+    assert len({tuple(x.design) for x in stern.verified}) == len(others) + 1
+
+
+def test_at_most_six_designs_are_verified(search):
+    stern = Refusing(SCENE, search.objective, FEW_STEPS, RUNS, False, None)
+    stern.refusals = 100
+    assert stern.best_of(search) is DesignStatus.refused
+    assert stern.best_of_paths(search) is DesignStatus.refused
+    assert len(stern.verified) == 6
+    values = [x.value for x in stern.verified]
+    assert values[0] == min(values)
+
+
+def test_a_refusal_ends_the_verification_of_a_design(judged, v):
+    best = judged[0].verified[0]
+    assert best.neighbours is not None
+    assert best.verdict is None
+    stern = judged[0]
+    lost = with_exact(v, status=np.full(5, "overturned"))
+    refused = stern.by_events(lost)
+    assert refused.reasons
+
+
+# Exact solution by events
+
+
+def test_more_overturnings_from_rest_speak_against_a_design(judged, v):
+    """Six more of six conditions are significant (p = 1/64); of five they are not (p = 1/32)."""
+    stern, n = judged[0], len(BAND)
+    np.testing.assert_array_equal(stern.bare.exact.status == "overturned", False)
+    assert stern.by_events(with_exact(v, status=np.full(n, "overturned"))).reasons == () or n > 5
+    six = verification(orbits(conditions=tpd.Conditions.band(SCENE, 2.2, 2.8, 8)))
+    assert not np.any(six.bare.exact.status == "overturned")
+    exact = dataclasses.replace(six.bare.exact, status=np.full(8, "overturned"))
+    (reason,) = six.by_events(dataclasses.replace(v, exact=exact, reasons=())).reasons
+    assert reason == Reason(
+        step=Step.exact, kind=ReasonKind.overturns_more, value=8.0, reference=0.0, total=8
+    )
+
+
+def test_under_one_condition_one_overturning_is_enough(alone, v):
+    exact = dataclasses.replace(
+        alone.bare.exact, status=np.array(["overturned"]), amplitude=np.array([np.inf])
+    )
+    searched = dataclasses.replace(exact, model="smoothed")
+    (reason,) = alone.by_events(dataclasses.replace(v, exact=exact, searched=searched, reasons=())).reasons
+    assert reason.kind is ReasonKind.overturns_more
+    assert (reason.value, reason.reference, reason.total) == (1.0, 0.0, 1)
+
+
+def test_the_model_of_the_search_must_agree_with_the_exact_solution(alone, v):
+    v = dataclasses.replace(v, evaluation=alone.bare.evaluation, reasons=())
+    same = {"exact": alone.bare.exact, "searched": alone.bare.searched}
+    assert alone.by_events(dataclasses.replace(v, **same)).reasons == ()
+    for factor, agrees in ((1.005, True), (1.02, False), (0.98, False), (np.nan, False)):
+        searched = dataclasses.replace(alone.bare.searched, amplitude=alone.bare.exact.amplitude * factor)
+        reasons = alone.by_events(dataclasses.replace(v, exact=same["exact"], searched=searched)).reasons
+        assert (reasons == ()) is agrees
+        if not agrees:
+            assert reasons[0].kind is ReasonKind.models_disagree
+            assert reasons[0].step is Step.cross_check
+            assert reasons[0].reference == pytest.approx(0.0833335, abs=1e-6)
+    searched = dataclasses.replace(alone.bare.searched, status=np.array(["unstable"]))
+    assert alone.by_events(dataclasses.replace(v, exact=same["exact"], searched=searched)).reasons
+
+
+def test_the_exact_motion_must_keep_the_limits_of_a_search_by_a_model(alone, v):
+    exact = dataclasses.replace(alone.bare.exact, stroke=np.array([0.6]))
+    changed = {"exact": exact, "searched": alone.bare.searched, "evaluation": alone.bare.evaluation}
+    reasons = alone.by_events(dataclasses.replace(v, **changed, reasons=())).reasons
+    assert [(r.step, r.kind, r.limit) for r in reasons] == [(Step.exact, ReasonKind.breaks_limit, "stroke")]
+    assert reasons[0].value == pytest.approx(0.6 / 0.5)
+
+
+def test_the_models_are_compared_from_the_same_start():
+    """Of sampled starts the tallest motion counts in the search; the exact solution is asked from rest."""
+    calm = tpd.Conditions.amplitudes(0.45)
+    starts = tpd.Starts(size=4, seed=0, tilt=0.5)
+    objective = followed(tpd.Piecewise(max_periods=300), starts, calm, closed=False)
+    found = verification(objective, tpd.Descent(model=objective.model))
+    assert found.bare.evaluation.tilt.item() * SCENE.block.slenderness > 0.01, "another start rocks"
+    assert found.bare.exact.status.tolist() == found.bare.searched.status.tolist() == ["rest"]
+    np.testing.assert_allclose(found.bare.searched.amplitude, found.bare.exact.amplitude, atol=1e-9)
+    assert not found.rests
+
+
+# Shakings within 1 %
+
+
+def test_one_design_must_stand_every_neighbour_and_many_conditions_are_compared(judged, alone, v):
+    hard = np.array([0.0, 0.3, 0.1])
+    worst = judged[0].by_neighbours(dataclasses.replace(v, reasons=()))
+    assert isinstance(worst.neighbours, Neighbours)
+    assert worst.neighbours.tried == 8
+    assert worst.neighbours.condition == int(np.argmax(v.evaluation.merit))
+    assert worst.reasons == ()
+    violent = verification(orbits(conditions=tpd.Conditions.amplitudes(6.0)))
+    bare = dataclasses.replace(
+        v, mass_ratio=hard[0], length_ratio=hard[1], damping_ratio=hard[2],
+        evaluation=violent.bare.evaluation, reasons=(),
+    )  # fmt: skip
+    (reason,) = violent.by_neighbours(bare).reasons
+    assert (reason.value, reason.reference, reason.total) == (8.0, 8.0, 8)
+    twice = verification(orbits(conditions=tpd.Conditions.amplitudes(6.0, 6.1)))
+    bare = dataclasses.replace(bare, evaluation=twice.bare.evaluation)
+    assert twice.by_neighbours(bare).reasons == (), "it overturns without a pendulum as well"
+
+
+# Nonlinear equations
+
+
+def nonlinear(v, *rows):
+    keys = ("condition", "amplitude", "stroke", "status", "bare_amplitude", "bare_status")
+    asked = tuple(Nonlinear(**dict(zip(keys, row, strict=True))) for row in rows)
+    return dataclasses.replace(v, nonlinear=asked, reasons=())
+
+
+def test_an_overturning_that_the_bare_block_withstands_speaks_against_a_design(judged, v):
+    stern = judged[0]
+    gone = np.inf, np.inf, "overturned"
+    (reason,) = stern.nonlinear_reasons(nonlinear(v, (0, *gone, 0.1, "rocking"), (1, *gone, *gone[1:])))
+    assert reason.kind is ReasonKind.overturns
+    assert reason.condition == BAND.label(0)
+    assert stern.nonlinear_reasons(nonlinear(v, (2, 0.01, 0.1, "not_settled", 0.1, "rocking"))) == ()
+
+
+def test_under_one_condition_the_motion_must_settle_and_be_smaller(alone, v):
+    v = dataclasses.replace(v, evaluation=alone.bare.evaluation)
+    cases = {
+        (0, 0.01, 0.1, "rocking", 0.08, "rocking"): (),
+        (0, 0.0, 0.1, "rest", 0.0, "rest"): (),
+        (0, 0.09, 0.1, "rocking", 0.08, "rocking"): (ReasonKind.rocks_more,),
+        (0, 0.08, 0.1, "rocking", 0.08, "rocking"): (ReasonKind.rocks_more,),
+        (0, 0.01, 0.1, "not_settled", 0.08, "rocking"): (ReasonKind.does_not_settle,),
+        (0, np.inf, np.inf, "overturned", 0.08, "rocking"): (ReasonKind.overturns,),
+        (0, np.inf, np.inf, "overturned", np.inf, "overturned"): (ReasonKind.does_not_settle,),
+        (0, 0.01, 0.6, "rocking", 0.08, "rocking"): (ReasonKind.breaks_limit,),
+        (0, 0.09, 0.6, "rocking", 0.08, "rocking"): (ReasonKind.rocks_more, ReasonKind.breaks_limit),
+    }
+    for row, kinds in cases.items():
+        reasons = alone.nonlinear_reasons(nonlinear(v, row))
+        assert tuple(reason.kind for reason in reasons) == kinds, row
+        assert all(reason.step is Step.nonlinear for reason in reasons)
+
+
+def test_nonlinear_equations_are_asked_about_the_room_as_well(v):
+    room = verification(orbits(limits=(tpd.limits.Offset(0.02), tpd.limits.Walls())))
+    light = dataclasses.replace(v, evaluation=room.objective.evaluate(LIGHT[None]))
+    rest = 0.1, "rocking"
+    assert room.nonlinear_reasons(nonlinear(light, (1, 0.03, 0.35, "rocking", *rest))) == ()
+    (reason,) = room.nonlinear_reasons(nonlinear(light, (1, 0.06, 0.35, "rocking", *rest)))
+    assert str(reason) == (
+        f"by the nonlinear equations the design exceeds the limit on offset by 0.036 of it at {BAND.label(1)}"
+    )
+    heavy = dataclasses.replace(v, evaluation=room.objective.evaluate(GOOD))
+    reasons = room.nonlinear_reasons(nonlinear(heavy, (1, 0.03, 0.35, "rocking", *rest)))
+    assert [reason.limit for reason in reasons] == ["walls", "ball"]
+
+
+def test_the_worst_conditions_and_those_at_a_limit_are_asked():
+    wide = tpd.Conditions.band(SCENE, 2.0, 3.5, 12)
+    asking = verification(orbits(conditions=wide, limits=(tpd.limits.Stroke(0.5), tpd.limits.Reserve(0.05))))
+    e = asking.objective.evaluate(GOOD)
+    e = e._replace(stroke=np.full((1, 12), 0.3), merit=np.linspace(1.0, 0.1, 12)[None])
+    assert asking.conditions_asked(e) == [0, 1, 2, 3]
+    e.stroke[0, [2, 7, 8, 9]] = 0.5 - 1e-6 * np.array([1, 2, 1, 3])
+    assert asking.conditions_asked(e) == [0, 1, 2, 3, 8, 7]
+    # No size that the nonlinear equations give.
+    e = e._replace(stroke=np.full((1, 12), 0.3), reserve=np.full((1, 12), 0.05))
+    assert asking.conditions_asked(e) == [0, 1, 2, 3]
+
+
+# Ensemble
+
+
+def test_significantly_more_runs_speak_against_a_design(judged, v):
+    """The bare block against a pendulum that makes it overturn, on the runs of a larger ensemble."""
+    found = judged[0].by_ensemble(dataclasses.replace(v, reasons=()))
+    assert found.verdict is not None
+    assert (found.reasons == ()) is not found.verdict.harms
+    assert pendulum_of(SCENE, v).mass == pytest.approx(v.mass_ratio * SCENE.block.mass)
+
+
+# What counts as an improvement, and what comes nearest
+
+
+def test_a_model_must_show_more_than_its_error(alone, judged):
+    assert alone.tolerance == 0.01
+    assert alone.needed == pytest.approx(0.99 * alone.bare.value)
+    stern = judged[0]
+    assert stern.needed == stern.bare.value
+    orbit_descent = verification(stern.objective, tpd.Descent())
+    assert orbit_descent.tolerance == 0.0, "a search over orbits has no error"
+    assert orbit_descent.needed == stern.bare.value
+
+
+def test_a_search_without_ends_and_one_that_does_not_help(search):
+    from tpd.design.search import Multistart
+
+    checked = verification(search.objective)
+    assert checked.best_of(Multistart(search.objective, FEW_STEPS, 0, None)) is DesignStatus.none_feasible
+    checked.bare = dataclasses.replace(checked.bare, value=0.01)
+    assert checked.best_of(search) is DesignStatus.no_improvement
+    assert checked.verified == []
+
+
+def test_the_nearest_design_is_that_of_least_excess(search):
+    from tpd.design.checkpoint import Checkpoint
+    from tpd.design.search import Multistart
+
+    tight = orbits(limits=(tpd.limits.Stroke(0.5), tpd.limits.Walls()))
+    checked = verification(tight)
+    assert checked.nearest(search) is None, "it has designs within the limits"
+    out = Multistart(tight, tpd.Sequential(searches=4, screening=24, steps=4), 0, None)
+    out.run(Checkpoint(None, "", {}))
+    found = checked.nearest(out)
+    excess = tight.constraints(tight.evaluate(out.designs))[0].max(axis=1)
+    np.testing.assert_array_equal(found.design, out.designs[np.argmin(excess)])
+    assert found.broken[0].value == pytest.approx(1.0 + excess.min(), rel=1e-6)
+    assert all(reason.kind is ReasonKind.breaks_limit for reason in found.broken)
+
+
+def test_rest_under_all_conditions():
+    calm = verification(orbits(conditions=tpd.Conditions.amplitudes(0.1, 0.2)))
+    assert calm.rests
+    assert calm.bare_rests_nonlinearly()
+    assert not verification(orbits()).rests

@@ -1,0 +1,120 @@
+"""Results of the runs of an ensemble: shares with their confidence intervals, and quantiles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from tpd.core.formatting import Printed
+from tpd.core.status import SETTLED
+
+if TYPE_CHECKING:
+    from tpd.analysis.ensemble import Ensemble
+
+_Z = 1.959964
+"""Quantile of the normal distribution for a two-sided interval of 95 %."""
+LOST = ("overturned", "failed")
+"""Statuses of runs that count as overturned. A run that leaves the numbers counts as well: a share of
+overturned runs must not fall because the solver gave up."""
+
+
+class Share(NamedTuple):
+    """A share of the runs, with its 95 % confidence interval (Wilson's)."""
+
+    value: float
+    low: float
+    high: float
+
+    @staticmethod
+    def of(hits: np.ndarray) -> Share:
+        """Share of the true entries in a vector."""
+        # Wilson's interval stays within 0 to 1 and is not empty where no run, or every run, is a hit.
+        n, s = len(hits), float(np.mean(hits))
+        middle = (s + _Z**2 / (2 * n)) / (1 + _Z**2 / n)
+        half = _Z / (1 + _Z**2 / n) * math.sqrt(s * (1 - s) / n + _Z**2 / (4 * n**2))
+        return Share(s, max(0.0, middle - half), min(1.0, middle + half))
+
+    def __str__(self) -> str:
+        return f"{self.value:.1%} ({self.low:.1%} to {self.high:.1%})"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Outcomes(Printed):
+    """Outcomes of the runs of an ensemble: arrays of shape (size,), angles in rad."""
+
+    ensemble: Ensemble
+    status: np.ndarray
+    """Names of statuses; a run that has not settled within its periods is not_settled."""
+    peak: np.ndarray
+    """Largest |phi| from the start on; infinite where the block overturns."""
+    amplitude: np.ndarray
+    """Settled |phi|, or the largest of the last periods; infinite where the block overturns."""
+    peak_stroke: np.ndarray
+    """Largest |psi| from the start on."""
+    stroke: np.ndarray
+    """Settled |psi|, or the largest of the last periods."""
+    ramp: np.ndarray
+    """Seconds (or units of tau) over which the shaking grew."""
+
+    @property
+    def overturned(self) -> Share:
+        """Share of the runs in which the block overturns; see `lost`."""
+        return Share.of(self.lost)
+
+    @property
+    def lost(self) -> np.ndarray:
+        """Whether a run overturned, or ended without finite numbers."""
+        return np.isin(self.status, LOST)
+
+    @property
+    def at_rest(self) -> Share:
+        """Share of the runs in which the block comes to rest for good."""
+        return Share.of(self.status == "rest")
+
+    @property
+    def settled(self) -> Share:
+        """Share of the runs that reach a periodic motion, or rest."""
+        return Share.of(np.isin(self.status, SETTLED))
+
+    def summary(self) -> dict[str, Any]:
+        """Shares with their intervals, and quantiles, for JSON."""
+        shares = {"overturned": self.overturned, "at_rest": self.at_rest, "settled": self.settled}
+        quantiles = {n: self.quantiles(n) for n in ("peak", "amplitude", "peak_stroke", "stroke")}
+        return {"shares": {n: tuple(s) for n, s in shares.items()}, "quantiles_50_90_99": quantiles}
+
+    def quantiles(self, of: str, at: tuple[float, ...] = (0.5, 0.9, 0.99)) -> tuple[float, ...]:
+        """Quantiles of `peak`, `amplitude`, `peak_stroke` or `stroke` over all runs, overturned ones at
+        infinity: the least number that at least such a share of the runs does not exceed."""
+        values = np.sort(getattr(self, of))
+        return tuple(float(values[min(len(values) - 1, math.ceil(q * len(values)) - 1)]) for q in at)
+
+    def by_ramp(self) -> dict[float, Share]:
+        """Share overturned for each duration over which the shaking grows."""
+        return {float(r): Share.of(self.lost[self.ramp == r]) for r in np.unique(self.ramp)}
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Lines of a table: a name, and a share or quantiles as text."""
+        out = [("overturned", str(self.overturned))]
+        for ramp, share in self.by_ramp().items():
+            name = "sudden" if ramp == 0.0 else f"growing for {ramp:g} s"
+            out.append((f"  {name}", f"{share.value:.1%}"))
+        out.append(("at rest in the end", str(self.at_rest)))
+        for name, of in _QUANTILES.items():
+            sizes = "  ".join(f"{v:.4f}" if math.isfinite(v) else "lost" for v in self.quantiles(of))
+            out.append((f"{name}: 50, 90, 99 %", sizes))
+        return out
+
+    def __str__(self) -> str:
+        e = self.ensemble
+        head = f"Ensemble of {e.size} runs of up to {e.periods} periods, seed {e.seed}"
+        return "\n".join([head, *(f"  {name:36}{text:>26}" for name, text in self.rows())])
+
+
+_QUANTILES = {
+    "largest tilt, rad": "peak",
+    "settled tilt, rad": "amplitude",
+    "bob's angle, rad": "peak_stroke",
+}

@@ -1,0 +1,82 @@
+"""Exact settled motions of one design under all conditions, from rest, by events."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from tpd.analysis.steady_state import steady_state
+from tpd.analysis.work_queue import settle_all
+from tpd.core.conditions import Conditions, under, under_all
+from tpd.core.parameters import Parameters, as_arrays
+from tpd.core.status import names_of, status_name
+from tpd.design.followed import Followed
+from tpd.design.objective import KINDS, NONE, REST, Evaluation
+from tpd.design.result import Motions
+from tpd.models.piecewise import Piecewise
+
+_POLISHED = 32
+"""Conditions up to which exact amplitudes are polished by Newton's method, to round-off."""
+
+
+def motions_from_rest(p: Parameters, design: np.ndarray, conditions: Conditions, periods: int) -> Motions:
+    """Motions as followed for at most `periods` forcing periods; without multipliers."""
+    q = under_all(p, jnp.asarray(design)[None], conditions)
+    settled = settle_all(q, np.zeros((len(conditions), 4)), model=Piecewise(max_periods=periods))
+    names = names_of(settled.status)
+    sizes = settled.amplitude, settled.stroke, settled.peak, settled.peak_stroke
+    amplitude, stroke, peak, peak_stroke = (
+        np.where(names == "overturned", np.inf, np.asarray(x)) for x in sizes
+    )
+    return Motions(
+        model="exact",
+        status=names,
+        amplitude=amplitude,
+        stroke=stroke,
+        peak=peak,
+        peak_stroke=peak_stroke,
+        multiplier=np.full(len(names), np.nan),
+        periods=np.asarray(settled.periods),
+    )
+
+
+def polished(p: Parameters, design: np.ndarray, conditions: Conditions, motions: Motions) -> Motions:
+    """The motions with amplitudes to round-off and multipliers; as they are under many conditions."""
+    if len(conditions) > _POLISHED:
+        return motions
+
+    def one(row: Array) -> tuple:
+        s = steady_state(as_arrays(under(p, jnp.asarray(design), row)), model=Piecewise())
+        return status_name(s.status), float(s.amplitude), float(s.stroke), float(s.multiplier), int(s.periods)
+
+    columns = zip(*(one(row) for row in conditions.factor_rows()), strict=True)
+    status, amplitude, stroke, multiplier, periods = (np.array(x) for x in columns)
+    lost = status == "overturned"
+    return Motions(
+        model=motions.model,
+        status=status,
+        amplitude=np.where(lost, np.inf, amplitude),
+        stroke=np.where(lost, np.inf, stroke),
+        peak=motions.peak,
+        peak_stroke=motions.peak_stroke,
+        multiplier=multiplier,
+        periods=periods,
+    )
+
+
+def searched_motions(objective: Followed, e: Evaluation) -> Motions:
+    """Motions of one design by the model that was searched with, from its evaluation."""
+    names = {REST: "rest", NONE: "overturned"}
+    status = np.array([names.get(int(k), KINDS[int(k)]) for k in e.kind[0]])
+    unknown = np.full(len(status), np.nan)
+    return Motions(
+        model=type(objective.model).__name__.lower(),
+        status=status,
+        amplitude=e.tilt[0] * objective.geometry.slenderness,
+        stroke=e.stroke[0],
+        peak=unknown,
+        peak_stroke=unknown,
+        multiplier=e.multiplier[0],
+        periods=np.ones(len(status), int),
+    )

@@ -1,0 +1,101 @@
+"""The contact of block and base: the decision between slip, stick and rest, impacts, and how events are met.
+
+These rules are the same for the linear equations, solved in closed form, and for the nonlinear ones,
+integrated from event to event. They take moments and rates as numbers and do not know where these come from.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax.lax import stop_gradient
+from jaxtyping import Array, Bool, Float, Int
+
+from tpd.core.parameters import Number
+
+SLIP, STICK, REST = 0, 1, 2
+
+
+class Mode(eqx.Module):
+    """The discrete state: slip, stick or rest, with the signs of the tilt and of its rate."""
+
+    kind: Int[Array, ""]
+    tilt_sign: Float[Array, ""]
+    """Sign of phi; without meaning at rest."""
+    rate_sign: Float[Array, ""]
+    """Sign of phi'; without meaning on a held block."""
+
+    def equals(self, other: Mode) -> Bool[Array, ""]:
+        """Whether both are the same, signs without meaning left aside."""
+        tilts = (self.kind == REST) | (self.tilt_sign == other.tilt_sign)
+        turns = (self.kind != SLIP) | (self.rate_sign == other.rate_sign)
+        return (self.kind == other.kind) & tilts & turns
+
+
+def decide(up: Number, down: Number, friction: Number, tilt_sign: Number, rate_sign: Number) -> Mode:
+    """The mode of a state.
+
+    Args:
+        up: moment on the held block less what its weight balances against a move to positive tilt.
+        down: the same against a move to negative tilt; off the base both are equal.
+        friction: largest moment of friction.
+        tilt_sign: sign of phi, 0 on the base.
+        rate_sign: sign of phi', 0 at a turn.
+    """
+    # A block that does not move stays where it is as long as friction balances the excess. On its base it has
+    # an excess for either direction, because weight resists both: it rests while -k <= down and up <= k,
+    # which in the linear equations is |R| <= (1 + mu) nu + k.
+    lifts = jnp.where(up > friction, 1.0, jnp.where(down < -friction, -1.0, 0.0))
+    goes = jnp.where(rate_sign != 0, rate_sign, lifts)
+    kind = jnp.where(goes != 0, SLIP, jnp.where(tilt_sign != 0, STICK, REST))
+    # From the base the block tilts to the side to which it goes.
+    return Mode(kind, stop_gradient(jnp.where(tilt_sign != 0, tilt_sign, goes)), stop_gradient(goes))
+
+
+def released(before: Mode, side: Number) -> Mode:
+    """The mode after friction at its limit lets a held block go to `side`, which is +1 or -1."""
+    # The moment is at the limit up to rounding, so that `decide` could hold the block once more. The signal
+    # that vanished says which limit it is.
+    tilt_sign = jnp.where(before.kind == REST, side, before.tilt_sign)
+    return Mode(jnp.full_like(before.kind, SLIP), tilt_sign, jnp.asarray(side))
+
+
+def impact_jump(change: Number, length_ratio: Number, cosine: Number | float = 1.0) -> tuple[Number, Number]:
+    """Changes of phi' and psi' in an impact that changes phi' by `change`: with restitution e this is e - 1
+    times phi' before. `cosine` is that of psi, 1 in the linear equations."""
+    # The impulse acts on the block. The bob feels only the pull of its rod: the second row of the equations
+    # of motion, integrated over the impact, leaves lam dpsi' = 2 cos(psi) dphi'.
+    return change, 2.0 * cosine / length_ratio * change
+
+
+def captured_restitution(restitution: Number, rests: Bool[Array, ""]) -> Number:
+    """The restitution of an impact, 0 if the block `rests` after it."""
+    # Where a held block hops on, each hop is smaller than the last by e, and infinitely many of them end in
+    # finite time. The remaining hops take the rate of the block to zero and give the bob what one perfectly
+    # plastic impact would: sum over e^n (e - 1) = -1. The error is of the order of the square of the rate.
+    return jnp.where(rests, 0.0, restitution)
+
+
+def transversality_of(
+    before: Mode,
+    after: Mode,
+    turn: Number,
+    crossing: Number,
+    free: Bool[Array, ""],
+    usual: tuple[Number, Number],
+) -> Number:
+    """How transversally a slipping block meets an event, over what is usual; infinite for other events.
+
+    Args:
+        before: mode before the event.
+        after: mode after it.
+        turn: phi'' at a turn, infinite at another event.
+        crossing: phi' at a crossing of phi = 0, infinite at another event.
+        free: whether the moment at the crossing would lift a block at rest.
+        usual: sizes of phi'' and of phi'.
+    """
+    # The derivative of an event's time has this rate as its denominator: where it vanishes the motion grazes.
+    # A crossing after which the block could be held is one of the hops of a rattle. These are as slow as one
+    # likes on every orbit that comes to rest, and say nothing about grazing.
+    met = jnp.minimum(jnp.abs(turn) / usual[0], jnp.where(free, jnp.abs(crossing) / usual[1], jnp.inf))
+    return stop_gradient(jnp.where((before.kind == SLIP) & (after.kind == SLIP), met, jnp.inf))
