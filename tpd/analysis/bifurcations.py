@@ -256,7 +256,8 @@ class _Point(NamedTuple):
 
 
 def _newton(search: _Search, kind: Kind, guess: np.ndarray, gap: _Gap) -> _Point | None:
-    """Solve for u and the value by Newton's method with limited steps; None if it fails to converge nearby."""
+    """Solve for u and the value by Newton's method with limited steps; None if it fails to converge
+    nearby."""
     u, m, value, last = guess, len(guess), gap.value, math.inf
     low, high = search.window(kind, gap)
     for _ in range(40):

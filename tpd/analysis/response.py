@@ -21,8 +21,8 @@ from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import status_name
 
 _TOWARDS = np.geomspace(1e-5, 0.5, 12)
-"""Distances of further values from a bifurcation, in spacings of the sweep. At a fold the amplitude turns round
-like a square root: an even spacing would cut the tip off."""
+"""Distances of further values from a bifurcation, in spacings of the sweep. At a fold the amplitude turns
+round like a square root: an even spacing would cut the tip off."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -69,9 +69,8 @@ def sweep(subject: Parameters | Scene, name: str, values: Any, *, pendulum: Pend
     det(I - G) keeps its sign, so that no branch runs through a fold. rho follows nu where the subject
     leaves it so.
 
-    Args:
-        subject: dimensionless parameters, or a scene; its value of `name` is not used.
-        name: parameter or quantity that varies: one of nu, mu, lam, zeta, k, f, xi, e and rho, the other parameters
+    Args: subject: dimensionless parameters, or a scene; its value of `name` is not used. name: parameter or
+        quantity that varies: one of nu, mu, lam, zeta, k, f, xi, e and rho, the other parameters
             held. In a scene also width, height, mass, friction, restitution, amplitude, frequency,
             pendulum_mass, pendulum_length or pendulum_damping, the other quantities in SI units held: a
             higher `frequency` is a larger xi and, at the same amplitude, a larger f.

@@ -90,10 +90,12 @@ def pendulum(options: argparse.Namespace, of: Scene, varied: tuple[str, ...] = (
     mass = _one(options.pendulum_mass, options.mass_ratio, of.block.mass)
     length = _one(options.pendulum_length, options.length_ratio, of.block.half_height)
     damping = options.pendulum_damping
+    # A quantity that is varied takes its values from the axis; the one set here is only a placeholder.
     if mass is None and {"pendulum_mass", "mu"} & set(varied):
         mass = of.block.mass
     if length is None and {"pendulum_length", "lam"} & set(varied):
         length = of.block.half_height
+    # Any of the three options asks for a pendulum, so a lone damping ratio is a mistake and not a bare block.
     named = damping is not None or {"pendulum_damping", "zeta"} & set(varied)
     if mass is None and length is None and not named:
         return None
@@ -131,6 +133,7 @@ def use_64_bits() -> None:
 
     jax.config.update("jax_enable_x64", True)
     if jax.config.jax_compilation_cache_dir is None:  # type: ignore[attr-defined]
+        # A cache of the user, never one that is shared: compiled programs are executed as they are found.
         cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tpd" / "compiled"
         with contextlib.suppress(OSError):
             cache.mkdir(parents=True, exist_ok=True)
@@ -165,6 +168,7 @@ class Bar:
         """Show how much of a stage is done."""
         from tqdm import tqdm
 
+        # A stage that begins again, as for a second model, gets a bar of its own.
         if stage != self._stage or self._bar is None or done == 1:
             if self._bar is not None:
                 self._bar.close()

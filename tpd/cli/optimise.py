@@ -114,6 +114,7 @@ def run(options: argparse.Namespace) -> int:
     common.use_64_bits()
     from tpd.cli import config
 
+    # The job is checked as a whole before anything is written or compiled.
     job = config.job_of(common.tables(options))
     unfinished = options.out / _UNFINISHED
     _claim(options, unfinished)
@@ -136,9 +137,11 @@ def _claim(options: argparse.Namespace, unfinished: Path) -> None:
     """Check, before any work, that results can be written, and that there is a search to resume."""
     from tpd.core import files
 
+    # Without this check a mistyped directory would begin a new search in silence.
     if options.resume and not unfinished.exists():
         raise ValueError(f"there is nothing to resume: {unfinished} does not exist")
     files.claim(options.out, overwrite=options.overwrite or options.resume)
+    # A search of another problem must not be taken for the beginning of this one.
     if not options.resume:
         unfinished.unlink(missing_ok=True)
 
@@ -183,6 +186,7 @@ def _front(job: Job, design: Design, bar: common.Bar) -> Front | None:
 
 def _exit_status(design: Design, unfinished: Path) -> int:
     if design.status.name == "interrupted":
+        # Groups of searches are stored as they end; before the first there is nothing to go on from.
         begin_again = "no search had ended: begin again with --overwrite"
         print(_hint(unfinished) if unfinished.exists() else begin_again)
         return common.INTERRUPTED

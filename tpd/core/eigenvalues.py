@@ -109,9 +109,6 @@ def quartic_roots(coefficients: tuple[Number, ...]) -> tuple[Float[Array, "4"], 
 
     No derivatives pass: where a caller wants one, a Newton step from the converged root gives it.
     """
-    # Aberth's iteration is Newton's method for all roots at once, each repelled by the others as by equal
-    # charges, so that no two starts find the same root. It converges with the third power to simple roots and
-    # linearly to multiple ones, hence the bound on the steps.
     c1, c2, c3, c4 = (jax.lax.stop_gradient(c) for c in coefficients)
     # All roots lie within twice max |c_k|^(1/k) (Fujiwara's bound).
     radius = jnp.maximum(

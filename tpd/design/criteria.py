@@ -57,6 +57,7 @@ class Risk:
     def of(self, values: np.ndarray) -> np.ndarray:
         """Measure over the last axis: the largest weighted mean with no weight above the cap."""
         n = values.shape[-1]
+        # Weights of the worst conditions are as large as the cap allows: this is the mean of the worst share.
         cap = self.cap(n)
         ordered = -np.sort(-values, axis=-1)
         weights = np.clip(1.0 - cap * np.arange(n), 0.0, cap)
@@ -205,6 +206,7 @@ class Walls(Limit):
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The ball's reach over the half width, and its radius over half the rod."""
+        # Steel, since a heavier bob is smaller: of common materials it needs the least room.
         rod, ball = g.rod(e.design), g.radius(e.design)
         reach, slope = _reach(e, g)
         growing, longer = np.zeros_like(slope), np.zeros_like(slope)
@@ -248,6 +250,8 @@ class Reserve(Limit):
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """A size that is at most one where the reserve is at least `least`."""
+        # Sizes are bounded from above, a reserve from below: 2 - x/least is at most 1 where x is at least
+        # `least`.
         yield Size(self.name, 2.0 - e.reserve / self.least, -e.reserve_slope / self.least)
 
 
@@ -301,8 +305,10 @@ def _relative(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:
 
 def _reach(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:
     """Largest distance of the bob's centre from the block's axis, m, and its derivatives."""
+    # Both largest angles need not occur at once. Their sum is a bound, so that the limit is safe.
     angle, angle_slope = _relative(e, g)
     rod = g.rod(e.design)
+    # Beyond a right angle the bob comes back towards the axis, but it has been a rod's length away.
     inside = angle < 0.5 * np.pi
     sine = np.sin(np.minimum(angle, 0.5 * np.pi))
     across = np.where(inside, rod * np.cos(np.where(inside, angle, 0.0)), 0.0)

@@ -70,6 +70,7 @@ class Followed(AbstractObjective):
         derivative leads out; tilt and stroke are those of the other starts."""
         runs = self._runs(designs, progress)
         merit, merit_slope, tilt, tilt_slope, stroke, stroke_slope, multiplier, kind, margin = runs
+        # A start that overturns has no tilt and no stroke; its merit counts all the same.
         gone = kind == NONE
         tallest = np.argmax(np.where(gone, -np.inf, tilt), axis=-1)
         widest = np.argmax(stroke, axis=-1)
@@ -79,6 +80,7 @@ class Followed(AbstractObjective):
         else:
             merit, merit_slope = merit.mean(axis=-1), merit_slope.mean(axis=-2)
         multiplier = np.where(gone, -np.inf, multiplier).max(axis=-1)
+        # A motion that is followed does not know how far it is from where it stops attracting.
         bound = None if self.orbits is None else self.orbits.evaluate(designs)
         nothing = np.ones_like(merit), np.zeros_like(merit_slope)
         return Evaluation(
@@ -164,6 +166,8 @@ def _differentiated(
     """Merit, tilt and stroke with their derivatives, multiplier, kind and margin of one followed start."""
     q = as_arrays(under(p, design, factors))
     steady, by_leaf = answered(q, model, settled)
+    # Chain rule: derivatives in the parameters come from the model, those of the parameters in the design
+    # from the condition.
     slopes = by_leaf[:2] @ jax.jacfwd(partial(_leaves, p, factors))(design)
     lift, lift_slope = jax.value_and_grad(lambda x: jnp.asarray(uplift(under(p, x, factors)).margin))(design)
     status = steady.status
@@ -175,6 +179,7 @@ def _differentiated(
     tilt_slope = jnp.where(rocks, finite[0], 0.0) / q.nu
     stroke = jnp.where(lost, 0.0, steady.stroke)
     stroke_slope = jnp.where(rocks | rests, finite[1], 0.0)
+    # The same scale as for orbits, so that an answer can be compared across objectives.
     merit = jnp.where(lost, 2.0 - lift, jnp.where(rests, -lift, tilt))
     merit_slope = jnp.where(lost | rests, -lift_slope, tilt_slope)
     multiplier = jnp.where(rocks, steady.multiplier, jnp.where(rests, 0.0, jnp.inf))

@@ -31,6 +31,7 @@ def wanted(status: DesignStatus, verified: list[Verified], objective: AbstractOb
     """Whether the nonlinear equations may have another answer than the linear search: with one condition
     whenever that offers none, with several where the nonlinear equations refused a design."""
     n = len(objective.conditions)
+    # The search was on the nonlinear equations already: nothing more to be had from them.
     if isinstance(objective, Followed) and isinstance(objective.model, Segmented):
         return False
     if status is DesignStatus.found or n > MOST_CONDITIONS:
@@ -46,6 +47,8 @@ def nonlinear_search(
     o = objective
     followed = nonlinear_objective(objective)
     on = Multistart(followed, _METHOD, seed, progress)
+    # Half of the budget on designs that the linear search knows nothing of: where the two sets of equations
+    # differ most, its ranking is of no use.
     units = _screened(search, seed)
     after = None if progress is None else stage(progress, "nonlinear screening")
     e = followed.evaluate(o.space.unscaled(units), after)

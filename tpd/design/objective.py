@@ -155,6 +155,7 @@ class AbstractObjective(ABC):
 
     def linearised(self, e: Evaluation) -> Linearisation:
         """Merits, tightened constraints and their derivatives along the searched shares of the bounds."""
+        # Shares of the bounds make one trust region fit all coordinates.
         low, high = self.space.bounds
         scale, d = (high - low)[None, None, :], low.size
         limit, limit_slope = self.constraints(e)
@@ -202,6 +203,7 @@ class Orbits(AbstractObjective):
     def evaluate(self, designs: np.ndarray, progress: Count | None = None) -> Evaluation:
         """See `AbstractObjective`."""
         m, n = len(designs), len(self.conditions)
+        # Designs and conditions are pairs of one long batch: chunks stay full whatever the shape.
         out = in_chunks(_orbits, self._batch(designs), chunk=self._chunk, progress=progress)
         return Evaluation(*(x.reshape(m, n, *x.shape[1:]) for x in out), design=designs)
 
@@ -230,8 +232,11 @@ def _orbits(args: tuple[Parameters, Array, Array, Array]) -> tuple:
         out = o.amplitude / q.nu, o.stroke, reserve, jnp.asarray(lift.margin), jnp.asarray(lift.stroke)
         return out, (out, o.status, jnp.max(jnp.abs(o.multipliers), axis=-1))
 
+    # Forward mode: three directions against some ten answers, and a derivative that is missing in one answer
+    # stays out of the others.
     slopes, (values, status, multipliers) = jax.jacfwd(sizes, has_aux=True)(design)
     kinds = _kinds(status)
+    # Orbits come sorted by amplitude, the largest first: of equal kinds the largest counts.
     best = jnp.argmin(kinds)
     margin, still = values[3], values[4]
     rests = (margin > 0.0) & ((kinds[best] > REST) | (rest_counts > 0.0))
@@ -261,6 +266,8 @@ def _kinds(status: Status) -> Array:
 
 def _merit(kind: Array, tilt: Array, margin: Array) -> Array:
     """Merit of an orbit, of rest, or of nothing that attracts: the worse, the larger."""
+    # Above any attracting orbit, whose tilt is below one: a search must leave such designs, and the uplift
+    # margin says which way leads to rest.
     nothing = jnp.where(kind == UNSTABLE, 1.0 + tilt, 2.0 - margin)
     return jnp.where(kind <= NEAR, tilt, jnp.where(kind == REST, -margin, nothing))
 

@@ -71,6 +71,7 @@ def pareto(
     search = Multistart(objective, problem.method, seed, progress)
     search.screen()
     least = max(space.mass_ratio[0], 1e-3 * space.mass_ratio[1])
+    # Equal ratios: the first kilogrammes buy most.
     bounds = np.geomspace(least, space.mass_ratio[1], points + 1)[1:]
     units, ceiling = _lanes(search, bounds, method.searches)
     found = minimise(

@@ -68,6 +68,7 @@ class Problem:
         space = _narrowed(DesignSpace() if space is None else space, scene, limits)
         p = as_arrays(scene.parameters())
         method = _with_model(_default_method(conditions) if method is None else method, p, conditions)
+        # The method decides: a closed form knows all orbits, a model must begin somewhere.
         starts = _default_starts(method) if starts is None else starts
         if method.model is not None and starts.kind is StartKind.any:
             raise ValueError(
@@ -114,6 +115,7 @@ def _with_model(method: Method, p: Parameters, conditions: Conditions) -> Method
     the exact model where impacts lose energy, which smoothed signs cannot represent."""
     if not isinstance(method, Descent) or method.model is not None or len(conditions) > 1:
         return method
+    # tanh has no place for the jump of the rate at an impact.
     lossless = float(p.e) == 1.0
     model: AbstractModel = (
         Smoothed(max_periods=200) if lossless else Piecewise(max_periods=200, lyapunov_periods=0)
@@ -136,6 +138,7 @@ def _narrowed(space: DesignSpace, scene: Scene, limits: tuple[Limit, ...]) -> De
     if not isinstance(limit, Mass):
         return space
     low, high = space.mass_ratio
+    # A bound is kept exactly by every method; a constraint only to its tolerance.
     most = limit.kg / scene.block.mass
     if most <= low:
         raise ValueError(

@@ -354,8 +354,8 @@ class Design(Printed):
         with_it, without = (f"{x:.4g} rad" if math.isfinite(x) else "overturned" for x in amplitudes)
         if len(self.conditions) > 1:
             lines.append(
-                f"  value       {self.winner.value:.4g}, {self.bare.value:.4g} without: {self.risk.name} tilt over "
-                "slenderness, less than 0 at rest"
+                f"  value       {self.winner.value:.4g}, {self.bare.value:.4g} without: {self.risk.name} "
+                "tilt over slenderness, less than 0 at rest"
             )
         return "\n".join(
             [

@@ -36,8 +36,10 @@ def screened_designs(objective: AbstractObjective, count: int, seed: int) -> np.
     the largest uplift margin under all conditions."""
     space = objective.space
     rng = np.random.default_rng([seed, 2])
+    # The margin costs next to nothing, so that thousands of designs can be asked.
     wide = space.unscaled(latin_hypercube(rng, _CLOSED, space.bounds.shape[1]))
     still = np.argsort(-margins(objective, wide).min(axis=1), kind="stable")[: count // 4]
+    # Without a stroke limit a right angle stands for it: a resting bob cannot swing further.
     limit = min(stroke_limit(objective.limits), 0.5 * np.pi)
     spread = starting_designs(objective.p, space, limit, count - len(still), seed)
     return np.concatenate([spread, wide[still]])
@@ -50,6 +52,7 @@ def starting_designs(p: Parameters, space: DesignSpace, stroke: float, count: in
     low, high = space.bounds
     half = (count + 1) // 2
     spread = latin_hypercube(rng, half, low.size)
+    # Targets differ: with one margin for all, the designs would crowd on one curve.
     target = rng.uniform(0.0, 0.2, size=half)
     fixed = jnp.asarray(space.full(low))[low.size :]
     ends = jnp.asarray(low), jnp.asarray(high)
@@ -86,6 +89,7 @@ def best_apart(units: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
     """Indices of the best designs that lie apart from each other, shape (count,) or fewer."""
     chosen: list[int] = []
     order = np.argsort(values, kind="stable")
+    # First designs of different valleys; neighbours fill up what is left.
     for apart in _APART:
         for i in order:
             far = all(np.linalg.norm(units[i] - units[j]) > apart for j in chosen)

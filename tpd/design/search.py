@@ -61,6 +61,7 @@ class Multistart:
                     part = None if known is None else known.at(rows)
                     ended = self._search(units[rows], part, i, len(groups))
                 self.groups.append(ended)
+                # Stored at once: an interruption or a crash loses one group at most.
                 checkpoint.put(i, ended)
         except KeyboardInterrupt:
             self.interrupted = True
@@ -73,8 +74,11 @@ class Multistart:
         designs = screened_designs(objective, planned, self.seed)
         after = None if self.progress is None else stage(self.progress, "screening")
         followed = isinstance(objective, Followed)
+        # Smoothed or nonlinear motions cost a hundred times as much as exact ones; screening needs no
+        # derivative.
         e = _exact(objective, designs, after) if followed else objective.evaluate(designs, after)
         local = objective.linearised(e)
+        # Designs slightly beyond a limit stay in the order: a search leads them back inside.
         excess = np.maximum(local.limit, 0.0).sum(axis=1)
         self.screened, self.screened_value = designs, objective.value(e) + excess
         self.feasible, self.overturned = excess == 0.0, np.any(~e.attracts, axis=1)
@@ -102,6 +106,7 @@ class Multistart:
         on.before, on.first = self.evaluations, self.first + len(self.groups)
         on._inherit(self)
         best = first_apart(self.units, self.order(feasible=False), min(_CARRIED, self.count))
+        # Ends that a later stage has not reached when it is interrupted are still answers of the former one.
         on.pending = self.units[best]
         on.count, on.description = len(best), f"{self.description}, {len(best)} finished {words}"
         groups = range(0, len(best), together)
@@ -135,6 +140,7 @@ class Multistart:
         apart from the ends, as if a search had ended there as well."""
         on = copy(self)
         units = np.concatenate([g.path.reshape(-1, g.path.shape[-1]) for g in self.groups])
+        # The paths' merits hold the penalty: a design beyond a limit is far down the order.
         merit = np.concatenate([g.path_merit.ravel() for g in self.groups])
         order = np.argsort(merit, kind="stable")
         ends = len(self.units)

@@ -98,6 +98,7 @@ def study(design: Design, *, front: Front | None = None, progress: Progress | No
     Raises:
         RuntimeError: JAX is in 32-bit mode.
     """
+    # After Ctrl-C the user wants the prompt back, not minutes of further work.
     if design.status is DesignStatus.interrupted:
         return Study(front=front, usage=usage(design))
     scene, hung, left_out = design.scene, design.pendulum, []
@@ -110,6 +111,7 @@ def study(design: Design, *, front: Front | None = None, progress: Progress | No
             return None
 
     own = is_own_shaking(design.conditions)
+    # Elasticities are derivatives of the motion from rest. They say nothing about other starts.
     from_rest = own and design.starts == Starts.rest()
     return Study(
         histories=part("the time histories", True, time_histories, scene, hung),
@@ -138,6 +140,7 @@ def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory
     out = []
     for hung in cases:
         p = as_arrays(scene.parameters(hung))
+        # Both models are sampled at equal times: the picture shows where they part.
         tau = sampled(p)
         time = np.asarray(tau) / scene.rate
         for name, model in models.items():

@@ -78,6 +78,7 @@ class Verification:
         search knows the exact orbits."""
         p = objective.p
         self.none = np.array([0.0, float(p.lam), float(p.zeta)])
+        # A bob without mass: the same program answers for the bare block, and nothing else is compiled.
         evaluation = objective.evaluate(self.none[None])
         self.bare = Bare(
             value=float(objective.value(evaluation)[0]),
@@ -111,6 +112,7 @@ class Verification:
         order = search.order()
         if not len(order):
             return DesignStatus.none_feasible
+        # A design that does not help is not worth the cost of verification.
         helps = order[search.values[order] < self.needed]
         if not len(helps):
             return DesignStatus.no_improvement
@@ -253,6 +255,7 @@ class Verification:
         """Eight shakings within 1 % of the worst condition; one settled motion does not say that it is
         reached safely."""
         worst = int(np.argmax(v.evaluation.merit[0]))
+        # Settled amplitudes change smoothly with the shaking; whether the way there overturns does not.
         shakes = [(1.0 + d, 1.0) for d in _NEARBY] + [(1.0, 1.0 + d) for d in _NEARBY]
         amplitude, frequency = np.array(shakes).T
         near = Conditions({"amplitude": amplitude, "frequency": frequency})

@@ -59,11 +59,13 @@ def animate(scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHis
         pendulum: None for the bare block alone.
         histories: exact time histories, of the bare block and with the pendulum.
     """
+    # With fewer frames than this in a period the motion would alias: it would seem to go backwards.
     slowed = max(1, math.ceil(_PER_PERIOD * scene.motion.frequency / _RATE))
     frames = int(_RATE * min(_SECONDS, 24.0 / scene.motion.frequency * slowed))
     times = np.arange(frames) / (_RATE * slowed)
     reels = [reel(h, pendulum if h.with_pendulum else None, times) for h in histories if h.model == "exact"]
     figure, draw = _stage(scene, reels, times, slowed)
+    # The writer of Matplotlib needs a path; the report wants bytes.
     with tempfile.TemporaryDirectory() as folder:
         path, writer = Path(folder) / "motion.gif", PillowWriter(fps=_RATE)
         with writer.saving(figure, str(path), dpi=_DPI):
@@ -78,6 +80,7 @@ def reel(history: TimeHistory, pendulum: Pendulum | None, times: np.ndarray) -> 
     known = np.isfinite(history.tilt) & np.isfinite(history.bob)
     sound = known & (np.abs(history.tilt) < 0.5 * math.pi)
     end = len(sound) if sound.all() else int(np.argmin(sound))
+    # An overturned block is drawn lying on the side to which it fell.
     side = math.copysign(0.5 * math.pi, history.tilt[max(end - 1, 0)])
     lost = times >= history.time[end] if end < len(sound) else np.zeros(len(times), bool)
     part = slice(0, max(end, 1))
@@ -90,8 +93,10 @@ def _stage(
 ) -> tuple[Figure, Callable[[int], None]]:
     """Make the figure, and a function that draws a frame of it."""
     largest = max(float(np.abs(r.tilt).max()) for r in reels)
+    # Tilts of a hundredth of a radian cannot be seen; angles of the bob are large enough as they are.
     larger = next((m for m in _MAGNIFIED if m * largest >= _VISIBLE), 1) if largest > 1e-9 else 1
     base = scene.motion.amplitude * np.sin(scene.motion.rate * times)
+    # All shapes are computed before the figure is made: the axes must hold every frame.
     films = [[_shapes(scene, r, i, larger, float(x)) for i, x in enumerate(base)] for r in reels]
     low, high = _bounds(scene, np.concatenate([x for film in films for shapes in film for x in shapes]))
     shape = (high[0] - low[0]) / (high[1] - low[1])

@@ -45,12 +45,14 @@ def _tilts(ax: Any, design: Design, x: np.ndarray, order: np.ndarray) -> None:
     nu = design.scene.block.slenderness * design.conditions.column("slenderness")
     cases: list[Bare | Verified] = [design.bare, *([design.best] if design.best else [])]
     tilts = [np.where(_known(of), of.evaluation.tilt[0], np.nan) * nu for of in cases]
+    # The marks of overturning stand above all finite tilts, so the axis needs room there.
     top = 1.3 * max((float(np.nanmax(t)) for t in tilts if np.isfinite(t).any()), default=1.0) or 1.0
     for i, (of, tilt) in enumerate(zip(cases, tilts, strict=True)):
         refused = i == 1 and design.winner is None
         label = "best found, not offered" if refused else CASES[i]["label"]
         ax.plot(x[order], tilt[order], **CASES[i] | {"label": label})
         overturned(ax, x[of.exact.status == "overturned"], top, i)
+    # A comparison of amplitudes begins at zero; a little less, so that resting designs are seen.
     ax.set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
 
 

@@ -65,6 +65,8 @@ def _finish(axes: Any, last: float) -> None:
 
 def _draw(axes: Any, history: TimeHistory, slenderness: float) -> None:
     """Add one motion: its tilt, and its bob angle where there are two axes."""
+    # After the block has overturned the equations mean nothing: the line ends there for good, even where a
+    # smoothed model comes back below the bound.
     small = np.nan_to_num(np.abs(history.tilt), nan=np.inf) < 2.0 * slenderness
     upright = np.cumprod(small).astype(bool)
     for ax, angle in zip(axes, (history.tilt, history.bob), strict=False):

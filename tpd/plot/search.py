@@ -23,11 +23,13 @@ def plot_search(design: Design, region: UpliftRegion | None = None, ax: Axes | N
     ax = cast(Axes, new_axes() if ax is None else ax)
     if region is not None and (region.margin > 0.0).any():
         levels: dict[str, Any] = {"levels": [0.0, np.inf], "colors": [GREY], "alpha": 0.25}
+        # Contours rather than points: the margin is a closed form, known everywhere.
         ax.contourf(region.mass_ratio, region.length_ratio, region.margin, **levels)
         ax.plot([], [], color=GREY, lw=6, alpha=0.4, label="no uplift once the bob has settled")
     _screened(design, ax)
     for i, path in enumerate(design.search.paths):
         ax.plot(path[:, 0], path[:, 1], color=INK, lw=0.8, label=None if i else "search paths")
+    # An end that breaks a limit has an infinite value: it is no candidate and is not marked.
     _points(ax, design.search.ends[np.isfinite(design.search.end_values)], "o", 5.0, "ends of searches")
     refused = [v.design for v in design.verified if v.reasons]
     _points(ax, np.array(refused).reshape(-1, 3), "X", 9.0, "refused", mfc="white")
@@ -60,6 +62,7 @@ def _screened(design: Design, ax: Axes) -> None:
     ax.scatter(
         *s.screened[beyond, :2].T, marker="^", s=14, fc="none", ec=GREY, lw=0.8, label="beyond a limit"
     )
+    # Open and filled markers of different shapes stay apart in grey.
     lost = s.screened[s.screened_overturned, :2].T
     ax.scatter(*lost, marker="x", c=INK, s=14, lw=0.7, label="overturned or not settled")
 
@@ -70,5 +73,6 @@ def _points(ax: Axes, designs: np.ndarray, marker: str, size: float, label: str,
 
 
 def _padded(bounds: tuple[float, float]) -> tuple[float, float]:
+    # Designs at a bound would otherwise lie on the frame, half hidden.
     pad = 0.03 * (bounds[1] - bounds[0])
     return bounds[0] - pad, bounds[1] + pad
