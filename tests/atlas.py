@@ -52,9 +52,9 @@ REGIMES = (
             "an_orbit_about_to_be_lost_has_a_name_and_no_derivative",
             "a_little_farther_from_a_fold_steady_state_and_orbits_have_the_same_large_gradient",
         )
-        + test_ids("symmetric", "at_a_fold_there_is_no_gradient_and_beyond_it_no_orbit")
+        + test_ids("symmetric_orbits", "at_a_fold_there_is_no_gradient_and_beyond_it_no_orbit")
         + test_ids("bifurcations", "at_a_fold_two_orbits_meet_as_a_root_and_a_multiplier_becomes_one")
-        + test_ids("general", "fold_is_told_and_refused"),
+        + test_ids("periodic_orbit", "fold_is_told_and_refused"),
     ),
     Regime(
         "breaking of symmetry",
@@ -69,8 +69,8 @@ REGIMES = (
             "a_motion_that_leans_is_not_called_symmetric",
             "beyond_the_breaking_the_motion_leans_as_the_root_and_its_gradient_grows_as_the_inverse",
         )
-        + test_ids("exact", "a_motion_on_a_repelling_orbit_is_called_unstable_and_has_no_gradient")
-        + test_ids("general", "continuation_passes_where_the_orbit_repels"),
+        + test_ids("piecewise", "a_motion_on_a_repelling_orbit_is_called_unstable_and_has_no_gradient")
+        + test_ids("periodic_orbit", "continuation_passes_where_the_orbit_repels"),
     ),
     Regime(
         "grazing",
@@ -85,7 +85,7 @@ REGIMES = (
             "the_verdict_has_a_name_for_each_loss",
         )
         + test_ids("bifurcations", "at_grazing_the_fall_halts_between_the_turns")
-        + test_ids("nonlinear", "a_turn_that_only_touches_is_a_grazing"),
+        + test_ids("segmented", "a_turn_that_only_touches_is_a_grazing"),
     ),
     Regime(
         "onset of sticking",
@@ -113,8 +113,8 @@ REGIMES = (
             "friction_ends_a_rattle_without_impact_loss_as_fast_as_its_ratio_says",
             "what_capture_leaves_out_is_below_the_square_of_its_speed",
         )
-        + test_ids("exact", "too_few_events_are_reported_and_leave_no_numbers")
-        + test_ids("general", "no_orbit_says_why"),
+        + test_ids("piecewise", "too_few_events_are_reported_and_leave_no_numbers")
+        + test_ids("periodic_orbit", "no_orbit_says_why"),
     ),
     Regime(
         "period three and chaos",
@@ -128,7 +128,7 @@ REGIMES = (
             "the_rates_agree_over_two_thousand_periods",
         )
         + test_ids(
-            "exact",
+            "piecewise",
             "a_chaotic_motion_is_aperiodic_with_the_rate_at_which_neighbours_part",
             "a_slow_decay_is_not_settled_rather_than_aperiodic",
             "settled_state_returns_after_its_periods_and_not_before",
@@ -148,7 +148,7 @@ REGIMES = (
             "the_same_of_the_integrated_models",
         )
         + test_ids(
-            "exact",
+            "piecewise",
             "a_trajectory_after_an_overturning_has_no_derivative",
             "an_overturned_trajectory_says_so_and_ends_in_nan",
         )
@@ -165,11 +165,11 @@ REGIMES = (
             "resonance_without_damping_to_the_last_digit_is_told",
         )
         + test_ids(
-            "exact",
+            "piecewise",
             "an_undamped_bob_that_rings_on_is_not_settled_and_has_no_gradient",
             "an_undamped_bob_under_a_resting_block_has_the_reach_of_its_two_swings",
         )
-        + test_ids("symmetric", "an_undamped_hinge_is_no_exception"),
+        + test_ids("symmetric_orbits", "an_undamped_hinge_is_no_exception"),
     ),
     Regime(
         "no mass, no rod",
@@ -181,8 +181,8 @@ REGIMES = (
             "a_bob_without_mass_is_the_limit_of_light_ones",
             "a_bob_on_the_shortest_rod_is_a_mass_on_the_top",
         )
-        + test_ids("exact", "a_massless_bob_cannot_be_felt_whatever_its_rod_and_hinge")
-        + test_ids("steady", "parameters_out_of_range_are_refused"),
+        + test_ids("piecewise", "a_massless_bob_cannot_be_felt_whatever_its_rod_and_hinge")
+        + test_ids("steady_state", "parameters_out_of_range_are_refused"),
     ),
     Regime(
         "slender blocks",
@@ -214,7 +214,7 @@ REGIMES = (
             "far_outside_every_design_there_is_no_nan_with_a_settled_status",
         )
         + test_ids("properties", "there_is_no_number_without_a_status_nor_nan_that_none_explains")
-        + test_ids("symmetric", "there_is_never_a_nan_without_a_status"),
+        + test_ids("symmetric_orbits", "there_is_never_a_nan_without_a_status"),
     ),
     Regime(
         "smoothing",
@@ -236,7 +236,7 @@ REGIMES = (
         "every answer",
         "RuntimeError from every call",
         test_ids("atlas", "in_32_bits_every_call_refuses_by_name")
-        + test_ids("steady", "32_bit_jax_is_refused"),
+        + test_ids("steady_state", "32_bit_jax_is_refused"),
     ),
     Regime(
         "scales",

@@ -16,20 +16,21 @@ jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
 
 install_import_hook("tpd", "beartype.beartype")
 
+TESTS = Path(__file__).parent
 LONGEST = (
-    "robust",
-    "optimise",
-    "symmetric",
-    "notebooks",
-    "bifurcations",
-    "general",
-    "steady",
-    "exact",
+    "design/test_optimise",
+    "analysis/test_symmetric_orbits",
+    "test_notebooks",
+    "analysis/test_bifurcations",
+    "analysis/test_periodic_orbit",
+    "analysis/test_steady_state",
+    "models/test_piecewise",
+    "cli/test_optimise",
 )
 """Modules that go first, so that no worker is left alone with one at the end."""
 
 
 def pytest_collection_modifyitems(items):
     """The longest modules first; within a module everything stays in order."""
-    rank = {f"test_{name}": i for i, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: rank.get(item.path.stem, len(rank)))
+    rank = {TESTS / f"{name}.py": i for i, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: rank.get(item.path, len(rank)))

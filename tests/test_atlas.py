@@ -20,14 +20,14 @@ import numpy as np
 import pytest
 from scipy.optimize import fsolve
 
-from tests.atlas import REGIMES
-from tests.reference import BARE, HUNG, UNSTABLE, along, differences, exact, parameters, smoothed, solver
 from tests.analysis.test_bifurcations import BARE as FOLDING
 from tests.analysis.test_bifurcations import HELD, TOUCHING, Kind, lost
-from tests.test_general import carried, near
-from tests.test_nonlinear import nonlinear
-from tests.test_symmetric import among
-from tests.test_symmetric import solve as orbits
+from tests.analysis.test_periodic_orbit import carried, near
+from tests.analysis.test_symmetric_orbits import among
+from tests.analysis.test_symmetric_orbits import solve as orbits
+from tests.atlas import REGIMES
+from tests.models.test_segmented import nonlinear
+from tests.reference import BARE, HUNG, UNSTABLE, along, differences, exact, parameters, smoothed, solver
 from tpd import Block, Harmonic, Pendulum, Piecewise, Scene, Smoothed, Status, status_name
 from tpd.analysis.period_map import Orbit
 from tpd.analysis.steady_state import _verdict

@@ -22,8 +22,8 @@ from jax.extend import core
 jax.config.update("jax_enable_x64", True)
 
 from tests.counting import counted  # noqa: E402
+from tests.exact.test_truth import SETTLE, SETTLED, scales  # noqa: E402
 from tests.reference import BARE, HUNG, STILL, parameters  # noqa: E402
-from tests.test_truth import SETTLE, SETTLED, scales  # noqa: E402
 from tpd import Piecewise, Risk, Segmented, Smoothed, symmetric_orbits  # noqa: E402
 from tpd.closed_form import one_harmonic  # noqa: E402
 from tpd.core.files import as_json, place, versions  # noqa: E402

@@ -19,9 +19,9 @@ jax.config.update("jax_enable_x64", True)
 from tests import test_atlas as atlas  # noqa: E402
 from tests.analysis.test_bifurcations import BARE as FOLDING  # noqa: E402
 from tests.analysis.test_bifurcations import HELD, TOUCHING, Kind, lost  # noqa: E402
+from tests.analysis.test_symmetric_orbits import among  # noqa: E402
 from tests.reference import BARE, HUNG, exact, parameters  # noqa: E402
 from tests.test_atlas import XI, F, moved  # noqa: E402
-from tests.test_symmetric import among  # noqa: E402
 from tpd import Piecewise  # noqa: E402
 from tpd.core.parameters import as_arrays  # noqa: E402
 from tpd.plot.style import BLUE, GREY, INK, ORANGE  # noqa: E402

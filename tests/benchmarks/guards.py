@@ -148,7 +148,7 @@ GUARDS = (
         "periodic_orbit: unstable where a multiplier exceeds 1",
         "analysis/periodic_orbit:_verdict",
         never("unstable"),
-        test_ids("general", "continuation_passes_where_the_orbit_repels"),
+        test_ids("periodic_orbit", "continuation_passes_where_the_orbit_repels"),
     ),
     Guard(
         "motion that does not repeat",
@@ -186,7 +186,7 @@ GUARDS = (
         "steady_state: derivatives only of what is settled and attracts",
         "analysis/steady_state:_answers",
         without_nan("slopes"),
-        (*_atlas(_SADDLE), *test_ids("exact", "a_slow_decay_is_not_settled_rather_than_aperiodic")),
+        (*_atlas(_SADDLE), *test_ids("piecewise", "a_slow_decay_is_not_settled_rather_than_aperiodic")),
     ),
     Guard(
         "resonance without damping; huge shaking",

@@ -1,78 +1,133 @@
-"""Conditions: bands, amplitudes, scatter, their products, samples and labels."""
+"""Sets of conditions: their factors, labels, products, samples, and the parameters under them."""
 
+import dataclasses
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import tpd
-from tpd.core.conditions import FACTORS
+from tpd import Conditions, Parameters, paper_scene
+from tpd.core.conditions import FACTORS, under, under_all
 
-SCENE = tpd.paper_scene()
-BAND = tpd.Conditions.band(SCENE, 2.0, 3.5, 5)
+SCENE = paper_scene()
 
 
-def test_a_product_is_every_one_under_every_other():
-    both = tpd.Conditions.band(SCENE, 2.0, 4.0, 2) * tpd.Conditions.amplitudes(0.5, 1.0, 2.0)
+def rows(conditions):
+    return [tuple(r) for r in np.asarray(conditions.factor_rows())]
+
+
+def test_a_product_combines_every_condition_with_every_other():
+    both = Conditions.band(SCENE, 2.0, 4.0, 2) * Conditions.amplitudes(0.5, 1.0, 2.0)
     assert len(both) == 6
     np.testing.assert_allclose(both.column("frequency"), [0.8, 0.8, 0.8, 1.6, 1.6, 1.6])
     np.testing.assert_allclose(both.column("amplitude"), [0.5, 1.0, 2.0, 0.5, 1.0, 2.0])
     np.testing.assert_array_equal(both.column("mass"), 1.0)
-    assert both.label(1) == "1 times the amplitude and 2 Hz"
-    assert both.axis is None
-    assert BAND.axis == "frequency"
-    assert len(both.description) == 2
+    assert both.description == ("2 frequencies from 2 to 4 Hz", "amplitudes 0.5, 1, 2 times the scene's")
+    assert np.asarray(both.factor_rows()).shape == (6, len(FACTORS))
 
 
-def test_no_condition_is_the_scenes_own_shaking():
-    assert len(tpd.Conditions()) == 1
-    assert tpd.Conditions().label(0) == "the scene's own shaking"
-    assert tpd.Conditions().axis is None
-    np.testing.assert_array_equal(tpd.Conditions().factor_rows(), np.ones((1, 7)))
+def test_labels_say_what_differs():
+    band = Conditions.band(SCENE, 2.0, 4.0, 2)
+    assert (band * Conditions.amplitudes(0.5, 1.1)).label(1) == "1.1 times the amplitude and 2 Hz"
+    assert band.label(1) == "4 Hz"
+    assert Conditions().label(0) == "the scene's own shaking"
+    # One condition that is not the scene's own.
+    assert Conditions.amplitudes(1.2).label(0) == "1.2 times the amplitude"
+    assert (Conditions.amplitudes(1.2) * band).label(0) == "1.2 times the amplitude and 2 Hz"
+    assert Conditions.scatter(8, 0, mass=0.1, length=0.1, friction=0.1).label(3) == "sample 3"
 
 
-def test_what_scatters_is_even_seeded_and_drawn_apart():
-    some = tpd.Conditions.scatter(50, 3, friction=0.2)
-    more = tpd.Conditions.scatter(50, 3, friction=0.2, length=0.05)
+def test_the_axis_is_the_one_factor_that_differs():
+    band, amplitudes = Conditions.band(SCENE, 2.0, 4.0, 2), Conditions.amplitudes(0.5, 1.0)
+    assert band.axis == "frequency"
+    assert (band * Conditions.amplitudes(1.2)).axis == "frequency"
+    assert (band * amplitudes).axis is None
+    assert Conditions().axis is None
+    assert len(Conditions()) == 1
+    np.testing.assert_array_equal(Conditions().factor_rows(), np.ones((1, len(FACTORS))))
+
+
+def test_scatter_gives_the_numbers_that_its_seed_always_gave():
+    some = Conditions.scatter(3, 5, friction=0.2, length=0.05)
+    rng, expected = np.random.default_rng(5), {}
+    for name in FACTORS:
+        unit = (rng.permutation(3) + rng.random(3)) / 3
+        expected[name] = 1.0 + {"friction": 0.2, "length": 0.05}.get(name, 0.0) * (2.0 * unit - 1.0)
+    for name in FACTORS:
+        np.testing.assert_array_equal(some.column(name), expected[name])
+    assert tuple(some.factors) == ("friction", "length")
+    assert some.description == ("3 samples of friction within 20%, length within 5% (seed 5)",)
+
+
+def test_scatter_is_seeded_and_one_name_does_not_move_another():
+    some = Conditions.scatter(50, 3, friction=0.2)
+    more = Conditions.scatter(50, 3, friction=0.2, length=0.05)
     np.testing.assert_array_equal(some.column("friction"), more.column("friction"))
     assert np.ptp(some.column("friction")) > 0.38
     assert np.abs(more.column("length") - 1.0).max() <= 0.05
-    other = tpd.Conditions.scatter(50, 4, friction=0.2)
-    assert not np.array_equal(some.column("friction"), other.column("friction"))
-
-
-def test_a_sample_of_conditions_has_the_corners_and_is_seeded():
-    band = tpd.Conditions.band(SCENE, 2.0, 3.0, 64)
-    both = band * tpd.Conditions.amplitudes(0.8, 1.2)
-    some = both.subset(64, 1)
-    assert len(some) == 64
-    assert some.units == both.units
-    rows = [tuple(r) for r in np.asarray(some.factor_rows())]
-    assert len(set(rows)) == 64
-    assert set(rows) < {tuple(r) for r in np.asarray(both.factor_rows())}
-    for frequency in band.column("frequency")[[0, -1]]:
-        at = some.column("frequency") == frequency
-        assert set(some.column("amplitude")[at]) == {0.8, 1.2}
-    # Neither amplitude has the one half of the band alone.
-    low = some.column("frequency") < 1.0
-    for amplitude in (0.8, 1.2):
-        assert 0.25 < np.mean(low[some.column("amplitude") == amplitude]) < 0.75
-    assert rows == [tuple(r) for r in np.asarray(both.subset(64, 1).factor_rows())]
-    assert rows != [tuple(r) for r in np.asarray(both.subset(64, 2).factor_rows())]
-    assert band.subset(64) is band
-    many = tpd.Conditions.scatter(200, 0, **dict.fromkeys(FACTORS, 0.1)).subset(64)
-    assert len({tuple(r) for r in np.asarray(many.factor_rows())}) == 64
+    assert not np.array_equal(
+        some.column("friction"), Conditions.scatter(50, 4, friction=0.2).column("friction")
+    )
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: tpd.Conditions.band(SCENE, 3.0, 2.0), "`band` must be an interval low < high"),
-        (lambda: tpd.Conditions.band(SCENE, 2.0, 3.0, 1), "`count` must be a whole number, 2 or more"),
-        (lambda: tpd.Conditions.amplitudes(), "`factors` must hold at least one number"),
-        (lambda: tpd.Conditions.amplitudes(1.0, -1.0), "`factors` must be positive"),
-        (lambda: tpd.Conditions.scatter(8, colour=0.1), "what scatters must be of .* but has colour"),
-        (lambda: tpd.Conditions.scatter(8, mass=0.7), r"`mass` must be between 0 and 0\.5, but is 0\.7"),
+        (lambda: Conditions.band(SCENE, 3.0, 2.0), "`band` must be an interval low < high"),
+        (lambda: Conditions.band(SCENE, 2.0, 3.0, 1), "`count` must be a whole number, 2 or more"),
+        (lambda: Conditions.amplitudes(), "`factors` must hold at least one number"),
+        (lambda: Conditions.amplitudes(1.0, -1.0), "`factors` must be positive"),
+        (lambda: Conditions.scatter(8, mas=0.1), "what scatters must be of amplitude.*, but has mas"),
+        (lambda: Conditions.scatter(8, mass=0.6), "`mass` must be between 0 and 0.5, but is 0.6"),
+        (lambda: Conditions.scatter(0, mass=0.1), "`size` must be a whole number, 1 or more"),
     ],
 )
-def test_what_makes_no_sense_is_refused(make, message):
+def test_input_out_of_range_is_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_a_subset_has_the_corners_and_is_seeded():
+    band = Conditions.band(SCENE, 2.0, 3.0, 64)
+    both = band * Conditions.amplitudes(0.8, 1.2)
+    some = both.subset(64, 1)
+    assert len(some) == 64
+    assert some.units == both.units
+    assert len(set(rows(some))) == 64
+    assert set(rows(some)) < set(rows(both))
+    for frequency in band.column("frequency")[[0, -1]]:
+        at = some.column("frequency") == frequency
+        assert set(some.column("amplitude")[at]) == {0.8, 1.2}
+    # Both amplitudes are there over the whole band.
+    low = some.column("frequency") < 1.0
+    for amplitude in (0.8, 1.2):
+        assert 0.25 < np.mean(low[some.column("amplitude") == amplitude]) < 0.75
+    assert rows(some) == rows(both.subset(64, 1))
+    assert rows(some) != rows(both.subset(64, 2))
+    assert band.subset(64) is band
+    many = Conditions.scatter(200, 0, **dict.fromkeys(FACTORS, 0.1)).subset(64)
+    assert len(set(rows(many))) == 64
+
+
+def test_a_condition_in_si_is_the_scene_with_other_numbers():
+    conditions = Conditions.band(SCENE, 2.0, 3.0, 2) * Conditions.amplitudes(1.2)
+    design = {"mass_ratio": 0.1, "length_ratio": 0.3, "damping_ratio": 0.2}
+    for i, hertz in enumerate((2.0, 3.0)):
+        q = under(SCENE.parameters(), jnp.array(list(design.values())), conditions.factor_rows()[i])
+        motion = dataclasses.replace(SCENE.motion, frequency=hertz, amplitude=1.2 * SCENE.motion.amplitude)
+        p = dataclasses.replace(SCENE, motion=motion).parameters(SCENE.pendulum(**design))
+        for name in ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e"):
+            assert float(getattr(q, name)) == pytest.approx(float(getattr(p, name)), rel=1e-14), name
+
+
+def test_all_designs_under_all_conditions_have_the_conditions_running_fastest():
+    p, conditions = SCENE.parameters(), Conditions.scatter(3, 0, slenderness=0.1, damping=0.2)
+    designs = jnp.array([[0.1, 0.3, 0.2], [0.2, 0.4, 0.1]])
+    q = under_all(p, designs, conditions)
+    for i, design in enumerate(designs):
+        for j, factors in enumerate(conditions.factor_rows()):
+            one = under(p, design, factors)
+            assert isinstance(one, Parameters)
+            for name in ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e"):
+                assert float(getattr(q, name)[3 * i + j]) == float(getattr(one, name))
+            assert float(q.inertia_ratio[3 * i + j]) == pytest.approx(float(one.inertia_ratio), rel=1e-15)

@@ -15,7 +15,7 @@ from tpd.core.parameters import Parameters
 from tpd.core.quantities import Axis, parameters
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import names_of
-from tpd.exact.symmetric_orbit import ORBITS
+from tpd.exact.orbit_candidates import ORBITS
 
 _CHUNK = 128
 """Orbits solved at once: fewer than in large batches, which a sweep seldom fills."""

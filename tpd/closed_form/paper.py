@@ -5,7 +5,7 @@ Buildings by the Addition of a Tuned Pendulum*, Shock and Vibration, 2016, artic
 the package is built on this file. The corrected equations are (4) and (25) in `tpd.core.equations`, (11) in
 `tpd.closed_form.free_rocking`, (23) and (27) in `tpd.closed_form.harmonic_balance`, and instead of (16) to
 (19) the exact orbits of `tpd.analysis.symmetric_orbits`. The test named in each line below, in
-`tests/test_errata.py`, proves it.
+`tests/closed_form/test_paper.py`, proves it.
 
 | where | printed | right | test |
 |---|---|---|---|
@@ -32,7 +32,7 @@ the package is built on this file. The corrected equations are (4) and (25) in `
 | Figure 8 | lambda = 0.1 in the caption, 1 in the text | 1 | notebook 03 |
 
 (23) is right as it stands, though it does not follow from (20): it belongs to the equation with the signs
-mended (`test_23_...`). (4) is right for both signs (`tests/test_equations.py`).
+mended (`test_23_...`). (4) is right for both signs (`tests/core/test_equations.py`).
 
 Notation: nu, mu, lam, rho, k, f, xi as in `Parameters`; angles in rad.
 """

@@ -1,7 +1,7 @@
 """The paper's misprints, each proved: the right form follows from first principles, the printed one does not.
 
 The table is the docstring of `tpd.closed_form.paper`. First principles are the Lagrangian of
-`tests.test_equations`, integrals done by SymPy, and the exact orbits.
+`tests.core.test_equations`, integrals done by SymPy, and the exact orbits.
 """
 
 import re
@@ -10,9 +10,25 @@ import numpy as np
 import pytest
 import sympy as sp
 
-import tests.test_errata
+import tests.closed_form.test_paper
 import tpd.closed_form.paper
-from tests.test_equations import HINGE, LAM, MU, NU, RHO, SIGNS, TAU, XI, A, F, K, Q, V, lagrange, linearised
+from tests.core.test_equations import (
+    HINGE,
+    LAM,
+    MU,
+    NU,
+    RHO,
+    SIGNS,
+    TAU,
+    XI,
+    A,
+    F,
+    K,
+    Q,
+    V,
+    lagrange,
+    linearised,
+)
 from tpd import Parameters, free_motion, parametric_branches, symmetric_orbits
 from tpd.closed_form.paper import (
     printed_bare_balance,
@@ -53,7 +69,7 @@ def test_every_line_of_the_table_names_a_test_that_exists():
     named = re.findall(r"`(test_\w+?)_?(?:\.\.\.)?`", tpd.closed_form.paper.__doc__)
     assert len(named) >= 20
     for name in named:
-        assert any(test.startswith(name) for test in vars(tests.test_errata)), name
+        assert any(test.startswith(name) for test in vars(tests.closed_form.test_paper)), name
 
 
 @pytest.mark.parametrize("s", SIGNS)

@@ -84,14 +84,22 @@ def test_smoothed_comes_to_the_same():
     np.testing.assert_allclose(smoothed.slopes[0], settled().slopes[0, :7], rtol=0.05, atol=2e-4)
 
 
-def test_polishing_changes_neither_status_nor_amplitude_of_a_sticking_block():
-    # It hardly lifts, and is held for a part of every half period: what is left is the order of 1e-5 rad.
-    x = (0.217, 0.436, 0.754, 0.718, 0.122, 0.35, 2.344, 0.575)
+@pytest.mark.parametrize(
+    ("x", "known", "tolerance"),
+    [
+        # It hardly lifts, and is held for a part of every half period: 7e-6 rad.
+        ((0.217, 0.436, 0.754, 0.718, 0.122, 0.35, 2.344, 0.575), 7e-6, 1e-3),
+        # It is held as well, but tilts by a fifth of its slenderness.
+        ((0.2, 0.282, 0.721, 0.321, 0.162, 0.406, 2.094, 0.635), 0.0409943, 1e-5),
+    ],
+    ids=["hardly lifts", "tilts"],
+)
+def test_polishing_changes_neither_status_nor_sizes_of_a_sticking_block(x, known, tolerance):
     answer, (amplitude, stroke, status) = nonlinear(x), unpolished(parameters(x))
     assert answer.status == status == "sticking"
-    assert 0.0 < answer.amplitude < 1e-4
-    assert amplitude == pytest.approx(answer.amplitude, abs=1e-5 * x[0])
-    assert stroke == pytest.approx(answer.stroke, rel=1e-3)
+    assert answer.amplitude == pytest.approx(known, abs=5e-6 * x[0])
+    assert amplitude == pytest.approx(answer.amplitude, abs=2e-6 * x[0])
+    assert stroke == pytest.approx(answer.stroke, rel=tolerance)
 
 
 @pytest.mark.parametrize(
