@@ -34,7 +34,8 @@ class Checkpoint:
         if path is None or not path.exists():
             return Checkpoint(path, fingerprint, {})
         try:
-            with np.load(path, allow_pickle=False) as file:
+            # NumPy leaves a file open that it cannot read.
+            with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
                 stored = {name: file[name] for name in file.files}
         except (OSError, ValueError, zipfile.BadZipFile, EOFError):
             raise ValueError(f"cannot read {path}: it holds no finished searches") from None
