@@ -47,7 +47,7 @@ from tpd.exact.multiple_shooting import (
 )
 
 MAX_EVENTS = 64
-"""Most events in one period of an orbit, unless told otherwise."""
+"""Most events in one period of an orbit, by default."""
 REST_RATE = 1e-6
 """Slowest impact that is followed, phi' in units of nu: a slower one ends a rattle."""
 _CONVERGED = 1e-6
