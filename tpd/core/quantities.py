@@ -1,4 +1,4 @@
-"""What can be varied: the dimensionless parameters, or the quantities of a scene in SI units."""
+"""Numbers that can be varied: the dimensionless parameters, or the quantities of a scene in SI units."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
     "pendulum_length": ("lam",),
     "pendulum_damping": ("zeta",),
 }
-"""What can be varied of a scene, and the parameters that it moves. Width and height move e as well where the
-restitution is Housner's: see `Setup.moved`."""
+"""Quantities of a scene that can be varied, and the parameters that each moves. Width and height move e as
+well where the restitution is Housner's: see `Setup.moved`."""
 UNITS = {
     **dict.fromkeys(("width", "height", "amplitude", "pendulum_length"), "m"),
     **dict.fromkeys(("mass", "pendulum_mass"), "kg"),
@@ -73,7 +73,7 @@ class Setup:
 
     @staticmethod
     def of(subject: Parameters | Scene, pendulum: Pendulum | None = None) -> Setup:
-        """That of dimensionless parameters, or of a scene and the pendulum in it, if any.
+        """Return the setup of dimensionless parameters, or of a scene and the pendulum in it, if any.
 
         Raises:
             ValueError: batched parameters, or a pendulum beside parameters.
@@ -90,7 +90,7 @@ class Setup:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What can be varied."""
+        """Names of the numbers that can be varied."""
         return (*QUANTITIES, *NAMES) if self.scene else NAMES
 
     def moved(self, name: str) -> tuple[str, ...]:
@@ -127,7 +127,7 @@ class Setup:
         return Parameters(**self.numbers(varied))
 
     def numbers(self, varied: Mapping[str, Any]) -> dict[str, Any]:
-        """The same as a dictionary, unchecked: also for traced values, and beyond what is allowed."""
+        """Parameters of `at` as a dictionary, unchecked: values may be traced, or out of range."""
         if not self.scene:
             return {**self.values, **varied}
         over = {n: v for n, v in varied.items() if n in NAMES}
@@ -135,7 +135,7 @@ class Setup:
         return {**dimensionless({**self.values, **own}), **over}
 
     def vector(self, varied: Mapping[str, Any]) -> list[Any]:
-        """The same as a list in the order of NAMES."""
+        """Parameters of `at` as a list in the order of NAMES, unchecked."""
         p = self.numbers(varied)
         rho = uniform_inertia_ratio(p["nu"]) if p.get("rho") is None else p["rho"]
         return [*(p[n] for n in NAMES[:-2]), p.get("e", 1.0), rho]
@@ -147,11 +147,11 @@ class Axis:
 
     setup: Setup
     name: str
-    """Of what varies."""
+    """Name of the number that varies."""
 
     @staticmethod
     def of(subject: Parameters | Scene, name: str, pendulum: Pendulum | None = None) -> Axis:
-        """That of `name` through parameters or a scene; `ValueError` for bad input."""
+        """Return the axis of `name` through parameters or a scene; `ValueError` for bad input."""
         setup = Setup.of(subject, pendulum)
         setup.check("name", name)
         if setup.scene and name in NAMES:
