@@ -100,6 +100,7 @@ class Starts:
         rng = np.random.default_rng(self.seed)
         reach = np.array([self.tilt * nu, self.swing, self.tilt_rate * nu, self.swing_rate])
         unit = 2.0 * latin_hypercube(rng, self.size, 4) - 1.0
+        # The centre of the box, scaled below: the state at rest.
         unit[0] = 0.0
         return unit * reach
 
@@ -161,7 +162,7 @@ def attractors(
     fixed = as_arrays(parameters_of(subject, pendulum))
     y0 = starts.states(float(fixed.nu))
     settled = settle_all(fixed, y0, model=model, progress=progress)
-    # A bob without mass (mu = 0) cannot be felt; its swing may still be on the way.
+    # The block does not feel a bob without mass (mu = 0), whose swing may still be decaying.
     felt = bool(np.isfinite(np.asarray(scale_of(fixed))[1]))
     motions: list[_Motion] = []
     for group in _groups(settled, felt):
@@ -217,6 +218,8 @@ def _agree(a: np.ndarray, b: np.ndarray, share: float, felt: bool) -> bool:
 
 def _groups(settled: Settled, felt: bool) -> list[list[int]]:
     """Indices of the starts that seem to reach the same motion."""
+    # A coarse grouping saves Newton's method for all but one start of each group; the motions that it finds
+    # are compared again, far more closely.
     names = [_name_of(settled.status, i) for i in range(len(settled.periods))]
     sizes = np.stack([np.asarray(settled.amplitude), np.asarray(settled.stroke)], axis=-1)
     groups: list[list[int]] = []

@@ -86,6 +86,7 @@ class Auto(AbstractChoice):
             raise ValueError(
                 "`Auto` chooses by numbers: `p` must hold plain numbers, but is traced or batched"
             )
+        # Each model is asked only if the cheaper ones before it do not answer.
         fixed, limit = as_arrays(p), f"the tolerance {self.tolerance:g}"
         still = _still(fixed, y0)
         if bool(still.rests) and float(still.estimate) <= min(self.tolerance, float(still.reserve)):
@@ -101,6 +102,7 @@ class Auto(AbstractChoice):
         steady, estimate = _exact(fixed, y0)
         name = status_name(steady.status)
         close = name in SETTLED and float(estimate) <= self.tolerance
+        # Following the nonlinear equations costs most of the time, so that it is left out next to the orbit.
         reached = None if close and bool(_near(fixed, y0, steady)) else _nonlinear_motion(fixed, y0)
         if close and (reached is None or _same_motion(steady, reached)):
             why = f"what the linear equations drop is estimated to be within {limit}"
@@ -240,6 +242,7 @@ def dropped(p: Parameters, phi: Number, psi: Number, slope: Any) -> Number:
         psi: settled stroke, rad.
         slope: d phi/d p, as `jax.grad` gives it.
     """
+    # A bob without mass swings, but the block does not feel it.
     felt = psi * (p.mu > 0)
 
     def elasticity(by: Any, x: Number) -> Number:
@@ -253,4 +256,5 @@ def dropped(p: Parameters, phi: Number, psi: Number, slope: Any) -> Number:
     bob = elasticity(slope.mu, p.mu) * coupling
     resting = _dropped_at_rest(p, felt)
     at_rest = jnp.where(resting < uplift(p).margin, resting, jnp.inf)
+    # The parts have no known signs, so that their sizes are added.
     return jnp.where(phi > 0, SAFETY * (weight + forcing + spring + bob), at_rest)

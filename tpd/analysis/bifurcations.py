@@ -197,6 +197,7 @@ def _explained(search: _Search, grid: np.ndarray, depth: int) -> list[Bifurcatio
         if any(b.kind in gap.causes for b in points):
             continue
         finer = np.linspace(min(gap.value, gap.other), max(gap.value, gap.other), _FINER + 1)
+        # A gap may be so narrow that its division gives equal numbers: then it cannot be resolved further.
         if depth and np.all(np.diff(finer) > 0):
             found += _explained(search, finer, depth - 1)
         else:
@@ -359,6 +360,7 @@ def _confirmed(search: _Search, b: Bifurcation) -> Bifurcation:
     """
     if b.kind is Kind.unresolved:
         return b
+    # Two orbits vanish at a fold, one at sticking and grazing, none where the symmetry breaks.
     away = _AWAY * (search.high - search.low)
     lost = {Kind.fold: 2, Kind.symmetry_breaking: 0}.get(b.kind, 1)
     sides = (_neighbours(search, b, b.value + side * away, max(lost, 1)) for side in (-1.0, 1.0))

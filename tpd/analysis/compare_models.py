@@ -131,6 +131,7 @@ def objections(amplitude: float, stroke: float, status: str, limit: float, bare:
         return (f"{by} the motion ends {status}",)
     if stroke > limit:
         out.append(f"{by} the stroke is {stroke:.4g} rad, above {limit:g}")
+    # A block that rests with the pendulum is no worse than any bare block.
     if amplitude > 0.0 and amplitude >= bare:
         out.append(f"{by} the block rocks {amplitude:.4g} rad, and {bare:.4g} without the pendulum")
     return tuple(out)
@@ -187,6 +188,7 @@ def _followed(model: AbstractModel, p: Parameters) -> _Answer:
         settled = jax.block_until_ready(steady_state(p, model=model))
     else:
         settled = jax.block_until_ready(_settled(model, p))
+    # Smoothed signs never let the block rest quite: below the model's resolution it counts as resting.
     resolution, status = float(model.resolution(p)), settled.status
     amplitude, stroke = float(settled.amplitude), float(settled.stroke)
     if status_name(status) in SETTLED and amplitude <= resolution:

@@ -115,10 +115,7 @@ def design_map(
     checks.require_x64()
     setup = Setup.of(subject, pendulum)
     (x_name, xs), (y_name, ys) = _line(setup, "x", x), _line(setup, "y", y)
-    _check_together(setup, {x_name: xs, y_name: ys})
-    wide, high = np.meshgrid(xs, ys)
-    varied = {x_name: wide.ravel(), y_name: high.ravel()}
-    designs = parameters([jnp.broadcast_to(jnp.asarray(v), wide.size) for v in setup.vector(varied)])
+    designs = _designs(setup, {x_name: xs, y_name: ys})
     y0 = None if start is None else _state(start)
     orbits = in_chunks(symmetric_orbits, designs, progress=progress if y0 is None else None)
     still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
@@ -126,17 +123,18 @@ def design_map(
         answer = _largest(orbits, still["margin"], still["stroke"])
     else:
         answer = _followed(designs, orbits, still["stroke"], y0, progress)
-    shaped = {n: v.reshape(wide.shape) for n, v in answer.items()}
-    return DesignMap(
-        x_name=x_name,
-        x=xs,
-        y_name=y_name,
-        y=ys,
-        start=None if y0 is None else tuple(map(float, y0)),
-        margin=still["margin"].reshape(wide.shape),
-        overflow=np.asarray(orbits.overflow).reshape(wide.shape),
-        **shaped,
-    )
+    arrays = {**answer, "margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
+    shaped = {n: v.reshape(len(ys), len(xs)) for n, v in arrays.items()}
+    at = None if y0 is None else tuple(map(float, y0))
+    return DesignMap(x_name=x_name, x=xs, y_name=y_name, y=ys, start=at, **shaped)
+
+
+def _designs(setup: Setup, lines: dict[str, np.ndarray]) -> Parameters:
+    """Parameters of all designs on the grid of two axes, row by row, leaves of shape (ny nx,)."""
+    _check_together(setup, lines)
+    grid = dict(zip(lines, (axis.ravel() for axis in np.meshgrid(*lines.values())), strict=True))
+    size = math.prod(map(len, lines.values()))
+    return parameters([jnp.broadcast_to(jnp.asarray(v), size) for v in setup.vector(grid)])
 
 
 def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.ndarray]:
@@ -156,10 +154,12 @@ def _check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
     """`ValueError` for two axes that move the same, or corners of the grid that are out of range."""
     if len(lines) < 2:
         raise ValueError(f"`x` and `y` must differ, but both are {next(iter(lines))!r}")
+    # A quantity and a parameter that it moves would both set this parameter.
     for name, other in (tuple(lines), tuple(lines)[::-1]):
         if other in NAMES and other in setup.moved(name):
             raise ValueError(f"`x` and `y` must not both move {other}, but {name!r} does so as well")
     (x, xs), (y, ys) = lines.items()
+    # Each parameter with a range is monotonic in each quantity, so that the corners decide for the grid.
     for corner in ((i, j) for i in (0, -1) for j in (0, -1)):
         setup.at({x: float(xs[corner[0]]), y: float(ys[corner[1]])})
 
@@ -204,6 +204,7 @@ def _followed(
     # Without damping the bob rings for ever, and its reach depends on how the block came to rest.
     stroke = np.where((names == "rest") & (np.asarray(p.zeta) > 0.0), reach, stroke)
     scale = np.asarray(jax.vmap(scale_of)(p))
+    # A followed motion ends near its orbit, not on it; the orbit's own sizes are exact.
     apart = np.abs(np.asarray(orbits.state) - np.asarray(settled.y)[:, None]) / scale[:, None]
     apart = np.where(names_of(orbits.status) == "rocking", apart.max(axis=-1), np.inf)
     nearest = np.argmin(apart, axis=1)

@@ -117,6 +117,7 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
         rate: omega0 in rad/s where the ramps are in seconds.
         conditions: dealt out evenly among the runs, on top of their scatter; default the scene's own.
     """
+    # Tilts scale with nu: at |phi| = nu a block of any shape stands on its corner, about to fall.
     e, unit, nu = ensemble, ensemble.draws(), float(p.nu)
     reach = np.array([e.tilt * nu, e.swing, e.tilt_rate * nu, e.swing_rate])
     scatter = sampling.factors(unit[:, 6:], e.half_widths)
@@ -171,6 +172,7 @@ def outcomes(
 
 def _outcomes_of(ensemble: Ensemble, runs: Runs, settled: Settled) -> Outcomes:
     names = names_of(settled.status)
+    # The sizes at the moment of overturning depend on when the run was stopped, and mean nothing.
     lost = np.isin(names, LOST)
 
     def size(values: Any) -> np.ndarray:

@@ -63,6 +63,7 @@ class Verdict(Printed):
     @property
     def worse_peaks(self) -> Share:
         """Share of the runs whose largest tilt is above the bare block's by more than a per cent."""
+        # Both are infinite where both overturn, and the comparison of infinities warns.
         with np.errstate(invalid="ignore"):
             return Share.of(self.hung.peak > 1.01 * self.bare.peak)
 
@@ -85,6 +86,7 @@ class Verdict(Printed):
 def chance_of(worse: int, better: int) -> float:
     """Chance that of all runs that differ at least `worse` would go against the pendulum, were either way
     equally likely (McNemar's test, exact and one-sided)."""
+    # Runs that end alike with and without say nothing about the difference, so that only the others count.
     n = worse + better
     return sum(math.comb(n, i) for i in range(worse, n + 1)) / 2**n
 
@@ -115,6 +117,7 @@ def verdict(
         RuntimeError: JAX is in 32-bit mode.
     """
 
+    # Both use the seed of one ensemble, hence the same starts, phases and scatter.
     def follow(subject: Parameters | Scene, pendulum: Pendulum | None) -> Outcomes:
         runs: dict[str, Any] = {"ensemble": ensemble, "conditions": conditions}
         return outcomes(subject, pendulum, workers=workers, progress=progress, **runs)

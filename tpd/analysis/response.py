@@ -86,6 +86,7 @@ def branches(
     found = tuple(bifurcations(subject, name, low, high, samples=samples, pendulum=pendulum))
     axis = Axis.of(subject, name, pendulum)
     near = (high - low) / (samples - 1) * np.concatenate([-_TOWARDS, _TOWARDS])
+    # Far from a bifurcation branches are smooth, and the even spacing is enough.
     beside = [b.value + near for b in found]
     grid = np.unique(np.concatenate([np.linspace(low, high, samples), *beside]))
     grid = grid[(grid >= low) & (grid <= high)]
@@ -153,6 +154,7 @@ def settled_response(
     axis, line = Axis.of(subject, name, pendulum), np.atleast_1d(np.asarray(values, dtype=float))
     axis.check(*line)
     amplitude, stroke, status = [], [], []
+    # One value after the other: in a batch all values would wait for the slowest transient.
     for i, value in enumerate(line):
         s = jax.block_until_ready(steady_state(as_arrays(axis.setup.at({name: float(value)}))))
         amplitude.append(float(s.amplitude))

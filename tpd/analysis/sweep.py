@@ -44,7 +44,7 @@ class Sweep:
     multipliers: np.ndarray
     """(n, 3, 4), Floquet multipliers over one forcing period."""
     margins: Margins
-    """What is left until an orbit is lost: fold, symmetry, sticking and grazing. Dimensionless."""
+    """Functions that vanish where an orbit is lost: fold, symmetry, sticking and grazing. Dimensionless."""
     overflow: np.ndarray
     """(n,), whether there were more orbits than places."""
     branch: np.ndarray
