@@ -10,19 +10,10 @@ import json
 import numpy as np
 import pytest
 
-from tpd import (
-    Parameters,
-    Pendulum,
-    bifurcations,
-    branches,
-    frequency_response,
-    paper_scene,
-    settled_response,
-    sweep,
-    symmetric_orbits,
-)
-from tpd.analysis.bifurcations import Kind
+from tpd import Parameters, Pendulum, branches, paper_scene, settled_response, symmetric_orbits
+from tpd.analysis.bifurcations import Kind, bifurcations
 from tpd.analysis.response import Branches
+from tpd.analysis.sweep import sweep
 from tpd.cli import main
 from tpd.closed_form.no_uplift import uplift
 from tpd.core.quantities import Setup
@@ -135,7 +126,7 @@ def test_slopes_over_hz_are_those_of_differences_in_si_units(name):
 
 
 def test_settled_from_rest_the_paper_s_block_rocks_as_known_at_its_frequency():
-    r = frequency_response(SCENE, None, np.array([2.5, 1.5]))
+    r = settled_response(SCENE, "frequency", [2.5, 1.5])
     assert list(r.status) == ["rocking", "rest"]
     # From the grid of exact solutions in the README.
     assert r.amplitude == pytest.approx([0.083334, 0.0], abs=5e-7)
@@ -146,7 +137,7 @@ def test_settled_from_rest_the_paper_s_block_rocks_as_known_at_its_frequency():
 
 def test_a_response_refuses_bad_input():
     with pytest.raises(ValueError, match="`frequency` must be positive and finite, but is 0"):
-        frequency_response(SCENE, None, np.array([1.0, 0.0]))
+        settled_response(SCENE, "frequency", [1.0, 0.0])
     with pytest.raises(ValueError, match="`name` must be one of"):
         branches(BARE, "frequency", 1.0, 2.0)
     with pytest.raises(ValueError, match=r"`\(low, high\)` must be an interval"):
