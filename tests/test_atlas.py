@@ -126,7 +126,7 @@ def test_an_orbit_about_to_be_lost_has_a_name_and_no_derivative(half, dent, stat
     def amplitude(size: jax.Array) -> tuple[jax.Array, Status]:
         margins = _Margins(one, one, one, one, jnp.asarray(dent))
         of = _Described(size, one, jnp.ones(4), one, one, halves, margins)
-        named, numbers, _, _ = _answered(of, jnp.asarray(True))
+        named, numbers, _, _ = _answered(as_arrays(parameters(HUNG[0].x)), of, jnp.asarray(True))
         return numbers[0], named
 
     size, slope, named = jax.jvp(amplitude, (jnp.asarray(0.1),), (one,), has_aux=True)

@@ -30,8 +30,9 @@ from tpd.core.files import as_json, place, versions  # noqa: E402
 from tpd.design.screening import with_design  # noqa: E402
 from tpd.design.sequential import minimise  # noqa: E402
 from tpd.design.subproblem import Linearisation  # noqa: E402
+from tpd.exact.orbit_candidates import ORBITS  # noqa: E402
+from tpd.exact.orbit_path import PATH_NODES  # noqa: E402
 from tpd.exact.orbit_roots import NODES, ROOTS  # noqa: E402
-from tpd.exact.symmetric_orbit import ORBITS, PATH_NODES  # noqa: E402
 from tpd.models.piecewise import Lane  # noqa: E402
 
 STORED = Path(__file__).with_name("counts.json")

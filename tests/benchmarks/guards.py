@@ -99,7 +99,7 @@ GUARDS = (
         "breaking of symmetry",
         "steady_state: symmetric only if it leans to neither side",
         "analysis/steady_state:answered",
-        without_term("symmetric", "lean"),
+        without_term("symmetric", "asymmetry"),
         _atlas("a_motion_that_leans_is_not_called_symmetric"),
     ),
     Guard(
@@ -127,7 +127,7 @@ GUARDS = (
         "rattling to rest",
         "arcs: an impact slower than the capture speed is rest",
         "exact/arc:_after_landing",
-        nothing_true("quiet"),
+        nothing_true("capture_speed"),
         _atlas(
             "the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed",
             "what_capture_leaves_out_is_below_the_square_of_its_speed",

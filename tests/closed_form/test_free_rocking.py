@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tests.reference import differences
-from tpd import Parameters, free_motion, one_harmonic_branches, simulate
+from tpd import Parameters, simulate
+from tpd.closed_form import free_motion, one_harmonic_branches
 
 NAMES = ("nu", "mu", "lam", "xi")
 MOTIONS = (

@@ -18,14 +18,12 @@ from tests.reference import (
     named,
     parameters,
 )
-from tpd import (
-    Parameters,
-    in_chunks,
+from tpd import Parameters, in_chunks, symmetric_orbits
+from tpd.closed_form import (
     neglected_harmonics,
     one_harmonic,
     one_harmonic_branches,
     parametric_branches,
-    symmetric_orbits,
     uplift,
 )
 from tpd.core.parameters import as_arrays

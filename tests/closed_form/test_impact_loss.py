@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tpd import Parameters, equivalent_friction, simulate
+from tpd import Parameters, simulate
+from tpd.closed_form import equivalent_friction
 
 CASES = {"bare": (0.0, 1.0), "long rod": (0.2, 1e5)}
 """mu and lam: a bob on a long rod stays where it is and takes no energy."""

@@ -29,7 +29,8 @@ from tests.core.test_equations import (
     lagrange,
     linearised,
 )
-from tpd import Parameters, free_motion, parametric_branches, symmetric_orbits
+from tpd import Parameters, symmetric_orbits
+from tpd.closed_form import free_motion, parametric_branches
 from tpd.closed_form.paper import (
     printed_bare_balance,
     printed_forced_motion,

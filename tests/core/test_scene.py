@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tpd import Block, Harmonic, Parameters, Pendulum, Scene, paper_scene, steady_state, uplift
+from tpd import Block, Harmonic, Parameters, Pendulum, Scene, paper_scene, steady_state
+from tpd.closed_form import uplift
 from tpd.core.scene import STANDARD_GRAVITY, housner
 
 BLOCK = {"width": 0.1, "height": 0.4, "mass": 16.224}

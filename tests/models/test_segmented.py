@@ -18,7 +18,7 @@ from tpd.core.eigenvalues import GRAZING
 from tpd.core.equations import Equations, Terms
 from tpd.core.parameters import as_arrays
 from tpd.exact.contact import SLIP, Mode
-from tpd.models.segmented import _TURN, Segmented, _begin, _gentleness
+from tpd.models.segmented import _TURN, Segmented, _begin, _transversality
 from tpd.models.settling import scale_of
 from tpd.models.smoothed import Smoothed
 
@@ -115,7 +115,7 @@ def test_an_implicit_solver_settles_into_the_same_motion(model):
     assert np.max(np.abs(found.y - settled().steady.state) / scale_of(p)) < 1e-3
 
 
-def gentleness(away):
+def transversality(away):
     """At a turn of a falling block, where phi'' is `away` times the forcing from zero as well."""
     equations = Equations(as_arrays(parameters(X)), Terms.linear)
     falling = Mode(jnp.asarray(SLIP), jnp.asarray(1.0), jnp.asarray(-1.0))
@@ -123,13 +123,13 @@ def gentleness(away):
     pull, more = (float(equations.rates(y, 1.0, -1.0, sine)[2]) for sine in (0.0, 1.0))
     sine = pull / (pull - more) + away
     run = _begin(equations, y, falling, jnp.asarray(0.0))
-    return float(_gentleness(equations, run, y, jnp.asarray(_TURN), falling, jnp.asarray(sine)))
+    return float(_transversality(equations, run, y, jnp.asarray(_TURN), falling, jnp.asarray(sine)))
 
 
 def test_a_turn_that_only_touches_is_a_grazing():
-    assert gentleness(0.0) < 1e-2 * GRAZING
-    assert gentleness(1e-3) > 1e2 * GRAZING
-    assert gentleness(2e-3) == pytest.approx(2 * gentleness(1e-3), rel=1e-9)
+    assert transversality(0.0) < 1e-2 * GRAZING
+    assert transversality(1e-3) > 1e2 * GRAZING
+    assert transversality(2e-3) == pytest.approx(2 * transversality(1e-3), rel=1e-9)
 
 
 @pytest.mark.parametrize("i", range(7))
