@@ -291,7 +291,8 @@ def test_the_nearest_design_is_that_of_least_excess(search):
 
 
 def test_rest_under_all_conditions():
-    calm = verification(orbits(conditions=tpd.Conditions.amplitudes(0.1, 0.2)))
+    # The shaking is below the friction: no orbit attracts either.
+    calm = verification(orbits(conditions=tpd.Conditions.amplitudes(0.03, 0.06)))
     assert calm.rests
     assert calm.bare_rests_nonlinearly()
     assert not verification(orbits()).rests
