@@ -9,6 +9,7 @@ import tpd
 from tests.design.conftest import BAND, FEW_STEPS, SCENE
 from tests.design.test_followed import followed
 from tests.design.test_objective import GOOD, orbits
+from tpd.design.active import nearest
 from tpd.design.result import DesignStatus, Neighbours, Nonlinear, Reason, ReasonKind, Step
 from tpd.design.verify import Verification, pendulum_of
 
@@ -279,11 +280,10 @@ def test_the_nearest_design_is_that_of_least_excess(search):
     from tpd.design.search import Multistart
 
     tight = orbits(limits=(tpd.limits.Stroke(0.5), tpd.limits.Walls()))
-    checked = verification(tight)
-    assert checked.nearest(search) is None, "it has designs within the limits"
+    assert nearest(search) is None, "it has designs within the limits"
     out = Multistart(tight, tpd.Sequential(searches=4, screening=24, steps=4), 0, None)
     out.run(Checkpoint(None, "", {}))
-    found = checked.nearest(out)
+    found = nearest(out)
     excess = tight.constraints(tight.evaluate(out.designs))[0].max(axis=1)
     np.testing.assert_array_equal(found.design, out.designs[np.argmin(excess)])
     assert found.broken[0].value == pytest.approx(1.0 + excess.min(), rel=1e-6)

@@ -324,8 +324,7 @@ def _on_orbit(search: _Search, kind: Kind, point: _Point) -> Bifurcation | None:
     times = [t for t in (u[0], touching) if not math.isnan(t)]
     # The quantity that vanishes at this point is zero to rounding only, so that its sign is not checked.
     highest = float(way.rates.max()) - 1e-9 * x[6] * float(way.height) * (kind is Kind.grazing)
-    leaving = -1.0 if kind is Kind.sticking else float(way.leaving)
-    falling = max(highest, leaving, float(way.arriving)) < 0
+    falling = max(highest, -1.0 if kind is Kind.sticking else float(way.leaving), float(way.arriving)) < 0
     if not (float(way.height) > 0 and falling and min(times) > 0 and max(times) < np.pi / x[6]):
         return None
     return Bifurcation(

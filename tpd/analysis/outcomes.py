@@ -88,6 +88,7 @@ class Outcomes(Printed):
     def quantiles(self, of: str, at: tuple[float, ...] = (0.5, 0.9, 0.99)) -> tuple[float, ...]:
         """Quantiles of `peak`, `amplitude`, `peak_stroke` or `stroke` over all runs, overturned ones at
         infinity: the least number that at least such a share of the runs does not exceed."""
+        # An overturned run has an infinite size: quantiles stay defined, and say so.
         values = np.sort(getattr(self, of))
         return tuple(float(values[min(len(values) - 1, math.ceil(q * len(values)) - 1)]) for q in at)
 

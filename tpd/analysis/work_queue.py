@@ -88,6 +88,7 @@ def settle_all(
     with threads.cores(cores) as crew:
         _prepared(crew, model, -(-n // cores), first)
         parts = list(crew.map(run, range(cores)))
+    # The cores finish in any order; the answer is in the order of the batch.
     order = np.argsort(np.concatenate(shares), kind="stable")
     return jax.tree.map(lambda *x: np.concatenate(x)[order], *parts)
 

@@ -53,6 +53,7 @@ def conditions_of(file: JobFile, scene: Scene) -> Conditions:
     with naming("conditions"):
         if asked.band is not None:
             out = out * Conditions.band(scene, *asked.band, asked.frequencies)
+        # A factor of one is the scene itself: multiplying by it would only lengthen the description.
         if asked.amplitudes != (1.0,):
             out = out * Conditions.amplitudes(*asked.amplitudes)
     with naming("scatter"):
@@ -156,6 +157,7 @@ def _model(name: str | None) -> AbstractModel:
 
 def with_defaults(file: JobFile, scene: Scene, method: Method) -> JobFile:
     """Fill in the defaults that depend on other keys, so that a written job does not depend on them."""
+    # Defaults depend on the method: written out, a job keeps its meaning in a later version.
     numbers = {name: getattr(method, name) for name in ("searches", "screening", "steps")}
     return replace(
         file,

@@ -117,6 +117,7 @@ def _checked(table: str, values: Any) -> dict[str, Any]:
     for key, value in values.items():
         if key not in known:
             raise ValueError(f"unknown key `{key}` in [{table}]; allowed are {', '.join(known)}")
+        # Key by key rather than table by table: the sentence can then name the key and what is allowed.
         try:
             msgspec.convert(value, known[key].type, strict=True)
         except msgspec.ValidationError:
@@ -132,6 +133,7 @@ def chosen(given: Mapping[str, Any]) -> JobFile:
     """
     file = typed(given)
     method = file.search.method or ("descent" if file.size == 1 else "sequential")
+    # A model follows motions from a start; orbits in closed form need none.
     named = file.search.model not in (None, "orbits")
     follows = named or (method == "descent" and file.size == 1 and file.search.model is None)
     default = "rest" if follows else "any"
@@ -150,6 +152,7 @@ def merged(given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, dict[
     Raises:
         ValueError: an unknown table or key, or a value of the wrong type or out of range.
     """
+    # What a key needs may be in the file, among the options, or the default: it is asked before and after.
     before = chosen(given)
     out = {table: dict(values) for table, values in given.items()}
     for table, values in over.items():
@@ -166,8 +169,7 @@ def job_of(given: Mapping[str, Any]) -> Job:
     """Return the job of the tables of a job file; what is left out has its default.
 
     Raises:
-        ValueError: an unknown table or key, a value of the wrong type or out of range, or a key that has
-            no effect.
+        ValueError: an unknown table or key, a bad value, or a key that has no effect.
     """
     file = chosen(given)
     _refuse_without_effect(file)
@@ -190,6 +192,7 @@ def job_of(given: Mapping[str, Any]) -> Job:
 def _refuse_without_effect(file: JobFile) -> None:
     """Refuse a value that has no effect, unless it is the default: a file may list all keys."""
     for (table, key), (needed, holds) in _ONLY_WITH.items():
+        # A silent key would let somebody believe in a limit or a seed that does nothing.
         is_default = getattr(getattr(file, table), key) == keys()[table][key].default
         if not is_default and not holds(file):
             raise ValueError(f"`{table}.{key}` goes with {needed}, which this job does not have")
@@ -208,6 +211,7 @@ def tables(job: Job) -> dict[str, dict[str, Any]]:
     """Return the tables of a job as plain values, without the keys that have no effect in it."""
     out: dict[str, dict[str, Any]] = {}
     for table, values in msgspec.to_builtins(job.file).items():
+        # TOML has no null: what is not set is left out.
         effective = {
             key: list(value) if isinstance(value, tuple) else value
             for key, value in values.items()
@@ -233,6 +237,7 @@ def dump(job: Job) -> str:
 def _toml(value: Any) -> str:
     """A word, a number, true or false, or a list of numbers in TOML."""
     if isinstance(value, str):
+        # A basic string of TOML is written as one of JSON is.
         return json.dumps(value)
     return str(value).lower() if isinstance(value, bool) else repr(value)
 

@@ -16,16 +16,21 @@ _MOST_POINTS = 2000.0
 """Along each axis: four million designs take a minute and a gigabyte of memory."""
 
 
+_DESCRIPTION = (
+    "Solve every design on a grid of two names: dimensionless parameters (nu, mu, lam, zeta, "
+    "k, f, xi, e, rho) or, in SI units, width, height, mass, friction, restitution, amplitude, "
+    "frequency, pendulum-mass, pendulum-length and pendulum-damping. Shown is the largest attracting "
+    "symmetric period-one orbit, or rest; with --from-rest what is settled into from rest. Exit status: "
+    "0 done, 2 bad input, 130 interrupted."
+)
+
+
 def add(commands: Any) -> None:
     """Add the command to the grammar of the command line."""
     mapping = commands.add_parser(
         "map",
         help="amplitude, stroke, status and uplift over any two parameters",
-        description="Solve every design on a grid of two names: dimensionless parameters (nu, mu, lam, zeta, "
-        "k, f, xi, e, rho) or, in SI units, width, height, mass, friction, restitution, amplitude, "
-        "frequency, pendulum-mass, pendulum-length and pendulum-damping. Shown is the largest attracting "
-        "symmetric period-one orbit, or rest; with --from-rest what is settled into from rest. Exit status: "
-        "0 done, 2 bad input, 130 interrupted.",
+        description=_DESCRIPTION,
     )
     common.add_scene(mapping)
     common.add_pendulum(mapping)

@@ -16,10 +16,12 @@ class Parser(argparse.ArgumentParser):
     """A parser that says in one sentence what is wrong, and takes no abbreviated options."""
 
     def __init__(self, **settings: Any) -> None:
+        # An abbreviation that is unique today need not be so in the next version.
         super().__init__(**{"allow_abbrev": False, **settings})
 
     def error(self, message: str) -> NoReturn:
         """Print the sentence and leave with the exit status of bad input."""
+        # argparse prints its whole usage first; the one sentence that matters would scroll away.
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
@@ -40,6 +42,7 @@ class Option:
     def add(self, parser: argparse._ActionsContainer) -> None:
         """Add the option to a parser."""
         key = keys()[self.table][self.key]
+        # The default is read from the schema, so that a help text cannot drift from the code.
         has_default = self.metavar is not None and key.default is not None
         text = key.description + (f" (default {_shown(key.default)})" if has_default else "")
         several = self.metavar is not None and key.counts != (1,)
@@ -70,6 +73,7 @@ class _Set(argparse.Action):
     """Put what an option sets into the tables that the namespace has as `tables`."""
 
     def __init__(self, *, option: Option, **settings: Any) -> None:
+        # Suppressed, so that an option that is not given leaves no trace and the file's value stands.
         super().__init__(**{**settings, "dest": argparse.SUPPRESS, "default": argparse.SUPPRESS})
         self.option = option
 

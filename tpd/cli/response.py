@@ -16,15 +16,20 @@ if TYPE_CHECKING:
 BARE, HUNG = "bare block", "with the pendulum"
 
 
+_DESCRIPTION = (
+    "All branches of symmetric period-one orbits against frequency, stable and unstable, and "
+    "where they are lost: of the bare block and, if one is given, with a pendulum. The amplitude of the "
+    "base stays as it is, or with --dimensionless its acceleration f. Without options: the block of "
+    "Collini et al. (2016). Exit status: 0 done, 2 bad input, 130 interrupted."
+)
+
+
 def add(commands: Any) -> None:
     """Add the command to the grammar of the command line."""
     response = commands.add_parser(
         "response",
         help="amplitude and stroke against frequency",
-        description="All branches of symmetric period-one orbits against frequency, stable and unstable, and "
-        "where they are lost: of the bare block and, if one is given, with a pendulum. The amplitude of the "
-        "base stays as it is, or with --dimensionless its acceleration f. Without options: the block of "
-        "Collini et al. (2016). Exit status: 0 done, 2 bad input, 130 interrupted.",
+        description=_DESCRIPTION,
     )
     common.add_scene(response)
     common.add_pendulum(response)

@@ -16,9 +16,8 @@ Static: TypeAlias = tuple[tuple[str, ...], tuple[tuple[str, str], ...]]
 def pytree(cls: Class) -> Class:
     """Register a frozen dataclass as a pytree: a field that holds a word is static, any other is a leaf.
 
-    `jax.tree_util.register_dataclass` wants to know once and for all which fields are static, and runs the
-    checks of `__post_init__` on whatever JAX puts in the place of a leaf (axis numbers, None, symbolic
-    zeros). Here a word such as "housner" is static only where it is used, and rebuilding checks nothing.
+    `jax.tree_util.register_dataclass` fixes the static fields once, and runs `__post_init__` on whatever JAX
+    puts in the place of a leaf. Here a word such as "housner" is static where it is used; nothing is checked.
     """
 
     def flatten_with_keys(thing: Any) -> tuple[tuple[tuple[Any, Any], ...], Static]:

@@ -1,10 +1,10 @@
-"""Conditions, limits and bounds that hold a design at its optimum."""
+"""Conditions, limits and bounds that hold a design at its optimum, or that no design keeps."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from tpd.design.result import Active
+from tpd.design.result import Active, Nearest, Reason, ReasonKind, Step
 from tpd.design.search import AT_BOUND, Multistart
 
 _MOST = 6
@@ -25,6 +25,7 @@ def _conditions(search: Multistart, i: int) -> list[Active]:
         return []
     weights = search.column(lambda g: g.weights[0])[i]
     label = search.objective.conditions.label
+    # Weights sum to one: what is left out weighs less than a fiftieth.
     heavy = [int(j) for j in np.argsort(-weights)[:_MOST] if weights[j] > _LIGHT]
     return [Active(kind="tilt", name="tilt", condition=label(j), weight=float(weights[j])) for j in heavy]
 
@@ -49,6 +50,36 @@ def _bounds(search: Multistart, i: int) -> list[Active]:
         search.designs[i], low, high, ("mass", "length", "damping"), strict=False
     ):
         for kind, bound in (("lower bound", least), ("upper bound", most)):
+            # A search that ends at a bound asks for another bound, not for another design.
             if abs(value - bound) < AT_BOUND * (most - least):
                 out.append(Active(kind=kind, name=name, condition="", weight=float(value)))
     return out
+
+
+def nearest(search: Multistart) -> Nearest | None:
+    """Where no design keeps the limits: the design whose largest excess is least."""
+    order = search.order(feasible=False)
+    if not len(order) or np.isfinite(search.values[order]).any():
+        return None
+    excess = search.excess
+    # Excesses are shares of their limits, so that limits in rad, m and kg compare.
+    i = order[np.argmin(excess[order].max(axis=1))]
+    broken = sorted(_broken(search, excess[i]), key=lambda reason: -reason.value)
+    return Nearest(design=search.designs[i], broken=tuple(broken))
+
+
+def _broken(search: Multistart, excess: np.ndarray) -> list[Reason]:
+    """Limits that a design breaks, each under the condition of its largest excess."""
+    conditions = search.objective.conditions
+    rows = zip(search.objective.constraint_names(), excess.reshape(-1, len(conditions)), strict=True)
+    return [
+        Reason(
+            step=Step.exact,
+            kind=ReasonKind.breaks_limit,
+            limit=name,
+            value=1.0 + float(row.max()),
+            condition=conditions.label(int(np.argmax(row))),
+        )
+        for name, row in rows
+        if row.max() > 0.0
+    ]

@@ -39,6 +39,7 @@ class Checkpoint:
                 stored = {name: file[name] for name in file.files}
         except (OSError, ValueError, zipfile.BadZipFile, EOFError):
             raise ValueError(f"cannot read {path}: it holds no finished searches") from None
+        # Ends of another problem look like ends of this one; only the fingerprint tells them apart.
         if str(stored.pop("problem", "")) != fingerprint:
             raise ValueError(
                 f"{path} holds searches of another problem, or of another version of tpd: delete it, or take "
@@ -64,6 +65,7 @@ class Checkpoint:
         values |= {f"weights_{i}": v for i, v in enumerate(ends.weights)}
         values |= {n: v for n, v in ends._asdict().items() if n not in ("local", "weights")}
         self.stored |= {f"{group}/{name}": np.asarray(value) for name, value in values.items()}
+        # Made in memory and placed as a whole: a crash leaves the former file.
         content = io.BytesIO()
         whole: dict[str, Any] = {"problem": np.array(self.fingerprint), **self.stored}
         np.savez_compressed(content, **whole)

@@ -287,6 +287,7 @@ def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
     Raises:
         ValueError: something that is not a limit, or two limits of one kind.
     """
+    # Two limits of one kind would leave open which of them a report means.
     listed = tuple(limits)
     for limit in listed:
         if not isinstance(limit, KINDS):

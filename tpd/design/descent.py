@@ -64,6 +64,7 @@ def descend(
         next(walk)
         if after is not None:
             after(step + 1, steps)
+    # No step is taken here: this measures stationarity and weights as the other method does.
     ended = minimise(evaluate, book.x, cap, risk, known=book.local, steps=0)
     path, merits, spent = (np.stack(part) for part in zip(*book.path, strict=True))
     return ended._replace(
@@ -110,6 +111,7 @@ def _projected(
 ) -> Iterator[None]:
     """Steps of any optimiser, projected onto the bounds, every start with a state of its own. A start whose
     value is infinite goes half way back to its best design."""
+    # A wide kink first, which shows the way; a sharp one last, which shows the value.
     widths = np.geomspace(*_WIDTHS, max(steps, 2))
     schedule = optax.cosine_decay_schedule(0.06, max(steps, 1), alpha=0.02)
     chosen = optax.adam(schedule, b1=0.8, b2=0.95) if isinstance(optimiser, str) else optimiser

@@ -155,6 +155,7 @@ class Descent(Method):
         after: Callable[[int, int], None] | None = None,
     ) -> Ends:
         """See `Method.search`."""
+        # Half as many steps again: a first-order method is near, and Newton-like steps converge at once.
         finish = (self.steps + 1) // 2
         total = self.steps + finish
         first = descend(
@@ -182,6 +183,7 @@ class Descent(Method):
 
 def joined(first: Ends, last: Ends) -> Ends:
     """A search that went on from where another had ended."""
+    # The last design of the first part is the first of the second: it is counted once.
     spent = np.concatenate([first.path_spent, first.evaluations + last.path_spent[1:]])
     return last._replace(
         steps=first.steps + last.steps,

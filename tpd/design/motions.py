@@ -46,12 +46,14 @@ def polished(p: Parameters, design: np.ndarray, conditions: Conditions, motions:
     if len(conditions) > _POLISHED:
         return motions
 
+    # One after the other: the program for a single motion is compiled for many other uses.
     def one(row: Array) -> tuple:
         s = steady_state(as_arrays(under(p, jnp.asarray(design), row)), model=Piecewise())
         return status_name(s.status), float(s.amplitude), float(s.stroke), float(s.multiplier), int(s.periods)
 
     columns = zip(*(one(row) for row in conditions.factor_rows()), strict=True)
     status, amplitude, stroke, multiplier, periods = (np.array(x) for x in columns)
+    # Newton's method has no orbit to polish where the block overturns.
     lost = status == "overturned"
     return Motions(
         model=motions.model,
@@ -67,6 +69,7 @@ def polished(p: Parameters, design: np.ndarray, conditions: Conditions, motions:
 
 def searched_motions(objective: Followed, e: Evaluation) -> Motions:
     """Motions of one design by the model that was searched with, from its evaluation."""
+    # The objective knows kinds rather than statuses: they are named alike for the cross-check.
     names = {REST: "rest", NONE: "overturned"}
     status = np.array([names.get(int(k), KINDS[int(k)]) for k in e.kind[0]])
     unknown = np.full(len(status), np.nan)

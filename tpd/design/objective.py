@@ -89,7 +89,7 @@ class AbstractObjective(ABC):
     """Risk of the merits under all conditions, and limits."""
 
     p: Parameters
-    """Of the bare block."""
+    """Parameters of the bare block."""
     conditions: Conditions
     space: DesignSpace
     risk: Risk
@@ -115,7 +115,7 @@ class AbstractObjective(ABC):
         """Trace or compile what `evaluate` needs, so that this can happen beside other work."""
 
     def over(self, conditions: Conditions) -> AbstractObjective:
-        """The same objective under other conditions of the same scene."""
+        """This objective under other conditions of the scene."""
         p, g = self.p, self.geometry
         geometry = geometry_under(float(p.nu), g.half_height, g.block_mass, g.ball, conditions)
         return replace(self, conditions=conditions, geometry=geometry)

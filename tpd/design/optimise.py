@@ -15,6 +15,7 @@ from tpd.core.conditions import FACTORS, Conditions
 from tpd.core.progress import Progress
 from tpd.core.scene import Scene
 from tpd.core.threads import aside
+from tpd.design.active import nearest
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import Limit, Risk
 from tpd.design.followed import Followed
@@ -188,7 +189,7 @@ def _design(
         pendulum=None if offered is None else pendulum_of(problem.scene, offered),
         verified=verified,
         bare=verification.bare,
-        nearest=verification.nearest(second or search) if status is DesignStatus.none_feasible else None,
+        nearest=nearest(second or search) if status is DesignStatus.none_feasible else None,
         search=_history(search, second),
         elasticities=elasticities,
         settings=describe(problem.method),
@@ -231,7 +232,7 @@ def _elasticities(objective: AbstractObjective, of: Verified, progress: Progress
 
 
 def _from_slopes(objective: Followed, of: Verified) -> dict[str, float]:
-    """The same in mass, length and damping ratio from the derivatives of the merits, weighted as the risk
+    """Elasticities in mass, length and damping ratio from the derivatives of the merits, weighted as the risk
     measure weights them; empty where a motion that counts has none."""
     e, n = of.evaluation, len(objective.conditions)
     left, weights = 1.0, np.zeros(n)

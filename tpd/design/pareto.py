@@ -69,6 +69,7 @@ def pareto(
     problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed)
     objective, space = problem.objective, problem.space
     search = Multistart(objective, problem.method, seed, progress)
+    # The searches run on lanes with bounds of their own, so that only the screening is shared.
     search.screen()
     least = max(space.mass_ratio[0], 1e-3 * space.mass_ratio[1])
     # Equal ratios: the first kilogrammes buy most.

@@ -70,6 +70,7 @@ class Problem:
         method = _with_model(_default_method(conditions) if method is None else method, p, conditions)
         # The method decides: a closed form knows all orbits, a model must begin somewhere.
         starts = _default_starts(method) if starts is None else starts
+        # Whichever start is a question to all orbits at once; a model follows one motion at a time.
         if method.model is not None and starts.kind is StartKind.any:
             raise ValueError(
                 "`starts` must be states where a method has a model to follow them by, but is Starts.any(): "

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class DesignStatus(enum.Enum):
-    """What the answer is worth; the value is the sentence that a report opens with."""
+    """Worth of the answer; the value is the sentence that a report opens with."""
 
     found = (
         "A pendulum was found that lessens the settled rocking under the stated conditions; the exact "
@@ -323,6 +323,7 @@ class Design(Printed):
     @property
     def best(self) -> Verified | None:
         """The design offered or, where none is, the best that was verified."""
+        # A refused design is no answer, but a picture of the best one shows what the refusal is about.
         return self.winner or min(self.verified, key=lambda v: v.value, default=None)
 
     @property

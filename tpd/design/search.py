@@ -174,7 +174,7 @@ class Multistart:
 
     @property
     def designs(self) -> np.ndarray:
-        """The same as (mu, lam, zeta), (searches, 3)."""
+        """Best designs as (mu, lam, zeta), (searches, 3)."""
         return self.objective.space.unscaled(self.units)
 
     def order(self, feasible: bool = True) -> np.ndarray:
@@ -252,20 +252,13 @@ def stage(progress: Progress, name: str) -> Count:
 def _exact(objective: Followed, designs: np.ndarray, after: Count | None) -> Evaluation:
     """Evaluation of designs by the exact solution from the objective's starts, without derivatives: a model
     that is integrated would take a hundred times as long."""
-    m, n, s = len(designs), len(objective.conditions), objective.starts.size
-    p = under_all(objective.p, jnp.asarray(designs), objective.conditions)
-    every = jax.tree.map(lambda x: np.repeat(np.asarray(x), s), p)
-    y0 = np.tile(objective.starts.states(float(objective.p.nu)), (m * n, 1))
-    model = Piecewise(max_periods=_SCREENED_PERIODS)
-    settled = settle_all(every, y0, model=model, progress=after)
-    names = names_of(settled.status).reshape(m, n, s)
-    nu = np.asarray(every.nu).reshape(m, n, s)
-    tilt = np.asarray(settled.amplitude).reshape(m, n, s) / nu
+    m, n = len(designs), len(objective.conditions)
+    names, tilt, stroke = (x.reshape(m, n, -1) for x in _motions(objective, designs, after))
     margin = margins(objective, designs)
     lost, rests = np.isin(names, ("overturned", "failed")), names == "rest"
     merit = np.where(lost, 2.0 - margin[..., None], np.where(rests, -margin[..., None], tilt))
     merit = merit.max(axis=-1) if objective.starts.worst else merit.mean(axis=-1)
-    stroke = np.where(lost, 0.0, np.asarray(settled.stroke).reshape(m, n, s)).max(axis=-1)
+    stroke = np.where(lost, 0.0, stroke).max(axis=-1)
     kind = np.where(lost.any(axis=-1), REST + 1, np.where(rests.all(axis=-1), REST, 0))
     tallest = np.where(lost, -np.inf, tilt).max(axis=-1)
     tallest = np.where(lost.all(axis=-1), np.inf, tallest)
@@ -274,8 +267,20 @@ def _exact(objective: Followed, designs: np.ndarray, after: Count | None) -> Eva
     return Evaluation(*sizes, margin, 0.0 * one, one, zero, kind, designs, lost=lost.mean(axis=-1))
 
 
+def _motions(objective: Followed, designs: np.ndarray, after: Count | None) -> tuple[np.ndarray, ...]:
+    """Names of statuses, tilts over nu and strokes (rad) of every start of every design under every
+    condition, each in one row, by events."""
+    pairs, s = len(designs) * len(objective.conditions), objective.starts.size
+    p = under_all(objective.p, jnp.asarray(designs), objective.conditions)
+    every = jax.tree.map(lambda x: np.repeat(np.asarray(x), s), p)
+    y0 = np.tile(objective.starts.states(float(objective.p.nu)), (pairs, 1))
+    settled = settle_all(every, y0, model=Piecewise(max_periods=_SCREENED_PERIODS), progress=after)
+    tilt = np.asarray(settled.amplitude) / np.asarray(every.nu)
+    return names_of(settled.status), tilt, np.asarray(settled.stroke)
+
+
 def sampled_orbits(objective: Orbits, most: int, seed: int) -> Orbits:
-    """The same objective under at most so many of its conditions, see `Conditions.subset`."""
+    """The objective under at most so many of its conditions, see `Conditions.subset`."""
     fewer = objective.over(objective.conditions.subset(most, seed))
     assert isinstance(fewer, Orbits)
     return fewer

@@ -31,6 +31,7 @@ class DesignSpace:
         set_ = object.__setattr__
         set_(self, "mass_ratio", checks.interval("mass_ratio", self.mass_ratio, 0.0, 10.0))
         set_(self, "length_ratio", checks.interval("length_ratio", self.length_ratio, 1e-3, LONGEST_RATIO))
+        # One number is fixed, a pair is searched: the search has two or three coordinates.
         if isinstance(self.damping_ratio, (int, float)):
             checks.within("damping_ratio", self.damping_ratio, 0.0, 2.0)
             set_(self, "damping_ratio", float(self.damping_ratio))
@@ -58,6 +59,7 @@ class DesignSpace:
 
     def scaled(self, designs: np.ndarray) -> np.ndarray:
         """Searched values of designs (..., 3) as shares of the bounds, shape (..., len(names))."""
+        # Searches work in shares: a kilogramme and a metre have no common length of step.
         low, high = self.bounds
         return (np.asarray(designs)[..., : low.size] - low) / (high - low)
 

@@ -20,7 +20,7 @@ from tpd.core.conditions import Conditions, under
 from tpd.core.parameters import as_arrays
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
-from tpd.design.criteria import Geometry
+from tpd.design.objective import geometry_of
 from tpd.design.result import Design, DesignStatus
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
@@ -184,20 +184,6 @@ def usage(design: Design) -> tuple[tuple[str, float], ...]:
     """Limited quantities of the best design over their limits, the largest of all conditions."""
     if design.best is None:
         return ()
-    evaluation, where = design.best.evaluation, geometry(design.scene, design.conditions)
+    evaluation, where = design.best.evaluation, geometry_of(design.scene, design.conditions)
     sizes = [size for limit in design.limits for size in limit.sizes(evaluation, where)]
     return tuple((size.name, float(np.max(size.value))) for size in sizes)
-
-
-def geometry(scene: Scene, conditions: Conditions) -> Geometry:
-    """Lengths and ratios of the block under all conditions."""
-    block = scene.block
-    ball = scene.pendulum(mass_ratio=1.0, length_ratio=1.0, damping_ratio=0.0).ball_radius
-    return Geometry(
-        half_height=block.half_height,
-        block_mass=block.mass,
-        ball=ball,
-        slenderness=block.slenderness * conditions.column("slenderness"),
-        mass_factor=conditions.column("mass"),
-        length_factor=conditions.column("length"),
-    )

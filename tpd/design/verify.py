@@ -33,7 +33,6 @@ from tpd.design.result import (
     Bare,
     DesignStatus,
     Motions,
-    Nearest,
     Neighbours,
     Nonlinear,
     Reason,
@@ -93,7 +92,7 @@ class Verification:
         self.source = "search"
 
     def on(self, objective: AbstractObjective, source: str) -> Verification:
-        """The same verification of designs that were searched for on another objective."""
+        """Verification of designs that were searched for on another objective."""
         other = copy(self)
         other.objective, other.source, other.tolerance = objective, source, 0.0
         e = objective.evaluate(self.none[None])
@@ -133,28 +132,6 @@ class Verification:
     def needed(self) -> float:
         """Risk below which a design counts as an improvement on the bare block."""
         return self.bare.value * (1.0 - self.tolerance) if self.bare.value > 0.0 else self.bare.value
-
-    def nearest(self, search: Multistart) -> Nearest | None:
-        """Where no design keeps the limits: the design whose largest excess is least."""
-        order = search.order(feasible=False)
-        if not len(order) or np.isfinite(search.values[order]).any():
-            return None
-        conditions, excess = self.objective.conditions, search.excess
-        i = order[np.argmin(excess[order].max(axis=1))]
-        each = zip(self.objective.constraint_names(), excess[i].reshape(-1, len(conditions)), strict=True)
-        broken = [
-            Reason(
-                step=Step.exact,
-                kind=ReasonKind.breaks_limit,
-                limit=name,
-                value=1.0 + float(row.max()),
-                condition=conditions.label(int(np.argmax(row))),
-            )
-            for name, row in each
-            if row.max() > 0.0
-        ]
-        worst_first = sorted(broken, key=lambda reason: -reason.value)
-        return Nearest(design=search.designs[i], broken=tuple(worst_first))
 
     def _first_to_pass(self, search: Multistart, order: np.ndarray, most: int) -> bool:
         """Verify designs until one passes or `most` entries stand in `verified`."""
@@ -463,7 +440,7 @@ def _with_sizes(
 
 
 def _significant(lost: np.ndarray, bare: np.ndarray) -> tuple[bool, int, int]:
-    """Whether significantly more paired runs overturn with a design than without (McNemar's test), and how many
-    do so with the one only and with the other only."""
+    """Whether significantly more paired runs overturn with a design than without (McNemar's test), and how
+    many do so with the one only and with the other only."""
     worse, better = int(np.sum(lost & ~bare)), int(np.sum(bare & ~lost))
     return worse > better and chance_of(worse, better) < SIGNIFICANT, worse, better

@@ -87,8 +87,7 @@ def transversality_of(
     """How transversally a slipping block meets an event, over what is usual; infinite for other events.
 
     Args:
-        before: mode before the event.
-        after: mode after it.
+        before, after: modes before and after the event.
         turn: phi'' at a turn, infinite at another event.
         crossing: phi' at a crossing of phi = 0, infinite at another event.
         free: whether the moment at the crossing would lift a block at rest.

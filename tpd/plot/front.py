@@ -23,9 +23,11 @@ def plot_front(front: Front, design: Design, ax: Axes | None = None) -> Axes:
     """
     ax = cast(Axes, new_axes() if ax is None else ax)
     nu, mass = design.scene.block.slenderness, design.scene.block.mass
+    # Masses without a design within the limits have no point, rather than one at zero.
     known = np.isfinite(front.value)
     tilts = np.maximum(front.value[known], 0.0) * nu
     ax.plot(front.mass_ratio[known] * mass, tilts, "o-", color=BLUE, ms=4, label="best design of its mass")
+    # A value over other starts than the front's would be compared with it by the eye.
     if design.starts == Starts.any():
         if np.isfinite(design.bare.value):
             ax.axhline(design.bare.value * nu, color=GREY, ls="--", label="bare block")

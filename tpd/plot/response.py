@@ -21,6 +21,7 @@ def plot_response(responses: Sequence[Response], frequency: float, ax: Axes | No
         frequency: of the design, Hz.
         ax: default that of a new figure.
     """
+    # Points rather than lines alone: between two frequencies another motion may be reached.
     ax = cast(Axes, new_axes() if ax is None else ax)
     settled = [np.isin(r.status, SETTLED) for r in responses]
     sizes = [r.amplitude[known] for r, known in zip(responses, settled, strict=True)]

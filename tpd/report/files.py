@@ -33,6 +33,7 @@ def write(
         files.place(directory / "design.json", as_json(design, study, job_tables)),
         files.place(directory / "scene.toml", job_toml),
     ]
+    # Numbers are safe on disk before the pictures, which take longest, are drawn.
     drawn = {}
     for name in pictures.names(design, study):
         drawn[name] = pictures.draw(name, design, study)

@@ -30,6 +30,8 @@ def html(report: Report, pictures: Mapping[str, bytes]) -> str:
 @lru_cache(maxsize=1)
 def _template() -> jinja2.Template:
     source = resources.files("tpd.report").joinpath("page.html.j2").read_text(encoding="utf-8")
+    # Names come from the user's files: everything is escaped. A name that is missing in the template is an
+    # error, not an empty place in a report.
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )

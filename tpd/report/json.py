@@ -74,9 +74,11 @@ def _plain(x: Any) -> Any:
             return {"description": list(x.description), "factors": _plain(dict(x.factors))}
         case dict():
             return {k: _plain(v) for k, v in x.items()}
+    # By its fields and not by its class: an evaluation is a tuple, and tuples are lists below.
     if hasattr(x, "merit_slope"):
         return _evaluation(x)
     if is_dataclass(x):
+        # A reason is data first; the sentence spares every reader the making of one.
         sentence = {"sentence": str(x)} if isinstance(x, Reason) else {}
         return {f.name: _plain(getattr(x, f.name)) for f in fields(x)} | sentence
     return [_plain(v) for v in x] if isinstance(x, (list, tuple)) else x

@@ -256,8 +256,7 @@ def _starts(design: Design, winner: Verified) -> Iterator[Note]:
         )
     if design.starts == Starts.any() and not np.all(e.attracts):
         yield warning(
-            f"Under {np.sum(~e.attracts)} of {e.attracts.size} conditions no symmetric motion attracts: only "
-            "the motions followed by events tell how the block moves there."
+            f"Under {np.sum(~e.attracts)} of {e.attracts.size} conditions no symmetric motion attracts."
         )
 
 

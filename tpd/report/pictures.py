@@ -9,6 +9,7 @@ from tpd.report.words import settled_stroke
 
 def names(design: Design, study: Study) -> tuple[str, ...]:
     """Names of the pictures that there is data for."""
+    # A drawing of a design that the search had only come to by an interruption would be taken for the answer.
     whole = design.status is not DesignStatus.interrupted
     there = {
         "conditions.png": len(design.conditions) > 1 and design.conditions.axis is not None,

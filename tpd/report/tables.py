@@ -32,6 +32,7 @@ def ensemble(design: Design) -> list[Block]:
     verdict = None if design.best is None else design.best.verdict
     if verdict is None:
         return []
+    # The best design may have been refused; its ensemble is shown all the same, if it came that far.
     pair, runs = (verdict.hung, verdict.bare), verdict.hung.ensemble
     shares: list[tuple[Cell, ...]] = [("overturned", *(str(o.overturned) for o in pair))]
     for ramp in verdict.hung.by_ramp():
@@ -90,6 +91,7 @@ def sensitivity(design: Design, study: Study) -> list[Block]:
     """Elasticities: of the motion from rest for one condition, else of the risk; the strongest first."""
     if study.elasticities is not None:
         return _of_motion(study.elasticities)
+    # A quantity that moves nothing, such as friction of zero, has no elasticity.
     known = {name: x for name, x in design.elasticities.items() if math.isfinite(x)}
     rows = tuple((name, f"{known[name]:+.2f}") for name in sorted(known, key=lambda name: -abs(known[name])))
     caption = f"Per cent of the {design.risk.name} tilt for one per cent more of each, the others constant."
@@ -108,6 +110,7 @@ def _of_motion(found: Elasticities) -> list[Block]:
         f"of which {found.value:.2%} is left: its change, in points of per cent, for one per cent more of "
         "each parameter. Where that uses up the margin, the block lifts."
     )
+    # Elasticities of the margin are stored as shares; the table has points of per cent.
     scale = 1.0 if amplitude else 100.0
     rows = tuple(
         (_MEANING[name], found.at[name], f"{scale * found.slopes[name]:+.3g}")

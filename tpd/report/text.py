@@ -16,6 +16,7 @@ _MARKS = {Severity.danger: "DANGER: ", Severity.warning: "note: ", Severity.info
 
 def text(report: Report) -> str:
     """The report in words; its first line is the verdict. Pictures are left out."""
+    # The verdict opens the text: whoever reads one line reads this one.
     lines = [report.verdict.text]
     for section in report.sections:
         body = [line for block in section.blocks for line in _lines(block)]

@@ -15,6 +15,7 @@ from tpd.design.result import Design
 
 def angle(x: float) -> str:
     """A largest angle (rad) in radians and degrees; infinite where the block overturns, NaN if unknown."""
+    # NaN is not known, infinity is known very well: the two must not share a word.
     if not math.isfinite(x):
         return "unknown" if math.isnan(x) else "overturns"
     return f"{number(x)} rad ({number(math.degrees(x), 3)}°)"
@@ -53,6 +54,7 @@ def settled_stroke(design: Design) -> float:
 
 def of_toppling(design: Design, tilt: float, mass_ratio: float) -> tuple[str, str | None]:
     """A tilt (rad), and its share of the tilt at which the block topples."""
+    # A tilt in radians means little to somebody who has not computed the slenderness.
     share = f"{tilt / toppling(design.scene.block.slenderness, mass_ratio):.1%} of toppling"
     return angle(tilt), share if math.isfinite(tilt) else None
 
