@@ -227,7 +227,7 @@ def test_what_has_been_traced_is_not_traced_again():
 
 
 def test_the_interpreter_waits_for_what_goes_on_aside():
-    work = "import time; from tpd.threads import aside; aside(lambda: (time.sleep(1), print('done')))"
+    work = "import time; from tpd.core.threads import aside; aside(lambda: (time.sleep(1), print('done')))"
     ended = subprocess.run(
         [sys.executable, "-c", work + "; raise SystemExit(3)"], capture_output=True, text=True
     )
