@@ -10,6 +10,7 @@ from tests.design.conftest import BAND, SCENE
 from tests.design.test_followed import followed
 from tests.design.test_objective import GOOD
 from tpd.core.parameters import as_arrays
+from tpd.core.status import SETTLED
 from tpd.design.motions import motions_from_rest, polished, searched_motions
 
 P = as_arrays(SCENE.parameters())
@@ -30,8 +31,9 @@ def test_motions_are_those_of_the_steady_state(motions):
         assert sharp.status[i] == tpd.status_name(s.status)
         assert sharp.amplitude[i] == pytest.approx(float(s.amplitude), rel=1e-12)
         assert sharp.stroke[i] == pytest.approx(float(s.stroke), rel=1e-12)
-        assert sharp.multiplier[i] == pytest.approx(float(s.multiplier), rel=1e-9)
-    np.testing.assert_allclose(motions.amplitude, sharp.amplitude, rtol=1e-4)
+        assert sharp.multiplier[i] == pytest.approx(float(s.multiplier), rel=1e-9, nan_ok=True)
+    settled = np.isin(sharp.status, SETTLED)
+    np.testing.assert_allclose(motions.amplitude[settled], sharp.amplitude[settled], rtol=1e-4)
     assert np.all(motions.peak >= 0.999 * motions.amplitude)
     assert np.isnan(motions.multiplier).all()
 
@@ -44,7 +46,7 @@ def test_many_conditions_are_not_polished():
 
 def test_an_overturning_block_has_no_amplitude():
     hard = tpd.Conditions.amplitudes(1.0, 6.0)
-    motions = motions_from_rest(P, np.array([0.0, 0.3, 0.1]), hard, 40)
+    motions = motions_from_rest(P, np.array([0.0, 0.3, 0.1]), hard, 100)
     for m in (motions, polished(P, np.array([0.0, 0.3, 0.1]), hard, motions)):
         assert m.status.tolist() == ["rocking", "overturned"]
         assert m.amplitude[0] == pytest.approx(0.0833335, abs=1e-4)
