@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import jax
+import pytest
 from jaxtyping import install_import_hook
 
 jax.config.update("jax_enable_x64", True)
@@ -28,6 +29,20 @@ LONGEST = (
     "cli/test_optimise",
 )
 """Modules that go first, so that no worker is left alone with one at the end."""
+
+
+_MAPS = 20_000
+"""Memory maps of a process from which on compiled programs are dropped: Linux allows 65 530, and the compiler
+crashes beyond."""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def few_memory_maps():
+    """Drop what was compiled where a worker holds too many programs."""
+    yield
+    maps = Path("/proc/self/maps")
+    if maps.exists() and maps.read_text().count("\n") > _MAPS:
+        jax.clear_caches()
 
 
 def pytest_collection_modifyitems(items):

@@ -14,7 +14,17 @@ from tpd.core.status import SETTLED
 
 BOX = ((0.03, 0.5), (0.0, 1.0), (0.02, 2.0), (0.0, 1.0), (0.0, 0.3), (0.0, 1.0), (0.3, 12.0), (0.0, 1.0))
 """Bounds of the parameters, in the order of `tests.reference.NAMES`."""
-OTHERS = ("overturned", "aperiodic", "not_settled", "unstable", "near_fold", "grazing", "event_bound", "held", "neutral")
+OTHERS = (
+    "overturned",
+    "aperiodic",
+    "not_settled",
+    "unstable",
+    "near_fold",
+    "grazing",
+    "event_bound",
+    "held",
+    "neutral",
+)
 SAMPLES = 13
 
 designs = st.tuples(*(st.floats(low, high) for low, high in BOX))
