@@ -7,7 +7,7 @@ import numpy as np
 
 import tpd
 from tpd.analysis.attractors import Starts
-from tpd.analysis.compare_models import Check, Rung
+from tpd.analysis.compare_models import Answer, Check
 from tpd.analysis.ensemble import Ensemble
 from tpd.analysis.outcomes import Outcomes
 from tpd.analysis.paired import Verdict
@@ -281,7 +281,7 @@ def study(**changes) -> Study:
     values = {
         "histories": tuple(history(with_, model, 0.04 if with_ else 0.08) for with_, model in cases),
         "responses": (bare, hung),
-        "comparison": Check(rungs=(rung("exact"), rung("nonlinear")), limit=0.5, bare=0.08),
+        "comparison": Check(models=(answer("exact"), answer("nonlinear")), limit=0.5, bare=0.08),
         "elasticities": Elasticities(
             of="amplitude",
             value=0.04,
@@ -294,8 +294,8 @@ def study(**changes) -> Study:
     return Study(**(values | changes))
 
 
-def rung(name: str) -> Rung:
-    return Rung(
+def answer(name: str) -> Answer:
+    return Answer(
         name=name,
         amplitude=0.04,
         stroke=0.3,

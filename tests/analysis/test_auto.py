@@ -28,7 +28,7 @@ def chosen(x, tolerance=0.05, balance=False):
 
 def test_a_block_that_never_lifts_is_answered_by_the_closed_form():
     found = chosen(LOW)
-    assert found.rung == "uplift"
+    assert found.model == "uplift"
     assert status_name(found.status) == "rest"
     assert found.amplitude == 0.0
     assert 0.0 < float(found.estimate) < 0.05
@@ -41,16 +41,16 @@ def test_a_bob_that_swings_at_the_start_leaves_less_in_reserve():
     reserves = []
     for swing in (0.0, 0.01, 0.02):
         found = steady_state(parameters(LOW), model=Auto(), y0=jnp.array([0.0, swing, 0.0, 0.0]))
-        assert found.rung == "uplift"
+        assert found.model == "uplift"
         (share,) = re.findall(r"(\S+)% of the moment that would lift the block is in reserve", found.reason)
         reserves.append(float(share))
     assert reserves[0] > reserves[1] > reserves[2] > 0.0
 
 
 def test_a_tighter_tolerance_takes_a_more_accurate_model():
-    rungs = [chosen(SMALL, tolerance, balance=True).rung for tolerance in (0.5, 0.01, 1e-5)]
-    assert rungs == ["one harmonic", "exact", "nonlinear"]
-    assert chosen(SMALL, 0.5).rung == "exact"
+    models = [chosen(SMALL, tolerance, balance=True).model for tolerance in (0.5, 0.01, 1e-5)]
+    assert models == ["one harmonic", "exact", "nonlinear"]
+    assert chosen(SMALL, 0.5).model == "exact"
     estimates = [float(chosen(SMALL, t, balance=True).estimate) for t in (0.5, 0.01)]
     assert estimates[0] > estimates[1] > 0.0
 
@@ -71,9 +71,9 @@ def test_an_answer_prints_its_sizes_its_model_and_the_reason():
 @pytest.mark.parametrize("x", [SMALL, LIFTS, HUNG[3].x], ids=["small", "lifts", "hung"])
 def test_the_estimate_covers_the_true_error(x):
     truth = float(chosen(x, 1e-5).amplitude)
-    assert chosen(x, 1e-5).rung == "nonlinear"
+    assert chosen(x, 1e-5).model == "nonlinear"
     for found in (chosen(x, 0.5), chosen(x, 0.5, balance=True)):
-        assert found.rung in ("one harmonic", "exact")
+        assert found.model in ("one harmonic", "exact")
         error = abs(float(found.amplitude) / truth - 1.0)
         assert error <= float(found.estimate) <= 0.5
         assert "within the tolerance 0.5" in found.reason
@@ -90,14 +90,14 @@ def test_a_linear_answer_that_is_none_is_not_trusted():
     x = (0.25, 0.1, 0.2, 0.1, 0.05, 0.6, 2.67)
     assert linear(x).status == "overturned"
     found = chosen(x)
-    assert found.rung == "nonlinear"
+    assert found.model == "nonlinear"
     assert "the linear equations end overturned" in found.reason
 
 
 def test_a_start_off_rest_is_not_left_to_the_balance():
     y0 = jnp.array([0.0, 1e-3, 0.0, 0.0])
     found = steady_state(parameters(SMALL), model=Auto(tolerance=0.5, balance=True), y0=y0)
-    assert found.rung == "exact"
+    assert found.model == "exact"
 
 
 def test_the_nonlinear_equations_say_which_motion_a_start_reaches():
@@ -108,11 +108,11 @@ def test_the_nonlinear_equations_say_which_motion_a_start_reaches():
     found = steady_state(p, model=Auto(), y0=y0)
     assert status_name(found.status) == "rest"
     assert found.amplitude == 0.0
-    assert found.rung == "nonlinear"
+    assert found.model == "nonlinear"
     assert "the linear equations end rocking, and the nonlinear ones reach another motion" in found.reason
     # On the linear motion itself the estimate holds: nothing else is asked.
     near = steady_state(p, model=Auto(), y0=by_linear.state)
-    assert near.rung == "exact"
+    assert near.model == "exact"
     assert float(near.amplitude) == pytest.approx(float(by_linear.amplitude), rel=1e-9)
     assert float(near.estimate) < 0.05
 

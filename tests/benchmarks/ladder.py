@@ -49,29 +49,29 @@ def main() -> None:
 
 
 def report(tolerance: float | str, results: list) -> None:
-    """One tolerance: rungs, how often the estimate held, the time."""
-    by_rung: dict[str, list] = collections.defaultdict(list)
+    """One tolerance: models, how often the estimate held, the time."""
+    by_model: dict[str, list] = collections.defaultdict(list)
     for r in results:
         (steady, seconds), (top, _) = r[tolerance], r["top"]
-        by_rung[steady.rung].append((held(steady, top), seconds))
+        by_model[steady.model].append((held(steady, top), seconds))
     total, always = (sum(r[name][1] for r in results) for name in (tolerance, "top"))
     print(
-        f"\ntolerance {tolerance}: {total:.2f} s, {always / total:.1f} times faster than the top rung alone"
+        f"\ntolerance {tolerance}: {total:.2f} s, {always / total:.1f} times faster than the top model alone"
     )
-    print(f"{'rung':14}{'scenes':>8}{'estimate held':>15}{'other motion':>14}{'median ms':>11}")
-    for rung, rows in by_rung.items():
+    print(f"{'model':14}{'scenes':>8}{'estimate held':>15}{'other motion':>14}{'median ms':>11}")
+    for model, rows in by_model.items():
         kinds = collections.Counter(kind for kind, _ in rows)
         ms = 1e3 * np.median([seconds for _, seconds in rows])
-        print(f"{rung:14}{len(rows):8}{kinds['held']:15}{kinds['other']:14}{ms:11.2f}")
+        print(f"{model:14}{len(rows):8}{kinds['held']:15}{kinds['other']:14}{ms:11.2f}")
         if kinds["broken"]:
             print(f"  broken: {kinds['broken']}")
 
 
 def held(steady, top) -> str:
-    """Whether the true error, against the top rung, was within the estimate; or whether the top rung
+    """Whether the true error, against the top model, was within the estimate; or whether the top model
     ends in another kind of motion."""
     name, truth = status_name(steady.status), status_name(top.status)
-    if steady.rung == "nonlinear":
+    if steady.model == "nonlinear":
         return "held"
     rests = name == "rest"
     if truth not in SETTLED or rests != (truth == "rest"):

@@ -76,7 +76,7 @@ def test_where_the_nonlinear_equations_refuse_the_search_goes_on_with_them(one):
     (asked,) = winner.nonlinear
     assert asked.status == "rocking"
     assert asked.stroke <= 1.5
-    found = tpd.check(SCENE, one.pendulum, stroke=1.5, rungs=("uplift",))
+    found = tpd.check(SCENE, one.pendulum, stroke=1.5, models=("uplift",))
     assert found.objections == ()
     assert found.top.amplitude == pytest.approx(asked.amplitude)
     assert found.top.stroke == pytest.approx(asked.stroke)

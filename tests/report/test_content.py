@@ -121,8 +121,8 @@ def test_models_that_disagree_are_marked():
 
 def test_objections_of_the_nonlinear_model_are_dangers():
     study = designs.study()
-    rung = dataclasses.replace(designs.rung("nonlinear"), stroke=0.6)
-    comparison = dataclasses.replace(study.comparison, rungs=(rung,))
+    answer = dataclasses.replace(designs.answer("nonlinear"), stroke=0.6)
+    comparison = dataclasses.replace(study.comparison, models=(answer,))
     note = section(content(designs.single(), designs.study(comparison=comparison)), "By several models")[-1]
     assert note.severity is Severity.danger
     assert "the stroke is 0.6 rad, above 0.5" in note.text

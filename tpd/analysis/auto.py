@@ -58,7 +58,7 @@ rest."""
 
 class Auto(AbstractChoice):
     """`steady_state(p, model=Auto(tolerance=...))` takes the cheapest model whose estimated relative error of
-    the amplitude is within the tolerance; `rung`, `estimate` and `reason` of the result say which model
+    the amplitude is within the tolerance; `model`, `estimate` and `reason` of the result say which model
     answered, with what error, and why.
 
     The one-harmonic balance does not depend on the start: from rest, a third of random blocks settle into
@@ -124,9 +124,9 @@ def _refusal(name: str, estimate: float, limit: str, close: bool) -> str:
     return f"the linear equations may be off by {estimate:.2g}, beyond {limit}"
 
 
-def _labelled(steady: Steady, rung: str, estimate: Number, reason: str) -> Steady:
+def _labelled(steady: Steady, model: str, estimate: Number, reason: str) -> Steady:
     """The answer with the model that gave it, its estimated error and the reason for the choice."""
-    return replace(steady, rung=rung, estimate=estimate, reason=reason)
+    return replace(steady, model=model, estimate=estimate, reason=reason)
 
 
 class _Still(NamedTuple):

@@ -29,12 +29,12 @@ from tpd.models.piecewise import Piecewise
 from tpd.models.segmented import Segmented
 from tpd.models.smoothed import Smoothed
 
-_Answer = tuple[float, float, str]
+_Sizes = tuple[float, float, str]
 """Amplitude and stroke (rad), and the name of the status."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rung:
+class Answer:
     """Answer of one model; angles in rad, NaN where it has none: the status is "no impacts" where impacts
     lose energy and the model has no impact loss."""
 
@@ -55,16 +55,16 @@ class Rung:
 class Check(Printed):
     """A design by several models, the cheapest first."""
 
-    rungs: tuple[Rung, ...]
+    models: tuple[Answer, ...]
     limit: float
     """Largest allowed stroke, rad."""
     bare: float
     """Nonlinear amplitude of the bare block, rad; infinite if it overturns, NaN without a pendulum."""
 
     @property
-    def top(self) -> Rung:
+    def top(self) -> Answer:
         """The answer of the nonlinear equations."""
-        return next(r for r in self.rungs if r.name == TOP)
+        return next(r for r in self.models if r.name == TOP)
 
     @property
     def objections(self) -> tuple[str, ...]:
@@ -74,7 +74,7 @@ class Check(Printed):
     def table(self) -> str:
         """One line for each model."""
         head = f"{'model':20}{'amplitude':>11}{'stroke':>10}  {'status':13}{'time':>10}{'first':>9}  neglects"
-        return "\n".join([head, *(_row(r) for r in self.rungs)])
+        return "\n".join([head, *(_row(r) for r in self.models)])
 
     def __str__(self) -> str:
         verdict = [f"objection: {x}" for x in self.objections] or ["no objection by the nonlinear equations"]
@@ -86,7 +86,7 @@ def check(
     pendulum: Pendulum | None = None,
     *,
     stroke: float = math.inf,
-    rungs: tuple[str, ...] | None = None,
+    models: tuple[str, ...] | None = None,
     progress: Progress | None = None,
 ) -> Check:
     """Solve a design by all models, from rest.
@@ -95,7 +95,7 @@ def check(
         subject: a scene, or dimensionless parameters (plain numbers).
         pendulum: in the scene; default none, the bare block.
         stroke: limit on the bob's angle, rad.
-        rungs: names of models out of `RUNGS`, default all; the nonlinear one is always there.
+        models: names of models out of `MODELS`, default all; the nonlinear one is always there.
         progress: called with ("checking", models done, of how many).
 
     Raises:
@@ -106,12 +106,12 @@ def check(
     checks.require_x64()
     if not stroke > 0:
         raise ValueError(f"`stroke` must be positive, but is {stroke:g}")
-    rungs = RUNGS if rungs is None else rungs
-    unknown = [name for name in rungs if name not in RUNGS]
+    models = MODELS if models is None else models
+    unknown = [name for name in models if name not in MODELS]
     if unknown:
-        raise ValueError(f"`rungs` must be of {', '.join(RUNGS)}, but has {', '.join(unknown)}")
+        raise ValueError(f"`models` must be of {', '.join(MODELS)}, but has {', '.join(unknown)}")
     setup = Setup.of(subject, pendulum)
-    p, asked = as_arrays(setup.at({})), [r for r in RUNGS if r in rungs or r == TOP]
+    p, asked = as_arrays(setup.at({})), [r for r in MODELS if r in models or r == TOP]
     done = []
     for i, name in enumerate(asked):
         done.append(_timed(name, p))
@@ -119,8 +119,8 @@ def check(
             progress("checking", i + 1, len(asked))
     if not setup.hung:
         # The parameters of a bare block stand for a bob too light to be felt; its stroke means nothing.
-        return Check(rungs=tuple(replace(r, stroke=math.nan) for r in done), limit=math.inf, bare=math.nan)
-    return Check(rungs=tuple(done), limit=stroke, bare=nonlinear(bare_parameters_of(subject))[0])
+        return Check(models=tuple(replace(r, stroke=math.nan) for r in done), limit=math.inf, bare=math.nan)
+    return Check(models=tuple(done), limit=stroke, bare=nonlinear(bare_parameters_of(subject))[0])
 
 
 def objections(amplitude: float, stroke: float, status: str, limit: float, bare: float) -> tuple[str, ...]:
@@ -142,7 +142,7 @@ def nonlinear(p: Parameters) -> tuple[float, float, str]:
     return _followed(Segmented(), as_arrays(p))
 
 
-def _timed(name: str, p: Parameters) -> Rung:
+def _timed(name: str, p: Parameters) -> Answer:
     """The answer of one model, solved twice to separate the time to compile from the time to solve."""
     model = _MODELS[name]
     solve = model.solve if model.impact_loss or float(p.e) == 1.0 else _no_impacts
@@ -152,24 +152,24 @@ def _timed(name: str, p: Parameters) -> Rung:
     amplitude, stroke, status = solve(p)
     times = {"first": middle - begin, "seconds": time.perf_counter() - middle}
     sizes = {"amplitude": amplitude, "stroke": stroke}
-    return Rung(name=name, status=status, neglects=model.neglects, **sizes, **times)
+    return Answer(name=name, status=status, neglects=model.neglects, **sizes, **times)
 
 
 _uplift, _one_harmonic = eqx.filter_jit(uplift), eqx.filter_jit(one_harmonic)
 
 
-def _no_impacts(_: Parameters) -> _Answer:
+def _no_impacts(_: Parameters) -> _Sizes:
     return math.nan, math.nan, "no impacts"
 
 
-def _at_rest(p: Parameters) -> _Answer:
+def _at_rest(p: Parameters) -> _Sizes:
     lift = _uplift(p)
     return (
         (0.0, float(lift.stroke), "rest") if lift.margin >= 0.0 else (math.nan, float(lift.stroke), "lifts")
     )
 
 
-def _balanced(p: Parameters) -> _Answer:
+def _balanced(p: Parameters) -> _Sizes:
     found = _one_harmonic(p)
     if not bool(found.exists):
         return math.nan, math.nan, "no_orbit"
@@ -181,7 +181,7 @@ def _settled(model: AbstractModel, p: Parameters) -> Settled:
     return model.settle(p, jnp.zeros(4))
 
 
-def _followed(model: AbstractModel, p: Parameters) -> _Answer:
+def _followed(model: AbstractModel, p: Parameters) -> _Sizes:
     # The smoothed motion is known between its samples only once its orbit is polished; the other models are
     # exact at the turns of a motion. Polishing the exact one is compiled by `optimise` already.
     if isinstance(model, (Piecewise, Smoothed)):
@@ -201,7 +201,7 @@ class _Model(NamedTuple):
     """A model that can be asked for its answer from rest."""
 
     neglects: str
-    solve: Callable[[Parameters], _Answer]
+    solve: Callable[[Parameters], _Sizes]
     impact_loss: bool = True
     """Whether the model has the loss of energy at impacts."""
 
@@ -225,13 +225,13 @@ _MODELS = {
     ),
     TOP: _Model("nothing of the paper's (4)", partial(_followed, Segmented())),
 }
-RUNGS = tuple(_MODELS)
+MODELS = tuple(_MODELS)
 """Names of all models, the cheapest first."""
 QUICK = ("uplift", "one harmonic", "exact", TOP)
 """Names of the models that do not take long to compile."""
 
 
-def _row(r: Rung) -> str:
+def _row(r: Answer) -> str:
     def number(x: float, width: int) -> str:
         return f"{'-':>{width}}" if math.isnan(x) else f"{x:{width}.6f}"
 

@@ -68,7 +68,7 @@ class Steady(eqx.Module):
     """Forcing periods followed before the repetition was recognised."""
     estimate: Number = math.nan
     """Estimated relative error of the amplitude, if `Auto` chose the model."""
-    rung: str = eqx.field(static=True, default="")
+    model: str = eqx.field(static=True, default="")
     """The model that `Auto` chose."""
     reason: str = eqx.field(static=True, default="")
     """Why, in a sentence."""
@@ -84,8 +84,8 @@ class Steady(eqx.Module):
             f"  multiplier   {number(float(self.multiplier))}",
             f"  repeats      after {counted_periods(int(self.periods))}",
         ]
-        chosen = f"  model        {self.rung}, estimated error {self.estimate:.2g}: {self.reason}"
-        return "\n".join([*lines, chosen] if self.rung else lines)
+        chosen = f"  model        {self.model}, estimated error {self.estimate:.2g}: {self.reason}"
+        return "\n".join([*lines, chosen] if self.model else lines)
 
 
 class Trajectory(eqx.Module):

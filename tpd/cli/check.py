@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     """Solve the design by all models and print the results; return the exit status."""
     file = _read(options.design)
     common.use_64_bits()
-    from tpd.analysis.compare_models import QUICK, RUNGS, check
+    from tpd.analysis.compare_models import MODELS, QUICK, check
     from tpd.cli import config
     from tpd.core.scene import Pendulum
     from tpd.design.criteria import stroke_limit
@@ -60,8 +60,8 @@ def run(options: argparse.Namespace) -> int:
     job = config.job_of(file.job)
     pendulum = None if file.pendulum is None else Pendulum(**msgspec.structs.asdict(file.pendulum))
     with common.Bar() as bar:
-        rungs = QUICK if options.quick else RUNGS
-        found = check(job.scene, pendulum, stroke=stroke_limit(job.limits), rungs=rungs, progress=bar)
+        models = QUICK if options.quick else MODELS
+        found = check(job.scene, pendulum, stroke=stroke_limit(job.limits), models=models, progress=bar)
     print(found.table())
     if pendulum is None:
         print("\nthe bare block: the report offers no pendulum")

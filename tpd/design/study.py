@@ -160,7 +160,7 @@ def _responses(design: Design, progress: Progress | None) -> tuple[Response, ...
 
 def _comparison(design: Design, progress: Progress | None) -> Check:
     limit = design.stroke_limit
-    return check(design.scene, design.pendulum, stroke=limit, rungs=QUICK, progress=progress)
+    return check(design.scene, design.pendulum, stroke=limit, models=QUICK, progress=progress)
 
 
 def uplift_region(design: Design) -> UpliftRegion:

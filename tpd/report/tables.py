@@ -77,7 +77,7 @@ def comparison(check: Check) -> list[Block]:
     """A design by all models that were asked, and objections of the last one."""
     rows = tuple(
         (r.name, r.amplitude, r.stroke, r.status.replace("_", " "), round(r.seconds * 1e3, 1), r.neglects)
-        for r in check.rungs
+        for r in check.models
     )
     head = ("model", "amplitude (rad)", "stroke (rad)", "status", "time (ms)", "neglects")
     caption = (
