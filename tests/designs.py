@@ -15,23 +15,11 @@ from tpd.analysis.response import Response
 from tpd.analysis.sensitivity import Elasticities
 from tpd.core.conditions import Conditions
 from tpd.design.criteria import DEFAULT_LIMITS, Risk
-from tpd.design.result import (
-    Active,
-    Bare,
-    Design,
-    DesignStatus,
-    Motions,
-    Neighbours,
-    Nonlinear,
-    Reason,
-    ReasonKind,
-    Search,
-    SearchStatus,
-    Step,
-    Verified,
-)
+from tpd.design.reasons import Reason, ReasonKind, Step
+from tpd.design.result import Design, DesignStatus, Search, SearchStatus
 from tpd.design.space import DesignSpace
 from tpd.design.study import Study, TimeHistory, UpliftRegion
+from tpd.design.verified import Active, Bare, Motions, Neighbours, Nonlinear, Verified
 
 SCENE = tpd.paper_scene()
 HUNG = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)

@@ -13,7 +13,8 @@ from tpd.core.conditions import FACTORS
 from tpd.design.nonlinear_search import wanted
 from tpd.design.optimise import solve
 from tpd.design.problem import Problem
-from tpd.design.result import DesignStatus, ReasonKind, SearchStatus, Step
+from tpd.design.reasons import ReasonKind, Step
+from tpd.design.result import DesignStatus, SearchStatus
 
 CALM = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.001, frequency=2.5))
 """A shaking that lifts no block, and under which no orbit attracts."""

@@ -2,7 +2,9 @@
 
 import pytest
 
-from tpd.design.result import Active, DesignStatus, Reason, ReasonKind, Step
+from tpd.design.reasons import Reason, ReasonKind, Step
+from tpd.design.result import DesignStatus
+from tpd.design.verified import Active
 
 SENTENCES = {
     ReasonKind.overturns: (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests import designs
-from tpd.design.result import Reason, ReasonKind, Step
+from tpd.design.reasons import Reason, ReasonKind, Step
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,9 @@ from tests.design.conftest import BAND, FEW_STEPS, SCENE
 from tests.design.test_followed import followed
 from tests.design.test_objective import GOOD, orbits
 from tpd.design.active import nearest
-from tpd.design.result import DesignStatus, Neighbours, Nonlinear, Reason, ReasonKind, Step
+from tpd.design.reasons import Reason, ReasonKind, Step
+from tpd.design.result import DesignStatus
+from tpd.design.verified import Neighbours, Nonlinear
 from tpd.design.verify import Verification, pendulum_of
 
 RUNS = tpd.Ensemble(size=16, periods=30)

@@ -10,8 +10,9 @@ from tests import designs
 from tpd.analysis.attractors import Starts
 from tpd.analysis.paired import Verdict
 from tpd.design.criteria import DEFAULT_LIMITS, Walls
-from tpd.design.result import DesignStatus, Neighbours
+from tpd.design.result import DesignStatus
 from tpd.design.study import Study
+from tpd.design.verified import Neighbours
 from tpd.report.blocks import Severity
 from tpd.report.notes import disagree, notes, strikes, thick
 

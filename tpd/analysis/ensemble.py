@@ -86,6 +86,11 @@ class Ensemble:
         """Relative half widths of the scattered numbers by name."""
         return {name: getattr(self, name) for name in _SCATTERED}
 
+    def dealt(self, conditions: int) -> np.ndarray:
+        """Index of the condition of every run, out of so many, shape (size,): dealt out evenly."""
+        # A generator of its own, so that conditions leave the draws of the runs as they are.
+        return np.random.default_rng([self.seed, 1]).permutation(self.size) % conditions
+
     def draws(self) -> np.ndarray:
         """Places of the runs in the unit cube, shape (size, 10): the four components of the start, the phase,
         the growth, and the scattered numbers. The first row is the nominal run."""
@@ -122,8 +127,7 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     reach = np.array([e.tilt * nu, e.swing, e.tilt_rate * nu, e.swing_rate])
     scatter = sampling.factors(unit[:, 6:], e.half_widths)
     conditions = Conditions() if conditions is None else conditions
-    # A generator of its own, so that conditions leave the draws of the runs as they are.
-    dealt = np.random.default_rng([e.seed, 1]).permutation(e.size) % len(conditions)
+    dealt = e.dealt(len(conditions))
     factor = np.stack([scatter.get(name, 1.0) * conditions.column(name)[dealt] for name in FACTORS])
     design = np.repeat([[float(x)] for x in (p.mu, p.lam, p.zeta)], e.size, axis=1)
     q = under(p, jnp.asarray(design), jnp.asarray(factor))

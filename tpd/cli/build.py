@@ -12,11 +12,13 @@ from msgspec.structs import replace
 from tpd.analysis.attractors import Starts
 from tpd.analysis.ensemble import Ensemble
 from tpd.cli.schema import JobFile
+from tpd.core.bob import Bob
 from tpd.core.conditions import Conditions
 from tpd.core.scene import Block, Harmonic, Scene
-from tpd.design.criteria import KINDS, Limit, Risk
+from tpd.design.criteria import KINDS, Limit, Risk, Room, Worsening
 from tpd.design.methods import Descent, Method, Sequential
 from tpd.design.space import DesignSpace
+from tpd.design.worth import Worth
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.models.segmented import Segmented
@@ -45,8 +47,10 @@ def scene_of(file: JobFile) -> Scene:
         return Scene(block, motion, file.site.gravity)
 
 
-def conditions_of(file: JobFile, scene: Scene) -> Conditions:
-    """Each frequency with each amplitude and each sample."""
+def conditions_of(file: JobFile, scene: Scene) -> Conditions | None:
+    """Each frequency with each amplitude and each sample; None for the neighbourhood of the motion."""
+    if file.is_around:
+        return None
     if file.size > _MOST_CONDITIONS:
         raise ValueError(f"a job must have at most {_MOST_CONDITIONS} conditions, but has {file.size}")
     asked, out = file.conditions, Conditions()
@@ -102,12 +106,25 @@ def limits_of(file: JobFile) -> tuple[Limit, ...]:
     """Limits, in the order of a report."""
     asked = {kind: getattr(file.limits, kind.name) for kind in KINDS}
     with naming("limits"):
-        # A limit is a number, or it is there or not.
+        # The paper's setting, a single motion, has a bob without size and no other condition to compare with.
+        left_out = (Room, Worsening) if file.conditions.exactly else ()
         return tuple(
-            kind() if value is True else kind(value)  # type: ignore[call-arg]
+            Room(bob_of(file)) if kind is Room else kind(value)  # type: ignore[call-arg]
             for kind, value in asked.items()
-            if value is not None and value is not False
+            if value is not None and value is not False and kind not in left_out
         )
+
+
+def bob_of(file: JobFile) -> Bob:
+    """The bob as a body."""
+    with naming("bob"):
+        return Bob(**msgspec.structs.asdict(file.bob))
+
+
+def worth_of(file: JobFile) -> Worth:
+    """Requirements on the benefit."""
+    with naming("worth"):
+        return Worth(**msgspec.structs.asdict(file.worth))
 
 
 def with_model(file: JobFile, scene: Scene) -> JobFile:

@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
         print("\nthe bare block: the report offers no pendulum")
         return common.SOUND
     against = found.objections
-    if len(job.conditions) > 1:
+    if job.file.size > 1:
         print("\nA design for many conditions: the models above see the scene's own shaking only.")
         # More rocking under this shaking may be the price of less in the worst of all conditions.
         against = replace(found, bare=math.inf).objections

@@ -24,6 +24,7 @@ SCENE = (
     Option("--mass", "block", "mass", "KG"),
     Option("--friction", "block", "friction", "K"),
     Option("--restitution", "block", "restitution", "E"),
+    Option("--cavity", "block", "cavity_width", "M"),
     Option("--amplitude", "motion", "amplitude", "M"),
     Option("--frequency", "motion", "frequency", "HZ"),
 )

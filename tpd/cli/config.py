@@ -25,6 +25,7 @@ from tpd.core.scene import Scene
 from tpd.design.criteria import Limit, Risk
 from tpd.design.methods import Method
 from tpd.design.space import DesignSpace
+from tpd.design.worth import Worth
 
 _Holds = Callable[[JobFile], bool]
 
@@ -38,6 +39,11 @@ def _is_descent(file: JobFile) -> bool:
 
 
 _ONLY_WITH: dict[tuple[str, str], tuple[str, _Holds]] = {
+    ("conditions", "exactly"): (
+        "one motion: no band, no amplitudes and no scatter",
+        lambda file: file.size == 1,
+    ),
+    ("bob", "aspect"): ("`bob.shape` cylinder", lambda file: file.bob.shape == "cylinder"),
     ("conditions", "frequencies"): (
         "a band, `conditions.band`",
         lambda file: file.conditions.band is not None,
@@ -61,12 +67,14 @@ class Job:
     """All tables; defaults that depend on other keys are filled in."""
     scene: Scene = field(compare=False)
     space: DesignSpace = field(compare=False)
-    conditions: Conditions = field(compare=False)
+    conditions: Conditions | None = field(compare=False)
+    """None for the neighbourhood of the motion."""
     starts: Starts = field(compare=False)
     risk: Risk = field(compare=False)
     limits: tuple[Limit, ...] = field(compare=False)
     method: Method = field(compare=False)
     ensemble: Ensemble = field(compare=False)
+    worth: Worth = field(compare=False)
 
     @property
     def seed(self) -> int:
@@ -186,6 +194,7 @@ def job_of(given: Mapping[str, Any]) -> Job:
         limits=build.limits_of(file),
         method=method,
         ensemble=build.ensemble_of(file),
+        worth=build.worth_of(file),
     )
 
 

@@ -26,9 +26,11 @@ DESIGN = (
     Option("--length-ratio", "space", "length_ratio", ("LO", "HI")),
     Option("--damping", "space", "damping_ratio", "ZETA"),
     Option("--stroke", "limits", "stroke", "RAD"),
-    Option("--walls", "limits", "walls"),
+    Option("--bob", "bob", "shape", "WORD"),
+    Option("--no-walls", "limits", "room", value=False, help="do not ask for room between the walls"),
 )
 CONDITIONS = (
+    Option("--exactly", "conditions", "exactly"),
     Option("--band", "conditions", "band", ("LO", "HI")),
     Option("--amplitudes", "conditions", "amplitudes", "X"),
     Option("--measure", "risk", "measure", "WORD"),
@@ -37,6 +39,7 @@ SEARCH = (
     Option("--method", "search", "method", "WORD"),
     Option("--optimiser", "search", "optimiser", "WORD"),
     Option("--searches", "search", "searches", "N"),
+    Option("--at-least", "worth", "at_least", "X"),
     Option("--seed", "search", "seed", "N"),
     Option("--by-overturning", "search", "by_overturning"),
 )
@@ -158,6 +161,7 @@ def _design(job: Job, unfinished: Path, bar: common.Bar) -> Design:
         limits=job.limits,
         method=job.method,
         ensemble=job.ensemble,
+        worth=job.worth,
         seed=job.seed,
         by_overturning=job.by_overturning,
         checkpoint=unfinished,

@@ -13,6 +13,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct, inspect
 
+NEIGHBOURHOOD = 10
+"""Conditions of a neighbourhood of the motion: see `Conditions.around`."""
 _LARGEST = 2**31 - 1
 """Largest count or seed: beyond it the random generators and the arrays of NumPy fail."""
 
@@ -21,6 +23,7 @@ NotNegative = Annotated[float, Meta(ge=0)]
 Count = Annotated[int, Meta(ge=1, le=_LARGEST)]
 Seed = Annotated[int, Meta(ge=0, le=_LARGEST)]
 HalfWidth = Annotated[float, Meta(ge=0, le=0.5)]
+Fraction = Annotated[float, Meta(ge=0, le=1)]
 Share = Annotated[float, Meta(ge=1e-9, le=1)]
 Modulus = Annotated[float, Meta(ge=1e-6, le=1)]
 Pair = tuple[float, float]
@@ -55,6 +58,9 @@ class BlockTable(Table, frozen=True, kw_only=True):
     radius_of_gyration: Annotated[
         Positive | None, _says("about the centroid, m (default: that of a uniform rectangle)")
     ] = None
+    cavity_width: Annotated[
+        Positive | None, _says("width of the space in which the bob swings, m (default: the outside width)")
+    ] = None
 
 
 class MotionTable(Table, frozen=True, kw_only=True):
@@ -62,6 +68,18 @@ class MotionTable(Table, frozen=True, kw_only=True):
 
     amplitude: Annotated[NotNegative, _says("amplitude of the base motion, m")] = 0.015
     frequency: Annotated[Positive, _says("frequency of the base motion, Hz")] = 2.5
+
+
+class BobTable(Table, frozen=True, kw_only=True):
+    """The bob as a body."""
+
+    shape: Annotated[Literal["ball", "cylinder"], _says("shape of the bob: ball or cylinder")] = "ball"
+    density: Annotated[
+        Annotated[float, Meta(ge=100, le=25000)], _says("density of the bob, kg/m^3 (steel: 7850)")
+    ] = 7850.0
+    aspect: Annotated[Annotated[float, Meta(ge=0.1, le=20)], _says("height over diameter of a cylinder")] = (
+        2.0
+    )
 
 
 class SiteTable(Table, frozen=True, kw_only=True):
@@ -81,8 +99,12 @@ class SpaceTable(Table, frozen=True, kw_only=True):
 
 
 class ConditionsTable(Table, frozen=True, kw_only=True):
-    """Conditions under which a design is sought: each frequency with each amplitude and each sample."""
+    """Conditions under which a design is sought: each frequency with each amplitude and each sample. Without
+    any of these it is a neighbourhood of the motion: 5 % in frequency, and 10 % more amplitude."""
 
+    exactly: Annotated[
+        bool, _says("search for the motion itself alone with a point bob, as in the paper")
+    ] = False
     band: Annotated[
         Pair | None, _says("lower and upper end of a band of frequencies, Hz (default: the one of [motion])")
     ] = None
@@ -144,10 +166,11 @@ class LimitsTable(Table, frozen=True, kw_only=True):
     offset: Annotated[
         Positive | None, _says("largest distance of the settled bob's centre from the block's axis, m")
     ] = None
-    walls: Annotated[
-        bool,
-        _says("a solid ball of steel must keep off the block's walls once it has settled"),
-    ] = False
+    room: Annotated[bool, _says("the bob as a body must keep off the walls")] = True
+    worsening: Annotated[
+        NotNegative | None,
+        _says("largest share by which a condition's settled tilt may exceed that of the bare block"),
+    ] = 0.05
     multiplier: Annotated[
         Modulus | None,
         _says("largest modulus of the Floquet multipliers; `reserve` is the better limit"),
@@ -192,6 +215,17 @@ class SearchTable(Table, frozen=True, kw_only=True):
     ] = False
 
 
+class WorthTable(Table, frozen=True, kw_only=True):
+    """Requirements on the benefit, by paired runs of the nonlinear equations."""
+
+    at_least: Annotated[Fraction, _says("least share by which the mean tilt of all runs must fall")] = 0.1
+    worse: Annotated[Fraction, _says("largest share by which the mean tilt under one condition may rise")] = (
+        0.05
+    )
+    strikes: Annotated[Fraction, _says("largest share of the runs in which the bob may strike a wall")] = 0.01
+    runs: Annotated[Count, _says("most runs with the pendulum and without")] = 256
+
+
 class EnsembleTable(Table, frozen=True, kw_only=True):
     """Runs by which a design is verified."""
 
@@ -217,6 +251,7 @@ class JobFile(Table, frozen=True, kw_only=True):
 
     block: BlockTable = BlockTable()
     motion: MotionTable = MotionTable()
+    bob: BobTable = BobTable()
     site: SiteTable = SiteTable()
     space: SpaceTable = SpaceTable()
     conditions: ConditionsTable = ConditionsTable()
@@ -224,6 +259,7 @@ class JobFile(Table, frozen=True, kw_only=True):
     starts: StartsTable = StartsTable()
     risk: RiskTable = RiskTable()
     limits: LimitsTable = LimitsTable()
+    worth: WorthTable = WorthTable()
     search: SearchTable = SearchTable()
     ensemble: EnsembleTable = EnsembleTable()
 
@@ -233,8 +269,17 @@ class JobFile(Table, frozen=True, kw_only=True):
         return {n: w for n, w in msgspec.structs.asdict(self.scatter).items() if w is not None}
 
     @property
+    def is_around(self) -> bool:
+        """Whether the conditions are the neighbourhood of the motion, which is the default."""
+        asked = self.conditions
+        given = asked.band is not None or asked.amplitudes != (1.0,) or bool(self.widths)
+        return not given and not asked.exactly
+
+    @property
     def size(self) -> int:
         """Number of conditions."""
+        if self.is_around:
+            return NEIGHBOURHOOD
         asked = self.conditions
         frequencies = 1 if asked.band is None else asked.frequencies
         return frequencies * len(asked.amplitudes) * (asked.samples if self.widths else 1)

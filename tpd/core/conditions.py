@@ -95,6 +95,27 @@ class Conditions:
         return jnp.stack([jnp.asarray(self.column(name)) for name in FACTORS], axis=1)
 
     @staticmethod
+    def exactly() -> Conditions:
+        """One condition: the scene's own shaking."""
+        return Conditions()
+
+    @staticmethod
+    def around(scene: Scene, frequency: float = 0.05, amplitude: float = 0.1, count: int = 5) -> Conditions:
+        """Neighbourhood of the scene's own shaking: `count` frequencies within a relative half width, each
+        at the scene's amplitude and at one larger by the share `amplitude`.
+
+        Raises:
+            ValueError: a share out of range, or a count below two.
+        """
+        checks.within("frequency", frequency, 1e-3, 0.5)
+        checks.within("amplitude", amplitude, 0.0, 1.0)
+        checks.count("count", count, least=2)
+        factors, own = 1.0 + frequency * np.linspace(-1.0, 1.0, count), scene.motion.frequency
+        phrase = f"{count} frequencies within ±{frequency:.3g} of {own:g} Hz"
+        near = Conditions({"frequency": factors}, (phrase,), {"frequency": (own, "Hz")})
+        return near * Conditions.amplitudes(1.0, 1.0 + amplitude) if amplitude else near
+
+    @staticmethod
     def band(scene: Scene, low: float, high: float, count: int = 20) -> Conditions:
         """Frequencies from `low` to `high` in Hz, in equal ratios, at the scene's amplitude of displacement.
 

@@ -20,8 +20,6 @@ from tpd.core.pytrees import pytree
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2"""
-_STEEL = 7850.0
-"""kg/m^3"""
 HOUSNER = "housner"
 """Value of `Block.restitution` that ties e to the block's shape by the function `housner`."""
 FRICTION = 0.05
@@ -63,6 +61,8 @@ class Block:
     restitution: Real | str | None = None
     """e: velocity ratio across an impact of the base, in (0, 1]. "housner" ties it to the block's shape, also
     in gradients. None is no impact loss."""
+    cavity_width: Real | None = None
+    """Width (m) of the space inside the block in which the bob swings. None is the outside width."""
 
     def __post_init__(self) -> None:
         _convert_whole_numbers(self)
@@ -72,6 +72,7 @@ class Block:
         self._check_losses()
         if self.radius_of_gyration is not None:
             checks.positive("radius_of_gyration", self.radius_of_gyration)
+        self._check_cavity()
         if checks.is_concrete(self.slenderness) and np.any(self.slenderness > SLENDERNESS_LIMIT):
             raise ValueError(
                 f"`width` must be at most {SLENDERNESS_LIMIT:g} of `height` (the linear equations "
@@ -91,6 +92,23 @@ class Block:
             # Impacts alone let a bare block settle; without impact loss only friction does.
             object.__setattr__(self, "friction", FRICTION if self.restitution is None else 0.0)
         checks.not_negative("friction", self.friction)
+
+    def _check_cavity(self) -> None:
+        if self.cavity_width is None:
+            return
+        checks.positive("cavity_width", self.cavity_width)
+        if all(map(checks.is_concrete, (self.cavity_width, self.width))) and np.any(
+            np.asarray(self.cavity_width) > self.width
+        ):
+            raise ValueError(
+                f"`cavity_width` must be at most the outside width, {np.max(self.width):g} m, but is "
+                f"{np.max(self.cavity_width):g} m"
+            )
+
+    @property
+    def room(self) -> Real:
+        """Width (m) between the walls that the bob swings within."""
+        return self.width if self.cavity_width is None else self.cavity_width
 
     @property
     def half_height(self) -> Real:
@@ -136,11 +154,6 @@ class Pendulum:
         checks.not_negative("mass", self.mass)
         checks.positive("length", self.length)
         checks.not_negative("damping_ratio", self.damping_ratio)
-
-    @property
-    def ball_radius(self) -> Real:
-        """Radius (m) of a solid ball of steel, 7850 kg/m^3, with the mass of the bob."""
-        return (3.0 * self.mass / (4.0 * math.pi * _STEEL)) ** (1.0 / 3.0)
 
     def hinge_damping(self, gravity: Real = STANDARD_GRAVITY) -> Real:
         """Moment of the hinge per angular rate, N m s/rad: 2 zeta m l^1.5 g^0.5."""

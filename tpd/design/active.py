@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from tpd.design.result import Active, Nearest, Reason, ReasonKind, Step
+from tpd.design.reasons import Reason, ReasonKind, Step
+from tpd.design.result import Nearest
 from tpd.design.search import AT_BOUND, Multistart
+from tpd.design.survey import Survey
+from tpd.design.verified import Active
 
 _MOST = 6
 """Most conditions, and most limits, that are listed."""
@@ -56,8 +59,11 @@ def _bounds(search: Multistart, i: int) -> list[Active]:
     return out
 
 
-def nearest(search: Multistart) -> Nearest | None:
-    """Where no design keeps the limits: the design whose largest excess is least."""
+def nearest(search: Multistart, surveys: tuple[Survey, ...] = ()) -> Nearest | None:
+    """Where no design keeps the limits: the design whose largest excess is least, in the last survey if there
+    is one."""
+    if surveys:
+        return _nearest_of(surveys[-1])
     order = search.order(feasible=False)
     if not len(order) or np.isfinite(search.values[order]).any():
         return None
@@ -66,6 +72,15 @@ def nearest(search: Multistart) -> Nearest | None:
     i = order[np.argmin(excess[order].max(axis=1))]
     broken = sorted(_broken(search, excess[i]), key=lambda reason: -reason.value)
     return Nearest(design=search.designs[i], broken=tuple(broken))
+
+
+def _nearest_of(found: Survey) -> Nearest:
+    """Design of least excess in a survey; its best one comes first."""
+    excess = sorted(((float(x[0]), name) for name, x in found.excess.items() if x[0] > 0.0), reverse=True)
+    broken = tuple(
+        Reason(step=Step.exact, kind=ReasonKind.breaks_limit, limit=name, value=1.0 + x) for x, name in excess
+    )
+    return Nearest(design=found.designs[0], broken=broken)
 
 
 def _broken(search: Multistart, excess: np.ndarray) -> list[Reason]:

@@ -8,19 +8,19 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
 from tpd.core import checks
+from tpd.core.bob import THICKEST, Bob
 
 if TYPE_CHECKING:
     from tpd.design.objective import Evaluation
 
-_THICKEST = 0.5
-"""Largest radius of a ball of steel, in lengths of its rod. Beyond it the ball is no point: its own moment of
-inertia is 2/5 of the square of that, and it would touch the hinge."""
+_LEAST_TILT = 0.02
+"""Tilt, in shares of nu, that a pendulum may leave where the bare block hardly rocks or rests."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,27 +73,24 @@ class Geometry:
     """b, m."""
     block_mass: float
     """M, kg."""
-    ball: float
-    """Radius of a ball of steel that weighs what the block does, m."""
+    wall: np.ndarray
+    """Half the width between the walls, m, shape (n,)."""
     slenderness: np.ndarray
     """nu, shape (n,)."""
     mass_factor: np.ndarray
     """Factor on the bob's mass, shape (n,)."""
     length_factor: np.ndarray
     """Factor on the pendulum's length, shape (n,)."""
+    bare_tilt: np.ndarray | float = np.nan
+    """Tilt over nu of the bare block in the model of the search, shape (n,); NaN where it is not known."""
 
     def rod(self, designs: np.ndarray) -> np.ndarray:
         """Length of the rod, m, (m, n), of designs (m, 3)."""
         return self.half_height * designs[:, 1, None] * self.length_factor
 
-    def radius(self, designs: np.ndarray) -> np.ndarray:
-        """Radius of a ball of steel of the bob's mass, m, (m, n)."""
-        return self.ball * np.cbrt(designs[:, 0, None] * self.mass_factor)
-
-    @property
-    def wall(self) -> np.ndarray:
-        """Half width of the block, m, (1, n)."""
-        return self.half_height * self.slenderness[None, :]
+    def mass(self, designs: np.ndarray) -> np.ndarray:
+        """Mass of the bob, kg, (m, n)."""
+        return self.block_mass * designs[:, 0, None] * self.mass_factor
 
 
 class Size(NamedTuple):
@@ -198,25 +195,54 @@ class Offset(Limit):
 
 
 @dataclass(frozen=True)
-class Walls(Limit):
-    """Room for a solid ball of steel: once settled it keeps off the block's walls, and its radius is at most
-    half the rod's length."""
+class Room(Limit):
+    """Room for the bob as a body: once settled it keeps off the walls of the block's cavity, and half its
+    height is at most half the rod's length. The verification asks for the way from rest as well."""
 
-    name: ClassVar[str] = "walls"
+    bob: Bob = field(default_factory=Bob)
+    name: ClassVar[str] = "room"
+
+    def __post_init__(self) -> None:
+        checks.instance("bob", self.bob, Bob)
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """The ball's reach over the half width, and its radius over half the rod."""
-        # Steel, since a heavier bob is smaller: of common materials it needs the least room.
-        rod, ball = g.rod(e.design), g.radius(e.design)
-        reach, slope = _reach(e, g)
-        growing, longer = np.zeros_like(slope), np.zeros_like(slope)
+        """The bob's reach over half the width between the walls, and its half height over half the rod."""
+        rod, radius = g.rod(e.design), np.asarray(self.bob.radius(g.mass(e.design)))
+        angle, angle_slope = _relative(e, g)
+        reach, by_radius, by_rod, by_angle = self.bob.reach_and_slopes(radius, rod, angle)
+        growing, longer = np.zeros_like(angle_slope), np.zeros_like(angle_slope)
         # The radius of a bob without mass has no derivative; a search never starts there.
-        growing[..., 0] = ball / np.maximum(3.0 * e.design[:, 0, None], 1e-9)
+        growing[..., 0] = radius / np.maximum(3.0 * e.design[:, 0, None], 1e-9)
         longer[..., 1] = rod / e.design[:, 1, None]
-        yield Size(self.name, (reach + ball) / g.wall, (slope + growing) / g.wall[..., None])
-        most = _THICKEST * rod
-        bulk = (growing - (ball / rod)[..., None] * longer) / most[..., None]
-        yield Size("ball", ball / most, bulk)
+        by_all = (by_angle, angle_slope), (by_radius, growing), (by_rod, longer)
+        slope = sum(by[..., None] * of for by, of in by_all)
+        yield Size(self.name, reach / g.wall, slope / g.wall[:, None])
+        high, most = self.bob.slimness * radius, THICKEST * rod
+        bulk = (self.bob.slimness * growing - (high / rod)[..., None] * longer) / most[..., None]
+        yield Size("thickness", high / most, bulk)
+
+
+@dataclass(frozen=True)
+class Worsening(Limit):
+    """Largest share by which the settled tilt under any condition may exceed that of the bare block. Where
+    the bare block rests, overturns or is not known to settle, there is nothing to exceed."""
+
+    share: float = 0.05
+    name: ClassVar[str] = "worsening"
+    of_motion: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        checks.not_negative(self.name, self.share)
+
+    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+        """The tilt over the bare block's and the share."""
+        bare = np.broadcast_to(g.bare_tilt, e.tilt.shape[1:])
+        # Relative to next to nothing every tilt would be a worsening.
+        most = (1.0 + self.share) * np.maximum(np.where(np.isfinite(bare), bare, np.inf), _LEAST_TILT)
+        with np.errstate(invalid="ignore"):
+            # An infinite tilt over an infinite one is no worsening.
+            value = np.where(np.isfinite(most), e.tilt / most, 0.0)
+        yield Size(self.name, value, e.tilt_slope / most[:, None])
 
 
 @dataclass(frozen=True)
@@ -261,13 +287,16 @@ KINDS: tuple[type[Limit], ...] = (
     Tilt,
     Mass,
     Offset,
-    Walls,
+    Room,
+    Worsening,
     Multiplier,
     Reserve,
 )
 """All limits, in the order of a report."""
 
-DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Reserve())
+POINT_BOB: tuple[Limit, ...] = (Stroke(), Reserve())
+"""Limits on a bob without size, as in the paper."""
+DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Room(), Worsening(), Reserve())
 
 
 def limit_of(limits: tuple[Limit, ...], kind: type[Limit]) -> Limit | None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from typing import Self
 
 import jax
 import jax.numpy as jnp
@@ -100,12 +101,10 @@ class Followed(AbstractObjective):
             unsettled=(kind == UNSTABLE).mean(axis=-1),
         )
 
-    def over(self, conditions: Conditions) -> Followed:
+    def over(self, conditions: Conditions) -> Self:
         """See `AbstractObjective`; the closed form moves with it."""
         other = super().over(conditions)
-        assert isinstance(other, Followed)
         orbits = None if self.orbits is None else self.orbits.over(conditions)
-        assert orbits is None or isinstance(orbits, Orbits)
         return replace(other, orbits=orbits)
 
     def prepare(self) -> None:

@@ -13,7 +13,7 @@ from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.status import names_of, status_name
 from tpd.design.followed import Followed
 from tpd.design.objective import KINDS, NONE, REST, Evaluation
-from tpd.design.result import Motions
+from tpd.design.verified import Motions
 from tpd.models.piecewise import Piecewise
 
 _POLISHED = 32

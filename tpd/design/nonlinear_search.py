@@ -15,9 +15,11 @@ from tpd.core.sampling import latin_hypercube
 from tpd.design.followed import Followed
 from tpd.design.methods import Sequential
 from tpd.design.objective import AbstractObjective, Orbits
-from tpd.design.result import DesignStatus, Step, Verified
+from tpd.design.reasons import Step
+from tpd.design.result import DesignStatus
 from tpd.design.screening import best_apart
 from tpd.design.search import Multistart, stage
+from tpd.design.verified import Verified
 from tpd.models.segmented import Segmented
 
 MOST_CONDITIONS = 32

@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import jax
 import jax.numpy as jnp
@@ -24,7 +24,7 @@ from tpd.core.conditions import Conditions, under
 from tpd.core.parameters import Parameters
 from tpd.core.scene import Scene
 from tpd.core.status import Status
-from tpd.design.criteria import Geometry, Limit, Reserve, Risk, Size
+from tpd.design.criteria import Geometry, Limit, Reserve, Risk, Size, Worsening
 from tpd.design.space import DesignSpace
 from tpd.design.subproblem import Linearisation
 
@@ -114,11 +114,22 @@ class AbstractObjective(ABC):
     def prepare(self) -> None:
         """Trace or compile what `evaluate` needs, so that this can happen beside other work."""
 
-    def over(self, conditions: Conditions) -> AbstractObjective:
+    def over(self, conditions: Conditions) -> Self:
         """This objective under other conditions of the scene."""
         p, g = self.p, self.geometry
-        geometry = geometry_under(float(p.nu), g.half_height, g.block_mass, g.ball, conditions)
-        return replace(self, conditions=conditions, geometry=geometry)
+        nominal = float(g.wall[0] / g.slenderness[0]) * float(p.nu)
+        geometry = geometry_under(float(p.nu), g.half_height, g.block_mass, nominal, conditions)
+        return replace(self, conditions=conditions, geometry=geometry).against_bare()
+
+    def against_bare(self) -> Self:
+        """This objective, with the tilts of the bare block known to limits that compare with them."""
+        if not any(isinstance(limit, Worsening) for limit in self.limits):
+            return self
+        # A bob without mass: the same program answers for the bare block.
+        none = np.array([[0.0, float(self.p.lam), float(self.p.zeta)]])
+        e = self.evaluate(none)
+        tilt = np.where(e.attracts[0] & (np.broadcast_to(e.lost, e.kind.shape)[0] < 1.0), e.tilt[0], np.nan)
+        return replace(self, geometry=replace(self.geometry, bare_tilt=tilt))
 
     def value(self, e: Evaluation) -> np.ndarray:
         """Risk of the merits, (m,)."""
@@ -144,14 +155,15 @@ class AbstractObjective(ABC):
 
     def constraint_names(self) -> list[str]:
         """Names of the limited quantities, each the name of n constraints, in the order of `constraints`."""
-        return [size.name for size in self.sizes(self._blank())]
+        return [size.name for size in self.sizes(self.blank(1))]
 
-    def _blank(self) -> Evaluation:
+    def blank(self, m: int) -> Evaluation:
+        """Evaluation of `m` designs with ones in place of sizes, for limits that are asked with others."""
         n = len(self.conditions)
-        one, slope = np.ones((1, n)), np.zeros((1, n, 3))
-        kind = np.zeros((1, n), int)
+        one, slope = np.ones((m, n)), np.zeros((m, n, 3))
+        kind = np.zeros((m, n), int)
         sizes = one, slope, one, slope, one, slope
-        return Evaluation(*sizes, one, one, one, slope, kind, np.ones((1, 3)))
+        return Evaluation(*sizes, one, one, one, slope, kind, np.ones((m, 3)))
 
     def linearised(self, e: Evaluation) -> Linearisation:
         """Merits, tightened constraints and their derivatives along the searched shares of the bounds."""
@@ -168,14 +180,15 @@ class AbstractObjective(ABC):
 
 
 def geometry_under(
-    nu: float, half_height: float, block_mass: float, ball: float, conditions: Conditions
+    nu: float, half_height: float, block_mass: float, wall: float, conditions: Conditions
 ) -> Geometry:
-    """Geometry of a block of slenderness `nu` under all conditions."""
+    """Geometry under all conditions of a block of slenderness `nu`, `wall` half the width inside (m)."""
+    slenderness = conditions.column("slenderness")
     return Geometry(
         half_height=half_height,
         block_mass=block_mass,
-        ball=ball,
-        slenderness=nu * conditions.column("slenderness"),
+        wall=wall * slenderness,
+        slenderness=nu * slenderness,
         mass_factor=conditions.column("mass"),
         length_factor=conditions.column("length"),
     )
@@ -184,8 +197,7 @@ def geometry_under(
 def geometry_of(scene: Scene, conditions: Conditions) -> Geometry:
     """Geometry of a scene's block under all conditions."""
     block = scene.block
-    ball = scene.pendulum(mass_ratio=1.0, length_ratio=1.0, damping_ratio=0.0).ball_radius
-    return geometry_under(block.slenderness, block.half_height, block.mass, ball, conditions)
+    return geometry_under(block.slenderness, block.half_height, block.mass, 0.5 * block.room, conditions)
 
 
 @dataclass(frozen=True)

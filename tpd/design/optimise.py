@@ -2,34 +2,53 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from tpd.analysis.attractors import StartKind, Starts
+from tpd.analysis.attractors import Starts
 from tpd.analysis.ensemble import Ensemble
-from tpd.core.conditions import FACTORS, Conditions
+from tpd.core.conditions import Conditions
 from tpd.core.progress import Progress
 from tpd.core.scene import Scene
 from tpd.core.threads import aside
 from tpd.design.active import nearest
+from tpd.design.at_point import PointSearch, at_point_of, designs_met, search_at_point
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import Limit, Risk
-from tpd.design.followed import Followed
+from tpd.design.elasticity import elasticities_of
 from tpd.design.methods import Method, Sequential, describe
 from tpd.design.nonlinear_search import nonlinear_search, wanted
-from tpd.design.objective import AbstractObjective, Orbits
+from tpd.design.objective import Orbits
 from tpd.design.problem import Problem
-from tpd.design.result import Design, DesignStatus, Search, Verified
-from tpd.design.search import GROUP, Multistart, sampled_orbits
+from tpd.design.result import Design, DesignStatus, Search
+from tpd.design.search import GROUP, Multistart, sampled_orbits, stage
 from tpd.design.space import DesignSpace
+from tpd.design.survey import Survey, survey
+from tpd.design.verified import AtPoint, LossCase
 from tpd.design.verify import Verification, pendulum_of, prepare_verification
+from tpd.design.worth import Worth
 
+SURVEYED = 24
+"""Most conditions under which designs are followed from rest in a survey."""
 _FINISHING = Sequential(steps=12)
 """Searches over what sampled starts reach, at a thousand times the cost of orbits."""
+
+
+@dataclass
+class Found:
+    """Search, verification and all that they add to the answer, as it grows."""
+
+    search: Multistart
+    verification: Verification
+    status: DesignStatus = DesignStatus.interrupted
+    second: Multistart | None = None
+    surveys: tuple[Survey, ...] = ()
+    at_point: AtPoint | None = None
+    losses: tuple[LossCase, ...] = ()
+    elasticities: dict[str, float] = field(default_factory=dict)
 
 
 def optimise(
@@ -42,6 +61,7 @@ def optimise(
     limits: Iterable[Limit] | None = None,
     method: Method | None = None,
     ensemble: Ensemble | None = None,
+    worth: Worth | None = None,
     seed: int = 0,
     by_overturning: bool = False,
     checkpoint: Path | None = None,
@@ -49,20 +69,28 @@ def optimise(
 ) -> Design:
     """Pendulum of least rocking under one or many conditions, verified.
 
-    With one condition the default method is the one that this package is named for: signs are smoothed,
-    diffrax integrates the equations (25), and optax descends on the gradient of the steady amplitude. With
-    several conditions it is sequential programming on exact orbits. Where a block rests, the merit is minus
-    its uplift margin. The exact solution, shakings within 1 %, the nonlinear equations and an ensemble verify
-    the best designs, one after the other, until one passes. If the nonlinear equations refuse, the search
-    goes on with them.
+    By default the conditions are a neighbourhood of the scene's own shaking: ±5 % in frequency and +10 % in
+    amplitude. The search begins at the shaking itself with the method that this package is named for: signs
+    are smoothed, diffrax integrates the equations (25), and optax descends on the gradient of the steady
+    amplitude; the exact solution validates its answer. Sequential programming on exact orbits goes on under
+    all conditions. Designs that both met, and others, are followed from rest by the linear and the nonlinear
+    equations. The best are verified one after the other until one passes: paired runs of the nonlinear
+    equations must show the least benefit that `worth` asks for, and no harm. With `Conditions.exactly()`
+    there is the search at the shaking itself alone; after a refusal by the nonlinear equations it goes on
+    with these.
 
-    Args: scene: block and base motion, SI. space: bounds of the search; default `DesignSpace()`. conditions:
-        default the scene's own shaking. starts: initial states whose motions count, and their weights;
-        default `Starts.rest()` for a method with
-            a model, else `Starts.any()`. Of sampled starts the mean merit counts, or the worst.
+    Args:
+        scene: block and base motion, SI.
+        space: bounds of the search; default `DesignSpace()`.
+        conditions: default `Conditions.around(scene)`; `Conditions.exactly()` is the scene's own shaking
+            alone.
+        starts: initial states whose motions count, and their weights; default `Starts.rest()` for a method
+            with a model, else `Starts.any()`. Of sampled starts the mean merit counts, or the worst.
         risk: default `Risk.worst()`.
-        limits: objects of `tpd.limits`; default a stroke of 0.5 rad and a reserve of 0.05.
+        limits: objects of `tpd.limits`; default `limits.DEFAULT_LIMITS`, which hold the bob as a ball of
+            steel between the block's walls; `limits.POINT_BOB` has no walls.
         method: `Descent(...)` or `Sequential(...)`.
+        worth: least benefit and largest harm of a design that is offered; default `Worth()`.
         ensemble: runs that verify; default `Ensemble(seed=seed)`, dealt out among the conditions.
         seed: of every random choice.
         by_overturning: verify first the designs that overturn under the fewest conditions from rest, rather
@@ -77,7 +105,7 @@ def optimise(
         ValueError: bad input, or a checkpoint of another problem.
         RuntimeError: JAX is in 32-bit mode.
     """
-    problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed)
+    problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed, worth)
     ensemble = Ensemble(seed=seed) if ensemble is None else ensemble
     return solve(problem, ensemble, by_overturning, checkpoint, progress)
 
@@ -95,44 +123,74 @@ def solve(
     if isinstance(objective, Orbits):
         objective.prepare()
     ready = aside(lambda: prepare_verification(objective.p, len(objective.conditions), ensemble))
-    verification = Verification(scene, objective, problem.method, ensemble, by_overturning, progress)
+    verification = Verification(
+        scene, objective, problem.method, ensemble, problem.worth, by_overturning, progress
+    )
     search = Multistart(objective, problem.method, problem.seed, progress)
-    status, second, elasticities = DesignStatus.interrupted, None, {}
+    found = Found(search, verification)
     try:
         if verification.rests and verification.bare_rests_nonlinearly():
-            status = DesignStatus.no_uplift
+            found.status = DesignStatus.no_uplift
         else:
-            search, verification = _searched(problem, search, verification, store)
+            point = (
+                None if problem.point is None else search_at_point(problem.point, ensemble, store, progress)
+            )
+            found.search, found.verification = _searched(problem, search, verification, store)
             ready.join()
-            status, verification, second = _verified(problem, search, verification, progress)
-        if status is DesignStatus.found and not search.interrupted:
-            elasticities = _elasticities(verification.objective, verification.verified[-1], progress)
+            _verify(problem, found, point, progress)
     except KeyboardInterrupt:
-        search.interrupted = True
-    return _design(problem, ensemble, status, verification, search, second, elasticities)
+        found.search.interrupted = True
+    return _design(problem, ensemble, found)
 
 
-def _verified(
-    problem: Problem, search: Multistart, verification: Verification, progress: Progress | None
-) -> tuple[DesignStatus, Verification, Multistart | None]:
-    """Verify the best end; after a refusal the designs on the paths, or search on the nonlinear equations."""
-    status, alone = verification.best_of(search), len(search.objective.conditions) == 1
-    nonlinearly = not search.interrupted and wanted(status, verification.verified, search.objective)
-    if status is DesignStatus.refused and not (alone and nonlinearly):
-        # Under many conditions the nonlinear equations are costly: the linear search has more to offer first.
-        status = verification.best_of_paths(search)
-        nonlinearly = not search.interrupted and wanted(status, verification.verified, search.objective)
-    if not nonlinearly:
-        return status, verification, None
-    second = nonlinear_search(search.objective, search, problem.seed, progress)
+def _verify(problem: Problem, found: Found, point: PointSearch | None, progress: Progress | None) -> None:
+    """Verify what was searched, and add what belongs to an offered design."""
+    verification = found.verification
+    if len(verification.objective.conditions) == 1:
+        _verify_alone(problem, found, progress)
+    elif not found.search.interrupted:
+        _verify_several(problem, found, point, progress)
+    verification = found.verification
+    if found.status is DesignStatus.found and not found.search.interrupted:
+        winner = verification.verified[-1]
+        found.losses = verification.runs.under_other_losses(pendulum_of(problem.scene, winner))
+        found.elasticities = elasticities_of(verification.objective, winner, progress)
+
+
+def _verify_alone(problem: Problem, found: Found, progress: Progress | None) -> None:
+    """One condition: verify the best end; after a refusal search on the nonlinear equations, then verify the
+    designs on the paths."""
+    search, verification = found.search, found.verification
+    found.status = verification.best_of(search)
+    if search.interrupted or not wanted(found.status, verification.verified, search.objective):
+        if found.status is DesignStatus.refused:
+            found.status = verification.best_of_paths(search)
+        return
+    second = found.second = nonlinear_search(search.objective, search, problem.seed, progress)
     other = verification.on(second.objective, "nonlinear search")
     after = other.best_of(second)
     if after is DesignStatus.refused:
         after = other.best_of_paths(second)
-    passed = after is DesignStatus.found or not alone or status is not DesignStatus.refused
+    passed = after is DesignStatus.found or found.status is not DesignStatus.refused
     if passed or verification.best_of_paths(search) is not DesignStatus.found:
-        return after, other, second
-    return DesignStatus.found, verification, second
+        found.status, found.verification = after, other
+    else:
+        found.status = DesignStatus.found
+
+
+def _verify_several(
+    problem: Problem, found: Found, point: PointSearch | None, progress: Progress | None
+) -> None:
+    """Several conditions: follow many designs from rest, and verify the best of them."""
+    search, verification = found.search, found.verification
+    objective = verification.objective
+    met = designs_met(search, point)
+    few = objective.over(objective.conditions.subset(SURVEYED, problem.seed))
+    after = None if progress is None else stage(progress, "survey")
+    found.surveys = survey(few, met, verification.ensemble.periods, problem.seed, after)
+    found.status = verification.best_of_survey(search, found.surveys[-1])
+    if point is not None:
+        found.at_point = at_point_of(point, verification, search)
 
 
 def _searched(
@@ -161,20 +219,13 @@ def _searched(
     return search, verification
 
 
-def _design(
-    problem: Problem,
-    ensemble: Ensemble,
-    status: DesignStatus,
-    verification: Verification,
-    search: Multistart,
-    second: Multistart | None,
-    elasticities: dict[str, float],
-) -> Design:
+def _design(problem: Problem, ensemble: Ensemble, found: Found) -> Design:
     """The answer, from what was searched and verified."""
+    search, verification = found.search, found.verification
     verified, objective = tuple(verification.verified), verification.objective
-    passed = status is DesignStatus.found
-    offered = verified[-1] if passed else None
-    status = DesignStatus.interrupted if search.interrupted else status
+    offered = verified[-1] if found.status is DesignStatus.found else None
+    status = DesignStatus.interrupted if search.interrupted else found.status
+    none = status is DesignStatus.none_feasible
     return Design(
         scene=problem.scene,
         space=problem.space,
@@ -184,14 +235,18 @@ def _design(
         limits=objective.limits,
         method=problem.method,
         ensemble=ensemble,
+        worth=problem.worth,
         seed=problem.seed,
         status=status,
         pendulum=None if offered is None else pendulum_of(problem.scene, offered),
         verified=verified,
         bare=verification.bare,
-        nearest=nearest(second or search) if status is DesignStatus.none_feasible else None,
-        search=_history(search, second),
-        elasticities=elasticities,
+        nearest=nearest(found.second or search, found.surveys) if none else None,
+        search=_history(search, found.second),
+        surveys=found.surveys,
+        at_point=found.at_point,
+        losses=found.losses,
+        elasticities=found.elasticities,
         settings=describe(problem.method),
     )
 
@@ -211,36 +266,3 @@ def _history(search: Multistart, second: Multistart | None) -> Search:
         nonlinear_evaluations=last.evaluations,
         description=f"{first.description}; then from {last.description}",
     )
-
-
-def _elasticities(objective: AbstractObjective, of: Verified, progress: Progress | None) -> dict[str, float]:
-    """d ln(value)/d ln(factor): by central differences of 0.1 %. For sampled starts from the exact
-    derivatives, of the pendulum's three only, because a difference would be one of jumps of single starts
-    between basins."""
-    if isinstance(objective, Followed) and objective.starts.kind is StartKind.sampled:
-        return _from_slopes(objective, of)
-    step, out = 1e-3, {}
-    for i, name in enumerate(FACTORS):
-        if progress is not None:
-            progress("elasticities", i + 1, len(FACTORS))
-        sides = []
-        for factor in (1.0 - step, 1.0 + step):
-            changed = objective.over(objective.conditions * Conditions({name: np.array([factor])}))
-            sides.append(float(changed.value(changed.evaluate(of.design[None]))[0]))
-        out[name] = (sides[1] - sides[0]) / (2.0 * step * abs(of.value)) if of.value else math.nan
-    return out
-
-
-def _from_slopes(objective: Followed, of: Verified) -> dict[str, float]:
-    """Elasticities in mass, length and damping ratio from the derivatives of the merits, weighted as the risk
-    measure weights them; empty where a motion that counts has none."""
-    e, n = of.evaluation, len(objective.conditions)
-    left, weights = 1.0, np.zeros(n)
-    for i in np.argsort(-e.merit[0], kind="stable"):
-        weights[i] = min(objective.risk.cap(n), left)
-        left -= weights[i]
-    if np.any(np.broadcast_to(e.unsettled, e.kind.shape)[0][weights > 0.0]):
-        return {}
-    slopes = weights @ e.merit_slope[0]
-    names = ("mass", "length", "damping")
-    return {k: float(g * x / abs(of.value)) for k, g, x in zip(names, slopes, of.design, strict=True)}

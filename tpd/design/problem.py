@@ -19,6 +19,7 @@ from tpd.design.followed import Followed
 from tpd.design.methods import Descent, Method, Sequential, describe
 from tpd.design.objective import AbstractObjective, Orbits, geometry_of
 from tpd.design.space import DesignSpace
+from tpd.design.worth import Worth
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
@@ -38,7 +39,10 @@ class Problem:
     starts: Starts
     method: Method
     objective: AbstractObjective
+    worth: Worth
     seed: int
+    point: Problem | None = None
+    """The search for the scene's own shaking alone, which comes first where no conditions are given."""
     many: int = 128
     """Conditions from which on the searches over orbits begin under a sample of them."""
     sampled: int = 64
@@ -54,6 +58,7 @@ class Problem:
         limits: Iterable[Limit] | None,
         method: Method | None,
         seed: int,
+        worth: Worth | None = None,
     ) -> Problem:
         """Problem of a scene; None stands for the default everywhere.
 
@@ -63,7 +68,8 @@ class Problem:
         """
         checks.require_x64()
         checks.count("seed", seed, least=0)
-        conditions = Conditions() if conditions is None else conditions
+        if conditions is None:
+            return _around(scene, space, starts, risk, limits, method, seed, worth)
         limits = DEFAULT_LIMITS if limits is None else check_limits(limits)
         space = _narrowed(DesignSpace() if space is None else space, scene, limits)
         p = as_arrays(scene.parameters())
@@ -83,7 +89,8 @@ class Problem:
         else:
             method.model.check(p)
             objective = Followed(*common, model=method.model, starts=starts)
-        return Problem(scene, space, starts, method, objective, seed)
+        worth = Worth() if worth is None else worth
+        return Problem(scene, space, starts, method, objective.against_bare(), worth, seed)
 
     @cached_property
     def identity(self) -> str:
@@ -104,6 +111,30 @@ class Problem:
         model = Piecewise(max_periods=FOLLOWED_PERIODS, lyapunov_periods=0)
         common = o.p, o.conditions, o.space, o.risk, o.limits, o.geometry
         return Followed(*common, model=model, starts=self.starts, orbits=o)
+
+
+def _around(
+    scene: Scene,
+    space: DesignSpace | None,
+    starts: Starts | None,
+    risk: Risk | None,
+    limits: Iterable[Limit] | None,
+    method: Method | None,
+    seed: int,
+    worth: Worth | None,
+) -> Problem:
+    """Problem over the neighbourhood of the scene's own shaking, with the problem at the shaking itself.
+
+    A method that follows a model belongs to the shaking itself, one on orbits to the neighbourhood.
+    """
+    limits = None if limits is None else tuple(limits)
+    at_point = isinstance(method, Descent) or (method is not None and method.model is not None)
+    first, second = (method, None) if at_point else (None, method)
+    rest = Starts.rest() if starts is not None and starts.kind is StartKind.any else starts
+    common = risk, limits
+    point = Problem.of(scene, space, Conditions.exactly(), rest, *common, first, seed, worth)
+    whole = Problem.of(scene, space, Conditions.around(scene), starts, *common, second, seed, worth)
+    return replace(whole, point=point)
 
 
 def _default_method(conditions: Conditions) -> Method:

@@ -11,30 +11,36 @@ import numpy as np
 
 from tpd.analysis.attractors import Starts
 from tpd.analysis.ensemble import Ensemble
-from tpd.analysis.outcomes import Outcomes
-from tpd.analysis.paired import Verdict
 from tpd.core.conditions import Conditions
 from tpd.core.formatting import Printed
 from tpd.core.scene import Pendulum, Scene
 from tpd.design.criteria import Limit, Risk, stroke_limit
+from tpd.design.reasons import Reason
 from tpd.design.space import DesignSpace
+from tpd.design.verified import AtPoint, Bare, LossCase, Verified
+from tpd.design.worth import Worth
 
 if TYPE_CHECKING:
     from tpd.design.methods import Method
-    from tpd.design.objective import Evaluation
+    from tpd.design.survey import Survey
 
 
 class DesignStatus(enum.Enum):
     """Worth of the answer; the value is the sentence that a report opens with."""
 
     found = (
-        "A pendulum was found that lessens the settled rocking under the stated conditions; the exact "
-        "solution of the linear equations confirms it, and neither shakings within 1 %, the nonlinear "
-        "equations nor the ensemble speak against it. That is no verdict of safety: read the shares."
+        "A PENDULUM WORTH HANGING under the stated conditions: the exact solution of the linear equations "
+        "confirms its settled motion, and paired runs of the nonlinear equations its benefit. That is no "
+        "verdict of safety: read the shares."
     )
-    refused = "NO DESIGN TO OFFER: no design that the search found passes the verification."
-    no_improvement = "NO PENDULUM in this design space rocks less than the bare block under these conditions."
-    none_feasible = "NO DESIGN in this space keeps to the limits under all conditions."
+    refused = "NO PENDULUM WORTH HANGING: no design that the search found passes the verification."
+    no_improvement = (
+        "NO PENDULUM WORTH HANGING: none in this design space rocks less than the bare block under these "
+        "conditions."
+    )
+    none_feasible = (
+        "NO PENDULUM WORTH HANGING: no design in this space keeps to the limits under all conditions."
+    )
     no_uplift = (
         "NO PENDULUM IS NEEDED FROM REST: under all conditions the bare block settles at rest. Pushed hard "
         "enough it may rock or overturn all the same."
@@ -57,201 +63,6 @@ class SearchStatus(enum.Enum):
     steps_exhausted = "was still improving when the steps ran out"
     infeasible = "met no design within the limits"
     interrupted = "had not ended when the search was interrupted"
-
-
-class Step(enum.Enum):
-    """Steps of the verification, in order."""
-
-    exact = "exact solution by events"
-    cross_check = "cross-check of the two models"
-    neighbours = "shakings within 1 %"
-    nonlinear = "nonlinear equations"
-    ensemble = "ensemble"
-
-
-class ReasonKind(enum.Enum):
-    """Why a design is refused."""
-
-    overturns = enum.auto()
-    """The block overturns with the design where it stands without."""
-    overturns_more = enum.auto()
-    """Significantly more conditions or runs overturn with the design than without."""
-    breaks_limit = enum.auto()
-    rocks_more = enum.auto()
-    """The block rocks at least as much as without the design."""
-    does_not_settle = enum.auto()
-    models_disagree = enum.auto()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reason:
-    """One reason why a design is refused, as data; `str` makes a sentence of it."""
-
-    step: Step
-    kind: ReasonKind
-    condition: str = ""
-    """Label of the condition, if the reason belongs to one."""
-    limit: str = ""
-    """Name of the limit that is broken."""
-    value: float = math.nan
-    """The size met: rad, a count, or a limited quantity over its limit."""
-    reference: float = math.nan
-    """The size it is compared with."""
-    total: int = 0
-    """Conditions, shakings or runs tried, where counts are compared."""
-    outcome: str = ""
-    """Name of the status in which the motion ends."""
-
-    def __str__(self) -> str:
-        at = f" at {self.condition}" if self.condition else ""
-        by = f"by the {self.step.value}"
-        match self.kind:
-            case ReasonKind.overturns:
-                return f"{by} the block overturns{at}, and stands without the pendulum"
-            case ReasonKind.overturns_more if self.step is Step.neighbours:
-                # Counted one by one, not pair by pair as in the other steps.
-                return (
-                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum, "
-                    f"and in {self.reference:.0f} without it{at}"
-                )
-            case ReasonKind.overturns_more:
-                # Conditions and runs are counted in pairs, neighbouring shakings are not.
-                only = "" if self.step is Step.neighbours else " only"
-                return (
-                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum"
-                    f"{only}, and in {self.reference:.0f} without it{only}{at}"
-                )
-            case ReasonKind.breaks_limit:
-                return (
-                    f"{by} the design exceeds the limit on {self.limit} by {self.value - 1.0:.2g} of it{at}"
-                )
-            case ReasonKind.rocks_more:
-                return (
-                    f"{by} the block rocks {self.value:.4g} rad, and {self.reference:.4g} rad without the "
-                    f"pendulum{at}"
-                )
-            case ReasonKind.does_not_settle:
-                return f"{by} the motion ends {self.outcome.replace('_', ' ')}{at}"
-            case ReasonKind.models_disagree:
-                return (
-                    f"the search's model gives an amplitude of {self.value:.4g} rad, the exact solution "
-                    f"{self.reference:.4g} rad{at}: the motion depends on details that neither can promise"
-                )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Motions:
-    """Settled motions under every condition by one model, from the stated start; arrays of shape (n,)."""
-
-    model: str
-    status: np.ndarray
-    """Names of statuses."""
-    amplitude: np.ndarray
-    """|phi|, rad; infinite where the block overturns."""
-    stroke: np.ndarray
-    """|psi|, rad."""
-    peak: np.ndarray
-    """Largest |phi| from the start on, rad; NaN where the model was not asked."""
-    peak_stroke: np.ndarray
-    """Largest |psi| from the start on, rad; NaN where the model was not asked."""
-    multiplier: np.ndarray
-    """Largest modulus of the Floquet multipliers; NaN where unknown."""
-    periods: np.ndarray
-    """Forcing periods in one period of the motion."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Neighbours:
-    """Shakings within 1 % in amplitude and frequency of one condition, from rest, by the exact solution."""
-
-    condition: int
-    tried: int
-    overturned: int
-    """Shakings that overturn the block with the pendulum."""
-    overturned_bare: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class Nonlinear:
-    """A design under one condition by the nonlinear equations, from rest; angles in rad."""
-
-    condition: int
-    amplitude: float
-    stroke: float
-    status: str
-    bare_amplitude: float
-    bare_status: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Active:
-    """A condition, limit or bound that holds a design, with its weight in the optimality condition."""
-
-    kind: str
-    """"tilt", "limit", "lower bound" or "upper bound"."""
-    name: str
-    """Name of the limit or of the ratio."""
-    condition: str
-    """Label of the condition; empty for a bound."""
-    weight: float
-    """Weight of the condition or limit; for a bound the ratio's value."""
-
-    def __str__(self) -> str:
-        match self.kind:
-            case "tilt":
-                return f"tilt at {self.condition} ({self.weight:.2f})"
-            case "limit":
-                return f"limit on {self.name} at {self.condition}"
-            case _:
-                return f"{self.kind} of the {self.name} ratio, {self.weight:.4g}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Verified:
-    """A design that went through the verification; angles in rad."""
-
-    mass_ratio: float
-    length_ratio: float
-    damping_ratio: float
-    value: float
-    """Risk of the merits, tilts over nu; see `Evaluation`."""
-    evaluation: Evaluation
-    """Under every condition by the search's objective, leading axis 1."""
-    exact: Motions
-    """By the exact solution of the linear equations."""
-    searched: Motions | None
-    """By the model of the search; None where it searched over exact orbits."""
-    margin: np.ndarray
-    """Uplift margin under every condition, shape (n,)."""
-    neighbours: Neighbours | None
-    """None where the verification ended before that step, as of the two below."""
-    nonlinear: tuple[Nonlinear, ...]
-    verdict: Verdict | None
-    """Ensemble of runs with and without the pendulum."""
-    stationarity: float
-    """Decrease of the risk that is left, to first order, per unit of a step in shares of the bounds."""
-    active: tuple[Active, ...]
-    source: str
-    """"search", "path" (a search passed through the design) or "nonlinear search"."""
-    reasons: tuple[Reason, ...]
-    """Why it is refused; empty if it is offered."""
-
-    @property
-    def design(self) -> np.ndarray:
-        """(mu, lam, zeta)."""
-        return np.array([self.mass_ratio, self.length_ratio, self.damping_ratio])
-
-
-@dataclass(frozen=True, kw_only=True)
-class Bare:
-    """The block without a pendulum under every condition."""
-
-    value: float
-    evaluation: Evaluation
-    exact: Motions
-    searched: Motions | None
-    outcomes: Outcomes | None
-    """Ensemble of runs; None where no design was put to it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -302,6 +113,7 @@ class Design(Printed):
     limits: tuple[Limit, ...]
     method: Method
     ensemble: Ensemble
+    worth: Worth
     seed: int
     status: DesignStatus
     pendulum: Pendulum | None
@@ -311,6 +123,12 @@ class Design(Printed):
     bare: Bare
     nearest: Nearest | None
     search: Search
+    surveys: tuple[Survey, ...] = ()
+    """Designs followed from rest under several conditions: by the linear equations, then by the nonlinear."""
+    at_point: AtPoint | None = None
+    """Best design for the scene's own shaking alone; None where that was not asked for."""
+    losses: tuple[LossCase, ...] = ()
+    """The offered design under other models of the block's losses."""
     elasticities: dict[str, float]
     """d ln(value)/d ln(x) at the design, x one of `conditions.FACTORS`."""
     settings: dict[str, object] = field(default_factory=dict)

@@ -135,7 +135,7 @@ class Multistart:
         if len(self.pending):
             self.groups.append(self._without_steps(self.pending))
 
-    def with_paths(self, most: float) -> Multistart:
+    def with_paths(self, most: float, count: int = _CARRIED) -> Multistart:
         """This search and, after its ends, the best designs of a merit below `most` that its paths passed
         apart from the ends, as if a search had ended there as well."""
         on = copy(self)
@@ -146,9 +146,15 @@ class Multistart:
         ends = len(self.units)
         first = np.concatenate([np.arange(ends), ends + order[merit[order] < most]])
         every = np.concatenate([self.units, units])
-        taken = first_apart(every, first, ends + _CARRIED, _AWAY, ends)[ends:]
+        taken = first_apart(every, first, ends + count, _AWAY, ends)[ends:]
         if taken:
             on.groups, on.passed = [*self.groups, self._without_steps(every[taken])], len(taken)
+        return on
+
+    def with_designs(self, units: np.ndarray) -> Multistart:
+        """This search and, after its ends, other designs (m, d), as if a search had ended there as well."""
+        on = copy(self)
+        on.groups, on.passed = [*self.groups, self._without_steps(units)], len(units)
         return on
 
     def _without_steps(self, units: np.ndarray) -> Ends:
@@ -281,6 +287,4 @@ def _motions(objective: Followed, designs: np.ndarray, after: Count | None) -> t
 
 def sampled_orbits(objective: Orbits, most: int, seed: int) -> Orbits:
     """The objective under at most so many of its conditions, see `Conditions.subset`."""
-    fewer = objective.over(objective.conditions.subset(most, seed))
-    assert isinstance(fewer, Orbits)
-    return fewer
+    return objective.over(objective.conditions.subset(most, seed))

@@ -2,11 +2,14 @@
 
 The steps are, in order: the exact solution by events from rest under every condition; a cross-check of the
 model that was searched with; shakings within 1 % of the worst condition; the nonlinear equations under the
-worst conditions and at limits; and a paired ensemble of runs. Each step gives typed reasons of refusal. The
-first step that refuses a design ends its verification, since every step costs more than the one before."""
+worst conditions and at limits; paired runs of the nonlinear equations, which decide on the benefit; and the
+same runs by the linear equations, for comparison. Each step gives typed reasons of refusal. The first step
+that refuses a design ends its verification, since every step costs more than the one before."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 
@@ -25,23 +28,19 @@ from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import SETTLED
 from tpd.design.active import active
+from tpd.design.by_runs import PairedRuns, reasons_by_runs, strikes_of
+from tpd.design.criteria import Room, limit_of
 from tpd.design.followed import Followed
 from tpd.design.methods import Descent, Method
 from tpd.design.motions import motions_from_rest, polished, searched_motions
 from tpd.design.objective import REST, AbstractObjective, Evaluation, margins
-from tpd.design.result import (
-    Bare,
-    DesignStatus,
-    Motions,
-    Neighbours,
-    Nonlinear,
-    Reason,
-    ReasonKind,
-    Step,
-    Verified,
-)
+from tpd.design.reasons import Reason, ReasonKind, Step
+from tpd.design.result import DesignStatus
 from tpd.design.screening import first_apart
 from tpd.design.search import Multistart, stage
+from tpd.design.survey import Survey
+from tpd.design.verified import Bare, Motions, Neighbours, Nonlinear, Verified
+from tpd.design.worth import Worth
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 
@@ -66,11 +65,13 @@ class Verification:
         objective: AbstractObjective,
         method: Method,
         ensemble: Ensemble,
+        worth: Worth,
         by_overturning: bool,
         progress: Progress | None,
     ) -> None:
         self.scene, self.objective, self.ensemble, self.progress = scene, objective, ensemble, progress
-        self.by_overturning = by_overturning
+        self.by_overturning, self.worth = by_overturning, worth
+        self.runs = PairedRuns(scene, objective.conditions, ensemble, worth, progress)
         followed = isinstance(objective, Followed)
         self.tolerance = method.tolerance if followed and isinstance(method, Descent) else 0.0
         """Share by which amplitudes of the search's model and of the exact solution may differ; 0 where the
@@ -128,6 +129,42 @@ class Verification:
         passed = self._first_to_pass(wider, helps, len(self.verified) + VERIFIED - 1)
         return DesignStatus.found if passed else DesignStatus.refused
 
+    def best_of_survey(self, search: Multistart, found: Survey) -> DesignStatus:
+        """Verify the designs of a survey that keep to the limits, the best first, until one passes."""
+        fits = np.flatnonzero(found.broken == 0)
+        if not len(fits):
+            return DesignStatus.none_feasible
+        helps = fits[found.score[fits] < found.bare.mean()]
+        units = self.objective.space.scaled(found.designs)
+        # Without any that helps the best one is verified all the same: its reasons are the answer.
+        taken = first_apart(units, helps if len(helps) else fits[:1], VERIFIED)
+        wider = search.with_designs(units[taken])
+        begin = len(wider.units) - len(taken)
+        for i in range(len(taken)):
+            if self.progress is not None:
+                self.progress("verifying", i + 1, len(taken))
+            motions = self._from_rest(wider.designs[begin + i])
+            v = self._verified(wider, begin + i, motions)
+            self.verified.append(replace(v, source="survey"))
+            if not v.reasons:
+                return DesignStatus.found
+        return DesignStatus.refused if len(helps) else DesignStatus.no_improvement
+
+    def confirmed(self, search: Multistart) -> Verified | None:
+        """The best end of a search on a model that the exact solution confirms, not verified any further."""
+        order = search.order()
+        helps = order[search.values[order] < self.needed]
+        for i in first_apart(search.units, helps, VERIFIED):
+            v = self.by_events(self._begun(search, i, self._from_rest(search.designs[i])))
+            if not v.reasons:
+                return v
+        return None
+
+    def at_once(self, search: Multistart, design: np.ndarray) -> Verified:
+        """A design (3,) of another search, verified under the conditions of this one."""
+        wider = search.with_designs(self.objective.space.scaled(design[None]))
+        return self._verified(wider, len(wider.units) - 1, self._from_rest(design))
+
     @property
     def needed(self) -> float:
         """Risk below which a design counts as an improvement on the bare block."""
@@ -162,9 +199,18 @@ class Verification:
 
     def _verified(self, search: Multistart, i: int, motions: Motions) -> Verified:
         """All steps for one design, up to the first that refuses it."""
+        v = self._begun(search, i, motions)
+        for step in self._steps:
+            v = step(v)
+            if v.reasons:
+                break
+        return v
+
+    def _begun(self, search: Multistart, i: int, motions: Motions) -> Verified:
+        """A design before the first step."""
         objective, design = self.objective, search.designs[i]
         e = objective.evaluate(design[None])
-        v = Verified(
+        return Verified(
             mass_ratio=float(design[0]),
             length_ratio=float(design[1]),
             damping_ratio=float(design[2]),
@@ -176,16 +222,21 @@ class Verification:
             neighbours=None,
             nonlinear=(),
             verdict=None,
+            paired=None,
+            benefit=None,
+            strikes=math.nan,
             stationarity=float(search.column(lambda g: g.stationarity)[i]),
             active=active(search, i, _AT_LIMIT),
             source=self.source if i < search.ended else "path",
             reasons=(),
         )
-        for step in (self.by_events, self.by_neighbours, self.by_nonlinear, self.by_ensemble):
-            v = step(v)
-            if v.reasons:
-                break
-        return v
+
+    @property
+    def _steps(self) -> tuple[Callable[[Verified], Verified], ...]:
+        """Steps for one condition or for several, where paired runs stand for single ones."""
+        if len(self.objective.conditions) > 1:
+            return self.by_events, self.by_runs, self.by_neighbours, self.by_nonlinear, self.by_ensemble
+        return self.by_events, self.by_neighbours, self.by_nonlinear, self.by_runs, self.by_ensemble
 
     def by_events(self, v: Verified) -> Verified:
         """Exact solution under every condition, and the cross-check of the search's model."""
@@ -252,10 +303,8 @@ class Verification:
             overturned_bare=int(np.sum(bare)),
         )
         # A design for one shaking must stand its neighbours. Over many conditions the worst one may overturn
-        # the block anyway: there the design must not be worse than none. Eight shakings could not show a
-        # significant difference, and a refusal for want of luck costs less than a bob that does harm.
-        alone = len(self.objective.conditions) == 1
-        refused = found.overturned > (0 if alone else found.overturned_bare)
+        # the block anyway, and eight runs could not show a difference: there the paired runs decide.
+        refused = found.overturned > 0 and len(self.objective.conditions) == 1
         reason = Reason(
             step=Step.neighbours,
             kind=ReasonKind.overturns_more,
@@ -279,7 +328,7 @@ class Verification:
         for a in v.nonlinear:
             at = {"step": Step.nonlinear, "condition": label(a.condition)}
             bare = a.bare_status, self.bare.exact.status[a.condition]
-            if a.status == "overturned" and "overturned" not in bare:
+            if alone and a.status == "overturned" and "overturned" not in bare:
                 reasons.append(Reason(kind=ReasonKind.overturns, **at))
             elif alone and a.status not in SETTLED:
                 reasons.append(Reason(kind=ReasonKind.does_not_settle, outcome=a.status, **at))
@@ -332,8 +381,20 @@ class Verification:
             nonlinear(under(self.objective.p, jnp.asarray(self.none), rows[i]))[2] == "rest" for i in asked
         )
 
+    def by_runs(self, v: Verified) -> Verified:
+        """Paired runs of the nonlinear equations: benefit, harm and room."""
+        pendulum, room = pendulum_of(self.scene, v), limit_of(self.objective.limits, Room)
+        found, benefit = self.runs.of(pendulum)
+        struck = math.nan
+        if isinstance(room, Room):
+            struck = strikes_of(found, pendulum, self.scene.block, room.bob)
+        v = replace(v, paired=found, benefit=benefit, strikes=struck)
+        self.bare = replace(self.bare, paired=found.bare)
+        return replace(v, reasons=reasons_by_runs(v, self.worth, self.objective.conditions))
+
     def by_ensemble(self, v: Verified) -> Verified:
-        """Paired ensemble of runs with the pendulum and without (McNemar's test)."""
+        """The ensemble by the linear equations, with the pendulum and without. It refuses nothing: beyond bob
+        angles of about 0.5 rad its shares are wrong, and the nonlinear runs have decided."""
         conditions, pendulum = self.objective.conditions, pendulum_of(self.scene, v)
         after = None if self.progress is None else stage(self.progress, "ensemble")
         found = verdict(
@@ -344,14 +405,7 @@ class Verification:
             bare=self.bare_outcomes(),
             progress=after,
         )
-        reason = Reason(
-            step=Step.ensemble,
-            kind=ReasonKind.overturns_more,
-            value=float(found.worse),
-            reference=float(found.better),
-            total=len(found.hung.status),
-        )
-        return replace(v, verdict=found, reasons=(reason,) if found.harms else ())
+        return replace(v, verdict=found)
 
     def bare_outcomes(self) -> Outcomes:
         """Ensemble of runs of the bare block, followed once."""

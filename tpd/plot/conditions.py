@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tpd.design.result import Bare, Design, Verified
+from tpd.design.result import Design
+from tpd.design.verified import Bare, Verified
 from tpd.plot.style import CASES, INK, LABELS, ORANGE, new_axes, overturned
 
 _QUANTITIES = {"length": "pendulum_length", "mass": "pendulum_mass", "damping": "pendulum_damping"}

@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
+from tpd.core.bob import Bob
 from tpd.core.formatting import number
 from tpd.core.scene import Pendulum, Scene
 from tpd.plot.style import BLUE, GREY, INK
@@ -109,7 +110,8 @@ def _pendulum(
         words.append((angle, (float(arc[-1, 0]), float(arc[-1, 1]))))
     ax.plot(*line.T, color=BLUE, lw=2.0)
     ax.plot(*line[0], "o", ms=5, mfc="white", mec=INK)
-    ax.add_patch(Circle(tuple(line[1]), pendulum.ball_radius, fill=False, ec=INK, lw=0.7, ls=(0, (1, 1.5))))
+    radius = float(Bob().radius(pendulum.mass))
+    ax.add_patch(Circle(tuple(line[1]), radius, fill=False, ec=INK, lw=0.7, ls=(0, (1, 1.5))))
     ax.plot(*line[1], "o", ms=6, color=INK)
     words.append(
         (

@@ -16,8 +16,9 @@ import numpy as np
 from tpd.core import files
 from tpd.core.formatting import number
 from tpd.design.objective import KINDS
-from tpd.design.result import Bare, Design, Motions, Verified
+from tpd.design.result import Design
 from tpd.design.study import Study
+from tpd.design.verified import Bare, Motions, Verified
 from tpd.report import pictures, tables, words
 from tpd.report.blocks import (
     Block,

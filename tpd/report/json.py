@@ -14,7 +14,8 @@ from tpd.core import files
 from tpd.core.conditions import Conditions
 from tpd.design.criteria import Limit
 from tpd.design.objective import KINDS
-from tpd.design.result import Design, Reason
+from tpd.design.reasons import Reason
+from tpd.design.result import Design
 from tpd.design.study import Study
 from tpd.report.notes import notes
 

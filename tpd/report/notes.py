@@ -10,11 +10,13 @@ import numpy as np
 from tpd.analysis.attractors import Starts
 from tpd.analysis.paired import SIGNIFICANT, chance_of
 from tpd.analysis.response import Response
-from tpd.core.scene import Block, Pendulum
+from tpd.core.bob import Bob
+from tpd.core.scene import STANDARD_GRAVITY, Block, Pendulum
 from tpd.core.status import SETTLED
-from tpd.design.criteria import Walls, limit_of
-from tpd.design.result import Bare, Design, DesignStatus, Motions, Verified
+from tpd.design.criteria import Room, limit_of
+from tpd.design.result import Design, DesignStatus
 from tpd.design.study import Study
+from tpd.design.verified import Bare, Motions, Verified
 from tpd.report.blocks import Note, danger, information, warning
 from tpd.report.words import finite_max, source_of_tilts
 
@@ -26,8 +28,8 @@ LARGE_STROKE = 0.3
 """rad; sin(psi) is 1.5 % below psi there, and falls further with its square."""
 SLOW = 0.95
 """Largest Floquet multiplier above which a motion attracts slowly."""
-_POINT = 0.5
-"""Largest radius of a ball, in lengths of its rod, that counts as a point."""
+_FELT = 0.005
+"""Share of the pendulum's frequency by which a body and a rod may change it without a word."""
 _TOLERANCE = 0.01
 """Relative difference of two models that agree, unless the method has its own."""
 
@@ -38,7 +40,8 @@ def notes(design: Design, study: Study) -> tuple[Note, ...]:
     if design.winner is not None and design.pendulum is not None:
         found += [*_overturning(design, design.winner), *_repeated(design.winner)]
         found += [*_nonlinear(design, design.winner), *_strikes(design, design.winner, design.pendulum)]
-        found += [*thick(design.pendulum), *_settled(design.winner), *_starts(design, design.winner)]
+        found += thick(design.pendulum, _bob_of(design), design.scene.gravity)
+        found += [*_settled(design.winner), *_starts(design, design.winner)]
     return tuple(sorted(found, key=lambda note: note.severity.value))
 
 
@@ -153,65 +156,79 @@ def _nonlinear(design: Design, winner: Verified) -> Iterator[Note]:
 
 
 def _strikes(design: Design, winner: Verified, pendulum: Pendulum) -> list[Note]:
-    """At most one note: the first angle at which a bob of steel would strike the block's walls."""
+    """At most one note: the first angle at which the bob as a body would strike the walls, or its room."""
     e, nu = winner.evaluation, design.scene.block.slenderness * design.conditions.column("slenderness")
     settled = winner.exact.stroke + winner.exact.amplitude
     if design.starts != Starts.rest():
         settled = np.concatenate([settled, e.stroke[0] + e.tilt[0] * nu])
+    limit = limit_of(design.limits, Room)
+    if isinstance(limit, Room):
+        return [_room(design, winner, pendulum, limit.bob)]
     angles = {"once settled": settled, "on the way from rest": winner.exact.peak + winner.exact.peak_stroke}
     largest = {when: finite_max(x) for when, x in angles.items()}
-    if winner.verdict is not None:
-        runs = winner.verdict.hung
+    if winner.paired is not None:
+        runs = winner.paired.hung
         reach = float(np.quantile(runs.peak_stroke + runs.peak, 0.5, method="inverted_cdf"))
         largest["in half of the ensemble's runs"] = reach if math.isfinite(reach) else 0.0
-    limited = limit_of(design.limits, Walls) is not None
-    return strikes(design.scene.block, pendulum, largest, limited)[:1]
+    return strikes(design.scene.block, pendulum, largest)[:1]
 
 
-def strikes(block: Block, pendulum: Pendulum, angles: Mapping[str, float], limited: bool) -> list[Note]:
-    """A note for every angle at which a solid ball of steel would strike the block's walls, with a remedy.
+def _bob_of(design: Design) -> Bob:
+    """The body of the limit on room, or a ball of steel."""
+    limit = limit_of(design.limits, Room)
+    return limit.bob if isinstance(limit, Room) else Bob()
+
+
+def _room(design: Design, winner: Verified, pendulum: Pendulum, bob: Bob) -> Note:
+    """Room that the bob has as a body."""
+    wide = 2.0 * float(bob.radius(pendulum.mass))
+    return information(
+        f"The bob as {bob} is {wide:.3g} m wide and {bob.slimness * wide:.3g} m high. Between walls "
+        f"{design.scene.block.room:.3g} m apart it strikes none in {1.0 - winner.strikes:.1%} of the paired "
+        f"runs that stand ({1.0 - design.worth.strikes:.1%} are asked for)."
+    )
+
+
+def strikes(
+    block: Block, pendulum: Pendulum, angles: Mapping[str, float], bob: Bob | None = None
+) -> list[Note]:
+    """A note for every angle at which the bob as a body would strike the block's walls, with a remedy.
 
     Args:
         block, pendulum: the design.
         angles: between bob and block, rad, by when they are reached: the largest bob angle and the largest
             tilt together, which is never too little.
-        limited: whether the search has kept the settled ball off the walls.
+        bob: default a solid ball of steel.
     """
-    wall, length, ball = 0.5 * block.width, pendulum.length, pendulum.ball_radius
-
-    def clear(room: float) -> str:
-        """Largest angle at which so much room (m) to a side is enough, rounded down."""
-        return f"{math.floor(1000.0 * math.asin(min(room / length, 1.0))) / 1000.0:g} rad"
-
-    fits = f"up to {clear(wall - ball)}" if ball < wall else "at no angle"
-    hint = (
-        "the limit on walls holds for the settled motion only"
-        if limited
-        else "`--stroke` limits the settled angle of the rod, `--walls` keeps a settled ball off the walls"
-    )
+    bob = Bob() if bob is None else bob
+    wall, mass, length = 0.5 * block.room, pendulum.mass, pendulum.length
+    tried = np.linspace(0.0, 0.5 * math.pi, 1571)
+    clear = tried[np.asarray(bob.reach(mass, length, tried)) <= wall]
+    fits = f"up to {clear[-1]:.3g} rad" if clear.size else "at no angle"
     return [
         danger(
-            f"{when[0].upper() + when[1:]} the bob may swing {swing:.3g} m out of the block's axis, and the "
-            f"block's half width is {wall:.3g} m. Inside it, a solid ball of steel of this mass ({ball:.3g} "
-            "m in radius) would STRIKE the walls, which nothing here computes. On a rod of this length it "
-            f"stays off them {fits} between rod and block, a point up to {clear(wall)} ({hint})."
+            f"{when[0].upper() + when[1:]} the bob, as {bob}, would reach {reach:.3g} m from the block's "
+            f"axis, and the walls are {wall:.3g} m from it: it would STRIKE them, which nothing here computes. "
+            f"It keeps off them {fits} between rod and block. Without `--exactly` the search asks for room."
         )
         for when, angle in angles.items()
-        if (swing := length * math.sin(min(angle, 0.5 * math.pi))) + ball > wall
+        if (reach := float(bob.reach(mass, length, angle))) > wall
     ]
 
 
-def thick(pendulum: Pendulum) -> list[Note]:
-    """A note where a solid ball of steel is no point on its rod."""
-    share = pendulum.ball_radius / pendulum.length
-    if share <= _POINT:
+def thick(pendulum: Pendulum, bob: Bob | None = None, gravity: float = STANDARD_GRAVITY) -> list[Note]:
+    """A note on the bob's own moment of inertia and the rod's mass, where they change the pendulum."""
+    bob = Bob() if bob is None else bob
+    mass, length = float(pendulum.mass), float(pendulum.length)
+    change = bob.frequency_change(mass, length, gravity)
+    if abs(change) < _FELT:
         return []
     return [
         warning(
-            f"A solid ball of steel of this mass is {pendulum.ball_radius:.3g} m in radius, on a rod of "
-            f"{pendulum.length:.3g} m: no point, as is assumed here. Its own moment of inertia adds "
-            f"{0.4 * share**2:.0%} to that of the point"
-            + (", and it is thicker than the rod is long." if share >= 1.0 else ".")
+            f"The equations take a point on a massless rod. As {bob} the bob has a moment of inertia of its own, "
+            f"{bob.inertia_share(mass, length):.1%} of the point's, and a rod of steel for ten times its "
+            f"weight {bob.rod_share(length, gravity):.1%} of its mass. Together they change the pendulum's "
+            f"frequency by {change:+.1%}: make the rod {-2.0 * change:.1%} shorter, or check again."
         )
     ]
 

@@ -9,7 +9,7 @@ import numpy as np
 from tpd.analysis.attractors import Starts
 from tpd.core.formatting import number
 from tpd.core.scene import HOUSNER, Block
-from tpd.design.criteria import Limit, Mass, Walls
+from tpd.design.criteria import Limit, Mass, Room
 from tpd.design.result import Design
 
 
@@ -87,10 +87,16 @@ def risk(design: Design, value: float) -> str:
 def limit(of: Limit) -> str:
     """A limit with its value."""
     name = of.name.replace("_", " ")
-    if isinstance(of, Walls):
-        return "a settled ball of steel keeps off the walls"
+    if isinstance(of, Room):
+        return f"the bob, {of.bob}, keeps off the walls"
     (value,) = vars(of).values()
     return f"{name} {number(value)}{' kg' if isinstance(of, Mass) else _UNITS.get(of.name, '')}"
 
 
-_UNITS = {"stroke": " rad", "relative_stroke": " rad", "tilt": " of nu", "offset": " m"}
+_UNITS = {
+    "stroke": " rad",
+    "relative_stroke": " rad",
+    "tilt": " of nu",
+    "offset": " m",
+    "worsening": " of the bare tilt",
+}

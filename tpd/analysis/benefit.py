@@ -1,0 +1,155 @@
+"""Benefit of a pendulum over paired runs: how much less the block tilts, with an interval of confidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tpd.analysis.outcomes import Outcomes
+from tpd.analysis.paired import SIGNIFICANT, Verdict, chance_of
+
+_RESAMPLES, _LEVEL = 2000, 0.95
+"""Resamples of the pairs, and the level of the interval that they give."""
+_ONE_SIDED = 1.645
+"""Quantile of the normal distribution that a one-sided test at 5 % takes."""
+_LEAST = 0.02
+"""Severity that counts as none, so that next to a bare block at rest not every tilt is a worse one."""
+
+
+class Change(NamedTuple):
+    """One size with the pendulum and without, and their difference with its 95 % interval."""
+
+    name: str
+    with_it: float
+    without: float
+    low: float
+    high: float
+    """Interval of the difference, with less without."""
+
+    @property
+    def difference(self) -> float:
+        """Size with the pendulum less that without."""
+        return self.with_it - self.without
+
+
+@dataclass(frozen=True, kw_only=True)
+class Benefit:
+    """Comparison of paired runs by their severity: the settled tilt over nu, 0 at rest and 1 where the block
+    overturns or tilts further."""
+
+    value: float
+    """Share by which the mean severity falls; negative where the pendulum does harm, 0 where none moves."""
+    low: float
+    high: float
+    """95 % interval, from resampled pairs."""
+    changes: tuple[Change, ...]
+    """Mean, median and worst severity, and the shares overturned and at rest."""
+    worse_conditions: tuple[int, ...]
+    """Conditions whose mean severity is significantly higher than the bare block's by more than `share`."""
+    by_condition: tuple[np.ndarray, np.ndarray]
+    """Mean severity under every condition with the pendulum and without, NaN where no run has it."""
+    share: float
+    rests_less: bool
+    """Whether significantly fewer runs end at rest with the pendulum."""
+    runs: int
+
+    def __str__(self) -> str:
+        return f"{self.value:.0%} less tilt (95 % interval {self.low:.0%} to {self.high:.0%})"
+
+
+def severity(outcomes: Outcomes, slenderness: float) -> np.ndarray:
+    """Settled tilt over nu of every run, between 0 and 1; 1 where the block overturns."""
+    tilt = np.where(outcomes.lost, np.inf, outcomes.amplitude) / slenderness
+    return np.minimum(np.where(np.isnan(tilt), np.inf, tilt), 1.0)
+
+
+def benefit_of(
+    verdict: Verdict, slenderness: float, condition: np.ndarray, share: float = 0.05, seed: int = 0
+) -> Benefit:
+    """Benefit of paired runs.
+
+    Args:
+        verdict: the runs with the pendulum and without.
+        slenderness: nu of the block.
+        condition: index of the condition of every run, shape (runs,).
+        share: by which a condition may be worse than without the pendulum.
+        seed: of the resampling.
+    """
+    hung, bare = severity(verdict.hung, slenderness), severity(verdict.bare, slenderness)
+    n = len(hung)
+    # Pairs are drawn together, so that what both share cancels in the differences.
+    rows = np.random.default_rng([seed, 7]).integers(0, n, (_RESAMPLES, n))
+    falls = _fall(hung[rows].mean(axis=1), bare[rows].mean(axis=1))
+    low, high = _interval(falls)
+    rest_with, rest_without = (o.status == "rest" for o in (verdict.hung, verdict.bare))
+    fewer, more = int(np.sum(rest_without & ~rest_with)), int(np.sum(rest_with & ~rest_without))
+    return Benefit(
+        value=float(_fall(hung.mean(), bare.mean())),
+        low=low,
+        high=high,
+        changes=(
+            _change("mean severity", hung, bare, rows, _mean),
+            _change("median severity", hung, bare, rows, _median),
+            _change("worst severity", hung, bare, rows, _worst),
+            _change("overturned", 1.0 * verdict.hung.lost, 1.0 * verdict.bare.lost, rows, _mean),
+            _change("at rest", 1.0 * rest_with, 1.0 * rest_without, rows, _mean),
+        ),
+        worse_conditions=_worse(hung, bare, condition, share),
+        by_condition=(_by_condition(hung, condition), _by_condition(bare, condition)),
+        share=share,
+        rests_less=fewer > more and chance_of(fewer, more) < SIGNIFICANT,
+        runs=n,
+    )
+
+
+def _mean(x: np.ndarray) -> np.ndarray:
+    return x.mean(axis=-1)
+
+
+def _median(x: np.ndarray) -> np.ndarray:
+    return np.median(x, axis=-1)
+
+
+def _worst(x: np.ndarray) -> np.ndarray:
+    """Mean of the worst tenth: the largest of all runs alone would say little."""
+    k = max(1, x.shape[-1] // 10)
+    return np.sort(x, axis=-1)[..., -k:].mean(axis=-1)
+
+
+def _fall(hung: np.ndarray, bare: np.ndarray) -> np.ndarray:
+    """Share by which severities fall; 0 where both are zero."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(bare > 0.0, 1.0 - hung / bare, np.where(hung > 0.0, -np.inf, 0.0))
+
+
+def _interval(values: np.ndarray) -> tuple[float, float]:
+    tail = 0.5 * (1.0 - _LEVEL)
+    low, high = np.quantile(values, [tail, 1.0 - tail], method="inverted_cdf")
+    return float(low), float(high)
+
+
+def _change(name: str, hung: np.ndarray, bare: np.ndarray, rows: np.ndarray, of) -> Change:
+    low, high = _interval(of(hung[rows]) - of(bare[rows]))
+    return Change(name, float(of(hung)), float(of(bare)), low, high)
+
+
+def _by_condition(values: np.ndarray, condition: np.ndarray) -> np.ndarray:
+    n = int(condition.max()) + 1
+    count = np.bincount(condition, minlength=n)
+    with np.errstate(invalid="ignore"):
+        return np.bincount(condition, weights=values, minlength=n) / np.where(count > 0, count, np.nan)
+
+
+def _worse(hung: np.ndarray, bare: np.ndarray, condition: np.ndarray, share: float) -> tuple[int, ...]:
+    """Conditions in which the pairs show, at 5 %, that the mean severity is higher by more than `share`."""
+    out = []
+    for i in np.unique(condition):
+        of = condition == i
+        # One chaotic run decides nothing: the mean over the pairs of a condition must be clearly above.
+        excess = hung[of] - (1.0 + share) * bare[of] - _LEAST * share
+        error = excess.std(ddof=1) / np.sqrt(of.sum()) if of.sum() > 1 else np.inf
+        if excess.mean() > _ONE_SIDED * error:
+            out.append(int(i))
+    return tuple(out)

@@ -1,0 +1,151 @@
+"""Verification by paired runs of the nonlinear equations: the benefit of a design, its room on the way, and
+both under other models of the block's losses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tpd.analysis.benefit import Benefit, benefit_of
+from tpd.analysis.ensemble import Ensemble, outcomes
+from tpd.analysis.outcomes import Outcomes
+from tpd.analysis.paired import Verdict, verdict
+from tpd.closed_form import equivalent_friction
+from tpd.core.bob import Bob
+from tpd.core.conditions import Conditions
+from tpd.core.progress import Progress
+from tpd.core.scene import HOUSNER, Block, Pendulum, Scene
+from tpd.design.reasons import Reason, ReasonKind, Step
+from tpd.design.verified import LossCase, Verified
+from tpd.design.worth import Worth
+
+_LOSS_RUNS = 128
+"""Most paired runs under another model of the losses."""
+_USUAL = 1.0 / 3.0
+"""Tilt over nu at which friction and impacts are made to lose the same energy."""
+
+
+class PairedRuns:
+    """Runs of the nonlinear equations, the same ones with every design and without a pendulum."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        conditions: Conditions,
+        ensemble: Ensemble,
+        worth: Worth,
+        progress: Progress | None,
+    ) -> None:
+        self.scene, self.conditions, self.worth, self.progress = scene, conditions, worth, progress
+        self.ensemble = replace(ensemble, size=min(ensemble.size, worth.runs))
+        self._bare: Outcomes | None = None
+
+    @property
+    def bare(self) -> Outcomes:
+        """Runs of the bare block, followed once."""
+        if self._bare is None:
+            self._bare = outcomes(self.scene, **self._runs)
+        return self._bare
+
+    def of(self, pendulum: Pendulum) -> tuple[Verdict, Benefit]:
+        """Paired runs with a pendulum, and its benefit."""
+        found = verdict(self.scene, pendulum, bare=self.bare, **self._runs)
+        condition = self.ensemble.dealt(len(self.conditions))
+        share, seed = self.worth.worse, self.ensemble.seed
+        return found, benefit_of(found, float(self.scene.block.slenderness), condition, share, seed)
+
+    def under_other_losses(self, pendulum: Pendulum) -> tuple[LossCase, ...]:
+        """The pendulum where the block loses energy by friction alone, by impacts alone, and by both."""
+        fewer, out = replace(self.ensemble, size=min(self.ensemble.size, _LOSS_RUNS)), []
+        for name, block in loss_models(self.scene).items():
+            scene = Scene(block, self.scene.motion, self.scene.gravity)
+            runs = PairedRuns(scene, self.conditions, fewer, self.worth, self.progress)
+            found, benefit = runs.of(pendulum)
+            case = LossCase(
+                name=name,
+                friction=float(block.friction or 0.0),
+                velocity_ratio=float(block.velocity_ratio),
+                benefit=benefit,
+                overturned=found.hung.overturned,
+                overturned_bare=found.bare.overturned,
+                at_rest=found.hung.at_rest,
+                at_rest_bare=found.bare.at_rest,
+            )
+            out.append(case)
+        return tuple(out)
+
+    @property
+    def _runs(self) -> dict[str, Any]:
+        def after(done: int, of: int) -> None:
+            if self.progress is not None:
+                self.progress("paired runs", done, of)
+
+        common = {"ensemble": self.ensemble, "conditions": self.conditions, "progress": after}
+        return {**common, "equations": "nonlinear"}
+
+
+def loss_models(scene: Scene) -> dict[str, Block]:
+    """The block with the losses of friction, of impacts and of both: its own where it has them, else a
+    friction that loses as much as the impacts, or Housner's impacts."""
+    block, p = scene.block, scene.parameters()
+    e = float(block.velocity_ratio)
+    k = float(block.friction or 0.0)
+    impacts = HOUSNER if block.restitution is None else block.restitution
+    friction = k or float(equivalent_friction(p, _USUAL * float(p.nu))) if e < 1.0 else k
+    return {
+        "friction": replace(block, friction=friction, restitution=None),
+        "impacts": replace(block, friction=0.0, restitution=impacts),
+        "friction and impacts": replace(block, friction=friction, restitution=impacts),
+    }
+
+
+def strikes_of(found: Verdict, pendulum: Pendulum, block: Block, bob: Bob) -> float:
+    """Share of the runs with the pendulum that do not overturn in which the bob reaches a wall, on the way or
+    settled; the largest bob angle and the largest tilt are added, which is never too little."""
+    stands = ~found.hung.lost
+    if not stands.any():
+        return 0.0
+    angle = (found.hung.peak_stroke + found.hung.peak)[stands]
+    reach = bob.reach(pendulum.mass, pendulum.length, angle)
+    return float(np.mean(np.asarray(reach) > 0.5 * float(block.room)))
+
+
+def reasons_by_runs(v: Verified, worth: Worth, conditions: Conditions) -> tuple[Reason, ...]:
+    """Reasons against a design by its paired runs."""
+    assert v.paired is not None
+    assert v.benefit is not None
+    found, gain, out = v.paired, v.benefit, []
+    step = Step.benefit
+    if found.harms:
+        worse, better, n = float(found.worse), float(found.better), gain.runs
+        out.append(Reason(step=step, kind=ReasonKind.overturns_more, value=worse, reference=better, total=n))
+    if v.strikes > worth.strikes:
+        out.append(Reason(step=step, kind=ReasonKind.strikes, value=v.strikes, reference=worth.strikes))
+    if gain.rests_less:
+        rest, bare = (float(np.sum(o.status == "rest")) for o in (found.hung, found.bare))
+        out.append(Reason(step=step, kind=ReasonKind.rests_less, value=rest, reference=bare, total=gain.runs))
+    out += _worse_condition(v, gain, conditions)
+    if gain.value < worth.at_least or gain.low <= 0.0:
+        kind = ReasonKind.too_little_benefit
+        out.append(Reason(step=step, kind=kind, value=gain.value, low=gain.low, reference=worth.at_least))
+    return tuple(out)
+
+
+def _worse_condition(v: Verified, gain: Benefit, conditions: Conditions) -> list[Reason]:
+    """The condition that the design makes worse by most, of those that it makes worse."""
+    if not gain.worse_conditions:
+        return []
+    with_it, without = gain.by_condition
+    worst = max(gain.worse_conditions, key=lambda i: with_it[i] - without[i])
+    return [
+        Reason(
+            step=Step.benefit,
+            kind=ReasonKind.worse_condition,
+            condition=conditions.label(worst),
+            value=float(with_it[worst]),
+            reference=float(without[worst]),
+            total=len(gain.worse_conditions),
+        )
+    ]

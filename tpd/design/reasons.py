@@ -1,0 +1,119 @@
+"""Reasons why a design is refused, as data."""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass
+
+
+class Step(enum.Enum):
+    """Steps of the verification, in order."""
+
+    exact = "exact solution by events"
+    cross_check = "cross-check of the two models"
+    neighbours = "shakings within 1 %"
+    nonlinear = "nonlinear equations"
+    benefit = "paired runs of the nonlinear equations"
+    ensemble = "ensemble"
+
+
+class ReasonKind(enum.Enum):
+    """Why a design is refused."""
+
+    overturns = enum.auto()
+    """The block overturns with the design where it stands without."""
+    overturns_more = enum.auto()
+    """Significantly more conditions or runs overturn with the design than without."""
+    breaks_limit = enum.auto()
+    rocks_more = enum.auto()
+    """The block rocks at least as much as without the design."""
+    does_not_settle = enum.auto()
+    models_disagree = enum.auto()
+    too_little_benefit = enum.auto()
+    """The mean tilt falls by less than the least benefit, or not significantly."""
+    rests_less = enum.auto()
+    """Significantly fewer runs end at rest with the design than without."""
+    worse_condition = enum.auto()
+    """Under a condition the mean tilt rises by significantly more than allowed."""
+    strikes = enum.auto()
+    """The bob strikes a wall in more runs than allowed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reason:
+    """One reason why a design is refused, as data; `str` makes a sentence of it."""
+
+    step: Step
+    kind: ReasonKind
+    condition: str = ""
+    """Label of the condition, if the reason belongs to one."""
+    limit: str = ""
+    """Name of the limit that is broken."""
+    value: float = math.nan
+    """The size met: rad, a count, or a limited quantity over its limit."""
+    reference: float = math.nan
+    """The size it is compared with."""
+    low: float = math.nan
+    """Lower end of the 95 % interval of the size met, where it has one."""
+    total: int = 0
+    """Conditions, shakings or runs tried, where counts are compared."""
+    outcome: str = ""
+    """Name of the status in which the motion ends."""
+
+    def __str__(self) -> str:
+        at = f" at {self.condition}" if self.condition else ""
+        by = f"by the {self.step.value}"
+        match self.kind:
+            case ReasonKind.overturns:
+                return f"{by} the block overturns{at}, and stands without the pendulum"
+            case ReasonKind.overturns_more if self.step is Step.neighbours:
+                # Counted one by one, not pair by pair as in the other steps.
+                return (
+                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum, "
+                    f"and in {self.reference:.0f} without it{at}"
+                )
+            case ReasonKind.overturns_more:
+                # Conditions and runs are counted in pairs, neighbouring shakings are not.
+                only = "" if self.step is Step.neighbours else " only"
+                return (
+                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum"
+                    f"{only}, and in {self.reference:.0f} without it{only}{at}"
+                )
+            case ReasonKind.breaks_limit:
+                return (
+                    f"{by} the design exceeds the limit on {self.limit} by {self.value - 1.0:.2g} of it{at}"
+                )
+            case ReasonKind.rocks_more:
+                return (
+                    f"{by} the block rocks {self.value:.4g} rad, and {self.reference:.4g} rad without the "
+                    f"pendulum{at}"
+                )
+            case ReasonKind.too_little_benefit:
+                return (
+                    f"{by} the mean tilt falls by {self.value:.1%} (at least {self.low:.1%} with 95 % "
+                    f"confidence), and {self.reference:.1%} is asked for"
+                )
+            case ReasonKind.rests_less:
+                return (
+                    f"{by} the block ends at rest in {self.value:.0f} of {self.total} cases with the "
+                    f"pendulum, and in {self.reference:.0f} without it"
+                )
+            case ReasonKind.worse_condition:
+                more = f", and {self.total - 1} other conditions are worse" if self.total > 1 else ""
+                return (
+                    f"{by} the mean tilt is {self.value:.1%} of the slenderness with the pendulum, and "
+                    f"{self.reference:.1%} without it{at}{more}"
+                )
+            case ReasonKind.strikes:
+                return (
+                    f"{by} the bob strikes a wall in {self.value:.1%} of the cases, and "
+                    f"{self.reference:.1%} is allowed"
+                )
+            case ReasonKind.does_not_settle:
+                return f"{by} the motion ends {self.outcome.replace('_', ' ')}{at}"
+            case ReasonKind.models_disagree:
+                return (
+                    f"the search's model gives an amplitude of {self.value:.4g} rad, the exact solution "
+                    f"{self.reference:.4g} rad{at}: the motion depends on details that neither can promise"
+                )

@@ -1,0 +1,208 @@
+"""Survey: many designs followed from rest under every condition, the most promising first.
+
+A search over settled motions does not see the way there: a design may overturn the block or strike a wall
+before it settles. So the ends of the searches, designs on their paths and designs spread over the space are
+followed by events of the linear equations; the best of these, and designs around them, by the nonlinear
+equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.analysis.work_queue import settle_all
+from tpd.core.bob import THICKEST
+from tpd.core.conditions import under_all
+from tpd.core.sampling import latin_hypercube
+from tpd.core.status import names_of
+from tpd.design.criteria import Room, limit_of
+from tpd.design.objective import AbstractObjective
+from tpd.design.screening import first_apart
+from tpd.models.compiled_nonlinear import settle_nonlinear
+from tpd.models.piecewise import Piecewise
+
+ON_THE_WAY = "room on the way"
+"""Name of the room for the bob from the start on, beside the limits on settled motions."""
+_SPREAD, _DRAWN = 384, 4096
+"""Designs spread over the space, and those drawn to find so many that fit the block at rest."""
+_FINER = 96
+"""Designs that go on from the linear to the nonlinear equations."""
+_ROUNDS, _CENTRES, _AROUND = (0.06, 0.025), 6, 16
+"""Half widths (shares of the bounds) of the boxes around the best designs, how many such boxes, and how many
+designs in each."""
+_WORSE = 0.05
+"""Share by which a condition may be worse before it counts against a design twice."""
+Count = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Survey:
+    """Designs followed from rest: arrays of leading axis m, the best design first."""
+
+    designs: np.ndarray
+    """(mu, lam, zeta), (m, 3)"""
+    severity: np.ndarray
+    """Settled tilt over nu under every condition, 1 where the block overturns, (m, n)."""
+    bare: np.ndarray
+    """The same of the block without a pendulum, (n,)."""
+    excess: dict[str, np.ndarray]
+    """Limited sizes over their limits, less one, the largest of all conditions, by name, (m,); those above
+    zero are broken."""
+    equations: str
+    """"linear" or "nonlinear"."""
+
+    @property
+    def broken(self) -> np.ndarray:
+        """Number of limits that each design breaks, (m,)."""
+        return sum((x > 0.0 for x in self.excess.values()), np.zeros(len(self.designs), int))
+
+    @property
+    def score(self) -> np.ndarray:
+        """Mean severity and, once more, what is above the bare block's by more than a twentieth, (m,)."""
+        more = np.maximum(self.severity - (1.0 + _WORSE) * self.bare, 0.0)
+        return self.severity.mean(axis=1) + more.mean(axis=1)
+
+    def best_without(self, *names: str) -> int | None:
+        """The best design that keeps to all limits but those named, or None."""
+        others = [x for name, x in self.excess.items() if name not in names]
+        fits = ~np.any(np.stack([np.zeros(len(self.designs)), *others]) > 0.0, axis=0)
+        return int(np.flatnonzero(fits)[np.argmin(self.score[fits])]) if fits.any() else None
+
+    def ordered(self) -> Survey:
+        """This survey with the best designs first: those that keep to the limits, then by their score."""
+        excess = sum((np.maximum(x, 0.0) for x in self.excess.values()), np.zeros(len(self.designs)))
+        return self.at(np.lexsort((self.score, excess)))
+
+    def at(self, rows: np.ndarray) -> Survey:
+        """Some of the designs."""
+        excess = {name: x[rows] for name, x in self.excess.items()}
+        return Survey(
+            designs=self.designs[rows],
+            severity=self.severity[rows],
+            bare=self.bare,
+            excess=excess,
+            equations=self.equations,
+        )
+
+    def joined(self, other: Survey) -> Survey:
+        """Both surveys in one, ordered."""
+        return Survey(
+            designs=np.concatenate([self.designs, other.designs]),
+            severity=np.concatenate([self.severity, other.severity]),
+            bare=self.bare,
+            excess={k: np.concatenate([x, other.excess[k]]) for k, x in self.excess.items()},
+            equations=self.equations,
+        ).ordered()
+
+
+def survey(
+    objective: AbstractObjective, met: np.ndarray, periods: int, seed: int, progress: Count | None = None
+) -> tuple[Survey, Survey]:
+    """Follow designs that searches met, and others, from rest.
+
+    Args:
+        objective: conditions, limits and space.
+        met: designs (mu, lam, zeta) of searches, the best first, shape (m, 3).
+        periods: most forcing periods of a run.
+        seed: of the designs spread over the space and around the best.
+        progress: called with (designs followed, of how many).
+
+    Returns:
+        All designs by the linear equations, and the best of them with designs around these by the nonlinear
+        ones; both ordered.
+    """
+    spread = fitting(objective, seed)
+    total = len(met) + len(spread) + _FINER + len(_ROUNDS) * _CENTRES * _AROUND
+
+    def counting(before: int) -> Count | None:
+        if progress is None:
+            return None
+        report = progress
+        return lambda done, of: report(before + done, total)
+
+    wide = followed(objective, np.concatenate([met, spread]), periods, "linear", counting(0)).ordered()
+    units, space = objective.space.scaled(wide.designs), objective.space
+    chosen = first_apart(units, np.arange(len(units)), _FINER, 0.01)
+    done = len(wide.designs)
+    fine = followed(objective, wide.designs[chosen], periods, "nonlinear", counting(done)).ordered()
+    for i, width in enumerate(_ROUNDS):
+        rng, done = np.random.default_rng([seed, 11, i]), done + len(fine.designs)
+        centres = space.scaled(fine.designs)[
+            first_apart(space.scaled(fine.designs), np.arange(len(fine.designs)), _CENTRES)
+        ]
+        around = centres[:, None] + rng.uniform(-width, width, (len(centres), _AROUND, centres.shape[1]))
+        near = space.unscaled(np.clip(around.reshape(-1, centres.shape[1]), 0.0, 1.0))
+        fine = fine.joined(followed(objective, near, periods, "nonlinear", counting(done)))
+    return wide, fine
+
+
+def fitting(objective: AbstractObjective, seed: int) -> np.ndarray:
+    """Seeded designs (m, 3) over the space, of which as many as possible fit between the walls at rest."""
+    space, room = objective.space, limit_of(objective.limits, Room)
+    rng = np.random.default_rng([seed, 9])
+    if not isinstance(room, Room):
+        return space.unscaled(latin_hypercube(rng, _SPREAD, space.bounds.shape[1]))
+    drawn = space.unscaled(latin_hypercube(rng, _DRAWN, space.bounds.shape[1]))
+    g = objective.geometry
+    radius = np.asarray(room.bob.radius(g.mass(drawn)))
+    over = np.maximum(radius / g.wall, room.bob.slimness * radius / (THICKEST * g.rod(drawn))).max(axis=1)
+    # Those that do not fit at all come last: some remain, since they say what the room costs.
+    order = np.argsort(over > 1.0, kind="stable")
+    return drawn[order[:_SPREAD]]
+
+
+def followed(
+    objective: AbstractObjective, designs: np.ndarray, periods: int, equations: str, progress: Count | None
+) -> Survey:
+    """Survey of designs (m, 3), in their order, and of the bare block, from rest."""
+    none = np.array([[0.0, float(objective.p.lam), float(objective.p.zeta)]])
+    every, n = np.concatenate([none, designs]), len(objective.conditions)
+    q, y0 = under_all(objective.p, jnp.asarray(every), objective.conditions), np.zeros((len(every) * n, 4))
+    after = None if progress is None else lambda done, of: progress(done // n, of // n)
+    if equations == "linear":
+        settled = settle_all(q, y0, model=Piecewise(max_periods=periods), progress=after)
+    else:
+        settled = settle_nonlinear(q, y0, periods=periods, progress=after)
+    lost = np.isin(names_of(settled.status), ("overturned", "failed")).reshape(-1, n)
+    sizes = (
+        np.asarray(x).reshape(-1, n)
+        for x in (settled.amplitude, settled.stroke, settled.peak, settled.peak_stroke)
+    )
+    amplitude, stroke, peak, peak_stroke = (np.where(lost | np.isnan(x), np.inf, x) for x in sizes)
+    severity = np.minimum(amplitude / objective.geometry.slenderness, 1.0)
+    # An overturned block breaks no limit on the bob: it counts by its severity.
+    still = [np.where(np.isfinite(x), x, 0.0)[1:] for x in (amplitude, stroke, peak, peak_stroke)]
+    return Survey(
+        designs=designs,
+        severity=severity[1:],
+        bare=severity[0],
+        excess=_excess(objective, designs, *still),
+        equations=equations,
+    )
+
+
+def _excess(
+    objective: AbstractObjective,
+    designs: np.ndarray,
+    amplitude: np.ndarray,
+    stroke: np.ndarray,
+    peak: np.ndarray,
+    peak_stroke: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """Largest excess of every limit on the motion, of angles (rad) under every condition, (m,)."""
+    g, m = objective.geometry, len(designs)
+    e = objective.blank(m)._replace(tilt=amplitude / g.slenderness, stroke=stroke, design=designs)
+    out = {
+        size.name: size.value.max(axis=1) - 1.0
+        for limit in objective.active_limits
+        if limit.of_motion
+        for size in limit.sizes(e, g)
+    }
+    room = limit_of(objective.limits, Room)
+    if isinstance(room, Room):
+        reach = room.bob.reach(g.mass(designs), g.rod(designs), peak + peak_stroke)
+        out[ON_THE_WAY] = (reach / g.wall).max(axis=1) - 1.0
+    return out

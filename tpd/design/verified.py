@@ -1,0 +1,172 @@
+"""A design that went through the verification, the bare block beside it, and what each step found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tpd.analysis.benefit import Benefit
+from tpd.analysis.outcomes import Outcomes, Share
+from tpd.analysis.paired import Verdict
+from tpd.core.scene import Pendulum
+from tpd.design.reasons import Reason
+
+if TYPE_CHECKING:
+    from tpd.design.objective import Evaluation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motions:
+    """Settled motions under every condition by one model, from the stated start; arrays of shape (n,)."""
+
+    model: str
+    status: np.ndarray
+    """Names of statuses."""
+    amplitude: np.ndarray
+    """|phi|, rad; infinite where the block overturns."""
+    stroke: np.ndarray
+    """|psi|, rad."""
+    peak: np.ndarray
+    """Largest |phi| from the start on, rad; NaN where the model was not asked."""
+    peak_stroke: np.ndarray
+    """Largest |psi| from the start on, rad; NaN where the model was not asked."""
+    multiplier: np.ndarray
+    """Largest modulus of the Floquet multipliers; NaN where unknown."""
+    periods: np.ndarray
+    """Forcing periods in one period of the motion."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Neighbours:
+    """Shakings within 1 % in amplitude and frequency of one condition, from rest, by the exact solution."""
+
+    condition: int
+    tried: int
+    overturned: int
+    """Shakings that overturn the block with the pendulum."""
+    overturned_bare: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nonlinear:
+    """A design under one condition by the nonlinear equations, from rest; angles in rad."""
+
+    condition: int
+    amplitude: float
+    stroke: float
+    status: str
+    bare_amplitude: float
+    bare_status: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Active:
+    """A condition, limit or bound that holds a design, with its weight in the optimality condition."""
+
+    kind: str
+    """"tilt", "limit", "lower bound" or "upper bound"."""
+    name: str
+    """Name of the limit or of the ratio."""
+    condition: str
+    """Label of the condition; empty for a bound."""
+    weight: float
+    """Weight of the condition or limit; for a bound the ratio's value."""
+
+    def __str__(self) -> str:
+        match self.kind:
+            case "tilt":
+                return f"tilt at {self.condition} ({self.weight:.2f})"
+            case "limit":
+                return f"limit on {self.name} at {self.condition}"
+            case _:
+                return f"{self.kind} of the {self.name} ratio, {self.weight:.4g}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verified:
+    """A design that went through the verification; angles in rad."""
+
+    mass_ratio: float
+    length_ratio: float
+    damping_ratio: float
+    value: float
+    """Risk of the merits, tilts over nu; see `Evaluation`."""
+    evaluation: Evaluation
+    """Under every condition by the search's objective, leading axis 1."""
+    exact: Motions
+    """By the exact solution of the linear equations."""
+    searched: Motions | None
+    """By the model of the search; None where it searched over exact orbits."""
+    margin: np.ndarray
+    """Uplift margin under every condition, shape (n,)."""
+    neighbours: Neighbours | None
+    """None where the verification ended before that step, as of the two below."""
+    nonlinear: tuple[Nonlinear, ...]
+    verdict: Verdict | None
+    """Ensemble of runs of the linear equations with and without the pendulum."""
+    paired: Verdict | None
+    """Paired runs of the nonlinear equations, which decide."""
+    benefit: Benefit | None
+    """Benefit by these."""
+    strikes: float
+    """Share of these in which the bob strikes a wall; NaN where no room is asked for."""
+    stationarity: float
+    """Decrease of the risk that is left, to first order, per unit of a step in shares of the bounds."""
+    active: tuple[Active, ...]
+    source: str
+    """"search", "path" (a search passed through the design), "survey" or "nonlinear search"."""
+    reasons: tuple[Reason, ...]
+    """Why it is refused; empty if it is offered."""
+
+    @property
+    def design(self) -> np.ndarray:
+        """(mu, lam, zeta)."""
+        return np.array([self.mass_ratio, self.length_ratio, self.damping_ratio])
+
+
+@dataclass(frozen=True, kw_only=True)
+class LossCase:
+    """The offered design by the nonlinear equations under one model of the block's losses."""
+
+    name: str
+    """"friction", "impacts" or "friction and impacts"."""
+    friction: float
+    velocity_ratio: float
+    """e of the bare block."""
+    benefit: Benefit
+    overturned: Share
+    overturned_bare: Share
+    at_rest: Share
+    at_rest_bare: Share
+
+
+@dataclass(frozen=True, kw_only=True)
+class AtPoint:
+    """The best design for the scene's own shaking alone, and its worth under all conditions."""
+
+    pendulum: Pendulum
+    amplitude: float
+    """Settled |phi| from rest under the scene's own shaking, rad, by the exact solution."""
+    amplitude_without: float
+    model: str
+    """Model of the search, and of `model_amplitude`."""
+    model_amplitude: float
+    """The same by the model of the search."""
+    verified: Verified
+    """Under all conditions, with the reasons against it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bare:
+    """The block without a pendulum under every condition."""
+
+    value: float
+    evaluation: Evaluation
+    exact: Motions
+    searched: Motions | None
+    outcomes: Outcomes | None
+    """Ensemble of runs; None where no design was put to it."""
+    paired: Outcomes | None = None
+    """Runs of the nonlinear equations."""

@@ -1,0 +1,31 @@
+"""Requirements on the benefit of a design: below them it is not worth hanging."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tpd.core import checks
+
+
+@dataclass(frozen=True, kw_only=True)
+class Worth:
+    """Least benefit and largest harm, over paired runs of the nonlinear equations.
+
+    Raises:
+        ValueError: a share out of range.
+    """
+
+    at_least: float = 0.1
+    """Least share by which the mean tilt over all runs must fall."""
+    worse: float = 0.05
+    """Largest share by which the mean tilt under one condition may be above the bare block's."""
+    strikes: float = 0.01
+    """Largest share of the runs in which the bob may strike a wall, on the way or settled."""
+    runs: int = 256
+    """Most runs, with the pendulum and without, by the nonlinear equations."""
+
+    def __post_init__(self) -> None:
+        checks.within("at_least", self.at_least, 0.0, 1.0)
+        checks.within("worse", self.worse, 0.0, 1.0)
+        checks.within("strikes", self.strikes, 0.0, 1.0)
+        checks.count("runs", self.runs)
