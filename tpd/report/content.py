@@ -19,7 +19,7 @@ from tpd.design.objective import KINDS
 from tpd.design.result import Design
 from tpd.design.study import Study
 from tpd.design.verified import Bare, Motions, Verified
-from tpd.report import pictures, tables, words
+from tpd.report import benefit, pictures, tables, words
 from tpd.report.blocks import (
     Block,
     Cell,
@@ -48,10 +48,14 @@ def content(design: Design, study: Study, job_toml: str = "", directory: Path | 
         job_toml: the job file that repeats the run; left out if empty.
         directory: where the report lies, for the command that repeats the run.
     """
-    verdict = (information if design.status.is_sound else danger)(design.status.value)
+    verdict = (information if design.status.is_sound else danger)(benefit.headline(design))
     parts = {
         "Before anything else": notes(design, study),
         "The answer": _answer(design, study),
+        "With and without": benefit.paired_runs(design),
+        "At the shaking itself and around it": benefit.at_point(design),
+        "Other losses of energy": benefit.losses(design),
+        "What limits the design": benefit.limiting(design),
         "The block and its motion": _figures(design, study, "drawing.png", "animation.gif"),
         "Over many runs": tables.ensemble(design),
         "Under every condition": _conditions(design, study),
@@ -76,8 +80,9 @@ _LIMITED = {
     "tilt": "tilt",
     "multiplier": "multiplier",
     "offset": "offset (bob from the axis)",
-    "walls": "walls (ball to the wall)",
-    "ball": "walls (ball within half the rod)",
+    "room": "room (bob to the wall)",
+    "thickness": "thickness (bob within half the rod)",
+    "worsening": "worsening (against the bare tilt)",
 }
 """Limits whose use a report shows; the stroke has a row of its own, and a reserve has no share."""
 

@@ -223,12 +223,13 @@ def thick(pendulum: Pendulum, bob: Bob | None = None, gravity: float = STANDARD_
     change = bob.frequency_change(mass, length, gravity)
     if abs(change) < _FELT:
         return []
+    other = "shorter" if change < 0.0 else "longer"
     return [
         warning(
-            f"The equations take a point on a massless rod. As {bob} the bob has a moment of inertia of its own, "
-            f"{bob.inertia_share(mass, length):.1%} of the point's, and a rod of steel for ten times its "
+            f"The equations take a point on a massless rod. As {bob} the bob has a moment of inertia of its "
+            f"own, {bob.inertia_share(mass, length):.1%} of the point's, and a rod of steel for ten times its "
             f"weight {bob.rod_share(length, gravity):.1%} of its mass. Together they change the pendulum's "
-            f"frequency by {change:+.1%}: make the rod {-2.0 * change:.1%} shorter, or check again."
+            f"frequency by {change:+.1%}; a rod {abs(2.0 * change):.1%} {other} makes up for it."
         )
     ]
 

@@ -1,0 +1,270 @@
+"""Benefit of a design in a report: headline, tables of paired runs, of losses and of what limits the design."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+
+from tpd.core.formatting import number
+from tpd.core.scene import Pendulum
+from tpd.design.reasons import Reason, ReasonKind, Step
+from tpd.design.result import Design, DesignStatus
+from tpd.design.survey import ON_THE_WAY, Survey
+from tpd.design.verified import AtPoint, Verified
+from tpd.report.blocks import Block, Cell, Table, danger, information
+
+_NAMES = {
+    "mean severity": "mean tilt over ν",
+    "median severity": "median tilt over ν",
+    "worst severity": "tilt over ν, worst tenth of the runs",
+    "overturned": "overturned",
+    "at rest": "at rest in the end",
+}
+_LIMIT_NAMES = {
+    "room": "room for the settled bob",
+    "thickness": "rod at least twice the bob's half height",
+    ON_THE_WAY: "room for the bob on the way from rest",
+    "relative_stroke": "relative stroke",
+}
+_ROWS = 8
+"""Most rows of a table of what limits relax."""
+
+
+def headline(design: Design) -> str:
+    """Verdict in one paragraph: worth hanging by so much, or none worth hanging for this reason."""
+    best, status = design.best, design.status
+    if status is DesignStatus.found and best is not None and best.benefit is not None:
+        sign = _sign(design)
+        return f"{status.value} {_gain(best)}{f' {sign}' if sign else ''}"
+    if status is DesignStatus.refused and best is not None:
+        return f"{status.value} Best found: {_designation(design, best)}. Against it: {_first(best)}."
+    if status is DesignStatus.none_feasible and design.nearest is not None:
+        broken = "; ".join(map(str, design.nearest.broken[:3]))
+        return f"{status.value} The nearest: {broken}."
+    return status.value
+
+
+def _gain(best: Verified) -> str:
+    """Benefit with its interval, and the shares that paired runs quote."""
+    assert best.benefit is not None
+    assert best.paired is not None
+    hung, bare = best.paired.hung, best.paired.bare
+    return (
+        f"Over {best.benefit.runs} paired runs of the nonlinear equations: {best.benefit}; "
+        f"{hung.overturned.value:.1%} overturn in place of {bare.overturned.value:.1%}; "
+        f"{hung.at_rest.value:.1%} end at rest in place of {bare.at_rest.value:.1%}."
+    )
+
+
+def _sign(design: Design) -> str:
+    """Sentence that says first that the benefit hangs on how the block loses energy."""
+    against = [case for case in design.losses if case.benefit.low <= 0.0]
+    if not against:
+        return ""
+    names = " and ".join(f"{case.name} ({case.benefit.value:.0%})" for case in against)
+    return f"THE BENEFIT HANGS ON THE LOSSES: it is not shown where the block loses energy by {names}."
+
+
+def _designation(design: Design, v: Verified) -> str:
+    hung = _pendulum(design, v)
+    return f"{number(hung.mass)} kg on {number(hung.length)} m, damping ratio {number(hung.damping_ratio)}"
+
+
+def _pendulum(design: Design, v: Verified) -> Pendulum:
+    ratios = {"mass_ratio": v.mass_ratio, "length_ratio": v.length_ratio, "damping_ratio": v.damping_ratio}
+    return design.scene.pendulum(**ratios)
+
+
+def _first(v: Verified) -> str:
+    return "; ".join(map(str, v.reasons[:2])) or "nothing"
+
+
+def paired_runs(design: Design) -> list[Block]:
+    """Sizes with the pendulum and without over paired runs of the nonlinear equations; linear ones beside."""
+    best = design.best
+    if best is None or best.benefit is None or best.paired is None:
+        return []
+    linear = {} if best.verdict is None else _linear_shares(best)
+    rows: list[tuple[Cell, ...]] = []
+    for change in best.benefit.changes:
+        interval = f"{change.difference:+.1%} ({change.low:+.1%} to {change.high:+.1%})"
+        cells = (_NAMES[change.name], f"{change.with_it:.1%}", f"{change.without:.1%}", interval)
+        rows.append((*cells, linear.get(change.name)))
+    head = ("", "with it", "without", "difference (95 %)", "linear, with / without")
+    caption = (
+        f"{best.benefit.runs} paired runs of the nonlinear equations, seed {design.ensemble.seed}, of starts, "
+        "phases, growth of the shaking and uncertain quantities. Tilt: settled, 100 % where the block "
+        "overturns or tilts to ν or further, 0 at rest. The linear equations are for comparison: they err "
+        "where the bob swings beyond 0.5 rad."
+    )
+    chance = best.paired.chance_in_words
+    out: list[Block] = [Table(head, tuple(rows), caption), information(chance)]
+    return [*out, *_by_condition(design, best)]
+
+
+def _linear_shares(best: Verified) -> dict[str, str]:
+    assert best.verdict is not None
+    pairs = {
+        "overturned": (best.verdict.hung.overturned, best.verdict.bare.overturned),
+        "at rest": (best.verdict.hung.at_rest, best.verdict.bare.at_rest),
+    }
+    return {name: f"{a.value:.1%} / {b.value:.1%}" for name, (a, b) in pairs.items()}
+
+
+def _by_condition(design: Design, best: Verified) -> list[Block]:
+    """Mean tilt under every condition; none where there are too many or one only."""
+    assert best.benefit is not None
+    n, (hung, bare) = len(design.conditions), best.benefit.by_condition
+    if not 1 < n <= 32:
+        return []
+    rows = []
+    for i in range(len(hung)):
+        if math.isnan(hung[i]):
+            continue
+        mark = "worse" if i in best.benefit.worse_conditions else None
+        rows.append((design.conditions.label(i), f"{hung[i]:.1%}", f"{bare[i]:.1%}", mark))
+    caption = (
+        f"Mean tilt over ν of the paired runs under each condition. Worse: higher by more than "
+        f"{best.benefit.share:.0%}, and not by chance (5 %)."
+    )
+    return [Table(("condition", "with it", "without", ""), tuple(rows), caption)]
+
+
+def losses(design: Design) -> list[Block]:
+    """The offered design where the block loses its energy in another way."""
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (
+            case.name,
+            f"k = {number(case.friction, 3)}, e = {number(case.velocity_ratio, 4)}",
+            str(case.benefit),
+            f"{case.overturned.value:.1%} / {case.overturned_bare.value:.1%}",
+            f"{case.at_rest.value:.1%} / {case.at_rest_bare.value:.1%}",
+        )
+        for case in design.losses
+    )
+    if not rows:
+        return []
+    head = ("losses", "", "benefit", "overturned, with / without", "at rest, with / without")
+    caption = (
+        "Paired runs of the nonlinear equations. How a block loses energy is the least known of its data."
+    )
+    return [Table(head, rows, caption)]
+
+
+def at_point(design: Design) -> list[Block]:
+    """Best design for the scene's own shaking alone beside the best around it, and what the difference
+    costs."""
+    point, around = design.at_point, design.best
+    if point is None:
+        return []
+    rows: list[tuple[Cell, ...]] = [
+        ("bob", f"{number(point.pendulum.mass)} kg", None if around is None else _of(design, around, "mass")),
+        (
+            "length",
+            f"{number(point.pendulum.length)} m",
+            None if around is None else _of(design, around, "length"),
+        ),
+        ("tilt at the shaking itself (rad)", *_tilts(design, point, around)),
+        ("benefit around it", _benefit(point.verified), None if around is None else _benefit(around)),
+        ("verdict", _verdict(point.verified), None if around is None else _verdict(around)),
+    ]
+    head = ("", "best at the shaking itself", "best around it")
+    caption = (
+        f"The first by {point.model} signs at the scene's own shaking ({number(point.model_amplitude)} rad; "
+        f"exact {number(point.amplitude)} rad, without a pendulum {_tilt(point.amplitude_without)}); both "
+        "judged under all conditions."
+    )
+    return [Table(head, tuple(rows), caption)]
+
+
+def _of(design: Design, v: Verified, quantity: str) -> str:
+    return f"{number(getattr(_pendulum(design, v), quantity))} {'kg' if quantity == 'mass' else 'm'}"
+
+
+def _tilts(design: Design, point: AtPoint, around: Verified | None) -> tuple[Cell, Cell]:
+    if around is None:
+        return _tilt(point.amplitude), None
+    own = [design.conditions.column(name) for name in ("frequency", "amplitude")]
+    nearest = int(np.argmin(np.abs(own[0] - 1.0) + np.abs(own[1] - 1.0)))
+    return _tilt(point.amplitude), _tilt(float(around.exact.amplitude[nearest]))
+
+
+def _tilt(x: float) -> str:
+    return number(x) if math.isfinite(x) else "overturns"
+
+
+def _benefit(v: Verified) -> str:
+    return "not asked" if v.benefit is None else str(v.benefit)
+
+
+def _verdict(v: Verified) -> str:
+    return f"refused: {_first(v)}" if v.reasons else "worth hanging"
+
+
+def limiting(design: Design) -> list[Block]:
+    """Limits that keep better designs out, with the best design without each, and why designs were refused."""
+    if not design.surveys:
+        return []
+    out = _refusals(design)
+    wide = design.surveys[0]
+    rows = [_row(design, wide, "all limits kept", wide.best_without())]
+    names = [name for name, x in wide.excess.items() if np.any(x > 0.0)]
+    rows += [_row(design, wide, f"without {_LIMIT_NAMES.get(n, n)}", wide.best_without(n)) for n in names]
+    if len(names) > 1:
+        rows.append(_row(design, wide, "without any limit", wide.best_without(*names)))
+    head = ("", "bob (kg)", "length (m)", "ζ", "mean tilt over ν", "overturned of conditions")
+    bare = f"{wide.bare.mean():.1%} and {int(np.sum(wide.bare >= 1.0))} of {len(wide.bare)}"
+    caption = (
+        f"Best of {len(wide.designs)} designs followed from rest by the {wide.equations} equations, and the "
+        f"best where a limit is left out: what relaxing it would buy. Without a pendulum: {bare}."
+    )
+    return [*out, Table(head, tuple(rows[:_ROWS]), caption)]
+
+
+def _row(design: Design, of: Survey, name: str, i: int | None) -> tuple[Cell, ...]:
+    if i is None:
+        return (name, *(None,) * 4, "no design")
+    mu, lam, zeta = of.designs[i]
+    hung = design.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
+    lost = int(np.sum(of.severity[i] >= 1.0))
+    sizes = float(hung.mass), float(hung.length), float(zeta)
+    return (name, *sizes, f"{of.severity[i].mean():.1%}", f"{lost} of {of.severity.shape[1]}")
+
+
+def _refusals(design: Design) -> list[Block]:
+    """Counts of designs that break each limit, or that do not help, and of reasons against those verified."""
+    parts = []
+    for found in design.surveys:
+        counts = {_LIMIT_NAMES.get(n, n): int(np.sum(x > 0.0)) for n, x in found.excess.items()}
+        said = [f"{n} exceed the limit on {name}" for name, n in counts.items() if n]
+        keeps = found.broken == 0
+        better = int(np.sum(keeps & (found.score < found.bare.mean())))
+        parts.append(
+            f"Of {len(found.designs)} designs followed from rest by the {found.equations} equations "
+            f"{int(keeps.sum())} keep to all limits, and {better} of these tilt the block less than none"
+            + (f" ({'; '.join(said)})." if said else ".")
+        )
+    kinds = Counter(_kind(reason) for v in design.verified for reason in v.reasons[:1])
+    if kinds:
+        told = ", ".join(f"{n} because {what}" for what, n in kinds.most_common())
+        parts.append(f"Of {len(design.verified)} verified, refused were {told}.")
+    if design.pendulum is None and design.verified:
+        return [danger(" ".join(parts))]
+    return [information(" ".join(parts))]
+
+
+def _kind(reason: Reason) -> str:
+    return {
+        ReasonKind.overturns: "the block overturns with them",
+        ReasonKind.overturns_more: "the block overturns more often",
+        ReasonKind.breaks_limit: "they break a limit",
+        ReasonKind.rocks_more: "the block rocks more",
+        ReasonKind.does_not_settle: "the motion does not settle",
+        ReasonKind.models_disagree: "two models disagree",
+        ReasonKind.too_little_benefit: "the benefit is too small",
+        ReasonKind.rests_less: "the block rests less often",
+        ReasonKind.worse_condition: "a condition gets worse",
+        ReasonKind.strikes: "the bob strikes a wall",
+    }[reason.kind] + ("" if reason.step is not Step.nonlinear else " by the nonlinear equations")
