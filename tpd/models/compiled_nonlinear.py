@@ -69,7 +69,7 @@ def settle_nonlinear(
     if workers is not None:
         checks.count("workers", workers)
     starts, rows, begins, ramps = _rows(p, y0, begin, ramp)
-    # Loaded here, and not with the package, for Numba's sake.
+    # Loaded here, and not with the package: it loads Numba, and compiles.
     from tpd.models.nonlinear_settling import FLOATS, STATUSES, WHOLES, settle_rows
 
     n = len(starts)
@@ -80,8 +80,6 @@ def settle_nonlinear(
         settle_rows(rows, starts, begins, ramps, first, last, *limits, floats, wholes)
         return last - first
 
-    # Compiled before the threads begin, by no motion at all.
-    run(0, 0)
     _shared(run, n, (os.cpu_count() or 1) if workers is None else workers, progress)
     return _settled(floats, wholes, STATUSES)
 
@@ -103,7 +101,7 @@ def _shared(
 
 def _rows(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray, ...]:
     """Starts (n, 4), parameters (n, 9), beginnings and ramps (n,)."""
-    starts = np.ascontiguousarray(y0, dtype=float)
+    starts = np.array(y0, dtype=float, order="C")
     n = len(starts) if starts.ndim else 0
     shapes = sorted({np.shape(x) for x in jax.tree.leaves((p, begin, ramp))} - {()})
     if starts.shape != (n, 4) or n == 0 or shapes not in ([], [(n,)]):
@@ -113,12 +111,12 @@ def _rows(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray, ..
         )
     values = (p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.e, begin, ramp)
     columns = [np.broadcast_to(np.asarray(x, dtype=float), n) for x in values]
-    begins, ramps = (np.ascontiguousarray(x) for x in columns[9:])
+    begins, ramps = (np.array(x) for x in columns[9:])
     late = (begins < 0.0) | (begins * columns[6] > 2.0 * np.pi * (1.0 + 1e-12))
     if np.any(late | ~np.isfinite(begins)):
         raise ValueError(f"`begin` must lie within the first forcing period, but is {begins[late]}")
     checks.not_negative("ramp", ramps)
-    return starts, np.stack(columns[:9], axis=1), begins, ramps
+    return starts, np.array(np.transpose(columns[:9]), order="C"), begins, ramps
 
 
 def _settled(floats: np.ndarray, wholes: np.ndarray, names: tuple[str, ...]) -> Settled:

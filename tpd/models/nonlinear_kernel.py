@@ -34,8 +34,9 @@ Plant = namedtuple("Plant", "nu mu lam k f xi rho e m11 m22 c1 c2 tilt weight pu
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile a function when it is first called."""
-    # A checker of types may have wrapped the function: Numba needs the one that was written.
-    return numba.njit(inspect.unwrap(function), nogil=True)
+    # A checker of types may have wrapped the function: Numba needs the one that was written. Divisions by zero
+    # give infinities as in NumPy, without a check at each.
+    return numba.njit(inspect.unwrap(function), nogil=True, error_model="numpy")
 
 
 @compiled
@@ -219,6 +220,9 @@ def _root(q, growth, mode, t, h, w, which, hi):
 @compiled
 def _dip(q, growth, mode, t, h, w, which, first, last):
     """Share of the step at which a signal, positive at both ends, is not positive between; 0 if it is."""
+    if first <= 0.0:
+        # It has only just begun, at zero but for the rounding of the last event.
+        return 0.0
     if which == _TURN:
         a0, a1 = mode[2] * w[1, 2], mode[2] * w[7, 2]
         if a0 >= 0.0 or a1 <= 0.0:
@@ -306,7 +310,7 @@ def _meet(q, y, which, x, sine, mode):
         decide(q, y[0], y[1], y[3], mode[1], 0.0, sine, mode)
         if x == 0.0 and mode[0] == SLIP:
             # It was let go at a moment that only touched the limit: it does not move.
-            mode[0] = STICK
+            mode[0] = STICK if y[0] != 0.0 else REST
     else:
         side = 1.0 if which == _UP else -1.0
         mode[1] = side if mode[0] == REST else mode[1]

@@ -52,6 +52,12 @@ FLOATS, WHOLES = 11, 3
 """Columns of results: y, amplitude, stroke, peak, peak stroke, kind and signs of the mode; and status, periods
 of the motion, periods elapsed."""
 
+_TABLE, _COLUMN = numba.float64[:, ::1], numba.float64[::1]
+_INPUT = (_TABLE, _TABLE, _COLUMN, _COLUMN, numba.int64, numba.int64)
+_LIMITS = (numba.int64, numba.float64, numba.int64)
+_SIGNATURE = numba.int64(*_INPUT, *_LIMITS, _TABLE, numba.int64[:, ::1])
+# With its types given, the code is compiled once, when the module is loaded, and never by surprise again.
+
 
 @compiled
 def _scales(q):
@@ -200,10 +206,10 @@ def _entry(version: int) -> Callable[..., Any]:
 
     plain = inspect.unwrap(settle_rows)
     try:
-        return numba.njit(plain, cache=True, nogil=True)
+        return numba.njit(_SIGNATURE, cache=True, nogil=True, error_model="numpy")(plain)
     except RuntimeError:
         # Neither the package's folder nor the user's cache nor NUMBA_CACHE_DIR can be written to.
-        return numba.njit(plain, nogil=True)
+        return numba.njit(_SIGNATURE, nogil=True, error_model="numpy")(plain)
 
 
 def _version() -> int:
