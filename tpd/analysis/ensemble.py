@@ -20,11 +20,13 @@ from tpd.analysis.outcomes import LOST, Outcomes
 from tpd.analysis.work_queue import settle_all
 from tpd.core import checks, sampling
 from tpd.core.conditions import FACTORS, Conditions, under
+from tpd.core.equations import Terms
 from tpd.core.parameters import Parameters
 from tpd.core.quantities import parameters_of
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import names_of
 from tpd.models.base import Settled
+from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 
 _SCATTERED = ("amplitude", "frequency", "friction", "damping")
@@ -146,16 +148,18 @@ def outcomes(
     *,
     ensemble: Ensemble | None = None,
     conditions: Conditions | None = None,
+    equations: Terms | str = Terms.linear,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Outcomes:
-    """Follow the runs of an ensemble by the exact solution of the linear equations.
+    """Follow the runs of an ensemble.
 
     Args:
         subject: a scene, or dimensionless parameters (plain numbers).
         pendulum: in the scene; default none.
         ensemble: default `Ensemble()`.
         conditions: dealt out evenly among the runs, on top of their scatter; default the scene's own.
+        equations: the linear ones by their exact solution, or the nonlinear ones by a compiled event loop.
         workers: threads; default the number of cores.
         progress: called with (runs done, of how many).
 
@@ -164,17 +168,26 @@ def outcomes(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    terms = _terms(equations)
     ensemble = Ensemble() if ensemble is None else ensemble
     rate = float(subject.rate) if isinstance(subject, Scene) else 1.0
     runs = plan(parameters_of(subject, pendulum), ensemble, rate, conditions)
-    model = Piecewise(max_periods=ensemble.periods)
-    settled = settle_all(
-        *runs[:2], begin=runs.begin, ramp=runs.periods, model=model, workers=workers, progress=progress
-    )
-    return _outcomes_of(ensemble, runs, settled)
+    how: dict[str, Any] = {"begin": runs.begin, "ramp": runs.periods, "workers": workers, "progress": progress}
+    if terms is Terms.nonlinear:
+        settled = settle_nonlinear(runs.p, runs.y0, periods=ensemble.periods, **how)
+    else:
+        settled = settle_all(runs.p, runs.y0, model=Piecewise(max_periods=ensemble.periods), **how)
+    return _outcomes_of(ensemble, runs, settled, terms)
 
 
-def _outcomes_of(ensemble: Ensemble, runs: Runs, settled: Settled) -> Outcomes:
+def _terms(equations: Terms | str) -> Terms:
+    """Equations that runs can be followed by."""
+    allowed = (Terms.linear.value, Terms.nonlinear.value)
+    checks.one_of("equations", equations, allowed)
+    return Terms(equations)
+
+
+def _outcomes_of(ensemble: Ensemble, runs: Runs, settled: Settled, terms: Terms) -> Outcomes:
     names = names_of(settled.status)
     # The sizes at the moment of overturning depend on when the run was stopped, and mean nothing.
     lost = np.isin(names, LOST)
@@ -190,4 +203,5 @@ def _outcomes_of(ensemble: Ensemble, runs: Runs, settled: Settled) -> Outcomes:
         peak_stroke=size(settled.peak_stroke),
         stroke=size(settled.stroke),
         ramp=runs.ramp,
+        equations=terms.value,
     )

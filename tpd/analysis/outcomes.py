@@ -58,6 +58,8 @@ class Outcomes(Printed):
     """Settled |psi|, or the largest of the last periods."""
     ramp: np.ndarray
     """Seconds (or units of tau) over which the shaking grew."""
+    equations: str = "linear"
+    """Equations by which the runs were followed, "linear" or "nonlinear"."""
 
     @property
     def overturned(self) -> Share:
@@ -110,7 +112,7 @@ class Outcomes(Printed):
 
     def __str__(self) -> str:
         e = self.ensemble
-        head = f"Ensemble of {e.size} runs of up to {e.periods} periods, seed {e.seed}"
+        head = f"Ensemble of {e.size} runs of up to {e.periods} periods, seed {e.seed}, {self.equations} equations"
         return "\n".join([head, *(f"  {name:36}{text:>26}" for name, text in self.rows())])
 
 

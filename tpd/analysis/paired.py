@@ -16,6 +16,7 @@ import numpy as np
 from tpd.analysis.ensemble import Ensemble, outcomes
 from tpd.analysis.outcomes import Outcomes, Share
 from tpd.core.conditions import Conditions
+from tpd.core.equations import Terms
 from tpd.core.formatting import Printed
 from tpd.core.parameters import Parameters
 from tpd.core.quantities import bare_parameters_of
@@ -31,6 +32,11 @@ class Verdict(Printed):
 
     hung: Outcomes
     bare: Outcomes
+
+    @property
+    def equations(self) -> str:
+        """Equations by which the runs were followed, "linear" or "nonlinear"."""
+        return self.hung.equations
 
     @property
     def worse(self) -> int:
@@ -74,7 +80,7 @@ class Verdict(Printed):
 
     def table(self) -> str:
         """Shares and quantiles of both ensembles as text."""
-        lines = [f"{'':36}{'with pendulum':>26}{'without':>26}"]
+        lines = [f"{self.equations + ' equations':36}{'with pendulum':>26}{'without':>26}"]
         for (name, hung), (_, bare) in zip(self.hung.rows(), self.bare.rows(), strict=True):
             lines.append(f"{name:36}{hung:>26}{'' if name.startswith('bob') else bare:>26}".rstrip())
         return "\n".join(lines)
@@ -98,6 +104,7 @@ def verdict(
     ensemble: Ensemble | None = None,
     conditions: Conditions | None = None,
     bare: Outcomes | None = None,
+    equations: Terms | str = Terms.linear,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Verdict:
@@ -108,18 +115,21 @@ def verdict(
         pendulum: in the scene.
         ensemble: default `Ensemble()`.
         conditions: dealt out evenly among the runs, on top of their scatter; default the scene's own.
-        bare: outcomes without the pendulum, where they are known already.
+        bare: outcomes without the pendulum, where they are known already, by the same equations.
+        equations: linear or nonlinear, see `outcomes`.
         workers: threads; default the number of cores.
         progress: called with (runs done, of how many), for one ensemble after the other.
 
     Raises:
-        ValueError: bad input, or a pendulum beside parameters.
+        ValueError: bad input, a pendulum beside parameters, or `bare` by other equations.
         RuntimeError: JAX is in 32-bit mode.
     """
+    if bare is not None and bare.equations != str(equations):
+        raise ValueError(f"`bare` must be by the {equations} equations, but is by the {bare.equations} ones")
 
     # Both use the seed of one ensemble, hence the same starts, phases and scatter.
     def follow(subject: Parameters | Scene, pendulum: Pendulum | None) -> Outcomes:
-        runs: dict[str, Any] = {"ensemble": ensemble, "conditions": conditions}
+        runs: dict[str, Any] = {"ensemble": ensemble, "conditions": conditions, "equations": equations}
         return outcomes(subject, pendulum, workers=workers, progress=progress, **runs)
 
     hung = follow(subject, pendulum)
