@@ -67,6 +67,20 @@ class Verdict(Printed):
         )
 
     @property
+    def chance_in_words(self) -> str:
+        """Runs that overturn with one of the two only, and whether chance alone would do this."""
+        worse, better = self.worse, self.better
+        if worse == better:
+            return f"As many runs overturn with the pendulum only as without it only ({worse})."
+        chance = chance_of(max(worse, better), min(worse, better))
+        size = "p < 1e-6" if chance < 1e-6 else f"p = {chance:.2g}"
+        said = "hardly" if chance < SIGNIFICANT else "it may"
+        return (
+            f"{worse} runs overturn with the pendulum only and {better} without it only. Would chance alone "
+            f"do this? {said.capitalize()}: {size}."
+        )
+
+    @property
     def worse_peaks(self) -> Share:
         """Share of the runs whose largest tilt is above the bare block's by more than a per cent."""
         # Both are infinite where both overturn, and the comparison of infinities warns.

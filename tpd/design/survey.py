@@ -21,18 +21,20 @@ from tpd.core.status import names_of
 from tpd.design.criteria import Room, limit_of
 from tpd.design.objective import AbstractObjective
 from tpd.design.screening import first_apart
+from tpd.design.space import DesignSpace
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 
 ON_THE_WAY = "room on the way"
 """Name of the room for the bob from the start on, beside the limits on settled motions."""
-_SPREAD, _DRAWN = 384, 4096
+_SPREAD, _DRAWN = 512, 8192
 """Designs spread over the space, and those drawn to find so many that fit the block at rest."""
-_FINER = 96
+_FINER = 64
 """Designs that go on from the linear to the nonlinear equations."""
-_ROUNDS, _CENTRES, _AROUND = (0.06, 0.025), 6, 16
-"""Half widths (shares of the bounds) of the boxes around the best designs, how many such boxes, and how many
-designs in each."""
+_CENTRES, _AROUND = 8, 12
+"""Boxes around the best designs, and designs in each."""
+_ROUNDS = {"linear": (0.1, 0.04), "nonlinear": (0.04, 0.015)}
+"""Half widths of these boxes, in shares of the bounds, round after round."""
 _WORSE = 0.05
 """Share by which a condition may be worse before it counts against a design twice."""
 Count = Callable[[int, int], None]
@@ -58,6 +60,11 @@ class Survey:
     def broken(self) -> np.ndarray:
         """Number of limits that each design breaks, (m,)."""
         return sum((x > 0.0 for x in self.excess.values()), np.zeros(len(self.designs), int))
+
+    @property
+    def keeps(self) -> np.ndarray:
+        """Whether a design keeps to all limits and the block stands under some condition, (m,)."""
+        return (self.broken == 0) & (self.severity.min(axis=1) < 1.0)
 
     @property
     def score(self) -> np.ndarray:
@@ -114,29 +121,38 @@ def survey(
         All designs by the linear equations, and the best of them with designs around these by the nonlinear
         ones; both ordered.
     """
-    spread = fitting(objective, seed)
-    total = len(met) + len(spread) + _FINER + len(_ROUNDS) * _CENTRES * _AROUND
+    space, spread = objective.space, fitting(objective, seed)
+    rounds = sum(map(len, _ROUNDS.values()))
+    total, before = len(met) + len(spread) + _FINER + rounds * _CENTRES * _AROUND, 0
 
-    def counting(before: int) -> Count | None:
-        if progress is None:
-            return None
-        report = progress
-        return lambda done, of: report(before + done, total)
+    def follow(designs: np.ndarray, equations: str) -> Survey:
+        nonlocal before
+        first, before = before, before + len(designs)
 
-    wide = followed(objective, np.concatenate([met, spread]), periods, "linear", counting(0)).ordered()
-    units, space = objective.space.scaled(wide.designs), objective.space
+        def after(done: int, _: int) -> None:
+            if progress is not None:
+                progress(first + done, total)
+
+        return followed(objective, designs, periods, equations, after)
+
+    wide = follow(np.concatenate([met, spread]), "linear").ordered()
+    wide = _refined(wide, space, lambda designs: follow(designs, "linear"), seed)
+    units = space.scaled(wide.designs)
     chosen = first_apart(units, np.arange(len(units)), _FINER, 0.01)
-    done = len(wide.designs)
-    fine = followed(objective, wide.designs[chosen], periods, "nonlinear", counting(done)).ordered()
-    for i, width in enumerate(_ROUNDS):
-        rng, done = np.random.default_rng([seed, 11, i]), done + len(fine.designs)
-        centres = space.scaled(fine.designs)[
-            first_apart(space.scaled(fine.designs), np.arange(len(fine.designs)), _CENTRES)
-        ]
+    fine = follow(wide.designs[chosen], "nonlinear").ordered()
+    return wide, _refined(fine, space, lambda designs: follow(designs, "nonlinear"), seed)
+
+
+def _refined(found: Survey, space: DesignSpace, follow: Callable[[np.ndarray], Survey], seed: int) -> Survey:
+    """A survey with designs around its best ones, in boxes that shrink from round to round."""
+    for i, width in enumerate(_ROUNDS[found.equations]):
+        rng = np.random.default_rng([seed, 11, i])
+        units = space.scaled(found.designs)
+        centres = units[first_apart(units, np.arange(len(units)), _CENTRES)]
         around = centres[:, None] + rng.uniform(-width, width, (len(centres), _AROUND, centres.shape[1]))
-        near = space.unscaled(np.clip(around.reshape(-1, centres.shape[1]), 0.0, 1.0))
-        fine = fine.joined(followed(objective, near, periods, "nonlinear", counting(done)))
-    return wide, fine
+        inside = np.clip(around.reshape(-1, centres.shape[1]), 0.0, 1.0)
+        found = found.joined(follow(space.unscaled(inside)))
+    return found
 
 
 def fitting(objective: AbstractObjective, seed: int) -> np.ndarray:

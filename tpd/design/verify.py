@@ -131,7 +131,7 @@ class Verification:
 
     def best_of_survey(self, search: Multistart, found: Survey) -> DesignStatus:
         """Verify the designs of a survey that keep to the limits, the best first, until one passes."""
-        fits = np.flatnonzero(found.broken == 0)
+        fits = np.flatnonzero(found.keeps)
         if not len(fits):
             return DesignStatus.none_feasible
         helps = fits[found.score[fits] < found.bare.mean()]

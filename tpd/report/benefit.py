@@ -1,4 +1,4 @@
-"""Benefit of a design in a report: headline, tables of paired runs, of losses and of what limits the design."""
+"""Benefit of a design in a report: headline, paired runs, losses, and what limits the design."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def paired_runs(design: Design) -> list[Block]:
         rows.append((*cells, linear.get(change.name)))
     head = ("", "with it", "without", "difference (95 %)", "linear, with / without")
     caption = (
-        f"{best.benefit.runs} paired runs of the nonlinear equations, seed {design.ensemble.seed}, of starts, "
+        f"{best.benefit.runs} paired runs of the nonlinear equations, seed {design.ensemble.seed}: starts, "
         "phases, growth of the shaking and uncertain quantities. Tilt: settled, 100 % where the block "
         "overturns or tilts to ν or further, 0 at rest. The linear equations are for comparison: they err "
         "where the bob swings beyond 0.5 rad."
@@ -147,9 +147,7 @@ def losses(design: Design) -> list[Block]:
     if not rows:
         return []
     head = ("losses", "", "benefit", "overturned, with / without", "at rest, with / without")
-    caption = (
-        "Paired runs of the nonlinear equations. How a block loses energy is the least known of its data."
-    )
+    caption = "Paired runs of the nonlinear equations. The losses are the least known data of a block."
     return [Table(head, rows, caption)]
 
 
@@ -204,7 +202,7 @@ def _verdict(v: Verified) -> str:
 
 
 def limiting(design: Design) -> list[Block]:
-    """Limits that keep better designs out, with the best design without each, and why designs were refused."""
+    """Limits that keep better designs out, the best design without each, and counts of refusals."""
     if not design.surveys:
         return []
     out = _refusals(design)
@@ -239,7 +237,7 @@ def _refusals(design: Design) -> list[Block]:
     for found in design.surveys:
         counts = {_LIMIT_NAMES.get(n, n): int(np.sum(x > 0.0)) for n, x in found.excess.items()}
         said = [f"{n} exceed the limit on {name}" for name, n in counts.items() if n]
-        keeps = found.broken == 0
+        keeps = found.keeps
         better = int(np.sum(keeps & (found.score < found.bare.mean())))
         parts.append(
             f"Of {len(found.designs)} designs followed from rest by the {found.equations} equations "

@@ -208,7 +208,7 @@ def strikes(
     return [
         danger(
             f"{when[0].upper() + when[1:]} the bob, as {bob}, would reach {reach:.3g} m from the block's "
-            f"axis, and the walls are {wall:.3g} m from it: it would STRIKE them, which nothing here computes. "
+            f"axis, and the walls are {wall:.3g} m from it: it would STRIKE them; no model here does. "
             f"It keeps off them {fits} between rod and block. Without `--exactly` the search asks for room."
         )
         for when, angle in angles.items()
@@ -227,7 +227,7 @@ def thick(pendulum: Pendulum, bob: Bob | None = None, gravity: float = STANDARD_
     return [
         warning(
             f"The equations take a point on a massless rod. As {bob} the bob has a moment of inertia of its "
-            f"own, {bob.inertia_share(mass, length):.1%} of the point's, and a rod of steel for ten times its "
+            f"own, {bob.inertia_share(mass, length):.1%} of the point's, and a rod for ten times its "
             f"weight {bob.rod_share(length, gravity):.1%} of its mass. Together they change the pendulum's "
             f"frequency by {change:+.1%}; a rod {abs(2.0 * change):.1%} {other} makes up for it."
         )
