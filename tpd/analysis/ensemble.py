@@ -168,7 +168,12 @@ def outcomes(
     ensemble = Ensemble() if ensemble is None else ensemble
     rate = float(subject.rate) if isinstance(subject, Scene) else 1.0
     runs = plan(parameters_of(subject, pendulum), ensemble, rate, conditions)
-    how: dict[str, Any] = {"begin": runs.begin, "ramp": runs.periods, "workers": workers, "progress": progress}
+    how: dict[str, Any] = {
+        "begin": runs.begin,
+        "ramp": runs.periods,
+        "workers": workers,
+        "progress": progress,
+    }
     if terms is Terms.nonlinear:
         settled = settle_nonlinear(runs.p, runs.y0, periods=ensemble.periods, **how)
     else:

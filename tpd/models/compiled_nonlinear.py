@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.parameters import Parameters
+from tpd.core.parameters import Parameters, uniform_inertia_ratio
 from tpd.core.status import Status
 from tpd.exact.contact import Mode
 from tpd.models.base import Settled
@@ -109,7 +109,8 @@ def _rows(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray, ..
             f"`p`, `begin` and `ramp` must have shape (n,) and `y0` (n, 4), but have {shapes} and "
             f"{starts.shape}"
         )
-    values = (p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.e, begin, ramp)
+    rho = uniform_inertia_ratio(np.asarray(p.nu)) if p.rho is None else p.rho
+    values = (p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, rho, p.e, begin, ramp)
     columns = [np.broadcast_to(np.asarray(x, dtype=float), n) for x in values]
     begins, ramps = (np.array(x) for x in columns[9:])
     late = (begins < 0.0) | (begins * columns[6] > 2.0 * np.pi * (1.0 + 1e-12))
