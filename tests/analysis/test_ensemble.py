@@ -229,3 +229,38 @@ def test_bad_subjects_are_refused():
         outcomes(HUNG, PENDULUM)
     with pytest.raises(ValueError, match="`f` must be a single number, but is"):
         outcomes(dataclasses.replace(HUNG, f=jnp.array([0.1, 0.2])))
+
+
+@pytest.fixture(scope="module")
+def nonlinear():
+    return tpd.verdict(tpd.paper_scene(), PENDULUM, ensemble=SMALL, equations=tpd.Terms.nonlinear)
+
+
+def test_the_nonlinear_equations_are_put_to_the_same_runs(judged, nonlinear):
+    assert nonlinear.equations == nonlinear.hung.equations == nonlinear.bare.equations == "nonlinear"
+    assert judged.equations == "linear"
+    assert nonlinear.table().startswith("nonlinear equations")
+    assert str(nonlinear.bare).splitlines()[0].endswith("seed 0, nonlinear equations")
+    # The bare block's motions are chaotic: single runs differ, shares hardly.
+    assert abs(np.mean(nonlinear.bare.lost) - np.mean(judged.bare.lost)) < 0.1
+    assert nonlinear.worse < nonlinear.better
+    assert not nonlinear.harms
+    np.testing.assert_array_equal(nonlinear.hung.ramp, judged.hung.ramp)
+
+
+def test_nonlinear_runs_without_any_spread_settle_into_the_nonlinear_motion():
+    """Source: `SETTLED` of tests/models/test_segmented.py."""
+    found = outcomes(HUNG, ensemble=dataclasses.replace(STILL, periods=200), equations="nonlinear")
+    assert set(found.status) == {"rocking"}
+    np.testing.assert_allclose(found.amplitude, 0.0659875, atol=1e-6)
+
+
+def test_equations_that_no_run_can_be_followed_by_are_refused():
+    for wrong in ("parametric", tpd.Terms.parametric):
+        with pytest.raises(ValueError, match="`equations` must be one of linear, nonlinear, but is"):
+            tpd.verdict(HUNG, ensemble=STILL, equations=wrong)
+
+
+def test_both_sides_of_a_verdict_are_by_the_same_equations(nonlinear):
+    with pytest.raises(ValueError, match="`bare` must be by the linear equations, but is by the nonlinear"):
+        tpd.verdict(tpd.paper_scene(), PENDULUM, ensemble=SMALL, bare=nonlinear.bare)

@@ -112,7 +112,8 @@ class Outcomes(Printed):
 
     def __str__(self) -> str:
         e = self.ensemble
-        head = f"Ensemble of {e.size} runs of up to {e.periods} periods, seed {e.seed}, {self.equations} equations"
+        runs = f"Ensemble of {e.size} runs of up to {e.periods} periods, seed {e.seed}"
+        head = f"{runs}, {self.equations} equations"
         return "\n".join([head, *(f"  {name:36}{text:>26}" for name, text in self.rows())])
 
 

@@ -13,7 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("jax", "jaxlib", "diffrax", "optax", "equinox", "numpy")
+PACKAGES = ("jax", "jaxlib", "diffrax", "optax", "equinox", "numpy", "numba")
 
 
 def claim(directory: Path, *, overwrite: bool) -> None:

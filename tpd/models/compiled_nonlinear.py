@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from functools import lru_cache
 from typing import Any
 
 import jax
@@ -16,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.parameters import Parameters
+from tpd.core.parameters import Parameters, uniform_inertia_ratio
 from tpd.core.status import Status
 from tpd.exact.contact import Mode
 from tpd.models.base import Settled
@@ -109,7 +110,8 @@ def _rows(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray, ..
             f"`p`, `begin` and `ramp` must have shape (n,) and `y0` (n, 4), but have {shapes} and "
             f"{starts.shape}"
         )
-    values = (p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.e, begin, ramp)
+    rho = uniform_inertia_ratio(np.asarray(p.nu)) if p.rho is None else p.rho
+    values = (p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, rho, p.e, begin, ramp)
     columns = [np.broadcast_to(np.asarray(x, dtype=float), n) for x in values]
     begins, ramps = (np.array(x) for x in columns[9:])
     late = (begins < 0.0) | (begins * columns[6] > 2.0 * np.pi * (1.0 + 1e-12))
@@ -119,15 +121,22 @@ def _rows(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray, ..
     return starts, np.array(np.transpose(columns[:9]), order="C"), begins, ramps
 
 
+@lru_cache(maxsize=1)
+def _structure() -> Any:
+    """Structure of the pytree of a `Settled`."""
+    none, count = jnp.zeros(()), jnp.zeros((), int)
+    memory = Mode(count, none, none)
+    return jax.tree.structure(
+        Settled(jnp.zeros(4), memory, count, none, none, Status.failed, count, none, none)
+    )
+
+
 def _settled(floats: np.ndarray, wholes: np.ndarray, names: tuple[str, ...]) -> Settled:
     """Results of a batch from columns of numbers."""
-
-    def one(x: jax.Array, n: jax.Array) -> Settled:
-        status = Status.failed
-        for i, name in enumerate(names):
-            status = Status.where(n[0] == i, getattr(Status, name), status)
-        memory = Mode(x[8].astype(int), x[9], x[10])
-        return Settled(x[:4], memory, n[1], x[4], x[5], status, n[2], x[6], x[7])
-
-    settled = jax.vmap(one)(jnp.asarray(floats), jnp.asarray(wholes))
-    return jax.tree.map(np.asarray, settled)
+    statuses = np.array([jax.tree.leaves(getattr(Status, name))[0] for name in names])
+    amplitude, stroke, peak, peak_stroke, kind, *signs = floats.T[4:].copy()
+    memory, sizes = (kind.astype(int), *signs), (amplitude, stroke)
+    status, periods, elapsed = statuses[wholes[:, 0]], wholes[:, 1].copy(), wholes[:, 2].copy()
+    # From its leaves, because fields are annotated with the shapes of a single motion.
+    leaves = [floats[:, :4].copy(), *memory, periods, *sizes, status, elapsed, peak, peak_stroke]
+    return jax.tree.unflatten(_structure(), leaves)

@@ -34,8 +34,8 @@ Plant = namedtuple("Plant", "nu mu lam k f xi rho e m11 m22 c1 c2 tilt weight pu
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile a function when it is first called."""
-    # A checker of types may have wrapped the function: Numba needs the one that was written. Divisions by zero
-    # give infinities as in NumPy, without a check at each.
+    # A checker of types may have wrapped the function: Numba needs the one that was written. Division by zero
+    # gives infinity as in NumPy, and needs no check.
     return numba.njit(inspect.unwrap(function), nogil=True, error_model="numpy")
 
 

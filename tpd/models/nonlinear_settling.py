@@ -49,8 +49,8 @@ STATUSES = (
 """Names of statuses in the order of their numbers."""
 _ROCKING, _STICKING, _REST, _HELD, _OVERTURNED, _NOT_SETTLED, _EVENT_BOUND, _FAILED = range(8)
 FLOATS, WHOLES = 11, 3
-"""Columns of results: y, amplitude, stroke, peak, peak stroke, kind and signs of the mode; and status, periods
-of the motion, periods elapsed."""
+"""Columns of results: y, amplitude, stroke, peak, peak stroke, kind and signs of the mode; and status,
+periods of the motion, periods elapsed."""
 
 _TABLE, _COLUMN = numba.float64[:, ::1], numba.float64[::1]
 _INPUT = (_TABLE, _TABLE, _COLUMN, _COLUMN, numba.int64, numba.int64)
@@ -98,7 +98,7 @@ def _stays(q, y, before, mode, sizes):
 @compiled
 def _share(growth, ramp, period, elapsed):
     """Put the share of its full size that the shaking has when a period begins, and its increase per unit
-    tau, into `growth`; return the time in this period at which it has its full size, not above 0 if it has."""
+    tau, into `growth`; return the time from then at which it has its full size, 0 if it has."""
     grown = (ramp - elapsed) * period
     if grown <= 1e-12 * period:
         growth[0], growth[1] = 1.0, 0.0
@@ -164,7 +164,7 @@ def _settle(x, y0, begin, ramp, periods, rtol, max_events, out):
     amplitudes, strokes, held = np.zeros(LONGEST), np.zeros(LONGEST), np.zeros(LONGEST)
     growth, sizes, peaks = np.empty(2), np.zeros(3), np.abs(y0[:2])
     w[0], past[0] = y0, y0
-    grown = _share(growth, ramp, q.period, 0.0)
+    _share(growth, ramp, q.period, 0.0)
     mode = _classified(q, growth, y0, begin)
     clock = np.array([begin, 1e-3 * q.period])
     # A start within a period has another phase than the ends of periods, with which these are compared.
@@ -214,6 +214,7 @@ def _entry(version: int) -> Callable[..., Any]:
 
 def _version() -> int:
     """Checksum of the compiled sources."""
+    # Both files, because the code of one is compiled into the function of the other.
     sources = (Path(str(file)).read_bytes() for file in (nonlinear_kernel.__file__, __file__))
     return zlib.crc32(b"".join(sources))
 
