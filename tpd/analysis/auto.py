@@ -93,7 +93,7 @@ class Auto(AbstractChoice):
             reserve = f"{float(still.reserve):.1%} of the moment that would lift the block is in reserve"
             why = f"the block never lifts: {reserve}, from the start on"
             return _labelled(still.steady, "uplift", still.estimate, why)
-        lossless, moved = float(fixed.e) == 1.0, bool(jnp.any(y0 != 0.0))
+        lossless, moved = float(fixed.velocity_ratio) == 1.0, bool(jnp.any(y0 != 0.0))
         if self.balance and lossless and not moved and float(still.margin) < _LIFTS:
             steady, estimate = _balanced(fixed)
             if float(estimate) <= self.tolerance:

@@ -117,7 +117,7 @@ def _with_model(method: Method, p: Parameters, conditions: Conditions) -> Method
     if not isinstance(method, Descent) or method.model is not None or len(conditions) > 1:
         return method
     # tanh has no place for the jump of the rate at an impact.
-    lossless = float(p.e) == 1.0
+    lossless = float(p.velocity_ratio) == 1.0
     model: AbstractModel = (
         Smoothed(max_periods=200) if lossless else Piecewise(max_periods=200, lyapunov_periods=0)
     )
