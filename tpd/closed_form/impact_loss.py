@@ -14,7 +14,7 @@ from tpd.core.parameters import Parameters
 
 
 def equivalent_friction(p: Parameters, amplitude: Any) -> Float[Array, "*batch"]:
-    """Dry friction k that loses as much per cycle of amplitude Phi as impacts of ratio e (`p.velocity_ratio`).
+    """Dry friction k that loses as much per cycle of amplitude Phi as impacts of ratio e.
 
     Friction takes 4 k Phi from a cycle, in which the tilt travels four times Phi. Each of the two impacts
     takes (1 - e^2) phi'^2/2, where phi'^2/2 is the work of the weight on the way down from Phi:

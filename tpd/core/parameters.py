@@ -88,7 +88,7 @@ class Parameters(eqx.Module):
         return uniform_inertia_ratio(self.nu) if self.rho is None else self.rho
 
     @property
-    def velocity_ratio(self) -> Number:
+    def velocity_ratio(self) -> Any:
         """e as the equations use it: the field `e`, or Housner's where it is None."""
         return housner(self.nu, self.inertia_ratio, self.mu) if self.e is None else self.e
 

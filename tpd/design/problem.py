@@ -6,11 +6,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import jax.numpy as jnp
 import numpy as np
 
 from tpd.analysis.attractors import StartKind, Starts
 from tpd.core import checks
-from tpd.core.conditions import Conditions
+from tpd.core.conditions import Conditions, under_all
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.scene import Scene
 from tpd.design.checkpoint import fingerprint_of
@@ -67,6 +68,7 @@ class Problem:
         limits = DEFAULT_LIMITS if limits is None else check_limits(limits)
         space = _narrowed(DesignSpace() if space is None else space, scene, limits)
         p = as_arrays(scene.parameters())
+        _check_heaviest(p, space, conditions)
         method = _with_model(_default_method(conditions) if method is None else method, p, conditions)
         # The method decides: a closed form knows all orbits, a model must begin somewhere.
         starts = _default_starts(method) if starts is None else starts
@@ -104,6 +106,13 @@ class Problem:
         model = Piecewise(max_periods=FOLLOWED_PERIODS, lyapunov_periods=0)
         common = o.p, o.conditions, o.space, o.risk, o.limits, o.geometry
         return Followed(*common, model=model, starts=self.starts, orbits=o)
+
+
+def _check_heaviest(p: Parameters, space: DesignSpace, conditions: Conditions) -> None:
+    """Raise `ValueError` where Housner's restitution has no value for the heaviest bob of the space."""
+    if p.e is None:
+        # `Parameters` checks plain numbers only, and a search traces them.
+        under_all(p, jnp.asarray(space.full(space.bounds[1]))[None], conditions)
 
 
 def _default_method(conditions: Conditions) -> Method:
