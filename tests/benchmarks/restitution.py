@@ -14,7 +14,7 @@ jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
 from tpd.analysis.work_queue import settle_all  # noqa: E402
-from tpd.core.scene import housner  # noqa: E402
+from tpd.core.parameters import housner  # noqa: E402
 from tpd.core.status import names_of  # noqa: E402
 
 SCENES, SEED = 400, 5
@@ -44,11 +44,11 @@ def scenes() -> tpd.Parameters:
     def drawn(low: float, high: float, share: float = 1.0, otherwise: float = 0.0) -> np.ndarray:
         return np.where(rng.random(SCENES) < share, rng.uniform(low, high, SCENES), otherwise)
 
-    nu = drawn(0.1, 0.35)
-    tied = housner(nu, 0.75 / (1.0 + nu**2))
+    nu, mu = drawn(0.1, 0.35), drawn(0.01, 0.2, 0.5)
+    tied = housner(nu, 0.75 / (1.0 + nu**2), mu)
     return tpd.Parameters(
         nu=nu,
-        mu=drawn(0.01, 0.2, 0.5),
+        mu=mu,
         lam=drawn(0.1, 1.5),
         zeta=drawn(0.02, 0.3),
         k=nu * drawn(0.0, 0.2, 0.5),
@@ -106,7 +106,7 @@ def main() -> None:
     p, rest = scenes(), np.zeros((SCENES, 4))
     truth = settled(p, rest)
     moving, hung = np.isin(truth.kind, MOVING), p.mu > 0.0
-    tied = np.isclose(p.e, housner(p.nu, p.inertia_ratio))
+    tied = np.isclose(p.e, housner(p.nu, p.inertia_ratio, p.mu))
     size, itself = np.where(moving, truth.amplitude, 0.0), np.where(moving[:, None], truth.state, 0.0)
     head = f"{'scenes':>28}{'moving':>8}{'alike':>7}{'same period':>13}"
     print(f"{head}{'median':>9}{'90 %':>9}{'other':>7}")

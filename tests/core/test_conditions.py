@@ -131,3 +131,21 @@ def test_all_designs_under_all_conditions_have_the_conditions_running_fastest():
             for name in ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e"):
                 assert float(getattr(q, name)[3 * i + j]) == float(getattr(one, name))
             assert float(q.inertia_ratio[3 * i + j]) == pytest.approx(float(one.inertia_ratio), rel=1e-15)
+
+
+def test_housner_s_restitution_follows_design_and_condition():
+    block = dataclasses.replace(SCENE.block, restitution="housner", friction=0.0)
+    p = dataclasses.replace(SCENE, block=block).parameters()
+    conditions = Conditions.scatter(3, 0, slenderness=0.1, mass=0.2)
+    designs = jnp.array([[0.1, 0.3, 0.2], [0.2, 0.4, 0.1]])
+    q = under_all(p, designs, conditions)
+    assert len(set(np.asarray(q.e).tolist())) == 6
+    for i, design in enumerate(designs):
+        for j, factors in enumerate(conditions.factor_rows()):
+            one, (slenderness, mass) = under(p, design, factors), np.asarray(factors)[3:5]
+            nu, mu = 0.25 * slenderness, float(design[0]) * mass
+            share = 0.75 / (1 + nu**2) * nu**2
+            expected = (1 - (2 + mu) * share) / (1 + mu * share)
+            assert one.e is None
+            assert float(one.velocity_ratio) == pytest.approx(expected, rel=1e-14)
+            assert float(q.e[3 * i + j]) == pytest.approx(expected, rel=1e-14)

@@ -34,7 +34,7 @@ def moved(scene: Scene, pendulum: Pendulum, name: str, value: float) -> Paramete
 
 
 def vector(p: Parameters) -> np.ndarray:
-    return np.array([*(getattr(p, n) for n in NAMES[:-1]), p.inertia_ratio], dtype=float)
+    return np.array([*(getattr(p, n) for n in NAMES[:-2]), p.velocity_ratio, p.inertia_ratio], dtype=float)
 
 
 EACH = [
@@ -56,10 +56,12 @@ def test_a_quantity_moves_what_it_moves_in_the_scene_and_nothing_else(scene, nam
         at = setup.at({name: float(value)})
         np.testing.assert_allclose(vector(at), point, rtol=1e-15)
         assert (at.rho is None) == (expected.rho is None)
+        assert (at.e is None) == (expected.e is None) == (scene is TIED)
     changed = {n for n, a, b in zip(NAMES, base, axis.at(values)[0], strict=True) if a != b}
     assert changed == set(setup.moved(name))
     assert changed - {"e"} == set(QUANTITIES[name]) - {"e"}
-    assert ("e" in changed) == (name == "restitution" or (scene is TIED and name in ("width", "height")))
+    of_housner = scene is TIED and name in ("width", "height", "mass", "pendulum_mass")
+    assert ("e" in changed) == (name == "restitution" or of_housner)
 
 
 @pytest.mark.parametrize(("scene", "name"), EACH)
@@ -85,6 +87,22 @@ def test_a_parameter_takes_its_tied_inertia_along():
         np.testing.assert_allclose(axis.jacobian(0.2)[:, 0], difference, atol=1e-9)
         assert ("rho" in axis.others) == (p is free)
     assert Axis.of(BARE, "nu").jacobian(0.2)[8, 0] < -0.1
+
+
+@pytest.mark.parametrize("name", ["nu", "mu"])
+def test_a_parameter_takes_housner_s_restitution_along(name):
+    p = TIED.parameters(HUNG)
+    for axis in (Axis.of(p, name), Axis.of(TIED, name, HUNG)):
+        assert "e" not in axis.others
+        x = getattr(p, name)
+        for value in (x, 1.1 * x):
+            expected = vector(dataclasses.replace(p, **{name: value}))
+            np.testing.assert_allclose(axis.at(np.array([value]))[0], expected, rtol=1e-15)
+        h = 1e-5 * x
+        difference = np.diff(axis.at(np.array([x - h, x + h])), axis=0)[0] / (2.0 * h)
+        np.testing.assert_allclose(axis.jacobian(x)[:, 0], difference, rtol=1e-7, atol=1e-9)
+        assert difference[NAMES.index("e")] < 0.0
+    assert Setup.of(TIED, HUNG).at({name: value}).velocity_ratio == expected[NAMES.index("e")]
 
 
 def test_a_parameter_of_a_scene_leaves_the_others_alone():
@@ -161,5 +179,8 @@ def test_gradients_by_name_and_by_object_agree():
 def vector_of(scene):
     p = scene.parameters(HUNG)
     return jnp.stack(
-        [jnp.asarray(x, dtype=float) for x in (*(getattr(p, n) for n in NAMES[:-1]), p.inertia_ratio)]
+        [
+            jnp.asarray(x, dtype=float)
+            for x in (*(getattr(p, n) for n in NAMES[:-2]), p.velocity_ratio, p.inertia_ratio)
+        ]
     )

@@ -7,8 +7,20 @@ import pytest
 from tests.reference import HUNG, parameters
 from tpd import Terms
 from tpd.core.equations import Equations
+from tpd.core.parameters import housner
 from tpd.exact.arc import classify, held_on_base
-from tpd.exact.contact import REST, SLIP, STICK, Mode, captured_restitution, decide, impact_jump, released
+from tpd.exact.contact import (
+    REST,
+    SLIP,
+    STICK,
+    Mode,
+    bob_jump,
+    captured_restitution,
+    decide,
+    impact_jump,
+    impact_ratio,
+    released,
+)
 from tpd.exact.modes import Plant
 from tpd.models.segmented import _classify
 
@@ -81,3 +93,130 @@ def test_a_captured_rattle_is_the_sum_of_its_hops():
     once = impact_jump((captured_restitution(e, jnp.asarray(True)) - 1.0) * rate, lam)
     np.testing.assert_allclose(once, np.sum(np.array(hops), axis=0), rtol=1e-12)
     assert float(captured_restitution(e, jnp.asarray(False))) == e
+
+
+class Struck:
+    """An impact in SI units by impulses alone: block of 2a by 2b m, M kg and radius of gyration c about its
+    centroid, bob of m kg on a rod of l m. x to the right, z upwards, angles clockwise."""
+
+    def __init__(self, rng):
+        self.a, self.b = rng.uniform(0.1, 0.4), rng.uniform(1.0, 2.0)
+        self.mass, self.bob = rng.uniform(100.0, 900.0), rng.uniform(1.0, 400.0)
+        self.radius, self.rod = rng.uniform(0.4, 1.2), rng.uniform(0.2, 2.0)
+        self.psi, self.side = rng.uniform(-1.5, 1.5), rng.choice([-1.0, 1.0])
+        # Down onto the base, in rad/s.
+        self.before = np.array([-self.side * rng.uniform(0.01, 2.0), rng.normal()])
+
+    @property
+    def numbers(self):
+        """nu, mu, lam, rho."""
+        a, b = self.a, self.b
+        return a / b, self.bob / self.mass, self.rod / b, b**2 / (a**2 + b**2 + self.radius**2)
+
+    def velocities(self, rates, side):
+        """Of the block's centroid and of the bob, while the block turns about the corner of `side`."""
+        turn, swing = rates
+        hinge = turn * np.array([2.0 * self.b, side * self.a])
+        bob = hinge + self.rod * swing * np.array([-np.cos(self.psi), np.sin(self.psi)])
+        return turn * np.array([self.b, side * self.a]), bob
+
+    def energy(self, rates, side):
+        block, bob = self.velocities(rates, side)
+        own = self.radius**2 * rates[0] ** 2
+        return 0.5 * self.mass * (block @ block + own) + 0.5 * self.bob * bob @ bob
+
+    def momentum(self, rates, side):
+        """Clockwise, of block and bob about the corner that is struck, which lies at x = -side a."""
+        block, bob = self.velocities(rates, side)
+        hinge = np.array([self.side * self.a, 2.0 * self.b])
+        at = hinge - self.rod * np.array([np.sin(self.psi), np.cos(self.psi)])
+        own = self.mass * (self.b * block[0] - self.side * self.a * block[1] + self.radius**2 * rates[0])
+        return own + self.bob * (at[1] * bob[0] - at[0] * bob[1])
+
+    @property
+    def after(self):
+        """Rates after an impact that stops the corner it strikes: a linear system in them, the pull J of the
+        rod and the push R of the corner."""
+        along = np.array([np.sin(self.psi), np.cos(self.psi)])
+        across = np.array([-np.cos(self.psi), np.sin(self.psi)])
+        block, bob = self.velocities(self.before, self.side)
+        # Unknowns: velocity of the centroid (2), phi', psi', J, R (2).
+        rows, right = np.zeros((7, 7)), np.zeros(7)
+        rows[0:2, 0:2], rows[0:2, 4], rows[0:2, 5:7] = self.mass * np.eye(2), along, -np.eye(2)
+        right[0:2] = self.mass * block
+        # Clockwise moments about the centroid, of a force F at r: r_z F_x - r_x F_z.
+        hinge, corner = np.array([0.0, self.b]), np.array([-self.side * self.a, -self.b])
+        rows[2, 2] = self.mass * self.radius**2
+        rows[2, 4] = hinge[1] * along[0] - hinge[0] * along[1]
+        rows[2, 5:7] = -corner[1], corner[0]
+        right[2] = self.mass * self.radius**2 * self.before[0]
+        for i, arm in ((3, corner), (5, hinge)):
+            rows[i : i + 2, 0:2], rows[i : i + 2, 2] = np.eye(2), [arm[1], -arm[0]]
+        # The bob: its velocity is the hinge's, with the rod's turning, and it changes by J along the rod.
+        rows[5:7, 3], rows[5:7, 4] = self.rod * across, -along / self.bob
+        right[5:7] = bob
+        return np.linalg.solve(rows, right)[2:4]
+
+    def ours(self, restitution):
+        nu, mu, lam, rho = self.numbers
+        angle = self.side, np.sin(self.psi), np.cos(self.psi)
+        ratio = float(impact_ratio(restitution, nu, mu * rho, *angle))
+        jump = float(bob_jump(ratio, nu, lam, *angle))
+        return self.before[0] * np.array([ratio, jump]) + np.array([0.0, self.before[1]])
+
+    @property
+    def housner(self):
+        nu, mu, _, rho = self.numbers
+        return housner(nu, rho, mu)
+
+
+IMPACTS = [Struck(np.random.default_rng([7, i])) for i in range(200)]
+
+
+def test_an_impact_with_the_bob_at_an_angle_is_that_of_impulses_in_si():
+    for impact in IMPACTS:
+        np.testing.assert_allclose(impact.ours(impact.housner), impact.after, rtol=1e-11, atol=1e-12)
+
+
+def test_housner_s_impact_conserves_the_momentum_of_block_and_bob_and_gains_no_energy():
+    for impact in IMPACTS:
+        after = impact.ours(impact.housner)
+        expected = impact.momentum(impact.before, impact.side)
+        scale = impact.mass * impact.b**2 * abs(impact.before[0]) + impact.bob * impact.b * impact.rod
+        assert impact.momentum(after, -impact.side) == pytest.approx(expected, abs=1e-13 * scale)
+        assert impact.energy(after, -impact.side) < impact.energy(impact.before, impact.side)
+
+
+def test_an_impact_of_a_given_ratio_gains_no_energy_either():
+    gains = [
+        impact.energy(impact.ours(e), -impact.side) / impact.energy(impact.before, impact.side) - 1.0
+        for impact in IMPACTS
+        for e in (0.0, 0.5, 0.9, 0.99, 1.0 - 1e-9)
+    ]
+    # At the most that conserves it the energy is the same up to rounding.
+    assert max(gains) < 1e-14
+    assert sum(abs(gain) < 1e-14 for gain in gains) > 20
+
+
+def test_with_the_bob_below_its_hinge_the_impact_has_the_given_ratio():
+    for impact in IMPACTS[:20]:
+        impact.psi = 0.0
+        for e in (0.0, 0.7, impact.housner, 0.999):
+            assert impact.ours(e)[0] / impact.before[0] == pytest.approx(e, rel=1e-14, abs=1e-16)
+    nu, mu, _, rho = impact.numbers
+    assert impact.after[0] / impact.before[0] == pytest.approx(housner(nu, rho, mu), rel=1e-13)
+
+
+def test_without_a_bob_its_angle_does_not_matter():
+    assert float(impact_ratio(0.8, 0.2, 0.0, 1.0, np.sin(1.0), np.cos(1.0))) == 0.8
+
+
+def test_the_nonlinear_impact_tends_to_the_linear_one_as_the_square_of_the_angles():
+    apart = []
+    for s in (1e-1, 1e-2, 1e-3):
+        e, lam = housner(0.3 * s, 0.7, 0.2), 0.5
+        angle = -1.0, np.sin(0.4 * s), np.cos(0.4 * s)
+        ratio = float(impact_ratio(e, 0.3 * s, 0.2 * 0.7, *angle))
+        bob = float(bob_jump(ratio, 0.3 * s, lam, *angle))
+        apart.append([abs(ratio - e), abs(bob - impact_jump(e - 1.0, lam)[1])])
+    np.testing.assert_allclose(np.diff(np.log10(apart), axis=0), -2.0, atol=0.1)

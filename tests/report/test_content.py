@@ -158,7 +158,7 @@ def test_the_command_that_repeats_the_run_is_quoted(tmp_path):
     ("losses", "said"),
     [
         ({}, "friction k = 0.05"),
-        ({"restitution": "housner"}, "impact loss: Housner, e = 0.9118"),
+        ({"restitution": "housner"}, "impact loss: Housner, e = 0.9118 for the bare block"),
         ({"restitution": 0.9, "friction": 0.02}, "impact loss: e = 0.9; friction k = 0.02"),
     ],
 )

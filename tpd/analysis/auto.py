@@ -35,6 +35,7 @@ from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
 from tpd.core.parameters import Number, Parameters, State, as_arrays
 from tpd.core.status import SETTLED, Status, is_settled, status_name
+from tpd.exact.contact import impact_ratio
 from tpd.exact.flow import held_at_rest
 from tpd.exact.modes import Plant
 from tpd.models.base import AbstractChoice, Settled
@@ -93,7 +94,7 @@ class Auto(AbstractChoice):
             reserve = f"{float(still.reserve):.1%} of the moment that would lift the block is in reserve"
             why = f"the block never lifts: {reserve}, from the start on"
             return _labelled(still.steady, "uplift", still.estimate, why)
-        lossless, moved = float(fixed.e) == 1.0, bool(jnp.any(y0 != 0.0))
+        lossless, moved = float(fixed.velocity_ratio) == 1.0, bool(jnp.any(y0 != 0.0))
         if self.balance and lossless and not moved and float(still.margin) < _LIFTS:
             steady, estimate = _balanced(fixed)
             if float(estimate) <= self.tolerance:
@@ -186,6 +187,8 @@ def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
         steady = steady_state(p, model=Piecewise(lyapunov_periods=0), y0=y0)
         return steady.amplitude, steady
 
+    # e as a number of its own, so that there is a derivative with respect to it.
+    p = replace(p, e=jnp.asarray(p.velocity_ratio))
     slope, steady = jax.jacrev(size, has_aux=True)(p)
     return steady, dropped(p, steady.amplitude, steady.stroke, slope)
 
@@ -228,19 +231,29 @@ def _dropped_at_rest(p: Parameters, reach: Number) -> Number:
     return 0.5 * p.nu * reach + reach**2
 
 
+def _dropped_at_impacts(p: Parameters, reach: Number) -> Number:
+    """Largest change of the velocity ratio of an impact by a bob at +-`reach`."""
+    e, sine, cosine = p.velocity_ratio, jnp.sin(reach), jnp.cos(reach)
+    share = p.mu * p.inertia_ratio
+    changes = [jnp.abs(impact_ratio(e, p.nu, share, side, sine, cosine) - e) for side in (1.0, -1.0)]
+    # Without loss the nonlinear equations have no jump at an impact.
+    return jnp.where(jnp.asarray(e) < 1.0, jnp.maximum(*changes), 0.0)
+
+
 def dropped(p: Parameters, phi: Number, psi: Number, slope: Any) -> Number:
     """Estimated relative change of the amplitude `phi` by the terms of (4) that (25) drops.
 
     The weight's moment changes by the shares f phi (the parametric term) and phi^2/2, the forcing by
-    (phi^2 + psi^2)/2, the bob's spring by psi^2/6, and the coupling by nu (phi + psi)/2 and
-    (phi + psi)^2/2; their effect on phi follows from the elasticities d ln phi/d ln(nu, f, lam, mu).
+    (phi^2 + psi^2)/2, the bob's spring by psi^2/6, the coupling by nu (phi + psi)/2 and (phi + psi)^2/2, and
+    e by what the pull of a bob at +-psi changes; their effect on phi follows from the elasticities
+    d ln phi/d ln(nu, f, lam, mu) and from d phi/d e.
     For a block at rest the estimate is the share of the moment, infinite where it exceeds the uplift margin.
 
     Args:
         p: dimensionless parameters.
         phi: settled amplitude, rad.
         psi: settled stroke, rad.
-        slope: d phi/d p, as `jax.grad` gives it.
+        slope: d phi/d p, as `jax.grad` gives it where `p.e` is a number.
     """
     # A bob without mass swings, but the block does not feel it.
     felt = psi * (p.mu > 0)
@@ -254,7 +267,8 @@ def dropped(p: Parameters, phi: Number, psi: Number, slope: Any) -> Number:
     forcing = elasticity(slope.f, p.f) * 0.5 * (phi**2 + felt**2)
     spring = elasticity(slope.lam, p.lam) * (felt**2 / 6.0 + coupling)
     bob = elasticity(slope.mu, p.mu) * coupling
+    impacts = elasticity(slope.e, _dropped_at_impacts(p, felt))
     resting = _dropped_at_rest(p, felt)
     at_rest = jnp.where(resting < uplift(p).margin, resting, jnp.inf)
     # The parts have no known signs, so that their sizes are added.
-    return jnp.where(phi > 0, SAFETY * (weight + forcing + spring + bob), at_rest)
+    return jnp.where(phi > 0, SAFETY * (weight + forcing + spring + bob + impacts), at_rest)

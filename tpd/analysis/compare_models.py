@@ -145,7 +145,7 @@ def nonlinear(p: Parameters) -> tuple[float, float, str]:
 def _timed(name: str, p: Parameters) -> Answer:
     """The answer of one model, solved twice to separate the time to compile from the time to solve."""
     model = _MODELS[name]
-    solve = model.solve if model.impact_loss or float(p.e) == 1.0 else _no_impacts
+    solve = model.solve if model.impact_loss or float(p.velocity_ratio) == 1.0 else _no_impacts
     begin = time.perf_counter()
     solve(p)
     middle = time.perf_counter()

@@ -296,7 +296,7 @@ def _inspect(
 def _holds(p: Parameters, legs: Leg, met: Survey) -> Bool[Array, ""]:
     """Whether all arcs keep to their signs, and what is said to end in rest is slow and low."""
     rests, least = legs.real & (legs.onward == REST), _RATTLED * p.nu
-    fast = (legs.ending == LANDING) & (p.e * jnp.abs(met.last[:, 2]) > least)
+    fast = (legs.ending == LANDING) & (p.velocity_ratio * jnp.abs(met.last[:, 2]) > least)
     return jnp.all(met.inside) & ~jnp.any(rests & (fast | (jnp.abs(met.last[:, 0]) > least**2)))
 
 

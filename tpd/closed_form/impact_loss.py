@@ -14,7 +14,7 @@ from tpd.core.parameters import Parameters
 
 
 def equivalent_friction(p: Parameters, amplitude: Any) -> Float[Array, "*batch"]:
-    """Dry friction k that loses as much per cycle of amplitude Phi as the impacts of ratio `p.e`.
+    """Dry friction k that loses as much per cycle of amplitude Phi as impacts of ratio e.
 
     Friction takes 4 k Phi from a cycle, in which the tilt travels four times Phi. Each of the two impacts
     takes (1 - e^2) phi'^2/2, where phi'^2/2 is the work of the weight on the way down from Phi:
@@ -47,7 +47,7 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Float[Array, "*batch"]
     # Beyond this the weight would have done negative work, and k would be negative.
     if all(map(checks.is_concrete, (amplitude, twice, tilt))):
         _check_range(amplitude, np.asarray(twice) / np.asarray(tilt))
-    return (1.0 - jnp.asarray(p.e) ** 2) * (twice - tilt * jnp.asarray(amplitude)) / 4.0
+    return (1.0 - jnp.asarray(p.velocity_ratio) ** 2) * (twice - tilt * jnp.asarray(amplitude)) / 4.0
 
 
 def _check_range(amplitude: Any, most: Any) -> None:

@@ -170,7 +170,7 @@ def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "7 
     """Return the parameters of one design (mu, lam, zeta) under one condition.
 
     The base's amplitude of displacement stays, so f goes with the square of the frequency's factor. rho
-    follows nu where it is tied to it; xi and e do not.
+    follows nu, and e follows nu, rho and mu, where they are tied; xi does not.
     """
     amplitude, frequency, friction, slenderness, mass, length, damping = factors
     return Parameters(
@@ -189,11 +189,11 @@ def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "7 
 def under_all(p: Parameters, designs: Float[Array, "m 3"], conditions: Conditions) -> Parameters:
     """Return the parameters of m designs under all n conditions: leaves (m n,), the conditions varying
     fastest."""
-    # rho becomes a number here: each condition may have its own nu, and all leaves need the same length.
+    # rho and e become numbers here: each condition may have its own, and all leaves need the same length.
     n = len(conditions)
     rows = jnp.tile(conditions.factor_rows(), (len(designs), 1))
     each = jnp.repeat(jnp.asarray(designs), n, axis=0)
     q = under(p, each.T, rows.T)
-    names = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
-    whole = {name: jnp.broadcast_to(jnp.asarray(getattr(q, name)), len(rows)) for name in names}
-    return Parameters(**whole, rho=jnp.broadcast_to(jnp.asarray(q.inertia_ratio), len(rows)))
+    names = ("nu", "mu", "lam", "zeta", "k", "f", "xi")
+    values = {**{name: getattr(q, name) for name in names}, "rho": q.inertia_ratio, "e": q.velocity_ratio}
+    return Parameters(**{n: jnp.broadcast_to(jnp.asarray(v), len(rows)) for n, v in values.items()})

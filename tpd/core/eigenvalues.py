@@ -47,7 +47,7 @@ def conserves(p: Parameters) -> Bool[Array, ""]:
     """Whether nothing takes energy from a rocking block: no friction, no impact loss, and no hinge damping
     that the block can feel. No motion attracts then."""
     unfelt = (jnp.asarray(p.mu) == 0.0) | (jnp.asarray(p.zeta) == 0.0)
-    return (jnp.asarray(p.k) == 0.0) & (jnp.asarray(p.e) == 1.0) & unfelt
+    return (jnp.asarray(p.k) == 0.0) & (jnp.asarray(p.velocity_ratio) == 1.0) & unfelt
 
 
 def is_neutral(p: Parameters, largest: Number) -> Bool[Array, ""]:

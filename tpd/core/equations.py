@@ -175,15 +175,6 @@ class Equations(eqx.Module):
         moment = linear.tilt * y[0] - linear.f * linear.tilt * sine - linear.m12 * pull + linear.c1 * y[3]
         return moment + self._parametric(y, step, sine) - step * linear.weight
 
-    def rod_cosine(self, y: State) -> Number:
-        """Cosine of psi, 1 in the linear equations, for the impact law.
-
-        The rod pulls along itself only, so the bob keeps its velocity across the rod, and
-        lam psi' - 2 cos(psi) phi' is the same before and after an impact. The vertical velocity of the hinge,
-        which is smaller by the factor nu/2, is left out.
-        """
-        return jnp.cos(y[1]) if self.terms is Terms.nonlinear else jnp.ones_like(y[1])
-
     @property
     def beyond_return(self) -> Number:
         """Tilt (rad) from which the block does not return: a right angle, or `Linear.beyond_return`."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from tpd.core import checks
@@ -59,8 +60,9 @@ class Parameters(eqx.Module):
     rho: Number | None = _parameter(None)
     """b**2/(a**2 + b**2 + c**2) with c the radius of gyration about the centroid; None ties it to `nu` as
     for a uniform rectangle, also in gradients."""
-    e: Number = _parameter(1.0)
-    """Velocity ratio across an impact at zero tilt; 1 is no impact loss."""
+    e: Number | None = _parameter(1.0)
+    """Velocity ratio across an impact at zero tilt and psi = 0, of the block with its bob; 1 is no impact
+    loss. None ties it to `nu`, `rho` and `mu` by the function `housner`, also in gradients."""
 
     def __check_init__(self) -> None:
         checks.positive("nu", self.nu)
@@ -75,12 +77,20 @@ class Parameters(eqx.Module):
         checks.positive("xi", self.xi)
         if self.rho is not None:
             checks.within("rho", self.rho, 1e-6, 1.0)
-        checks.within("e", self.e, 0.0, 1.0)
+        if self.e is None:
+            _check_heaviest(self.nu, self.inertia_ratio, self.mu)
+        else:
+            checks.within("e", self.e, 0.0, 1.0)
 
     @property
     def inertia_ratio(self) -> Number:
         """rho as the equations use it: the field `rho`, or that of a uniform rectangle where it is None."""
         return uniform_inertia_ratio(self.nu) if self.rho is None else self.rho
+
+    @property
+    def velocity_ratio(self) -> Any:
+        """e as the equations use it: the field `e`, or Housner's where it is None."""
+        return housner(self.nu, self.inertia_ratio, self.mu) if self.e is None else self.e
 
     @property
     def hinge(self) -> Number:
@@ -96,6 +106,37 @@ class Parameters(eqx.Module):
 def uniform_inertia_ratio(nu: Any) -> Any:
     """rho = 3/(4(1 + nu^2)) of a uniform rectangle, whose c^2 is (a^2 + b^2)/3."""
     return 0.75 / (1.0 + nu**2)
+
+
+def housner(nu: Any, rho: Any, mu: Any = 0.0) -> Any:
+    """Housner's velocity ratio e = [1 - rho nu^2 (2 + mu)]/(1 + mu rho nu^2) of an impact with the bob below
+    its hinge (psi = 0); numbers, arrays or traced values.
+
+    Before the impact the block turns about one corner, after it about the other. The impact acts at the new
+    corner and has no moment about it, so the angular momentum of block and bob about it is conserved. Per
+    unit mass that of the block is (c^2 + b^2 - a^2) phi' before, and (c^2 + b^2 + a^2) phi' after. The rod
+    takes the bob along in its own direction only: at psi = 0 the bob's vertical velocity goes from s a phi'
+    to -s a phi', with s the sign of the tilt before, and its moment about the corner is a times that.
+    Without a bob e = 1 - 2 rho nu^2: for a uniform rectangle 1 - 1.5 sin(alpha)^2 with tan(alpha) = nu
+    (G. W. Housner, The behavior of inverted pendulum structures during earthquakes, Bull. Seismol. Soc. Am.
+    53, 1963). With the bob at an angle see `tpd.exact.contact.impact_ratio`.
+    """
+    share = rho * nu**2
+    return (1.0 - (2.0 + mu) * share) / (1.0 + mu * share)
+
+
+def _check_heaviest(nu: Any, rho: Any, mu: Any) -> None:
+    """Raise `ValueError` for a bob with which Housner's velocity ratio is negative: it would throw the block
+    back on the corner from which it comes."""
+    if all(map(checks.is_concrete, (nu, rho, mu))):
+        shapes = np.broadcast_arrays(mu, 1.0 / (rho * nu**2) - 2.0)
+        wrong = np.flatnonzero(shapes[0] > shapes[1])
+        if wrong.size:
+            heavy, most = (float(x.flat[wrong[0]]) for x in shapes)
+            raise ValueError(
+                f"`mu` must be at most {most:.4g} with Housner's restitution (a heavier bob throws the block "
+                f"back at an impact), but is {heavy:g}"
+            )
 
 
 def as_arrays(p: Parameters) -> Parameters:

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from tpd.core import checks
-from tpd.core.parameters import Parameters, uniform_inertia_ratio
+from tpd.core.parameters import Parameters, housner, uniform_inertia_ratio
 from tpd.core.scene import Pendulum, Scene, dimensionless
 
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e", "rho")
@@ -37,7 +37,9 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
     "pendulum_damping": ("zeta",),
 }
 """Quantities of a scene by name (m, m, kg, -, -, m, Hz, kg, m, -), each with the parameters that depend on
-it. With Housner's restitution e depends on width and height as well: see `Setup.moved`."""
+it. With Housner's restitution e depends on width, height and both masses as well: see `Setup.moved`."""
+_OF_HOUSNER = ("width", "height", "mass", "pendulum_mass")
+"""Quantities that Housner's restitution depends on."""
 UNITS = {
     **dict.fromkeys(("width", "height", "amplitude", "pendulum_length"), "m"),
     **dict.fromkeys(("mass", "pendulum_mass"), "kg"),
@@ -93,8 +95,8 @@ class Setup:
             return Setup(subject.quantities(pendulum), True, pendulum is not None)
         if pendulum is not None:
             raise ValueError("`pendulum` goes with a scene; dimensionless parameters have their own")
-        # Without a number of its own rho stays out, and follows nu.
-        values = {n: getattr(subject, n) for n in NAMES if n != "rho" or subject.rho is not None}
+        # Without numbers of their own rho and e stay out, and follow the other parameters.
+        values = {n: getattr(subject, n) for n in NAMES if getattr(subject, n) is not None}
         for n, value in values.items():
             if not (checks.is_concrete(value) and np.ndim(value) == 0):
                 raise ValueError(f"`{n}` must be a single number, but is {value!r}")
@@ -109,7 +111,7 @@ class Setup:
         """Parameters that depend on the quantity `name`; none where `name` is a parameter itself."""
         if not self.scene or name not in QUANTITIES:
             return ()
-        tied = "restitution" not in self.values and name in ("width", "height")
+        tied = "restitution" not in self.values and name in _OF_HOUSNER
         return QUANTITIES[name] + (("e",) if tied else ())
 
     def check(self, argument: str, name: str, *values: float) -> None:
@@ -136,25 +138,27 @@ class Setup:
         """Return the parameters with some numbers replaced, each by a number or an array.
 
         In a scene the SI quantities are replaced first. A parameter that is replaced as well changes no
-        other parameter, not even Housner's e, except rho, which follows nu unless the block has a radius of
-        gyration.
+        other parameter, except rho, which follows nu unless the block has a radius of gyration, and Housner's
+        e, which follows nu, rho and mu.
         """
         return Parameters(**self.numbers(varied))
 
     def numbers(self, varied: Mapping[str, Any]) -> dict[str, Any]:
         """Return the numbers of `at` by name, unchecked: also for traced values and values out of range."""
         if not self.scene:
-            return {**self.values, **varied}
+            # None, where e has no number of its own, is Housner's; left out it would be 1.
+            return {"e": None, **self.values, **varied}
         # A parameter overrides what the quantities give for it.
         over = {n: v for n, v in varied.items() if n in NAMES}
         own = {n: v for n, v in varied.items() if n not in over}
         return {**dimensionless({**self.values, **own}), **over}
 
     def vector(self, varied: Mapping[str, Any]) -> list[Any]:
-        """Return the numbers of `at` as a list in the order of NAMES, with rho as a number."""
+        """Return the numbers of `at` as a list in the order of NAMES, with rho and e as numbers."""
         p = self.numbers(varied)
         rho = uniform_inertia_ratio(p["nu"]) if p.get("rho") is None else p["rho"]
-        return [*(p[n] for n in NAMES[:-2]), p.get("e", 1.0), rho]
+        e = housner(p["nu"], rho, p["mu"]) if p["e"] is None else p["e"]
+        return [*(p[n] for n in NAMES[:-2]), e, rho]
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.parameters import SLENDERNESS_LIMIT, Parameters, Real, uniform_inertia_ratio
+from tpd.core.parameters import SLENDERNESS_LIMIT, Parameters, Real, housner, uniform_inertia_ratio
 from tpd.core.pytrees import pytree
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2"""
 HOUSNER = "housner"
-"""Value of `Block.restitution` that ties e to the block's shape by the function `housner`."""
+"""Value of `Block.restitution` that ties e to block and bob by `tpd.core.parameters.housner`."""
 FRICTION = 0.05
 """Default k of a block without impact loss: the value of the paper's section 3."""
 
@@ -59,8 +59,9 @@ class Block:
     """Radius of gyration about the centroid, m. None is that of a uniform rectangle, which follows `width`
     and `height` in gradients."""
     restitution: Real | str | None = None
-    """e: velocity ratio across an impact of the base, in (0, 1]. "housner" ties it to the block's shape, also
-    in gradients. None is no impact loss."""
+    """e: velocity ratio across an impact of the base, in (0, 1], with whatever pendulum hangs in the block.
+    "housner" ties it to the block's shape and to the mass ratio of bob and block, also in gradients. None is
+    no impact loss."""
     cavity_width: Real | None = None
     """Width (m) of the space inside the block in which the bob swings. None is the outside width."""
 
@@ -127,7 +128,7 @@ class Block:
 
     @property
     def velocity_ratio(self) -> Real:
-        """e: the restitution as a number; 1 without impact loss."""
+        """e of the bare block: the restitution as a number; 1 without impact loss."""
         if isinstance(self.restitution, str):
             return housner(self.slenderness, self.inertia_ratio)
         return 1.0 if self.restitution is None else self.restitution
@@ -214,8 +215,8 @@ class Scene:
         """Return the dimensionless parameters with a pendulum, or of the bare block (mu = 0).
 
         Differentiable with respect to the scene and the pendulum: every dependence on an SI quantity is
-        followed, that of rho and of Housner's e on width and height as well. With respect to the parameters
-        themselves, e is a number of its own, and rho is None (tied to nu) for a uniform rectangle.
+        followed. In the parameters themselves rho is None (tied to nu) for a uniform rectangle, and e is None
+        (tied to nu, rho and mu) for Housner's restitution.
         """
         if pendulum is not None:
             checks.instance("pendulum", pendulum, Pendulum)
@@ -223,8 +224,8 @@ class Scene:
 
     def quantities(self, pendulum: Pendulum | None = None) -> dict[str, Any]:
         """Return the SI quantities that `parameters` depends on, by name. Those of the pendulum begin with
-        `pendulum_`; without one its mass is zero. A restitution by Housner's formula is left out, since it
-        depends on the others."""
+        `pendulum_`; without one its mass is zero. Housner's restitution is left out, since it depends on the
+        others."""
         block, motion = self.block, self.motion
         # At mu = 0 the bob does not act on the block, but the equations of the pair still contain its length:
         # any usual value serves.
@@ -259,7 +260,8 @@ class Scene:
 
 def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters, by name and unchecked, of `Scene.quantities`: numbers, arrays that broadcast, or
-    traced values. rho is None without a `radius_of_gyration`; e is Housner's without a `restitution`."""
+    traced values. rho is None without a `radius_of_gyration`, and e is None (Housner's) without a
+    `restitution`."""
     half_height, radius = 0.5 * q["height"], q.get("radius_of_gyration")
     rho = _inertia_ratio(q["width"], q["height"], radius)
     nu = q["width"] / q["height"]
@@ -276,21 +278,9 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
         "xi": omega / rate,
         # None keeps rho tied to nu where nu itself is varied later.
         "rho": None if radius is None else rho,
-        "e": q["restitution"] if "restitution" in q else housner(nu, rho),
+        # None keeps Housner's e tied to nu, rho and mu.
+        "e": q.get("restitution"),
     }
-
-
-def housner(nu: Any, rho: Any) -> Any:
-    """Housner's velocity ratio e = 1 - 2 rho nu^2 of an impact; numbers, arrays or traced values.
-
-    Before the impact the block turns about one corner, after it about the other. The impact acts at the new
-    corner and has no moment about it, so the angular momentum about it is conserved: per unit mass it is
-    (c^2 + b^2 - a^2) phi' before, and (c^2 + b^2 + a^2) phi' after. With tan(alpha) = nu the ratio is
-    e = 1 - 2 rho nu^2, for a uniform rectangle 1 - 1.5 sin(alpha)^2. The pull of the bob's rod during the
-    impact, which would lower e by less than 2 mu rho nu^2, is left out. (G. W. Housner, The behavior of
-    inverted pendulum structures during earthquakes, Bull. Seismol. Soc. Am. 53, 1963.)
-    """
-    return 1.0 - 2.0 * rho * nu**2
 
 
 def _inertia_ratio(width: Any, height: Any, radius: Any) -> Any:

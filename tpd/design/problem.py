@@ -6,11 +6,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import jax.numpy as jnp
 import numpy as np
 
 from tpd.analysis.attractors import StartKind, Starts
 from tpd.core import checks
-from tpd.core.conditions import Conditions
+from tpd.core.conditions import Conditions, under_all
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.scene import Scene
 from tpd.design.checkpoint import fingerprint_of
@@ -73,6 +74,7 @@ class Problem:
         limits = DEFAULT_LIMITS if limits is None else check_limits(limits)
         space = _narrowed(DesignSpace() if space is None else space, scene, limits)
         p = as_arrays(scene.parameters())
+        _check_heaviest(p, space, conditions)
         method = _with_model(_default_method(conditions) if method is None else method, p, conditions)
         # The method decides: a closed form knows all orbits, a model must begin somewhere.
         starts = _default_starts(method) if starts is None else starts
@@ -137,6 +139,13 @@ def _around(
     return replace(whole, point=point)
 
 
+def _check_heaviest(p: Parameters, space: DesignSpace, conditions: Conditions) -> None:
+    """Raise `ValueError` where Housner's restitution has no value for the heaviest bob of the space."""
+    if p.e is None:
+        # `Parameters` checks plain numbers only, and a search traces them.
+        under_all(p, jnp.asarray(space.full(space.bounds[1]))[None], conditions)
+
+
 def _default_method(conditions: Conditions) -> Method:
     """Descent on smoothed signs for one condition, sequential programming on orbits for several."""
     return Descent() if len(conditions) == 1 else Sequential()
@@ -148,7 +157,7 @@ def _with_model(method: Method, p: Parameters, conditions: Conditions) -> Method
     if not isinstance(method, Descent) or method.model is not None or len(conditions) > 1:
         return method
     # tanh has no place for the jump of the rate at an impact.
-    lossless = float(p.e) == 1.0
+    lossless = float(p.velocity_ratio) == 1.0
     model: AbstractModel = (
         Smoothed(max_periods=200) if lossless else Piecewise(max_periods=200, lyapunov_periods=0)
     )

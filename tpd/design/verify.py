@@ -481,7 +481,7 @@ def pendulum_of(scene: Scene, v: Verified) -> Pendulum:
 
 def prepare_verification(p: Parameters, conditions: int, ensemble: Ensemble) -> None:
     """Compile for the verification: events of few motions and of many, and the nonlinear equations."""
-    bare = replace(p, mu=0.0, rho=float(p.inertia_ratio))
+    bare = replace(p, mu=0.0, rho=float(p.inertia_ratio), e=float(p.velocity_ratio))
     prepare(bare, conditions, Piecewise())
     prepare(bare, ensemble.size, Piecewise(), growing=any(ensemble.ramps))
     nonlinear(p)

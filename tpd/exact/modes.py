@@ -209,5 +209,5 @@ class Plant(eqx.Module):
         )
         z = linear.f / d
         self.swing, self.swing_lag = _parts(z), _parts(-pencil[1, 1] / d * z)
-        self.restitution = jnp.asarray(p.e)
+        self.restitution = jnp.asarray(p.velocity_ratio)
         self.length_ratio = jnp.asarray(p.lam)

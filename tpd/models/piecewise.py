@@ -245,7 +245,7 @@ class Piecewise(AbstractModel):
         # of a repetition they change nothing any more, and the block counts as at rest if the bob cannot lift
         # it from its base.
         low = (m.mode.kind == STICK) & (peak < self.tolerance * p.nu)
-        dissipates = (p.k > 0.0) | (p.e < 1.0)
+        dissipates = (p.k > 0.0) | (p.velocity_ratio < 1.0)
         return low & dissipates & (held_at_rest(plant, m)[0] > 0.0)
 
     def _at_rest(self, plant: Plant, p: Parameters, y: State) -> State:

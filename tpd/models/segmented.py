@@ -26,9 +26,11 @@ from tpd.exact.contact import (
     SLIP,
     STICK,
     Mode,
+    bob_jump,
     captured_restitution,
     decide,
     impact_jump,
+    impact_ratio,
     released,
     transversality_of,
 )
@@ -74,8 +76,10 @@ class Segmented(AbstractModel):
     """True signs, by default of the nonlinear equations (4); the bound on the solver's step is a
     sixteenth of a forcing period, so that an event that undoes itself within less may go unseen.
 
-    As in the paper, a crossing of phi = 0 without loss leaves both rates as they are. An impact with loss
-    (e < 1) changes lam psi' by 2 cos(psi) times the change of phi'; terms of order nu sin(psi) are left out.
+    As in the paper, a crossing of phi = 0 without loss leaves both rates as they are. At an impact with loss
+    (e < 1) the rod pulls block and bob along itself; in the nonlinear equations this takes the bob's angle
+    into account: see `tpd.exact.contact.impact_ratio` and `bob_jump`. With Housner's e it conserves the
+    angular momentum of block and bob about the new corner.
     Of grazing this model sees only an event that it meets, so that in practice derivatives next to one are
     not refused as those of the exact model are.
     """
@@ -290,16 +294,29 @@ def _held_on_base(equations: Equations, y: State, sine: Number) -> Bool[Array, "
     return _decide(equations, y.at[0].set(0.0).at[2].set(0.0), zero, zero, sine).kind == REST
 
 
+def _struck(equations: Equations, side: Number, y: State, sine: Number, rest_rate: float) -> State:
+    """The state after an impact of a block that comes down from the tilt of sign `side`."""
+    p, e = equations.p, equations.p.velocity_ratio
+    nonlinear = equations.terms is Terms.nonlinear
+    angle = p.nu, p.mu * equations.rho, side, jnp.sin(y[1]), jnp.cos(y[1])
+    # Without loss (4) has no jump at all.
+    ratio = jnp.where(e < 1.0, impact_ratio(e, *angle), e) if nonlinear else e
+    rests = _held_on_base(equations, y, sine) & (ratio * jnp.abs(y[2]) <= rest_rate * p.nu)
+    ratio = captured_restitution(ratio, rests)
+    block, bob = impact_jump((ratio - 1.0) * y[2], p.lam)
+    if nonlinear:
+        lossy = bob_jump(ratio, p.nu, p.lam, *angle[2:]) * y[2]
+        bob = jnp.where(e < 1.0, lossy, angle[4] * bob)
+    return y.at[0].set(0.0).at[2].add(block).at[3].add(bob)
+
+
 def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: float) -> _Run:
     """The motion just after the event that it has arrived at."""
     p, before, which = equations.p, y, jnp.argmin(stop_gradient(_signals(equations, r, time, y)))
     sine, slips = jnp.sin(p.xi * time), r.mode.kind == SLIP
     landed, turned, bob = (slips & (which == i) for i in (_LANDING, _TURN, _BOB))
     bob = bob | (~slips & (which == _BOB))
-    rests = _held_on_base(equations, y, sine) & (p.e * jnp.abs(y[2]) <= rest_rate * p.nu)
-    change = (captured_restitution(p.e, rests) - 1.0) * y[2]
-    jump = impact_jump(change, p.lam, equations.rod_cosine(y))
-    after = y.at[0].set(0.0).at[2].add(jump[0]).at[3].add(jump[1])
+    after = _struck(equations, r.mode.tilt_sign, y, sine, rest_rate)
     y = jnp.where(landed, after, jnp.where(turned, y.at[2].set(0.0), jnp.where(bob, y.at[3].set(0.0), y)))
     tilt = jnp.where(landed | (r.mode.kind == REST), 0.0, r.mode.tilt_sign)
     onward = _decide(equations, y, tilt, jnp.where(landed, jnp.sign(y[2]), 0.0), sine)

@@ -91,7 +91,7 @@ class Smoothed(AbstractModel):
 
     def check(self, p: Parameters) -> None:
         """Impacts that lose energy (e < 1) have no smoothed counterpart."""
-        checks.within("e", p.e, 1.0, 1.0, " in the smoothed model, which has no impact loss")
+        checks.within("e", p.velocity_ratio, 1.0, 1.0, " in the smoothed model, which has no impact loss")
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Integrate from `y0` at tau = 0, one forcing period after another, until they repeat."""

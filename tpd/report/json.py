@@ -39,7 +39,7 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any]) -> str:
         "amplitude_rad": design.amplitude,
         "amplitude_without_rad": design.amplitude_without,
         "stroke_rad": design.stroke,
-        "parameters": {k: v for k, v in vars(p).items() if v is not None} | {"rho": p.inertia_ratio},
+        "parameters": {**vars(p), "rho": p.inertia_ratio, "e": p.velocity_ratio},
         "risk": design.risk,
         "limits": {limit.name: _limit(limit) for limit in design.limits},
         "conditions": design.conditions,

@@ -63,8 +63,10 @@ def losses(block: Block) -> str:
     """Energy losses of the rocking block."""
     if block.restitution is None:
         return f"friction k = {block.friction:g}"
-    model = "Housner, " if block.restitution == HOUSNER else ""
-    impacts = f"impact loss: {model}e = {block.velocity_ratio:.4g}"
+    # With a pendulum Housner's e is smaller; a number holds for both.
+    tied = block.restitution == HOUSNER
+    model, of = ("Housner, ", " for the bare block") if tied else ("", "")
+    impacts = f"impact loss: {model}e = {block.velocity_ratio:.4g}{of}"
     return f"{impacts}; friction k = {block.friction:g}" if block.friction else impacts
 
 
