@@ -34,7 +34,17 @@ def test_labels_say_what_differs():
     # One condition that is not the scene's own.
     assert Conditions.amplitudes(1.2).label(0) == "1.2 times the amplitude"
     assert (Conditions.amplitudes(1.2) * band).label(0) == "1.2 times the amplitude and 2 Hz"
-    assert Conditions.scatter(8, 0, mass=0.1, length=0.1, friction=0.1).label(3) == "sample 3"
+
+
+def test_labels_of_many_factors_carry_the_values():
+    """The number of a sample says nothing about it."""
+    factors = {"friction": [1.0, 0.93], "frequency": [1.0, 0.98], "amplitude": [1.0, 1.1]}
+    some = Conditions({k: np.array(v) for k, v in factors.items()})
+    assert some.label(1) == "frequency x 0.98, 1.1 x amplitude, friction x 0.93"
+    in_hertz = Conditions(some.factors, (), {"frequency": (2.5, "Hz")})
+    assert in_hertz.label(1) == "2.45 Hz, 1.1 x amplitude, friction x 0.93"
+    scattered = Conditions.scatter(8, 0, mass=0.1, length=0.1, friction=0.1)
+    assert len({scattered.label(i) for i in range(8)}) == 8
 
 
 def test_the_axis_is_the_one_factor_that_differs():

@@ -21,6 +21,7 @@ from tpd.analysis.work_queue import settle_all
 from tpd.core import checks, sampling
 from tpd.core.conditions import FACTORS, Conditions, under
 from tpd.core.parameters import Parameters
+from tpd.core.progress import shown_count
 from tpd.core.quantities import parameters_of
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import names_of
@@ -73,6 +74,9 @@ class Ensemble:
         checks.count("seed", self.seed, least=0)
         for name in ("tilt", "tilt_rate", "swing", "swing_rate"):
             checks.not_negative(name, getattr(self, name))
+        checks.at_most("tilt", self.tilt, 1.0, "a block that stands on its corner")
+        checks.at_most("swing", self.swing, 0.5 * math.pi, "a right angle in rad")
+        checks.flag("any_phase", self.any_phase)
         sampling.check_half_widths(self.half_widths)
         ramps = self.ramps if isinstance(self.ramps, (tuple, list)) else (self.ramps,)
         if not ramps:
@@ -143,7 +147,7 @@ def outcomes(
     ensemble: Ensemble | None = None,
     conditions: Conditions | None = None,
     workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] | bool | None = None,
 ) -> Outcomes:
     """Follow the runs of an ensemble by the exact solution of the linear equations.
 
@@ -153,7 +157,7 @@ def outcomes(
         ensemble: default `Ensemble()`.
         conditions: dealt out evenly among the runs, on top of their scatter; default the scene's own.
         workers: threads; default the number of cores.
-        progress: called with (runs done, of how many).
+        progress: True for a bar on stderr, or called with (runs done, of how many).
 
     Raises:
         ValueError: bad input, or a pendulum beside parameters.
@@ -161,12 +165,16 @@ def outcomes(
     """
     checks.require_x64()
     ensemble = Ensemble() if ensemble is None else ensemble
+    checks.instance("ensemble", ensemble, Ensemble)
+    if conditions is not None:
+        checks.instance("conditions", conditions, Conditions)
     rate = float(subject.rate) if isinstance(subject, Scene) else 1.0
     runs = plan(parameters_of(subject, pendulum), ensemble, rate, conditions)
     model = Piecewise(max_periods=ensemble.periods)
-    settled = settle_all(
-        *runs[:2], begin=runs.begin, ramp=runs.periods, model=model, workers=workers, progress=progress
-    )
+    with shown_count(progress, "following") as report:
+        settled = settle_all(
+            *runs[:2], begin=runs.begin, ramp=runs.periods, model=model, workers=workers, progress=report
+        )
     return _outcomes_of(ensemble, runs, settled)
 
 

@@ -99,7 +99,7 @@ def verdict(
     conditions: Conditions | None = None,
     bare: Outcomes | None = None,
     workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] | bool | None = None,
 ) -> Verdict:
     """Follow an ensemble of runs with the pendulum and without.
 
@@ -110,7 +110,8 @@ def verdict(
         conditions: dealt out evenly among the runs, on top of their scatter; default the scene's own.
         bare: outcomes without the pendulum, where they are known already.
         workers: threads; default the number of cores.
-        progress: called with (runs done, of how many), for one ensemble after the other.
+        progress: True for a bar on stderr, or called with (runs done, of how many), for one ensemble after
+            the other.
 
     Raises:
         ValueError: bad input, or a pendulum beside parameters.

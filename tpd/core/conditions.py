@@ -34,10 +34,22 @@ class Conditions:
     units: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     """The scene's own value and its unit, by name, of factors that have one."""
 
+    def __post_init__(self) -> None:
+        checks.instance("factors", self.factors, Mapping)
+        for name, values in self.factors.items():
+            checks.one_of("factors", name, FACTORS)
+            checks.numbers(name, values, (-1,), "a vector of factors")
+            checks.positive(name, np.asarray(values))
+        lengths = sorted({len(values) for values in self.factors.values()})
+        if len(lengths) > 1:
+            raise ValueError(f"`factors` must be of one length, but have lengths {lengths}")
+
     def __len__(self) -> int:
         return max((len(v) for v in self.factors.values()), default=1)
 
     def __mul__(self, other: Conditions) -> Conditions:
+        if not isinstance(other, Conditions):
+            return NotImplemented
         n, m = len(self), len(other)
         names = {*self.factors, *other.factors}
         # Factors multiply where both sets have one, such as two uncertainties of the amplitude.
@@ -80,15 +92,28 @@ class Conditions:
         return tuple(name for name, v in self.factors.items() if np.ptp(v) > 0.0)
 
     def label(self, i: int) -> str:
-        """Label of the i-th condition, such as "2.5 Hz and 1.1 times the amplitude"."""
+        """Label of the i-th condition, such as "2.5 Hz and 1.1 times the amplitude"; of one of three factors
+        or more "2.45 Hz, 1.1 x amplitude, friction x 0.93"."""
         if len(self._differing) > 2:
-            return f"sample {i}"
+            return self._sample(i)
         parts = []
         # A factor that is the same in all conditions still belongs to the label, unless it is 1.
         for name in (name for name, v in self.factors.items() if np.any(v != 1.0)):
             own, unit = self.units.get(name, (1.0, f"times the {name}"))
             parts.append(f"{self.factors[name][i] * own:.4g} {unit}")
         return " and ".join(parts) if parts else "the scene's own shaking"
+
+    def _sample(self, i: int) -> str:
+        """Label of a condition of many factors: the shaking first, then what scatters."""
+        parts = []
+        for name in sorted(self._differing, key=lambda n: (n != "frequency", n != "amplitude")):
+            value = self.factors[name][i]
+            if name in self.units:
+                own, unit = self.units[name]
+                parts.append(f"{value * own:.3g} {unit}")
+            else:
+                parts.append(f"{value:.3g} x amplitude" if name == "amplitude" else f"{name} x {value:.3g}")
+        return ", ".join(parts)
 
     def factor_rows(self) -> Float[Array, "n 7"]:
         """All factors: one row for each condition, columns in the order of `FACTORS`."""
@@ -101,6 +126,7 @@ class Conditions:
         Raises:
             ValueError: bounds that are not positive and in order, or a count below two.
         """
+        checks.instance("scene", scene, Scene)
         checks.interval("band", (low, high), 1e-6 * scene.motion.frequency, 1e6 * scene.motion.frequency)
         checks.count("count", count, least=2)
         phrase, own = f"{count} frequencies from {low:g} to {high:g} Hz", scene.motion.frequency

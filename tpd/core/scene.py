@@ -72,6 +72,13 @@ class Block:
         self._check_losses()
         if self.radius_of_gyration is not None:
             checks.positive("radius_of_gyration", self.radius_of_gyration)
+            # No body has more: all of its mass would lie in the corners.
+            checks.at_most(
+                "radius_of_gyration",
+                self.radius_of_gyration,
+                0.5 * (self.width**2 + self.height**2) ** 0.5,
+                "half the diagonal of the block",
+            )
         if checks.is_concrete(self.slenderness) and np.any(self.slenderness > SLENDERNESS_LIMIT):
             raise ValueError(
                 f"`width` must be at most {SLENDERNESS_LIMIT:g} of `height` (the linear equations "
@@ -91,6 +98,15 @@ class Block:
             # Impacts alone let a bare block settle; without impact loss only friction does.
             object.__setattr__(self, "friction", FRICTION if self.restitution is None else 0.0)
         checks.not_negative("friction", self.friction)
+        # The moment of the block's weight about its corner is M g a = nu M g b, and it falls with the tilt:
+        # a greater friction moment holds the block at any tilt, so that it neither falls back nor over.
+        checks.at_most(
+            "friction",
+            self.friction,
+            self.slenderness,
+            "width/height (a moment over M g b, not a coefficient of sliding friction; a greater one holds the "
+            "block at any tilt)",
+        )
 
     @property
     def half_height(self) -> Real:
@@ -204,15 +220,21 @@ class Scene:
         followed, that of rho and of Housner's e on width and height as well. With respect to the parameters
         themselves, e is a number of its own, and rho is None (tied to nu) for a uniform rectangle.
         """
-        if pendulum is not None:
-            checks.instance("pendulum", pendulum, Pendulum)
         return Parameters(**dimensionless(self.quantities(pendulum)))
 
     def quantities(self, pendulum: Pendulum | None = None) -> dict[str, Any]:
         """Return the SI quantities that `parameters` depends on, by name. Those of the pendulum begin with
         `pendulum_`; without one its mass is zero. A restitution by Housner's formula is left out, since it
-        depends on the others."""
+        depends on the others.
+
+        Raises:
+            ValueError: a bob heavier than the block, or a rod longer than it.
+        """
         block, motion = self.block, self.motion
+        if pendulum is not None:
+            checks.instance("pendulum", pendulum, Pendulum)
+            checks.at_most("pendulum.mass", pendulum.mass, block.mass, "the mass of the block")
+            checks.at_most("pendulum.length", pendulum.length, block.height, "the height of the block")
         # At mu = 0 the bob does not act on the block, but the equations of the pair still contain its length:
         # any usual value serves.
         hung = (

@@ -11,8 +11,9 @@ import numpy as np
 
 from tpd.analysis.attractors import StartKind, Starts
 from tpd.analysis.ensemble import Ensemble
+from tpd.core import checks
 from tpd.core.conditions import FACTORS, Conditions
-from tpd.core.progress import Progress
+from tpd.core.progress import Progress, shown
 from tpd.core.scene import Scene
 from tpd.core.threads import aside
 from tpd.design.active import nearest
@@ -44,8 +45,8 @@ def optimise(
     ensemble: Ensemble | None = None,
     seed: int = 0,
     by_overturning: bool = False,
-    checkpoint: Path | None = None,
-    progress: Progress | None = None,
+    checkpoint: Path | str | None = None,
+    progress: Progress | bool | None = None,
 ) -> Design:
     """Pendulum of least rocking under one or many conditions, verified.
 
@@ -68,7 +69,7 @@ def optimise(
         by_overturning: verify first the designs that overturn under the fewest conditions from rest, rather
             than those of least risk.
         checkpoint: file for finished searches; searches of the same problem in it are not repeated.
-        progress: called with (stage, done, of how many).
+        progress: True for a bar on stderr, or called with (stage, done, of how many).
 
     Returns:
         The design, with its status; `pendulum` is None where none is offered.
@@ -79,7 +80,13 @@ def optimise(
     """
     problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed)
     ensemble = Ensemble(seed=seed) if ensemble is None else ensemble
-    return solve(problem, ensemble, by_overturning, checkpoint, progress)
+    checks.instance("ensemble", ensemble, Ensemble)
+    checks.flag("by_overturning", by_overturning)
+    if checkpoint is not None:
+        checks.instance("checkpoint", checkpoint, (Path, str))
+        checkpoint = Path(checkpoint)
+    with shown(progress) as report:
+        return solve(problem, ensemble, by_overturning, checkpoint, report)
 
 
 def solve(

@@ -14,8 +14,9 @@ from tpd.core.conditions import Conditions
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.scene import Scene
 from tpd.design.checkpoint import fingerprint_of
-from tpd.design.criteria import DEFAULT_LIMITS, Limit, Mass, Risk, check_limits, limit_of
+from tpd.design.criteria import Limit, Mass, Risk, limit_of
 from tpd.design.followed import Followed
+from tpd.design.inputs import check_moves, check_types, limits_for
 from tpd.design.methods import Descent, Method, Sequential, describe
 from tpd.design.objective import AbstractObjective, Orbits, geometry_of
 from tpd.design.space import DesignSpace
@@ -63,11 +64,14 @@ class Problem:
         """
         checks.require_x64()
         checks.count("seed", seed, least=0)
+        check_types(scene, space, conditions, starts, risk, method)
         conditions = Conditions() if conditions is None else conditions
-        limits = DEFAULT_LIMITS if limits is None else check_limits(limits)
-        space = _narrowed(DesignSpace() if space is None else space, scene, limits)
+        space = DesignSpace() if space is None else space
+        check_moves(scene, conditions, space)
         p = as_arrays(scene.parameters())
         method = _with_model(_default_method(conditions) if method is None else method, p, conditions)
+        limits = limits_for(limits, method.model is not None)
+        space = _narrowed(space, scene, limits)
         # The method decides: a closed form knows all orbits, a model must begin somewhere.
         starts = _default_starts(method) if starts is None else starts
         # Whichever start is a question to all orbits at once; a model follows one motion at a time.
