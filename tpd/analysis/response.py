@@ -164,7 +164,7 @@ def _settled(axis: Axis, line: np.ndarray, progress: Progress | None) -> Respons
     amplitude, stroke, status = [], [], []
     # One value after the other: in a batch all values would wait for the slowest transient.
     for i, value in enumerate(line):
-        s = jax.block_until_ready(steady_state(as_arrays(axis.setup.at({name: float(value)}))))
+        s = jax.block_until_ready(steady_state(as_arrays(axis.setup.at({axis.name: float(value)}))))
         amplitude.append(float(s.amplitude))
         stroke.append(float(s.stroke))
         status.append(status_name(s.status))

@@ -10,7 +10,7 @@ import argparse
 import sys
 
 import tpd
-from tpd.cli import check, common, optimise, options, response
+from tpd.cli import check, common, interrupts, optimise, options, response
 from tpd.cli import map as mapping
 
 
@@ -25,8 +25,23 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line and return the exit status."""
-    read = parser().parse_args(arguments)
+    """Run the command line and return the exit status.
+
+    Without `arguments` those of the process are taken: then Ctrl-C is answered also while something compiles,
+    and ends the process.
+    """
+    if arguments is not None:
+        return _run(parser().parse_args(arguments))
+    read = parser().parse_args()
+    with interrupts.watched(), interrupts.announced(_does(read)):
+        status = _run(read)
+        return interrupts.exit_now(status) if status == common.INTERRUPTED else status
+
+
+def _run(read: argparse.Namespace) -> int:
+    """Run the command that was read; an error is one sentence."""
+    out = getattr(read, "out", None)
+    existed = out is not None and out.exists()
     try:
         return read.run(read)
     except (ValueError, OSError) as error:
@@ -37,4 +52,11 @@ def main(arguments: list[str] | None = None) -> int:
         return common.BAD_INPUT
     except KeyboardInterrupt:
         print("tpd: interrupted; what is not in the output directory is lost", file=sys.stderr)
+        interrupts.leave(out, existed)
         return common.INTERRUPTED
+
+
+def _does(read: argparse.Namespace) -> str | None:
+    """What a command does, for its first line; None for one that is quick."""
+    words = getattr(read, "does", None)
+    return None if words is None else words.format(**vars(read))

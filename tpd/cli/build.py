@@ -14,7 +14,9 @@ from tpd.analysis.ensemble import Ensemble
 from tpd.cli.schema import JobFile
 from tpd.core.conditions import Conditions
 from tpd.core.scene import Block, Harmonic, Scene
-from tpd.design.criteria import KINDS, Limit, Risk
+from tpd.design.criteria import KINDS, Limit, Reserve, Risk
+from tpd.design.inputs import check_moves as refuse_still
+from tpd.design.inputs import check_scatter
 from tpd.design.methods import Descent, Method, Sequential
 from tpd.design.space import DesignSpace
 from tpd.models.base import AbstractModel
@@ -98,9 +100,17 @@ def risk_of(file: JobFile) -> Risk:
             return Risk.cvar(file.risk.share)
 
 
-def limits_of(file: JobFile) -> tuple[Limit, ...]:
-    """Limits, in the order of a report."""
-    asked = {kind: getattr(file.limits, kind.name) for kind in KINDS}
+def check_moves(file: JobFile, scene: Scene, conditions: Conditions, space: DesignSpace) -> None:
+    """Raise `ValueError` where nothing shakes the block, or where a quantity scatters that is zero."""
+    with naming("scatter"):
+        check_scatter(scene, file.widths, space)
+    with naming("motion"):
+        refuse_still(scene, conditions, space)
+
+
+def limits_of(file: JobFile, *, over_orbits: bool) -> tuple[Limit, ...]:
+    """Limits, in the order of a report; only a search over orbits can state the reserve."""
+    asked = {kind: getattr(file.limits, kind.name) for kind in KINDS if over_orbits or kind is not Reserve}
     with naming("limits"):
         # A limit is a number, or it is there or not.
         return tuple(

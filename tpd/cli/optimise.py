@@ -15,6 +15,7 @@ from tpd.cli.schema import keys
 
 if TYPE_CHECKING:
     from tpd.cli.config import Job
+    from tpd.core.progress import Bar
     from tpd.design.pareto import Front
     from tpd.design.result import Design
 
@@ -97,7 +98,7 @@ def add(commands: Any) -> None:
         "--resume", action="store_true", help="go on with the searches that an interrupted run left in DIR"
     )
     common.add_out(optimise, "tpd-design")
-    optimise.set_defaults(run=run)
+    optimise.set_defaults(run=run, does="searching for the pendulum of least rocking, for {out}")
 
 
 def _add_group(
@@ -121,7 +122,7 @@ def run(options: argparse.Namespace) -> int:
     from tpd.design.study import study
     from tpd.report.files import write
 
-    with common.Bar() as bar, _hinting(unfinished):
+    with common.bar() as bar, _hinting(unfinished):
         design = _design(job, unfinished, bar)
         front = _front(job, design, bar) if options.pareto else None
         shown = study(design, front=front, progress=bar)
@@ -146,7 +147,7 @@ def _claim(options: argparse.Namespace, unfinished: Path) -> None:
         unfinished.unlink(missing_ok=True)
 
 
-def _design(job: Job, unfinished: Path, bar: common.Bar) -> Design:
+def _design(job: Job, unfinished: Path, bar: Bar) -> Design:
     from tpd.design.optimise import optimise
 
     return optimise(
@@ -165,10 +166,11 @@ def _design(job: Job, unfinished: Path, bar: common.Bar) -> Design:
     )
 
 
-def _front(job: Job, design: Design, bar: common.Bar) -> Front | None:
+def _front(job: Job, design: Design, bar: Bar) -> Front | None:
     """Front of mass against rocking, if a pendulum is offered."""
     if design.pendulum is None or design.status.name == "interrupted":
         return None
+    from tpd.cli.build import limits_of
     from tpd.design.pareto import pareto
 
     with common.left_out("the front"):
@@ -177,7 +179,8 @@ def _front(job: Job, design: Design, bar: common.Bar) -> Front | None:
             job.space,
             conditions=job.conditions,
             risk=job.risk,
-            limits=job.limits,
+            # The front is a search over orbits: it can state the reserve whatever the method of the job.
+            limits=limits_of(job.file, over_orbits=True),
             seed=job.seed,
             progress=bar,
         )

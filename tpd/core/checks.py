@@ -11,7 +11,6 @@ import jax
 import jax.core
 import numpy as np
 
-
 _LONGEST = 80
 """Most characters of a value in a message."""
 
@@ -136,9 +135,7 @@ def at_most(name: str, value: object, most: object, of: str) -> None:
     beyond = values > bounds * (1.0 + 1e-9)
     if np.any(beyond):
         first = tuple(np.argwhere(beyond)[0])
-        raise ValueError(
-            f"`{name}` must be at most {bounds[first]:g}, {of}, but is {values[first]:g}"
-        )
+        raise ValueError(f"`{name}` must be at most {bounds[first]:g}, {of}, but is {values[first]:g}")
 
 
 def one_of(name: str, value: object, allowed: Sequence[str]) -> None:

@@ -18,7 +18,8 @@ Count = Callable[[int, int], None]
 """Called with the units done and the units in all, where there is one stage."""
 
 COMPILING = "compiling (about 20 s the first time)"
-"""Stage before the first report: nothing runs before its program is compiled."""
+"""Stage before the first report, and note on a stage of which nothing is done: nothing runs before its program
+is compiled."""
 _EVERY = 10.0
 """Seconds between two lines where stderr is no terminal."""
 _TICK = 0.5
@@ -57,6 +58,7 @@ class Bar:
                 self._close()
                 self._open()
             if self._bar is not None:
+                self._bar.set_description(self._name(), refresh=False)
                 self._bar.update(done - self._bar.n)
 
     def _tick(self) -> None:
@@ -73,7 +75,11 @@ class Bar:
 
     def _line(self) -> str:
         count = f" {self._done} of {self._total}" if self._total else ""
-        return f"{self._stage}{count}, {time.monotonic() - self._begin:.0f} s"
+        return f"{self._name()}{count}, {time.monotonic() - self._begin:.0f} s"
+
+    def _name(self) -> str:
+        is_begun = self._done > 0 or self._stage == COMPILING
+        return self._stage if is_begun else f"{self._stage}, {COMPILING}"
 
     def _open(self) -> None:
         if not self._out.isatty():
@@ -82,7 +88,7 @@ class Bar:
 
         shape = {} if self._total else {"bar_format": "{desc}, {elapsed}"}
         total = self._total or None
-        self._bar = tqdm(total=total, desc=self._stage, leave=False, file=self._out, **shape)
+        self._bar = tqdm(total=total, desc=self._name(), leave=False, file=self._out, **shape)
 
     def _close(self) -> None:
         if self._bar is not None:

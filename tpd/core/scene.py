@@ -104,8 +104,8 @@ class Block:
             "friction",
             self.friction,
             self.slenderness,
-            "width/height (a moment over M g b, not a coefficient of sliding friction; a greater one holds the "
-            "block at any tilt)",
+            "width/height (a moment over M g b, no coefficient of sliding; a greater one holds the block at "
+            "any tilt)",
         )
 
     @property

@@ -304,9 +304,7 @@ def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
     """
     # Two limits of one kind would leave open which of them a report means.
     if not isinstance(limits, Iterable) or isinstance(limits, str):
-        raise ValueError(
-            f"`limits` must be a list of objects of `tpd.limits`, but is {checks.shown(limits)}"
-        )
+        raise ValueError(f"`limits` must be a list of objects of `tpd.limits`, but is {checks.shown(limits)}")
     listed = tuple(limits)
     for limit in listed:
         if not isinstance(limit, KINDS):

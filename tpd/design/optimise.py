@@ -62,7 +62,7 @@ def optimise(
         default `Starts.rest()` for a method with
             a model, else `Starts.any()`. Of sampled starts the mean merit counts, or the worst.
         risk: default `Risk.worst()`.
-        limits: objects of `tpd.limits`; default a stroke of 0.5 rad and a reserve of 0.05.
+        limits: objects of `tpd.limits`; default a stroke of 0.5 rad and, over orbits, a reserve of 0.05.
         method: `Descent(...)` or `Sequential(...)`.
         ensemble: runs that verify; default `Ensemble(seed=seed)`, dealt out among the conditions.
         seed: of every random choice.
