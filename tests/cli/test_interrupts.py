@@ -1,4 +1,4 @@
-"""Ctrl-C at random moments: exit status 130, no traceback, and nothing left that stands in the way of a new run."""
+"""Ctrl-C at random moments: exit status 130, no traceback, and nothing in the way of a new run."""
 
 import random
 import signal
@@ -22,11 +22,11 @@ screening = 12
 size = 16
 periods = 20
 """
-MOMENTS = sorted(random.Random(5).uniform(0.2, 40.0) for _ in range(20))
+MOMENTS = [moment / 100 for moment in sorted(random.Random(5).sample(range(20, 4000), 20))]
 """Seconds from the start at which the runs are interrupted."""
 
 
-def interrupted(folder, after: float, twice: float | None = None) -> tuple[int, str, str, float]:
+def interrupted(folder, after: float, twice: float | None = None) -> tuple:
     """Exit status, stdout, stderr and the time (s) from Ctrl-C to the end, of a run that gets one after so many
     seconds, and a second one `twice` seconds later; 0 where it had ended before."""
     arguments = [sys.executable, "-m", "tpd.cli", "optimise", "--scene", "job.toml", "--out", "out"]

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -78,6 +79,17 @@ def test_scatter_is_seeded_and_one_name_does_not_move_another():
     assert not np.array_equal(
         some.column("friction"), Conditions.scatter(50, 4, friction=0.2).column("friction")
     )
+
+
+def test_a_restitution_scatters_up_to_one():
+    p = dataclasses.replace(SCENE.parameters(), e=0.9)
+    some = Conditions.scatter(40, 2, restitution=0.2)
+    q = under_all(p, jnp.array([[0.1, 0.5, 0.1]]), some)
+    np.testing.assert_allclose(q.e, np.minimum(0.9 * some.column("restitution"), 1.0), rtol=1e-15)
+    assert np.max(q.e) == 1.0
+    assert np.min(q.e) < 0.75
+    slope = jax.grad(lambda e: under(dataclasses.replace(p, e=e), jnp.ones(3), jnp.ones(8)).e)
+    assert float(slope(1.0)) == 1.0
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ import numpy as np
 from tpd.analysis.outcomes import LOST, Outcomes
 from tpd.analysis.work_queue import settle_all
 from tpd.core import checks, sampling
-from tpd.core.conditions import FACTORS, Conditions, under
+from tpd.core.conditions import FACTORS, Conditions, check_restitution, under
 from tpd.core.parameters import Parameters
 from tpd.core.progress import shown_count
 from tpd.core.quantities import parameters_of
@@ -28,8 +28,10 @@ from tpd.core.status import names_of
 from tpd.models.base import Settled
 from tpd.models.piecewise import Piecewise
 
-_SCATTERED = ("amplitude", "frequency", "friction", "damping")
+_SCATTERED = ("amplitude", "frequency", "friction", "damping", "restitution")
 """Names, out of `FACTORS`, of what an ensemble scatters, in the order of its draws."""
+_FIRST = 10
+"""Draws of one generator; later ones come from another, which leaves these as they are."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +69,8 @@ class Ensemble:
     """Relative half width of k."""
     damping: float = 0.2
     """Relative half width of zeta."""
+    restitution: float = 0.0
+    """Relative half width of e, which stays at most 1."""
 
     def __post_init__(self) -> None:
         checks.count("size", self.size)
@@ -91,9 +95,11 @@ class Ensemble:
         return {name: getattr(self, name) for name in _SCATTERED}
 
     def draws(self) -> np.ndarray:
-        """Places of the runs in the unit cube, shape (size, 10): the four components of the start, the phase,
+        """Places of the runs in the unit cube, shape (size, 11): the four components of the start, the phase,
         the growth, and the scattered numbers. The first row is the nominal run."""
-        unit = sampling.latin_hypercube(np.random.default_rng(self.seed), self.size, 10)
+        unit = sampling.latin_hypercube(np.random.default_rng(self.seed), self.size, _FIRST)
+        later = sampling.latin_hypercube(np.random.default_rng([self.seed, 5]), self.size, 1)
+        unit = np.concatenate([unit, later], axis=1)
         unit[0] = 0.5
         unit[0, 4:6] = 0.0
         return unit
@@ -132,7 +138,11 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     design = np.repeat([[float(x)] for x in (p.mu, p.lam, p.zeta)], e.size, axis=1)
     q = under(p, jnp.asarray(design), jnp.asarray(factor))
     # Every leaf is given for every run: then all ensembles, also that of the bare block, share one program.
-    q = replace(q, rho=jnp.broadcast_to(jnp.asarray(q.inertia_ratio), e.size), e=jnp.full(e.size, float(p.e)))
+    q = replace(
+        q,
+        rho=jnp.broadcast_to(jnp.asarray(q.inertia_ratio), e.size),
+        e=jnp.broadcast_to(jnp.asarray(q.e), e.size),
+    )
     xi = np.asarray(q.xi)
     begin = unit[:, 4] * 2.0 * np.pi / xi if e.any_phase else np.zeros(e.size)
     ramps = np.array(e.ramps)
@@ -166,6 +176,8 @@ def outcomes(
     checks.require_x64()
     ensemble = Ensemble() if ensemble is None else ensemble
     checks.instance("ensemble", ensemble, Ensemble)
+    if ensemble.restitution > 0.0 and isinstance(subject, Scene):
+        check_restitution(subject)
     if conditions is not None:
         checks.instance("conditions", conditions, Conditions)
     rate = float(subject.rate) if isinstance(subject, Scene) else 1.0

@@ -43,17 +43,27 @@ def _run(read: argparse.Namespace) -> int:
     out = getattr(read, "out", None)
     existed = out is not None and out.exists()
     try:
-        return read.run(read)
-    except (ValueError, OSError) as error:
-        print(f"tpd: {error}", file=sys.stderr)
-        return common.BAD_INPUT
-    except MemoryError:
-        print("tpd: the job does not fit into memory: ask for less at once", file=sys.stderr)
-        return common.BAD_INPUT
-    except KeyboardInterrupt:
-        print("tpd: interrupted; what is not in the output directory is lost", file=sys.stderr)
+        status = read.run(read)
+    except (Exception, KeyboardInterrupt) as error:
+        status = _refused(error)
+    if status == common.INTERRUPTED:
         interrupts.leave(out, existed)
+    return status
+
+
+def _refused(error: BaseException) -> int:
+    """Say in one sentence why a command has ended, and return its exit status; a defect is raised."""
+    # An import or a compiler that is interrupted raises an error of its own.
+    if isinstance(error, KeyboardInterrupt) or interrupts.received():
+        print("tpd: interrupted; what is not in the output directory is lost", file=sys.stderr)
         return common.INTERRUPTED
+    if isinstance(error, MemoryError):
+        print("tpd: the job does not fit into memory: ask for less at once", file=sys.stderr)
+    elif isinstance(error, (ValueError, OSError)):
+        print(f"tpd: {error}", file=sys.stderr)
+    else:
+        raise error
+    return common.BAD_INPUT
 
 
 def _does(read: argparse.Namespace) -> str | None:

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from tpd.analysis.attractors import Starts
 from tpd.analysis.ensemble import Ensemble
 from tpd.cli.schema import JobFile
-from tpd.core.conditions import Conditions
+from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.scene import Block, Harmonic, Scene
 from tpd.design.criteria import KINDS, Limit, Reserve, Risk
 from tpd.design.inputs import check_moves as refuse_still
@@ -104,6 +104,9 @@ def check_moves(file: JobFile, scene: Scene, conditions: Conditions, space: Desi
     """Raise `ValueError` where nothing shakes the block, or where a quantity scatters that is zero."""
     with naming("scatter"):
         check_scatter(scene, file.widths, space)
+    with naming("ensemble"):
+        if file.ensemble.restitution > 0.0:
+            check_restitution(scene)
     with naming("motion"):
         refuse_still(scene, conditions, space)
 

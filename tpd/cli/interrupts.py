@@ -5,6 +5,7 @@ Nothing here imports JAX: importing it takes a second, and the first line does n
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import os
 import signal
@@ -19,6 +20,7 @@ import tpd
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C."""
+_RECEIVED = threading.Event()
 _SOON = 0.25
 """Seconds after which a command says what it does; bad input is refused earlier where JAX is imported."""
 _PATIENCE = 0.7
@@ -49,12 +51,34 @@ def watched() -> Iterator[None]:
     then, a line says when it will. The second one ends the process.
     """
     with contextlib.ExitStack() as stack:
+        stack.callback(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, _interrupt))
+        stack.callback(setattr, sys, "unraisablehook", sys.unraisablehook)
+        sys.unraisablehook = _again
         ours, theirs = (stack.enter_context(end) for end in socket.socketpair())
         theirs.setblocking(False)
         before = signal.set_wakeup_fd(theirs.fileno(), warn_on_full_buffer=False)
         stack.callback(signal.set_wakeup_fd, before)
         threading.Thread(target=_watch, args=(ours,), daemon=True).start()
         yield
+
+
+def _interrupt(*_: Any) -> None:
+    """Note the signal before it becomes an exception: an import or a compiler turns that into another one."""
+    _RECEIVED.set()
+    raise KeyboardInterrupt
+
+
+def received() -> bool:
+    """Return True after Ctrl-C, if it is watched."""
+    return _RECEIVED.is_set()
+
+
+def _again(lost: Any) -> None:
+    """Raise the exception again that Python dropped in a destructor."""
+    if lost.exc_type is KeyboardInterrupt:
+        _thread.interrupt_main()
+    else:
+        sys.__unraisablehook__(lost)
 
 
 def _watch(ours: socket.socket) -> None:

@@ -128,7 +128,15 @@ def run(options: argparse.Namespace) -> int:
         shown = study(design, front=front, progress=bar)
     for part in shown.left_out:
         print(f"tpd: interrupted; the report goes without {part}", file=sys.stderr)
-    written = write(options.out, design, shown, config.tables(job), config.dump(job))
+    if design.status.name == "interrupted" and not unfinished.exists():
+        # A report without an answer would only be in the way of the next run.
+        print("tpd: interrupted before a search had ended: nothing is written", file=sys.stderr)
+        return common.INTERRUPTED
+    try:
+        written = write(options.out, design, shown, config.tables(job), config.dump(job))
+    except KeyboardInterrupt:
+        print(f"tpd: interrupted; {options.out} goes without some of its pictures", file=sys.stderr)
+        return common.INTERRUPTED
     print((options.out / "report.txt").read_text(encoding="utf-8"))
     print("\n".join(f"written: {path}" for path in written))
     return _exit_status(design, unfinished)
@@ -141,6 +149,11 @@ def _claim(options: argparse.Namespace, unfinished: Path) -> None:
     # Without this check a mistyped directory would begin a new search in silence.
     if options.resume and not unfinished.exists():
         raise ValueError(f"there is nothing to resume: {unfinished} does not exist")
+    if unfinished.exists() and not (options.resume or options.overwrite):
+        raise ValueError(
+            f"{options.out} already holds files of an interrupted run: go on with it by --resume, or begin "
+            "again with another --out or with --overwrite"
+        )
     files.claim(options.out, overwrite=options.overwrite or options.resume)
     # A search of another problem must not be taken for the beginning of this one.
     if not options.resume:
@@ -189,9 +202,7 @@ def _front(job: Job, design: Design, bar: Bar) -> Front | None:
 
 def _exit_status(design: Design, unfinished: Path) -> int:
     if design.status.name == "interrupted":
-        # Groups of searches are stored as they end; before the first there is nothing to go on from.
-        begin_again = "no search had ended: begin again with --overwrite"
-        print(_hint(unfinished) if unfinished.exists() else begin_again)
+        print(_hint(unfinished))
         return common.INTERRUPTED
     unfinished.unlink(missing_ok=True)
     return common.SOUND if design.status.is_sound else common.UNSOUND

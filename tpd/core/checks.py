@@ -28,7 +28,7 @@ def as_float(value: Any) -> Any:
 
 def shown(value: object) -> str:
     """Return a value as it stands in a message: on one line, and not longer than one."""
-    text = " ".join(repr(value).split())
+    text = " ".join((str(value) if isinstance(value, np.ndarray) else repr(value)).split())
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 

@@ -14,9 +14,9 @@ from tpd.core import checks, sampling
 from tpd.core.parameters import Parameters
 from tpd.core.scene import Scene
 
-FACTORS = ("amplitude", "frequency", "friction", "slenderness", "mass", "length", "damping")
-"""Numbers that can differ: amplitude and frequency of the base motion, k, nu, and the pendulum's m, l and
-zeta."""
+FACTORS = ("amplitude", "frequency", "friction", "slenderness", "mass", "length", "damping", "restitution")
+"""Numbers that can differ: amplitude and frequency of the base motion, k, nu, the pendulum's m, l and zeta,
+and e. Seeded samples depend on the order: a new name comes last."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class Conditions:
                 parts.append(f"{value:.3g} x amplitude" if name == "amplitude" else f"{name} x {value:.3g}")
         return ", ".join(parts)
 
-    def factor_rows(self) -> Float[Array, "n 7"]:
+    def factor_rows(self) -> Float[Array, "n 8"]:
         """All factors: one row for each condition, columns in the order of `FACTORS`."""
         return jnp.stack([jnp.asarray(self.column(name)) for name in FACTORS], axis=1)
 
@@ -143,15 +143,16 @@ class Conditions:
         """
         if not factors:
             raise ValueError("`factors` must hold at least one number, but is empty")
-        checks.positive("factors", np.array(factors, dtype=float))
+        for factor in factors:
+            checks.positive("factors", factor)
         phrase = f"amplitudes {', '.join(f'{x:g}' for x in factors)} times the scene's"
         return Conditions({"amplitude": np.array(factors, dtype=float)}, (phrase,))
 
     @staticmethod
     def scatter(size: int, seed: int = 0, **half_widths: float) -> Conditions:
         """A seeded Latin hypercube of uncertain factors, each uniform between 1 - w and 1 + w, with w given
-        by name in `FACTORS`: manufacturing (mass, length, damping), the block (friction, slenderness) and
-        the shaking (amplitude, frequency).
+        by name in `FACTORS`: manufacturing (mass, length, damping), the block (friction, slenderness,
+        restitution) and the shaking (amplitude, frequency).
 
         Raises:
             ValueError: an unknown name, a width beyond 0 to 0.5, or a size below one.
@@ -171,13 +172,22 @@ class Conditions:
         return Conditions(factors, (f"{size} samples of {widths or 'nothing'} (seed {seed})",))
 
 
-def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "7 *n"]) -> Parameters:
+def check_restitution(scene: Scene) -> None:
+    """Raise `ValueError` unless the block of a scene has a restitution that can scatter."""
+    own = scene.block.restitution
+    if own is None or isinstance(own, str):
+        why = "there is none" if own is None else f"it is {own!r}, which follows the block's shape"
+        raise ValueError(f"`restitution` can scatter where it is a number, but {why}")
+
+
+def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "8 *n"]) -> Parameters:
     """Return the parameters of one design (mu, lam, zeta) under one condition.
 
     The base's amplitude of displacement stays, so f goes with the square of the frequency's factor. rho
-    follows nu where it is tied to it; xi and e do not.
+    follows nu where it is tied to it; xi and e do not. e stays at most 1: an impact adds no energy.
     """
-    amplitude, frequency, friction, slenderness, mass, length, damping = factors
+    amplitude, frequency, friction, slenderness, mass, length, damping, restitution = factors
+    ratio = p.e * restitution
     return Parameters(
         nu=p.nu * slenderness,
         mu=design[0] * mass,
@@ -187,7 +197,8 @@ def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "7 
         f=p.f * amplitude * frequency**2,
         xi=p.xi * frequency,
         rho=p.rho,
-        e=p.e,
+        # Not a minimum, whose derivative is a half where both are equal.
+        e=jnp.where(ratio > 1.0, 1.0, ratio),
     )
 
 

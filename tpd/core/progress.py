@@ -18,8 +18,8 @@ Count = Callable[[int, int], None]
 """Called with the units done and the units in all, where there is one stage."""
 
 COMPILING = "compiling (about 20 s the first time)"
-"""Stage before the first report, and note on a stage of which nothing is done: nothing runs before its program
-is compiled."""
+"""Stage before the first report, and note on a stage of which nothing is done: a program is compiled before
+it runs."""
 _EVERY = 10.0
 """Seconds between two lines where stderr is no terminal."""
 _TICK = 0.5

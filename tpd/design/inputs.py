@@ -8,7 +8,7 @@ import numpy as np
 
 from tpd.analysis.attractors import Starts
 from tpd.core import checks
-from tpd.core.conditions import Conditions
+from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.scene import Scene
 from tpd.design.criteria import DEFAULT_LIMITS, Limit, Reserve, Risk, check_limits
 from tpd.design.methods import Method
@@ -57,10 +57,8 @@ def check_scatter(scene: Scene, names: Iterable[str], space: DesignSpace | None 
     for name in names:
         if zero.get(name, False):
             raise ValueError(f"`{name}` cannot scatter by a share of itself: it is 0")
-        if name == "restitution" and not isinstance(scene.block.restitution, (int, float)):
-            own = scene.block.restitution
-            is_own = "there is none" if own is None else f"it is {own!r}, which follows the block's shape"
-            raise ValueError(f"`restitution` can scatter where it is a number, but {is_own}")
+        if name == "restitution":
+            check_restitution(scene)
 
 
 def limits_for(limits: Iterable[Limit] | None, follows: bool) -> tuple[Limit, ...]:

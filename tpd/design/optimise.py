@@ -12,7 +12,7 @@ import numpy as np
 from tpd.analysis.attractors import StartKind, Starts
 from tpd.analysis.ensemble import Ensemble
 from tpd.core import checks
-from tpd.core.conditions import FACTORS, Conditions
+from tpd.core.conditions import FACTORS, Conditions, check_restitution
 from tpd.core.progress import Progress, shown
 from tpd.core.scene import Scene
 from tpd.core.threads import aside
@@ -81,6 +81,8 @@ def optimise(
     problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed)
     ensemble = Ensemble(seed=seed) if ensemble is None else ensemble
     checks.instance("ensemble", ensemble, Ensemble)
+    if ensemble.restitution > 0.0:
+        check_restitution(scene)
     checks.flag("by_overturning", by_overturning)
     if checkpoint is not None:
         checks.instance("checkpoint", checkpoint, (Path, str))
@@ -227,9 +229,11 @@ def _elasticities(objective: AbstractObjective, of: Verified, progress: Progress
     if isinstance(objective, Followed) and objective.starts.kind is StartKind.sampled:
         return _from_slopes(objective, of)
     step, out = 1e-3, {}
-    for i, name in enumerate(FACTORS):
+    # Above 1 there is no restitution, so that a difference to both sides needs room.
+    names = [x for x in FACTORS if x != "restitution" or float(objective.p.e) * (1.0 + step) <= 1.0]
+    for i, name in enumerate(names):
         if progress is not None:
-            progress("elasticities", i + 1, len(FACTORS))
+            progress("elasticities", i + 1, len(names))
         sides = []
         for factor in (1.0 - step, 1.0 + step):
             changed = objective.over(objective.conditions * Conditions({name: np.array([factor])}))

@@ -86,6 +86,11 @@ class Problem:
             objective: AbstractObjective = Orbits(*common, rest_counts=starts.kind is StartKind.rest)
         else:
             method.model.check(p)
+            if isinstance(method.model, Smoothed) and np.ptp(conditions.column("restitution")) > 0.0:
+                raise ValueError(
+                    "`restitution` cannot scatter in the smoothed model, which has no impact loss: take "
+                    "`Piecewise()`"
+                )
             objective = Followed(*common, model=method.model, starts=starts)
         return Problem(scene, space, starts, method, objective, seed)
 
