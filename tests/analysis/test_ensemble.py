@@ -12,6 +12,7 @@ from tpd.analysis.ensemble import outcomes, plan
 from tpd.analysis.outcomes import Outcomes, Share
 from tpd.analysis.paired import Verdict, chance_of
 from tpd.analysis.work_queue import settle_all
+from tpd.core.sampling import latin_hypercube
 from tpd.core.status import names_of
 
 HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
@@ -58,6 +59,22 @@ def test_all_designs_are_put_to_the_same_runs_and_the_seed_repeats_them():
     np.testing.assert_array_equal(light.p.f, heavy.p.f)
     other = plan(HUNG, dataclasses.replace(SMALL, seed=1))
     assert not np.array_equal(light.y0, other.y0)
+
+
+def test_a_restitution_scatters_without_a_change_of_the_other_draws():
+    lossy = dataclasses.replace(HUNG, e=0.9)
+    without, scattered = (plan(lossy, dataclasses.replace(SMALL, restitution=w)) for w in (0.0, 0.05))
+    np.testing.assert_array_equal(without.y0, scattered.y0)
+    np.testing.assert_array_equal(without.p.k, scattered.p.k)
+    np.testing.assert_array_equal(without.p.e, 0.9)
+    assert 0.855 <= np.min(scattered.p.e) < 0.87
+    assert 0.93 < np.max(scattered.p.e) <= 0.945
+    assert scattered.p.e[0] == 0.9
+    # The generator that all other draws come from is as it was.
+    first = latin_hypercube(np.random.default_rng(SMALL.seed), SMALL.size, 10)
+    np.testing.assert_array_equal(SMALL.draws()[1:, :10], first[1:])
+    with pytest.raises(ValueError, match="`restitution` can scatter where it is a number, but there is none"):
+        outcomes(tpd.paper_scene(), ensemble=tpd.Ensemble(size=4, restitution=0.1))
 
 
 def test_the_spread_is_even_and_within_its_bounds():

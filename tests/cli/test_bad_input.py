@@ -57,6 +57,31 @@ OPTIONS = [
     ((*BAND, "--resume"), "there is nothing to resume"),
     (("--scene", "absent.toml"), "cannot read absent.toml: No such file or directory"),
     (("--scene", "."), "cannot read .: Is a directory"),
+    (("--scene", "/dev/null"), "/dev/null is empty: `tpd new` writes a job file to begin with"),
+    (("--stroke", "1.6"), "[limits] `stroke` must be at most 1.5708, a right angle in rad, but is 1.6"),
+    (("--stroke", "90"), "[limits] `stroke` must be at most 1.5708, a right angle in rad, but is 90"),
+    (("--friction", "0.6"), "[block] `friction` must be at most 0.25, width/height (a moment over M g b"),
+    (("--amplitude", "0"), "[motion] `amplitude` must be above 0 in a search, but is 0: nothing shakes the"),
+    (("--mass-ratio", "0.1", "1.5"), "[space] `mass_ratio` must be an interval low < high within 0 to 1"),
+    (("--length-ratio", "0.1", "2.5"), "[space] `length_ratio` must be an interval low < high within 0.001"),
+    (("--measure", "cvar"), "`risk.measure` goes with several conditions, [conditions] or [scatter], which"),
+    (
+        ("--by-overturning",),
+        "`search.by_overturning` goes with several conditions, [conditions] or [scatter]",
+    ),
+    (
+        ("--friction", "0", "--scatter", "friction=0.1"),
+        "[scatter] `friction` cannot scatter by a share of it",
+    ),
+    (
+        ("--damping", "0", "--scatter", "damping=0.1"),
+        "[scatter] `damping` cannot scatter by a share of itself",
+    ),
+    (("--scatter", "restitution=0.1"), "[scatter] `restitution` can scatter where it is a number, but there"),
+    (
+        ("--restitution", "housner", "--scatter", "restitution=0.1"),
+        "[scatter] `restitution` can scatter where it is a number, but it is 'housner'",
+    ),
 ]
 
 FILES = [
@@ -128,6 +153,17 @@ FILES = [
     ("[ensemble]\nrunes = 1\n", "unknown key `runes` in [ensemble]"),
     ("block = 3\n", "`block` must be a table, but is 3"),
     ("[[block]]\nwidth = 1\n", "`block` must be a table, but is [{'width': 1}]"),
+    ("", "is empty: `tpd new` writes a job file to begin with"),
+    ("# nothing yet\n", "is empty: `tpd new` writes a job file to begin with"),
+    (
+        "[block]\nradius_of_gyration = 0.3\n",
+        "[block] `radius_of_gyration` must be at most 0.206155, half the",
+    ),
+    ("[limits]\nrelative_stroke = 2.0\n", "[limits] `relative_stroke` must be at most 1.5708, a right angle"),
+    ("[limits]\ntilt = 1.5\n", "[limits] `tilt` must be at most 1, a block that stands on its corner"),
+    ("[limits]\nreserve = 0.1\n", "`limits.reserve` goes with a search over orbits, `search.model` orbits"),
+    ("[ensemble]\nrestitution = 0.1\n", "[ensemble] `restitution` can scatter where it is a number"),
+    ("[ensemble]\nswing = 2.0\n", "[ensemble] `swing` must be at most 1.5708, a right angle in rad"),
     ("x = = 3\n", "is not valid TOML: Invalid value (at line 1, column 5)"),
     ("[block]\n[block]\n", "is not valid TOML: Cannot declare"),
     (f"x = {'[' * 100_000}", "nests too deeply"),
@@ -141,6 +177,26 @@ OTHERS = [
     (("response", *HUNG, "--pendulum-mass", "1"), "not allowed with argument"),
     (("response", *HUNG, "--pendulum-damping", "-1"), "`damping_ratio` must be zero or positive"),
     (("response", "--pendulum-mass", "heavy"), "invalid float value: 'heavy'"),
+    (
+        ("response", "--pendulum-mass", "20", "--length-ratio", "0.5"),
+        "`--pendulum-mass` must be at most 16.224, the mass of the block in kg, but is 20",
+    ),
+    (
+        ("response", "--mass-ratio", "1.5", "--length-ratio", "0.5"),
+        "`--mass-ratio` must be at most 1, a bob as heavy as the block, but is 1.5",
+    ),
+    (
+        ("response", "--mass-ratio", "0.1", "--pendulum-length", "0.5"),
+        "`--pendulum-length` must be at most 0.4, the height of the block in m, but is 0.5",
+    ),
+    (
+        ("response", "--mass-ratio", "0.1", "--length-ratio", "2.5"),
+        "`--length-ratio` must be at most 2, a rod as long as the block, but is 2.5",
+    ),
+    (
+        ("map", *HUNG, *MAP[:4], "--y", "pendulum-length", "0.1", "0.5"),
+        "`pendulum_length` must be at most 0.4, the height of the block, but is 0.5",
+    ),
     (("response", "--from", "0"), "`--from` must be positive and finite, but is 0"),
     (("response", "--from", "3", "--to", "2"), "`--from` must be below `--to`, but they are 3 and 2"),
     (("response", "--points", "3"), "`--points` must be between 8 and 100000, but is 3"),

@@ -48,7 +48,8 @@ JOBS = {
             "walls": True,
             "multiplier": 0.98,
             "reserve": 1e-5,
-        }
+        },
+        "search": {"method": "sequential"},
     },
     "ensemble": {"ensemble": {"size": 64, "ramps": [1.0], "any_phase": False, "damping": 0.1}},
 }
@@ -93,7 +94,9 @@ def test_without_tables_the_job_is_that_of_the_papers_block():
     assert len(job.conditions) == 1
     assert job.starts == Starts.rest()
     assert job.risk == criteria.Risk.worst()
-    assert job.limits == criteria.DEFAULT_LIMITS
+    # The reserve is known of orbits only.
+    assert job.limits == (criteria.Stroke(),)
+    assert config.job_of(BAND).limits == criteria.DEFAULT_LIMITS
     assert isinstance(job.method, Descent)
     assert (job.method.searches, job.method.screening, job.method.steps) == (8, 192, 30)
     assert job.ensemble == Ensemble()
@@ -180,7 +183,9 @@ def test_keys_without_effect_are_not_written():
     assert "scatter" not in tables
     assert set(tables["conditions"]) == {"amplitudes"}
     assert set(tables["starts"]) == {"kind"}
-    assert set(tables["risk"]) == {"measure"}
+    assert "risk" not in tables
+    assert "reserve" not in tables["limits"]
+    assert set(config.tables(config.job_of(BAND))["risk"]) == {"measure"}
     assert tables["search"]["optimiser"] == "adam"
     assert not {"tolerance", "optimiser"} & set(config.tables(config.job_of(BAND))["search"])
 
@@ -188,7 +193,12 @@ def test_keys_without_effect_are_not_written():
 @pytest.mark.parametrize(
     ("given", "over", "dropped"),
     [
-        ({"risk": {"measure": "cvar", "share": 0.2}}, {"risk": {"measure": "worst"}}, ("risk", "share")),
+        (
+            BAND | {"risk": {"measure": "cvar", "share": 0.2}},
+            {"risk": {"measure": "worst"}},
+            ("risk", "share"),
+        ),
+        (BAND | {"limits": {"reserve": 0.1}}, {"search": {"model": "piecewise"}}, ("limits", "reserve")),
         ({"starts": {"size": 4}}, {"starts": {"kind": "rest"}}, ("starts", "size")),
         ({"search": {"tolerance": 0.02}}, BAND, ("search", "tolerance")),
         (

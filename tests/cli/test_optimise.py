@@ -10,6 +10,7 @@ import tomllib
 import numpy as np
 import pytest
 
+import tpd
 from tpd.cli import config, main
 
 SMALL = """
@@ -63,7 +64,10 @@ def test_a_run_writes_its_report(written):
     assert "unfinished.npz" not in names
     assert done.stdout.startswith((folder / "first" / "report.txt").read_text(encoding="utf-8"))
     assert all(f"written: first/{name}" in done.stdout for name in names)
-    assert done.stderr == "", "no progress bar in a pipe"
+    assert "\r" not in done.stderr, "no progress bar in a pipe"
+    first, *others = done.stderr.splitlines()
+    assert first == f"tpd {tpd.__version__}: searching for the pendulum of least rocking, for out"
+    assert all(line.startswith("tpd: ") and line.endswith(" s") for line in others)
 
 
 def test_the_exit_status_says_whether_a_design_is_offered(written):

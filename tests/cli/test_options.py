@@ -23,8 +23,8 @@ SAME = [
     ("[space]\ndamping_ratio = 0.2\n", ("--damping", "0.2")),
     ("[limits]\nstroke = 0.4\nwalls = true\n", ("--stroke", "0.4", "--walls")),
     (
-        "[search]\nsearches = 3\nseed = 7\nby_overturning = true\n",
-        ("--searches", "3", "--seed", "7", "--by-overturning"),
+        "[search]\nsearches = 3\nseed = 7\nby_overturning = true\n[conditions]\namplitudes = [1, 1.1]\n",
+        ("--searches", "3", "--seed", "7", "--by-overturning", "--amplitudes", "1", "1.1"),
     ),
     (
         "[search]\nmethod = 'descent'\noptimiser = 'lbfgs'\n[conditions]\nband = [2, 3]\n",
@@ -39,7 +39,10 @@ SAME = [
     ("[conditions]\namplitudes = [1.2]\n", ("--amplitudes", "1.2")),
     ("[starts]\nkind = 'rest'\n[conditions]\nband = [2, 3]\n", ("--from-rest", "--band", "2", "3")),
     ("[starts]\nsize = 4\nworst = true\n", ("--from-starts", "4", "--worst-start")),
-    ("[risk]\nmeasure = 'expected'\n", ("--measure", "expected")),
+    (
+        "[risk]\nmeasure = 'expected'\n[conditions]\namplitudes = [1, 1.1]\n",
+        ("--measure", "expected", "--amplitudes", "1", "1.1"),
+    ),
 ]
 
 
@@ -51,7 +54,8 @@ def job_of(*options: str) -> config.Job:
 @pytest.mark.parametrize(("file", "options"), SAME)
 def test_a_file_and_the_options_are_the_same_job(tmp_path, file, options):
     path = tmp_path / "job.toml"
-    path.write_text(file)
+    # A file without a table is refused: it says nothing.
+    path.write_text(file or "[block]\n")
     job = config.job_of(tomllib.loads(file))
     assert job_of(*options) == job
     assert job_of("--scene", str(path)) == job
@@ -60,7 +64,9 @@ def test_a_file_and_the_options_are_the_same_job(tmp_path, file, options):
 
 def test_all_options_together_override_a_file_of_other_values(tmp_path):
     path = tmp_path / "job.toml"
-    path.write_text(config.dump(config.job_of({"block": {"width": 0.15}, "risk": {"measure": "cvar"}})))
+    amplitudes = {"conditions": {"amplitudes": [1, 1.1]}}
+    given = {"block": {"width": 0.15}, "risk": {"measure": "cvar"}, **amplitudes}
+    path.write_text(config.dump(config.job_of(given)))
     job = job_of("--scene", str(path), "--width", "0.12", "--measure", "worst", "--seed", "2")
     assert (job.scene.block.width, job.risk.name, job.seed) == (0.12, "worst", 2)
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -34,7 +35,17 @@ def test_labels_say_what_differs():
     # One condition that is not the scene's own.
     assert Conditions.amplitudes(1.2).label(0) == "1.2 times the amplitude"
     assert (Conditions.amplitudes(1.2) * band).label(0) == "1.2 times the amplitude and 2 Hz"
-    assert Conditions.scatter(8, 0, mass=0.1, length=0.1, friction=0.1).label(3) == "sample 3"
+
+
+def test_labels_of_many_factors_carry_the_values():
+    """The number of a sample says nothing about it."""
+    factors = {"friction": [1.0, 0.93], "frequency": [1.0, 0.98], "amplitude": [1.0, 1.1]}
+    some = Conditions({k: np.array(v) for k, v in factors.items()})
+    assert some.label(1) == "frequency x 0.98, 1.1 x amplitude, friction x 0.93"
+    in_hertz = Conditions(some.factors, (), {"frequency": (2.5, "Hz")})
+    assert in_hertz.label(1) == "2.45 Hz, 1.1 x amplitude, friction x 0.93"
+    scattered = Conditions.scatter(8, 0, mass=0.1, length=0.1, friction=0.1)
+    assert len({scattered.label(i) for i in range(8)}) == 8
 
 
 def test_the_axis_is_the_one_factor_that_differs():
@@ -68,6 +79,17 @@ def test_scatter_is_seeded_and_one_name_does_not_move_another():
     assert not np.array_equal(
         some.column("friction"), Conditions.scatter(50, 4, friction=0.2).column("friction")
     )
+
+
+def test_a_restitution_scatters_up_to_one():
+    p = dataclasses.replace(SCENE.parameters(), e=0.9)
+    some = Conditions.scatter(40, 2, restitution=0.2)
+    q = under_all(p, jnp.array([[0.1, 0.5, 0.1]]), some)
+    np.testing.assert_allclose(q.e, np.minimum(0.9 * some.column("restitution"), 1.0), rtol=1e-15)
+    assert np.max(q.e) == 1.0
+    assert np.min(q.e) < 0.75
+    slope = jax.grad(lambda e: under(dataclasses.replace(p, e=e), jnp.ones(3), jnp.ones(8)).e)
+    assert float(slope(1.0)) == 1.0
 
 
 @pytest.mark.parametrize(

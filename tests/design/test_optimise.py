@@ -227,7 +227,8 @@ def test_the_answer_is_better_than_anything_screened_and_within_its_limits(sever
     assert "upper bound of the mass ratio, 0.2" in [str(a) for a in winner.active]
     assert len(several.search.statuses) == 20
     assert SearchStatus.converged in several.search.statuses
-    assert set(several.elasticities) == set(FACTORS)
+    # The block loses nothing at impacts: its restitution of 1 has no room above.
+    assert set(several.elasticities) == {*FACTORS} - {"restitution"}
 
 
 def test_elasticities_are_relative_differences(several):

@@ -29,7 +29,9 @@ def test_one_condition_is_searched_by_descent_on_smoothed_signs_from_rest():
     assert isinstance(made.method.model, tpd.Smoothed)
     assert isinstance(made.objective, Followed)
     assert made.starts.kind is StartKind.rest
-    assert made.objective.limits == DEFAULT_LIMITS
+    # A motion that is followed does not know its reserve.
+    assert made.objective.limits == (tpd.limits.Stroke(),)
+    assert problem(conditions=BAND).objective.limits == DEFAULT_LIMITS
     assert made.objective.risk == tpd.Risk.worst()
     assert made.space == tpd.DesignSpace()
     assert made.over_basins is None
@@ -97,6 +99,23 @@ def test_a_limit_on_the_mass_narrows_the_space():
         ),
         ({"seed": -1}, "`seed` must be a whole number, 0 or more, but is -1"),
         ({"limits": (tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))}, "two of Tilt"),
+        ({"limits": (tpd.limits.Reserve(),)}, r"Reserve .* or take `method=Sequential\(\)`"),
+        (
+            {"limits": (tpd.limits.Reserve(),), "method": tpd.Sequential(model=tpd.Piecewise())},
+            "must not hold Reserve",
+        ),
+        ({"scene": tpd.Scene(SCENE.block, tpd.Harmonic(amplitude=0, frequency=2.5))}, "nothing shakes"),
+        (
+            {"scene": LOSSY, "conditions": tpd.Conditions.scatter(4, friction=0.1)},
+            "`friction` cannot scatter by a share of itself: it is 0",
+        ),
+        (
+            {
+                "space": tpd.DesignSpace(damping_ratio=0.0),
+                "conditions": tpd.Conditions.scatter(4, damping=0.1),
+            },
+            "`damping` cannot scatter by a share of itself: it is 0",
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused(given, message):

@@ -23,6 +23,7 @@ from tpd.analysis.work_queue import settle_all
 from tpd.core import checks
 from tpd.core.formatting import Printed, counted_periods
 from tpd.core.parameters import Parameters, as_arrays
+from tpd.core.progress import shown_count
 from tpd.core.quantities import parameters_of
 from tpd.core.sampling import latin_hypercube
 from tpd.core.scene import Pendulum, Scene
@@ -78,6 +79,10 @@ class Starts:
         checks.count("seed", self.seed, least=0)
         for name in ("tilt", "tilt_rate", "swing", "swing_rate"):
             checks.not_negative(name, getattr(self, name))
+        checks.at_most("tilt", self.tilt, 1.0, "a block that stands on its corner")
+        checks.at_most("swing", self.swing, 0.5 * np.pi, "a right angle in rad")
+        checks.flag("worst", self.worst)
+        checks.instance("kind", self.kind, StartKind)
 
     @staticmethod
     def rest() -> Starts:
@@ -137,7 +142,7 @@ def attractors(
     *,
     starts: Starts | None = None,
     model: Piecewise | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] | bool | None = None,
 ) -> tuple[Attractor, ...]:
     """The motions that a set of starts settles into, the one most often reached first.
 
@@ -150,7 +155,7 @@ def attractors(
         pendulum: in the scene; default none.
         starts: default `Starts()`, 64 of them, seed 0.
         model: settings of the exact model.
-        progress: called with (starts followed, of how many).
+        progress: True for a bar on stderr, or called with (starts followed, of how many).
 
     Raises:
         ValueError: bad input.
@@ -159,9 +164,12 @@ def attractors(
     checks.require_x64()
     model = Piecewise() if model is None else model
     starts = Starts() if starts is None else starts
+    checks.instance("model", model, Piecewise)
+    checks.instance("starts", starts, Starts)
     fixed = as_arrays(parameters_of(subject, pendulum))
     y0 = starts.states(float(fixed.nu))
-    settled = settle_all(fixed, y0, model=model, progress=progress)
+    with shown_count(progress, "following") as report:
+        settled = settle_all(fixed, y0, model=model, progress=report)
     # The block does not feel a bob without mass (mu = 0), whose swing may still be decaying.
     felt = bool(np.isfinite(np.asarray(scale_of(fixed))[1]))
     motions: list[_Motion] = []

@@ -20,7 +20,7 @@ from tpd.core import checks
 from tpd.core.equations import Terms
 from tpd.core.formatting import Printed
 from tpd.core.parameters import Parameters, as_arrays
-from tpd.core.progress import Progress
+from tpd.core.progress import Progress, shown
 from tpd.core.quantities import Setup, bare_parameters_of
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import SETTLED, Status, status_name
@@ -87,7 +87,7 @@ def check(
     *,
     stroke: float = math.inf,
     models: tuple[str, ...] | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> Check:
     """Solve a design by all models, from rest.
 
@@ -96,7 +96,7 @@ def check(
         pendulum: in the scene; default none, the bare block.
         stroke: limit on the bob's angle, rad.
         models: names of models out of `MODELS`, default all; the nonlinear one is always there.
-        progress: called with ("checking", models done, of how many).
+        progress: True for a bar on stderr, or called with ("checking", models done, of how many).
 
     Raises:
         ValueError: an unknown model, a limit that is not positive, traced or batched parameters, or a
@@ -104,8 +104,8 @@ def check(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    if not stroke > 0:
-        raise ValueError(f"`stroke` must be positive, but is {stroke:g}")
+    if not (isinstance(stroke, (int, float)) and stroke > 0):
+        raise ValueError(f"`stroke` must be positive, but is {checks.shown(stroke)}")
     models = MODELS if models is None else models
     unknown = [name for name in models if name not in MODELS]
     if unknown:
@@ -113,10 +113,11 @@ def check(
     setup = Setup.of(subject, pendulum)
     p, asked = as_arrays(setup.at({})), [r for r in MODELS if r in models or r == TOP]
     done = []
-    for i, name in enumerate(asked):
-        done.append(_timed(name, p))
-        if progress is not None:
-            progress("checking", i + 1, len(asked))
+    with shown(progress) as report:
+        for i, name in enumerate(asked):
+            done.append(_timed(name, p))
+            if report is not None:
+                report("checking", i + 1, len(asked))
     if not setup.hung:
         # The parameters of a bare block stand for a bob too light to be felt; its stroke means nothing.
         return Check(models=tuple(replace(r, stroke=math.nan) for r in done), limit=math.inf, bare=math.nan)

@@ -18,6 +18,7 @@ from tpd.core import checks
 from tpd.core.batch import in_chunks
 from tpd.core.formatting import Printed, counted, span
 from tpd.core.parameters import Parameters
+from tpd.core.progress import shown_count
 from tpd.core.quantities import NAMES, UNITS, Setup, parameters
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import names_of
@@ -77,7 +78,7 @@ def design_map(
     *,
     pendulum: Pendulum | None = None,
     start: Any = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] | bool | None = None,
 ) -> DesignMap:
     """The motion of every design on a grid of two parameters, or of two quantities of a scene.
 
@@ -105,7 +106,7 @@ def design_map(
         y: name and values of the other axis, shape (ny,).
         pendulum: in the scene; default none.
         start: (phi, psi, phi', psi') at tau = 0 in rad and rad per unit tau; zeros are from rest.
-        progress: called with (designs done, of how many).
+        progress: True for a bar on stderr, or called with (designs done, of how many).
 
     Raises:
         ValueError: unknown names or two that move the same, batched parameters, or values that do not
@@ -117,12 +118,13 @@ def design_map(
     (x_name, xs), (y_name, ys) = _line(setup, "x", x), _line(setup, "y", y)
     designs = _designs(setup, {x_name: xs, y_name: ys})
     y0 = None if start is None else _state(start)
-    orbits = in_chunks(symmetric_orbits, designs, progress=progress if y0 is None else None)
     still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
-    if y0 is None:
-        answer = _largest(orbits, still["margin"], still["stroke"])
-    else:
-        answer = _followed(designs, orbits, still["stroke"], y0, progress)
+    with shown_count(progress, "mapping") as report:
+        orbits = in_chunks(symmetric_orbits, designs, progress=report if y0 is None else None)
+        if y0 is None:
+            answer = _largest(orbits, still["margin"], still["stroke"])
+        else:
+            answer = _followed(designs, orbits, still["stroke"], y0, report)
     arrays = {**answer, "margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
     shaped = {n: v.reshape(len(ys), len(xs)) for n, v in arrays.items()}
     at = None if y0 is None else tuple(map(float, y0))
@@ -139,6 +141,9 @@ def _designs(setup: Setup, lines: dict[str, np.ndarray]) -> Parameters:
 
 def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.ndarray]:
     """The name and values of one axis, checked."""
+    if not (isinstance(axis, (tuple, list)) and len(axis) == 2):
+        raise ValueError(f"`{argument}` must be a name and its values, but is {checks.shown(axis)}")
+    checks.numbers(f"values of {argument}", axis[1], (-1,), "two or more numbers that increase")
     name, values = axis[0], np.asarray(axis[1], dtype=float)
     if values.ndim != 1 or len(values) < 2 or not (np.isfinite(values).all() and np.all(np.diff(values) > 0)):
         raise ValueError(
@@ -166,10 +171,8 @@ def _check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
 
 def _state(start: Any) -> np.ndarray:
     """The start as an array, checked."""
-    y0 = np.asarray(start, dtype=float)
-    if y0.shape != (4,) or not np.isfinite(y0).all():
-        raise ValueError(f"`start` must be four finite numbers (phi, psi, phi', psi'), but is {start!r}")
-    return y0
+    checks.numbers("start", start, (4,), "four numbers (phi, psi, phi', psi')")
+    return np.asarray(start, dtype=float)
 
 
 def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str, np.ndarray]:

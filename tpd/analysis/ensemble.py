@@ -19,9 +19,10 @@ import numpy as np
 from tpd.analysis.outcomes import LOST, Outcomes
 from tpd.analysis.work_queue import settle_all
 from tpd.core import checks, sampling
-from tpd.core.conditions import FACTORS, Conditions, under
+from tpd.core.conditions import FACTORS, Conditions, check_restitution, under
 from tpd.core.equations import Terms
 from tpd.core.parameters import Parameters
+from tpd.core.progress import shown_count
 from tpd.core.quantities import parameters_of
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import names_of
@@ -29,8 +30,10 @@ from tpd.models.base import Settled
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 
-_SCATTERED = ("amplitude", "frequency", "friction", "damping")
+_SCATTERED = ("amplitude", "frequency", "friction", "damping", "restitution")
 """Names, out of `FACTORS`, of what an ensemble scatters, in the order of its draws."""
+_FIRST = 10
+"""Draws of one generator; later ones come from another, which leaves these as they are."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +71,8 @@ class Ensemble:
     """Relative half width of k."""
     damping: float = 0.2
     """Relative half width of zeta."""
+    restitution: float = 0.0
+    """Relative half width of e, which stays at most 1."""
 
     def __post_init__(self) -> None:
         checks.count("size", self.size)
@@ -75,6 +80,9 @@ class Ensemble:
         checks.count("seed", self.seed, least=0)
         for name in ("tilt", "tilt_rate", "swing", "swing_rate"):
             checks.not_negative(name, getattr(self, name))
+        checks.at_most("tilt", self.tilt, 1.0, "a block that stands on its corner")
+        checks.at_most("swing", self.swing, 0.5 * math.pi, "a right angle in rad")
+        checks.flag("any_phase", self.any_phase)
         sampling.check_half_widths(self.half_widths)
         ramps = self.ramps if isinstance(self.ramps, (tuple, list)) else (self.ramps,)
         if not ramps:
@@ -94,9 +102,11 @@ class Ensemble:
         return np.random.default_rng([self.seed, 1]).permutation(self.size) % conditions
 
     def draws(self) -> np.ndarray:
-        """Places of the runs in the unit cube, shape (size, 10): the four components of the start, the phase,
+        """Places of the runs in the unit cube, shape (size, 11): the four components of the start, the phase,
         the growth, and the scattered numbers. The first row is the nominal run."""
-        unit = sampling.latin_hypercube(np.random.default_rng(self.seed), self.size, 10)
+        unit = sampling.latin_hypercube(np.random.default_rng(self.seed), self.size, _FIRST)
+        later = sampling.latin_hypercube(np.random.default_rng([self.seed, 5]), self.size, 1)
+        unit = np.concatenate([unit, later], axis=1)
         unit[0] = 0.5
         unit[0, 4:6] = 0.0
         return unit
@@ -151,7 +161,7 @@ def outcomes(
     conditions: Conditions | None = None,
     equations: Terms | str = Terms.linear,
     workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] | bool | None = None,
 ) -> Outcomes:
     """Follow the runs of an ensemble.
 
@@ -162,7 +172,7 @@ def outcomes(
         conditions: dealt out evenly among the runs, on top of their scatter; default the scene's own.
         equations: the linear ones by their exact solution, or the nonlinear ones by a compiled event loop.
         workers: threads; default the number of cores.
-        progress: called with (runs done, of how many).
+        progress: True for a bar on stderr, or called with (runs done, of how many).
 
     Raises:
         ValueError: bad input, or a pendulum beside parameters.
@@ -171,18 +181,24 @@ def outcomes(
     checks.require_x64()
     terms = _terms(equations)
     ensemble = Ensemble() if ensemble is None else ensemble
+    checks.instance("ensemble", ensemble, Ensemble)
+    if ensemble.restitution > 0.0 and isinstance(subject, Scene):
+        check_restitution(subject)
+    if conditions is not None:
+        checks.instance("conditions", conditions, Conditions)
     rate = float(subject.rate) if isinstance(subject, Scene) else 1.0
     runs = plan(parameters_of(subject, pendulum), ensemble, rate, conditions)
-    how: dict[str, Any] = {
-        "begin": runs.begin,
-        "ramp": runs.periods,
-        "workers": workers,
-        "progress": progress,
-    }
-    if terms is Terms.nonlinear:
-        settled = settle_nonlinear(runs.p, runs.y0, periods=ensemble.periods, **how)
-    else:
-        settled = settle_all(runs.p, runs.y0, model=Piecewise(max_periods=ensemble.periods), **how)
+    with shown_count(progress, "following") as report:
+        how: dict[str, Any] = {
+            "begin": runs.begin,
+            "ramp": runs.periods,
+            "workers": workers,
+            "progress": report,
+        }
+        if terms is Terms.nonlinear:
+            settled = settle_nonlinear(runs.p, runs.y0, periods=ensemble.periods, **how)
+        else:
+            settled = settle_all(runs.p, runs.y0, model=Piecewise(max_periods=ensemble.periods), **how)
     return _outcomes_of(ensemble, runs, settled, terms)
 
 

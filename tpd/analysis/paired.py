@@ -120,7 +120,7 @@ def verdict(
     bare: Outcomes | None = None,
     equations: Terms | str = Terms.linear,
     workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] | bool | None = None,
 ) -> Verdict:
     """Follow an ensemble of runs with the pendulum and without.
 
@@ -132,7 +132,8 @@ def verdict(
         bare: outcomes without the pendulum, where they are known already, by the same equations.
         equations: linear or nonlinear, see `outcomes`.
         workers: threads; default the number of cores.
-        progress: called with (runs done, of how many), for one ensemble after the other.
+        progress: True for a bar on stderr, or called with (runs done, of how many), for one ensemble after
+            the other.
 
     Raises:
         ValueError: bad input, a pendulum beside parameters, or `bare` by other equations.

@@ -25,7 +25,7 @@ from tpd.core.eigenvalues import (
     quartic_roots,
     rows_of,
 )
-from tpd.core.parameters import Number, Parameters, State, as_arrays
+from tpd.core.parameters import Number, Parameters, State, as_arrays, check_parameters
 from tpd.core.status import Status, is_moving
 from tpd.exact.contact import REST, SLIP
 from tpd.exact.derivatives import refused_in, with_slopes
@@ -151,12 +151,12 @@ def periodic_orbit(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    check_parameters(p)
     checks.count("periods", periods)
     checks.count("max_events", max_events)
     checks.positive("rest_rate", rest_rate)
+    checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
     y = jnp.asarray(y0, dtype=jnp.float64)
-    if y.shape != (4,):
-        raise ValueError(f"`y0` must be (phi, psi, phi', psi'), but has shape {y.shape}")
     p, count = as_arrays(p), jnp.asarray(periods)
     start = _recorded(p, y, count, max_events, rest_rate)
     return _solve(p, start.legs, start.guess, count, start.outcome)

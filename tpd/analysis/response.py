@@ -13,9 +13,10 @@ from tpd.analysis.bifurcations import Bifurcation, bifurcations
 from tpd.analysis.steady_state import steady_state
 from tpd.analysis.sweep import Sweep, along
 from tpd.closed_form.no_uplift import uplift
+from tpd.core import checks
 from tpd.core.formatting import Printed, counted, span
 from tpd.core.parameters import Parameters, as_arrays
-from tpd.core.progress import Progress
+from tpd.core.progress import Progress, shown
 from tpd.core.quantities import UNITS, Axis, parameters
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import status_name
@@ -133,7 +134,7 @@ def settled_response(
     values: Any,
     *,
     pendulum: Pendulum | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> Response:
     """The motion that the block settles into from rest, over one parameter or quantity.
 
@@ -145,18 +146,25 @@ def settled_response(
         name: parameter or quantity that varies, see `tpd.analysis.sweep`.
         values: shape (n,), in any order.
         pendulum: in the scene; default none.
-        progress: called with ("responding", values done, of how many).
+        progress: True for a bar on stderr, or called with ("responding", values done, of how many).
 
     Raises:
         ValueError: an unknown name, batched parameters, or a value out of range.
         RuntimeError: JAX is in 32-bit mode.
     """
-    axis, line = Axis.of(subject, name, pendulum), np.atleast_1d(np.asarray(values, dtype=float))
+    axis = Axis.of(subject, name, pendulum)
+    checks.numbers("values", np.atleast_1d(values), (-1,), "one or more numbers")
+    line = np.atleast_1d(np.asarray(values, dtype=float))
     axis.check(*line)
+    with shown(progress) as report:
+        return _settled(axis, line, report)
+
+
+def _settled(axis: Axis, line: np.ndarray, progress: Progress | None) -> Response:
     amplitude, stroke, status = [], [], []
     # One value after the other: in a batch all values would wait for the slowest transient.
     for i, value in enumerate(line):
-        s = jax.block_until_ready(steady_state(as_arrays(axis.setup.at({name: float(value)}))))
+        s = jax.block_until_ready(steady_state(as_arrays(axis.setup.at({axis.name: float(value)}))))
         amplitude.append(float(s.amplitude))
         stroke.append(float(s.stroke))
         status.append(status_name(s.status))
@@ -167,5 +175,5 @@ def settled_response(
         amplitude=np.array(amplitude),
         stroke=np.array(stroke),
         status=np.array(status, dtype=str),
-        name=name,
+        name=axis.name,
     )

@@ -25,7 +25,7 @@ from tpd.analysis.period_map import RESIDUAL, Orbit, implicit, multipliers, refi
 from tpd.core import checks
 from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, is_neutral
 from tpd.core.formatting import counted_periods, number
-from tpd.core.parameters import Number, Parameters, State, as_arrays
+from tpd.core.parameters import Number, Parameters, State, as_arrays, check_parameters
 from tpd.core.status import Status, is_moving, is_settled, status_name
 from tpd.exact.derivatives import refused, refused_in, with_slopes
 from tpd.models.base import AbstractChoice, AbstractModel, Settled
@@ -123,6 +123,9 @@ def steady_state(
     """
     model = Piecewise() if model is None else model
     checks.require_x64()
+    check_parameters(p)
+    checks.instance("model", model, (AbstractModel, AbstractChoice))
+    checks.flag("throw", throw)
     start = at_rest() if y0 is None else _state(y0)
     if isinstance(model, AbstractChoice):
         steady = model.steady(p, start)
@@ -151,7 +154,10 @@ def simulate(
     """
     model = Piecewise() if model is None else model
     checks.require_x64()
+    check_parameters(p)
+    checks.instance("model", model, AbstractModel)
     model.check(p)
+    checks.numbers("times", times, (-1,), "a vector of two or more increasing numbers")
     clock = jnp.asarray(times, dtype=jnp.float64)
     if clock.ndim != 1 or clock.shape[0] < 2:
         raise ValueError(f"`times` must be a vector of two or more, but has shape {clock.shape}")
@@ -169,10 +175,8 @@ def sampled(p: Parameters, periods: int = 24, per_period: int = 60) -> Float[Arr
 
 
 def _state(y0: ArrayLike) -> State:
-    y = jnp.asarray(y0, dtype=jnp.float64)
-    if y.shape != (4,):
-        raise ValueError(f"`y0` must be (phi, psi, phi', psi'), but has shape {y.shape}")
-    return y
+    checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
+    return jnp.asarray(y0, dtype=jnp.float64)
 
 
 @eqx.filter_jit

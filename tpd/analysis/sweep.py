@@ -85,6 +85,7 @@ def sweep(subject: Parameters | Scene, name: str, values: Any, *, pendulum: Pend
     """
     checks.require_x64()
     axis = Axis.of(subject, name, pendulum)
+    checks.numbers("values", values, (-1,), "two or more numbers that increase")
     grid = np.asarray(values, dtype=float)
     if grid.ndim != 1 or len(grid) < 2 or not (np.all(np.isfinite(grid)) and np.all(np.diff(grid) > 0)):
         raise ValueError("`values` must be two or more finite numbers that increase, but are not")

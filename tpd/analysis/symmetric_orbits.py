@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.core import checks
 from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, characteristic, felt_by_block, is_neutral, quartic_roots
-from tpd.core.parameters import Number, Parameters, State, as_arrays
+from tpd.core.parameters import Number, Parameters, State, as_arrays, check_parameters
 from tpd.core.status import Status
 from tpd.exact.batch_branches import computed_once, where_needed
 from tpd.exact.derivatives import refused, refused_in
@@ -90,6 +90,7 @@ def symmetric_orbits(p: Parameters) -> Orbits:
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    check_parameters(p)
     return _symmetric_orbits(as_arrays(p))
 
 

@@ -10,7 +10,7 @@ import argparse
 import sys
 
 import tpd
-from tpd.cli import check, common, optimise, options, response
+from tpd.cli import check, common, interrupts, optimise, options, response
 from tpd.cli import map as mapping
 
 
@@ -25,16 +25,48 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line and return the exit status."""
-    read = parser().parse_args(arguments)
+    """Run the command line and return the exit status.
+
+    Without `arguments` those of the process are taken: then Ctrl-C is answered also while something compiles,
+    and ends the process.
+    """
+    if arguments is not None:
+        return _run(parser().parse_args(arguments))
+    read = parser().parse_args()
+    with interrupts.watched(), interrupts.announced(_does(read)):
+        status = _run(read)
+        return interrupts.exit_now(status) if status == common.INTERRUPTED else status
+
+
+def _run(read: argparse.Namespace) -> int:
+    """Run the command that was read; an error is one sentence."""
+    out = getattr(read, "out", None)
+    existed = out is not None and out.exists()
     try:
-        return read.run(read)
-    except (ValueError, OSError) as error:
-        print(f"tpd: {error}", file=sys.stderr)
-        return common.BAD_INPUT
-    except MemoryError:
-        print("tpd: the job does not fit into memory: ask for less at once", file=sys.stderr)
-        return common.BAD_INPUT
-    except KeyboardInterrupt:
+        status = read.run(read)
+    except (Exception, KeyboardInterrupt) as error:
+        status = _refused(error)
+    if status == common.INTERRUPTED:
+        interrupts.leave(out, existed)
+    return status
+
+
+def _refused(error: BaseException) -> int:
+    """Say in one sentence why a command has ended, and return its exit status; a defect is raised."""
+    # An import or a compiler that is interrupted raises an error of its own.
+    if isinstance(error, KeyboardInterrupt) or interrupts.received():
         print("tpd: interrupted; what is not in the output directory is lost", file=sys.stderr)
         return common.INTERRUPTED
+    if isinstance(error, MemoryError):
+        print("tpd: the job does not fit into memory: ask for less at once", file=sys.stderr)
+    elif isinstance(error, (ValueError, OSError)):
+        print(f"tpd: {error}", file=sys.stderr)
+    else:
+        raise error
+    return common.BAD_INPUT
+
+
+def _does(read: argparse.Namespace) -> str | None:
+    """What a command does, for its first line; None for one that is quick."""
+    words = getattr(read, "does", None)
+    return None if words is None else words.format(**vars(read))

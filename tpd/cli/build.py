@@ -13,9 +13,11 @@ from tpd.analysis.attractors import Starts
 from tpd.analysis.ensemble import Ensemble
 from tpd.cli.schema import JobFile
 from tpd.core.bob import Bob
-from tpd.core.conditions import Conditions
+from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.scene import Block, Harmonic, Scene
-from tpd.design.criteria import KINDS, Limit, Risk, Room, Worsening
+from tpd.design.criteria import KINDS, Limit, Reserve, Risk, Room, Worsening
+from tpd.design.inputs import check_moves as refuse_still
+from tpd.design.inputs import check_scatter
 from tpd.design.methods import Descent, Method, Sequential
 from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
@@ -102,9 +104,20 @@ def risk_of(file: JobFile) -> Risk:
             return Risk.cvar(file.risk.share)
 
 
-def limits_of(file: JobFile) -> tuple[Limit, ...]:
-    """Limits, in the order of a report."""
-    asked = {kind: getattr(file.limits, kind.name) for kind in KINDS}
+def check_moves(file: JobFile, scene: Scene, conditions: Conditions, space: DesignSpace) -> None:
+    """Raise `ValueError` where nothing shakes the block, or where a quantity scatters that is zero."""
+    with naming("scatter"):
+        check_scatter(scene, file.widths, space)
+    with naming("ensemble"):
+        if file.ensemble.restitution > 0.0:
+            check_restitution(scene)
+    with naming("motion"):
+        refuse_still(scene, conditions, space)
+
+
+def limits_of(file: JobFile, *, over_orbits: bool) -> tuple[Limit, ...]:
+    """Limits, in the order of a report; only a search over orbits can state the reserve."""
+    asked = {kind: getattr(file.limits, kind.name) for kind in KINDS if over_orbits or kind is not Reserve}
     with naming("limits"):
         # The paper's setting, a single motion, has a bob without size and no other condition to compare with.
         left_out = (Room, Worsening) if file.conditions.exactly else ()

@@ -45,7 +45,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--quick", action="store_true", help="leave out the smoothed models, which take long to compile"
     )
-    command.set_defaults(run=run)
+    command.set_defaults(run=run, does="solving the design of {design} by every model")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
 
     job = config.job_of(file.job)
     pendulum = None if file.pendulum is None else Pendulum(**msgspec.structs.asdict(file.pendulum))
-    with common.Bar() as bar:
+    with common.bar() as bar:
         models = QUICK if options.quick else MODELS
         found = check(job.scene, pendulum, stroke=stroke_limit(job.limits), models=models, progress=bar)
     print(found.table())

@@ -10,12 +10,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tpd.cli import interrupts
 from tpd.cli.options import Option, given
 
 if TYPE_CHECKING:
+    from tpd.core.progress import Bar
     from tpd.core.scene import Pendulum, Scene
 
-SOUND, BAD_INPUT, UNSOUND, INTERRUPTED = 0, 2, 3, 130
+SOUND, BAD_INPUT, UNSOUND, INTERRUPTED = 0, 2, 3, interrupts.INTERRUPTED
 """Exit statuses."""
 
 SCENE = (
@@ -103,7 +105,24 @@ def pendulum(options: argparse.Namespace, of: Scene, varied: tuple[str, ...] = (
     if mass is None or length is None:
         missing = "--pendulum-mass or --mass-ratio" if mass is None else "--pendulum-length or --length-ratio"
         raise ValueError(f"half of the pendulum is missing: give {missing} as well")
+    _check_ratios(options, of)
     return Pendulum(mass=mass, length=length, damping_ratio=0.1 if damping is None else damping)
+
+
+def _check_ratios(options: argparse.Namespace, of: Scene) -> None:
+    """Raise `ValueError` for a bob heavier than the block, or a rod longer than it."""
+    from tpd.core import checks
+
+    block = of.block
+    bounds = {
+        "--pendulum-mass": (options.pendulum_mass, block.mass, "the mass of the block in kg"),
+        "--mass-ratio": (options.mass_ratio, 1.0, "a bob as heavy as the block"),
+        "--pendulum-length": (options.pendulum_length, block.height, "the height of the block in m"),
+        "--length-ratio": (options.length_ratio, 2.0, "a rod as long as the block"),
+    }
+    for flag, (value, most, words) in bounds.items():
+        if value is not None:
+            checks.at_most(flag, value, most, words)
 
 
 def _one(value: float | None, ratio: float | None, unit: float) -> float | None:
@@ -142,6 +161,13 @@ def use_64_bits() -> None:
             jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
 
 
+def bar() -> Bar:
+    """Return a bar for the stages of a command, see `tpd.core.progress.Bar`."""
+    from tpd.core.progress import Bar
+
+    return Bar()
+
+
 @contextlib.contextmanager
 def left_out(what: str) -> Iterator[None]:
     """Let Ctrl-C leave out a part of the report: say so on stderr, and go on with the answer."""
@@ -149,30 +175,3 @@ def left_out(what: str) -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         print(f"tpd: interrupted; the report goes without {what}", file=sys.stderr)
-
-
-class Bar:
-    """One progress bar for all stages, on a terminal only."""
-
-    def __init__(self) -> None:
-        self._bar: Any = None
-        self._stage = ""
-
-    def __enter__(self) -> Bar:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.close()
-
-    def __call__(self, stage: str, done: int, total: int) -> None:
-        """Show how much of a stage is done."""
-        from tqdm import tqdm
-
-        # A stage that begins again, as for a second model, gets a bar of its own.
-        if stage != self._stage or self._bar is None or done == 1:
-            if self._bar is not None:
-                self._bar.close()
-            self._bar = tqdm(total=total, desc=stage, disable=None, leave=False, file=sys.stderr)
-            self._stage = stage
-        self._bar.update(done - self._bar.n)

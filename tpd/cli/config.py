@@ -28,6 +28,7 @@ from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
 
 _Holds = Callable[[JobFile], bool]
+_SEVERAL = "several conditions, [conditions] or [scatter]"
 
 
 def _is_sampled(file: JobFile) -> bool:
@@ -36,6 +37,15 @@ def _is_sampled(file: JobFile) -> bool:
 
 def _is_descent(file: JobFile) -> bool:
     return file.search.method == "descent"
+
+
+def _has_several(file: JobFile) -> bool:
+    return file.size > 1
+
+
+def _is_over_orbits(file: JobFile) -> bool:
+    alone = file.search.method == "descent" and file.size == 1
+    return file.search.model in (None, "orbits") and not alone
 
 
 _ONLY_WITH: dict[tuple[str, str], tuple[str, _Holds]] = {
@@ -52,9 +62,16 @@ _ONLY_WITH: dict[tuple[str, str], tuple[str, _Holds]] = {
     ("starts", "size"): ("`starts.kind` sampled", _is_sampled),
     ("starts", "seed"): ("`starts.kind` sampled", _is_sampled),
     ("starts", "worst"): ("sampled starts, `starts.size`", _is_sampled),
+    ("risk", "measure"): (_SEVERAL, _has_several),
     ("risk", "share"): ("`risk.measure` cvar", lambda file: file.risk.measure == "cvar"),
     ("search", "optimiser"): ("`search.method` descent", _is_descent),
     ("search", "tolerance"): ("`search.method` descent", _is_descent),
+    # From rest under one condition a design overturns or does not, and its risk says so already.
+    ("search", "by_overturning"): (
+        f"{_SEVERAL}, or with starts other than rest",
+        lambda file: file.size > 1 or file.starts.kind != "rest",
+    ),
+    ("limits", "reserve"): ("a search over orbits, `search.model` orbits", _is_over_orbits),
 }
 """Keys that have an effect only together with another one: this one in words, and whether a job has it."""
 
@@ -94,7 +111,7 @@ def read(path: Path) -> dict[str, Any]:
         ValueError: the file cannot be read, or is not TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        found = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ValueError(f"cannot read {path}: {error.strerror or error}") from None
     except UnicodeDecodeError:
@@ -103,6 +120,9 @@ def read(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path} is not valid TOML: {error}") from None
     except RecursionError:
         raise ValueError(f"{path} is not a job file: it nests too deeply") from None
+    if not found:
+        raise ValueError(f"{path} is empty: `tpd new` writes a job file to begin with")
+    return found
 
 
 def typed(given: Mapping[str, Any]) -> JobFile:
@@ -183,15 +203,17 @@ def job_of(given: Mapping[str, Any]) -> Job:
     _refuse_without_effect(file)
     scene = build.scene_of(file)
     file = build.with_model(file, scene)
-    method = build.method_of(file)
+    method, space = build.method_of(file), build.space_of(file)
+    conditions = build.conditions_of(file, scene)
+    build.check_moves(file, scene, conditions, space)
     return Job(
         file=build.with_defaults(file, scene, method),
         scene=scene,
-        space=build.space_of(file),
-        conditions=build.conditions_of(file, scene),
+        space=space,
+        conditions=conditions,
         starts=build.starts_of(file),
         risk=build.risk_of(file),
-        limits=build.limits_of(file),
+        limits=build.limits_of(file, over_orbits=_is_over_orbits(file)),
         method=method,
         ensemble=build.ensemble_of(file),
         worth=build.worth_of(file),

@@ -43,7 +43,7 @@ def add(commands: Any) -> None:
         "--from-rest", action="store_true", help="follow every design from rest: forty times slower"
     )
     common.add_out(mapping, "tpd-map")
-    mapping.set_defaults(run=run)
+    mapping.set_defaults(run=run, does="solving the designs of a map, for {out}")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     x, y = (_axis(flag, given) for flag, given in (("--x", options.x), ("--y", options.y)))
     hung = common.pendulum(options, scene, (x[0], y[0]))
     files.claim(options.out, overwrite=options.overwrite)
-    with common.Bar() as bar:
+    with common.bar() as bar:
         bar("mapping", 0, options.points**2)
         m = design_map(
             scene,
@@ -73,7 +73,8 @@ def run(options: argparse.Namespace) -> int:
     print("\n".join(f"{count:8} {status.replace('_', ' ')}" for status, count in m.counts.items()))
     if not options.from_rest:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest says")
-    for path, content in _files(m, common.inputs(scene, hung)):
+    # Everything is drawn before the first file is written: an interruption leaves all files or none.
+    for path, content in list(_files(m, common.inputs(scene, hung))):
         print(f"written: {files.place(options.out / path, content)}")
     return common.SOUND
 

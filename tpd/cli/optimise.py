@@ -15,6 +15,7 @@ from tpd.cli.schema import keys
 
 if TYPE_CHECKING:
     from tpd.cli.config import Job
+    from tpd.core.progress import Bar
     from tpd.design.pareto import Front
     from tpd.design.result import Design
 
@@ -100,7 +101,7 @@ def add(commands: Any) -> None:
         "--resume", action="store_true", help="go on with the searches that an interrupted run left in DIR"
     )
     common.add_out(optimise, "tpd-design")
-    optimise.set_defaults(run=run)
+    optimise.set_defaults(run=run, does="searching for the pendulum of least rocking, for {out}")
 
 
 def _add_group(
@@ -124,13 +125,21 @@ def run(options: argparse.Namespace) -> int:
     from tpd.design.study import study
     from tpd.report.files import write
 
-    with common.Bar() as bar, _hinting(unfinished):
+    with common.bar() as bar, _hinting(unfinished):
         design = _design(job, unfinished, bar)
         front = _front(job, design, bar) if options.pareto else None
         shown = study(design, front=front, progress=bar)
     for part in shown.left_out:
         print(f"tpd: interrupted; the report goes without {part}", file=sys.stderr)
-    written = write(options.out, design, shown, config.tables(job), config.dump(job))
+    if design.status.name == "interrupted" and not unfinished.exists():
+        # A report without an answer would only be in the way of the next run.
+        print("tpd: interrupted before a search had ended: nothing is written", file=sys.stderr)
+        return common.INTERRUPTED
+    try:
+        written = write(options.out, design, shown, config.tables(job), config.dump(job))
+    except KeyboardInterrupt:
+        print(f"tpd: interrupted; {options.out} goes without some of its pictures", file=sys.stderr)
+        return common.INTERRUPTED
     print((options.out / "report.txt").read_text(encoding="utf-8"))
     print("\n".join(f"written: {path}" for path in written))
     return _exit_status(design, unfinished)
@@ -143,13 +152,18 @@ def _claim(options: argparse.Namespace, unfinished: Path) -> None:
     # Without this check a mistyped directory would begin a new search in silence.
     if options.resume and not unfinished.exists():
         raise ValueError(f"there is nothing to resume: {unfinished} does not exist")
+    if unfinished.exists() and not (options.resume or options.overwrite):
+        raise ValueError(
+            f"{options.out} already holds files of an interrupted run: go on with it by --resume, or begin "
+            "again with another --out or with --overwrite"
+        )
     files.claim(options.out, overwrite=options.overwrite or options.resume)
     # A search of another problem must not be taken for the beginning of this one.
     if not options.resume:
         unfinished.unlink(missing_ok=True)
 
 
-def _design(job: Job, unfinished: Path, bar: common.Bar) -> Design:
+def _design(job: Job, unfinished: Path, bar: Bar) -> Design:
     from tpd.design.optimise import optimise
 
     return optimise(
@@ -169,10 +183,11 @@ def _design(job: Job, unfinished: Path, bar: common.Bar) -> Design:
     )
 
 
-def _front(job: Job, design: Design, bar: common.Bar) -> Front | None:
+def _front(job: Job, design: Design, bar: Bar) -> Front | None:
     """Front of mass against rocking, if a pendulum is offered."""
     if design.pendulum is None or design.status.name == "interrupted":
         return None
+    from tpd.cli.build import limits_of
     from tpd.design.pareto import pareto
 
     with common.left_out("the front"):
@@ -181,7 +196,8 @@ def _front(job: Job, design: Design, bar: common.Bar) -> Front | None:
             job.space,
             conditions=job.conditions,
             risk=job.risk,
-            limits=job.limits,
+            # The front is a search over orbits: it can state the reserve whatever the method of the job.
+            limits=limits_of(job.file, over_orbits=True),
             seed=job.seed,
             progress=bar,
         )
@@ -190,9 +206,7 @@ def _front(job: Job, design: Design, bar: common.Bar) -> Front | None:
 
 def _exit_status(design: Design, unfinished: Path) -> int:
     if design.status.name == "interrupted":
-        # Groups of searches are stored as they end; before the first there is nothing to go on from.
-        begin_again = "no search had ended: begin again with --overwrite"
-        print(_hint(unfinished) if unfinished.exists() else begin_again)
+        print(_hint(unfinished))
         return common.INTERRUPTED
     unfinished.unlink(missing_ok=True)
     return common.SOUND if design.status.is_sound else common.UNSOUND

@@ -11,6 +11,7 @@ from tpd.cli import common
 
 if TYPE_CHECKING:
     from tpd.analysis.response import Branches, Response
+    from tpd.core.progress import Bar
     from tpd.core.scene import Pendulum, Scene
 
 BARE, HUNG = "bare block", "with the pendulum"
@@ -43,7 +44,7 @@ def add(commands: Any) -> None:
         "--from-rest", type=int, metavar="N", help="also what is settled into from rest, at N frequencies"
     )
     common.add_out(response, "tpd-response")
-    response.set_defaults(run=run)
+    response.set_defaults(run=run, does="following the motions over frequency, for {out}")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -57,13 +58,14 @@ def run(options: argparse.Namespace) -> int:
     if options.from_rest is not None:
         checks.count("--from-rest", options.from_rest, least=2)
     files.claim(options.out, overwrite=options.overwrite)
-    with common.Bar() as bar:
+    with common.bar() as bar:
         cases = _branches(scene, hung, name, (low, high), options.points, bar)
         settled = _settled(scene, hung, name, (low, high), options.from_rest, bar)
     print("\n".join(f"{label}: {case}" for label, case in cases.items()))
     if settled is None:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest N says")
-    for path, content in _files(scene, hung, cases, settled):
+    # Everything is drawn before the first file is written: an interruption leaves all files or none.
+    for path, content in list(_files(scene, hung, cases, settled)):
         print(f"written: {files.place(options.out / path, content)}")
     return common.SOUND
 
@@ -94,7 +96,7 @@ def _branches(
     name: str,
     bounds: tuple[float, float],
     points: int,
-    bar: common.Bar,
+    bar: Bar,
 ) -> dict[str, Branches]:
     from tpd.analysis.response import branches
 
@@ -112,7 +114,7 @@ def _settled(
     name: str,
     bounds: tuple[float, float],
     points: int | None,
-    bar: common.Bar,
+    bar: Bar,
 ) -> dict[str, Response] | None:
     import numpy as np
 

@@ -125,6 +125,7 @@ class ScatterTable(Table, frozen=True, kw_only=True):
     mass: Annotated[HalfWidth | None, _says("mass of the pendulum")] = None
     length: Annotated[HalfWidth | None, _says("length of the pendulum")] = None
     damping: Annotated[HalfWidth | None, _says("damping ratio of the pendulum")] = None
+    restitution: Annotated[HalfWidth | None, _says("restitution of the block, where it is a number")] = None
 
 
 class StartsTable(Table, frozen=True, kw_only=True):
@@ -244,6 +245,7 @@ class EnsembleTable(Table, frozen=True, kw_only=True):
     frequency: Annotated[HalfWidth, _says("relative half width of the base's frequency")] = 0.01
     friction: Annotated[HalfWidth, _says("relative half width of k")] = 0.2
     damping: Annotated[HalfWidth, _says("relative half width of zeta")] = 0.2
+    restitution: Annotated[HalfWidth, _says("relative half width of the restitution")] = 0.0
 
 
 class JobFile(Table, frozen=True, kw_only=True):

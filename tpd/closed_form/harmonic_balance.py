@@ -25,7 +25,7 @@ from jaxtyping import Array, Bool, Complex, Float
 from tpd.core import checks
 from tpd.core.eigenvalues import quartic_roots
 from tpd.core.equations import Linear
-from tpd.core.parameters import Number, Parameters, as_arrays
+from tpd.core.parameters import Number, Parameters, as_arrays, check_parameters
 
 _Amplitude = Complex[Array, "..."] | complex
 """Complex amplitude of a harmonic."""
@@ -104,6 +104,7 @@ def one_harmonic_branches(p: Parameters) -> HarmonicBranches:
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    check_parameters(p)
     of = _balance(p)
     a2, half = _abs2(of.a), _dot(of.a, of.signs)
     rest = _abs2(of.signs) - _abs2(of.b) * p.f**2
@@ -160,6 +161,7 @@ def neglected_harmonics(p: Parameters) -> Neglected:
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    check_parameters(p)
     of, both = _balance(p), one_harmonic_branches(p)
     of = _Balance(*(x[..., None] for x in jnp.broadcast_arrays(*of)))
     phi = jnp.where(both.exists, both.amplitude, 1.0)
@@ -190,6 +192,7 @@ def parametric_branches(p: Parameters) -> HarmonicBranches:
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    check_parameters(p)
     p = as_arrays(p)
     of = _balance(p)
     # The first harmonic of s phi sin(xi tau) is linear in Phi and, over the reals, in F: the factor on Im F

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from tpd.core import checks
-from tpd.core.parameters import Number, Parameters
+from tpd.core.parameters import Number, Parameters, check_parameters
 
 
 class Uplift(NamedTuple):
@@ -48,6 +48,7 @@ def uplift(p: Parameters) -> Uplift:
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    check_parameters(p)
     # Friction adds to the capacity: at rest it resists lifting to either side.
     size2, b_real, b_imag = _transfer(p)
     demand = p.f * jnp.sqrt(b_real**2 + b_imag**2)

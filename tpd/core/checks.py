@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -9,6 +10,9 @@ from typing import Any
 import jax
 import jax.core
 import numpy as np
+
+_LONGEST = 80
+"""Most characters of a value in a message."""
 
 
 def is_concrete(value: object) -> bool:
@@ -22,10 +26,61 @@ def as_float(value: Any) -> Any:
     return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
-def instance(name: str, value: object, of: type) -> None:
-    """Raise `ValueError` unless `value` is an object of the class `of`."""
-    if not isinstance(value, of):
-        raise ValueError(f"`{name}` must be a {of.__name__}, but is {value!r}")
+def shown(value: object) -> str:
+    """Return a value as it stands in a message: on one line, and not longer than one."""
+    text = " ".join((str(value) if isinstance(value, np.ndarray) else repr(value)).split())
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+
+
+def instance(name: str, value: object, of: type | tuple[type, ...], hint: str = "") -> None:
+    """Raise `ValueError` unless `value` is an object of a class `of`, or of one of several.
+
+    Args:
+        name: of the argument.
+        value: that is given for it.
+        of: the class, or the classes.
+        hint: end of the message, such as ": take `scene.parameters()`".
+    """
+    if isinstance(value, of):
+        return
+    classes = of if isinstance(of, tuple) else (of,)
+    names = " or ".join(c.__name__.removeprefix("Abstract") for c in classes)
+    if inspect.isclass(value) and issubclass(value, classes):
+        raise ValueError(
+            f"`{name}` must be a {names} that is made, `{value.__name__}(...)`, but is the class itself"
+        )
+    raise ValueError(f"`{name}` must be a {names}, but is {shown(value)}{hint}")
+
+
+def flag(name: str, value: object) -> None:
+    """Raise `ValueError` unless `value` is True or False."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ValueError(f"`{name}` must be True or False, but is {shown(value)}")
+
+
+def numbers(name: str, value: object, shape: tuple[int, ...], of: str) -> None:
+    """Raise `ValueError` unless `value` is an array of finite numbers of a shape; -1 stands for any length
+    above zero, and `of` says what the numbers are. Of traced values only the shape is known."""
+    if isinstance(value, jax.core.Tracer):
+        sound = _fits(value.shape, shape)
+    else:
+        try:
+            array = np.asarray(value)
+            real = np.issubdtype(array.dtype, np.integer) or np.issubdtype(array.dtype, np.floating)
+            sound = _fits(array.shape, shape) and real and bool(np.isfinite(array).all())
+        except (TypeError, ValueError, jax.errors.JAXTypeError):
+            # A list that holds traced values has no NumPy array; JAX checks its shape when it is stacked.
+            sound = _is_traced(value)
+    if not sound:
+        raise ValueError(f"`{name}` must be {of}, all finite, but is {shown(value)}")
+
+
+def _fits(shape: tuple[int, ...], wanted: tuple[int, ...]) -> bool:
+    return len(shape) == len(wanted) and all(n == m or m < 0 < n for n, m in zip(shape, wanted, strict=True))
+
+
+def _is_traced(value: object) -> bool:
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(value))
 
 
 def _check(name: str, value: object, allowed: str, holds: Callable[[np.ndarray], np.ndarray]) -> None:
@@ -34,10 +89,10 @@ def _check(name: str, value: object, allowed: str, holds: Callable[[np.ndarray],
         return
     array = np.asarray(value) if is_concrete(value) else np.asarray(value, dtype=object)
     if not np.issubdtype(array.dtype, np.integer) and not np.issubdtype(array.dtype, np.floating):
-        raise ValueError(f"`{name}` must be a number, but is {value!r}")
+        raise ValueError(f"`{name}` must be a number, but is {shown(value)}")
     if not (np.all(np.isfinite(array)) and np.all(holds(array))):
-        shown = f"{value:g}" if isinstance(value, (int, float)) else f"{array}"
-        raise ValueError(f"`{name}` must be {allowed}, but is {shown}")
+        text = f"{value:g}" if isinstance(value, (int, float)) else shown(array)
+        raise ValueError(f"`{name}` must be {allowed}, but is {text}")
 
 
 def positive(name: str, value: object) -> None:
@@ -70,23 +125,43 @@ def within(name: str, value: object, low: float, high: float, unit: str = "") ->
     )
 
 
+def at_most(name: str, value: object, most: object, of: str) -> None:
+    """Raise `ValueError` unless `value` is at most `most`, which `of` describes. Numbers or arrays that
+    broadcast; whoever traces answers for the range."""
+    if not (is_concrete(value) and is_concrete(most)):
+        return
+    values, bounds = np.broadcast_arrays(np.asarray(value), np.asarray(most))
+    # Equal numbers may differ by rounding, such as a mass that was made of its ratio.
+    beyond = values > bounds * (1.0 + 1e-9)
+    if np.any(beyond):
+        first = tuple(np.argwhere(beyond)[0])
+        raise ValueError(f"`{name}` must be at most {bounds[first]:g}, {of}, but is {values[first]:g}")
+
+
 def one_of(name: str, value: object, allowed: Sequence[str]) -> None:
     """Raise `ValueError` unless `value` is one of the words allowed."""
-    if value not in allowed:
-        raise ValueError(f"`{name}` must be one of {', '.join(allowed)}, but is {value!r}")
+    if not isinstance(value, str) or value not in allowed:
+        raise ValueError(f"`{name}` must be one of {', '.join(allowed)}, but is {shown(value)}")
 
 
 def interval(name: str, value: object, low: float, high: float) -> tuple[float, float]:
     """Return a pair (lo, hi) with `low` <= lo < hi <= `high`, or raise `ValueError`."""
     try:
-        lo, hi = (float(x) for x in value)  # type: ignore[attr-defined]
+        lo, hi = (_plain(x) for x in value)  # type: ignore[attr-defined]
     except (TypeError, ValueError):
-        raise ValueError(f"`{name}` must be a pair of numbers (low, high), but is {value!r}") from None
+        raise ValueError(f"`{name}` must be a pair of numbers (low, high), but is {shown(value)}") from None
     if not (math.isfinite(lo) and math.isfinite(hi) and low <= lo < hi <= high):
         raise ValueError(
             f"`{name}` must be an interval low < high within {low:g} to {high:g}, but is {lo:g} to {hi:g}"
         )
     return lo, hi
+
+
+def _plain(value: object) -> float:
+    """A number as a float; Python takes a text and a truth value for one as well."""
+    if isinstance(value, (str, bytes, bool, np.bool_)):
+        raise TypeError
+    return float(value)  # type: ignore[arg-type]
 
 
 def require_x64() -> None:

@@ -14,9 +14,9 @@ from tpd.core import checks, sampling
 from tpd.core.parameters import Parameters
 from tpd.core.scene import Scene
 
-FACTORS = ("amplitude", "frequency", "friction", "slenderness", "mass", "length", "damping")
-"""Numbers that can differ: amplitude and frequency of the base motion, k, nu, and the pendulum's m, l and
-zeta."""
+FACTORS = ("amplitude", "frequency", "friction", "slenderness", "mass", "length", "damping", "restitution")
+"""Numbers that can differ: amplitude and frequency of the base motion, k, nu, the pendulum's m, l and zeta,
+and e. Seeded samples depend on the order: a new name comes last."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,22 @@ class Conditions:
     units: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     """The scene's own value and its unit, by name, of factors that have one."""
 
+    def __post_init__(self) -> None:
+        checks.instance("factors", self.factors, Mapping)
+        for name, values in self.factors.items():
+            checks.one_of("factors", name, FACTORS)
+            checks.numbers(name, values, (-1,), "a vector of factors")
+            checks.positive(name, np.asarray(values))
+        lengths = sorted({len(values) for values in self.factors.values()})
+        if len(lengths) > 1:
+            raise ValueError(f"`factors` must be of one length, but have lengths {lengths}")
+
     def __len__(self) -> int:
         return max((len(v) for v in self.factors.values()), default=1)
 
     def __mul__(self, other: Conditions) -> Conditions:
+        if not isinstance(other, Conditions):
+            return NotImplemented
         n, m = len(self), len(other)
         names = {*self.factors, *other.factors}
         # Factors multiply where both sets have one, such as two uncertainties of the amplitude.
@@ -80,9 +92,10 @@ class Conditions:
         return tuple(name for name, v in self.factors.items() if np.ptp(v) > 0.0)
 
     def label(self, i: int) -> str:
-        """Label of the i-th condition, such as "2.5 Hz and 1.1 times the amplitude"."""
+        """Label of the i-th condition, such as "2.5 Hz and 1.1 times the amplitude"; of one of three factors
+        or more "2.45 Hz, 1.1 x amplitude, friction x 0.93"."""
         if len(self._differing) > 2:
-            return f"sample {i}"
+            return self._sample(i)
         parts = []
         # A factor that is the same in all conditions still belongs to the label, unless it is 1.
         for name in (name for name, v in self.factors.items() if np.any(v != 1.0)):
@@ -90,7 +103,19 @@ class Conditions:
             parts.append(f"{self.factors[name][i] * own:.4g} {unit}")
         return " and ".join(parts) if parts else "the scene's own shaking"
 
-    def factor_rows(self) -> Float[Array, "n 7"]:
+    def _sample(self, i: int) -> str:
+        """Label of a condition of many factors: the shaking first, then what scatters."""
+        parts = []
+        for name in sorted(self._differing, key=lambda n: (n != "frequency", n != "amplitude")):
+            value = self.factors[name][i]
+            if name in self.units:
+                own, unit = self.units[name]
+                parts.append(f"{value * own:.3g} {unit}")
+            else:
+                parts.append(f"{value:.3g} x amplitude" if name == "amplitude" else f"{name} x {value:.3g}")
+        return ", ".join(parts)
+
+    def factor_rows(self) -> Float[Array, "n 8"]:
         """All factors: one row for each condition, columns in the order of `FACTORS`."""
         return jnp.stack([jnp.asarray(self.column(name)) for name in FACTORS], axis=1)
 
@@ -122,6 +147,7 @@ class Conditions:
         Raises:
             ValueError: bounds that are not positive and in order, or a count below two.
         """
+        checks.instance("scene", scene, Scene)
         checks.interval("band", (low, high), 1e-6 * scene.motion.frequency, 1e6 * scene.motion.frequency)
         checks.count("count", count, least=2)
         phrase, own = f"{count} frequencies from {low:g} to {high:g} Hz", scene.motion.frequency
@@ -138,15 +164,16 @@ class Conditions:
         """
         if not factors:
             raise ValueError("`factors` must hold at least one number, but is empty")
-        checks.positive("factors", np.array(factors, dtype=float))
+        for factor in factors:
+            checks.positive("factors", factor)
         phrase = f"amplitudes {', '.join(f'{x:g}' for x in factors)} times the scene's"
         return Conditions({"amplitude": np.array(factors, dtype=float)}, (phrase,))
 
     @staticmethod
     def scatter(size: int, seed: int = 0, **half_widths: float) -> Conditions:
         """A seeded Latin hypercube of uncertain factors, each uniform between 1 - w and 1 + w, with w given
-        by name in `FACTORS`: manufacturing (mass, length, damping), the block (friction, slenderness) and
-        the shaking (amplitude, frequency).
+        by name in `FACTORS`: manufacturing (mass, length, damping), the block (friction, slenderness,
+        restitution) and the shaking (amplitude, frequency).
 
         Raises:
             ValueError: an unknown name, a width beyond 0 to 0.5, or a size below one.
@@ -166,13 +193,23 @@ class Conditions:
         return Conditions(factors, (f"{size} samples of {widths or 'nothing'} (seed {seed})",))
 
 
-def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "7 *n"]) -> Parameters:
+def check_restitution(scene: Scene) -> None:
+    """Raise `ValueError` unless the block of a scene has a restitution that can scatter."""
+    own = scene.block.restitution
+    if own is None or isinstance(own, str):
+        why = "there is none" if own is None else f"it is {own!r}, which follows the block's shape"
+        raise ValueError(f"`restitution` can scatter where it is a number, but {why}")
+
+
+def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "8 *n"]) -> Parameters:
     """Return the parameters of one design (mu, lam, zeta) under one condition.
 
     The base's amplitude of displacement stays, so f goes with the square of the frequency's factor. rho
-    follows nu, and e follows nu, rho and mu, where they are tied; xi does not.
+    follows nu, and e follows nu, rho and mu, where they are tied; xi does not. e stays at most 1: an impact
+    adds no energy.
     """
-    amplitude, frequency, friction, slenderness, mass, length, damping = factors
+    amplitude, frequency, friction, slenderness, mass, length, damping, restitution = factors
+    ratio = None if p.e is None else p.e * restitution
     return Parameters(
         nu=p.nu * slenderness,
         mu=design[0] * mass,
@@ -182,7 +219,8 @@ def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "7 
         f=p.f * amplitude * frequency**2,
         xi=p.xi * frequency,
         rho=p.rho,
-        e=p.e,
+        # Not a minimum, whose derivative is a half where both are equal.
+        e=None if ratio is None else jnp.where(ratio > 1.0, 1.0, ratio),
     )
 
 

@@ -13,6 +13,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+_PART = ".tpd-part-"
+"""Begin of the names of files that are being written; what a killed run leaves of them counts as nothing."""
 PACKAGES = ("jax", "jaxlib", "diffrax", "optax", "equinox", "numpy", "numba")
 
 
@@ -24,7 +26,7 @@ def claim(directory: Path, *, overwrite: bool) -> None:
     """
     if directory.exists() and not directory.is_dir():
         raise ValueError(f"cannot write the report: {directory} is a file, not a directory")
-    if directory.exists() and any(directory.iterdir()) and not overwrite:
+    if directory.exists() and not overwrite and any(not _is_part(path) for path in directory.iterdir()):
         raise ValueError(
             f"{directory} already holds files: choose another directory with --out, or pass --overwrite"
         )
@@ -41,12 +43,27 @@ def place(path: Path, content: str | bytes) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     # A rename within one directory is atomic: an interrupted run leaves no half-written file.
     data = content.encode() if isinstance(content, str) else content
-    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-        file.write(data)
-    # Temporary files are readable by their owner only.
-    Path(file.name).chmod(0o644)
-    Path(file.name).replace(path)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=_PART)
+    try:
+        with open(handle, "wb") as file:
+            file.write(data)
+        # Temporary files are readable by their owner only.
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
     return path
+
+
+def drop_parts(directory: Path) -> None:
+    """Remove what was being written in a directory when a run was killed."""
+    for path in filter(_is_part, directory.iterdir()):
+        path.unlink(missing_ok=True)
+
+
+def _is_part(path: Path) -> bool:
+    return path.name.startswith(_PART)
 
 
 def as_json(content: Any) -> str:

@@ -139,6 +139,13 @@ def _check_heaviest(nu: Any, rho: Any, mu: Any) -> None:
             )
 
 
+def check_parameters(p: object, name: str = "p") -> None:
+    """Raise `ValueError` unless `p` is an object of `Parameters`."""
+    # A scene is what is given by mistake: it knows its parameters.
+    hint = ": take its `.parameters()`" if hasattr(p, "parameters") else ""
+    checks.instance(name, p, Parameters, hint)
+
+
 def as_arrays(p: Parameters) -> Parameters:
     """Parameters with 64-bit array leaves."""
     # `eqx.filter_jit` takes Python floats as static and would compile again for every value.

@@ -47,6 +47,11 @@ UNITS = {
 }
 """Units by name; what is not here is dimensionless."""
 _MAY_BE_ZERO = ("friction", "amplitude", "pendulum_mass", "pendulum_damping")
+_BOUNDS = {
+    "pendulum_mass": ("mass", "the mass of the block"),
+    "pendulum_length": ("height", "the height of the block"),
+}
+"""Quantities of the pendulum that must not exceed one of the block, and that one in words."""
 _OF_PENDULUM = ("mu", "lam", "zeta", "pendulum_mass", "pendulum_length", "pendulum_damping")
 
 
@@ -91,6 +96,7 @@ class Setup:
         Raises:
             ValueError: batched parameters, or a pendulum beside parameters.
         """
+        checks.instance("subject", subject, (Parameters, Scene))
         if isinstance(subject, Scene):
             return Setup(subject.quantities(pendulum), True, pendulum is not None)
         if pendulum is not None:
@@ -133,6 +139,10 @@ class Setup:
         if name in QUANTITIES:
             check = checks.not_negative if name in _MAY_BE_ZERO else checks.positive
             check(name, value)
+        # A mass or a length of the pendulum that varies has the same bounds as one that is given.
+        if name in _BOUNDS and self.hung:
+            of, words = _BOUNDS[name]
+            checks.at_most(name, value, self.values[of], words)
 
     def at(self, varied: Mapping[str, Any]) -> Parameters:
         """Return the parameters with some numbers replaced, each by a number or an array.

@@ -73,6 +73,13 @@ class Block:
         self._check_losses()
         if self.radius_of_gyration is not None:
             checks.positive("radius_of_gyration", self.radius_of_gyration)
+            # No body has more: all of its mass would lie in the corners.
+            checks.at_most(
+                "radius_of_gyration",
+                self.radius_of_gyration,
+                0.5 * (self.width**2 + self.height**2) ** 0.5,
+                "half the diagonal of the block",
+            )
         self._check_cavity()
         if checks.is_concrete(self.slenderness) and np.any(self.slenderness > SLENDERNESS_LIMIT):
             raise ValueError(
@@ -93,6 +100,15 @@ class Block:
             # Impacts alone let a bare block settle; without impact loss only friction does.
             object.__setattr__(self, "friction", FRICTION if self.restitution is None else 0.0)
         checks.not_negative("friction", self.friction)
+        # The moment of the block's weight about its corner is M g a = nu M g b, and it falls with the tilt:
+        # a greater friction moment holds the block at any tilt, so that it neither falls back nor over.
+        checks.at_most(
+            "friction",
+            self.friction,
+            self.slenderness,
+            "width/height (a moment over M g b, no coefficient of sliding; a greater one holds the block at "
+            "any tilt)",
+        )
 
     def _check_cavity(self) -> None:
         if self.cavity_width is None:
@@ -218,15 +234,21 @@ class Scene:
         followed. In the parameters themselves rho is None (tied to nu) for a uniform rectangle, and e is None
         (tied to nu, rho and mu) for Housner's restitution.
         """
-        if pendulum is not None:
-            checks.instance("pendulum", pendulum, Pendulum)
         return Parameters(**dimensionless(self.quantities(pendulum)))
 
     def quantities(self, pendulum: Pendulum | None = None) -> dict[str, Any]:
         """Return the SI quantities that `parameters` depends on, by name. Those of the pendulum begin with
         `pendulum_`; without one its mass is zero. Housner's restitution is left out, since it depends on the
-        others."""
+        others.
+
+        Raises:
+            ValueError: a bob heavier than the block, or a rod longer than it.
+        """
         block, motion = self.block, self.motion
+        if pendulum is not None:
+            checks.instance("pendulum", pendulum, Pendulum)
+            checks.at_most("pendulum.mass", pendulum.mass, block.mass, "the mass of the block")
+            checks.at_most("pendulum.length", pendulum.length, block.height, "the height of the block")
         # At mu = 0 the bob does not act on the block, but the equations of the pair still contain its length:
         # any usual value serves.
         hung = (

@@ -30,6 +30,10 @@ class Risk:
     share: float
     name: str
 
+    def __post_init__(self) -> None:
+        checks.within("share", self.share, 0.0, 1.0)
+        checks.instance("name", self.name, str)
+
     @staticmethod
     def worst() -> Risk:
         """Largest tilt of all conditions."""
@@ -117,15 +121,23 @@ class Limit(ABC):
         """Limited quantities of m designs under n conditions, over their limits."""
 
 
+def _check_angle(name: str, angle: object) -> None:
+    """Raise `ValueError` unless an angle is positive and at most a right angle, where the bob is level with
+    its hinge."""
+    checks.positive(name, angle)
+    checks.at_most(name, angle, 0.5 * np.pi, "a right angle in rad")
+
+
 @dataclass(frozen=True)
 class Stroke(Limit):
-    """Largest settled |psi|, rad. The linear equations lose their meaning beyond about 0.5 rad."""
+    """Largest settled |psi|, rad, at most pi/2. The linear equations lose their meaning beyond about 0.5
+    rad."""
 
     angle: float = 0.5
     name: ClassVar[str] = "stroke"
 
     def __post_init__(self) -> None:
-        checks.positive(self.name, self.angle)
+        _check_angle(self.name, self.angle)
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The stroke over the limit."""
@@ -134,13 +146,14 @@ class Stroke(Limit):
 
 @dataclass(frozen=True)
 class RelativeStroke(Limit):
-    """Largest settled |psi - phi|, rad. The sum of both largest angles is limited, which is never less."""
+    """Largest settled |psi - phi|, rad, at most pi/2. The sum of both largest angles is limited, which is
+    never less."""
 
     angle: float
     name: ClassVar[str] = "relative_stroke"
 
     def __post_init__(self) -> None:
-        checks.positive(self.name, self.angle)
+        _check_angle(self.name, self.angle)
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The sum of both angles over the limit."""
@@ -150,13 +163,14 @@ class RelativeStroke(Limit):
 
 @dataclass(frozen=True)
 class Tilt(Limit):
-    """Largest settled |phi|, as a share of nu."""
+    """Largest settled |phi|, as a share of nu, at most 1: at nu the block stands on its corner."""
 
     share: float
     name: ClassVar[str] = "tilt"
 
     def __post_init__(self) -> None:
         checks.positive(self.name, self.share)
+        checks.at_most(self.name, self.share, 1.0, "a block that stands on its corner")
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The tilt over the limit."""
@@ -317,10 +331,12 @@ def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
         ValueError: something that is not a limit, or two limits of one kind.
     """
     # Two limits of one kind would leave open which of them a report means.
+    if not isinstance(limits, Iterable) or isinstance(limits, str):
+        raise ValueError(f"`limits` must be a list of objects of `tpd.limits`, but is {checks.shown(limits)}")
     listed = tuple(limits)
     for limit in listed:
         if not isinstance(limit, KINDS):
-            raise ValueError(f"`limits` must hold objects of `tpd.limits`, but has {limit!r}")
+            raise ValueError(f"`limits` must hold objects of `tpd.limits`, but has {checks.shown(limit)}")
     for kind in KINDS:
         if sum(isinstance(limit, kind) for limit in listed) > 1:
             raise ValueError(f"`limits` must hold one limit of a kind, but has two of {kind.__name__}")

@@ -22,10 +22,13 @@ def elasticities_of(
     between basins."""
     if isinstance(objective, Followed) and objective.starts.kind is StartKind.sampled:
         return _from_slopes(objective, of)
-    step, out = 1e-3, {}
-    for i, name in enumerate(FACTORS):
+    step, out, e = 1e-3, {}, objective.p.e
+    # Above 1 there is no restitution, so that a difference to both sides needs room.
+    varies = e is not None and float(e) * (1.0 + step) <= 1.0
+    names = [x for x in FACTORS if x != "restitution" or varies]
+    for i, name in enumerate(names):
         if progress is not None:
-            progress("elasticities", i + 1, len(FACTORS))
+            progress("elasticities", i + 1, len(names))
         sides = []
         for factor in (1.0 - step, 1.0 + step):
             changed = objective.over(objective.conditions * Conditions({name: np.array([factor])}))

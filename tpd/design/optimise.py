@@ -10,8 +10,9 @@ import numpy as np
 
 from tpd.analysis.attractors import Starts
 from tpd.analysis.ensemble import Ensemble
-from tpd.core.conditions import Conditions
-from tpd.core.progress import Progress
+from tpd.core import checks
+from tpd.core.conditions import Conditions, check_restitution
+from tpd.core.progress import Progress, shown
 from tpd.core.scene import Scene
 from tpd.core.threads import aside
 from tpd.design.active import nearest
@@ -64,8 +65,8 @@ def optimise(
     worth: Worth | None = None,
     seed: int = 0,
     by_overturning: bool = False,
-    checkpoint: Path | None = None,
-    progress: Progress | None = None,
+    checkpoint: Path | str | None = None,
+    progress: Progress | bool | None = None,
 ) -> Design:
     """Pendulum of least rocking under one or many conditions, verified.
 
@@ -96,7 +97,7 @@ def optimise(
         by_overturning: verify first the designs that overturn under the fewest conditions from rest, rather
             than those of least risk.
         checkpoint: file for finished searches; searches of the same problem in it are not repeated.
-        progress: called with (stage, done, of how many).
+        progress: True for a bar on stderr, or called with (stage, done, of how many).
 
     Returns:
         The design, with its status; `pendulum` is None where none is offered.
@@ -107,7 +108,15 @@ def optimise(
     """
     problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed, worth)
     ensemble = Ensemble(seed=seed) if ensemble is None else ensemble
-    return solve(problem, ensemble, by_overturning, checkpoint, progress)
+    checks.instance("ensemble", ensemble, Ensemble)
+    if ensemble.restitution > 0.0:
+        check_restitution(scene)
+    checks.flag("by_overturning", by_overturning)
+    if checkpoint is not None:
+        checks.instance("checkpoint", checkpoint, (Path, str))
+        checkpoint = Path(checkpoint)
+    with shown(progress) as report:
+        return solve(problem, ensemble, by_overturning, checkpoint, report)
 
 
 def solve(

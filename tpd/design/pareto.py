@@ -10,9 +10,10 @@ import numpy as np
 from tpd.analysis.attractors import StartKind, Starts
 from tpd.core import checks
 from tpd.core.conditions import Conditions
-from tpd.core.progress import Progress
+from tpd.core.progress import Progress, shown
 from tpd.core.scene import Scene
 from tpd.design.criteria import Limit, Risk
+from tpd.design.inputs import check_types
 from tpd.design.methods import Method, Sequential
 from tpd.design.problem import Problem
 from tpd.design.search import Multistart, stage
@@ -45,7 +46,7 @@ def pareto(
     points: int = 12,
     method: Method | None = None,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> Front:
     """Least risk for every mass: for each of `points` bounds on the mass ratio, in equal ratios over the
     space, the best of several sequential searches. Designs are not verified; see `optimise` for that.
@@ -61,12 +62,19 @@ def pareto(
     """
     checks.count("points", points, least=2)
     method = Sequential(searches=8, steps=30) if method is None else method
+    check_types(scene, space, conditions, starts, risk, method)
     if starts is not None and starts.kind is StartKind.sampled and method.model is None:
         raise ValueError(
             "`starts` of a front must be Starts.rest() or Starts.any() where every orbit is known, but is a "
             "sampled set: give `method` a model to follow it by"
         )
     problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed)
+    with shown(progress) as report:
+        return _front(problem, points, report)
+
+
+def _front(problem: Problem, points: int, progress: Progress | None) -> Front:
+    method, seed = problem.method, problem.seed
     objective, space = problem.objective, problem.space
     search = Multistart(objective, problem.method, seed, progress)
     # The searches run on lanes with bounds of their own, so that only the screening is shared.

@@ -15,8 +15,9 @@ from tpd.core.conditions import Conditions, under_all
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.scene import Scene
 from tpd.design.checkpoint import fingerprint_of
-from tpd.design.criteria import DEFAULT_LIMITS, Limit, Mass, Risk, check_limits, limit_of
+from tpd.design.criteria import Limit, Mass, Risk, limit_of
 from tpd.design.followed import Followed
+from tpd.design.inputs import check_moves, check_types, limits_for
 from tpd.design.methods import Descent, Method, Sequential, describe
 from tpd.design.objective import AbstractObjective, Orbits, geometry_of
 from tpd.design.space import DesignSpace
@@ -69,13 +70,16 @@ class Problem:
         """
         checks.require_x64()
         checks.count("seed", seed, least=0)
+        check_types(scene, space, conditions, starts, risk, method)
         if conditions is None:
             return _around(scene, space, starts, risk, limits, method, seed, worth)
-        limits = DEFAULT_LIMITS if limits is None else check_limits(limits)
-        space = _narrowed(DesignSpace() if space is None else space, scene, limits)
+        space = DesignSpace() if space is None else space
+        check_moves(scene, conditions, space)
         p = as_arrays(scene.parameters())
         _check_heaviest(p, space, conditions)
         method = _with_model(_default_method(conditions) if method is None else method, p, conditions)
+        limits = limits_for(limits, method.model is not None)
+        space = _narrowed(space, scene, limits)
         # The method decides: a closed form knows all orbits, a model must begin somewhere.
         starts = _default_starts(method) if starts is None else starts
         # Whichever start is a question to all orbits at once; a model follows one motion at a time.
@@ -90,6 +94,11 @@ class Problem:
             objective: AbstractObjective = Orbits(*common, rest_counts=starts.kind is StartKind.rest)
         else:
             method.model.check(p)
+            if isinstance(method.model, Smoothed) and np.ptp(conditions.column("restitution")) > 0.0:
+                raise ValueError(
+                    "`restitution` cannot scatter in the smoothed model, which has no impact loss: take "
+                    "`Piecewise()`"
+                )
             objective = Followed(*common, model=method.model, starts=starts)
         worth = Worth() if worth is None else worth
         return Problem(scene, space, starts, method, objective.against_bare(), worth, seed)
@@ -130,12 +139,13 @@ def _around(
     A method that follows a model belongs to the shaking itself, one on orbits to the neighbourhood.
     """
     limits = None if limits is None else tuple(limits)
+    # At one shaking there is no other condition to compare with, and a model does not know the reserve.
+    fewer = None if limits is None else tuple(x for x in limits if not isinstance(x, (Worsening, Reserve)))
     at_point = isinstance(method, Descent) or (method is not None and method.model is not None)
     first, second = (method, None) if at_point else (None, method)
     rest = Starts.rest() if starts is not None and starts.kind is StartKind.any else starts
-    common = risk, limits
-    point = Problem.of(scene, space, Conditions.exactly(), rest, *common, first, seed, worth)
-    whole = Problem.of(scene, space, Conditions.around(scene), starts, *common, second, seed, worth)
+    point = Problem.of(scene, space, Conditions.exactly(), rest, risk, fewer, first, seed, worth)
+    whole = Problem.of(scene, space, Conditions.around(scene), starts, risk, limits, second, seed, worth)
     return replace(whole, point=point)
 
 

@@ -8,6 +8,8 @@ import numpy as np
 
 from tpd.core import checks
 
+HEAVIEST_RATIO = 1.0
+"""Largest mass ratio m/M: no bob within a block is heavier than the block."""
 LONGEST_RATIO = 2.0
 """Largest length ratio l/b: a pendulum longer than the whole block would swing through the floor."""
 
@@ -29,12 +31,12 @@ class DesignSpace:
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
-        set_(self, "mass_ratio", checks.interval("mass_ratio", self.mass_ratio, 0.0, 10.0))
+        set_(self, "mass_ratio", checks.interval("mass_ratio", self.mass_ratio, 0.0, HEAVIEST_RATIO))
         set_(self, "length_ratio", checks.interval("length_ratio", self.length_ratio, 1e-3, LONGEST_RATIO))
         # One number is fixed, a pair is searched: the search has two or three coordinates.
-        if isinstance(self.damping_ratio, (int, float)):
+        if np.ndim(self.damping_ratio) == 0:
             checks.within("damping_ratio", self.damping_ratio, 0.0, 2.0)
-            set_(self, "damping_ratio", float(self.damping_ratio))
+            set_(self, "damping_ratio", float(self.damping_ratio))  # type: ignore[arg-type]
         else:
             set_(self, "damping_ratio", checks.interval("damping_ratio", self.damping_ratio, 0.0, 2.0))
 

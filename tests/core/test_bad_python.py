@@ -1,0 +1,187 @@
+"""Bad input in Python: one sentence that names the argument, raised before anything is compiled.
+
+The calls run in one process without the types that the other tests have beartype check, as a user's do.
+"""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+HEAD = """
+import json, sys
+import jax
+jax.config.update("jax_enable_x64", True)
+import jax.numpy as jnp
+import numpy as np
+import tpd
+from tpd import *
+from tpd.analysis.bifurcations import bifurcations
+from tpd.analysis.ensemble import outcomes
+from tpd.analysis.sweep import sweep
+
+def listen(event, seconds, **_):
+    compiled.append(seconds) if "backend_compile" in event else None
+
+compiled = []
+nan = float("nan")
+scene = paper_scene()
+block, motion = scene.block, scene.motion
+p = scene.parameters()
+hung = Pendulum(mass=1.0, length=0.1, damping_ratio=0.1)
+def made(kind, **given):
+    good = {Block: dict(width=0.1, height=0.4, mass=16.0), Harmonic: dict(amplitude=0.015, frequency=2.5),
+            Pendulum: dict(mass=1.0, length=0.1, damping_ratio=0.1),
+            Parameters: dict(nu=0.25, mu=0.1, lam=0.5, zeta=0.1, k=0.05, f=0.3, xi=3.0)}
+    return kind(**{**good[kind], **given})
+jax.monitoring.register_event_duration_secs_listener(listen)
+said = {}
+for call in json.load(sys.stdin):
+    try:
+        eval(call)
+        said[call] = ["nothing", ""]
+    except Exception as error:
+        said[call] = [type(error).__name__, str(error)]
+print(json.dumps([said, max(compiled, default=0.0)]))
+"""
+
+CALLS = {
+    # Numbers of a scene: not a number, out of range, of a wrong type.
+    'made(Block, width="0.1")': "`width` must be a number, but is '0.1'",
+    "made(Block, width=True)": "`width` must be a number, but is True",
+    "made(Block, width=nan)": "`width` must be positive and finite, but is nan",
+    "made(Block, height=None)": "`height` must be a number, but is None",
+    "made(Block, mass=-1)": "`mass` must be positive and finite, but is -1",
+    "made(Block, mass=[1.0, 2.0])": "`mass` must be a number, but is [1.0, 2.0]",
+    "made(Block, width=0.3)": "`width` must be at most 0.5 of `height`",
+    "made(Block, friction=0.6)": "`friction` must be at most 0.25, width/height (a moment over M g b, no",
+    "made(Block, friction=nan)": "`friction` must be zero or positive, and finite, but is nan",
+    "made(Block, radius_of_gyration=0.3)": "`radius_of_gyration` must be at most 0.206155, half the diagonal",
+    "made(Block, radius_of_gyration=0)": "`radius_of_gyration` must be positive and finite, but is 0",
+    "made(Block, restitution=1.2)": "`restitution` must be between 0 and 1, but is 1.2",
+    'made(Block, restitution="bouncy")': "`restitution` must be a number or 'housner', but is 'bouncy'",
+    "made(Harmonic, amplitude=nan)": "`amplitude` must be zero or positive, and finite, but is nan",
+    "made(Harmonic, frequency=0)": "`frequency` must be positive and finite, but is 0",
+    'made(Harmonic, frequency="fast")': "`frequency` must be a number, but is 'fast'",
+    "made(Pendulum, mass=1j)": "`mass` must be a number, but is 1j",
+    "made(Pendulum, length=nan)": "`length` must be positive and finite, but is nan",
+    "made(Pendulum, damping_ratio=-0.1)": "`damping_ratio` must be zero or positive, and finite, but is -0.1",
+    "Scene(motion, block)": "`block` must be a Block, but is Harmonic(amplitude=0.015, frequency=2.5)",
+    "Scene(Block, motion)": "`block` must be a Block that is made, `Block(...)`, but is the class itself",
+    "Scene(block, motion, gravity=0)": "`gravity` must be positive and finite, but is 0",
+    "scene.parameters(block)": "`pendulum` must be a Pendulum, but is Block(width=0.1",
+    "scene.parameters(made(Pendulum, mass=20.0))": "`pendulum.mass` must be at most 16.224, the mass of the",
+    "scene.parameters(made(Pendulum, length=0.41))": "`pendulum.length` must be at most 0.4, the height of",
+    "made(Parameters, nu=nan)": "`nu` must be positive and finite, but is nan",
+    'made(Parameters, k="0.1")': "`k` must be a number, but is '0.1'",
+    "made(Parameters, mu=True)": "`mu` must be a number, but is True",
+    # The design space, conditions, starts, risks and limits.
+    "DesignSpace(mass_ratio=0.1)": "`mass_ratio` must be a pair of numbers (low, high), but is 0.1",
+    'DesignSpace(mass_ratio=("0.1", "0.2"))': "`mass_ratio` must be a pair of numbers (low, high), but is (",
+    "DesignSpace(mass_ratio=(0.1, True))": "`mass_ratio` must be a pair of numbers (low, high), but is (0.1, T",
+    "DesignSpace(mass_ratio=(0.1, 1.2))": "`mass_ratio` must be an interval low < high within 0 to 1, but is",
+    "DesignSpace(mass_ratio=(nan, 0.2))": "`mass_ratio` must be an interval low < high within 0 to 1, but is n",
+    "DesignSpace(length_ratio=(0.1, 2.5))": "`length_ratio` must be an interval low < high within 0.001 to 2",
+    "DesignSpace(damping_ratio=True)": "`damping_ratio` must be a number, but is True",
+    'DesignSpace(damping_ratio="0.1")': "`damping_ratio` must be a number, but is '0.1'",
+    "DesignSpace(damping_ratio=nan)": "`damping_ratio` must be between 0 and 2, but is nan",
+    "Conditions.band(block, 2.0, 3.0)": "`scene` must be a Scene, but is Block(width=0.1",
+    "Conditions.band(scene, 3.0, 2.0)": "`band` must be an interval low < high within",
+    "Conditions.band(scene, 2.0, 3.0, -5)": "`count` must be a whole number, 2 or more, but is -5",
+    'Conditions.amplitudes("1.1")': "`factors` must be a number, but is '1.1'",
+    "Conditions.amplitudes(0.0)": "`factors` must be positive and finite, but is 0",
+    'Conditions({"colour": np.ones(2)})': "`factors` must be one of amplitude, frequency, friction",
+    'Conditions({"friction": [1.0, nan]})': "`friction` must be a vector of factors, all finite, but is [1.0, n",
+    'Conditions({"mass": [1.0], "length": [1.0, 1.1]})': "`factors` must be of one length, but have lengths",
+    "Conditions.scatter(-4, mass=0.1)": "`size` must be a whole number, 1 or more, but is -4",
+    "Conditions.scatter(4, mass=0.9)": "`mass` must be between 0 and 0.5, but is 0.9",
+    "Starts(size=2.5)": "`size` must be a whole number, 1 or more, but is 2.5",
+    "Starts(swing=2.0)": "`swing` must be at most 1.5708, a right angle in rad, but is 2",
+    "Starts(tilt=1.5)": "`tilt` must be at most 1, a block that stands on its corner, but is 1.5",
+    'Starts(kind="rest")': "`kind` must be a StartKind, but is 'rest'",
+    'Starts(worst="yes")': "`worst` must be True or False, but is 'yes'",
+    'Ensemble(ramps="x")': "`ramps` must be a number, but is 'x'",
+    "Ensemble(ramps=())": "`ramps` must hold at least one duration, but is empty",
+    "Ensemble(size=-1)": "`size` must be a whole number, 1 or more, but is -1",
+    "Ensemble(any_phase=1)": "`any_phase` must be True or False, but is 1",
+    'Risk(share="all", name="mine")': "`share` must be a number, but is 'all'",
+    "Risk.cvar(2.0)": "`share` must be between 1e-09 and 1, but is 2",
+    "limits.Stroke(3.0)": "`stroke` must be at most 1.5708, a right angle in rad, but is 3",
+    "limits.RelativeStroke(1.6)": "`relative_stroke` must be at most 1.5708, a right angle in rad, but is 1.6",
+    "limits.Tilt(1.1)": "`tilt` must be at most 1, a block that stands on its corner, but is 1.1",
+    'limits.Mass("2 kg")': "`mass` must be a number, but is '2 kg'",
+    # Motions.
+    "steady_state(scene)": "`p` must be a Parameters, but is Scene(",
+    "steady_state(p, model=Piecewise)": "that is made, `Piecewise(...)`, but is the class itself",
+    'steady_state(p, model="exact")': "`model` must be a Model or Choice, but is 'exact'",
+    "steady_state(p, y0=[nan, 0, 0, 0])": "`y0` must be (phi, psi, phi', psi'), all finite, but is [nan, 0, 0",
+    "steady_state(p, y0=[0.0, 0.0])": "`y0` must be (phi, psi, phi', psi'), all finite, but is [0.0, 0.0]",
+    'steady_state(p, y0="rest")': "`y0` must be (phi, psi, phi', psi'), all finite, but is 'rest'",
+    'steady_state(p, throw="yes")': "`throw` must be True or False, but is 'yes'",
+    "simulate(scene, np.zeros(4), [0.0, 1.0])": "`p` must be a Parameters, but is Scene(",
+    "simulate(p, np.zeros(4), [1.0, 0.0])": "`times` must increase and be finite, but do not",
+    'simulate(p, np.zeros(4), ["a", "b"])': "`times` must be a vector of two or more increasing numbers, all",
+    "symmetric_orbits(scene)": "`p` must be a Parameters, but is Scene(",
+    "closed_form.uplift(scene)": "`p` must be a Parameters, but is Scene(",
+    "periodic_orbit(p, [0.0, nan, 0.0, 0.0])": "`y0` must be (phi, psi, phi', psi'), all finite",
+    "attractors(block)": "`subject` must be a Parameters or Scene, but is Block(",
+    "attractors(scene, starts=12)": "`starts` must be a Starts, but is 12",
+    'settled_response(scene, "frequency", ["a"])': "`values` must be one or more numbers, all finite, but is",
+    'settled_response(scene, "colour", [1.0])': "`name` must be one of width, height, mass",
+    'settled_response(scene, "frequency", [2.0], progress=3)': "`progress` must be True or a function, but is",
+    'branches(scene, "frequency", 3.0, 2.0)': "must be an interval low < high",
+    'sweep(scene, "frequency", [2.0, nan])': "`values` must be two or more numbers that increase, all finite",
+    'design_map(scene, "mu", ("lam", [0.1, 0.2]), pendulum=hung)': "`x` must be a name and its values, but i",
+    'design_map(scene, ("mu", [0.1, 0.2]), ("lam", [0.1, 0.2]), pendulum=hung, start=[0, 0])': "`start` must",
+    'design_map(scene, ("pendulum_mass", [1.0, 20.0]), ("lam", [0.1, 0.2]), pendulum=hung)': "`pendulum_mass`",
+    "outcomes(scene, ensemble=Ensemble)": "`ensemble` must be a Ensemble that is made, `Ensemble(...)`",
+    "verdict(scene, hung, conditions=2.5)": "`conditions` must be a Conditions, but is 2.5",
+    'check(scene, hung, stroke="wide")': "`stroke` must be positive, but is 'wide'",
+    # Searches.
+    "optimise(p)": "`scene` must be a Scene, but is Parameters(",
+    "optimise(scene, (0.01, 0.2))": "`space` must be a DesignSpace, but is (0.01, 0.2)",
+    "optimise(scene, conditions=[2.4, 2.6])": "`conditions` must be a Conditions, but is [2.4, 2.6]",
+    'optimise(scene, starts="rest")': "`starts` must be a Starts, but is 'rest'",
+    'optimise(scene, risk="worst")': "`risk` must be a Risk, but is 'worst'",
+    "optimise(scene, limits=limits.Stroke(0.5))": "`limits` must be a list of objects of `tpd.limits`, but is",
+    "optimise(scene, limits=[limits.Stroke])": "`limits` must hold objects of `tpd.limits`, but has <class",
+    "optimise(scene, limits=[limits.Reserve()])": "`limits` must not hold Reserve where a method follows",
+    'optimise(scene, method="adam")': "`method` must be a Method, but is 'adam'",
+    "optimise(scene, method=Descent)": "`method` must be a Method that is made, `Descent(...)`",
+    "optimise(scene, ensemble=512)": "`ensemble` must be a Ensemble, but is 512",
+    "optimise(scene, seed=1.5)": "`seed` must be a whole number, 0 or more, but is 1.5",
+    'optimise(scene, by_overturning="yes")': "`by_overturning` must be True or False, but is 'yes'",
+    "optimise(scene, checkpoint=3)": "`checkpoint` must be a Path or str, but is 3",
+    'optimise(scene, progress="bar")': "`progress` must be True or a function, but is 'bar'",
+    "optimise(Scene(block, made(Harmonic, amplitude=0)))": "`amplitude` must be above 0 in a search, but is 0",
+    "Descent(searches=-1)": "`searches` must be a whole number, 1 or more, but is -1",
+    "Descent(model=Piecewise)": "`model` must be a model such as Smoothed(), but is <class",
+    "Descent(optimiser=3)": "`optimiser` must be a transformation of optax, or one of adam, lbfgs, but is 3",
+    "pareto(block)": "`scene` must be a Scene, but is Block(",
+    "pareto(scene, points=1)": "`points` must be a whole number, 2 or more, but is 1",
+    "Piecewise(max_periods=0)": "`max_periods` must be a whole number, 1 or more, but is 0",
+}
+
+
+@pytest.fixture(scope="module")
+def said():
+    """What every call said, and the longest compilation (s)."""
+    call = [sys.executable, "-W", "error", "-c", HEAD]
+    done = subprocess.run(call, input=json.dumps(list(CALLS)), capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize(("call", "message"), CALLS.items(), ids=CALLS)
+def test_bad_input_is_refused_in_one_sentence(said, call, message):
+    kind, text = said[0][call]
+    assert kind == "ValueError", (kind, text)
+    assert message in text
+    assert len(text.splitlines()) == 1
+    assert len(text) < 260
+
+
+def test_nothing_is_compiled_for_bad_input(said):
+    """A search, an orbit or an integration takes seconds to compile; an addition of two numbers does not."""
+    assert said[1] < 0.5

@@ -1,0 +1,79 @@
+"""Checks of the inputs of a search before anything is compiled: their types, and what cannot be searched."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from tpd.analysis.attractors import Starts
+from tpd.core import checks
+from tpd.core.conditions import Conditions, check_restitution
+from tpd.core.scene import Scene
+from tpd.design.criteria import DEFAULT_LIMITS, Limit, Reserve, Risk, check_limits
+from tpd.design.methods import Method
+from tpd.design.space import DesignSpace
+
+
+def check_types(
+    scene: Scene,
+    space: DesignSpace | None,
+    conditions: Conditions | None,
+    starts: Starts | None,
+    risk: Risk | None,
+    method: Method | None,
+) -> None:
+    """Raise `ValueError` unless every input is of its class; None stands for a default."""
+    checks.instance("scene", scene, Scene)
+    given = {
+        "space": (space, DesignSpace),
+        "conditions": (conditions, Conditions),
+        "starts": (starts, Starts),
+        "risk": (risk, Risk),
+        "method": (method, Method),
+    }
+    for name, (value, kind) in given.items():
+        if value is not None:
+            checks.instance(name, value, kind)
+
+
+def check_moves(scene: Scene, conditions: Conditions, space: DesignSpace) -> None:
+    """Raise `ValueError` where nothing shakes the block, or where a quantity scatters that is zero."""
+    if not scene.motion.amplitude > 0.0:
+        raise ValueError(
+            f"`amplitude` must be above 0 in a search, but is {scene.motion.amplitude:g}: nothing shakes the "
+            "block"
+        )
+    check_scatter(scene, {name for name, v in conditions.factors.items() if np.ptp(v) > 0.0}, space)
+
+
+def check_scatter(scene: Scene, names: Iterable[str], space: DesignSpace | None = None) -> None:
+    """Raise `ValueError` for a name out of `FACTORS` of a quantity that is zero or absent: a factor on it
+    would change nothing."""
+    zero = {
+        "friction": scene.block.friction == 0.0,
+        "damping": space is not None and space.damping_ratio == 0.0,
+    }
+    for name in names:
+        if zero.get(name, False):
+            raise ValueError(f"`{name}` cannot scatter by a share of itself: it is 0")
+        if name == "restitution":
+            check_restitution(scene)
+
+
+def limits_for(limits: Iterable[Limit] | None, follows: bool) -> tuple[Limit, ...]:
+    """The limits of a search, or the default ones; `follows` says that it follows motions by a model.
+
+    Raises:
+        ValueError: bad limits, or a reserve that such a search cannot state.
+    """
+    if limits is None:
+        # A motion that is followed does not know how far it is from where it stops attracting.
+        return tuple(x for x in DEFAULT_LIMITS if not (follows and isinstance(x, Reserve)))
+    listed = check_limits(limits)
+    if follows and any(isinstance(limit, Reserve) for limit in listed):
+        raise ValueError(
+            "`limits` must not hold Reserve where a method follows motions by a model, which does not know "
+            "it, but do: leave it out, or take `method=Sequential()`"
+        )
+    return listed
