@@ -61,7 +61,14 @@ def test_a_run_writes_its_report(written):
     names = {path.name for path in (folder / "first").iterdir()}
     assert names >= DATA
     assert "unfinished.npz" not in names
-    assert done.stdout.startswith((folder / "first" / "report.txt").read_text(encoding="utf-8"))
+    report = (folder / "first" / "report.txt").read_text(encoding="utf-8")
+    scene, shown = done.stdout.split("\n\n", maxsplit=1)
+    assert (
+        scene.splitlines()[0]
+        == "Scene: the paper's block (Collini et al. 2016) with the paper's motion and losses."
+    )
+    assert shown.startswith(report)
+    assert [line for line in report.splitlines() if line][1] == "Scene", "after the verdict, before the notes"
     assert all(f"written: first/{name}" in done.stdout for name in names)
     assert done.stderr == "", "no progress bar in a pipe"
 

@@ -118,6 +118,7 @@ def run(options: argparse.Namespace) -> int:
     job = config.job_of(common.tables(options))
     unfinished = options.out / _UNFINISHED
     _claim(options, unfinished)
+    common.say(job.scene)
     from tpd.design.study import study
     from tpd.report.files import write
 
@@ -128,7 +129,7 @@ def run(options: argparse.Namespace) -> int:
     for part in shown.left_out:
         print(f"tpd: interrupted; the report goes without {part}", file=sys.stderr)
     written = write(options.out, design, shown, config.tables(job), config.dump(job))
-    print((options.out / "report.txt").read_text(encoding="utf-8"))
+    print("\n" + (options.out / "report.txt").read_text(encoding="utf-8"))
     print("\n".join(f"written: {path}" for path in written))
     return _exit_status(design, unfinished)
 
@@ -141,6 +142,8 @@ def _claim(options: argparse.Namespace, unfinished: Path) -> None:
     if options.resume and not unfinished.exists():
         raise ValueError(f"there is nothing to resume: {unfinished} does not exist")
     files.claim(options.out, overwrite=options.overwrite or options.resume)
+    # The date of the report comes after the search; a bad setting of it must not.
+    files.today()
     # A search of another problem must not be taken for the beginning of this one.
     if not options.resume:
         unfinished.unlink(missing_ok=True)

@@ -57,6 +57,7 @@ def run(options: argparse.Namespace) -> int:
     if options.from_rest is not None:
         checks.count("--from-rest", options.from_rest, least=2)
     files.claim(options.out, overwrite=options.overwrite)
+    common.say(scene)
     with common.Bar() as bar:
         cases = _branches(scene, hung, name, (low, high), options.points, bar)
         settled = _settled(scene, hung, name, (low, high), options.from_rest, bar)

@@ -18,7 +18,7 @@ from tpd.core.formatting import number
 from tpd.design.objective import KINDS
 from tpd.design.result import Bare, Design, Motions, Verified
 from tpd.design.study import Study
-from tpd.report import pictures, tables, words
+from tpd.report import pictures, scene_words, tables, words
 from tpd.report.blocks import (
     Block,
     Cell,
@@ -38,7 +38,14 @@ _ROWS = 40
 """Most conditions in a table, evenly over all of them."""
 
 
-def content(design: Design, study: Study, job_toml: str = "", directory: Path | None = None) -> Report:
+def content(
+    design: Design,
+    study: Study,
+    job_toml: str = "",
+    directory: Path | None = None,
+    name: str = "",
+    date: str = "",
+) -> Report:
     """Build the report of a design.
 
     Args:
@@ -46,9 +53,12 @@ def content(design: Design, study: Study, job_toml: str = "", directory: Path | 
         study: everything else that is shown, from `tpd.design.study.study`.
         job_toml: the job file that repeats the run; left out if empty.
         directory: where the report lies, for the command that repeats the run.
+        name: of the project, for the title.
+        date: of the report, for the title.
     """
     verdict = (information if design.status.is_sound else danger)(design.status.value)
     parts = {
+        "Scene": scene_words.section(design.scene, name, date),
         "Before anything else": notes(design, study),
         "The answer": _answer(design, study),
         "The block and its motion": _figures(design, study, "drawing.png", "animation.gif"),
@@ -63,11 +73,9 @@ def content(design: Design, study: Study, job_toml: str = "", directory: Path | 
         "Assumptions": _assumptions(design),
         "How to repeat it": _repeat(design, study, job_toml, directory),
     }
-    block = design.scene.block
-    title = f"Pendulum for a block of {number(block.width)} m × {number(block.height)} m"
-    first = next(iter(parts))
-    sections = (Section(t, tuple(blocks)) for t, blocks in parts.items() if blocks or t == first)
-    return Report(title, verdict, tuple(sections))
+    always = "Before anything else"
+    sections = (Section(t, tuple(blocks)) for t, blocks in parts.items() if blocks or t == always)
+    return Report(scene_words.title(design.scene, name, date), verdict, tuple(sections))
 
 
 _LIMITED = {

@@ -27,9 +27,10 @@ def write(
         job_tables: the job as plain tables, for design.json.
         job_toml: the job as a file that repeats the run, for scene.toml.
     """
-    report = content(design, study, job_toml, directory)
+    named = {"name": job_tables.get("project", {}).get("name", ""), "date": files.today()}
+    report = content(design, study, job_toml, directory, **named)
     written = [
-        files.place(directory / "report.txt", text(content(design, study, directory=directory))),
+        files.place(directory / "report.txt", text(content(design, study, directory=directory, **named))),
         files.place(directory / "design.json", as_json(design, study, job_tables)),
         files.place(directory / "scene.toml", job_toml),
     ]
