@@ -73,11 +73,13 @@ def tables(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
     return config.merged({} if options.scene is None else config.read(options.scene), given(options))
 
 
-def say(scene: Scene) -> None:
-    """Print block, motion and losses, before any work: whose block it is must not be a surprise."""
+def say(scene: Scene, hung: Pendulum | None = None) -> None:
+    """Print block, motion, losses and pendulum, if any, before any work: whose block it is must not be a
+    surprise."""
     from tpd.report import scene_words
 
-    print("\n".join(scene_words.lines(scene)), flush=True)
+    more = () if hung is None else (scene_words.pendulum(scene, hung),)
+    print("\n".join((*scene_words.lines(scene), *more)), flush=True)
 
 
 def scene(options: argparse.Namespace) -> Scene:

@@ -103,9 +103,9 @@ def _captions(design: Design) -> dict[str, tuple[str, str]]:
             f"First seconds from rest under the scene's own shaking, by the exact solution: {beside}.",
         ),
         "response.png": (
-            "Settled rocking amplitude against frequency, of the bare block (squares) and with the pendulum",
+            "Settled rocking amplitude against frequency, bare block (open) and with the pendulum (filled)",
             f"Motion that the block settles into from rest at a base amplitude of {number(motion.amplitude)} "
-            "m. Marks near the top: it overturns. Dashed: the one frequency that the design is for.",
+            "m. Triangles and crosses: it overturns. Dashed: the one frequency that the design is for.",
         ),
         "motion.png": (
             "Tilt of the block without and with the pendulum, and angle of the bob, against time from rest",

@@ -12,6 +12,7 @@ from tpd.report import pictures
 from tpd.report.content import content
 from tpd.report.html import html
 from tpd.report.json import as_json
+from tpd.report.responses import response_csv
 from tpd.report.text import text
 
 
@@ -34,6 +35,8 @@ def write(
         files.place(directory / "design.json", as_json(design, study, job_tables)),
         files.place(directory / "scene.toml", job_toml),
     ]
+    if study.responses:
+        written.append(files.place(directory / "response.csv", response_csv(study.responses)))
     # Numbers are safe on disk before the pictures, which take longest, are drawn.
     drawn = {}
     for name in pictures.names(design, study):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from tpd.core.formatting import number
-from tpd.core.scene import Scene, paper_scene
+from tpd.core.scene import Pendulum, Scene, paper_scene
 from tpd.report import words
 from tpd.report.blocks import Block, Cell, Table
 
@@ -49,6 +49,13 @@ def lines(scene: Scene) -> tuple[str, ...]:
         f"  motion  {_motion(scene)}, {number(acceleration(scene))} g: {_lifts(scene)}",
         f"  losses  {words.losses(scene.block)}",
     )
+
+
+def pendulum(scene: Scene, hung: Pendulum) -> str:
+    """Line for a terminal about a pendulum in the scene."""
+    p = scene.parameters(hung)
+    ratios = f"μ = {number(float(p.mu))}, λ = {number(float(p.lam))}, ζ = {number(float(p.zeta))}"
+    return f"  bob     {number(float(hung.mass))} kg on a rod of {number(float(hung.length))} m; {ratios}"
 
 
 def section(scene: Scene, name: str = "", date: str = "") -> list[Block]:
