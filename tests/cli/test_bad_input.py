@@ -178,7 +178,16 @@ OTHERS = [
     (("map", *MAP, "--points", "1"), "`--points` must be a whole number, 2 or more, but is 1"),
     (("map", *MAP, "--scene", "absent.toml"), "cannot read absent.toml: No such file or directory"),
     (("check", "absent"), "cannot read absent: No such file or directory"),
-    (("check",), "the following arguments are required: DESIGN"),
+    (("check",), "give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length"),
+    (("check", "--pendulum-mass", "1"), "give --pendulum-length or --length-ratio as well"),
+    (("check", *HUNG, "--width", "0.2"), "a block of your own must be whole"),
+    (
+        ("check", "absent", *HUNG),
+        "absent has a scene and a pendulum: give it alone, or the options without it",
+    ),
+    (("check", "absent", "--frequency", "3"), "absent has a scene and a pendulum: give it alone"),
+    (("response", "absent", "--scene", "a.toml"), "absent has a scene and a pendulum: give it alone"),
+    (("response", "absent"), "cannot read absent: No such file or directory"),
     (("design",), "invalid choice: 'design'"),
     ((), "the following arguments are required: COMMAND"),
 ]
@@ -261,7 +270,8 @@ def test_bad_options_of_the_other_commands_are_refused(capsys, tmp_path, monkeyp
 def test_a_file_that_is_no_design_is_not_checked(capsys, tmp_path, content, message):
     file = tmp_path / "design.json"
     file.write_text(content, encoding="latin-1")
-    assert message in refused(capsys, "check", str(tmp_path))
+    for command in ("check", "response"):
+        assert message in refused(capsys, command, str(tmp_path))
     assert message in refused(capsys, "check", str(file))
 
 

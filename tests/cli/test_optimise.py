@@ -107,7 +107,8 @@ def test_a_check_solves_the_design_of_a_report_by_all_models(written):
     folder, _ = written
     done = command(folder, "check", "first", "--quick")
     assert done.returncode in (0, 3), done.stderr
-    table, *verdict = done.stdout.split("\n\n")
+    scene, table, *verdict = done.stdout.split("\n\n")
+    assert scene.startswith("Scene: the paper's block")
     assert [line.split()[0] for line in table.splitlines()] == [
         "model",
         "uplift",

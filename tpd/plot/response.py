@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from tpd.analysis.response import Response
 from tpd.core.status import SETTLED
-from tpd.plot.style import CASES, INK, LABELS, ORANGE, in_degrees, new_axes, overturned
+from tpd.plot.style import CASES, LABELS, ORANGE, in_degrees, new_axes, overturned
 
 
 def plot_response(
@@ -44,8 +44,9 @@ def plot_response(
             style |= {"color": CASES[i]["color"], "label": f"{CASES[i]['label']}: not settled"}
             ax.plot(r.frequency[other], np.minimum(r.amplitude[other], 0.85 * top), **style)
     ax.axvline(frequency, color=ORANGE, lw=1.0, ls="--", label="design frequency")
-    if levels and levels[0] is not None:
-        ax.axhline(levels[0], color=INK, lw=0.6, ls=":", label="tilt at which the bare block topples")
+    for i, level in enumerate(toppling or ()):
+        label = f"tilt at which it topples, {CASES[i]['label']}"
+        ax.axhline(level, color=CASES[i].get("mec", CASES[i]["color"]), lw=0.6, ls=":", label=label)
     name = responses[0].name if responses else "frequency"
     ax.set(xlabel=LABELS[name], ylabel=r"settled amplitude $\Phi$ from rest (rad)")
     ax.set_ylim(0.0, 1.06 * top)
