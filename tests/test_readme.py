@@ -97,7 +97,7 @@ def commands() -> list[list[str]]:
 
 
 def test_every_command_of_the_command_line_is_shown():
-    assert {command[0] for command in commands()} == {"optimise", "check", "response", "map"}
+    assert {command[0] for command in commands()} == {"new", "optimise", "check", "response", "map"}
 
 
 @pytest.mark.parametrize("command", commands(), ids=" ".join)

@@ -6,13 +6,14 @@ import csv
 import dataclasses
 import functools
 import json
+import math
 
 import numpy as np
 import pytest
 
 from tpd import Parameters, Pendulum, branches, paper_scene, settled_response, symmetric_orbits
 from tpd.analysis.bifurcations import Kind, bifurcations
-from tpd.analysis.response import Branches
+from tpd.analysis.response import Branches, frequencies
 from tpd.analysis.sweep import sweep
 from tpd.cli import main
 from tpd.closed_form.no_uplift import uplift
@@ -167,6 +168,16 @@ def test_a_response_refuses_bad_input():
         branches(BARE, "xi", 1.0, 2.0, samples=3)
 
 
+def test_frequencies_are_close_near_the_own_one():
+    values = frequencies(2.5, 1.0, 5.0, 41)
+    near = values[np.abs(values / 2.5 - 1.0) < 0.05]
+    np.testing.assert_allclose(near, 2.5 * (1.0 + 0.004 * np.arange(-12, 13)), rtol=1e-12)
+    assert 2.5 in values
+    assert (values[0], values[-1]) == (1.0, 5.0)
+    assert np.all(np.diff(values) >= 0.004 * 2.5 * (1.0 - 1e-9))
+    np.testing.assert_array_equal(frequencies(2.5, 4.0, 5.0, 3), [4.0, 4.5, 5.0])
+
+
 # Pictures
 
 
@@ -211,7 +222,17 @@ def test_the_command_writes_the_response_and_keeps_what_is_there(tmp_path, capsy
     assert main(command) == 0
     printed, progress = capsys.readouterr()
     assert progress == ""
-    names = {"branches.csv", "from_rest.csv", "response.json", "response.png"}
+    names = {"branches.csv", "branches.png", "response.json", "response.csv", "response.png"}
+    names.add("response_near.png")
+    assert printed.startswith(
+        "Scene: the paper's block (Collini et al. 2016) with the paper's motion and losses."
+    )
+    assert "from rest, of 25 frequencies within 5 % of 2.5, overturned: " in printed
+    settled = list(csv.DictReader((out / "response.csv").read_text().splitlines()))
+    assert [float(r["frequency_Hz"]) for r in settled] == frequencies(2.5, 1.7, 3.0, 2).tolist()
+    assert len(settled) == 27
+    for r in settled:
+        assert math.isinf(float(r["with_amplitude_rad"])) == (r["with_status"] == "overturned")
     assert {path.name for path in out.iterdir()} == names
     content = json.loads((out / "response.json").read_text())
     found = content["bifurcations"]["with the pendulum"]
@@ -231,7 +252,7 @@ def test_the_command_writes_the_response_and_keeps_what_is_there(tmp_path, capsy
 
 def test_the_command_without_dimensions_keeps_the_acceleration(tmp_path, capsys):
     out = tmp_path / "response"
-    range_ = ["--from", "2.6", "--to", "3", "--points", "8", "--dimensionless"]
+    range_ = ["--from", "2.6", "--to", "3", "--points", "8", "--dimensionless", "--from-rest", "0"]
     assert main(["response", *range_, "--out", str(out)]) == 0
     assert "bare block: 1 branches from 2.6 to 3\n" in capsys.readouterr().out
     rows = list(csv.DictReader((out / "branches.csv").read_text().splitlines()))

@@ -6,17 +6,19 @@ from tpd.cli import main
 
 BAND = ("--band", "2", "3")
 MAP = ("--x", "mu", "0.01", "0.2", "--y", "lam", "0.1", "1.5")
+OWN = ("--width", "0.1", "--height", "0.4", "--mass", "16", "--amplitude", "0.015", "--frequency", "2.5")
+REST = "height = 0.4\nmass = 16\n[motion]\namplitude = 0.015\nfrequency = 2.5\n"
 HUNG = ("--mass-ratio", "0.1", "--length-ratio", "0.5")
 
 OPTIONS = [
     (("--width", "-1"), "`block.width` must be a number above 0, but is -1"),
     (("--width", "wide"), "`block.width` must be a number above 0, but is 'wide'"),
     (("--width", "true"), "`block.width` must be a number above 0, but is 'true'"),
-    (("--width", "0.3"), "[block] `width` must be at most 0.5 of `height` (the linear equations drop"),
+    ((*OWN, "--width", "0.3"), "[block] `width` must be at most 0.5 of `height` (the linear equations drop"),
     (("--width",), "argument --width: expected one argument"),
     (("--height", "0"), "`block.height` must be a number above 0, but is 0"),
     (("--mass", "nan"), "`block.mass` must be a number above 0, but is nan"),
-    (("--mass", "inf"), "[block] `mass` must be positive and finite, but is inf"),
+    ((*OWN, "--mass", "inf"), "[block] `mass` must be positive and finite, but is inf"),
     (("--frequency", "0"), "`motion.frequency` must be a number above 0"),
     (("--amplitude", "-0.1"), "`motion.amplitude` must be a number of at least 0, but is -0.1"),
     (("--friction", "-0.1"), "`block.friction` must be a number of at least 0"),
@@ -53,6 +55,16 @@ OPTIONS = [
     (("--worst-start",), "`starts.worst` goes with sampled starts, `starts.size`, which this job does not"),
     (("--from-rest", "--worst-start"), "`starts.worst` goes with sampled starts"),
     (("--from-rest", "--from-starts", "3"), "argument --from-starts: not allowed with argument --from-rest"),
+    (
+        ("--width", "0.2"),
+        "a block of your own must be whole, with a motion of its own, but `height` and `mass` in [block] and "
+        "`amplitude` and `frequency` in [motion] are missing beside `width`; without any of these",
+    ),
+    (
+        (*OWN[:6], "--amplitude", "0.02"),
+        "but `frequency` in [motion] is missing beside `width`, `height` and",
+    ),
+    ((*OWN[2:], "--friction", "0.1"), "but `width` in [block] is missing beside `height` and `mass`"),
     (("--resume",), "there is nothing to resume: tpd-design/unfinished.npz does not exist"),
     ((*BAND, "--resume"), "there is nothing to resume"),
     (("--scene", "absent.toml"), "cannot read absent.toml: No such file or directory"),
@@ -86,15 +98,25 @@ OPTIONS = [
 
 FILES = [
     ("[block]\nwidht = 1.0\n", "unknown key `widht` in [block]; allowed are width, height, mass, friction"),
-    ("[blok]\nwidth = 1.0\n", "unknown table [blok]; allowed are block, motion, site, space, conditions"),
+    ("[blok]\nwidth = 1.0\n", "unknown table [blok]; allowed are project, block, motion, site, space"),
     ("[block]\nwidth = 'wide'\n", "`block.width` must be a number above 0, but is 'wide'"),
     ("[block]\nwidth = '0.1'\n", "`block.width` must be a number above 0, but is '0.1'"),
     ("[block]\nwidth = true\n", "`block.width` must be a number above 0, but is True"),
     ("[block]\nwidth = [0.1, 0.2]\n", "`block.width` must be a number above 0, but is [0.1, 0.2]"),
     ("[block]\nwidth = 2020-01-01\n", "`block.width` must be a number above 0, but is datetime.date"),
-    ("[block]\nwidth = inf\n", "[block] `width` must be positive and finite, but is inf"),
+    (f"[block]\nwidth = inf\n{REST}", "[block] `width` must be positive and finite, but is inf"),
     ("[block]\nrestitution = 'bouncy'\n", "must be a number above 0 or 'housner', but is 'bouncy'"),
     ("[block]\nrestitution = true\n", "must be a number above 0 or 'housner', but is True"),
+    ("[block]\nradius_of_gyration = 0.1\n", "`width`, `height` and `mass` in [block]"),
+    (
+        f"[block]\nwidth = 0.1\n{REST.split('[')[0]}",
+        "but `amplitude` and `frequency` in [motion] are missing",
+    ),
+    (
+        "[project]\nname = 3\n",
+        "`project.name` must be a text in one line of at most 100 characters, but is 3",
+    ),
+    ("[project]\nname = 'a\\tb'\n".replace("\\t", "\t"), "`project.name` must be a text in one line"),
     ("[block.size]\nwidth = 1.0\n", "unknown key `size` in [block]"),
     ("[site]\ngravity = 0\n", "`site.gravity` must be a number above 0, but is 0"),
     ("[space]\nstroke = 0.5\n", "unknown key `stroke` in [space]; allowed are mass_ratio, length_ratio"),
@@ -212,7 +234,16 @@ OTHERS = [
     (("map", *MAP, "--points", "1"), "`--points` must be a whole number, 2 or more, but is 1"),
     (("map", *MAP, "--scene", "absent.toml"), "cannot read absent.toml: No such file or directory"),
     (("check", "absent"), "cannot read absent: No such file or directory"),
-    (("check",), "the following arguments are required: DESIGN"),
+    (("check",), "give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length"),
+    (("check", "--pendulum-mass", "1"), "give --pendulum-length or --length-ratio as well"),
+    (("check", *HUNG, "--width", "0.2"), "a block of your own must be whole"),
+    (
+        ("check", "absent", *HUNG),
+        "absent has a scene and a pendulum: give it alone, or the options without it",
+    ),
+    (("check", "absent", "--frequency", "3"), "absent has a scene and a pendulum: give it alone"),
+    (("response", "absent", "--scene", "a.toml"), "absent has a scene and a pendulum: give it alone"),
+    (("response", "absent"), "cannot read absent: No such file or directory"),
     (("design",), "invalid choice: 'design'"),
     ((), "the following arguments are required: COMMAND"),
 ]
@@ -295,7 +326,8 @@ def test_bad_options_of_the_other_commands_are_refused(capsys, tmp_path, monkeyp
 def test_a_file_that_is_no_design_is_not_checked(capsys, tmp_path, content, message):
     file = tmp_path / "design.json"
     file.write_text(content, encoding="latin-1")
-    assert message in refused(capsys, "check", str(tmp_path))
+    for command in ("check", "response"):
+        assert message in refused(capsys, command, str(tmp_path))
     assert message in refused(capsys, "check", str(file))
 
 

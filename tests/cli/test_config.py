@@ -25,7 +25,12 @@ JOBS = {
     "default": {},
     "losses": {"block": {"restitution": "housner"}},
     "both losses": {"block": {"restitution": 0.9, "friction": 0.02}, "site": {"gravity": 3.7}},
-    "not uniform": {"block": {"width": 2, "height": 10, "mass": 40e3, "radius_of_gyration": 3.0}},
+    "not uniform": {
+        "block": {"width": 2, "height": 10, "mass": 40e3, "radius_of_gyration": 3.0},
+        "motion": {"amplitude": 0.3, "frequency": 0.5},
+    },
+    "named": {"project": {"name": 'Tower "A" in Jena'}},
+    "shaken otherwise": {"motion": {"frequency": 3.0}},
     "bounds": {"space": {"damping_ratio": [0.05, 0.3], "mass_ratio": [0.01, 0.1]}, "search": {"seed": 7}},
     "band": BAND,
     "robust": {
@@ -173,8 +178,11 @@ def test_where_impacts_lose_energy_friction_is_zero_and_the_model_is_exact(
 
 
 def test_a_whole_number_is_taken_where_any_number_is_meant():
-    job = config.job_of({"block": {"width": 1, "height": 3}, "space": {"damping_ratio": 1}})
-    assert job == config.job_of({"block": {"width": 1.0, "height": 3.0}, "space": {"damping_ratio": 1.0}})
+    motion = {"amplitude": 0.1, "frequency": 1.0}
+    whole = {"block": {"width": 1, "height": 3, "mass": 9}, "motion": motion, "space": {"damping_ratio": 1}}
+    block = {"width": 1.0, "height": 3.0, "mass": 9.0}
+    job = config.job_of(whole)
+    assert job == config.job_of({"block": block, "motion": motion, "space": {"damping_ratio": 1.0}})
     assert isinstance(config.tables(job)["block"]["width"], float)
 
 

@@ -62,7 +62,14 @@ def test_a_run_writes_its_report(written):
     names = {path.name for path in (folder / "first").iterdir()}
     assert names >= DATA
     assert "unfinished.npz" not in names
-    assert done.stdout.startswith((folder / "first" / "report.txt").read_text(encoding="utf-8"))
+    report = (folder / "first" / "report.txt").read_text(encoding="utf-8")
+    scene, shown = done.stdout.split("\n\n", maxsplit=1)
+    assert (
+        scene.splitlines()[0]
+        == "Scene: the paper's block (Collini et al. 2016) with the paper's motion and losses."
+    )
+    assert shown.startswith(report)
+    assert [line for line in report.splitlines() if line][1] == "Scene", "after the verdict, before the notes"
     assert all(f"written: first/{name}" in done.stdout for name in names)
     assert "\r" not in done.stderr, "no progress bar in a pipe"
     first, *others = done.stderr.splitlines()
@@ -104,7 +111,8 @@ def test_a_check_solves_the_design_of_a_report_by_all_models(written):
     folder, _ = written
     done = command(folder, "check", "first", "--quick")
     assert done.returncode in (0, 3), done.stderr
-    table, *verdict = done.stdout.split("\n\n")
+    scene, table, *verdict = done.stdout.split("\n\n")
+    assert scene.startswith("Scene: the paper's block")
     assert [line.split()[0] for line in table.splitlines()] == [
         "model",
         "uplift",

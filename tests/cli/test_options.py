@@ -10,8 +10,8 @@ from tpd.cli.options import plain
 SAME = [
     ("", ()),
     (
-        "[block]\nwidth = 2\nheight = 10.0\nmass = 40e3\n",
-        ("--width", "2", "--height", "10", "--mass", "40e3"),
+        "[block]\nwidth = 2\nheight = 10.0\nmass = 40e3\n[motion]\namplitude = 0.3\nfrequency = 0.5\n",
+        ("--width", "2", "--height", "10", "--mass", "40e3", "--amplitude", "0.3", "--frequency", "0.5"),
     ),
     ("[block]\nfriction = 0.1\nrestitution = 1\n", ("--friction", "0.1", "--restitution", "1")),
     ("[block]\nrestitution = 'housner'\n", ("--restitution", "housner")),
@@ -44,6 +44,10 @@ SAME = [
         ("--measure", "expected", "--amplitudes", "1", "1.1"),
     ),
 ]
+WHOLE = {
+    "block": {"width": 0.15, "height": 0.5, "mass": 20.0},
+    "motion": {"amplitude": 0.02, "frequency": 2.0},
+}
 
 
 def job_of(*options: str) -> config.Job:
@@ -65,8 +69,7 @@ def test_a_file_and_the_options_are_the_same_job(tmp_path, file, options):
 def test_all_options_together_override_a_file_of_other_values(tmp_path):
     path = tmp_path / "job.toml"
     amplitudes = {"conditions": {"amplitudes": [1, 1.1]}}
-    given = {"block": {"width": 0.15}, "risk": {"measure": "cvar"}, **amplitudes}
-    path.write_text(config.dump(config.job_of(given)))
+    path.write_text(config.dump(config.job_of({**WHOLE, "risk": {"measure": "cvar"}, **amplitudes})))
     job = job_of("--scene", str(path), "--width", "0.12", "--measure", "worst", "--seed", "2")
     assert (job.scene.block.width, job.risk.name, job.seed) == (0.12, "worst", 2)
 
@@ -96,7 +99,7 @@ def test_losses_come_from_the_file_and_the_options(tmp_path, content, options, e
 
 
 def test_options_do_not_leak_from_one_call_to_the_next():
-    assert job_of("--width", "0.2").scene.block.width == 0.2
+    assert job_of("--frequency", "3").scene.motion.frequency == 3.0
     assert job_of() == config.job_of({})
 
 

@@ -59,7 +59,7 @@ def test_responses_are_those_around_the_scenes_frequency():
             raise KeyboardInterrupt
 
     study(designs.single(pendulum=None), progress=progress)
-    assert stages == [("responding", 41)] * 2
+    assert stages == [("responding", 61)] * 2
     found = study(designs.single(pendulum=None)).responses
     (bare,) = found
     assert bare.frequency[[0, 15, -1]] == pytest.approx([1.75, 2.5, 3.75])

@@ -46,6 +46,29 @@ def test_the_response_compares_two_curves_that_differ_in_grey_as_well():
     assert "(rad)" in ax.get_ylabel()
 
 
+def test_overturning_is_marked_at_the_toppling_tilt_and_differs_in_grey():
+    status = ["overturned", "rocking", "overturned"]
+    bare, hung = (designs.response(np.inf, 0.02, np.inf, status=status) for _ in range(2))
+    ax = plot_response((bare, hung), 2.5, toppling=(0.25, 0.23))
+    drawn = lines(ax)
+    marks = [drawn[f"{name}: overturns from rest"] for name in ("bare block", "with the pendulum")]
+    for mark, level in zip(marks, (0.25, 0.23), strict=True):
+        assert mark.get_xdata() == pytest.approx([2.4, 2.6])
+        assert mark.get_ydata() == pytest.approx([level] * 2)
+    assert marks[0].get_marker() != marks[1].get_marker()
+    for empty in (marks[0], drawn["bare block"]):
+        assert empty.get_markerfacecolor() == "white"
+    for filled in (marks[1], drawn["with the pendulum"]):
+        assert filled.get_markerfacecolor() != "white"
+    low, high = ax.get_ylim()
+    assert low == 0.0
+    assert high > 0.25
+    (degrees,) = ax.child_axes
+    assert degrees.get_ylabel() == "degrees"
+    ax.figure.canvas.draw()
+    assert degrees.get_ylim() == pytest.approx(np.degrees(ax.get_ylim()))
+
+
 def test_a_response_that_does_not_settle_is_marked():
     status = ["rocking", "aperiodic", "rocking"]
     ax = plot_response((designs.response(0.01, 0.02, 0.01, status=status),), 2.5)

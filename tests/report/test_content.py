@@ -32,9 +32,12 @@ def row(table: Table, name: str):
 def test_the_verdict_comes_first_and_dangers_before_the_answer():
     report = content(designs.single(), designs.study())
     assert report.verdict == Note(Severity.information, DesignStatus.found.value)
-    assert [s.title for s in report.sections[:2]] == ["Before anything else", "The answer"]
-    assert report.sections[0].blocks[0].severity is Severity.danger
+    assert [s.title for s in report.sections[:3]] == ["Scene", "Before anything else", "The answer"]
+    assert report.sections[1].blocks[0].severity is Severity.danger
     assert report.title == "Pendulum for a block of 0.1 m × 0.4 m"
+    named = content(designs.single(), designs.study(), name="Tower", date="2026-11-23")
+    assert named.title == "Tower: pendulum for a block of 0.1 m × 0.4 m, 2026-11-23"
+    assert [r[1] for r in named.sections[0].blocks[0].rows[:2]] == ["Tower", "2026-11-23"]
 
 
 def test_the_answer_has_the_pendulum_in_si_units_and_what_holds_it():

@@ -143,6 +143,11 @@ def nonlinear(p: Parameters) -> tuple[float, float, str]:
     return _followed(Segmented(), as_arrays(p))
 
 
+def nonlinear_motion(p: Parameters) -> Settled:
+    """Motion from rest by the nonlinear equations, with its largest angles on the way."""
+    return jax.block_until_ready(_settled(Segmented(), p))
+
+
 def _timed(name: str, p: Parameters) -> Answer:
     """The answer of one model, solved twice to separate the time to compile from the time to solve."""
     model = _MODELS[name]

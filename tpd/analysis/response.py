@@ -24,6 +24,8 @@ from tpd.core.status import status_name
 _TOWARDS = np.geomspace(1e-5, 0.5, 12)
 """Distances of further values from a bifurcation, in spacings of the sweep. At a fold the amplitude turns
 round like a square root: an even spacing would cut the tip off."""
+_STEP, _STEPS = 0.004, 12
+"""Relative distance of frequencies next to the scene's own, and their number to either side."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -99,6 +101,18 @@ def branches(
         rest_stroke=np.asarray(still.stroke),
         hung=axis.setup.hung,
     )
+
+
+def frequencies(own: float, low: float, high: float, count: int) -> np.ndarray:
+    """Values from `low` to `high`, evenly spaced, and every 0.4 % within 5 % of `own`, if that is between.
+
+    A pendulum is tuned: where a design is worth nothing is likely to be near its own frequency.
+    """
+    near = own * (1.0 + _STEP * np.arange(-_STEPS, _STEPS + 1))
+    near = near[(near >= low) & (near <= high)]
+    coarse = np.linspace(low, high, count)
+    coarse = coarse[np.abs(coarse / own - 1.0) > _STEP * (_STEPS + 0.5)]
+    return np.unique(np.concatenate([coarse, near]))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -30,6 +30,12 @@ _MOST_CONDITIONS = 100_000
 """Beyond it the arrays of a search do not fit into the memory of a usual computer."""
 
 
+_SHAPE = ("width", "height", "mass")
+"""Keys of [block] that a block of one's own needs."""
+_SHAKING = ("amplitude", "frequency")
+"""Keys of [motion] that the motion of a block of one's own needs."""
+
+
 @contextlib.contextmanager
 def naming(table: str) -> Iterator[None]:
     """Name the table in messages about its values."""
@@ -37,6 +43,36 @@ def naming(table: str) -> Iterator[None]:
         yield
     except ValueError as error:
         raise ValueError(f"[{table}] {error}") from None
+
+
+def refuse_mixture(given: Mapping[str, Any]) -> None:
+    """Refuse a block or its motion that is partly given and partly the paper's.
+
+    Friction and restitution alone, or a motion alone, are variations of the paper's scene and are allowed.
+
+    Raises:
+        ValueError: a size or the mass without the others, or a block without its motion.
+    """
+    block, motion = given.get("block", {}), given.get("motion", {})
+    own = [key for key in (*_SHAPE, "radius_of_gyration") if key in block]
+    needed = (("block", _SHAPE, block), ("motion", _SHAKING, motion))
+    missing = {
+        table: absent for table, keys, there in needed if (absent := [k for k in keys if k not in there])
+    }
+    if not own or not missing:
+        return
+    lacking = " and ".join(f"{_listed(keys)} in [{table}]" for table, keys in missing.items())
+    are = "is" if sum(map(len, missing.values())) == 1 else "are"
+    raise ValueError(
+        f"a block of your own must be whole, with a motion of its own, but {lacking} {are} missing beside "
+        f"{_listed(own)}; without any of these the block is the paper's"
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names in a row: `a`, `b` and `c`."""
+    quoted = [f"`{name}`" for name in names]
+    return " and ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
 
 
 def scene_of(file: JobFile) -> Scene:

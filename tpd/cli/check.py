@@ -1,47 +1,32 @@
-"""`tpd check`: the design of a report by all models."""
+"""`tpd check`: a design, or a pendulum of one's own, by all models, with its neighbours and its room."""
 
 from __future__ import annotations
 
 import argparse
 import math
-from dataclasses import replace
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import msgspec
+from tpd.cli import common, stored
 
-from tpd.cli import common
-
-_VERSION = 2
-"""Version of the file that a report holds its design in."""
-
-
-class _Pendulum(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Pendulum of a design: kg, m, 1."""
-
-    mass: float
-    length: float
-    damping_ratio: float
-
-
-class _File(msgspec.Struct, frozen=True, kw_only=True):
-    """Keys of design.json that a check needs; the others are not read."""
-
-    version: int
-    job: dict[str, dict[str, Any]]
-    pendulum: _Pendulum | None
+if TYPE_CHECKING:
+    from tpd.cli.config import Job
+    from tpd.core.scene import Pendulum
+    from tpd.design.suitability import Suitability
 
 
 def add(commands: Any) -> None:
     """Add the command to the grammar of the command line."""
     command = commands.add_parser(
         "check",
-        help="solve a design by all models",
-        description="Solve the design of a report by every model, from the closed forms to the nonlinear "
-        "equations, and print the results. Exit status: 0 the nonlinear equations confirm it, 2 bad input, "
-        "3 they do not, 130 interrupted.",
+        help="say whether a design, or a pendulum of your own, can be hung",
+        description="Solve a design by every model, from the closed forms to the nonlinear equations, with "
+        "shakings around its own, and say whether the bob, a solid ball of steel, fits into the block. Exit "
+        "status: 0 the nonlinear equations confirm it, it helps and it fits; 2 bad input; 3 one of these "
+        "fails, and the last line says which; 130 interrupted.",
     )
-    command.add_argument("design", type=Path, metavar="DESIGN", help="report directory, or its design.json")
+    stored.add(command)
+    common.add_scene(command)
+    common.add_pendulum(command)
     command.add_argument(
         "--quick", action="store_true", help="leave out the smoothed models, which take long to compile"
     )
@@ -50,57 +35,78 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Solve the design by all models and print the results; return the exit status."""
-    file = _read(options.design)
     common.use_64_bits()
-    from tpd.analysis.compare_models import MODELS, QUICK, check
-    from tpd.cli import config
-    from tpd.core.scene import Pendulum
-    from tpd.design.criteria import stroke_limit
-
-    job = config.job_of(file.job)
-    pendulum = None if file.pendulum is None else Pendulum(**msgspec.structs.asdict(file.pendulum))
-    with common.bar() as bar:
-        models = QUICK if options.quick else MODELS
-        found = check(job.scene, pendulum, stroke=stroke_limit(job.limits), models=models, progress=bar)
-    print(found.table())
+    job, pendulum = _case(options)
+    common.say(job.scene, pendulum)
     if pendulum is None:
-        print("\nthe bare block: the report offers no pendulum")
-        return common.SOUND
-    against = found.objections
-    if job.file.size > 1:
-        print("\nA design for many conditions: the models above see the scene's own shaking only.")
-        # More rocking under this shaking may be the price of less in the worst of all conditions.
-        against = replace(found, bare=math.inf).objections
-        if found.top.status == "overturned" and math.isinf(found.bare):
-            against = ()
-    for objection in found.objections:
-        print(f"\n{'DO NOT USE' if objection in against else 'under this shaking'}: {objection}.")
-    if not found.objections:
-        print("\nThe nonlinear equations have nothing against this design under this shaking, from rest.")
-    return common.UNSOUND if against else common.SOUND
+        return _bare(job, options)
+    from tpd.analysis.compare_models import MODELS, QUICK
+    from tpd.cli import build
+    from tpd.design.criteria import stroke_limit
+    from tpd.design.suitability import suitability
+
+    with common.bar() as bar:
+        found = suitability(
+            job.scene,
+            pendulum,
+            conditions=job.conditions,
+            stroke=stroke_limit(job.limits),
+            bob=build.bob_of(job.file),
+            models=QUICK if options.quick else MODELS,
+            progress=bar,
+        )
+    print("\n".join(["", found.check.table(), "", *_around(found), ""]))
+    for refusal in found.refusals:
+        print(f"{refusal}.")
+    if not found.refusals:
+        print("The nonlinear equations confirm this design from rest; it helps, and it fits.")
+    return common.UNSOUND if found.refusals else common.SOUND
 
 
-def _read(path: Path) -> _File:
-    """Job and pendulum of a report.
+def _case(options: argparse.Namespace) -> tuple[Job, Pendulum | None]:
+    """Job and pendulum of a design or of the options.
 
     Raises:
-        ValueError: the file cannot be read, or is not the design of a report of this version.
+        ValueError: neither a design nor a pendulum, both, or a value that is not allowed.
     """
-    file = path / "design.json" if path.is_dir() else path
-    try:
-        content = msgspec.json.decode(file.read_bytes())
-    except OSError as error:
-        raise ValueError(f"cannot read {file}: {error.strerror or error}") from None
-    except (UnicodeDecodeError, msgspec.DecodeError, RecursionError):
-        raise ValueError(f"{file} is not a design in JSON") from None
-    if not isinstance(content, dict) or not {"job", "pendulum"} <= set(content):
-        raise ValueError(f"{file} is not a design: it has no `job` and `pendulum`")
-    version = content.get("version", 1)
-    if version != _VERSION:
-        raise ValueError(f"{file} must be of version {_VERSION}, but is of {version!r}: run the job again")
-    try:
-        return msgspec.convert(content, _File, strict=True)
-    except msgspec.ValidationError:
-        raise ValueError(
-            f"{file} is not a design: its `job` or `pendulum` is not what a report holds"
-        ) from None
+    if options.design is not None:
+        return stored.read(options)
+    from tpd.cli import config
+
+    job = config.job_of(common.tables(options))
+    hung = common.pendulum(options, job.scene)
+    if hung is None:
+        raise ValueError("give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length")
+    return job, hung
+
+
+def _bare(job: Job, options: argparse.Namespace) -> int:
+    """Print the models of the bare block, which a report without a pendulum is about."""
+    from tpd.analysis.compare_models import MODELS, QUICK, check
+
+    with common.Bar() as bar:
+        found = check(job.scene, models=QUICK if options.quick else MODELS, progress=bar)
+    print(f"\n{found.table()}\n")
+    if found.top.status == "rest":
+        print("The report offers no pendulum, and the bare block settles at rest from rest.")
+        return common.SOUND
+    print("does not help: the report offers no pendulum.")
+    return common.UNSOUND
+
+
+def _around(found: Suitability) -> list[str]:
+    """Lines on the shakings around the own one, and on the room."""
+    from tpd.core.formatting import number
+    from tpd.design.suitability import cavity_width
+
+    lost, bare = found.lost
+    settled, way = found.reach
+    reaches = "No motion stands, so there is no reach of the ball of steel to compare with"
+    if not math.isnan(settled):
+        to = f"{number(settled, 3)} m to the side once settled, {number(way, 3)} m on the way"
+        reaches = f"A solid ball of steel reaches at most {to}; there are"
+    return [
+        f"By the nonlinear equations from rest, of {found.around}: {lost} overturn the block with the "
+        f"pendulum, {bare} without; under {found.worse} it rocks more with it.",
+        f"{reaches} {number(0.5 * cavity_width(found.scene.block), 3)} m.",
+    ]

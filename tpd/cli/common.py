@@ -36,8 +36,13 @@ SCENE = (
 def add_scene(command: argparse.ArgumentParser) -> None:
     """Add the options that describe block and base motion."""
     command.add_argument("--scene", type=Path, metavar="FILE", help="job file in TOML; options override it")
+    group = command.add_argument_group(
+        "scene",
+        "without any: the paper's block and motion; a block of your own needs width, height and mass, and "
+        "amplitude and frequency of its motion",
+    )
     for option in SCENE:
-        option.add(command)
+        option.add(group)
 
 
 def add_out(command: argparse.ArgumentParser, default: str) -> None:
@@ -69,6 +74,15 @@ def tables(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
     from tpd.cli import config
 
     return config.merged({} if options.scene is None else config.read(options.scene), given(options))
+
+
+def say(scene: Scene, hung: Pendulum | None = None) -> None:
+    """Print block, motion, losses and pendulum, if any, before any work: whose block it is must not be a
+    surprise."""
+    from tpd.report import scene_words
+
+    more = () if hung is None else (scene_words.pendulum(scene, hung),)
+    print("\n".join((*scene_words.lines(scene), *more)), flush=True)
 
 
 def scene(options: argparse.Namespace) -> Scene:

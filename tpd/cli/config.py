@@ -197,15 +197,17 @@ def job_of(given: Mapping[str, Any]) -> Job:
     """Return the job of the tables of a job file; what is left out has its default.
 
     Raises:
-        ValueError: an unknown table or key, a bad value, or a key that has no effect.
+        ValueError: an unknown table or key, a bad value, a key that has no effect, or a scene of which a
+            part is missing.
     """
     file = chosen(given)
+    build.refuse_mixture(given)
     _refuse_without_effect(file)
     scene = build.scene_of(file)
     file = build.with_model(file, scene)
     method, space = build.method_of(file), build.space_of(file)
     conditions = build.conditions_of(file, scene)
-    build.check_moves(file, scene, conditions, space)
+    build.check_moves(file, scene, conditions or Conditions.exactly(), space)
     return Job(
         file=build.with_defaults(file, scene, method),
         scene=scene,
@@ -233,20 +235,23 @@ def scene_of(given: Mapping[str, Any]) -> Scene:
     """Return the scene of the tables of a job file; what is left out has its default.
 
     Raises:
-        ValueError: an unknown table or key, or a value of the wrong type or out of range.
+        ValueError: an unknown table or key, a value of the wrong type or out of range, or a scene of which
+            a part is missing.
     """
-    return build.scene_of(typed(given))
+    file = typed(given)
+    build.refuse_mixture(given)
+    return build.scene_of(file)
 
 
 def tables(job: Job) -> dict[str, dict[str, Any]]:
     """Return the tables of a job as plain values, without the keys that have no effect in it."""
     out: dict[str, dict[str, Any]] = {}
     for table, values in msgspec.to_builtins(job.file).items():
-        # TOML has no null: what is not set is left out.
+        # TOML has no null: what is not set is left out, and so is a text that is empty.
         effective = {
             key: list(value) if isinstance(value, tuple) else value
             for key, value in values.items()
-            if value is not None and _has_effect(job.file, table, key)
+            if value not in (None, "") and _has_effect(job.file, table, key)
         }
         if effective:
             out[table] = effective

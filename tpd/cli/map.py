@@ -70,6 +70,8 @@ def run(options: argparse.Namespace) -> int:
             start=np.zeros(4) if options.from_rest else None,
             progress=partial(bar, "mapping"),
         )
+    # Not before: `design_map` refuses names that cannot be varied together.
+    common.say(scene)
     print("\n".join(f"{count:8} {status.replace('_', ' ')}" for status, count in m.counts.items()))
     if not options.from_rest:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest says")

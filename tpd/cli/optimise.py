@@ -122,6 +122,7 @@ def run(options: argparse.Namespace) -> int:
     job = config.job_of(common.tables(options))
     unfinished = options.out / _UNFINISHED
     _claim(options, unfinished)
+    common.say(job.scene)
     from tpd.design.study import study
     from tpd.report.files import write
 
@@ -140,7 +141,7 @@ def run(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print(f"tpd: interrupted; {options.out} goes without some of its pictures", file=sys.stderr)
         return common.INTERRUPTED
-    print((options.out / "report.txt").read_text(encoding="utf-8"))
+    print("\n" + (options.out / "report.txt").read_text(encoding="utf-8"))
     print("\n".join(f"written: {path}" for path in written))
     return _exit_status(design, unfinished)
 
@@ -158,6 +159,8 @@ def _claim(options: argparse.Namespace, unfinished: Path) -> None:
             "again with another --out or with --overwrite"
         )
     files.claim(options.out, overwrite=options.overwrite or options.resume)
+    # The date of the report comes after the search; a bad setting of it must not.
+    files.today()
     # A search of another problem must not be taken for the beginning of this one.
     if not options.resume:
         unfinished.unlink(missing_ok=True)

@@ -38,6 +38,16 @@ class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One table of a job file. A key of None is left out, and has the default that its description says."""
 
 
+class ProjectTable(Table, frozen=True, kw_only=True):
+    """The project that a report belongs to."""
+
+    name: Annotated[
+        str,
+        Meta(max_length=100, pattern=r"^[^\x00-\x1f\x7f]*$"),
+        _says("name of the project, for titles (default none)"),
+    ] = ""
+
+
 class BlockTable(Table, frozen=True, kw_only=True):
     """The block."""
 
@@ -251,6 +261,7 @@ class EnsembleTable(Table, frozen=True, kw_only=True):
 class JobFile(Table, frozen=True, kw_only=True):
     """A job file of `tpd optimise`. A table or a key that is left out has its default."""
 
+    project: ProjectTable = ProjectTable()
     block: BlockTable = BlockTable()
     motion: MotionTable = MotionTable()
     bob: BobTable = BobTable()
@@ -366,6 +377,8 @@ def _noun(info: inspect.Type) -> str:
     match info:
         case inspect.BoolType():
             return "true or false"
+        case inspect.StrType():
+            return f"a text in one line of at most {info.max_length} characters"
         case inspect.LiteralType():
             words = _words(info)
             return f"one of {', '.join(words)}" if len(words) > 1 else repr(words[0])

@@ -6,9 +6,12 @@ import csv
 import io
 import json
 import math
+import os
 import platform
 import tempfile
+import time
 from collections.abc import Iterable
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -84,6 +87,23 @@ def versions() -> dict[str, str]:
     """Versions of Python, of this package and of the packages that results depend on, by name."""
     own = {"python": platform.python_version(), "tpd": version("tpd")}
     return own | {name: version(name) for name in PACKAGES}
+
+
+def today() -> str:
+    """Return the date in UTC, as in 2026-11-23: of `SOURCE_DATE_EPOCH` (seconds) if it is set, else of the
+    clock.
+
+    Raises:
+        ValueError: a `SOURCE_DATE_EPOCH` that is no number of seconds.
+    """
+    written = os.environ.get("SOURCE_DATE_EPOCH")
+    try:
+        seconds = time.time() if written is None else int(written)
+        return datetime.fromtimestamp(seconds, UTC).date().isoformat()
+    except (ValueError, OverflowError, OSError):
+        raise ValueError(
+            f"`SOURCE_DATE_EPOCH` must be a whole number of seconds since 1970, but is {written!r}"
+        ) from None
 
 
 def _finite(value: Any) -> Any:

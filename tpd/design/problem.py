@@ -15,7 +15,7 @@ from tpd.core.conditions import Conditions, under_all
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.scene import Scene
 from tpd.design.checkpoint import fingerprint_of
-from tpd.design.criteria import Limit, Mass, Risk, limit_of
+from tpd.design.criteria import Limit, Mass, Reserve, Risk, Worsening, limit_of
 from tpd.design.followed import Followed
 from tpd.design.inputs import check_moves, check_types, limits_for
 from tpd.design.methods import Descent, Method, Sequential, describe

@@ -12,7 +12,7 @@ import numpy as np
 
 from tpd.analysis.attractors import Starts
 from tpd.analysis.compare_models import QUICK, Check, check
-from tpd.analysis.response import Response, settled_response
+from tpd.analysis.response import Response, frequencies, settled_response
 from tpd.analysis.sensitivity import Elasticities, elasticities
 from tpd.analysis.steady_state import sampled, simulate
 from tpd.closed_form import uplift
@@ -29,7 +29,7 @@ from tpd.models.smoothed import Smoothed
 if TYPE_CHECKING:
     from tpd.design.pareto import Front
 
-_BAND = np.linspace(0.7, 1.5, 41)
+_BAND = frequencies(1.0, 0.7, 1.5, 41)
 """Frequencies of a response, in shares of the scene's own."""
 _GRID = 96
 """Points of the uplift region along each axis."""
@@ -150,10 +150,10 @@ def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory
 
 
 def _responses(design: Design, progress: Progress | None) -> tuple[Response, ...]:
-    frequencies = design.scene.motion.frequency * _BAND
+    values = design.scene.motion.frequency * _BAND
     cases = (None,) if design.pendulum is None else (None, design.pendulum)
     return tuple(
-        settled_response(design.scene, "frequency", frequencies, pendulum=hung, progress=progress)
+        settled_response(design.scene, "frequency", values, pendulum=hung, progress=progress)
         for hung in cases
     )
 

@@ -11,9 +11,19 @@ import numpy as np
 from tpd.analysis.bifurcations import Bifurcation, Kind
 from tpd.analysis.response import Branches, Response
 from tpd.core.status import SETTLED
-from tpd.plot.style import BLUE, GREY, INK, LABELS, new_axes
+from tpd.plot.style import BLUE, GREY, INK, LABELS, in_degrees, new_axes
 
 _STYLES: tuple[dict[str, Any], ...] = ({"color": GREY, "lw": 2.6}, {"color": BLUE, "lw": 1.5})
+_FROM_REST: tuple[dict[str, Any], ...] = (
+    {"marker": "p", "ls": "", "ms": 4.5, "mfc": "white"},
+    {"marker": "p", "ls": "", "ms": 3.5, "mfc": INK},
+)
+"""Marks of motions from rest, without a pendulum and with it."""
+_LOST: tuple[dict[str, Any], ...] = (
+    {"marker": "+", "ls": "", "ms": 5.0},
+    {"marker": "x", "ls": "", "ms": 4.5},
+)
+"""Marks where a motion from rest does not settle, without a pendulum and with it."""
 _MARKERS = {
     Kind.fold: ("o", "fold"),
     Kind.symmetry_breaking: ("D", "symmetry breaks"),
@@ -31,7 +41,7 @@ def plot_branches(
 
     Args:
         cases: one or two by their labels, over the same name: the bare block and with a pendulum.
-        settled: motions from rest over frequency, by the same labels; drawn as dots.
+        settled: motions from rest over frequency, by the same labels; drawn as marks.
         axes: one, or two if a case has a pendulum; default those of a new figure.
 
     Returns:
@@ -40,20 +50,20 @@ def plot_branches(
     hung = any(b.hung for b in cases.values())
     axes = np.atleast_1d(new_axes(1 + hung, (7.0, 6.6 if hung else 4.4)) if axes is None else axes)
     styles = _STYLES[-len(cases) :]
-    for i, ((label, case), style) in enumerate(zip(cases.items(), styles, strict=False)):
+    for (label, case), style in zip(cases.items(), styles, strict=False):
         responses = None if settled is None else settled.get(label)
         for ax, quantity in zip(axes, ("amplitude", "stroke"), strict=False):
             if quantity == "amplitude" or case.hung:
                 _lines(ax, case, quantity, style)
                 _marks(ax, case, quantity, style["color"])
-                _dots(ax, responses, quantity, style["color"], 0.98 - 0.04 * i)
+                _dots(ax, responses, quantity, style["color"], case.hung)
     axes[0].set(ylabel=r"largest tilt $|\varphi|$ (rad)")
     if hung:
         axes[1].set(ylabel=r"largest bob angle $|\psi|$ (rad)")
     for ax in axes:
         # Room for what does not settle, above all branches.
-        top = ax.get_ylim()[1] * (1.0 if settled is None else 1.12)
-        ax.set_ylim(-0.03 * top, top)
+        ax.set_ylim(0.0, ax.get_ylim()[1] * (1.0 if settled is None else 1.12))
+        in_degrees(ax)
         ax.margins(x=0.01)
     first = next(iter(cases.values()))
     axes[-1].set(xlabel=LABELS[first.name])
@@ -101,15 +111,17 @@ def _stroke(case: Branches, b: Bifurcation) -> float:
     return float(s.stroke[rows].ravel()[np.nanargmin(apart)])
 
 
-def _dots(ax: Any, response: Response | None, quantity: str, color: str, level: float) -> None:
-    """Mark motions from rest; near the top where the block overturns or does not settle."""
+def _dots(ax: Any, response: Response | None, quantity: str, color: str, hung: bool) -> None:
+    """Mark motions from rest, filled with a pendulum and open without; near the top where the block
+    overturns or does not settle."""
     if response is None:
         return
     known = np.isin(response.status, SETTLED)
     size = getattr(response, quantity)
-    ax.plot(response.frequency[known], size[known], ".", ms=5.0, color=INK, zorder=4)
+    ax.plot(response.frequency[known], size[known], mec=INK, zorder=4, clip_on=False, **_FROM_REST[hung])
     lost = response.frequency[~known]
-    ax.plot(lost, np.full(len(lost), level), "x", ms=4.5, color=color, transform=ax.get_xaxis_transform())
+    level = np.full(len(lost), 0.98 - 0.04 * hung)
+    ax.plot(lost, level, mec=color, transform=ax.get_xaxis_transform(), **_LOST[hung])
 
 
 def _legend(ax: Any, cases: Mapping[str, Branches], settled: Any) -> None:
@@ -121,8 +133,15 @@ def _legend(ax: Any, cases: Mapping[str, Branches], settled: Any) -> None:
     for kind, (marker, label) in _MARKERS.items():
         if kind in kinds:
             ax.plot([], [], marker, ms=5.5, mfc="white", mec=INK, mew=1.3, label=label)
-    if settled is not None:
-        ax.plot([], [], ".", ms=5.0, color=INK, label="settled from rest")
-        if any(~np.isin(r.status, SETTLED).all() for r in settled.values()):
-            ax.plot([], [], "x", ms=4.5, color=INK, label="from rest: overturns or does not settle")
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, fontsize=8, frameon=False)
+    for label, response in (settled or {}).items():
+        hung = cases[label].hung
+        ax.plot([], [], mec=INK, label=f"from rest, {label}", **_FROM_REST[hung])
+        if not np.isin(response.status, SETTLED).all():
+            ax.plot([], [], mec=INK, label=f"overturns or does not settle, {label}", **_LOST[hung])
+    ax.legend(
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=4 if settled is None else 2,
+        fontsize=8,
+        frameon=False,
+    )

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 INK, GREY, BLUE, ORANGE = "#1a1a1a", "#9a9a9a", "#1f5fa8", "#d9822b"
 
 CASES: tuple[dict[str, Any], ...] = (
-    {"color": GREY, "marker": "s", "ls": "--", "ms": 3.5, "lw": 1.2, "label": "bare block"},
+    {"color": GREY, "marker": "s", "ls": "--", "ms": 5.0, "mfc": "white", "mec": INK, "lw": 1.2}
+    | {"label": "bare block"},
     {"color": BLUE, "marker": "o", "ls": "-", "ms": 3.5, "lw": 1.2, "label": "with the pendulum"},
 )
 """Lines of the bare block and of the block with a pendulum, which differ in grey as well."""
@@ -41,12 +42,28 @@ LABELS = {
 """Labels of an axis by the name of the quantity along it."""
 
 
-def overturned(ax: Any, x: np.ndarray, top: float, case: int) -> None:
-    """Mark at `x`, near `top`, where the block overturns from rest, in the style of one of `CASES`."""
-    style, level = CASES[case], np.full(len(x), top * (1.0 - 0.05 * case))
+def overturned(ax: Any, x: np.ndarray, top: float, case: int, toppling: float | None = None) -> None:
+    """Mark at `x` where the block overturns from rest, in the style of one of `CASES`: open triangles
+    without a pendulum, filled crosses with it; at the tilt at which it topples, or near `top` without one."""
+    style, level = CASES[case], top * (1.0 - 0.05 * case) if toppling is None else toppling
     if len(x):
         label = f"{style['label']}: overturns from rest"
-        ax.plot(x, level, ls="", marker="+x"[case], ms=5, color=style["color"], label=label)
+        face = ("white", style["color"])[case]
+        marks: dict[str, Any] = {"marker": "^X"[case], "ms": (6.5, 5.5)[case], "mfc": face, "clip_on": False}
+        ax.plot(
+            x,
+            np.full(len(x), level),
+            ls="",
+            mec=style.get("mec", style["color"]),
+            label=label,
+            zorder=4 - case,
+            **marks,
+        )
+
+
+def in_degrees(ax: Any) -> None:
+    """Give a vertical axis in radians a second scale in degrees."""
+    ax.secondary_yaxis("right", functions=(np.degrees, np.radians)).set_ylabel("degrees")
 
 
 def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6)) -> Any:

@@ -112,7 +112,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Report:
-    """A whole report, the verdict first. The first section holds the notes."""
+    """A whole report, the verdict first. The first sections hold the scene and the notes."""
 
     title: str
     verdict: Note

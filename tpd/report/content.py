@@ -19,7 +19,7 @@ from tpd.design.objective import KINDS
 from tpd.design.result import Design
 from tpd.design.study import Study
 from tpd.design.verified import Bare, Motions, Verified
-from tpd.report import benefit, pictures, tables, words
+from tpd.report import benefit, pictures, scene_words, tables, words
 from tpd.report.blocks import (
     Block,
     Cell,
@@ -39,7 +39,14 @@ _ROWS = 40
 """Most conditions in a table, evenly over all of them."""
 
 
-def content(design: Design, study: Study, job_toml: str = "", directory: Path | None = None) -> Report:
+def content(
+    design: Design,
+    study: Study,
+    job_toml: str = "",
+    directory: Path | None = None,
+    name: str = "",
+    date: str = "",
+) -> Report:
     """Build the report of a design.
 
     Args:
@@ -47,9 +54,12 @@ def content(design: Design, study: Study, job_toml: str = "", directory: Path | 
         study: everything else that is shown, from `tpd.design.study.study`.
         job_toml: the job file that repeats the run; left out if empty.
         directory: where the report lies, for the command that repeats the run.
+        name: of the project, for the title.
+        date: of the report, for the title.
     """
     verdict = (information if design.status.is_sound else danger)(benefit.headline(design))
     parts = {
+        "Scene": scene_words.section(design.scene, name, date),
         "Before anything else": notes(design, study),
         "The answer": _answer(design, study),
         "With and without": benefit.paired_runs(design),
@@ -68,11 +78,9 @@ def content(design: Design, study: Study, job_toml: str = "", directory: Path | 
         "Assumptions": _assumptions(design),
         "How to repeat it": _repeat(design, study, job_toml, directory),
     }
-    block = design.scene.block
-    title = f"Pendulum for a block of {number(block.width)} m × {number(block.height)} m"
-    first = next(iter(parts))
-    sections = (Section(t, tuple(blocks)) for t, blocks in parts.items() if blocks or t == first)
-    return Report(title, verdict, tuple(sections))
+    always = "Before anything else"
+    sections = (Section(t, tuple(blocks)) for t, blocks in parts.items() if blocks or t == always)
+    return Report(scene_words.title(design.scene, name, date), verdict, tuple(sections))
 
 
 _LIMITED = {
@@ -101,9 +109,9 @@ def _captions(design: Design) -> dict[str, tuple[str, str]]:
             f"First seconds from rest under the scene's own shaking, by the exact solution: {beside}.",
         ),
         "response.png": (
-            "Settled rocking amplitude against frequency, of the bare block (squares) and with the pendulum",
+            "Settled rocking amplitude against frequency, bare block (open) and with the pendulum (filled)",
             f"Motion that the block settles into from rest at a base amplitude of {number(motion.amplitude)} "
-            "m. Marks near the top: it overturns. Dashed: the one frequency that the design is for.",
+            "m. Triangles and crosses: it overturns. Dashed: the one frequency that the design is for.",
         ),
         "motion.png": (
             "Tilt of the block without and with the pendulum, and angle of the bob, against time from rest",

@@ -12,6 +12,7 @@ from tpd.report import pictures
 from tpd.report.content import content
 from tpd.report.html import html
 from tpd.report.json import as_json
+from tpd.report.responses import response_csv
 from tpd.report.text import text
 
 
@@ -27,12 +28,15 @@ def write(
         job_tables: the job as plain tables, for design.json.
         job_toml: the job as a file that repeats the run, for scene.toml.
     """
-    report = content(design, study, job_toml, directory)
+    named = {"name": job_tables.get("project", {}).get("name", ""), "date": files.today()}
+    report = content(design, study, job_toml, directory, **named)
     written = [
-        files.place(directory / "report.txt", text(content(design, study, directory=directory))),
+        files.place(directory / "report.txt", text(content(design, study, directory=directory, **named))),
         files.place(directory / "design.json", as_json(design, study, job_tables)),
         files.place(directory / "scene.toml", job_toml),
     ]
+    if study.responses:
+        written.append(files.place(directory / "response.csv", response_csv(study.responses)))
     # Numbers are safe on disk before the pictures, which take longest, are drawn.
     drawn = {}
     for name in pictures.names(design, study):

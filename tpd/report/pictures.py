@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tpd.design.result import Design, DesignStatus
 from tpd.design.study import Study
+from tpd.report.responses import topplings
 from tpd.report.words import settled_stroke
 
 
@@ -36,7 +37,8 @@ def draw(name: str, design: Design, study: Study) -> bytes:
         case "search.png":
             axes = search.plot_search(design, study.region)
         case "response.png":
-            axes = response.plot_response(study.responses or (), scene.motion.frequency)
+            levels = topplings(scene, design.pendulum)
+            axes = response.plot_response(study.responses or (), scene.motion.frequency, toppling=levels)
         case "motion.png":
             axes = histories.plot_histories(motions, scene.block.slenderness, design.stroke_limit)[0]
         case "front.png" if study.front is not None:

@@ -1,0 +1,83 @@
+"""`tpd new`: templates are whole job files, and nothing is overwritten."""
+
+import re
+import tomllib
+
+import pytest
+
+from tpd.cli import config, main, new
+from tpd.report import scene_words
+
+KINDS = pytest.mark.parametrize("kind", new.KINDS)
+
+
+@KINDS
+def test_a_template_is_written_and_read_back_as_a_job(kind, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", kind]) == 0
+    assert capsys.readouterr().out.startswith(f"written: {kind}.toml\nnext: ")
+    job = config.job_of(config.read(tmp_path / f"{kind}.toml"))
+    assert config.job_of(tomllib.loads(config.dump(job))) == job
+    assert len(job.conditions) == 18
+    assert job.file.project.name
+
+
+@KINDS
+def test_every_key_that_is_commented_out_is_a_key_with_an_allowed_value(kind):
+    whole = re.sub(r"^# (?=\[|\w+ = )", "", new.template(kind), flags=re.MULTILINE)
+    assert whole.count("\n[") == new.template(kind).count("\n[") + 3
+    job = config.job_of(tomllib.loads(whole))
+    assert len(job.conditions) == 18 * 16
+
+
+@KINDS
+def test_every_key_of_a_template_has_its_reason(kind):
+    for line in new.template(kind).splitlines():
+        if re.match(r"(# )?\w+ = ", line):
+            assert re.search(r"  # \w.{3}", line), line
+        assert len(line) <= 110
+
+
+@KINDS
+def test_the_block_of_a_template_lifts_and_its_comment_has_the_right_numbers(kind):
+    scene = config.job_of(tomllib.loads(new.template(kind))).scene
+    f, limit = scene_words.acceleration(scene), scene_words.threshold(scene)
+    assert f > limit
+    assert f"with the frequency {f:.2f} g, above the {limit:.2f} g at which" in new.template(kind)
+
+
+def test_the_paper_s_template_is_the_paper_s_scene():
+    job = config.job_of(tomllib.loads(new.template("paper")))
+    assert scene_words.origin(job.scene).endswith("with the paper's motion and losses")
+
+
+def test_a_file_that_exists_is_left_alone(tmp_path, capsys):
+    out = tmp_path / "mine.toml"
+    assert main(["new", "tower", "--out", str(out)]) == 0
+    assert f"tpd optimise --scene {out}" in out.read_text()
+    out.write_text("keep me")
+    capsys.readouterr()
+    assert main(["new", "statue", "--out", str(out)]) == 2
+    assert (
+        capsys.readouterr().err == f"tpd: {out} exists and is left as it is: name another file with --out\n"
+    )
+    assert out.read_text() == "keep me"
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (("new", "castle"), "invalid choice: 'castle'"),
+        (("new",), "required: KIND"),
+        (("new", "tower", "--out", "/proc/nowhere/tower.toml"), "cannot write /proc/nowhere/tower.toml"),
+        (("new", "tower", "--out", "."), "exists and is left as it is"),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence(command, said, capsys):
+    try:
+        status = main([*command])
+    except SystemExit as stop:
+        status = stop.code
+    out, err = capsys.readouterr()
+    assert (status, out, len(err.splitlines())) == (2, "", 1)
+    assert said in err

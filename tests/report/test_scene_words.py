@@ -1,0 +1,66 @@
+"""Scene in words: whose block it is, and its numbers."""
+
+import dataclasses
+
+import pytest
+
+import tpd
+from tpd.report import scene_words
+
+PAPER = tpd.paper_scene()
+MARBLE = tpd.Block(width=1.0, height=6.0, mass=9000.0, radius_of_gyration=1.75, restitution=0.9)
+COLUMN = tpd.Scene(MARBLE, tpd.Harmonic(amplitude=0.05, frequency=0.5))
+
+
+def changed(**block) -> tpd.Scene:
+    """The paper's scene with another value of its block."""
+    return dataclasses.replace(PAPER, block=dataclasses.replace(PAPER.block, **block))
+
+
+@pytest.mark.parametrize(
+    ("scene", "said"),
+    [
+        (PAPER, "with the paper's motion and losses"),
+        (changed(friction=0.1), "with other losses than the paper's"),
+        (changed(restitution=0.9), "with other losses than the paper's"),
+        (tpd.Scene(PAPER.block, COLUMN.motion), "with other motion than the paper's"),
+        (tpd.Scene(PAPER.block, PAPER.motion, 3.7), "with other gravity than the paper's"),
+        (tpd.Scene(changed(friction=0.1).block, COLUMN.motion), "with other motion and losses than"),
+    ],
+)
+def test_changes_of_the_papers_scene_are_named(scene, said):
+    assert scene_words.origin(scene).startswith("the paper's block (Collini et al. 2016) ")
+    assert said in scene_words.origin(scene)
+
+
+@pytest.mark.parametrize("size", ["height", "mass", "radius_of_gyration"])
+def test_another_size_is_another_block(size):
+    assert scene_words.origin(changed(**{size: 0.3})) == "a block of your own"
+
+
+def test_lines_have_block_motion_and_losses_in_si_units():
+    first, block, motion, losses = scene_words.lines(COLUMN)
+    assert first == "Scene: a block of your own."
+    assert "1 m wide, 6 m high, 9000 kg, radius of gyration 1.75 m; slenderness 0.1667" in block
+    assert "topples at 0.1667 rad (9.55°)" in block
+    # 0.05 m (2 pi 0.5 Hz)^2 is 0.4935 m/s^2.
+    assert "0.05 m at 0.5 Hz, 0.05032 g: not above 0.1667 g" in motion
+    assert losses == "  losses  impact loss: e = 0.9"
+
+
+def test_the_threshold_of_uplift_is_that_of_the_closed_form():
+    for factor, lifts in ((0.999, False), (1.001, True)):
+        amplitude = factor * scene_words.threshold(PAPER) / scene_words.acceleration(PAPER) * 0.015
+        scene = tpd.Scene(PAPER.block, tpd.Harmonic(amplitude=amplitude, frequency=2.5))
+        assert bool(tpd.closed_form.uplift(scene.parameters()).margin < 0.0) is lifts
+        said = scene_words.lines(scene)[2]
+        assert (": above 0.3 g, so the bare block at rest lifts" in said) is lifts
+
+
+def test_the_section_has_the_same_numbers_and_the_nonlinear_toppling_angle():
+    (table,) = scene_words.section(PAPER)
+    rows = {row[0]: row[1:] for row in table.rows}
+    assert rows["toppling angle"] == ("0.25 rad (14.3°)", "linear equations; nonlinear 0.245 rad (14°)")
+    assert rows["acceleration of the base"][0] == "0.3774 g"
+    assert rows["losses"][0] == "friction k = 0.05"
+    assert "project" not in rows

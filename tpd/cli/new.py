@@ -1,0 +1,51 @@
+"""`tpd new`: write a commented job file to begin with."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from tpd.cli import common
+
+KINDS = ("tower", "chimney", "column", "statue", "paper")
+"""Scenes that there is a template of."""
+
+
+def add(commands: Any) -> None:
+    """Add the command to the grammar of the command line."""
+    command = commands.add_parser(
+        "new",
+        help="write a commented job file to begin with",
+        description="Write a job file in TOML with a realistic scene of the kind asked for: every key that "
+        "matters, with its unit and the reason for it. Change the numbers, then run `tpd optimise --scene "
+        "FILE`. Exit status: 0 written, 2 bad input or an existing file.",
+    )
+    command.add_argument("kind", choices=KINDS, metavar="KIND", help=f"one of {', '.join(KINDS)}")
+    command.add_argument("--out", type=Path, metavar="FILE", help="default KIND.toml; it must not exist")
+    command.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the template and print how to go on; return the exit status."""
+    out = Path(f"{options.kind}.toml") if options.out is None else options.out
+    again = f"tpd optimise --scene {shlex.quote(str(out))} --out {shlex.quote(out.stem)}"
+    old = f"tpd optimise --scene {options.kind}.toml --out {options.kind}"
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        # Mode x fails where the file exists: no other program can write it between a check and the writing.
+        with out.open("x", encoding="utf-8") as file:
+            file.write(template(options.kind).replace(old, again))
+    except FileExistsError:
+        raise ValueError(f"{out} exists and is left as it is: name another file with --out") from None
+    except OSError as error:
+        raise ValueError(f"cannot write {out}: {error.strerror or error}") from None
+    print(f"written: {out}\nnext: change its numbers, then {again}")
+    return common.SOUND
+
+
+def template(kind: str) -> str:
+    """Return the job file of one of `KINDS`."""
+    return resources.files("tpd.cli").joinpath("templates", f"{kind}.toml").read_text(encoding="utf-8")

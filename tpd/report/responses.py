@@ -1,0 +1,37 @@
+"""Responses over frequency as CSV, and the tilts at which the block topples in their pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tpd.analysis.response import Response
+from tpd.core import files
+from tpd.core.quantities import UNITS
+from tpd.core.scene import Pendulum, Scene
+from tpd.report.words import toppling
+
+
+def response_csv(responses: Sequence[Response]) -> str:
+    """CSV with a row for every frequency: status and amplitude without, and with, the pendulum.
+
+    Args:
+        responses: of the bare block and, if there is one, with the pendulum, over the same values. An
+            amplitude is infinite where the block overturns.
+    """
+    first = responses[0]
+    name = f"{first.name}_{UNITS[first.name]}" if first.name in UNITS else first.name
+    header, columns = [name], [first.frequency]
+    for label, r in zip(("without", "with"), responses, strict=False):
+        header += [f"{label}_status", f"{label}_amplitude_rad"]
+        columns += [r.status, r.amplitude]
+    if len(responses) > 1:
+        # The bare block's stroke is that of a bob too light to be felt, and means nothing.
+        header.append("with_stroke_rad")
+        columns.append(responses[1].stroke)
+    return files.as_csv(header, zip(*(column.tolist() for column in columns), strict=True))
+
+
+def topplings(scene: Scene, hung: Pendulum | None) -> list[float]:
+    """Tilts (rad) at which the block topples by itself: bare and, if there is one, with the pendulum."""
+    masses = [0.0] if hung is None else [0.0, float(hung.mass / scene.block.mass)]
+    return [toppling(float(scene.block.slenderness), mass) for mass in masses]
