@@ -97,16 +97,15 @@ def _bare(job: Job, options: argparse.Namespace) -> int:
 def _around(found: Suitability) -> list[str]:
     """Lines on the shakings around the own one, and on the room."""
     from tpd.core.formatting import number
-    from tpd.design.suitability import cavity_width
 
     lost, bare = found.lost
     settled, way = found.reach
-    reaches = "No motion stands, so there is no reach of the ball of steel to compare with"
+    reaches = "No motion stands, so there is no reach of the bob to compare with"
     if not math.isnan(settled):
         to = f"{number(settled, 3)} m to the side once settled, {number(way, 3)} m on the way"
-        reaches = f"A solid ball of steel reaches at most {to}; there are"
+        reaches = f"The bob reaches at most {to}; there are"
     return [
         f"By the nonlinear equations from rest, of {found.around}: {lost} overturn the block with the "
         f"pendulum, {bare} without; under {found.worse} it rocks more with it.",
-        f"{reaches} {number(0.5 * cavity_width(found.scene.block), 3)} m.",
+        f"{reaches} {number(0.5 * float(found.scene.block.room), 3)} m.",
     ]

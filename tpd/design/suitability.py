@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 import jax.numpy as jnp
 import numpy as np
 
-from tpd.analysis.compare_models import Check, check, nonlinear_motion
+from tpd.analysis.compare_models import Check, check
 from tpd.core.bob import THICKEST, Bob
-from tpd.core.conditions import Conditions, under
+from tpd.core.conditions import Conditions, under_all
 from tpd.core.parameters import as_arrays
 from tpd.core.progress import Progress
 from tpd.core.scene import Block, Pendulum, Scene
-from tpd.core.status import status_name
+from tpd.core.status import names_of
+from tpd.models.compiled_nonlinear import settle_nonlinear
 
 _NEARBY = (-0.01, -0.005, 0.005, 0.01)
 """Changes of the base motion's amplitude, and of its frequency."""
@@ -180,13 +181,12 @@ def _with_own(conditions: Conditions) -> Conditions:
 def motions(scene: Scene, pendulum: Pendulum | None, conditions: Conditions) -> Motions:
     """Follow the block from rest by the nonlinear equations under every condition."""
     p = as_arrays(scene.parameters(pendulum))
-    design = jnp.stack([p.mu, p.lam, p.zeta])
-    runs = [nonlinear_motion(as_arrays(under(p, design, row))) for row in conditions.factor_rows()]
-    status = np.array([status_name(r.status) for r in runs])
+    design = jnp.stack([p.mu, p.lam, p.zeta])[None]
+    settled = settle_nonlinear(under_all(p, design, conditions), np.zeros((len(conditions), 4)))
+    status = names_of(settled.status)
 
     def column(*names: str) -> np.ndarray:
-        sizes = np.array([sum(float(getattr(r, name)) for name in names) for r in runs])
-        return np.where(status == "overturned", np.inf, sizes)
+        return np.where(status == "overturned", np.inf, sum(np.asarray(getattr(settled, n)) for n in names))
 
     return Motions(
         status=status,
