@@ -104,10 +104,11 @@ def main():
     options.add_argument("--runs", type=int, default=64, help="of each scene (64)")
     n = options.parse_args().runs
     packages = ", ".join(f"{name} {version(name)}" for name in ("jax", "diffrax", "numba", "numpy"))
+    day = time.strftime("%Y-%m-%d")
     lines = [
-        f"`python -m tests.benchmarks.nonlinear_runs --runs {n}`, {packages},",
-        f"{time.strftime('%Y-%m-%d')}, two busy cores. Processor time of one thread for a run of {PERIODS} periods",
-        "at most, median and 90 % of the runs; relative tolerance 1e-8. Reach: 5 ms.",
+        f"`python -m tests.benchmarks.nonlinear_runs --runs {n}`, {packages}, {day}, two busy cores.",
+        f"Processor time of one thread for a run of {PERIODS} periods at most, median and 90 % of the runs;",
+        "relative tolerance 1e-8. Reach: 5 ms.",
         "",
         "| scene | compiled loop (ms) | error of the largest tilt (rad) | `Segmented` (ms) | ratio |",
         "|---|---|---|---|---|",
