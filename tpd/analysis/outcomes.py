@@ -82,10 +82,11 @@ class Outcomes(Printed):
         return Share.of(np.isin(self.status, SETTLED))
 
     def summary(self) -> dict[str, Any]:
-        """Shares with their intervals, and quantiles, for JSON."""
+        """Equations, shares with their intervals, and quantiles, for JSON."""
         shares = {"overturned": self.overturned, "at_rest": self.at_rest, "settled": self.settled}
         quantiles = {n: self.quantiles(n) for n in ("peak", "amplitude", "peak_stroke", "stroke")}
-        return {"shares": {n: tuple(s) for n, s in shares.items()}, "quantiles_50_90_99": quantiles}
+        intervals = {n: tuple(s) for n, s in shares.items()}
+        return {"equations": self.equations, "shares": intervals, "quantiles_50_90_99": quantiles}
 
     def quantiles(self, of: str, at: tuple[float, ...] = (0.5, 0.9, 0.99)) -> tuple[float, ...]:
         """Quantiles of `peak`, `amplitude`, `peak_stroke` or `stroke` over all runs, overturned ones at

@@ -1,7 +1,7 @@
 """The nonlinear equations (4) for many motions at once, by a compiled event loop on all cores.
 
-`Segmented` solves the same equations with derivatives; here are values alone, some hundred times sooner.
-Numbers cross between JAX and the compiled code at the edges only.
+`Segmented` solves the same equations with derivatives. Here are values alone, sooner, and no motion waits for
+another one of its batch. Numbers cross between JAX and the compiled code at the edges only.
 """
 
 from __future__ import annotations

@@ -16,7 +16,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numba
-import numpy as np
 
 SLIP, STICK, REST = 0, 1, 2
 REST_RATE = 1e-4
@@ -127,7 +126,9 @@ def _stage(w, h, to, a1, a2, a3, a4, a5, a6):
 def _step(q, growth, mode, t, h, w):
     """One step of Dormand and Prince: from row 0 of `w` with the derivative in row 1 to row 8 with the
     derivative in row 7."""
-    w[2:7] = 0.0
+    for j in range(2, 7):
+        for i in range(4):
+            w[j, i] = 0.0
     _stage(w, h, 8, 1.0 / 5.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     _field(q, mode, w[8], sine_at(q, growth, t + 0.2 * h), w[2])
     _stage(w, h, 8, 3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0)
@@ -298,7 +299,7 @@ def _land(q, y, tilt, sine, mode):
     if after != before:
         y[3] += (2.0 * cq * (after - before) + corner * sq * (after + before)) / q.lam
     y[2] = after
-    decide(q, 0.0, y[1], y[3], 0.0, np.sign(after), sine, mode)
+    decide(q, 0.0, y[1], y[3], 0.0, math.copysign(1.0, after) if after != 0.0 else 0.0, sine, mode)
 
 
 @compiled
@@ -369,7 +370,8 @@ def advance(q, growth, mode, clock, w, sizes, scales, end, rtol, max_events):
             _step(q, growth, mode, t, x * h, w)
             clock[0] = min(t + x * h + _polish(which, h, w), end)
         _note(w, max(x * h, 1e-300), sizes)
-        w[0], w[1] = w[8], w[7]
+        for i in range(4):
+            w[0, i], w[1, i] = w[8, i], w[7, i]
         if not abs(w[0, 0]) < 0.5 * math.pi:
             return LOST
         if which != _NONE:

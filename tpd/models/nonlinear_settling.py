@@ -7,6 +7,7 @@ The rules are those of `tpd.models.settling`. Shaking may begin at any phase and
 from __future__ import annotations
 
 import inspect
+import math
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -62,8 +63,9 @@ _SIGNATURE = numba.int64(*_INPUT, *_LIMITS, _TABLE, numba.int64[:, ::1])
 @compiled
 def _scales(q):
     """Sizes of (phi, psi, phi', psi') against which a repetition is judged."""
-    rate, swing = max(q.xi, 1.0), q.nu + q.f
-    return np.array([q.nu, swing, q.nu * rate, swing * rate])
+    scales, rate, swing = np.zeros(4), max(q.xi, 1.0), q.nu + q.f
+    scales[0], scales[1], scales[2], scales[3] = q.nu, swing, q.nu * rate, swing * rate
+    return scales
 
 
 @compiled
@@ -124,18 +126,26 @@ def _one_period(q, growth, grown, mode, clock, w, sizes, scales, rtol, max_event
 def _remember(past, known, amplitudes, strokes, held, y, mode, sizes):
     """Put a period in front of the last ones; return how many states are known."""
     for j in range(LONGEST - 1, 0, -1):
-        past[j] = past[j - 1]
+        for i in range(4):
+            past[j, i] = past[j - 1, i]
         amplitudes[j], strokes[j], held[j] = amplitudes[j - 1], strokes[j - 1], held[j - 1]
-    past[0] = y
+    for i in range(4):
+        past[0, i] = y[i]
     amplitudes[0], strokes[0], held[0] = max(sizes[0], sizes[1]), sizes[2], mode[3]
     return min(known + 1, LONGEST)
+
+
+@compiled
+def _sign(x):
+    """Sign of a number, 0 of zero."""
+    return 0.0 if x == 0.0 else math.copysign(1.0, x)
 
 
 @compiled
 def _classified(q, growth, y, t):
     """Mode of a state, with a place for whether the block was held."""
     mode = np.zeros(4)
-    decide(q, y[0], y[1], y[3], np.sign(y[0]), np.sign(y[2]), sine_at(q, growth, t), mode)
+    decide(q, y[0], y[1], y[3], _sign(y[0]), _sign(y[2]), sine_at(q, growth, t), mode)
     return mode
 
 
@@ -143,15 +153,21 @@ def _classified(q, growth, y, t):
 def _settled(status, repeats, y, amplitudes, strokes, held, peaks, mode, out):
     """Put the results of a motion into `out`; return its status and its periods."""
     own = repeats if repeats > 0 else LONGEST
-    amplitude, stroke = np.max(amplitudes[:own]), np.max(strokes[:own])
-    if status == _ROCKING and np.max(held[:own]) > 0.0:
+    amplitude, stroke, stuck = 0.0, 0.0, 0.0
+    for j in range(own):
+        amplitude, stroke, stuck = max(amplitude, amplitudes[j]), max(stroke, strokes[j]), max(stuck, held[j])
+    if status == _ROCKING and stuck > 0.0:
         status = _STICKING
     if status == _REST:
         amplitude, stroke = abs(y[0]), strokes[0]
         status = _HELD if y[0] != 0.0 else _REST
     if status == _OVERTURNED:
-        peaks[:] = np.inf
-    out[:4], out[4], out[5], out[6:8], out[8:11] = y, amplitude, stroke, peaks, mode[:3]
+        peaks[0] = peaks[1] = math.inf
+    out[4], out[5], out[6], out[7] = amplitude, stroke, peaks[0], peaks[1]
+    for i in range(4):
+        out[i] = y[i]
+    for i in range(3):
+        out[8 + i] = mode[i]
     return status, max(repeats, 1)
 
 
@@ -162,11 +178,12 @@ def _settle(x, y0, begin, ramp, periods, rtol, max_events, out):
     q = plant(x)
     w, past, scales = np.zeros((9, 4)), np.zeros((LONGEST, 4)), _scales(q)
     amplitudes, strokes, held = np.zeros(LONGEST), np.zeros(LONGEST), np.zeros(LONGEST)
-    growth, sizes, peaks = np.empty(2), np.zeros(3), np.abs(y0[:2])
-    w[0], past[0] = y0, y0
+    growth, sizes, peaks, clock = np.zeros(2), np.zeros(3), np.zeros(2), np.zeros(2)
+    clock[0], clock[1] = begin, 1e-3 * q.period
+    for i in range(4):
+        w[0, i] = past[0, i] = y0[i]
     _share(growth, ramp, q.period, 0.0)
     mode = _classified(q, growth, y0, begin)
-    clock = np.array([begin, 1e-3 * q.period])
     # A start within a period has another phase than the ends of periods, with which these are compared.
     known, status, repeats, elapsed = (1 if begin == 0.0 else 0), _NOT_SETTLED, 0, 0
     while elapsed < periods and status == _NOT_SETTLED:
@@ -180,7 +197,7 @@ def _settle(x, y0, begin, ramp, periods, rtol, max_events, out):
         rests = steady and known > 0 and _stays(q, y, past[0], mode, sizes)
         known = _remember(past, known if steady else 0, amplitudes, strokes, held, y, mode, sizes)
         clock[0] = 0.0
-        if not np.all(np.isfinite(y)) or ended == BROKEN:
+        if ended == BROKEN or not math.isfinite(y[0] + y[1] + y[2] + y[3]):
             status = _FAILED
         elif ended == LOST:
             status = _OVERTURNED
