@@ -144,8 +144,8 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     design = np.repeat([[float(x)] for x in (p.mu, p.lam, p.zeta)], e.size, axis=1)
     q = under(p, jnp.asarray(design), jnp.asarray(factor))
     # Every leaf is given for every run: then all ensembles, also that of the bare block, share one program.
-    tied = {"rho": q.inertia_ratio, "e": q.velocity_ratio}
-    q = replace(q, **{n: jnp.broadcast_to(jnp.asarray(v), e.size) for n, v in tied.items()})
+    rho, ratio = (jnp.broadcast_to(jnp.asarray(x), e.size) for x in (q.inertia_ratio, q.velocity_ratio))
+    q = replace(q, rho=rho, e=ratio)
     xi = np.asarray(q.xi)
     begin = unit[:, 4] * 2.0 * np.pi / xi if e.any_phase else np.zeros(e.size)
     ramps = np.array(e.ramps)

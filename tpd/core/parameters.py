@@ -129,13 +129,12 @@ def _check_heaviest(nu: Any, rho: Any, mu: Any) -> None:
     """Raise `ValueError` for a bob with which Housner's velocity ratio is negative: it would throw the block
     back on the corner from which it comes."""
     if all(map(checks.is_concrete, (nu, rho, mu))):
-        shapes = np.broadcast_arrays(mu, 1.0 / (rho * nu**2) - 2.0)
-        wrong = np.flatnonzero(shapes[0] > shapes[1])
-        if wrong.size:
-            heavy, most = (float(x.flat[wrong[0]]) for x in shapes)
+        bobs, most = np.broadcast_arrays(mu, 1.0 / (rho * nu**2) - 2.0)
+        i = np.argmax(bobs - most)
+        if bobs.flat[i] > most.flat[i]:
             raise ValueError(
-                f"`mu` must be at most {most:.4g} with Housner's restitution (a heavier bob throws the block "
-                f"back at an impact), but is {heavy:g}"
+                f"`mu` must be at most {most.flat[i]:.4g} with Housner's restitution (a heavier bob throws the "
+                f"block back at an impact), but is {bobs.flat[i]:g}"
             )
 
 

@@ -282,8 +282,7 @@ class Scene:
 
 def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters, by name and unchecked, of `Scene.quantities`: numbers, arrays that broadcast, or
-    traced values. rho is None without a `radius_of_gyration`, and e is None (Housner's) without a
-    `restitution`."""
+    traced values. rho is None without a `radius_of_gyration`, e without a `restitution`."""
     half_height, radius = 0.5 * q["height"], q.get("radius_of_gyration")
     rho = _inertia_ratio(q["width"], q["height"], radius)
     nu = q["width"] / q["height"]
@@ -298,9 +297,8 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
         "k": q["friction"],
         "f": q["amplitude"] * omega**2 / q["gravity"],
         "xi": omega / rate,
-        # None keeps rho tied to nu where nu itself is varied later.
+        # None keeps rho and e tied to the other parameters where these are varied later.
         "rho": None if radius is None else rho,
-        # None keeps Housner's e tied to nu, rho and mu.
         "e": q.get("restitution"),
     }
 

@@ -84,13 +84,7 @@ def impact_ratio(
     conserved. An e nearer to 1 than (1 - mu rho nu^2)/(1 + mu rho nu^2) makes A > 1, with which a bob far out
     would give energy to the block: r is at most sqrt[(1 + mu rho q'^2)/(1 + mu rho q^2)], which conserves it.
 
-    Args:
-        restitution: e, the ratio at psi = 0.
-        nu: slenderness.
-        share: mu rho.
-        side: sign s of the tilt before the impact.
-        sine: sin(psi).
-        cosine: cos(psi).
+    `share` is mu rho, `side` the sign s of the tilt before the impact; `sine` and `cosine` are those of psi.
     """
     after, before = 2.0 * sine - side * nu * cosine, 2.0 * sine + side * nu * cosine
     arm, inertia = share * nu**2, 1.0 + share * after**2
@@ -103,10 +97,9 @@ def bob_jump(
     ratio: Number, nu: Number, length_ratio: Number, side: Number, sine: Number, cosine: Number
 ) -> Number:
     """Change of psi', over phi' before, at an impact of the nonlinear equations that multiplies phi' by
-    r = `ratio`; other arguments as in `impact_ratio`.
-
-    The rod pulls along itself only, so the bob keeps its velocity across the rod. The hinge moves to
-    the side at 2 phi', and upwards at s nu phi' before the impact and at -s nu phi' after it:
+    r = `ratio`; other arguments as in `impact_ratio`. The rod pulls along itself only, so the bob keeps its
+    velocity across the rod. The hinge moves to the side at 2 phi', and upwards at s nu phi' before the impact
+    and at -s nu phi' after it:
 
         lam (psi'_after - psi'_before) = 2 cos(psi) (r - 1) phi' + s nu sin(psi) (r + 1) phi'.
     """

@@ -63,9 +63,8 @@ def losses(block: Block) -> str:
     """Energy losses of the rocking block."""
     if block.restitution is None:
         return f"friction k = {block.friction:g}"
-    # With a pendulum Housner's e is smaller; a number holds for both.
-    tied = block.restitution == HOUSNER
-    model, of = ("Housner, ", " for the bare block") if tied else ("", "")
+    # With a pendulum Housner's e is smaller.
+    model, of = ("Housner, ", " for the bare block") if block.restitution == HOUSNER else ("", "")
     impacts = f"impact loss: {model}e = {block.velocity_ratio:.4g}{of}"
     return f"{impacts}; friction k = {block.friction:g}" if block.friction else impacts
 
