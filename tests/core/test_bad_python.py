@@ -166,7 +166,7 @@ CALLS = {
 
 @pytest.fixture(scope="module")
 def said():
-    """What every call said, and the longest compilation (s)."""
+    """Answers of all calls, and the longest compilation (s)."""
     call = [sys.executable, "-W", "error", "-c", HEAD]
     done = subprocess.run(call, input=json.dumps(list(CALLS)), capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
