@@ -27,8 +27,8 @@ MOMENTS = [moment / 100 for moment in sorted(random.Random(5).sample(range(20, 4
 
 
 def interrupted(folder, after: float, twice: float | None = None) -> tuple:
-    """Exit status, stdout, stderr and the time (s) from Ctrl-C to the end, of a run that gets one after so many
-    seconds, and a second one `twice` seconds later; 0 where it had ended before."""
+    """Exit status, stdout, stderr and the time (s) from Ctrl-C to the end, of a run that gets one after so
+    many seconds, and a second one `twice` seconds later; 0 where it had ended before."""
     arguments = [sys.executable, "-m", "tpd.cli", "optimise", "--scene", "job.toml", "--out", "out"]
     run = subprocess.Popen(arguments, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:

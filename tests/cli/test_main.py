@@ -49,3 +49,16 @@ for model in (Smoothed(), Segmented(terms=Terms.nonlinear)):
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_the_first_line_does_not_wait_for_jax(tmp_path):
+    """A quarter of a second and the start of Python when nothing else runs; importing JAX alone takes one."""
+    command = [sys.executable, "-m", "tpd.cli", "response", "--out", "out"]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as run:
+        begin = time.perf_counter()
+        assert run.stderr is not None
+        line = run.stderr.readline()
+        took = time.perf_counter() - begin
+        run.kill()
+    assert line == f"tpd {tpd.__version__}: following the motions over frequency, for out\n"
+    assert took < 5.0

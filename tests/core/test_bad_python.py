@@ -79,9 +79,9 @@ CALLS = {
     # The design space, conditions, starts, risks and limits.
     "DesignSpace(mass_ratio=0.1)": "`mass_ratio` must be a pair of numbers (low, high), but is 0.1",
     'DesignSpace(mass_ratio=("0.1", "0.2"))': "`mass_ratio` must be a pair of numbers (low, high), but is (",
-    "DesignSpace(mass_ratio=(0.1, True))": "`mass_ratio` must be a pair of numbers (low, high), but is (0.1, T",
+    "DesignSpace(mass_ratio=(0.1, True))": "`mass_ratio` must be a pair of numbers (low, high), but is (0.1,",
     "DesignSpace(mass_ratio=(0.1, 1.2))": "`mass_ratio` must be an interval low < high within 0 to 1, but is",
-    "DesignSpace(mass_ratio=(nan, 0.2))": "`mass_ratio` must be an interval low < high within 0 to 1, but is n",
+    "DesignSpace(mass_ratio=(nan, 0.2))": "`mass_ratio` must be an interval low < high within 0 to 1, but is",
     "DesignSpace(length_ratio=(0.1, 2.5))": "`length_ratio` must be an interval low < high within 0.001 to 2",
     "DesignSpace(damping_ratio=True)": "`damping_ratio` must be a number, but is True",
     'DesignSpace(damping_ratio="0.1")': "`damping_ratio` must be a number, but is '0.1'",
@@ -92,7 +92,7 @@ CALLS = {
     'Conditions.amplitudes("1.1")': "`factors` must be a number, but is '1.1'",
     "Conditions.amplitudes(0.0)": "`factors` must be positive and finite, but is 0",
     'Conditions({"colour": np.ones(2)})': "`factors` must be one of amplitude, frequency, friction",
-    'Conditions({"friction": [1.0, nan]})': "`friction` must be a vector of factors, all finite, but is [1.0, n",
+    'Conditions({"friction": [1.0, nan]})': "`friction` must be a vector of factors, all finite, but is [1.0",
     'Conditions({"mass": [1.0], "length": [1.0, 1.1]})': "`factors` must be of one length, but have lengths",
     "Conditions.scatter(-4, mass=0.1)": "`size` must be a whole number, 1 or more, but is -4",
     "Conditions.scatter(4, mass=0.9)": "`mass` must be between 0 and 0.5, but is 0.9",
@@ -108,14 +108,14 @@ CALLS = {
     'Risk(share="all", name="mine")': "`share` must be a number, but is 'all'",
     "Risk.cvar(2.0)": "`share` must be between 1e-09 and 1, but is 2",
     "limits.Stroke(3.0)": "`stroke` must be at most 1.5708, a right angle in rad, but is 3",
-    "limits.RelativeStroke(1.6)": "`relative_stroke` must be at most 1.5708, a right angle in rad, but is 1.6",
+    "limits.RelativeStroke(1.6)": "`relative_stroke` must be at most 1.5708, a right angle in rad, but is 1.",
     "limits.Tilt(1.1)": "`tilt` must be at most 1, a block that stands on its corner, but is 1.1",
     'limits.Mass("2 kg")': "`mass` must be a number, but is '2 kg'",
     # Motions.
     "steady_state(scene)": "`p` must be a Parameters, but is Scene(",
     "steady_state(p, model=Piecewise)": "that is made, `Piecewise(...)`, but is the class itself",
     'steady_state(p, model="exact")': "`model` must be a Model or Choice, but is 'exact'",
-    "steady_state(p, y0=[nan, 0, 0, 0])": "`y0` must be (phi, psi, phi', psi'), all finite, but is [nan, 0, 0",
+    "steady_state(p, y0=[nan, 0, 0, 0])": "`y0` must be (phi, psi, phi', psi'), all finite, but is [nan, 0, ",
     "steady_state(p, y0=[0.0, 0.0])": "`y0` must be (phi, psi, phi', psi'), all finite, but is [0.0, 0.0]",
     'steady_state(p, y0="rest")': "`y0` must be (phi, psi, phi', psi'), all finite, but is 'rest'",
     'steady_state(p, throw="yes")': "`throw` must be True or False, but is 'yes'",
@@ -129,12 +129,12 @@ CALLS = {
     "attractors(scene, starts=12)": "`starts` must be a Starts, but is 12",
     'settled_response(scene, "frequency", ["a"])': "`values` must be one or more numbers, all finite, but is",
     'settled_response(scene, "colour", [1.0])': "`name` must be one of width, height, mass",
-    'settled_response(scene, "frequency", [2.0], progress=3)': "`progress` must be True or a function, but is",
+    'settled_response(scene, "frequency", [2.0], progress=3)': "`progress` must be True or a function, but i",
     'branches(scene, "frequency", 3.0, 2.0)': "must be an interval low < high",
     'sweep(scene, "frequency", [2.0, nan])': "`values` must be two or more numbers that increase, all finite",
     'design_map(scene, "mu", ("lam", [0.1, 0.2]), pendulum=hung)': "`x` must be a name and its values, but i",
     'design_map(scene, ("mu", [0.1, 0.2]), ("lam", [0.1, 0.2]), pendulum=hung, start=[0, 0])': "`start` must",
-    'design_map(scene, ("pendulum_mass", [1.0, 20.0]), ("lam", [0.1, 0.2]), pendulum=hung)': "`pendulum_mass`",
+    'design_map(scene, ("pendulum_mass", [1.0, 20.0]), ("lam", [0.1, 0.2]), pendulum=hung)': "`pendulum_mass",
     "outcomes(scene, ensemble=Ensemble)": "`ensemble` must be a Ensemble that is made, `Ensemble(...)`",
     "verdict(scene, hung, conditions=2.5)": "`conditions` must be a Conditions, but is 2.5",
     'check(scene, hung, stroke="wide")': "`stroke` must be positive, but is 'wide'",
@@ -144,7 +144,7 @@ CALLS = {
     "optimise(scene, conditions=[2.4, 2.6])": "`conditions` must be a Conditions, but is [2.4, 2.6]",
     'optimise(scene, starts="rest")': "`starts` must be a Starts, but is 'rest'",
     'optimise(scene, risk="worst")': "`risk` must be a Risk, but is 'worst'",
-    "optimise(scene, limits=limits.Stroke(0.5))": "`limits` must be a list of objects of `tpd.limits`, but is",
+    "optimise(scene, limits=limits.Stroke(0.5))": "`limits` must be a list of objects of `tpd.limits`, but i",
     "optimise(scene, limits=[limits.Stroke])": "`limits` must hold objects of `tpd.limits`, but has <class",
     "optimise(scene, limits=[limits.Reserve()])": "`limits` must not hold Reserve where a method follows",
     'optimise(scene, method="adam")': "`method` must be a Method, but is 'adam'",
@@ -154,7 +154,7 @@ CALLS = {
     'optimise(scene, by_overturning="yes")': "`by_overturning` must be True or False, but is 'yes'",
     "optimise(scene, checkpoint=3)": "`checkpoint` must be a Path or str, but is 3",
     'optimise(scene, progress="bar")': "`progress` must be True or a function, but is 'bar'",
-    "optimise(Scene(block, made(Harmonic, amplitude=0)))": "`amplitude` must be above 0 in a search, but is 0",
+    "optimise(Scene(block, made(Harmonic, amplitude=0)))": "`amplitude` must be above 0 in a search, but is ",
     "Descent(searches=-1)": "`searches` must be a whole number, 1 or more, but is -1",
     "Descent(model=Piecewise)": "`model` must be a model such as Smoothed(), but is <class",
     "Descent(optimiser=3)": "`optimiser` must be a transformation of optax, or one of adam, lbfgs, but is 3",
@@ -166,7 +166,7 @@ CALLS = {
 
 @pytest.fixture(scope="module")
 def said():
-    """What every call said, and the longest compilation (s)."""
+    """Answers of all calls, and the longest compilation (s)."""
     call = [sys.executable, "-W", "error", "-c", HEAD]
     done = subprocess.run(call, input=json.dumps(list(CALLS)), capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr

@@ -67,6 +67,6 @@ def _refused(error: BaseException) -> int:
 
 
 def _does(read: argparse.Namespace) -> str | None:
-    """What a command does, for its first line; None for one that is quick."""
+    """Words for the first line of a command; None for one that is quick."""
     words = getattr(read, "does", None)
     return None if words is None else words.format(**vars(read))

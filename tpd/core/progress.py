@@ -86,9 +86,10 @@ class Bar:
             return
         from tqdm import tqdm
 
-        shape = {} if self._total else {"bar_format": "{desc}, {elapsed}"}
+        # Without a number of units there is only a clock to show.
+        shape = None if self._total else "{desc}, {elapsed}"
         total = self._total or None
-        self._bar = tqdm(total=total, desc=self._name(), leave=False, file=self._out, **shape)
+        self._bar = tqdm(total=total, desc=self._name(), leave=False, file=self._out, bar_format=shape)
 
     def _close(self) -> None:
         if self._bar is not None:

@@ -1,0 +1,65 @@
+"""Progress in a pipe and on a terminal, and what an argument `progress` may be."""
+
+import io
+import time
+
+import pytest
+
+from tpd.core.progress import COMPILING, Bar, shown, shown_count
+
+
+class Terminal(io.StringIO):
+    """A stream that says that it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_pipe_gets_plain_lines_with_the_stage_the_count_and_the_time():
+    out = io.StringIO()
+    with Bar(out, every=0.0) as bar:
+        time.sleep(0.7)
+        bar("searching", 0, 64)
+        time.sleep(0.7)
+        bar("searching", 12, 64)
+        time.sleep(0.7)
+    lines = out.getvalue().splitlines()
+    assert lines[0] == f"tpd: {COMPILING}, 0 s"
+    assert any(line.startswith(f"tpd: searching, {COMPILING} 0 of 64, ") for line in lines)
+    assert lines[-1].startswith("tpd: searching 12 of 64, ")
+    assert "\r" not in out.getvalue()
+
+
+def test_a_quick_piece_of_work_leaves_a_pipe_empty():
+    out = io.StringIO()
+    with Bar(out) as bar:
+        bar("searching", 64, 64)
+    assert out.getvalue() == ""
+
+
+def test_a_terminal_gets_a_bar():
+    out = Terminal()
+    with Bar(out) as bar:
+        assert COMPILING in out.getvalue()
+        bar("searching", 12, 64)
+        bar("verifying", 1, 2)
+    assert "searching" in out.getvalue()
+    assert "verifying" in out.getvalue()
+
+
+def test_true_is_a_bar_and_a_function_is_taken_as_it_is():
+    seen = []
+    with shown(True) as bar, shown_count(True, "mapping") as count:
+        assert isinstance(bar, Bar)
+        count(1, 2)
+    with shown(lambda *x: seen.append(x)) as report, shown_count(seen.append, "mapping") as own:
+        report("searching", 1, 2)
+        assert own == seen.append
+    assert seen == [("searching", 1, 2)]
+    for nothing in (None, False):
+        with shown(nothing) as report, shown_count(nothing, "mapping") as count:
+            assert report is None
+            assert count is None
+    for bad in (3, "bar"):
+        with pytest.raises(ValueError, match="`progress` must be True or a function, but is"), shown(bad):
+            pass
