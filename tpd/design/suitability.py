@@ -64,6 +64,7 @@ class Suitability:
     @property
     def lost(self) -> tuple[int, int]:
         """Shakings beside the own one that overturn the block: with the pendulum and without."""
+        # The own shaking is told by the comparison of models already.
         own = (m.status[0] == "overturned" for m in (self.hung, self.bare))
         with_it, without = (m.overturned - int(o) for m, o in zip((self.hung, self.bare), own, strict=True))
         return with_it, without
@@ -72,6 +73,7 @@ class Suitability:
     def worse(self) -> int:
         """Shakings beside the own one under which the block stands bare, and with the pendulum rocks more."""
         with_it, without = self.hung.amplitude[1:], self.bare.amplitude[1:]
+        # A block that rests up to round-off is no worse than any other.
         return int(np.sum(np.isfinite(without) & (with_it > 1e-9) & (with_it > without)))
 
     @property
@@ -84,6 +86,7 @@ class Suitability:
     def reach(self) -> tuple[float, float]:
         """Largest distances (m) of the ball's surface from the block's axis, settled and on the way from
         rest, of the motions that stand; NaN where none does."""
+        # A job's conditions need not hold the scene's own shaking.
         rows = slice(1, None) if self.several else slice(0, 1)
         length, mass = (self.shakings.column(name)[rows] for name in ("length", "mass"))
         rod, ball = self.pendulum.length * length, self.pendulum.ball_radius * np.cbrt(mass)
@@ -108,6 +111,7 @@ class Suitability:
         a, bare = self.check.top.amplitude, self.check.bare
         if not self.several and math.isfinite(a) and a > 0.0 and a >= bare:
             yield f"by the nonlinear equations the block rocks {a:.4g} rad, and {bare:.4g} without"
+        # Where the bare block overturns, a pendulum that holds it is no worse: most shakings have to be.
         if 2 * self.worse > self.tried:
             yield f"under {self.worse} of {self.around} the block rocks more than without the pendulum"
 
@@ -177,6 +181,7 @@ def _with_own(conditions: Conditions) -> Conditions:
 def motions(scene: Scene, pendulum: Pendulum | None, conditions: Conditions) -> Motions:
     """Follow the block from rest by the nonlinear equations under every condition."""
     p = as_arrays(scene.parameters(pendulum))
+    # One after the other: the program for a single motion is compiled for the comparison already.
     design = jnp.stack([p.mu, p.lam, p.zeta])
     runs = [nonlinear_motion(as_arrays(under(p, design, row))) for row in conditions.factor_rows()]
     status = np.array([status_name(r.status) for r in runs])
@@ -209,9 +214,11 @@ def misfits(block: Block, pendulum: Pendulum, reach: tuple[float, float]) -> Ite
     """
     ball, rod, room = float(pendulum.ball_radius), float(pendulum.length), 0.5 * cavity_width(block)
     body = f"the bob as a solid ball of steel has a radius of {ball:.3g} m"
+    # Such a ball fits at no angle: nothing else about its room matters.
     if ball >= room:
         yield f"{body}, and there are {room:.3g} m to either side"
         return
+    # Beyond half of the rod it is no point, and it comes near the hinge.
     if ball > _THICKEST * rod:
         yield f"{body}, more than half of its rod of {rod:.3g} m"
     if rod + ball > block.height:
