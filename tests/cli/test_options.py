@@ -113,6 +113,25 @@ def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
     assert "seed of the screening, the samples and the starts (default 0)" in text
 
 
+def test_the_help_lists_the_commands_and_explains_the_exit_statuses(capsys):
+    for arguments, parts in (
+        (
+            ("--help",),
+            ("new write a commented", "optimise find the", "check say whether", "response amp", "map amp"),
+        ),
+        (("optimise", "--help"), ("0 a pendulum is offered", "3 no pendulum to rely on", "130 interrupted")),
+        (
+            ("check", "--help"),
+            ("0 the nonlinear equations confirm it, it helps and it fits", "3 one of these"),
+        ),
+    ):
+        with pytest.raises(SystemExit):
+            main([*arguments])
+        text = " ".join(capsys.readouterr().out.split())
+        for part in parts:
+            assert part in text
+
+
 def test_every_declared_option_is_compared_with_a_file():
     groups = (common.SCENE, optimise.DESIGN, optimise.CONDITIONS, optimise.SEARCH, optimise.STARTS)
     declared = [option.flag for group in groups for option in group]

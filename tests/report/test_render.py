@@ -184,6 +184,7 @@ def test_all_files_are_written_and_the_page_last(tmp_path):
             "report.txt",
             "design.json",
             "scene.toml",
+            "response.csv",
             "search.png",
             "response.png",
             "drawing.png",

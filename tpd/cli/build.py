@@ -54,6 +54,7 @@ def refuse_mixture(given: Mapping[str, Any]) -> None:
         ValueError: a size or the mass without the others, or a block without its motion.
     """
     block, motion = given.get("block", {}), given.get("motion", {})
+    # Losses alone are no other block: the paper's block with another friction is a fair question.
     own = [key for key in (*_SHAPE, "radius_of_gyration") if key in block]
     needed = (("block", _SHAPE, block), ("motion", _SHAKING, motion))
     missing = {

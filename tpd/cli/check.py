@@ -87,6 +87,7 @@ def _bare(job: Job, options: argparse.Namespace) -> int:
     with common.Bar() as bar:
         found = check(job.scene, models=QUICK if options.quick else MODELS, progress=bar)
     print(f"\n{found.table()}\n")
+    # No pendulum is an answer only where none is needed.
     if found.top.status == "rest":
         print("The report offers no pendulum, and the bare block settles at rest from rest.")
         return common.SOUND

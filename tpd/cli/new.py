@@ -31,6 +31,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the template and print how to go on; return the exit status."""
     out = Path(f"{options.kind}.toml") if options.out is None else options.out
+    # The file tells how to run it: by the name that it has, not by that of the template.
     again = f"tpd optimise --scene {shlex.quote(str(out))} --out {shlex.quote(out.stem)}"
     old = f"tpd optimise --scene {options.kind}.toml --out {options.kind}"
     try:

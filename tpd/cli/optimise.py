@@ -76,8 +76,10 @@ def add(commands: Any) -> None:
         help="find the pendulum for a block",
         description="Find the pendulum of least settled rocking, under one condition or many. Without "
         "options: the block of Collini et al. (2016), from rest. A job file (--scene) can set everything "
-        "that the options set, and more. Exit status: 0 found or none needed, 2 bad input, 3 no design to "
-        "rely on, 130 interrupted.",
+        "that the options set, and more: `tpd new tower` writes one to begin with.",
+        epilog="Exit status: 0 a pendulum is offered, or the bare block needs none; 2 bad input, and one "
+        "sentence says what is allowed; 3 no pendulum to rely on, and the first line of the report says why; "
+        "130 interrupted, and --resume goes on.",
     )
     common.add_scene(optimise)
     _add_group(optimise, "design space and limits", DESIGN)

@@ -78,6 +78,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _case(options: argparse.Namespace) -> tuple[Scene, Pendulum | None]:
     """Scene and pendulum of a design or of the options."""
+    # A design has a scene and a pendulum; `stored.read` refuses options that describe others.
     if options.design is not None:
         job, hung = stored.read(options)
         return job.scene, hung
@@ -192,6 +193,7 @@ def _files(
     if settled is not None:
         yield "response.csv", response_csv(tuple(settled.values()))
         own, levels = _own(scene, name), topplings(scene, hung)
+        # Over the whole range the marks next to the own frequency hide each other.
         shown = {"response.png": settled, "response_near.png": _near(settled, own)}
         for file, responses in shown.items():
             if len(responses[BARE].frequency):

@@ -65,6 +65,7 @@ class Suitability:
     @property
     def lost(self) -> tuple[int, int]:
         """Shakings beside the own one that overturn the block: with the pendulum and without."""
+        # The own shaking is told by the comparison of models already.
         own = (m.status[0] == "overturned" for m in (self.hung, self.bare))
         with_it, without = (m.overturned - int(o) for m, o in zip((self.hung, self.bare), own, strict=True))
         return with_it, without
@@ -73,6 +74,7 @@ class Suitability:
     def worse(self) -> int:
         """Shakings beside the own one under which the block stands bare, and with the pendulum rocks more."""
         with_it, without = self.hung.amplitude[1:], self.bare.amplitude[1:]
+        # A block that rests up to round-off is no worse than any other.
         return int(np.sum(np.isfinite(without) & (with_it > 1e-9) & (with_it > without)))
 
     @property
@@ -85,6 +87,7 @@ class Suitability:
     def reach(self) -> tuple[float, float]:
         """Largest distances (m) of the bob's surface from the block's axis, settled and on the way from
         rest, of the motions that stand; NaN where none does."""
+        # A job's conditions need not hold the scene's own shaking.
         rows = slice(1, None) if self.several else slice(0, 1)
         length, mass = (self.shakings.column(name)[rows] for name in ("length", "mass"))
         rod, heavy = self.pendulum.length * length, self.pendulum.mass * mass
@@ -109,6 +112,7 @@ class Suitability:
         a, bare = self.check.top.amplitude, self.check.bare
         if not self.several and math.isfinite(a) and a > 0.0 and a >= bare:
             yield f"by the nonlinear equations the block rocks {a:.4g} rad, and {bare:.4g} without"
+        # Where the bare block overturns, a pendulum that holds it is no worse: most shakings have to be.
         if 2 * self.worse > self.tried:
             yield f"under {self.worse} of {self.around} the block rocks more than without the pendulum"
 

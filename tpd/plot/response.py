@@ -59,5 +59,6 @@ def _top(responses: Sequence[Response], settled: list[np.ndarray], levels: list[
     """Largest tilt (rad) that the axis has room for."""
     sizes = [r.amplitude[known] for r, known in zip(responses, settled, strict=True)]
     largest = max([float(x.max()) for x in sizes if x.size], default=1.0)
+    # Toppling tilts bound all that is drawn; without them the marks of overturning need room above.
     known = [x for x in levels if x is not None]
     return max([largest, *known]) if known else 1.35 * largest or 1.0

@@ -22,6 +22,7 @@ def title(scene: Scene, name: str = "", date: str = "") -> str:
 
 def origin(scene: Scene) -> str:
     """Whose block it is: the paper's, the paper's with changes, or another one."""
+    # By numbers and not by what was typed: a file that lists the paper's numbers is the paper's scene.
     paper = paper_scene()
     own, papers = scene.block, paper.block
     if any(
