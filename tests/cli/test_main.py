@@ -9,7 +9,9 @@ import pytest
 import tpd
 
 
-@pytest.mark.parametrize("flag", ["--version", "--help", "optimise --help", "map --help", "response --help"])
+@pytest.mark.parametrize(
+    "flag", ["--version", "--help", "optimise --help", "map --help", "response --help", "new --help"]
+)
 def test_help_and_version_do_not_wait_for_jax(flag):
     code = f"""
 import sys
