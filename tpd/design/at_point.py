@@ -11,8 +11,9 @@ from tpd.core.progress import Progress
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.problem import Problem
 from tpd.design.search import Multistart
+from tpd.design.steps import pendulum_of
 from tpd.design.verified import AtPoint, Bare, Verified
-from tpd.design.verify import Verification, pendulum_of
+from tpd.design.verify import Verification
 
 _GROUPS = 1000
 """First number of this search's groups in a checkpoint, beyond those of the search that follows."""

@@ -27,9 +27,10 @@ from tpd.design.problem import Problem
 from tpd.design.result import Design, DesignStatus, Search
 from tpd.design.search import GROUP, Multistart, sampled_orbits, stage
 from tpd.design.space import DesignSpace
+from tpd.design.steps import pendulum_of, prepare_verification
 from tpd.design.survey import Survey, survey
 from tpd.design.verified import AtPoint, LossCase
-from tpd.design.verify import Verification, pendulum_of, prepare_verification
+from tpd.design.verify import Verification
 from tpd.design.worth import Worth
 
 SURVEYED = 24

@@ -291,7 +291,10 @@ def _land(q, y, tilt, sine, mode):
     old, new = 2.0 * sq + corner * cq, 2.0 * sq - corner * cq
     bob = q.mu * q.rho
     loss = q.e * (1.0 + bob * q.nu * q.nu) + bob * q.nu * q.nu
-    after = before if q.e == 1.0 else before * (loss + bob * new * old) / (1.0 + bob * new * new)
+    inertia = 1.0 + bob * new * new
+    # At most what conserves energy, as in `contact.impact_ratio`.
+    ratio = min((loss + bob * new * old) / inertia, math.sqrt((1.0 + bob * old * old) / inertia))
+    after = before if q.e == 1.0 else before * ratio
     if abs(after) <= REST_RATE * q.nu:
         decide(q, 0.0, y[1], y[3], 0.0, 0.0, sine, mode)
         if mode[0] == REST:

@@ -1,0 +1,412 @@
+"""Steps of the verification of one design.
+
+In order: the exact solution by events from rest under every condition; a cross-check of the model that was
+searched with; shakings within 1 % of the worst condition; the nonlinear equations under the worst conditions
+and at limits; paired runs of the nonlinear equations, which decide on the benefit; and the same runs by the
+linear equations, for comparison. Each step gives typed reasons of refusal. The first step that refuses a
+design ends its verification, since every step costs more than the one before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from copy import copy
+from dataclasses import replace
+from typing import Self
+
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.analysis.attractors import StartKind, Starts
+from tpd.analysis.ensemble import Ensemble, outcomes
+from tpd.analysis.outcomes import Outcomes
+from tpd.analysis.paired import SIGNIFICANT, chance_of, verdict
+from tpd.analysis.work_queue import prepare
+from tpd.core.conditions import Conditions, under_all
+from tpd.core.parameters import Parameters, as_arrays
+from tpd.core.progress import Progress
+from tpd.core.scene import Pendulum, Scene
+from tpd.core.status import SETTLED, names_of
+from tpd.design.active import active
+from tpd.design.by_runs import PairedRuns, reasons_by_runs, strikes_of
+from tpd.design.criteria import Room, limit_of
+from tpd.design.followed import Followed
+from tpd.design.methods import Descent, Method
+from tpd.design.motions import motions_from_rest, polished, searched_motions
+from tpd.design.objective import REST, AbstractObjective, Evaluation, margins
+from tpd.design.reasons import Reason, ReasonKind, Step
+from tpd.design.search import Multistart, stage
+from tpd.design.verified import Bare, Motions, Neighbours, Nonlinear, Verified
+from tpd.design.worth import Worth
+from tpd.models.compiled_nonlinear import settle_nonlinear
+from tpd.models.piecewise import Piecewise
+from tpd.models.smoothed import Smoothed
+
+_ASKED, _NEAR = 4, 2
+"""Conditions under which the nonlinear equations are asked: the worst, and those nearest to a limit."""
+_AT_LIMIT = 1e-3
+"""Share of a limit that is left where the limit counts as met."""
+_NEARBY = (-0.01, -0.005, 0.005, 0.01)
+"""Changes of the base motion's amplitude, and of its frequency, that a design must stand."""
+
+
+class Steps:
+    """The bare block under all conditions, and designs compared with it."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        objective: AbstractObjective,
+        method: Method,
+        ensemble: Ensemble,
+        worth: Worth,
+        by_overturning: bool,
+        progress: Progress | None,
+    ) -> None:
+        self.scene, self.objective, self.ensemble, self.progress = scene, objective, ensemble, progress
+        self.by_overturning, self.worth = by_overturning, worth
+        self.runs = PairedRuns(scene, objective.conditions, ensemble, worth, progress)
+        followed = isinstance(objective, Followed)
+        self.tolerance = method.tolerance if followed and isinstance(method, Descent) else 0.0
+        """Share by which amplitudes of the search's model and of the exact solution may differ; 0 where the
+        search knows the exact orbits."""
+        p = objective.p
+        self.none = np.array([0.0, float(p.lam), float(p.zeta)])
+        # A bob without mass: the same program answers for the bare block, and nothing else is compiled.
+        evaluation = objective.evaluate(self.none[None])
+        self.bare = Bare(
+            value=float(objective.value(evaluation)[0]),
+            evaluation=evaluation,
+            exact=self._polished(self.none, self.from_rest(self.none)),
+            searched=self._searched(self.none, evaluation),
+            outcomes=None,
+        )
+        self._neighbours_bare: dict[int, np.ndarray] = {}
+        self.verified: list[Verified] = []
+        self.source = "search"
+
+    def on(self, objective: AbstractObjective, source: str) -> Self:
+        """Verification of designs that were searched for on another objective."""
+        other = copy(self)
+        other.objective, other.source, other.tolerance = objective, source, 0.0
+        e = objective.evaluate(self.none[None])
+        value, searched = float(objective.value(e)[0]), other._searched(self.none, e)
+        other.bare = replace(self.bare, value=value, evaluation=e, searched=searched)
+        return other
+
+    @property
+    def rests(self) -> bool:
+        """Whether the bare block settles at rest under all conditions, by the linear equations."""
+        e = self.bare.evaluation
+        return bool(np.all(e.kind == REST) and not np.any(e.lost))
+
+    def judged(self, search: Multistart, i: int, motions: Motions) -> Verified:
+        """All steps for one design, up to the first that refuses it."""
+        v = self.begun(search, i, motions)
+        for step in self._steps:
+            v = step(v)
+            if v.reasons:
+                break
+        return v
+
+    def begun(self, search: Multistart, i: int, motions: Motions) -> Verified:
+        """A design before the first step."""
+        objective, design = self.objective, search.designs[i]
+        e = objective.evaluate(design[None])
+        return Verified(
+            mass_ratio=float(design[0]),
+            length_ratio=float(design[1]),
+            damping_ratio=float(design[2]),
+            value=float(objective.value(e)[0]),
+            evaluation=e,
+            exact=self._polished(design, motions),
+            searched=self._searched(design, e),
+            margin=margins(objective, design[None])[0],
+            neighbours=None,
+            nonlinear=(),
+            verdict=None,
+            paired=None,
+            benefit=None,
+            strikes=math.nan,
+            stationarity=float(search.column(lambda g: g.stationarity)[i]),
+            active=active(search, i, _AT_LIMIT),
+            source=self.source if i < search.ended else "path",
+            reasons=(),
+        )
+
+    @property
+    def _steps(self) -> tuple[Callable[[Verified], Verified], ...]:
+        """Steps for one condition or for several, where paired runs stand for single ones."""
+        if len(self.objective.conditions) > 1:
+            return self.by_events, self.by_runs, self.by_neighbours, self.by_nonlinear, self.by_ensemble
+        return self.by_events, self.by_neighbours, self.by_nonlinear, self.by_runs, self.by_ensemble
+
+    def by_events(self, v: Verified) -> Verified:
+        """Exact solution under every condition, and the cross-check of the search's model."""
+        reasons = []
+        harms, worse, better = self.harm(v.exact)
+        n, label = len(v.exact.status), self.objective.conditions.label
+        if harms:
+            reasons.append(
+                Reason(
+                    step=Step.exact,
+                    kind=ReasonKind.overturns_more,
+                    value=float(worse),
+                    reference=float(better),
+                    total=n,
+                )
+            )
+        if v.searched is None or not isinstance(self._model, Smoothed):
+            return replace(v, reasons=tuple(reasons))
+        for i in np.flatnonzero(~self._agree(v.searched, v.exact)):
+            reasons.append(
+                Reason(
+                    step=Step.cross_check,
+                    kind=ReasonKind.models_disagree,
+                    condition=label(int(i)),
+                    value=float(v.searched.amplitude[i]),
+                    reference=float(v.exact.amplitude[i]),
+                )
+            )
+        if not reasons:
+            e = _with_sizes(v.evaluation, v.exact.amplitude, v.exact.stroke, self.objective)
+            reasons += self._broken(e, Step.exact, np.isin(v.exact.status, SETTLED))
+        return replace(v, reasons=tuple(reasons))
+
+    def _agree(self, searched: Motions, exact: Motions) -> np.ndarray:
+        """Whether the model and the exact solution settle alike, with amplitudes within the tolerance."""
+        a, b = searched.amplitude, exact.amplitude
+        settled = np.isin(searched.status, SETTLED) & np.isin(exact.status, SETTLED)
+        with np.errstate(invalid="ignore"):
+            near = np.abs(a - b) <= self.tolerance * np.maximum(a, b) + self._resolution
+        both_lost = (searched.status == "overturned") & (exact.status == "overturned")
+        return (settled & near) | both_lost
+
+    def by_neighbours(self, v: Verified) -> Verified:
+        """Eight shakings within 1 % of the worst condition; one settled motion does not say that it is
+        reached safely."""
+        worst = int(np.argmax(v.evaluation.merit[0]))
+        # Settled amplitudes change smoothly with the shaking; whether the way there overturns does not.
+        shakes = [(1.0 + d, 1.0) for d in _NEARBY] + [(1.0, 1.0 + d) for d in _NEARBY]
+        amplitude, frequency = np.array(shakes).T
+        near = Conditions({"amplitude": amplitude, "frequency": frequency})
+        here = Conditions({k: x[worst : worst + 1] for k, x in self.objective.conditions.factors.items()})
+
+        def overturned(design: np.ndarray) -> np.ndarray:
+            motions = motions_from_rest(self.objective.p, design, here * near, self.ensemble.periods)
+            return motions.status == "overturned"
+
+        if worst not in self._neighbours_bare:
+            self._neighbours_bare[worst] = overturned(self.none)
+        lost, bare = overturned(v.design), self._neighbours_bare[worst]
+        found = Neighbours(
+            condition=worst,
+            tried=len(shakes),
+            overturned=int(np.sum(lost)),
+            overturned_bare=int(np.sum(bare)),
+        )
+        # A design for one shaking must stand its neighbours. Over many conditions the worst one may overturn
+        # the block anyway, and eight runs could not show a difference: there the paired runs decide.
+        refused = found.overturned > 0 and len(self.objective.conditions) == 1
+        reason = Reason(
+            step=Step.neighbours,
+            kind=ReasonKind.overturns_more,
+            condition=self.objective.conditions.label(worst),
+            value=float(found.overturned),
+            reference=float(found.overturned_bare),
+            total=found.tried,
+        )
+        return replace(v, neighbours=found, reasons=(reason,) if refused else ())
+
+    def by_nonlinear(self, v: Verified) -> Verified:
+        """Nonlinear equations under the worst conditions and under those nearest to a limit, from rest."""
+        v = replace(v, nonlinear=self._nonlinear(v.design, self.conditions_asked(v.evaluation)))
+        return replace(v, reasons=self.nonlinear_reasons(v))
+
+    def nonlinear_reasons(self, v: Verified) -> tuple[Reason, ...]:
+        """Reasons against a design by the nonlinear motions that were met."""
+        alone, label = len(self.objective.conditions) == 1, self.objective.conditions.label
+        reasons: list[Reason] = []
+        for a in v.nonlinear:
+            at = {"step": Step.nonlinear, "condition": label(a.condition)}
+            bare = a.bare_status, self.bare.exact.status[a.condition]
+            if alone and a.status == "overturned" and "overturned" not in bare:
+                reasons.append(Reason(kind=ReasonKind.overturns, **at))
+            elif alone and a.status not in SETTLED:
+                reasons.append(Reason(kind=ReasonKind.does_not_settle, outcome=a.status, **at))
+            elif alone and a.amplitude > 0.0 and a.amplitude >= a.bare_amplitude:
+                sizes = {"value": a.amplitude, "reference": a.bare_amplitude}
+                reasons.append(Reason(kind=ReasonKind.rocks_more, **sizes, **at))
+        return (*reasons, *self._broken_nonlinearly(v))
+
+    def _broken_nonlinearly(self, v: Verified) -> list[Reason]:
+        """Limits that the nonlinear motions break."""
+        n = len(self.objective.conditions)
+        amplitude, stroke, known = np.zeros(n), np.zeros(n), np.zeros(n, bool)
+        for a in v.nonlinear:
+            if a.status in SETTLED:
+                amplitude[a.condition], stroke[a.condition], known[a.condition] = a.amplitude, a.stroke, True
+        e = _with_sizes(v.evaluation, amplitude, stroke, self.objective)
+        return self._broken(e, Step.nonlinear, known)
+
+    def conditions_asked(self, e: Evaluation) -> list[int]:
+        """Conditions under which the nonlinear equations are asked: the worst, and those at a limit."""
+        n = len(self.objective.conditions)
+        worst = [int(i) for i in np.argsort(-e.merit[0], kind="stable")[:_ASKED]]
+        # How near an orbit is to where it stops attracting is no size that the nonlinear equations give.
+        limits = [x for x in self.objective.active_limits if x.of_motion]
+        rows = [s.value[0] - 1.0 for x in limits for s in x.sizes(e, self.objective.geometry)]
+        held = np.max([np.full(n, -np.inf), *rows], axis=0)
+        near = [int(i) for i in np.argsort(-held, kind="stable") if i not in worst and held[i] > -_AT_LIMIT]
+        return worst + near[:_NEAR]
+
+    def _nonlinear(self, design: np.ndarray, asked: list[int]) -> tuple[Nonlinear, ...]:
+        """Nonlinear motions from rest under some conditions, with the design and without."""
+        hung, bare = (self._nonlinear_motions(x, asked) for x in (design, self.none))
+        return tuple(
+            Nonlinear(
+                condition=i,
+                amplitude=with_it[0],
+                stroke=with_it[1],
+                status=with_it[2],
+                bare_amplitude=without[0],
+                bare_status=without[2],
+            )
+            for i, with_it, without in zip(asked, hung, bare, strict=True)
+        )
+
+    def _nonlinear_motions(self, design: np.ndarray, asked: list[int]) -> list[tuple[float, float, str]]:
+        """Amplitude and stroke (rad), and status, of a design (3,) under some conditions."""
+        factors = {name: x[asked] for name, x in self.objective.conditions.factors.items()}
+        q = under_all(self.objective.p, jnp.asarray(design)[None], Conditions(factors))
+        n = int(np.size(q.nu))
+        settled = settle_nonlinear(q, np.zeros((n, 4)))
+        names = names_of(settled.status)
+        sizes = (np.where(names == "overturned", np.inf, x) for x in (settled.amplitude, settled.stroke))
+        amplitude, stroke = sizes
+        # Without factors there is one condition, the scene's own.
+        return [(float(a), float(s), str(name)) for a, s, name in zip(amplitude, stroke, names, strict=True)]
+
+    def bare_rests_nonlinearly(self) -> bool:
+        """Whether the bare block settles at rest by the nonlinear equations under the worst conditions."""
+        asked = self.conditions_asked(self.bare.evaluation)[:_ASKED]
+        return all(status == "rest" for _, _, status in self._nonlinear_motions(self.none, asked))
+
+    def by_runs(self, v: Verified) -> Verified:
+        """Paired runs of the nonlinear equations: benefit, harm and room."""
+        pendulum, room = pendulum_of(self.scene, v), limit_of(self.objective.limits, Room)
+        found, benefit = self.runs.of(pendulum)
+        struck = math.nan
+        if isinstance(room, Room):
+            struck = strikes_of(found, pendulum, self.scene.block, room.bob)
+        v = replace(v, paired=found, benefit=benefit, strikes=struck)
+        self.bare = replace(self.bare, paired=found.bare)
+        return replace(v, reasons=reasons_by_runs(v, self.worth, self.objective.conditions))
+
+    def by_ensemble(self, v: Verified) -> Verified:
+        """The ensemble by the linear equations, with the pendulum and without. It refuses nothing: beyond bob
+        angles of about 0.5 rad its shares are wrong, and the nonlinear runs have decided."""
+        conditions, pendulum = self.objective.conditions, pendulum_of(self.scene, v)
+        after = None if self.progress is None else stage(self.progress, "ensemble")
+        found = verdict(
+            self.scene,
+            pendulum,
+            ensemble=self.ensemble,
+            conditions=conditions,
+            bare=self.bare_outcomes(),
+            progress=after,
+        )
+        return replace(v, verdict=found)
+
+    def bare_outcomes(self) -> Outcomes:
+        """Ensemble of runs of the bare block, followed once."""
+        if self.bare.outcomes is None:
+            after = None if self.progress is None else stage(self.progress, "ensemble")
+            runs = outcomes(
+                self.scene, ensemble=self.ensemble, conditions=self.objective.conditions, progress=after
+            )
+            self.bare = replace(self.bare, outcomes=runs)
+        assert self.bare.outcomes is not None
+        return self.bare.outcomes
+
+    def _broken(self, e: Evaluation, step: Step, known: np.ndarray) -> list[Reason]:
+        """Limits on the motion that an evaluation of one design breaks under known conditions."""
+        label = self.objective.conditions.label
+        return [
+            Reason(
+                step=step,
+                kind=ReasonKind.breaks_limit,
+                condition=label(int(i)),
+                limit=size.name,
+                value=float(size.value[0, i]),
+            )
+            for limit in self.objective.active_limits
+            if limit.of_motion
+            for size in limit.sizes(e, self.objective.geometry)
+            for i in np.flatnonzero(known & (size.value[0] > 1.0))
+        ]
+
+    def harm(self, exact: Motions) -> tuple[bool, int, int]:
+        """Whether significantly more conditions overturn the block from rest with a design than without, and
+        under how many it does so with the one only and with the other only."""
+        lost, bare = exact.status == "overturned", self.bare.exact.status == "overturned"
+        significant, worse, better = _significant(lost, bare)
+        alone = len(lost) == 1 and worse > better
+        return significant or alone, worse, better
+
+    def from_rest(self, design: np.ndarray) -> Motions:
+        """Exact motions from rest under all conditions, as followed."""
+        periods = self.ensemble.periods
+        return motions_from_rest(self.objective.p, design, self.objective.conditions, periods)
+
+    def _polished(self, design: np.ndarray, motions: Motions) -> Motions:
+        return polished(self.objective.p, design, self.objective.conditions, motions)
+
+    def _searched(self, design: np.ndarray, e: Evaluation) -> Motions | None:
+        """Motions from rest by the model that was searched with; None for a search over exact orbits."""
+        objective = self.objective
+        if not isinstance(objective, Followed):
+            return None
+        if objective.starts.kind is StartKind.sampled:
+            # The evaluation is of all starts; the exact solution, with which this is compared, of rest.
+            objective = replace(objective, starts=Starts.rest(), orbits=None)
+            e = objective.evaluate(design[None])
+        return searched_motions(objective, e)
+
+    @property
+    def _model(self) -> object:
+        return self.objective.model if isinstance(self.objective, Followed) else None
+
+    @property
+    def _resolution(self) -> float:
+        """Amplitude (rad) that the search's model cannot tell from rest."""
+        if not isinstance(self.objective, Followed):
+            return 0.0
+        return float(self.objective.model.resolution(as_arrays(self.objective.p)))
+
+
+def pendulum_of(scene: Scene, v: Verified) -> Pendulum:
+    """A verified design in SI."""
+    return scene.pendulum(mass_ratio=v.mass_ratio, length_ratio=v.length_ratio, damping_ratio=v.damping_ratio)
+
+
+def prepare_verification(p: Parameters, conditions: int, ensemble: Ensemble) -> None:
+    """Compile for the verification: events of few motions and of many, and the nonlinear equations."""
+    bare = replace(p, mu=0.0, rho=float(p.inertia_ratio), e=float(p.velocity_ratio))
+    prepare(bare, conditions, Piecewise())
+    prepare(bare, ensemble.size, Piecewise(), growing=any(ensemble.ramps))
+    settle_nonlinear(bare, np.zeros((1, 4)), periods=1)
+
+
+def _with_sizes(
+    e: Evaluation, amplitude: np.ndarray, stroke: np.ndarray, objective: AbstractObjective
+) -> Evaluation:
+    """An evaluation of one design with other settled angles (rad), shapes (n,)."""
+    return e._replace(tilt=(amplitude / objective.geometry.slenderness)[None], stroke=stroke[None])
+
+
+def _significant(lost: np.ndarray, bare: np.ndarray) -> tuple[bool, int, int]:
+    """Whether significantly more paired runs overturn with a design than without (McNemar's test), and how
+    many do so with the one only and with the other only."""
+    worse, better = int(np.sum(lost & ~bare)), int(np.sum(bare & ~lost))
+    return worse > better and chance_of(worse, better) < SIGNIFICANT, worse, better
