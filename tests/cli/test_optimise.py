@@ -73,7 +73,7 @@ def test_a_run_writes_its_report(written):
     assert all(f"written: first/{name}" in done.stdout for name in names)
     assert "\r" not in done.stderr, "no progress bar in a pipe"
     first, *others = done.stderr.splitlines()
-    assert first == f"tpd {tpd.__version__}: searching for the pendulum of least rocking, for out"
+    assert first == f"tpd {tpd.__version__}: searching for the pendulum of least rocking, for first"
     assert all(line.startswith("tpd: ") and line.endswith(" s") for line in others)
 
 

@@ -3,8 +3,6 @@
 import io
 import time
 
-import pytest
-
 from tpd.core.progress import COMPILING, Bar, shown, shown_count
 
 
@@ -24,7 +22,8 @@ def test_a_pipe_gets_plain_lines_with_the_stage_the_count_and_the_time():
         bar("searching", 12, 64)
         time.sleep(0.7)
     lines = out.getvalue().splitlines()
-    assert lines[0] == f"tpd: {COMPILING}, 0 s"
+    assert lines[0].startswith(f"tpd: {COMPILING}, ")
+    assert lines[0].endswith(" s")
     assert any(line.startswith(f"tpd: searching, {COMPILING} 0 of 64, ") for line in lines)
     assert lines[-1].startswith("tpd: searching 12 of 64, ")
     assert "\r" not in out.getvalue()
@@ -60,6 +59,3 @@ def test_true_is_a_bar_and_a_function_is_taken_as_it_is():
         with shown(nothing) as report, shown_count(nothing, "mapping") as count:
             assert report is None
             assert count is None
-    for bad in (3, "bar"):
-        with pytest.raises(ValueError, match="`progress` must be True or a function, but is"), shown(bad):
-            pass

@@ -8,10 +8,11 @@ from __future__ import annotations
 import _thread
 import contextlib
 import os
+import select
 import signal
-import socket
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ import tpd
 INTERRUPTED = 130
 """Exit status after Ctrl-C."""
 _RECEIVED = threading.Event()
+_CLEAR = "\r\x1b[K"
+"""Removes a bar from the last line of a terminal."""
 _SOON = 0.25
 """Seconds after which a command says what it does; bad input is refused earlier where JAX is imported."""
 _PATIENCE = 0.7
@@ -45,21 +48,83 @@ def announced(does: str | None) -> Iterator[None]:
 
 @contextlib.contextmanager
 def watched() -> Iterator[None]:
-    """Answer Ctrl-C from a thread of its own while the main thread compiles, where Python cannot.
+    """Answer Ctrl-C from a process of its own while this one compiles, where Python cannot.
 
     The first one raises `KeyboardInterrupt` as usual, as soon as Python runs; if the command has not ended by
     then, a line says when it will. The second one ends the process.
     """
+    if not hasattr(os, "fork"):
+        yield
+        return
     with contextlib.ExitStack() as stack:
         stack.callback(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, _interrupt))
         stack.callback(setattr, sys, "unraisablehook", sys.unraisablehook)
         sys.unraisablehook = _again
-        ours, theirs = (stack.enter_context(end) for end in socket.socketpair())
-        theirs.setblocking(False)
-        before = signal.set_wakeup_fd(theirs.fileno(), warn_on_full_buffer=False)
+        heard, told = _guarded(stack)
+        before = signal.set_wakeup_fd(told, warn_on_full_buffer=False)
         stack.callback(signal.set_wakeup_fd, before)
-        threading.Thread(target=_watch, args=(ours,), daemon=True).start()
+        threading.Thread(target=_end, args=(heard,), daemon=True).start()
         yield
+
+
+def _guarded(stack: contextlib.ExitStack) -> tuple[int, int]:
+    """Start a process that watches for Ctrl-C: an extension that holds the interpreter stops every thread.
+
+    Return where it asks this process to end, and where C writes a byte for each signal.
+    """
+    (signals, told), (heard, ask) = os.pipe(), os.pipe()
+    os.set_blocking(told, False)
+    parent = os.getpid()
+    # Nothing runs in another thread yet, and the child calls nothing but the system.
+    if os.fork() == 0:
+        os.close(told)
+        os.close(heard)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        with contextlib.suppress(BaseException):
+            _guard(signals, ask, parent)
+        os._exit(0)
+    os.close(signals)
+    os.close(ask)
+    stack.callback(os.close, told)
+    return heard, told
+
+
+def _guard(signals: int, ask: int, parent: int) -> None:
+    """Say when the parent will end, and end it after a second Ctrl-C. Without a writer the pipe ends."""
+    if not _next(signals, None):
+        return
+    answered = _next(signals, _PATIENCE)
+    if answered is None:
+        _write(f"tpd: interrupted: {_WHEN}")
+        answered = _next(signals, None)
+    if answered:
+        _write("tpd: interrupted")
+        os.write(ask, b"x")
+        # Where no thread can run, the process cannot choose its exit status any more.
+        if _next(signals, 2.0 * _PATIENCE) is None:
+            os.kill(parent, signal.SIGKILL)
+
+
+def _next(signals: int, seconds: float | None) -> bool | None:
+    """True for a further Ctrl-C, False at the end of the pipe, None after so many seconds without either."""
+    end = None if seconds is None else time.monotonic() + seconds
+    while True:
+        left = None if end is None else max(end - time.monotonic(), 0.0)
+        if not select.select([signals], [], [], left)[0]:
+            return None
+        byte = os.read(signals, 1)
+        if not byte or byte[0] == signal.SIGINT:
+            return bool(byte)
+
+
+def _write(text: str) -> None:
+    os.write(2, f"{_CLEAR if os.isatty(2) else ''}{text}\n".encode())
+
+
+def _end(heard: int) -> None:
+    """End this process when it is asked to."""
+    if os.read(heard, 1):
+        os._exit(INTERRUPTED)
 
 
 def _interrupt(*_: Any) -> None:
@@ -81,26 +146,10 @@ def _again(lost: Any) -> None:
         sys.__unraisablehook__(lost)
 
 
-def _watch(ours: socket.socket) -> None:
-    """Read one byte for each signal, which C writes whatever Python does."""
-    interruptions = 0
-    with contextlib.suppress(OSError):
-        while byte := ours.recv(1):
-            if byte[0] != signal.SIGINT:
-                continue
-            interruptions += 1
-            if interruptions > 1:
-                _say("tpd: interrupted")
-                os._exit(INTERRUPTED)
-            timer = threading.Timer(_PATIENCE, _say, (f"tpd: interrupted: {_WHEN}",))
-            timer.daemon = True
-            timer.start()
-
-
 def _say(text: str) -> None:
     # A terminal may show a bar in the last line; a pipe may be closed.
     with contextlib.suppress(OSError, ValueError):
-        print(("\r\x1b[K" if sys.stderr.isatty() else "") + text, file=sys.stderr, flush=True)
+        print((_CLEAR if sys.stderr.isatty() else "") + text, file=sys.stderr, flush=True)
 
 
 def leave(directory: Path | None, existed: bool) -> None:

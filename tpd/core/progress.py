@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any, TextIO
+from typing import Any
 
 from tpd.core import checks
 
@@ -30,7 +30,7 @@ class Bar:
     """Progress on stderr from `with Bar() as bar: ...`: on a terminal one bar for each stage, with the
     elapsed time; else a plain line every 10 s."""
 
-    def __init__(self, out: TextIO | None = None, every: float = _EVERY) -> None:
+    def __init__(self, out: Any = None, every: float = _EVERY) -> None:
         self._out, self._every = sys.stderr if out is None else out, every
         self._stage, self._done, self._total = COMPILING, 0, 0
         self._bar: Any = None
