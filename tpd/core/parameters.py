@@ -133,8 +133,8 @@ def _check_heaviest(nu: Any, rho: Any, mu: Any) -> None:
         i = np.argmax(bobs - most)
         if bobs.flat[i] > most.flat[i]:
             raise ValueError(
-                f"`mu` must be at most {most.flat[i]:.4g} with Housner's restitution (a heavier bob throws the "
-                f"block back at an impact), but is {bobs.flat[i]:g}"
+                f"`mu` must be at most {most.flat[i]:.4g} with Housner's restitution (a heavier bob throws "
+                f"the block back at an impact), but is {bobs.flat[i]:g}"
             )
 
 
