@@ -176,6 +176,8 @@ class Design(Printed):
                 f"  value       {self.winner.value:.4g}, {self.bare.value:.4g} without: {self.risk.name} "
                 "tilt over slenderness, less than 0 at rest"
             )
+        if self.winner.benefit is not None:
+            lines.append(f"  benefit     {self.winner.benefit}, over {self.winner.benefit.runs} paired runs")
         return "\n".join(
             [
                 *lines,

@@ -170,9 +170,9 @@ def at_point(design: Design) -> list[Block]:
     ]
     head = ("", "best at the shaking itself", "best around it")
     caption = (
-        f"The first by {point.model} signs at the scene's own shaking ({number(point.model_amplitude)} rad; "
-        f"exact {number(point.amplitude)} rad, without a pendulum {_tilt(point.amplitude_without)}); both "
-        "judged under all conditions."
+        f"The first was searched with the {point.model} model at the scene's own shaking: it gives "
+        f"{number(point.model_amplitude)} rad, the exact solution {number(point.amplitude)} rad. Without a "
+        f"pendulum: {_tilt(point.amplitude_without)}. Both are verified under all conditions."
     )
     return [Table(head, tuple(rows), caption)]
 
