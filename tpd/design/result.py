@@ -29,9 +29,8 @@ class DesignStatus(enum.Enum):
     """Worth of the answer; the value is the sentence that a report opens with."""
 
     found = (
-        "A PENDULUM WORTH HANGING under the stated conditions: the exact solution of the linear equations "
-        "confirms its settled motion, and paired runs of the nonlinear equations its benefit. That is no "
-        "verdict of safety: read the shares."
+        "A PENDULUM WAS FOUND: the exact solution of the linear equations confirms its settled motion, and "
+        "paired runs of the nonlinear equations its benefit. That is no verdict of safety: read the shares."
     )
     refused = "NO PENDULUM WORTH HANGING: no design that the search found passes the verification."
     no_improvement = (
