@@ -8,7 +8,7 @@ import pytest
 import tpd
 from tests import designs
 from tpd.analysis.sensitivity import Elasticities
-from tpd.design.criteria import Mass, Risk, Walls
+from tpd.design.criteria import Mass, Risk, Room
 from tpd.design.result import Design, DesignStatus, Nearest
 from tpd.design.study import Study
 from tpd.plot.style import new_axes

@@ -9,7 +9,7 @@ import tpd
 from tests import designs
 from tpd.analysis.attractors import Starts
 from tpd.analysis.paired import Verdict
-from tpd.design.criteria import DEFAULT_LIMITS, Walls
+from tpd.design.criteria import DEFAULT_LIMITS
 from tpd.design.result import DesignStatus
 from tpd.design.study import Study
 from tpd.design.verified import Neighbours

@@ -74,6 +74,11 @@ class Survey:
         return (self.broken == 0) & self.stands
 
     @property
+    def better(self) -> int:
+        """Number of designs that keep to all limits and tilt the block less than none."""
+        return int(np.sum(self.keeps & (self.score < self.bare.mean())))
+
+    @property
     def score(self) -> np.ndarray:
         """Mean severity and, once more, what is above the bare block's by more than a twentieth, (m,)."""
         more = np.maximum(self.severity - (1.0 + _WORSE) * self.bare, 0.0)

@@ -267,11 +267,9 @@ def _refusals(design: Design) -> list[Block]:
     for found in design.surveys:
         counts = {_LIMIT_NAMES.get(n, n): int(np.sum(x > 0.0)) for n, x in found.excess.items()}
         said = [f"{n} exceed the limit on {name}" for name, n in counts.items() if n]
-        keeps = found.keeps
-        better = int(np.sum(keeps & (found.score < found.bare.mean())))
         parts.append(
             f"Of {len(found.designs)} designs followed from rest by the {found.equations} equations "
-            f"{int(keeps.sum())} keep to all limits, and {better} of these tilt the block less than none"
+            f"{int(found.keeps.sum())} keep to all limits, and {found.better} of these tilt the block less than none"
             + (f" ({'; '.join(said)})." if said else ".")
         )
     kinds = Counter(_kind(reason) for v in design.verified for reason in v.reasons[:1])
