@@ -246,7 +246,15 @@ def limiting(design: Design) -> list[Block]:
         f"Best of {len(wide.designs)} designs followed from rest by the {wide.equations} equations, and the "
         f"best where a limit is left out: what relaxing it would buy. Without a pendulum: {bare}."
     )
-    return [*out, Table(head, tuple(rows[:_ROWS]), caption)]
+    return [*out, *_held(design), Table(head, tuple(rows[:_ROWS]), caption)]
+
+
+def _held(design: Design) -> list[Block]:
+    """Conditions, limits and bounds that hold the best design, with their multipliers, where it is refused."""
+    if design.pendulum is not None or design.best is None or not design.best.active:
+        return []
+    said = "; ".join(f"{held}" for held in design.best.active)
+    return [information(f"The best that was verified is held by: {said}.")]
 
 
 def _row(design: Design, of: Survey, name: str, i: int | None) -> tuple[Cell, ...]:
