@@ -275,9 +275,10 @@ def _refusals(design: Design) -> list[Block]:
     for found in design.surveys:
         counts = {_LIMIT_NAMES.get(n, n): int(np.sum(x > 0.0)) for n, x in found.excess.items()}
         said = [f"{n} exceed the limit on {name}" for name, n in counts.items() if n]
+        keep = int(found.keeps.sum())
         parts.append(
-            f"Of {len(found.designs)} designs followed from rest by the {found.equations} equations "
-            f"{int(found.keeps.sum())} keep to all limits, and {found.better} of these tilt the block less than none"
+            f"Of {len(found.designs)} designs followed from rest by the {found.equations} equations {keep} "
+            f"keep to all limits, and {found.better} of these tilt the block less than none"
             + (f" ({'; '.join(said)})." if said else ".")
         )
     kinds = Counter(_kind(reason) for v in design.verified for reason in v.reasons[:1])
