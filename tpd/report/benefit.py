@@ -250,7 +250,7 @@ def limiting(design: Design) -> list[Block]:
 
 
 def _held(design: Design) -> list[Block]:
-    """Conditions, limits and bounds that hold the best design, with their multipliers, where it is refused."""
+    """Conditions, limits and bounds that hold the best design, with multipliers, if it is refused."""
     if design.pendulum is not None or design.best is None or not design.best.active:
         return []
     said = "; ".join(f"{held}" for held in design.best.active)
