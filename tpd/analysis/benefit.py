@@ -56,7 +56,9 @@ class Benefit:
     runs: int
 
     def __str__(self) -> str:
-        return f"{self.value:.0%} less tilt (95 % interval {self.low:.0%} to {self.high:.0%})"
+        # A value that rounds to zero must not read "-0%".
+        value = round(self.value, 2) + 0.0
+        return f"{value:.0%} less tilt (95 % interval {self.low:.0%} to {self.high:.0%})"
 
 
 def severity(outcomes: Outcomes, slenderness: float) -> np.ndarray:

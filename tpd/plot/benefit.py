@@ -32,7 +32,7 @@ def plot_benefit(design: Design, axes: Any = None) -> Any:
         style = {key: CASES[case][key] for key in ("color", "marker", "label") if key in CASES[case]}
         face = "white" if case == 0 else BLUE
         values = [row[column] for row in rows]
-        axes.plot(values, heights, ls="", ms=7.0, mec=INK, mfc=face, zorder=2 + case, **style)
+        axes.plot(values, heights, ls="", clip_on=False, ms=7.0, mec=INK, mfc=face, zorder=2 + case, **style)
     axes.set_yticks(heights, [row[0] for row in rows], fontsize=8)
     axes.set(xlim=(0.0, 1.0), xlabel="share of the runs; tilt as a share of the slenderness (-)")
     axes.invert_yaxis()

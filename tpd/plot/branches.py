@@ -16,7 +16,7 @@ from tpd.plot.style import BLUE, GREY, INK, LABELS, in_degrees, new_axes
 _STYLES: tuple[dict[str, Any], ...] = ({"color": GREY, "lw": 2.6}, {"color": BLUE, "lw": 1.5})
 _FROM_REST: tuple[dict[str, Any], ...] = (
     {"marker": "p", "ls": "", "ms": 4.5, "mfc": "white"},
-    {"marker": "p", "ls": "", "ms": 3.5, "mfc": INK},
+    {"marker": "*", "ls": "", "ms": 5.5, "mfc": INK},
 )
 """Marks of motions from rest, without a pendulum and with it."""
 _LOST: tuple[dict[str, Any], ...] = (

@@ -8,7 +8,7 @@ import numpy as np
 
 from tpd.design.result import Design
 from tpd.design.verified import Bare, Verified
-from tpd.plot.style import CASES, INK, LABELS, ORANGE, new_axes, overturned
+from tpd.plot.style import CASES, INK, LABELS, ORANGE, in_degrees, new_axes, overturned
 
 _QUANTITIES = {"length": "pendulum_length", "mass": "pendulum_mass", "damping": "pendulum_damping"}
 """Names of the pendulum's quantities, whose conditions have shorter ones."""
@@ -36,6 +36,7 @@ def plot_conditions(design: Design, axes: Any = None) -> Any:
     axes[1].set(ylabel="largest bob angle (rad)", xlabel=xlabel)
     axes[1].axhline(0.0, color=INK, lw=0.4)
     for ax in axes:
+        in_degrees(ax)
         if ax.get_legend_handles_labels()[0]:
             ax.legend(fontsize=8, frameon=False)
     return axes

@@ -17,6 +17,10 @@ from tpd.plot.style import BLUE, GREY, INK
 
 BODY = "#e8e8e8"
 """Fill of the block."""
+_METAL = "#b4bcc6"
+"""Fill of the bob."""
+Label = tuple[str, tuple[float, float]]
+"""Words, and the place (m) that they belong to."""
 _TALL, _WIDE = 4.2, 3.0
 """Largest height and width of the part to scale, inches."""
 _LEFT, _RIGHT, _ABOVE, _BELOW = 1.15, 2.4, 0.5, 0.75
@@ -44,21 +48,24 @@ def rod(block: np.ndarray, length: float, angle: float) -> np.ndarray:
     return np.stack([hinge, hinge + length * np.array([math.sin(angle), -math.cos(angle)])])
 
 
-def plot_scene(scene: Scene, pendulum: Pendulum | None, *, stroke: float = 0.0) -> Axes:
-    """Draw the block at rest, with its pendulum, to scale into a new figure.
+def plot_scene(
+    scene: Scene, pendulum: Pendulum | None, *, stroke: float = 0.0, bob: Bob | None = None
+) -> Axes:
+    """Draw the block at rest, its cavity and its pendulum, to scale into a new figure.
 
     Args:
         scene: block and base motion.
         pendulum: None for the bare block.
         stroke: largest bob angle of the settled motion, rad, drawn to both sides.
+        bob: the bob as a body; without it the bob is a point, with a ball of steel dotted around it.
     """
-    half = _half_width(scene, pendulum, stroke)
+    half = _half_width(scene, pendulum, stroke, bob)
     scale = min(_TALL / scene.block.height, _WIDE / (2.0 * half))
     ax = _canvas(scene.block.height, half, scale)
     ax.add_patch(Polygon(corners(scene, 0.0), closed=True, fc=BODY, ec=INK, lw=1.4))
-    labels: list[tuple[str, tuple[float, float]]] = []
+    labels = _cavity(ax, scene)
     if pendulum is not None:
-        labels = _pendulum(ax, scene, pendulum, stroke)
+        labels += _pendulum(ax, scene, pendulum, stroke, bob)
     a, height = 0.5 * scene.block.width, scene.block.height
     labels.append((f"block, {number(scene.block.mass)} kg", (0.85 * a, 0.12 * height)))
     labels.sort(key=lambda label: -label[1][1])
@@ -68,10 +75,26 @@ def plot_scene(scene: Scene, pendulum: Pendulum | None, *, stroke: float = 0.0) 
     return ax
 
 
-def _half_width(scene: Scene, pendulum: Pendulum | None, stroke: float) -> float:
+def _half_width(scene: Scene, pendulum: Pendulum | None, stroke: float, bob: Bob | None) -> float:
     """Largest distance of block and bob from the middle, m."""
     swing = 0.0 if pendulum is None else pendulum.length * math.sin(min(stroke, 0.5 * math.pi))
+    if pendulum is not None and bob is not None:
+        swing = float(bob.reach(pendulum.mass, pendulum.length, min(stroke, 0.5 * math.pi)))
     return max(0.5 * scene.block.width, swing)
+
+
+def _cavity(ax: Axes, scene: Scene) -> list[Label]:
+    """Draw the cavity, if its width is given: open at the top, its depth is not known."""
+    wide, height = scene.block.cavity_width, scene.block.height
+    if wide is None:
+        return []
+    c, floor = 0.5 * wide, 0.05 * height
+    ax.add_patch(Polygon([(-c, floor), (c, floor), (c, height), (-c, height)], fc="white", ec="none"))
+    # The hinge hangs from a beam across the opening.
+    ax.plot([-c, c], [height, height], color=INK, lw=0.9)
+    for side in (-c, c):
+        ax.plot([side, side], [floor, height], color=INK, lw=0.9)
+    return [(f"cavity, {number(wide)} m wide\n(its depth is not given)", (c, 0.3 * height))]
 
 
 def _canvas(height: float, half: float, scale: float) -> Axes:
@@ -88,9 +111,7 @@ def _canvas(height: float, half: float, scale: float) -> Axes:
     return ax
 
 
-def _pendulum(
-    ax: Axes, scene: Scene, pendulum: Pendulum, stroke: float
-) -> list[tuple[str, tuple[float, float]]]:
+def _pendulum(ax: Axes, scene: Scene, pendulum: Pendulum, stroke: float, bob: Bob | None) -> list[Label]:
     """Draw the pendulum; returns labels and the places they belong to, m, from the top down."""
     block, length = corners(scene, 0.0), pendulum.length
     line = rod(block, length, 0.0)
@@ -110,21 +131,47 @@ def _pendulum(
         words.append((angle, (float(arc[-1, 0]), float(arc[-1, 1]))))
     ax.plot(*line.T, color=BLUE, lw=2.0)
     ax.plot(*line[0], "o", ms=5, mfc="white", mec=INK)
-    radius = float(Bob().radius(pendulum.mass))
-    ax.add_patch(Circle(tuple(line[1]), radius, fill=False, ec=INK, lw=0.7, ls=(0, (1, 1.5))))
-    ax.plot(*line[1], "o", ms=6, color=INK)
-    words.append(
-        (
-            f"bob, {number(pendulum.mass)} kg\n(dotted: a ball of steel)",
-            (float(line[1, 0]), float(line[1, 1])),
-        )
-    )
+    if bob is not None and stroke > 0.0:
+        # The body at the ends of its swing shows what room it needs.
+        for angle in (-stroke, stroke):
+            swung = _outline(bob, pendulum.mass) @ _turned(angle) + rod(block, length, angle)[1]
+            ax.add_patch(Polygon(swung, fill=False, ec=BLUE, lw=0.8, ls=(0, (4, 2))))
+    words.append((_bob(ax, pendulum, bob, line[1]), (float(line[1, 0]), float(line[1, 1]))))
     return words
 
 
-def _labels(
-    ax: Axes, labels: list[tuple[str, tuple[float, float]]], x: float, scale: float, height: float
-) -> None:
+def _bob(ax: Axes, pendulum: Pendulum, bob: Bob | None, centre: np.ndarray) -> str:
+    """Draw the bob to scale; returns its label."""
+    x, y = map(float, centre)
+    label = f"bob, {number(pendulum.mass)} kg"
+    if bob is None:
+        radius = float(Bob().radius(pendulum.mass))
+        ax.add_patch(Circle((x, y), radius, fill=False, ec=INK, lw=0.7, ls=(0, (1, 1.5))))
+        ax.plot(x, y, "o", ms=6, color=INK)
+        return f"{label}\n(dotted: a ball of steel)"
+    ax.add_patch(Polygon(_outline(bob, pendulum.mass) + centre, fc=_METAL, ec=INK, lw=1.0, zorder=3))
+    ax.plot(x, y, ".", ms=3, color=INK, zorder=4)
+    wide, high = (2.0 * float(size) for size in (bob.radius(pendulum.mass), bob.half_height(pendulum.mass)))
+    size = f"{number(wide, 3)} m wide" + ("" if bob.shape == "ball" else f", {number(high, 3)} m high")
+    return f"{label}: {bob.shape}\n{size}"
+
+
+def _outline(bob: Bob, mass: float) -> np.ndarray:
+    """Outline of the bob about its centre with its rod upright, m, shape (n, 2)."""
+    r, h = float(bob.radius(mass)), float(bob.half_height(mass))
+    if bob.shape == "ball":
+        around = np.linspace(0.0, 2.0 * np.pi, 73)
+        return r * np.stack([np.cos(around), np.sin(around)], axis=1)
+    return np.array([[-r, -h], [r, -h], [r, h], [-r, h]])
+
+
+def _turned(angle: float) -> np.ndarray:
+    """Matrix that turns row vectors as the rod turns at an angle (rad) from the vertical."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, s], [-s, c]])
+
+
+def _labels(ax: Axes, labels: list[Label], x: float, scale: float, height: float) -> None:
     """Write labels in a column at `x`, none over another, each with a line to its place."""
     room, top = 0.42 / scale, height + 0.1 / scale
     for i, (words, place) in enumerate(labels):

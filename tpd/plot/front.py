@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from tpd.analysis.attractors import Starts
 from tpd.design.result import Design
-from tpd.plot.style import BLUE, GREY, INK, LABELS, ORANGE, new_axes
+from tpd.plot.style import BLUE, GREY, INK, LABELS, ORANGE, in_degrees, new_axes
 
 if TYPE_CHECKING:
     from tpd.design.pareto import Front
@@ -26,7 +26,15 @@ def plot_front(front: Front, design: Design, ax: Axes | None = None) -> Axes:
     # Masses without a design within the limits have no point, rather than one at zero.
     known = np.isfinite(front.value)
     tilts = np.maximum(front.value[known], 0.0) * nu
-    ax.plot(front.mass_ratio[known] * mass, tilts, "o-", color=BLUE, ms=4, label="best design of its mass")
+    ax.plot(
+        front.mass_ratio[known] * mass,
+        tilts,
+        "o-",
+        color=BLUE,
+        ms=4,
+        clip_on=False,
+        label="best design of its mass",
+    )
     # A value over other starts than the front's would be compared with it by the eye.
     if design.starts == Starts.any():
         if np.isfinite(design.bare.value):
@@ -36,5 +44,7 @@ def plot_front(front: Front, design: Design, ax: Axes | None = None) -> Axes:
             ax.plot(*at, "*", ms=16, mfc=ORANGE, mec=INK, label="answer")
     ax.set(xlabel=LABELS["pendulum_mass"] + ", at most", ylabel=f"{design.risk.name} tilt, 0 at rest (rad)")
     ax.set_ylim(bottom=0.0 if not tilts.size or tilts.max() > 0.0 else None)
+    ax.set_xlim(left=0.0)
+    in_degrees(ax)
     ax.legend(fontsize=8, frameon=False)
     return ax

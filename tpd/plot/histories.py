@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tpd.design.study import TimeHistory
-from tpd.plot.style import GREY, INK, ORANGE, new_axes
+from tpd.plot.style import GREY, INK, ORANGE, in_degrees, new_axes
 
 _STYLES: dict[str, dict[str, Any]] = {
     "exact": {"color": GREY, "lw": 2.6},
@@ -57,6 +57,8 @@ def _finish(axes: Any, last: float) -> None:
         ax.set(ylabel=label, xlim=(-0.02 * last, 1.02 * last))
         if i < 2:
             ax.set_ylim(-top, top)
+    for ax in axes:
+        in_degrees(ax)
     axes[-1].set(xlabel="time from a start at rest (s)")
     handles = dict(zip(*axes[-1].get_legend_handles_labels()[::-1], strict=True))
     place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 3}

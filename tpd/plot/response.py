@@ -40,7 +40,7 @@ def plot_response(
         overturned(ax, r.frequency[r.status == "overturned"], top, i, levels[i])
         other = ~known & (r.status != "overturned")
         if other.any():
-            style: dict[str, Any] = {"ls": "", "marker": "Dd"[i], "mfc": "none", "ms": 5}
+            style: dict[str, Any] = {"ls": "", "marker": "DP"[i], "mfc": "none", "ms": 5}
             style |= {"color": CASES[i]["color"], "label": f"{CASES[i]['label']}: not settled"}
             ax.plot(r.frequency[other], np.minimum(r.amplitude[other], 0.85 * top), **style)
     ax.axvline(frequency, color=ORANGE, lw=1.0, ls="--", label="design frequency")

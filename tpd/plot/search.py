@@ -53,6 +53,8 @@ def _screened(design: Design, ax: Axes) -> None:
     if value.size:
         # Colours begin at zero, or below where designs rest; a few bad designs must not make others alike.
         top = 1.2 * bare if 0.0 < bare <= 1.0 else float(np.max(value[np.isfinite(value)], initial=0.1))
+        # At a tilt of nu the block topples: there is nothing to tell apart beyond it.
+        top = min(top, 1.0)
         scale: dict[str, Any] = {"cmap": "viridis", "vmin": min(0.0, float(np.min(value))), "vmax": top}
         points = ax.scatter(*s.screened[within, :2].T, c=value, s=26, lw=0.4, ec="white", **scale)
         label = "within the limits: tilt / slenderness (-)"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -71,6 +72,15 @@ def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6)) -> Any:
     figure = Figure(figsize=size, layout="constrained", dpi=130)
     FigureCanvasAgg(figure)
     return figure.subplots(rows, 1, sharex=rows > 1)
+
+
+def svg(figure: Any) -> bytes:
+    """Content of an SVG file of the figure, the same for the same figure; its words stay words."""
+    buffer = io.BytesIO()
+    # Without a date and with a fixed salt of its identifiers a repeated run writes the same file.
+    with matplotlib.rc_context({"svg.hashsalt": "tpd", "svg.fonttype": "none"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return buffer.getvalue()
 
 
 def png(figure: Any) -> bytes:

@@ -188,7 +188,8 @@ def at_point(design: Design) -> list[Block]:
         f"{number(point.model_amplitude)} rad, the exact solution {number(point.amplitude)} rad. Without a "
         f"pendulum: {_tilt(point.amplitude_without)}. Both are verified under all conditions."
     )
-    return [Table(head, tuple(rows), caption)]
+    against = information(f"Against the best at the shaking itself: {_first(point.verified)}.")
+    return [Table(head, tuple(rows), caption), *([against] if point.verified.reasons else [])]
 
 
 def _of(design: Design, v: Verified, quantity: str) -> str:
@@ -212,7 +213,7 @@ def _benefit(v: Verified) -> str:
 
 
 def _verdict(v: Verified) -> str:
-    return f"refused: {_first(v)}" if v.reasons else "worth hanging"
+    return "refused" if v.reasons else "worth hanging"
 
 
 def limiting(design: Design) -> list[Block]:

@@ -12,6 +12,8 @@ from tpd.core.formatting import number
 
 _NUMBER = re.compile(r"[+-]?\d[\d.]*%?")
 Cell = str | float | int | None
+NO_VALUE = "–"
+"""Text of a cell without a value."""
 
 
 class Severity(enum.Enum):
@@ -120,7 +122,7 @@ class Report:
 
 
 def _text(cell: Cell) -> str:
-    return "–" if cell is None else number(cell) if isinstance(cell, float) else str(cell)
+    return NO_VALUE if cell is None else number(cell) if isinstance(cell, float) else str(cell)
 
 
 def _is_number(cell: Cell) -> bool:

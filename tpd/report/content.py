@@ -102,7 +102,8 @@ def _captions(design: Design) -> dict[str, tuple[str, str]]:
     return {
         "drawing.png": (
             f"The block on its base{' with the pendulum' if hung else ''}, to scale, with dimensions",
-            f"To scale, dimensions in SI units.{' Dashed: settled swing of the bob.' if hung else ''}",
+            "To scale, dimensions in SI units; the file drawing.svg holds the same in lines."
+            f"{' Dashed: settled swing of the bob.' if hung else ''}",
         ),
         "animation.gif": (
             f"Animation of the block on its moving base, {beside}",

@@ -12,7 +12,7 @@ from tpd.report import pictures
 from tpd.report.content import content
 from tpd.report.html import html
 from tpd.report.json import as_json
-from tpd.report.responses import response_csv
+from tpd.report.responses import motion_csv, response_csv
 from tpd.report.text import text
 
 
@@ -37,11 +37,15 @@ def write(
     ]
     if study.responses:
         written.append(files.place(directory / "response.csv", response_csv(study.responses)))
+    if study.histories:
+        written.append(files.place(directory / "motion.csv", motion_csv(study.histories)))
     # Numbers are safe on disk before the pictures, which take longest, are drawn.
     drawn = {}
     for name in pictures.names(design, study):
         drawn[name] = pictures.draw(name, design, study)
         written.append(files.place(directory / name, drawn[name]))
+    if "drawing.png" in drawn:
+        written.append(files.place(directory / "drawing.svg", pictures.drawing_svg(design)))
     if design.status is not DesignStatus.interrupted:
         # Last, so that a page stands for a whole report.
         written.append(files.place(directory / "report.html", html(report, drawn)))

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from tpd.design.criteria import Room, limit_of
 from tpd.design.result import Design, DesignStatus
 from tpd.design.study import Study
 from tpd.report.responses import topplings
 from tpd.report.words import settled_stroke
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def names(design: Design, study: Study) -> tuple[str, ...]:
@@ -28,7 +34,7 @@ def names(design: Design, study: Study) -> tuple[str, ...]:
 def draw(name: str, design: Design, study: Study) -> bytes:
     """Content of one of the files in `names`."""
     # A report in words does not wait for Matplotlib.
-    from tpd.plot import animation, benefit, conditions, drawing, front, histories, response, search
+    from tpd.plot import animation, benefit, conditions, front, histories, response, search
     from tpd.plot.style import png
 
     scene, motions = design.scene, study.histories or ()
@@ -47,9 +53,25 @@ def draw(name: str, design: Design, study: Study) -> bytes:
         case "front.png" if study.front is not None:
             axes = front.plot_front(study.front, design)
         case "drawing.png":
-            axes = drawing.plot_scene(scene, design.pendulum, stroke=settled_stroke(design))
+            axes = _drawing(design)
         case "animation.gif":
             return animation.animate(scene, design.pendulum, motions)
         case _:
             raise ValueError(f"`name` must be one of {', '.join(names(design, study))}, but is {name!r}")
     return png(axes.figure)
+
+
+def drawing_svg(design: Design) -> bytes:
+    """The drawing to scale as SVG, for those who go on drawing."""
+    from tpd.plot.style import svg
+
+    return svg(_drawing(design).figure)
+
+
+def _drawing(design: Design) -> Axes:
+    """Drawing to scale, the bob as the body that the limits ask room for."""
+    from tpd.plot import drawing
+
+    room = limit_of(design.limits, Room)
+    bob = room.bob if isinstance(room, Room) else None
+    return drawing.plot_scene(design.scene, design.pendulum, stroke=settled_stroke(design), bob=bob)

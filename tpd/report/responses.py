@@ -1,13 +1,15 @@
-"""Responses over frequency as CSV, and the tilts at which the block topples in their pictures."""
+"""Responses over frequency and motions over time as CSV; tilts at which the block topples, for pictures."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from tpd.analysis.response import Response
 from tpd.core import files
 from tpd.core.quantities import UNITS
 from tpd.core.scene import Pendulum, Scene
+from tpd.design.study import TimeHistory
 from tpd.report.words import toppling
 
 
@@ -29,6 +31,27 @@ def response_csv(responses: Sequence[Response]) -> str:
         header.append("with_stroke_rad")
         columns.append(responses[1].stroke)
     return files.as_csv(header, zip(*(column.tolist() for column in columns), strict=True))
+
+
+def motion_csv(histories: Sequence[TimeHistory]) -> str:
+    """CSV with a row for every time: tilt without the pendulum and, if there is one, tilt and bob angle with
+    it, by the exact solution. Cells are empty after the block has overturned.
+
+    Args:
+        histories: over the same times; those of other models are left out.
+    """
+    exact = [h for h in histories if h.model == "exact"]
+    header, columns = ["time_s"], [exact[0].time]
+    for h in exact:
+        label = "with" if h.with_pendulum else "without"
+        header.append(f"{label}_tilt_rad")
+        columns.append(h.tilt)
+        # Without a pendulum the bob is one too light to be felt, and means nothing.
+        if h.with_pendulum:
+            header.append("with_bob_rad")
+            columns.append(h.bob)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return files.as_csv(header, ([x if math.isfinite(x) else "" for x in row] for row in rows))
 
 
 def topplings(scene: Scene, hung: Pendulum | None) -> list[float]:

@@ -81,7 +81,9 @@ def comparison(check: Check) -> list[Block]:
     )
     head = ("model", "amplitude (rad)", "stroke (rad)", "status", "time (ms)", "neglects")
     caption = (
-        "The design from rest under the scene's own shaking, the cheapest model first; the last one judges."
+        "The design from rest under the scene's own shaking, the cheapest model first; the last one judges. "
+        "One harmonic: the motion as a single sine at the forcing frequency (harmonic balance); a rocking "
+        "block has higher harmonics, so that its number may be off by a tenth, and it knows no overturning."
     )
     objections = (danger(f"Under the scene's own shaking {x}.") for x in check.objections)
     return [Table(head, rows, caption), *objections]

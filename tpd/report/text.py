@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator
 
-from tpd.report.blocks import Block, Code, Figure, Listing, Note, Report, Severity, Table
+from tpd.report.blocks import NO_VALUE, Block, Code, Figure, Listing, Note, Report, Severity, Table
 
 _WIDTH = 100
 """Columns of text; tables may be wider."""
@@ -56,7 +56,7 @@ def _table(table: Table) -> Iterator[str]:
         )
         if (line := "  ".join(cells).rstrip()) or not below:
             yield line
-        if below and whole is not rows[0]:
+        if below and whole is not rows[0] and whole[-1] != NO_VALUE:
             yield from textwrap.wrap(whole[-1], _WIDTH, initial_indent="    ", subsequent_indent="    ")
     if table.caption:
         yield from _wrapped(f"({table.caption})")
