@@ -7,6 +7,7 @@ import numpy as np
 
 import tpd
 from tpd.analysis.attractors import Starts
+from tpd.analysis.benefit import Benefit, benefit_of
 from tpd.analysis.compare_models import Answer, Check
 from tpd.analysis.ensemble import Ensemble
 from tpd.analysis.outcomes import Outcomes
@@ -20,6 +21,7 @@ from tpd.design.result import Design, DesignStatus, Search, SearchStatus
 from tpd.design.space import DesignSpace
 from tpd.design.study import Study, TimeHistory, UpliftRegion
 from tpd.design.verified import Active, Bare, Motions, Neighbours, Nonlinear, Verified
+from tpd.design.worth import Worth
 
 SCENE = tpd.paper_scene()
 HUNG = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
@@ -96,9 +98,9 @@ def motions(model: str, amplitude, stroke=0.3, status="rocking", **changes) -> M
     return Motions(model=model, **(values | changes))
 
 
-def outcomes(lost: int, size: int = 40) -> Outcomes:
+def outcomes(lost: int, size: int = 40, angle: float = 0.1, equations: str = "linear") -> Outcomes:
     over = np.arange(size) < lost
-    angle = np.where(over, np.inf, 0.1)
+    angle = np.where(over, np.inf, angle)
     return Outcomes(
         ensemble=Ensemble(size=size),
         status=np.where(over, "overturned", "rocking"),
@@ -107,7 +109,19 @@ def outcomes(lost: int, size: int = 40) -> Outcomes:
         peak_stroke=angle,
         stroke=angle,
         ramp=np.where(np.arange(size) % 2, 2.0, 0.0),
+        equations=equations,
     )
+
+
+def paired() -> Verdict:
+    """Paired runs by the nonlinear equations in which the pendulum halves the tilt."""
+    hung, bare = (outcomes(n, 40, angle, "nonlinear") for n, angle in ((2, 0.05), (20, 0.1)))
+    return Verdict(hung=hung, bare=bare)
+
+
+def benefit(conditions: int = 1) -> Benefit:
+    """Benefit of these runs, dealt out among conditions."""
+    return benefit_of(paired(), SCENE.block.slenderness, np.arange(40) % conditions)
 
 
 def verified(**changes) -> Verified:
@@ -124,6 +138,9 @@ def verified(**changes) -> Verified:
         "neighbours": Neighbours(condition=0, tried=8, overturned=0, overturned_bare=1),
         "nonlinear": (nonlinear(),),
         "verdict": Verdict(hung=outcomes(2), bare=outcomes(20)),
+        "paired": paired(),
+        "benefit": benefit(),
+        "strikes": 0.0,
         "stationarity": 1e-3,
         "active": (Active(kind="limit", name="stroke", condition="the scene's own shaking", weight=0.5),),
         "source": "search",
@@ -173,6 +190,7 @@ def single(**changes) -> Design:
         "limits": DEFAULT_LIMITS,
         "method": Method("descent", 0.01),
         "ensemble": Ensemble(size=40),
+        "worth": Worth(),
         "seed": 3,
         "status": DesignStatus.found,
         "pendulum": HUNG,
@@ -183,6 +201,7 @@ def single(**changes) -> Design:
             exact=motions("piecewise", 0.0833335),
             searched=motions("smoothed", 0.0833),
             outcomes=outcomes(20),
+            paired=paired().bare,
         ),
         "nearest": None,
         "search": search(),
@@ -206,6 +225,7 @@ def band(**changes) -> Design:
         margin=np.linspace(-0.5, 0.1, n),
         neighbours=None,
         nonlinear=(nonlinear(0), nonlinear(1)),
+        benefit=benefit(n),
         active=(Active(kind="tilt", name="", condition="1.5 Hz", weight=1.0),),
     )
     bare = Bare(
@@ -214,6 +234,7 @@ def band(**changes) -> Design:
         exact=motions("piecewise", 0.4 * tilt, 0.0, **lost),
         searched=None,
         outcomes=outcomes(20),
+        paired=paired().bare,
     )
     values = {
         "conditions": conditions,
@@ -228,7 +249,7 @@ def band(**changes) -> Design:
 
 def refused() -> Design:
     """A search whose only design was refused."""
-    bad = verified(reasons=(REASON,), verdict=None, neighbours=None)
+    bad = verified(reasons=(REASON,), verdict=None, paired=None, benefit=None, neighbours=None)
     return single(status=DesignStatus.refused, pendulum=None, verified=(bad,))
 
 

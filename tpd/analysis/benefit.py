@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -104,22 +105,22 @@ def benefit_of(
     )
 
 
-def _mean(x: np.ndarray) -> np.ndarray:
+def _mean(x: np.ndarray) -> Any:
     return x.mean(axis=-1)
 
 
-def _median(x: np.ndarray) -> np.ndarray:
+def _median(x: np.ndarray) -> Any:
     return np.median(x, axis=-1)
 
 
-def _worst(x: np.ndarray) -> np.ndarray:
+def _worst(x: np.ndarray) -> Any:
     """Mean of the worst tenth: the largest of all runs alone would say little."""
     k = max(1, x.shape[-1] // 10)
     return np.sort(x, axis=-1)[..., -k:].mean(axis=-1)
 
 
-def _fall(hung: np.ndarray, bare: np.ndarray) -> np.ndarray:
-    """Share by which severities fall; 0 where both are zero."""
+def _fall(hung: Any, bare: Any) -> np.ndarray:
+    """Share by which severities fall, numbers or arrays; 0 where both are zero."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(bare > 0.0, 1.0 - hung / bare, np.where(hung > 0.0, -np.inf, 0.0))
 
@@ -130,7 +131,9 @@ def _interval(values: np.ndarray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _change(name: str, hung: np.ndarray, bare: np.ndarray, rows: np.ndarray, of) -> Change:
+def _change(
+    name: str, hung: np.ndarray, bare: np.ndarray, rows: np.ndarray, of: Callable[[np.ndarray], Any]
+) -> Change:
     low, high = _interval(of(hung[rows]) - of(bare[rows]))
     return Change(name, float(of(hung)), float(of(bare)), low, high)
 
