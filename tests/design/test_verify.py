@@ -15,9 +15,13 @@ from tpd.design.result import DesignStatus
 from tpd.design.steps import pendulum_of
 from tpd.design.verified import Neighbours, Nonlinear
 from tpd.design.verify import Verification
+from tpd.design.worth import Worth
 
 RUNS = tpd.Ensemble(size=16, periods=30)
+ENOUGH = tpd.Ensemble(size=64, periods=30)
+"""Runs that show the benefit of a good design."""
 ALONE = tpd.Conditions()
+LIGHT_WORTH = Worth(at_least=0.0)
 LIGHT = np.array([0.01, 0.26, 0.35])
 
 
@@ -39,7 +43,7 @@ class Refusing(Verification):
 @pytest.fixture(scope="module")
 def judged(search):
     """A verification whose first design is refused, and what it says to the best end and to the paths."""
-    stern = Refusing(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
+    stern = Refusing(SCENE, search.objective, FEW_STEPS, ENOUGH, LIGHT_WORTH, False, None)
     first = stern.best_of(search)
     begun = len(stern.verified)
     second = stern.best_of_paths(search)
@@ -82,7 +86,7 @@ def test_after_a_refusal_other_ends_and_designs_on_the_paths_are_verified(judged
 
 
 def test_at_most_six_designs_are_verified(search):
-    stern = Refusing(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
+    stern = Refusing(SCENE, search.objective, FEW_STEPS, ENOUGH, LIGHT_WORTH, False, None)
     stern.refusals = 100
     assert stern.best_of(search) is DesignStatus.refused
     assert stern.best_of_paths(search) is DesignStatus.refused
@@ -189,12 +193,13 @@ def nonlinear(v, *rows):
     return dataclasses.replace(v, nonlinear=asked, reasons=())
 
 
-def test_an_overturning_that_the_bare_block_withstands_speaks_against_a_design(judged, v):
+def test_of_several_conditions_single_motions_decide_on_limits_only(judged, v):
     stern = judged[0]
     gone = np.inf, np.inf, "overturned"
-    (reason,) = stern.nonlinear_reasons(nonlinear(v, (0, *gone, 0.1, "rocking"), (1, *gone, *gone[1:])))
-    assert reason.kind is ReasonKind.overturns
-    assert reason.condition == BAND.label(0)
+    rows = (0, *gone, 0.1, "rocking"), (1, *gone, *gone[1:])
+    assert stern.nonlinear_reasons(nonlinear(v, *rows)) == (), "the paired runs have counted"
+    (reason,) = stern.nonlinear_reasons(nonlinear(v, *rows, (3, 0.1, 0.6, "rocking", 0.1, "rocking")))
+    assert (reason.kind, reason.limit, reason.condition) == (ReasonKind.breaks_limit, "stroke", BAND.label(3))
     assert stern.nonlinear_reasons(nonlinear(v, (2, 0.01, 0.1, "not_settled", 0.1, "rocking"))) == ()
 
 
