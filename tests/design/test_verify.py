@@ -6,22 +6,27 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.design.conftest import BAND, FEW_STEPS, SCENE
+from tests.design.conftest import ANY_WORTH, BAND, FEW_STEPS, SCENE
 from tests.design.test_followed import followed
 from tests.design.test_objective import GOOD, orbits
 from tpd.design.active import nearest
 from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import DesignStatus
+from tpd.design.steps import pendulum_of
 from tpd.design.verified import Neighbours, Nonlinear
-from tpd.design.verify import Verification, pendulum_of
+from tpd.design.verify import Verification
+from tpd.design.worth import Worth
 
 RUNS = tpd.Ensemble(size=16, periods=30)
+ENOUGH = tpd.Ensemble(size=64, periods=30)
+"""Runs that show the benefit of a good design."""
 ALONE = tpd.Conditions()
+LIGHT_WORTH = Worth(at_least=0.0)
 LIGHT = np.array([0.01, 0.26, 0.35])
 
 
 def verification(objective, method=FEW_STEPS, **more) -> Verification:
-    return Verification(SCENE, objective, method, RUNS, more.get("by_overturning", False), None)
+    return Verification(SCENE, objective, method, RUNS, ANY_WORTH, more.get("by_overturning", False), None)
 
 
 class Refusing(Verification):
@@ -38,7 +43,7 @@ class Refusing(Verification):
 @pytest.fixture(scope="module")
 def judged(search):
     """A verification whose first design is refused, and what it says to the best end and to the paths."""
-    stern = Refusing(SCENE, search.objective, FEW_STEPS, RUNS, False, None)
+    stern = Refusing(SCENE, search.objective, FEW_STEPS, ENOUGH, LIGHT_WORTH, False, None)
     first = stern.best_of(search)
     begun = len(stern.verified)
     second = stern.best_of_paths(search)
@@ -81,7 +86,7 @@ def test_after_a_refusal_other_ends_and_designs_on_the_paths_are_verified(judged
 
 
 def test_at_most_six_designs_are_verified(search):
-    stern = Refusing(SCENE, search.objective, FEW_STEPS, RUNS, False, None)
+    stern = Refusing(SCENE, search.objective, FEW_STEPS, ENOUGH, LIGHT_WORTH, False, None)
     stern.refusals = 100
     assert stern.best_of(search) is DesignStatus.refused
     assert stern.best_of_paths(search) is DesignStatus.refused
@@ -188,12 +193,13 @@ def nonlinear(v, *rows):
     return dataclasses.replace(v, nonlinear=asked, reasons=())
 
 
-def test_an_overturning_that_the_bare_block_withstands_speaks_against_a_design(judged, v):
+def test_of_several_conditions_single_motions_decide_on_limits_only(judged, v):
     stern = judged[0]
     gone = np.inf, np.inf, "overturned"
-    (reason,) = stern.nonlinear_reasons(nonlinear(v, (0, *gone, 0.1, "rocking"), (1, *gone, *gone[1:])))
-    assert reason.kind is ReasonKind.overturns
-    assert reason.condition == BAND.label(0)
+    rows = (0, *gone, 0.1, "rocking"), (1, *gone, *gone[1:])
+    assert stern.nonlinear_reasons(nonlinear(v, *rows)) == (), "the paired runs have counted"
+    (reason,) = stern.nonlinear_reasons(nonlinear(v, *rows, (3, 0.1, 0.6, "rocking", 0.1, "rocking")))
+    assert (reason.kind, reason.limit, reason.condition) == (ReasonKind.breaks_limit, "stroke", BAND.label(3))
     assert stern.nonlinear_reasons(nonlinear(v, (2, 0.01, 0.1, "not_settled", 0.1, "rocking"))) == ()
 
 
@@ -217,7 +223,7 @@ def test_under_one_condition_the_motion_must_settle_and_be_smaller(alone, v):
 
 
 def test_nonlinear_equations_are_asked_about_the_room_as_well(v):
-    room = verification(orbits(limits=(tpd.limits.Offset(0.02), tpd.limits.Walls())))
+    room = verification(orbits(limits=(tpd.limits.Offset(0.02), tpd.limits.Room())))
     light = dataclasses.replace(v, evaluation=room.objective.evaluate(LIGHT[None]))
     rest = 0.1, "rocking"
     assert room.nonlinear_reasons(nonlinear(light, (1, 0.03, 0.35, "rocking", *rest))) == ()
@@ -227,7 +233,7 @@ def test_nonlinear_equations_are_asked_about_the_room_as_well(v):
     )
     heavy = dataclasses.replace(v, evaluation=room.objective.evaluate(GOOD))
     reasons = room.nonlinear_reasons(nonlinear(heavy, (1, 0.03, 0.35, "rocking", *rest)))
-    assert [reason.limit for reason in reasons] == ["walls", "ball"]
+    assert [reason.limit for reason in reasons] == ["room", "thickness"]
 
 
 def test_the_worst_conditions_and_those_at_a_limit_are_asked():
@@ -281,7 +287,7 @@ def test_the_nearest_design_is_that_of_least_excess(search):
     from tpd.design.checkpoint import Checkpoint
     from tpd.design.search import Multistart
 
-    tight = orbits(limits=(tpd.limits.Stroke(0.5), tpd.limits.Walls()))
+    tight = orbits(limits=(tpd.limits.Stroke(0.5), tpd.limits.Room()))
     assert nearest(search) is None, "it has designs within the limits"
     out = Multistart(tight, tpd.Sequential(searches=4, screening=24, steps=4), 0, None)
     out.run(Checkpoint(None, "", {}))
