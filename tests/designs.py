@@ -20,12 +20,8 @@ from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import Design, DesignStatus, Search, SearchStatus
 from tpd.design.space import DesignSpace
 from tpd.design.study import Study, TimeHistory, UpliftRegion
-<<<<<<< HEAD
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Active, AtPoint, Bare, LossCase, Motions, Neighbours, Nonlinear, Verified
-=======
-from tpd.design.verified import Active, Bare, Motions, Neighbours, Nonlinear, Verified
->>>>>>> r18-t1
 from tpd.design.worth import Worth
 
 SCENE = tpd.paper_scene()
@@ -103,15 +99,9 @@ def motions(model: str, amplitude, stroke=0.3, status="rocking", **changes) -> M
     return Motions(model=model, **(values | changes))
 
 
-<<<<<<< HEAD
 def outcomes(lost: int, size: int = 40, tilt: float = 0.1, equations: str = "linear") -> Outcomes:
     over = np.arange(size) < lost
     angle = np.where(over, np.inf, tilt)
-=======
-def outcomes(lost: int, size: int = 40, angle: float = 0.1, equations: str = "linear") -> Outcomes:
-    over = np.arange(size) < lost
-    angle = np.where(over, np.inf, angle)
->>>>>>> r18-t1
     return Outcomes(
         equations=equations,
         ensemble=Ensemble(size=size),
@@ -125,7 +115,6 @@ def outcomes(lost: int, size: int = 40, angle: float = 0.1, equations: str = "li
     )
 
 
-<<<<<<< HEAD
 def paired(lost: int = 2, lost_bare: int = 20, tilt: float = 0.05) -> Verdict:
     """Forty runs of the nonlinear equations; the bare block rocks 0.1 rad where it stands."""
     hung, bare = (outcomes(n, tilt=x, equations="nonlinear") for n, x in ((lost, tilt), (lost_bare, 0.1)))
@@ -134,17 +123,6 @@ def paired(lost: int = 2, lost_bare: int = 20, tilt: float = 0.05) -> Verdict:
 
 def benefit(of: Verdict, conditions: int = 1) -> Benefit:
     return benefit_of(of, SCENE.block.slenderness, np.arange(40) % conditions)
-=======
-def paired() -> Verdict:
-    """Paired runs by the nonlinear equations in which the pendulum halves the tilt."""
-    hung, bare = (outcomes(n, 40, angle, "nonlinear") for n, angle in ((2, 0.05), (20, 0.1)))
-    return Verdict(hung=hung, bare=bare)
-
-
-def benefit(conditions: int = 1) -> Benefit:
-    """Benefit of these runs, dealt out among conditions."""
-    return benefit_of(paired(), SCENE.block.slenderness, np.arange(40) % conditions)
->>>>>>> r18-t1
 
 
 def verified(**changes) -> Verified:
@@ -162,11 +140,7 @@ def verified(**changes) -> Verified:
         "nonlinear": (nonlinear(),),
         "verdict": Verdict(hung=outcomes(2), bare=outcomes(20)),
         "paired": paired(),
-<<<<<<< HEAD
         "benefit": benefit(paired()),
-=======
-        "benefit": benefit(),
->>>>>>> r18-t1
         "strikes": 0.0,
         "stationarity": 1e-3,
         "active": (Active(kind="limit", name="stroke", condition="the scene's own shaking", weight=0.5),),
@@ -217,11 +191,7 @@ def single(**changes) -> Design:
         "limits": POINT_BOB,
         "method": Method("descent", 0.01),
         "ensemble": Ensemble(size=40),
-<<<<<<< HEAD
         "worth": Worth(runs=40),
-=======
-        "worth": Worth(),
->>>>>>> r18-t1
         "seed": 3,
         "status": DesignStatus.found,
         "pendulum": HUNG,
@@ -232,11 +202,7 @@ def single(**changes) -> Design:
             exact=motions("piecewise", 0.0833335),
             searched=motions("smoothed", 0.0833),
             outcomes=outcomes(20),
-<<<<<<< HEAD
             paired=outcomes(20, equations="nonlinear"),
-=======
-            paired=paired().bare,
->>>>>>> r18-t1
         ),
         "nearest": None,
         "search": search(),
@@ -260,11 +226,7 @@ def band(**changes) -> Design:
         margin=np.linspace(-0.5, 0.1, n),
         neighbours=None,
         nonlinear=(nonlinear(0), nonlinear(1)),
-<<<<<<< HEAD
         benefit=benefit(paired(), n),
-=======
-        benefit=benefit(n),
->>>>>>> r18-t1
         active=(Active(kind="tilt", name="", condition="1.5 Hz", weight=1.0),),
     )
     bare = Bare(
@@ -273,11 +235,7 @@ def band(**changes) -> Design:
         exact=motions("piecewise", 0.4 * tilt, 0.0, **lost),
         searched=None,
         outcomes=outcomes(20),
-<<<<<<< HEAD
         paired=outcomes(20, equations="nonlinear"),
-=======
-        paired=paired().bare,
->>>>>>> r18-t1
     )
     values = {
         "conditions": conditions,
@@ -368,11 +326,7 @@ def loss_case(name: str, lost: int = 2, tilt: float = 0.05) -> LossCase:
 
 def refused() -> Design:
     """A search whose only design was refused."""
-<<<<<<< HEAD
     bad = verified(reasons=(REASON,), verdict=None, neighbours=None, paired=None, benefit=None)
-=======
-    bad = verified(reasons=(REASON,), verdict=None, paired=None, benefit=None, neighbours=None)
->>>>>>> r18-t1
     return single(status=DesignStatus.refused, pendulum=None, verified=(bad,))
 
 

@@ -133,7 +133,7 @@ def brute_force(objective, scene, runs, sizes, bob):
     return {
         "designs": count,
         "keep": len(keeps),
-        "help": int(np.sum(found.score[keeps] < found.bare.mean())),
+        "help": found.better,
         "judged": len(judged),
         "pass": len(passing),
         "best": max(passing, key=lambda r: r["benefit"], default=None),

@@ -120,11 +120,7 @@ def _worst(x: np.ndarray) -> Any:
 
 
 def _fall(hung: Any, bare: Any) -> np.ndarray:
-<<<<<<< HEAD
-    """Share by which severities fall; 0 where both are zero."""
-=======
     """Share by which severities fall, numbers or arrays; 0 where both are zero."""
->>>>>>> r18-t1
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(bare > 0.0, 1.0 - hung / bare, np.where(hung > 0.0, -np.inf, 0.0))
 
