@@ -139,9 +139,14 @@ class Design(Printed):
 
     @property
     def best(self) -> Verified | None:
-        """The design offered or, where none is, the best that was verified."""
+        """The design offered or, where none is, that of the largest benefit of those verified, else of the
+        least risk."""
+
         # A refused design is no answer, but a picture of the best one shows what the refusal is about.
-        return self.winner or min(self.verified, key=lambda v: v.value, default=None)
+        def rank(v: Verified) -> tuple[bool, float]:
+            return v.benefit is None, v.value if v.benefit is None else -v.benefit.value
+
+        return self.winner or min(self.verified, key=rank, default=None)
 
     @property
     def amplitude(self) -> float:

@@ -38,7 +38,7 @@ def plot_benefit(design: Design, axes: Any = None) -> Any:
     axes.invert_yaxis()
     axes.grid(axis="x", color=GREY, lw=0.4, alpha=0.6)
     axes.axhline(len(_SHOWN) - 0.5, color=INK, lw=0.6)
-    axes.legend(fontsize=8, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
+    axes.legend(fontsize=8, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
     return axes
 
 

@@ -246,7 +246,15 @@ def limiting(design: Design) -> list[Block]:
         f"Best of {len(wide.designs)} designs followed from rest by the {wide.equations} equations, and the "
         f"best where a limit is left out: what relaxing it would buy. Without a pendulum: {bare}."
     )
-    return [*out, Table(head, tuple(rows[:_ROWS]), caption)]
+    return [*out, *_held(design), Table(head, tuple(rows[:_ROWS]), caption)]
+
+
+def _held(design: Design) -> list[Block]:
+    """Conditions, limits and bounds that hold the best design, with multipliers, if it is refused."""
+    if design.pendulum is not None or design.best is None or not design.best.active:
+        return []
+    said = "; ".join(f"{held}" for held in design.best.active)
+    return [information(f"The best that was verified is held by: {said}.")]
 
 
 def _row(design: Design, of: Survey, name: str, i: int | None) -> tuple[Cell, ...]:
@@ -267,11 +275,10 @@ def _refusals(design: Design) -> list[Block]:
     for found in design.surveys:
         counts = {_LIMIT_NAMES.get(n, n): int(np.sum(x > 0.0)) for n, x in found.excess.items()}
         said = [f"{n} exceed the limit on {name}" for name, n in counts.items() if n]
-        keeps = found.keeps
-        better = int(np.sum(keeps & (found.score < found.bare.mean())))
+        keep = int(found.keeps.sum())
         parts.append(
-            f"Of {len(found.designs)} designs followed from rest by the {found.equations} equations "
-            f"{int(keeps.sum())} keep to all limits, and {better} of these tilt the block less than none"
+            f"Of {len(found.designs)} designs followed from rest by the {found.equations} equations {keep} "
+            f"keep to all limits, and {found.better} of these tilt the block less than none"
             + (f" ({'; '.join(said)})." if said else ".")
         )
     kinds = Counter(_kind(reason) for v in design.verified for reason in v.reasons[:1])

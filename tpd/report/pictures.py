@@ -13,7 +13,7 @@ def names(design: Design, study: Study) -> tuple[str, ...]:
     # A drawing of a design that the search had only come to by an interruption would be taken for the answer.
     whole = design.status is not DesignStatus.interrupted
     there = {
-        "benefit.png": design.best is not None and design.best.benefit is not None,
+        "benefit.png": whole and design.best is not None and design.best.benefit is not None,
         "conditions.png": len(design.conditions) > 1 and design.conditions.axis is not None,
         "search.png": len(design.search.screened) > 0,
         "response.png": bool(study.responses),
