@@ -111,7 +111,6 @@ def outcomes(lost: int, size: int = 40, tilt: float = 0.1, equations: str = "lin
         peak_stroke=angle,
         stroke=angle,
         ramp=np.where(np.arange(size) % 2, 2.0, 0.0),
-        equations=equations,
     )
 
 
