@@ -87,8 +87,8 @@ class Survey:
 
     @property
     def score(self) -> np.ndarray:
-        """Mean of the risk and of the mean severity and, once more, what is above the bare block's severity by
-        more than a twentieth, (m,)."""
+        """Mean of the risk and of the mean severity and, once more, what is above the bare block by more than
+        a twentieth, (m,)."""
         more = np.maximum(self.severity - (1.0 + _WORSE) * self.bare, 0.0)
         return self._of(self.severity) + more.mean(axis=1)
 
