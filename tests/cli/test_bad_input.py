@@ -31,6 +31,15 @@ OPTIONS = [
     (("--damping", "0.1", "0.2", "0.3"), "must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]"),
     (("--damping", "-1"), "[space] `damping_ratio` must be between 0 and 2, but is -1"),
     (("--stroke", "0"), "`limits.stroke` must be a number above 0, but is 0"),
+    (("--walls",), "unrecognized arguments: --walls"),
+    (("--bob", "cube"), "`bob.shape` must be one of ball, cylinder, but is 'cube'"),
+    (("--cavity", "0.2"), "[block] `cavity_width` must be at most the outside width, 0.1 m, but is 0.2 m"),
+    (("--cavity", "0"), "`block.cavity_width` must be a number above 0, but is 0"),
+    (("--at-least", "10"), "`worth.at_least` must be a number from 0 to 1, but is 10"),
+    (
+        ("--exactly", *BAND),
+        "`conditions.exactly` goes with one motion: no band, no amplitudes and no scatter",
+    ),
     (("--searches", "0"), "`search.searches` must be a whole number from 1 to 2147483647, but is 0"),
     (("--searches", "2.5"), "`search.searches` must be a whole number from 1 to 2147483647, but is 2.5"),
     (("--starts", "8"), "unrecognized arguments: --starts 8"),
@@ -76,9 +85,12 @@ OPTIONS = [
     (("--amplitude", "0"), "[motion] `amplitude` must be above 0 in a search, but is 0: nothing shakes the"),
     (("--mass-ratio", "0.1", "1.5"), "[space] `mass_ratio` must be an interval low < high within 0 to 1"),
     (("--length-ratio", "0.1", "2.5"), "[space] `length_ratio` must be an interval low < high within 0.001"),
-    (("--measure", "cvar"), "`risk.measure` goes with several conditions, [conditions] or [scatter], which"),
     (
-        ("--by-overturning",),
+        ("--exactly", "--measure", "cvar"),
+        "`risk.measure` goes with several conditions, [conditions] or [scatter], which",
+    ),
+    (
+        ("--exactly", "--by-overturning"),
         "`search.by_overturning` goes with several conditions, [conditions] or [scatter]",
     ),
     (
@@ -98,7 +110,7 @@ OPTIONS = [
 
 FILES = [
     ("[block]\nwidht = 1.0\n", "unknown key `widht` in [block]; allowed are width, height, mass, friction"),
-    ("[blok]\nwidth = 1.0\n", "unknown table [blok]; allowed are project, block, motion, site, space"),
+    ("[blok]\nwidth = 1.0\n", "unknown table [blok]; allowed are project, block, motion, bob, site, space"),
     ("[block]\nwidth = 'wide'\n", "`block.width` must be a number above 0, but is 'wide'"),
     ("[block]\nwidth = '0.1'\n", "`block.width` must be a number above 0, but is '0.1'"),
     ("[block]\nwidth = true\n", "`block.width` must be a number above 0, but is True"),
@@ -131,7 +143,7 @@ FILES = [
     ("[search]\nstarts = 8\n", "unknown key `starts` in [search]; allowed are method, optimiser, model"),
     ("[search]\nmethod = 3\n", "`search.method` must be one of descent, sequential, but is 3"),
     (
-        "[search]\nmodel = 'orbits'\n",
+        "[search]\nmodel = 'orbits'\n[conditions]\nexactly = true\n",
         "`search.model` orbits goes with several conditions or with `search.method` sequential",
     ),
     (
@@ -143,7 +155,7 @@ FILES = [
         "[search]\nmethod = 'sequential'\ntolerance = 0.1\n",
         "`search.tolerance` goes with `search.method` descent",
     ),
-    ("[conditions]\nmeasure = 'worst'\n", "unknown key `measure` in [conditions]; allowed are band"),
+    ("[conditions]\nmeasure = 'worst'\n", "unknown key `measure` in [conditions]; allowed are exactly, band"),
     ("[conditions]\nband = [2.0]\n", "`conditions.band` must be a pair of numbers, but is [2.0]"),
     (
         "[conditions]\nband = [2, 3]\nfrequencies = 1\n",
@@ -166,7 +178,24 @@ FILES = [
     ("[limits]\nmultiplier = 1.5\n", "`limits.multiplier` must be a number from 1e-06 to 1, but is 1.5"),
     ("[limits]\nmass = nan\n", "`limits.mass` must be a number above 0, but is nan"),
     ("[limits]\nmass = inf\n", "[limits] `mass` must be positive and finite, but is inf"),
-    ("[limits]\nwalls = 'yes'\n", "`limits.walls` must be true or false, but is 'yes'"),
+    ("[limits]\nroom = 'yes'\n", "`limits.room` must be true or false, but is 'yes'"),
+    (
+        "[limits]\nwalls = true\n",
+        "unknown key `walls` in [limits]; allowed are stroke, relative_stroke, tilt",
+    ),
+    ("[bob]\nshape = 'cube'\n", "`bob.shape` must be one of ball, cylinder, but is 'cube'"),
+    ("[bob]\ndensity = 10\n", "`bob.density` must be a number from 100 to 25000, but is 10"),
+    ("[bob]\naspect = 3.0\n", "`bob.aspect` goes with `bob.shape` cylinder, which this job does not have"),
+    ("[worth]\nat_least = 10\n", "`worth.at_least` must be a number from 0 to 1, but is 10"),
+    ("[worth]\nruns = 0\n", "`worth.runs` must be a whole number from 1 to 2147483647, but is 0"),
+    (
+        f"[block]\nwidth = 0.1\ncavity_width = 0.12\n{REST}",
+        "[block] `cavity_width` must be at most the outside width, 0.1 m, but is 0.12 m",
+    ),
+    (
+        "[conditions]\nexactly = true\nband = [2, 3]\n",
+        "`conditions.exactly` goes with one motion: no band, no amplitudes and no scatter",
+    ),
     ("[ensemble]\nsize = 0\n", "`ensemble.size` must be a whole number from 1 to 2147483647, but is 0"),
     (
         "[ensemble]\nramps = [-1.0]\n",
@@ -178,12 +207,15 @@ FILES = [
     ("", "is empty: `tpd new` writes a job file to begin with"),
     ("# nothing yet\n", "is empty: `tpd new` writes a job file to begin with"),
     (
-        "[block]\nradius_of_gyration = 0.3\n",
+        f"[block]\nwidth = 0.1\nradius_of_gyration = 0.3\n{REST}",
         "[block] `radius_of_gyration` must be at most 0.206155, half the",
     ),
     ("[limits]\nrelative_stroke = 2.0\n", "[limits] `relative_stroke` must be at most 1.5708, a right angle"),
     ("[limits]\ntilt = 1.5\n", "[limits] `tilt` must be at most 1, a block that stands on its corner"),
-    ("[limits]\nreserve = 0.1\n", "`limits.reserve` goes with a search over orbits, `search.model` orbits"),
+    (
+        "[limits]\nreserve = 0.1\n[conditions]\nexactly = true\n",
+        "`limits.reserve` goes with a search over orbits, `search.model` orbits",
+    ),
     ("[ensemble]\nrestitution = 0.1\n", "[ensemble] `restitution` can scatter where it is a number"),
     ("[ensemble]\nswing = 2.0\n", "[ensemble] `swing` must be at most 1.5708, a right angle in rad"),
     ("x = = 3\n", "is not valid TOML: Invalid value (at line 1, column 5)"),
@@ -252,20 +284,30 @@ DESIGNS = [
     ("not json", "is not a design in JSON"),
     ("\xff", "is not a design in JSON"),
     ("[1]", "has no `job` and `pendulum`"),
-    ('{"job": {}, "pendulum": null}', "must be of version 2, but is of 1: run the job again"),
-    ('{"version": 3, "job": {}, "pendulum": null}', "must be of version 2, but is of 3"),
-    ('{"version": 2, "job": [], "pendulum": null}', "is not what a report holds"),
-    ('{"version": 2, "job": {}, "pendulum": {"mass": 1.0}}', "is not what a report holds"),
+    ('{"job": {}, "pendulum": null}', "must be of version 3, but is of 1: run the job again"),
+    ('{"version": 4, "job": {}, "pendulum": null}', "must be of version 3, but is of 4"),
+    ('{"version": 3, "job": [], "pendulum": null}', "is not what a report holds"),
+    ('{"version": 3, "job": {}, "pendulum": {"mass": 1.0}}', "is not what a report holds"),
     (
-        '{"version": 2, "job": {}, "pendulum": {"mass": "1", "length": 1.0, "damping_ratio": 0.1}}',
+        '{"version": 3, "job": {}, "pendulum": {"mass": "1", "length": 1.0, "damping_ratio": 0.1}}',
         "is not what a report holds",
     ),
     (
-        '{"version": 2, "job": {}, "pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1}}',
+        '{"version": 3, "job": {}, "pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1}}',
         "`length` must be positive and finite, but is -1",
     ),
-    ('{"version": 2, "job": {"blok": {}}, "pendulum": null}', "unknown table [blok]"),
+    ('{"version": 3, "job": {"blok": {}}, "pendulum": null}', "unknown table [blok]"),
 ]
+
+
+@pytest.fixture(autouse=True)
+def no_search(monkeypatch):
+    """Bad input that is not refused fails at once, not after a whole search."""
+
+    def run(*_: object) -> None:
+        raise AssertionError("the input is not refused: a search has begun")
+
+    monkeypatch.setattr("tpd.design.search.Multistart.run", run)
 
 
 def refused(capsys, *command: str) -> str:

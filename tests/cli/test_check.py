@@ -57,7 +57,7 @@ def test_a_design_s_directory_is_checked_as_the_options_are(check, tmp_path, cap
     block = {"width": 2.0, "height": 9.0, "mass": 41500.0, "radius_of_gyration": 2.7, "friction": 0.02}
     job = {"block": block, "motion": {"amplitude": 0.1, "frequency": 0.8}}
     hung = {"mass": 3320.0, "length": 0.99, "damping_ratio": 0.2}
-    (tmp_path / "design.json").write_text(json.dumps({"version": 2, "job": job, "pendulum": hung}))
+    (tmp_path / "design.json").write_text(json.dumps({"version": 3, "job": job, "pendulum": hung}))
     assert main(["check", str(tmp_path), "--quick"]) == 0
     said = capsys.readouterr().out.splitlines()
     assert said[:5] == expected[:5]
@@ -66,7 +66,7 @@ def test_a_design_s_directory_is_checked_as_the_options_are(check, tmp_path, cap
 
 def test_a_report_without_a_pendulum_is_confirmed_only_where_none_is_needed(tmp_path, capsys):
     for amplitude, status in ((0.001, 0), (0.015, 3)):
-        content = {"version": 2, "job": {"motion": {"amplitude": amplitude}}, "pendulum": None}
+        content = {"version": 3, "job": {"motion": {"amplitude": amplitude}}, "pendulum": None}
         (tmp_path / "design.json").write_text(json.dumps(content))
         assert main(["check", str(tmp_path), "--quick"]) == status
         last = capsys.readouterr().out.splitlines()[-1]

@@ -13,13 +13,16 @@ import tpd
 from tpd.analysis.attractors import Starts
 from tpd.analysis.ensemble import Ensemble
 from tpd.cli import config, schema
+from tpd.core.bob import Bob
 from tpd.core.conditions import FACTORS, Conditions
 from tpd.core.scene import Block, Harmonic
 from tpd.design import criteria
 from tpd.design.methods import Descent, Sequential
 from tpd.design.space import DesignSpace
+from tpd.design.worth import Worth
 from tpd.models.piecewise import Piecewise
 
+EXACTLY = {"conditions": {"exactly": True}}
 BAND = {"conditions": {"band": [2.0, 3.0], "frequencies": 5}}
 JOBS = {
     "default": {},
@@ -43,6 +46,14 @@ JOBS = {
     "descent for several": {**BAND, "search": {"method": "descent", "optimiser": "lbfgs", "tolerance": 0.05}},
     "sequential for one": {"search": {"method": "sequential", "searches": 2, "screening": 3, "steps": 4}},
     "models": {"search": {"model": "segmented"}},
+    "exactly": {"conditions": {"exactly": True}},
+    "bob": {
+        "block": {"width": 0.2, "height": 0.8, "mass": 60.0, "cavity_width": 0.15},
+        "motion": {"amplitude": 0.03, "frequency": 2.0},
+        "bob": {"shape": "cylinder", "density": 11340.0, "aspect": 1.5},
+    },
+    "without room": {"limits": {"room": False, "worsening": 0.2}},
+    "worth": {"worth": {"at_least": 0.2, "worse": 0.0, "strikes": 0.05, "runs": 64}},
     "limits": {
         "limits": {
             "stroke": 0.4,
@@ -50,10 +61,12 @@ JOBS = {
             "tilt": 0.4,
             "mass": 2.0,
             "offset": 0.1,
-            "walls": True,
+            "room": True,
+            "worsening": 0.1,
             "multiplier": 0.98,
             "reserve": 1e-5,
         },
+        "conditions": {"amplitudes": [1.2]},
         "search": {"method": "sequential"},
     },
     "ensemble": {"ensemble": {"size": 64, "ramps": [1.0], "any_phase": False, "damping": 0.1}},
@@ -80,11 +93,17 @@ def test_the_objects_of_a_job_that_is_read_back_are_the_same(given):
         "limits",
         "method",
         "ensemble",
+        "worth",
         "seed",
         "by_overturning",
     ):
         assert getattr(again, name) == getattr(job, name), name
-    np.testing.assert_array_equal(again.conditions.factor_rows(), job.conditions.factor_rows())
+    np.testing.assert_array_equal(conditions(again).factor_rows(), conditions(job).factor_rows())
+
+
+def conditions(job: config.Job) -> Conditions:
+    """Conditions of a job; without any it is searched in the neighbourhood of its motion."""
+    return Conditions.around(job.scene) if job.conditions is None else job.conditions
 
 
 def test_jobs_that_differ_are_not_equal():
@@ -96,16 +115,40 @@ def test_without_tables_the_job_is_that_of_the_papers_block():
     job = config.job_of({})
     assert job.scene == tpd.paper_scene()
     assert job.space == DesignSpace()
-    assert len(job.conditions) == 1
-    assert job.starts == Starts.rest()
+    assert job.conditions is None
+    assert len(conditions(job)) == schema.NEIGHBOURHOOD == job.file.size
+    assert job.starts == Starts.any()
     assert job.risk == criteria.Risk.worst()
+    assert job.limits == criteria.DEFAULT_LIMITS == config.job_of(BAND).limits
+    assert isinstance(job.method, Sequential)
+    assert (job.method.searches, job.method.screening, job.method.steps) == (64, 512, 40)
+    assert job.ensemble == Ensemble()
+    assert job.worth == Worth()
+    assert (job.seed, job.by_overturning) == (0, False)
+
+
+def test_exactly_is_the_papers_setting_one_motion_and_a_point_bob():
+    job = config.job_of(EXACTLY)
+    assert len(conditions(job)) == 1
+    assert job.starts == Starts.rest()
     # The reserve is known of orbits only.
     assert job.limits == (criteria.Stroke(),)
-    assert config.job_of(BAND).limits == criteria.DEFAULT_LIMITS
     assert isinstance(job.method, Descent)
     assert (job.method.searches, job.method.screening, job.method.steps) == (8, 192, 30)
-    assert job.ensemble == Ensemble()
-    assert (job.seed, job.by_overturning) == (0, False)
+    with pytest.raises(ValueError, match=r"`conditions.exactly` goes with one motion: no band"):
+        config.job_of({"conditions": {"exactly": True, "band": [2, 3]}})
+
+
+def test_the_bob_is_a_body_in_the_cavity():
+    job = config.job_of(JOBS["bob"])
+    assert job.scene.block.room == 0.15
+    (room,) = (limit for limit in job.limits if isinstance(limit, criteria.Room))
+    assert room.bob == Bob(shape="cylinder", density=11340.0, aspect=1.5)
+    with pytest.raises(ValueError, match=r"`bob.aspect` goes with `bob.shape` cylinder"):
+        config.job_of({"bob": {"aspect": 3.0}})
+    without = config.job_of(JOBS["without room"]).limits
+    assert not any(isinstance(limit, criteria.Room) for limit in without)
+    assert criteria.Worsening(0.2) in without
 
 
 def test_several_conditions_are_searched_by_sequential_programming_from_any_start():
@@ -139,7 +182,8 @@ def test_all_limits_hold_for_one_condition_too():
         criteria.Tilt(0.4),
         criteria.Mass(2.0),
         criteria.Offset(0.1),
-        criteria.Walls(),
+        criteria.Room(),
+        criteria.Worsening(0.1),
         criteria.Multiplier(0.98),
         criteria.Reserve(1e-5),
     )
@@ -148,7 +192,8 @@ def test_all_limits_hold_for_one_condition_too():
 @pytest.mark.parametrize(
     ("starts", "expected"),
     [
-        ({}, Starts.rest()),
+        ({}, Starts.any()),
+        ({"kind": "rest"}, Starts.rest()),
         ({"kind": "any"}, Starts.any()),
         ({"kind": "sampled"}, Starts(size=12, seed=5)),
         ({"size": 4}, Starts(size=4, seed=5)),
@@ -171,7 +216,7 @@ def test_starts_have_the_seed_of_the_search_unless_given(starts, expected):
 def test_where_impacts_lose_energy_friction_is_zero_and_the_model_is_exact(
     block, friction, restitution, model
 ):
-    job = config.job_of({"block": block})
+    job = config.job_of({"block": block, **EXACTLY})
     assert (job.scene.block.friction, job.scene.block.restitution) == (friction, restitution)
     assert config.tables(job)["search"].get("model") == model
     assert isinstance(job.method.model, Piecewise) is (model == "piecewise")
@@ -187,9 +232,10 @@ def test_a_whole_number_is_taken_where_any_number_is_meant():
 
 
 def test_keys_without_effect_are_not_written():
-    tables = config.tables(config.job_of({}))
+    tables = config.tables(config.job_of(EXACTLY))
     assert "scatter" not in tables
-    assert set(tables["conditions"]) == {"amplitudes"}
+    assert set(tables["conditions"]) == {"amplitudes", "exactly"}
+    assert set(tables["bob"]) == {"shape", "density"}
     assert set(tables["starts"]) == {"kind"}
     assert "risk" not in tables
     assert "reserve" not in tables["limits"]
@@ -208,7 +254,8 @@ def test_keys_without_effect_are_not_written():
         ),
         (BAND | {"limits": {"reserve": 0.1}}, {"search": {"model": "piecewise"}}, ("limits", "reserve")),
         ({"starts": {"size": 4}}, {"starts": {"kind": "rest"}}, ("starts", "size")),
-        ({"search": {"tolerance": 0.02}}, BAND, ("search", "tolerance")),
+        ({**EXACTLY, "search": {"tolerance": 0.02}}, BAND, ("search", "tolerance")),
+        (EXACTLY, BAND, ("conditions", "exactly")),
         (
             {"search": {"method": "descent", "optimiser": "lbfgs"}},
             {"search": {"method": "sequential"}},
@@ -235,7 +282,7 @@ def test_what_is_pointless_in_the_file_itself_stays_an_error():
 def test_a_file_may_list_defaults_that_have_no_effect():
     listed = {
         "conditions": {"frequencies": 20, "samples": 64},
-        "starts": {"kind": "rest", "size": 12, "worst": False},
+        "starts": {"kind": "any", "size": 12, "worst": False},
         "risk": {"measure": "worst", "share": 0.1},
     }
     assert config.job_of(listed) == config.job_of({})
@@ -254,7 +301,14 @@ def test_a_file_may_leave_to_the_options_what_makes_it_whole():
 
 @pytest.mark.parametrize(
     ("table", "kind"),
-    [("block", Block), ("motion", Harmonic), ("space", DesignSpace), ("ensemble", Ensemble)],
+    [
+        ("block", Block),
+        ("motion", Harmonic),
+        ("bob", Bob),
+        ("space", DesignSpace),
+        ("worth", Worth),
+        ("ensemble", Ensemble),
+    ],
 )
 def test_a_table_has_the_fields_of_the_class_that_it_becomes(table, kind):
     assert set(schema.keys()[table]) == {f.name for f in dataclasses.fields(kind)}

@@ -21,7 +21,10 @@ SAME = [
         ("--mass-ratio", "0.1", "0.4", "--length-ratio", "0.2", "1", "--damping", "0.05", "0.3"),
     ),
     ("[space]\ndamping_ratio = 0.2\n", ("--damping", "0.2")),
-    ("[limits]\nstroke = 0.4\nwalls = true\n", ("--stroke", "0.4", "--walls")),
+    ("[limits]\nstroke = 0.4\nroom = false\n", ("--stroke", "0.4", "--no-walls")),
+    ("[bob]\nshape = 'cylinder'\n[block]\ncavity_width = 0.08\n", ("--bob", "cylinder", "--cavity", "0.08")),
+    ("[conditions]\nexactly = true\n", ("--exactly",)),
+    ("[worth]\nat_least = 0.2\n", ("--at-least", "0.2")),
     (
         "[search]\nsearches = 3\nseed = 7\nby_overturning = true\n[conditions]\namplitudes = [1, 1.1]\n",
         ("--searches", "3", "--seed", "7", "--by-overturning", "--amplitudes", "1", "1.1"),
@@ -30,7 +33,7 @@ SAME = [
         "[search]\nmethod = 'descent'\noptimiser = 'lbfgs'\n[conditions]\nband = [2, 3]\n",
         ("--method", "descent", "--optimiser", "lbfgs", "--band", "2", "3"),
     ),
-    ("[search]\nmethod = 'sequential'\n", ("--method", "sequential")),
+    ("[search]\nmethod = 'descent'\n", ("--method", "descent")),
     (
         "[conditions]\nband = [2.3, 2.7]\namplitudes = [0.8, 1, 1.2]\n[risk]\nmeasure = 'cvar'\n",
         ("--band", "2.3", "2.7", "--amplitudes", "0.8", "1", "1.2", "--measure", "cvar"),
@@ -109,7 +112,9 @@ def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
     text = " ".join(capsys.readouterr().out.split())
     assert "whole width of the block, m (default 0.1)" in text
     assert "bounds of bob over block mass (default 0.01 0.2)" in text
-    assert "--walls a solid ball of steel must keep off the block's walls once it has settled -" not in text
+    assert "--no-walls do not ask for room between the walls" in text
+    assert "--exactly search for the motion itself alone with a point bob, as in the paper" in text
+    assert "least share by which the mean tilt of all runs must fall (default 0.1)" in text
     assert "seed of the screening, the samples and the starts (default 0)" in text
 
 
