@@ -7,6 +7,7 @@ import numpy as np
 
 import tpd
 from tpd.analysis.attractors import Starts
+from tpd.analysis.benefit import Benefit, benefit_of
 from tpd.analysis.compare_models import Answer, Check
 from tpd.analysis.ensemble import Ensemble
 from tpd.analysis.outcomes import Outcomes
@@ -14,12 +15,14 @@ from tpd.analysis.paired import Verdict
 from tpd.analysis.response import Response
 from tpd.analysis.sensitivity import Elasticities
 from tpd.core.conditions import Conditions
-from tpd.design.criteria import DEFAULT_LIMITS, Risk
+from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, Risk
 from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import Design, DesignStatus, Search, SearchStatus
 from tpd.design.space import DesignSpace
 from tpd.design.study import Study, TimeHistory, UpliftRegion
-from tpd.design.verified import Active, Bare, Motions, Neighbours, Nonlinear, Verified
+from tpd.design.survey import ON_THE_WAY, Survey
+from tpd.design.verified import Active, AtPoint, Bare, LossCase, Motions, Neighbours, Nonlinear, Verified
+from tpd.design.worth import Worth
 
 SCENE = tpd.paper_scene()
 HUNG = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
@@ -96,10 +99,11 @@ def motions(model: str, amplitude, stroke=0.3, status="rocking", **changes) -> M
     return Motions(model=model, **(values | changes))
 
 
-def outcomes(lost: int, size: int = 40) -> Outcomes:
+def outcomes(lost: int, size: int = 40, tilt: float = 0.1, equations: str = "linear") -> Outcomes:
     over = np.arange(size) < lost
-    angle = np.where(over, np.inf, 0.1)
+    angle = np.where(over, np.inf, tilt)
     return Outcomes(
+        equations=equations,
         ensemble=Ensemble(size=size),
         status=np.where(over, "overturned", "rocking"),
         peak=angle,
@@ -108,6 +112,16 @@ def outcomes(lost: int, size: int = 40) -> Outcomes:
         stroke=angle,
         ramp=np.where(np.arange(size) % 2, 2.0, 0.0),
     )
+
+
+def paired(lost: int = 2, lost_bare: int = 20, tilt: float = 0.05) -> Verdict:
+    """Forty runs of the nonlinear equations; the bare block rocks 0.1 rad where it stands."""
+    hung, bare = (outcomes(n, tilt=x, equations="nonlinear") for n, x in ((lost, tilt), (lost_bare, 0.1)))
+    return Verdict(hung=hung, bare=bare)
+
+
+def benefit(of: Verdict, conditions: int = 1) -> Benefit:
+    return benefit_of(of, SCENE.block.slenderness, np.arange(40) % conditions)
 
 
 def verified(**changes) -> Verified:
@@ -124,6 +138,9 @@ def verified(**changes) -> Verified:
         "neighbours": Neighbours(condition=0, tried=8, overturned=0, overturned_bare=1),
         "nonlinear": (nonlinear(),),
         "verdict": Verdict(hung=outcomes(2), bare=outcomes(20)),
+        "paired": paired(),
+        "benefit": benefit(paired()),
+        "strikes": 0.0,
         "stationarity": 1e-3,
         "active": (Active(kind="limit", name="stroke", condition="the scene's own shaking", weight=0.5),),
         "source": "search",
@@ -170,9 +187,10 @@ def single(**changes) -> Design:
         "conditions": Conditions(),
         "starts": Starts.rest(),
         "risk": Risk.worst(),
-        "limits": DEFAULT_LIMITS,
+        "limits": POINT_BOB,
         "method": Method("descent", 0.01),
         "ensemble": Ensemble(size=40),
+        "worth": Worth(runs=40),
         "seed": 3,
         "status": DesignStatus.found,
         "pendulum": HUNG,
@@ -183,6 +201,7 @@ def single(**changes) -> Design:
             exact=motions("piecewise", 0.0833335),
             searched=motions("smoothed", 0.0833),
             outcomes=outcomes(20),
+            paired=outcomes(20, equations="nonlinear"),
         ),
         "nearest": None,
         "search": search(),
@@ -206,6 +225,7 @@ def band(**changes) -> Design:
         margin=np.linspace(-0.5, 0.1, n),
         neighbours=None,
         nonlinear=(nonlinear(0), nonlinear(1)),
+        benefit=benefit(paired(), n),
         active=(Active(kind="tilt", name="", condition="1.5 Hz", weight=1.0),),
     )
     bare = Bare(
@@ -214,6 +234,7 @@ def band(**changes) -> Design:
         exact=motions("piecewise", 0.4 * tilt, 0.0, **lost),
         searched=None,
         outcomes=outcomes(20),
+        paired=outcomes(20, equations="nonlinear"),
     )
     values = {
         "conditions": conditions,
@@ -226,9 +247,85 @@ def band(**changes) -> Design:
     return single(**(values | changes))
 
 
+def around(**changes) -> Design:
+    """A design for the neighbourhood of the shaking, with everything that a default job has."""
+    conditions = Conditions.around(SCENE)
+    n = len(conditions)
+    offered = verified(
+        value=0.2,
+        evaluation=evaluation(np.full(n, 0.2), 0.3),
+        exact=motions("piecewise", np.full(n, 0.05)),
+        searched=None,
+        margin=np.full(n, -0.2),
+        nonlinear=(nonlinear(0), nonlinear(n - 1)),
+        benefit=benefit(paired(), n),
+        source="survey",
+    )
+    bare = Bare(
+        value=0.4,
+        evaluation=evaluation(np.full(n, 0.4), 0.0),
+        exact=motions("piecewise", np.full(n, 0.1), 0.0),
+        searched=None,
+        outcomes=outcomes(20),
+        paired=outcomes(20, equations="nonlinear"),
+    )
+    values = {
+        "conditions": conditions,
+        "verified": (offered,),
+        "bare": bare,
+        "surveys": (survey("linear", n), survey("nonlinear", n)),
+        "at_point": at_point(),
+        "limits": DEFAULT_LIMITS,
+        "losses": (loss_case("friction"), loss_case("impacts", lost=20, tilt=0.1)),
+    }
+    return single(**(values | changes))
+
+
+def survey(equations: str, conditions: int) -> Survey:
+    """Four designs; the second one, best of all, strikes a wall on the way."""
+    severity = np.repeat(np.array([[0.3], [0.2], [0.35], [1.0]]), conditions, axis=1)
+    return Survey(
+        designs=np.array([RATIOS, (0.2, 0.8, 0.1), (0.05, 0.5, 0.2), (0.02, 1.4, 0.1)]),
+        severity=severity,
+        bare=np.full(conditions, 0.4),
+        excess={
+            "stroke": np.array([-0.4, -0.1, -0.6, -1.0]),
+            "room": np.array([-0.3, -0.2, -0.5, -0.9]),
+            ON_THE_WAY: np.array([-0.1, 0.4, -0.2, -0.9]),
+        },
+        equations=equations,
+    )
+
+
+def at_point() -> AtPoint:
+    """The best design at the shaking itself, which the paired runs around it refuse."""
+    return AtPoint(
+        pendulum=tpd.Pendulum(mass=3.2448, length=0.2, damping_ratio=0.1),
+        amplitude=0.01,
+        amplitude_without=0.0833,
+        model="smoothed",
+        model_amplitude=0.0101,
+        verified=verified(benefit=benefit(paired(lost=25)), reasons=(REASON,)),
+    )
+
+
+def loss_case(name: str, lost: int = 2, tilt: float = 0.05) -> LossCase:
+    runs = paired(lost=lost, tilt=tilt)
+    return LossCase(
+        name=name,
+        friction=0.05,
+        velocity_ratio=0.9,
+        benefit=benefit(runs),
+        overturned=runs.hung.overturned,
+        overturned_bare=runs.bare.overturned,
+        at_rest=runs.hung.at_rest,
+        at_rest_bare=runs.bare.at_rest,
+    )
+
+
 def refused() -> Design:
     """A search whose only design was refused."""
-    bad = verified(reasons=(REASON,), verdict=None, neighbours=None)
+    bad = verified(reasons=(REASON,), verdict=None, neighbours=None, paired=None, benefit=None)
     return single(status=DesignStatus.refused, pendulum=None, verified=(bad,))
 
 

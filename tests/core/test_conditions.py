@@ -29,12 +29,12 @@ def test_a_product_combines_every_condition_with_every_other():
 
 def test_labels_say_what_differs():
     band = Conditions.band(SCENE, 2.0, 4.0, 2)
-    assert (band * Conditions.amplitudes(0.5, 1.1)).label(1) == "1.1 times the amplitude and 2 Hz"
+    assert (band * Conditions.amplitudes(0.5, 1.1)).label(1) == "2 Hz and 1.1 times the amplitude"
     assert band.label(1) == "4 Hz"
     assert Conditions().label(0) == "the scene's own shaking"
     # One condition that is not the scene's own.
     assert Conditions.amplitudes(1.2).label(0) == "1.2 times the amplitude"
-    assert (Conditions.amplitudes(1.2) * band).label(0) == "1.2 times the amplitude and 2 Hz"
+    assert (Conditions.amplitudes(1.2) * band).label(0) == "2 Hz and 1.2 times the amplitude"
 
 
 def test_labels_of_many_factors_carry_the_values():

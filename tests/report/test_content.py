@@ -8,12 +8,13 @@ import pytest
 import tpd
 from tests import designs
 from tpd.analysis.sensitivity import Elasticities
-from tpd.design.criteria import Mass, Risk, Walls
+from tpd.core.bob import Bob
+from tpd.design.criteria import Mass, Risk, Room
 from tpd.design.result import Design, DesignStatus, Nearest
 from tpd.design.study import Study
 from tpd.plot.style import new_axes
 from tpd.report import pictures, words
-from tpd.report.blocks import Figure, Note, Severity, Table
+from tpd.report.blocks import Figure, Severity, Table
 from tpd.report.content import content
 
 BAND = designs.study(responses=None, elasticities=None)
@@ -31,7 +32,10 @@ def row(table: Table, name: str):
 
 def test_the_verdict_comes_first_and_dangers_before_the_answer():
     report = content(designs.single(), designs.study())
-    assert report.verdict == Note(Severity.information, DesignStatus.found.value)
+    assert report.verdict.severity is Severity.information
+    assert report.verdict.text.startswith(DesignStatus.found.value)
+    assert "66% less tilt (95 % interval " in report.verdict.text
+    assert "5.0% overturn in place of 50.0%" in report.verdict.text
     assert [s.title for s in report.sections[:3]] == ["Scene", "Before anything else", "The answer"]
     assert report.sections[1].blocks[0].severity is Severity.danger
     assert report.title == "Pendulum for a block of 0.1 m × 0.4 m"
@@ -86,7 +90,7 @@ def test_figures_are_those_that_there_is_data_for():
         blocks = (b for s in content(design, study).sections for b in s.blocks)
         return {b.name for b in blocks if isinstance(b, Figure)}
 
-    always = {"drawing.png", "animation.gif", "motion.png", "search.png"}
+    always = {"benefit.png", "drawing.png", "animation.gif", "motion.png", "search.png"}
     assert names(designs.single(), designs.study()) == always | {"response.png"}
     assert names(designs.band(), BAND) == always | {"conditions.png"}
     front = dataclasses.replace(BAND, front=designs.front())
@@ -97,7 +101,7 @@ def test_figures_are_those_that_there_is_data_for():
 def test_a_refused_design_is_not_shown_as_an_answer():
     report = content(designs.refused(), designs.study(comparison=None))
     assert report.verdict.severity is Severity.danger
-    assert report.verdict.text.startswith("NO DESIGN TO OFFER")
+    assert report.verdict.text.startswith("NO PENDULUM WORTH HANGING")
     (table,) = section(report, "The answer")
     assert row(table, "pendulum")[1] == "none to offer"
     assert section(report, "By several models")[0].rows[0][0] == "best found, not offered"
@@ -196,7 +200,9 @@ def test_angles_that_are_infinite_or_unknown_are_told_apart():
 
 def test_limits_in_words():
     assert words.limit(Mass(2.0)) == "mass 2 kg"
-    assert words.limit(Walls()) == "a settled ball of steel keeps off the walls"
+    assert words.limit(Room()) == "the bob, a solid ball of steel, keeps off the walls"
+    wood = Room(Bob(shape="cylinder", density=700.0))
+    assert "a solid cylinder of 700 kg/m³, 2 times as high as wide" in words.limit(wood)
     said = [words.limit(limit) for limit in designs.single().limits]
     assert said == ["stroke 0.5 rad", "reserve 0.05"]
 

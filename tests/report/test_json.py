@@ -23,6 +23,7 @@ def written(design, study) -> dict:
 
 CASES = {
     "one condition": (designs.single(), designs.study()),
+    "a neighbourhood": (designs.around(), designs.study()),
     "a band": (designs.band(), designs.study(responses=None, elasticities=None, front=designs.front())),
     "refused": (designs.refused(), designs.study(comparison=None)),
     "interrupted": (
@@ -51,7 +52,7 @@ def test_every_design_is_what_the_schema_says(case):
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("version", 1),
+        ("version", 2),
         ("pendulum", {"mass": 1.0}),
         ("status", "good"),
         ("amplitude_rad", "large"),
@@ -68,7 +69,7 @@ def test_the_content_is_sorted_complete_and_exact():
     design, study = CASES["one condition"]
     content = written(design, study)
     assert list(content) == sorted(content)
-    assert content["version"] == 2
+    assert content["version"] == 3
     assert content["pendulum"] == dataclasses.asdict(designs.HUNG)
     assert content["parameters"]["mu"] == pytest.approx(0.1)
     assert content["seed"] == 3
@@ -85,3 +86,36 @@ def test_infinities_and_reasons_are_words():
     assert content["verified"][0]["reasons"][0]["kind"] == "breaks_limit"
     assert content["verified"][0]["reasons"][0]["sentence"] == str(designs.REASON)
     assert content["verified"][1]["evaluation"]["kind"][-1] == "rest"
+
+
+def test_what_is_asked_of_the_benefit_and_what_paired_runs_say_stand_beside_each_other():
+    content = written(*CASES["a neighbourhood"])
+    assert content["worth"] == {"at_least": 0.1, "worse": 0.05, "strikes": 0.01, "runs": 40}
+    assert content["limits"]["room"] == {"shape": "ball", "density": 7850.0, "aspect": 2.0}
+    (offered,) = content["verified"]
+    benefit = offered["benefit"]
+    # 2 of 40 runs overturn and 38 tilt 0.05 rad of 0.25, in place of 20 and 20 at 0.1 rad.
+    assert benefit["value"] == pytest.approx(1.0 - (2 + 38 * 0.2) / (20 + 20 * 0.4))
+    assert benefit["low"] < benefit["value"] < benefit["high"]
+    names = [change["name"] for change in benefit["changes"]]
+    assert names == ["mean severity", "median severity", "worst severity", "overturned", "at rest"]
+    assert [len(benefit["by_condition"][key]) for key in ("with", "without")] == [10, 10]
+    assert (offered["paired"]["worse"], offered["paired"]["better"]) == (0, 18)
+    assert offered["paired"]["with"]["equations"] == "nonlinear"
+    assert [case["name"] for case in content["losses"]] == ["friction", "impacts"]
+    assert content["losses"][1]["benefit"]["value"] == 0.0
+    assert content["losses"][1]["overturned"][0] == 0.5
+    assert content["at_point"]["pendulum"]["mass"] == 3.2448
+    assert content["at_point"]["verified"]["reasons"][0]["limit"] == "stroke"
+
+
+def test_surveys_are_counts_and_best_designs():
+    linear, nonlinear = written(*CASES["a neighbourhood"])["surveys"]
+    assert (linear["equations"], nonlinear["equations"]) == ("linear", "nonlinear")
+    # One strikes on the way, and one overturns the block under all conditions.
+    assert (linear["designs"], linear["keep_to_limits"], linear["better_than_bare"]) == (4, 2, 2)
+    assert linear["broken"] == {"stroke": 0, "room": 0, "room on the way": 1}
+    assert linear["best"]["design"] == list(designs.RATIOS)
+    assert linear["best_without"]["room on the way"]["design"] == [0.2, 0.8, 0.1]
+    assert linear["best_without"]["room on the way"]["excess"]["room on the way"] == pytest.approx(0.4)
+    assert linear["severity_without"] == [0.4] * 10

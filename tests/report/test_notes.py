@@ -9,7 +9,6 @@ import tpd
 from tests import designs
 from tpd.analysis.attractors import Starts
 from tpd.analysis.paired import Verdict
-from tpd.design.criteria import DEFAULT_LIMITS, Walls
 from tpd.design.result import DesignStatus
 from tpd.design.study import Study
 from tpd.design.verified import Neighbours
@@ -44,7 +43,7 @@ def test_dangers_come_before_warnings_and_these_before_information():
 
 def strike_notes(pendulum=LIGHT, **changes):
     exact = designs.motions("piecewise", 0.04, changes.pop("stroke"), **changes)
-    design = with_winner(exact=exact, verdict=None)
+    design = with_winner(exact=exact, paired=None)
     return [t for t in texts(dataclasses.replace(design, pendulum=pendulum)) if "STRIKE" in t]
 
 
@@ -59,49 +58,69 @@ def test_a_bob_that_would_strike_the_walls_is_a_danger_with_a_remedy():
     # The bob's angle and the block's tilt together: 0.04 rad settled, 0.06 rad on the way.
     assert strike_notes(stroke=most - 0.04 - 1e-6, **peaks(most - 0.06 - 1e-6)) == []
     (text,) = strike_notes(stroke=0.1, **peaks(most - 0.06 + 1e-6))
-    assert text.startswith("On the way from rest the bob may swing 0.0252 m out of the block's axis")
-    assert f"up to {np.floor(1e3 * most) / 1e3:g} rad between rod and block, a point up to 0.429 rad" in text
+    start = "On the way from rest the bob, as a solid ball of steel, would reach 0.05 m from the block's axis"
+    assert text.startswith(start)
+    assert f"up to {np.floor(1e3 * most) / 1e3:g} rad between rod and block" in text
+    assert "Without `--exactly` the search asks for room" in text
     (text,) = strike_notes(stroke=0.46, **peaks(0.6))
-    assert text.startswith("Once settled the bob may swing 0.0575 m")
+    # 0.12 m times sin(0.5), and the radius.
+    assert text.startswith("Once settled the bob, as a solid ball of steel, would reach 0.0823 m")
 
 
 def test_a_ball_wider_than_the_block_fits_at_no_angle():
     heavy = dataclasses.replace(designs.HUNG, mass=16.0)
-    (note,) = strikes(designs.SCENE.block, heavy, {"settled": 0.0}, False)
+    (note,) = strikes(designs.SCENE.block, heavy, {"settled": 0.0})
     assert note.severity is Severity.danger
-    assert "stays off them at no angle" in note.text
+    assert "keeps off them at no angle" in note.text
 
 
-def test_the_remedy_against_walls_is_another_one_where_they_are_limited():
-    design = designs.single(limits=(*DEFAULT_LIMITS, Walls()))
-    assert "`--walls`" in only(designs.single(), about="STRIKE").text
-    assert "the limit on walls holds for the settled motion only" in only(design, about="STRIKE").text
+def test_with_room_the_body_of_the_bob_and_its_share_of_strikes_are_said():
+    """A ball of 1.6224 kg of steel has a diameter of 0.0734 m."""
+    design = designs.around()
+    winner = dataclasses.replace(design.winner, strikes=0.005)
+    text = only(dataclasses.replace(design, verified=(winner,)), about="strikes none").text
+    assert text == (
+        "The bob as a solid ball of steel is 0.0734 m wide and 0.0734 m high. Between walls 0.1 m apart it "
+        "strikes none in 99.5% of the paired runs that stand (99.0% are asked for)."
+    )
+    assert not any("STRIKE" in t for t in texts(design))
 
 
 def test_walls_are_watched_in_the_ensemble_too():
     """Half of the runs reach 0.1 rad of bob and block each, 0.2 rad together: 0.0238 m."""
     quiet = designs.motions("piecewise", 0.01, 0.01)
-    design = dataclasses.replace(with_winner(exact=quiet), pendulum=dataclasses.replace(LIGHT, mass=0.6))
-    assert only(design, about="STRIKE").text.startswith(
-        "In half of the ensemble's runs the bob may swing 0.0238 m"
+    runs = designs.paired(tilt=0.1)
+    design = with_winner(exact=quiet, paired=runs)
+    design = dataclasses.replace(design, pendulum=dataclasses.replace(LIGHT, mass=0.6))
+    text = only(design, about="STRIKE").text
+    # 0.12 m times sin(0.2), and the radius of 0.0263 m.
+    assert text.startswith(
+        "In half of the ensemble's runs the bob, as a solid ball of steel, would reach 0.0502"
     )
     lost = Verdict(hung=designs.outcomes(30), bare=designs.outcomes(30))
-    design = dataclasses.replace(with_winner(exact=quiet, verdict=lost), pendulum=design.pendulum)
+    design = dataclasses.replace(with_winner(exact=quiet, paired=lost), pendulum=design.pendulum)
     assert not any("STRIKE" in t for t in texts(design))
 
 
 def test_over_conditions_the_search_may_know_larger_angles_than_the_start_from_rest():
     quiet = designs.motions("piecewise", np.full(8, 0.01), 0.01)
-    design = dataclasses.replace(with_winner(designs.band, exact=quiet, verdict=None), pendulum=LIGHT)
-    assert "Once settled the bob may swing 0.0601 m" in only(design, about="STRIKE").text
+    design = dataclasses.replace(with_winner(designs.band, exact=quiet, paired=None), pendulum=LIGHT)
+    assert (
+        "Once settled the bob, as a solid ball of steel, would reach 0.0849 m"
+        in only(design, about="STRIKE").text
+    )
     # Of a search over starts at rest the exact solution has the last word.
     assert not any("STRIKE" in t for t in texts(dataclasses.replace(design, starts=Starts.rest())))
 
 
 def test_a_ball_that_is_no_point_is_said():
-    assert thick(designs.HUNG) == []
-    (note,) = thick(tpd.Pendulum(mass=1.6224, length=0.03, damping_ratio=0.1))
-    assert note.text.endswith("and it is thicker than the rod is long.")
+    """0.1 kg on 0.25 m: the ball's own share is 0.4 (0.01449/0.25)^2 = 0.13 %, without effect."""
+    assert thick(tpd.Pendulum(mass=0.1, length=0.25, damping_ratio=0.1)) == []
+    (note,) = thick(designs.HUNG)
+    # 0.4 (0.03668/0.12)^2
+    assert "a moment of inertia of its own, 3.7% of the point's" in note.text
+    assert note.severity is Severity.warning
+    assert note.text.endswith("frequency by -1.8%; a rod 3.6% shorter makes up for it.")
 
 
 def test_a_pendulum_that_saves_by_luck_is_a_danger():
@@ -119,10 +138,8 @@ def test_overturning_from_rest_is_counted_and_a_danger_where_the_bare_block_stan
     design = with_winner(designs.band, exact=exact)
     note = only(design, about="OVERTURNS")
     assert note.severity is Severity.danger
-    assert (
-        f"under 1 of 8 conditions that it stands without, the first at {design.conditions.label(1)}"
-        in note.text
-    )
+    said = "under 1 of 8 conditions that it stands without, and saves it under 0. The first: "
+    assert f"{said}{design.conditions.label(1)}." in note.text
     assert (
         "under 2 of 8 conditions with the pendulum and 1 without" in only(design, about="From rest the").text
     )
@@ -142,48 +159,96 @@ def test_that_it_overturns_less_is_shown_by_significantly_fewer_runs(worse, bett
     late = np.where(order >= size - better, "overturned", "rocking")
     verdict = Verdict(hung=hung, bare=dataclasses.replace(bare, status=late))
     assert (verdict.worse, verdict.better) == (worse, better)
-    said = any(
-        "Nothing shows that the block overturns less" in t for t in texts(with_winner(verdict=verdict))
-    )
+    said = any("Nothing shows that the block overturns less" in t for t in texts(with_winner(paired=verdict)))
     assert said is not fewer
 
 
 def test_an_ensemble_in_which_the_pendulum_harms_is_a_danger():
     worse = Verdict(hung=designs.outcomes(20), bare=designs.outcomes(2))
-    note = only(with_winner(verdict=worse), about="In the ensemble")
+    note = only(with_winner(paired=worse), about="More runs overturn")
     assert note.severity is Severity.danger
-    assert note.text == "In the ensemble 18 runs overturn with the pendulum only, and 0 without it only."
-    assert not any("In the ensemble 0" in t for t in texts(designs.single()))
+    assert "18 runs overturn with the pendulum only and 0 without it only" in note.text
+    assert "Would chance alone do this? Hardly: p = 3.8e-06." in note.text
+    assert not any("More runs overturn" in t for t in texts(designs.single()))
 
 
-def test_an_overturning_that_the_bare_block_withstands_is_a_danger():
+def test_the_runs_that_decide_are_those_of_the_nonlinear_equations():
+    """By the linear equations the pendulum saves 18 runs, by the nonlinear ones it costs 18."""
+    design = with_winner(paired=designs.paired(lost=20, lost_bare=2))
+    assert any("Nothing shows that the block overturns less" in t for t in texts(design))
+    said = only(design, about="runs of the nonlinear equations").text
+    assert said.startswith("Of 40 runs of the nonlinear equations 50.0% (")
+    alone = with_winner(paired=None)
+    assert not any("Nothing shows" in t for t in texts(alone))
+    assert any(t.startswith("Of 40 runs of the linear equations 5.0% (") for t in texts(alone))
+
+
+def test_single_nonlinear_runs_are_counted_and_set_beside_the_paired_runs():
     asked = (designs.nonlinear(0, "overturned"), designs.nonlinear(1, "overturned", "overturned"))
     design = with_winner(designs.band, nonlinear=(*asked, designs.nonlinear(2)))
-    first = only(design, about="bare it stands")
-    assert first.severity is Severity.danger
-    assert f"at {design.conditions.label(0)}, and bare it stands" in first.text
-    second = only(design, about="without the pendulum as well")
+    first = only(design, about="stands without at")
+    # Less tilt over the paired runs there: one run is no danger.
+    assert first.severity is Severity.warning
+    start = (
+        "By the nonlinear equations, one run from rest under each of 3 conditions, the block overturns with "
+    )
+    said = f"{start}the pendulum and stands without at 1 of them ({design.conditions.label(0)})."
+    assert first.text.startswith(said)
+    # Of the first condition are runs 0, 8, ... 32: one of five overturns in place of three.
+    assert "the mean tilt is 36% of the slenderness with it and 76% without" in first.text
+    second = only(design, about="the pendulum and without at")
     assert second.severity is Severity.warning
-    assert f"at {design.conditions.label(1)}, and it" in second.text
+    assert second.text == f"{start}the pendulum and without at 1 ({design.conditions.label(1)})."
+    runs = designs.paired(lost=30)
+    harmful = with_winner(designs.band, nonlinear=asked[:1], benefit=designs.benefit(runs, 8))
+    assert only(harmful, about="stands without at").severity is Severity.danger
+    unknown = only(with_winner(designs.band, nonlinear=asked[:1], benefit=None), about="stands without at")
+    assert unknown.severity is Severity.danger
+    assert unknown.text.endswith("no paired runs were asked there.")
 
 
-def test_frequencies_that_are_worse_are_said_and_grave_ones_a_danger():
-    bare = designs.response(0.01, 0.01, 0.01)
+NEAR = tuple(2.5 * (1.0 + 0.004 * np.arange(6, 13)))
+"""Frequencies (Hz) from 2.4 to 4.8 % above the design's, 0.4 % apart, as of a response."""
+
+
+def test_frequencies_that_are_worse_are_said_with_their_neighbours():
+    bare = designs.response(*[0.01] * 7, frequency=NEAR)
 
     def note(*hung):
-        study = Study(responses=(bare, designs.response(*hung)))
+        study = Study(responses=(bare, designs.response(*hung, frequency=NEAR)))
         return only(designs.single(), study, about="rocks more")
 
-    mild, grave = note(0.01, 0.015, 0.019), note(0.01, 0.015, 0.021)
+    mild, grave = (note(0.01, 0.01, 0.01, 0.015, 0.015, 0.01, x) for x in (0.019, 0.021))
     assert (mild.severity, grave.severity) == (Severity.warning, Severity.danger)
-    assert mild.text.startswith("At 2.45 Hz")
-    assert grave.text.startswith("At 2.6 Hz")
+    # 2.59 Hz is the nearest; within 1 % are those from 2.57 to 2.61 Hz.
+    assert mild.text == (
+        "At 2 of 5 frequencies within 1 % of 2.59 Hz the block rocks more with this pendulum than without, "
+        "at that frequency 0.015 rad in place of 0.01 rad."
+    )
+    assert grave.text.startswith("At 2 of 3 frequencies within 1 % of 2.62 Hz")
 
 
-def test_frequencies_at_which_the_pendulum_overturns_the_block_are_a_danger():
+def test_one_overturning_among_neighbours_is_a_share_and_no_danger():
+    bare = designs.response(*[0.02] * 7, frequency=NEAR)
+
+    def note(*lost):
+        status = ["overturned" if i in lost else "rocking" for i in range(7)]
+        hung = designs.response(*[0.01] * 7, frequency=NEAR, status=status)
+        return only(designs.single(), Study(responses=(bare, hung)), about="OVERTURN the block")
+
+    one, several = note(3), note(3, 4, 5)
+    assert (one.severity, several.severity) == (Severity.warning, Severity.danger)
+    start = "frequencies within 1 % of 2.59 Hz, same base amplitude, from rest,"
+    assert one.text.startswith(f"Of 5 {start} 1 OVERTURN the block with this pendulum and 0 without")
+    assert several.text.startswith(f"Of 5 {start} 3 OVERTURN the block with this pendulum and 0 without")
+
+
+def test_where_frequencies_are_far_apart_more_distant_neighbours_count():
     hung = designs.response(0.01, 0.01, np.inf, status=["rocking", "rocking", "overturned"])
     study = Study(responses=(designs.response(0.02, 0.02, 0.02), hung))
-    assert only(designs.single(), study, about="OVERTURNS").text.startswith("At 2.6 Hz, same base amplitude")
+    note = only(designs.single(), study, about="OVERTURN the block")
+    assert note.text.startswith("Of 3 frequencies within 10 % of 2.6 Hz, same base amplitude, from rest, 1 ")
+    assert note.severity is Severity.warning
     count = "Of 3 frequencies tried from 2.4 to 2.6 Hz, 1 overturn the block with the pendulum and 0 without."
     assert count in texts(designs.single(), study)
     assert not any("Hz" in t for t in texts(designs.single(), Study(responses=study.responses[:1])))

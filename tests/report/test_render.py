@@ -71,11 +71,11 @@ def test_the_page_is_whole_and_needs_nothing_from_outside():
     assert "https:" not in page
     assert not {"script", "link", "iframe"} & {tag for tag, _ in reader.tags}
     images = [attributes for tag, attributes in reader.tags if tag == "img"]
-    assert len(images) == 5
+    assert len(images) == 6
     for image in images:
         assert image["src"].startswith("data:image/png;base64,")
         assert len(image["alt"]) > 20
-    assert sum(tag == "figcaption" for tag, _ in reader.tags) == 5
+    assert sum(tag == "figcaption" for tag, _ in reader.tags) == 6
 
 
 @pytest.mark.parametrize("case", [designs.single, designs.band])
@@ -185,6 +185,7 @@ def test_all_files_are_written_and_the_page_last(tmp_path):
             "design.json",
             "scene.toml",
             "response.csv",
+            "benefit.png",
             "search.png",
             "response.png",
             "drawing.png",

@@ -35,7 +35,7 @@ def test_changes_of_the_papers_scene_are_named(scene, said):
 
 @pytest.mark.parametrize("size", ["height", "mass", "radius_of_gyration"])
 def test_another_size_is_another_block(size):
-    assert scene_words.origin(changed(**{size: 0.3})) == "a block of your own"
+    assert scene_words.origin(changed(**{size: 0.2})) == "a block of your own"
 
 
 def test_lines_have_block_motion_and_losses_in_si_units():

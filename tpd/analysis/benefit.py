@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -104,21 +104,21 @@ def benefit_of(
     )
 
 
-def _mean(x: np.ndarray) -> np.ndarray:
+def _mean(x: np.ndarray) -> Any:
     return x.mean(axis=-1)
 
 
-def _median(x: np.ndarray) -> np.ndarray:
+def _median(x: np.ndarray) -> Any:
     return np.median(x, axis=-1)
 
 
-def _worst(x: np.ndarray) -> np.ndarray:
+def _worst(x: np.ndarray) -> Any:
     """Mean of the worst tenth: the largest of all runs alone would say little."""
     k = max(1, x.shape[-1] // 10)
     return np.sort(x, axis=-1)[..., -k:].mean(axis=-1)
 
 
-def _fall(hung: np.ndarray, bare: np.ndarray) -> np.ndarray:
+def _fall(hung: Any, bare: Any) -> np.ndarray:
     """Share by which severities fall; 0 where both are zero."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(bare > 0.0, 1.0 - hung / bare, np.where(hung > 0.0, -np.inf, 0.0))

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from tpd.cli.config import Job
     from tpd.core.scene import Pendulum
 
-_VERSION = 2
+_VERSION = 3
 """Version of the file that a report holds its design in."""
 _ALONE = (
     "pendulum_mass",

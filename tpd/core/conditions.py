@@ -92,15 +92,18 @@ class Conditions:
         return tuple(name for name, v in self.factors.items() if np.ptp(v) > 0.0)
 
     def label(self, i: int) -> str:
-        """Label of the i-th condition, such as "2.5 Hz and 1.1 times the amplitude"; of one of three factors
+        """Label of the i-th condition, such as "2.5 Hz and 1.1 times the amplitude"; of three factors
         or more "2.45 Hz, 1.1 x amplitude, friction x 0.93"."""
         if len(self._differing) > 2:
             return self._sample(i)
         parts = []
-        # A factor that is the same in all conditions still belongs to the label, unless it is 1.
-        for name in (name for name, v in self.factors.items() if np.any(v != 1.0)):
+        # A factor that is the same in all conditions still belongs to the label, unless it is 1. Quantities
+        # with a unit come first, and beside them a factor of 1 says nothing.
+        moved = [name for name, v in self.factors.items() if np.any(v != 1.0)]
+        for name in sorted(moved, key=lambda n: n not in self.units):
             own, unit = self.units.get(name, (1.0, f"times the {name}"))
-            parts.append(f"{self.factors[name][i] * own:.4g} {unit}")
+            if name in self.units or self.factors[name][i] != 1.0 or not parts:
+                parts.append(f"{self.factors[name][i] * own:.4g} {unit}")
         return " and ".join(parts) if parts else "the scene's own shaking"
 
     def _sample(self, i: int) -> str:

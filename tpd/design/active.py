@@ -11,7 +11,7 @@ from tpd.design.survey import Survey
 from tpd.design.verified import Active
 
 _MOST = 6
-"""Most conditions, and most limits, that are listed."""
+"""Most conditions that are listed."""
 _LIGHT = 0.02
 """Weight below which a condition does not count as holding the design."""
 
@@ -34,15 +34,21 @@ def _conditions(search: Multistart, i: int) -> list[Active]:
 
 
 def _limits(search: Multistart, i: int, at_limit: float) -> list[Active]:
+    """Limits that are met, each under the condition that holds the design most."""
     conditions = search.objective.conditions
-    weights, excess = search.column(lambda g: g.weights[1])[i], search.excess[i]
+    names, n = search.objective.constraint_names(), len(conditions)
+    weights = search.column(lambda g: g.weights[1])[i].reshape(len(names), n)
+    excess = search.excess[i].reshape(len(names), n)
     # A limit that is met may carry no weight where another one beside it does.
     met = (weights > 1e-4) | (excess > -at_limit)
-    order = [int(j) for j in np.lexsort((-excess, -weights))[:_MOST] if met[j]]
-    names, n = search.objective.constraint_names(), len(conditions)
+    best = [int(np.lexsort((-excess[k], -weights[k]))[0]) for k in range(len(names))]
+    order = sorted(range(len(names)), key=lambda k: (-weights[k].sum(), -excess[k].max()))
     return [
-        Active(kind="limit", name=names[j // n], condition=conditions.label(j % n), weight=float(weights[j]))
-        for j in order
+        Active(
+            kind="limit", name=names[k], condition=conditions.label(best[k]), weight=float(weights[k].sum())
+        )
+        for k in order
+        if met[k].any()
     ]
 
 
@@ -77,8 +83,9 @@ def nearest(search: Multistart, surveys: tuple[Survey, ...] = ()) -> Nearest | N
 def _nearest_of(found: Survey) -> Nearest:
     """Design of least excess in a survey; its best one comes first."""
     excess = sorted(((float(x[0]), name) for name, x in found.excess.items() if x[0] > 0.0), reverse=True)
+    step = Step.exact if found.equations == "linear" else Step.nonlinear
     broken = tuple(
-        Reason(step=Step.exact, kind=ReasonKind.breaks_limit, limit=name, value=1.0 + x) for x, name in excess
+        Reason(step=step, kind=ReasonKind.breaks_limit, limit=name, value=1.0 + x) for x, name in excess
     )
     return Nearest(design=found.designs[0], broken=broken)
 

@@ -15,6 +15,26 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.core.bob import THICKEST, Bob
+from tpd.design.worth import Worth
+
+__all__ = [
+    "DEFAULT_LIMITS",
+    "POINT_BOB",
+    "Bob",
+    "Limit",
+    "Mass",
+    "Multiplier",
+    "Offset",
+    "RelativeStroke",
+    "Reserve",
+    "Risk",
+    "Room",
+    "Stroke",
+    "Tilt",
+    "Worsening",
+    "Worth",
+]
+"""Names that `tpd.limits` is for."""
 
 if TYPE_CHECKING:
     from tpd.design.objective import Evaluation

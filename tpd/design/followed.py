@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import Self
 
 import jax
 import jax.numpy as jnp
@@ -101,7 +100,7 @@ class Followed(AbstractObjective):
             unsettled=(kind == UNSTABLE).mean(axis=-1),
         )
 
-    def over(self, conditions: Conditions) -> Self:
+    def over(self, conditions: Conditions) -> Followed:
         """See `AbstractObjective`; the closed form moves with it."""
         other = super().over(conditions)
         orbits = None if self.orbits is None else self.orbits.over(conditions)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -84,6 +84,10 @@ class Evaluation(NamedTuple):
         return Evaluation(*(x[rows] for x in self[:-2]), lost=lost, unsettled=unsettled)
 
 
+Same = TypeVar("Same", bound="AbstractObjective")
+"""Class of the objective that a method belongs to."""
+
+
 @dataclass(frozen=True)
 class AbstractObjective(ABC):
     """Risk of the merits under all conditions, and limits."""
@@ -114,14 +118,14 @@ class AbstractObjective(ABC):
     def prepare(self) -> None:
         """Trace or compile what `evaluate` needs, so that this can happen beside other work."""
 
-    def over(self, conditions: Conditions) -> Self:
+    def over(self: Same, conditions: Conditions) -> Same:
         """This objective under other conditions of the scene."""
         p, g = self.p, self.geometry
         nominal = float(g.wall[0] / g.slenderness[0]) * float(p.nu)
         geometry = geometry_under(float(p.nu), g.half_height, g.block_mass, nominal, conditions)
         return replace(self, conditions=conditions, geometry=geometry).against_bare()
 
-    def against_bare(self) -> Self:
+    def against_bare(self: Same) -> Same:
         """This objective, with the tilts of the bare block known to limits that compare with them."""
         if not any(isinstance(limit, Worsening) for limit in self.limits):
             return self

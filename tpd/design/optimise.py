@@ -158,7 +158,10 @@ def _verify(problem: Problem, found: Found, point: PointSearch | None, progress:
     verification = found.verification
     if len(verification.objective.conditions) == 1:
         _verify_alone(problem, found, progress)
-    elif not found.search.interrupted:
+    elif found.search.interrupted:
+        # The best that there is, and no survey: whoever interrupts wants the answer soon.
+        found.status = verification.best_of(found.search)
+    else:
         _verify_several(problem, found, point, progress)
     verification = found.verification
     if found.status is DesignStatus.found and not found.search.interrupted:

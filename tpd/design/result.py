@@ -29,9 +29,8 @@ class DesignStatus(enum.Enum):
     """Worth of the answer; the value is the sentence that a report opens with."""
 
     found = (
-        "A PENDULUM WORTH HANGING under the stated conditions: the exact solution of the linear equations "
-        "confirms its settled motion, and paired runs of the nonlinear equations its benefit. That is no "
-        "verdict of safety: read the shares."
+        "A PENDULUM WAS FOUND: the exact solution of the linear equations confirms its settled motion, and "
+        "paired runs of the nonlinear equations its benefit. That is no verdict of safety: read the shares."
     )
     refused = "NO PENDULUM WORTH HANGING: no design that the search found passes the verification."
     no_improvement = (
@@ -140,9 +139,14 @@ class Design(Printed):
 
     @property
     def best(self) -> Verified | None:
-        """The design offered or, where none is, the best that was verified."""
+        """The design offered or, where none is, that of the largest benefit of those verified, else of the
+        least risk."""
+
         # A refused design is no answer, but a picture of the best one shows what the refusal is about.
-        return self.winner or min(self.verified, key=lambda v: v.value, default=None)
+        def rank(v: Verified) -> tuple[bool, float]:
+            return v.benefit is None, v.value if v.benefit is None else -v.benefit.value
+
+        return self.winner or min(self.verified, key=rank, default=None)
 
     @property
     def amplitude(self) -> float:
@@ -176,6 +180,8 @@ class Design(Printed):
                 f"  value       {self.winner.value:.4g}, {self.bare.value:.4g} without: {self.risk.name} "
                 "tilt over slenderness, less than 0 at rest"
             )
+        if self.winner.benefit is not None:
+            lines.append(f"  benefit     {self.winner.benefit}, over {self.winner.benefit.runs} paired runs")
         return "\n".join(
             [
                 *lines,

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
-from typing import Self
+from typing import TypeVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -48,6 +48,9 @@ _AT_LIMIT = 1e-3
 """Share of a limit that is left where the limit counts as met."""
 _NEARBY = (-0.01, -0.005, 0.005, 0.01)
 """Changes of the base motion's amplitude, and of its frequency, that a design must stand."""
+
+Same = TypeVar("Same", bound="Steps")
+"""Class of the verification that a method belongs to."""
 
 
 class Steps:
@@ -85,7 +88,7 @@ class Steps:
         self.verified: list[Verified] = []
         self.source = "search"
 
-    def on(self, objective: AbstractObjective, source: str) -> Self:
+    def on(self: Same, objective: AbstractObjective, source: str) -> Same:
         """Verification of designs that were searched for on another objective."""
         other = copy(self)
         other.objective, other.source, other.tolerance = objective, source, 0.0

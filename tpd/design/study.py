@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import jax
@@ -111,11 +111,13 @@ def study(design: Design, *, front: Front | None = None, progress: Progress | No
             return None
 
     own = is_own_shaking(design.conditions)
+    # A response over frequency belongs to conditions that differ in the motion of the base alone.
+    shaken = set(design.conditions.factors) <= {"amplitude", "frequency"}
     # Elasticities are derivatives of the motion from rest. They say nothing about other starts.
     from_rest = own and design.starts == Starts.rest()
     return Study(
         histories=part("the time histories", True, time_histories, scene, hung),
-        responses=part("the response over frequency", own, _responses, design, progress),
+        responses=part("the response over frequency", shaken, _responses, design, progress),
         comparison=part("the comparison of models", hung is not None, _comparison, design, progress),
         elasticities=part("the sensitivities", from_rest, elasticities, scene.parameters(hung)),
         region=part("the uplift region", True, uplift_region, design),
@@ -184,6 +186,8 @@ def usage(design: Design) -> tuple[tuple[str, float], ...]:
     """Limited quantities of the best design over their limits, the largest of all conditions."""
     if design.best is None:
         return ()
-    evaluation, where = design.best.evaluation, geometry_of(design.scene, design.conditions)
+    evaluation, bare = design.best.evaluation, design.bare.evaluation
+    tilt = np.where(bare.attracts[0], bare.tilt[0], np.nan)
+    where = replace(geometry_of(design.scene, design.conditions), bare_tilt=tilt)
     sizes = [size for limit in design.limits for size in limit.sizes(evaluation, where)]
     return tuple((size.name, float(np.max(size.value))) for size in sizes)

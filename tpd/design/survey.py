@@ -25,7 +25,9 @@ from tpd.design.space import DesignSpace
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 
-ON_THE_WAY = "room on the way"
+ROOM = ("room", "thickness", "room on the way")
+"""Names of the limits that the room inside the block sets."""
+ON_THE_WAY = ROOM[-1]
 """Name of the room for the bob from the start on, beside the limits on settled motions."""
 _SPREAD, _DRAWN = 512, 8192
 """Designs spread over the space, and those drawn to find so many that fit the block at rest."""
@@ -62,9 +64,19 @@ class Survey:
         return sum((x > 0.0 for x in self.excess.values()), np.zeros(len(self.designs), int))
 
     @property
+    def stands(self) -> np.ndarray:
+        """Whether the block stands under some condition, (m,); else no limit on its motion says anything."""
+        return self.severity.min(axis=1) < 1.0
+
+    @property
     def keeps(self) -> np.ndarray:
         """Whether a design keeps to all limits and the block stands under some condition, (m,)."""
-        return (self.broken == 0) & (self.severity.min(axis=1) < 1.0)
+        return (self.broken == 0) & self.stands
+
+    @property
+    def better(self) -> int:
+        """Number of designs that keep to all limits and tilt the block less than none."""
+        return int(np.sum(self.keeps & (self.score < self.bare.mean())))
 
     @property
     def score(self) -> np.ndarray:
@@ -75,13 +87,16 @@ class Survey:
     def best_without(self, *names: str) -> int | None:
         """The best design that keeps to all limits but those named, or None."""
         others = [x for name, x in self.excess.items() if name not in names]
-        fits = ~np.any(np.stack([np.zeros(len(self.designs)), *others]) > 0.0, axis=0)
+        fits = self.stands & ~np.any(np.stack([np.zeros(len(self.designs)), *others]) > 0.0, axis=0)
         return int(np.flatnonzero(fits)[np.argmin(self.score[fits])]) if fits.any() else None
 
     def ordered(self) -> Survey:
         """This survey with the best designs first: those that keep to the limits, then by their score."""
         excess = sum((np.maximum(x, 0.0) for x in self.excess.values()), np.zeros(len(self.designs)))
-        return self.at(np.lexsort((self.score, excess)))
+        # An overturned block breaks no limit on the bob; so it must not come nearer to the limits by that.
+        lost = (self.severity >= 1.0).mean(axis=1) - (self.bare >= 1.0).mean()
+        excess = excess + np.where(excess > 0.0, np.maximum(lost, 0.0), 0.0)
+        return self.at(np.lexsort((self.score, excess, ~self.stands)))
 
     def at(self, rows: np.ndarray) -> Survey:
         """Some of the designs."""

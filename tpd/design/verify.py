@@ -56,6 +56,8 @@ class Verification(Steps):
         if not len(fits):
             return DesignStatus.none_feasible
         helps = fits[found.score[fits] < found.bare.mean()]
+        if self.by_overturning:
+            helps = helps[np.argsort(np.sum(found.severity[helps] >= 1.0, axis=1), kind="stable")]
         units = self.objective.space.scaled(found.designs)
         # Without any that helps the best one is verified all the same: its reasons are the answer.
         left, way = list(helps if len(helps) else fits[:1]), found.excess.get(ON_THE_WAY)

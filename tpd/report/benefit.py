@@ -9,9 +9,10 @@ import numpy as np
 
 from tpd.core.formatting import number
 from tpd.core.scene import Pendulum
+from tpd.design.criteria import Room, limit_of
 from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import Design, DesignStatus
-from tpd.design.survey import ON_THE_WAY, Survey
+from tpd.design.survey import ON_THE_WAY, ROOM, Survey
 from tpd.design.verified import AtPoint, Verified
 from tpd.report.blocks import Block, Cell, Table, danger, information
 
@@ -28,6 +29,7 @@ _LIMIT_NAMES = {
     ON_THE_WAY: "room for the bob on the way from rest",
     "relative_stroke": "relative stroke",
 }
+_NO_SAFETY = "That is no verdict of safety: read the shares."
 _ROWS = 8
 """Most rows of a table of what limits relax."""
 
@@ -36,14 +38,26 @@ def headline(design: Design) -> str:
     """Verdict in one paragraph: worth hanging by so much, or none worth hanging for this reason."""
     best, status = design.best, design.status
     if status is DesignStatus.found and best is not None and best.benefit is not None:
-        sign = _sign(design)
-        return f"{status.value} {_gain(best)}{f' {sign}' if sign else ''}"
+        verdict = "WORTH HANGING under the stated conditions."
+        if missing := _missing(design):
+            verdict = f"FOUND, BUT NOT TO BE HUNG AS IT IS: the search {missing}."
+        return " ".join(filter(None, (_sign(design), verdict, _gain(best), _NO_SAFETY)))
     if status is DesignStatus.refused and best is not None:
         return f"{status.value} Best found: {_designation(design, best)}. Against it: {_first(best)}."
     if status is DesignStatus.none_feasible and design.nearest is not None:
         broken = "; ".join(map(str, design.nearest.broken[:3]))
         return f"{status.value} The nearest: {broken}."
     return status.value
+
+
+def _missing(design: Design) -> str:
+    """What an engineer would ask for and the search has left out; empty if nothing."""
+    parts = []
+    if len(design.conditions) == 1:
+        parts.append("knows one shaking and none beside it")
+    if limit_of(design.limits, Room) is None:
+        parts.append("takes a bob without size and no walls")
+    return " and ".join(parts)
 
 
 def _gain(best: Verified) -> str:
@@ -170,9 +184,9 @@ def at_point(design: Design) -> list[Block]:
     ]
     head = ("", "best at the shaking itself", "best around it")
     caption = (
-        f"The first by {point.model} signs at the scene's own shaking ({number(point.model_amplitude)} rad; "
-        f"exact {number(point.amplitude)} rad, without a pendulum {_tilt(point.amplitude_without)}); both "
-        "judged under all conditions."
+        f"The first was searched with the {point.model} model at the scene's own shaking: it gives "
+        f"{number(point.model_amplitude)} rad, the exact solution {number(point.amplitude)} rad. Without a "
+        f"pendulum: {_tilt(point.amplitude_without)}. Both are verified under all conditions."
     )
     return [Table(head, tuple(rows), caption)]
 
@@ -208,27 +222,51 @@ def limiting(design: Design) -> list[Block]:
     out = _refusals(design)
     wide = design.surveys[0]
     rows = [_row(design, wide, "all limits kept", wide.best_without())]
-    names = [name for name, x in wide.excess.items() if np.any(x > 0.0)]
-    rows += [_row(design, wide, f"without {_LIMIT_NAMES.get(n, n)}", wide.best_without(n)) for n in names]
-    if len(names) > 1:
-        rows.append(_row(design, wide, "without any limit", wide.best_without(*names)))
-    head = ("", "bob (kg)", "length (m)", "ζ", "mean tilt over ν", "overturned of conditions")
+    broken = [name for name, x in wide.excess.items() if np.any(x > 0.0)]
+    # The three sizes that the room sets go together: one without the others would buy nothing.
+    groups = {n.replace("_", " "): (n,) for n in broken if n not in ROOM}
+    if set(broken) & set(ROOM):
+        groups = {"room": ROOM, **groups}
+    rows += [
+        _row(design, wide, f"without the limit on {n}", wide.best_without(*g)) for n, g in groups.items()
+    ]
+    if len(groups) > 1:
+        rows.append(_row(design, wide, "without any limit", wide.best_without(*broken)))
+    head = (
+        "",
+        "bob (kg)",
+        "length (m)",
+        "ζ",
+        "room it needs (m)",
+        "mean tilt over ν",
+        "overturned of conditions",
+    )
     bare = f"{wide.bare.mean():.1%} and {int(np.sum(wide.bare >= 1.0))} of {len(wide.bare)}"
     caption = (
         f"Best of {len(wide.designs)} designs followed from rest by the {wide.equations} equations, and the "
         f"best where a limit is left out: what relaxing it would buy. Without a pendulum: {bare}."
     )
-    return [*out, Table(head, tuple(rows[:_ROWS]), caption)]
+    return [*out, *_held(design), Table(head, tuple(rows[:_ROWS]), caption)]
+
+
+def _held(design: Design) -> list[Block]:
+    """Conditions, limits and bounds that hold the best design, with multipliers, if it is refused."""
+    if design.pendulum is not None or design.best is None or not design.best.active:
+        return []
+    said = "; ".join(f"{held}" for held in design.best.active)
+    return [information(f"The best that was verified is held by: {said}.")]
 
 
 def _row(design: Design, of: Survey, name: str, i: int | None) -> tuple[Cell, ...]:
     if i is None:
-        return (name, *(None,) * 4, "no design")
+        return (name, *(None,) * 5, "no design")
     mu, lam, zeta = of.designs[i]
     hung = design.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
     lost = int(np.sum(of.severity[i] >= 1.0))
     sizes = float(hung.mass), float(hung.length), float(zeta)
-    return (name, *sizes, f"{of.severity[i].mean():.1%}", f"{lost} of {of.severity.shape[1]}")
+    way = of.excess.get(ON_THE_WAY)
+    needs = None if way is None else (1.0 + float(way[i])) * float(design.scene.block.room)
+    return (name, *sizes, needs, f"{of.severity[i].mean():.1%}", f"{lost} of {of.severity.shape[1]}")
 
 
 def _refusals(design: Design) -> list[Block]:
@@ -237,11 +275,10 @@ def _refusals(design: Design) -> list[Block]:
     for found in design.surveys:
         counts = {_LIMIT_NAMES.get(n, n): int(np.sum(x > 0.0)) for n, x in found.excess.items()}
         said = [f"{n} exceed the limit on {name}" for name, n in counts.items() if n]
-        keeps = found.keeps
-        better = int(np.sum(keeps & (found.score < found.bare.mean())))
+        keep = int(found.keeps.sum())
         parts.append(
-            f"Of {len(found.designs)} designs followed from rest by the {found.equations} equations "
-            f"{int(keeps.sum())} keep to all limits, and {better} of these tilt the block less than none"
+            f"Of {len(found.designs)} designs followed from rest by the {found.equations} equations {keep} "
+            f"keep to all limits, and {found.better} of these tilt the block less than none"
             + (f" ({'; '.join(said)})." if said else ".")
         )
     kinds = Counter(_kind(reason) for v in design.verified for reason in v.reasons[:1])

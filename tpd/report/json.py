@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from tpd.analysis.benefit import Benefit, Change
 from tpd.analysis.outcomes import Outcomes
 from tpd.analysis.paired import Verdict
 from tpd.core import files
@@ -17,9 +18,10 @@ from tpd.design.objective import KINDS
 from tpd.design.reasons import Reason
 from tpd.design.result import Design
 from tpd.design.study import Study
+from tpd.design.survey import Survey
 from tpd.report.notes import notes
 
-VERSION = 2
+VERSION = 3
 """Version of the format; it grows when a key changes its meaning or goes away."""
 _STUDY = ("responses", "comparison", "elasticities", "front", "left_out")
 """Parts of a study; time histories and the uplift region follow from the job in no time."""
@@ -41,12 +43,16 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any]) -> str:
         "stroke_rad": design.stroke,
         "parameters": {**vars(p), "rho": p.inertia_ratio, "e": p.velocity_ratio},
         "risk": design.risk,
+        "worth": design.worth,
         "limits": {limit.name: _limit(limit) for limit in design.limits},
         "conditions": design.conditions,
         "verified": design.verified,
         "bare": design.bare,
         "nearest": design.nearest,
         "search": design.search,
+        "surveys": [_survey(found) for found in design.surveys],
+        "at_point": design.at_point,
+        "losses": design.losses,
         "elasticities": design.elasticities,
         "study": {name: getattr(study, name) for name in _STUDY} | {"usage": dict(study.usage)},
         "seed": design.seed,
@@ -71,6 +77,12 @@ def _plain(x: Any) -> Any:
             return x.tolist()
         case Outcomes() | Verdict():
             return x.summary()
+        case Change():
+            return x._asdict()
+        case Benefit():
+            with_it, without = x.by_condition
+            named = {f.name: _plain(getattr(x, f.name)) for f in fields(x)}
+            return named | {"by_condition": {"with": with_it.tolist(), "without": without.tolist()}}
         case Conditions():
             return {"description": list(x.description), "factors": _plain(dict(x.factors))}
         case dict():
@@ -90,3 +102,27 @@ def _evaluation(e: Any) -> dict[str, Any]:
     lost = np.broadcast_to(e.lost, e.kind.shape)[0].tolist()
     kinds = [KINDS[int(k)] for k in e.kind[0]]
     return {n: getattr(e, n)[0].tolist() for n in _EVALUATION} | {"kind": kinds, "lost": lost}
+
+
+def _survey(found: Survey) -> dict[str, Any]:
+    """Counts, the best design, and the best one where a limit is left out; not the thousands of others."""
+    broken = {name: int(np.sum(x > 0.0)) for name, x in found.excess.items()}
+    without = {name: _surveyed(found, found.best_without(name)) for name, n in broken.items() if n}
+    return {
+        "equations": found.equations,
+        "designs": len(found.designs),
+        "keep_to_limits": int(found.keeps.sum()),
+        "better_than_bare": found.better,
+        "broken": broken,
+        "severity_without": found.bare.tolist(),
+        "best": _surveyed(found, found.best_without()),
+        "best_without": without,
+    }
+
+
+def _surveyed(found: Survey, i: int | None) -> dict[str, Any] | None:
+    """One design of a survey, under every condition."""
+    if i is None:
+        return None
+    excess = {name: float(x[i]) for name, x in found.excess.items()}
+    return {"design": found.designs[i].tolist(), "severity": found.severity[i].tolist(), "excess": excess}

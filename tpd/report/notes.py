@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from tpd.analysis.attractors import Starts
-from tpd.analysis.paired import SIGNIFICANT, chance_of
+from tpd.analysis.paired import SIGNIFICANT, Verdict, chance_of
 from tpd.analysis.response import Response
 from tpd.core.bob import Bob
 from tpd.core.scene import STANDARD_GRAVITY, Block, Pendulum
@@ -28,6 +28,8 @@ LARGE_STROKE = 0.3
 """rad; sin(psi) is 1.5 % below psi there, and falls further with its square."""
 SLOW = 0.95
 """Largest Floquet multiplier above which a motion attracts slowly."""
+_WIDTHS, _FEW = (0.01, 0.03, 0.1), 3
+"""Relative half widths about a frequency whose neighbours are counted, and the fewest frequencies."""
 _FELT = 0.005
 """Share of the pendulum's frequency by which a body and a rod may change it without a word."""
 _TOLERANCE = 0.01
@@ -90,11 +92,13 @@ def _searched(design: Design) -> Iterator[Note]:
 def _overturning(design: Design, winner: Verified) -> Iterator[Note]:
     """Overturning from rest, with the pendulum and without."""
     lost, bare = (m.status == "overturned" for m in (winner.exact, design.bare.exact))
-    harmed = np.flatnonzero(lost & ~bare)
+    harmed, saved = np.flatnonzero(lost & ~bare), int(np.sum(bare & ~lost))
     if harmed.size:
-        yield danger(
-            f"From rest this pendulum OVERTURNS the block under {harmed.size} of {lost.size} conditions that "
-            f"it stands without, the first at {design.conditions.label(int(harmed[0]))}."
+        # One run of each condition: near overturning its end is chance, and only the counts say something.
+        yield (danger if harmed.size >= saved else warning)(
+            "By the linear equations, one run from rest for each condition, this pendulum OVERTURNS the "
+            f"block under {harmed.size} of {lost.size} conditions that it stands without, and saves it under "
+            f"{saved}. The first: {design.conditions.label(int(harmed[0]))}."
         )
     if lost.any():
         yield warning(
@@ -111,31 +115,36 @@ def _overturning(design: Design, winner: Verified) -> Iterator[Note]:
         )
 
 
+def _deciding(winner: Verified) -> Verdict | None:
+    """The runs that decide: those of the nonlinear equations or, where there are none, the linear ones."""
+    return winner.verdict if winner.paired is None else winner.paired
+
+
 def _overturns_less(lost: np.ndarray, bare: np.ndarray, winner: Verified) -> bool:
     """Whether significantly fewer conditions, or runs of the ensemble, overturn the block than without."""
-    pairs = [(int(np.sum(lost & ~bare)), int(np.sum(bare & ~lost)))]
-    if winner.verdict is not None:
-        pairs.append((winner.verdict.worse, winner.verdict.better))
+    pairs, runs = [(int(np.sum(lost & ~bare)), int(np.sum(bare & ~lost)))], _deciding(winner)
+    if runs is not None:
+        pairs.append((runs.worse, runs.better))
     return any(better > worse and chance_of(better, worse) < SIGNIFICANT for worse, better in pairs)
 
 
 def _repeated(winner: Verified) -> Iterator[Note]:
     """Overturning in runs beside the one from rest: shakings nearby, and the ensemble."""
-    near, verdict = winner.neighbours, winner.verdict
+    near, runs = winner.neighbours, _deciding(winner)
     if near is not None and near.overturned:
         yield danger(
             f"Of {near.tried} shakings within 1 % in amplitude or frequency, {near.overturned} overturn the "
             f"block with this pendulum ({near.overturned_bare} without), from rest."
         )
-    if verdict is None:
+    if runs is None:
         return
-    if verdict.harms:
-        yield danger(
-            f"In the ensemble {verdict.worse} runs overturn with the pendulum only, and {verdict.better} "
-            "without it only."
-        )
-    hung, bare = verdict.hung.overturned, verdict.bare.overturned
-    yield information(f"Of the ensemble {hung} overturn with the pendulum, {bare} without.")
+    if runs.harms:
+        yield danger(f"More runs overturn with the pendulum. {runs.chance_in_words}")
+    hung, bare = runs.hung.overturned, runs.bare.overturned
+    yield information(
+        f"Of {len(runs.hung.status)} runs of the {runs.equations} equations {hung} overturn with the "
+        f"pendulum, {bare} without."
+    )
 
 
 def _nonlinear(design: Design, winner: Verified) -> Iterator[Note]:
@@ -143,16 +152,30 @@ def _nonlinear(design: Design, winner: Verified) -> Iterator[Note]:
     lost = [n for n in winner.nonlinear if n.status == "overturned"]
     alone = [n for n in lost if n.bare_status != "overturned"]
     both = [n for n in lost if n.bare_status == "overturned"]
-    start = "By the nonlinear equations, from rest, the block overturns with the pendulum at "
+    asked = len(winner.nonlinear)
+    start = f"By the nonlinear equations, one run from rest under each of {asked} conditions, the block "
     if alone:
         names = ", ".join(design.conditions.label(n.condition) for n in alone)
-        yield danger(
-            f"{start}{names}, and bare it stands. This is no reason to refuse the design, since by the "
-            "linear equations the bare block overturns there: a single run near overturning says little."
+        said, worse = _in_paired_runs(winner, [n.condition for n in alone])
+        yield (danger if worse else warning)(
+            f"{start}overturns with the pendulum and stands without at {len(alone)} of them "
+            f"({names}). A single run near overturning says little: {said}."
         )
     if both:
         names = ", ".join(design.conditions.label(n.condition) for n in both)
-        yield warning(f"{start}{names}, and it overturns there without the pendulum as well.")
+        yield warning(f"{start}overturns with the pendulum and without at {len(both)} ({names}).")
+
+
+def _in_paired_runs(winner: Verified, conditions: list[int]) -> tuple[str, bool]:
+    """Mean tilts of the paired runs under some conditions in words, and whether they are worse or unknown."""
+    if winner.benefit is not None:
+        hung, bare = (x[conditions] for x in winner.benefit.by_condition)
+        known = np.isfinite(hung) & np.isfinite(bare)
+        if known.any():
+            a, b = float(hung[known].mean()), float(bare[known].mean())
+            tilts = f"{a:.0%} of the slenderness with it and {b:.0%} without"
+            return f"over the paired runs there the mean tilt is {tilts}", a > b
+    return "no paired runs were asked there", True
 
 
 def _strikes(design: Design, winner: Verified, pendulum: Pendulum) -> list[Note]:
@@ -279,7 +302,7 @@ def _starts(design: Design, winner: Verified) -> Iterator[Note]:
 
 
 def _responses(design: Design, study: Study) -> Iterator[Note]:
-    """Frequencies near the design's at which the block overturns or rocks more."""
+    """Frequencies near the design's at which the block overturns or rocks more, each with its neighbours."""
     if study.responses is None or len(study.responses) < 2:
         return
     bare, hung = study.responses
@@ -287,10 +310,13 @@ def _responses(design: Design, study: Study) -> Iterator[Note]:
     lost, lost_bare = hung.status == "overturned", bare.status == "overturned"
     harmed = np.flatnonzero(lost & ~lost_bare)
     if harmed.size:
-        i = harmed[np.argmin(away[harmed])]
-        yield danger(
-            f"At {hung.frequency[i]:.4g} Hz, same base amplitude, from rest, this pendulum OVERTURNS the "
-            f"block; without it the motion ends {bare.status[i]}. The design is for its one frequency."
+        i = int(harmed[np.argmin(away[harmed])])
+        near, words = _neighbourhood(hung, i)
+        k, m = int(lost[near].sum()), int(lost_bare[near].sum())
+        # A single run near overturning may end either way: one more than without is no finding.
+        yield (danger if k >= m + 2 else warning)(
+            f"Of {near.size} {words}, same base amplitude, from rest, {k} OVERTURN the block with this "
+            f"pendulum and {m} without, by the linear equations."
         )
     yield from _rocks_more(bare, hung, away)
     yield information(
@@ -299,17 +325,26 @@ def _responses(design: Design, study: Study) -> Iterator[Note]:
     )
 
 
+def _neighbourhood(of: Response, i: int) -> tuple[np.ndarray, str]:
+    """Indices of the frequencies about the i-th, in the least of a few widths that holds some, in words."""
+    apart = np.abs(of.frequency / of.frequency[i] - 1.0)
+    width = next((w for w in _WIDTHS if np.sum(apart <= w) >= _FEW), _WIDTHS[-1])
+    return np.flatnonzero(
+        apart <= width
+    ), f"frequencies within {100.0 * width:g} % of {of.frequency[i]:.4g} Hz"
+
+
 def _rocks_more(bare: Response, hung: Response, away: np.ndarray) -> Iterator[Note]:
     """The nearest frequency at which the block rocks gravely more or, if there is none, somewhat more."""
     settled = np.isin(bare.status, SETTLED) & np.isin(hung.status, SETTLED)
-    worse = np.flatnonzero(settled & (hung.amplitude > 1.02 * bare.amplitude))
-    if not worse.size:
+    more = settled & (hung.amplitude > 1.02 * bare.amplitude)
+    grave = more & (hung.amplitude > GRAVE * bare.amplitude)
+    chosen = np.flatnonzero(grave if grave.any() else more)
+    if not chosen.size:
         return
-    gravely = worse[hung.amplitude[worse] > GRAVE * bare.amplitude[worse]]
-    chosen = gravely if gravely.size else worse
-    i = chosen[np.argmin(away[chosen])]
-    text = (
-        f"At {hung.frequency[i]:.4g} Hz the block rocks more with this pendulum ({hung.amplitude[i]:.4g} "
-        f"rad) than without ({bare.amplitude[i]:.4g} rad)."
+    i = int(chosen[np.argmin(away[chosen])])
+    near, words = _neighbourhood(hung, i)
+    yield (danger if grave.any() else warning)(
+        f"At {more[near].sum()} of {near.size} {words} the block rocks more with this pendulum than without, "
+        f"at that frequency {hung.amplitude[i]:.4g} rad in place of {bare.amplitude[i]:.4g} rad."
     )
-    yield danger(text) if gravely.size else warning(text)

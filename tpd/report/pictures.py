@@ -13,6 +13,7 @@ def names(design: Design, study: Study) -> tuple[str, ...]:
     # A drawing of a design that the search had only come to by an interruption would be taken for the answer.
     whole = design.status is not DesignStatus.interrupted
     there = {
+        "benefit.png": whole and design.best is not None and design.best.benefit is not None,
         "conditions.png": len(design.conditions) > 1 and design.conditions.axis is not None,
         "search.png": len(design.search.screened) > 0,
         "response.png": bool(study.responses),
@@ -27,11 +28,13 @@ def names(design: Design, study: Study) -> tuple[str, ...]:
 def draw(name: str, design: Design, study: Study) -> bytes:
     """Content of one of the files in `names`."""
     # A report in words does not wait for Matplotlib.
-    from tpd.plot import animation, conditions, drawing, front, histories, response, search
+    from tpd.plot import animation, benefit, conditions, drawing, front, histories, response, search
     from tpd.plot.style import png
 
     scene, motions = design.scene, study.histories or ()
     match name:
+        case "benefit.png":
+            axes = benefit.plot_benefit(design)
         case "conditions.png":
             axes = conditions.plot_conditions(design)[0]
         case "search.png":

@@ -44,15 +44,15 @@ def ensemble(design: Design) -> list[Block]:
         shares.append((f"{name}: 50, 90, 99 % of the runs (rad)", *quantiles))
     shares.append(("bob's largest angle: 50, 90, 99 % (rad)", _quantiles(verdict.hung, "peak_stroke"), None))
     caption = (
-        f"Ensemble of {runs.size} runs, seed {runs.seed}: starts, phases, growth of the shaking and "
-        "uncertain quantities vary alike for both. Overturned: no answer counts as well. "
+        f"Ensemble of {runs.size} runs of the {verdict.equations} equations, seed {runs.seed}: starts, "
+        "phases, growth of the shaking and uncertain quantities vary alike for both. Overturned: no answer "
+        "counts as well. "
         "In brackets: 95 % confidence."
     )
-    text = (
-        f"{verdict.worse} runs overturn with the pendulum only, and {verdict.better} without it only (chance "
-        f"of that or more, were both alike: {verdict.chance:.2g})."
-    )
-    return [information(text), Table(("", "with pendulum", "without"), tuple(shares), caption)]
+    return [
+        information(verdict.chance_in_words),
+        Table(("", "with pendulum", "without"), tuple(shares), caption),
+    ]
 
 
 def _quantiles(o: Outcomes, quantity: str) -> str:
