@@ -43,11 +43,13 @@ MARGIN = 0.1
 FRICTION = 0.02
 """Friction of a scene whose template has none."""
 FLAT = {
-    "block": {"width": 0.9, "height": 2.0, "mass": 1200.0, "cavity_width": 0.8, "friction": 0.05},
-    "motion": {"amplitude": 0.13, "frequency": 1.0},
-    "space": {"mass_ratio": [0.01, 0.2], "length_ratio": [0.1, 0.8], "damping_ratio": [0.05, 0.4]},
+    "block": {"width": 0.9, "height": 2.0, "mass": 1200.0, "friction": 0.05},
+    "motion": {"amplitude": 0.104, "frequency": 1.5},
+    "space": {"mass_ratio": [0.01, 0.2], "length_ratio": [0.1, 0.8], "damping_ratio": [0.05, 0.6]},
 }
 """A machine on a wide base, width/height 0.45."""
+STRONGER = {"column": tpd.Harmonic(amplitude=0.097, frequency=0.7)}
+"""Motions in place of those of the templates, so that the bare block overturns in some of the runs."""
 KINDS = ("paper", "statue", "column", "chimney", "tower", "flat")
 LOSSES = ("friction", "Housner")
 SCENES = {f"{kind}, {loss}": (kind, loss) for kind in KINDS for loss in LOSSES}
@@ -61,7 +63,7 @@ def problem_of(kind, loss):
         block = replace(block, friction=block.friction or FRICTION, restitution=None)
     else:
         block = replace(block, friction=0.0, restitution="housner")
-    return tpd.Scene(block, job.scene.motion, job.scene.gravity), job.space
+    return tpd.Scene(block, STRONGER.get(kind, job.scene.motion), job.scene.gravity), job.space
 
 
 def grid_of(space, sizes):
@@ -133,7 +135,7 @@ def brute_force(objective, scene, runs, sizes, bob):
     return {
         "designs": count,
         "keep": len(keeps),
-        "help": int(np.sum(found.score[keeps] < found.bare.mean())),
+        "help": found.better,
         "judged": len(judged),
         "pass": len(passing),
         "best": max(passing, key=lambda r: r["benefit"], default=None),

@@ -171,3 +171,36 @@ def test_housner_s_restitution_follows_design_and_condition():
             assert one.e is None
             assert float(one.velocity_ratio) == pytest.approx(expected, rel=1e-14)
             assert float(q.e[3 * i + j]) == pytest.approx(expected, rel=1e-14)
+
+
+def test_a_neighbourhood_holds_the_scenes_own_shaking_and_stronger_ones():
+    near = Conditions.around(SCENE)
+    assert len(near) == 10
+    assert set(near.factors) == {"frequency", "amplitude"}
+    np.testing.assert_allclose(np.unique(near.column("frequency")), [0.95, 0.975, 1.0, 1.025, 1.05])
+    np.testing.assert_allclose(np.unique(near.column("amplitude")), [1.0, 1.1])
+    assert (1.0,) * len(FACTORS) in rows(near)
+    assert near.description == ("5 frequencies within ±0.05 of 2.5 Hz", "amplitudes 1, 1.1 times the scene's")
+    assert near.label(0) == "1 times the amplitude and 2.375 Hz"
+    other = Conditions.around(SCENE, frequency=0.2, amplitude=0.0, count=3)
+    np.testing.assert_allclose(other.column("frequency"), [0.8, 1.0, 1.2])
+    assert other.axis == "frequency"
+
+
+def test_exactly_is_the_scenes_own_shaking_alone():
+    assert rows(Conditions.exactly()) == [(1.0,) * len(FACTORS)]
+    assert Conditions.exactly().label(0) == "the scene's own shaking"
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"frequency": 0.6}, r"`frequency` must be between 0\.001 and 0\.5, but is 0\.6"),
+        ({"frequency": 0.0}, "`frequency` must be between"),
+        ({"amplitude": -0.1}, "`amplitude` must be between 0 and 1, but is -0.1"),
+        ({"count": 1}, "`count` must be a whole number, 2 or more, but is 1"),
+    ],
+)
+def test_a_neighbourhood_that_makes_no_sense_is_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        Conditions.around(SCENE, **given)

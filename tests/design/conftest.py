@@ -9,7 +9,11 @@ from tpd.design.search import Multistart
 
 SCENE = tpd.paper_scene()
 LIGHT = tpd.DesignSpace(mass_ratio=(0.01, 0.1))
+ANY_WORTH = tpd.design.worth.Worth(at_least=0.0, runs=32)
+"""Asks for no harm, and for a benefit that is not zero."""
 ONE = {
+    "conditions": tpd.Conditions.exactly(),
+    "worth": ANY_WORTH,
     "method": tpd.Descent(searches=3, steps=4, screening=24),
     "limits": (tpd.limits.Stroke(1.5),),
     "ensemble": tpd.Ensemble(size=32, periods=40),
@@ -21,6 +25,8 @@ WIDE = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=(0.05, 0.4))
 BAND = tpd.Conditions.band(SCENE, 2.0, 3.5, 5)
 SEVERAL = {
     "conditions": BAND,
+    "limits": tpd.limits.POINT_BOB,
+    "worth": ANY_WORTH,
     "method": tpd.Sequential(searches=20, screening=64, steps=25),
     "ensemble": tpd.Ensemble(size=64, periods=40),
 }

@@ -1,5 +1,6 @@
 """Risk measures against brute force, and every limit against what it says and against differences."""
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from scipy.optimize import linprog
 
 import tpd
+from tpd.core.bob import Bob
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, Geometry, Limit, check_limits, limit_of, stroke_limit
 from tpd.design.objective import Evaluation, geometry_of
 
@@ -14,13 +16,15 @@ SCENE = tpd.paper_scene()
 FACTORS = {"mass": [0.9, 1.1], "length": [1.0, 1.02], "slenderness": [1.0, 0.97]}
 SCATTERED = tpd.Conditions({k: np.array(v) for k, v in FACTORS.items()})
 DESIGN = np.array([0.15, 0.26, 0.35])
+CYLINDERS = tuple(Bob(shape="cylinder", density=11340.0, aspect=aspect) for aspect in (0.5, 4.0))
 ONE_OF_EACH = (
     tpd.limits.Stroke(0.4),
     tpd.limits.RelativeStroke(0.6),
     tpd.limits.Tilt(0.5),
     tpd.limits.Mass(2.0),
     tpd.limits.Offset(0.03),
-    tpd.limits.Walls(),
+    tpd.limits.Room(),
+    tpd.limits.Worsening(0.1),
     tpd.limits.Multiplier(0.9),
     tpd.limits.Reserve(0.1),
 )
@@ -99,14 +103,17 @@ def evaluation(design: np.ndarray) -> Evaluation:
 
 @pytest.fixture(scope="module")
 def geometry() -> Geometry:
-    return geometry_of(SCENE, SCATTERED)
+    """Geometry, with a bare block that rocks at a tilt of 0.4 and 0.1 in shares of nu."""
+    return dataclasses.replace(geometry_of(SCENE, SCATTERED), bare_tilt=np.array([0.4, 0.1]))
 
 
 def sizes(limit, design, geometry):
     return {size.name: size for size in limit.sizes(evaluation(design), geometry)}
 
 
-@pytest.mark.parametrize("limit", ONE_OF_EACH, ids=lambda limit: limit.name)
+@pytest.mark.parametrize(
+    "limit", [*ONE_OF_EACH, *(tpd.limits.Room(bob) for bob in CYLINDERS)], ids=lambda limit: limit.name
+)
 def test_slopes_of_a_limit_are_those_of_differences(limit, geometry):
     here = sizes(limit, DESIGN, geometry)
     for name, size in here.items():
@@ -121,7 +128,7 @@ def test_slopes_of_a_limit_are_those_of_differences(limit, geometry):
 def test_limits_on_angles_are_what_they_say(geometry):
     e, nu = evaluation(DESIGN), SCENE.block.slenderness * np.array(FACTORS["slenderness"])
     np.testing.assert_allclose(geometry.slenderness, nu)
-    stroke, relative, tilt, _, _, _, multiplier, reserve = (
+    stroke, relative, tilt, _, _, _, _, multiplier, reserve = (
         next(iter(limit.sizes(e, geometry)), None) for limit in ONE_OF_EACH
     )
     np.testing.assert_allclose(stroke.value, e.stroke / 0.4)
@@ -133,19 +140,46 @@ def test_limits_on_angles_are_what_they_say(geometry):
     np.testing.assert_allclose(1.0 - reserve.value, e.reserve / 0.1 - 1.0)
 
 
-def test_limits_on_room_are_those_of_a_ball_of_steel_on_a_rod(geometry):
+@pytest.mark.parametrize("bob", [Bob(), *CYLINDERS], ids=str)
+def test_limits_on_room_are_those_of_a_body_on_a_rod(geometry, bob):
     hung = SCENE.pendulum(mass_ratio=DESIGN[0], length_ratio=DESIGN[1], damping_ratio=DESIGN[2])
     e = evaluation(DESIGN)
     offset = sizes(tpd.limits.Offset(0.03), DESIGN, geometry)["offset"].value
-    walls = sizes(tpd.limits.Walls(), DESIGN, geometry)
+    room = sizes(tpd.limits.Room(bob), DESIGN, geometry)
+    assert set(room) == {"room", "thickness"}
     for i in range(2):
         mass, length, slenderness = (np.array(FACTORS[name])[i] for name in FACTORS)
-        ball = tpd.Pendulum(mass=hung.mass * mass, length=hung.length, damping_ratio=0.1).ball_radius
+        rod, heavy = hung.length * length, hung.mass * mass
         angle = e.stroke[0, i] + e.tilt[0, i] * SCENE.block.slenderness * slenderness
-        reach, room = hung.length * length * np.sin(angle), 0.5 * SCENE.block.width * slenderness
-        assert offset[0, i] == pytest.approx(reach / 0.03)
-        assert walls["walls"].value[0, i] == pytest.approx((reach + ball) / room)
-        assert walls["ball"].value[0, i] == pytest.approx(ball / (0.5 * hung.length * length))
+        wall = 0.5 * SCENE.block.width * slenderness
+        assert offset[0, i] == pytest.approx(rod * np.sin(angle) / 0.03)
+        assert room["room"].value[0, i] == pytest.approx(bob.reach(heavy, rod, angle) / wall)
+        assert room["thickness"].value[0, i] == pytest.approx(bob.half_height(heavy) / (0.5 * rod))
+
+
+def test_the_room_is_that_of_the_cavity():
+    block = dataclasses.replace(SCENE.block, cavity_width=0.06)
+    narrow = geometry_of(dataclasses.replace(SCENE, block=block), SCATTERED)
+    np.testing.assert_allclose(narrow.wall, 0.03 * np.array(FACTORS["slenderness"]))
+
+
+def test_a_worsening_is_relative_to_the_bare_block(geometry):
+    e, worsening = evaluation(DESIGN), tpd.limits.Worsening(0.25)
+    (size,) = worsening.sizes(e, geometry)
+    np.testing.assert_allclose(size.value, e.tilt / (1.25 * np.array([0.4, 0.1])))
+    # A bare block that hardly rocks leaves a least tilt, one that is not known to settle any tilt.
+    calm = dataclasses.replace(geometry, bare_tilt=np.array([0.0, np.nan]))
+    (size,) = worsening.sizes(e, calm)
+    assert size.value[0, 0] == pytest.approx(e.tilt[0, 0] / (1.25 * 0.02))
+    assert size.value[0, 1] == 0.0
+    lost = e._replace(tilt=np.full((1, 2), np.inf))
+    np.testing.assert_array_equal(next(iter(worsening.sizes(lost, calm))).value, [[np.inf, 0.0]])
+
+
+def test_without_a_bare_block_nothing_is_worse():
+    (size,) = tpd.limits.Worsening().sizes(evaluation(DESIGN), geometry_of(SCENE, SCATTERED))
+    np.testing.assert_array_equal(size.value, 0.0)
+    np.testing.assert_array_equal(size.slope, 0.0)
 
 
 def test_beyond_a_right_angle_the_bob_is_a_rods_length_away(geometry):
@@ -157,11 +191,11 @@ def test_beyond_a_right_angle_the_bob_is_a_rods_length_away(geometry):
 
 def test_no_bob_takes_no_room_and_has_a_slope_that_is_a_number(geometry):
     e = evaluation(DESIGN)._replace(design=np.array([[0.0, 0.26, 0.35]]))
-    for limit in (tpd.limits.Walls(), tpd.limits.Offset(0.03)):
+    for limit in (tpd.limits.Room(), tpd.limits.Room(CYLINDERS[1]), tpd.limits.Offset(0.03)):
         for size in limit.sizes(e, geometry):
             assert np.isfinite(size.value).all()
             assert np.isfinite(size.slope).all()
-            if size.name == "ball":
+            if size.name == "thickness":
                 np.testing.assert_array_equal(size.value, 0.0)
 
 
@@ -173,7 +207,7 @@ def test_limits_are_listed_in_the_order_of_a_report_and_looked_up():
     assert limit_of(DEFAULT_LIMITS, tpd.limits.Tilt) is None
     assert stroke_limit(DEFAULT_LIMITS) == 0.5
     assert stroke_limit(()) == np.inf
-    assert {x.name for x in ONE_OF_EACH if not x.of_motion} == {"multiplier", "reserve"}
+    assert {x.name for x in ONE_OF_EACH if not x.of_motion} == {"worsening", "multiplier", "reserve"}
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ LIMITS = (
     tpd.limits.RelativeStroke(0.8),
     tpd.limits.Tilt(0.5),
     tpd.limits.Offset(0.03),
-    tpd.limits.Walls(),
+    tpd.limits.Room(),
     tpd.limits.Reserve(0.05),
 )
 
@@ -62,7 +62,7 @@ def test_slopes_are_those_of_differences(objective):
 
 def test_constraints_have_names_and_are_tightened_for_a_search(objective):
     e, n = objective.evaluate(GOOD), len(BAND)
-    names = ["stroke", "relative_stroke", "tilt", "offset", "walls", "ball", "reserve"]
+    names = ["stroke", "relative_stroke", "tilt", "offset", "room", "thickness", "reserve"]
     assert objective.constraint_names() == names
     value, slope = objective.constraints(e)
     assert value.shape == (1, n * len(names))

@@ -188,13 +188,13 @@ def test_a_block_that_rests_needs_no_pendulum():
 def test_where_no_design_keeps_to_the_limits_the_nearest_is_told():
     """The nonlinear search, which follows the linear one, states the reserve as well: each excess belongs to
     the limit that is named."""
-    limits = (tpd.limits.Stroke(0.5), tpd.limits.Walls(), tpd.limits.Reserve(0.05))
+    limits = (tpd.limits.Stroke(0.5), tpd.limits.Room(), tpd.limits.Reserve(0.05))
     design = tpd.optimise(SCENE, LIGHT, method=FEW, limits=limits, ensemble=RUNS)
     assert design.status is DesignStatus.none_feasible
     assert design.pendulum is None
     assert not np.isfinite(design.search.end_values).any()
     assert {reason.kind for reason in design.nearest.broken} == {ReasonKind.breaks_limit}
-    assert {reason.limit for reason in design.nearest.broken} <= {"stroke", "walls", "ball", "reserve"}
+    assert {reason.limit for reason in design.nearest.broken} <= {"stroke", "room", "thickness", "reserve"}
     values = [reason.value for reason in design.nearest.broken]
     assert values == sorted(values, reverse=True)
     assert values[-1] > 1.0

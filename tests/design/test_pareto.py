@@ -6,7 +6,11 @@ import pytest
 import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
 
-SMALL = {"method": tpd.Sequential(searches=4, screening=48, steps=12), "points": 4}
+SMALL = {
+    "method": tpd.Sequential(searches=4, screening=48, steps=12),
+    "points": 4,
+    "limits": tpd.limits.POINT_BOB,
+}
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +38,7 @@ def test_progress_and_one_condition():
     front = tpd.pareto(
         SCENE,
         WIDE,
+        conditions=tpd.Conditions.exactly(),
         points=2,
         method=tpd.Sequential(searches=2, screening=16, steps=3),
         limits=(),

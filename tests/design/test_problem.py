@@ -15,6 +15,7 @@ from tpd.design.problem import Problem
 
 SCENE = tpd.paper_scene()
 BAND = tpd.Conditions.band(SCENE, 2.0, 3.5, 5)
+ALONE = tpd.Conditions.exactly()
 LOSSY = tpd.Scene(tpd.Block(width=0.1, height=0.4, mass=16.224, restitution="housner"), SCENE.motion)
 
 
@@ -24,13 +25,14 @@ def problem(scene=SCENE, **given) -> Problem:
 
 
 def test_one_condition_is_searched_by_descent_on_smoothed_signs_from_rest():
-    made = problem()
+    made = problem(conditions=ALONE)
     assert isinstance(made.method, tpd.Descent)
     assert isinstance(made.method.model, tpd.Smoothed)
     assert isinstance(made.objective, Followed)
     assert made.starts.kind is StartKind.rest
     # A motion that is followed does not know its reserve.
-    assert made.objective.limits == (tpd.limits.Stroke(),)
+    assert made.objective.limits == (tpd.limits.Stroke(), tpd.limits.Room(), tpd.limits.Worsening())
+    assert made.point is None
     assert problem(conditions=BAND).objective.limits == DEFAULT_LIMITS
     assert made.objective.risk == tpd.Risk.worst()
     assert made.space == tpd.DesignSpace()
@@ -47,26 +49,63 @@ def test_several_conditions_are_searched_by_sequential_programming_on_every_orbi
     assert isinstance(problem(conditions=BAND, method=tpd.Descent()).objective, Orbits)
 
 
-def test_one_condition_given_is_the_scenes_own():
-    assert problem(conditions=tpd.Conditions()).identity == problem().identity
+def test_without_conditions_the_search_is_over_a_neighbourhood_and_begins_at_the_shaking_itself():
+    made = problem()
+    around = tpd.Conditions.around(SCENE)
+    assert len(made.objective.conditions) == 10
+    np.testing.assert_array_equal(made.objective.conditions.factor_rows(), around.factor_rows())
+    assert made.identity == problem(conditions=around).identity
+    assert made.method == tpd.Sequential()
+    assert made.objective.limits == DEFAULT_LIMITS
+    assert np.all(np.isfinite(made.objective.geometry.bare_tilt)), "worsening is asked for"
+    assert made.point.identity == problem(conditions=ALONE).identity
+    assert isinstance(made.point.method.model, tpd.Smoothed)
+    assert made.point.point is None
+
+
+def test_limits_that_the_shaking_itself_does_not_know_are_left_out_there():
+    given = (tpd.limits.Tilt(0.5), tpd.limits.Worsening(0.1), tpd.limits.Reserve(0.1))
+    made = problem(limits=iter(given))
+    assert made.objective.limits == given
+    assert made.point.objective.limits == given[:1]
+
+
+def test_a_method_goes_where_it_belongs():
+    """A model to the shaking itself, a search on orbits to the neighbourhood."""
+    for model in (tpd.Descent(), tpd.Sequential(model=tpd.Segmented())):
+        made = problem(method=model)
+        assert made.method == tpd.Sequential()
+        assert made.point.method.name == model.name
+        assert made.point.method.model is not None
+    few = tpd.Sequential(searches=3)
+    made = problem(method=few)
+    assert made.method is few
+    assert made.point.method.name == "descent"
+
+
+def test_starts_at_the_shaking_itself_are_rest_unless_they_are_states():
+    assert problem(starts=tpd.Starts.any()).point.starts.kind is StartKind.rest
+    starts = tpd.Starts(size=4)
+    made = problem(starts=starts)
+    assert made.starts is starts
+    assert made.point.starts is starts
 
 
 def test_where_impacts_lose_energy_the_exact_model_is_searched():
-    assert isinstance(problem(LOSSY).method.model, tpd.Piecewise)
+    assert isinstance(problem(LOSSY, conditions=ALONE).method.model, tpd.Piecewise)
+    assert isinstance(problem(LOSSY).point.method.model, tpd.Piecewise)
     with pytest.raises(ValueError, match="`e` must be between 1 and 1 in the smoothed model"):
         problem(LOSSY, method=tpd.Descent(model=tpd.Smoothed()))
 
 
-def test_a_space_with_bobs_that_throw_the_block_back_is_refused():
+def test_no_bob_of_a_space_throws_the_block_back():
+    """Housner's restitution has no value beyond 4.667 block masses; a space ends at one."""
     wide = tpd.Block(width=0.5, height=1.0, mass=10.0, restitution="housner")
-    scene, space = tpd.Scene(wide, SCENE.motion), tpd.DesignSpace(mass_ratio=(0.1, 4.5))
-    assert problem(scene, space=space).space == space
-    with pytest.raises(
-        ValueError, match=r"`mu` must be at most 4\.667 with Housner's restitution .* is 4\.7"
-    ):
-        problem(scene, space=tpd.DesignSpace(mass_ratio=(0.1, 4.7)))
-    with pytest.raises(ValueError, match=r"`mu` must be at most 4\.667 with Housner's restitution"):
-        problem(scene, space=space, conditions=tpd.Conditions.scatter(64, 0, mass=0.1))
+    scene, space = tpd.Scene(wide, SCENE.motion), tpd.DesignSpace(mass_ratio=(0.1, 1.0))
+    assert problem(scene, space=space, conditions=ALONE).space == space
+    assert problem(scene, space=space, conditions=tpd.Conditions.scatter(64, 0, mass=0.5)).space == space
+    with pytest.raises(ValueError, match="`mass_ratio` must be an interval low < high within 0 to 1"):
+        tpd.DesignSpace(mass_ratio=(0.1, 4.7))
 
 
 def test_sampled_starts_finish_a_search_over_orbits():
@@ -92,16 +131,30 @@ def test_a_limit_on_the_mass_narrows_the_space():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"starts": tpd.Starts.any()}, r"`starts` must be states .* or take `method=Sequential\(\)`"),
         (
-            {"starts": tpd.Starts.any(), "method": tpd.Sequential(model=tpd.Segmented())},
+            {"starts": tpd.Starts.any(), "conditions": ALONE},
+            r"`starts` must be states .* or take `method=Sequential\(\)`",
+        ),
+        (
+            {
+                "starts": tpd.Starts.any(),
+                "conditions": ALONE,
+                "method": tpd.Sequential(model=tpd.Segmented()),
+            },
             "`starts` must be states",
         ),
         ({"seed": -1}, "`seed` must be a whole number, 0 or more, but is -1"),
         ({"limits": (tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))}, "two of Tilt"),
-        ({"limits": (tpd.limits.Reserve(),)}, r"Reserve .* or take `method=Sequential\(\)`"),
         (
-            {"limits": (tpd.limits.Reserve(),), "method": tpd.Sequential(model=tpd.Piecewise())},
+            {"limits": (tpd.limits.Reserve(),), "conditions": ALONE},
+            r"Reserve .* or take `method=Sequential\(\)`",
+        ),
+        (
+            {
+                "limits": (tpd.limits.Reserve(),),
+                "conditions": ALONE,
+                "method": tpd.Sequential(model=tpd.Piecewise()),
+            },
             "must not hold Reserve",
         ),
         ({"scene": tpd.Scene(SCENE.block, tpd.Harmonic(amplitude=0, frequency=2.5))}, "nothing shakes"),

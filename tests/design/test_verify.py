@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.design.conftest import BAND, FEW_STEPS, SCENE
+from tests import designs as designs_by_hand
+from tests.design.conftest import ANY_WORTH, BAND, FEW_STEPS, SCENE
 from tests.design.test_followed import followed
 from tests.design.test_objective import GOOD, orbits
 from tpd.design.active import nearest
 from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import DesignStatus
+from tpd.design.steps import pendulum_of
+from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Neighbours, Nonlinear
-from tpd.design.verify import Verification, pendulum_of
+from tpd.design.verify import Verification
 
 RUNS = tpd.Ensemble(size=16, periods=30)
 ALONE = tpd.Conditions()
@@ -21,24 +24,24 @@ LIGHT = np.array([0.01, 0.26, 0.35])
 
 
 def verification(objective, method=FEW_STEPS, **more) -> Verification:
-    return Verification(SCENE, objective, method, RUNS, more.get("by_overturning", False), None)
+    return Verification(SCENE, objective, method, RUNS, ANY_WORTH, more.get("by_overturning", False), None)
 
 
 class Refusing(Verification):
-    """Refuses the first designs that come to the ensemble."""
+    """Refuses the first designs that come to the paired runs, and no other there."""
 
     refusals = 1
 
-    def by_ensemble(self, v):
-        if len(self.verified) >= self.refusals:
-            return super().by_ensemble(v)
-        return dataclasses.replace(v, reasons=(Reason(step=Step.ensemble, kind=ReasonKind.overturns),))
+    def by_runs(self, v):
+        found = Reason(step=Step.benefit, kind=ReasonKind.too_little_benefit)
+        refused = len(self.verified) < self.refusals
+        return dataclasses.replace(super().by_runs(v), reasons=(found,) if refused else ())
 
 
 @pytest.fixture(scope="module")
 def judged(search):
     """A verification whose first design is refused, and what it says to the best end and to the paths."""
-    stern = Refusing(SCENE, search.objective, FEW_STEPS, RUNS, False, None)
+    stern = Refusing(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
     first = stern.best_of(search)
     begun = len(stern.verified)
     second = stern.best_of_paths(search)
@@ -70,7 +73,7 @@ def test_after_a_refusal_other_ends_and_designs_on_the_paths_are_verified(judged
     best, *others = stern.verified
     assert best.source == "search"
     assert best.value == pytest.approx(search.values.min(), rel=1e-9)
-    assert best.reasons[0].step is Step.ensemble
+    assert best.reasons[0].step is Step.benefit
     assert second is DesignStatus.found
     winner = stern.verified[-1]
     assert winner.reasons == ()
@@ -81,7 +84,7 @@ def test_after_a_refusal_other_ends_and_designs_on_the_paths_are_verified(judged
 
 
 def test_at_most_six_designs_are_verified(search):
-    stern = Refusing(SCENE, search.objective, FEW_STEPS, RUNS, False, None)
+    stern = Refusing(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
     stern.refusals = 100
     assert stern.best_of(search) is DesignStatus.refused
     assert stern.best_of_paths(search) is DesignStatus.refused
@@ -91,10 +94,14 @@ def test_at_most_six_designs_are_verified(search):
 
 
 def test_a_refusal_ends_the_verification_of_a_design(judged):
-    best = judged[0].verified[0]
-    assert best.neighbours is not None
-    assert best.reasons[0].step is Step.ensemble
-    assert best.verdict is None
+    best, winner = judged[0].verified[0], judged[0].verified[-1]
+    assert best.paired is not None
+    assert best.benefit is not None
+    assert best.reasons[0].step is Step.benefit
+    assert best.neighbours is best.verdict is None
+    assert best.nonlinear == ()
+    assert winner.neighbours is not None
+    assert len(winner.nonlinear) > 0
 
 
 # Exact solution by events
@@ -188,12 +195,13 @@ def nonlinear(v, *rows):
     return dataclasses.replace(v, nonlinear=asked, reasons=())
 
 
-def test_an_overturning_that_the_bare_block_withstands_speaks_against_a_design(judged, v):
+def test_of_several_conditions_single_motions_decide_on_limits_only(judged, v):
     stern = judged[0]
     gone = np.inf, np.inf, "overturned"
-    (reason,) = stern.nonlinear_reasons(nonlinear(v, (0, *gone, 0.1, "rocking"), (1, *gone, *gone[1:])))
-    assert reason.kind is ReasonKind.overturns
-    assert reason.condition == BAND.label(0)
+    rows = (0, *gone, 0.1, "rocking"), (1, *gone, *gone[1:])
+    assert stern.nonlinear_reasons(nonlinear(v, *rows)) == (), "the paired runs have counted"
+    (reason,) = stern.nonlinear_reasons(nonlinear(v, *rows, (3, 0.1, 0.6, "rocking", 0.1, "rocking")))
+    assert (reason.kind, reason.limit, reason.condition) == (ReasonKind.breaks_limit, "stroke", BAND.label(3))
     assert stern.nonlinear_reasons(nonlinear(v, (2, 0.01, 0.1, "not_settled", 0.1, "rocking"))) == ()
 
 
@@ -217,7 +225,7 @@ def test_under_one_condition_the_motion_must_settle_and_be_smaller(alone, v):
 
 
 def test_nonlinear_equations_are_asked_about_the_room_as_well(v):
-    room = verification(orbits(limits=(tpd.limits.Offset(0.02), tpd.limits.Walls())))
+    room = verification(orbits(limits=(tpd.limits.Offset(0.02), tpd.limits.Room())))
     light = dataclasses.replace(v, evaluation=room.objective.evaluate(LIGHT[None]))
     rest = 0.1, "rocking"
     assert room.nonlinear_reasons(nonlinear(light, (1, 0.03, 0.35, "rocking", *rest))) == ()
@@ -227,7 +235,7 @@ def test_nonlinear_equations_are_asked_about_the_room_as_well(v):
     )
     heavy = dataclasses.replace(v, evaluation=room.objective.evaluate(GOOD))
     reasons = room.nonlinear_reasons(nonlinear(heavy, (1, 0.03, 0.35, "rocking", *rest)))
-    assert [reason.limit for reason in reasons] == ["walls", "ball"]
+    assert [reason.limit for reason in reasons] == ["room", "thickness"]
 
 
 def test_the_worst_conditions_and_those_at_a_limit_are_asked():
@@ -246,12 +254,117 @@ def test_the_worst_conditions_and_those_at_a_limit_are_asked():
 # Ensemble
 
 
-def test_significantly_more_runs_speak_against_a_design(judged, v):
-    """The bare block against a pendulum that makes it overturn, on the runs of a larger ensemble."""
-    found = judged[0].by_ensemble(dataclasses.replace(v, reasons=()))
-    assert found.verdict is not None
-    assert (found.reasons == ()) is not found.verdict.harms
+def test_the_linear_ensemble_refuses_nothing(judged, v):
+    stern = judged[0]
+    found = stern.by_ensemble(dataclasses.replace(v, reasons=()))
+    assert found.verdict.equations == "linear"
+    assert found.verdict.bare is stern.bare.outcomes
+    assert found.reasons == ()
     assert pendulum_of(SCENE, v).mass == pytest.approx(v.mass_ratio * SCENE.block.mass)
+    worse = np.full(RUNS.size, "overturned")
+    stern.bare.outcomes.status[:] = "rest"
+    harmed = dataclasses.replace(found.verdict.hung, status=worse)
+    assert dataclasses.replace(found.verdict, hung=harmed).harms
+    bad = dataclasses.replace(v, mass_ratio=0.2, length_ratio=1.5, damping_ratio=0.05, reasons=())
+    assert stern.by_ensemble(bad).reasons == ()
+
+
+def test_paired_runs_are_of_the_nonlinear_equations_and_shared_by_all_designs(judged):
+    stern = judged[0]
+    first, last = stern.verified[0], stern.verified[-1]
+    assert first.paired.equations == "nonlinear"
+    assert first.paired.bare is last.paired.bare is stern.bare.paired
+    assert first.benefit.runs == RUNS.size
+    assert np.isnan(first.strikes), "there is no limit on the room"
+
+
+def test_the_order_of_the_steps_is_that_of_their_cost(judged, alone):
+    names = [[step.__name__ for step in x._steps] for x in (judged[0], alone)]
+    assert names == [
+        ["by_events", "by_runs", "by_neighbours", "by_nonlinear", "by_ensemble"],
+        ["by_events", "by_neighbours", "by_nonlinear", "by_runs", "by_ensemble"],
+    ]
+
+
+# Survey
+
+
+def surveyed(search, designs, severity, room=None) -> Survey:
+    m, excess = len(designs), {"stroke": np.full(len(designs), -0.5)}
+    if room is not None:
+        excess[ON_THE_WAY] = np.array(room)
+    return Survey(
+        designs=np.array(designs),
+        severity=np.tile(np.array(severity)[:, None], (1, len(BAND))).reshape(m, -1),
+        bare=np.full(len(BAND), 0.5),
+        excess=excess,
+        equations="nonlinear",
+    )
+
+
+SPREAD = [[0.05 + 0.03 * i, 0.2 + 0.2 * i, 0.1 + 0.05 * i] for i in range(4)]
+
+
+class Scripted(Refusing):
+    """Refuses designs by a reason of a kind, without following them."""
+
+    kind = ReasonKind.too_little_benefit
+
+    def at_once(self, search, design):
+        refused = len(self.verified) < self.refusals
+        reason = Reason(step=Step.benefit, kind=self.kind)
+        mass, length, damping = design.tolist()
+        return designs_by_hand.verified(
+            mass_ratio=mass, length_ratio=length, damping_ratio=damping, reasons=(reason,) if refused else ()
+        )
+
+
+def scripted(search, refusals, kind=ReasonKind.too_little_benefit) -> Scripted:
+    made = Scripted(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
+    made.refusals, made.kind = refusals, kind
+    return made
+
+
+def test_the_designs_of_a_survey_are_verified_until_one_passes(search):
+    stern = scripted(search, 1)
+    found = surveyed(search, SPREAD, [0.1, 0.2, 0.3, 0.4])
+    assert stern.best_of_survey(search, found) is DesignStatus.found
+    assert [v.design.tolist() for v in stern.verified] == [pytest.approx(x) for x in SPREAD[:2]]
+    assert {v.source for v in stern.verified} == {"survey"}
+    stern = scripted(search, 100)
+    assert stern.best_of_survey(search, found) is DesignStatus.refused
+    assert len(stern.verified) == 4
+
+
+def test_neighbours_of_a_refused_design_are_passed_over(search):
+    near = [SPREAD[0], [x + 1e-4 for x in SPREAD[0]], SPREAD[1]]
+    stern = scripted(search, 100)
+    stern.best_of_survey(search, surveyed(search, near, [0.1, 0.15, 0.2]))
+    assert [v.mass_ratio for v in stern.verified] == [SPREAD[0][0], SPREAD[1][0]]
+
+
+def test_after_a_strike_the_next_design_has_more_room(search):
+    found = surveyed(search, SPREAD, [0.1, 0.2, 0.3, 0.4], room=[-0.01, -0.03, -0.2, -0.02])
+    stern = scripted(search, 100, ReasonKind.strikes)
+    assert stern.best_of_survey(search, found) is DesignStatus.refused
+    assert [v.mass_ratio for v in stern.verified] == [SPREAD[0][0], SPREAD[2][0]]
+
+
+def test_where_no_design_of_a_survey_helps_the_best_one_says_why(search):
+    stern = scripted(search, 100)
+    found = surveyed(search, SPREAD[:2], [0.6, 0.7])
+    assert stern.best_of_survey(search, found) is DesignStatus.no_improvement
+    assert len(stern.verified) == 1
+
+
+def test_where_no_design_of_a_survey_keeps_to_the_limits_none_is_verified(search):
+    stern = scripted(search, 0)
+    found = surveyed(search, SPREAD[:2], [0.1, 0.1], room=[0.1, 0.2])
+    assert stern.best_of_survey(search, found) is DesignStatus.none_feasible
+    assert stern.verified == []
+    best = nearest(search, (found,))
+    assert [r.limit for r in best.broken] == [ON_THE_WAY]
+    assert best.broken[0].value == pytest.approx(1.1)
 
 
 # What counts as an improvement, and what comes nearest
@@ -281,7 +394,7 @@ def test_the_nearest_design_is_that_of_least_excess(search):
     from tpd.design.checkpoint import Checkpoint
     from tpd.design.search import Multistart
 
-    tight = orbits(limits=(tpd.limits.Stroke(0.5), tpd.limits.Walls()))
+    tight = orbits(limits=(tpd.limits.Stroke(0.5), tpd.limits.Room()))
     assert nearest(search) is None, "it has designs within the limits"
     out = Multistart(tight, tpd.Sequential(searches=4, screening=24, steps=4), 0, None)
     out.run(Checkpoint(None, "", {}))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -121,7 +122,7 @@ def _worst(x: np.ndarray) -> Any:
 
 
 def _fall(hung: Any, bare: Any) -> np.ndarray:
-    """Share by which severities fall; 0 where both are zero."""
+    """Share by which severities fall, numbers or arrays; 0 where both are zero."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(bare > 0.0, 1.0 - hung / bare, np.where(hung > 0.0, -np.inf, 0.0))
 
@@ -132,7 +133,9 @@ def _interval(values: np.ndarray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _change(name: str, hung: np.ndarray, bare: np.ndarray, rows: np.ndarray, of) -> Change:
+def _change(
+    name: str, hung: np.ndarray, bare: np.ndarray, rows: np.ndarray, of: Callable[[np.ndarray], Any]
+) -> Change:
     low, high = _interval(of(hung[rows]) - of(bare[rows]))
     return Change(name, float(of(hung)), float(of(bare)), low, high)
 

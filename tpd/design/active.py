@@ -83,8 +83,9 @@ def nearest(search: Multistart, surveys: tuple[Survey, ...] = ()) -> Nearest | N
 def _nearest_of(found: Survey) -> Nearest:
     """Design of least excess in a survey; its best one comes first."""
     excess = sorted(((float(x[0]), name) for name, x in found.excess.items() if x[0] > 0.0), reverse=True)
+    step = Step.exact if found.equations == "linear" else Step.nonlinear
     broken = tuple(
-        Reason(step=Step.exact, kind=ReasonKind.breaks_limit, limit=name, value=1.0 + x) for x, name in excess
+        Reason(step=step, kind=ReasonKind.breaks_limit, limit=name, value=1.0 + x) for x, name in excess
     )
     return Nearest(design=found.designs[0], broken=broken)
 

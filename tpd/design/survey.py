@@ -8,7 +8,7 @@ equations."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +18,7 @@ from tpd.core.bob import THICKEST
 from tpd.core.conditions import under_all
 from tpd.core.sampling import latin_hypercube
 from tpd.core.status import names_of
-from tpd.design.criteria import Room, limit_of
+from tpd.design.criteria import Risk, Room, limit_of
 from tpd.design.objective import AbstractObjective
 from tpd.design.screening import first_apart
 from tpd.design.space import DesignSpace
@@ -57,6 +57,8 @@ class Survey:
     zero are broken."""
     equations: str
     """"linear" or "nonlinear"."""
+    risk: Risk = field(default_factory=Risk.expected)
+    """Risk measure over the conditions that the search has."""
 
     @property
     def broken(self) -> np.ndarray:
@@ -76,13 +78,24 @@ class Survey:
     @property
     def better(self) -> int:
         """Number of designs that keep to all limits and tilt the block less than none."""
-        return int(np.sum(self.keeps & (self.score < self.bare.mean())))
+        return int(np.sum(self.helps))
+
+    @property
+    def helps(self) -> np.ndarray:
+        """Whether a design keeps to all limits and has a better score than the bare block, (m,)."""
+        return self.keeps & (self.score < float(self._of(self.bare)))
 
     @property
     def score(self) -> np.ndarray:
-        """Mean severity and, once more, what is above the bare block's by more than a twentieth, (m,)."""
+        """Mean of the risk and of the mean severity and, once more, what is above the bare block by more than
+        a twentieth, (m,)."""
         more = np.maximum(self.severity - (1.0 + _WORSE) * self.bare, 0.0)
-        return self.severity.mean(axis=1) + more.mean(axis=1)
+        return self._of(self.severity) + more.mean(axis=1)
+
+    def _of(self, severity: np.ndarray) -> np.ndarray:
+        """Mean of the risk over the conditions and of the mean severity."""
+        # The worst condition alone would call all designs equal under one in which every block overturns.
+        return 0.5 * (self.risk.of(severity) + severity.mean(axis=-1))
 
     def best_without(self, *names: str) -> int | None:
         """The best design that keeps to all limits but those named, or None."""
@@ -101,22 +114,15 @@ class Survey:
     def at(self, rows: np.ndarray) -> Survey:
         """Some of the designs."""
         excess = {name: x[rows] for name, x in self.excess.items()}
-        return Survey(
-            designs=self.designs[rows],
-            severity=self.severity[rows],
-            bare=self.bare,
-            excess=excess,
-            equations=self.equations,
-        )
+        return replace(self, designs=self.designs[rows], severity=self.severity[rows], excess=excess)
 
     def joined(self, other: Survey) -> Survey:
         """Both surveys in one, ordered."""
-        return Survey(
+        return replace(
+            self,
             designs=np.concatenate([self.designs, other.designs]),
             severity=np.concatenate([self.severity, other.severity]),
-            bare=self.bare,
             excess={k: np.concatenate([x, other.excess[k]]) for k, x in self.excess.items()},
-            equations=self.equations,
         ).ordered()
 
 
@@ -212,6 +218,7 @@ def followed(
         bare=severity[0],
         excess=_excess(objective, designs, *still),
         equations=equations,
+        risk=objective.risk,
     )
 
 

@@ -55,7 +55,7 @@ class Verification(Steps):
         fits = np.flatnonzero(found.keeps)
         if not len(fits):
             return DesignStatus.none_feasible
-        helps = fits[found.score[fits] < found.bare.mean()]
+        helps = np.flatnonzero(found.helps)
         if self.by_overturning:
             helps = helps[np.argsort(np.sum(found.severity[helps] >= 1.0, axis=1), kind="stable")]
         units = self.objective.space.scaled(found.designs)

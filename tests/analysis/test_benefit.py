@@ -1,0 +1,158 @@
+"""Benefit of paired runs: known outcomes, its interval, and harm."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tpd.analysis.benefit import Benefit, benefit_of, severity
+from tpd.analysis.ensemble import Ensemble
+from tpd.analysis.outcomes import Outcomes
+from tpd.analysis.paired import Verdict
+
+NU = 0.25
+
+
+def runs(tilt) -> Outcomes:
+    """Runs of these settled tilts over nu: 0 is rest, infinity an overturning, NaN a failure."""
+    tilt = np.asarray(tilt, dtype=float)
+    status = np.where(np.isinf(tilt), "overturned", np.where(tilt == 0.0, "rest", "rocking"))
+    status = np.where(np.isnan(tilt), "failed", status)
+    angle = np.where(np.isfinite(tilt), tilt * NU, np.inf)
+    zero = np.zeros_like(tilt)
+    return Outcomes(
+        ensemble=Ensemble(size=len(tilt)), status=status, peak=angle, amplitude=angle, peak_stroke=zero,
+        stroke=zero, ramp=zero,
+    )  # fmt: skip
+
+
+def compared(hung, bare, condition=None, **more) -> Benefit:
+    condition = np.zeros(len(hung), int) if condition is None else np.asarray(condition)
+    return benefit_of(Verdict(hung=runs(hung), bare=runs(bare)), NU, condition, **more)
+
+
+def test_severity_is_the_tilt_over_nu_and_one_where_the_block_is_lost():
+    found = severity(runs([0.0, 0.3, 1.4, np.inf, np.nan]), NU)
+    np.testing.assert_allclose(found, [0.0, 0.3, 1.0, 1.0, 1.0], rtol=1e-15)
+    odd = dataclasses.replace(runs([0.3]), amplitude=np.array([np.nan]))
+    assert severity(odd, NU).tolist() == [1.0]
+
+
+def test_every_size_of_known_runs():
+    hung = np.array([0.0, 0.0, 0.1, 0.1, 0.2, 0.2, 0.3, 0.3, 0.4, np.inf])
+    bare = np.array([0.0, 0.2, 0.2, 0.2, 0.4, 0.4, 0.6, 0.6, np.inf, np.inf])
+    found = compared(hung, bare)
+    assert found.value == pytest.approx(1.0 - 2.6 / 4.6, rel=1e-12)
+    assert found.low < found.value < found.high
+    assert found.runs == 10
+    sizes = {c.name: (c.with_it, c.without) for c in found.changes}
+    assert sizes == {
+        "mean severity": (pytest.approx(0.26), pytest.approx(0.46)),
+        "median severity": (pytest.approx(0.2), pytest.approx(0.4)),
+        "worst severity": (1.0, 1.0),
+        "overturned": (pytest.approx(0.1), pytest.approx(0.2)),
+        "at rest": (pytest.approx(0.2), pytest.approx(0.1)),
+    }
+    for c in found.changes:
+        assert c.low <= c.difference <= c.high
+        assert c.difference == pytest.approx(c.with_it - c.without)
+    assert found.worse_conditions == ()
+    assert not found.rests_less
+    assert str(found).startswith("43% less tilt (95 % interval ")
+
+
+def test_the_worst_severity_is_the_mean_of_the_worst_tenth():
+    found = compared(np.arange(40) / 50, np.full(40, 0.9))
+    worst = next(c for c in found.changes if c.name == "worst severity")
+    assert worst.with_it == pytest.approx(np.mean([36, 37, 38, 39]) / 50)
+
+
+def test_the_interval_covers_the_true_benefit_nineteen_times_in_twenty():
+    """Bare tilts around 0.5, hung ones at 0.7 of these with a scatter of their own."""
+    rng, hits = np.random.default_rng(0), 0
+    for trial in range(200):
+        bare = rng.uniform(0.3, 0.7, 64)
+        hung = 0.7 * bare + rng.uniform(-0.1, 0.1, 64)
+        found = compared(hung, bare, seed=trial)
+        hits += found.low <= 0.3 <= found.high
+    assert 0.9 <= hits / 200 <= 0.99
+
+
+def test_pairs_are_drawn_together():
+    """A pendulum that takes a tenth off every tilt does so with certainty, however the tilts scatter."""
+    bare = np.random.default_rng(1).uniform(0.05, 0.95, 50)
+    found = compared(0.9 * bare, bare)
+    assert found.low == pytest.approx(0.1, rel=1e-9)
+    assert found.high == pytest.approx(0.1, rel=1e-9)
+
+
+def test_resamples_are_seeded():
+    rng = np.random.default_rng(2)
+    hung, bare = rng.uniform(0.0, 0.5, 40), rng.uniform(0.2, 0.7, 40)
+    ends = {seed: (x.low, x.high) for seed in (0, 1) for x in [compared(hung, bare, seed=seed)]}
+    again = compared(hung, bare, seed=0)
+    assert (again.low, again.high) == ends[0] != ends[1]
+    assert ends[0] == pytest.approx(ends[1], abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("hung", "bare", "value"),
+    [
+        ([0.0] * 8, [0.0] * 8, 0.0),
+        ([np.inf] * 8, [np.inf] * 8, 0.0),
+        ([0.0] * 8, [np.inf] * 8, 1.0),
+        ([0.0] * 8, [0.4] * 8, 1.0),
+        ([0.4] * 8, [0.0] * 8, -np.inf),
+        ([np.inf] * 8, [0.5] * 8, -1.0),
+        ([np.nan] * 8, [np.nan] * 8, 0.0),
+    ],
+    ids=["all rest", "all lost", "none lost", "all to rest", "none to rest", "all to lost", "all fail"],
+)
+def test_runs_that_end_alike_have_a_benefit_that_is_a_number(hung, bare, value):
+    found = compared(hung, bare)
+    assert (found.value, found.low, found.high) == (value, value, value)
+    assert all(np.isfinite([c.with_it, c.without, c.low, c.high]).all() for c in found.changes)
+
+
+def test_one_run_is_answered():
+    found = compared([0.2], [0.4])
+    assert (found.value, found.low, found.high, found.runs) == (0.5, 0.5, 0.5, 1)
+    assert found.worse_conditions == ()
+
+
+def test_a_condition_is_worse_where_its_pairs_show_it():
+    condition = np.repeat([0, 1, 2, 3], 16)
+    noise = np.random.default_rng(3).uniform(-0.02, 0.02, 64)
+    bare = np.full(64, 0.3)
+    hung = np.array([0.2, 0.309, 0.36, 0.3])[condition] + noise
+    # One run in sixteen that is lost is no fact about its condition.
+    hung[-1] = np.inf
+    found = compared(hung, bare, condition, share=0.05)
+    assert found.worse_conditions == (2,)
+    with_it, without = found.by_condition
+    np.testing.assert_allclose(without, 0.3)
+    means = [np.minimum(hung, 1.0)[condition == i].mean() for i in range(4)]
+    np.testing.assert_allclose(with_it, means)
+    assert compared(hung, bare, condition, share=0.5).worse_conditions == ()
+
+
+def test_next_to_a_bare_block_at_rest_a_small_tilt_is_no_worse_condition():
+    condition = np.repeat([0, 1], 8)
+    hung = np.where(condition == 0, 0.0005, 0.01)
+    assert compared(hung, np.zeros(16), condition).worse_conditions == (1,)
+
+
+def test_a_condition_without_runs_has_no_size():
+    with_it, without = compared([0.1, 0.1], [0.2, 0.2], [0, 2]).by_condition
+    np.testing.assert_allclose(with_it, [0.1, np.nan, 0.1])
+    np.testing.assert_allclose(without, [0.2, np.nan, 0.2])
+
+
+@pytest.mark.parametrize(
+    ("fewer", "more", "said"), [(5, 0, True), (4, 0, False), (8, 8, False), (2, 9, False)]
+)
+def test_rests_less_where_significantly_fewer_runs_end_at_rest(fewer, more, said):
+    """McNemar's test: five of five has a chance of 1/32."""
+    hung = np.array([0.1] * fewer + [0.0] * more + [0.1] * 10)
+    bare = np.array([0.0] * fewer + [0.1] * more + [0.1] * 10)
+    assert compared(hung, bare).rests_less is said

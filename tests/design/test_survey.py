@@ -1,0 +1,184 @@
+"""Survey: designs followed from rest, their order, and those that fit the block."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.design.conftest import BAND, SCENE, WIDE
+from tests.design.test_objective import GOOD, orbits
+from tpd.core.bob import THICKEST, Bob
+from tpd.design.motions import motions_from_rest as from_rest
+from tpd.design.suitability import motions
+from tpd.design.survey import ON_THE_WAY, Survey, fitting, followed, survey
+
+BARE = np.array([0.4, 0.2])
+NONE = np.array([[0.0, 0.3, 0.1]])
+
+
+def made(severity, **excess) -> Survey:
+    severity = np.asarray(severity, dtype=float)
+    return Survey(
+        designs=np.arange(3.0 * len(severity)).reshape(-1, 3),
+        severity=severity,
+        bare=BARE,
+        excess={name: np.asarray(x, dtype=float) for name, x in excess.items()},
+        equations="linear",
+    )
+
+
+def test_what_is_above_the_bare_block_by_more_than_a_twentieth_counts_twice():
+    found = made([[0.1, 0.1], [0.42, 0.21], [0.5, 0.2], [1.0, 1.0]], stroke=np.zeros(4))
+    expected = np.array([0.1, 0.315, 0.35 + 0.04, 1.0 + 0.5 * (0.58 + 0.79)])
+    np.testing.assert_allclose(found.score, expected)
+    worst = dataclasses.replace(found, risk=tpd.Risk.worst())
+    np.testing.assert_allclose(worst.score, expected + 0.5 * np.array([0.0, 0.105, 0.15, 0.0]))
+    # The bare block scores 0.3, and 0.35 where the worst condition counts.
+    np.testing.assert_array_equal(found.helps, [True, False, False, False])
+    np.testing.assert_array_equal(worst.helps, [True, False, False, False])
+    assert found.better == 1
+
+
+def test_a_block_that_overturns_everywhere_comes_last_whatever_its_bob_does():
+    found = made([[1.0, 1.0], [0.9, 0.9], [1.0, 0.2]], stroke=[-0.5, 0.3, 0.2]).ordered()
+    np.testing.assert_allclose(found.severity, [[0.9, 0.9], [1.0, 0.2], [1.0, 1.0]])
+    np.testing.assert_array_equal(found.stands, [True, True, False])
+
+
+def test_a_design_keeps_where_it_breaks_no_limit_and_the_block_stands_somewhere():
+    found = made(
+        [[0.1, 0.1], [0.1, 0.1], [1.0, 0.9], [1.0, 1.0]],
+        stroke=[0.0, 1e-6, -0.1, -0.1],
+        room=[-0.1, 0.2, -0.1, -0.1],
+    )
+    np.testing.assert_array_equal(found.broken, [0, 2, 0, 0])
+    np.testing.assert_array_equal(found.keeps, [True, False, True, False])
+    np.testing.assert_array_equal(made([[0.1, 0.1]]).broken, [0]), "without limits"
+
+
+def test_the_best_design_without_a_limit():
+    found = made([[0.3, 0.3], [0.2, 0.2], [0.1, 0.1]], stroke=[-0.1, -0.1, 0.5], room=[-0.1, 0.3, 0.3])
+    assert found.best_without() == 0
+    assert found.best_without("room") == 1
+    assert found.best_without("stroke") == 0
+    assert found.best_without("room", "stroke") == 2
+    assert made([[0.1, 0.1]], stroke=[0.5]).best_without("room") is None
+
+
+def test_rows_go_together():
+    found = made([[0.3, 0.3], [0.2, 0.2], [0.1, 0.1]], stroke=[0.1, 0.2, 0.3])
+    some = found.at(np.array([2, 0]))
+    np.testing.assert_array_equal(some.designs, found.designs[[2, 0]])
+    np.testing.assert_array_equal(some.severity, found.severity[[2, 0]])
+    np.testing.assert_array_equal(some.excess["stroke"], [0.3, 0.1])
+    np.testing.assert_array_equal(some.bare, BARE)
+
+
+def test_designs_that_keep_to_the_limits_come_first_and_then_the_best():
+    found = made([[0.1, 0.1], [0.3, 0.3], [0.2, 0.2], [0.05, 0.05]], stroke=[0.5, -0.3, -0.1, 0.1]).ordered()
+    np.testing.assert_allclose(found.severity[:, 0], [0.2, 0.3, 0.05, 0.1])
+    both = found.joined(made([[0.25, 0.25]], stroke=[-1.0]))
+    np.testing.assert_allclose(both.severity[:, 0], [0.2, 0.25, 0.3, 0.05, 0.1])
+    np.testing.assert_allclose(both.excess["stroke"], [-0.1, -1.0, -0.3, 0.1, 0.5])
+    assert both.equations == "linear"
+
+
+@pytest.mark.parametrize("bob", [Bob(), Bob(shape="cylinder", aspect=4.0)], ids=["ball", "cylinder"])
+def test_designs_over_the_space_fit_the_block_at_rest(bob):
+    o = orbits(limits=(tpd.limits.Stroke(), tpd.limits.Room(bob)))
+    designs = fitting(o, seed=3)
+    assert designs.shape == (512, 3)
+    np.testing.assert_array_equal(designs, fitting(o, seed=3))
+    assert not np.array_equal(designs, fitting(o, seed=4))
+    low, high = WIDE.bounds
+    assert np.all((designs >= low) & (designs <= high))
+    radius, rod = bob.radius(o.geometry.mass(designs)), o.geometry.rod(designs)
+    fits = ((radius <= o.geometry.wall) & (bob.slimness * radius <= THICKEST * rod)).all(axis=1)
+    assert fits.all()
+
+
+def test_where_few_designs_fit_the_others_come_last():
+    block = SCENE.block
+    heavy = tpd.Scene(tpd.Block(width=block.width, height=block.height, mass=200.0), SCENE.motion)
+    o = orbits(scene=heavy, limits=(tpd.limits.Room(),))
+    designs = fitting(o, seed=0)
+    radius = Bob().radius(o.geometry.mass(designs))
+    fits = ((radius <= o.geometry.wall) & (radius <= THICKEST * o.geometry.rod(designs))).all(axis=1)
+    assert 0 < fits.sum() < 512
+    assert np.all(np.diff(fits.astype(int)) <= 0)
+
+
+def test_without_a_room_designs_are_spread_over_the_whole_space():
+    designs = fitting(orbits(limits=()), seed=0)
+    units = WIDE.scaled(designs)
+    assert designs.shape == (512, 3)
+    assert np.all(units.min(axis=0) < 0.01)
+    assert np.all(units.max(axis=0) > 0.99)
+
+
+def test_designs_are_followed_from_rest_under_every_condition():
+    """The linear equations are those of the verification's first step."""
+    limits = (tpd.limits.Stroke(0.4), tpd.limits.Room())
+    o, counts = orbits(limits=limits), []
+    designs = np.concatenate([GOOD, [[0.02, 0.2, 0.1]]])
+    found = followed(o, designs, 100, "linear", lambda *e: counts.append(e))
+    np.testing.assert_array_equal(found.designs, designs)
+    nu, room = float(o.p.nu), 0.5 * SCENE.block.width
+    for row, design in zip([found.bare, *found.severity], [NONE[0], *designs], strict=True):
+        way = from_rest(o.p, design, BAND, 100)
+        np.testing.assert_allclose(row, np.minimum(way.amplitude / nu, 1.0), rtol=1e-9)
+    for i, design in enumerate(designs):
+        way = from_rest(o.p, design, BAND, 100)
+        stands = np.isfinite(way.amplitude)
+        stroke, angle = way.stroke[stands].max(), (way.peak + way.peak_stroke)[stands].max()
+        assert found.excess["stroke"][i] == pytest.approx(stroke / 0.4 - 1.0, rel=1e-9)
+        reach = Bob().reach(design[0] * SCENE.block.mass, design[1] * SCENE.block.half_height, angle)
+        assert found.excess[ON_THE_WAY][i] == pytest.approx(reach / room - 1.0, rel=1e-9)
+    assert set(found.excess) == {"stroke", "room", "thickness", ON_THE_WAY}
+    assert np.all(found.excess[ON_THE_WAY] >= found.excess["room"] - 1e-12)
+    assert counts[-1] == (3, 3)
+
+
+def test_a_block_that_overturns_breaks_no_limit_on_the_bob():
+    o = orbits(conditions=tpd.Conditions.amplitudes(6.0, 7.0), limits=(tpd.limits.Stroke(0.5),))
+    for equations in ("linear", "nonlinear"):
+        found = followed(o, GOOD, 40, equations, None)
+        np.testing.assert_array_equal(found.severity, 1.0)
+        np.testing.assert_array_equal(found.bare, 1.0)
+        assert found.excess["stroke"].tolist() == [-1.0]
+        assert not found.keeps[0]
+
+
+def test_the_nonlinear_survey_is_by_the_nonlinear_equations():
+    o = orbits(conditions=tpd.Conditions(), limits=(tpd.limits.Stroke(0.5),))
+    found = followed(o, GOOD, 100, "nonlinear", None)
+    mass, length, damping = GOOD[0]
+    hung = SCENE.pendulum(mass_ratio=mass, length_ratio=length, damping_ratio=damping)
+    for pendulum, severity in ((hung, found.severity), (None, found.bare)):
+        alone = motions(SCENE, pendulum, tpd.Conditions())
+        assert severity.item() == pytest.approx(alone.amplitude.item() / SCENE.block.slenderness, rel=1e-5)
+    linear = followed(o, GOOD, 100, "linear", None)
+    assert abs(linear.severity.item() - found.severity.item()) > 1e-3
+    assert found.equations == "nonlinear"
+
+
+def test_a_survey_goes_from_many_linear_designs_to_few_nonlinear_ones():
+    limits, events = (tpd.limits.Stroke(1.0),), []
+    o = orbits(conditions=tpd.Conditions.band(SCENE, 2.4, 2.6, 2), limits=limits)
+    first, last = survey(o, GOOD, 20, 0, lambda *e: events.append(e))
+    assert (first.equations, last.equations) == ("linear", "nonlinear")
+    assert any(np.array_equal(x, GOOD[0]) for x in first.designs), "what searches met is among them"
+    assert len(first.designs) > 512 > len(last.designs) > 64
+    for found in (first, last):
+        kept = found.keeps
+        assert kept.any()
+        assert np.all(np.diff(kept.astype(int)) <= 0)
+        assert np.all(np.diff(found.score[kept]) >= 0.0)
+        units = WIDE.scaled(found.designs)
+        assert np.all((units >= -1e-12) & (units <= 1.0 + 1e-12))
+    done, total = np.array(events).T
+    assert np.all(np.diff(done) >= 0)
+    assert done[-1] <= total[-1]
+    again = survey(o, GOOD, 20, 0)[1]
+    np.testing.assert_array_equal(again.designs, last.designs)
