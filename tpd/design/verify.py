@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from tpd.design.by_runs import PairedRuns, strikes_of
+from tpd.design.criteria import Room, limit_of
 from tpd.design.reasons import ReasonKind
 from tpd.design.result import DesignStatus
 from tpd.design.screening import first_apart
@@ -21,6 +23,9 @@ SURVEYED = 10
 _MORE_ROOM, _APART = 0.05, 0.02
 """After a strike: share of the room by which the next design keeps further from the walls; and least distance
 of designs that are verified one after the other, in shares of the bounds."""
+_TRIED, _TRIAL_RUNS, _SPARE = 16, 96, 0.1
+"""Designs of a survey that are tried by paired runs before the verification, and half as many with a share of
+the room to spare; and runs of each."""
 _RUNS = 4096
 """Runs from rest spent on choosing the designs to verify."""
 
@@ -58,6 +63,8 @@ class Verification(Steps):
         helps = np.flatnonzero(found.helps)
         if self.by_overturning:
             helps = helps[np.argsort(np.sum(found.severity[helps] >= 1.0, axis=1), kind="stable")]
+        else:
+            helps = self._by_trials(found, helps)
         units = self.objective.space.scaled(found.designs)
         # Without any that helps the best one is verified all the same: its reasons are the answer.
         left, way = list(helps if len(helps) else fits[:1]), found.excess.get(ON_THE_WAY)
@@ -80,6 +87,32 @@ class Verification(Steps):
                 if np.linalg.norm(units[j] - units[i]) > _APART and (way is None or way[j] <= room)
             ]
         return DesignStatus.refused if len(helps) else DesignStatus.no_improvement
+
+    def _by_trials(self, found: Survey, helps: np.ndarray) -> np.ndarray:
+        """The most promising designs of a survey in the order of a few paired runs each, then the others.
+
+        From rest many designs are alike; what tells them apart is how they serve from other starts. The runs
+        are others than those that verify, so that luck in them does not help a design there."""
+        units, way = self.objective.space.scaled(found.designs), found.excess.get(ON_THE_WAY)
+        tried = first_apart(units, helps, _TRIED)
+        if way is not None:
+            # Runs that begin elsewhere swing further than those from rest: some designs need room to spare.
+            tried += first_apart(units, helps[way[helps] < -_SPARE], _TRIED // 2)
+        tried = list(dict.fromkeys(tried))
+        ensemble = replace(self.ensemble, size=_TRIAL_RUNS, seed=self.ensemble.seed + 1)
+        runs = PairedRuns(self.scene, self.objective.conditions, ensemble, self.worth, None)
+        room, worth = limit_of(self.objective.limits, Room), []
+        for done, i in enumerate(tried):
+            if self.progress is not None:
+                self.progress("trial runs", done + 1, len(tried))
+            mu, lam, zeta = found.designs[i]
+            hung = self.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
+            pair, gain = runs.of(hung)
+            bob = room.bob if isinstance(room, Room) else None
+            strikes = 0.0 if bob is None else strikes_of(pair, hung, self.scene.block, bob)
+            worth.append((strikes > self.worth.strikes or pair.harms, -gain.value))
+        first = [tried[k] for k in sorted(range(len(tried)), key=lambda k: worth[k])]
+        return np.array([*first, *(i for i in helps if i not in set(first))], dtype=int)
 
     def confirmed(self, search: Multistart) -> Verified | None:
         """The best end of a search on a model that the exact solution confirms, not verified any further."""
