@@ -7,7 +7,7 @@ import optax
 import pytest
 
 import tpd
-from tests.design.conftest import BAND, LIGHT, ONE, SCENE, SEVERAL, WIDE
+from tests.design.conftest import ANY_WORTH, BAND, LIGHT, ONE, SCENE, SEVERAL, WIDE
 from tests.design.test_objective import orbits
 from tpd.core.conditions import FACTORS
 from tpd.design.nonlinear_search import wanted
@@ -20,6 +20,7 @@ CALM = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.001, frequency
 """A shaking that lifts no block, and under which no orbit attracts."""
 FEW = tpd.Sequential(searches=3, screening=16, steps=3)
 RUNS = tpd.Ensemble(size=16, periods=30)
+EXACTLY = {"conditions": tpd.Conditions.exactly(), "worth": ANY_WORTH}
 
 
 def is_verified(design) -> bool:
@@ -127,8 +128,8 @@ def test_progress_covers_every_stage(one, stages):
     assert all(0 < done <= total for _, done, total in stages)
 
 
-def test_one_condition_given_as_none_or_as_conditions_is_the_same(one):
-    assert same(one, tpd.optimise(SCENE, LIGHT, conditions=tpd.Conditions(), **ONE))
+def test_one_condition_is_the_same_however_it_is_given(one):
+    assert same(one, tpd.optimise(SCENE, LIGHT, **(ONE | {"conditions": tpd.Conditions()})))
 
 
 @pytest.mark.parametrize(
@@ -165,7 +166,7 @@ def test_an_interruption_never_offers_what_is_not_verified(one, stage):
 
 def test_an_optimiser_of_the_user_searches():
     method = tpd.Descent(optax.sgd(0.05), searches=2, steps=4, screening=24)
-    design = tpd.optimise(SCENE, LIGHT, method=method, limits=(), ensemble=RUNS, seed=1)
+    design = tpd.optimise(SCENE, LIGHT, method=method, limits=(), ensemble=RUNS, seed=1, **EXACTLY)
     assert design.settings["optimiser"] == "custom"
     assert design.limits == ()
     assert design.stroke_limit == np.inf
@@ -175,7 +176,8 @@ def test_an_optimiser_of_the_user_searches():
 
 
 def test_a_block_that_rests_needs_no_pendulum():
-    for given in ({"method": FEW}, {"method": ONE["method"]}, {"method": FEW, "conditions": BAND}):
+    budgets = {"method": FEW}, {"method": FEW, **EXACTLY}, {"method": ONE["method"], **EXACTLY}
+    for given in (*budgets, {"method": FEW, "conditions": BAND}):
         design = tpd.optimise(CALM, LIGHT, ensemble=RUNS, **given)
         assert design.status is DesignStatus.no_uplift
         assert design.status.is_sound
@@ -189,7 +191,7 @@ def test_where_no_design_keeps_to_the_limits_the_nearest_is_told():
     """The nonlinear search, which follows the linear one, states the reserve as well: each excess belongs to
     the limit that is named."""
     limits = (tpd.limits.Stroke(0.5), tpd.limits.Room(), tpd.limits.Reserve(0.05))
-    design = tpd.optimise(SCENE, LIGHT, method=FEW, limits=limits, ensemble=RUNS)
+    design = tpd.optimise(SCENE, LIGHT, method=FEW, limits=limits, ensemble=RUNS, **EXACTLY)
     assert design.status is DesignStatus.none_feasible
     assert design.pendulum is None
     assert not np.isfinite(design.search.end_values).any()
@@ -204,7 +206,7 @@ def test_where_every_pendulum_rocks_more_none_is_offered():
     """Long pendulums with little damping below resonance."""
     space = tpd.DesignSpace(mass_ratio=(0.01, 0.012), length_ratio=(1.9, 2.0), damping_ratio=0.0)
     soft = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.03, frequency=1.5))
-    design = tpd.optimise(soft, space, method=FEW, limits=(), ensemble=RUNS)
+    design = tpd.optimise(soft, space, method=FEW, limits=(), ensemble=RUNS, **EXACTLY)
     assert design.status in (DesignStatus.no_improvement, DesignStatus.refused)
     assert design.pendulum is None
 

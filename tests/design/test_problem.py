@@ -58,7 +58,9 @@ def test_without_conditions_the_search_is_over_a_neighbourhood_and_begins_at_the
     assert made.method == tpd.Sequential()
     assert made.objective.limits == DEFAULT_LIMITS
     assert np.all(np.isfinite(made.objective.geometry.bare_tilt)), "worsening is asked for"
-    assert made.point.identity == problem(conditions=ALONE).identity
+    assert made.point.objective.limits == (tpd.limits.Stroke(), tpd.limits.Room())
+    alone = problem(conditions=ALONE, limits=made.point.objective.limits)
+    assert made.point.identity == alone.identity
     assert isinstance(made.point.method.model, tpd.Smoothed)
     assert made.point.point is None
 

@@ -15,7 +15,7 @@ from tpd.core.conditions import Conditions, under_all
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.scene import Scene
 from tpd.design.checkpoint import fingerprint_of
-from tpd.design.criteria import Limit, Mass, Reserve, Risk, Worsening, limit_of
+from tpd.design.criteria import DEFAULT_LIMITS, Limit, Mass, Reserve, Risk, Worsening, check_limits, limit_of
 from tpd.design.followed import Followed
 from tpd.design.inputs import check_moves, check_types, limits_for
 from tpd.design.methods import Descent, Method, Sequential, describe
@@ -138,9 +138,9 @@ def _around(
 
     A method that follows a model belongs to the shaking itself, one on orbits to the neighbourhood.
     """
-    limits = None if limits is None else tuple(limits)
+    limits = DEFAULT_LIMITS if limits is None else check_limits(limits)
     # At one shaking there is no other condition to compare with, and a model does not know the reserve.
-    fewer = None if limits is None else tuple(x for x in limits if not isinstance(x, (Worsening, Reserve)))
+    fewer = tuple(x for x in limits if not isinstance(x, (Worsening, Reserve)))
     at_point = isinstance(method, Descent) or (method is not None and method.model is not None)
     first, second = (method, None) if at_point else (None, method)
     rest = Starts.rest() if starts is not None and starts.kind is StartKind.any else starts

@@ -83,7 +83,7 @@ class Survey:
     @property
     def helps(self) -> np.ndarray:
         """Whether a design keeps to all limits and has a better score than the bare block, (m,)."""
-        return self.keeps & (self.score < float(self._of(self.bare)))
+        return self.keeps & (self.score < self._of(self.bare[None]))
 
     @property
     def score(self) -> np.ndarray:
@@ -153,7 +153,7 @@ def survey(
 
         def after(done: int, _: int) -> None:
             if progress is not None:
-                progress(first + done, total)
+                progress(first + min(done, len(designs)), total)
 
         return followed(objective, designs, periods, equations, after)
 
