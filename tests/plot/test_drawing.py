@@ -1,5 +1,6 @@
 """The drawing to scale and the animation."""
 
+import dataclasses
 import io
 
 import numpy as np
@@ -9,6 +10,7 @@ from PIL import Image
 
 import tpd
 from tests import designs
+from tpd.core.bob import Bob
 from tpd.plot.animation import animate, reel
 from tpd.plot.drawing import corners, plot_scene, rod
 
@@ -39,6 +41,30 @@ def test_the_drawing_is_to_scale_and_nothing_is_cut_off_or_covered(scene, pendul
         assert figure.bbox.y0 <= box.y0
         assert box.y1 <= figure.bbox.y1
         assert not any(box.overlaps(other) for other in words[i + 1 :])
+
+
+CAVE = dataclasses.replace(designs.SCENE, block=dataclasses.replace(designs.SCENE.block, cavity_width=0.085))
+
+
+@pytest.mark.parametrize("bob", [Bob(), Bob(shape="cylinder", aspect=2.0), Bob(density=700.0)])
+def test_cavity_and_bob_are_drawn_to_scale_and_no_word_is_cut_off(bob):
+    ax = plot_scene(CAVE, designs.HUNG, stroke=0.3, bob=bob)
+    ax.figure.canvas.draw()
+    inch = ax.patches[0].get_window_extent().width / 0.1
+    shapes = [patch.get_window_extent() for patch in ax.patches]
+    # Block, cavity, the body at both ends of its swing, and at rest.
+    assert len(shapes) == 5
+    assert shapes[1].width / inch == pytest.approx(0.085, rel=0.02)
+    assert shapes[-1].width / inch == pytest.approx(2.0 * bob.radius(1.6224), rel=0.03)
+    assert shapes[-1].height / inch == pytest.approx(2.0 * bob.half_height(1.6224), rel=0.03)
+    right = max(shape.x1 for shape in shapes[2:4]) - 0.5 * (shapes[0].x0 + shapes[0].x1)
+    assert right / inch == pytest.approx(bob.reach(1.6224, 0.12, 0.3), rel=0.03)
+    words = [Text.get_window_extent(t) for t in ax.texts if t.get_text()]
+    assert max(box.x1 for box in words) <= ax.figure.bbox.x1
+    assert not any(box.overlaps(other) for i, box in enumerate(words) for other in words[i + 1 :])
+    said = " ".join(t.get_text() for t in ax.texts)
+    assert "cavity, 0.085 m wide" in said
+    assert f"bob, 1.622 kg: {bob.shape}" in said
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3, -0.3, 0.5 * np.pi])

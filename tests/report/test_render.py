@@ -127,6 +127,21 @@ def test_everything_is_escaped_and_numbers_stand_to_the_right():
     assert reader.text.count("–") == 2
 
 
+def test_wide_tables_scroll_and_their_captions_do_not():
+    wide = Table(("a", "b", "c", "d"), (("1", "2", "3", "4"),), "caption")
+    page = html(of(wide), {})
+    assert read(page).text.count("on a small screen it scrolls to the side") == 1
+    box = page[page.index('<div class="wide"') : page.index("</div>")]
+    assert "caption" not in box
+    assert '<p class="caption">caption</p>' in page
+    assert "scrolls to the side" not in html(of(Table(("a",), (("1",),))), {})
+
+
+def test_an_empty_last_cell_has_no_line_of_its_own():
+    table = Table(("from", "reasons"), (("search", "because " * 20), ("path", None)))
+    assert text(of(table)).splitlines()[-1] == "path"
+
+
 def test_rows_have_the_cells_of_their_head():
     with pytest.raises(ValueError, match="must have 2 cells as the head has, but has 1"):
         Table(("name", "size"), (("one",),))

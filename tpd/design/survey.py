@@ -95,7 +95,7 @@ class Survey:
     def _of(self, severity: np.ndarray) -> np.ndarray:
         """Mean of the risk over the conditions and of the mean severity."""
         # The worst condition alone would call all designs equal under one in which every block overturns.
-        return 0.5 * (self.risk.of(severity) + severity.mean(axis=-1))
+        return np.asarray(0.5 * (self.risk.of(severity) + severity.mean(axis=-1)))
 
     def best_without(self, *names: str) -> int | None:
         """The best design that keeps to all limits but those named, or None."""

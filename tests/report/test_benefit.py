@@ -1,0 +1,126 @@
+"""Sections on the benefit: headline, paired runs, the shaking itself, losses, and what limits the design."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tests import designs
+from tpd.design.criteria import Room, Stroke
+from tpd.design.result import DesignStatus, Nearest
+from tpd.report import benefit
+from tpd.report.blocks import Note, Severity, Table
+
+SOUND = (designs.loss_case("friction"),)
+"""Losses on which the benefit does not hang."""
+
+
+def rows(table) -> dict:
+    assert isinstance(table, Table)
+    return {row[0]: row[1:] for row in table.rows}
+
+
+def test_the_headline_has_the_benefit_its_interval_and_the_shares():
+    said = benefit.headline(designs.around(losses=SOUND))
+    assert said.startswith("WORTH HANGING under the stated conditions. Over 40 paired runs of the nonlinear")
+    # 1 - (2 + 38 * 0.2)/(20 + 20 * 0.4)
+    assert "66% less tilt (95 % interval " in said
+    assert "5.0% overturn in place of 50.0%" in said
+    assert said.endswith("That is no verdict of safety: read the shares.")
+
+
+def test_a_benefit_that_hangs_on_the_losses_says_so_first():
+    said = benefit.headline(designs.around())
+    assert said.startswith(
+        "THE BENEFIT HANGS ON THE LOSSES: it is not shown where the block loses energy by impacts (0%)."
+    )
+
+
+@pytest.mark.parametrize(
+    ("design", "said"),
+    [
+        (designs.single(), "the search knows one shaking and none beside it and takes a bob without size"),
+        (designs.single(limits=(Stroke(), Room())), "the search knows one shaking and none beside it."),
+        (designs.band(), "the search takes a bob without size and no walls."),
+    ],
+)
+def test_what_the_search_did_not_ask_for_comes_before_the_benefit(design, said):
+    assert benefit.headline(design).startswith(f"FOUND, BUT NOT TO BE HUNG AS IT IS: {said}")
+
+
+def test_a_refusal_names_the_best_and_what_is_against_it():
+    said = benefit.headline(designs.refused())
+    assert said.startswith(DesignStatus.refused.value)
+    assert f"1.622 kg on 0.12 m, damping ratio 0.1. Against it: {designs.REASON}." in said
+    nearest = Nearest(design=np.array(designs.RATIOS), broken=(designs.REASON,))
+    none = designs.single(
+        status=DesignStatus.none_feasible, pendulum=None, verified=(), nearest=nearest, surveys=()
+    )
+    assert benefit.headline(none).endswith(f"The nearest: {designs.REASON}.")
+
+
+def test_paired_runs_stand_with_their_intervals_and_beside_the_linear_ones():
+    table, chance, by_condition = benefit.paired_runs(designs.around())
+    found = rows(table)
+    assert found["overturned"][:2] == ("5.0%", "50.0%")
+    assert found["overturned"][2].startswith("-45.0% (-")
+    assert found["overturned"][3] == "5.0% / 50.0%"
+    assert found["mean tilt over ν"][:2] == ("24.0%", "70.0%")
+    assert found["mean tilt over ν"][3] is None
+    assert chance == Note(
+        Severity.information,
+        "0 runs overturn with the pendulum only and 18 without it only. Would chance alone do this? Hardly: "
+        "p = 3.8e-06.",
+    )
+    assert len(by_condition.rows) == 10
+    # Runs 0, 10, 20 and 30 are of the first condition; 0 overturns with the pendulum, 0 and 10 without.
+    assert rows(by_condition)["2.375 Hz"] == ("40.0%", "70.0%", None)
+
+
+def test_conditions_that_get_worse_are_marked():
+    runs = designs.paired(lost=30, lost_bare=2, tilt=0.2)
+    winner = dataclasses.replace(designs.around().winner, paired=runs, benefit=designs.benefit(runs, 10))
+    marks = [row[-1] for row in benefit.paired_runs(designs.around(verified=(winner,)))[-1].rows]
+    assert "worse" in marks
+
+
+def test_without_paired_runs_and_for_one_condition_there_is_less_to_show():
+    assert benefit.paired_runs(designs.refused()) == []
+    assert len(benefit.paired_runs(designs.single())) == 2
+    for part in (benefit.losses, benefit.at_point, benefit.limiting):
+        assert part(designs.single()) == []
+
+
+def test_the_best_at_the_shaking_itself_stands_beside_the_best_around_it():
+    table, against = benefit.at_point(designs.around())
+    found = rows(table)
+    assert found["bob"] == ("3.245 kg", "1.622 kg")
+    assert found["length"] == ("0.2 m", "0.12 m")
+    assert found["tilt at the shaking itself (rad)"] == ("0.01", "0.05")
+    assert found["verdict"] == ("refused", "worth hanging")
+    # 25 of 40 runs overturn in place of 20, the others at half the tilt: no more and no less.
+    assert found["benefit around it"][0].startswith("0% less tilt (95 % interval -")
+    assert "smoothed model" in table.caption
+    assert "0.0101 rad, the exact solution 0.01 rad" in table.caption
+    assert against.text == f"Against the best at the shaking itself: {designs.REASON}."
+    sound = dataclasses.replace(designs.at_point(), verified=designs.verified())
+    assert len(benefit.at_point(designs.around(at_point=sound))) == 1
+
+
+def test_losses_have_a_row_each():
+    (table,) = benefit.losses(designs.around())
+    found = rows(table)
+    assert list(found) == ["friction", "impacts"]
+    assert found["impacts"][:2] == ("k = 0.05, e = 0.9", "0% less tilt (95 % interval 0% to 0%)")
+    assert found["impacts"][2] == "50.0% / 50.0%"
+
+
+def test_limits_that_keep_better_designs_out_are_named():
+    counts, table = benefit.limiting(designs.around())
+    assert "Of 4 designs followed from rest by the linear equations 2 keep to all limits" in counts.text
+    assert "1 exceed the limit on room for the bob on the way from rest" in counts.text
+    kept, without = table.rows
+    assert kept[:2] == ("all limits kept", pytest.approx(1.6224))
+    assert without[1:3] == (pytest.approx(3.2448), pytest.approx(0.16))
+    assert kept[-2:] == ("30.0%", "0 of 10")
+    assert without[-2:] == ("20.0%", "0 of 10")
