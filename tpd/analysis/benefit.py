@@ -64,6 +64,7 @@ class Benefit:
 
 def severity(outcomes: Outcomes, slenderness: float) -> np.ndarray:
     """Settled tilt over nu of every run, between 0 and 1; 1 where the block overturns."""
+    # A bound at 1 keeps means finite: an overturned block is as bad as one on its corner, and no worse.
     tilt = np.where(outcomes.lost, np.inf, outcomes.amplitude) / slenderness
     return np.minimum(np.where(np.isnan(tilt), np.inf, tilt), 1.0)
 
@@ -117,6 +118,7 @@ def _median(x: np.ndarray) -> Any:
 
 def _worst(x: np.ndarray) -> Any:
     """Mean of the worst tenth: the largest of all runs alone would say little."""
+    # Of few runs at least one.
     k = max(1, x.shape[-1] // 10)
     return np.sort(x, axis=-1)[..., -k:].mean(axis=-1)
 

@@ -86,6 +86,7 @@ class Risk:
         ordered = -np.sort(-values, axis=-1)
         weights = np.clip(1.0 - cap * np.arange(n), 0.0, cap)
         # A condition without weight may be infinite: 0 times infinity must not enter the sum.
+        # Of one design the sum is a scalar of NumPy, which is no array.
         return np.asarray(np.sum(np.where(weights > 0.0, ordered, 0.0) * weights, axis=-1))
 
 

@@ -27,6 +27,7 @@ def plot_benefit(design: Design, axes: Any = None) -> Any:
     axes = new_axes(1, (7.4, 1.5 + 0.26 * len(rows))) if axes is None else axes
     for y, (_, hung, bare, strong) in enumerate(rows):
         axes.plot([bare, hung], [y, y], color=INK if strong else GREY, lw=1.6 if strong else 1.0, zorder=1)
+    # Marks stand over the lines, and at 0 and 1 over the frame: a half mark reads as another one.
     heights = np.arange(len(rows))
     for case, column in ((0, 2), (1, 1)):
         style = {key: CASES[case][key] for key in ("color", "marker", "label") if key in CASES[case]}

@@ -14,6 +14,7 @@ from tpd.core.status import SETTLED
 from tpd.plot.style import BLUE, GREY, INK, LABELS, in_degrees, new_axes
 
 _STYLES: tuple[dict[str, Any], ...] = ({"color": GREY, "lw": 2.6}, {"color": BLUE, "lw": 1.5})
+# Open and filled marks of one shape look alike where they are small or lie over each other.
 _FROM_REST: tuple[dict[str, Any], ...] = (
     {"marker": "p", "ls": "", "ms": 4.5, "mfc": "white"},
     {"marker": "*", "ls": "", "ms": 5.5, "mfc": INK},

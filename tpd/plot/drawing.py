@@ -79,6 +79,7 @@ def _half_width(scene: Scene, pendulum: Pendulum | None, stroke: float, bob: Bob
     """Largest distance of block and bob from the middle, m."""
     swing = 0.0 if pendulum is None else pendulum.length * math.sin(min(stroke, 0.5 * math.pi))
     if pendulum is not None and bob is not None:
+        # The sheet must hold the body at the end of its swing, also where that lies beyond the walls.
         swing = float(bob.reach(pendulum.mass, pendulum.length, min(stroke, 0.5 * math.pi)))
     return max(0.5 * scene.block.width, swing)
 
@@ -88,6 +89,7 @@ def _cavity(ax: Axes, scene: Scene) -> list[Label]:
     wide, height = scene.block.cavity_width, scene.block.height
     if wide is None:
         return []
+    # A floor is drawn, so that the walls are seen to be those of a hollow block and not two bars.
     c, floor = 0.5 * wide, 0.05 * height
     ax.add_patch(Polygon([(-c, floor), (c, floor), (c, height), (-c, height)], fc="white", ec="none"))
     # The hinge hangs from a beam across the opening.
@@ -145,6 +147,7 @@ def _bob(ax: Axes, pendulum: Pendulum, bob: Bob | None, centre: np.ndarray) -> s
     x, y = map(float, centre)
     label = f"bob, {number(pendulum.mass)} kg"
     if bob is None:
+        # Somebody has to hang something: a dotted ball shows how large a point of this mass would be.
         radius = float(Bob().radius(pendulum.mass))
         ax.add_patch(Circle((x, y), radius, fill=False, ec=INK, lw=0.7, ls=(0, (1, 1.5))))
         ax.plot(x, y, "o", ms=6, color=INK)
@@ -167,6 +170,7 @@ def _outline(bob: Bob, mass: float) -> np.ndarray:
 
 def _turned(angle: float) -> np.ndarray:
     """Matrix that turns row vectors as the rod turns at an angle (rad) from the vertical."""
+    # Row vectors stand to the left of a matrix, so that this is the transpose of the usual one.
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, s], [-s, c]])
 

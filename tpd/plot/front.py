@@ -44,6 +44,7 @@ def plot_front(front: Front, design: Design, ax: Axes | None = None) -> Axes:
             ax.plot(*at, "*", ms=16, mfc=ORANGE, mec=INK, label="answer")
     ax.set(xlabel=LABELS["pendulum_mass"] + ", at most", ylabel=f"{design.risk.name} tilt, 0 at rest (rad)")
     ax.set_ylim(bottom=0.0 if not tilts.size or tilts.max() > 0.0 else None)
+    # Masses are compared by their distance from none at all, as the tilts are.
     ax.set_xlim(left=0.0)
     in_degrees(ax)
     ax.legend(fontsize=8, frameon=False)

@@ -57,6 +57,7 @@ def _finish(axes: Any, last: float) -> None:
         ax.set(ylabel=label, xlim=(-0.02 * last, 1.02 * last))
         if i < 2:
             ax.set_ylim(-top, top)
+    # After the limits are set, which the second scale follows.
     for ax in axes:
         in_degrees(ax)
     axes[-1].set(xlabel="time from a start at rest (s)")

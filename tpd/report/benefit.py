@@ -74,6 +74,7 @@ def _gain(best: Verified) -> str:
 
 def _sign(design: Design) -> str:
     """Sentence that says first that the benefit hangs on how the block loses energy."""
+    # Of the data of a block its losses are known least: what hangs on them comes before any number.
     against = [case for case in design.losses if case.benefit.low <= 0.0]
     if not against:
         return ""
@@ -188,6 +189,7 @@ def at_point(design: Design) -> list[Block]:
         f"{number(point.model_amplitude)} rad, the exact solution {number(point.amplitude)} rad. Without a "
         f"pendulum: {_tilt(point.amplitude_without)}. Both are verified under all conditions."
     )
+    # A sentence in a cell would make the whole table as wide as the sentence.
     against = information(f"Against the best at the shaking itself: {_first(point.verified)}.")
     return [Table(head, tuple(rows), caption), *([against] if point.verified.reasons else [])]
 

@@ -80,6 +80,7 @@ def _plain(x: Any) -> Any:
         case Change():
             return x._asdict()
         case Benefit():
+            # A pair in a list would leave open which of the two is with the pendulum.
             with_it, without = x.by_condition
             named = {f.name: _plain(getattr(x, f.name)) for f in fields(x)}
             return named | {"by_condition": {"with": with_it.tolist(), "without": without.tolist()}}
@@ -106,6 +107,7 @@ def _evaluation(e: Any) -> dict[str, Any]:
 
 def _survey(found: Survey) -> dict[str, Any]:
     """Counts, the best design, and the best one where a limit is left out; not the thousands of others."""
+    # Thousands of designs would make a file of tens of megabytes that nobody reads; a seed repeats them.
     broken = {name: int(np.sum(x > 0.0)) for name, x in found.excess.items()}
     without = {name: _surveyed(found, found.best_without(name)) for name, n in broken.items() if n}
     return {

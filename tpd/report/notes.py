@@ -130,6 +130,7 @@ def _overturns_less(lost: np.ndarray, bare: np.ndarray, winner: Verified) -> boo
 
 def _repeated(winner: Verified) -> Iterator[Note]:
     """Overturning in runs beside the one from rest: shakings nearby, and the ensemble."""
+    # Linear runs stand in tables only: beyond bob angles of half a radian their shares are wrong.
     near, runs = winner.neighbours, _deciding(winner)
     if near is not None and near.overturned:
         yield danger(
@@ -169,6 +170,7 @@ def _nonlinear(design: Design, winner: Verified) -> Iterator[Note]:
 def _in_paired_runs(winner: Verified, conditions: list[int]) -> tuple[str, bool]:
     """Mean tilts of the paired runs under some conditions in words, and whether they are worse or unknown."""
     if winner.benefit is not None:
+        # Paired runs scatter starts, phases and the shaking about each condition: a mean over neighbours.
         hung, bare = (x[conditions] for x in winner.benefit.by_condition)
         known = np.isfinite(hung) & np.isfinite(bare)
         if known.any():
@@ -327,6 +329,8 @@ def _responses(design: Design, study: Study) -> Iterator[Note]:
 
 def _neighbourhood(of: Response, i: int) -> tuple[np.ndarray, str]:
     """Indices of the frequencies about the i-th, in the least of a few widths that holds some, in words."""
+    # Far from the design the frequencies lie 2 % apart and within 1 % there would be one run alone, which
+    # is what must not be told.
     apart = np.abs(of.frequency / of.frequency[i] - 1.0)
     width = next((w for w in _WIDTHS if np.sum(apart <= w) >= _FEW), _WIDTHS[-1])
     return np.flatnonzero(
@@ -343,6 +347,7 @@ def _rocks_more(bare: Response, hung: Response, away: np.ndarray) -> Iterator[No
     if not chosen.size:
         return
     i = int(chosen[np.argmin(away[chosen])])
+    # Where motions are chaotic an amplitude is that of one run: neighbours say whether it is the rule.
     near, words = _neighbourhood(hung, i)
     yield (danger if grave.any() else warning)(
         f"At {more[near].sum()} of {near.size} {words} the block rocks more with this pendulum than without, "

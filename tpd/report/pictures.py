@@ -72,6 +72,7 @@ def _drawing(design: Design) -> Axes:
     """Drawing to scale, the bob as the body that the limits ask room for."""
     from tpd.plot import drawing
 
+    # Without the limit the search took a point; a body in the drawing would claim that it fits.
     room = limit_of(design.limits, Room)
     bob = room.bob if isinstance(room, Room) else None
     return drawing.plot_scene(design.scene, design.pendulum, stroke=settled_stroke(design), bob=bob)

@@ -50,6 +50,7 @@ def motion_csv(histories: Sequence[TimeHistory]) -> str:
         if h.with_pendulum:
             header.append("with_bob_rad")
             columns.append(h.bob)
+    # An empty cell is read as missing by every program; a word such as "nan" is not.
     rows = zip(*(column.tolist() for column in columns), strict=True)
     return files.as_csv(header, ([x if math.isfinite(x) else "" for x in row] for row in rows))
 

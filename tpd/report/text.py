@@ -56,6 +56,7 @@ def _table(table: Table) -> Iterator[str]:
         )
         if (line := "  ".join(cells).rstrip()) or not below:
             yield line
+        # A dash on a line of its own says nothing.
         if below and whole is not rows[0] and whole[-1] != NO_VALUE:
             yield from textwrap.wrap(whole[-1], _WIDTH, initial_indent="    ", subsequent_indent="    ")
     if table.caption:
