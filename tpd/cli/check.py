@@ -84,7 +84,7 @@ def _bare(job: Job, options: argparse.Namespace) -> int:
     """Print the models of the bare block, which a report without a pendulum is about."""
     from tpd.analysis.compare_models import MODELS, QUICK, check
 
-    with common.Bar() as bar:
+    with common.bar() as bar:
         found = check(job.scene, models=QUICK if options.quick else MODELS, progress=bar)
     print(f"\n{found.table()}\n")
     # No pendulum is an answer only where none is needed.

@@ -48,7 +48,7 @@ class Checkpoint:
         return Checkpoint(path, fingerprint, stored)
 
     def shifted(self, by: int) -> Checkpoint:
-        """The same file, for groups that are numbered from `by` on: those of another search."""
+        """This file for groups that are numbered from `by` on: those of another search."""
         return _Shifted(self, by)
 
     def get(self, group: int) -> Ends | None:

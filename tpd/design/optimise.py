@@ -108,16 +108,26 @@ def optimise(
         RuntimeError: JAX is in 32-bit mode.
     """
     problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed, worth)
-    ensemble = Ensemble(seed=seed) if ensemble is None else ensemble
+    runs = _ensemble(Ensemble(seed=seed) if ensemble is None else ensemble, scene)
+    checks.flag("by_overturning", by_overturning)
+    with shown(progress) as report:
+        return solve(problem, runs, by_overturning, _file(checkpoint), report)
+
+
+def _ensemble(ensemble: Ensemble, scene: Scene) -> Ensemble:
+    """Runs that verify, checked."""
     checks.instance("ensemble", ensemble, Ensemble)
     if ensemble.restitution > 0.0:
         check_restitution(scene)
-    checks.flag("by_overturning", by_overturning)
-    if checkpoint is not None:
-        checks.instance("checkpoint", checkpoint, (Path, str))
-        checkpoint = Path(checkpoint)
-    with shown(progress) as report:
-        return solve(problem, ensemble, by_overturning, checkpoint, report)
+    return ensemble
+
+
+def _file(checkpoint: Path | str | None) -> Path | None:
+    """Path of a checkpoint, checked."""
+    if checkpoint is None:
+        return None
+    checks.instance("checkpoint", checkpoint, (Path, str))
+    return Path(checkpoint)
 
 
 def solve(

@@ -51,7 +51,7 @@ class Survey:
     severity: np.ndarray
     """Settled tilt over nu under every condition, 1 where the block overturns, (m, n)."""
     bare: np.ndarray
-    """The same of the block without a pendulum, (n,)."""
+    """Severity of the block without a pendulum, (n,)."""
     excess: dict[str, np.ndarray]
     """Limited sizes over their limits, less one, the largest of all conditions, by name, (m,); those above
     zero are broken."""

@@ -153,7 +153,7 @@ class AtPoint:
     model: str
     """Model of the search, and of `model_amplitude`."""
     model_amplitude: float
-    """The same by the model of the search."""
+    """This amplitude by the model of the search."""
     verified: Verified
     """Under all conditions, with the reasons against it."""
 

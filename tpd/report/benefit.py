@@ -51,7 +51,7 @@ def headline(design: Design) -> str:
 
 
 def _missing(design: Design) -> str:
-    """What an engineer would ask for and the search has left out; empty if nothing."""
+    """Questions of an engineer that the search has left out, in words; empty if there are none."""
     parts = []
     if len(design.conditions) == 1:
         parts.append("knows one shaking and none beside it")
