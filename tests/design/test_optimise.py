@@ -406,3 +406,50 @@ def test_a_search_is_finished_over_what_starts_reach():
     assert design.bare.searched.model == "piecewise"
     if design.status is DesignStatus.found:
         assert set(design.elasticities) in ({"mass", "length", "damping"}, set())
+
+
+# A neighbourhood, by default
+
+CHIMNEY = tpd.Scene(
+    tpd.Block(
+        width=1.3,
+        height=10.0,
+        mass=16280.0,
+        cavity_width=0.9,
+        radius_of_gyration=2.92,
+        restitution="housner",
+    ),
+    tpd.Harmonic(amplitude=0.081, frequency=0.85),
+)
+ROOM = tpd.DesignSpace(mass_ratio=(0.004, 0.1), length_ratio=(0.04, 0.9), damping_ratio=(0.05, 0.6))
+BUDGET = {
+    "method": tpd.Descent(searches=2, steps=3, screening=16),
+    "ensemble": tpd.Ensemble(size=64, periods=40),
+}
+
+
+@pytest.mark.slow
+def test_by_default_a_chimney_gets_a_pendulum_that_is_worth_hanging():
+    design = tpd.optimise(CHIMNEY, ROOM, **BUDGET)
+    assert design.status is DesignStatus.found
+    assert is_verified(design)
+    assert len(design.conditions) == 10
+    winner = design.winner
+    assert winner.benefit.value >= design.worth.at_least
+    assert winner.benefit.low > 0.0
+    assert winner.strikes <= design.worth.strikes
+    assert design.at_point is not None
+    assert len(design.losses) == 3
+    assert design.surveys[-1].keeps.any()
+
+
+@pytest.mark.slow
+def test_by_default_a_pendulum_that_is_not_worth_hanging_is_refused():
+    space = dataclasses.replace(ROOM, mass_ratio=(0.004, 0.005))
+    worth = tpd.design.worth.Worth(at_least=0.95)
+    design = tpd.optimise(CHIMNEY, space, worth=worth, **BUDGET)
+    assert design.status in (DesignStatus.refused, DesignStatus.no_improvement)
+    assert design.pendulum is None
+    assert design.losses == ()
+    kinds = {reason.kind for v in design.verified for reason in v.reasons}
+    assert ReasonKind.too_little_benefit in kinds

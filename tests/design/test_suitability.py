@@ -9,11 +9,11 @@ import pytest
 import tpd
 from tests import designs
 from tpd.analysis.compare_models import nonlinear
+from tpd.core.bob import Bob
 from tpd.core.conditions import Conditions
 from tpd.design.suitability import (
     Motions,
     Suitability,
-    cavity_width,
     misfits,
     motions,
     neighbours,
@@ -43,7 +43,14 @@ def case(hung: Motions, bare: Motions, several: bool = False, top: float | None 
     check = dataclasses.replace(CHECK, models=models, bare=float(bare.amplitude[0]), limit=0.5)
     shakings = Conditions({"frequency": np.array([1.0, 0.99, 1.01])})
     return Suitability(
-        scene=TOWER, pendulum=HUNG, check=check, shakings=shakings, several=several, hung=hung, bare=bare
+        scene=TOWER,
+        pendulum=HUNG,
+        bob=Bob(),
+        check=check,
+        shakings=shakings,
+        several=several,
+        hung=hung,
+        bare=bare,
     )
 
 
@@ -104,7 +111,7 @@ def test_the_gravest_reason_is_the_last():
 
 
 def test_the_reach_is_that_of_the_motions_that_stand():
-    at = HUNG.length * math.sin(0.1) + HUNG.ball_radius
+    at = HUNG.length * math.sin(0.1) + Bob().radius(HUNG.mass)
     assert case(some(0.05, INF, INF), some(0.1, 0.1, 0.1)).reach == pytest.approx((at, at), rel=1e-12)
     assert case(some(INF, 0.05, 0.05), some(0.1, 0.1, 0.1), True).reach == pytest.approx((at, at), rel=1e-12)
     assert all(map(math.isnan, case(some(INF, 0.05, 0.05), some(0.1, 0.1, 0.1)).reach))
@@ -117,29 +124,44 @@ def test_the_reach_is_that_of_the_motions_that_stand():
         (
             (0.08, 0.22),
             (1.01, 0.5),
-            ("once settled the ball of steel reaches 1.01 m to the side, and there are 1 m",),
+            ("once settled the bob reaches 1.01 m to the side, and there are 1 m",),
         ),
-        ((0.08, 0.22), (0.5, 1.2), ("on the way from rest the ball of steel reaches 1.2 m",)),
+        ((0.08, 0.22), (0.5, 1.2), ("on the way from rest the bob reaches 1.2 m",)),
         ((0.08, 0.1), (0.5, 0.5), ("more than half of its rod",)),
-        ((0.05, 1.95), (0.5, 0.5), ("rod and ball are 9.17 m long, and the block is 9 m high",)),
-        ((0.8, 1.0), (0.5, 0.5), ("has a radius of 1 m, and there are 1 m to either side",)),
+        ((0.05, 1.95), (0.5, 0.5), ("rod and bob are 9.17 m long, and the block is 9 m high",)),
+        (
+            (0.8, 1.0),
+            (0.5, 0.5),
+            ("the bob as a solid ball of steel has a radius of 1 m, and there are 1 m to either side",),
+        ),
         ((0.08, 0.22), (math.nan, math.nan), ()),
     ],
 )
 def test_a_bob_that_does_not_fit_is_refused(ratios, reach, said):
     hung = TOWER.pendulum(mass_ratio=ratios[0], length_ratio=ratios[1], damping_ratio=0.2)
-    found = list(misfits(TOWER.block, hung, reach))
+    found = list(misfits(TOWER.block, hung, Bob(), reach))
     assert len(found) == len(said)
     for sentence, part in zip(found, said, strict=True):
         assert part in sentence
 
 
-def test_the_cavity_is_as_wide_as_the_block_unless_it_is_given():
-    assert cavity_width(TOWER.block) == 2.0
-    block = dataclasses.replace(TOWER.block)
-    for given, width in ((1.5, 1.5), (None, 2.0)):
-        object.__setattr__(block, "cavity_width", given)
-        assert cavity_width(block) == width
+def test_the_bob_must_fit_into_the_cavity():
+    """It is as wide as the block unless it is given."""
+    assert TOWER.block.room == 2.0
+    narrow = dataclasses.replace(TOWER.block, cavity_width=1.5)
+    assert narrow.room == 1.5
+    assert list(misfits(TOWER.block, HUNG, Bob(), (0.8, 0.9))) == []
+    found = list(misfits(narrow, HUNG, Bob(), (0.7, 0.9)))
+    assert found == ["on the way from rest the bob reaches 0.9 m to the side, and there are 0.75 m"]
+
+
+def test_a_slim_bob_is_measured_along_the_rod_as_well():
+    slim = Bob(shape="cylinder", aspect=8.0)
+    (sentence,) = misfits(TOWER.block, HUNG, slim, (0.5, 0.5))
+    assert sentence.startswith(
+        "the bob as a solid cylinder of steel, 8 times as high as wide has a radius of"
+    )
+    assert sentence.endswith("its half height is more than half of its rod of 0.99 m")
 
 
 def test_motions_are_those_of_the_nonlinear_equations():
@@ -148,7 +170,8 @@ def test_motions_are_those_of_the_nonlinear_equations():
     scene = dataclasses.replace(TOWER, motion=tpd.Harmonic(amplitude=0.1, frequency=0.8 * 1.01))
     amplitude, _, status = nonlinear(scene.parameters())
     assert found.status[7] == status == "rocking"
-    assert found.amplitude[7] == pytest.approx(amplitude, rel=1e-9)
+    # Followed until it repeats itself, not polished: the last periods still change by that much.
+    assert found.amplitude[7] == pytest.approx(amplitude, abs=1e-5)
     assert found.way[7] >= found.settled[7] > 0.0
 
 

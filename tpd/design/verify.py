@@ -23,9 +23,9 @@ SURVEYED = 10
 _MORE_ROOM, _APART = 0.05, 0.02
 """After a strike: share of the room by which the next design keeps further from the walls; and least distance
 of designs that are verified one after the other, in shares of the bounds."""
-_TRIED, _TRIAL_RUNS, _SPARE = 16, 96, 0.1
-"""Designs of a survey that are tried by paired runs before the verification, and half as many with a share of
-the room to spare; and runs of each."""
+_TRIED, _TRIAL_RUNS, _SPARE = 16, 160, (0.04, 0.08)
+"""Designs of a survey that are tried by paired runs before the verification, runs of each, and shares of the
+room to spare for which there are as many designs again."""
 _RUNS = 4096
 """Runs from rest spent on choosing the designs to verify."""
 
@@ -97,7 +97,8 @@ class Verification(Steps):
         tried = first_apart(units, helps, _TRIED)
         if way is not None:
             # Runs that begin elsewhere swing further than those from rest: some designs need room to spare.
-            tried += first_apart(units, helps[way[helps] < -_SPARE], _TRIED // 2)
+            for spare in _SPARE:
+                tried += first_apart(units, helps[way[helps] < -spare], _TRIED)
         tried = list(dict.fromkeys(tried))
         ensemble = replace(self.ensemble, size=_TRIAL_RUNS, seed=self.ensemble.seed + 1)
         runs = PairedRuns(self.scene, self.objective.conditions, ensemble, self.worth, None)
