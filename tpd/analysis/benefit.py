@@ -125,8 +125,8 @@ def _worst(x: np.ndarray) -> Any:
 
 def _fall(hung: Any, bare: Any) -> np.ndarray:
     """Share by which severities fall, numbers or arrays; 0 where both are zero."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(bare > 0.0, 1.0 - hung / bare, np.where(hung > 0.0, -np.inf, 0.0))
+    # Relative to a bare block that hardly moves every tilt would be an endless harm.
+    return (np.asarray(bare) - hung) / np.maximum(bare, _LEAST)
 
 
 def _interval(values: np.ndarray) -> tuple[float, float]:
