@@ -32,6 +32,9 @@ def test_one_condition_is_searched_by_descent_on_smoothed_signs_from_rest():
     assert made.starts.kind is StartKind.rest
     # A motion that is followed does not know its reserve.
     assert made.objective.limits == (tpd.limits.Stroke(), tpd.limits.Room(), tpd.limits.Worsening())
+    bob = tpd.limits.POINT_BOB
+    assert problem(conditions=ALONE, limits=bob).objective.limits == (tpd.limits.Stroke(),)
+    assert problem(conditions=BAND, limits=bob).objective.limits == bob
     assert made.point is None
     assert problem(conditions=BAND).objective.limits == DEFAULT_LIMITS
     assert made.objective.risk == tpd.Risk.worst()

@@ -10,7 +10,7 @@ from tpd.analysis.attractors import Starts
 from tpd.core import checks
 from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.scene import Scene
-from tpd.design.criteria import DEFAULT_LIMITS, Limit, Reserve, Risk, check_limits
+from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, Limit, Reserve, Risk, check_limits
 from tpd.design.methods import Method
 from tpd.design.space import DesignSpace
 
@@ -62,14 +62,16 @@ def check_scatter(scene: Scene, names: Iterable[str], space: DesignSpace | None 
 
 
 def limits_for(limits: Iterable[Limit] | None, follows: bool) -> tuple[Limit, ...]:
-    """The limits of a search, or the default ones; `follows` says that it follows motions by a model.
+    """The limits of a search, or the default ones; `follows` says that it follows motions by a model. The
+    named sets `DEFAULT_LIMITS` and `POINT_BOB` serve both kinds of search.
 
     Raises:
         ValueError: bad limits, or a reserve that such a search cannot state.
     """
-    if limits is None:
+    limits = DEFAULT_LIMITS if limits is None else limits
+    if limits is DEFAULT_LIMITS or limits is POINT_BOB:
         # A motion that is followed does not know how far it is from where it stops attracting.
-        return tuple(x for x in DEFAULT_LIMITS if not (follows and isinstance(x, Reserve)))
+        return tuple(x for x in limits if not (follows and isinstance(x, Reserve)))
     listed = check_limits(limits)
     if follows and any(isinstance(limit, Reserve) for limit in listed):
         raise ValueError(
