@@ -123,7 +123,7 @@ def _worst(x: np.ndarray) -> Any:
     return np.sort(x, axis=-1)[..., -k:].mean(axis=-1)
 
 
-def _fall(hung: Any, bare: Any) -> np.ndarray:
+def _fall(hung: Any, bare: Any) -> Any:
     """Share by which severities fall, numbers or arrays; 0 where both are zero."""
     # Relative to a bare block that hardly moves every tilt would be an endless harm.
     return (np.asarray(bare) - hung) / np.maximum(bare, _LEAST)
