@@ -319,7 +319,7 @@ def test_a_sweep_has_nan_where_there_is_no_orbit():
         ("omega", [1.0, 2.0], "`name` must be one of nu, mu.* but is 'omega'"),
         ("f", [0.1], "`values` must be two or more finite numbers that increase"),
         ("f", [0.2, 0.1], "`values` must be two or more finite numbers that increase"),
-        ("f", [0.1, np.nan], "`values` must be two or more finite numbers that increase"),
+        ("f", [0.1, np.nan], "`values` must be two or more numbers that increase, all finite"),
         ("f", [-0.1, 0.1], "`f` must be zero or positive"),
         ("nu", [0.1, 0.6], "`nu` must be between 0 and 0.5"),
     ],
