@@ -81,8 +81,8 @@ def test_where_the_nonlinear_equations_refuse_the_search_goes_on_with_them(one):
     assert asked.stroke <= 1.5
     found = tpd.check(SCENE, one.pendulum, stroke=1.5, models=("uplift",))
     assert found.objections == ()
-    assert found.top.amplitude == pytest.approx(asked.amplitude)
-    assert found.top.stroke == pytest.approx(asked.stroke)
+    assert found.top.amplitude == pytest.approx(asked.amplitude, rel=1e-5)
+    assert found.top.stroke == pytest.approx(asked.stroke, rel=1e-5)
     assert winner.value == pytest.approx(asked.amplitude / SCENE.block.slenderness, rel=1e-5)
     assert optimum.value < winner.value < 1.05 * optimum.value
     assert one.search.nonlinear_evaluations > 0
@@ -237,13 +237,15 @@ def test_the_answer_is_better_than_anything_screened_and_within_its_limits(sever
     assert set(several.elasticities) == {*FACTORS} - {"restitution"}
 
 
-def test_the_answer_is_the_first_of_the_survey_that_passes(several):
+def test_the_answer_comes_from_the_survey(several):
     """The best end over settled motions is not the best design from rest."""
     first, last = several.surveys
     assert (first.equations, last.equations) == ("linear", "nonlinear")
     assert {v.source for v in several.verified} == {"survey"}
-    np.testing.assert_allclose(several.verified[0].design, last.designs[0], rtol=1e-12)
-    assert last.keeps[0]
+    # Trials by a few runs order those that help: the first need not be the first of the survey.
+    known = np.abs(last.designs - several.verified[0].design).max(axis=1)
+    assert last.helps[np.argmin(known)]
+    assert known.min() < 1e-12
     assert several.at_point is None, "it is not asked for"
     assert [case.name for case in several.losses] == ["friction", "impacts", "friction and impacts"]
 
