@@ -162,7 +162,7 @@ LINE = ("f", [0.1, 0.2])
         (LINE, LINE, "`x` and `y` must differ, but both are 'f'"),
         (("xi", [1.0]), LINE, "the values of `x` must be two or more finite numbers that increase"),
         (("xi", [2.0, 1.0]), LINE, "the values of `x` must be two or more"),
-        (LINE, ("xi", [1.0, np.nan]), "the values of `y` must be two or more"),
+        (LINE, ("xi", [1.0, np.nan]), "`values of y` must be two or more numbers that increase, all finite"),
         (("nu", [0.1, 0.6]), LINE, "`nu` must be between 0 and 0.5"),
     ],
 )
@@ -199,7 +199,7 @@ def test_a_grid_may_use_up_what_the_other_axis_allows():
 
 
 def test_bad_starts_are_refused():
-    with pytest.raises(ValueError, match="`start` must be four finite numbers"):
+    with pytest.raises(ValueError, match="`start` must be four numbers"):
         design_map(BARE, ("xi", [1.5, 2.0]), LINE, start=[0.0, 0.0])
 
 
