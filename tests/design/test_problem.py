@@ -60,7 +60,8 @@ def test_without_conditions_the_search_is_over_a_neighbourhood_and_begins_at_the
     assert made.identity == problem(conditions=around).identity
     assert made.method == tpd.Sequential()
     assert made.objective.limits == DEFAULT_LIMITS
-    assert np.all(np.isfinite(made.objective.geometry.bare_tilt)), "worsening is asked for"
+    assert np.all(np.isnan(made.objective.geometry.bare_tilt)), "nothing is solved yet"
+    assert np.all(np.isfinite(made.against_bare().objective.geometry.bare_tilt)), "worsening is asked for"
     assert made.point.objective.limits == (tpd.limits.Stroke(), tpd.limits.Room())
     alone = problem(conditions=ALONE, limits=made.point.objective.limits)
     assert made.point.identity == alone.identity

@@ -36,8 +36,9 @@ def test_an_interruption_leaves_one_part_out_and_goes_on_with_the_next():
     assert found.usage[0] == ("stroke", 0.3 / 0.5)
 
 
-def test_over_conditions_there_is_no_response_and_the_front_is_passed_on():
-    front, bare = designs.front(), designs.band(pendulum=None)
+def test_over_uncertain_blocks_there_is_no_response_and_the_front_is_passed_on():
+    uncertain = tpd.Conditions.scatter(len(designs.band().conditions), friction=0.1)
+    front, bare = designs.front(), designs.band(pendulum=None, conditions=uncertain)
     found = study(bare, front=front, progress=interrupting)
     assert (found.responses, found.elasticities, found.comparison) == (None, None, None)
     assert found.left_out == ()

@@ -138,8 +138,9 @@ def solve(
     progress: Progress | None = None,
 ) -> Design:
     """Search and verify a problem whose inputs are complete; see `optimise`."""
-    scene, objective = problem.scene, problem.objective
     store = Checkpoint.of(checkpoint, problem.identity)
+    problem = problem.against_bare()
+    scene, objective = problem.scene, problem.objective
     if isinstance(objective, Orbits):
         objective.prepare()
     ready = aside(lambda: prepare_verification(objective.p, len(objective.conditions), ensemble))

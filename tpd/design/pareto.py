@@ -68,7 +68,7 @@ def pareto(
             "`starts` of a front must be Starts.rest() or Starts.any() where every orbit is known, but is a "
             "sampled set: give `method` a model to follow it by"
         )
-    problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed)
+    problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed).against_bare()
     with shown(progress) as report:
         return _front(problem, points, report)
 

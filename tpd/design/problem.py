@@ -101,7 +101,12 @@ class Problem:
                 )
             objective = Followed(*common, model=method.model, starts=starts)
         worth = Worth() if worth is None else worth
-        return Problem(scene, space, starts, method, objective.against_bare(), worth, seed)
+        return Problem(scene, space, starts, method, objective, worth, seed)
+
+    def against_bare(self) -> Problem:
+        """This problem with the tilts of the bare block known to limits that compare with them."""
+        # Not in `of`: it compiles, and bad input must be refused before that.
+        return replace(self, objective=self.objective.against_bare())
 
     @cached_property
     def identity(self) -> str:
