@@ -310,6 +310,9 @@ class Scripted(Refusing):
 
     kind = ReasonKind.too_little_benefit
 
+    def by_trials(self, found, helps):
+        return helps
+
     def at_once(self, search, design):
         refused = len(self.verified) < self.refusals
         reason = Reason(step=Step.benefit, kind=self.kind)

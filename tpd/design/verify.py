@@ -64,7 +64,7 @@ class Verification(Steps):
         if self.by_overturning:
             helps = helps[np.argsort(np.sum(found.severity[helps] >= 1.0, axis=1), kind="stable")]
         else:
-            helps = self._by_trials(found, helps)
+            helps = self.by_trials(found, helps)
         units = self.objective.space.scaled(found.designs)
         # Without any that helps the best one is verified all the same: its reasons are the answer.
         left, way = list(helps if len(helps) else fits[:1]), found.excess.get(ON_THE_WAY)
@@ -88,7 +88,7 @@ class Verification(Steps):
             ]
         return DesignStatus.refused if len(helps) else DesignStatus.no_improvement
 
-    def _by_trials(self, found: Survey, helps: np.ndarray) -> np.ndarray:
+    def by_trials(self, found: Survey, helps: np.ndarray) -> np.ndarray:
         """The most promising designs of a survey in the order of a few paired runs each, then the others.
 
         From rest many designs are alike; what tells them apart is how they serve from other starts. The runs
