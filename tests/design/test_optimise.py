@@ -228,6 +228,8 @@ def test_the_answer_is_better_than_anything_screened_and_within_its_limits(sever
     assert best == pytest.approx(0.273, abs=2e-3), "as with 64 starts and 20 frequencies"
     assert winner.exact.stroke[winner.exact.status == "rocking"].max() <= 0.5
     assert e.merit.shape == (1, 5)
+    assert e.reserve.min() >= 0.05 * (1.0 - 1e-7)
+    assert np.all(e.attracts)
     assert not winner.paired.harms
     assert winner.benefit.value > 0.0
     assert winner.benefit.low > 0.0

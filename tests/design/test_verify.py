@@ -353,6 +353,18 @@ def test_after_a_strike_the_next_design_has_more_room(search):
     assert [v.mass_ratio for v in stern.verified] == [SPREAD[0][0], SPREAD[2][0]]
 
 
+def test_a_design_of_a_survey_keeps_to_limits_that_no_motion_from_rest_shows(search):
+    made = scripted(search, 100)
+    # The reserve is at most about one, so that no rocking design has twenty of it.
+    limits = (tpd.limits.Stroke(1.5), tpd.limits.Reserve(20.0))
+    made.objective = dataclasses.replace(search.objective, limits=limits)
+    e = made.objective.evaluate(np.array(SPREAD[:1]))
+    (reason,) = made._broken_in_closed_form(e)
+    assert (reason.step, reason.kind, reason.limit) == (Step.exact, ReasonKind.breaks_limit, "reserve")
+    made.objective = dataclasses.replace(search.objective, limits=(tpd.limits.Stroke(1e-3),))
+    assert made._broken_in_closed_form(e) == [], "motions from rest are asked about the stroke elsewhere"
+
+
 def test_where_no_design_of_a_survey_helps_the_best_one_says_why(search):
     stern = scripted(search, 100)
     found = surveyed(search, SPREAD[:2], [0.6, 0.7])

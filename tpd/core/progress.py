@@ -17,7 +17,7 @@ Progress = Callable[[str, int, int], None]
 Count = Callable[[int, int], None]
 """Called with the units done and the units in all, where there is one stage."""
 
-COMPILING = "compiling (about 20 s the first time)"
+COMPILING = "compiling (a minute or more the first time)"
 """Stage before the first report, and note on a stage of which nothing is done: a program is compiled before
 it runs."""
 _EVERY = 10.0

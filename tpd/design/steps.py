@@ -46,6 +46,8 @@ _ASKED, _NEAR = 4, 2
 """Conditions under which the nonlinear equations are asked: the worst, and those nearest to a limit."""
 _AT_LIMIT = 1e-3
 """Share of a limit that is left where the limit counts as met."""
+_ROUNDING = 1e-9
+"""Share by which a limit may be passed by rounding."""
 _NEARBY = (-0.01, -0.005, 0.005, 0.01)
 """Changes of the base motion's amplitude, and of its frequency, that a design must stand."""
 
@@ -159,6 +161,7 @@ class Steps:
                     total=n,
                 )
             )
+        reasons += self._broken_in_closed_form(v.evaluation)
         if v.searched is None or not isinstance(self._model, Smoothed):
             return replace(v, reasons=tuple(reasons))
         for i in np.flatnonzero(~self._agree(v.searched, v.exact)):
@@ -347,6 +350,28 @@ class Steps:
             if limit.of_motion
             for size in limit.sizes(e, self.objective.geometry)
             for i in np.flatnonzero(known & (size.value[0] > 1.0))
+        ]
+
+    def _broken_in_closed_form(self, e: Evaluation) -> list[Reason]:
+        """Limits that a motion from rest says nothing about, such as a reserve, that one design breaks, each
+        under its worst condition. Ends of searches keep to them; other designs of a survey need not."""
+        sizes = [
+            (size.name, size.value[0])
+            for limit in self.objective.active_limits
+            if not limit.of_motion
+            for size in limit.sizes(e, self.objective.geometry)
+        ]
+        label = self.objective.conditions.label
+        return [
+            Reason(
+                step=Step.exact,
+                kind=ReasonKind.breaks_limit,
+                condition=label(int(np.argmax(value))),
+                limit=name,
+                value=float(value.max()),
+            )
+            for name, value in sizes
+            if value.max() > 1.0 + _ROUNDING
         ]
 
     def harm(self, exact: Motions) -> tuple[bool, int, int]:

@@ -65,10 +65,14 @@ def _gain(best: Verified) -> str:
     assert best.benefit is not None
     assert best.paired is not None
     hung, bare = best.paired.hung, best.paired.bare
+    median = next(change for change in best.benefit.changes if change.name == "median severity")
+    # Most of a benefit may be that fewer runs overturn: the median says what the others gain.
     return (
         f"Over {best.benefit.runs} paired runs of the nonlinear equations: {best.benefit}; "
         f"{hung.overturned.value:.1%} overturn in place of {bare.overturned.value:.1%}; "
-        f"{hung.at_rest.value:.1%} end at rest in place of {bare.at_rest.value:.1%}."
+        f"{hung.at_rest.value:.1%} end at rest in place of {bare.at_rest.value:.1%}. The tilt is the "
+        f"mean of all runs, in which one that overturns counts as toppling; the median tilt is "
+        f"{median.with_it:.1%} of the slenderness in place of {median.without:.1%}."
     )
 
 
