@@ -19,7 +19,7 @@ from tpd.core.conditions import under_all
 from tpd.core.sampling import latin_hypercube
 from tpd.core.status import names_of
 from tpd.design.criteria import Risk, Room, limit_of
-from tpd.design.objective import AbstractObjective
+from tpd.design.objective import AbstractObjective, Orbits
 from tpd.design.screening import first_apart
 from tpd.design.space import DesignSpace
 from tpd.models.compiled_nonlinear import settle_nonlinear
@@ -240,6 +240,12 @@ def _excess(
         if limit.of_motion
         for size in limit.sizes(e, g)
     }
+    closed = [limit for limit in objective.active_limits if not limit.of_motion]
+    if closed and isinstance(objective, Orbits):
+        # A motion from rest does not show how near its orbit is to where it stops attracting.
+        orbits = objective.evaluate(designs)
+        for size in (size for limit in closed for size in limit.sizes(orbits, g)):
+            out[size.name] = np.nan_to_num(size.value.max(axis=1) - 1.0, nan=np.inf)
     room = limit_of(objective.limits, Room)
     if isinstance(room, Room):
         reach = room.bob.reach(g.mass(designs), g.rod(designs), peak + peak_stroke)
