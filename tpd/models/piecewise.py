@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -29,6 +31,7 @@ from tpd.exact.flow import (
 from tpd.exact.modes import Plant
 from tpd.exact.signal import Growth
 from tpd.exact.trigonometry import kept
+from tpd.models import compiled_linear
 from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.clock import split, through
 from tpd.models.settling import Period, Record, blank, scale_of
@@ -99,6 +102,8 @@ class Piecewise(AbstractModel):
     rest_rate: float = eqx.field(default=2e-7, static=True, kw_only=True)
     lyapunov_periods: int = eqx.field(default=100, static=True, kw_only=True)
     """Periods over which the separation of neighbours is measured, should a motion not repeat."""
+    kernel: bool = eqx.field(default=True, static=True, kw_only=True)
+    """Whether compiled scalar code is used on a processor, where it can be; else a program of JAX everywhere."""
 
     def __check_init__(self) -> None:
         checks.count("max_periods", self.max_periods)
@@ -124,6 +129,14 @@ class Piecewise(AbstractModel):
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Follow the motion from `y0` at tau = 0 until it repeats or rests for good."""
+        limits = self.max_periods, self.max_events, self.tolerance, self.rest_rate
+        return self._choose(lambda p, y: compiled_linear.settle(p, y, *limits), self.program_settle, p, y0)
+
+    def _choose(self, kernel: Callable[..., Any], program: Callable[..., Any], *operands: Any) -> Any:
+        return compiled_linear.on_platform(kernel, program, *operands) if self.kernel else program(*operands)
+
+    def program_settle(self, p: Parameters, y0: State) -> Settled:
+        """`settle` as a program of JAX."""
         return self.follow(p, self.lane(p, y0), self.max_periods).record.settled()
 
     def lane(self, p: Parameters, y0: State, begin: Number = 0.0, ramp: Number | None = None) -> Lane:
@@ -259,6 +272,14 @@ class Piecewise(AbstractModel):
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Run the orbit's periods from `y`; derivatives pass through every event."""
+
+        def kernel(p: Parameters, settled: Settled, y: State) -> Cycle:
+            return compiled_linear.cycle(p, settled, y, self.max_events, self.rest_rate)
+
+        return self._choose(kernel, self.program_cycle, p, settled, y)
+
+    def program_cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
+        """`cycle` as a program of JAX."""
         plant, phase, zero = Plant(p), jnp.zeros_like(p.xi), jnp.zeros_like(y[0])
 
         def one_period(_: Array, carry: tuple) -> tuple:
@@ -280,6 +301,16 @@ class Piecewise(AbstractModel):
         self, p: Parameters, y0: State, times: Float[Array, "times"]
     ) -> tuple[Float[Array, "times 4"], Status]:
         """The exact states at `times`, from `y0` at `times[0]`."""
+
+        def kernel(p: Parameters, y0: State, times: Array) -> tuple[Array, Status]:
+            return compiled_linear.trajectory(p, y0, times, self.max_events, self.rest_rate)
+
+        return self._choose(kernel, self.program_trajectory, p, y0, times)
+
+    def program_trajectory(
+        self, p: Parameters, y0: State, times: Float[Array, "times"]
+    ) -> tuple[Float[Array, "times 4"], Status]:
+        """`trajectory` as a program of JAX."""
         plant = Plant(p)
 
         def leg(y: State, mode: Mode, begin: Number, end: Number) -> tuple[State, Mode, Status]:

@@ -1,0 +1,331 @@
+"""Closed-form arcs of the linear equations (25) in compiled scalar code, for real and for complex numbers.
+
+The formulas are those of `tpd.exact.modes` and `tpd.exact.arc`, one number after another. Complex numbers give
+derivatives: an input with the imaginary part `STEP` yields results whose imaginary parts are `STEP` times
+their derivatives, exact to rounding, because nothing is subtracted (W. Squire and G. Trapp, SIAM Review 40,
+1998). Every function here is analytic; where one decides, it looks at real parts.
+
+Numba takes 0.3 s to load: no module imports this one before it is needed.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections import namedtuple
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+
+SLIP, STICK, REST = 0, 1, 2
+STEP = 1e-100
+"""Imaginary part of an input in whose direction a derivative is taken."""
+_SERIES = 1e-3
+"""|w t|^2 below which the pair's solutions are summed as power series."""
+
+_FIELDS = (
+    "nu mu lam zeta k f xi e up weight bias s1 s2 p q held_p held_q "
+    "a0 a1 a2 a3 al0 al1 al2 al3 b0 b1 b2 b3 bl0 bl1 bl2 bl3 "
+    "tilt_sin tilt_cos bob_sin bob_cos tilt_lag_sin tilt_lag_cos bob_lag_sin bob_lag_cos "
+    "swing_sin swing_cos swing_lag_sin swing_lag_cos"
+)
+"""What does not change from arc to arc; see `tpd.exact.modes.Plant`. a and b are the shapes of the modes s1 and
+s2, al and bl their left vectors."""
+PLANT = np.dtype([(name, np.float64) for name in _FIELDS.split()])
+COMPLEX_PLANT = np.dtype([(name, np.complex128) for name in _FIELDS.split()])
+# Records, because Numba passes a record on as one address, and a tuple as all its numbers.
+Signal = namedtuple("Signal", "constant on_s1 on_s2 on_u on_v along across gain_along gain_across")
+"""A quantity along an arc; see `tpd.exact.signal.Signal`."""
+Arc = namedtuple("Arc", "tilt bob s1 s2 p q xi phase")
+"""The two angles as signals, the time scales, and the forcing's phase at the start."""
+Instant = namedtuple("Instant", "e1 e2 u v sine cosine")
+"""The functions of time that signals are made of."""
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """Compile a function when it is first called."""
+    # A checker of types may have wrapped the function: Numba needs the one that was written. Division by zero
+    # gives infinity as in NumPy, and needs no check.
+    return numba.njit(inspect.unwrap(function), nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
+@compiled
+def _positive_root(a4, a3, a2, a1, a0):
+    """The one positive root of the quartic; see `tpd.exact.modes`."""
+    free = np.sqrt(-2.0 * a0 / (a2 + np.sqrt(a2 * a2 - 4.0 * a4 * a0)))
+    locked = np.sqrt(abs(a1) / a3) if a3 > 0.0 else 0.0
+    s = max(free, locked)
+    for _ in range(8):
+        value = (((a4 * s + a3) * s + a2) * s + a1) * s + a0
+        slope = ((4.0 * a4 * s + 3.0 * a3) * s + 2.0 * a2) * s + a1
+        s = s - value / slope
+    return s
+
+
+@compiled
+def _isolated_root(b3, b2, b1, b0):
+    """The real root of the cubic farthest from its mean, hence away from the other two."""
+    mean = -b2 / (3.0 * b3)
+    third = (b1 - b2 * b2 / (3.0 * b3)) / b3
+    level = (((b3 * mean + b2) * mean + b1) * mean + b0) / b3
+    size = np.sqrt(max(abs(third), 1e-300) / 3.0)
+    ratio = abs(level) / (2.0 * size**3)
+    if third > 0.0:
+        factor = np.sinh(np.arcsinh(ratio) / 3.0)
+    elif ratio < 1.0:
+        factor = np.cos(np.arccos(ratio) / 3.0)
+    else:
+        factor = np.cosh(np.arccosh(ratio) / 3.0)
+    return mean - np.sign(level) * 2.0 * size * factor
+
+
+@compiled
+def _polished(s, a4, a3, a2, a1, a0):
+    """A root after one Newton step, which carries its derivative."""
+    value = (((a4 * s + a3) * s + a2) * s + a1) * s + a0
+    slope = ((4.0 * a4 * s + 3.0 * a3) * s + 2.0 * a2) * s + a1
+    return s - value / slope
+
+
+@compiled
+def _roots(a4, a3, a2, a1, a0):
+    """s1, s2 and the pair's p and q."""
+    r4, r3, r2, r1, r0 = a4.real, a3.real, a2.real, a1.real, a0.real
+    first = _positive_root(r4, r3, r2, r1, r0)
+    b2 = r3 + first * r4
+    b1 = r2 + first * b2
+    second = _isolated_root(r4, b2, b1, r1 + first * b1)
+    for _ in range(2):
+        second = _polished(second, r4, r3, r2, r1, r0)
+    s1, s2 = _polished(first, a4, a3, a2, a1, a0), _polished(second, a4, a3, a2, a1, a0)
+    return s1, s2, a3 / a4 + s1 + s2, a0 / (a4 * s1 * s2)
+
+
+@compiled
+def _mode(s, m11, m12, m21, m22, c1, c2, up):
+    """Shape over (phi, psi) of a real mode, and its left vector over (phi, psi, phi', psi')."""
+    p11, p12, p21, p22 = s * m11 + c1, s * m12 - c1, s * m21 - c2, s * m22 + c2
+    a, b, c, d = s * p11 - up, s * p12, s * p21, s * p22 + 1.0
+    v0, v1 = d, -c
+    # The pencil has rank one: either column will do, but for the massless bob one of them vanishes.
+    if abs(d.real) >= abs(a.real):
+        u0, u1 = d, -b
+    else:
+        u0, u1 = -c, a
+    t0 = (p11 + s * m11) * v0 + (p12 + s * m12) * v1
+    t1 = (p21 + s * m21) * v0 + (p22 + s * m22) * v1
+    norm = u0 * t0 + u1 * t1
+    l0, l1 = (u0 * p11 + u1 * p21) / norm, (u0 * p12 + u1 * p22) / norm
+    l2, l3 = (u0 * m11 + u1 * m21) / norm, (u0 * m12 + u1 * m22) / norm
+    return v0, v1, l0, l1, l2, l3
+
+
+@compiled
+def _times(ar, ai, br, bi):
+    """Product of two numbers given by real and imaginary parts, which may be complex themselves."""
+    return ar * br - ai * bi, ar * bi + ai * br
+
+
+@compiled
+def _over(ar, ai, br, bi):
+    """Quotient of two such numbers."""
+    size = br * br + bi * bi
+    return (ar * br + ai * bi) / size, (ai * br - ar * bi) / size
+
+
+@compiled
+def _solved(matrix, r1r, r1i, r2r, r2i):
+    """Solution of a 2 x 2 system of such numbers."""
+    ar, ai, br, bi, cr, ci, dr, di = matrix
+    adr, adi = _times(ar, ai, dr, di)
+    bcr, bci = _times(br, bi, cr, ci)
+    nr, ni = adr - bcr, adi - bci
+    d1r, d1i = _times(dr, di, r1r, r1i)
+    b2r, b2i = _times(br, bi, r2r, r2i)
+    a2r, a2i = _times(ar, ai, r2r, r2i)
+    c1r, c1i = _times(cr, ci, r1r, r1i)
+    x0 = _over(d1r - b2r, d1i - b2i, nr, ni)
+    x1 = _over(a2r - c1r, a2i - c1i, nr, ni)
+    return x0[0], x0[1], x1[0], x1[1]
+
+
+@compiled
+def _responses(m11, m12, m21, m22, c1, c2, up, f, xi):
+    """Harmonic responses H(i xi) of tilt, bob and the bob of a held block, and dH/ds there; see
+    `tpd.exact.modes`."""
+    x2, zero = xi * xi, 0.0 * xi
+    a, b, c, d = -up - x2 * m11, -x2 * m12, -x2 * m21, 1.0 - x2 * m22
+    matrix = (a, xi * c1, b, -xi * c1, c, -xi * c2, d, xi * c2)
+    h0, h1, h2, h3 = _solved(matrix, -f * up, zero, f, zero)
+    # P' H with P' = 2 s M + C at s = i xi.
+    first = _times(c1, 2.0 * xi * m11, h0, h1), _times(-c1, 2.0 * xi * m12, h2, h3)
+    second = _times(-c2, 2.0 * xi * m21, h0, h1), _times(c2, 2.0 * xi * m22, h2, h3)
+    lag = _solved(
+        matrix,
+        -first[0][0] - first[1][0],
+        -first[0][1] - first[1][1],
+        -second[0][0] - second[1][0],
+        -second[0][1] - second[1][1],
+    )
+    w0, w1 = _over(f, zero, d, xi * c2)
+    k0, k1 = _times(-c2, -2.0 * xi * m22, w0, w1)
+    l0, l1 = _over(k0, k1, d, xi * c2)
+    return h0, h1, h2, h3, lag[0], lag[1], lag[2], lag[3], w0, w1, l0, l1
+
+
+@compiled
+def _put_modes(q, a, b):
+    """Put both real modes into a plant."""
+    q.a0, q.a1, q.a2, q.a3 = a[0], a[1], q.s1 * a[0], q.s1 * a[1]
+    q.b0, q.b1, q.b2, q.b3 = b[0], b[1], q.s2 * b[0], q.s2 * b[1]
+    q.al0, q.al1, q.al2, q.al3 = a[2], a[3], a[4], a[5]
+    q.bl0, q.bl1, q.bl2, q.bl3 = b[2], b[3], b[4], b[5]
+
+
+@compiled
+def fill(q, nu, mu, lam, zeta, k, f, xi, rho, e):
+    """Fill a plant with the coefficients of these parameters."""
+    hinge, d = 2.0 * zeta * np.sqrt(lam * rho), 1.0 + mu * rho * nu * nu
+    m11, m12, m21, m22 = 1.0 + mu * rho * (4.0 + nu * nu), -2.0 * mu * rho * lam, -2.0 * rho, lam * rho
+    c1, c2, up = mu * lam * hinge, hinge, 1.0 + 2.0 * mu
+    a4, a3 = lam * rho * d, hinge * (d + mu * rho * (2.0 - lam) * (2.0 - lam))
+    a2, a1, a0 = m11 - up * lam * rho, -hinge * (up - mu * lam), -up
+    q.nu, q.mu, q.lam, q.zeta, q.k, q.f, q.xi, q.e = nu, mu, lam, zeta, k, f, xi, e
+    q.up, q.weight, q.bias = up, (1.0 + mu) * nu, mu * hinge * (lam - 2.0)
+    q.s1, q.s2, q.p, q.q = _roots(a4, a3, a2, a1, a0)
+    q.held_p, q.held_q = c2 / m22, 1.0 / m22
+    _put_modes(
+        q, _mode(q.s1, m11, m12, m21, m22, c1, c2, up), _mode(q.s2, m11, m12, m21, m22, c1, c2, up)
+    )
+    h = _responses(m11, m12, m21, m22, c1, c2, up, f, xi)
+    q.tilt_sin, q.tilt_cos, q.bob_sin, q.bob_cos = h[0], h[1], h[2], h[3]
+    q.tilt_lag_sin, q.tilt_lag_cos, q.bob_lag_sin, q.bob_lag_cos = h[4], h[5], h[6], h[7]
+    q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos = h[8], h[9], h[10], h[11]
+
+
+@compiled
+def plant(x, q):
+    """Fill a plant with the coefficients of (nu, mu, lam, zeta, k, f, xi, rho, e)."""
+    fill(q, x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7], x[8])
+
+
+@compiled
+def _moved(x, i, j):
+    """Parameter i as a complex number, moved in the direction of parameter j."""
+    return complex(x[i], STEP if i == j else 0.0)
+
+
+@compiled
+def plant_along(x, j, q):
+    """Fill a complex plant whose imaginary parts are derivatives in parameter j, times `STEP`."""
+    nu, mu, lam, zeta = _moved(x, 0, j), _moved(x, 1, j), _moved(x, 2, j), _moved(x, 3, j)
+    k, f, xi, rho, e = _moved(x, 4, j), _moved(x, 5, j), _moved(x, 6, j), _moved(x, 7, j), _moved(x, 8, j)
+    fill(q, nu, mu, lam, zeta, k, f, xi, rho, e)
+
+
+@compiled
+def _forced(sine, cosine, lag_sine, lag_cosine, share, rate):
+    """Amplitudes of a response to (share + rate t) sin, and their increase."""
+    along, across = share * sine + rate * lag_sine, share * cosine + rate * lag_cosine
+    return along, across, rate * sine, rate * cosine
+
+
+@compiled
+def launch(q, kind, tilt, way, y0, y1, y2, y3, phase, share, rate):
+    """The arc that leaves a state in a mode, the forcing being (share + rate t) sin(phase + xi t)."""
+    zero, xi = 0.0 * phase * q.xi, q.xi
+    sine, cosine = np.sin(phase), np.cos(phase)
+    if kind != SLIP:
+        along, across, more, less = _forced(
+            q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos, share, rate
+        )
+        u = y1 - along * sine - across * cosine
+        v = y3 - (more - xi * across) * sine - (less + xi * along) * cosine
+        leaning = zero if kind == REST else y0 + zero
+        still = Signal(leaning, zero, zero, zero, zero, zero, zero, zero, zero)
+        bob = Signal(zero, zero, zero, u, v, along, across, more + zero, less + zero)
+        return Arc(still, bob, zero, zero, q.held_p + zero, q.held_q + zero, xi + zero, phase + zero)
+    centre = (tilt * q.weight + way * q.k) / q.up
+    ts, tc, tg, th = _forced(q.tilt_sin, q.tilt_cos, q.tilt_lag_sin, q.tilt_lag_cos, share, rate)
+    bs, bc, bg, bh = _forced(q.bob_sin, q.bob_cos, q.bob_lag_sin, q.bob_lag_cos, share, rate)
+    f0 = y0 - centre - ts * sine - tc * cosine
+    f1 = y1 - bs * sine - bc * cosine
+    f2 = y2 - (tg - xi * tc) * sine - (th + xi * ts) * cosine
+    f3 = y3 - (bg - xi * bc) * sine - (bh + xi * bs) * cosine
+    a = q.al0 * f0 + q.al1 * f1 + q.al2 * f2 + q.al3 * f3
+    b = q.bl0 * f0 + q.bl1 * f1 + q.bl2 * f2 + q.bl3 * f3
+    pair0, pair1 = f0 - a * q.a0 - b * q.b0, f1 - a * q.a1 - b * q.b1
+    pair2, pair3 = f2 - a * q.a2 - b * q.b2, f3 - a * q.a3 - b * q.b3
+    leaning = Signal(centre + zero, a * q.a0, b * q.b0, pair0, pair2, ts, tc, tg + zero, th + zero)
+    bob = Signal(zero, a * q.a1, b * q.b1, pair1, pair3, bs, bc, bg + zero, bh + zero)
+    return Arc(leaning, bob, q.s1 + zero, q.s2 + zero, q.p + zero, q.q + zero, xi + zero, phase + zero)
+
+
+@compiled
+def _pair(p, q, t):
+    """The pair's solutions u, v with (u, u') = (1, 0) and (v, v') = (0, 1) at t = 0; see `tpd.exact.modes`."""
+    w2 = q - 0.25 * p * p
+    x2 = w2 * t * t
+    half = 0.5 * p
+    if abs(x2.real) < _SERIES:
+        decay = np.exp(-half * t)
+        c = decay * (1.0 - x2 / 2.0 * (1.0 - x2 / 12.0 * (1.0 - x2 / 30.0 * (1.0 - x2 / 56.0))))
+        v = decay * t * (1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0))))
+    elif w2.real < 0.0:
+        w = np.sqrt(-w2)
+        slow, fast = np.exp((w - half) * t), np.exp((-w - half) * t)
+        c, v = 0.5 * (slow + fast), 0.5 * (slow - fast) / w
+    else:
+        w, decay = np.sqrt(w2), np.exp(-half * t)
+        c, v = decay * np.cos(w * t), decay * np.sin(w * t) / w
+    return c + half * v, v
+
+
+@compiled
+def instant(arc, t):
+    """The functions of time at local time `t`."""
+    u, v = _pair(arc.p, arc.q, t)
+    turned = arc.phase + arc.xi * t
+    return Instant(np.exp(arc.s1 * t), np.exp(arc.s2 * t), u, v, np.sin(turned), np.cos(turned))
+
+
+@compiled
+def rate_of(arc, x):
+    """The derivative of a signal in time."""
+    zero, xi = 0.0 * arc.xi, arc.xi
+    onward = -arc.q * x.on_u - arc.p * x.on_v
+    along, across = x.gain_along - xi * x.across, x.gain_across + xi * x.along
+    harmonic = along, across, -xi * x.gain_across, xi * x.gain_along
+    return Signal(zero, arc.s1 * x.on_s1, arc.s2 * x.on_s2, x.on_v, onward, *harmonic)
+
+
+@compiled
+def value_of(x, now, t):
+    """The value of a signal."""
+    free = x.on_s1 * now.e1 + x.on_s2 * now.e2 + x.on_u * now.u + x.on_v * now.v
+    forced = (x.along + x.gain_along * t) * now.sine + (x.across + x.gain_across * t) * now.cosine
+    return x.constant + free + forced
+
+
+@compiled
+def state_at(arc, now, t):
+    """(phi, psi, phi', psi', phi'', psi'') at an instant."""
+    tilt, bob = rate_of(arc, arc.tilt), rate_of(arc, arc.bob)
+    block = value_of(arc.tilt, now, t), value_of(tilt, now, t), value_of(rate_of(arc, tilt), now, t)
+    hung = value_of(arc.bob, now, t), value_of(bob, now, t), value_of(rate_of(arc, bob), now, t)
+    return block[0], hung[0], block[1], hung[1], block[2], hung[2]
+
+
+@compiled
+def moment(q, y0, y1, y3, sine):
+    """Moment on a block held still; see `tpd.core.equations.Linear.holding_moment`."""
+    return q.up * y0 - q.f * sine - (q.up - 1.0) * y1 + q.bias * y3
+
+
+@compiled
+def struck(q, rests, y2, y3):
+    """Rates of block and bob after an impact, or after the last of the impacts that end in rest."""
+    e = 0.0 * q.e if rests else q.e
+    change = (e - 1.0) * y2
+    return y2 + change, y3 + 2.0 / q.lam * change
