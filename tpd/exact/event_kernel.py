@@ -19,6 +19,7 @@ from tpd.exact.arc_kernel import (
     REST,
     SLIP,
     STICK,
+    Instant,
     Signal,
     compiled,
     instant,
@@ -49,8 +50,8 @@ _LONGEST = 1.0
 """Longest window, over the quickest time scale of the motion."""
 _LOOKS = 16
 """Looks at the signals allowed for each event that is."""
-_NEAR = 1e-8
-"""Step of Newton's method, over the time, after which one more is enough."""
+_NEAR, _CLOSE = 1e-7, 1e-4
+"""Steps to a root, over the time, after which there is none to come, or one."""
 _CURVED = math.sqrt(3.0) / 216.0
 """The slope of the cubic differs from that of the signal by at most this times B d^3."""
 
@@ -124,14 +125,15 @@ def _excess(q, arc, share, rate):
 
 @compiled
 def _watch(w, i, x, arc):
-    """Put a signal, its slope, and what bounds its fourth derivative into row i of the workspace."""
+    """Put a signal, its slope and curvature, and what bounds its fourth derivative into row i of the workspace."""
     slope = rate_of(arc, x)
-    fourth = rate_of(arc, rate_of(arc, rate_of(arc, slope)))
+    second = rate_of(arc, slope)
+    fourth = rate_of(arc, rate_of(arc, second))
     for j in range(9):
-        w[i, 0, j], w[i, 1, j], w[i, 2, j] = x[j], slope[j], fourth[j]
+        w[i, 0, j], w[i, 1, j], w[i, 2, j], w[i, 3, j] = x[j], slope[j], second[j], fourth[j]
     # The energy x^2 + x'^2/q of the pair only decreases.
-    w[i, 2, 3] = math.sqrt(fourth.on_u**2 + fourth.on_v**2 / arc.q)
-    w[i, 2, 4] = math.hypot(fourth.along, fourth.across)
+    w[i, 3, 3] = math.sqrt(fourth.on_u * fourth.on_u + fourth.on_v * fourth.on_v / arc.q)
+    w[i, 3, 4] = math.sqrt(fourth.along * fourth.along + fourth.across * fourth.across)
 
 
 @compiled
@@ -160,22 +162,22 @@ def _watch_all(q, arc, mode, bob, share, rate, w):
 
 @compiled
 def _look(w, i, now, t, j):
-    """Value (j = 0) or slope (j = 1) of a watched signal."""
-    x = w[i, j]
-    free = x[1] * now.e1 + x[2] * now.e2 + x[3] * now.u + x[4] * now.v
-    return x[0] + free + (x[5] + x[7] * t) * now.sine + (x[6] + x[8] * t) * now.cosine
+    """Value (j = 0), slope (1) or curvature (2) of a watched signal."""
+    # No view of a row: Numba would count its references, which takes longer than the arithmetic.
+    free = w[i, j, 1] * now.e1 + w[i, j, 2] * now.e2 + w[i, j, 3] * now.u + w[i, j, 4] * now.v
+    along, across = w[i, j, 5] + w[i, j, 7] * t, w[i, j, 6] + w[i, j, 8] * t
+    return w[i, j, 0] + free + along * now.sine + across * now.cosine
 
 
 @compiled
 def _bound(w, i, e1, e2, t):
     """Bound on the fourth derivative of a signal over a window that ends at `t`, with the larger exponentials
     in it."""
-    x = w[i, 2]
-    forced = x[4]
-    if x[7] != 0.0 or x[8] != 0.0:
+    forced = w[i, 3, 4]
+    if w[i, 3, 7] != 0.0 or w[i, 3, 8] != 0.0:
         # The amplitude is a convex function of time, so that it is largest at an end.
-        forced = max(forced, math.hypot(x[5] + x[7] * t, x[6] + x[8] * t))
-    return abs(x[1]) * e1 + abs(x[2]) * e2 + x[3] + forced
+        forced = max(forced, math.hypot(w[i, 3, 5] + w[i, 3, 7] * t, w[i, 3, 6] + w[i, 3, 8] * t))
+    return abs(w[i, 3, 1]) * e1 + abs(w[i, 3, 2]) * e2 + w[i, 3, 3] + forced
 
 
 _CLEAR, _ONE, _UNKNOWN = range(3)
@@ -222,22 +224,23 @@ def _root(arc, w, i, lo, hi, guess):
             lo = t
         else:
             hi = t
-        onward = t - value / slope if slope != 0.0 else 0.5 * (lo + hi)
+        # Halley's method: the error is of the third power of its step.
+        by = slope - 0.5 * value * _look(w, i, now, t, 2) / slope if slope != 0.0 else 0.0
+        onward = t - value / by if by < 0.0 else 0.5 * (lo + hi)
         if not lo <= onward <= hi:
             onward = 0.5 * (lo + hi)
         moved, t = abs(onward - t), onward
-        if last:
+        if last or moved <= _NEAR * hi:
             break
-        # Newton's error is of the square of its step: one more step takes it to rounding.
-        last = moved <= _NEAR * hi
+        last = moved <= _CLOSE * hi
     return t
 
 
 @compiled
-def _begun(arc, w, second, t, end, least, g, v):
+def _begun(arc, w, second, now, t, end, least, g, v):
     """Put values and slopes of the signals at the start of an arc into `g` and `v`. A signal that begins at
     zero has just vanished: the motion goes on a little before it may vanish again. Return the time."""
-    now, again = instant(arc, t), False
+    again = False
     for i in range(3):
         if i != SECOND or second:
             g[i], v[i] = _look(w, i, now, t, 0), _look(w, i, now, t, 1)
@@ -256,7 +259,7 @@ def _begun(arc, w, second, t, end, least, g, v):
 
 
 @compiled
-def _at_once(arc, w, second, t, g, v):
+def _at_once(second, t, g, v):
     """The event that a motion is past already, and its time; END if there is none."""
     for i in range(3):
         if (i != SECOND or second) and g[i] <= 0.0:
@@ -269,13 +272,13 @@ def _at_once(arc, w, second, t, g, v):
 
 
 @compiled
-def _next_event(arc, w, second, t, end, least, longest, window, limit, looks):
-    """The first event of an arc after `t` and until `end`, its time, and how many looks at the signals are
+def _next_event(arc, w, second, now, t, end, least, longest, window, limit, looks):
+    """The first event of an arc after `t`, the instant `now`, and until `end`, its time, and how many looks at the signals are
     left. No event is END; a tilt beyond `limit` is GONE. The first window is `window`, the others are at most
     `longest`."""
-    g, v, h, z = w[3, 0], w[3, 1], w[3, 2], w[4, 0]
-    t = _begun(arc, w, second, t, end, least, g, v)
-    which, at = _at_once(arc, w, second, t, g, v)
+    g, v, h, z = w[3, 0], w[3, 1], w[3, 2], w[3, 3]
+    t = _begun(arc, w, second, now, t, end, least, g, v)
+    which, at = _at_once(second, t, g, v)
     if which != END:
         return which, at, looks
     d, e2 = window, 1.0
@@ -388,7 +391,7 @@ def _record(legs, count, mode, y, t, lasted, which, rests, phi, psi):
 def advance(q, growth, mode, y, t, end, sizes, legs, count, capture, max_events):
     """Follow the motion of state `y` from `t` to `end`, both counted from the start of a forcing period, and
     change state, mode and sizes. mode[3] says whether the block was held. Return how it ended."""
-    w, was, start = np.empty((5, 3, 9)), np.empty(3), np.empty(4)
+    w, was, start = np.empty((4, 4, 9)), np.empty(3), np.empty(4)
     least, limit = _SMALL * end, beyond_return(q)
     longest = _LONGEST / max(q.xi, max(q.s1, math.sqrt(q.q)))
     looks, window = _LOOKS * max_events, longest
@@ -399,10 +402,11 @@ def advance(q, growth, mode, y, t, end, sizes, legs, count, capture, max_events)
         left, at, began = end - t, 0.0, 0.0
         for i in range(4):
             start[i] = y[i]
-        which = BOB
+        which, here = BOB, Instant(1.0, 1.0, 1.0, 0.0, math.sin(arc.phase), math.cos(arc.phase))
         while which == BOB:
-            which, at, looks = _next_event(arc, w, second, at, left, least, longest, window, limit, looks)
-            now = state_at(arc, instant(arc, at), at)
+            which, at, looks = _next_event(arc, w, second, here, at, left, least, longest, window, limit, looks)
+            here = instant(arc, at)
+            now = state_at(arc, here, at)
             # Hops get shorter one after the other.
             window = min(longest, 4.0 * (at - began) + least)
             if which == BOB:
@@ -411,7 +415,7 @@ def advance(q, growth, mode, y, t, end, sizes, legs, count, capture, max_events)
                 began, sizes[4] = at, -sizes[4]
                 for i in range(4):
                     start[i] = now[i]
-                for j in range(2):
+                for j in range(3):
                     for k in range(9):
                         w[BOB, j, k] = -w[BOB, j, k]
         for i in range(4):
