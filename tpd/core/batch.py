@@ -10,7 +10,6 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import jaxprs_in_params
 
@@ -113,7 +112,7 @@ def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
 
     def part_of(begin: int) -> Any:
         index = np.minimum(np.arange(begin, begin + chunk), length - 1)
-        return jax.tree.unflatten(treedef, [jnp.asarray(x[index]) for x in arrays])
+        return jax.tree.unflatten(treedef, [x[index] for x in arrays])
 
     return part_of, length
 

@@ -113,9 +113,9 @@ class Followed(AbstractObjective):
 
     def _runs(self, designs: np.ndarray, progress: Count | None) -> tuple:
         """Results of `_differentiated` for every start, leading axes (m, n, starts)."""
-        factors = np.asarray(self.conditions.factor_rows())
+        factors = self.conditions.factor_rows()
         m, n, s = len(designs), len(factors), self.starts.size
-        p = under_all(self.p, jnp.asarray(designs), self.conditions)
+        p = under_all(self.p, designs, self.conditions)
         every = jax.tree.map(lambda x: np.repeat(np.asarray(x), s), p)
         y0 = np.tile(self.starts.states(float(self.p.nu)), (m * n, 1))
         pairs = np.repeat(designs, n * s, axis=0), np.tile(np.repeat(factors, s, axis=0), (m, 1))

@@ -232,7 +232,7 @@ class Orbits(AbstractObjective):
         return _CHUNK[int(len(self.conditions) >= _CHUNK[0])]
 
     def _batch(self, designs: np.ndarray) -> tuple:
-        factors = np.asarray(self.conditions.factor_rows())
+        factors = self.conditions.factor_rows()
         pairs = np.repeat(designs, len(factors), axis=0), np.tile(factors, (len(designs), 1))
         return self.p, *pairs, float(self.rest_counts)
 
@@ -294,12 +294,6 @@ def _finite(x: Array) -> Array:
 
 def margins(objective: AbstractObjective, designs: np.ndarray) -> np.ndarray:
     """Uplift margins of designs (m, 3) under all conditions, (m, n), in closed form."""
-    return np.asarray(_margins(objective.p, jnp.asarray(designs), objective.conditions.factor_rows()))
-
-
-@jax.jit
-def _margins(p: Parameters, designs: Array, factors: Array) -> Array:
-    def one(design: Array, row: Array) -> Array:
-        return jnp.asarray(uplift(under(p, design, row)).margin)
-
-    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(designs, factors)
+    rows = objective.conditions.factor_rows()
+    # One condition after the other: all at once would take n times the memory.
+    return np.stack([np.asarray(uplift(under(objective.p, designs.T, row)).margin) for row in rows], axis=1)
