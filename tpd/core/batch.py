@@ -14,6 +14,7 @@ import numpy as np
 from jax.extend.core import jaxprs_in_params
 
 from tpd.core import checks, threads
+from tpd.core.programs import Program
 
 CHUNK = 256
 """Designs computed at once where all take the same work. Some hundred arrays of this length are alive at a
@@ -21,8 +22,6 @@ time, about one megabyte: more designs at once are no faster, since they leave t
 UNEVEN = 4
 """Designs computed at once where each takes as many steps as it needs and waits for the slowest of them."""
 
-_CALLED: set[tuple[Callable[[Any], Any], int]] = set()
-"""Functions that have been compiled, with their chunk sizes."""
 _CHUNKS: dict[Callable[[Any], Any], int] = {}
 """Default chunk sizes of functions that have been called without one."""
 
@@ -76,25 +75,19 @@ def in_chunks(
 
     wholes: list[np.ndarray] = []
     structures: list[Any] = []
-    lock, done, first = Lock(), 0, 0
-    if (function, chunk) not in _CALLED:
-        # Two threads that both come first would both compile.
-        done = first = run(0)
-        _CALLED.add((function, chunk))
+    lock, done = Lock(), 0
     with threads.cores(cores) as pool:
-        for count in pool.map(run, range(first, length, chunk)):
+        for count in pool.map(run, range(0, length, chunk)):
             done += count
             if progress is not None:
                 progress(done, length)
     return jax.tree.unflatten(structures[0], wholes)
 
 
-def trace(function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None) -> None:
-    """Trace `function` as `in_chunks` will call it: then its first call has only to compile, which leaves
-    Python to other threads."""
+def prepare(function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None) -> None:
+    """Compile `function` as `in_chunks` will call it."""
     chunk = _chunk(function, batch) if chunk is None else chunk
-    if (function, chunk) not in _CALLED:
-        _compiled(function).lower(_parts(batch, chunk)[0](0))
+    _compiled(function).prepare(_parts(batch, chunk)[0](0))
 
 
 def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
@@ -138,5 +131,5 @@ def _loops(jaxpr: Any) -> int:
 
 
 @lru_cache(maxsize=32)
-def _compiled(function: Callable[[Any], Any]) -> Any:
-    return eqx.filter_jit(jax.vmap(function))
+def _compiled(function: Callable[[Any], Any]) -> Program:
+    return Program(function, mapped=True)

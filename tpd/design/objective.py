@@ -19,7 +19,7 @@ from jaxtyping import Array
 
 from tpd.analysis.symmetric_orbits import symmetric_orbits
 from tpd.closed_form import uplift
-from tpd.core.batch import in_chunks, trace
+from tpd.core.batch import in_chunks, prepare
 from tpd.core.conditions import Conditions, under
 from tpd.core.parameters import Parameters
 from tpd.core.scene import Scene
@@ -224,8 +224,8 @@ class Orbits(AbstractObjective):
         return Evaluation(*(x.reshape(m, n, *x.shape[1:]) for x in out), design=designs)
 
     def prepare(self) -> None:
-        """Trace the closed form: compiling then leaves Python to other threads."""
-        trace(_orbits, self._batch(np.zeros((1, 3))), chunk=self._chunk)
+        """Compile the closed form."""
+        prepare(_orbits, self._batch(np.zeros((1, 3))), chunk=self._chunk)
 
     @property
     def _chunk(self) -> int:
