@@ -84,10 +84,14 @@ def in_chunks(
     return jax.tree.unflatten(structures[0], wholes)
 
 
-def prepare(function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None) -> None:
-    """Compile `function` as `in_chunks` will call it."""
+def prepare(
+    function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None, only_trace: bool = False
+) -> None:
+    """Compile `function` as `in_chunks` will call it. If `only_trace`, what is left to the first call needs
+    no Python, which is free for other threads then."""
     chunk = _chunk(function, batch) if chunk is None else chunk
-    _compiled(function).prepare(_parts(batch, chunk)[0](0))
+    program, part = _compiled(function), _parts(batch, chunk)[0](0)
+    (program.trace if only_trace else program.prepare)(part)
 
 
 def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:

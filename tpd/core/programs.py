@@ -1,8 +1,8 @@
 """Compiled programs, which may be kept for later processes.
 
 JAX's own cache keeps what the compiler has made; to find it there a program is traced first, which takes
-about as long as everything else together. What is kept here is found by what it is made of: the source of this
-package, versions, the processor, settings, the function, and the shapes of its arguments.
+about as long as everything else together. What is kept here is found by what it is made of: the source of
+this package, versions, the processor, settings, the function, and the shapes of its arguments.
 """
 
 from __future__ import annotations
@@ -54,6 +54,7 @@ class Program:
         """If `mapped`, the function is one of an element, and the arguments have a leading axis."""
         self.function, self.mapped = function, mapped
         self._ready: dict[Any, tuple[Callable[..., Any], Any]] = {}
+        self._traced: dict[Any, tuple[Any, Any]] = {}
         self._lock = Lock()
 
     def __call__(self, *args: Any) -> Any:
@@ -66,9 +67,21 @@ class Program:
         """Compile for arguments of these shapes, or find what was kept."""
         self._at(*jax.tree.flatten(args))
 
+    def trace(self, *args: Any) -> None:
+        """Do the part of `prepare` that needs Python: the compiler leaves it to other threads."""
+        leaves, structure = jax.tree.flatten(args)
+        key = _key(leaves, structure)
+        with self._lock:
+            if key in self._ready or key in self._traced:
+                return
+            kept = self._kept(key)
+            if kept is not None:
+                self._ready[key] = kept
+            else:
+                self._traced[key] = self._lowered(leaves, structure)
+
     def _at(self, leaves: list[Any], structure: Any) -> tuple[Callable[..., Any], Any]:
-        wide = bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
-        key = structure, wide, *((x.shape, x.dtype) for x in leaves)
+        key = _key(leaves, structure)
         if key not in self._ready:
             with self._lock:
                 if key not in self._ready:
@@ -76,11 +89,25 @@ class Program:
         return self._ready[key]
 
     def _made(self, leaves: list[Any], structure: Any, key: Any) -> tuple[Callable[..., Any], Any]:
-        name = _identity(self.function) if _folder else None
-        path = None if name is None else _folder[0] / _digest(_here(), name, str((self.mapped, key)))
-        kept = None if path is None else _read(path)
+        known = self._traced.pop(key, None)
+        kept = self._kept(key) if known is None else None
         if kept is not None:
             return kept
+        lowered, out = known or self._lowered(leaves, structure)
+        run, path = lowered.compile(), self._path(key)
+        if path is not None:
+            _write(path, run, out)
+        return run, out
+
+    def _path(self, key: Any) -> Path | None:
+        name = _identity(self.function) if _folder else None
+        return None if name is None else _folder[0] / _digest(_here(), name, str((self.mapped, key)))
+
+    def _kept(self, key: Any) -> tuple[Callable[..., Any], Any] | None:
+        path = self._path(key)
+        return None if path is None else _read(path)
+
+    def _lowered(self, leaves: list[Any], structure: Any) -> tuple[Any, Any]:
         function = jax.vmap(self.function) if self.mapped else self.function
         structures: list[Any] = []
 
@@ -90,10 +117,13 @@ class Program:
             return out
 
         flat.__name__ = getattr(self.function, "__name__", "program")
-        run = jax.jit(flat).lower(*leaves).compile()
-        if path is not None:
-            _write(path, run, structures[-1])
-        return run, structures[-1]
+        return jax.jit(flat).lower(*leaves), structures[-1]
+
+
+def _key(leaves: list[Any], structure: Any) -> Any:
+    """Everything about arguments that a program is made for."""
+    wide = bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
+    return structure, wide, *((x.shape, x.dtype) for x in leaves)
 
 
 def _read(path: Path) -> tuple[Callable[..., Any], Any] | None:

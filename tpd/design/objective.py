@@ -116,7 +116,7 @@ class AbstractObjective(ABC):
 
     @abstractmethod
     def prepare(self) -> None:
-        """Trace or compile what `evaluate` needs, so that this can happen beside other work."""
+        """Compile what a search needs, so that this can happen beside other work."""
 
     def over(self: Same, conditions: Conditions) -> Same:
         """This objective under other conditions of the scene."""
@@ -224,8 +224,8 @@ class Orbits(AbstractObjective):
         return Evaluation(*(x.reshape(m, n, *x.shape[1:]) for x in out), design=designs)
 
     def prepare(self) -> None:
-        """Compile the closed form."""
-        prepare(_orbits, self._batch(np.zeros((1, 3))), chunk=self._chunk)
+        """See `AbstractObjective`; the closed form itself is only traced, as `evaluate` is called at once."""
+        prepare(_orbits, self._batch(np.zeros((1, 3))), chunk=self._chunk, only_trace=True)
 
     @property
     def _chunk(self) -> int:
