@@ -9,6 +9,8 @@ writes `counts.json` anew, after a change that is meant; half a minute.
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -130,6 +132,43 @@ def search() -> dict[str, float]:
     return {"designs": found.evaluations, "steps": int(found.steps.sum()), "value": float(found.merit.min())}
 
 
+HOST = """
+import jax
+jax.config.update("jax_enable_x64", True)
+compiled = []
+def heard(name, seconds, **about):
+    if name.endswith("backend_compile_duration"):
+        compiled.append(about.get("fun_name"))
+jax.monitoring.register_event_duration_secs_listener(heard)
+import numpy as np
+from tpd import Block, Conditions, Ensemble, Harmonic, Scene
+from tpd.analysis.ensemble import plan
+from tpd.core.conditions import under_all
+from tpd.core.parameters import as_arrays
+from tpd.core.status import Status, names_of
+from tpd.design.objective import margins
+from tpd.design.problem import Problem
+block = Block(width=1.3, height=10.0, mass=16280.0, restitution="housner")
+scene = Scene(block, Harmonic(amplitude=0.081, frequency=0.85))
+problem = Problem.of(scene, *[None] * 6, 0)
+o, p = problem.objective, scene.parameters()
+designs = problem.space.unscaled(np.full((5, len(problem.space.bounds[0])), 0.5))
+margins(o, designs)
+o.linearised(o.blank(2))
+every = as_arrays(under_all(p, designs, o.conditions))
+plan(p, Ensemble(size=8, friction=0.1), conditions=o.conditions)
+names_of(Status.rocking)
+print(len(compiled), compiled)
+"""
+"""Work between the programs of a search."""
+
+
+def host() -> dict[str, float]:
+    """Programs that JAX compiles for work that is NumPy's."""
+    done = subprocess.run([sys.executable, "-c", HOST], capture_output=True, text=True, check=True)
+    return {"constant: programs": int(done.stdout.split()[0])}
+
+
 def truth() -> dict[str, float]:
     """The worst relative errors of settled motions against 50 digits."""
     sizes, states = [], []
@@ -144,7 +183,7 @@ def truth() -> dict[str, float]:
 
 
 MEASURES: dict[str, Callable[[], dict[str, float]]] = {
-    f.__name__: f for f in (steps, looks, program, search, truth)
+    f.__name__: f for f in (steps, looks, program, search, host, truth)
 }
 
 

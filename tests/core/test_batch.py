@@ -11,7 +11,7 @@ import pytest
 
 from tpd import Parameters, Status, in_chunks, steady_state, symmetric_orbits
 from tpd.core import threads
-from tpd.core.batch import CHUNK, UNEVEN, trace
+from tpd.core.batch import CHUNK, UNEVEN, prepare
 from tpd.core.batch import _chunk as default_chunk
 
 LENGTH = 101
@@ -212,17 +212,17 @@ def third(x):
     return x / 3.0
 
 
-def test_what_has_been_traced_is_not_traced_again():
+def test_what_is_prepared_is_not_traced_again():
     traced = []
 
     def slow(x):
         traced.append(x)
         return jnp.sin(x)
 
-    trace(slow, X, chunk=16)
+    prepare(slow, X, chunk=16)
     assert len(traced) == 1
     np.testing.assert_allclose(in_chunks(slow, X, chunk=16), np.sin(X), rtol=1e-15)
-    trace(slow, X, chunk=16)
+    prepare(slow, X, chunk=16)
     assert len(traced) == 1
 
 

@@ -161,7 +161,7 @@ def _timed(name: str, p: Parameters) -> Answer:
     return Answer(name=name, status=status, neglects=model.neglects, **sizes, **times)
 
 
-_uplift, _one_harmonic = eqx.filter_jit(uplift), eqx.filter_jit(one_harmonic)
+_one_harmonic = eqx.filter_jit(one_harmonic)
 
 
 def _no_impacts(_: Parameters) -> _Sizes:
@@ -169,7 +169,7 @@ def _no_impacts(_: Parameters) -> _Sizes:
 
 
 def _at_rest(p: Parameters) -> _Sizes:
-    lift = _uplift(p)
+    lift = uplift(p)
     return (
         (0.0, float(lift.stroke), "rest") if lift.margin >= 0.0 else (math.nan, float(lift.stroke), "lifts")
     )

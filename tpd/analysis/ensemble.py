@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from tpd.analysis.outcomes import LOST, Outcomes
@@ -142,9 +141,9 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     dealt = e.dealt(len(conditions))
     factor = np.stack([scatter.get(name, 1.0) * conditions.column(name)[dealt] for name in FACTORS])
     design = np.repeat([[float(x)] for x in (p.mu, p.lam, p.zeta)], e.size, axis=1)
-    q = under(p, jnp.asarray(design), jnp.asarray(factor))
+    q = under(p, design, factor)
     # Every leaf is given for every run: then all ensembles, also that of the bare block, share one program.
-    rho, ratio = (jnp.broadcast_to(jnp.asarray(x), e.size) for x in (q.inertia_ratio, q.velocity_ratio))
+    rho, ratio = (np.broadcast_to(np.asarray(x), e.size) for x in (q.inertia_ratio, q.velocity_ratio))
     q = replace(q, rho=rho, e=ratio)
     xi = np.asarray(q.xi)
     begin = unit[:, 4] * 2.0 * np.pi / xi if e.any_phase else np.zeros(e.size)

@@ -173,6 +173,10 @@ def use_64_bits() -> None:
             cache.mkdir(parents=True, exist_ok=True)
             jax.config.update("jax_compilation_cache_dir", str(cache))
             jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+    from tpd.core import programs
+
+    with contextlib.suppress(OSError):
+        programs.keep_in(Path(jax.config.jax_compilation_cache_dir) / "programs")  # type: ignore[attr-defined]
 
 
 def bar() -> Bar:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from tpd.core import checks
 from tpd.core.equations import Linear
-from tpd.core.parameters import Parameters
+from tpd.core.parameters import Number, Parameters
 
 
-def equivalent_friction(p: Parameters, amplitude: Any) -> Float[Array, "*batch"]:
+def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
     """Dry friction k that loses as much per cycle of amplitude Phi as impacts of ratio e.
 
     Friction takes 4 k Phi from a cycle, in which the tilt travels four times Phi. Each of the two impacts
@@ -47,7 +45,8 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Float[Array, "*batch"]
     # Beyond this the weight would have done negative work, and k would be negative.
     if all(map(checks.is_concrete, (amplitude, twice, tilt))):
         _check_range(amplitude, np.asarray(twice) / np.asarray(tilt))
-    return (1.0 - jnp.asarray(p.velocity_ratio) ** 2) * (twice - tilt * jnp.asarray(amplitude)) / 4.0
+    lost = 1.0 - p.velocity_ratio**2
+    return lost * (twice - tilt * checks.namespace(amplitude).asarray(amplitude)) / 4.0
 
 
 def _check_range(amplitude: Any, most: Any) -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
+import numpy as np
 
 from tpd.core import checks
 from tpd.core.parameters import Number, Parameters, check_parameters
@@ -50,7 +50,9 @@ def uplift(p: Parameters) -> Uplift:
     checks.require_x64()
     check_parameters(p)
     # Friction adds to the capacity: at rest it resists lifting to either side.
-    size2, b_real, b_imag = _transfer(p)
-    demand = p.f * jnp.sqrt(b_real**2 + b_imag**2)
-    capacity = (1.0 + p.mu) * p.nu + p.k
-    return Uplift(1.0 - demand / capacity, p.f / jnp.sqrt(size2))
+    # An undamped bob in resonance has an infinite stroke.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        size2, b_real, b_imag = _transfer(p)
+        moment2, capacity = b_real**2 + b_imag**2, (1.0 + p.mu) * p.nu + p.k
+        sqrt = checks.namespace(moment2, size2).sqrt
+        return Uplift(1.0 - p.f * sqrt(moment2) / capacity, p.f / sqrt(size2))

@@ -10,11 +10,11 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import jaxprs_in_params
 
 from tpd.core import checks, threads
+from tpd.core.programs import Program
 
 CHUNK = 256
 """Designs computed at once where all take the same work. Some hundred arrays of this length are alive at a
@@ -22,8 +22,6 @@ time, about one megabyte: more designs at once are no faster, since they leave t
 UNEVEN = 4
 """Designs computed at once where each takes as many steps as it needs and waits for the slowest of them."""
 
-_CALLED: set[tuple[Callable[[Any], Any], int]] = set()
-"""Functions that have been compiled, with their chunk sizes."""
 _CHUNKS: dict[Callable[[Any], Any], int] = {}
 """Default chunk sizes of functions that have been called without one."""
 
@@ -77,25 +75,23 @@ def in_chunks(
 
     wholes: list[np.ndarray] = []
     structures: list[Any] = []
-    lock, done, first = Lock(), 0, 0
-    if (function, chunk) not in _CALLED:
-        # Two threads that both come first would both compile.
-        done = first = run(0)
-        _CALLED.add((function, chunk))
+    lock, done = Lock(), 0
     with threads.cores(cores) as pool:
-        for count in pool.map(run, range(first, length, chunk)):
+        for count in pool.map(run, range(0, length, chunk)):
             done += count
             if progress is not None:
                 progress(done, length)
     return jax.tree.unflatten(structures[0], wholes)
 
 
-def trace(function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None) -> None:
-    """Trace `function` as `in_chunks` will call it: then its first call has only to compile, which leaves
-    Python to other threads."""
+def prepare(
+    function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None, only_trace: bool = False
+) -> None:
+    """Compile `function` as `in_chunks` will call it. If `only_trace`, what is left to the first call needs
+    no Python, which is free for other threads then."""
     chunk = _chunk(function, batch) if chunk is None else chunk
-    if (function, chunk) not in _CALLED:
-        _compiled(function).lower(_parts(batch, chunk)[0](0))
+    program, part = _compiled(function), _parts(batch, chunk)[0](0)
+    (program.trace if only_trace else program.prepare)(part)
 
 
 def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
@@ -113,7 +109,7 @@ def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
 
     def part_of(begin: int) -> Any:
         index = np.minimum(np.arange(begin, begin + chunk), length - 1)
-        return jax.tree.unflatten(treedef, [jnp.asarray(x[index]) for x in arrays])
+        return jax.tree.unflatten(treedef, [x[index] for x in arrays])
 
     return part_of, length
 
@@ -139,5 +135,5 @@ def _loops(jaxpr: Any) -> int:
 
 
 @lru_cache(maxsize=32)
-def _compiled(function: Callable[[Any], Any]) -> Any:
-    return eqx.filter_jit(jax.vmap(function))
+def _compiled(function: Callable[[Any], Any]) -> Program:
+    return Program(function, mapped=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 import jax
 import jax.core
+import jax.numpy as jnp
 import numpy as np
 
 _LONGEST = 80
@@ -19,6 +20,12 @@ def is_concrete(value: object) -> bool:
     """Return True for a plain number or an array that is not traced."""
     plain = isinstance(value, (int, float, np.generic, np.ndarray, jax.Array))
     return plain and not isinstance(value, jax.core.Tracer)
+
+
+def namespace(*values: object) -> Any:
+    """Return `numpy` for values that are known, and `jax.numpy` where one of them is traced: outside of a
+    compiled function JAX compiles a program for each of its operations, and for each shape."""
+    return np if all(map(is_concrete, values)) else jnp
 
 
 def as_float(value: Any) -> Any:

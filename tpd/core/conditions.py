@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -118,9 +118,9 @@ class Conditions:
                 parts.append(f"{value:.3g} x amplitude" if name == "amplitude" else f"{name} x {value:.3g}")
         return ", ".join(parts)
 
-    def factor_rows(self) -> Float[Array, "n 8"]:
+    def factor_rows(self) -> Float[np.ndarray, "n 8"]:
         """All factors: one row for each condition, columns in the order of `FACTORS`."""
-        return jnp.stack([jnp.asarray(self.column(name)) for name in FACTORS], axis=1)
+        return np.stack([self.column(name) for name in FACTORS], axis=1)
 
     @staticmethod
     def exactly() -> Conditions:
@@ -204,7 +204,11 @@ def check_restitution(scene: Scene) -> None:
         raise ValueError(f"`restitution` can scatter where it is a number, but {why}")
 
 
-def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "8 *n"]) -> Parameters:
+def under(
+    p: Parameters,
+    design: Float[Array | np.ndarray, "3 *m"],
+    factors: Float[Array | np.ndarray, "8 *n"],
+) -> Parameters:
     """Return the parameters of one design (mu, lam, zeta) under one condition.
 
     The base's amplitude of displacement stays, so f goes with the square of the frequency's factor. rho
@@ -223,18 +227,19 @@ def under(p: Parameters, design: Float[Array, "3 *n"], factors: Float[Array, "8 
         xi=p.xi * frequency,
         rho=p.rho,
         # Not a minimum, whose derivative is a half where both are equal.
-        e=None if ratio is None else jnp.where(ratio > 1.0, 1.0, ratio),
+        e=None if ratio is None else checks.namespace(ratio).where(ratio > 1.0, 1.0, ratio),
     )
 
 
-def under_all(p: Parameters, designs: Float[Array, "m 3"], conditions: Conditions) -> Parameters:
+def under_all(p: Parameters, designs: Float[Array | np.ndarray, "m 3"], conditions: Conditions) -> Parameters:
     """Return the parameters of m designs under all n conditions: leaves (m n,), the conditions varying
     fastest."""
     # rho and e become numbers here: each condition may have its own, and all leaves need the same length.
     n = len(conditions)
-    rows = jnp.tile(conditions.factor_rows(), (len(designs), 1))
-    each = jnp.repeat(jnp.asarray(designs), n, axis=0)
+    rows = np.tile(conditions.factor_rows(), (len(designs), 1))
+    each = np.repeat(designs, n, axis=0)
     q = under(p, each.T, rows.T)
     names = ("nu", "mu", "lam", "zeta", "k", "f", "xi")
     values = {**{name: getattr(q, name) for name in names}, "rho": q.inertia_ratio, "e": q.velocity_ratio}
-    return Parameters(**{n: jnp.broadcast_to(jnp.asarray(v), len(rows)) for n, v in values.items()})
+    leaves: dict[str, Any] = {n: np.broadcast_to(np.asarray(v), len(rows)) for n, v in values.items()}
+    return Parameters(**leaves)

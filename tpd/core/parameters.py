@@ -6,20 +6,22 @@ from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from tpd.core import checks
 
-Number = Float[Array, "..."] | float
 if TYPE_CHECKING:
+    Number = Float[Array, "..."] | float
+    State = Float[Array, "4"]
     Real = float
 else:
+    # Known numbers may be arrays of NumPy: see `checks.namespace`. To a checker of types these are JAX's.
+    Number = Float[Array, "..."] | Float[np.ndarray, "..."] | float
+    State = Float[Array, "4"] | Float[np.ndarray, "4"]
     # An array or a traced value passes as well, and `checks` refuses the rest in words of its own, before
     # and instead of a checker of types.
     Real = Any
-State = Float[Array, "4"]
 Numbers = tuple[Number, Number, Number, Number]
 """A state (phi, psi, phi', psi'), one number each."""
 
@@ -95,12 +97,13 @@ class Parameters(eqx.Module):
     @property
     def hinge(self) -> Number:
         """The hinge coefficient c_p = 2 zeta sqrt(lam rho)."""
-        return 2.0 * self.zeta * jnp.sqrt(self.lam * self.inertia_ratio)
+        inertia = self.lam * self.inertia_ratio
+        return 2.0 * self.zeta * checks.namespace(inertia).sqrt(inertia)
 
     @property
     def period(self) -> Number:
         """The forcing period 2 pi / xi, in tau."""
-        return 2.0 * jnp.pi / self.xi
+        return 2.0 * np.pi / self.xi
 
 
 def uniform_inertia_ratio(nu: Any) -> Any:
@@ -148,4 +151,5 @@ def check_parameters(p: object, name: str = "p") -> None:
 def as_arrays(p: Parameters) -> Parameters:
     """Parameters with 64-bit array leaves."""
     # `eqx.filter_jit` takes Python floats as static and would compile again for every value.
-    return jax.tree.map(lambda x: jnp.asarray(x, dtype=jnp.float64), p)
+    # Known numbers stay NumPy's: JAX would compile a program to make an array of its own of each.
+    return jax.tree.map(lambda x: checks.namespace(x).asarray(x, dtype=float), p)

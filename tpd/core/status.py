@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import equinox as eqx
+import jax
 import numpy as np
 from jaxtyping import Array
 
@@ -86,13 +89,20 @@ SETTLED = ("rocking", "sticking", "rest")
 
 def status_name(status: Status) -> str:
     """The name of one (not batched, not traced) status, such as `"rocking"`."""
-    return next(name for name in _NAMES if bool(getattr(Status, name) == status))
+    return str(names_of(status))
 
 
 def names_of(status: Status) -> np.ndarray:
     """The names of a batch of statuses (not traced), an array of strings of its shape."""
-    masks = [np.asarray(getattr(Status, name) == status) for name in _NAMES]
+    (index,) = jax.tree.leaves(status)
+    masks = [np.asarray(index) == _index(name) for name in _NAMES]
     return np.select(masks, _NAMES, "")
+
+
+@lru_cache
+def _index(name: str) -> int:
+    """Number that stands for a status."""
+    return int(jax.tree.leaves(getattr(Status, name))[0])
 
 
 def is_moving(status: Status) -> Array:

@@ -116,13 +116,18 @@ def _projected(
     schedule = optax.cosine_decay_schedule(0.06, max(steps, 1), alpha=0.02)
     chosen = optax.adam(schedule, b1=0.8, b2=0.95) if isinstance(optimiser, str) else optimiser
     u, at = book.x.copy(), book.local
-    begin, update = jax.vmap(chosen.init), jax.jit(jax.vmap(chosen.update))
-    state = begin(jnp.asarray(u))
+
+    @jax.jit
+    @jax.vmap
+    def onward(slope: Array, state: Any, u: Array) -> tuple[Array, Any]:
+        updates, state = chosen.update(slope, state, u)
+        return jnp.clip(jnp.asarray(optax.apply_updates(u, updates)), 0.0, 1.0), state
+
+    state = jax.jit(jax.vmap(chosen.init))(u)
     for width in widths:
         value, slope = smoothed_merit(at, cap, float(width))
-        updates, state = update(jnp.asarray(slope), state, jnp.asarray(u))
-        onward = np.clip(np.asarray(optax.apply_updates(jnp.asarray(u), updates)), 0.0, 1.0)
-        u = np.where(np.isfinite(value)[:, None], onward, 0.5 * (u + book.x))
+        moved, state = onward(slope, state, u)
+        u = np.where(np.isfinite(value)[:, None], np.asarray(moved), 0.5 * (u + book.x))
         at = book.tried(u)
         yield
 
@@ -136,7 +141,7 @@ def _lbfgs(book: _Book, cap: float, steps: int) -> Iterator[None]:
         z = _angle(np.clip(book.x, 1e-4, 1.0 - 1e-4))
         value, slope = smoothed_merit(book.tried(np.sin(z) ** 2), cap, float(width))
         yield
-        slope, state, size = slope * _turn(z), begin(jnp.asarray(z)), np.ones(len(z))
+        slope, state, size = slope * _turn(z), begin(z), np.ones(len(z))
         move, after = _direction(update, slope, state, z)
         for _ in range(per_level - 1):
             there = z + size[:, None] * move
@@ -152,7 +157,7 @@ def _lbfgs(book: _Book, cap: float, steps: int) -> Iterator[None]:
             )
             state = _chosen(fits, after, state)
             # A pair along which the slope falls would make a memory that points uphill.
-            state = _chosen(fits & ~bent, begin(jnp.asarray(z)), state)
+            state = _chosen(fits & ~bent, begin(z), state)
             onward, later = _direction(update, slope, state, z)
             move = np.where(rows, onward, move)
             after = _chosen(fits, later, after)
@@ -179,15 +184,15 @@ def _memory() -> tuple[Callable, Callable]:
 def _chosen(rows: np.ndarray, one: Any, other: Any) -> Any:
     """Row by row the one state or the other."""
 
-    def choose(a: Array, b: Array) -> Array:
-        return jnp.where(rows.reshape(-1, *(1,) * (a.ndim - 1)), a, b)
+    def choose(a: Array | np.ndarray, b: Array | np.ndarray) -> np.ndarray:
+        return np.where(rows.reshape(-1, *(1,) * (a.ndim - 1)), a, b)
 
     return jax.tree.map(choose, one, other)
 
 
 def _direction(update: Callable, slope: np.ndarray, state: Any, z: np.ndarray) -> tuple[np.ndarray, Any]:
     """Where L-BFGS would go, no farther than `_LONGEST`, and its memory after it; downhill in any case."""
-    move, after = update(jnp.asarray(slope), state, jnp.asarray(z))
+    move, after = update(slope, state, z)
     move = np.asarray(move)
     uphill = np.sum(move * slope, axis=1, keepdims=True) > 0.0
     move = np.where(uphill | ~np.isfinite(move), -slope, move)

@@ -22,7 +22,7 @@ from tpd.analysis.attractors import Starts
 from tpd.analysis.steady_state import answered
 from tpd.analysis.work_queue import settle_all
 from tpd.closed_form import uplift
-from tpd.core.batch import in_chunks
+from tpd.core.batch import in_chunks, prepare
 from tpd.core.conditions import Conditions, under, under_all
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.status import Status
@@ -37,6 +37,7 @@ from tpd.design.objective import (
     Evaluation,
     Orbits,
 )
+from tpd.design.subproblem import prepare_steps
 from tpd.models.base import AbstractModel, Settled
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
@@ -107,15 +108,21 @@ class Followed(AbstractObjective):
         return replace(other, orbits=orbits)
 
     def prepare(self) -> None:
-        """Compile by one evaluation: a motion that is followed cannot be traced ahead."""
+        """See `AbstractObjective`. Motions by events are compiled by one evaluation."""
         low, high = self.space.bounds
-        self.evaluate(self.space.full(0.5 * (low + high))[None])
+        middle = self.space.full(0.5 * (low + high))[None]
+        if isinstance(self.model, Piecewise):
+            self.evaluate(middle)
+        else:
+            y0, rows = self.starts.states(float(self.p.nu))[:1], self.conditions.factor_rows()[:1]
+            prepare(_of_start(self.model), (self.p, middle, rows, y0), chunk=_chunk(self.model))
+        prepare_steps(self.linearised(self.blank(1)))
 
     def _runs(self, designs: np.ndarray, progress: Count | None) -> tuple:
         """Results of `_differentiated` for every start, leading axes (m, n, starts)."""
-        factors = np.asarray(self.conditions.factor_rows())
+        factors = self.conditions.factor_rows()
         m, n, s = len(designs), len(factors), self.starts.size
-        p = under_all(self.p, jnp.asarray(designs), self.conditions)
+        p = under_all(self.p, designs, self.conditions)
         every = jax.tree.map(lambda x: np.repeat(np.asarray(x), s), p)
         y0 = np.tile(self.starts.states(float(self.p.nu)), (m * n, 1))
         pairs = np.repeat(designs, n * s, axis=0), np.tile(np.repeat(factors, s, axis=0), (m, 1))

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from tpd.analysis.steady_state import steady_state
 from tpd.analysis.work_queue import settle_all
@@ -22,7 +20,7 @@ _POLISHED = 32
 
 def motions_from_rest(p: Parameters, design: np.ndarray, conditions: Conditions, periods: int) -> Motions:
     """Motions as followed for at most `periods` forcing periods; without multipliers."""
-    q = under_all(p, jnp.asarray(design)[None], conditions)
+    q = under_all(p, design[None], conditions)
     settled = settle_all(q, np.zeros((len(conditions), 4)), model=Piecewise(max_periods=periods))
     names = names_of(settled.status)
     sizes = settled.amplitude, settled.stroke, settled.peak, settled.peak_stroke
@@ -47,8 +45,8 @@ def polished(p: Parameters, design: np.ndarray, conditions: Conditions, motions:
         return motions
 
     # One after the other: the program for a single motion is compiled for many other uses.
-    def one(row: Array) -> tuple:
-        s = steady_state(as_arrays(under(p, jnp.asarray(design), row)), model=Piecewise())
+    def one(row: np.ndarray) -> tuple:
+        s = steady_state(as_arrays(under(p, design, row)), model=Piecewise())
         return status_name(s.status), float(s.amplitude), float(s.stroke), float(s.multiplier), int(s.periods)
 
     columns = zip(*(one(row) for row in conditions.factor_rows()), strict=True)

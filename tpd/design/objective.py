@@ -19,7 +19,7 @@ from jaxtyping import Array
 
 from tpd.analysis.symmetric_orbits import symmetric_orbits
 from tpd.closed_form import uplift
-from tpd.core.batch import in_chunks, trace
+from tpd.core.batch import in_chunks, prepare
 from tpd.core.conditions import Conditions, under
 from tpd.core.parameters import Parameters
 from tpd.core.scene import Scene
@@ -116,7 +116,7 @@ class AbstractObjective(ABC):
 
     @abstractmethod
     def prepare(self) -> None:
-        """Trace or compile what `evaluate` needs, so that this can happen beside other work."""
+        """Compile what a search needs, so that this can happen beside other work."""
 
     def over(self: Same, conditions: Conditions) -> Same:
         """This objective under other conditions of the scene."""
@@ -224,15 +224,15 @@ class Orbits(AbstractObjective):
         return Evaluation(*(x.reshape(m, n, *x.shape[1:]) for x in out), design=designs)
 
     def prepare(self) -> None:
-        """Trace the closed form: compiling then leaves Python to other threads."""
-        trace(_orbits, self._batch(np.zeros((1, 3))), chunk=self._chunk)
+        """See `AbstractObjective`; the closed form itself is only traced, as `evaluate` is called at once."""
+        prepare(_orbits, self._batch(np.zeros((1, 3))), chunk=self._chunk, only_trace=True)
 
     @property
     def _chunk(self) -> int:
         return _CHUNK[int(len(self.conditions) >= _CHUNK[0])]
 
     def _batch(self, designs: np.ndarray) -> tuple:
-        factors = np.asarray(self.conditions.factor_rows())
+        factors = self.conditions.factor_rows()
         pairs = np.repeat(designs, len(factors), axis=0), np.tile(factors, (len(designs), 1))
         return self.p, *pairs, float(self.rest_counts)
 
@@ -294,12 +294,6 @@ def _finite(x: Array) -> Array:
 
 def margins(objective: AbstractObjective, designs: np.ndarray) -> np.ndarray:
     """Uplift margins of designs (m, 3) under all conditions, (m, n), in closed form."""
-    return np.asarray(_margins(objective.p, jnp.asarray(designs), objective.conditions.factor_rows()))
-
-
-@jax.jit
-def _margins(p: Parameters, designs: Array, factors: Array) -> Array:
-    def one(design: Array, row: Array) -> Array:
-        return jnp.asarray(uplift(under(p, design, row)).margin)
-
-    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(designs, factors)
+    rows = objective.conditions.factor_rows()
+    # One condition after the other: all at once would take n times the memory.
+    return np.stack([np.asarray(uplift(under(objective.p, designs.T, row)).margin) for row in rows], axis=1)

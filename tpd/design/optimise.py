@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 
@@ -22,12 +23,13 @@ from tpd.design.criteria import Limit, Risk
 from tpd.design.elasticity import elasticities_of
 from tpd.design.methods import Method, Sequential, describe
 from tpd.design.nonlinear_search import nonlinear_search, wanted
-from tpd.design.objective import Orbits
+from tpd.design.objective import Orbits, margins
 from tpd.design.problem import Problem
 from tpd.design.result import Design, DesignStatus, Search
 from tpd.design.search import GROUP, Multistart, sampled_orbits, stage
 from tpd.design.space import DesignSpace
 from tpd.design.steps import pendulum_of, prepare_verification
+from tpd.design.subproblem import prepare_steps
 from tpd.design.survey import Survey, survey
 from tpd.design.verified import AtPoint, LossCase
 from tpd.design.verify import Verification
@@ -139,11 +141,9 @@ def solve(
 ) -> Design:
     """Search and verify a problem whose inputs are complete; see `optimise`."""
     store = Checkpoint.of(checkpoint, problem.identity)
+    ready = _prepared(problem, ensemble)
     problem = problem.against_bare()
     scene, objective = problem.scene, problem.objective
-    if isinstance(objective, Orbits):
-        objective.prepare()
-    ready = aside(lambda: prepare_verification(objective.p, len(objective.conditions), ensemble))
     verification = Verification(
         scene, objective, problem.method, ensemble, problem.worth, by_overturning, progress
     )
@@ -157,11 +157,33 @@ def solve(
                 None if problem.point is None else search_at_point(problem.point, ensemble, store, progress)
             )
             found.search, found.verification = _searched(problem, search, verification, store)
-            ready.join()
+            if ready is not None:
+                ready.join()
             _verify(problem, found, point, progress)
     except KeyboardInterrupt:
         found.search.interrupted = True
     return _design(problem, ensemble, found)
+
+
+def _prepared(problem: Problem, ensemble: Ensemble) -> Thread | None:
+    """Thread that compiles for the search at the shaking itself and for the verification, beside what the
+    search needs first."""
+    o, point = problem.objective, problem.point
+    if np.all(margins(o, np.array([[0.0, float(o.p.lam), float(o.p.zeta)]])) > 0.0):
+        # The block may rest: then there is nothing to search.
+        return None
+    if isinstance(o, Orbits):
+        # First: while it compiles, Python is free for the others.
+        o.prepare()
+
+    def others() -> None:
+        # In the order in which they are needed, and not at once: only one thread at a time can trace.
+        prepare_verification(o.p, len(o.conditions), ensemble)
+        if point is not None:
+            point.objective.prepare()
+        prepare_steps(o.linearised(o.blank(1)))
+
+    return aside(others)
 
 
 def _verify(problem: Problem, found: Found, point: PointSearch | None, progress: Progress | None) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import jax.numpy as jnp
 import numpy as np
 
 from tpd.analysis.attractors import StartKind, Starts
@@ -158,7 +157,7 @@ def _check_heaviest(p: Parameters, space: DesignSpace, conditions: Conditions) -
     """Raise `ValueError` where Housner's restitution has no value for the heaviest bob of the space."""
     if p.e is None:
         # `Parameters` checks plain numbers only, and a search traces them.
-        under_all(p, jnp.asarray(space.full(space.bounds[1]))[None], conditions)
+        under_all(p, space.full(space.bounds[1])[None], conditions)
 
 
 def _default_method(conditions: Conditions) -> Method:

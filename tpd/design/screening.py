@@ -5,7 +5,7 @@ block stays at rest: the amplitude is flat there, so that a search would hardly 
 
 from __future__ import annotations
 
-from typing import cast
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -15,7 +15,7 @@ import optax
 from jaxtyping import Array, Int
 
 from tpd.closed_form import uplift
-from tpd.core.parameters import Parameters
+from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.quantities import with_design
 from tpd.core.sampling import latin_hypercube
 from tpd.design.criteria import stroke_limit
@@ -54,9 +54,9 @@ def starting_designs(p: Parameters, space: DesignSpace, stroke: float, count: in
     spread = latin_hypercube(rng, half, low.size)
     # Targets differ: with one margin for all, the designs would crowd on one curve.
     target = rng.uniform(0.0, 0.2, size=half)
-    fixed = jnp.asarray(space.full(low))[low.size :]
-    ends = jnp.asarray(low), jnp.asarray(high)
-    still = _moved(p, *ends, fixed, jnp.asarray(_AIM * stroke), jnp.asarray(spread), jnp.asarray(target))
+    fixed = space.full(low)[low.size :]
+    given: Any = low, high, fixed, np.asarray(_AIM * stroke), spread, target
+    still = _moved(as_arrays(p), *given)
     return space.full(low + np.concatenate([spread, np.asarray(still)])[:count] * (high - low))
 
 

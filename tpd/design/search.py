@@ -6,7 +6,6 @@ from collections.abc import Callable
 from copy import copy
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from tpd.analysis.work_queue import settle_all
@@ -277,7 +276,7 @@ def _motions(objective: Followed, designs: np.ndarray, after: Count | None) -> t
     """Names of statuses, tilts over nu and strokes (rad) of every start of every design under every
     condition, each in one row, by events."""
     pairs, s = len(designs) * len(objective.conditions), objective.starts.size
-    p = under_all(objective.p, jnp.asarray(designs), objective.conditions)
+    p = under_all(objective.p, designs, objective.conditions)
     every = jax.tree.map(lambda x: np.repeat(np.asarray(x), s), p)
     y0 = np.tile(objective.starts.states(float(objective.p.nu)), (pairs, 1))
     settled = settle_all(every, y0, model=Piecewise(max_periods=_SCREENED_PERIODS), progress=after)

@@ -14,7 +14,6 @@ from copy import copy
 from dataclasses import replace
 from typing import TypeVar
 
-import jax.numpy as jnp
 import numpy as np
 
 from tpd.analysis.attractors import StartKind, Starts
@@ -284,7 +283,7 @@ class Steps:
     def _nonlinear_motions(self, design: np.ndarray, asked: list[int]) -> list[tuple[float, float, str]]:
         """Amplitude and stroke (rad), and status, of a design (3,) under some conditions."""
         factors = {name: x[asked] for name, x in self.objective.conditions.factors.items()}
-        q = under_all(self.objective.p, jnp.asarray(design)[None], Conditions(factors))
+        q = under_all(self.objective.p, design[None], Conditions(factors))
         n = int(np.size(q.nu))
         settled = settle_nonlinear(q, np.zeros((n, 4)))
         names = names_of(settled.status)

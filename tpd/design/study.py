@@ -6,8 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from tpd.analysis.attractors import Starts
@@ -146,7 +144,7 @@ def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory
         tau = sampled(p)
         time = np.asarray(tau) / scene.rate
         for name, model in models.items():
-            tilt, bob = np.asarray(simulate(p, jnp.zeros(4), tau, model=model).ys).T[:2]
+            tilt, bob = np.asarray(simulate(p, np.zeros(4), tau, model=model).ys).T[:2]
             out.append(TimeHistory(model=name, with_pendulum=hung is not None, time=time, tilt=tilt, bob=bob))
     return tuple(out)
 
@@ -171,14 +169,10 @@ def uplift_region(design: Design) -> UpliftRegion:
     zeta = float(np.mean(space.damping_ratio)) if best is None else best.damping_ratio
     mu, lam = np.linspace(*space.mass_ratio, _GRID), np.linspace(*space.length_ratio, _GRID)
     plane = np.stack([*np.meshgrid(mu, lam), np.full((_GRID, _GRID), zeta)], axis=-1).reshape(-1, 3)
-    p = as_arrays(design.scene.parameters())
-
-    @jax.jit
-    def margins(row: jax.Array) -> jax.Array:
-        return jax.vmap(lambda x: jnp.asarray(uplift(under(p, x, row)).margin))(jnp.asarray(plane))
-
+    p = design.scene.parameters()
     # One condition after the other: all at once would take n times the memory.
-    least = np.min([np.asarray(margins(row)) for row in design.conditions.factor_rows()], axis=0)
+    margins = (uplift(under(p, plane.T, row)).margin for row in design.conditions.factor_rows())
+    least = np.min([np.asarray(x) for x in margins], axis=0)
     return UpliftRegion(mass_ratio=mu, length_ratio=lam, margin=least.reshape(_GRID, _GRID))
 
 

@@ -77,6 +77,14 @@ def solve_subproblem(
     return move, merit - value, (weights, by)
 
 
+def prepare_steps(at: Linearisation) -> None:
+    """Compile `solve_subproblem` for problems of this shape; the numbers do not matter."""
+    some = at.at(slice(1))._replace(limit=np.full((1, at.limit.shape[1]), -1.0))
+    d = some.slope.shape[2]
+    box = np.full((1, d), -1e-6), np.full((1, d), 1e-6)
+    solve_subproblem(some, np.eye(d)[None], box, 1.0, np.zeros(1))
+
+
 def within_reach(at: Linearisation, box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """The constraints, (k, few), that a step within the box may break by their linear models, and others to
     fill up; all of them where more may."""

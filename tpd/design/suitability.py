@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import jax.numpy as jnp
 import numpy as np
 
 from tpd.analysis.compare_models import Check, check
@@ -185,7 +184,7 @@ def _with_own(conditions: Conditions) -> Conditions:
 def motions(scene: Scene, pendulum: Pendulum | None, conditions: Conditions) -> Motions:
     """Follow the block from rest by the nonlinear equations under every condition."""
     p = as_arrays(scene.parameters(pendulum))
-    design = jnp.stack([p.mu, p.lam, p.zeta])[None]
+    design = np.array([[p.mu, p.lam, p.zeta]])
     settled = settle_nonlinear(under_all(p, design, conditions), np.zeros((len(conditions), 4)))
     status = names_of(settled.status)
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-import jax.numpy as jnp
 import numpy as np
 
 from tpd.analysis.work_queue import settle_all
@@ -198,7 +197,7 @@ def followed(
     """Survey of designs (m, 3), in their order, and of the bare block, from rest."""
     none = np.array([[0.0, float(objective.p.lam), float(objective.p.zeta)]])
     every, n = np.concatenate([none, designs]), len(objective.conditions)
-    q, y0 = under_all(objective.p, jnp.asarray(every), objective.conditions), np.zeros((len(every) * n, 4))
+    q, y0 = under_all(objective.p, every, objective.conditions), np.zeros((len(every) * n, 4))
     after = None if progress is None else lambda done, of: progress(done // n, of // n)
     if equations == "linear":
         settled = settle_all(q, y0, model=Piecewise(max_periods=periods), progress=after)

@@ -34,8 +34,10 @@ Plant = namedtuple("Plant", "nu mu lam k f xi rho e m11 m22 c1 c2 tilt weight pu
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile a function when it is first called."""
     # A checker of types may have wrapped the function: Numba needs the one that was written. Division by zero
-    # gives infinity as in NumPy, and needs no check.
-    return numba.njit(inspect.unwrap(function), nogil=True, error_model="numpy")
+    # gives infinity as in NumPy, and needs no check. Python and C call the entry only: wrappers for them
+    # would take a third of the time to compile.
+    options: Any = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return numba.njit(inspect.unwrap(function), error_model="numpy", **options)
 
 
 @compiled
@@ -253,10 +255,13 @@ def _met(q, growth, mode, t, h, w, which):
 def _first_event(q, growth, mode, t, h, w):
     """First event within a step and its share of the step."""
     if mode[0] != SLIP:
-        up = _met(q, growth, mode, t, h, w, _UP)
-        down = _met(q, growth, mode, t, h, w, _DOWN)
-        which, x = (_UP, up) if up <= down else (_DOWN, down)
-        return (which, x) if x <= 1.0 else (_NONE, 1.0)
+        which, x = _NONE, 1.0
+        # A number that is no constant: for each of those Numba compiles all that is called anew.
+        for release in (_UP, _DOWN):
+            share = _met(q, growth, mode, t, h, w, release)
+            if share < x or (share == 1.0 and which == _NONE):
+                which, x = release, share
+        return which, x
     turn = _met(q, growth, mode, t, h, w, _TURN)
     until = min(turn, 1.0)
     # Until it turns, the block comes down monotonously: it lands where its tilt has another sign by then.

@@ -1,0 +1,116 @@
+import os
+import warnings
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tpd.core import programs
+from tpd.core.programs import Program
+
+TRACED: list[tuple[int, ...]] = []
+
+
+def doubled(x):
+    TRACED.append(x["a"].shape)
+    return {"twice": 2.0 * x["a"], "sum": jnp.sum(x["a"])}
+
+
+def shifted_by(step):
+    def shifted(x):
+        TRACED.append(x.shape)
+        return x + step
+
+    return shifted
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder of one's own for programs, for one test."""
+    before = list(programs._folder)
+    programs.keep_in(tmp_path / "kept")
+    TRACED.clear()
+    yield tmp_path / "kept"
+    programs._folder[:] = before
+
+
+def ask():
+    return Program(doubled)({"a": np.arange(3.0)})
+
+
+def test_a_kept_program_is_not_traced_again(folder):
+    first, second = ask(), ask()
+    assert len(TRACED) == 1
+    assert jax.tree.structure(first) == jax.tree.structure(second)
+    np.testing.assert_array_equal(first["twice"], [0.0, 2.0, 4.0])
+    np.testing.assert_array_equal(second["twice"], [0.0, 2.0, 4.0])
+    assert float(second["sum"]) == 3.0
+    assert len(list(folder.iterdir())) == 1
+
+
+def test_shapes_types_and_what_a_function_closes_over_are_told_apart(folder):
+    for step, value in ((1.0, 1.0), (2.0, 2.0), (1.0, 1.0)):
+        np.testing.assert_array_equal(Program(shifted_by(step))(np.zeros(2)), [value] * 2)
+    assert len(TRACED) == 2
+    Program(shifted_by(1.0))(np.zeros(3))
+    Program(shifted_by(1.0))(np.zeros(2, int))
+    assert len(TRACED) == 4
+    Program(shifted_by(1.0), mapped=True)(np.zeros(2))
+    assert TRACED[4:] == [()]
+    assert len(list(folder.iterdir())) == 5
+
+
+def test_a_function_that_no_words_tell_apart_is_not_kept(folder):
+    weights = np.ones(2)
+    Program(lambda x: x)(np.zeros(2))
+    Program(shifted_by(weights))(np.zeros(2))
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("spoil", ["cut", "empty", "changed"])
+def test_a_file_that_is_not_whole_is_made_again(folder, spoil):
+    ask()
+    (path,) = folder.iterdir()
+    data = path.read_bytes()
+    path.write_bytes({"cut": data[:100], "empty": b"", "changed": data[:-1] + b"x"}[spoil])
+    np.testing.assert_array_equal(ask()["twice"], [0.0, 2.0, 4.0])
+    assert len(TRACED) == 2
+    ask()
+    assert len(TRACED) == 2
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files here")
+def test_what_others_can_write_is_not_executed(folder):
+    ask()
+    (path,) = folder.iterdir()
+    path.chmod(0o666)
+    ask()
+    assert len(TRACED) == 2
+    assert folder.stat().st_mode & 0o777 == 0o700
+    folder.chmod(0o777)
+    programs.keep_in(folder)
+    assert programs._folder == []
+
+
+def test_code_that_is_refused_is_compiled_again_and_said(folder, monkeypatch):
+    ask()
+
+    def refuse(*_):
+        raise RuntimeError("no such feature")
+
+    monkeypatch.setattr(programs, "deserialize_and_load", refuse)
+    with pytest.warns(UserWarning, match="no such feature"):
+        ask()
+    assert len(TRACED) == 2
+
+
+def test_nothing_is_kept_without_a_folder(tmp_path):
+    before, programs._folder[:] = list(programs._folder), []
+    TRACED.clear()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ask(), ask()
+    programs._folder[:] = before
+    assert len(TRACED) == 2
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,198 @@
+"""Compiled programs, which may be kept for later processes.
+
+JAX's own cache keeps what the compiler has made; to find it there a program is traced first, which takes
+about as long as everything else together. What is kept here is found by what it is made of: the source of
+this package, versions, the processor, settings, the function, and the shapes of its arguments.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import inspect
+import os
+import pickle
+import platform
+import warnings
+import zlib
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import jax
+import numpy as np
+from jax.experimental.serialize_executable import deserialize_and_load, serialize
+
+from tpd.core import files
+
+_MOST = 64
+"""Programs that are kept; of more the oldest go."""
+_OTHERS = 0o022
+"""Rights of others to write: what they may have written is not executed."""
+_folder: list[Path] = []
+
+
+def keep_in(folder: Path) -> None:
+    """Keep programs in a folder of the user's own; one of somebody else is not used.
+
+    Raises:
+        OSError: the folder cannot be made.
+    """
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _folder[:] = [folder] if _is_own(folder) else []
+
+
+class Program:
+    """A function of pytrees of arrays, compiled once for each shape of its arguments.
+
+    Two threads that ask for the same one do not both compile it.
+    """
+
+    def __init__(self, function: Callable[..., Any], *, mapped: bool = False) -> None:
+        """If `mapped`, the function is one of an element, and the arguments have a leading axis."""
+        self.function, self.mapped = function, mapped
+        self._ready: dict[Any, tuple[Callable[..., Any], Any]] = {}
+        self._traced: dict[Any, tuple[Any, Any]] = {}
+        self._lock = Lock()
+
+    def __call__(self, *args: Any) -> Any:
+        """The function's value."""
+        leaves, structure = jax.tree.flatten(args)
+        run, out = self._at(leaves, structure)
+        return jax.tree.unflatten(out, run(*leaves))
+
+    def prepare(self, *args: Any) -> None:
+        """Compile for arguments of these shapes, or find what was kept."""
+        self._at(*jax.tree.flatten(args))
+
+    def trace(self, *args: Any) -> None:
+        """Do the part of `prepare` that needs Python: the compiler leaves it to other threads."""
+        leaves, structure = jax.tree.flatten(args)
+        key = _key(leaves, structure)
+        with self._lock:
+            if key in self._ready or key in self._traced:
+                return
+            kept = self._kept(key)
+            if kept is not None:
+                self._ready[key] = kept
+            else:
+                self._traced[key] = self._lowered(leaves, structure)
+
+    def _at(self, leaves: list[Any], structure: Any) -> tuple[Callable[..., Any], Any]:
+        key = _key(leaves, structure)
+        if key not in self._ready:
+            with self._lock:
+                if key not in self._ready:
+                    self._ready[key] = self._made(leaves, structure, key)
+        return self._ready[key]
+
+    def _made(self, leaves: list[Any], structure: Any, key: Any) -> tuple[Callable[..., Any], Any]:
+        known = self._traced.pop(key, None)
+        kept = self._kept(key) if known is None else None
+        if kept is not None:
+            return kept
+        lowered, out = known or self._lowered(leaves, structure)
+        run, path = lowered.compile(), self._path(key)
+        if path is not None:
+            _write(path, run, out)
+        return run, out
+
+    def _path(self, key: Any) -> Path | None:
+        name = _identity(self.function) if _folder else None
+        return None if name is None else _folder[0] / _digest(_here(), name, str((self.mapped, key)))
+
+    def _kept(self, key: Any) -> tuple[Callable[..., Any], Any] | None:
+        path = self._path(key)
+        return None if path is None else _read(path)
+
+    def _lowered(self, leaves: list[Any], structure: Any) -> tuple[Any, Any]:
+        function = jax.vmap(self.function) if self.mapped else self.function
+        structures: list[Any] = []
+
+        def flat(*leaves: Any) -> list[Any]:
+            out, its = jax.tree.flatten(function(*jax.tree.unflatten(structure, leaves)))
+            structures.append(its)
+            return out
+
+        flat.__name__ = getattr(self.function, "__name__", "program")
+        return jax.jit(flat).lower(*leaves), structures[-1]
+
+
+def _key(leaves: list[Any], structure: Any) -> Any:
+    """Everything about arguments that a program is made for."""
+    wide = bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
+    return structure, wide, *((x.shape, x.dtype) for x in leaves)
+
+
+def _read(path: Path) -> tuple[Callable[..., Any], Any] | None:
+    """A program that was kept, with the structure of its results; None if there is none that can be used."""
+    try:
+        if not path.exists() or not _is_own(path):
+            return None
+        data = path.read_bytes()
+        if hashlib.sha256(data[32:]).digest() != data[:32]:
+            return None
+        *parts, out = pickle.loads(zlib.decompress(data[32:]))
+        return deserialize_and_load(*parts), out
+    except Exception as error:
+        # A compiler may refuse code that it made itself, as on some processors with AVX-512.
+        warnings.warn(
+            f"compiled programs that were kept cannot be used, and are compiled again: {error}", stacklevel=2
+        )
+        return None
+
+
+def _write(path: Path, run: Any, out: Any) -> None:
+    """Keep a program, where that is possible at all."""
+    with contextlib.suppress(Exception):
+        data = zlib.compress(pickle.dumps((*serialize(run), out)), level=1)
+        files.place(path, hashlib.sha256(data).digest() + data)
+        old = sorted(path.parent.iterdir(), key=lambda x: x.stat().st_mtime)[:-_MOST]
+        for other in old:
+            other.unlink(missing_ok=True)
+
+
+def _is_own(path: Path) -> bool:
+    """Whether nobody else can have written to a path."""
+    about = path.stat()
+    return hasattr(os, "getuid") and about.st_uid == os.getuid() and not about.st_mode & _OTHERS
+
+
+def _identity(function: Any) -> str | None:
+    """Name of a function and what it closes over; None where no words tell it from any other."""
+    if not inspect.isfunction(function):
+        return None
+    parts = [_words(cell.cell_contents) for cell in function.__closure__ or ()]
+    known = None not in parts and "<lambda>" not in function.__qualname__
+    return f"{function.__module__}.{function.__qualname__}{parts}" if known else None
+
+
+def _words(value: Any) -> str | None:
+    """A value in words that tell it from any other; None for one whose words may not."""
+    leaves = jax.tree.leaves(value)
+    plain = all(isinstance(x, (bool, int, float, str)) for x in leaves)
+    words = f"{leaves} {jax.tree.structure(value)}"
+    return words if plain and " at 0x" not in words else None
+
+
+def _digest(*parts: str) -> str:
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+@lru_cache(maxsize=1)
+def _here() -> str:
+    """Everything that a program depends on beside its function: sources, versions, processor, settings."""
+    root = Path(__file__).parents[1]
+    sources = hashlib.sha256()
+    for path in sorted(root.rglob("*.py")):
+        sources.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
+    processor = platform.processor()
+    with contextlib.suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        processor = "\n".join(sorted({x for x in lines if x.startswith(("flags", "model name", "Features"))}))
+    settings = sorted((k, v) for k, v in os.environ.items() if k.startswith(("XLA_", "JAX_", "EQX_")))
+    devices = [str(x) for x in jax.devices()]
+    parts = sources.hexdigest(), files.versions(), processor, platform.platform(), settings, devices
+    return "\n".join(map(str, (*parts, np.dtype(int).str)))
