@@ -8,7 +8,7 @@ import pytest
 from tests.reference import BARE, HUNG, parameters
 from tests.reference import exact as solve
 from tpd import Parameters, Starts, Status, attractors
-from tpd.analysis.work_queue import prepare, settle_all
+from tpd.models.batches import settle_all
 from tpd.core.parameters import as_arrays
 from tpd.models.piecewise import Piecewise
 from tpd.models.settling import scale_of
@@ -198,19 +198,3 @@ def test_an_attractor_has_the_gradient_of_its_orbit(bare):
     slopes = solve(BARE[1].x, state).slopes[0]
     known = np.array(BARE[1].gradient)
     np.testing.assert_allclose(slopes[[0, 4, 5, 6]], known[[0, 4, 5, 6]], atol=BARE[1].gradient_atol)
-
-
-def test_a_model_is_compiled_once_for_either_size(crowd, monkeypatch):
-    traced, follow = [], Piecewise.follow
-
-    def watched(self, *args):
-        traced.append(self)
-        return follow(self, *args)
-
-    monkeypatch.setattr(Piecewise, "follow", watched)
-    model = Piecewise(tolerance=3.1e-9)
-    prepare(as_arrays(BARE_BLOCK), 150, model)
-    assert len(traced) == 2
-    for _ in range(2):
-        settle_all(BARE_BLOCK, crowd[1][:150], model=model)
-    assert len(traced) == 2

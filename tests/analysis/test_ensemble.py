@@ -11,7 +11,7 @@ from tests.reference import NAMES, BareCrowd, EventDriven
 from tpd.analysis.ensemble import outcomes, plan
 from tpd.analysis.outcomes import Outcomes, Share
 from tpd.analysis.paired import Verdict, chance_of
-from tpd.analysis.work_queue import settle_all
+from tpd.models.batches import settle_all
 from tpd.core.sampling import latin_hypercube
 from tpd.core.status import names_of
 

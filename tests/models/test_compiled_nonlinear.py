@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import tpd
-from tpd.analysis.work_queue import settle_all
+from tpd.models.batches import settle_all
 from tpd.core.equations import Equations
 from tpd.core.status import names_of
 from tpd.models.compiled_nonlinear import settle_nonlinear

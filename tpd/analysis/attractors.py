@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.analysis.steady_state import Steady, steady_state
-from tpd.analysis.work_queue import settle_all
+from tpd.models.batches import settle_all
 from tpd.core import checks
 from tpd.core.formatting import Printed, counted_periods
 from tpd.core.parameters import Parameters, as_arrays

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.analysis.symmetric_orbits import Orbits, symmetric_orbits
-from tpd.analysis.work_queue import settle_all
+from tpd.models.batches import settle_all
 from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
 from tpd.core.batch import in_chunks

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.analysis.outcomes import LOST, Outcomes
-from tpd.analysis.work_queue import settle_all
+from tpd.models.batches import settle_all
 from tpd.core import checks, sampling
 from tpd.core.conditions import FACTORS, Conditions, check_restitution, under
 from tpd.core.equations import Terms

@@ -20,7 +20,7 @@ from jaxtyping import Array
 
 from tpd.analysis.attractors import Starts
 from tpd.analysis.steady_state import answered
-from tpd.analysis.work_queue import settle_all
+from tpd.models.batches import settle_all
 from tpd.closed_form import uplift
 from tpd.core.batch import in_chunks, prepare
 from tpd.core.conditions import Conditions, under, under_all

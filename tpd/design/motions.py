@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tpd.analysis.steady_state import steady_state
-from tpd.analysis.work_queue import settle_all
+from tpd.models.batches import settle_all
 from tpd.core.conditions import Conditions, under, under_all
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.status import names_of, status_name

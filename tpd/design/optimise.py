@@ -28,12 +28,13 @@ from tpd.design.problem import Problem
 from tpd.design.result import Design, DesignStatus, Search
 from tpd.design.search import GROUP, Multistart, sampled_orbits, stage
 from tpd.design.space import DesignSpace
-from tpd.design.steps import pendulum_of, prepare_verification
+from tpd.design.steps import pendulum_of
 from tpd.design.subproblem import prepare_steps
 from tpd.design.survey import Survey, survey
 from tpd.design.verified import AtPoint, LossCase
 from tpd.design.verify import Verification
 from tpd.design.worth import Worth
+from tpd.models.compiled_linear import load_compiled
 
 SURVEYED = 24
 """Most conditions under which designs are followed from rest in a survey."""
@@ -178,7 +179,7 @@ def _prepared(problem: Problem, ensemble: Ensemble) -> Thread | None:
 
     def others() -> None:
         # In the order in which they are needed, and not at once: only one thread at a time can trace.
-        prepare_verification(o.p, len(o.conditions), ensemble)
+        load_compiled()
         if point is not None:
             point.objective.prepare()
         prepare_steps(o.linearised(o.blank(1)))

@@ -8,7 +8,7 @@ from copy import copy
 import jax
 import numpy as np
 
-from tpd.analysis.work_queue import settle_all
+from tpd.models.batches import settle_all
 from tpd.core.conditions import under_all
 from tpd.core.progress import Progress
 from tpd.core.status import names_of

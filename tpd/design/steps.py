@@ -20,7 +20,6 @@ from tpd.analysis.attractors import StartKind, Starts
 from tpd.analysis.ensemble import Ensemble, outcomes
 from tpd.analysis.outcomes import Outcomes
 from tpd.analysis.paired import SIGNIFICANT, chance_of, verdict
-from tpd.analysis.work_queue import prepare
 from tpd.core.conditions import Conditions, under_all
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.progress import Progress
@@ -415,14 +414,6 @@ class Steps:
 def pendulum_of(scene: Scene, v: Verified) -> Pendulum:
     """A verified design in SI."""
     return scene.pendulum(mass_ratio=v.mass_ratio, length_ratio=v.length_ratio, damping_ratio=v.damping_ratio)
-
-
-def prepare_verification(p: Parameters, conditions: int, ensemble: Ensemble) -> None:
-    """Compile for the verification: events of few motions and of many, and the nonlinear equations."""
-    bare = replace(p, mu=0.0, rho=float(p.inertia_ratio), e=float(p.velocity_ratio))
-    prepare(bare, conditions, Piecewise())
-    prepare(bare, ensemble.size, Piecewise(), growing=any(ensemble.ramps))
-    settle_nonlinear(bare, np.zeros((1, 4)), periods=1)
 
 
 def _with_sizes(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tpd.analysis.work_queue import settle_all
+from tpd.models.batches import settle_all
 from tpd.core.bob import THICKEST
 from tpd.core.conditions import under_all
 from tpd.core.sampling import latin_hypercube

@@ -19,8 +19,9 @@ import numba
 import numpy as np
 
 SLIP, STICK, REST = 0, 1, 2
-STEP = 1e-100
-"""Imaginary part of an input in whose direction a derivative is taken."""
+STEP = 1e-30
+"""Imaginary part of an input in whose direction a derivative is taken: its square is nothing beside 1, and its
+tenth power no denormal number, with which a processor is slow."""
 _SERIES = 1e-3
 """|w t|^2 below which the pair's solutions are summed as power series."""
 

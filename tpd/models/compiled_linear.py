@@ -8,9 +8,9 @@ as programs of JAX, for other devices.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from functools import lru_cache
+from importlib import import_module
 from typing import Any
 
 import jax
@@ -176,33 +176,8 @@ def trajectory(
     return ys, _status_of(jax.lax.stop_gradient(status)[0])
 
 
-def settle_all(
-    p: Parameters,
-    y0: Any,
-    *,
-    begin: Any = 0.0,
-    ramp: Any = 0.0,
-    model: Any = None,
-    workers: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> Settled:
-    """`model.settle` of every element of a batch, on all cores.
 
-    Args:
-        p: parameters, of shape (n,) or single numbers for all.
-        y0: starts, shape (n, 4).
-        begin: dimensionless times at which the shaking and the motion begin, within the first forcing
-            period; shape (n,) or one for all. The default is tau = 0.
-        ramp: forcing periods over which the shaking grows linearly to its full size, counted from tau = 0
-            also for motions that begin later; shape (n,) or one for all. The default is sudden.
-        model: a `Piecewise`; its `max_periods` bounds each motion.
-        workers: threads; default the number of cores.
-        progress: called with (motions done, of how many) now and then.
-
-    Returns:
-        A `Settled` with NumPy leaves of leading axis n, in the order of the batch.
-
-    Raises:
-        ValueError: an empty batch, leaves of different lengths, or workers below one.
-        RuntimeError: JAX is in 32-bit mode.
-    """
+def load_compiled() -> None:
+    """Load the compiled code of both equations, or compile it where there is none on this machine."""
+    usable()
+    import_module("tpd.models.nonlinear_settling")

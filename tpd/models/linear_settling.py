@@ -53,7 +53,7 @@ from tpd.models.period_kernel import (
     settled,
 )
 
-_NEARBY, _NEXT_TO_NOTHING = 0.05, 1e-4
+_NEARBY, _NEXT_TO_NOTHING = 0.02, 1e-4
 """Largest distances, in shares of the scales, from which a motion is taken to the orbit that it approaches: with
 its peaks behind it, and always."""
 _LINEAR = 0.1
@@ -61,7 +61,9 @@ _LINEAR = 0.1
 says."""
 _CONVERGED, _NEWTON = 1e-10, 6
 """Residual of an orbit, and bound on the steps of Newton's method."""
-_SQUARES, _LONG = 16, 100_000
+_WORTH = 24
+"""Forcing periods that may be followed in the time in which an orbit of one period is found."""
+_SQUARES, _LONG = 16, 1000
 """Squares of the derivative after which a contraction must have shown, and periods that are summed up."""
 _ROUNDING = 1e-10
 """Share of a period by which a time may lie before the period that it counts to."""
@@ -307,8 +309,10 @@ def _passed(by, sizes, scales, gap, apart, peaks):
             gap[i] = onward[i]
         if left > 3.0 * apart:
             return False
-        if left < 1e-9:
+        if left < 1e-8:
             break
+    else:
+        return False
     margin = apart * apart if apart > _NEXT_TO_NOTHING else 0.0
     for k in range(2):
         if margin > 0.0 and worst[k] + margin * scales[k] > peaks[k]:
@@ -378,9 +382,9 @@ def _orbit_near(x, q, complex_plants, mode, periods, rest_rate, max_events, scal
 
 
 @compiled
-def _slow_repetition(q, past, known, scales, before):
-    """Forcing periods after which a motion all but repeats itself, if it approaches the repetition slowly; 0 if
-    not. `before` holds the last distance."""
+def _slow_repetition(q, past, known, scales, tolerance, before):
+    """Forcing periods after which a motion all but repeats itself, if it would take longer to repeat itself
+    than its orbit takes to find; 0 if not. `before` holds the last distance and its periods."""
     step, closest, periods = (1 if q.mu > 0.0 else 2), _NEARBY, 0
     for n in range(1, known // 2):
         error = 0.0
@@ -388,9 +392,12 @@ def _slow_repetition(q, past, known, scales, before):
             error = max(error, abs(past[0, i] - past[n, i]) / scales[i])
         if error < 0.1 * closest or (n == 1 and error < closest):
             closest, periods = error, n
-    slow = before[0] > 0.0 and closest > 0.2 * before[0]
-    before[0] = closest if periods > 0 else 0.0
-    return periods if slow else 0
+    share = closest / before[0] if before[1] == periods and before[0] > 0.0 else 0.0
+    before[0], before[1] = closest, periods
+    if periods == 0 or share == 0.0:
+        return 0
+    left = math.log(closest / tolerance) / -math.log(share) if share < 1.0 else math.inf
+    return periods if left > _WORTH * periods else 0
 
 
 @compiled
@@ -459,7 +466,7 @@ def settle(x, plants, complex_plants, y0, since, ramp, periods, max_events, tole
     decide(q, y, sign(y[0]), sign(y[2]), share_at(growth, t) * math.sin(q.xi * t), mode)
     # A start within a period has another phase than the ends of periods, with which these are compared.
     known, status, repeats, elapsed = (1 if t == 0.0 else 0), NOT_SETTLED, 0, 0
-    before, found, wait = np.zeros(1), np.empty(4), 0
+    before, found, wait = np.zeros(2), np.empty(4), 0
     peaks[0], peaks[1] = abs(y[0]), abs(y[1])
     if mode[0] == REST and growth[1] == 0.0:
         rests, reach = _rests(q, y, mode, sizes, q.xi * t, tolerance)
@@ -498,9 +505,9 @@ def settle(x, plants, complex_plants, y0, since, ramp, periods, max_events, tole
         elif repeats > 0:
             status = ROCKING
         elif growth[1] == 0.0 and tolerance >= _CONVERGED and elapsed >= wait:
-            tried = _slow_repetition(q, past, known, scales, before)
+            tried = _slow_repetition(q, past, known, scales, tolerance, before)
             if tried > 0:
-                wait = elapsed + max(4, elapsed // 2)
+                wait = 2 * elapsed
                 if _orbit_near(x, q, complex_plants, mode, tried, rest_rate, max_events, scales, past, known, peaks, found, last):
                     status, repeats = ROCKING, tried
                     for i in range(4):

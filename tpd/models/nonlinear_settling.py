@@ -1,7 +1,7 @@
 """Compiled loop over forcing periods of the nonlinear equations: when a motion repeats, rests or is lost.
 
 The rules are those of `tpd.models.settling`. Shaking may begin at any phase and grow; see
-`tpd.analysis.work_queue.settle_all`.
+`tpd.models.batches.settle_all`.
 """
 
 from __future__ import annotations

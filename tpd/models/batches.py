@@ -1,0 +1,84 @@
+"""Following many motions of the linear equations at once, on all cores."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from tpd.core import checks
+from tpd.core.batch import in_chunks
+from tpd.core.parameters import Parameters
+from tpd.models import compiled_linear
+from tpd.models.base import Settled
+from tpd.models.piecewise import Piecewise
+from tpd.models.rows import rows_of, settled_of, shared
+
+
+def settle_all(
+    p: Parameters,
+    y0: Any,
+    *,
+    begin: Any = 0.0,
+    ramp: Any = 0.0,
+    model: Piecewise | None = None,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Settled:
+    """`model.settle` of every element of a batch, in bounded memory and on all cores.
+
+    Args:
+        p: parameters, of shape (n,) or single numbers for all.
+        y0: starts, shape (n, 4).
+        begin: dimensionless times at which the shaking and the motion begin, within the first forcing
+            period; shape (n,) or one for all. The default is tau = 0.
+        ramp: forcing periods over which the shaking grows linearly to its full size, counted from tau = 0
+            also for motions that begin later; shape (n,) or one for all. The default is sudden.
+        model: default `Piecewise()`; its `max_periods` bounds each motion.
+        workers: threads; default the number of cores.
+        progress: called with (motions done, of how many) now and then.
+
+    Returns:
+        A `Settled` with NumPy leaves of leading axis n, in the order of the batch.
+
+    Raises:
+        ValueError: an empty batch, leaves of different lengths, a number out of range, or workers below one.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    model = Piecewise() if model is None else model
+    starts, rows, begins, ramps = rows_of(p, y0, begin, ramp)
+    if not (model.kernel and compiled_linear.usable()):
+        batch = rows, starts, begins, ramps
+        return in_chunks(_program(model), batch, workers=workers, progress=progress)
+    # Loaded here, and not with the package: it loads Numba.
+    from tpd.models import linear_entry as entry
+    from tpd.models.period_kernel import STATUSES
+
+    n = len(starts)
+    floats, counts = np.empty((n, entry.FLOATS)), np.empty((n, entry.WHOLES))
+    settings = np.empty((n, entry.SETTINGS))
+    settings[:] = (entry.SETTLE, model.max_periods, model.max_events, model.tolerance, model.rest_rate, 0.0)
+    times = np.stack([begins, ramps], axis=1)
+
+    def run(first: int, last: int) -> int:
+        entry.run(first, last, settings, rows, starts, times, floats, counts)
+        return last - first
+
+    shared(run, n, workers, progress)
+    return settled_of(floats, counts.astype(np.int64), STATUSES)
+
+
+@lru_cache(maxsize=8)
+def _program(model: Piecewise) -> Callable[[Any], Settled]:
+    """The same for one element as a program of JAX."""
+
+    def follow(element: tuple[Any, Any, Any, Any]) -> Settled:
+        x, y0, begin, ramp = element
+        names = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e")
+        p = Parameters(**{name: x[i] for i, name in enumerate(names)})
+        return model.follow(p, model.lane(p, y0, begin, ramp), model.max_periods).record.settled()
+
+    return follow

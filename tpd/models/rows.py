@@ -1,0 +1,89 @@
+"""Batches of motions as rows of plain arrays, for compiled code that follows one after another."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from functools import lru_cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.core import checks
+from tpd.core.parameters import Parameters
+from tpd.core.status import Status
+from tpd.exact.contact import Mode
+from tpd.models.base import Settled
+
+_CHUNK = 16
+"""Motions of one piece of work, at most."""
+
+
+def shared(
+    run: Callable[[int, int], int],
+    n: int,
+    workers: int | None,
+    progress: Callable[[int, int], None] | None,
+) -> None:
+    """Do all pieces of work on so many threads, by default on all cores.
+
+    Raises:
+        ValueError: workers below one.
+    """
+    if workers is not None:
+        checks.count("workers", workers)
+    cores = (os.cpu_count() or 1) if workers is None else workers
+    # Each piece writes rows of its own, so that the order in which they end is no matter.
+    size = max(1, min(_CHUNK, -(-n // (4 * cores))))
+    done = 0
+    with ThreadPoolExecutor(min(cores, n)) as crew:
+        pieces = [crew.submit(run, i, min(i + size, n)) for i in range(0, n, size)]
+        for piece in as_completed(pieces):
+            done += piece.result()
+            if progress is not None:
+                progress(done, n)
+
+
+def rows_of(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray, ...]:
+    """Starts (n, 4), parameters (n, 9), beginnings and ramps (n,)."""
+    starts = np.array(y0, dtype=float, order="C")
+    n = len(starts) if starts.ndim else 0
+    shapes = sorted({np.shape(x) for x in jax.tree.leaves((p, begin, ramp))} - {()})
+    if starts.shape != (n, 4) or n == 0 or shapes not in ([], [(n,)]):
+        raise ValueError(
+            f"`p`, `begin` and `ramp` must have shape (n,) and `y0` (n, 4), but have {shapes} and "
+            f"{starts.shape}"
+        )
+    ratios = p.inertia_ratio, p.velocity_ratio
+    values = (p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, *ratios, begin, ramp)
+    columns = [np.broadcast_to(np.asarray(x, dtype=float), n) for x in values]
+    begins, ramps = (np.array(x) for x in columns[9:])
+    late = (begins < 0.0) | (begins * columns[6] > 2.0 * np.pi * (1.0 + 1e-12))
+    if np.any(late | ~np.isfinite(begins)):
+        raise ValueError(f"`begin` must lie within the first forcing period, but is {begins[late]}")
+    checks.not_negative("ramp", ramps)
+    return starts, np.array(np.transpose(columns[:9]), order="C"), begins, ramps
+
+
+@lru_cache(maxsize=1)
+def _structure() -> Any:
+    """Structure of the pytree of a `Settled`."""
+    none, count = jnp.zeros(()), jnp.zeros((), int)
+    memory = Mode(count, none, none)
+    return jax.tree.structure(
+        Settled(jnp.zeros(4), memory, count, none, none, Status.failed, count, none, none)
+    )
+
+
+def settled_of(floats: np.ndarray, wholes: np.ndarray, names: tuple[str, ...]) -> Settled:
+    """Results of a batch from columns of numbers."""
+    statuses = np.array([jax.tree.leaves(getattr(Status, name))[0] for name in names])
+    amplitude, stroke, peak, peak_stroke, kind, *signs = floats.T[4:].copy()
+    memory, sizes = (kind.astype(int), *signs), (amplitude, stroke)
+    status, periods, elapsed = statuses[wholes[:, 0]], wholes[:, 1].copy(), wholes[:, 2].copy()
+    # From its leaves, because fields are annotated with the shapes of a single motion.
+    leaves = [floats[:, :4].copy(), *memory, periods, *sizes, status, elapsed, peak, peak_stroke]
+    return jax.tree.unflatten(_structure(), leaves)
