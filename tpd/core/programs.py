@@ -130,7 +130,8 @@ class Program:
 
         path = self._path(key)
         # A name of its own: JAX's cache has no other version of it either.
-        flat.__name__ = "program" if path is None else f"program_{path.name[:16]}"
+        name = getattr(self.function, "__name__", "program")
+        flat.__name__ = name if path is None else f"{name}_{path.name[:16]}"
         return jax.jit(flat).lower(*leaves), structures[-1]
 
 
