@@ -114,3 +114,29 @@ def test_nothing_is_kept_without_a_folder(tmp_path):
     programs._folder[:] = before
     assert len(TRACED) == 2
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_comes_out_of_jax_s_own_cache_is_not_kept(folder, monkeypatch):
+    ask()
+    (path,) = folder.iterdir()
+    path.unlink()
+    compiled = jax.stages.Lowered.compile
+
+    def found(lowered, *options):
+        jax.monitoring.record_event("/jax/compilation_cache/cache_hits")
+        return compiled(lowered, *options)
+
+    monkeypatch.setattr(jax.stages.Lowered, "compile", found)
+    np.testing.assert_array_equal(ask()["twice"], [0.0, 2.0, 4.0])
+    assert list(folder.iterdir()) == []
+
+
+def test_a_program_that_does_not_run_is_compiled_again(folder, monkeypatch):
+    ask()
+
+    def broken(*_):
+        raise RuntimeError("function not found")
+
+    monkeypatch.setattr(programs, "deserialize_and_load", lambda *_: broken)
+    with pytest.warns(UserWarning, match="function not found"):
+        np.testing.assert_array_equal(ask()["twice"], [0.0, 2.0, 4.0])

@@ -18,7 +18,7 @@ import zlib
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from threading import Lock
+from threading import Lock, local
 from typing import Any
 
 import jax
@@ -32,6 +32,16 @@ _MOST = 64
 _OTHERS = 0o022
 """Rights of others to write: what they may have written is not executed."""
 _folder: list[Path] = []
+_found = local()
+"""Whether this thread has found a program in JAX's cache."""
+
+
+def _heard(event: str, **_: Any) -> None:
+    if event.endswith("/cache_hits"):
+        _found.here = True
+
+
+jax.monitoring.register_event_listener(_heard)
 
 
 def keep_in(folder: Path) -> None:
@@ -74,11 +84,11 @@ class Program:
         with self._lock:
             if key in self._ready or key in self._traced:
                 return
-            kept = self._kept(key)
+            kept = self._kept(key, leaves)
             if kept is not None:
                 self._ready[key] = kept
             else:
-                self._traced[key] = self._lowered(leaves, structure)
+                self._traced[key] = self._lowered(leaves, structure, key)
 
     def _at(self, leaves: list[Any], structure: Any) -> tuple[Callable[..., Any], Any]:
         key = _key(leaves, structure)
@@ -90,12 +100,14 @@ class Program:
 
     def _made(self, leaves: list[Any], structure: Any, key: Any) -> tuple[Callable[..., Any], Any]:
         known = self._traced.pop(key, None)
-        kept = self._kept(key) if known is None else None
+        kept = self._kept(key, leaves) if known is None else None
         if kept is not None:
             return kept
-        lowered, out = known or self._lowered(leaves, structure)
+        lowered, out = known or self._lowered(leaves, structure, key)
+        _found.here = False
         run, path = lowered.compile(), self._path(key)
-        if path is not None:
+        # What comes out of JAX's cache lacks a part of its code when it is written once more.
+        if path is not None and not _found.here:
             _write(path, run, out)
         return run, out
 
@@ -103,11 +115,11 @@ class Program:
         name = _identity(self.function) if _folder else None
         return None if name is None else _folder[0] / _digest(_here(), name, str((self.mapped, key)))
 
-    def _kept(self, key: Any) -> tuple[Callable[..., Any], Any] | None:
+    def _kept(self, key: Any, leaves: list[Any]) -> tuple[Callable[..., Any], Any] | None:
         path = self._path(key)
-        return None if path is None else _read(path)
+        return None if path is None else _read(path, leaves)
 
-    def _lowered(self, leaves: list[Any], structure: Any) -> tuple[Any, Any]:
+    def _lowered(self, leaves: list[Any], structure: Any, key: Any) -> tuple[Any, Any]:
         function = jax.vmap(self.function) if self.mapped else self.function
         structures: list[Any] = []
 
@@ -116,7 +128,10 @@ class Program:
             structures.append(its)
             return out
 
-        flat.__name__ = getattr(self.function, "__name__", "program")
+        path = self._path(key)
+        # A name of its own: JAX's cache has no other version of it either.
+        name = getattr(self.function, "__name__", "program")
+        flat.__name__ = name if path is None else f"{name}_{path.name[:16]}"
         return jax.jit(flat).lower(*leaves), structures[-1]
 
 
@@ -126,8 +141,9 @@ def _key(leaves: list[Any], structure: Any) -> Any:
     return structure, wide, *((x.shape, x.dtype) for x in leaves)
 
 
-def _read(path: Path) -> tuple[Callable[..., Any], Any] | None:
-    """A program that was kept, with the structure of its results; None if there is none that can be used."""
+def _read(path: Path, leaves: list[Any]) -> tuple[Callable[..., Any], Any] | None:
+    """A program that was kept and runs with such arguments, with the structure of its results; None if there
+    is none that can be used."""
     try:
         if not path.exists() or not _is_own(path):
             return None
@@ -135,7 +151,10 @@ def _read(path: Path) -> tuple[Callable[..., Any], Any] | None:
         if hashlib.sha256(data[32:]).digest() != data[:32]:
             return None
         *parts, out = pickle.loads(zlib.decompress(data[32:]))
-        return deserialize_and_load(*parts), out
+        run = deserialize_and_load(*parts)
+        # Some defects show when it runs.
+        jax.block_until_ready(run(*leaves))
+        return run, out
     except Exception as error:
         # A compiler may refuse code that it made itself, as on some processors with AVX-512.
         warnings.warn(

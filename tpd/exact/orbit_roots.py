@@ -195,22 +195,25 @@ def _split(half: Half, dip: _Dip) -> tuple[Bracket, Bracket, Bool[Array, ""]]:
         at = crossing(half, t)
         return jax.jvp(product, (at,), (per_time(half, at),))[1]
 
-    def step(_: Array, carry: tuple) -> tuple:
-        # Illinois' method: an end that stays twice counts for half.
+    def step(i: Array, carry: tuple) -> tuple:
+        # Illinois' method: an end that stays twice counts for half. Two steps before give the slopes at both
+        # ends, so that these are compiled with the others.
         (left, g_left), (right, g_right), side, t = carry
         t = left - g_left * (right - left) / (g_right - g_left)
         t = jnp.where((t > left) & (t < right), t, 0.5 * (left + right))
+        t = jnp.where(i < 2, jnp.where(i == 0, low, high), t)
         g = slope(t)
-        beyond = g > 0
+        beyond = (g > 0) & (i > 1) | (i == 1)
         g_left = jnp.where(beyond, g_left * jnp.where(side > 0, 0.5, 1.0), g)
         g_right = jnp.where(beyond, g, g_right * jnp.where(side < 0, 0.5, 1.0))
         left, right = jnp.where(beyond, left, t), jnp.where(beyond, t, right)
-        return (left, g_left), (right, g_right), jnp.where(beyond, 1.0, -1.0), t
+        side = jnp.where(i < 2, 0.0, jnp.where(beyond, 1.0, -1.0))
+        return (left, g_left), (right, g_right), side, t
 
     # The slope of the product changes its sign between the outer samples.
     zero = jnp.zeros_like(spacing)
-    first = ((low, slope(low)), (high, slope(high)), zero, zero)
-    left, right, _, t = jax.lax.fori_loop(0, 8, step, first)
+    first = ((low, zero), (high, zero), zero, zero)
+    left, right, _, t = jax.lax.fori_loop(0, 10, step, first)
     lowest = kept(t)
     s = _sample(half, crossing(half, lowest))
     hit = jnp.asarray((dip.depth < 1.0) & (s.product < 0) & ((s.tall > 0) | (s.low > 0)))

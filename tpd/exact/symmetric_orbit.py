@@ -15,7 +15,7 @@ from tpd.core.parameters import Number, State
 from tpd.exact.batch_branches import computed_once
 from tpd.exact.contact import impact_jump
 from tpd.exact.modes import Plant
-from tpd.exact.orbit_equation import Half, conditions, crossing
+from tpd.exact.orbit_equation import Crossing, Half, conditions, crossing
 from tpd.exact.orbit_roots import Root
 from tpd.exact.propagator import Factor, components, exponential, identity
 from tpd.exact.signal import Harmonic, Instant, Signal
@@ -30,6 +30,8 @@ class Orbit(NamedTuple):
     second: tuple[Signal, Signal]
     impact: Number
     """V"""
+    at: Crossing
+    """Crossing between them."""
 
     @property
     def height(self) -> Number:
@@ -57,7 +59,7 @@ def orbit_of(half: Half, root: Root) -> Orbit:
         first.append(Signal(balance, free, Harmonic(along, across)))
         step = half.step if row == 0 else zero
         second.append(Signal(balance - step, later, Harmonic(along, across)))
-    return Orbit(root, tuple(first), tuple(second), impact)
+    return Orbit(root, tuple(first), tuple(second), impact, at)
 
 
 def instant(half: Half, orbit: Orbit, s: Number, late: Bool[Array, ""]) -> Instant:
@@ -91,7 +93,7 @@ def half_map(half: Half, orbit: Orbit) -> Matrix:
     # product of the flows of both arcs and, between them, one saltation matrix for each event: a neighbour
     # meets the event a little earlier or later and meanwhile moves by the rates of the other side.
     plant = half.plant
-    (at,) = computed_once(crossing(half, orbit.root.t))
+    at = orbit.at
     first, second = _flow_matrix(plant, at.flow), _flow_matrix(plant, at.rest)
     thrown, jump = _thrown(half, orbit, at.flow)
     pushed = _pushed(half, orbit, at.rest)
