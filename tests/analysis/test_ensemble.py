@@ -11,9 +11,9 @@ from tests.reference import NAMES, BareCrowd, EventDriven
 from tpd.analysis.ensemble import outcomes, plan
 from tpd.analysis.outcomes import Outcomes, Share
 from tpd.analysis.paired import Verdict, chance_of
-from tpd.models.batches import settle_all
 from tpd.core.sampling import latin_hypercube
 from tpd.core.status import names_of
+from tpd.models.batches import settle_all
 
 HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
 SPREADS = ("tilt", "tilt_rate", "swing", "swing_rate", "amplitude", "frequency", "friction", "damping")

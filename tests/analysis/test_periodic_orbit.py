@@ -14,8 +14,8 @@ import pytest
 from tests.reference import BARE, HUNG, UNSTABLE, Case, along, differences, named, parameters
 from tpd import Status, status_name, steady_state, symmetric_orbits
 from tpd.analysis.periodic_orbit import PeriodicOrbit, continue_orbit, periodic_orbit
-from tpd.models.batches import settle_all
 from tpd.core.equations import Linear
+from tpd.models.batches import settle_all
 
 
 class Scene(NamedTuple):

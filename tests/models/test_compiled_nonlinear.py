@@ -13,9 +13,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import tpd
-from tpd.models.batches import settle_all
 from tpd.core.equations import Equations
 from tpd.core.status import names_of
+from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear
 
 HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)

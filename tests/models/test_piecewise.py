@@ -477,7 +477,7 @@ def test_a_batch_gives_each_design_what_it_gets_alone():
 
 
 def test_too_few_events_are_reported_and_leave_no_numbers():
-    motion = simulate(parameters(HUNG[0].x), np.zeros(4), clock(HUNG[0].x, 30), model=Piecewise(max_events=3))
+    motion = simulate(parameters(HUNG[0].x), np.zeros(4), clock(HUNG[0].x, 30), model=Piecewise(max_events=1))
     assert motion.status == Status.event_bound
     assert np.all(np.isnan(motion.ys[-1]))
 

@@ -19,7 +19,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.analysis.steady_state import Steady, steady_state
-from tpd.models.batches import settle_all
 from tpd.core import checks
 from tpd.core.formatting import Printed, counted_periods
 from tpd.core.parameters import Parameters, as_arrays
@@ -29,6 +28,7 @@ from tpd.core.sampling import latin_hypercube
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import Status, status_name
 from tpd.models.base import Settled
+from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
 from tpd.models.settling import scale_of
 

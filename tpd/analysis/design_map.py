@@ -12,7 +12,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.analysis.symmetric_orbits import Orbits, symmetric_orbits
-from tpd.models.batches import settle_all
 from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
 from tpd.core.batch import in_chunks
@@ -22,6 +21,7 @@ from tpd.core.progress import shown_count
 from tpd.core.quantities import NAMES, UNITS, Setup, parameters
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import names_of
+from tpd.models.batches import settle_all
 from tpd.models.settling import scale_of
 
 _MATCH = 1e-3

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.analysis.outcomes import LOST, Outcomes
-from tpd.models.batches import settle_all
 from tpd.core import checks, sampling
 from tpd.core.conditions import FACTORS, Conditions, check_restitution, under
 from tpd.core.equations import Terms
@@ -26,6 +25,7 @@ from tpd.core.quantities import parameters_of
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import names_of
 from tpd.models.base import Settled
+from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 

@@ -20,7 +20,6 @@ from jaxtyping import Array
 
 from tpd.analysis.attractors import Starts
 from tpd.analysis.steady_state import answered
-from tpd.models.batches import settle_all
 from tpd.closed_form import uplift
 from tpd.core.batch import in_chunks, prepare
 from tpd.core.conditions import Conditions, under, under_all
@@ -39,6 +38,7 @@ from tpd.design.objective import (
 )
 from tpd.design.subproblem import prepare_steps
 from tpd.models.base import AbstractModel, Settled
+from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from tpd.analysis.steady_state import steady_state
-from tpd.models.batches import settle_all
 from tpd.core.conditions import Conditions, under, under_all
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.status import names_of, status_name
 from tpd.design.followed import Followed
 from tpd.design.objective import KINDS, NONE, REST, Evaluation
 from tpd.design.verified import Motions
+from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
 
 _POLISHED = 32

@@ -8,7 +8,6 @@ from copy import copy
 import jax
 import numpy as np
 
-from tpd.models.batches import settle_all
 from tpd.core.conditions import under_all
 from tpd.core.progress import Progress
 from tpd.core.status import names_of
@@ -21,6 +20,7 @@ from tpd.design.result import Search, SearchStatus
 from tpd.design.screening import best_apart, first_apart, screened_designs
 from tpd.design.sequential import Ends, minimise
 from tpd.design.subproblem import Linearisation
+from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
 
 GROUP = 16

@@ -21,7 +21,7 @@ from tpd.analysis.ensemble import Ensemble, outcomes
 from tpd.analysis.outcomes import Outcomes
 from tpd.analysis.paired import SIGNIFICANT, chance_of, verdict
 from tpd.core.conditions import Conditions, under_all
-from tpd.core.parameters import Parameters, as_arrays
+from tpd.core.parameters import as_arrays
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import SETTLED, names_of
@@ -37,7 +37,6 @@ from tpd.design.search import Multistart, stage
 from tpd.design.verified import Bare, Motions, Neighbours, Nonlinear, Verified
 from tpd.design.worth import Worth
 from tpd.models.compiled_nonlinear import settle_nonlinear
-from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 
 _ASKED, _NEAR = 4, 2

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tpd.models.batches import settle_all
 from tpd.core.bob import THICKEST
 from tpd.core.conditions import under_all
 from tpd.core.sampling import latin_hypercube
@@ -21,6 +20,7 @@ from tpd.design.criteria import Risk, Room, limit_of
 from tpd.design.objective import AbstractObjective, Orbits
 from tpd.design.screening import first_apart
 from tpd.design.space import DesignSpace
+from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 

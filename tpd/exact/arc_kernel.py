@@ -1,9 +1,9 @@
 """Closed-form arcs of the linear equations (25) in compiled scalar code, for real and for complex numbers.
 
-The formulas are those of `tpd.exact.modes` and `tpd.exact.arc`, one number after another. Complex numbers give
-derivatives: an input with the imaginary part `STEP` yields results whose imaginary parts are `STEP` times
-their derivatives, exact to rounding, because nothing is subtracted (W. Squire and G. Trapp, SIAM Review 40,
-1998). Every function here is analytic; where one decides, it looks at real parts.
+The formulas are those of `tpd.exact.modes` and `tpd.exact.arc`, one number after another. Complex numbers
+give derivatives: an input with the imaginary part `STEP` yields results whose imaginary parts are `STEP`
+times their derivatives, exact to rounding, because nothing is subtracted (W. Squire and G. Trapp, SIAM Review
+40, 1998). Every function here is analytic; where one decides, it looks at real parts.
 
 Numba takes 0.3 s to load: no module imports this one before it is needed.
 """
@@ -20,8 +20,8 @@ import numpy as np
 
 SLIP, STICK, REST = 0, 1, 2
 STEP = 1e-30
-"""Imaginary part of an input in whose direction a derivative is taken: its square is nothing beside 1, and its
-tenth power no denormal number, with which a processor is slow."""
+"""Imaginary part of an input in whose direction a derivative is taken: its square is nothing beside 1, and
+its tenth power no denormal number, with which a processor is slow."""
 _SERIES = 1e-3
 """|w t|^2 below which the pair's solutions are summed as power series."""
 
@@ -31,8 +31,8 @@ _FIELDS = (
     "tilt_sin tilt_cos bob_sin bob_cos tilt_lag_sin tilt_lag_cos bob_lag_sin bob_lag_cos "
     "swing_sin swing_cos swing_lag_sin swing_lag_cos"
 )
-"""What does not change from arc to arc; see `tpd.exact.modes.Plant`. a and b are the shapes of the modes s1 and
-s2, al and bl their left vectors."""
+"""What does not change from arc to arc; see `tpd.exact.modes.Plant`. a and b are the shapes of the modes s1
+and s2, al and bl their left vectors."""
 PLANT = np.dtype([(name, np.float64) for name in _FIELDS.split()])
 COMPLEX_PLANT = np.dtype([(name, np.complex128) for name in _FIELDS.split()])
 # Records, because Numba passes a record on as one address, and a tuple as all its numbers.
@@ -47,8 +47,10 @@ Instant = namedtuple("Instant", "e1 e2 u v sine cosine")
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile a function when it is first called."""
     # A checker of types may have wrapped the function: Numba needs the one that was written. Division by zero
-    # gives infinity as in NumPy, and needs no check.
-    return numba.njit(inspect.unwrap(function), nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    # gives infinity as in NumPy, and needs no check. Python and C call the entry only: wrappers for them
+    # would take a third of the time to compile.
+    options: Any = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return numba.njit(inspect.unwrap(function), error_model="numpy", **options)
 
 
 @compiled
@@ -196,9 +198,7 @@ def fill(q, nu, mu, lam, zeta, k, f, xi, rho, e):
     q.up, q.weight, q.bias = up, (1.0 + mu) * nu, mu * hinge * (lam - 2.0)
     q.s1, q.s2, q.p, q.q = _roots(a4, a3, a2, a1, a0)
     q.held_p, q.held_q = c2 / m22, 1.0 / m22
-    _put_modes(
-        q, _mode(q.s1, m11, m12, m21, m22, c1, c2, up), _mode(q.s2, m11, m12, m21, m22, c1, c2, up)
-    )
+    _put_modes(q, _mode(q.s1, m11, m12, m21, m22, c1, c2, up), _mode(q.s2, m11, m12, m21, m22, c1, c2, up))
     h = _responses(m11, m12, m21, m22, c1, c2, up, f, xi)
     q.tilt_sin, q.tilt_cos, q.bob_sin, q.bob_cos = h[0], h[1], h[2], h[3]
     q.tilt_lag_sin, q.tilt_lag_cos, q.bob_lag_sin, q.bob_lag_cos = h[4], h[5], h[6], h[7]
@@ -265,7 +265,7 @@ def launch(q, kind, tilt, way, y0, y1, y2, y3, phase, share, rate):
 
 @compiled
 def _pair(p, q, t):
-    """The pair's solutions u, v with (u, u') = (1, 0) and (v, v') = (0, 1) at t = 0; see `tpd.exact.modes`."""
+    """The pair's solutions u, v with (u, u') = (1, 0), (v, v') = (0, 1) at t = 0; see `tpd.exact.modes`."""
     w2 = q - 0.25 * p * p
     x2 = w2 * t * t
     half = 0.5 * p

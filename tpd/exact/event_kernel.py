@@ -125,7 +125,7 @@ def _excess(q, arc, share, rate):
 
 @compiled
 def _watch(w, i, x, arc):
-    """Put a signal, its slope and curvature, and what bounds its fourth derivative into row i of the workspace."""
+    """Put a signal, its slope and curvature, and a bound on its fourth derivative into row i of `w`."""
     slope = rate_of(arc, x)
     second = rate_of(arc, slope)
     fourth = rate_of(arc, rate_of(arc, second))
@@ -273,9 +273,9 @@ def _at_once(second, t, g, v):
 
 @compiled
 def _next_event(arc, w, second, now, t, end, least, longest, window, limit, looks):
-    """The first event of an arc after `t`, the instant `now`, and until `end`, its time, and how many looks at the signals are
-    left. No event is END; a tilt beyond `limit` is GONE. The first window is `window`, the others are at most
-    `longest`."""
+    """The first event of an arc after `t`, the instant `now`, and until `end`, its time, and how many looks
+    at the signals are left. No event is END; a tilt beyond `limit` is GONE. The first window is `window`, the
+    others are at most `longest`."""
     g, v, h, z = w[3, 0], w[3, 1], w[3, 2], w[3, 3]
     t = _begun(arc, w, second, now, t, end, least, g, v)
     which, at = _at_once(second, t, g, v)
@@ -355,14 +355,16 @@ def _transversality(q, which, before, after, now, sine):
 
 @compiled
 def begin(q, growth, mode, y, t, sizes):
-    """Put what is counted along a motion into `sizes` as it begins: the largest tilts and the largest swings of
-    the bob to either side, the sign of its rate, and the least transversality."""
+    """Put what is counted along a motion into `sizes` as it begins: the largest tilts and swings of the bob
+    to either side, the sign of its rate, and the least transversality."""
     sizes[0], sizes[1], sizes[2], sizes[3] = max(y[0], 0.0), max(-y[0], 0.0), max(y[1], 0.0), max(-y[1], 0.0)
     mode[3], rate = (1.0 if mode[0] != SLIP else 0.0), y[3]
     if abs(rate) <= 1e-12:
         # From rest the bob's first and second derivatives vanish: look a little ahead instead.
         ahead = 1e-3 / q.xi
-        arc = launch(q, mode[0], mode[1], mode[2], y[0], y[1], y[2], y[3], q.xi * t, share_at(growth, t), growth[1])
+        arc = launch(
+            q, mode[0], mode[1], mode[2], y[0], y[1], y[2], y[3], q.xi * t, share_at(growth, t), growth[1]
+        )
         rate = value_of(rate_of(arc, arc.bob), instant(arc, ahead), ahead)
     sizes[4], sizes[5] = (-1.0 if rate < 0.0 else 1.0), math.inf
 
@@ -404,7 +406,9 @@ def advance(q, growth, mode, y, t, end, sizes, legs, count, capture, max_events)
             start[i] = y[i]
         which, here = BOB, Instant(1.0, 1.0, 1.0, 0.0, math.sin(arc.phase), math.cos(arc.phase))
         while which == BOB:
-            which, at, looks = _next_event(arc, w, second, here, at, left, least, longest, window, limit, looks)
+            which, at, looks = _next_event(
+                arc, w, second, here, at, left, least, longest, window, limit, looks
+            )
             here = instant(arc, at)
             now = state_at(arc, here, at)
             # Hops get shorter one after the other.

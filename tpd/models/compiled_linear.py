@@ -2,8 +2,8 @@
 
 A program of XLA executes a loop over many small numbers slowly, and takes long to compile. The code here is
 compiled once for a machine and stored. Under `jit`, `vmap` and derivatives it is an XLA custom call with
-derivatives of its own; on the host, `settle_all` follows batches on all cores. `Piecewise` has the same motions
-as programs of JAX, for other devices.
+derivatives of its own; on the host, `settle_all` follows batches on all cores. `Piecewise` has the same
+motions as programs of JAX, for other devices.
 """
 
 from __future__ import annotations
@@ -174,7 +174,6 @@ def trajectory(
     s = _settings(entry.TRAJECTORY, times.size, max_events, 0.0, rest_rate, 0.0)
     ys, status = _trajectory(packed(p), y0, times, s)
     return ys, _status_of(jax.lax.stop_gradient(status)[0])
-
 
 
 def load_compiled() -> None:

@@ -1,8 +1,8 @@
 """The one entrance to the compiled code of the linear equations, for XLA and for the host.
 
 XLA calls a function by a pointer to a frame that names the buffers (its foreign function interface, FFI). The
-host calls the same function with a frame of its own, whose first number is 0, so that the code is compiled once.
-Both release Python's lock. A row of each buffer belongs to one motion.
+host calls the same function with a frame of its own, whose first number is 0, so that the code is compiled
+once. Both release Python's lock. A row of each buffer belongs to one motion.
 """
 
 from __future__ import annotations
@@ -24,8 +24,11 @@ from numba.extending import intrinsic
 
 from tpd.exact import arc_kernel, event_kernel
 from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, compiled
-from tpd.models import linear_settling, period_kernel
-from tpd.models.linear_settling import INPUTS, cycle, settle, trajectory
+from tpd.models import linear_derivatives, linear_orbit, linear_settling, linear_trajectory, period_kernel
+from tpd.models.linear_derivatives import INPUTS
+from tpd.models.linear_orbit import cycle
+from tpd.models.linear_settling import settle
+from tpd.models.linear_trajectory import trajectory
 from tpd.models.period_kernel import FLOATS, WHOLES
 
 SETTLE, CYCLE, TRAJECTORY = range(3)
@@ -78,7 +81,12 @@ def _cube(address, rows, columns, depth):
 def _settle(a, first, last):
     """Rows of `settle`: settings (what, periods, max_events, tolerance, rest_rate), parameters, starts,
     beginnings and ramps; results of numbers and of counts."""
-    s, x, y, t = _table(a[0], last, SETTINGS), _table(a[1], last, 9), _table(a[2], last, 4), _table(a[3], last, 2)
+    s, x, y, t = (
+        _table(a[0], last, SETTINGS),
+        _table(a[1], last, 9),
+        _table(a[2], last, 4),
+        _table(a[3], last, 2),
+    )
     out, wholes = _table(a[4], last, FLOATS), _table(a[5], last, WHOLES)
     plants, others = np.empty(1, PLANT), np.empty(1, COMPLEX_PLANT)
     for n in range(first, last):
@@ -90,14 +98,29 @@ def _settle(a, first, last):
 
 @compiled
 def _cycle(a, first, last):
-    """Rows of `cycle`: settings (what, periods, max_events, -, rest_rate, first direction), parameters, starts
-    and modes; results and derivatives."""
-    s, x, y, mode = _table(a[0], last, SETTINGS), _table(a[1], last, 9), _table(a[2], last, 4), _table(a[3], last, 3)
+    """Rows of `cycle`: settings (what, periods, max_events, -, rest_rate, first direction), parameters,
+    starts and modes; results and derivatives."""
+    s, x, y, mode = (
+        _table(a[0], last, SETTINGS),
+        _table(a[1], last, 9),
+        _table(a[2], last, 4),
+        _table(a[3], last, 3),
+    )
     out, by = _table(a[4], last, CYCLE_OUT), _cube(a[5], last, 6, INPUTS)
     plants, others = np.empty(1, PLANT), np.empty(1, COMPLEX_PLANT)
     for n in range(first, last):
         cycle(
-            x[n], plants, others, y[n], mode[n], int(s[n, 1]), s[n, 4], int(s[n, 2]), int(s[n, 5]), out[n], by[n]
+            x[n],
+            plants,
+            others,
+            y[n],
+            mode[n],
+            int(s[n, 1]),
+            s[n, 4],
+            int(s[n, 2]),
+            int(s[n, 5]),
+            out[n],
+            by[n],
         )
 
 
@@ -170,7 +193,8 @@ def _entrance(version: int, api: int) -> Any:
 
 def _version() -> int:
     """Checksum of the compiled sources."""
-    files = (arc_kernel, event_kernel, period_kernel, linear_settling)
+    exact, periods = (arc_kernel, event_kernel), (period_kernel, linear_derivatives, linear_orbit)
+    files = (*exact, *periods, linear_settling, linear_trajectory)
     sources = [Path(str(module.__file__)).read_bytes() for module in files]
     return zlib.crc32(b"".join([*sources, Path(__file__).read_bytes()]))
 

@@ -9,13 +9,8 @@ it is needed.
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections import namedtuple
-from collections.abc import Callable
-from typing import Any
-
-import numba
 
 SLIP, STICK, REST = 0, 1, 2
 REST_RATE = 1e-4
@@ -29,15 +24,6 @@ ARRIVED, LOST, EXHAUSTED, BROKEN = range(4)
 
 Plant = namedtuple("Plant", "nu mu lam k f xi rho e m11 m22 c1 c2 tilt weight pull period")
 """Coefficients of (4) for one motion; `pull` is mu rho lam."""
-
-
-def compiled(function: Callable[..., Any]) -> Any:
-    """Compile a function when it is first called."""
-    # A checker of types may have wrapped the function: Numba needs the one that was written. Division by zero
-    # gives infinity as in NumPy, and needs no check. Python and C call the entry only: wrappers for them
-    # would take a third of the time to compile.
-    options: Any = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return numba.njit(inspect.unwrap(function), error_model="numpy", **options)
 
 
 @compiled

@@ -103,7 +103,7 @@ class Piecewise(AbstractModel):
     lyapunov_periods: int = eqx.field(default=100, static=True, kw_only=True)
     """Periods over which the separation of neighbours is measured, should a motion not repeat."""
     kernel: bool = eqx.field(default=True, static=True, kw_only=True)
-    """Whether compiled scalar code is used on a processor, where it can be; else a program of JAX everywhere."""
+    """Whether compiled scalar code is used on a processor, where it can be; else a program of JAX."""
 
     def __check_init__(self) -> None:
         checks.count("max_periods", self.max_periods)

@@ -1,0 +1,258 @@
+"""Periods of a motion of the linear equations, with derivatives, and the orbit that a motion approaches."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tpd.exact.arc_kernel import REST, SLIP, compiled, plant
+from tpd.exact.event_kernel import ARRIVED, BOB, LEG, advance, begin
+from tpd.models.linear_derivatives import INPUTS, differentiate
+
+NEARBY, _NEXT_TO_NOTHING = 0.02, 1e-4
+"""Largest distances, in shares of the scales, from which a motion is taken to the orbit that it approaches:
+with its peaks behind it, and always."""
+_LINEAR = 0.1
+"""Share of its distance by which the last states of such a motion may differ from what the orbit's derivative
+says."""
+CONVERGED, _NEWTON = 1e-10, 6
+"""Residual of an orbit, and bound on the steps of Newton's method."""
+_SQUARES, _LONG = 16, 1000
+"""Squares of the derivative after which a contraction must have shown, and periods that are summed up."""
+LEGS = 256
+"""Legs of a motion for which room is made at first."""
+
+
+@compiled
+def _same_mode(a, b):
+    """Whether two modes are the same, signs without meaning left aside."""
+    return a[0] == b[0] and (a[0] == REST or a[1] == b[1]) and (a[0] != SLIP or a[2] == b[2])
+
+
+@compiled
+def follow(q, y, mode, periods, rest_rate, max_events, legs, count, sizes):
+    """Follow so many periods of steady shaking: change state and mode, put what is counted into `sizes`, and
+    return how it ended."""
+    growth, now = np.zeros(2), np.zeros(6)
+    growth[0] = 1.0
+    period, ended = 2.0 * math.pi / q.xi, ARRIVED
+    for k in range(5):
+        sizes[k] = 0.0
+    sizes[5], count[0] = math.inf, 0
+    for _ in range(periods):
+        begin(q, growth, mode, y, 0.0, now)
+        ended = advance(q, growth, mode, y, 0.0, period, now, legs, count, rest_rate * q.nu, max_events)
+        for k in range(4):
+            sizes[k] = max(sizes[k], now[k])
+        sizes[5] = min(sizes[5], now[5])
+        if ended != ARRIVED:
+            break
+    return ended
+
+
+@compiled
+def cycle(x, plants, complex_plants, y0, mode0, periods, rest_rate, max_events, first, out, by):
+    """Follow so many periods from `y0` in `mode0`. Put (end, amplitude, stroke, mode, transversality,
+    asymmetry, closed) into `out`, and the derivatives in the directions from `first` on into `by`, shape
+    (6, 13): those of (end, amplitude, stroke)."""
+    q, mode, sizes, y = plants[0], np.zeros(4), np.zeros(6), np.empty(4)
+    plant(x, q)
+    legs, count, many = np.empty((LEGS, LEG)), np.zeros(1, np.int64), np.empty((8, INPUTS))
+    for i in range(4):
+        y[i], mode[i] = y0[i], (mode0[i] if i < 3 else 0.0)
+    ended = follow(q, y, mode, periods, rest_rate, max_events, legs, count, sizes)
+    if count[0] > len(legs) and first < INPUTS and ended == ARRIVED:
+        legs = np.empty((count[0], LEG))
+        for i in range(4):
+            y[i], mode[i] = y0[i], (mode0[i] if i < 3 else 0.0)
+        ended = follow(q, y, mode, periods, rest_rate, max_events, legs, count, sizes)
+    # What ended before its period is no orbit, though it may end where it began.
+    sound = ended == ARRIVED
+    for i in range(4):
+        out[i] = y[i] if sound else math.nan
+    out[4], out[5] = max(sizes[0], sizes[1]), max(sizes[2], sizes[3])
+    out[6], out[7], out[8] = mode[0], mode[1], mode[2]
+    out[9], out[10] = sizes[5], abs(sizes[0] - sizes[1]) / (out[4] if out[4] > 0.0 else 1.0)
+    out[11] = 1.0 if _same_mode(mode, mode0) else 0.0
+    if first < INPUTS:
+        for i in range(8):
+            for j in range(INPUTS):
+                many[i, j] = math.nan
+        if sound:
+            differentiate(x, complex_plants, y0, legs, count[0], first, many)
+        for j in range(INPUTS):
+            for i in range(4):
+                by[i, j] = many[i, j]
+            by[4, j] = many[4 if sizes[0] >= sizes[1] else 5, j]
+            by[5, j] = many[6 if sizes[2] >= sizes[3] else 7, j]
+
+
+@compiled
+def finite(y):
+    """Whether a state has only finite numbers."""
+    return math.isfinite(y[0] + y[1] + y[2] + y[3])
+
+
+@compiled
+def _solve(a, b):
+    """Solve a x = b for a 4 x 4 matrix, in place, by elimination with pivots; False if it is singular."""
+    for c in range(4):
+        pivot = c
+        for r in range(c + 1, 4):
+            if abs(a[r, c]) > abs(a[pivot, c]):
+                pivot = r
+        if not abs(a[pivot, c]) > 1e-12:
+            return False
+        for k in range(4):
+            a[c, k], a[pivot, k] = a[pivot, k], a[c, k]
+        b[c], b[pivot] = b[pivot], b[c]
+        for r in range(c + 1, 4):
+            share = a[r, c] / a[c, c]
+            for k in range(c, 4):
+                a[r, k] -= share * a[c, k]
+            b[r] -= share * b[c]
+    for c in range(3, -1, -1):
+        for k in range(c + 1, 4):
+            b[c] -= a[c, k] * b[k]
+        b[c] /= a[c, c]
+    return True
+
+
+@compiled
+def _contracts(by, scales, unfelt):
+    """Whether the derivative of the map of a period, in rows 0 to 3 and columns 9 to 12, has no multiplier of
+    size 1 or more that the block feels."""
+    m, square = np.empty((4, 4)), np.empty((4, 4))
+    for i in range(4):
+        for j in range(4):
+            felt = not unfelt or (i % 2 == 0 and j % 2 == 0)
+            m[i, j] = by[i, 9 + j] * scales[j] / scales[i] if felt else 0.0
+    for _ in range(_SQUARES):
+        largest = 0.0
+        for i in range(4):
+            for j in range(4):
+                square[i, j] = 0.0
+                for k in range(4):
+                    square[i, j] += m[i, k] * m[k, j]
+                largest = max(largest, abs(square[i, j]))
+        for i in range(4):
+            for j in range(4):
+                m[i, j] = square[i, j]
+        if not largest < 1e100:
+            return False
+        if largest < 0.1:
+            return True
+    return False
+
+
+@compiled
+def _approaches(by, past, known, periods, found, scales, apart):
+    """Whether a motion's last states, and those before, differ from an orbit's as its derivative says."""
+    if known <= 2 * periods:
+        return False
+    for n in range(2):
+        for i in range(4):
+            left = past[n * periods, i] - found[i]
+            for j in range(4):
+                left -= by[i, 9 + j] * (past[(n + 1) * periods, j] - found[j])
+            if not abs(left) < _LINEAR * apart * scales[i]:
+                return False
+    return True
+
+
+@compiled
+def _passed(by, sizes, scales, gap, apart, peaks):
+    """Whether the motion has its peaks behind it, on its way to an orbit from which its state differs by
+    `gap`; or else, where that is next to nothing, raise the peaks by what it reaches, to first order."""
+    onward, worst = np.empty(4), np.zeros(2)
+    for _ in range(_LONG):
+        for k in range(4):
+            size = sizes[k]
+            for i in range(4):
+                size += by[4 + k, 9 + i] * gap[i]
+            worst[k // 2] = max(worst[k // 2], size)
+        left = 0.0
+        for i in range(4):
+            onward[i] = 0.0
+            for j in range(4):
+                onward[i] += by[i, 9 + j] * gap[j]
+            left = max(left, abs(onward[i]) / scales[i])
+        for i in range(4):
+            gap[i] = onward[i]
+        if left > 3.0 * apart:
+            return False
+        if left < 1e-8:
+            break
+    else:
+        return False
+    margin = apart * apart if apart > _NEXT_TO_NOTHING else 0.0
+    for k in range(2):
+        if margin > 0.0 and worst[k] + margin * scales[k] > peaks[k]:
+            return False
+        peaks[k] = max(peaks[k], worst[k])
+    return True
+
+
+@compiled
+def _newton(x, q, complex_plants, y, mode, periods, rest_rate, max_events, scales, found, sizes, by):
+    """Find the orbit near a state by Newton's method on the map of so many periods; False if none is found
+    whose sequence of events is that of the motion from the state."""
+    legs, count = np.empty((LEGS, LEG)), np.zeros(1, np.int64)
+    matrix, move, now, state, events = np.empty((4, 4)), np.empty(4), np.zeros(4), np.empty(4), 0
+    for i in range(4):
+        state[i] = y[i]
+    for step in range(_NEWTON):
+        for i in range(4):
+            found[i], now[i] = state[i], mode[i]
+        ended = follow(q, state, now, periods, rest_rate, max_events, legs, count, sizes)
+        if ended != ARRIVED or count[0] > LEGS or not _same_mode(mode, now):
+            return False
+        # A number that stands for the sequence of events.
+        sequence = 0
+        for n in range(count[0]):
+            if legs[n, 5] != BOB:
+                sequence = 31 * sequence + 5 * int(legs[n, 0]) + int(legs[n, 5]) + 7
+        if step > 0 and sequence != events:
+            return False
+        events, residual = sequence, 0.0
+        differentiate(x, complex_plants, found, legs, count[0], 9, by)
+        for i in range(4):
+            move[i] = state[i] - found[i]
+            if q.mu > 0.0 or i % 2 == 0:
+                residual = max(residual, abs(move[i]) / scales[i])
+            for j in range(4):
+                matrix[i, j] = (1.0 if i == j else 0.0) - by[i, 9 + j]
+        if residual < CONVERGED:
+            return True
+        if not residual < NEARBY or not _solve(matrix, move):
+            return False
+        for i in range(4):
+            state[i] = found[i] + move[i]
+    return False
+
+
+@compiled
+def orbit_near(
+    x, q, complex_plants, mode, periods, rest_rate, max_events, scales, past, known, peaks, found, last
+):
+    """Look for the orbit that a motion approaches. If it attracts, and the motion is near and moves as the
+    orbit's derivative says, put its state into `found` and its sizes into `last`, and return True."""
+    sizes, by, gap = np.zeros(6), np.empty((8, INPUTS)), np.empty(4)
+    if not _newton(
+        x, q, complex_plants, past[0], mode, periods, rest_rate, max_events, scales, found, sizes, by
+    ):
+        return False
+    apart = 0.0
+    for i in range(4):
+        gap[i] = past[0, i] - found[i]
+        apart = max(apart, abs(gap[i]) / scales[i])
+    if not apart < NEARBY or not _contracts(by, scales, q.mu == 0.0):
+        return False
+    if not _approaches(by, past, known, periods, found, scales, apart):
+        return False
+    if not _passed(by, sizes, scales, gap, apart, peaks):
+        return False
+    for n in range(periods):
+        last[n, 0], last[n, 1] = max(sizes[0], sizes[1]), max(sizes[2], sizes[3])
+    return True
