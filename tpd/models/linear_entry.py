@@ -153,35 +153,45 @@ def _run(a, first, last):
         _trajectory(a, first, last)
 
 
+@compiled
+def _buffers(frame, a):
+    """Put the addresses of a frame's buffers into `a`, and return how many rows they have."""
+    operands, results, rows = frame[7], frame[12], 1
+    for i in range(operands):
+        a[i] = _wholes(_wholes(frame[9], operands)[i], 6)[3]
+    for i in range(results):
+        a[operands + i] = _wholes(_wholes(frame[14], results)[i], 6)[3]
+    settings = _wholes(_wholes(frame[9], 1)[0], 6)
+    shape = _wholes(settings[5], settings[4])
+    for i in range(settings[4] - 1):
+        rows *= shape[i]
+    return rows
+
+
 def _entrance(version: int, api: int) -> Any:
     """Compiled entrance, stored on disk for later processes where a folder can be written to."""
 
     def call(address):
         """Answer a frame: 0 for success. XLA's have 16 numbers of 8 bytes: the second is an extension, the
         fifth a stage, the tenth and the last but one the lists of buffers."""
-        frame = _wholes(address, _FRAME)
-        if frame[0] == 0:
-            _run(frame[3:], frame[1], frame[2])
-            return version
-        if frame[1] != 0:
+        frame, a = _wholes(address, _FRAME), np.zeros(8, np.int64)
+        first, last, by_host = 0, 1, frame[0] == 0
+        if by_host:
+            first, last = frame[1], frame[2]
+            for i in range(8):
+                a[i] = frame[3 + i]
+        elif frame[1] != 0:
             # XLA asks for the version.
-            metadata = _wholes(_wholes(frame[1], 4)[3], 5)
-            metadata[3] = api
-            return 0
-        if (frame[4] & 0xFFFFFFFF) != 3:
-            return 0
-        a, rows = np.zeros(8, np.int64), 1
-        for i in range(frame[7]):
-            a[i] = _wholes(_wholes(frame[9], frame[7])[i], 6)[3]
-        for i in range(frame[12]):
-            a[frame[7] + i] = _wholes(_wholes(frame[14], frame[12])[i], 6)[3]
-        first = _wholes(_wholes(frame[9], 1)[0], 6)
-        shape = _wholes(first[5], first[4])
-        for i in range(first[4] - 1):
-            rows *= shape[i]
-        if rows > 0:
-            _run(a, 0, rows)
-        return 0
+            _wholes(_wholes(frame[1], 4)[3], 5)[3] = api
+            last = 0
+        elif (frame[4] & 0xFFFFFFFF) != 3:
+            last = 0
+        else:
+            last = _buffers(frame, a)
+        # One call: Numba compiles all that is called once more for each other kind of argument.
+        if last > first:
+            _run(a, first, last)
+        return version if by_host else 0
 
     plain = inspect.unwrap(call)
     try:
@@ -215,5 +225,6 @@ def capsule() -> Any:
 
 def run(first: int, last: int, *buffers: np.ndarray) -> None:
     """Compute rows `first` to before `last` of contiguous buffers: operands, then results."""
-    frame = np.array([0, first, last, *(b.ctypes.data for b in buffers)], dtype=np.int64)
+    addresses = [b.ctypes.data for b in buffers]
+    frame = np.array([0, first, last, *addresses, *[0] * (_FRAME - 3 - len(buffers))], dtype=np.int64)
     _ON_HOST(frame.ctypes.data)

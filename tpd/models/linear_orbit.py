@@ -195,17 +195,17 @@ def _passed(by, sizes, scales, gap, apart, peaks):
 
 
 @compiled
-def _newton(x, q, complex_plants, y, mode, periods, rest_rate, max_events, scales, found, sizes, by):
-    """Find the orbit near a state by Newton's method on the map of so many periods; False if none is found
-    whose sequence of events is that of the motion from the state."""
+def _newton(x, q, complex_plants, past, mode, periods, limits, scales, found, sizes, by):
+    """Find the orbit near the last state by Newton's method on the map of so many periods; False if none is
+    found whose sequence of events is that of the motion from the state."""
     legs, count = np.empty((LEGS, LEG)), np.zeros(1, np.int64)
     matrix, move, now, state, events = np.empty((4, 4)), np.empty(4), np.zeros(4), np.empty(4), 0
     for i in range(4):
-        state[i] = y[i]
+        state[i] = past[0, i]
     for step in range(_NEWTON):
         for i in range(4):
             found[i], now[i] = state[i], mode[i]
-        ended = follow(q, state, now, periods, rest_rate, max_events, legs, count, sizes)
+        ended = follow(q, state, now, periods, limits[0], limits[1], legs, count, sizes)
         if ended != ARRIVED or count[0] > LEGS or not _same_mode(mode, now):
             return False
         # A number that stands for the sequence of events.
@@ -233,15 +233,12 @@ def _newton(x, q, complex_plants, y, mode, periods, rest_rate, max_events, scale
 
 
 @compiled
-def orbit_near(
-    x, q, complex_plants, mode, periods, rest_rate, max_events, scales, past, known, peaks, found, last
-):
+def orbit_near(x, q, complex_plants, mode, periods, limits, scales, past, known, peaks, y, last):
     """Look for the orbit that a motion approaches. If it attracts, and the motion is near and moves as the
-    orbit's derivative says, put its state into `found` and its sizes into `last`, and return True."""
-    sizes, by, gap = np.zeros(6), np.empty((8, INPUTS)), np.empty(4)
-    if not _newton(
-        x, q, complex_plants, past[0], mode, periods, rest_rate, max_events, scales, found, sizes, by
-    ):
+    orbit's derivative says, put its state into `y` and its sizes into `last`, and return True. `limits` are
+    the rate of rest and the bound on events."""
+    sizes, by, gap, found = np.zeros(6), np.empty((8, INPUTS)), np.empty(4), np.empty(4)
+    if not _newton(x, q, complex_plants, past, mode, periods, limits, scales, found, sizes, by):
         return False
     apart = 0.0
     for i in range(4):
@@ -255,4 +252,6 @@ def orbit_near(
         return False
     for n in range(periods):
         last[n, 0], last[n, 1] = max(sizes[0], sizes[1]), max(sizes[2], sizes[3])
+    for i in range(4):
+        y[i] = found[i]
     return True

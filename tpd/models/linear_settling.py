@@ -94,6 +94,38 @@ def _slow_repetition(q, past, known, scales, tolerance, before):
 
 
 @compiled
+def _one_period(q, growth, grown, mode, y, t, sizes, legs, count, capture, max_events):
+    """Follow a motion to the end of the forcing period: how it ended. `growth` tells that of the end."""
+    period = 2.0 * math.pi / q.xi
+    begin(q, growth, mode, y, t, sizes)
+    if growth[1] > 0.0 and grown < (1.0 - 1e-12) * period:
+        # The forcing has a kink where its growth ends.
+        ended = advance(q, growth, mode, y, t, grown, sizes, legs, count, capture, max_events)
+        growth[0], growth[1], t = 1.0, 0.0, grown
+        if ended != ARRIVED:
+            return ended
+    return advance(q, growth, mode, y, t, period, sizes, legs, count, capture, max_events)
+
+
+@compiled
+def _started(q, growth, ramp, mode, y, since, tolerance, last, peaks):
+    """Prepare a motion that begins: whether it rests for good, and when the shaking has its full size."""
+    grown = growth_in(growth, ramp, 2.0 * math.pi / q.xi, 0.0)
+    if grown <= since:
+        growth[0], growth[1] = 1.0, 0.0
+    phase = q.xi * since
+    decide(q, y, sign(y[0]), sign(y[2]), share_at(growth, since) * math.sin(phase), mode)
+    peaks[0], peaks[1] = abs(y[0]), abs(y[1])
+    if mode[0] != REST or growth[1] > 0.0:
+        return False, grown
+    rests, reach = _rests(q, y, mode, peaks, phase, tolerance)
+    if rests:
+        last[0, 1], peaks[1] = reach, max(peaks[1], reach)
+        _come_to_rest(q, y)
+    return rests, grown
+
+
+@compiled
 def settle(x, plants, complex_plants, y0, since, ramp, periods, max_events, tolerance, rest_rate, out):
     """Follow one motion from `y0` at tau = `since` until it repeats, rests, is lost, or `periods` have
     elapsed: status, its periods and the periods elapsed. The shaking grows over `ramp` periods."""
@@ -101,76 +133,42 @@ def settle(x, plants, complex_plants, y0, since, ramp, periods, max_events, tole
     plant(x, q)
     period, capture, scales = 2.0 * math.pi / q.xi, rest_rate * q.nu, scales_of(q)
     past, last, peaks, y = np.zeros((LONGEST, 4)), np.zeros((LONGEST, 3)), np.zeros(2), np.empty(4)
-    growth, mode, sizes, t = np.zeros(2), np.zeros(4), np.zeros(6), since
+    growth, mode, sizes, before = np.zeros(2), np.zeros(4), np.zeros(6), np.zeros(2)
     legs, count = np.empty((0, LEG)), np.zeros(1, np.int64)
     for i in range(4):
         y[i] = past[0, i] = y0[i]
-    grown = growth_in(growth, ramp, period, 0.0)
-    if grown <= t:
-        growth[0], growth[1] = 1.0, 0.0
-    decide(q, y, sign(y[0]), sign(y[2]), share_at(growth, t) * math.sin(q.xi * t), mode)
+    rests, grown = _started(q, growth, ramp, mode, y, since, tolerance, last, peaks)
     # A start within a period has another phase than the ends of periods, with which these are compared.
-    known, status, repeats, elapsed = (1 if t == 0.0 else 0), NOT_SETTLED, 0, 0
-    before, found, wait = np.zeros(2), np.empty(4), 0
-    peaks[0], peaks[1] = abs(y[0]), abs(y[1])
-    if mode[0] == REST and growth[1] == 0.0:
-        rests, reach = _rests(q, y, mode, sizes, q.xi * t, tolerance)
-        if rests:
-            status, last[0, 1], peaks[1] = AT_REST, reach, max(peaks[1], reach)
-            _come_to_rest(q, y)
+    known, repeats, elapsed, wait = (1 if since == 0.0 else 0), 0, 0, 0
+    status = AT_REST if rests else NOT_SETTLED
     while elapsed < periods and status == NOT_SETTLED and finite(y):
         if elapsed > 0:
             grown = growth_in(growth, ramp, period, float(elapsed))
-        grew = growth[1] > 0.0
-        begin(q, growth, mode, y, t, sizes)
-        ended = ARRIVED
-        if grew and grown < (1.0 - 1e-12) * period:
-            # The forcing has a kink where its growth ends.
-            ended = advance(q, growth, mode, y, t, grown, sizes, legs, count, capture, max_events)
-            growth[0], growth[1], t = 1.0, 0.0, grown
-        if ended == ARRIVED:
-            ended = advance(q, growth, mode, y, t, period, sizes, legs, count, capture, max_events)
-        elapsed, t = elapsed + 1, 0.0
+        grew, t = growth[1] > 0.0, (since if elapsed == 0 else 0.0)
+        ended = _one_period(q, growth, grown, mode, y, t, sizes, legs, count, capture, max_events)
+        sound, elapsed = ended == ARRIVED and finite(y), elapsed + 1
         peak, stroke = max(max(sizes[0], sizes[1]), abs(y[0])), max(sizes[2], sizes[3])
-        rests, reach = False, 0.0
-        if growth[1] == 0.0 and ended == ARRIVED and finite(y):
-            rests, reach = _rests(q, y, mode, sizes, 0.0, tolerance)
-        if rests:
-            _come_to_rest(q, y)
-            peaks[1] = max(peaks[1], reach)
-        repeats = repeats_after(q, y, past, known, scales, tolerance) if not grew and ended == ARRIVED else 0
-        known = remember(past, 0 if grew else known, last, y, peak, reach if rests else stroke, mode[3])
         peaks[0], peaks[1] = max(peaks[0], peak), max(peaks[1], stroke)
-        if ended == LOST:
-            status = OVERTURNED
+        if sound and growth[1] == 0.0:
+            rests, reach = _rests(q, y, mode, sizes, 0.0, tolerance)
+            if rests:
+                _come_to_rest(q, y)
+                peaks[1], stroke = max(peaks[1], reach), reach
+        # Nothing that was met before the shaking became steady counts as a repetition.
+        repeats = repeats_after(q, y, past, known, scales, tolerance) if sound and not grew else 0
+        known = remember(past, 0 if grew else known, last, y, peak, stroke, mode[3])
+        if not sound:
+            status = OVERTURNED if ended == LOST else EVENT_BOUND
         elif rests:
             status = AT_REST
-        elif ended != ARRIVED:
-            status = EVENT_BOUND
         elif repeats > 0:
             status = ROCKING
         elif growth[1] == 0.0 and tolerance >= CONVERGED and elapsed >= wait:
             tried = _slow_repetition(q, past, known, scales, tolerance, before)
             if tried > 0:
-                wait = 2 * elapsed
-                if orbit_near(
-                    x,
-                    q,
-                    complex_plants,
-                    mode,
-                    tried,
-                    rest_rate,
-                    max_events,
-                    scales,
-                    past,
-                    known,
-                    peaks,
-                    found,
-                    last,
-                ):
+                wait, limits = 2 * elapsed, (rest_rate, max_events)
+                if orbit_near(x, q, complex_plants, mode, tried, limits, scales, past, known, peaks, y, last):
                     status, repeats = ROCKING, tried
-                    for i in range(4):
-                        y[i] = found[i]
     if status != OVERTURNED and not finite(y):
         status = FAILED
     status, own = settled(status, repeats, y, last, peaks, mode, out)

@@ -28,8 +28,9 @@ def _put_rates(q, mode, y, t, out):
 @compiled
 def trajectory(x, plants, complex_plants, y0, times, rest_rate, max_events, slopes, out, by):
     """Follow a motion from `y0` at times[0]: put the states at all times, and their derivatives in time,
-    into `out`, shape (times, 8), and if `slopes` those in parameters, start and times[0] into `by`, shape (times,
-    4, 14). Return its status; what lies beyond the end of a motion is NaN. `complex_plants` has ten places."""
+    into `out`, shape (times, 8), and if `slopes` those in parameters, start and times[0] into `by`, shape
+    (times, 4, 14). Return its status; what lies beyond the end of a motion is NaN. `complex_plants` has ten
+    places."""
     q = plants[0]
     plant(x, q)
     for j in range(10):

@@ -12,7 +12,8 @@ from __future__ import annotations
 import math
 from collections import namedtuple
 
-SLIP, STICK, REST = 0, 1, 2
+from tpd.exact.arc_kernel import REST, SLIP, STICK, compiled
+
 REST_RATE = 1e-4
 """An impact slower than this (phi' in units of nu) that the block can be held after is rest."""
 MAX_STEPS = 20_000
