@@ -1,0 +1,166 @@
+"""The compiled code of the linear equations against the programs of JAX, which are the slow and obvious form."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.reference import HUNG, parameters
+from tpd import Parameters, Piecewise, simulate, steady_state
+from tpd.core.parameters import as_arrays
+from tpd.core.status import names_of
+from tpd.models import compiled_linear
+from tpd.models.batches import settle_all
+
+KERNEL, PROGRAM = Piecewise(), Piecewise(kernel=False)
+MOVED = ("rocking", "sticking")
+FIELDS = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e")
+
+
+def box(count, seed):
+    """Random parameters, corners of their ranges among them, and starts."""
+    rng = np.random.default_rng(seed)
+    u, corner = rng.random((count, 9)), rng.random((count, 9)) < 0.25
+    x = np.array([0.05, 0.0, 0.05, 0.0, 0.0, 0.0, 0.3, 0.4, 0.3])
+    reach = np.array([0.45, 0.5, 2.0, 1.0, 0.3, 0.8, 5.7, 0.55, 0.7])
+    values = x + reach * u
+    # No bob, no damping, no friction and no impact loss are cases of their own.
+    for column, edge in ((1, 0.0), (3, 0.0), (4, 0.0), (8, 1.0)):
+        values[corner[:, column], column] = edge
+    starts = rng.normal(size=(count, 4)) * np.stack([0.3 * values[:, 0], 0.2 + 0 * u[:, 0]] * 2, axis=1)
+    starts[::2] = 0.0
+    return values, starts
+
+
+def of(x):
+    return Parameters(**dict(zip(FIELDS, jnp.asarray(x), strict=True)))
+
+
+@jax.jit
+def one_period(x, y):
+    """State, sizes and mode after one period, by either."""
+    p = of(x)
+    short = [m.settle(p, y) for m in (Piecewise(max_periods=1), Piecewise(max_periods=1, kernel=False))]
+    return [(s.y, s.peak, s.peak_stroke, s.memory.kind, s.status) for s in short]
+
+
+def test_a_period_is_that_of_the_program_over_the_whole_box():
+    compared = 0
+    for x, y in zip(*box(400, seed=5), strict=True):
+        (ours, peak, stroke, kind, status), (theirs, *sizes, other, name) = one_period(x, y)
+        assert names_of(status) == names_of(name)
+        if names_of(status) in ("overturned", "event_bound"):
+            continue
+        # Each of many impacts passes rounding on, larger by what the motion amplifies.
+        near = one_period(x, np.asarray(y) + 1e-13 * (np.abs(y) > 0))[1][0]
+        error = 1e-12 + 100.0 * float(jnp.max(jnp.abs(near - theirs)))
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=error)
+        assert kind == other
+        np.testing.assert_allclose(peak, sizes[0], rtol=0, atol=error)
+        # The bob's angle at the last of the hops that end in rest depends on their number.
+        np.testing.assert_allclose(stroke, sizes[1], rtol=0, atol=error + 1e-7)
+        compared += 1
+    assert compared > 250
+
+
+@jax.jit
+def settled(x, y):
+    """Amplitude, gradient in all parameters, and status, by either."""
+
+    def size(x, model):
+        s = steady_state(of(x), model=model, y0=y)
+        return s.amplitude, (s.status, s.multiplier)
+
+    return [jax.value_and_grad(lambda z, m=m: size(z, m), has_aux=True)(x) for m in (KERNEL, PROGRAM)]
+
+
+def test_settled_motions_and_their_gradients_are_those_of_the_program():
+    compared = 0
+    for x, y in zip(*box(160, seed=6), strict=True):
+        ((ours, (status, multiplier)), slopes), ((theirs, (name, other)), known) = settled(x, y)
+        # Rest is decided at once; other names differ where one has followed a slow or a chaotic motion longer.
+        if not (str(names_of(status)) == str(names_of(name)) in MOVED) or other > 0.999:
+            continue
+        np.testing.assert_allclose(ours, theirs, rtol=1e-11, atol=1e-14)
+        np.testing.assert_allclose(multiplier, other, rtol=1e-7, atol=1e-9)
+        if x[3] > 0.0:
+            np.testing.assert_allclose(slopes, known, rtol=0, atol=1e-9 * (1.0 + np.abs(known).max()))
+        compared += 1
+    assert compared > 40
+
+
+def test_no_settled_motion_loses_its_status_to_the_short_way():
+    """A motion that is taken to its orbit early ends where one that is followed to the end does."""
+    x, y = box(600, seed=7)
+    p = of(x.T)
+    short = settle_all(p, y, model=Piecewise(max_periods=400))
+    long = settle_all(p, y, model=Piecewise(max_periods=1500, tolerance=1e-11))
+    names, others = names_of(short.status), names_of(long.status)
+    both = np.isin(names, MOVED) & np.isin(others, MOVED) & (x[:, 1] > 0.0)
+    assert np.sum(both) > 60
+    np.testing.assert_array_equal(short.periods[both], long.periods[both])
+    for size in ("amplitude", "stroke", "peak", "peak_stroke"):
+        ours, theirs = (np.asarray(getattr(s, size))[both] for s in (short, long))
+        np.testing.assert_allclose(ours, theirs, rtol=1e-3, atol=1e-6)
+    gone = np.isin(others, MOVED) & np.isin(names, ("rest", "overturned"))
+    assert not np.any(gone)
+
+
+def test_a_trajectory_and_all_its_derivatives_are_those_of_the_program():
+    p, y0 = as_arrays(parameters(HUNG[0].x)), np.array([0.02, 0.01, 0.0, -0.03])
+    times = 0.3 + np.linspace(0.0, 3.3, 12) * float(p.period)
+
+    def states(p, y0, times, model):
+        return simulate(p, y0, times, model=model).ys
+
+    def all_of(model):
+        point = (p, jnp.asarray(y0), jnp.asarray(times))
+        return jax.jacfwd(lambda *a: states(*a, model), argnums=(0, 1, 2))(*point)
+
+    ours, theirs = (jax.tree.leaves(all_of(m)) for m in (KERNEL, PROGRAM))
+    for a, b in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-9 * (1.0 + np.abs(b).max()))
+
+
+def test_a_batch_under_vmap_is_one_call_and_gives_the_same():
+    x, y = box(16, seed=8)
+    many = jax.jit(jax.vmap(lambda x, y: KERNEL.settle(of(x), y).y))(x, y)
+    each = [KERNEL.settle(of(a), jnp.asarray(b)).y for a, b in zip(x, y, strict=True)]
+    np.testing.assert_array_equal(many, each)
+
+
+def test_reverse_and_forward_mode_agree():
+    p = as_arrays(parameters(HUNG[1].x))
+    forward, backward = (
+        d(lambda p: steady_state(p, model=KERNEL).amplitude)(p) for d in (jax.jacfwd, jax.jacrev)
+    )
+    for a, b in zip(jax.tree.leaves(forward), jax.tree.leaves(backward), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-13)
+
+
+def test_without_the_custom_call_programs_of_jax_answer(monkeypatch):
+    x, y = box(3, seed=9)
+    ours = settle_all(of(x.T), y)
+    monkeypatch.setattr(compiled_linear, "usable", lambda: False)
+    theirs = settle_all(of(x.T), y)
+    np.testing.assert_array_equal(names_of(ours.status), names_of(theirs.status))
+    np.testing.assert_allclose(ours.amplitude, theirs.amplitude, rtol=1e-5, atol=1e-7)
+
+
+def test_a_growing_shaking_and_a_late_start_are_those_of_the_program():
+    x, y = box(24, seed=10)
+    p = of(x.T)
+    begin, ramp = 0.4 * 2.0 * np.pi / x[:, 6], np.linspace(0.0, 7.3, len(x))
+    ours = settle_all(p, y, begin=begin, ramp=ramp, model=Piecewise(max_periods=6))
+    theirs = settle_all(p, y, begin=begin, ramp=ramp, model=Piecewise(max_periods=6, kernel=False))
+    np.testing.assert_array_equal(names_of(ours.status), names_of(theirs.status))
+    here = ~np.isin(names_of(ours.status), ("overturned", "event_bound"))
+    np.testing.assert_allclose(np.asarray(ours.y)[here], np.asarray(theirs.y)[here], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(ours.peak[here], theirs.peak[here], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_do_not_depend_on_the_threads(workers):
+    x, y = box(64, seed=11)
+    ours = settle_all(of(x.T), y, workers=workers)
+    assert np.array_equal(ours.y, settle_all(of(x.T), y).y, equal_nan=True)
