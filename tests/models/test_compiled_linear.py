@@ -1,4 +1,4 @@
-"""The compiled code of the linear equations against the programs of JAX, which are the slow and obvious form."""
+"""The compiled code of the linear equations against the programs of JAX, the slow and obvious form."""
 
 import jax
 import jax.numpy as jnp
@@ -78,7 +78,7 @@ def test_settled_motions_and_their_gradients_are_those_of_the_program():
     compared = 0
     for x, y in zip(*box(160, seed=6), strict=True):
         ((ours, (status, multiplier)), slopes), ((theirs, (name, other)), known) = settled(x, y)
-        # Rest is decided at once; other names differ where one has followed a slow or a chaotic motion longer.
+        # Other names differ where one has followed a slow or a chaotic motion longer.
         if not (str(names_of(status)) == str(names_of(name)) in MOVED) or other > 0.999:
             continue
         np.testing.assert_allclose(ours, theirs, rtol=1e-11, atol=1e-14)

@@ -16,9 +16,10 @@ from typing import Any
 import numba
 import numpy as np
 
+from tpd.exact import arc_kernel, event_kernel
 from tpd.exact.arc_kernel import compiled
 from tpd.exact.event_kernel import sign
-from tpd.models import nonlinear_kernel
+from tpd.models import nonlinear_kernel, period_kernel
 from tpd.models.nonlinear_kernel import (
     ARRIVED,
     BROKEN,
