@@ -22,6 +22,7 @@ from tests.reference import (
     exact,
     named,
     parameters,
+    solver,
 )
 from tpd import Harmonic, Piecewise, Status, paper_scene, simulate, status_name, steady_state
 from tpd.core.equations import Linear
@@ -39,7 +40,7 @@ RINGING = ((0.2, 0.1, 0.4, 0.0, 0.03, 0.25, 4.0), REST)
 RESTING_UNDAMPED = (0.2, 0.1, 0.4, 0.0, 0.03, 0.1, 4.0)
 CHAOTIC = (0.321, 0.205, 0.096, 0.047, 0.087, 0.347, 2.803)
 SLOW = (0.269, 0.445, 1.989, 0.098, 0.004, 0.387, 4.151)
-"""Comes to its orbit so slowly that 500 periods are not enough."""
+"""Comes to its orbit so slowly that 500 periods of following alone are not enough."""
 PERIOD_THREE = (0.16, 0.11, 0.18, 0.1, 0.03, 0.32, 4.5)
 
 
@@ -325,10 +326,21 @@ def test_a_chaotic_motion_is_aperiodic_with_the_rate_at_which_neighbours_part():
 
 
 def test_a_slow_decay_is_not_settled_rather_than_aperiodic():
-    answer = exact(SLOW)
+    # Fewer periods than Newton's method waits for.
+    answer = solver(Piecewise(max_periods=12), 8)(SLOW)
     assert answer.status == "not_settled"
     assert -0.05 < float(answer.steady.lyapunov) < 0.0
     assert np.all(np.isnan(answer.slopes))
+
+
+def test_a_slow_decay_is_taken_to_its_orbit():
+    answer = exact(SLOW)
+    assert answer.status == "rocking"
+    assert 0.98 < float(answer.steady.multiplier) < 1.0
+    assert int(answer.steady.elapsed) < 500
+    # The orbit repeats itself when it is followed from its own state.
+    again = exact(SLOW, answer.steady.state)
+    np.testing.assert_allclose(again.steady.amplitude, answer.steady.amplitude, rtol=1e-9)
 
 
 @pytest.mark.parametrize("x", [HUNG[0].x, PERIOD_THREE], ids=["period one", "period three"])

@@ -174,9 +174,12 @@ def use_64_bits() -> None:
             jax.config.update("jax_compilation_cache_dir", str(cache))
             jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
     from tpd.core import programs
+    from tpd.models import compiling
 
     with contextlib.suppress(OSError):
-        programs.keep_in(Path(jax.config.jax_compilation_cache_dir) / "programs")  # type: ignore[attr-defined]
+        folder = Path(jax.config.jax_compilation_cache_dir) / "programs"  # type: ignore[attr-defined]
+        programs.keep_in(folder)
+        compiling.compile_beside(folder)
 
 
 def bar() -> Bar:

@@ -404,8 +404,8 @@ def advance(q, growth, mode, y, t, end, sizes, legs, count, capture, max_events)
         left, at, began = end - t, 0.0, 0.0
         for i in range(4):
             start[i] = y[i]
-        which, here = BOB, Instant(1.0, 1.0, 1.0, 0.0, math.sin(arc.phase), math.cos(arc.phase))
-        while which == BOB:
+        here = Instant(1.0, 1.0, 1.0, 0.0, math.sin(arc.phase), math.cos(arc.phase))
+        while True:
             which, at, looks = _next_event(
                 arc, w, second, here, at, left, least, longest, window, limit, looks
             )
@@ -413,15 +413,16 @@ def advance(q, growth, mode, y, t, end, sizes, legs, count, capture, max_events)
             now = state_at(arc, here, at)
             # Hops get shorter one after the other.
             window = min(longest, 4.0 * (at - began) + least)
-            if which == BOB:
-                _note(sizes, now[0], now[1])
-                _record(legs, count, mode, start, t + began, at - began, BOB, False, now[0], now[1])
-                began, sizes[4] = at, -sizes[4]
-                for i in range(4):
-                    start[i] = now[i]
-                for j in range(3):
-                    for k in range(9):
-                        w[BOB, j, k] = -w[BOB, j, k]
+            if which != BOB:
+                break
+            _note(sizes, now[0], now[1])
+            _record(legs, count, mode, start, t + began, at - began, BOB, False, now[0], now[1])
+            began, sizes[4] = at, -sizes[4]
+            for i in range(4):
+                start[i] = now[i]
+            for j in range(3):
+                for k in range(9):
+                    w[BOB, j, k] = -w[BOB, j, k]
         for i in range(4):
             y[i] = now[i]
         if which == GONE:

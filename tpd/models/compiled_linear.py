@@ -21,6 +21,7 @@ from jaxtyping import Array, Float
 from tpd.core.parameters import Parameters, State
 from tpd.core.status import Status
 from tpd.exact.contact import Mode
+from tpd.models import compiling
 from tpd.models.base import Cycle, Settled
 
 _TARGET = "tpd_linear_events"
@@ -29,6 +30,7 @@ _TARGET = "tpd_linear_events"
 @lru_cache(maxsize=1)
 def usable() -> bool:
     """Whether the compiled code is there and answers a trial as a frame of XLA's should be answered."""
+    compiling.wait("tpd.models.linear_entry")
     try:
         from tpd.models import linear_entry
 
@@ -161,7 +163,8 @@ def _trajectory_jvp(primals: tuple, tangents: tuple) -> tuple:
     x, y, times, _ = tangents
     moved = by @ jnp.concatenate([x, y, times[:1]])
     # The first time moves the beginning of the motion, and no state at it.
-    later = out[:, 4:] * times.at[0].set(0.0)[:, None]
+    rates = jnp.where(jnp.isfinite(out[:, 4:]), out[:, 4:], 0.0)
+    later = rates * times.at[0].set(0.0)[:, None]
     return (out[:, :4], status), (moved + later, jnp.zeros_like(status))
 
 
@@ -179,4 +182,5 @@ def trajectory(
 def load_compiled() -> None:
     """Load the compiled code of both equations, or compile it where there is none on this machine."""
     usable()
+    compiling.wait("tpd.models.nonlinear_settling")
     import_module("tpd.models.nonlinear_settling")

@@ -13,6 +13,7 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.core.parameters import Parameters
+from tpd.models import compiling
 from tpd.models.base import Settled
 from tpd.models.rows import rows_of, settled_of, shared
 
@@ -60,6 +61,7 @@ def settle_nonlinear(
         checks.count(name, value)
     starts, rows, begins, ramps = rows_of(p, y0, begin, ramp)
     # Loaded here, and not with the package: it loads Numba, and compiles.
+    compiling.wait("tpd.models.nonlinear_settling")
     from tpd.models.nonlinear_settling import FLOATS, STATUSES, WHOLES, settle_rows
 
     n = len(starts)

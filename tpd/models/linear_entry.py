@@ -10,7 +10,6 @@ from __future__ import annotations
 import ctypes
 import inspect
 import re
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,10 +20,10 @@ import numpy as np
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
+from numba.np.numpy_support import carray
 
-from tpd.exact import arc_kernel, event_kernel
 from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, compiled
-from tpd.models import linear_derivatives, linear_orbit, linear_settling, linear_trajectory, period_kernel
+from tpd.models.compiling import checksum
 from tpd.models.linear_derivatives import INPUTS
 from tpd.models.linear_orbit import cycle
 from tpd.models.linear_settling import settle
@@ -49,8 +48,7 @@ def _api_version() -> tuple[int, int]:
     return int(major[1]), int(minor[1])
 
 
-@intrinsic
-def _pointer(context: Any, address: Any) -> Any:
+def _cast(context: Any, address: Any) -> Any:
     """A number as a pointer to floats."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -59,22 +57,25 @@ def _pointer(context: Any, address: Any) -> Any:
     return types.voidptr(types.int64), generate
 
 
+_pointer: Any = intrinsic(_cast)
+
+
 @compiled
 def _wholes(address, count):
     """Whole numbers at an address."""
-    return numba.carray(_pointer(address), (count,), np.int64)
+    return carray(_pointer(address), (count,), np.int64)
 
 
 @compiled
 def _table(address, rows, columns):
     """A table of floats at an address."""
-    return numba.carray(_pointer(address), (rows, columns), np.float64)
+    return carray(_pointer(address), (rows, columns), np.float64)
 
 
 @compiled
 def _cube(address, rows, columns, depth):
     """Tables of floats at an address."""
-    return numba.carray(_pointer(address), (rows, columns, depth), np.float64)
+    return carray(_pointer(address), (rows, columns, depth), np.float64)
 
 
 @compiled
@@ -135,7 +136,7 @@ def _trajectory(a, first, last):
     plants, others = np.empty(1, PLANT), np.empty(10, COMPLEX_PLANT)
     for n in range(first, last):
         slopes = s[n, 5] != 0.0
-        by = numba.carray(_pointer(a[6]), (last, count if slopes else 1, 4, INPUTS + 1), np.float64)
+        by = carray(_pointer(a[6]), (last, count if slopes else 1, 4, INPUTS + 1), np.float64)
         statuses[n, 0] = trajectory(
             x[n], plants, others, y[n], times[n], s[n, 4], int(s[n, 2]), slopes, out[n], by[n]
         )
@@ -201,18 +202,10 @@ def _entrance(version: int, api: int) -> Any:
         return numba.cfunc("int64(int64)")(plain)
 
 
-def _version() -> int:
-    """Checksum of the compiled sources."""
-    exact, periods = (arc_kernel, event_kernel), (period_kernel, linear_derivatives, linear_orbit)
-    files = (*exact, *periods, linear_settling, linear_trajectory)
-    sources = [Path(str(module.__file__)).read_bytes() for module in files]
-    return zlib.crc32(b"".join([*sources, Path(__file__).read_bytes()]))
-
-
 _MAJOR, _MINOR = _api_version()
 # Numba's store looks at the file of the function alone, and would go on with machine code of another version
 # of the kernel. Numbers from outside the function are part of its key.
-_CALL = _entrance(_version(), _MAJOR | (_MINOR << 32))
+_CALL = _entrance(checksum(), _MAJOR | (_MINOR << 32))
 _ON_HOST: Callable[[int], int] = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(_CALL.address)
 
 

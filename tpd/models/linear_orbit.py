@@ -10,7 +10,7 @@ from tpd.exact.arc_kernel import REST, SLIP, compiled, plant
 from tpd.exact.event_kernel import ARRIVED, BOB, LEG, advance, begin
 from tpd.models.linear_derivatives import INPUTS, differentiate
 
-NEARBY, _NEXT_TO_NOTHING = 0.02, 1e-4
+NEARBY, _NEXT_TO_NOTHING = 0.05, 1e-4
 """Largest distances, in shares of the scales, from which a motion is taken to the orbit that it approaches:
 with its peaks behind it, and always."""
 _LINEAR = 0.1

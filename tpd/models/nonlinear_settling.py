@@ -8,18 +8,15 @@ from __future__ import annotations
 
 import inspect
 import math
-import zlib
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
 
-from tpd.exact import arc_kernel, event_kernel
 from tpd.exact.arc_kernel import compiled
 from tpd.exact.event_kernel import sign
-from tpd.models import nonlinear_kernel, period_kernel
+from tpd.models.compiling import checksum
 from tpd.models.nonlinear_kernel import (
     ARRIVED,
     BROKEN,
@@ -155,14 +152,6 @@ def _entry(version: int) -> Callable[..., Any]:
         return numba.njit(_SIGNATURE, nogil=True, error_model="numpy")(plain)
 
 
-def _version() -> int:
-    """Checksum of the compiled sources."""
-    # All files, because the code of one is compiled into the functions of the others.
-    modules = (arc_kernel, event_kernel, period_kernel, nonlinear_kernel)
-    sources = [Path(str(module.__file__)).read_bytes() for module in modules]
-    return zlib.crc32(b"".join([*sources, Path(__file__).read_bytes()]))
-
-
 # Numba's store looks at the file of the function alone, and would go on with machine code of another version
 # of the kernel. A number from outside the function is part of its key.
-settle_rows = _entry(_version())
+settle_rows = _entry(checksum())

@@ -1,0 +1,69 @@
+"""When the compiled code of the equations is made: once for a machine and a version, in a process of its own.
+
+Numba compiles for half a minute, in Python: in the same process it would hold up everything else.
+"""
+
+from __future__ import annotations
+
+import atexit
+import subprocess
+import sys
+import zlib
+from functools import lru_cache
+from pathlib import Path
+from threading import Lock
+
+_MODULES = ("tpd.models.linear_entry", "tpd.models.nonlinear_settling")
+_COMMAND = """
+import sys
+from importlib import import_module
+for name in sys.argv[2:]:
+    import_module(name)
+    print(name, flush=True)
+open(sys.argv[1], "w").close()
+"""
+_running: list[subprocess.Popen[str]] = []
+_ready: set[str] = set()
+_reading = Lock()
+
+
+@lru_cache(maxsize=1)
+def checksum() -> int:
+    """Checksum of all sources that are compiled, or call what is."""
+    package = Path(__file__).parent.parent
+    files = [f for folder in ("exact", "models") for f in (package / folder).glob("*.py")]
+    names = ("_kernel", "linear_", "nonlinear_")
+    chosen = sorted(f for f in files if any(name in f.name for name in names))
+    return zlib.crc32(b"".join(f.read_bytes() for f in chosen))
+
+
+def compile_beside(folder: Path) -> None:
+    """Begin to compile in another process, unless a mark in `folder` says that it was done.
+
+    Raises:
+        OSError: no process can be started.
+    """
+    mark = folder / f"compiled-{checksum():08x}"
+    if mark.exists() or _running:
+        return
+    # A session of its own: Ctrl-C is for the command, and what is half compiled serves nobody.
+    process = subprocess.Popen(
+        [sys.executable, "-c", _COMMAND, str(mark), *_MODULES],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+    )
+    _running.append(process)
+    atexit.register(process.terminate)
+
+
+def wait(module: str) -> None:
+    """Wait until the other process, if there is one, has compiled a module."""
+    with _reading:
+        for process in _running:
+            while module not in _ready and process.stdout is not None:
+                line = process.stdout.readline()
+                if not line:
+                    return
+                _ready.add(line.strip())
