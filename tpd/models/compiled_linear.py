@@ -8,9 +8,11 @@ motions as programs of JAX, for other devices.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from functools import lru_cache
 from importlib import import_module
+from threading import Lock
 from typing import Any
 
 import jax
@@ -25,11 +27,18 @@ from tpd.models import compiling
 from tpd.models.base import Cycle, Settled
 
 _TARGET = "tpd_linear_events"
+_asking = Lock()
+
+
+def usable() -> bool:
+    """Whether the compiled code is there and answers a trial as a frame of XLA's should be answered."""
+    # Two threads that ask at once must not both register it.
+    with _asking:
+        return _usable()
 
 
 @lru_cache(maxsize=1)
-def usable() -> bool:
-    """Whether the compiled code is there and answers a trial as a frame of XLA's should be answered."""
+def _usable() -> bool:
     compiling.wait("tpd.models.linear_entry")
     try:
         from tpd.models import linear_entry
@@ -37,9 +46,18 @@ def usable() -> bool:
         jax.ffi.register_ffi_target(_TARGET, linear_entry.capsule(), platform="cpu")
         cpu = jax.local_devices(backend="cpu")[0]
         with jax.default_device(cpu), jax.ensure_compile_time_eval():
-            return _trial(linear_entry)
-    except Exception:
-        return False
+            works = _trial(linear_entry)
+    except Exception as error:
+        works, why = False, f"{type(error).__name__}: {error}"
+    else:
+        why = "its answer to a trial is wrong"
+    if not works:
+        warnings.warn(
+            f"the compiled code of the linear equations cannot be used ({why}); programs of JAX take its "
+            "place, which compile and run longer",
+            stacklevel=2,
+        )
+    return works
 
 
 def _trial(entry: Any) -> bool:
@@ -49,8 +67,7 @@ def _trial(entry: Any) -> bool:
     operands = settings, x, np.zeros((1, 4)), np.zeros((1, 2))
     out, counts = np.empty((1, entry.FLOATS)), np.empty((1, entry.WHOLES))
     entry.run(0, 1, *operands, out, counts)
-    wide = bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
-    with jax.enable_x64(True) if not wide else jax.default_matmul_precision("highest"):
+    with jax.enable_x64(True):
         found = jax.ffi.ffi_call(_TARGET, (_shape(1, entry.FLOATS), _shape(1, entry.WHOLES)))(*operands)
     return all(np.array_equal(a, b) for a, b in zip(found, (out, counts), strict=True))
 
