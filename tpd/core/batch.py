@@ -21,6 +21,8 @@ CHUNK = 256
 time, about one megabyte: more designs at once are no faster, since they leave the cache."""
 UNEVEN = 4
 """Designs computed at once where each takes as many steps as it needs and waits for the slowest of them."""
+_LOOPS = ("while", "ffi_call")
+"""Primitives that take as long as an element needs; a custom call of compiled code is a loop as well."""
 
 _CHUNKS: dict[Callable[[Any], Any], int] = {}
 """Default chunk sizes of functions that have been called without one."""
@@ -130,7 +132,7 @@ def _loops(jaxpr: Any) -> int:
     deepest = 0
     for equation in jaxpr.eqns:
         within = [_loops(inner) for inner in jaxprs_in_params(equation.params)]
-        deepest = max(deepest, (equation.primitive.name == "while") + max(within, default=0))
+        deepest = max(deepest, (equation.primitive.name in _LOOPS) + max(within, default=0))
     return deepest
 
 

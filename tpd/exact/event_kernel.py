@@ -52,6 +52,8 @@ _LOOKS = 16
 """Looks at the signals allowed for each event that is."""
 _NEAR, _CLOSE = 1e-7, 1e-4
 """Steps to a root, over the time, after which there is none to come, or one."""
+_THIRD, _AWAY, _FROM_ZERO = 1.0 / 3.0, 1.0 / 384.0, 1.0 / 162.0
+"""The cubic differs from the signal by at most _AWAY B d^4, and by _FROM_ZERO B d^4 s at the share s."""
 _CURVED = math.sqrt(3.0) / 216.0
 """The slope of the cubic differs from that of the signal by at most this times B d^3."""
 
@@ -187,11 +189,11 @@ _CLEAR, _ONE, _UNKNOWN = range(3)
 def _judged(g0, v0, g1, v1, d, bound):
     """What is proved of a signal over a window: that it stays positive after its start; that it is positive,
     falls all the way and is not at the end; or nothing."""
-    b1, b2, left = g0 + d * v0 / 3.0, g1 - d * v1 / 3.0, bound * d * d * d * d
-    if min(min(g0, g1), min(b1, b2)) > left / 384.0:
+    b1, b2, left = g0 + d * v0 * _THIRD, g1 - d * v1 * _THIRD, bound * d * d * d * d
+    if min(min(g0, g1), min(b1, b2)) > left * _AWAY:
         return _CLEAR
     # Divided by s, what is left of the cubic without its first term, g0 (1 - s)^3 >= 0.
-    if g0 >= 0.0 and min(min(3.0 * b1, 1.5 * b2), g1) > left / 162.0:
+    if g0 >= 0.0 and min(min(3.0 * b1, 1.5 * b2), g1) > left * _FROM_ZERO:
         return _CLEAR
     steepest = max(max(b1 - g0, b2 - b1), g1 - b2)
     if g1 <= 0.0 < g0 and 3.0 * steepest < -_CURVED * left:
