@@ -201,7 +201,7 @@ GUARDS = (
     Guard(
         "slow shaking",
         "exact cycle: a period that runs out of steps has no end",
-        "models/piecewise:Piecewise.cycle",
+        "models/piecewise:Piecewise.program_cycle",
         without_nan("y"),
         _atlas("a_period_too_long_to_be_followed_is_told"),
     ),

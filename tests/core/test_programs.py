@@ -140,3 +140,16 @@ def test_a_program_that_does_not_run_is_compiled_again(folder, monkeypatch):
     monkeypatch.setattr(programs, "deserialize_and_load", lambda *_: broken)
     with pytest.warns(UserWarning, match="function not found"):
         np.testing.assert_array_equal(ask()["twice"], [0.0, 2.0, 4.0])
+
+
+def solved(x):
+    TRACED.append(x.shape)
+    return jnp.linalg.solve(jnp.eye(3) + x * jnp.ones((3, 3)), jnp.ones(3))
+
+
+def test_a_program_that_calls_code_of_others_is_not_kept(folder):
+    # Loaded without a trace of it, it would call LAPACK before LAPACK is ready.
+    for _ in range(2):
+        Program(solved)(np.array(0.5))
+    assert len(TRACED) == 2
+    assert not list(folder.iterdir())

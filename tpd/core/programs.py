@@ -107,7 +107,7 @@ class Program:
         _found.here = False
         run, path = lowered.compile(), self._path(key)
         # What comes out of JAX's cache lacks a part of its code when it is written once more.
-        if path is not None and not _found.here:
+        if path is not None and not _found.here and not _calls_out(lowered):
             _write(path, run, out)
         return run, out
 
@@ -133,6 +133,13 @@ class Program:
         name = getattr(self.function, "__name__", "program")
         flat.__name__ = name if path is None else f"{name}_{path.name[:16]}"
         return jax.jit(flat).lower(*leaves), structures[-1]
+
+
+def _calls_out(lowered: Any) -> bool:
+    """Whether a program calls code that is not its own."""
+    # Such code, of LAPACK for one, is made ready when a program that calls it is traced. A process that takes
+    # the program from the store and traces none would call through an empty pointer, and crash.
+    return "custom_call" in lowered.as_text()
 
 
 def _key(leaves: list[Any], structure: Any) -> Any:

@@ -31,8 +31,8 @@ _FIELDS = (
     "tilt_sin tilt_cos bob_sin bob_cos tilt_lag_sin tilt_lag_cos bob_lag_sin bob_lag_cos "
     "swing_sin swing_cos swing_lag_sin swing_lag_cos"
 )
-"""What does not change from arc to arc; see `tpd.exact.modes.Plant`. a and b are the shapes of the modes s1
-and s2, al and bl their left vectors."""
+"""Numbers that do not change from arc to arc; see `tpd.exact.modes.Plant`. a and b are the shapes of modes
+s1 and s2, al and bl their left vectors."""
 PLANT = np.dtype([(name, np.float64) for name in _FIELDS.split()])
 COMPLEX_PLANT = np.dtype([(name, np.complex128) for name in _FIELDS.split()])
 # Records, because Numba passes a record on as one address, and a tuple as all its numbers.
@@ -56,6 +56,8 @@ def compiled(function: Callable[..., Any]) -> Any:
 @compiled
 def _positive_root(a4, a3, a2, a1, a0):
     """The one positive root of the quartic; see `tpd.exact.modes`."""
+    # The root lies between that without damping and that of a locked hinge. Above it the quartic is convex,
+    # so that Newton's method comes down to it without passing it.
     free = np.sqrt(-2.0 * a0 / (a2 + np.sqrt(a2 * a2 - 4.0 * a4 * a0)))
     locked = np.sqrt(abs(a1) / a3) if a3 > 0.0 else 0.0
     s = max(free, locked)
@@ -69,6 +71,7 @@ def _positive_root(a4, a3, a2, a1, a0):
 @compiled
 def _isolated_root(b3, b2, b1, b0):
     """The real root of the cubic farthest from its mean, hence away from the other two."""
+    # Without its square term the cubic has roots at the cosine, cosh or sinh of a third of an angle.
     mean = -b2 / (3.0 * b3)
     third = (b1 - b2 * b2 / (3.0 * b3)) / b3
     level = (((b3 * mean + b2) * mean + b1) * mean + b0) / b3
@@ -94,6 +97,7 @@ def _polished(s, a4, a3, a2, a1, a0):
 @compiled
 def _roots(a4, a3, a2, a1, a0):
     """s1, s2 and the pair's p and q."""
+    # The roots are found in real numbers. One step of Newton's method then takes the derivatives along.
     r4, r3, r2, r1, r0 = a4.real, a3.real, a2.real, a1.real, a0.real
     first = _positive_root(r4, r3, r2, r1, r0)
     b2 = r3 + first * r4
@@ -157,6 +161,7 @@ def _solved(matrix, r1r, r1i, r2r, r2i):
 def _responses(m11, m12, m21, m22, c1, c2, up, f, xi):
     """Harmonic responses H(i xi) of tilt, bob and the bob of a held block, and dH/ds there; see
     `tpd.exact.modes`."""
+    # The imaginary unit of the frequency is not that of a derivative: hence pairs of numbers here.
     x2, zero = xi * xi, 0.0 * xi
     a, b, c, d = -up - x2 * m11, -x2 * m12, -x2 * m21, 1.0 - x2 * m22
     matrix = (a, xi * c1, b, -xi * c1, c, -xi * c2, d, xi * c2)
@@ -247,6 +252,7 @@ def launch(q, kind, tilt, way, y0, y1, y2, y3, phase, share, rate):
         still = Signal(leaning, zero, zero, zero, zero, zero, zero, zero, zero)
         bob = Signal(zero, zero, zero, u, v, along, across, more + zero, less + zero)
         return Arc(still, bob, zero, zero, q.held_p + zero, q.held_q + zero, xi + zero, phase + zero)
+    # Free motion is what is left of the state: its parts along the real modes, and the rest of the pair.
     centre = (tilt * q.weight + way * q.k) / q.up
     ts, tc, tg, th = _forced(q.tilt_sin, q.tilt_cos, q.tilt_lag_sin, q.tilt_lag_cos, share, rate)
     bs, bc, bg, bh = _forced(q.bob_sin, q.bob_cos, q.bob_lag_sin, q.bob_lag_cos, share, rate)

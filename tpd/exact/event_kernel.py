@@ -34,7 +34,7 @@ from tpd.exact.arc_kernel import (
 ARRIVED, LOST, EXHAUSTED = range(3)
 """Ends of a run."""
 GONE, END, FIRST, SECOND, BOB = -2, -1, 0, 1, 2
-"""What ends a leg: its horizon; the first signal (a turn, or a release upwards), the second (a landing, or a
+"""Ends of a leg: its horizon; the first signal (a turn, or a release upwards), the second (a landing, or a
 release downwards); a turn of the bob, which changes nothing; or a tilt beyond return."""
 LEG = 13
 """Numbers of a recorded leg: kind and signs of its mode, its beginning and duration, what ended it, whether
@@ -104,6 +104,7 @@ def held_on_base(q, psi, rate, sine):
 def reserve(q, kind, tilt, which, y0, y1, y3, sine):
     """Distance of the moment on a held block from the limit at which it is released upwards, or downwards."""
     way = 1.0 if which == FIRST else -1.0
+    # Off its base the block has one weight to overcome, on its base one to either side.
     level = tilt * q.weight if kind == STICK else way * q.weight
     return q.k - way * (moment(q, y0, y1, y3, sine) - level)
 
@@ -187,8 +188,9 @@ _CLEAR, _ONE, _UNKNOWN = range(3)
 
 @compiled
 def _judged(g0, v0, g1, v1, d, bound):
-    """What is proved of a signal over a window: that it stays positive after its start; that it is positive,
+    """Proof about a signal over a window: that it stays positive after its start; that it is positive,
     falls all the way and is not at the end; or nothing."""
+    # Bernstein coefficients of the cubic; those of its slope are their differences.
     b1, b2, left = g0 + d * v0 * _THIRD, g1 - d * v1 * _THIRD, bound * d * d * d * d
     if min(min(g0, g1), min(b1, b2)) > left * _AWAY:
         return _CLEAR
@@ -298,6 +300,7 @@ def _next_event(arc, w, second, now, t, end, least, longest, window, limit, look
                 # Rounding decides.
                 found = _ONE if h[i] <= 0.0 < g[i] else _CLEAR
             if found == _UNKNOWN:
+                # The others need no look: all are looked at again over half of the window.
                 proved = False
                 break
             if found == _ONE and (first == END or _look(w, i, instant(arc, soonest), soonest, 0) <= 0.0):

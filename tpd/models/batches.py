@@ -73,7 +73,7 @@ def settle_all(
 
 @lru_cache(maxsize=8)
 def _program(model: Piecewise) -> Callable[[Any], Settled]:
-    """The same for one element as a program of JAX."""
+    """Function that follows one element by a program of JAX."""
 
     def follow(element: tuple[Any, Any, Any, Any]) -> Settled:
         x, y0, begin, ramp = element

@@ -26,6 +26,7 @@ def _leg(q, legs, n, y, t, end):
     arc = launch(q, kind, complex(tilt, 0.0), complex(way, 0.0), y[0], y[1], y[2], y[3], q.xi * t, one, zero)
     now = instant(arc, complex(lasted, 0.0))
     a = state_at(arc, now, complex(lasted, 0.0))
+    # The leg lasts as long as it did; what changes is when its event would be.
     # How late the event is, to first order: what is left of its signal, over its slope.
     if which == END:
         late = (end - t).imag

@@ -31,7 +31,7 @@ from tpd.models.linear_trajectory import trajectory
 from tpd.models.period_kernel import FLOATS, WHOLES
 
 SETTLE, CYCLE, TRAJECTORY = range(3)
-"""What to compute; the first number of every row of settings."""
+"""Tasks; the first number of every row of settings."""
 SETTINGS = 6
 """Numbers in a row of settings."""
 CYCLE_OUT = 12

@@ -62,6 +62,7 @@ def cycle(x, plants, complex_plants, y0, mode0, periods, rest_rate, max_events, 
     for i in range(4):
         y[i], mode[i] = y0[i], (mode0[i] if i < 3 else 0.0)
     ended = follow(q, y, mode, periods, rest_rate, max_events, legs, count, sizes)
+    # Most motions have a few legs a period; one that rattles is followed once more with room for all.
     if count[0] > len(legs) and first < INPUTS and ended == ARRIVED:
         legs = np.empty((count[0], LEG))
         for i in range(4):
@@ -123,6 +124,7 @@ def _solve(a, b):
 def _contracts(by, scales, unfelt):
     """Whether the derivative of the map of a period, in rows 0 to 3 and columns 9 to 12, has no multiplier of
     size 1 or more that the block feels."""
+    # Powers tell it without eigenvalues: those of a contraction vanish, however large the first ones are.
     m, square = np.empty((4, 4)), np.empty((4, 4))
     for i in range(4):
         for j in range(4):
@@ -186,6 +188,7 @@ def _passed(by, sizes, scales, gap, apart, peaks):
             break
     else:
         return False
+    # What the first order leaves out is of the square of the distance.
     margin = apart * apart if apart > _NEXT_TO_NOTHING else 0.0
     for k in range(2):
         if margin > 0.0 and worst[k] + margin * scales[k] > peaks[k]:

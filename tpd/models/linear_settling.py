@@ -64,6 +64,7 @@ def _rests(q, y, mode, sizes, phase, tolerance):
         return left >= 0.0, reach
     if mode[0] != STICK:
         return False, reach
+    # See `Piecewise._rattles_out`: hops that friction holds grow smaller without end.
     low = max(max(sizes[0], sizes[1]), abs(y[0])) < tolerance * q.nu
     if low and (q.k > 0.0 or q.e < 1.0) and left > 0.0:
         mode[0], y[0] = REST, 0.0
@@ -85,6 +86,7 @@ def _slow_repetition(q, past, known, scales, tolerance, before):
             error = max(error, abs(past[0, i] - past[n, i]) / scales[i])
         if error < 0.1 * closest or (n == 1 and error < closest):
             closest, periods = error, n
+    # Decay in one period, from the last two distances if they belong to one number of periods.
     share = closest / before[0] if before[1] == periods and before[0] > 0.0 else 0.0
     before[0], before[1] = closest, periods
     if periods == 0 or share == 0.0:
@@ -141,6 +143,9 @@ def settle(x, plants, complex_plants, y0, since, ramp, periods, max_events, tole
     # A start within a period has another phase than the ends of periods, with which these are compared.
     known, repeats, elapsed, wait = (1 if since == 0.0 else 0), 0, 0, 0
     status = AT_REST if rests else NOT_SETTLED
+    # Squares of the angles that are no numbers prove nothing about events.
+    if not math.isfinite(q.tilt_sin * q.tilt_sin + q.bob_sin * q.bob_sin):
+        y[0] = math.nan
     while elapsed < periods and status == NOT_SETTLED and finite(y):
         if elapsed > 0:
             grown = growth_in(growth, ramp, period, float(elapsed))

@@ -38,6 +38,7 @@ def trajectory(x, plants, complex_plants, y0, times, rest_rate, max_events, slop
     period, mode, y, start = 2.0 * math.pi / q.xi, np.zeros(4), np.empty(4), np.empty(4)
     growth, sizes, now, late = np.zeros(2), np.zeros(6), np.zeros((4, INPUTS + 1)), np.zeros(3)
     legs, count = np.empty((max_events + LEGS if slopes else 0, LEG)), np.zeros(1, np.int64)
+    # Times count from the beginning of their forcing period, as in `tpd.models.clock`.
     whole = math.floor(times[0] / period + _ROUNDING)
     t, status, growth[0], late[0], late[2] = times[0] - whole * period, ROCKING, 1.0, -whole, 1.0
     for i in range(4):
