@@ -300,7 +300,6 @@ def _next_event(arc, w, second, now, t, end, least, longest, window, limit, look
                 # Rounding decides.
                 found = _ONE if h[i] <= 0.0 < g[i] else _CLEAR
             if found == _UNKNOWN:
-                # The others need no look: all are looked at again over half of the window.
                 proved = False
                 break
             if found == _ONE and (first == END or _look(w, i, instant(arc, soonest), soonest, 0) <= 0.0):

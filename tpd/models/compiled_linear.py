@@ -136,6 +136,7 @@ def _cycle(x: Array, y: Array, mode: Array, settings: Array) -> Array:
 def _cycle_from(first: float, x: Array, y: Array, mode: Array, settings: Array) -> Any:
     from tpd.models import linear_entry as entry
 
+    # Value alone, or with all directions: derivatives are computed where they are asked for only.
     s = settings.at[5].set(first)
     return _called((_shape(entry.CYCLE_OUT), _shape(6, entry.INPUTS)), s, x, y, mode)
 

@@ -60,6 +60,7 @@ def compile_beside(folder: Path) -> None:
 
 def wait(module: str) -> None:
     """Wait until the other process, if there is one, has compiled a module."""
+    # One reader at a time: a line belongs to whoever reads it first.
     with _reading:
         for process in _running:
             while module not in _ready and process.stdout is not None:

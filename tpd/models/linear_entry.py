@@ -133,6 +133,7 @@ def _trajectory(a, first, last):
     count = int(s[0, 1])
     times, out = _table(a[3], last, count), _cube(a[4], last, count, 8)
     statuses = _table(a[5], last, 1)
+    # Ten complex plants: one for each parameter, and one for directions in which none changes.
     plants, others = np.empty(1, PLANT), np.empty(10, COMPLEX_PLANT)
     for n in range(first, last):
         slopes = s[n, 5] != 0.0

@@ -36,6 +36,7 @@ def shared(
     if workers is not None:
         checks.count("workers", workers)
     cores = (os.cpu_count() or 1) if workers is None else workers
+    # Small pieces, because some motions take a hundred times as long as others.
     # Each piece writes rows of its own, so that the order in which they end is no matter.
     size = max(1, min(_CHUNK, -(-n // (4 * cores))))
     done = 0
