@@ -54,7 +54,10 @@ def test_a_settled_motion_has_the_sizes_and_state_of_fifty_digits(row):
     assert float(s.amplitude) == pytest.approx(float(row["amplitude"]), rel=REACH)
     assert float(s.stroke) == pytest.approx(float(row["stroke"]), rel=REACH)
     end = np.array([float(v) for v in row["end"]])
-    assert (np.abs(np.asarray(s.state) - end) / scales(x)).max() < REACH
+    # On any of the forcing periods of its motion: on which one it is depends on how long it was followed.
+    begins = np.array([0.0, *2.0 * np.pi / x[6] * np.arange(1, int(s.periods) + 1)])
+    visited = simulate(parameters(x), s.state, begins).ys
+    assert (np.abs(np.asarray(visited) - end) / scales(x)).max(axis=1).min() < REACH
 
 
 def test_energy_stays_through_ten_thousand_crossings():
