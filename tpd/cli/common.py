@@ -176,8 +176,12 @@ def use_64_bits() -> None:
     from tpd.core import programs
     from tpd.models import compiling
 
+    cache_dir = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
+    if cache_dir is None:
+        # No folder can be written to: what is compiled serves this process alone.
+        return
     with contextlib.suppress(OSError):
-        folder = Path(jax.config.jax_compilation_cache_dir) / "programs"  # type: ignore[attr-defined]
+        folder = Path(cache_dir) / "programs"
         programs.keep_in(folder)
         compiling.compile_beside(folder)
 
