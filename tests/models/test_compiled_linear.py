@@ -1,5 +1,7 @@
 """The compiled code of the linear equations against the programs of JAX, the slow and obvious form."""
 
+from types import SimpleNamespace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +15,7 @@ from tpd.models import compiled_linear
 from tpd.models.batches import settle_all
 
 KERNEL, PROGRAM = Piecewise(), Piecewise(kernel=False)
+OTHER = SimpleNamespace(platform="cuda")
 MOVED = ("rocking", "sticking")
 FIELDS = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e")
 
@@ -101,7 +104,7 @@ def test_no_settled_motion_loses_its_status_to_the_short_way():
     np.testing.assert_array_equal(short.periods[both], long.periods[both])
     for size in ("amplitude", "stroke", "peak", "peak_stroke"):
         ours, theirs = (np.asarray(getattr(s, size))[both] for s in (short, long))
-        np.testing.assert_allclose(ours, theirs, rtol=1e-3, atol=1e-6)
+        np.testing.assert_allclose(ours, theirs, rtol=5e-4, atol=1e-6)
     gone = np.isin(others, MOVED) & np.isin(names, ("rest", "overturned"))
     assert not np.any(gone)
 
@@ -145,6 +148,15 @@ def test_without_the_custom_call_programs_of_jax_answer(monkeypatch):
     theirs = settle_all(of(x.T), y)
     np.testing.assert_array_equal(names_of(ours.status), names_of(theirs.status))
     np.testing.assert_allclose(ours.amplitude, theirs.amplitude, rtol=1e-5, atol=1e-7)
+
+
+def test_with_another_device_about_the_processor_still_runs_the_compiled_code(monkeypatch):
+    x, y = box(1, seed=9)
+    model = Piecewise(max_periods=3)
+    ours = jax.jit(lambda x, y: model.settle(of(x), y).y)(x[0], y[0])
+    monkeypatch.setattr(compiled_linear.jax, "devices", lambda: [SimpleNamespace(platform="cpu"), OTHER])
+    theirs = jax.jit(lambda x, y: model.settle(of(x), y).y)(x[0], y[0])
+    np.testing.assert_array_equal(ours, theirs)
 
 
 def test_a_growing_shaking_and_a_late_start_are_those_of_the_program():

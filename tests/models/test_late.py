@@ -46,7 +46,7 @@ def test_a_period_that_begins_late_is_the_first_one(share):
 
 @pytest.mark.parametrize(
     ("model", "error"),
-    [(Segmented(terms=Terms.linear), 1e-6), (Smoothed(), 1e-3)],
+    [(Segmented(terms=Terms.linear), 1e-6), (Smoothed(rtol=1e-9), 1e-5)],
     ids=["segmented", "smoothed"],
 )
 def test_a_period_that_begins_late_is_the_first_one_of_integrated_models(model, error):

@@ -326,8 +326,8 @@ def test_a_chaotic_motion_is_aperiodic_with_the_rate_at_which_neighbours_part():
 
 
 def test_a_slow_decay_is_not_settled_rather_than_aperiodic():
-    # Fewer periods than Newton's method waits for.
-    answer = solver(Piecewise(max_periods=12), 8)(SLOW)
+    # Programs of JAX follow it; the compiled code takes it to its orbit, see below.
+    answer = solver(Piecewise(kernel=False), 8)(SLOW)
     assert answer.status == "not_settled"
     assert -0.05 < float(answer.steady.lyapunov) < 0.0
     assert np.all(np.isnan(answer.slopes))

@@ -18,7 +18,8 @@ from typing import Any
 import numba
 import numpy as np
 
-SLIP, STICK, REST = 0, 1, 2
+from tpd.exact.contact import REST, SLIP
+
 STEP = 1e-30
 """Imaginary part of an input in whose direction a derivative is taken: its square is nothing beside 1, and
 its tenth power no denormal number, with which a processor is slow."""

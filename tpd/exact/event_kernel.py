@@ -16,9 +16,6 @@ import math
 import numpy as np
 
 from tpd.exact.arc_kernel import (
-    REST,
-    SLIP,
-    STICK,
     Instant,
     Signal,
     compiled,
@@ -30,6 +27,7 @@ from tpd.exact.arc_kernel import (
     struck,
     value_of,
 )
+from tpd.exact.contact import REST, SLIP, STICK
 
 ARRIVED, LOST, EXHAUSTED = range(3)
 """Ends of a run."""
@@ -77,21 +75,24 @@ def share_at(growth, t):
 
 
 @compiled
-def decide(q, y, tilt, way, sine, mode):
-    """Put the mode of a state into `mode`; `tilt` and `way` are the signs of phi and phi', zero included, and
-    `sine` is the forcing over its full size. See `tpd.exact.arc.classify`."""
-    goes = way
-    if goes == 0.0:
-        held = moment(q, y[0], y[1], y[3], sine)
-        if held - (1.0 if tilt == 0.0 else tilt) * q.weight > q.k:
-            goes = 1.0
-        elif held - (-1.0 if tilt == 0.0 else tilt) * q.weight < -q.k:
-            goes = -1.0
+def put_mode(up, down, friction, tilt, way, mode):
+    """Put the mode of a state into `mode`; see `tpd.exact.contact.decide` for the arguments."""
+    lifts = 1.0 if up > friction else (-1.0 if down < -friction else 0.0)
+    goes = way if way != 0.0 else lifts
     if goes != 0.0:
         mode[0] = SLIP
     else:
         mode[0] = STICK if tilt != 0.0 else REST
     mode[1], mode[2] = (tilt if tilt != 0.0 else goes), goes
+
+
+@compiled
+def decide(q, y, tilt, way, sine, mode):
+    """Put the mode of a state into `mode`; `tilt` and `way` are the signs of phi and phi', zero included, and
+    `sine` is the forcing over its full size. See `tpd.exact.arc.classify`."""
+    held, side = moment(q, y[0], y[1], y[3], sine), (1.0 if tilt == 0.0 else tilt)
+    other = -1.0 if tilt == 0.0 else tilt
+    put_mode(held - side * q.weight, held - other * q.weight, q.k, tilt, way, mode)
 
 
 @compiled
@@ -339,7 +340,6 @@ def meet(q, which, capture, sine, y, mode):
     y[0] = 0.0
     y[2], y[3] = struck(q, rests, y[2], y[3])
     if y[2] == 0.0:
-        # A block that an impact stops (e = 0) goes where the moment on it takes it.
         decide(q, y, 0.0, 0.0, sine, mode)
     else:
         mode[0], mode[1] = SLIP, mode[2]

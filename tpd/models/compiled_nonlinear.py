@@ -36,24 +36,12 @@ def settle_nonlinear(
     where). Not differentiable, and no motion is `aperiodic`: one that does not repeat is `not_settled`.
 
     Args:
-        p: parameters, of shape (n,) or single numbers for all.
-        y0: starts, shape (n, 4).
-        begin: dimensionless times at which the shaking and the motion begin, within the first forcing
-            period; shape (n,) or one for all. The default is tau = 0.
-        ramp: forcing periods over which the shaking grows linearly to its full size, counted from tau = 0
-            also for motions that begin later; shape (n,) or one for all. The default is sudden.
+        p, y0, begin, ramp, workers, progress: as in `tpd.models.batches.settle_all`.
         periods: largest number of forcing periods of a motion.
         rtol: relative tolerance of a step.
         max_events: bound on the events of one forcing period.
-        workers: threads; default the number of cores.
-        progress: called with (motions done, of how many) now and then.
 
-    Returns:
-        A `Settled` with NumPy leaves of leading axis n, in the order of the batch.
-
-    Raises:
-        ValueError: an empty batch, leaves of different lengths, a number out of range, or workers below one.
-        RuntimeError: JAX is in 32-bit mode.
+    Returns and raises as `settle_all`, and `ValueError` for a bound out of range.
     """
     checks.require_x64()
     checks.positive("rtol", rtol)

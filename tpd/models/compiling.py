@@ -6,6 +6,7 @@ Numba compiles for half a minute, in Python: in the same process it would hold u
 from __future__ import annotations
 
 import atexit
+import os
 import subprocess
 import sys
 import zlib
@@ -43,7 +44,9 @@ def compile_beside(folder: Path) -> None:
     Raises:
         OSError: no process can be started.
     """
-    mark = folder / f"compiled-{checksum():08x}"
+    # Numba's store belongs to one installation, or to the folder that the environment names.
+    place = f"{checksum()} {Path(__file__)} {sys.version} {os.environ.get('NUMBA_CACHE_DIR')}"
+    mark = folder / f"compiled-{zlib.crc32(place.encode()):08x}"
     if mark.exists() or _running:
         return
     # A session of its own: Ctrl-C is for the command, and what is half compiled serves nobody.

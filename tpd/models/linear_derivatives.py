@@ -10,11 +10,32 @@ import math
 
 import numpy as np
 
-from tpd.exact.arc_kernel import SLIP, STEP, compiled, instant, launch, plant_along, state_at, struck
+from tpd.exact.arc_kernel import STEP, compiled, instant, launch, plant_along, state_at, struck
+from tpd.exact.contact import SLIP
 from tpd.exact.event_kernel import BOB, END, FIRST, reserve
 
 INPUTS = 13
 """Directions of derivatives: nine parameters and four components of a state."""
+
+
+@compiled
+def _late(q, kind, tilt, which, a, now, t, end):
+    """How much later a leg ends, in the direction of the derivative; `a` and `now` are its last state and
+    instant."""
+    # To first order: what is left of the event's signal, over its slope.
+    if which == END:
+        return (end - t).imag
+    if which == BOB:
+        return 0.0
+    if kind != SLIP:
+        value = reserve(q, kind, complex(tilt, 0.0), which, a[0], a[1], a[3], now.sine)
+        side = 1.0 if which == FIRST else -1.0
+        pull = (1.0 - q.up.real) * a[3].real + q.bias.real * a[5].real
+        slope = -side * (pull - q.f.real * q.xi.real * now.cosine.real)
+        return -value.imag / slope if slope != 0.0 else 0.0
+    if which == FIRST:
+        return -a[2].imag / a[4].real if a[4].real != 0.0 else 0.0
+    return -a[0].imag / a[2].real if a[2].real != 0.0 else 0.0
 
 
 @compiled
@@ -26,22 +47,7 @@ def _leg(q, legs, n, y, t, end):
     arc = launch(q, kind, complex(tilt, 0.0), complex(way, 0.0), y[0], y[1], y[2], y[3], q.xi * t, one, zero)
     now = instant(arc, complex(lasted, 0.0))
     a = state_at(arc, now, complex(lasted, 0.0))
-    # The leg lasts as long as it did; what changes is when its event would be.
-    # How late the event is, to first order: what is left of its signal, over its slope.
-    if which == END:
-        late = (end - t).imag
-    elif which == BOB:
-        late = 0.0
-    elif kind != SLIP:
-        value = reserve(q, kind, complex(tilt, 0.0), which, a[0], a[1], a[3], now.sine)
-        side = 1.0 if which == FIRST else -1.0
-        pull = (1.0 - q.up.real) * a[3].real + q.bias.real * a[5].real
-        slope = -side * (pull - q.f.real * q.xi.real * now.cosine.real)
-        late = -value.imag / slope if slope != 0.0 else 0.0
-    elif which == FIRST:
-        late = -a[2].imag / a[4].real if a[4].real != 0.0 else 0.0
-    else:
-        late = -a[0].imag / a[2].real if a[2].real != 0.0 else 0.0
+    late = _late(q, kind, tilt, which, a, now, t, end)
     for i in range(4):
         y[i] = complex(a[i].real, a[i].imag + a[i + 2].real * late)
     return complex(t.real + lasted, t.imag + late)

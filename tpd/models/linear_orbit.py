@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from tpd.exact.arc_kernel import REST, SLIP, compiled, plant
+from tpd.exact.arc_kernel import compiled, plant
+from tpd.exact.contact import REST, SLIP
 from tpd.exact.event_kernel import ARRIVED, BOB, LEG, advance, begin
 from tpd.models.linear_derivatives import INPUTS, differentiate
 
@@ -121,26 +122,30 @@ def _solve(a, b):
 
 
 @compiled
+def _square(m):
+    """Square a 4 x 4 matrix in place; return its largest entry in size."""
+    old, largest = m.copy(), 0.0
+    for i in range(4):
+        for j in range(4):
+            m[i, j] = 0.0
+            for k in range(4):
+                m[i, j] += old[i, k] * old[k, j]
+            largest = max(largest, abs(m[i, j]))
+    return largest
+
+
+@compiled
 def _contracts(by, scales, unfelt):
     """Whether the derivative of the map of a period, in rows 0 to 3 and columns 9 to 12, has no multiplier of
     size 1 or more that the block feels."""
     # Powers tell it without eigenvalues: those of a contraction vanish, however large the first ones are.
-    m, square = np.empty((4, 4)), np.empty((4, 4))
+    m = np.empty((4, 4))
     for i in range(4):
         for j in range(4):
             felt = not unfelt or (i % 2 == 0 and j % 2 == 0)
             m[i, j] = by[i, 9 + j] * scales[j] / scales[i] if felt else 0.0
     for _ in range(_SQUARES):
-        largest = 0.0
-        for i in range(4):
-            for j in range(4):
-                square[i, j] = 0.0
-                for k in range(4):
-                    square[i, j] += m[i, k] * m[k, j]
-                largest = max(largest, abs(square[i, j]))
-        for i in range(4):
-            for j in range(4):
-                m[i, j] = square[i, j]
+        largest = _square(m)
         if not largest < 1e100:
             return False
         if largest < 0.1:

@@ -33,7 +33,7 @@ def trajectory(x, plants, complex_plants, y0, times, rest_rate, max_events, slop
     places."""
     q = plants[0]
     plant(x, q)
-    for j in range(10):
+    for j in range(10 if slopes else 0):
         plant_along(x, j, complex_plants[j])
     period, mode, y, start = 2.0 * math.pi / q.xi, np.zeros(4), np.empty(4), np.empty(4)
     growth, sizes, now, late = np.zeros(2), np.zeros(6), np.zeros((4, INPUTS + 1)), np.zeros(3)

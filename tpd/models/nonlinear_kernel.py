@@ -12,7 +12,9 @@ from __future__ import annotations
 import math
 from collections import namedtuple
 
-from tpd.exact.arc_kernel import REST, SLIP, STICK, compiled
+from tpd.exact.arc_kernel import compiled
+from tpd.exact.contact import REST, SLIP, STICK
+from tpd.exact.event_kernel import put_mode
 
 REST_RATE = 1e-4
 """An impact slower than this (phi' in units of nu) that the block can be held after is rest."""
@@ -90,17 +92,9 @@ def _excess(q, phi, psi, rate, side, sine):
 @compiled
 def decide(q, phi, psi, rate, tilt, way, sine, mode):
     """Put the mode of a state into `mode`: `tilt` and `way` are the signs of phi and phi', zero included."""
-    goes = way
-    if goes == 0.0:
-        if _excess(q, phi, psi, rate, 1.0 if tilt == 0.0 else tilt, sine) > q.k:
-            goes = 1.0
-        elif _excess(q, phi, psi, rate, -1.0 if tilt == 0.0 else tilt, sine) < -q.k:
-            goes = -1.0
-    if goes != 0.0:
-        mode[0] = SLIP
-    else:
-        mode[0] = STICK if tilt != 0.0 else REST
-    mode[1], mode[2] = (tilt if tilt != 0.0 else goes), goes
+    up = _excess(q, phi, psi, rate, 1.0 if tilt == 0.0 else tilt, sine)
+    down = _excess(q, phi, psi, rate, -1.0, sine) if tilt == 0.0 else up
+    put_mode(up, down, q.k, tilt, way, mode)
 
 
 @compiled

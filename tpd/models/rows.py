@@ -23,10 +23,7 @@ _CHUNK = 16
 
 
 def shared(
-    run: Callable[[int, int], int],
-    n: int,
-    workers: int | None,
-    progress: Callable[[int, int], None] | None,
+    run: Callable[[int, int], int], n: int, workers: int | None, progress: Callable[[int, int], None] | None
 ) -> None:
     """Do all pieces of work on so many threads, by default on all cores.
 
@@ -36,8 +33,8 @@ def shared(
     if workers is not None:
         checks.count("workers", workers)
     cores = (os.cpu_count() or 1) if workers is None else workers
-    # Small pieces, because some motions take a hundred times as long as others.
-    # Each piece writes rows of its own, so that the order in which they end is no matter.
+    # Small pieces, because some motions take a hundred times as long as others. Each writes rows of its
+    # own, so that the order in which they end is no matter.
     size = max(1, min(_CHUNK, -(-n // (4 * cores))))
     done = 0
     with ThreadPoolExecutor(min(cores, n)) as crew:

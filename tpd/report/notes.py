@@ -325,6 +325,11 @@ def _responses(design: Design, study: Study) -> Iterator[Note]:
         f"Of {lost.size} frequencies tried from {hung.frequency[0]:.4g} to {hung.frequency[-1]:.4g} Hz, "
         f"{lost.sum()} overturn the block with the pendulum and {lost_bare.sum()} without."
     )
+    if lost.any() or lost_bare.any():
+        yield information(
+            "On its way a motion from rest can be chaotic. Then rounding decides whether it overturns at a "
+            "single frequency: rely on shares of many runs, not on one."
+        )
 
 
 def _neighbourhood(of: Response, i: int) -> tuple[np.ndarray, str]:
