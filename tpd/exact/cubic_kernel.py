@@ -110,16 +110,11 @@ def put_map(q, kind, h, out):
     Unlike the closed form of an arc it has no particular solution, which is large where the forcing is
     quicker than the block and would cancel once in every piece.
     """
-    n = np.zeros((8, 8))
+    n, x = np.zeros((8, 8)), np.zeros(5)
     for j in range(5):
-        unit = (
-            (1.0 if j == 0 else 0.0),
-            (1.0 if j == 1 else 0.0),
-            (1.0 if j == 2 else 0.0),
-            (1.0 if j == 3 else 0.0),
-        )
-        a, b = accelerations(q, kind, 0.0, unit[0], unit[1], unit[2], unit[3], 1.0 if j == 4 else 0.0)
-        n[2, j], n[3, j] = h * a, h * b
+        x[j] = 1.0
+        a, b = accelerations(q, kind, 0.0, x[0], x[1], x[2], x[3], x[4])
+        n[2, j], n[3, j], x[j] = h * a, h * b, 0.0
     n[1, 3], n[4, 5], n[5, 6], n[6, 7] = h, 1.0, 1.0, 1.0
     n[0, 2] = h if kind == SLIP else 0.0
     # Halved until the series converges quickly, and squared as often.
