@@ -3,7 +3,7 @@
 Names are imported on first use, so that `tpd --help` does not wait for JAX.
 
 The equations of the paper (Collini et al. 2016) and the modules that hold them. A folder imports only from
-those named before it: core, closed_form, exact, models, analysis, design, plot, report, cli.
+those named before it: formats, core, records, closed_form, exact, models, analysis, design, plot, report, cli.
 
 | equation | content | module |
 |---|---|---|
@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tpd import closed_form as closed_form
+    from tpd import records as records
     from tpd.analysis.attractors import Starts as Starts
     from tpd.analysis.attractors import attractors as attractors
     from tpd.analysis.auto import Auto as Auto
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from tpd.core.equations import Terms as Terms
     from tpd.core.ground_motion import Pulse as Pulse
     from tpd.core.parameters import Parameters as Parameters
+    from tpd.core.record import Record as Record
     from tpd.core.scene import Block as Block
     from tpd.core.scene import Harmonic as Harmonic
     from tpd.core.scene import Pendulum as Pendulum
@@ -83,6 +85,7 @@ _HOMES = {
     "Pendulum": "core.scene",
     "Piecewise": "models.piecewise",
     "Pulse": "core.ground_motion",
+    "Record": "core.record",
     "Risk": "design.criteria",
     "Scene": "core.scene",
     "Segmented": "models.segmented",
@@ -112,7 +115,7 @@ _HOMES = {
     "transient": "analysis.transient",
     "verdict": "analysis.paired",
 }
-_MODULES = {"closed_form": "closed_form", "limits": "design.criteria"}
+_MODULES = {"closed_form": "closed_form", "limits": "design.criteria", "records": "records"}
 
 __all__ = sorted([*_HOMES, *_MODULES])  # pyright: ignore[reportUnsupportedDunderAll]
 

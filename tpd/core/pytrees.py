@@ -9,12 +9,17 @@ import jax
 from jax.tree_util import GetAttrKey
 
 Class = TypeVar("Class", bound=type[Any])
-Static: TypeAlias = tuple[tuple[str, ...], tuple[tuple[str, str], ...]]
-"""Names of the leaves, and the fields that hold a word, by name."""
+Static: TypeAlias = tuple[tuple[str, ...], tuple[tuple[str, Any], ...]]
+"""Names of the leaves, and the fields that hold a word or several, by name."""
+
+
+def _is_words(value: Any) -> bool:
+    """Whether a field holds a word, or a tuple of words only, such as an empty one."""
+    return isinstance(value, str) or (isinstance(value, tuple) and all(isinstance(v, str) for v in value))
 
 
 def pytree(cls: Class) -> Class:
-    """Register a frozen dataclass as a pytree: a field that holds a word is static, any other is a leaf.
+    """Register a frozen dataclass as a pytree: a field that holds words is static, any other is a leaf.
 
     `jax.tree_util.register_dataclass` fixes the static fields once, and runs `__post_init__` on whatever JAX
     puts in the place of a leaf. Here a word such as "housner" is static where it is used; nothing is checked.
@@ -22,8 +27,8 @@ def pytree(cls: Class) -> Class:
 
     def flatten_with_keys(thing: Any) -> tuple[tuple[tuple[Any, Any], ...], Static]:
         held = {f.name: getattr(thing, f.name) for f in fields(cls)}
-        words = tuple((name, value) for name, value in held.items() if isinstance(value, str))
-        names = tuple(name for name, value in held.items() if not isinstance(value, str))
+        words = tuple((name, value) for name, value in held.items() if _is_words(value))
+        names = tuple(name for name, value in held.items() if not _is_words(value))
         return tuple((GetAttrKey(name), held[name]) for name in names), (names, words)
 
     def unflatten(static: Static, leaves: Any) -> Any:

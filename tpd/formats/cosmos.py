@@ -1,0 +1,139 @@
+"""Files of the Consortium of Organizations for Strong Motion Observation Systems (COSMOS), format 1.20.
+
+Blocks of acceleration, velocity and displacement follow each other; those of acceleration are kept.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from tpd.formats.channel import Channel, agree, agree_on_peak, agree_on_peak_time
+from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, fortran, number, shown
+from tpd.formats.units import FACTORS, chosen, unit_of
+
+_FIRST = r"^\s*(corrected|uncorrected|raw)\s+(\w+).*\(format v\S+ with (\d+) text lines\)"
+_DATA = (
+    rf"^\s*(\d+)\s+(accel\w*|veloc\w*|displ\w*|raw accel\w*)\.?\s+pts,\s*approx\s+({NUMBER})\s+secs?,"
+    r"\s*units\s*=\s*(.*?)\s*\(\s*\d+\s*\),\s*format\s*="
+)
+_PEAK = rf"\bmax\s*=\s*({NUMBER})\s+(\S+?),?\s+at\s+({NUMBER})\s*sec"
+# Places in the header of reals, from 0.
+_STEP, _LENGTH, _PEAK_VALUE, _PEAK_TIME = 61, 62, 63, 64
+_TEXT = 13
+
+
+def is_cosmos(lines: Sequence[str]) -> bool:
+    """Return whether lines are those of a COSMOS file, sound or not."""
+    head = "\n".join(lines[:60]).lower()
+    return "(format v" in lines[0].lower() or "integer-header values" in head or "real-header values" in head
+
+
+def read_cosmos(cursor: Cursor, unit: str | None) -> list[Channel]:
+    """Return the channels of a file.
+
+    Raises:
+        UnreadableRecord: the file is damaged, contradicts itself, or holds counts of the instrument.
+    """
+    channels: list[Channel] = []
+    while cursor.at == 0 or not cursor.only_blank_lines_follow():
+        channel = _block(cursor, unit)
+        if channel is not None:
+            channels.append(channel)
+    if not channels:
+        raise UnreadableRecord("the file must hold an acceleration, but has velocities or displacements only")
+    return channels
+
+
+def _block(cursor: Cursor, unit: str | None) -> Channel | None:
+    start, first = cursor.at, cursor.match(_FIRST, "the quantity and the format")
+    if int(first[3]) != _TEXT:
+        raise UnreadableRecord(f"line {start + 1} must state {_TEXT} text lines, but states {first[3]}")
+    text = cursor.skip(_TEXT - 1, "the end of the text header")
+    _header(cursor, "integer", "I")
+    reals = _header(cursor, "real", "F")
+    for _ in range(int(cursor.match(r"^\s*(\d+)\s+comment line", "the number of comment lines")[1])):
+        if not cursor.next("the end of the comments").lstrip().startswith("|"):
+            raise UnreadableRecord(f"line {cursor.at} must be a comment with '|'")
+    line = cursor.peek()
+    data = cursor.match(_DATA, "number, length, unit and format of the samples")
+    if "count" in data[4].lower() or first[1].lower() == "raw":
+        raise UnreadableRecord(
+            f"line {cursor.at} states counts of the instrument: a file in a unit of acceleration is needed"
+        )
+    at, (columns, width, _) = cursor.at, fortran(line, cursor.at)
+    values = cursor.fixed(int(data[1]), columns, width, "samples")
+    cursor.match(r"^\W*end-?\s?of-?\s?data", "the end of the data")
+    if not data[2].lower().startswith("accel"):
+        return None
+    stated = unit_of(data[4], at)
+    dt = _step(reals, len(values))
+    _agree(values, dt, reals, text, stated, start)
+    component, name = _words(text)
+    notes = ("uncorrected: an offset and a drift are left in it",) if first[1].lower() != "corrected" else ()
+    event = re.sub(r"^r(?:ecord|crd) of\s+", "", " ".join(text[0].split()), flags=re.IGNORECASE)
+    factor = FACTORS[chosen(stated, unit)]
+    return Channel(values * factor, dt, component, f"{name}/{component}".strip("/"), event, notes)
+
+
+def _header(cursor: Cursor, what: str, letter: str) -> np.ndarray:
+    """One of the two headers of numbers. A field that is full can touch its neighbour."""
+    line = cursor.peek()
+    stated = cursor.match(
+        rf"^\s*(\d+)\s+{what}-header values follow on\s+(\d+)\s+lines", f"the {what} header"
+    )
+    columns, width, _ = fortran(line, cursor.at)
+    values: list[float] = []
+    for _ in range(int(stated[2])):
+        row = cursor.next(f"the end of the {what} header").rstrip()
+        values += [number(row[i : i + width], cursor.at) for i in range(0, len(row), width)]
+    if len(values) != int(stated[1]) or len(values) != 100:
+        raise UnreadableRecord(f"the {what} header must hold 100 numbers, but holds {len(values)}")
+    return np.array(values)
+
+
+def _known(value: float) -> bool:
+    return round(value) != -999
+
+
+def _step(reals: np.ndarray, count: int) -> float:
+    """The step in s, which the header states in ms, checked against the length of the record."""
+    if not _known(reals[_STEP]) or reals[_STEP] <= 0.0:
+        raise UnreadableRecord(f"real number {_STEP + 1} must be the step in ms, but is {reals[_STEP]:g}")
+    dt = float(reals[_STEP]) / 1000.0
+    if _known(reals[_LENGTH]):
+        agree(count * dt, float(reals[_LENGTH]), "the length in s", tolerance=1.5 * dt)
+    return dt
+
+
+def _agree(
+    values: np.ndarray, dt: float, reals: np.ndarray, text: Sequence[str], unit: str, start: int
+) -> None:
+    """Check the samples against the peak that the text and the header of reals state."""
+    found = re.search(_PEAK, text[9], flags=re.IGNORECASE)
+    if found is None:
+        raise UnreadableRecord(f"line {start + 11} must state the peak and its time, but is {shown(text[9])}")
+    if FACTORS[unit_of(found[2], start + 11)] != FACTORS[unit]:
+        raise UnreadableRecord(f"line {start + 11} and the line above the samples state different units")
+    where = f"line {start + 11}"
+    agree_on_peak(values, Decimal.of(found[1]), where, digit=0.0)
+    agree_on_peak_time(values, dt, Decimal.of(found[3]), where)
+    if _known(reals[_PEAK_VALUE]):
+        agree(float(found[1]), float(reals[_PEAK_VALUE]), "the peak", 1.01 * Decimal.of(found[1]).unit)
+    if _known(reals[_PEAK_TIME]):
+        agree(
+            float(found[3]),
+            float(reals[_PEAK_TIME]),
+            "the time of the peak",
+            1.01 * Decimal.of(found[3]).unit,
+        )
+
+
+def _words(text: Sequence[str]) -> tuple[str, str]:
+    """Component and station."""
+    component = re.search(r"^Sta\s+Cha\w*\s+\S+:\s*(.*?)\s*\(", text[7], flags=re.IGNORECASE)
+    component = component or re.search(r"^Sta\s+Cha\w*:\s*\S+\s+(.*?)\s*\(", text[7], flags=re.IGNORECASE)
+    station = re.search(r"Code:\s*(\S.*?)\s*$", text[3], flags=re.IGNORECASE)
+    return component[1] if component else "", " ".join(station[1].split()) if station else ""

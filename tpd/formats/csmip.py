@@ -1,0 +1,198 @@
+"""CSMIP Volume 1 (uncorrected) and Volume 2 (corrected) of the California Strong Motion Instrumentation Program.
+
+A file holds one block a channel: text, a header of integers, one of reals, the samples with a line that
+describes them, and a line that ends the channel. All that is stated twice must agree.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tpd.formats.channel import Channel, agree, agree_on_count, agree_on_peak, agree_on_peak_time
+from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, fortran
+from tpd.formats.units import FACTORS, chosen, unit_of
+
+_FIRST = re.compile(r"^\s*(un)?corrected accelerogram\b(?!.*GNS)", re.IGNORECASE)
+_V2_TEXT, _V2_INTEGERS, _V2_REALS = 25, 7, 13
+_V1_TEXT, _V1_INTEGERS, _V1_REALS = 13, 7, 7
+_END = r"^/&.*end of data"
+_CHANNEL = r"\bchan\w*\s+\d+\s*:\s*(\S.*?)\s*$"
+
+
+def is_csmip(lines: Sequence[str]) -> bool:
+    """Return whether lines are those of a CSMIP file, sound or not."""
+    head = "\n".join(lines[:13]).lower()
+    if " gns " in head or "accelerogram" not in head:
+        return False
+    return (
+        bool(_FIRST.match(lines[0]))
+        or "csmip" in head
+        or "cdmg" in head
+        or "uncorrected accelerogram" in head
+    )
+
+
+def read_csmip(cursor: Cursor, unit: str | None) -> list[Channel]:
+    """Return the channels of a file.
+
+    Raises:
+        UnreadableRecord: the file is damaged or contradicts itself.
+    """
+    channels = []
+    while not channels or not cursor.only_blank_lines_follow():
+        first = _FIRST.match(cursor.peek())
+        if first is None:
+            cursor.match(_FIRST.pattern, "the volume ('corrected' or 'uncorrected accelerogram')")
+        channels.append(_volume_1(cursor, unit) if first and first[1] else _volume_2(cursor, unit))
+    return channels
+
+
+def _volume_2(cursor: Cursor, unit: str | None) -> Channel:
+    start = cursor.at
+    text = Cursor(cursor.skip(_V2_TEXT, "the end of the text header"), ended=True)
+    component, event, name = _words(text, start, at=8)
+    text.at, offset = 15, start
+    count = int(_match(text, r"^\s*(\d+)\s+points of", "the number of points", offset)[1])
+    dt = float(_match(text, rf"intervals? of\s+({NUMBER})\s+sec", "the step", offset)[1])
+    peak = _match(
+        text,
+        rf"peak\s+acceleration\s*=\s*({NUMBER})\s+(\S+)\s+at\s+({NUMBER})",
+        "the peak acceleration",
+        offset,
+    )
+    _headers(cursor, _V2_INTEGERS, 5, _V2_REALS, 10)
+    values, data = _block(cursor, "accel", count, dt)
+    stated = unit_of(data.unit, data.line)
+    where = f"line {start + 18}"
+    _agree_unit(unit_of(peak[2], start + 18), stated)
+    agree_on_peak(values, Decimal.of(peak[1]), where, digit=data.digit)
+    agree_on_peak_time(values, dt, Decimal.of(peak[3]), where)
+    for kind in ("veloc", "displ"):
+        # Not used, but a file that is damaged here is not what its laboratory wrote.
+        _block(cursor, kind, count, dt)
+    cursor.match(_END, "the end of the channel")
+    return Channel(values * FACTORS[chosen(stated, unit)], dt, component, f"{name}/{component}", event)
+
+
+def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
+    start = cursor.at
+    text = Cursor(cursor.skip(_V1_TEXT, "the end of the text header"), ended=True)
+    component, event, name = _words(text, start, at=7)
+    text.at = 10
+    stated = _match(
+        text, rf"points\s*=\s*(\d+)\s+record length\s*=\s*({NUMBER})\s*sec", "points and length", start
+    )
+    peak = _match(
+        text,
+        rf"units of.* (?:sec and|is)\s+(.+?)\s*\.?\s+max\s*=\s*({NUMBER})\s*(\S+?)\s*,?\s+at\s+({NUMBER})",
+        "the unit, the peak and its time",
+        start,
+    )
+    _headers(cursor, _V1_INTEGERS, 5, _V1_REALS, 10)
+    count, dt, data = _described(cursor)
+    agree_on_count(int(stated[1]), count, f"line {start + 11}")
+    length = Decimal.of(stated[2])
+    agree(count * dt, length.value, "the length in s", 0.51 * length.unit + 1.01 * dt)
+    values = cursor.fixed(count, data.columns, data.width, "samples")
+    own, where = unit_of(data.unit, data.line), f"line {start + 12}"
+    _agree_unit(unit_of(peak[1], start + 12), own)
+    _agree_unit(unit_of(peak[3], start + 12), own)
+    agree_on_peak(values, Decimal.of(peak[2]), where, digit=data.digit)
+    agree_on_peak_time(values, dt, Decimal.of(peak[4]), where)
+    cursor.match(_END, "the end of the channel")
+    notes = ("uncorrected: an offset, a drift and the instrument's own response are left in it",)
+    return Channel(values * FACTORS[chosen(own, unit)], dt, component, f"{name}/{component}", event, notes)
+
+
+def _described(cursor: Cursor) -> tuple[int, float, _Described]:
+    """Number and step of the samples of a Volume 1, and what else the line above them says."""
+    if "points" not in cursor.peek().lower():
+        raise UnreadableRecord(
+            f"line {cursor.line} must describe the samples: a film read at unequal times has no such line, take its "
+            "Volume 2"
+        )
+    line = cursor.peek()
+    by_rate = rf"accelerogram points at\s+({NUMBER})\s+pts/sec,? in units of\s+(.+?)\s*\.?\s+format"
+    by_step = rf"points of accel data equally spaced at\s+({NUMBER})\s+sec\.?\s+\(units:\s*([^)]*)\)"
+    found = cursor.match(rf"^\s*(\d+)\s+(?:{by_rate}|{by_step})", "number, step and unit of the samples")
+    given = float(found[2] or found[4])
+    if given <= 0.0:
+        raise UnreadableRecord(f"line {cursor.at} must state a rate or a step above zero")
+    shape = fortran(line, cursor.at) if found[2] else (8, 9, 6)
+    step = 1.0 / given if found[2] else given
+    return int(found[1]), step, _Described(found[3] or found[5], cursor.at, *shape)
+
+
+@dataclass(frozen=True)
+class _Described:
+    """What the line above samples says of them."""
+
+    unit: str
+    line: int
+    """Number of that line."""
+    columns: int
+    width: int
+    decimals: int
+
+    @property
+    def digit(self) -> float:
+        """Size of the last digit of a sample."""
+        return 10.0**-self.decimals
+
+
+def _agree_unit(first: str, second: str) -> None:
+    """Raise `UnreadableRecord` unless two statements of the unit agree."""
+    if FACTORS[first] != FACTORS[second]:
+        raise UnreadableRecord(f"the file states the unit twice and differently, {first} and {second}")
+
+
+def _match(text: Cursor, pattern: str, what: str, start: int) -> re.Match[str]:
+    """Match the next line of a header that begins after line `start` of the file."""
+    line = text.next(what)
+    found = re.search(pattern, line, flags=re.IGNORECASE)
+    if found is None:
+        raise UnreadableRecord(f"line {start + text.at} must state {what}, but is {' '.join(line.split())!r}")
+    return found
+
+
+def _words(text: Cursor, start: int, at: int) -> tuple[str, str, str]:
+    """Component, event and station of a header whose line `at` (from 1) holds the channel."""
+    text.at = at - 1
+    component = _match(text, _CHANNEL, "the channel", start)[1]
+    # Names and further remarks are set apart by several blanks; new files state the time of the record twice.
+    parts = re.split(r"\s{2,}", text.next("the event").strip())
+    event = dict.fromkeys(re.sub(r"^r(?:ecord|crd) of ", "", part, flags=re.IGNORECASE) for part in parts)
+    return component, " ".join(event), re.split(r"\s{3,}", text.lines[at - 2].strip())[0]
+
+
+def _headers(cursor: Cursor, integers: int, width_i: int, reals: int, width_r: int) -> None:
+    """Pass the headers of numbers. Nothing in them is needed, but they must be there."""
+    for rows, width, what in ((integers, width_i, "integer"), (reals, width_r, "real")):
+        for _ in range(rows):
+            line = cursor.next(f"the end of the {what} header").rstrip()
+            if len(line) % width or re.search(r"[A-Za-z]{2}", line):
+                raise UnreadableRecord(
+                    f"line {cursor.at} must belong to the {what} header, but is {' '.join(line.split())[:50]!r}"
+                )
+
+
+def _block(cursor: Cursor, kind: str, count: int, dt: float) -> tuple[np.ndarray, _Described]:
+    """The numbers of one block of a Volume 2, and what the line above them says."""
+    line = cursor.peek()
+    found = cursor.match(
+        rf"^\s*(\d+)\s+points of {kind} data equally spaced at\s+({NUMBER})\s+sec", f"the {kind} data"
+    )
+    at = cursor.at
+    agree_on_count(count, int(found[1]), f"line {at}")
+    agree(dt, float(found[2]), "the step in s")
+    unit = re.search(r"units:\s*([^)]*)\)|,\s*in\s+(\S+)", line, flags=re.IGNORECASE)
+    if unit is None:
+        raise UnreadableRecord(f"line {at} must state the unit of the {kind} data")
+    given = re.search(r"\(\s*\d+\s*f\d+\.\d+\s*\)", line, flags=re.IGNORECASE)
+    # Old files state no format; all of them have this one.
+    data = _Described(unit[1] or unit[2] or "", at, *(fortran(given[0], at) if given else (8, 10, 3)))
+    return cursor.fixed(count, data.columns, data.width, "samples"), data

@@ -1,0 +1,107 @@
+"""ASCII files of the Engineering Strong Motion database (ESM): one component, keys and values above the samples."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from tpd.formats.channel import Channel, agree, agree_on_count, agree_on_peak, agree_on_peak_time
+from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, shown
+from tpd.formats.units import FACTORS, chosen, unit_of
+
+_KEYS = ("EVENT_NAME:", "SAMPLING_INTERVAL_S:", "NDATA:", "DATA_TYPE:", "STATION_CODE:")
+_KEY = re.compile(r"^([A-Z][A-Z0-9_/^]*):(.*)$")
+
+
+def is_esm(lines: Sequence[str]) -> bool:
+    """Return whether lines are those of an ESM file, sound or not."""
+    return sum(line.startswith(_KEYS) for line in lines[:64]) >= 2
+
+
+def read_esm(cursor: Cursor, unit: str | None) -> list[Channel]:
+    """Return the one channel of a file.
+
+    Raises:
+        UnreadableRecord: the file is damaged, contradicts itself, or holds no acceleration.
+    """
+    head = _head(cursor)
+    _, kind = _value(head, "DATA_TYPE", "")
+    if kind.upper() != "ACCELERATION":
+        raise UnreadableRecord(f"DATA_TYPE must be ACCELERATION, but is {shown(kind)}")
+    line, text = _value(head, "UNITS", "")
+    stated = unit_of(text, line)
+    count = _number(head, "NDATA")
+    step = _number(head, "SAMPLING_INTERVAL_S")
+    if count is None or step is None:
+        raise UnreadableRecord("the header must state NDATA and SAMPLING_INTERVAL_S, but does not")
+    values = _samples(cursor)
+    if count.unit != 1.0:
+        raise UnreadableRecord(f"NDATA must be a whole number, but is {count.value:g}")
+    agree_on_count(int(count.value), len(values), "NDATA")
+    _agree(values, step.value, head, stated)
+    component, name = (
+        _value(head, "STREAM", "")[1],
+        ".".join(_value(head, k, "")[1] for k in ("NETWORK", "STATION_CODE")),
+    )
+    event = " ".join(
+        _value(head, key, "")[1] for key in ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "EVENT_TIME_HHMMSS")
+    )
+    baseline = _value(head, "BASELINE_CORRECTION", "")[1].upper()
+    notes = (
+        ()
+        if "NOT" not in baseline and "REMOVED" in baseline
+        else ("uncorrected: the baseline is not removed",)
+    )
+    factor = FACTORS[chosen(stated, unit)]
+    return [Channel(values * factor, step.value, component, f"{name}/{component}", event.strip(), notes)]
+
+
+def _head(cursor: Cursor) -> dict[str, tuple[int, str]]:
+    """Line and value of the keys."""
+    head: dict[str, tuple[int, str]] = {}
+    while found := _KEY.match(cursor.peek()):
+        cursor.next("a key")
+        if found[1] in head:
+            raise UnreadableRecord(f"line {cursor.at} states {found[1]} a second time")
+        head[found[1]] = (cursor.at, found[2].strip())
+    return head
+
+
+def _value(head: dict[str, tuple[int, str]], key: str, default: str) -> tuple[int, str]:
+    return head.get(key, (0, default))
+
+
+def _number(head: dict[str, tuple[int, str]], key: str) -> Decimal | None:
+    """The number of a key, or None where there is none."""
+    line, text = _value(head, key, "")
+    if not text:
+        return None
+    if not re.fullmatch(NUMBER, text):
+        raise UnreadableRecord(f"line {line} must state {key} as a number, but has {shown(text)}")
+    return Decimal.of(text)
+
+
+def _samples(cursor: Cursor) -> np.ndarray:
+    """One sample a line."""
+    first = cursor.at
+    values = cursor.free("the samples")
+    if len(values) != sum(bool(line.strip()) for line in cursor.lines[first:]):
+        raise UnreadableRecord(f"the lines from {first + 1} on must hold one sample each")
+    cursor.require_end()
+    return values
+
+
+def _agree(values: np.ndarray, dt: float, head: dict[str, tuple[int, str]], unit: str) -> None:
+    """Check length, peak and time of the peak, as far as the header states them."""
+    length, peak, time = (_number(head, key) for key in ("DURATION_S", "PGA_CM/S^2", "TIME_PGA_S"))
+    if length is not None:
+        agree(len(values) * dt, length.value, "the length in s", 1.01 * dt + length.unit)
+    if peak is not None and values.size:
+        in_cm = np.abs(values) * (FACTORS[unit] / FACTORS["cm/s2"])
+        # Some files state it with its sign, others without.
+        size = Decimal(abs(peak.value), peak.unit)
+        agree_on_peak(in_cm, size, "PGA_CM/S^2", digit=peak.unit)
+    if time is not None and values.size:
+        agree_on_peak_time(values, dt, time, "TIME_PGA_S")

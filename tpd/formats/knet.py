@@ -1,0 +1,111 @@
+"""ASCII files of K-NET and KiK-net, of the Japanese institute NIED: one component, whole numbers with a factor."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from tpd.formats.channel import Channel, agree_on_count, agree_on_peak
+from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, number, shown
+from tpd.formats.units import FACTORS, chosen, unit_of
+
+_KEYS = (
+    "Origin Time",
+    "Lat.",
+    "Long.",
+    "Depth. (km)",
+    "Mag.",
+    "Station Code",
+    "Station Lat.",
+    "Station Long.",
+    "Station Height(m)",
+    "Record Time",
+    "Sampling Freq(Hz)",
+    "Duration Time(s)",
+    "Dir.",
+    "Scale Factor",
+    "Max. Acc. (gal)",
+    "Last Correction",
+    "Memo.",
+)
+_WIDTH = 18
+"""Characters of a key."""
+_COLUMN = 9
+"""Characters of a sample, a blank at its end."""
+_BOREHOLE = {"1": "N-S", "2": "E-W", "3": "U-D"}
+_SURFACE = {"4": "N-S", "5": "E-W", "6": "U-D"}
+"""Directions of KiK-net, which has a second instrument down in a borehole."""
+
+
+def is_knet(lines: Sequence[str]) -> bool:
+    """Return whether lines are those of a K-NET or KiK-net file, sound or not."""
+    return sum(line.startswith(_KEYS) for line in lines[: len(_KEYS)]) >= 4
+
+
+def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
+    """Return the one channel of a file.
+
+    Raises:
+        UnreadableRecord: the file is damaged or contradicts itself.
+    """
+    head: dict[str, str] = {}
+    for key in _KEYS:
+        line = cursor.next(key)
+        if not line.startswith(key):
+            raise UnreadableRecord(f"line {cursor.at} must state {key!r}, but is {shown(line)}")
+        head[key] = line[_WIDTH:].strip()
+    rate = _stated(head, "Sampling Freq(Hz)", r"(\d+)\s*Hz")
+    length = _stated(head, "Duration Time(s)", rf"({NUMBER})")
+    scale = _stated(head, "Scale Factor", rf"({NUMBER})\((\w+)\)/({NUMBER})")
+    peak = _stated(head, "Max. Acc. (gal)", rf"({NUMBER})")
+    stated = unit_of(scale[2], _KEYS.index("Scale Factor") + 1)
+    if int(rate[1]) == 0 or float(scale[3]) == 0.0:
+        raise UnreadableRecord(
+            "the sampling frequency and the divisor of the scale factor must be above zero"
+        )
+    counts = _counts(cursor)
+    agree_on_count(round(float(length[1]) * int(rate[1])), len(counts), "the header (frequency and duration)")
+    values = counts * (float(scale[1]) / float(scale[3]))
+    # The peak is stated of the samples without their mean.
+    gal = values * (FACTORS[stated] / FACTORS["gal"])
+    one = Decimal.of(peak[1])
+    agree_on_peak(np.abs(gal - gal.mean()), one, "Max. Acc. (gal)", digit=one.unit)
+    component, notes = _direction(head["Dir."])
+    event = f"{head['Origin Time']} M{head['Mag.']}"
+    name = f"{head['Station Code']}/{component}"
+    return [
+        Channel(values * FACTORS[chosen(stated, unit)], 1.0 / int(rate[1]), component, name, event, notes)
+    ]
+
+
+def _stated(head: dict[str, str], key: str, pattern: str) -> re.Match[str]:
+    found = re.fullmatch(pattern, head[key], flags=re.IGNORECASE)
+    if found is None:
+        raise UnreadableRecord(f"line {_KEYS.index(key) + 1} must state {key!r}, but has {shown(head[key])}")
+    return found
+
+
+def _counts(cursor: Cursor) -> np.ndarray:
+    """Whole numbers in columns: a number that was cut ends too early."""
+    counts: list[float] = []
+    while not cursor.only_blank_lines_follow():
+        line = cursor.next("the samples").rstrip()
+        row = [line[i : i + _COLUMN] for i in range(0, len(line), _COLUMN)]
+        short = len(line) % _COLUMN not in (0, _COLUMN - 1)
+        if short or any(not re.fullmatch(r"\s*-?\d+\s?", field) for field in row):
+            raise UnreadableRecord(
+                f"line {cursor.at} must hold whole numbers of {_COLUMN} characters, but is {shown(line)}"
+            )
+        counts += [number(field, cursor.at) for field in row]
+    cursor.require_end()
+    return np.array(counts)
+
+
+def _direction(text: str) -> tuple[str, tuple[str, ...]]:
+    """Component, and the remarks on it."""
+    notes = ("uncorrected: an offset of the instrument is left in it",)
+    if text in _BOREHOLE:
+        return _BOREHOLE[text], (*notes, "instrument in a borehole, not at the surface")
+    return _SURFACE.get(text, text), notes

@@ -1,0 +1,69 @@
+"""AT2 files of the Pacific Earthquake Engineering Research Center: one component in g."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from tpd.formats.channel import Channel, agree_on_count
+from tpd.formats.text import NUMBER, Cursor, UnreadableRecord, shown
+from tpd.formats.units import FACTORS, chosen, unit_of
+
+_QUANTITY = re.compile(r"(\w+)\s+TIME\s+(?:HISTORY|SERIES)(?:\s+IN\s+UNITS?\s+OF\s*(\S*))?", re.IGNORECASE)
+_COUNT_AND_STEP = re.compile(
+    rf"NPTS\s*=\s*(\d+)\s*,?\s*DT\s*=\s*({NUMBER})\s*(?:SEC|S)?\b\s*,?\s*$"
+    rf"|^\s*(\d+)\s+({NUMBER})\s+NPTS\s*,\s*DT\s*$",
+    re.IGNORECASE,
+)
+_HEAD = 6
+
+
+def is_peer(lines: Sequence[str]) -> bool:
+    """Return whether lines are those of an AT2 file, sound or not."""
+    head = "\n".join(lines[:_HEAD]).upper()
+    return "NPTS" in head or bool(_QUANTITY.search(head)) or "PEER" in lines[0].upper()
+
+
+def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
+    """Return the one channel of a file.
+
+    Raises:
+        UnreadableRecord: the file is damaged, contradicts itself, or holds no acceleration.
+    """
+    head = _head(cursor)
+    quantities = [(i, found) for i, line in enumerate(head, 1) if (found := _QUANTITY.search(line))]
+    if not quantities:
+        raise UnreadableRecord(
+            "the header must state ACCELERATION TIME SERIES IN UNITS OF a unit, but does not"
+        )
+    line, quantity = quantities[0]
+    if quantity[1].upper() != "ACCELERATION":
+        raise UnreadableRecord(f"line {line} must state an ACCELERATION, but is {shown(head[line - 1])}")
+    stated = unit_of(quantity[2] or "", line)
+    numbers = _COUNT_AND_STEP.search(head[-1])
+    if numbers is None:
+        raise UnreadableRecord(f"line {len(head)} must state NPTS and DT in s, but is {shown(head[-1])}")
+    count, dt = int(numbers[1] or numbers[3]), float(numbers[2] or numbers[4])
+    values = cursor.free("the samples")
+    cursor.require_end()
+    agree_on_count(count, len(values), f"line {len(head)}")
+    event, name = _words(head, line)
+    return [Channel(values * FACTORS[chosen(stated, unit)], dt, "", name, event)]
+
+
+def _head(cursor: Cursor) -> list[str]:
+    """The header, up to the line with the number of points."""
+    head = []
+    while len(head) < _HEAD:
+        head.append(cursor.next("NPTS and DT"))
+        if "NPTS" in head[-1].upper():
+            return head
+    raise UnreadableRecord(f"the first {_HEAD} lines must state NPTS and DT, but do not")
+
+
+def _words(head: Sequence[str], line: int) -> tuple[str, str]:
+    """Event and name: the line above that of the unit is "event[, date], station, component"."""
+    title = " ".join(head[line - 2].split()) if line > 1 else ""
+    parts = [part.strip() for part in title.split(",")]
+    dated = len(parts) > 2 and re.search(r"\d/\d", parts[1])
+    return (", ".join(parts[:2]), ", ".join(parts[2:])) if dated else (parts[0], ", ".join(parts[1:]))

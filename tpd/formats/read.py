@@ -1,0 +1,129 @@
+"""From a file to its channels: the format is recognised by the content."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import re
+import zlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from tpd.formats import cosmos, csmip, esm, geonet, knet, peer, smc, units
+from tpd.formats.channel import BASELINES, Channel, checked, without_baseline
+from tpd.formats.table import read_table
+from tpd.formats.text import Cursor, UnreadableRecord
+from tpd.formats.waveforms import read_waveforms
+
+_MOST = 200_000_000
+"""Most bytes of a file, also when it is decompressed."""
+_GZIP = b"\x1f\x8b"
+_BINARY = re.compile(rb"[\x00-\x08\x0e-\x19\x1b-\x1f]")
+"""Bytes that no text has; 0x1a ended and filled files of old systems."""
+
+Reader = Callable[[Cursor, str | None], list[Channel]]
+_FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
+    (cosmos.is_cosmos, cosmos.read_cosmos),
+    (smc.is_smc, smc.read_smc),
+    (geonet.is_geonet, geonet.read_geonet),
+    (csmip.is_csmip, csmip.read_csmip),
+    (esm.is_esm, esm.read_esm),
+    (knet.is_knet, knet.read_knet),
+    (peer.is_peer, peer.read_peer),
+)
+
+
+def channels(
+    path: str | os.PathLike[str], *, dt: float | None, baseline: str | None, unit: str | None
+) -> list[Channel]:
+    """Return all channels of a file, checked. Arguments and errors are those of `tpd.Record.read`."""
+    _check_arguments(dt, baseline, unit)
+    file = Path(path)
+    try:
+        found = [checked(channel) for channel in _of_bytes(_content(file), dt, unit)]
+        for channel in found:
+            if dt is not None and abs(dt - channel.dt) > 1e-6 * channel.dt:
+                raise UnreadableRecord(f"the file states a step of {channel.dt:g} s, but `dt` is {dt:g} s")
+    except UnreadableRecord as error:
+        raise UnreadableRecord(f"{file.name}: {error}") from None
+    return found if baseline is None else [without_baseline(channel, baseline) for channel in found]
+
+
+def one_channel(
+    path: str | os.PathLike[str],
+    *,
+    channel: int | None,
+    dt: float | None,
+    baseline: str | None,
+    unit: str | None,
+) -> Channel:
+    """Return one channel of a file. Arguments and errors are those of `tpd.Record.read`."""
+    if channel is not None and (not isinstance(channel, int) or isinstance(channel, bool)):
+        raise ValueError(f"`channel` must be a whole number, but is {channel!r}")
+    found = channels(path, dt=dt, baseline=baseline, unit=unit)
+    if channel is None and len(found) == 1:
+        return found[0]
+    if channel is None or not 0 <= channel < len(found):
+        listed = ", ".join(
+            f"{i}: {c.component or 'unnamed'} ({c.peak:.3g} m/s^2)" for i, c in enumerate(found)
+        )
+        wrong = "choose one by `channel`" if channel is None else f"`channel` is {channel}"
+        raise UnreadableRecord(f"{Path(path).name}: the file has the channels {listed}; {wrong}")
+    return found[channel]
+
+
+def _check_arguments(dt: float | None, baseline: str | None, unit: str | None) -> None:
+    if unit is not None:
+        units.given(unit)
+    if baseline is not None and baseline not in BASELINES:
+        raise ValueError(f"`baseline` must be one of {', '.join(BASELINES)} or None, but is {baseline!r}")
+    number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
+    if dt is not None and not (number and 0.0 < dt < float("inf")):
+        raise ValueError(f"`dt` must be positive and finite, in s, but is {dt!r}")
+
+
+def _content(file: Path) -> bytes:
+    """Bytes of a file, decompressed.
+
+    Raises:
+        FileNotFoundError: no such file.
+        UnreadableRecord: a directory, a file that cannot be opened, is empty or too large.
+    """
+    if not file.exists():
+        raise FileNotFoundError(f"no such file: {file}")
+    if file.is_dir():
+        raise UnreadableRecord("a directory is no file of ground motion")
+    try:
+        with file.open("rb") as stream:
+            data = stream.read(_MOST + 1)
+    except OSError as error:
+        raise UnreadableRecord(f"the file cannot be read ({error.strerror})") from None
+    if data.startswith(_GZIP):
+        try:
+            with gzip.open(file) as stream:
+                data = stream.read(_MOST + 1)
+        except (OSError, EOFError, zlib.error):
+            raise UnreadableRecord("the compressed file is damaged or cut") from None
+    if len(data) > _MOST:
+        raise UnreadableRecord(f"a file must have at most {_MOST} bytes")
+    if not data.strip():
+        raise UnreadableRecord("the file is empty")
+    return data
+
+
+def _of_bytes(data: bytes, dt: float | None, unit: str | None) -> list[Channel]:
+    if _BINARY.search(data):
+        return read_waveforms(data, unit)
+    text = data.rstrip(b"\x1a")
+    try:
+        decoded = text.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        # Names of stations of older files; every byte is a character there.
+        decoded = text.decode("latin-1")
+    lines = re.split(r"\r\n|\n|\r", decoded)
+    ended = lines[-1] == ""
+    cursor = Cursor(lines[:-1] if ended else lines, ended)
+    for known, reader in _FORMATS:
+        if known(cursor.lines):
+            return reader(cursor, unit)
+    return read_table(cursor, dt, unit)

@@ -1,0 +1,122 @@
+"""SMC files of the U.S. Geological Survey: one component in cm/s^2, which the format prescribes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from tpd.formats.channel import Channel, agree_on_peak, agree_on_peak_time
+from tpd.formats.text import Cursor, Decimal, UnreadableRecord, number, shown
+from tpd.formats.units import FACTORS, chosen
+
+_KINDS = re.compile(r"^\s*(\d?)\s*(UN)?CORRECTED\s+ACCELEROGRAM", re.IGNORECASE)
+_OTHER = re.compile(r"^\s*\d\s+(VELOCITY|DISPLACEMENT|RESPONSE|FOURIER)", re.IGNORECASE)
+_TEXT, _INTEGERS, _REALS = 11, 6, 10
+_UNKNOWN_INTEGER, _UNKNOWN_REAL = -32768, 1.0e38
+# Places in the two headers of numbers, from 0.
+_VERTICAL_ANGLE, _AZIMUTH, _COMMENTS, _COUNT = 12, 13, 15, 16
+_RATE, _TIME_OF_MAX, _MAX, _TIME_OF_MIN, _MIN = 1, 28, 29, 30, 31
+_DIGITS = 4
+"""Digits after the point of a sample, which has one before it and an exponent."""
+
+
+def is_smc(lines: Sequence[str]) -> bool:
+    """Return whether lines are those of an SMC file, sound or not."""
+    starred = sum(line.strip() == "*" for line in lines[:_TEXT]) >= 2
+    named = bool(_KINDS.match(lines[0]) or _OTHER.match(lines[0]))
+    return starred or (named and lines[0].strip()[:1].isdigit())
+
+
+def read_smc(cursor: Cursor, unit: str | None) -> list[Channel]:
+    """Return the one channel of a file.
+
+    Raises:
+        UnreadableRecord: the file is damaged, contradicts itself, or holds no acceleration.
+    """
+    text = cursor.skip(_TEXT, "the end of the text header")
+    kind = _KINDS.match(text[0])
+    if kind is None:
+        raise UnreadableRecord(f"line 1 must be an accelerogram, corrected or not, but is {shown(text[0])}")
+    if text[1].strip() != "*" or text[_TEXT - 1].strip() != "*":
+        raise UnreadableRecord(f"lines 2 and {_TEXT} must be '*': the text header is damaged")
+    integers = cursor.fixed(8 * _INTEGERS, 8, 10, "integers")
+    reals, printed = _reals(cursor)
+    count, comments = _whole(integers, _COUNT, "samples"), _whole(integers, _COMMENTS, "comment lines")
+    for _ in range(comments):
+        if not cursor.next("the end of the comments").startswith("|"):
+            raise UnreadableRecord(f"line {cursor.at} must be a comment with '|', of {comments} stated")
+    rate = reals[_RATE]
+    if rate > _UNKNOWN_REAL:
+        raise UnreadableRecord(
+            "the header states no rate: the samples are at unequal times, read from a film"
+        )
+    if not 1.0 <= rate <= 1e5:
+        raise UnreadableRecord(f"the header must state a rate of 1 to 1e5 samples/s, but states {rate:g}")
+    if cursor.peek().startswith("|"):
+        raise UnreadableRecord(f"line {cursor.line} is a comment beyond the {comments} stated")
+    values = cursor.fixed(count, 8, 10, "samples")
+    cursor.require_end()
+    _agree(values, 1.0 / rate, reals, printed)
+    component = _component(integers)
+    notes = () if not kind[2] else ("uncorrected: an offset and a drift are left in it",)
+    return [
+        Channel(
+            values * FACTORS[chosen("cm/s2", unit)],
+            1.0 / rate,
+            component,
+            f"{_station(text[5])}/{component}",
+            " ".join(text[3].split()),
+            notes,
+        )
+    ]
+
+
+def _reals(cursor: Cursor) -> tuple[list[float], list[str]]:
+    """The header of reals, and as it is printed."""
+    printed: list[str] = []
+    for _ in range(_REALS):
+        line = cursor.next("the end of the real header").rstrip()
+        if len(line) != 75:
+            raise UnreadableRecord(
+                f"line {cursor.at} must hold 5 numbers of 15 characters, but is {shown(line)}"
+            )
+        printed += [line[i : i + 15].strip() for i in range(0, 75, 15)]
+    start = cursor.at - _REALS
+    return [number(text, start + 1 + i // 5) for i, text in enumerate(printed)], printed
+
+
+def _whole(integers: np.ndarray, place: int, what: str) -> int:
+    value = integers[place]
+    if value < 0 or value != int(value):
+        raise UnreadableRecord(f"the header must state the number of {what}, but states {value:g}")
+    return int(value)
+
+
+def _agree(values: np.ndarray, dt: float, reals: list[float], printed: list[str]) -> None:
+    """Check the largest and the smallest sample against the header, where it states them."""
+    for place, time, sign in ((_MAX, _TIME_OF_MAX, 1.0), (_MIN, _TIME_OF_MIN, -1.0)):
+        if abs(reals[place]) >= _UNKNOWN_REAL or not values.size:
+            continue
+        # The extreme of one sign: the other one is cut off.
+        half = np.maximum(sign * values, 0.0)
+        stated = Decimal.of(printed[place])
+        digit = 10.0 ** (np.floor(np.log10(max(abs(stated.value), 1e-30))) - _DIGITS)
+        where = "the header"
+        agree_on_peak(sign * half, stated, where, digit=float(digit))
+        if abs(reals[time]) < _UNKNOWN_REAL:
+            agree_on_peak_time(half, dt, Decimal.of(printed[time]), where)
+
+
+def _component(integers: np.ndarray) -> str:
+    vertical, azimuth = integers[_VERTICAL_ANGLE], integers[_AZIMUTH]
+    if vertical in (0, 180):
+        return "UP" if vertical == 0 else "DOWN"
+    return "" if azimuth == _UNKNOWN_INTEGER else f"{azimuth:.0f} DEG"
+
+
+def _station(line: str) -> str:
+    """Name of the station from the line "station = ... component= ..."."""
+    found = re.search(r"station\s*=\s*(.*?)\s*(?:component\s*=.*)?$", line, flags=re.IGNORECASE)
+    return " ".join(found[1].split()) if found else ""

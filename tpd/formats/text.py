@@ -1,0 +1,134 @@
+"""Lines and numbers of a text file. Whatever is not as it should be is an `UnreadableRecord` of one sentence."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d{1,3})?"
+_NUMBER = re.compile(NUMBER)
+_LONGEST = 50
+"""Most characters of a file in a message."""
+
+
+class UnreadableRecord(ValueError):
+    """A file of ground motion that is damaged, incomplete, contradicts itself, or of no known format."""
+
+
+@dataclass(frozen=True)
+class Decimal:
+    """A number as printed."""
+
+    value: float
+    unit: float
+    """Size of its last digit."""
+
+    @staticmethod
+    def of(text: str) -> Decimal:
+        """Return the number of a text that `NUMBER` matches."""
+        mantissa, _, exponent = text.lower().replace("d", "e").partition("e")
+        decimals = len(mantissa.partition(".")[2])
+        return Decimal(float(text.lower().replace("d", "e")), 10.0 ** (int(exponent or 0) - decimals))
+
+
+def shown(text: str) -> str:
+    """Return a piece of a file as it stands in a message."""
+    clean = " ".join(text.split())
+    return repr(clean if len(clean) <= _LONGEST else clean[:_LONGEST] + "...")
+
+
+def number(text: str, line: int) -> float:
+    """Return a finite number. Python would take "nan", "1_000" and others as well."""
+    if not _NUMBER.fullmatch(text.strip()):
+        raise UnreadableRecord(f"line {line} must hold numbers, but has {shown(text)}")
+    return float(text.lower().replace("d", "e"))
+
+
+@dataclass
+class Cursor:
+    """A place in the lines of a file."""
+
+    lines: Sequence[str]
+    ended: bool
+    """Whether the last line has its end, so that it was not cut."""
+    at: int = 0
+
+    @property
+    def line(self) -> int:
+        """Number of the line that comes next, from 1."""
+        return self.at + 1
+
+    def peek(self) -> str:
+        """Return the line that comes next; an empty one at the end."""
+        return self.lines[self.at] if self.at < len(self.lines) else ""
+
+    def next(self, what: str) -> str:
+        """Return the next line and go on, or say what is missing."""
+        if self.at >= len(self.lines):
+            raise UnreadableRecord(f"the file ends after line {len(self.lines)}, before {what}")
+        self.at += 1
+        return self.lines[self.at - 1]
+
+    def skip(self, n: int, what: str) -> list[str]:
+        """Return the next n lines."""
+        return [self.next(what) for _ in range(n)]
+
+    def only_blank_lines_follow(self) -> bool:
+        """Return whether nothing but blank lines is left."""
+        return not any(line.strip() for line in self.lines[self.at :])
+
+    def require_end(self) -> None:
+        """Raise `UnreadableRecord` unless the file ends here, with the end of a line: a number at the end of a
+        file may have been cut."""
+        if not self.only_blank_lines_follow():
+            raise UnreadableRecord(
+                f"line {self.line} must be the end of the file, but is {shown(self.peek())}"
+            )
+        if not self.ended:
+            raise UnreadableRecord(
+                f"the last line, {len(self.lines)}, must end with a line break, but does not: the file may be cut"
+            )
+
+    def match(self, pattern: str, what: str) -> re.Match[str]:
+        """Return the match of a pattern, whatever the case, in the next line."""
+        line = self.next(what)
+        found = re.search(pattern, line, flags=re.IGNORECASE)
+        if found is None:
+            raise UnreadableRecord(f"line {self.at} must state {what}, but is {shown(line)}")
+        return found
+
+    def fixed(self, count: int, columns: int, width: int, what: str) -> np.ndarray:
+        """Return `count` numbers in columns of a width, all lines full but the last.
+
+        Raises:
+            UnreadableRecord: lines that are missing, longer or shorter, or hold something else.
+        """
+        values: list[float] = []
+        while len(values) < count:
+            line = self.next(f"all {count} {what} ({len(values)} found)").rstrip()
+            expected = min(columns, count - len(values))
+            if len(line) != expected * width:
+                raise UnreadableRecord(
+                    f"line {self.at} must hold {expected} {what} of {width} characters, but is {shown(line)}"
+                )
+            values += [number(line[i : i + width], self.at) for i in range(0, len(line), width)]
+        return np.array(values)
+
+    def free(self, what: str) -> np.ndarray:
+        """Return all numbers up to the end of the file, set apart by blanks."""
+        values: list[float] = []
+        while not self.only_blank_lines_follow():
+            line = self.next(what)
+            values += [number(token, self.at) for token in line.split()]
+        return np.array(values)
+
+
+def fortran(text: str, line: int) -> tuple[int, int, int]:
+    """Return the columns, the width and the digits after the point of a format such as (8F10.5)."""
+    found = re.search(r"\(\s*(\d{0,3})\s*[FEGI]\s*(\d{1,2})(?:\.(\d{1,2}))?\s*\)", text, flags=re.IGNORECASE)
+    if found is None or int(found[2]) == 0 or found[1] == "0":
+        raise UnreadableRecord(f"line {line} must state the format of its numbers, but is {shown(text)}")
+    return int(found[1] or 1), int(found[2]), int(found[3] or 0)

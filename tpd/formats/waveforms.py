@@ -1,0 +1,62 @@
+"""miniSEED and other files of seismology, through ObsPy, which is optional (`tpd[obspy]`)."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from typing import Any
+
+import numpy as np
+
+from tpd.formats.channel import Channel
+from tpd.formats.text import UnreadableRecord
+from tpd.formats.units import FACTORS, chosen
+
+
+def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
+    """Return the channels of a file that is no text.
+
+    Raises:
+        UnreadableRecord: ObsPy is missing or knows no such format, gaps, or counts of the instrument: nothing in
+            such a file says what acceleration a count is.
+    """
+    try:
+        # ObsPy warns of its own dependencies on import.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            import obspy  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise UnreadableRecord(
+            "the file is no text; miniSEED and other formats of seismology need the extra tpd[obspy]: "
+            "pip install 'tpd[obspy]'"
+        ) from None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            stream = obspy.read(io.BytesIO(data))
+    except Exception:
+        # Each of ObsPy's formats fails in its own way on a damaged file.
+        raise UnreadableRecord("the file is no text, and ObsPy cannot read it") from None
+    if len(stream) == 0:
+        raise UnreadableRecord("the file holds no trace")
+    identities = [trace.id for trace in stream]
+    if len(set(identities)) < len(identities):
+        raise UnreadableRecord(f"samples are missing: a channel has several pieces ({', '.join(identities)})")
+    return [_channel(trace, unit) for trace in stream]
+
+
+def _channel(trace: Any, unit: str | None) -> Channel:
+    samples = trace.data
+    if np.ma.is_masked(samples):
+        raise UnreadableRecord(f"samples of {trace.id} are missing")
+    if not np.issubdtype(samples.dtype, np.floating):
+        raise UnreadableRecord(
+            f"{trace.id} holds counts of the instrument: remove its response with ObsPy and save the acceleration "
+            "as a table in m/s2"
+        )
+    values = np.array(samples, dtype=float)
+    if not np.isfinite(values).all():
+        raise UnreadableRecord(f"{trace.id} holds numbers that are not finite")
+    factor = FACTORS[chosen(None, unit)]
+    event = str(trace.stats.starttime)[:10]
+    return Channel(values * factor, float(trace.stats.delta), trace.stats.channel, trace.id, event)

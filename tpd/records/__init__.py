@@ -1,0 +1,8 @@
+"""Ground motions that come with the package, and those of FEMA P695.
+
+Files of one's own are read by `tpd.Record.read` and `tpd.Record.read_all`.
+"""
+
+from tpd.records.builtin import el_centro as el_centro
+from tpd.records.builtin import loma_prieta as loma_prieta
+from tpd.records.fema import fema_p695 as fema_p695

