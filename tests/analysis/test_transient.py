@@ -306,7 +306,7 @@ def test_the_start_and_the_free_time_have_derivatives():
 
 
 def test_samples_have_no_derivative_rather_than_none():
-    scene = column(tpd.Record(np.sin(np.linspace(0.0, 7.0, 90)) * 3.0, 0.02))
+    scene = column(tpd.Record(np.sin(np.linspace(0.0, 18.0, 90)) * 2.5, 0.02))
     slopes = jax.grad(lambda s: tpd.transient(s, HUNG).tilt)(scene)
     assert np.all(np.isnan(slopes.motion.acceleration))
     by_scale = jax.grad(lambda c: tpd.transient(column(scene.motion.scaled(c)), HUNG).tilt)(1.0)

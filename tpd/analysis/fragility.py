@@ -76,9 +76,8 @@ class Fragility:
             if self.hung is not None:
                 lines.append(f"  {' ' * len(name)}  with the pendulum {self.hung[name].fit}")
         if self.changed is not None:
-            lines.append(
-                f"  verdicts changed by the nonlinear equations: {self.changed[0]:.1%} of the bare runs"
-            )
+            shares = " and ".join(f"{x:.1%}" for x in self.changed[: 1 if self.hung is None else 2])
+            lines.append(f"  the nonlinear equations change the verdict of {shares} of the runs")
         return "\n".join(lines)
 
 
@@ -188,7 +187,7 @@ def _curve(name: str, found: Outcomes, level: float, block: Block, stripes: np.n
     hit = _reached(found, level, block)
     counts, total = np.nansum(hit, axis=0).astype(int), np.sum(np.isfinite(hit), axis=0)
     shares = counts / np.maximum(total, 1)
-    return Curve(name, shares, counts, total, fit_lognormal(stripes, counts, total))
+    return Curve(name, shares, counts, total, fit_lognormal(stripes, hit))
 
 
 def _mcnemar(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -18,16 +18,19 @@ class Lognormal:
     """Probability of a damage state: Phi(ln(x/median)/dispersion) at the intensity x."""
 
     median: float
-    """NaN where the counts do not determine it: no stripe, or every stripe, reaches the state."""
+    """0 where every motion reaches the state at every stripe, infinite where none does, NaN where the share
+    does not grow with the intensity."""
     dispersion: float
     covariance: np.ndarray
-    """Covariance of the probit's intercept and slope in ln x, shape (2, 2)."""
+    """Covariance of the probit's intercept and slope in ln x, shape (2, 2), by the sandwich over motions: one
+    motion at several stripes counts as one."""
     separated: bool
     """Whether no stripe has both outcomes, so that the dispersion is anything below what the stripes see."""
 
     def __str__(self) -> str:
-        if math.isnan(self.median):
-            return "median beyond the stripes"
+        if not 0.0 < self.median < math.inf:
+            where = {0.0: "below the stripes", math.inf: "above the stripes"}
+            return f"median {where.get(self.median, 'unknown: the share does not grow with the intensity')}"
         low, high = self.interval()
         spread = "less than the stripes see" if self.separated else f"{self.dispersion:.3g}"
         return f"median {self.median:.4g} ({low:.4g} to {high:.4g}), dispersion {spread}"
@@ -53,56 +56,81 @@ class Lognormal:
         return self.median * math.exp(-width), self.median * math.exp(width)
 
 
-def fit_lognormal(stripes: np.ndarray, counts: np.ndarray, total: np.ndarray) -> Lognormal:
-    """Most likely lognormal distribution for `counts` of `total` motions at each stripe, all of shape (n,).
+def fit_lognormal(stripes: np.ndarray, hits: np.ndarray) -> Lognormal:
+    """Most likely lognormal distribution for the outcomes of motions at stripes.
+
+    Args:
+        stripes: intensities, shape (stripes,).
+        hits: 1 where a motion reaches the state, 0 where not, NaN where nothing is known; shape (motions,
+            stripes).
 
     Fisher's scoring on the intercept and the slope in the logarithm of the intensity. Where the likelihood
     has no maximum inside, because no stripe has both outcomes, the median lies between the stripes and the
     dispersion is a twelfth of their distance.
     """
-    known = total > 0
-    x, hits, n = np.log(stripes[known]), counts[known].astype(float), total[known].astype(float)
-    nothing = Lognormal(math.nan, math.nan, np.full((2, 2), math.nan), True)
-    if not len(x) or hits.sum() == 0.0 or np.all(hits == n):
-        return nothing
-    mixed = (hits > 0.0) & (hits < n)
-    if not np.any(mixed):
-        below, above = x[hits == 0.0], x[hits == n]
-        if not len(below) or not len(above) or below.max() > above.min():
-            return nothing
-        gap = above.min() - below.max()
-        return Lognormal(math.exp(0.5 * (below.max() + above.min())), gap / 12.0, np.zeros((2, 2)), True)
-    return _scored(x, hits, n)
+    known = np.isfinite(hits)
+    n, counts = known.sum(axis=0), np.where(known, hits, 0.0).sum(axis=0)
+    if not n.sum() or counts.sum() == 0.0:
+        return _unbounded(math.inf)
+    if counts.sum() == n.sum():
+        return _unbounded(0.0)
+    x, counts, n = np.log(stripes[n > 0]), counts[n > 0], n[n > 0].astype(float)
+    if not np.any((counts > 0.0) & (counts < n)):
+        return _separated(x, counts > 0.0)
+    beta, middle = _scored(x, counts, n)
+    if not beta[1] >= _FLATTEST:
+        return _unbounded(math.nan)
+    covariance = _sandwich(np.log(stripes) - middle, hits, beta)
+    shift = np.array([[1.0, -middle], [0.0, 1.0]])
+    return Lognormal(math.exp(middle - beta[0] / beta[1]), 1.0 / beta[1], shift @ covariance @ shift.T, False)
 
 
-def _scored(x: np.ndarray, hits: np.ndarray, n: np.ndarray) -> Lognormal:
-    """Maximum of the likelihood by Fisher's scoring with halved steps."""
-    middle = np.average(x, weights=n)
+def _unbounded(median: float) -> Lognormal:
+    """Distribution of which the stripes see nothing but on which side of them it lies."""
+    return Lognormal(median, math.nan, np.full((2, 2), math.nan), True)
+
+
+def _separated(x: np.ndarray, reached: np.ndarray) -> Lognormal:
+    """Distribution where every stripe has one outcome."""
+    below, above = x[~reached].max(), x[reached].min()
+    if below > above:
+        return _unbounded(math.nan)
+    return Lognormal(math.exp(0.5 * (below + above)), (above - below) / 12.0, np.zeros((2, 2)), True)
+
+
+def _weights(eta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Probability, and the slope of its logarithm's odds: density over p (1 - p)."""
+    p = np.clip(_cdf(eta), 1e-15, 1.0 - 1e-15)
+    return p, np.exp(-0.5 * eta**2) / math.sqrt(2.0 * math.pi) / (p * (1.0 - p))
+
+
+def _scored(x: np.ndarray, counts: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, float]:
+    """Maximum of the likelihood by Fisher's scoring with halved steps; x counts from the middle returned."""
+    middle = float(np.average(x, weights=n))
     basis = np.stack([np.ones_like(x), x - middle])
-    beta = np.array([_NORMAL.inv_cdf(float(np.clip(hits.sum() / n.sum(), 0.01, 0.99))), 1.0])
-    information = np.eye(2)
+    beta = np.array([_NORMAL.inv_cdf(float(np.clip(counts.sum() / n.sum(), 0.01, 0.99))), 1.0])
     for _ in range(200):
-        eta = beta @ basis
-        p, density = np.clip(_cdf(eta), 1e-15, 1.0 - 1e-15), np.exp(-0.5 * eta**2) / math.sqrt(2.0 * math.pi)
-        weight = n * density**2 / (p * (1.0 - p))
-        information = (basis * weight) @ basis.T
-        gradient = basis @ (density * (hits - n * p) / (p * (1.0 - p)))
-        try:
-            step = np.linalg.solve(information, gradient)
-        except np.linalg.LinAlgError:
-            break
-        base = _likelihood(beta @ basis, hits, n)
-        while _likelihood((beta + step) @ basis, hits, n) < base - 1e-12 and np.max(np.abs(step)) > 1e-12:
+        p, ratio = _weights(beta @ basis)
+        information = (basis * n * ratio**2 * p * (1.0 - p)) @ basis.T
+        step = np.linalg.pinv(information) @ (basis @ (ratio * (counts - n * p)))
+        base = _likelihood(beta @ basis, counts, n)
+        while _likelihood((beta + step) @ basis, counts, n) < base - 1e-12 and np.max(np.abs(step)) > 1e-12:
             step = 0.5 * step
         beta = beta + step
         if np.max(np.abs(step)) < 1e-10 or not _FLATTEST <= beta[1] <= _STEEPEST:
             break
-    if not beta[1] >= _FLATTEST:
-        # The share does not grow with the intensity: no lognormal distribution describes it.
-        return Lognormal(math.nan, math.nan, np.full((2, 2), math.nan), False)
-    shift = np.array([[1.0, -middle], [0.0, 1.0]])
-    covariance = shift @ np.linalg.pinv(information) @ shift.T
-    return Lognormal(math.exp(middle - beta[0] / beta[1]), 1.0 / beta[1], covariance, False)
+    return beta, middle
+
+
+def _sandwich(x: np.ndarray, hits: np.ndarray, beta: np.ndarray) -> np.ndarray:
+    """Covariance of the coefficients, in which the scores of one motion at all stripes belong together."""
+    known = np.isfinite(hits)
+    basis = np.stack([np.ones_like(x), x])
+    p, ratio = _weights(beta @ basis)
+    bread = np.linalg.pinv((basis * known.sum(axis=0) * ratio**2 * p * (1.0 - p)) @ basis.T)
+    scores = np.where(known, ratio * (np.where(known, hits, 0.0) - p), 0.0) @ basis.T
+    motions = len(hits)
+    return motions / max(motions - 1, 1) * bread @ (scores.T @ scores) @ bread
 
 
 def _likelihood(eta: np.ndarray, hits: np.ndarray, n: np.ndarray) -> float:

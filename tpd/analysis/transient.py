@@ -60,7 +60,8 @@ class Transient(eqx.Module):
         if not (checks.is_concrete(self.tilt) and jnp.ndim(self.tilt) == 0):
             return repr(self)
         lines = [f"{status_name(self.status)}: {Status[self.status]}"]
-        for name in ("tilt", "swing", "relative"):
+        hung = float(self.swing) != 0.0
+        for name in ("tilt", "swing", "relative") if hung else ("tilt",):
             lines.append(
                 f"  {name:9s} {getattr(self, name):.6g} rad at {getattr(self, name + '_time'):.4g} s"
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -99,7 +100,7 @@ def _fits(found: Fragility, name: str) -> dict[str, Any]:
     """Median with its interval, and dispersion, of the curves of one state."""
     curves = {"bare": found.bare[name]} | ({} if found.hung is None else {"hung": found.hung[name]})
     return {
-        case: {"median": c.fit.median, "dispersion": c.fit.dispersion, "interval": list(c.fit.interval())}
+        case: {"median": c.fit.median, "dispersion": c.fit.dispersion, "interval": list(c.fit.interval()) if 0.0 < c.fit.median < math.inf else None}
         for case, c in curves.items()
     }
 

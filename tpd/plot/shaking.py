@@ -157,7 +157,7 @@ def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = No
             clip_on=False,
             zorder=3,
         )
-        if np.isfinite(curve.fit.median):
+        if 0.0 < curve.fit.median < np.inf:
             low, high = curve.fit.band(fine)
             ax.fill_between(fine, low, high, color=style["color"], alpha=0.2, lw=0)
             label = f"{style['label']}: median {curve.fit.median:.3g}"
