@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tpd.formats.text import Decimal, UnreadableRecord
+from tpd.formats.units import GREATEST_PEAK
 
-GREATEST_PEAK = 100.0
-"""m/s^2: that of `tpd.core.record.PEAK_LIMIT`."""
 STEPS = (1e-5, 1.0)
 """Shortest and longest step (s) of a record; beyond them a step was stated in another unit."""
 OFFSET = 0.005
@@ -61,8 +60,8 @@ def checked(channel: Channel) -> Channel:
         raise UnreadableRecord(f"the step must be {STEPS[0]:g} s to {STEPS[1]:g} s, but is {dt:g} s{where}")
     if not (np.isfinite(a).all() and channel.peak <= GREATEST_PEAK):
         raise UnreadableRecord(
-            f"the peak must be at most {GREATEST_PEAK:g} m/s^2, but is {channel.peak:g} m/s^2{where}: the unit or "
-            "a number is wrong"
+            f"the peak must be at most {GREATEST_PEAK:g} m/s^2, but is {channel.peak:g} m/s^2{where}: the "
+            "unit or a number is wrong"
         )
     return channel.noted(*_of_direction(channel.component), *_of_baseline(a, dt, channel.peak))
 
@@ -130,13 +129,14 @@ def agree_on_peak(values: np.ndarray, stated: Decimal, where: str, *, digit: flo
 def agree_on_peak_time(
     values: np.ndarray, dt: float, stated: Decimal, where: str, start: float = 0.0
 ) -> None:
-    """Raise `UnreadableRecord` unless the sample of the peak is at the stated time (s), within the rounding of the
-    time and one step. Samples that are rounded may have several of the greatest size."""
+    """Raise `UnreadableRecord` unless the sample of the peak is at the stated time (s), within the rounding of
+    the time and one step. Samples that are rounded may have several of the greatest size."""
     size = np.abs(values)
     times = start + dt * np.flatnonzero(size >= size.max() * (1.0 - 1e-9))
     if np.min(np.abs(times - stated.value)) > dt + 0.51 * stated.unit + 1e-9 * stated.value:
         raise UnreadableRecord(
-            f"{where} states the peak at {stated.value:g} s, but in samples {dt:g} s apart it is at {times[0]:g} s"
+            f"{where} states the peak at {stated.value:g} s, but in samples {dt:g} s apart it is at "
+            f"{times[0]:g} s"
         )
 
 

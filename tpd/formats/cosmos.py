@@ -84,7 +84,7 @@ def _header(cursor: Cursor, what: str, letter: str) -> np.ndarray:
     stated = cursor.match(
         rf"^\s*(\d+)\s+{what}-header values follow on\s+(\d+)\s+lines", f"the {what} header"
     )
-    columns, width, _ = fortran(line, cursor.at)
+    _, width, _ = fortran(line, cursor.at)
     values: list[float] = []
     for _ in range(int(stated[2])):
         row = cursor.next(f"the end of the {what} header").rstrip()

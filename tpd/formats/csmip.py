@@ -1,4 +1,4 @@
-"""CSMIP Volume 1 (uncorrected) and Volume 2 (corrected) of the California Strong Motion Instrumentation Program.
+"""Volume 1 (uncorrected) and Volume 2 (corrected) of the California Strong Motion Instrumentation Program.
 
 A file holds one block a channel: text, a header of integers, one of reals, the samples with a line that
 describes them, and a line that ends the channel. All that is stated twice must agree.
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tpd.formats.channel import Channel, agree, agree_on_count, agree_on_peak, agree_on_peak_time
-from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, fortran
+from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, fortran, shown
 from tpd.formats.units import FACTORS, chosen, unit_of
 
 _FIRST = re.compile(r"^\s*(un)?corrected accelerogram\b(?!.*GNS)", re.IGNORECASE)
@@ -112,8 +112,8 @@ def _described(cursor: Cursor) -> tuple[int, float, _Described]:
     """Number and step of the samples of a Volume 1, and what else the line above them says."""
     if "points" not in cursor.peek().lower():
         raise UnreadableRecord(
-            f"line {cursor.line} must describe the samples: a film read at unequal times has no such line, take its "
-            "Volume 2"
+            f"line {cursor.line} must describe the samples: a film read at unequal times has no such line, "
+            "take its Volume 2"
         )
     line = cursor.peek()
     by_rate = rf"accelerogram points at\s+({NUMBER})\s+pts/sec,? in units of\s+(.+?)\s*\.?\s+format"
@@ -155,7 +155,7 @@ def _match(text: Cursor, pattern: str, what: str, start: int) -> re.Match[str]:
     line = text.next(what)
     found = re.search(pattern, line, flags=re.IGNORECASE)
     if found is None:
-        raise UnreadableRecord(f"line {start + text.at} must state {what}, but is {' '.join(line.split())!r}")
+        raise UnreadableRecord(f"line {start + text.at} must state {what}, but is {shown(line)}")
     return found
 
 
@@ -176,7 +176,7 @@ def _headers(cursor: Cursor, integers: int, width_i: int, reals: int, width_r: i
             line = cursor.next(f"the end of the {what} header").rstrip()
             if len(line) % width or re.search(r"[A-Za-z]{2}", line):
                 raise UnreadableRecord(
-                    f"line {cursor.at} must belong to the {what} header, but is {' '.join(line.split())[:50]!r}"
+                    f"line {cursor.at} must belong to the {what} header, but is {shown(line)}"
                 )
 
 

@@ -1,4 +1,4 @@
-"""ASCII files of the Engineering Strong Motion database (ESM): one component, keys and values above the samples."""
+"""ASCII files of the Engineering Strong Motion database (ESM): one component below keys and values."""
 
 from __future__ import annotations
 

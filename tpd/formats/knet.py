@@ -1,4 +1,4 @@
-"""ASCII files of K-NET and KiK-net, of the Japanese institute NIED: one component, whole numbers with a factor."""
+"""ASCII files of K-NET and KiK-net (NIED, Japan): one component, whole numbers with a factor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lines and numbers of a text file. Whatever is not as it should be is an `UnreadableRecord` of one sentence."""
+"""Lines and numbers of a text file. Whatever is not as it should be is an `UnreadableRecord`, one sentence."""
 
 from __future__ import annotations
 
@@ -81,15 +81,16 @@ class Cursor:
         return not any(line.strip() for line in self.lines[self.at :])
 
     def require_end(self) -> None:
-        """Raise `UnreadableRecord` unless the file ends here, with the end of a line: a number at the end of a
-        file may have been cut."""
+        """Raise `UnreadableRecord` unless the file ends here, with the end of a line: a number at the end of
+        a file may have been cut."""
         if not self.only_blank_lines_follow():
             raise UnreadableRecord(
                 f"line {self.line} must be the end of the file, but is {shown(self.peek())}"
             )
         if not self.ended:
             raise UnreadableRecord(
-                f"the last line, {len(self.lines)}, must end with a line break, but does not: the file may be cut"
+                f"the last line, {len(self.lines)}, must end with a line break, but does not: the file may "
+                "be cut"
             )
 
     def match(self, pattern: str, what: str) -> re.Match[str]:

@@ -8,6 +8,8 @@ from tpd.formats.text import UnreadableRecord, shown
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2"""
+GREATEST_PEAK = 100.0
+"""Greatest acceleration (m/s^2) that is taken for that of an earthquake: twice the strongest ever recorded."""
 FACTORS = {
     "g": STANDARD_GRAVITY,
     "mg": 1e-3 * STANDARD_GRAVITY,

@@ -17,8 +17,8 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
     """Return the channels of a file that is no text.
 
     Raises:
-        UnreadableRecord: ObsPy is missing or knows no such format, gaps, or counts of the instrument: nothing in
-            such a file says what acceleration a count is.
+        UnreadableRecord: ObsPy is missing or knows no such format, gaps, or counts of the instrument: nothing
+            in such a file says what acceleration a count is.
     """
     try:
         # ObsPy warns of its own dependencies on import.
@@ -51,8 +51,8 @@ def _channel(trace: Any, unit: str | None) -> Channel:
         raise UnreadableRecord(f"samples of {trace.id} are missing")
     if not np.issubdtype(samples.dtype, np.floating):
         raise UnreadableRecord(
-            f"{trace.id} holds counts of the instrument: remove its response with ObsPy and save the acceleration "
-            "as a table in m/s2"
+            f"{trace.id} holds counts of the instrument: remove its response with ObsPy and save the "
+            "acceleration as a table in m/s2"
         )
     values = np.array(samples, dtype=float)
     if not np.isfinite(values).all():
