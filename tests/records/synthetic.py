@@ -82,12 +82,16 @@ def knet(values: Sequence[float], dt: float) -> str:
         "Last Correction": "1999/01/02 03:04:43",
         "Memo.": "",
     }
-    return joined([f"{key:18}{value}" for key, value in head.items()] + rows([f"{v:8.0f} " for v in values], 8))
+    return joined(
+        [f"{key:18}{value}" for key, value in head.items()] + rows([f"{v:8.0f} " for v in values], 8)
+    )
 
 
 def geonet(values: Sequence[float], dt: float, *, corrected: bool = True) -> str:
     """In mm/s^2, two components."""
-    blocks = [_geonet(sign * np.array(values), dt, name, corrected) for sign, name in ((1, "N10E"), (-1, "Up"))]
+    blocks = [
+        _geonet(sign * np.array(values), dt, name, corrected) for sign, name in ((1, "N10E"), (-1, "Up"))
+    ]
     return "".join(blocks)
 
 
@@ -133,7 +137,13 @@ def smc(values: Sequence[float], dt: float) -> str:
     reals[1] = 1.0 / dt
     if values[top] > 0.0 > values[bottom]:
         reals[28:32] = [top * dt, values[top], bottom * dt, values[bottom]]
-    text = ["2 CORRECTED ACCELEROGRAM", "*", "XX0A", "     1999   1   2    0304 Nowhere", "Moment Mag=      7.0"]
+    text = [
+        "2 CORRECTED ACCELEROGRAM",
+        "*",
+        "XX0A",
+        "     1999   1   2    0304 Nowhere",
+        "Moment Mag=      7.0",
+    ]
     text += ["station = Made-up Station component=    360", "", "inst type=SMA-1", "*", "*", "*"]
     numbers = rows([f"{v:10d}" for v in integers], 8) + rows([f"{v:15.7E}" for v in reals], 5)
     return joined([*text, *numbers, "| a comment", *rows([_smc(v) for v in values], 8)], "\r\n")
@@ -152,10 +162,20 @@ def csmip_v1(values: Sequence[float], dt: float) -> str:
     for number, sign, name in ((1, 1.0, "90 Deg"), (2, -1.0, "Up")):
         a = sign * np.array(values)
         top, i = peak(a)
-        head = ["Uncorrected Accelerogram Data             Processed: 01/03/99, CGS  made", "", "", "", "", "Made-up"]
+        head = [
+            "Uncorrected Accelerogram Data             Processed: 01/03/99, CGS  made",
+            "",
+            "",
+            "",
+            "",
+            "Made-up",
+        ]
         head += [f"Chan  {number}: {name}", "Record of Sat Jan 2, 1999", "", "Instr Period =  .0109 sec"]
         head += [f"No. of Points =  {n:5d}  Record Length ={n * dt:7.3f} sec   at {rate} Samples/sec"]
-        head += [f"Units of uncor data are sec and g .        Max  = {top:7.3f} g , at {i * dt:7.3f} sec.", "RMS"]
+        head += [
+            f"Units of uncor data are sec and g .        Max  = {top:7.3f} g , at {i * dt:7.3f} sec.",
+            "RMS",
+        ]
         numbers = rows([f"{0:5d}"] * 100, 16) + rows([f"{0:10.3f}"] * 50, 8)
         title = f"{n:6d} Accelerogram points at {rate} pts/sec in units of g .      Format: (8f9.6)"
         end = f"/&  ----------  End of Data for Channel  {number}  ----------"
@@ -169,7 +189,10 @@ def csmip_v2(values: Sequence[float], dt: float) -> str:
     for number, sign, name in ((1, 1.0, "90 DEG"), (2, -1.0, "UP")):
         a = sign * np.array(values)
         top, i = peak(a)
-        head = [f"CORRECTED ACCELEROGRAM   MADE       CHAN  {number}: {name}     FROM", "UNCORRECTED ACCELEROGRAM DATA"]
+        head = [
+            f"CORRECTED ACCELEROGRAM   MADE       CHAN  {number}: {name}     FROM",
+            "UNCORRECTED ACCELEROGRAM DATA",
+        ]
         head += ["NOWHERE EARTHQUAKE", "", "", "", "MADE-UP STATION", f"CHAN  {number}: {name}"]
         head += ["NOWHERE EARTHQUAKE     JANUARY 2, 1999", "", "", "", "", "", ""]
         head += [f"{n:6d} POINTS OF INSTRUMENT- AND BASELINE-CORRECTED ACCEL, VELOC AND DISPL DATA"]
@@ -188,11 +211,26 @@ def cosmos(values: Sequence[float], dt: float) -> str:
     n, (top, i) = len(values), peak(values)
     integers, reals = [-999] * 100, [-999.0] * 100
     reals[61:65] = [1000.0 * dt, n * dt, top, i * dt]
-    text = ["Corrected acceleration    (Format v01.20 with 13 text lines)", "Record of Nowhere Earthquake", "", ""]
+    text = [
+        "Corrected acceleration    (Format v01.20 with 13 text lines)",
+        "Record of Nowhere Earthquake",
+        "",
+        "",
+    ]
     text += ["Statn No: 01-1  Code:XX-MADE", "", "", "", "Sta Chan   1: 90 Deg (Rcrdr Chan  ?)", ""]
-    text += [f"Processed: never, Max = {top:9.5f} cm/sec2 at {i * dt:8.3f} sec", "", "Values used when unknown: -999"]
-    text += [" 100 Integer-header values follow on  10 lines, Format= (10I8)", *rows([f"{v:8d}" for v in integers], 10)]
-    text += [" 100 Real-header values follow on  20 lines, Format= (5F15.6)", *rows([f"{v:15.6f}" for v in reals], 5)]
+    text += [
+        f"Processed: never, Max = {top:9.5f} cm/sec2 at {i * dt:8.3f} sec",
+        "",
+        "Values used when unknown: -999",
+    ]
+    text += [
+        " 100 Integer-header values follow on  10 lines, Format= (10I8)",
+        *rows([f"{v:8d}" for v in integers], 10),
+    ]
+    text += [
+        " 100 Real-header values follow on  20 lines, Format= (5F15.6)",
+        *rows([f"{v:15.6f}" for v in reals], 5),
+    ]
     text += ['   1 Comment line(s) follow, each starting with a "|":', "| made up"]
     text += [f"{n:8d} acceleration pts, approx {n * dt:4.0f} secs, units=cm/sec2(04),Format=(8F10.5)"]
     return joined([*text, *rows([f"{v:10.5f}" for v in values], 8), "End-of-data for Chan 1 acceleration"])

@@ -87,7 +87,9 @@ def test_a_file_compressed_by_gzip_is_the_file(tmp_path):
 
 
 def test_several_channels_are_listed():
-    with pytest.raises(ValueError, match=r"channels 0: 90 DEG \(2.68 m/s\^2\), 1: UP .*choose one by `channel`"):
+    with pytest.raises(
+        ValueError, match=r"channels 0: 90 DEG \(2.68 m/s\^2\), 1: UP .*choose one by `channel`"
+    ):
         Record.read(DATA / "coalinga_1983_cut.V2")
     with pytest.raises(ValueError, match=r"channels 0: .*`channel` is 3"):
         Record.read(DATA / "coalinga_1983_cut.V2", channel=3)
@@ -99,7 +101,9 @@ def test_baselines_are_removed_on_request():
     mean = Record.read(path, channel=1, baseline="mean")
     line = Record.read(path, channel=1, baseline="linear")
     assert abs(np.mean(as_read.acceleration)) > 0.04
-    np.testing.assert_allclose(mean.acceleration, as_read.acceleration - np.mean(as_read.acceleration), atol=1e-15)
+    np.testing.assert_allclose(
+        mean.acceleration, as_read.acceleration - np.mean(as_read.acceleration), atol=1e-15
+    )
     t = np.arange(600) * 0.01
     assert np.abs(np.polyfit(t, line.acceleration, 1)).max() < 1e-12
     assert any(note.startswith("baseline") for note in mean.notes)
@@ -126,7 +130,15 @@ def test_tables(text, tmp_path):
 
 @pytest.mark.parametrize(
     ("unit", "factor"),
-    [("m/s2", 1.0), ("M/S^2", 1.0), ("m/s²", 1.0), ("cm/sec/sec", 0.01), ("Gal", 0.01), ("mm/s2", 0.001), ("g", G)],
+    [
+        ("m/s2", 1.0),
+        ("M/S^2", 1.0),
+        ("m/s²", 1.0),
+        ("cm/sec/sec", 0.01),
+        ("Gal", 0.01),
+        ("mm/s2", 0.001),
+        ("g", G),
+    ],
 )
 def test_units(unit, factor, tmp_path):
     path = tmp_path / "a.txt"
@@ -173,8 +185,14 @@ def test_what_the_header_says_is_not_overruled():
 
 
 REFUSED = {
-    "unequal steps": ("t,a (g)\n0,0\n0.02,1\n0.05,1\n0.07,0\n", "equal steps, but the one after line . is 0.0. s"),
-    "missing sample": ("t,a (g)\n0,0\n0.02,1\n0.06,1\n0.08,0\n0.10,0\n", "equal steps, but the one after line"),
+    "unequal steps": (
+        "t,a (g)\n0,0\n0.02,1\n0.05,1\n0.07,0\n",
+        "equal steps, but the one after line . is 0.0. s",
+    ),
+    "missing sample": (
+        "t,a (g)\n0,0\n0.02,1\n0.06,1\n0.08,0\n0.10,0\n",
+        "equal steps, but the one after line",
+    ),
     "time backwards": ("t,a (g)\n0,0\n-0.02,1\n", "equal steps"),
     "coarse times": ("t,a (g)\n0.000,0\n0.003,1\n0.007,1\n0.010,1\n", "equal steps"),
     "milliseconds": ("t (ms),a (g)\n0,0\n20,1\n", "times must be in s"),
@@ -193,7 +211,10 @@ REFUSED = {
     "empty": ("", "file is empty"),
     "blank": (" \n\n", "file is empty"),
     "prose": ("A letter.\n" * 50, "no known format"),
-    "velocity": ("PEER\nX, 1\nVELOCITY TIME SERIES IN UNITS OF CM/SEC\nNPTS= 2, DT= .01 SEC\n 1 2\n", "ACCELERATION"),
+    "velocity": (
+        "PEER\nX, 1\nVELOCITY TIME SERIES IN UNITS OF CM/SEC\nNPTS= 2, DT= .01 SEC\n 1 2\n",
+        "ACCELERATION",
+    ),
 }
 
 

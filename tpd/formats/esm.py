@@ -12,6 +12,7 @@ from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, shown
 from tpd.formats.units import FACTORS, chosen, unit_of
 
 _KEYS = ("EVENT_NAME:", "SAMPLING_INTERVAL_S:", "NDATA:", "DATA_TYPE:", "STATION_CODE:")
+_EVENT = ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "EVENT_TIME_HHMMSS")
 _KEY = re.compile(r"^([A-Z][A-Z0-9_/^]*):(.*)$")
 
 
@@ -27,35 +28,26 @@ def read_esm(cursor: Cursor, unit: str | None) -> list[Channel]:
         UnreadableRecord: the file is damaged, contradicts itself, or holds no acceleration.
     """
     head = _head(cursor)
-    _, kind = _value(head, "DATA_TYPE", "")
+    kind = _text(head, "DATA_TYPE")
     if kind.upper() != "ACCELERATION":
         raise UnreadableRecord(f"DATA_TYPE must be ACCELERATION, but is {shown(kind)}")
-    line, text = _value(head, "UNITS", "")
-    stated = unit_of(text, line)
-    count = _number(head, "NDATA")
-    step = _number(head, "SAMPLING_INTERVAL_S")
-    if count is None or step is None:
-        raise UnreadableRecord("the header must state NDATA and SAMPLING_INTERVAL_S, but does not")
+    stated = unit_of(_text(head, "UNITS"), head.get("UNITS", (0, ""))[0])
+    count, step = _number(head, "NDATA"), _number(head, "SAMPLING_INTERVAL_S")
+    if count is None or step is None or count.unit != 1.0:
+        raise UnreadableRecord("the header must state a whole NDATA, and SAMPLING_INTERVAL_S, but does not")
     values = _samples(cursor)
-    if count.unit != 1.0:
-        raise UnreadableRecord(f"NDATA must be a whole number, but is {count.value:g}")
     agree_on_count(int(count.value), len(values), "NDATA")
     _agree(values, step.value, head, stated)
-    component, name = (
-        _value(head, "STREAM", "")[1],
-        ".".join(_value(head, k, "")[1] for k in ("NETWORK", "STATION_CODE")),
-    )
-    event = " ".join(
-        _value(head, key, "")[1] for key in ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "EVENT_TIME_HHMMSS")
-    )
-    baseline = _value(head, "BASELINE_CORRECTION", "")[1].upper()
-    notes = (
-        ()
-        if "NOT" not in baseline and "REMOVED" in baseline
-        else ("uncorrected: the baseline is not removed",)
-    )
+    component, event = _text(head, "STREAM"), _text(head, *_EVENT)
+    name = f"{_text(head, 'NETWORK')}.{_text(head, 'STATION_CODE')}/{component}"
     factor = FACTORS[chosen(stated, unit)]
-    return [Channel(values * factor, step.value, component, f"{name}/{component}", event.strip(), notes)]
+    return [Channel(values * factor, step.value, component, name, event, _notes(head))]
+
+
+def _notes(head: dict[str, tuple[int, str]]) -> tuple[str, ...]:
+    baseline = _text(head, "BASELINE_CORRECTION").upper()
+    removed = "REMOVED" in baseline and "NOT" not in baseline
+    return () if removed else ("uncorrected: the baseline is not removed",)
 
 
 def _head(cursor: Cursor) -> dict[str, tuple[int, str]]:
@@ -69,13 +61,14 @@ def _head(cursor: Cursor) -> dict[str, tuple[int, str]]:
     return head
 
 
-def _value(head: dict[str, tuple[int, str]], key: str, default: str) -> tuple[int, str]:
-    return head.get(key, (0, default))
+def _text(head: dict[str, tuple[int, str]], *keys: str) -> str:
+    """The values of keys, where there are any."""
+    return " ".join(head[key][1] for key in keys if key in head).strip()
 
 
 def _number(head: dict[str, tuple[int, str]], key: str) -> Decimal | None:
     """The number of a key, or None where there is none."""
-    line, text = _value(head, key, "")
+    line, text = head.get(key, (0, ""))
     if not text:
         return None
     if not re.fullmatch(NUMBER, text):

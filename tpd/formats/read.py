@@ -121,8 +121,9 @@ def _of_bytes(data: bytes, dt: float | None, unit: str | None) -> list[Channel]:
         # Names of stations of older files; every byte is a character there.
         decoded = text.decode("latin-1")
     lines = re.split(r"\r\n|\n|\r", decoded)
-    ended = lines[-1] == ""
-    cursor = Cursor(lines[:-1] if ended else lines, ended)
+    whole = lines[-1] == ""
+    # Where 0x1a ends the file, its last line may have no end of its own.
+    cursor = Cursor(lines[:-1] if whole else lines, ended=whole or text != data)
     for known, reader in _FORMATS:
         if known(cursor.lines):
             return reader(cursor, unit)

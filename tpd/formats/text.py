@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d{1,3})?"
+WHOLE = r"\d{1,9}"
+"""A count. Python refuses to convert thousands of digits."""
 _NUMBER = re.compile(NUMBER)
 _LONGEST = 50
 """Most characters of a file in a message."""
@@ -31,7 +34,8 @@ class Decimal:
         """Return the number of a text that `NUMBER` matches."""
         mantissa, _, exponent = text.lower().replace("d", "e").partition("e")
         decimals = len(mantissa.partition(".")[2])
-        return Decimal(float(text.lower().replace("d", "e")), 10.0 ** (int(exponent or 0) - decimals))
+        # As text: a power of 10.0 fails beyond the greatest float, where this is infinite.
+        return Decimal(float(text.lower().replace("d", "e")), float(f"1e{int(exponent or 0) - decimals}"))
 
 
 def shown(text: str) -> str:
@@ -42,9 +46,32 @@ def shown(text: str) -> str:
 
 def number(text: str, line: int) -> float:
     """Return a finite number. Python would take "nan", "1_000" and others as well."""
-    if not _NUMBER.fullmatch(text.strip()):
+    value = float(text.lower().replace("d", "e")) if _NUMBER.fullmatch(text.strip()) else math.nan
+    if not math.isfinite(value):
         raise UnreadableRecord(f"line {line} must hold numbers, but has {shown(text)}")
-    return float(text.lower().replace("d", "e"))
+    return value
+
+
+@dataclass(frozen=True)
+class Header:
+    """Lines of text above samples."""
+
+    lines: Sequence[str]
+    start: int
+    """Lines of the file above them."""
+
+    def match(self, line: int, pattern: str, what: str) -> re.Match[str]:
+        """Return the match of a pattern, whatever the case, in a line, counted from 1."""
+        found = re.search(pattern, self.lines[line - 1], flags=re.IGNORECASE)
+        if found is None:
+            raise UnreadableRecord(
+                f"{self.where(line)} must state {what}, but is {shown(self.lines[line - 1])}"
+            )
+        return found
+
+    def where(self, line: int) -> str:
+        """Return the place of a line in the file, in words."""
+        return f"line {self.start + line}"
 
 
 @dataclass
@@ -71,6 +98,17 @@ class Cursor:
             raise UnreadableRecord(f"the file ends after line {len(self.lines)}, before {what}")
         self.at += 1
         return self.lines[self.at - 1]
+
+    def header(self, n: int) -> Header:
+        """Return the next n lines as a header."""
+        start = self.at
+        return Header(self.skip(n, "the end of the text header"), start)
+
+    def comments(self, n: int) -> None:
+        """Pass n comments, of a line each."""
+        for _ in range(n):
+            if not self.next("the end of the comments").lstrip().startswith("|"):
+                raise UnreadableRecord(f"line {self.at} must be a comment with '|', of {n} stated")
 
     def skip(self, n: int, what: str) -> list[str]:
         """Return the next n lines."""
