@@ -61,7 +61,7 @@ def esm(values: Sequence[float], dt: float) -> str:
 
 
 def knet(values: Sequence[float], dt: float) -> str:
-    """Whole numbers; synthetic, since files of NIED may not be carried. Their count is a whole number of seconds."""
+    """Whole numbers; synthetic, since files of NIED may not be carried. They last whole seconds."""
     gal = np.array(values) * 3920.0 / 6182761.0
     head = {
         "Origin Time": "1999/01/02 03:04:00",

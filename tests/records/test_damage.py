@@ -1,4 +1,4 @@
-"""Damaged files: refused in one sentence, or read to the very numbers where the damage touches nothing read."""
+"""Damaged files: refused in one sentence, or read to the same numbers if nothing that is read is touched."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def made_up() -> list[File]:
 
 
 FILES = [*made_up(), *real()]
-# A table states no number of rows: what is lost at its ends, or anywhere in a column without times, is not seen.
+# A table states no number of rows: rows lost at its ends, or anywhere in a column, are not seen.
 TABLES = ("table", "column")
 
 
@@ -132,7 +132,8 @@ def change_the_step(file: File, rng: np.random.Generator) -> str:
     """Another step in one place; where a format states it once, only nonsense can be seen."""
     head = "".join(lines_of(file.text)[: file.first])
     patterns = r"DT=\s*([\d.]+)|dt = ([\d.]+)|INTERVAL_S: ([\d.]+)|at ([\d.]+) sec inter|of\s+([\d.]+) +s"
-    patterns += r"|at (\d+) pts|at (\d+) samples|(\d+)Hz|apart at +([\d.]+)|   (\d\.0+) +[\d.]+ +-?\d+\.\d+ +\d\.\d+\r?$"
+    patterns += r"|(0\.2000000E\+03|1\.0000000E\+02)|at (\d+) pts|at (\d+) samples|(\d+)Hz|apart at +([\d.]+)"
+    patterns += r"|   (\d\.0+) +[\d.]+ +-?\d+\.\d+ +\d\.\d+\r?$"
     places = list(re.finditer(patterns, head, flags=re.IGNORECASE | re.MULTILINE))
     if not places:
         return file.text

@@ -58,6 +58,7 @@ def _block(cursor: Cursor, unit: str | None) -> Channel | None:
     reals = _header(cursor, "real")
     cursor.comments(int(cursor.match(rf"^\s*({WHOLE})\s+comment line", "the number of comment lines")[1]))
     quantity, own, values = _samples(cursor)
+    # Velocities and displacements are read all the same: a file damaged there is refused.
     if not quantity.lower().startswith("accel"):
         return None
     dt = _step(reals, len(values))
@@ -108,6 +109,7 @@ def _step(reals: np.ndarray, count: int) -> float:
     if not _known(reals[_STEP]) or reals[_STEP] <= 0.0:
         raise UnreadableRecord(f"real number {_STEP + 1} must be the step in ms, but is {reals[_STEP]:g}")
     dt = float(reals[_STEP]) / 1000.0
+    # n or n - 1 steps, by agency.
     if _known(reals[_LENGTH]):
         agree(count * dt, float(reals[_LENGTH]), "the length in s", tolerance=1.5 * dt)
     return dt
@@ -119,6 +121,7 @@ def _agree(values: np.ndarray, dt: float, reals: np.ndarray, text: Header, unit:
     if FACTORS[unit_of(found[2], text.start + 11)] != FACTORS[unit_of(unit, text.start + 11)]:
         raise UnreadableRecord(f"{text.where(11)} and the line above the samples state different units")
     peak, time = Decimal.of(found[1]), Decimal.of(found[3])
+    # Samples have more digits than the statement.
     agree_on_peak(values, peak, text.where(11), digit=0.0)
     agree_on_peak_time(values, dt, time, text.where(11))
     if _known(reals[_PEAK_VALUE]):
@@ -129,6 +132,7 @@ def _agree(values: np.ndarray, dt: float, reals: np.ndarray, text: Header, unit:
 
 def _words(text: Sequence[str]) -> tuple[str, str]:
     """Component and station."""
+    # "Sta Chan 1: 90 deg (" and "Sta Cha: 1: 340 deg (".
     component = re.search(r"^Sta\s+Cha\w*\s+\S+:\s*(.*?)\s*\(", text[8], flags=re.IGNORECASE)
     component = component or re.search(r"^Sta\s+Cha\w*:\s*\S+\s+(.*?)\s*\(", text[8], flags=re.IGNORECASE)
     station = re.search(r"Code:\s*(\S.*?)\s*$", text[4], flags=re.IGNORECASE)

@@ -26,6 +26,7 @@ _CHANNEL = r"\bchan\w*\s+\d+\s*:\s*(\S.*?)\s*$"
 def is_csmip(lines: Sequence[str]) -> bool:
     """Return whether lines are those of a CSMIP file, sound or not."""
     head = "\n".join(lines[:13]).lower()
+    # GeoNet's titles begin alike; any line of this header may be damaged.
     if " gns " in head or "accelerogram" not in head:
         return False
     return (
@@ -83,6 +84,7 @@ def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
     count, dt, data = _described(cursor)
     agree_on_count(int(stated[1]), count, text.where(11))
     length = Decimal.of(stated[2])
+    # Some files count n steps of n samples, others n - 1.
     agree(count * dt, length.value, "the length in s", 0.51 * length.unit + 1.01 * dt)
     values = cursor.fixed(count, data.columns, data.width, "samples")
     own = unit_of(data.unit, data.line)
@@ -113,6 +115,7 @@ def _described(cursor: Cursor) -> tuple[int, float, _Described]:
             "take its Volume 2"
         )
     line = cursor.peek()
+    # Digital instruments have a rate, digitised films a step.
     by_rate = rf"accelerogram points at\s+({NUMBER})\s+pts/sec,? in units of\s+(.+?)\s*\.?\s+format"
     by_step = rf"points of accel data equally spaced at\s+({NUMBER})\s+sec\.?\s+\(units:\s*([^)]*)\)"
     found = cursor.match(rf"^\s*({WHOLE})\s+(?:{by_rate}|{by_step})", "number, step and unit of the samples")
@@ -158,6 +161,7 @@ def _words(text: Header, at: int) -> tuple[str, str, str]:
 
 def _headers(cursor: Cursor, integers: int, reals: int) -> None:
     """Pass the headers of numbers. Nothing in them is needed, but they must be there."""
+    # Fields can touch each other, so that only the length of a line can be checked.
     for rows, width, what in ((integers, 5, "integer"), (reals, 10, "real")):
         for _ in range(rows):
             line = cursor.next(f"the end of the {what} header").rstrip()

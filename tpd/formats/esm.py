@@ -18,6 +18,7 @@ _KEY = re.compile(r"^([A-Z][A-Z0-9_/^]*):(.*)$")
 
 def is_esm(lines: Sequence[str]) -> bool:
     """Return whether lines are those of an ESM file, sound or not."""
+    # Several keys: one may be damaged.
     return sum(line.startswith(_KEYS) for line in lines[:64]) >= 2
 
 
@@ -79,6 +80,7 @@ def _number(head: dict[str, tuple[int, str]], key: str) -> Decimal | None:
 def _samples(cursor: Cursor) -> np.ndarray:
     """One sample a line."""
     first = cursor.at
+    # A line with two numbers is one of another file.
     values = cursor.free("the samples")
     if len(values) != sum(bool(line.strip()) for line in cursor.lines[first:]):
         raise UnreadableRecord(f"the lines from {first + 1} on must hold one sample each")
@@ -89,6 +91,7 @@ def _samples(cursor: Cursor) -> np.ndarray:
 def _agree(values: np.ndarray, dt: float, head: dict[str, tuple[int, str]], unit: str) -> None:
     """Check length, peak and time of the peak, as far as the header states them."""
     length, peak, time = (_number(head, key) for key in ("DURATION_S", "PGA_CM/S^2", "TIME_PGA_S"))
+    # Values of keys may be left out.
     if length is not None:
         agree(len(values) * dt, length.value, "the length in s", 1.01 * dt + length.unit)
     if peak is not None and values.size:

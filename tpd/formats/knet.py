@@ -56,6 +56,7 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
     scale = _stated(head, "Scale Factor", rf"({NUMBER})\((\w+)\)/({NUMBER})")
     if rate == 0 or float(scale[3]) == 0.0 or length > 1e6:
         raise UnreadableRecord("sampling frequency, duration and scale factor must be those of a record")
+    # No number of samples is stated, but the duration is one of whole seconds.
     counts = _counts(cursor)
     agree_on_count(round(length * rate), len(counts), "the header (frequency and duration)")
     values = counts * (float(scale[1]) / float(scale[3]))
@@ -93,6 +94,7 @@ def _counts(cursor: Cursor) -> np.ndarray:
     while not cursor.only_blank_lines_follow():
         line = cursor.next("the samples").rstrip()
         row = [line[i : i + _COLUMN] for i in range(0, len(line), _COLUMN)]
+        # The blank at the end of a line may be stripped.
         short = len(line) % _COLUMN not in (0, _COLUMN - 1)
         if short or any(not re.fullmatch(r"\s*-?\d+\s?", field) for field in row):
             raise UnreadableRecord(

@@ -36,6 +36,7 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
     if numbers is None:
         raise UnreadableRecord(f"line {len(head)} must state NPTS and DT in s, but is {shown(head[-1])}")
     count, dt = int(numbers[1] or numbers[3]), float(numbers[2] or numbers[4])
+    # In columns of Fortran mostly, but programs that imitate the format set numbers apart by blanks.
     values = cursor.free("the samples")
     cursor.require_end()
     agree_on_count(count, len(values), f"line {len(head)}")
@@ -70,5 +71,6 @@ def _words(head: Sequence[str], line: int) -> tuple[str, str]:
     """Event and name: the line above that of the unit is "event[, date], station, component"."""
     title = " ".join(head[line - 2].split()) if line > 1 else ""
     parts = [part.strip() for part in title.split(",")]
+    # Names of events may be followed by a date, which tells events of one name apart.
     dated = len(parts) > 2 and re.search(r"\d/\d", parts[1])
     return (", ".join(parts[:2]), ", ".join(parts[2:])) if dated else (parts[0], ", ".join(parts[1:]))

@@ -24,6 +24,7 @@ _DIGITS = 4
 
 def is_smc(lines: Sequence[str]) -> bool:
     """Return whether lines are those of an SMC file, sound or not."""
+    # The stars of lines 2 and 9 to 11 survive a damaged title.
     starred = sum(line.strip() == "*" for line in lines[:_TEXT]) >= 2
     named = bool(_KINDS.match(lines[0]) or _OTHER.match(lines[0]))
     return starred or (named and lines[0].strip()[:1].isdigit())
@@ -43,6 +44,7 @@ def read_smc(cursor: Cursor, unit: str | None) -> list[Channel]:
         raise UnreadableRecord(f"lines 2 and {_TEXT} must be '*': the text header is damaged")
     integers = cursor.fixed(8 * _INTEGERS, 8, 10, "integers")
     reals, printed = _reals(cursor)
+    # The rate comes before the samples: those of a film are pairs of time and acceleration.
     dt = _step(reals[_RATE])
     cursor.comments(_whole(integers, _COMMENTS, "comment lines"))
     values = cursor.fixed(_whole(integers, _COUNT, "samples"), 8, 10, "samples")
@@ -94,6 +96,7 @@ def _agree(values: np.ndarray, dt: float, reals: list[float], printed: list[str]
         # The extreme of one sign: the other one is cut off.
         half = np.maximum(sign * values, 0.0)
         stated = Decimal.of(printed[place])
+        # Samples have one digit before the point, and their last one depends on the exponent.
         digit = 10.0 ** (np.floor(np.log10(max(abs(stated.value), 1e-30))) - _DIGITS)
         where = "the header"
         agree_on_peak(sign * half, stated, where, digit=float(digit))

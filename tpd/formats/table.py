@@ -1,7 +1,7 @@
 """Tables of text: two columns, time in s and acceleration, or one of accelerations.
 
-Lines at the top that begin with no number are the header. It states the unit in brackets, after the word "unit"
-or as a cell of its own, and may state the step of one column: "dt = 0.01 s".
+Lines at the top that begin with no number are the header. It states the unit in brackets, after the word
+"unit" or as a cell of its own, and may state the step of one column: "dt = 0.01 s".
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def _head(cursor: Cursor) -> list[str]:
         head.append(cursor.next("the first number"))
         if len(head) > _LONGEST_HEADER:
             raise UnreadableRecord(
-                f"no known format: the first {_LONGEST_HEADER} lines hold no number, and are no header of a file "
-                "of ground motion"
+                f"no known format: the first {_LONGEST_HEADER} lines hold no number, and are no header of a "
+                "file of ground motion"
             )
     return head
 
@@ -77,6 +77,7 @@ def _rows(cursor: Cursor) -> tuple[list[list[str]], int]:
             raise UnreadableRecord(
                 f"line {cursor.at} must have {allowed}, but has {len(cells)}: {shown(line)}"
             )
+        # Checked here, since the columns are taken apart only later.
         for cell in cells:
             number(cell, cursor.at)
         rows.append(cells)
@@ -104,6 +105,7 @@ def _candidates(line: str) -> list[str]:
     bare = line.strip().lstrip("#%/!").strip()
     bracketed = re.findall(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]", bare)
     named = re.findall(r"\bunits?\b\s*(?:of\b|in\b|:|=)?\s*([^\s,;]+)", bare, flags=re.IGNORECASE)
+    # Columns are named in cells of their own, such as "time, m/s2".
     cells = re.split(r"\s*[,;\t]\s*|\s{2,}", bare)
     words = bare.split()
     # "s g" and "s m/s2": nothing but units.
@@ -145,8 +147,8 @@ def _equal(times: Sequence[Decimal], first: int, stated: float | None) -> float:
     if dt <= 0.0 or off.any():
         i = int(np.argmax(off))
         raise UnreadableRecord(
-            f"the times must have equal steps, but the one after line {first + i} is {steps[i]:g} s, and the usual "
-            f"one {float(np.median(steps)):g} s"
+            f"the times must have equal steps, but the one after line {first + i} is {steps[i]:g} s, and the "
+            f"usual one {float(np.median(steps)):g} s"
         )
     if stated is not None and abs(stated - dt) > 1e-6 * dt:
         raise UnreadableRecord(f"the header states a step of {stated:g} s, but that of the times is {dt:g} s")

@@ -1,4 +1,4 @@
-"""Lines and numbers of a text file. Whatever is not as it should be is an `UnreadableRecord`, one sentence."""
+"""Lines and numbers of a text file. Whatever is not as it should be is an `UnreadableRecord`."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ class Decimal:
     @staticmethod
     def of(text: str) -> Decimal:
         """Return the number of a text that `NUMBER` matches."""
+        # Fortran writes exponents of double precision with a D.
         mantissa, _, exponent = text.lower().replace("d", "e").partition("e")
         decimals = len(mantissa.partition(".")[2])
         # As text: a power of 10.0 fails beyond the greatest float, where this is infinite.
@@ -147,6 +148,8 @@ class Cursor:
         """
         values: list[float] = []
         while len(values) < count:
+            # Right-aligned columns of Fortran: a full line ends with the last digit of its last number,
+            # so that a number that was cut, shifted or lost shows in the length.
             line = self.next(f"all {count} {what} ({len(values)} found)").rstrip()
             expected = min(columns, count - len(values))
             if len(line) != expected * width:
@@ -167,6 +170,7 @@ class Cursor:
 
 def fortran(text: str, line: int) -> tuple[int, int, int]:
     """Return the columns, the width and the digits after the point of a format such as (8F10.5)."""
+    # Without a number of columns there is one.
     found = re.search(r"\(\s*(\d{0,3})\s*[FEGI]\s*(\d{1,2})(?:\.(\d{1,2}))?\s*\)", text, flags=re.IGNORECASE)
     if found is None or int(found[2]) == 0 or found[1] == "0":
         raise UnreadableRecord(f"line {line} must state the format of its numbers, but is {shown(text)}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import warnings
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ def _opened(data: bytes) -> Any:
         # ObsPy warns of its own dependencies on import.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            import obspy  # pyright: ignore[reportMissingImports]
+            obspy = import_module("obspy")
     except ImportError:
         raise UnreadableRecord(
             "the file is no text; miniSEED and other formats of seismology need the extra tpd[obspy]: "
@@ -53,6 +54,7 @@ def _opened(data: bytes) -> Any:
 
 
 def _channel(trace: Any, unit: str | None) -> Channel:
+    # Gaps are masked where pieces of a channel were merged.
     samples = trace.data
     if np.ma.is_masked(samples):
         raise UnreadableRecord(f"samples of {trace.id} are missing")
@@ -64,6 +66,7 @@ def _channel(trace: Any, unit: str | None) -> Channel:
     values = np.array(samples, dtype=float)
     if not np.isfinite(values).all():
         raise UnreadableRecord(f"{trace.id} holds numbers that are not finite")
+    # Such files have no unit of their own: the user must know it.
     factor = FACTORS[chosen(None, unit)]
     event = str(trace.stats.starttime)[:10]
     return Channel(values * factor, float(trace.stats.delta), trace.stats.channel, trace.id, event)
