@@ -3,7 +3,8 @@
 Names are imported on first use, so that `tpd --help` does not wait for JAX.
 
 The equations of the paper (Collini et al. 2016) and the modules that hold them. A folder imports only from
-those named before it: formats, core, records, closed_form, exact, models, analysis, design, plot, report, cli.
+those named before it: formats, core, records, closed_form, exact, models, analysis, design, plot, report,
+cli.
 
 | equation | content | module |
 |---|---|---|

@@ -88,7 +88,7 @@ def _files(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tu
         "intensity": found.intensity,
         "motions": list(found.motions),
         "fits": {name: _fits(found, name) for name in found.bare},
-        "first_crossings": {k: None if v is None else list(v) for k, v in found.first_crossings.items()},
+        "first_crossings": {k: list(v) for k, v in found.first_crossings.items()},
         "changed_by_nonlinear_equations": None if found.changed is None else list(found.changed),
     }
     yield "fragility.json", files.as_json(content)
@@ -100,7 +100,11 @@ def _fits(found: Fragility, name: str) -> dict[str, Any]:
     """Median with its interval, and dispersion, of the curves of one state."""
     curves = {"bare": found.bare[name]} | ({} if found.hung is None else {"hung": found.hung[name]})
     return {
-        case: {"median": c.fit.median, "dispersion": c.fit.dispersion, "interval": list(c.fit.interval()) if 0.0 < c.fit.median < math.inf else None}
+        case: {
+            "median": c.fit.median,
+            "dispersion": c.fit.dispersion,
+            "interval": list(c.fit.interval()) if 0.0 < c.fit.median < math.inf else None,
+        }
         for case, c in curves.items()
     }
 

@@ -12,9 +12,8 @@ import numpy as np
 from tpd.core import checks
 from tpd.core.parameters import Real
 from tpd.core.pytrees import pytree
+from tpd.formats.units import STANDARD_GRAVITY
 
-STANDARD_GRAVITY = 9.80665
-"""m/s^2"""
 _COUNTS = {"one-sine": 256, "one-cosine": 256, "ricker": 1024, "mavroeidis-papageorgiou": 1024}
 """Cubics that stand for a pulse: they are within 2e-9 of it. Their error averages out, so that motions are
 within 1e-12 (`tests/analysis/test_transient.py` doubles the counts)."""
@@ -60,8 +59,10 @@ class GroundMotion:
             raise ValueError(
                 f"exactly one of `pga` and `pga_g` must be given, but they are {pga} and {pga_g}"
             )
-        wanted = pga if pga_g is None else pga_g * STANDARD_GRAVITY
+        wanted: Any = pga if pga_g is None else pga_g * STANDARD_GRAVITY
         checks.positive("pga" if pga_g is None else "pga_g", wanted)
+        if checks.is_concrete(self.pga) and float(self.pga) == 0.0:
+            raise ValueError("a record of zeros cannot be scaled to a peak")
         return self.scaled(wanted / self.pga)
 
     def acceleration_at(self, times: Any) -> np.ndarray:

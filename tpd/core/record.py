@@ -1,7 +1,7 @@
 """A recorded ground motion: horizontal base acceleration over time.
 
-`Record` is a pytree like `tpd.core.scene.Harmonic`. The readers of files are in `tpd.formats`, records that come
-with the package in `tpd.records`.
+`Record` is a pytree like `tpd.core.scene.Harmonic`. The readers of files are in `tpd.formats`, records that
+come with the package in `tpd.records`.
 """
 
 from __future__ import annotations
@@ -17,27 +17,23 @@ from tpd.core import checks
 from tpd.core.ground_motion import GroundMotion
 from tpd.core.parameters import Real
 from tpd.core.pytrees import pytree
+from tpd.formats.units import GREATEST_PEAK
 
 if TYPE_CHECKING:
     from tpd.formats.channel import Channel
-
-PEAK_LIMIT = 100.0
-"""Greatest peak (m/s^2) of a record. None of an earthquake was half as strong."""
-_GRAVITY = 9.80665
-"""Standard gravity, m/s^2: the unit "g" of records."""
 
 
 @pytree
 @dataclass(frozen=True, eq=False)
 class Record(GroundMotion):
-    """Horizontal base acceleration at equal steps: linear between samples, zero before the first and after the
-    last. Leaves of the pytree are the acceleration, the step and the scale; the words are static.
+    """Horizontal base acceleration at equal steps: linear between samples, zero before the first and after
+    the last. Leaves of the pytree are the acceleration, the step and the scale; the words are static.
 
     Two records are equal if all their fields are.
 
     Raises:
-        ValueError: fewer than two samples, a number that is not finite, a step that is not positive, or a peak
-            above 100 m/s^2.
+        ValueError: fewer than two samples, a number that is not finite, a step that is not positive, or a
+            peak above 100 m/s^2.
     """
 
     acceleration: Any
@@ -63,10 +59,10 @@ class Record(GroundMotion):
             checks.instance(name, getattr(self, name), str)
         if not (isinstance(self.notes, tuple) and all(isinstance(note, str) for note in self.notes)):
             raise ValueError(f"`notes` must be a tuple of strings, but is {checks.shown(self.notes)}")
-        if _concrete(self) and float(self.pga) > PEAK_LIMIT:
+        if _concrete(self) and float(self.pga) > GREATEST_PEAK:
             raise ValueError(
-                f"`acceleration` must be at most {PEAK_LIMIT:g} m/s^2 at its peak, but is {float(self.pga):g} "
-                "m/s^2: is it in cm/s^2?"
+                f"`acceleration` must be at most {GREATEST_PEAK:g} m/s^2 at its peak, but is "
+                f"{float(self.pga):g} m/s^2: is it in cm/s^2?"
             )
 
     def __eq__(self, other: object) -> bool:
@@ -133,8 +129,8 @@ class Record(GroundMotion):
         Args:
             path: of the file.
             channel: number of the channel, from 0 in the order of the file. A file of one channel needs none.
-            dt: step in s of a table that has accelerations only. Of a file that states a step, it must be that.
-            baseline: "mean" removes the mean, "linear" the straight line of least squares. None removes nothing.
+            dt: step in s of a table that has accelerations only. Of a file that states one, it must be that.
+            baseline: "mean" removes the mean, "linear" the straight line of least squares, None nothing.
             unit: of the acceleration, such as "g", "m/s2", "cm/s2" or "gal", of a file that states none. Of a
                 file that states one, it must be that.
 
@@ -155,8 +151,8 @@ class Record(GroundMotion):
         baseline: str | None = None,
         unit: str | None = None,
     ) -> list[Record]:
-        """Return all channels of a file, in its order; vertical ones have a note. Arguments and errors are those
-        of `read`."""
+        """Return all channels of a file, in its order; vertical ones have a note. Arguments and errors are
+        those of `read`."""
         from tpd.formats.read import channels
 
         return [_of(c) for c in channels(path, dt=dt, baseline=baseline, unit=unit)]

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tpd.formats.text import Decimal, UnreadableRecord
+from tpd.formats.units import GREATEST_PEAK
 
-GREATEST_PEAK = 100.0
-"""m/s^2: that of `tpd.core.record.PEAK_LIMIT`."""
 STEPS = (1e-5, 1.0)
 """Shortest and longest step (s) of a record; beyond them a step was stated in another unit."""
 OFFSET = 0.005
@@ -54,6 +53,7 @@ def checked(channel: Channel) -> Channel:
             finite.
     """
     a, dt = channel.acceleration, channel.dt
+    # The channel is named where a file has several.
     where = f" in the channel {channel.component!r}" if channel.component else ""
     if a.size < 2:
         raise UnreadableRecord(f"a record needs 2 samples or more, but {a.size} were found{where}")
@@ -61,13 +61,14 @@ def checked(channel: Channel) -> Channel:
         raise UnreadableRecord(f"the step must be {STEPS[0]:g} s to {STEPS[1]:g} s, but is {dt:g} s{where}")
     if not (np.isfinite(a).all() and channel.peak <= GREATEST_PEAK):
         raise UnreadableRecord(
-            f"the peak must be at most {GREATEST_PEAK:g} m/s^2, but is {channel.peak:g} m/s^2{where}: the unit or "
-            "a number is wrong"
+            f"the peak must be at most {GREATEST_PEAK:g} m/s^2, but is {channel.peak:g} m/s^2{where}: the "
+            "unit or a number is wrong"
         )
     return channel.noted(*_of_direction(channel.component), *_of_baseline(a, dt, channel.peak))
 
 
 def _of_direction(component: str) -> tuple[str, ...]:
+    # "UD" and "Vert." as well as the third letter of a SEED channel, such as HNZ.
     words = component.lower().replace("-", " ").split()
     vertical = {"up", "down", "ud", "vert", "vertical", "ver"} & set(words) or words[:2] == ["u", "d"]
     if vertical or (len(component) == 3 and component.upper().endswith("Z")):
@@ -83,6 +84,7 @@ def _of_baseline(a: np.ndarray, dt: float, peak: float) -> tuple[str, ...]:
     mean = float(np.mean(a))
     if abs(mean) > OFFSET * peak:
         notes.append(f"offset: the mean is {mean:.3g} m/s^2, {abs(mean) / peak:.1%} of the peak (`baseline`)")
+    # Velocity from rest by trapezoids: what a block on the ground would follow.
     velocity = np.cumsum(0.5 * (a[1:] + a[:-1])) * dt
     end, greatest = float(velocity[-1]), float(np.max(np.abs(velocity)))
     if abs(end) > DRIFT * greatest:
@@ -121,6 +123,7 @@ def agree_on_peak(values: np.ndarray, stated: Decimal, where: str, *, digit: flo
     peak = float(np.max(np.abs(values)))
     # Both numbers are rounded, each by half a unit of its last digit.
     margin = 0.51 * (stated.unit + digit) + 1e-9 * peak
+    # An extreme of the same sign as the statement, and no greater one of the other sign.
     ends = (float(np.max(values)), float(np.min(values)))
     found = min(ends, key=lambda end: abs(end - stated.value))
     if abs(found - stated.value) > margin or abs(peak - abs(stated.value)) > margin:
@@ -130,17 +133,19 @@ def agree_on_peak(values: np.ndarray, stated: Decimal, where: str, *, digit: flo
 def agree_on_peak_time(
     values: np.ndarray, dt: float, stated: Decimal, where: str, start: float = 0.0
 ) -> None:
-    """Raise `UnreadableRecord` unless the sample of the peak is at the stated time (s), within the rounding of the
-    time and one step. Samples that are rounded may have several of the greatest size."""
+    """Raise `UnreadableRecord` unless the sample of the peak is at the stated time (s), within its rounding
+    and one step. Samples that are rounded may have several of the greatest size."""
     size = np.abs(values)
     times = start + dt * np.flatnonzero(size >= size.max() * (1.0 - 1e-9))
     if np.min(np.abs(times - stated.value)) > dt + 0.51 * stated.unit + 1e-9 * stated.value:
         raise UnreadableRecord(
-            f"{where} states the peak at {stated.value:g} s, but in samples {dt:g} s apart it is at {times[0]:g} s"
+            f"{where} states the peak at {stated.value:g} s, but in samples {dt:g} s apart it is at "
+            f"{times[0]:g} s"
         )
 
 
 def agree(first: float, second: float, what: str, tolerance: float = 0.0) -> None:
     """Raise `UnreadableRecord` unless two statements of one quantity agree."""
+    # Sums and quotients of stated numbers carry rounding errors of floats.
     if abs(first - second) > tolerance + 1e-9 * max(abs(first), abs(second)):
         raise UnreadableRecord(f"the file states {what} twice and differently, {first:g} and {second:g}")

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from tpd.formats.channel import Channel, agree, agree_on_peak, agree_on_peak_time
-from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, fortran, number, shown
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord, fortran, number
 from tpd.formats.units import FACTORS, chosen, unit_of
 
-_FIRST = r"^\s*(corrected|uncorrected|raw)\s+(\w+).*\(format v\S+ with (\d+) text lines\)"
+_FIRST = r"^\s*(corrected|uncorrected|raw)\s+(\w+).*\(format v\S+ with (\d{1,3}) text lines\)"
 _DATA = (
-    rf"^\s*(\d+)\s+(accel\w*|veloc\w*|displ\w*|raw accel\w*)\.?\s+pts,\s*approx\s+({NUMBER})\s+secs?,"
+    rf"^\s*({WHOLE})\s+(accel\w*|veloc\w*|displ\w*|raw accel\w*)\.?\s+pts,\s*approx\s+({NUMBER})\s+secs?,"
     r"\s*units\s*=\s*(.*?)\s*\(\s*\d+\s*\),\s*format\s*="
 )
 _PEAK = rf"\bmax\s*=\s*({NUMBER})\s+(\S+?),?\s+at\s+({NUMBER})\s*sec"
@@ -42,49 +42,55 @@ def read_cosmos(cursor: Cursor, unit: str | None) -> list[Channel]:
         channel = _block(cursor, unit)
         if channel is not None:
             channels.append(channel)
+    cursor.require_end()
     if not channels:
         raise UnreadableRecord("the file must hold an acceleration, but has velocities or displacements only")
     return channels
 
 
 def _block(cursor: Cursor, unit: str | None) -> Channel | None:
-    start, first = cursor.at, cursor.match(_FIRST, "the quantity and the format")
+    """The channel of a block, or None where it is a velocity or a displacement."""
+    text = cursor.header(_TEXT)
+    first = text.match(1, _FIRST, "the quantity and the format")
     if int(first[3]) != _TEXT:
-        raise UnreadableRecord(f"line {start + 1} must state {_TEXT} text lines, but states {first[3]}")
-    text = cursor.skip(_TEXT - 1, "the end of the text header")
-    _header(cursor, "integer", "I")
-    reals = _header(cursor, "real", "F")
-    for _ in range(int(cursor.match(r"^\s*(\d+)\s+comment line", "the number of comment lines")[1])):
-        if not cursor.next("the end of the comments").lstrip().startswith("|"):
-            raise UnreadableRecord(f"line {cursor.at} must be a comment with '|'")
-    line = cursor.peek()
-    data = cursor.match(_DATA, "number, length, unit and format of the samples")
-    if "count" in data[4].lower() or first[1].lower() == "raw":
-        raise UnreadableRecord(
-            f"line {cursor.at} states counts of the instrument: a file in a unit of acceleration is needed"
-        )
-    at, (columns, width, _) = cursor.at, fortran(line, cursor.at)
-    values = cursor.fixed(int(data[1]), columns, width, "samples")
-    cursor.match(r"^\W*end-?\s?of-?\s?data", "the end of the data")
-    if not data[2].lower().startswith("accel"):
+        raise UnreadableRecord(f"{text.where(1)} must state {_TEXT} text lines, but states {first[3]}")
+    _header(cursor, "integer")
+    reals = _header(cursor, "real")
+    cursor.comments(int(cursor.match(rf"^\s*({WHOLE})\s+comment line", "the number of comment lines")[1]))
+    quantity, own, values = _samples(cursor)
+    # Velocities and displacements are read all the same: a file damaged there is refused.
+    if not quantity.lower().startswith("accel"):
         return None
-    stated = unit_of(data[4], at)
     dt = _step(reals, len(values))
-    _agree(values, dt, reals, text, stated, start)
-    component, name = _words(text)
-    notes = ("uncorrected: an offset and a drift are left in it",) if first[1].lower() != "corrected" else ()
-    event = re.sub(r"^r(?:ecord|crd) of\s+", "", " ".join(text[0].split()), flags=re.IGNORECASE)
-    factor = FACTORS[chosen(stated, unit)]
+    _agree(values, dt, reals, text, own)
+    component, name = _words(text.lines)
+    notes = () if first[1].lower() == "corrected" else ("uncorrected: an offset and a drift are left in it",)
+    event = re.sub(r"^r(?:ecord|crd) of\s+", "", " ".join(text.lines[1].split()), flags=re.IGNORECASE)
+    factor = FACTORS[chosen(unit_of(own, cursor.at), unit)]
     return Channel(values * factor, dt, component, f"{name}/{component}".strip("/"), event, notes)
 
 
-def _header(cursor: Cursor, what: str, letter: str) -> np.ndarray:
+def _samples(cursor: Cursor) -> tuple[str, str, np.ndarray]:
+    """Quantity, unit and numbers of a block."""
+    line = cursor.peek()
+    data = cursor.match(_DATA, "number, length, unit and format of the samples")
+    if "count" in data[4].lower() or data[2].lower().startswith("raw"):
+        raise UnreadableRecord(
+            f"line {cursor.at} states counts of the instrument: a file in a unit of acceleration is needed"
+        )
+    columns, width, _ = fortran(line, cursor.at)
+    values = cursor.fixed(int(data[1]), columns, width, "samples")
+    cursor.match(r"^\W*end-?\s?of-?\s?data", "the end of the data")
+    return data[2], data[4], values
+
+
+def _header(cursor: Cursor, what: str) -> np.ndarray:
     """One of the two headers of numbers. A field that is full can touch its neighbour."""
     line = cursor.peek()
     stated = cursor.match(
-        rf"^\s*(\d+)\s+{what}-header values follow on\s+(\d+)\s+lines", f"the {what} header"
+        rf"^\s*({WHOLE})\s+{what}-header values follow on\s+({WHOLE})\s+lines", f"the {what} header"
     )
-    columns, width, _ = fortran(line, cursor.at)
+    _, width, _ = fortran(line, cursor.at)
     values: list[float] = []
     for _ in range(int(stated[2])):
         row = cursor.next(f"the end of the {what} header").rstrip()
@@ -103,37 +109,31 @@ def _step(reals: np.ndarray, count: int) -> float:
     if not _known(reals[_STEP]) or reals[_STEP] <= 0.0:
         raise UnreadableRecord(f"real number {_STEP + 1} must be the step in ms, but is {reals[_STEP]:g}")
     dt = float(reals[_STEP]) / 1000.0
+    # n or n - 1 steps, by agency.
     if _known(reals[_LENGTH]):
         agree(count * dt, float(reals[_LENGTH]), "the length in s", tolerance=1.5 * dt)
     return dt
 
 
-def _agree(
-    values: np.ndarray, dt: float, reals: np.ndarray, text: Sequence[str], unit: str, start: int
-) -> None:
+def _agree(values: np.ndarray, dt: float, reals: np.ndarray, text: Header, unit: str) -> None:
     """Check the samples against the peak that the text and the header of reals state."""
-    found = re.search(_PEAK, text[9], flags=re.IGNORECASE)
-    if found is None:
-        raise UnreadableRecord(f"line {start + 11} must state the peak and its time, but is {shown(text[9])}")
-    if FACTORS[unit_of(found[2], start + 11)] != FACTORS[unit]:
-        raise UnreadableRecord(f"line {start + 11} and the line above the samples state different units")
-    where = f"line {start + 11}"
-    agree_on_peak(values, Decimal.of(found[1]), where, digit=0.0)
-    agree_on_peak_time(values, dt, Decimal.of(found[3]), where)
+    found = text.match(11, _PEAK, "the peak and its time")
+    if FACTORS[unit_of(found[2], text.start + 11)] != FACTORS[unit_of(unit, text.start + 11)]:
+        raise UnreadableRecord(f"{text.where(11)} and the line above the samples state different units")
+    peak, time = Decimal.of(found[1]), Decimal.of(found[3])
+    # Samples have more digits than the statement.
+    agree_on_peak(values, peak, text.where(11), digit=0.0)
+    agree_on_peak_time(values, dt, time, text.where(11))
     if _known(reals[_PEAK_VALUE]):
-        agree(float(found[1]), float(reals[_PEAK_VALUE]), "the peak", 1.01 * Decimal.of(found[1]).unit)
+        agree(peak.value, float(reals[_PEAK_VALUE]), "the peak", 1.01 * peak.unit)
     if _known(reals[_PEAK_TIME]):
-        agree(
-            float(found[3]),
-            float(reals[_PEAK_TIME]),
-            "the time of the peak",
-            1.01 * Decimal.of(found[3]).unit,
-        )
+        agree(time.value, float(reals[_PEAK_TIME]), "the time of the peak", 1.01 * time.unit)
 
 
 def _words(text: Sequence[str]) -> tuple[str, str]:
     """Component and station."""
-    component = re.search(r"^Sta\s+Cha\w*\s+\S+:\s*(.*?)\s*\(", text[7], flags=re.IGNORECASE)
-    component = component or re.search(r"^Sta\s+Cha\w*:\s*\S+\s+(.*?)\s*\(", text[7], flags=re.IGNORECASE)
-    station = re.search(r"Code:\s*(\S.*?)\s*$", text[3], flags=re.IGNORECASE)
+    # "Sta Chan 1: 90 deg (" and "Sta Cha: 1: 340 deg (".
+    component = re.search(r"^Sta\s+Cha\w*\s+\S+:\s*(.*?)\s*\(", text[8], flags=re.IGNORECASE)
+    component = component or re.search(r"^Sta\s+Cha\w*:\s*\S+\s+(.*?)\s*\(", text[8], flags=re.IGNORECASE)
+    station = re.search(r"Code:\s*(\S.*?)\s*$", text[4], flags=re.IGNORECASE)
     return component[1] if component else "", " ".join(station[1].split()) if station else ""

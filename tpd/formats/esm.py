@@ -1,4 +1,4 @@
-"""ASCII files of the Engineering Strong Motion database (ESM): one component, keys and values above the samples."""
+"""ASCII files of the Engineering Strong Motion database (ESM): one component below keys and values."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, shown
 from tpd.formats.units import FACTORS, chosen, unit_of
 
 _KEYS = ("EVENT_NAME:", "SAMPLING_INTERVAL_S:", "NDATA:", "DATA_TYPE:", "STATION_CODE:")
+_EVENT = ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "EVENT_TIME_HHMMSS")
 _KEY = re.compile(r"^([A-Z][A-Z0-9_/^]*):(.*)$")
 
 
 def is_esm(lines: Sequence[str]) -> bool:
     """Return whether lines are those of an ESM file, sound or not."""
+    # Several keys: one may be damaged.
     return sum(line.startswith(_KEYS) for line in lines[:64]) >= 2
 
 
@@ -27,35 +29,26 @@ def read_esm(cursor: Cursor, unit: str | None) -> list[Channel]:
         UnreadableRecord: the file is damaged, contradicts itself, or holds no acceleration.
     """
     head = _head(cursor)
-    _, kind = _value(head, "DATA_TYPE", "")
+    kind = _text(head, "DATA_TYPE")
     if kind.upper() != "ACCELERATION":
         raise UnreadableRecord(f"DATA_TYPE must be ACCELERATION, but is {shown(kind)}")
-    line, text = _value(head, "UNITS", "")
-    stated = unit_of(text, line)
-    count = _number(head, "NDATA")
-    step = _number(head, "SAMPLING_INTERVAL_S")
-    if count is None or step is None:
-        raise UnreadableRecord("the header must state NDATA and SAMPLING_INTERVAL_S, but does not")
+    stated = unit_of(_text(head, "UNITS"), head.get("UNITS", (0, ""))[0])
+    count, step = _number(head, "NDATA"), _number(head, "SAMPLING_INTERVAL_S")
+    if count is None or step is None or count.unit != 1.0:
+        raise UnreadableRecord("the header must state a whole NDATA, and SAMPLING_INTERVAL_S, but does not")
     values = _samples(cursor)
-    if count.unit != 1.0:
-        raise UnreadableRecord(f"NDATA must be a whole number, but is {count.value:g}")
     agree_on_count(int(count.value), len(values), "NDATA")
     _agree(values, step.value, head, stated)
-    component, name = (
-        _value(head, "STREAM", "")[1],
-        ".".join(_value(head, k, "")[1] for k in ("NETWORK", "STATION_CODE")),
-    )
-    event = " ".join(
-        _value(head, key, "")[1] for key in ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "EVENT_TIME_HHMMSS")
-    )
-    baseline = _value(head, "BASELINE_CORRECTION", "")[1].upper()
-    notes = (
-        ()
-        if "NOT" not in baseline and "REMOVED" in baseline
-        else ("uncorrected: the baseline is not removed",)
-    )
+    component, event = _text(head, "STREAM"), _text(head, *_EVENT)
+    name = f"{_text(head, 'NETWORK')}.{_text(head, 'STATION_CODE')}/{component}"
     factor = FACTORS[chosen(stated, unit)]
-    return [Channel(values * factor, step.value, component, f"{name}/{component}", event.strip(), notes)]
+    return [Channel(values * factor, step.value, component, name, event, _notes(head))]
+
+
+def _notes(head: dict[str, tuple[int, str]]) -> tuple[str, ...]:
+    baseline = _text(head, "BASELINE_CORRECTION").upper()
+    removed = "REMOVED" in baseline and "NOT" not in baseline
+    return () if removed else ("uncorrected: the baseline is not removed",)
 
 
 def _head(cursor: Cursor) -> dict[str, tuple[int, str]]:
@@ -69,13 +62,14 @@ def _head(cursor: Cursor) -> dict[str, tuple[int, str]]:
     return head
 
 
-def _value(head: dict[str, tuple[int, str]], key: str, default: str) -> tuple[int, str]:
-    return head.get(key, (0, default))
+def _text(head: dict[str, tuple[int, str]], *keys: str) -> str:
+    """The values of keys, where there are any."""
+    return " ".join(head[key][1] for key in keys if key in head).strip()
 
 
 def _number(head: dict[str, tuple[int, str]], key: str) -> Decimal | None:
     """The number of a key, or None where there is none."""
-    line, text = _value(head, key, "")
+    line, text = head.get(key, (0, ""))
     if not text:
         return None
     if not re.fullmatch(NUMBER, text):
@@ -86,6 +80,7 @@ def _number(head: dict[str, tuple[int, str]], key: str) -> Decimal | None:
 def _samples(cursor: Cursor) -> np.ndarray:
     """One sample a line."""
     first = cursor.at
+    # A line with two numbers is one of another file.
     values = cursor.free("the samples")
     if len(values) != sum(bool(line.strip()) for line in cursor.lines[first:]):
         raise UnreadableRecord(f"the lines from {first + 1} on must hold one sample each")
@@ -96,6 +91,7 @@ def _samples(cursor: Cursor) -> np.ndarray:
 def _agree(values: np.ndarray, dt: float, head: dict[str, tuple[int, str]], unit: str) -> None:
     """Check length, peak and time of the peak, as far as the header states them."""
     length, peak, time = (_number(head, key) for key in ("DURATION_S", "PGA_CM/S^2", "TIME_PGA_S"))
+    # Values of keys may be left out.
     if length is not None:
         agree(len(values) * dt, length.value, "the length in s", 1.01 * dt + length.unit)
     if peak is not None and values.size:

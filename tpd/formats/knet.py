@@ -1,4 +1,4 @@
-"""ASCII files of K-NET and KiK-net, of the Japanese institute NIED: one component, whole numbers with a factor."""
+"""ASCII files of K-NET and KiK-net (NIED, Japan): one component, whole numbers with a factor."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tpd.formats.channel import Channel, agree_on_count, agree_on_peak
-from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, number, shown
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, number, shown
 from tpd.formats.units import FACTORS, chosen, unit_of
 
 _KEYS = (
@@ -50,34 +50,35 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
     Raises:
         UnreadableRecord: the file is damaged or contradicts itself.
     """
+    head = _head(cursor)
+    rate = int(_stated(head, "Sampling Freq(Hz)", rf"({WHOLE})\s*Hz")[1])
+    length = float(_stated(head, "Duration Time(s)", rf"({NUMBER})")[1])
+    scale = _stated(head, "Scale Factor", rf"({NUMBER})\((\w+)\)/({NUMBER})")
+    if rate == 0 or float(scale[3]) == 0.0 or length > 1e6:
+        raise UnreadableRecord("sampling frequency, duration and scale factor must be those of a record")
+    # No number of samples is stated, but the duration is one of whole seconds.
+    counts = _counts(cursor)
+    agree_on_count(round(length * rate), len(counts), "the header (frequency and duration)")
+    values = counts * (float(scale[1]) / float(scale[3]))
+    stated = unit_of(scale[2], _KEYS.index("Scale Factor") + 1)
+    # The peak is stated of the samples without their mean.
+    gal = (values - values.mean()) * (FACTORS[stated] / FACTORS["gal"])
+    peak = Decimal.of(_stated(head, "Max. Acc. (gal)", rf"({NUMBER})")[1])
+    agree_on_peak(np.abs(gal), peak, "Max. Acc. (gal)", digit=peak.unit)
+    component, notes = _direction(head["Dir."])
+    name, event = f"{head['Station Code']}/{component}", f"{head['Origin Time']} M{head['Mag.']}"
+    return [Channel(values * FACTORS[chosen(stated, unit)], 1.0 / rate, component, name, event, notes)]
+
+
+def _head(cursor: Cursor) -> dict[str, str]:
+    """Values of all keys, which stand in a fixed order."""
     head: dict[str, str] = {}
     for key in _KEYS:
         line = cursor.next(key)
         if not line.startswith(key):
             raise UnreadableRecord(f"line {cursor.at} must state {key!r}, but is {shown(line)}")
         head[key] = line[_WIDTH:].strip()
-    rate = _stated(head, "Sampling Freq(Hz)", r"(\d+)\s*Hz")
-    length = _stated(head, "Duration Time(s)", rf"({NUMBER})")
-    scale = _stated(head, "Scale Factor", rf"({NUMBER})\((\w+)\)/({NUMBER})")
-    peak = _stated(head, "Max. Acc. (gal)", rf"({NUMBER})")
-    stated = unit_of(scale[2], _KEYS.index("Scale Factor") + 1)
-    if int(rate[1]) == 0 or float(scale[3]) == 0.0:
-        raise UnreadableRecord(
-            "the sampling frequency and the divisor of the scale factor must be above zero"
-        )
-    counts = _counts(cursor)
-    agree_on_count(round(float(length[1]) * int(rate[1])), len(counts), "the header (frequency and duration)")
-    values = counts * (float(scale[1]) / float(scale[3]))
-    # The peak is stated of the samples without their mean.
-    gal = values * (FACTORS[stated] / FACTORS["gal"])
-    one = Decimal.of(peak[1])
-    agree_on_peak(np.abs(gal - gal.mean()), one, "Max. Acc. (gal)", digit=one.unit)
-    component, notes = _direction(head["Dir."])
-    event = f"{head['Origin Time']} M{head['Mag.']}"
-    name = f"{head['Station Code']}/{component}"
-    return [
-        Channel(values * FACTORS[chosen(stated, unit)], 1.0 / int(rate[1]), component, name, event, notes)
-    ]
+    return head
 
 
 def _stated(head: dict[str, str], key: str, pattern: str) -> re.Match[str]:
@@ -93,6 +94,7 @@ def _counts(cursor: Cursor) -> np.ndarray:
     while not cursor.only_blank_lines_follow():
         line = cursor.next("the samples").rstrip()
         row = [line[i : i + _COLUMN] for i in range(0, len(line), _COLUMN)]
+        # The blank at the end of a line may be stripped.
         short = len(line) % _COLUMN not in (0, _COLUMN - 1)
         if short or any(not re.fullmatch(r"\s*-?\d+\s?", field) for field in row):
             raise UnreadableRecord(

@@ -6,13 +6,13 @@ import re
 from collections.abc import Sequence
 
 from tpd.formats.channel import Channel, agree_on_count
-from tpd.formats.text import NUMBER, Cursor, UnreadableRecord, shown
+from tpd.formats.text import NUMBER, WHOLE, Cursor, UnreadableRecord, shown
 from tpd.formats.units import FACTORS, chosen, unit_of
 
 _QUANTITY = re.compile(r"(\w+)\s+TIME\s+(?:HISTORY|SERIES)(?:\s+IN\s+UNITS?\s+OF\s*(\S*))?", re.IGNORECASE)
 _COUNT_AND_STEP = re.compile(
-    rf"NPTS\s*=\s*(\d+)\s*,?\s*DT\s*=\s*({NUMBER})\s*(?:SEC|S)?\b\s*,?\s*$"
-    rf"|^\s*(\d+)\s+({NUMBER})\s+NPTS\s*,\s*DT\s*$",
+    rf"NPTS\s*=\s*({WHOLE})\s*,?\s*DT\s*=\s*({NUMBER})\s*(?:SEC|S)?\b\s*,?\s*$"
+    rf"|^\s*({WHOLE})\s+({NUMBER})\s+NPTS\s*,\s*DT\s*$",
     re.IGNORECASE,
 )
 _HEAD = 6
@@ -31,24 +31,30 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
         UnreadableRecord: the file is damaged, contradicts itself, or holds no acceleration.
     """
     head = _head(cursor)
-    quantities = [(i, found) for i, line in enumerate(head, 1) if (found := _QUANTITY.search(line))]
-    if not quantities:
-        raise UnreadableRecord(
-            "the header must state ACCELERATION TIME SERIES IN UNITS OF a unit, but does not"
-        )
-    line, quantity = quantities[0]
-    if quantity[1].upper() != "ACCELERATION":
-        raise UnreadableRecord(f"line {line} must state an ACCELERATION, but is {shown(head[line - 1])}")
-    stated = unit_of(quantity[2] or "", line)
+    line, stated = _unit(head)
     numbers = _COUNT_AND_STEP.search(head[-1])
     if numbers is None:
         raise UnreadableRecord(f"line {len(head)} must state NPTS and DT in s, but is {shown(head[-1])}")
     count, dt = int(numbers[1] or numbers[3]), float(numbers[2] or numbers[4])
+    # In columns of Fortran mostly, but programs that imitate the format set numbers apart by blanks.
     values = cursor.free("the samples")
     cursor.require_end()
     agree_on_count(count, len(values), f"line {len(head)}")
     event, name = _words(head, line)
     return [Channel(values * FACTORS[chosen(stated, unit)], dt, "", name, event)]
+
+
+def _unit(head: Sequence[str]) -> tuple[int, str]:
+    """The line with the quantity, from 1, and the unit that it states."""
+    found = [(i, match) for i, line in enumerate(head, 1) if (match := _QUANTITY.search(line))]
+    if not found:
+        raise UnreadableRecord(
+            "the header must state ACCELERATION TIME SERIES IN UNITS OF a unit, but does not"
+        )
+    line, quantity = found[0]
+    if quantity[1].upper() != "ACCELERATION":
+        raise UnreadableRecord(f"line {line} must state an ACCELERATION, but is {shown(head[line - 1])}")
+    return line, unit_of(quantity[2] or "", line)
 
 
 def _head(cursor: Cursor) -> list[str]:
@@ -65,5 +71,6 @@ def _words(head: Sequence[str], line: int) -> tuple[str, str]:
     """Event and name: the line above that of the unit is "event[, date], station, component"."""
     title = " ".join(head[line - 2].split()) if line > 1 else ""
     parts = [part.strip() for part in title.split(",")]
+    # Names of events may be followed by a date, which tells events of one name apart.
     dated = len(parts) > 2 and re.search(r"\d/\d", parts[1])
     return (", ".join(parts[:2]), ", ".join(parts[2:])) if dated else (parts[0], ", ".join(parts[1:]))

@@ -94,6 +94,7 @@ def _content(file: Path) -> bytes:
     if file.is_dir():
         raise UnreadableRecord("a directory is no file of ground motion")
     try:
+        # One byte more than allowed shows that there are more.
         with file.open("rb") as stream:
             data = stream.read(_MOST + 1)
     except OSError as error:
@@ -112,6 +113,7 @@ def _content(file: Path) -> bytes:
 
 
 def _of_bytes(data: bytes, dt: float | None, unit: str | None) -> list[Channel]:
+    # No format of text has control characters: damage of one byte is damage.
     if _BINARY.search(data):
         return read_waveforms(data, unit)
     text = data.rstrip(b"\x1a")
@@ -121,8 +123,10 @@ def _of_bytes(data: bytes, dt: float | None, unit: str | None) -> list[Channel]:
         # Names of stations of older files; every byte is a character there.
         decoded = text.decode("latin-1")
     lines = re.split(r"\r\n|\n|\r", decoded)
-    ended = lines[-1] == ""
-    cursor = Cursor(lines[:-1] if ended else lines, ended)
+    whole = lines[-1] == ""
+    # Where 0x1a ends the file, its last line may have no end of its own.
+    cursor = Cursor(lines[:-1] if whole else lines, ended=whole or text != data)
+    # A reader that recognises a file keeps it, sound or not: a damaged one must not pass for a table.
     for known, reader in _FORMATS:
         if known(cursor.lines):
             return reader(cursor, unit)

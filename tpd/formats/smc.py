@@ -24,6 +24,7 @@ _DIGITS = 4
 
 def is_smc(lines: Sequence[str]) -> bool:
     """Return whether lines are those of an SMC file, sound or not."""
+    # The stars of lines 2 and 9 to 11 survive a damaged title.
     starred = sum(line.strip() == "*" for line in lines[:_TEXT]) >= 2
     named = bool(_KINDS.match(lines[0]) or _OTHER.match(lines[0]))
     return starred or (named and lines[0].strip()[:1].isdigit())
@@ -43,34 +44,27 @@ def read_smc(cursor: Cursor, unit: str | None) -> list[Channel]:
         raise UnreadableRecord(f"lines 2 and {_TEXT} must be '*': the text header is damaged")
     integers = cursor.fixed(8 * _INTEGERS, 8, 10, "integers")
     reals, printed = _reals(cursor)
-    count, comments = _whole(integers, _COUNT, "samples"), _whole(integers, _COMMENTS, "comment lines")
-    for _ in range(comments):
-        if not cursor.next("the end of the comments").startswith("|"):
-            raise UnreadableRecord(f"line {cursor.at} must be a comment with '|', of {comments} stated")
-    rate = reals[_RATE]
+    # The rate comes before the samples: those of a film are pairs of time and acceleration.
+    dt = _step(reals[_RATE])
+    cursor.comments(_whole(integers, _COMMENTS, "comment lines"))
+    values = cursor.fixed(_whole(integers, _COUNT, "samples"), 8, 10, "samples")
+    cursor.require_end()
+    _agree(values, dt, reals, printed)
+    component, event = _component(integers), " ".join(text[3].split())
+    notes = () if not kind[2] else ("uncorrected: an offset and a drift are left in it",)
+    factor = FACTORS[chosen("cm/s2", unit)]
+    return [Channel(values * factor, dt, component, f"{_station(text[5])}/{component}", event, notes)]
+
+
+def _step(rate: float) -> float:
+    """The step in s of samples at a rate in 1/s."""
     if rate > _UNKNOWN_REAL:
         raise UnreadableRecord(
             "the header states no rate: the samples are at unequal times, read from a film"
         )
     if not 1.0 <= rate <= 1e5:
         raise UnreadableRecord(f"the header must state a rate of 1 to 1e5 samples/s, but states {rate:g}")
-    if cursor.peek().startswith("|"):
-        raise UnreadableRecord(f"line {cursor.line} is a comment beyond the {comments} stated")
-    values = cursor.fixed(count, 8, 10, "samples")
-    cursor.require_end()
-    _agree(values, 1.0 / rate, reals, printed)
-    component = _component(integers)
-    notes = () if not kind[2] else ("uncorrected: an offset and a drift are left in it",)
-    return [
-        Channel(
-            values * FACTORS[chosen("cm/s2", unit)],
-            1.0 / rate,
-            component,
-            f"{_station(text[5])}/{component}",
-            " ".join(text[3].split()),
-            notes,
-        )
-    ]
+    return 1.0 / rate
 
 
 def _reals(cursor: Cursor) -> tuple[list[float], list[str]]:
@@ -102,6 +96,7 @@ def _agree(values: np.ndarray, dt: float, reals: list[float], printed: list[str]
         # The extreme of one sign: the other one is cut off.
         half = np.maximum(sign * values, 0.0)
         stated = Decimal.of(printed[place])
+        # Samples have one digit before the point, and their last one depends on the exponent.
         digit = 10.0 ** (np.floor(np.log10(max(abs(stated.value), 1e-30))) - _DIGITS)
         where = "the header"
         agree_on_peak(sign * half, stated, where, digit=float(digit))

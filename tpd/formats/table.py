@@ -1,7 +1,7 @@
 """Tables of text: two columns, time in s and acceleration, or one of accelerations.
 
-Lines at the top that begin with no number are the header. It states the unit in brackets, after the word "unit" or
-as a cell of its own, and may state the step of one column: "dt = 0.01 s".
+Lines at the top that begin with no number are the header. It states the unit in brackets, after the word
+"unit" or as a cell of its own, and may state the step of one column: "dt = 0.01 s".
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from tpd.formats.units import FACTORS, chosen, plain
 
 _SEPARATOR = re.compile(r"\s*[,;]\s*|\s+")
 _LONGEST_HEADER = 20
+_FINE = 0.1
+"""Greatest last digit of rounded times, in steps: coarser ones cannot show that steps are equal."""
 _SECONDS = ("s", "sec", "secs", "second", "seconds")
 _OTHER_TIMES = ("ms", "msec", "min", "minutes", "milliseconds", "us")
 
@@ -57,8 +59,8 @@ def _head(cursor: Cursor) -> list[str]:
         head.append(cursor.next("the first number"))
         if len(head) > _LONGEST_HEADER:
             raise UnreadableRecord(
-                f"no known format: the first {_LONGEST_HEADER} lines hold no number, and are no header of a file of "
-                "ground motion"
+                f"no known format: the first {_LONGEST_HEADER} lines hold no number, and are no header of a "
+                "file of ground motion"
             )
     return head
 
@@ -75,6 +77,7 @@ def _rows(cursor: Cursor) -> tuple[list[list[str]], int]:
             raise UnreadableRecord(
                 f"line {cursor.at} must have {allowed}, but has {len(cells)}: {shown(line)}"
             )
+        # Checked here, since the columns are taken apart only later.
         for cell in cells:
             number(cell, cursor.at)
         rows.append(cells)
@@ -102,6 +105,7 @@ def _candidates(line: str) -> list[str]:
     bare = line.strip().lstrip("#%/!").strip()
     bracketed = re.findall(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]", bare)
     named = re.findall(r"\bunits?\b\s*(?:of\b|in\b|:|=)?\s*([^\s,;]+)", bare, flags=re.IGNORECASE)
+    # Columns are named in cells of their own, such as "time, m/s2".
     cells = re.split(r"\s*[,;\t]\s*|\s{2,}", bare)
     words = bare.split()
     # "s g" and "s m/s2": nothing but units.
@@ -134,20 +138,18 @@ def _equal(times: Sequence[Decimal], first: int, stated: float | None) -> float:
     dt = float(f"{(t[-1] - t[0]) / (len(t) - 1):.12g}")
     # Zeros at the end may be left out: the finest digit of all is that of the table.
     digit = min(time.unit for time in times)
-    steps, margin = np.diff(t), 1.01 * digit + 1e-9 * float(np.max(np.abs(t)))
-    far = np.flatnonzero((np.abs(steps - dt) > margin) | (steps <= 0.0))
-    if dt <= 0.0 or far.size:
-        i = int(far[0]) if far.size else 0
-        usual = float(np.median(steps))
+    steps, noise = np.diff(t), 1e-9 * float(np.max(np.abs(t)))
+    off = np.abs(steps - dt) > noise
+    if digit <= _FINE * dt:
+        # Times such as 0.00333 and 0.00667 are rounded: they lie on a line within a digit.
+        off &= np.abs(t[1:] - t[0] - dt * np.arange(1, len(t))) > 1.01 * digit + noise
+    off |= steps <= 0.0
+    if dt <= 0.0 or off.any():
+        i = int(np.argmax(off))
         raise UnreadableRecord(
-            f"the times must have equal steps, but from line {first + i} to the next time goes {steps[i]:g} s, and "
-            f"usually {usual:g} s"
+            f"the times must have equal steps, but the one after line {first + i} is {steps[i]:g} s, and the "
+            f"usual one {float(np.median(steps)):g} s"
         )
-    # A time of a missing sample is wrong by a whole step.
-    if margin > 0.75 * dt:
-        raise UnreadableRecord(
-            f"times printed to {digit:g} s are too coarse to show that steps of {dt:g} s are equal"
-        )
-    if stated is not None and abs(stated - dt) > margin:
+    if stated is not None and abs(stated - dt) > 1e-6 * dt:
         raise UnreadableRecord(f"the header states a step of {stated:g} s, but that of the times is {dt:g} s")
     return dt

@@ -1,7 +1,8 @@
-"""Lines and numbers of a text file. Whatever is not as it should be is an `UnreadableRecord` of one sentence."""
+"""Lines and numbers of a text file. Whatever is not as it should be is an `UnreadableRecord`."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d{1,3})?"
+WHOLE = r"\d{1,9}"
+"""A count. Python refuses to convert thousands of digits."""
 _NUMBER = re.compile(NUMBER)
 _LONGEST = 50
 """Most characters of a file in a message."""
@@ -29,9 +32,11 @@ class Decimal:
     @staticmethod
     def of(text: str) -> Decimal:
         """Return the number of a text that `NUMBER` matches."""
+        # Fortran writes exponents of double precision with a D.
         mantissa, _, exponent = text.lower().replace("d", "e").partition("e")
         decimals = len(mantissa.partition(".")[2])
-        return Decimal(float(text.lower().replace("d", "e")), 10.0 ** (int(exponent or 0) - decimals))
+        # As text: a power of 10.0 fails beyond the greatest float, where this is infinite.
+        return Decimal(float(text.lower().replace("d", "e")), float(f"1e{int(exponent or 0) - decimals}"))
 
 
 def shown(text: str) -> str:
@@ -42,9 +47,32 @@ def shown(text: str) -> str:
 
 def number(text: str, line: int) -> float:
     """Return a finite number. Python would take "nan", "1_000" and others as well."""
-    if not _NUMBER.fullmatch(text.strip()):
+    value = float(text.lower().replace("d", "e")) if _NUMBER.fullmatch(text.strip()) else math.nan
+    if not math.isfinite(value):
         raise UnreadableRecord(f"line {line} must hold numbers, but has {shown(text)}")
-    return float(text.lower().replace("d", "e"))
+    return value
+
+
+@dataclass(frozen=True)
+class Header:
+    """Lines of text above samples."""
+
+    lines: Sequence[str]
+    start: int
+    """Lines of the file above them."""
+
+    def match(self, line: int, pattern: str, what: str) -> re.Match[str]:
+        """Return the match of a pattern, whatever the case, in a line, counted from 1."""
+        found = re.search(pattern, self.lines[line - 1], flags=re.IGNORECASE)
+        if found is None:
+            raise UnreadableRecord(
+                f"{self.where(line)} must state {what}, but is {shown(self.lines[line - 1])}"
+            )
+        return found
+
+    def where(self, line: int) -> str:
+        """Return the place of a line in the file, in words."""
+        return f"line {self.start + line}"
 
 
 @dataclass
@@ -72,6 +100,17 @@ class Cursor:
         self.at += 1
         return self.lines[self.at - 1]
 
+    def header(self, n: int) -> Header:
+        """Return the next n lines as a header."""
+        start = self.at
+        return Header(self.skip(n, "the end of the text header"), start)
+
+    def comments(self, n: int) -> None:
+        """Pass n comments, of a line each."""
+        for _ in range(n):
+            if not self.next("the end of the comments").lstrip().startswith("|"):
+                raise UnreadableRecord(f"line {self.at} must be a comment with '|', of {n} stated")
+
     def skip(self, n: int, what: str) -> list[str]:
         """Return the next n lines."""
         return [self.next(what) for _ in range(n)]
@@ -81,15 +120,16 @@ class Cursor:
         return not any(line.strip() for line in self.lines[self.at :])
 
     def require_end(self) -> None:
-        """Raise `UnreadableRecord` unless the file ends here, with the end of a line: a number at the end of a
-        file may have been cut."""
+        """Raise `UnreadableRecord` unless the file ends here, with the end of a line: a number at the end of
+        a file may have been cut."""
         if not self.only_blank_lines_follow():
             raise UnreadableRecord(
                 f"line {self.line} must be the end of the file, but is {shown(self.peek())}"
             )
         if not self.ended:
             raise UnreadableRecord(
-                f"the last line, {len(self.lines)}, must end with a line break, but does not: the file may be cut"
+                f"the last line, {len(self.lines)}, must end with a line break, but does not: the file may "
+                "be cut"
             )
 
     def match(self, pattern: str, what: str) -> re.Match[str]:
@@ -108,6 +148,8 @@ class Cursor:
         """
         values: list[float] = []
         while len(values) < count:
+            # Right-aligned columns of Fortran: a full line ends with the last digit of its last number,
+            # so that a number that was cut, shifted or lost shows in the length.
             line = self.next(f"all {count} {what} ({len(values)} found)").rstrip()
             expected = min(columns, count - len(values))
             if len(line) != expected * width:
@@ -128,6 +170,7 @@ class Cursor:
 
 def fortran(text: str, line: int) -> tuple[int, int, int]:
     """Return the columns, the width and the digits after the point of a format such as (8F10.5)."""
+    # Without a number of columns there is one.
     found = re.search(r"\(\s*(\d{0,3})\s*[FEGI]\s*(\d{1,2})(?:\.(\d{1,2}))?\s*\)", text, flags=re.IGNORECASE)
     if found is None or int(found[2]) == 0 or found[1] == "0":
         raise UnreadableRecord(f"line {line} must state the format of its numbers, but is {shown(text)}")

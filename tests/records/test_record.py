@@ -1,0 +1,108 @@
+"""The class `Record`: its checks, sizes and scales, and JAX."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tpd import Record
+
+TRIANGLE = [0.0, 1.0, 0.0, -2.0, 0.0]
+
+
+def test_sizes_of_a_record_worked_out_by_hand():
+    record = Record(TRIANGLE, 0.1)
+    assert record.pga == 2.0
+    # From rest: 0.05, 0.1, 0.0, -0.1 m/s by trapezoids.
+    assert record.pgv == pytest.approx(0.1, rel=1e-15)
+    assert record.duration == pytest.approx(0.4, rel=1e-15)
+    assert (record.scale, record.name, record.event, record.notes) == (1.0, "", "", ())
+
+
+def test_scales():
+    record = Record(TRIANGLE, 0.1, name="a", event="b", notes=("c",))
+    twice = record.scaled(2)
+    assert twice.pga == 4.0
+    assert twice.pgv == pytest.approx(0.2, rel=1e-15)
+    assert (twice.name, twice.event, twice.notes) == ("a", "b", ("c",))
+    assert record.scaled(-0.5).pga == 1.0
+    assert record.scaled_to(pga=3.0).pga == pytest.approx(3.0, rel=1e-15)
+    assert twice.scaled_to(pga_g=0.4).pga == pytest.approx(0.4 * 9.80665, rel=1e-15)
+    assert Record([0, 0], 1).pga == 0.0
+
+
+def test_the_samples_are_copied_and_kept():
+    given = np.array(TRIANGLE)
+    record = Record(given, 0.1)
+    given[0] = 7.0
+    assert record.acceleration[0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        record.acceleration[0] = 1.0
+
+
+def test_equal_records():
+    assert Record(TRIANGLE, 0.1) == Record(np.array(TRIANGLE), 0.1)
+    assert Record(TRIANGLE, 0.1) != Record(TRIANGLE, 0.2)
+    assert Record(TRIANGLE, 0.1) != Record(TRIANGLE, 0.1, event="b")
+    assert Record(TRIANGLE, 0.1) != Record(TRIANGLE[:-1], 0.1)
+    assert Record(TRIANGLE, 0.1) != "a record"
+    assert len({Record(TRIANGLE, 0.1), Record(TRIANGLE, 0.1)}) == 1
+
+
+WRONG = {
+    "one sample": (lambda: Record([1.0], 0.1), "an array of two accelerations or more"),
+    "a table": (lambda: Record([[1.0, 2.0]], 0.1), "an array of two accelerations or more"),
+    "nan": (lambda: Record([1.0, float("nan")], 0.1), "all finite"),
+    "words": (lambda: Record(["a", "b"], 0.1), "all finite"),
+    "no step": (lambda: Record(TRIANGLE, 0.0), "`dt` must be positive"),
+    "negative step": (lambda: Record(TRIANGLE, -0.1), "`dt` must be positive"),
+    "a text for a step": (lambda: Record(TRIANGLE, "0.1"), "`dt` must be a number"),
+    "cm/s^2": (lambda: Record([0.0, 312.0], 0.1), "at most 100 m/s.2 at its peak, but is 312 .* cm/s"),
+    "a great scale": (lambda: Record(TRIANGLE, 0.1).scaled(100.0), "at most 100 m/s.2 at its peak"),
+    "scale": (lambda: Record(TRIANGLE, 0.1, scale=float("inf")), "`scale` must be"),
+    "name": (lambda: Record(TRIANGLE, 0.1, name=3), "name"),
+    "notes": (lambda: Record(TRIANGLE, 0.1, notes=("a", 3)), "notes"),
+    "no peak": (lambda: Record(TRIANGLE, 0.1).scaled_to(), "either `pga`"),
+    "both peaks": (lambda: Record(TRIANGLE, 0.1).scaled_to(pga=1.0, pga_g=1.0), "either `pga`"),
+    "negative peak": (lambda: Record(TRIANGLE, 0.1).scaled_to(pga=-1.0), "`pga` must be positive"),
+    "zeros": (lambda: Record([0.0, 0.0], 0.1).scaled_to(pga=1.0), "record of zeros"),
+}
+
+
+@pytest.mark.parametrize("make", WRONG)
+def test_what_is_refused(make):
+    call, message = WRONG[make]
+    # The checker of types of the tests may speak first where a word stands for a tuple or a number.
+    with pytest.raises((ValueError, TypeError), match=message):
+        call()
+
+
+def test_a_record_is_a_pytree_of_its_numbers():
+    record = Record(TRIANGLE, 0.1, name="a", event="b", notes=("c", "d"))
+    assert len(jax.tree.leaves(record)) == 3
+    again = jax.tree.map(lambda x: 2.0 * x, record)
+    assert (again.name, again.event, again.notes) == ("a", "b", ("c", "d"))
+    assert (again.dt, again.scale) == (0.2, 2.0)
+    paths = [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_leaves_with_path(record)]
+    assert paths == [".acceleration", ".dt", ".scale"]
+
+
+def test_jit_gradients_and_batches():
+    record = Record(TRIANGLE, 0.1)
+    assert jax.jit(lambda r: r.pgv)(record) == pytest.approx(record.pgv, rel=1e-15)
+    slopes = jax.grad(lambda r: r.scaled(3.0).pga)(record)
+    np.testing.assert_allclose(slopes.acceleration, [0.0, 0.0, 0.0, -3.0, 0.0])
+    assert slopes.scale == pytest.approx(6.0)
+    scaled = jax.vmap(lambda pga: record.scaled_to(pga=pga).pga)(jnp.array([1.0, 3.0]))
+    np.testing.assert_allclose(scaled, [1.0, 3.0], rtol=1e-15)
+    made = jax.jit(lambda a: Record(a, 0.1).duration)(jnp.array(TRIANGLE))
+    assert made == pytest.approx(0.4, rel=1e-15)
+
+
+def test_fields_are_kept_by_replace():
+    record = dataclasses.replace(Record(TRIANGLE, 0.1, scale=2.0), name="new")
+    assert (record.name, record.pga) == ("new", 4.0)
