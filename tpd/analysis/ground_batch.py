@@ -38,6 +38,7 @@ def rows_of(
     """Parameters of the compiled code for each of the motions at its own size, shape (motions, 9)."""
     every = []
     for motion in motions:
+        # Numbers of NumPy throughout: no program is compiled for them.
         p = Scene(block, motion, gravity).ground_parameters(pendulum)
         piece = 2.0 * np.pi / p.xi
         every.append((p.nu, p.mu, p.lam, p.zeta, p.k, p.f, piece, p.inertia_ratio, p.velocity_ratio))

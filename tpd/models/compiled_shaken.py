@@ -122,6 +122,7 @@ def _called(slopes: bool, *operands: Any) -> Any:
     def through_host(*a: Any) -> Any:
         return jax.pure_callback(_on_host, _shapes(slopes), *a, vmap_method="broadcast_all")
 
+    # Elsewhere than on the processor the motion is followed on the host all the same.
     if not direct:
         return through_host(*wide)
     if all(device.platform == "cpu" for device in jax.devices()):
@@ -142,6 +143,7 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     xs, ys, samples, times = (_zeros_of(t) for t in tangents)
     moved = by @ jnp.concatenate([xs, ys])
     # The state goes on for longer where the free time grows.
+    # Angles move with their rates, and rates with the accelerations.
     rates = jnp.concatenate([out[8:10], out[17:19]])
     state = moved[3:7] + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[3]
     angles = jnp.stack([moved[:3], jnp.zeros(3)], axis=1).ravel()
@@ -223,6 +225,7 @@ def follow_all(
     from tpd.models import shaken_entry as entry
 
     n, lengths = len(parameters), np.array([len(r) for r in records])
+    # All records lie one after another; a motion knows the row of its first piece.
     firsts = np.cumsum(lengths) - lengths
     pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in records]))
     settings = np.zeros((n, entry.SETTINGS))

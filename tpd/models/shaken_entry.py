@@ -33,6 +33,7 @@ def _run(a, first, last):
     tally, mode, y, none = np.empty(TALLY), np.zeros(4), np.empty(4), np.empty((0, LEG))
     for r in range(first, last):
         n, begin, inputs, most = int(s[r, 1]), int(s[r, 2]), int(s[r, 6]), int(s[r, 5])
+        # XLA gives every motion a copy of its record, the host one place for all.
         begin = r * n if begin < 0 else begin
         c = table(a[3], begin + n, 4)[begin:]
         # Of memory that nothing is written to the system gives none.
@@ -42,6 +43,7 @@ def _run(a, first, last):
         status = follow(x[r], plants[0], c, n, y, s[r, 3], s[r, 4], most, s[r, 7] != 0.0, tally, legs, mode)
         put_results(plants[0], n, s[r, 3], y, mode, tally, status, out[r])
         if inputs > 0:
+            # Directions that are not asked for stay zero.
             by = carray(pointer(a[5]), (last, ROWS, INPUTS), np.float64)[r]
             for i in range(ROWS):
                 for j in range(INPUTS):
