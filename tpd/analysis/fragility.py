@@ -64,8 +64,8 @@ class Fragility:
     after an overturning, NaN where nothing is known."""
     first_crossings: dict[str, tuple[float, float]]
     """By damage state: median of the lowest stripes that reach it, bare and with the pendulum, if any
-    (infinite if fewer than half of the motions do). It depends on the stripes, and lies below the median of the curve
-    where a larger motion may do less."""
+    (infinite if fewer than half of the motions do). It depends on the stripes, and lies below the median of
+    the curve where a larger motion may do less."""
     changed: tuple[float, float] | None
     """Share of the runs whose verdict on overturning the nonlinear equations change, bare and hung."""
 

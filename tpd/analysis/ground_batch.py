@@ -83,9 +83,8 @@ def follow_scaled(
         )
     checks.not_negative("factors", factors)
     checks.not_negative("free", free)
-    which = np.broadcast_to(
-        np.arange(len(motions)).reshape(-1, *[1] * (factors.ndim - 1)), factors.shape
-    ).ravel()
+    # Rows of one record stand together, so that a thread finds its samples in the cache.
+    which = np.repeat(np.arange(len(motions)), factors[0].size)
     x = rows_of(block, pendulum, motions, gravity)[which]
     x[:, 5] *= factors.ravel()
     records = [np.asarray(m.pieces(), dtype=float) for m in motions]
