@@ -32,18 +32,24 @@ if TYPE_CHECKING:
     from tpd.analysis.attractors import attractors as attractors
     from tpd.analysis.auto import Auto as Auto
     from tpd.analysis.compare_models import check as check
+    from tpd.analysis.critical_scale import critical_scale as critical_scale
     from tpd.analysis.design_map import design_map as design_map
     from tpd.analysis.ensemble import Ensemble as Ensemble
+    from tpd.analysis.fragility import fragility as fragility
+    from tpd.analysis.overturning_spectrum import overturning_spectrum as overturning_spectrum
     from tpd.analysis.paired import verdict as verdict
     from tpd.analysis.periodic_orbit import periodic_orbit as periodic_orbit
     from tpd.analysis.response import branches as branches
     from tpd.analysis.response import settled_response as settled_response
+    from tpd.analysis.rocking_spectrum import rocking_spectrum as rocking_spectrum
     from tpd.analysis.steady_state import simulate as simulate
     from tpd.analysis.steady_state import steady_state as steady_state
     from tpd.analysis.symmetric_orbits import symmetric_orbits as symmetric_orbits
+    from tpd.analysis.transient import transient as transient
     from tpd.core.batch import in_chunks as in_chunks
     from tpd.core.conditions import Conditions as Conditions
     from tpd.core.equations import Terms as Terms
+    from tpd.core.ground_motion import Pulse as Pulse
     from tpd.core.parameters import Parameters as Parameters
     from tpd.core.record import Record as Record
     from tpd.core.scene import Block as Block
@@ -79,6 +85,7 @@ _HOMES = {
     "Parameters": "core.parameters",
     "Pendulum": "core.scene",
     "Piecewise": "models.piecewise",
+    "Pulse": "core.ground_motion",
     "Record": "core.record",
     "Risk": "design.criteria",
     "Scene": "core.scene",
@@ -91,17 +98,22 @@ _HOMES = {
     "attractors": "analysis.attractors",
     "branches": "analysis.response",
     "check": "analysis.compare_models",
+    "critical_scale": "analysis.critical_scale",
     "design_map": "analysis.design_map",
+    "fragility": "analysis.fragility",
     "in_chunks": "core.batch",
     "optimise": "design.optimise",
+    "overturning_spectrum": "analysis.overturning_spectrum",
     "paper_scene": "core.scene",
     "pareto": "design.pareto",
     "periodic_orbit": "analysis.periodic_orbit",
+    "rocking_spectrum": "analysis.rocking_spectrum",
     "settled_response": "analysis.response",
     "simulate": "analysis.steady_state",
     "status_name": "core.status",
     "steady_state": "analysis.steady_state",
     "symmetric_orbits": "analysis.symmetric_orbits",
+    "transient": "analysis.transient",
     "verdict": "analysis.paired",
 }
 _MODULES = {"closed_form": "closed_form", "limits": "design.criteria", "records": "records"}

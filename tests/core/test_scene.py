@@ -396,6 +396,6 @@ for make in (
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == [
         "`block` must be a Block, but is Harmonic(amplitude=0.015, frequency=2.5)",
-        "`motion` must be a Harmonic, but is 2.5",
+        "`motion` must be a Harmonic or GroundMotion, but is 2.5",
         "`pendulum` must be a Pendulum, but is 0.1",
     ]

@@ -14,9 +14,10 @@ import jax
 import numpy as np
 
 from tpd.core import checks
+from tpd.core.ground_motion import GroundMotion
 from tpd.core.parameters import Real
 from tpd.core.pytrees import pytree
-from tpd.formats.units import GREATEST_PEAK, STANDARD_GRAVITY
+from tpd.formats.units import GREATEST_PEAK
 
 if TYPE_CHECKING:
     from tpd.formats.channel import Channel
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 @pytree
 @dataclass(frozen=True, eq=False)
-class Record:
+class Record(GroundMotion):
     """Horizontal base acceleration at equal steps: linear between samples, zero before the first and after
     the last. Leaves of the pytree are the acceleration, the step and the scale; the words are static.
 
@@ -97,26 +98,20 @@ class Record:
         """Return the record with its scale multiplied by a factor."""
         return replace(self, scale=self.scale * factor)
 
-    def scaled_to(self, *, pga: Real | None = None, pga_g: Real | None = None) -> Record:
-        """Return the record scaled to a peak ground acceleration, in m/s^2 or in g.
+    @property
+    def piece(self) -> Real:
+        """Step between samples, s."""
+        return self.dt
 
-        Raises:
-            ValueError: neither or both peaks given, a peak that is not positive, or a record of zeros.
-        """
-        if (pga is None) == (pga_g is None):
-            raise ValueError("give either `pga` (m/s^2) or `pga_g` (g)")
-        if pga is None:
-            checks.positive("pga_g", pga_g)
-            return self._at(STANDARD_GRAVITY * pga_g)  # pyright: ignore[reportOperatorIssue]
-        checks.positive("pga", pga)
-        return self._at(pga)
-
-    def _at(self, pga: Any) -> Record:
-        """The record with a peak in m/s^2."""
-        present = self.pga
-        if checks.is_concrete(present) and float(present) == 0.0:
-            raise ValueError("a record of zeros cannot be scaled to a peak")
-        return self.scaled(pga / present)
+    def pieces(self) -> Any:
+        """Acceleration over `pga` from sample to sample; see `tpd.core.ground_motion.GroundMotion.pieces`."""
+        xp = checks.namespace(self.acceleration, self.scale)
+        a = self.acceleration * xp.sign(self.scale)
+        peak = xp.max(xp.abs(a))
+        # A record of zeros is one of zeros over any peak.
+        a = a / xp.where(peak > 0.0, peak, 1.0)
+        zero = xp.zeros_like(a[1:])
+        return xp.stack([a[:-1], a[1:] - a[:-1], zero, zero], axis=1)
 
     @staticmethod
     def read(

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 
 from tpd.core import checks
+from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
 from tpd.core.parameters import SLENDERNESS_LIMIT, Parameters, Real, housner, uniform_inertia_ratio
 from tpd.core.pytrees import pytree
 
-STANDARD_GRAVITY = 9.80665
-"""m/s^2"""
 HOUSNER = "housner"
 """Value of `Block.restitution` that ties e to block and bob by `tpd.core.parameters.housner`."""
 FRICTION = 0.05
@@ -205,21 +204,23 @@ class Harmonic:
 @pytree
 @dataclass(frozen=True)
 class Scene:
-    """A block and the motion of its base; `parameters` makes them dimensionless.
+    """A block and the motion of its base: a `Harmonic`, a `Pulse` or a `Record`.
+
+    `parameters` makes it dimensionless under a harmonic, and `ground_parameters` under any other motion.
 
     Raises:
         ValueError: an object of another class, or a gravity out of range.
     """
 
     block: Block
-    motion: Harmonic
+    motion: Harmonic | GroundMotion
     gravity: Real = STANDARD_GRAVITY
     """m/s^2"""
 
     def __post_init__(self) -> None:
         _convert_whole_numbers(self)
         checks.instance("block", self.block, Block)
-        checks.instance("motion", self.motion, Harmonic)
+        checks.instance("motion", self.motion, (Harmonic, GroundMotion))
         checks.positive("gravity", self.gravity)
 
     @property
@@ -233,7 +234,22 @@ class Scene:
         Differentiable with respect to the scene and the pendulum: every dependence on an SI quantity is
         followed. In the parameters themselves rho is None (tied to nu) for a uniform rectangle, and e is None
         (tied to nu, rho and mu) for Housner's restitution.
+
+        Raises:
+            ValueError: a motion that is not harmonic, a bob heavier than the block, or a rod longer than it.
         """
+        checks.instance("motion", self.motion, Harmonic, ": other motions are for `tpd.transient`")
+        return Parameters(**dimensionless(self.quantities(pendulum)))
+
+    def ground_parameters(self, pendulum: Pendulum | None = None) -> Parameters:
+        """Return the dimensionless parameters under a pulse or a record: f is its largest acceleration over
+        that of gravity, and 2 pi/xi the dimensionless duration of one of its pieces. Otherwise as
+        `parameters`.
+
+        Raises:
+            ValueError: a harmonic, a bob heavier than the block, or a rod longer than it.
+        """
+        checks.instance("motion", self.motion, GroundMotion, ": harmonics are for `tpd.steady_state`")
         return Parameters(**dimensionless(self.quantities(pendulum)))
 
     def quantities(self, pendulum: Pendulum | None = None) -> dict[str, Any]:
@@ -263,8 +279,7 @@ class Scene:
             "friction": block.friction,
             **lost,
             **own,
-            "amplitude": motion.amplitude,
-            "frequency": motion.frequency,
+            **_quantities_of(motion),
             "gravity": self.gravity,
             "pendulum_mass": hung.mass,
             "pendulum_length": hung.length,
@@ -288,6 +303,7 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
     nu = q["width"] / q["height"]
     rate = _rate(q["gravity"], rho, half_height)
     omega = 2.0 * math.pi * q["frequency"]
+    peak = q["peak"] if "peak" in q else q["amplitude"] * omega**2
     # The paper's (25) takes lam as l/b; its Table 1 lists l/(2b), half of it.
     return {
         "nu": nu,
@@ -295,12 +311,18 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
         "lam": q["pendulum_length"] / half_height,
         "zeta": q["pendulum_damping"],
         "k": q["friction"],
-        "f": q["amplitude"] * omega**2 / q["gravity"],
+        "f": peak / q["gravity"],
         "xi": omega / rate,
         # None keeps rho and e tied to the other parameters where these are varied later.
         "rho": None if radius is None else rho,
         "e": q.get("restitution"),
     }
+
+
+def _quantities_of(motion: Harmonic | GroundMotion) -> dict[str, Any]:
+    if isinstance(motion, Harmonic):
+        return {"amplitude": motion.amplitude, "frequency": motion.frequency}
+    return {"peak": motion.pga, "frequency": 1.0 / motion.piece}
 
 
 def _inertia_ratio(width: Any, height: Any, radius: Any) -> Any:

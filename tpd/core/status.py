@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 
 class Status(eqx.Enumeration):
-    """Outcome of a steady-state solve; `Status[s]` is its message, `status_name(s)` its name."""
+    """Outcome of a solve; `Status[s]` is its message, `status_name(s)` its name."""
 
     rocking = "The block settles into periodic rocking."
     sticking = (
@@ -63,6 +63,8 @@ class Status(eqx.Enumeration):
         "such as a length ratio near zero). Change the parameters."
     )
     no_orbit = "There is no such periodic motion. Start a simulation to see what there is instead."
+    stood = "The block stays on its base: the motion does not lift it."
+    rocked = "The block rocks during the motion and does not overturn."
 
 
 _NAMES = (
@@ -80,6 +82,8 @@ _NAMES = (
     "event_bound",
     "failed",
     "no_orbit",
+    "stood",
+    "rocked",
 )
 
 

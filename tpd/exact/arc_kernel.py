@@ -27,7 +27,7 @@ _SERIES = 1e-3
 """|w t|^2 below which the pair's solutions are summed as power series."""
 
 _FIELDS = (
-    "nu mu lam zeta k f xi e up weight bias s1 s2 p q held_p held_q "
+    "nu mu lam zeta k f xi e up weight bias m11 m12 m21 m22 c1 c2 s1 s2 p q held_p held_q "
     "a0 a1 a2 a3 al0 al1 al2 al3 b0 b1 b2 b3 bl0 bl1 bl2 bl3 "
     "tilt_sin tilt_cos bob_sin bob_cos tilt_lag_sin tilt_lag_cos bob_lag_sin bob_lag_cos "
     "swing_sin swing_cos swing_lag_sin swing_lag_cos"
@@ -40,7 +40,8 @@ COMPLEX_PLANT = np.dtype([(name, np.complex128) for name in _FIELDS.split()])
 Signal = namedtuple("Signal", "constant on_s1 on_s2 on_u on_v along across gain_along gain_across")
 """A quantity along an arc; see `tpd.exact.signal.Signal`."""
 Arc = namedtuple("Arc", "tilt bob s1 s2 p q xi phase")
-"""The two angles as signals, the time scales, and the forcing's phase at the start."""
+"""The two angles as signals, the time scales, and the forcing's phase at the start. Where xi is 0, the
+forcing is a cubic: then t and t^2 take the place of sine and cosine in everything that is made of them."""
 Instant = namedtuple("Instant", "e1 e2 u v sine cosine")
 """The functions of time that signals are made of."""
 
@@ -204,6 +205,7 @@ def fill(q, nu, mu, lam, zeta, k, f, xi, rho, e):
     q.up, q.weight, q.bias = up, (1.0 + mu) * nu, mu * hinge * (lam - 2.0)
     q.s1, q.s2, q.p, q.q = _roots(a4, a3, a2, a1, a0)
     q.held_p, q.held_q = c2 / m22, 1.0 / m22
+    q.m11, q.m12, q.m21, q.m22, q.c1, q.c2 = m11, m12, m21, m22, c1, c2
     _put_modes(q, _mode(q.s1, m11, m12, m21, m22, c1, c2, up), _mode(q.s2, m11, m12, m21, m22, c1, c2, up))
     h = _responses(m11, m12, m21, m22, c1, c2, up, f, xi)
     q.tilt_sin, q.tilt_cos, q.bob_sin, q.bob_cos = h[0], h[1], h[2], h[3]
@@ -294,8 +296,11 @@ def _pair(p, q, t):
 def instant(arc, t):
     """The functions of time at local time `t`."""
     u, v = _pair(arc.p, arc.q, t)
+    e1, e2 = np.exp(arc.s1 * t), np.exp(arc.s2 * t)
+    if arc.xi.real == 0.0:
+        return Instant(e1, e2, u, v, t + 0.0 * arc.xi, t * t + 0.0 * arc.xi)
     turned = arc.phase + arc.xi * t
-    return Instant(np.exp(arc.s1 * t), np.exp(arc.s2 * t), u, v, np.sin(turned), np.cos(turned))
+    return Instant(e1, e2, u, v, np.sin(turned), np.cos(turned))
 
 
 @compiled
@@ -303,6 +308,9 @@ def rate_of(arc, x):
     """The derivative of a signal in time."""
     zero, xi = 0.0 * arc.xi, arc.xi
     onward = -arc.q * x.on_u - arc.p * x.on_v
+    if xi.real == 0.0:
+        free = arc.s1 * x.on_s1, arc.s2 * x.on_s2, x.on_v, onward
+        return Signal(x.along, *free, 2.0 * x.across, 3.0 * x.gain_across, zero, zero)
     along, across = x.gain_along - xi * x.across, x.gain_across + xi * x.along
     harmonic = along, across, -xi * x.gain_across, xi * x.gain_along
     return Signal(zero, arc.s1 * x.on_s1, arc.s2 * x.on_s2, x.on_v, onward, *harmonic)

@@ -6,7 +6,7 @@ another one of its batch. Numbers cross between JAX and the compiled code at the
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from tpd.core import checks
 from tpd.core.parameters import Parameters
 from tpd.models import compiling
 from tpd.models.base import Settled
+from tpd.models.compiled_shaken import Followed
 from tpd.models.rows import rows_of, settled_of, shared
 
 
@@ -62,3 +63,45 @@ def settle_nonlinear(
 
     shared(run, n, workers, progress)
     return settled_of(floats, wholes, STATUSES)
+
+
+def shake_nonlinear(
+    parameters: np.ndarray,
+    records: Sequence[np.ndarray],
+    which: np.ndarray,
+    free: np.ndarray,
+    *,
+    y0: np.ndarray | None = None,
+    rtol: float = 1e-8,
+    max_events: int = 100_000,
+    brief: bool = False,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Followed, None]:
+    """Follow n motions under ground motions by the nonlinear equations (4).
+
+    Arguments and result are those of `tpd.models.compiled_shaken.follow_all`, without derivatives; impacts,
+    times, the angle between rod and block and the growing coordinate are not counted (NaN, or 0). The block
+    has overturned where its tilt exceeds pi/2. `brief` changes nothing.
+    """
+    del brief
+    from tpd.models.nonlinear_ground import COLUMNS, shake_rows
+
+    n, lengths = len(parameters), np.array([len(r) for r in records])
+    firsts = np.cumsum(lengths) - lengths
+    pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in records]))
+    x = np.ascontiguousarray(parameters, dtype=float)
+    starts = np.zeros((n, 4)) if y0 is None else np.ascontiguousarray(y0, dtype=float)
+    place = np.ascontiguousarray(firsts[which]), np.ascontiguousarray(lengths[which])
+    late, out = np.ascontiguousarray(free, dtype=float), np.zeros((n, COLUMNS))
+
+    def run(first: int, last: int) -> int:
+        shake_rows(x, starts, pieces, *place, late, first, last, rtol, max_events, out)
+        return last - first
+
+    shared(run, n, workers, progress)
+    unknown, none, sure = np.full(n, np.nan), np.zeros(n), np.ones(n)
+    lifted, times = np.where(out[:, 6] > 0.0, unknown, np.inf), np.full((n, 3), np.nan)
+    tilt, swing, state = out[:, 0], out[:, 1], out[:, 2:6]
+    seen = unknown, out[:, 8], none, lifted, out[:, 7], sure
+    return Followed(tilt, swing, unknown, times, state, *seen), None

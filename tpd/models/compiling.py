@@ -28,13 +28,15 @@ _ready: set[str] = set()
 _reading = Lock()
 
 
-@lru_cache(maxsize=1)
-def checksum() -> int:
-    """Checksum of all sources that are compiled, or call what is."""
+@lru_cache(maxsize=8)
+def checksum(*kinds: str) -> int:
+    """Checksum of the sources that are compiled, or call what is: of `models`, those whose names begin with
+    one of `kinds`, and what all share."""
     package = Path(__file__).parent.parent
-    files = [f for folder in ("exact", "models") for f in (package / folder).glob("*.py")]
-    names = ("_kernel", "linear_", "nonlinear_")
-    chosen = sorted(f for f in files if any(name in f.name for name in names))
+    exact = package / "exact"
+    chosen = [*sorted(exact.glob("*_kernel.py")), exact / "contact.py", exact / "event_search.py"]
+    shared = "period_kernel", "custom_call"
+    chosen += sorted(f for f in (package / "models").glob("*.py") if f.name.startswith((*kinds, *shared)))
     return zlib.crc32(b"".join(f.read_bytes() for f in chosen))
 
 
@@ -45,7 +47,8 @@ def compile_beside(folder: Path) -> None:
         OSError: no process can be started.
     """
     # Numba's store belongs to one installation, or to the folder that the environment names.
-    place = f"{checksum()} {Path(__file__)} {sys.version} {os.environ.get('NUMBA_CACHE_DIR')}"
+    sources, folders = checksum("linear_", "nonlinear_"), os.environ.get("NUMBA_CACHE_DIR")
+    place = f"{sources} {Path(__file__)} {sys.version} {folders}"
     mark = folder / f"compiled-{zlib.crc32(place.encode()):08x}"
     if mark.exists() or _running:
         return

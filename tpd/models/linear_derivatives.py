@@ -12,7 +12,8 @@ import numpy as np
 
 from tpd.exact.arc_kernel import STEP, compiled, instant, launch, plant_along, state_at, struck
 from tpd.exact.contact import SLIP
-from tpd.exact.event_kernel import BOB, END, FIRST, reserve
+from tpd.exact.event_kernel import reserve
+from tpd.exact.event_search import BOB, END, FIRST
 
 INPUTS = 13
 """Directions of derivatives: nine parameters and four components of a state."""

@@ -8,7 +8,8 @@ import numpy as np
 
 from tpd.exact.arc_kernel import compiled, plant
 from tpd.exact.contact import REST, SLIP
-from tpd.exact.event_kernel import ARRIVED, BOB, LEG, advance, begin
+from tpd.exact.event_kernel import ARRIVED, LEG, advance, begin
+from tpd.exact.event_search import BOB
 from tpd.models.linear_derivatives import INPUTS, differentiate
 
 NEARBY, _NEXT_TO_NOTHING = 0.05, 1e-4

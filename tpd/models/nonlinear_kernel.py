@@ -30,18 +30,21 @@ Plant = namedtuple("Plant", "nu mu lam k f xi rho e m11 m22 c1 c2 tilt weight pu
 
 
 @compiled
-def plant(x):
-    """Coefficients from (nu, mu, lam, zeta, k, f, xi, rho, e)."""
-    nu, mu, lam, zeta, k, f, xi, rho, e = x
+def plant(x, xi, period):
+    """Coefficients from (nu, mu, lam, zeta, k, f, -, rho, e)."""
+    nu, mu, lam, zeta, k, f, _, rho, e = x
     hinge = 2.0 * zeta * math.sqrt(lam * rho)
     m11, m22 = 1.0 + mu * rho * (4.0 + nu * nu), lam * rho
     coefficients = (m11, m22, mu * lam * hinge, hinge, 1.0 + 2.0 * mu, (1.0 + mu) * nu, mu * rho * lam)
-    return Plant(nu, mu, lam, k, f, xi, rho, e, *coefficients, 2.0 * math.pi / xi)
+    return Plant(nu, mu, lam, k, f, xi, rho, e, *coefficients, period)
 
 
 @compiled
 def sine_at(q, growth, t):
-    """sin(xi t) times the share of its full size that the shaking has; t from the start of a period."""
+    """sin(xi t) times the share of its full size that the shaking has; t from the start of a period. Where xi
+    is 0, `growth` has the four coefficients of a cubic in its place."""
+    if q.xi == 0.0:
+        return growth[0] + t * (growth[1] + t * (growth[2] + t * growth[3]))
     return min(1.0, growth[0] + growth[1] * t) * math.sin(q.xi * t)
 
 

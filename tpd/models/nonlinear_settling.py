@@ -97,10 +97,10 @@ def _classified(q, growth, y, t):
 def _settle(x, y0, begin, ramp, periods, rtol, max_events, out):
     """Follow one motion until it repeats, rests, is lost, or `periods` have elapsed: status, its periods and
     the periods elapsed."""
-    q = plant(x)
+    q = plant(x, x[6], 2.0 * math.pi / x[6])
     w, past, scales = np.zeros((9, 4)), np.zeros((LONGEST, 4)), scales_of(q)
     last = np.zeros((LONGEST, 3))
-    growth, sizes, peaks, clock = np.zeros(2), np.zeros(3), np.zeros(2), np.zeros(2)
+    growth, sizes, peaks, clock = np.zeros(4), np.zeros(3), np.zeros(2), np.zeros(2)
     clock[0], clock[1] = begin, 1e-3 * q.period
     for i in range(4):
         w[0, i] = past[0, i] = y0[i]
@@ -154,4 +154,4 @@ def _entry(version: int) -> Callable[..., Any]:
 
 # Numba's store looks at the file of the function alone, and would go on with machine code of another version
 # of the kernel. A number from outside the function is part of its key.
-settle_rows = _entry(checksum())
+settle_rows = _entry(checksum("nonlinear_"))

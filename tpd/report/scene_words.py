@@ -43,19 +43,23 @@ def origin(scene: Scene) -> str:
 
 def lines(scene: Scene) -> tuple[str, ...]:
     """Lines for a terminal; the first says whose block it is."""
+    motion = f"  motion  {_motion(scene)}, {number(acceleration(scene))} g: {_lifts(scene)}"
+    block, losses = block_lines(scene)
+    return f"Scene: {origin(scene)}.", block, motion, losses
+
+
+def block_lines(scene: Scene) -> tuple[str, str]:
+    """Lines for a terminal about the block and its losses, whatever shakes it."""
     shape = f"slenderness {number(_slenderness(scene))}; topples at {_toppling(scene)}"
-    return (
-        f"Scene: {origin(scene)}.",
-        f"  block   {_block(scene)}; {shape}",
-        f"  motion  {_motion(scene)}, {number(acceleration(scene))} g: {_lifts(scene)}",
-        f"  losses  {words.losses(scene.block)}",
-    )
+    return f"  block   {_block(scene)}; {shape}", f"  losses  {words.losses(scene.block)}"
 
 
 def pendulum(scene: Scene, hung: Pendulum) -> str:
     """Line for a terminal about a pendulum in the scene."""
-    p = scene.parameters(hung)
-    ratios = f"μ = {number(float(p.mu))}, λ = {number(float(p.lam))}, ζ = {number(float(p.zeta))}"
+    block = scene.block
+    numbers = hung.mass / block.mass, hung.length / block.half_height, hung.damping_ratio
+    mu, lam, zeta = (number(float(x)) for x in numbers)
+    ratios = f"μ = {mu}, λ = {lam}, ζ = {zeta}"
     return f"  bob     {number(float(hung.mass))} kg on a rod of {number(float(hung.length))} m; {ratios}"
 
 

@@ -1,0 +1,135 @@
+"""`tpd shake`, `tpd spectrum` and `tpd fragility`: files, numbers and refusals."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+import tpd
+from tpd.cli import main
+
+COLUMN = ["--width", "1", "--height", "6", "--mass", "9000", "--friction", "0", "--restitution", "0.9595"]
+HUNG = ["--pendulum-mass", "450", "--pendulum-length", "0.9"]
+PULSE = ["--pulse", "one-sine", "--pulse-frequency", "1.2375"]
+
+
+def run(tmp_path, *words: str) -> tuple[int, dict]:
+    out = tmp_path / "out"
+    status = main([*words, "--out", str(out)])
+    found = {p.name: p for p in out.iterdir()} if out.exists() else {}
+    return status, found
+
+
+def rows(path) -> list[dict]:
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_shake_says_what_the_library_says(tmp_path, capsys):
+    status, files = run(tmp_path, "shake", *COLUMN, *HUNG, *PULSE, "--pga", "0.4", "--free", "5")
+    assert status == 0
+    assert files.keys() == {"histories.csv", "histories.png", "shake.json"}
+    results = json.loads(files["shake.json"].read_text())["results"]
+    block = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
+    pulse = tpd.Pulse.one_sine(acceleration=0.4 * 9.80665, frequency=1.2375)
+    hung = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
+    known = tpd.transient(tpd.Scene(block, pulse), hung, free=5.0)
+    assert results["with the pendulum"]["tilt"] == pytest.approx(float(known.tilt), rel=1e-12)
+    assert results["bare block"]["status"] == "rocked"
+    tilts = [
+        abs(float(r["tilt_rad"])) for r in rows(files["histories.csv"]) if r["case"] == "with the pendulum"
+    ]
+    assert max(tilts) == pytest.approx(float(known.tilt), rel=1e-4)
+    assert "keeps the base from sliding" in capsys.readouterr().out
+
+
+def test_a_fall_is_the_exit_status(tmp_path, capsys):
+    status, files = run(tmp_path, "shake", *COLUMN, *PULSE, "--pga", "0.5")
+    assert status == 3
+    assert "overturned" in capsys.readouterr().out
+    assert json.loads(files["shake.json"].read_text())["results"]["bare block"]["tilt"] == "infinite"
+
+
+def test_a_file_shakes_as_well(tmp_path):
+    t = np.arange(300) * 0.01
+    record = tmp_path / "record.csv"
+    lines = [f"{x:.2f},{0.3 * np.sin(8.0 * x):.6f}" for x in t]
+    record.write_text("time (s),acceleration (g)\n" + "\n".join(lines) + "\n")
+    status, files = run(tmp_path, "shake", *COLUMN, "--record", str(record), "--scale", "1.2", "--free", "1")
+    assert status == 0
+    written = json.loads(files["shake.json"].read_text())
+    known = tpd.transient(
+        tpd.Scene(
+            tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595),
+            tpd.Record.read(record).scaled(1.2),
+        ),
+        free=1.0,
+    )
+    assert written["results"]["bare block"]["tilt"] == pytest.approx(float(known.tilt), rel=1e-12)
+
+
+def test_the_spectrum_of_a_pulse_and_of_a_record(tmp_path, capsys):
+    status, files = run(tmp_path, "spectrum", *COLUMN, *HUNG, "--pulse", "ricker", "--points", "8")
+    assert status == 0
+    assert files.keys() == {"spectrum.csv", "spectrum.json", "spectrum.png"}
+    assert len(rows(files["spectrum.csv"])) == 64
+    assert "share of the pulses that the block survives" in capsys.readouterr().out
+    status, files = run(
+        tmp_path, "spectrum", *COLUMN, *HUNG, "--record", "el-centro", "--points", "5", "--overwrite"
+    )
+    assert status == 0
+    assert [float(r["period_s"]) for r in rows(files["spectrum.csv"])] == np.linspace(0.5, 12.0, 5).tolist()
+
+
+def test_fragility_over_records(tmp_path, capsys):
+    status, files = run(
+        tmp_path,
+        "fragility",
+        *COLUMN,
+        *HUNG,
+        "--records",
+        "el-centro",
+        "loma-prieta",
+        "--scales",
+        "1",
+        "4",
+        "8",
+    )
+    assert status == 0
+    table = rows(files["fragility.csv"])
+    assert len(table) == 9
+    assert {r["motions"] for r in table} == {"2"}
+    assert {
+        "fragility.json",
+        "fragility_overturned.png",
+        "fragility_half.png",
+        "fragility_rocking.png",
+    } < files.keys()
+    written = json.loads(files["fragility.json"].read_text())
+    assert written["motions"][0].startswith("El Centro")
+    assert set(written["fits"]) == {"rocking", "half", "overturned"}
+    assert "overturned: bare median" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["shake", *COLUMN], "give either --record FILE or --pulse KIND"),
+        (["shake", *COLUMN, "--pulse", "one-sine"], "a pulse needs --pulse-frequency HZ"),
+        (["shake", *COLUMN, "--record", "nothing.csv"], "nothing.csv"),
+        (["shake", *COLUMN, *PULSE, "--scale", "-1"], "`acceleration` must be"),
+        (["shake", *COLUMN, *PULSE, "--pga", "0"], "`pga_g` must be positive"),
+        (["shake", "--width", "1", *PULSE], "a block of your own must be whole"),
+        (["spectrum", *COLUMN, "--pulse", "ricker", "--points", "1"], "`--points` must be"),
+        (["fragility", *COLUMN, "--records", "el-centro", "--scales", "2", "1"], "increasing numbers"),
+        (["fragility", *COLUMN, "--records", "el-centro", "--intensity", "x"], "`intensity` must be"),
+    ],
+)
+def test_bad_input_is_one_sentence(tmp_path, capsys, words, sentence):
+    status, files = run(tmp_path, *words)
+    assert status == 2
+    error = capsys.readouterr().err.strip().splitlines()
+    assert sentence in error[-1]
+    assert error[-1].startswith("tpd: ")
+    assert not files

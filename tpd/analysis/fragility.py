@@ -1,0 +1,209 @@
+"""Fragility: the share of ground motions of each intensity that bring a block to a damage state.
+
+Every motion is scaled to every stripe of the intensity. The fragility curve is the lognormal distribution
+that makes the counts of all stripes most likely (probit regression on the logarithm of the intensity;
+J. W. Baker, Earthquake Spectra 31, 2015). The pendulum is judged on the same motions: at each stripe by
+McNemar's exact test on the motions whose outcome differs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tpd.analysis.ground_batch import Outcomes, Progress, follow_scaled
+from tpd.analysis.probit import Lognormal, fit_lognormal
+from tpd.analysis.transient import FREE
+from tpd.core import checks
+from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
+from tpd.core.intensity import intensity_of
+from tpd.core.scene import Block, Pendulum
+
+STATES: Mapping[str, float] = {"rocking": 0.0, "half": 0.5, "overturned": math.inf}
+"""Damage states by default: the tilt over the slenderness that a motion exceeds. 0 is any uplift, infinity an
+overturning."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Fragility of one damage state, with or without the pendulum."""
+
+    state: str
+    shares: np.ndarray
+    """Share of the motions that reach the state, shape (stripes,)."""
+    counts: np.ndarray
+    """Motions that reach the state."""
+    total: np.ndarray
+    """Motions whose outcome is known."""
+    fit: Lognormal
+    """Lognormal distribution, with its uncertainty."""
+
+
+@dataclass(frozen=True)
+class Fragility:
+    """Fragility of a block under a set of ground motions, bare and with a pendulum."""
+
+    intensity: str
+    stripes: np.ndarray
+    """Values of the intensity, shape (stripes,)."""
+    unit: str
+    motions: tuple[str, ...]
+    """Names of the ground motions."""
+    bare: dict[str, Curve]
+    """By damage state."""
+    hung: dict[str, Curve] | None
+    p_values: dict[str, np.ndarray] | None
+    """By damage state: two-sided probability, at each stripe, of a difference between bare and hung at least
+    this large if the pendulum changed nothing (McNemar, exact)."""
+    tilts: tuple[np.ndarray, np.ndarray | None]
+    """Largest tilt over the slenderness of every motion, shape (motions, stripes), bare and hung; infinite
+    after an overturning, NaN where nothing is known."""
+    first_crossings: dict[str, tuple[float, float] | None]
+    """By damage state: median of the lowest stripes that reach it, bare and with the pendulum (infinite if
+    fewer than half of the motions do). It depends on the stripes, and lies below the median of the curve
+    where a larger motion may do less."""
+    changed: tuple[float, float] | None
+    """Share of the runs whose verdict on overturning the nonlinear equations change, bare and hung."""
+
+    def __str__(self) -> str:
+        lines = [f"fragility over {self.intensity} ({self.unit}), {len(self.motions)} motions"]
+        for name, curve in self.bare.items():
+            lines.append(f"  {name}: bare {curve.fit}")
+            if self.hung is not None:
+                lines.append(f"  {' ' * len(name)}  with the pendulum {self.hung[name].fit}")
+        if self.changed is not None:
+            shares = " and ".join(f"{x:.1%}" for x in self.changed[: 1 if self.hung is None else 2])
+            lines.append(f"  the nonlinear equations change the verdict of {shares} of the runs")
+        return "\n".join(lines)
+
+
+def fragility(
+    block: Block,
+    motions: Sequence[GroundMotion],
+    *,
+    scales: Sequence[float] | np.ndarray,
+    pendulum: Pendulum | None = None,
+    intensity: str = "pga_star",
+    period: float | None = None,
+    states: Mapping[str, float] = STATES,
+    nonlinear: bool = True,
+    gravity: float = STANDARD_GRAVITY,
+    free: float = FREE,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Fragility:
+    """Follow a block through every motion at every intensity, bare and with a pendulum.
+
+    Args:
+        block: with its friction and restitution.
+        motions: pulses or records; their own sizes do not matter but for `intensity="scale"`.
+        scales: stripes: values of the intensity, increasing.
+        pendulum: compared with the bare block on the same motions.
+        intensity: "pga_star" is PGA/(g tan alpha), "pgv_star" is p PGV/(g tan alpha) with p the block's rate
+            omega0; "pga" and "pgv" are in m/s^2 and m/s; "sa" is the spectral acceleration in m/s^2 at
+            `period` (s) and 5 % damping; "scale" is the factor on each motion as it is.
+        states: damage states: tilt over the slenderness that a motion exceeds.
+        nonlinear: whether the nonlinear equations follow all motions too, to say how many verdicts change.
+        gravity: m/s^2.
+        free: free motion after each ground motion, s.
+        workers: threads; all cores by default.
+        progress: called with the motions done and in all.
+
+    Raises:
+        ValueError: bad input.
+    """
+    checks.instance("block", block, Block)
+    stripes = np.asarray(scales, dtype=float)
+    checks.positive("scales", stripes)
+    if stripes.ndim != 1 or np.any(np.diff(stripes) <= 0.0):
+        raise ValueError("`scales` must be a vector of increasing numbers, but are not")
+    if not states or any(not level >= 0.0 for level in states.values()):
+        raise ValueError(f"`states` must name tilts over the slenderness from 0 on, but are {dict(states)}")
+    measure = intensity_of(intensity, block, gravity, period)
+    factors = stripes / np.array([[measure.value(m)] for m in motions])
+    cases = [None] if pendulum is None else [None, pendulum]
+    runs = len(cases) * (2 if nonlinear else 1)
+    found = []
+    for n in range(runs):
+        seen = None if progress is None else _shifted(progress, n, runs)
+        options: dict[str, Any] = {"gravity": gravity, "free": free, "workers": workers, "progress": seen}
+        hung = cases[n % len(cases)]
+        exact = n < len(cases)
+        found.append(follow_scaled(block, hung, motions, factors, nonlinear=not exact, brief=True, **options))
+    names = tuple(getattr(m, "name", "") or f"motion {i + 1}" for i, m in enumerate(motions))
+    return _result(block, stripes, measure, names, found[: len(cases)], found[len(cases) :], states)
+
+
+def _shifted(progress: Progress, n: int, runs: int) -> Progress:
+    return lambda done, total: progress(n * total + done, runs * total)
+
+
+def _result(
+    block: Block,
+    stripes: np.ndarray,
+    measure: Any,
+    names: tuple[str, ...],
+    exact: list[Outcomes],
+    checked: list[Outcomes],
+    states: Mapping[str, float],
+) -> Fragility:
+    curves = [{name: _curve(name, o, level, block, stripes) for name, level in states.items()} for o in exact]
+    reached = [{name: _reached(o, level, block) for name, level in states.items()} for o in exact]
+    paired = len(exact) > 1
+    tests = {name: _mcnemar(reached[0][name], reached[1][name]) for name in states} if paired else None
+    crossings = {
+        name: tuple(_first_crossing(r[name], stripes) for r in reached) if paired else None for name in states
+    }
+    tilts = [np.where(o.undecided, np.nan, o.tilt) / float(block.slenderness) for o in exact]
+    changed = [float(np.mean(a.overturned != b.overturned)) for a, b in zip(exact, checked, strict=False)]
+    return Fragility(
+        measure.name,
+        stripes,
+        measure.unit,
+        names,
+        curves[0],
+        curves[1] if paired else None,
+        tests,
+        (tilts[0], tilts[1] if paired else None),
+        crossings,
+        (changed[0], changed[-1]) if changed else None,
+    )
+
+
+def _reached(found: Outcomes, level: float, block: Block) -> np.ndarray:
+    """Whether every run reaches a damage state, as a number; NaN where nothing is known."""
+    if math.isinf(level):
+        hit = found.overturned
+    else:
+        hit = found.lifted & (found.tilt > level * float(block.slenderness))
+    return np.where(found.undecided, np.nan, hit)
+
+
+def _curve(name: str, found: Outcomes, level: float, block: Block, stripes: np.ndarray) -> Curve:
+    hit = _reached(found, level, block)
+    counts, total = np.nansum(hit, axis=0).astype(int), np.sum(np.isfinite(hit), axis=0)
+    shares = counts / np.maximum(total, 1)
+    return Curve(name, shares, counts, total, fit_lognormal(stripes, hit))
+
+
+def _mcnemar(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Two-sided exact probability, at each stripe, of so uneven a split of the motions that differ."""
+    only_a, only_b = np.sum((a == 1.0) & (b == 0.0), axis=0), np.sum((a == 0.0) & (b == 1.0), axis=0)
+    return np.array([_sign_test(int(x), int(y)) for x, y in zip(only_a, only_b, strict=True)])
+
+
+def _sign_test(x: int, y: int) -> float:
+    n, few = x + y, min(x, y)
+    tail = sum(math.comb(n, i) for i in range(few + 1)) / 2.0**n
+    return min(1.0, 2.0 * tail)
+
+
+def _first_crossing(hit: np.ndarray, stripes: np.ndarray) -> float:
+    """Median of the lowest stripes at which the motions reach a state."""
+    some = np.any(hit == 1.0, axis=1)
+    lowest = np.where(some, stripes[np.argmax(hit == 1.0, axis=1)], np.inf)
+    return float(np.median(lowest))

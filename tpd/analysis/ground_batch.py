@@ -1,0 +1,127 @@
+"""Many motions of one block under pulses and records, on all cores."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tpd.core import checks
+from tpd.core.eigenvalues import GRAZING
+from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
+from tpd.core.scene import Block, Pendulum, Scene
+
+Progress = Callable[[int, int], None]
+
+
+class Outcomes(NamedTuple):
+    """Outcomes of a batch of motions, NumPy arrays of its shape; angles in rad."""
+
+    tilt: np.ndarray
+    """Largest |phi|; infinite where the block overturns."""
+    swing: np.ndarray
+    """Largest |psi|."""
+    relative: np.ndarray
+    """Largest |psi - phi|."""
+    impacts: np.ndarray
+    lifted: np.ndarray
+    """Whether the block has left its base."""
+    overturned: np.ndarray
+    undecided: np.ndarray
+    """Whether the bound on events, or a failure of numbers, ended the motion: then nothing else holds."""
+
+
+def rows_of(
+    block: Block, pendulum: Pendulum | None, motions: Sequence[GroundMotion], gravity: float
+) -> np.ndarray:
+    """Parameters of the compiled code for each of the motions at its own size, shape (motions, 9)."""
+    every = []
+    for motion in motions:
+        p = Scene(block, motion, gravity).ground_parameters(pendulum)
+        piece = 2.0 * np.pi / p.xi
+        every.append((p.nu, p.mu, p.lam, p.zeta, p.k, p.f, piece, p.inertia_ratio, p.velocity_ratio))
+    return np.array(every, dtype=float)
+
+
+def follow_scaled(
+    block: Block,
+    pendulum: Pendulum | None,
+    motions: Sequence[GroundMotion],
+    factors: np.ndarray,
+    *,
+    gravity: float = STANDARD_GRAVITY,
+    free: float,
+    nonlinear: bool = False,
+    brief: bool = False,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Outcomes:
+    """Follow a block from rest through every motion times each of its factors.
+
+    Args:
+        factors: shape (motions, ...), at least 0.
+        free: free motion after each ground motion, s.
+        nonlinear: whether to integrate the nonlinear equations (4) instead of the exact linear ones.
+        brief: whether only tilt, uplift, impacts before an overturning and the verdict are wanted.
+        workers: threads; all cores by default.
+        progress: called with the motions done and in all.
+
+    Returns:
+        Outcomes of the shape of `factors`.
+
+    Raises:
+        ValueError: a size that does not fit, or a number out of range.
+    """
+    for i, motion in enumerate(motions):
+        checks.instance(f"motions[{i}]", motion, GroundMotion)
+    factors = np.asarray(factors, dtype=float)
+    if len(factors) != len(motions) or not len(motions):
+        raise ValueError(
+            f"`factors` must have a row for each of {len(motions)} motions, but has {factors.shape}"
+        )
+    checks.not_negative("factors", factors)
+    checks.not_negative("free", free)
+    which = np.broadcast_to(
+        np.arange(len(motions)).reshape(-1, *[1] * (factors.ndim - 1)), factors.shape
+    ).ravel()
+    x = rows_of(block, pendulum, motions, gravity)[which]
+    x[:, 5] *= factors.ravel()
+    records = [np.asarray(m.pieces(), dtype=float) for m in motions]
+    late = np.full(len(x), free * float(Scene(block, motions[0], gravity).rate))
+    options = {"brief": brief, "workers": workers, "progress": progress}
+    found = _followed(x, records, which, late, nonlinear, options)
+    return Outcomes(*(a.reshape(factors.shape) for a in found))
+
+
+def _followed(
+    x: np.ndarray,
+    records: list[np.ndarray],
+    which: np.ndarray,
+    free: np.ndarray,
+    nonlinear: bool,
+    options: dict[str, Any],
+) -> Any:
+    from tpd.models.shaken_kernel import FAILED, OVERTURNED
+
+    if nonlinear:
+        from tpd.models.compiled_nonlinear import shake_nonlinear as follow_all
+    else:
+        from tpd.models.compiled_shaken import follow_all
+    found, _ = follow_all(x, records, which, free, **options)
+    status, hung = found.status.astype(int), x[:, 1] > 0.0
+    return (
+        found.tilt,
+        np.where(hung, found.swing, 0.0),
+        np.where(hung, found.relative, 0.0),
+        np.asarray(found.impacts).astype(int),
+        # The nonlinear code says whether, and not when.
+        ~np.isposinf(found.lifted),
+        status == OVERTURNED,
+        (status > OVERTURNED) & (status <= FAILED),
+    )
+
+
+def is_grazing(transversality: Any) -> Any:
+    """Whether a motion touched an event without crossing it."""
+    return transversality < GRAZING

@@ -1,0 +1,75 @@
+"""Rocking spectrum: the largest tilt of blocks of one slenderness and every size under a ground motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tpd.analysis.ground_batch import Progress, rows_of
+from tpd.analysis.transient import FREE
+from tpd.core import checks
+from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
+from tpd.core.scene import Block, Scene
+
+
+@dataclass(frozen=True)
+class RockingSpectrum:
+    """Largest tilt over the slenderness, bare and with a pendulum of stated ratios."""
+
+    periods: np.ndarray
+    """2 pi/p in s, shape (periods,): p is the block's rate omega0 of the linear equations."""
+    bare: np.ndarray
+    """Largest |phi|/nu of the bare block; infinite where it overturns, NaN where nothing is known."""
+    hung: np.ndarray | None
+    """Largest |phi|/nu with the pendulum; None without one."""
+
+
+def rocking_spectrum(
+    block: Block,
+    motion: GroundMotion,
+    *,
+    periods: np.ndarray | None = None,
+    mass_ratio: float | None = None,
+    length_ratio: float = 0.5,
+    damping_ratio: float = 0.1,
+    gravity: float = STANDARD_GRAVITY,
+    free: float = FREE,
+    progress: Progress | None = None,
+) -> RockingSpectrum:
+    """Follow blocks of every size through a ground motion.
+
+    Args:
+        block: its slenderness, friction, restitution and shape hold; its size varies.
+        motion: a pulse or a record.
+        periods: 2 pi/p in s; by default 200 from 1 to 12.
+        mass_ratio: bob over block; None for the bare block alone.
+        length_ratio: rod over half height.
+        damping_ratio: of the pendulum.
+        gravity: m/s^2.
+        free: free motion after the ground motion, s.
+        progress: called with the motions done and in all.
+
+    Raises:
+        ValueError: bad input.
+    """
+    from tpd.models.compiled_shaken import follow_all
+
+    checks.instance("block", block, Block)
+    checks.instance("motion", motion, GroundMotion)
+    times = np.linspace(1.0, 12.0, 200) if periods is None else np.asarray(periods, dtype=float)
+    checks.positive("periods", times)
+    scene = Scene(block, motion, gravity)
+    hung = None
+    if mass_ratio is not None:
+        hung = scene.pendulum(mass_ratio=mass_ratio, length_ratio=length_ratio, damping_ratio=damping_ratio)
+    rates = 2.0 * np.pi / times
+    rows = [rows_of(block, h, [motion], gravity) for h in ((None,) if hung is None else (None, hung))]
+    x = np.repeat(np.concatenate(rows), times.size, axis=0)
+    # All numbers but the duration of a piece depend on shapes and ratios only.
+    x[:, 6] = float(motion.piece) * np.tile(rates, len(rows))
+    late = free * np.tile(rates, len(rows))
+    pieces = np.asarray(motion.pieces(), dtype=float)
+    found, _ = follow_all(x, [pieces], np.zeros(len(x), dtype=int), late, brief=True, progress=progress)
+    tilt = found.tilt.reshape(len(rows), -1) / float(block.slenderness)
+    return RockingSpectrum(times, tilt[0], tilt[1] if hung is not None else None)

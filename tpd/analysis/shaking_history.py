@@ -1,0 +1,96 @@
+"""Time histories of a block under a ground motion, and the forces at its base."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tpd.analysis.ground_batch import rows_of
+from tpd.analysis.transient import FREE, MAX_EVENTS
+from tpd.core import checks
+from tpd.core.scene import Pendulum, Scene
+from tpd.core.status import Status
+from tpd.exact.contact import SLIP
+
+
+@dataclass(frozen=True)
+class ShakingHistory:
+    """Motion over time of a block under a ground motion, from the exact solution; NaN once the block has
+    fallen."""
+
+    times: np.ndarray
+    """s, shape (times,)."""
+    base: np.ndarray
+    """Acceleration of the base, m/s^2."""
+    tilt: np.ndarray
+    """phi, rad."""
+    swing: np.ndarray | None
+    """psi, rad; None without a pendulum."""
+    horizontal: np.ndarray
+    """Force of the ground on the base, N: what friction has to carry, impacts left out."""
+    vertical: np.ndarray
+    """Force of the ground upwards, N."""
+    rocking: np.ndarray
+    """Whether the block moves on its base."""
+    status: Status
+
+    @property
+    def needed_friction(self) -> float:
+        """Largest horizontal over vertical force: a smaller coefficient of friction lets the base slide."""
+        return float(np.nanmax(np.abs(self.horizontal) / np.maximum(self.vertical, 1e-300)))
+
+
+def shaking_history(
+    scene: Scene,
+    pendulum: Pendulum | None = None,
+    *,
+    times: np.ndarray | None = None,
+    y0: np.ndarray | None = None,
+    free: float = FREE,
+) -> ShakingHistory:
+    """Follow a block through the pulse or record of its scene.
+
+    The forces follow from the accelerations along the arcs in closed form: with d the side to which the block
+    leans, a its half width and b its half height,
+
+        H = M (x'' - b phi'') + m (x'' - 2 b phi'' + l psi''),   V = (M + m) (g + a d phi'').
+
+    Args:
+        scene: a block under a `Pulse` or a `Record`.
+        pendulum: None is the bare block.
+        times: increasing, s; by default every piece of the motion, and as often after it.
+        y0: start (phi, psi, phi', psi') in rad and rad/s; at rest by default.
+        free: free motion after the ground motion, s.
+
+    Raises:
+        ValueError: bad input.
+    """
+    from tpd.models.shaken_history import COLUMNS, history
+    from tpd.models.shaken_kernel import STATUSES
+
+    checks.instance("scene", scene, Scene)
+    row = rows_of(scene.block, pendulum, [scene.motion], float(scene.gravity))[0]
+    rate, piece = float(scene.rate), float(scene.motion.piece)
+    pieces = np.ascontiguousarray(-np.asarray(scene.motion.pieces(), dtype=float))
+    if times is None:
+        times = np.linspace(0.0, len(pieces) * piece + free, min(20_000, int(len(pieces) + free / piece) + 1))
+    clock = np.ascontiguousarray(times, dtype=float)
+    if clock.ndim != 1 or len(clock) < 2 or not np.all(np.diff(clock) > 0.0) or clock[0] < 0.0:
+        raise ValueError("`times` must be a vector of increasing numbers from 0 on, but are not")
+    out = np.full((len(clock), COLUMNS), np.nan)
+    start = np.zeros(4) if y0 is None else np.asarray(y0, dtype=float) / [1.0, 1.0, rate, rate]
+    status = history(row, start, pieces, free * rate, clock * rate, MAX_EVENTS, out)
+    # The equations mean nothing where the block lies down.
+    gone = ~(np.abs(out[:, 0]) < 0.5 * np.pi)
+    out[np.cumsum(gone) > 0] = np.nan
+    block, hung = scene.block, pendulum is not None
+    base = scene.motion.acceleration_at(clock)
+    up, bob = out[:, 4] * rate**2, out[:, 5] * rate**2
+    m, length = (float(pendulum.mass), float(pendulum.length)) if pendulum is not None else (0.0, 0.0)
+    b, a = 0.5 * float(block.height), 0.5 * float(block.width)
+    horizontal = float(block.mass) * (base - b * up) + m * (base - 2.0 * b * up + length * bob)
+    vertical = (float(block.mass) + m) * (float(scene.gravity) + a * out[:, 8] * up)
+    named = getattr(Status, STATUSES[status])
+    swing = out[:, 1] if hung else None
+    return ShakingHistory(clock, base, out[:, 0], swing, horizontal, vertical, out[:, 7] == SLIP, named)

@@ -1,0 +1,147 @@
+"""Motion of a block and its pendulum through a pulse or a record, and after it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.lax import stop_gradient
+from jaxtyping import ArrayLike, Float, Int
+
+from tpd.core import checks
+from tpd.core.eigenvalues import GRAZING
+from tpd.core.ground_motion import GroundMotion
+from tpd.core.parameters import Number, Real
+from tpd.core.scene import Pendulum, Scene
+from tpd.core.status import Status, status_name
+from tpd.exact.derivatives import refused
+from tpd.models.base import AbstractModel
+from tpd.models.piecewise import Piecewise
+
+FREE = 20.0
+"""Free motion that is followed after a ground motion by default, s."""
+MAX_EVENTS = 100_000
+"""Events of a motion beyond one for each piece, at most."""
+
+
+class Transient(eqx.Module):
+    """Largest angles and outcome of a block under a ground motion: rad, and s from its beginning.
+
+    Angles and state are differentiable in every SI quantity of block, pendulum and gravity, in the size of
+    the motion and its time scale, in the start and in the free time, if the status is stood or rocked.
+    Elsewhere their derivatives are NaN and `status` says why. Times and counts have none.
+    """
+
+    tilt: Number
+    """Largest |phi|; infinite if the block overturns."""
+    swing: Number
+    """Largest |psi|, the rod's angle from the vertical; 0 without a pendulum."""
+    relative: Number
+    """Largest |psi - phi|, the angle between rod and block; 0 without a pendulum."""
+    tilt_time: Number
+    swing_time: Number
+    relative_time: Number
+    impacts: Int[Any, "..."]
+    """Impacts on the base; hops that end in rest count as one from a speed of 2e-7 nu on."""
+    uplift_time: Number
+    """Time at which the block leaves its base for the first time; infinite if it never does."""
+    overturning_time: Number
+    """Time from which the block is beyond return; infinite if it does not overturn."""
+    state: Float[Any, "... 4"]
+    """(phi, psi, phi', psi') in rad and rad/s at the end."""
+    status: Status
+    """stood, rocked, overturned, grazing (an event was touched without crossing: no derivative), event_bound
+    or failed."""
+
+    def __str__(self) -> str:
+        if not (checks.is_concrete(self.tilt) and jnp.ndim(self.tilt) == 0):
+            return repr(self)
+        lines = [f"{status_name(self.status)}: {Status[self.status]}"]
+        hung = float(self.swing) != 0.0
+        for name in ("tilt", "swing", "relative") if hung else ("tilt",):
+            lines.append(
+                f"  {name:9s} {getattr(self, name):.6g} rad at {getattr(self, name + '_time'):.4g} s"
+            )
+        lines.append(f"  impacts   {int(self.impacts)}")
+        if math.isfinite(self.uplift_time):
+            lines.append(f"  uplift    at {self.uplift_time:.4g} s")
+        if math.isfinite(self.overturning_time):
+            lines.append(f"  falls     at {self.overturning_time:.4g} s")
+        return "\n".join(lines)
+
+
+def transient(
+    scene: Scene,
+    pendulum: Pendulum | None = None,
+    *,
+    y0: ArrayLike | None = None,
+    model: AbstractModel | None = None,
+    free: Real = FREE,
+    max_events: int = MAX_EVENTS,
+) -> Transient:
+    """Follow a block, with or without a pendulum, through the pulse or record of its scene.
+
+    The linear equations (25) with the base acceleration in the place of the harmonic are solved exactly: a
+    record is linear between its samples, and no event is missed. After the motion the block moves freely for
+    `free` seconds; a last arc that leads beyond return overturns it however far it has come by then.
+
+    Args:
+        scene: a block under a `Pulse` or a `Record`.
+        pendulum: None is the bare block.
+        y0: start (phi, psi, phi', psi') in rad and rad/s; at rest by default.
+        model: `Piecewise()`, the exact solution of the linear equations (default).
+        free: free motion after the ground motion, s.
+        max_events: events allowed beyond one for each piece of the motion.
+
+    Raises:
+        ValueError: bad input.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    from tpd.models.compiled_shaken import follow
+
+    checks.require_x64()
+    checks.instance("scene", scene, Scene)
+    checks.instance("motion", scene.motion, GroundMotion, ": harmonics are for `tpd.steady_state`")
+    checks.instance("model", Piecewise() if model is None else model, Piecewise)
+    checks.not_negative("free", free)
+    checks.count("max_events", max_events)
+    p, rate = scene.ground_parameters(pendulum), scene.rate
+    speeds = jnp.stack([jnp.ones(()), jnp.ones(()), jnp.asarray(rate), jnp.asarray(rate)])
+    start = jnp.zeros(4) if y0 is None else _start(y0) / speeds
+    found = follow(p, jnp.asarray(scene.motion.pieces()), free * rate, start, max_events)
+    status = _status(found)
+    sound = (status == Status.rocked) | (status == Status.stood)
+    bob = 0.0 if pendulum is None else 1.0
+    times = jnp.where(jnp.isfinite(found.times), found.times, jnp.inf) / stop_gradient(rate)
+    return Transient(
+        refused(found.tilt, sound),
+        *(refused(bob * _seen(x, bob), sound) for x in (found.swing, found.relative)),
+        *(times[..., i] for i in range(3)),
+        found.impacts.astype(int),
+        found.lifted / stop_gradient(rate),
+        found.fell / stop_gradient(rate),
+        refused(found.state * speeds * jnp.array([1.0, bob, 1.0, bob]), sound),
+        status,
+    )
+
+
+def _seen(angle: Any, bob: float) -> Any:
+    """An angle of the bob, or a number that a factor of zero does not spoil."""
+    return angle if bob else jnp.where(jnp.isfinite(angle), angle, 0.0)
+
+
+def _start(y0: ArrayLike) -> Any:
+    checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
+    return jnp.asarray(y0, dtype=jnp.float64)
+
+
+def _status(found: Any) -> Status:
+    from tpd.models.shaken_kernel import STATUSES
+
+    every = [getattr(Status, name) for name in STATUSES]
+    status = jax.tree.map(lambda *x: jnp.stack(x)[found.status.astype(int)], *every)
+    touched = (status == Status.rocked) & (found.transversality < GRAZING)
+    return Status.where(touched, Status.grazing, status)

@@ -1,0 +1,195 @@
+"""Motions of the base that are not harmonic: what they have in common, and pulses in closed form."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tpd.core import checks
+from tpd.core.parameters import Real
+from tpd.core.pytrees import pytree
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2"""
+_COUNTS = {"one-sine": 256, "one-cosine": 256, "ricker": 1024, "mavroeidis-papageorgiou": 1024}
+"""Cubics that stand for a pulse: they are within 2e-9 of it. Their error averages out, so that motions are
+within 1e-12 (`tests/analysis/test_transient.py` doubles the counts)."""
+
+
+class GroundMotion:
+    """A horizontal motion of the base in pieces of equal duration, its acceleration a cubic on each.
+
+    The base is at rest before the first piece and unaccelerated after the last.
+    """
+
+    @property
+    @abstractmethod
+    def pga(self) -> Real:
+        """Largest acceleration, m/s^2."""
+
+    @property
+    @abstractmethod
+    def piece(self) -> Real:
+        """Duration of a piece, s."""
+
+    @abstractmethod
+    def pieces(self) -> Any:
+        """Acceleration over `pga`, shape (pieces, 4): coefficients of the powers 0 to 3 of the share of each
+        piece that has passed."""
+
+    @abstractmethod
+    def scaled(self, factor: Real) -> Any:
+        """The motion with all accelerations times `factor`."""
+
+    @property
+    def duration(self) -> Real:
+        """s"""
+        return len(self.pieces()) * self.piece
+
+    def scaled_to(self, *, pga: Real | None = None, pga_g: Real | None = None) -> Any:
+        """The motion with this largest acceleration: `pga` in m/s^2, or `pga_g` in units of 9.80665 m/s^2.
+
+        Raises:
+            ValueError: both or none of them, one that is not positive, or a motion without acceleration.
+        """
+        if (pga is None) == (pga_g is None):
+            raise ValueError(
+                f"exactly one of `pga` and `pga_g` must be given, but they are {pga} and {pga_g}"
+            )
+        wanted = pga if pga_g is None else pga_g * STANDARD_GRAVITY
+        checks.positive("pga" if pga_g is None else "pga_g", wanted)
+        present = self.pga
+        if checks.is_concrete(present) and float(present) == 0.0:
+            raise ValueError("a motion without acceleration cannot be scaled to a peak")
+        return self.scaled(wanted / present)
+
+    def acceleration_at(self, times: Any) -> np.ndarray:
+        """Acceleration (m/s^2) at `times` in s; zero before and after the motion."""
+        c, share = np.asarray(self.pieces()), np.asarray(times, dtype=float) / float(self.piece)
+        i = np.clip(np.floor(share).astype(int), 0, len(c) - 1)
+        x = share - i
+        values = c[i, 0] + x * (c[i, 1] + x * (c[i, 2] + x * c[i, 3]))
+        return np.where((share < 0.0) | (share > len(c)), 0.0, values) * float(self.pga)
+
+
+@pytree
+@dataclass(frozen=True, kw_only=True)
+class Pulse(GroundMotion):
+    """A pulse of base acceleration; made by `one_sine`, `one_cosine`, `ricker` and `mavroeidis_papageorgiou`.
+
+    Raises:
+        ValueError: a kind that does not exist, or a number out of range.
+    """
+
+    kind: str
+    """"one-sine", "one-cosine", "ricker" or "mavroeidis-papageorgiou"."""
+    acceleration: Real
+    """Amplitude, m/s^2; of the first three kinds the largest acceleration."""
+    frequency: Real
+    """Hz"""
+    cycles: Real = 1.0
+    """Width of the envelope in periods: gamma of Mavroeidis and Papageorgiou."""
+    phase: Real = 0.0
+    """Phase against the envelope's middle, rad: nu of Mavroeidis and Papageorgiou."""
+
+    def __post_init__(self) -> None:
+        for name in ("acceleration", "frequency", "cycles", "phase"):
+            object.__setattr__(self, name, checks.as_float(getattr(self, name)))
+        if self.kind not in _SHAPES:
+            raise ValueError(f"`kind` must be one of {', '.join(_SHAPES)}, but is {self.kind!r}")
+        checks.not_negative("acceleration", self.acceleration)
+        checks.positive("frequency", self.frequency)
+        if checks.is_concrete(self.cycles) and not 1.0 <= self.cycles <= 8.0:
+            raise ValueError(f"`cycles` must lie within 1 and 8, but is {self.cycles:g}")
+
+    @classmethod
+    def one_sine(cls, *, acceleration: Real, frequency: Real) -> Pulse:
+        """One period of a sine: acceleration sin(2 pi frequency t)."""
+        return cls(kind="one-sine", acceleration=acceleration, frequency=frequency)
+
+    @classmethod
+    def one_cosine(cls, *, acceleration: Real, frequency: Real) -> Pulse:
+        """One period of a cosine; it begins and ends with a jump."""
+        return cls(kind="one-cosine", acceleration=acceleration, frequency=frequency)
+
+    @classmethod
+    def ricker(cls, *, acceleration: Real, frequency: Real) -> Pulse:
+        """Ricker's symmetric wavelet: acceleration (1 - 2 x^2) exp(-x^2) with x = pi frequency t, cut off
+        where it is 1e-15 of its peak (N. Ricker, Geophysics 8, 1943)."""
+        return cls(kind="ricker", acceleration=acceleration, frequency=frequency)
+
+    @classmethod
+    def mavroeidis_papageorgiou(
+        cls, *, velocity: Real, frequency: Real, cycles: Real, phase: Real = 0.0
+    ) -> Pulse:
+        """Near-fault pulse with the base velocity (G. P. Mavroeidis and A. S. Papageorgiou, Bull. Seismol.
+        Soc. Am. 93, 2003)
+
+            velocity/2 [1 + cos(x/cycles)] cos(x + phase),   x = 2 pi frequency t, |x| <= pi cycles,
+
+        in m/s. The acceleration of the result is velocity times 2 pi frequency.
+        """
+        checks.not_negative("velocity", velocity)
+        return cls(
+            kind="mavroeidis-papageorgiou",
+            acceleration=2.0 * math.pi * frequency * velocity,
+            frequency=frequency,
+            cycles=cycles,
+            phase=phase,
+        )
+
+    @property
+    def periods(self) -> Real:
+        """Duration in periods."""
+        return {"ricker": _RICKER, "mavroeidis-papageorgiou": self.cycles}.get(self.kind, 1.0)
+
+    @property
+    def pga(self) -> Real:
+        """Largest acceleration, m/s^2."""
+        if self.kind != "mavroeidis-papageorgiou":
+            return self.acceleration
+        np_ = checks.namespace(self.cycles)
+        x = np_.linspace(-1.0, 1.0, 20001) * math.pi * self.cycles
+        return self.acceleration * np_.max(np_.abs(_mavroeidis(x, self.cycles, self.phase, np_)))
+
+    @property
+    def piece(self) -> Real:
+        """Duration of a piece, s."""
+        return self.periods / self.frequency / _COUNTS[self.kind]
+
+    def scaled(self, factor: Real) -> Pulse:
+        """The pulse with all accelerations times `factor`."""
+        return replace(self, acceleration=self.acceleration * factor)
+
+    def pieces(self) -> Any:
+        """Acceleration over `pga`, as cubics; see `GroundMotion.pieces`."""
+        np_, n = checks.namespace(self.cycles), _COUNTS[self.kind]
+        # Through Gauss's points of every piece: the error is orthogonal to cubics and hardly moves a block.
+        share = 0.5 + 0.5 * np.polynomial.legendre.leggauss(4)[0]
+        x = ((np.arange(n)[:, None] + share) / n - 0.5) * 2.0 * math.pi * self.periods
+        unit = replace(self, acceleration=1.0).pga
+        values = _SHAPES[self.kind](x, self.cycles, self.phase, np_) / unit
+        return values @ np.linalg.inv(np.vander(share, increasing=True)).T
+
+
+_RICKER = 4.0
+"""Periods of a Ricker wavelet: pi^2 2^2 in the exponent leaves 6e-16 of the peak."""
+
+
+def _mavroeidis(x: Any, cycles: Any, phase: Any, np_: Any) -> Any:
+    """Acceleration over 2 pi frequency times the velocity; x = 2 pi frequency t."""
+    carrier, slope = np_.cos(x + phase), np_.sin(x + phase)
+    return -0.5 * (np_.sin(x / cycles) * carrier / cycles + (1.0 + np_.cos(x / cycles)) * slope)
+
+
+_SHAPES = {
+    # The middle of the pulse is at x = 0.
+    "one-sine": lambda x, cycles, phase, np_: -np.sin(x),
+    "one-cosine": lambda x, cycles, phase, np_: -np.cos(x),
+    "ricker": lambda x, cycles, phase, np_: (1.0 - 0.5 * x**2) * np.exp(-0.25 * x**2),
+    "mavroeidis-papageorgiou": _mavroeidis,
+}

@@ -1,0 +1,241 @@
+"""Motions of the linear equations under pulses and records: one under JAX's transformations, or batches.
+
+Under `jit`, `vmap` and derivatives the compiled code is an XLA custom call with derivatives of its own; on
+devices other than the processor JAX calls the host. Batches on the host share their records and all cores.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from threading import Lock
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.custom_derivatives import SymbolicZero
+from jaxtyping import Array, Float
+
+from tpd.core.parameters import Number, Parameters, State
+from tpd.models.compiled_linear import packed
+from tpd.models.rows import shared
+
+_TARGET = "tpd_ground_motions"
+_asking = Lock()
+REST_RATE = 2e-7
+"""Rate phi', over nu, below which an impact on a block that can be held ends in rest."""
+
+
+class Followed(NamedTuple):
+    """A motion of the linear equations under a ground motion, or a batch of them: numbers of shape (...).
+
+    Angles are in rad and times in tau. NumPy's arrays from `follow_all`, JAX's from `follow`.
+    """
+
+    tilt: Any
+    """Largest |phi|; infinite after an overturning."""
+    swing: Any
+    """Largest |psi|."""
+    relative: Any
+    """Largest |psi - phi|: the angle between rod and block."""
+    times: Any
+    """Times of the three, shape (..., 3)."""
+    state: Any
+    """(phi, psi, phi', psi') at the end, shape (..., 4)."""
+    growing: Any
+    """Growing coordinate of the last arc at its start: 0 between overturning and falling back."""
+    status: Any
+    """Index among `tpd.models.shaken_kernel.STATUSES`."""
+    impacts: Any
+    lifted: Any
+    """Time of the first uplift; infinite without one."""
+    fell: Any
+    """Time from which the block is beyond return; infinite if it never is."""
+    transversality: Any
+    """Least rate at which the motion met an event, over the usual rate."""
+
+
+@lru_cache(maxsize=1)
+def _usable() -> bool:
+    """Whether XLA can call the compiled code: it answers a trial as the host's call does."""
+    from tpd.models import shaken_entry as entry
+
+    try:
+        jax.ffi.register_ffi_target(_TARGET, entry.capsule(), platform="cpu")
+        x = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 0.5, 0.7, 0.9])
+        operands = _settings(2, 1.0, 100, 0.0), x, np.zeros(4), np.array([[1.0, 0.0, 0.0, 0.0]] * 2)
+        cpu = jax.local_devices(backend="cpu")[0]
+        with jax.default_device(cpu), jax.ensure_compile_time_eval(), jax.enable_x64(True):
+            found = jax.ffi.ffi_call(_TARGET, _shapes(False))(*map(np.asarray, operands))
+        works, why = np.array_equal(found[0], _on_host(*operands)[0]), "its answer to a trial is wrong"
+    except Exception as error:
+        works, why = False, f"{type(error).__name__}: {error}"
+    if not works:
+        warnings.warn(
+            f"JAX cannot call the compiled code of ground motions directly ({why}): it goes through Python, "
+            "which takes longer",
+            stacklevel=2,
+        )
+    return works
+
+
+def _shapes(slopes: bool) -> tuple[jax.ShapeDtypeStruct, jax.ShapeDtypeStruct]:
+    from tpd.models import shaken_entry as entry
+
+    inputs = entry.INPUTS if slopes else 1
+    shapes = (entry.OUT,), (entry.ROWS if slopes else 1, inputs)
+    return jax.ShapeDtypeStruct(shapes[0], np.float64), jax.ShapeDtypeStruct(shapes[1], np.float64)
+
+
+def _settings(pieces: int, free: Any, max_events: int, inputs: float) -> Any:
+    """A row of settings of a motion with a record of its own."""
+    numbers = 0.0, pieces, -1.0, free, REST_RATE, max_events, inputs, 0.0
+    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in numbers])
+
+
+def _on_host(*operands: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Results of operands of any batch shape, computed here."""
+    from tpd.models import shaken_entry as entry
+
+    wide = [np.asarray(x, dtype=float) for x in operands]
+    batch = wide[0].shape[:-1]
+    rows = int(np.prod(batch))
+    flat = [np.ascontiguousarray(x.reshape(rows, *x.shape[len(batch) :])) for x in wide]
+    slopes = bool(rows and flat[0][0, 6] > 0.0)
+    out, by = (np.zeros((rows, *s.shape)) for s in _shapes(slopes))
+    if rows:
+        entry.run(0, rows, *flat, out, by)
+    return out.reshape(*batch, *out.shape[1:]), by.reshape(*batch, *by.shape[1:])
+
+
+def _called(slopes: bool, *operands: Any) -> Any:
+    """Results of the custom call; a batch is a loop in compiled code."""
+    wide = [jnp.asarray(x, dtype=jnp.float64) for x in operands]
+    with _asking:
+        direct = _usable()
+
+    def kernel(*a: Any) -> Any:
+        return jax.ffi.ffi_call(_TARGET, _shapes(slopes), vmap_method="broadcast_all")(*a)
+
+    def through_host(*a: Any) -> Any:
+        return jax.pure_callback(_on_host, _shapes(slopes), *a, vmap_method="broadcast_all")
+
+    if not direct:
+        return through_host(*wide)
+    if all(device.platform == "cpu" for device in jax.devices()):
+        return kernel(*wide)
+    return jax.lax.platform_dependent(*wide, cpu=kernel, default=through_host)
+
+
+@jax.custom_jvp
+def _followed(x: Array, y: Array, pieces: Array, settings: Array) -> Array:
+    return _called(False, settings, x, y, pieces)[0]
+
+
+def _followed_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    x, y, pieces, settings = primals
+    # Nine parameters, and four components of the start where that moves.
+    inputs = 9.0 if isinstance(tangents[1], SymbolicZero) else 13.0
+    out, by = _called(True, settings.at[6].set(inputs), x, y, pieces)
+    xs, ys, samples, times = (_zeros_of(t) for t in tangents)
+    moved = by @ jnp.concatenate([xs, ys])
+    # The state goes on for longer where the free time grows.
+    rates = jnp.concatenate([out[8:10], out[17:19]])
+    state = moved[3:7] + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[3]
+    angles = jnp.stack([moved[:3], jnp.zeros(3)], axis=1).ravel()
+    tangent = jnp.concatenate([angles, state, moved[7:8], jnp.zeros(out.size - 11)])
+    if not isinstance(tangents[2], SymbolicZero):
+        # Derivatives in the samples of a record are not computed: not a number, and not zero.
+        tangent = tangent + jnp.nan * jnp.sum(samples)
+    return out, tangent
+
+
+_followed.defjvp(_followed_jvp, symbolic_zeros=True)
+
+
+def _zeros_of(tangent: Any) -> Any:
+    return jnp.zeros(tangent.shape, jnp.float64) if isinstance(tangent, SymbolicZero) else tangent
+
+
+def follow(p: Parameters, pieces: Array, free: Number, y0: State, max_events: int) -> Followed:
+    """Follow a motion from `y0` through `pieces`, shape (n, 4), and freely for `free` (tau).
+
+    `p` are parameters of `Scene.ground_parameters`. Derivatives in p, free and y0 of the angles, the state
+    and the growing coordinate are exact; those in the pieces are NaN.
+    """
+    # The compiled code takes the duration of a piece, and eta is minus the acceleration of the base.
+    x = packed(p).at[6].set(2.0 * jnp.pi / jnp.asarray(p.xi, dtype=jnp.float64))
+    settings = _settings(pieces.shape[-2], free, max_events, 0.0)
+    out = _followed(x, y0, -jnp.asarray(pieces), settings)
+    return _results(out, jax.lax.stop_gradient(out))
+
+
+def _results(out: Any, still: Any) -> Followed:
+    return Followed(
+        out[..., 0],
+        out[..., 2],
+        out[..., 4],
+        still[..., 1:6:2],
+        out[..., 6:10],
+        out[..., 10],
+        still[..., 11],
+        still[..., 12],
+        still[..., 13],
+        still[..., 14],
+        still[..., 15],
+    )
+
+
+def follow_all(
+    parameters: Float[np.ndarray, "n 9"],
+    records: Sequence[np.ndarray],
+    which: np.ndarray,
+    free: np.ndarray,
+    *,
+    y0: np.ndarray | None = None,
+    max_events: int = 100_000,
+    slopes: bool = False,
+    brief: bool = False,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Followed, np.ndarray | None]:
+    """Follow n motions on all cores.
+
+    Args:
+        parameters: (nu, mu, lam, zeta, k, f, h, rho, e) of each, with h the duration of a piece in tau.
+        records: the pieces of each ground motion, `GroundMotion.pieces`; they are not copied for each motion.
+        which: index of the ground motion of each.
+        free: time of free motion after the ground motion, tau.
+        y0: starts, shape (n, 4); at rest by default.
+        max_events: events of a motion beyond one for each piece.
+        slopes: whether to compute derivatives.
+        brief: whether the free motion may end as soon as it cannot tilt the block further: then only tilt,
+            uplift and overturning hold.
+        workers: threads; all cores by default.
+        progress: called with the motions done and in all.
+
+    Returns:
+        The motions, and their derivatives of shape (n, 8, 13) if `slopes`: of the three angles, the state at
+        the end and the growing coordinate, in the nine parameters and the four components of the start.
+    """
+    from tpd.models import shaken_entry as entry
+
+    n, lengths = len(parameters), np.array([len(r) for r in records])
+    firsts = np.cumsum(lengths) - lengths
+    pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in records]))
+    settings = np.zeros((n, entry.SETTINGS))
+    settings[:, 1], settings[:, 2], settings[:, 3] = lengths[which], firsts[which], free
+    settings[:, 4], settings[:, 5], settings[:, 6] = REST_RATE, max_events, 13.0 if slopes else 0.0
+    settings[:, 7] = brief
+    x = np.ascontiguousarray(parameters, dtype=float)
+    starts = np.zeros((n, 4)) if y0 is None else np.ascontiguousarray(y0, dtype=float)
+    out, by = np.zeros((n, entry.OUT)), np.zeros((n if slopes else 1, entry.ROWS, entry.INPUTS))
+
+    def run(first: int, last: int) -> int:
+        entry.run(first, last, settings, x, starts, pieces, out, by)
+        return last - first
+
+    shared(run, n, workers, progress)
+    return _results(out, out), by if slopes else None

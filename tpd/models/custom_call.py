@@ -1,0 +1,128 @@
+"""How compiled code is called by XLA and by the host through one entrance.
+
+XLA calls a function by a pointer to a frame that names the buffers (its foreign function interface, FFI). The
+host calls the same function with a frame of its own, whose first number is 0, so that the code is compiled
+once. Both release Python's lock. A row of each buffer belongs to one motion.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jaxlib
+import numba
+import numpy as np
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numba.np.numpy_support import carray
+
+from tpd.exact.arc_kernel import compiled
+
+FRAME = 16
+"""Numbers of 8 bytes in a frame of XLA's."""
+
+
+def _declared_version() -> tuple[int, int]:
+    """Version of the interface that the installed XLA declares."""
+    header = Path(str(jaxlib.__file__)).parent / "include" / "xla" / "ffi" / "api" / "c_api.h"
+    text = header.read_text()
+    major, minor = (re.search(rf"#define XLA_FFI_API_{name} (\d+)", text) for name in ("MAJOR", "MINOR"))
+    if major is None or minor is None:
+        raise ValueError(f"{header} does not declare the version of the interface")
+    return int(major[1]), int(minor[1])
+
+
+def _cast(context: Any, address: Any) -> Any:
+    """A number as a pointer to floats."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], cgutils.voidptr_t)
+
+    return types.voidptr(types.int64), generate
+
+
+pointer: Any = intrinsic(_cast)
+
+
+@compiled
+def wholes(address, count):
+    """Whole numbers at an address."""
+    return carray(pointer(address), (count,), np.int64)
+
+
+@compiled
+def table(address, rows, columns):
+    """A table of floats at an address."""
+    return carray(pointer(address), (rows, columns), np.float64)
+
+
+@compiled
+def cube(address, rows, columns, depth):
+    """Tables of floats at an address."""
+    return carray(pointer(address), (rows, columns, depth), np.float64)
+
+
+@compiled
+def _buffers(frame, a):
+    """Put the addresses of a frame's buffers into `a`, and return how many rows they have."""
+    operands, results, rows = frame[7], frame[12], 1
+    for i in range(operands):
+        a[i] = wholes(wholes(frame[9], operands)[i], 6)[3]
+    for i in range(results):
+        a[operands + i] = wholes(wholes(frame[14], results)[i], 6)[3]
+    settings = wholes(wholes(frame[9], 1)[0], 6)
+    shape = wholes(settings[5], settings[4])
+    for i in range(settings[4] - 1):
+        rows *= shape[i]
+    return rows
+
+
+@compiled
+def rows_of(address, a, api):
+    """Put the addresses of a frame's buffers into `a`; return the first and last of the rows to compute, and
+    whether the host asks. XLA's frames have 16 numbers of 8 bytes: the second is an extension, the fifth a
+    stage, the tenth and the last but one the lists of buffers."""
+    frame = wholes(address, FRAME)
+    if frame[0] == 0:
+        for i in range(8):
+            a[i] = frame[3 + i]
+        return frame[1], frame[2], True
+    if frame[1] != 0:
+        # XLA asks for the version.
+        wholes(wholes(frame[1], 4)[3], 5)[3] = api
+        return 0, 0, False
+    if (frame[4] & 0xFFFFFFFF) != 3:
+        return 0, 0, False
+    return 0, _buffers(frame, a), False
+
+
+def api_version() -> int:
+    """The version of the interface that the installed XLA declares, as one number."""
+    major, minor = _declared_version()
+    return major | (minor << 32)
+
+
+def stored(function: Callable[[int], int]) -> Any:
+    """Compiled entrance, stored on disk for later processes where a folder can be written to."""
+    try:
+        return numba.cfunc("int64(int64)", cache=True)(function)
+    except RuntimeError:
+        # Neither the package's folder nor the user's cache nor NUMBA_CACHE_DIR can be written to.
+        return numba.cfunc("int64(int64)")(function)
+
+
+def on_host(entrance: Any) -> Callable[..., None]:
+    """Function that computes rows `first` to before `last` of contiguous buffers: operands, then results."""
+    call: Callable[[int], int] = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(entrance.address)
+
+    def run(first: int, last: int, *buffers: np.ndarray) -> None:
+        addresses = [b.ctypes.data for b in buffers]
+        frame = np.array([0, first, last, *addresses, *[0] * (FRAME - 3 - len(buffers))], dtype=np.int64)
+        call(frame.ctypes.data)
+
+    return run

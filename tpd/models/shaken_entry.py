@@ -1,0 +1,74 @@
+"""The entrance to the compiled code of motions under ground motions, for XLA and for the host."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+import numpy as np
+from numba.np.numpy_support import carray
+
+from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, compiled
+from tpd.models.compiling import checksum
+from tpd.models.custom_call import api_version, on_host, pointer, rows_of, stored, table
+from tpd.models.shaken_derivatives import INPUTS, PLANTS, ROWS, differentiate
+from tpd.models.shaken_kernel import LEG, OUT, TALLY, follow, put_results
+
+SETTINGS = 8
+"""Numbers in a row of settings: 0; pieces of the motion; the row of its first, or -1 if every motion has its
+own; free time; rest rate; events allowed; how many directions have derivatives (0, 9 or 13); and whether the
+free motion may end where it cannot tilt the block further."""
+
+
+@compiled
+def _run(a, first, last):
+    """Rows of `follow`: settings, parameters, starts and pieces; results and derivatives."""
+    s, x, y0, out = (
+        table(a[0], last, SETTINGS),
+        table(a[1], last, 9),
+        table(a[2], last, 4),
+        table(a[4], last, OUT),
+    )
+    plants, others = np.empty(1, PLANT), np.empty(PLANTS, COMPLEX_PLANT)
+    tally, mode, y, none = np.empty(TALLY), np.zeros(4), np.empty(4), np.empty((0, LEG))
+    for r in range(first, last):
+        n, begin, inputs, most = int(s[r, 1]), int(s[r, 2]), int(s[r, 6]), int(s[r, 5])
+        begin = r * n if begin < 0 else begin
+        c = table(a[3], begin + n, 4)[begin:]
+        # Of memory that nothing is written to the system gives none.
+        legs = np.empty((2 * (n + most) + 64, LEG)) if inputs > 0 else none
+        for i in range(4):
+            y[i], mode[i] = y0[r, i], 0.0
+        status = follow(x[r], plants[0], c, n, y, s[r, 3], s[r, 4], most, s[r, 7] != 0.0, tally, legs, mode)
+        put_results(plants[0], n, s[r, 3], y, mode, tally, status, out[r])
+        if inputs > 0:
+            by = carray(pointer(a[5]), (last, ROWS, INPUTS), np.float64)[r]
+            for i in range(ROWS):
+                for j in range(INPUTS):
+                    by[i, j] = 0.0
+            out[r, 10] = differentiate(x[r], plants[0], others, c, n, legs, tally, inputs, by)
+
+
+def _entrance(version: int, api: int) -> Any:
+    def call(address):
+        """Answer a frame: 0 for success."""
+        a = np.zeros(8, np.int64)
+        first, last, by_host = rows_of(address, a, api)
+        # One call: Numba compiles all that is called once more for each other kind of argument.
+        if last > first:
+            _run(a, first, last)
+        return version if by_host else 0
+
+    # See `tpd.models.linear_entry`.
+    return stored(inspect.unwrap(call))
+
+
+_CALL = _entrance(checksum("shaken_"), api_version())
+run = on_host(_CALL)
+
+
+def capsule() -> Any:
+    """The entrance as an XLA FFI handler."""
+    import jax
+
+    return jax.ffi.pycapsule(_CALL.address)

@@ -1,0 +1,430 @@
+"""The linear equations under a ground motion, followed exactly from event to event in compiled scalar code.
+
+A ground motion consists of pieces of equal duration, each with a cubic in time (`tpd.exact.cubic_kernel`).
+Most pieces of a record have no event. Such a piece is taken in one step, if bounds on its two ends prove it
+(see `tpd.exact.event_search`); elsewhere the search for the next event decides. After the last piece the
+block moves freely for a stated time, and then along its last arc until it meets an event or is beyond return:
+an overturning that has begun is never missed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tpd.exact.arc_kernel import Signal, compiled, instant, moment, plant, state_at
+from tpd.exact.contact import REST, SLIP, STICK
+from tpd.exact.cubic_kernel import START, Cubic, accelerations, cubic_at, forcing_of, launch_cubic, put_map
+from tpd.exact.event_kernel import (
+    ARRIVED,
+    EXHAUSTED,
+    LOST,
+    beyond_return,
+    decide,
+    meet,
+    sign,
+    transversality,
+)
+from tpd.exact.event_search import (
+    AWAY,
+    BOB,
+    END,
+    GONE,
+    LONGEST,
+    LOOKS,
+    RELATIVE,
+    SECOND,
+    SMALL,
+    next_event,
+    room,
+    turn_over,
+    watch_block,
+    watch_turns,
+)
+
+STATUSES = ("stood", "rocked", "overturned", "event_bound", "failed")
+"""Names of statuses in the order of their numbers."""
+STOOD, ROCKED, OVERTURNED, EVENT_BOUND, FAILED = range(5)
+WHOLE = 4
+"""End of a leg that consists of whole pieces without an event."""
+LEG = 12
+"""Numbers of a recorded leg: kind and signs of its mode; its piece, its beginning there and its duration (the
+number of pieces if they are whole); what ended it, whether that ended in rest; the state at its start."""
+
+BEST, WHERE, WHEN = 0, 6, 12
+"""Places in the tally of a motion: largest phi, psi and psi - phi to either side, the legs at whose ends they
+were met (-1 is the beginning), and the times."""
+IMPACTS, LIFTED, FELL, LEGS, EVENTS, LOOKS_LEFT, BOB_WAY, RELATIVE_WAY, CROSSING = range(18, 27)
+"""Further places: impacts, times of first uplift and of overturning, legs, events and looks that are left,
+signs of the rates of psi and of psi - phi, and the least transversality."""
+TALLY = 27
+OUT = 19
+"""Numbers of a result: largest |phi|, |psi| and |psi - phi| with their times; the state at the end; the
+growing coordinate of the last leg (with derivatives only); status; impacts; times of the first uplift and of
+the overturning; transversality; legs; and the accelerations at the end."""
+_ROUNDING = 1e-15
+_FOREVER = 1e6
+
+
+@compiled
+def _note(tally, phi, psi, tau, leg):
+    """Take account of the angles at the end of a leg."""
+    for k in range(6):
+        angle = phi if k < 2 else (psi if k < 4 else psi - phi)
+        angle = angle if k % 2 == 0 else -angle
+        if angle > tally[BEST + k]:
+            tally[BEST + k], tally[WHERE + k], tally[WHEN + k] = angle, leg, tau
+
+
+@compiled
+def _record(legs, tally, mode, piece, start, lasted, which, rests, y):
+    """Write a leg down where there is room for it."""
+    n = int(tally[LEGS])
+    if n < len(legs):
+        legs[n, 0], legs[n, 1], legs[n, 2], legs[n, 3] = mode[0], mode[1], mode[2], piece
+        legs[n, 4], legs[n, 5], legs[n, 6], legs[n, 7] = start, lasted, which, 1.0 if rests else 0.0
+        for i in range(4):
+            legs[n, 8 + i] = y[i]
+    tally[LEGS] = n + 1.0
+
+
+@compiled
+def put_bounds(q, bounds):
+    """Put bounds on the fourth and fifth derivatives of the pair's two solutions into `bounds`, shape
+    (2, 2, 2), for the slipping block and the held one: the energy x^2 + x'^2/q only decreases."""
+    for held in range(2):
+        p, s = (q.held_p, q.held_q) if held else (q.p, q.q)
+        for i in range(2):
+            u, v = (1.0, 0.0) if i == 0 else (0.0, 1.0)
+            for power in range(5):
+                u, v = v, -s * u - p * v
+                if power > 2:
+                    bounds[held, power - 3, i] = math.sqrt(u * u + v * v / s)
+
+
+@compiled
+def _rough(arc, x, growth, fifth, bounds, held):
+    """Bound on the fourth or fifth derivative of a signal over a piece; that of the forcing is zero."""
+    r1, r2 = arc.s1 * arc.s1, arc.s2 * arc.s2
+    r1, r2 = r1 * r1, r2 * r2
+    if fifth:
+        r1, r2 = r1 * abs(arc.s1), r2 * abs(arc.s2)
+    pair = bounds[held, fifth, 0] * abs(x.on_u) + bounds[held, fifth, 1] * abs(x.on_v)
+    return pair + abs(x.on_s1) * r1 * growth + abs(x.on_s2) * r2
+
+
+@compiled
+def _clear(g0, v0, g1, v1, d, bound):
+    """Whether a signal with these values and slopes at the ends of a window stays positive in it."""
+    least = min(min(g0, g1), min(g0 + d * v0 / 3.0, g1 - d * v1 / 3.0))
+    # A bob that hangs still does not turn.
+    return least > bound * d * d * d * d * AWAY or (g0 == 0.0 and v0 == 0.0 and g1 == 0.0 and v1 == 0.0)
+
+
+@compiled
+def _stays(q, mode, e, h, a, b, bound):
+    """Whether a held block stays where it is over a piece; `a` and `b` are the states at its ends, with their
+    accelerations."""
+    at, rate = forcing_of(e, 0.0)
+    to, onward = forcing_of(e, h)
+    stuck = mode[0] == STICK
+    level, hold = (mode[1] * q.weight if stuck else 0.0), q.k + (0.0 if stuck else q.weight)
+    m, n = moment(q, a[0], a[1], a[3], at) - level, moment(q, b[0], b[1], b[3], to) - level
+    u = (1.0 - q.up) * a[3] + q.bias * a[5] - q.f * rate
+    v = (1.0 - q.up) * b[3] + q.bias * b[5] - q.f * onward
+    return _clear(hold - m, -u, hold - n, -v, h, bound) and _clear(hold + m, u, hold + n, v, h, bound)
+
+
+@compiled
+def _without_event(q, arc, mode, e, h, a, b, growth, tally, bounds):
+    """Whether a whole piece is proved to have no event; arguments as in `_stays`."""
+    held, hung = (0 if mode[0] == SLIP else 1), q.mu > 0.0
+    bob, tilt, way, side = tally[BOB_WAY], mode[1], mode[2], tally[RELATIVE_WAY]
+    bob5 = _rough(arc, arc.bob, growth, 1, bounds, held)
+    if hung and not _clear(bob * a[3], bob * a[5], bob * b[3], bob * b[5], h, bob5):
+        return False
+    if held:
+        bob4 = _rough(arc, arc.bob, growth, 0, bounds, held)
+        return _stays(q, mode, e, h, a, b, abs(1.0 - q.up) * bob4 + abs(q.bias) * bob5)
+    tilt5 = _rough(arc, arc.tilt, growth, 1, bounds, held)
+    if not _clear(way * a[2], way * a[4], way * b[2], way * b[4], h, tilt5):
+        return False
+    if hung:
+        g0, v0, g1, v1 = a[3] - a[2], a[5] - a[4], b[3] - b[2], b[5] - b[4]
+        if not _clear(side * g0, side * v0, side * g1, side * v1, h, tilt5 + bob5):
+            return False
+    if tilt * way > 0.0:
+        return True
+    tilt4 = _rough(arc, arc.tilt, growth, 0, bounds, held)
+    return _clear(tilt * a[0], tilt * a[2], tilt * b[0], tilt * b[2], h, tilt4)
+
+
+@compiled
+def _over(m, c, i, centre, y, end):
+    """Put the state after piece i into `end`, by the map of a piece."""
+    x0, x1, x2, x3 = y[0] - centre, y[1], y[2], y[3]
+    for k in range(4):
+        state = m[k, 0] * x0 + m[k, 1] * x1 + m[k, 2] * x2 + m[k, 3] * x3
+        end[k] = state + m[k, 4] * c[i, 0] + m[k, 5] * c[i, 1] + m[k, 6] * c[i, 2] + m[k, 7] * c[i, 3]
+    end[0] += centre
+
+
+@compiled
+def _whole_pieces(q, c, n, i, mode, y, maps, bounds, tally, legs):
+    """Follow a motion from the start of piece i as long as whole pieces are proved to have no event. Return
+    the piece at whose start it is then."""
+    h, first, limit, kind = q.xi, i, beyond_return(q), mode[0]
+    start, end, held = y.copy(), np.empty(4), 0 if kind == SLIP else 1
+    # A held block stays where it is: its tilt needs no centre.
+    centre = 0.0 if held else (mode[1] * q.weight + mode[2] * q.k) / q.up
+    growth = math.exp(q.s1 * h)
+    while i < n:
+        e = cubic_at(c, n, i, h, 0.0)
+        arc = launch_cubic(q, kind, mode[1], mode[2], y[0], y[1], y[2], y[3], e)
+        _over(maps[held], c, i, centre, y, end)
+        last = c[i, 0] + c[i, 1] + c[i, 2] + c[i, 3]
+        up, swing = accelerations(q, kind, centre, y[0], y[1], y[2], y[3], e.e0)
+        a = y[0], y[1], y[2], y[3], up, swing
+        up, swing = accelerations(q, kind, centre, end[0], end[1], end[2], end[3], last)
+        b = end[0], end[1], end[2], end[3], up, swing
+        if not (abs(b[0]) < limit and _without_event(q, arc, mode, e, h, a, b, growth, tally, bounds)):
+            break
+        y[0], y[1], y[2], y[3] = b[0], b[1], b[2], b[3]
+        i += 1
+    if i > first:
+        _note(tally, y[0], y[1], i * h, tally[LEGS])
+        _record(legs, tally, mode, first, 0.0, i - first, WHOLE, False, start)
+    return i
+
+
+@compiled
+def _look_ahead(q, arc, mode, y, tally):
+    """Put the ways in which the angles of the bob go into the tally."""
+    rate, relative = y[3], y[3] - y[2]
+    if abs(rate) <= 1e-12 or abs(relative) <= 1e-12:
+        ahead = 1e-3 / math.sqrt(q.held_q)
+        now = state_at(arc, instant(arc, ahead), ahead)
+        rate = now[3] if abs(rate) <= 1e-12 else rate
+        relative = now[3] - now[2] if abs(relative) <= 1e-12 else relative
+    tally[BOB_WAY], tally[RELATIVE_WAY] = (-1.0 if rate < 0.0 else 1.0), (-1.0 if relative < 0.0 else 1.0)
+
+
+@compiled
+def _difference(a, b):
+    """Difference of two signals."""
+    free = a.constant - b.constant, a.on_s1 - b.on_s1, a.on_s2 - b.on_s2, a.on_u - b.on_u, a.on_v - b.on_v
+    forced = a.along - b.along, a.across - b.across
+    return Signal(*free, *forced, a.gain_along - b.gain_along, a.gain_across - b.gain_across)
+
+
+@compiled
+def _watch(q, arc, mode, e, tally, w):
+    """Prepare all signals of an arc. Return how many there are, and whether the second is one of them."""
+    forcing = Signal(e.e0, 0.0, 0.0, 0.0, 0.0, e.e1, e.e2, 0.0, e.e3)
+    second, count = watch_block(q, arc, mode, forcing, w), BOB
+    if q.mu > 0.0:
+        watch_turns(w, BOB, tally[BOB_WAY], arc.bob, arc)
+        count = RELATIVE
+        if mode[0] == SLIP:
+            watch_turns(w, RELATIVE, tally[RELATIVE_WAY], _difference(arc.bob, arc.tilt), arc)
+            count = RELATIVE + 1
+    return count, second
+
+
+@compiled
+def _turned(tally, which, mode, w):
+    """Take account of a turn of the bob, or of the bob against the block."""
+    if which == BOB:
+        tally[BOB_WAY] = -tally[BOB_WAY]
+        if mode[0] != SLIP:
+            tally[RELATIVE_WAY] = tally[BOB_WAY]
+    else:
+        tally[RELATIVE_WAY] = -tally[RELATIVE_WAY]
+    turn_over(w, which)
+
+
+@compiled
+def _met(q, which, capture, eta, now, y, mode, tau, tally):
+    """Change state, mode and tally at an event of the block; `now` is the state before it with its
+    accelerations. Return whether the block came to rest."""
+    was = mode[0]
+    rests = meet(q, which, capture, eta, y, mode)
+    if was == SLIP and which == SECOND:
+        tally[IMPACTS] += 1.0
+    if was == REST and tally[LIFTED] == math.inf:
+        tally[LIFTED] = tau
+    tally[CROSSING] = min(tally[CROSSING], transversality(q, 1.0, which, was, mode[0], now, eta))
+    if y[3] * now[3] < 0.0:
+        tally[BOB_WAY] = -tally[BOB_WAY]
+    if mode[0] != SLIP:
+        tally[RELATIVE_WAY] = tally[BOB_WAY]
+    elif (y[3] - y[2]) * (now[3] - now[2]) < 0.0:
+        tally[RELATIVE_WAY] = -tally[RELATIVE_WAY]
+    return rests
+
+
+@compiled
+def _settles(q, y, tally):
+    """Whether a block that moves freely has too little energy to tilt further than it has. The energy
+
+        [m11 phi'^2 + 2 m12 phi' psi' + mu lam m22 psi'^2]/2 + weight |phi| - up phi^2/2 + mu lam psi^2/2
+
+    of block and bob never grows without a forcing."""
+    share = q.mu * q.lam
+    moving = q.m11 * y[2] * y[2] + 2.0 * q.m12 * y[2] * y[3] + share * q.m22 * y[3] * y[3]
+    level = q.weight - q.up * abs(y[0])
+    # Distance from the energy of the unstable equilibrium, times 2 up; the weight cancels where phi is small.
+    left = level * level - q.up * (moving + share * y[1] * y[1])
+    if level <= 0.0 or left <= 0.0:
+        return False
+    return (q.weight - math.sqrt(left)) / q.up <= max(tally[BEST], tally[BEST + 1]) * (1.0 + 1e-12)
+
+
+@compiled
+def _piece(q, c, n, i, s, end, mode, y, w, tally, legs, capture, brief):
+    """Follow a motion through piece i from its local time `s` to `end`, event by event. Return its end."""
+    h, start, limit = q.xi, np.empty(4), beyond_return(q)
+    longest = LONGEST / max(q.s1, math.sqrt(q.q))
+    window = longest
+    e = cubic_at(c, n, i, h, s)
+    if mode[0] != SLIP:
+        # The base acceleration may jump where a piece begins.
+        decide(q, y, mode[1] if mode[0] == STICK else 0.0, 0.0, e.e0, mode)
+        if mode[0] == SLIP and tally[LIFTED] == math.inf:
+            tally[LIFTED] = i * h + s
+    while tally[EVENTS] > 0.0 and tally[LOOKS_LEFT] > 0.0:
+        tally[EVENTS] -= 1.0
+        e = cubic_at(c, n, i, h, s)
+        arc = launch_cubic(q, mode[0], mode[1], mode[2], y[0], y[1], y[2], y[3], e)
+        count, second = _watch(q, arc, mode, e, tally, w)
+        left, at, began, here = end - s, 0.0, 0.0, START
+        for j in range(4):
+            start[j] = y[j]
+        while True:
+            which, at, looks = next_event(
+                arc, w, count, second, here, at, left, SMALL, longest, window, limit, int(tally[LOOKS_LEFT])
+            )
+            tally[LOOKS_LEFT], here = looks, instant(arc, at)
+            now = state_at(arc, here, at)
+            # Hops get shorter one after the other.
+            window = min(longest, 4.0 * (at - began) + SMALL)
+            if which < BOB:
+                break
+            _note(tally, now[0], now[1], i * h + s + at, tally[LEGS])
+            _record(legs, tally, mode, i, s + began, at - began, which, False, start)
+            _turned(tally, which, mode, w)
+            began = at
+            for j in range(4):
+                start[j] = now[j]
+        for j in range(4):
+            y[j] = now[j]
+        tau = i * h + s + at
+        if which == GONE:
+            tally[FELL] = tau
+            _record(legs, tally, mode, i, s + began, at - began, which, False, start)
+            return LOST
+        _note(tally, y[0], y[1], tau, tally[LEGS])
+        if which == END:
+            _record(legs, tally, mode, i, s + began, at - began, which, False, start)
+            return ARRIVED
+        n_legs = int(tally[LEGS])
+        _record(legs, tally, mode, i, s + began, at - began, which, False, start)
+        eta, _ = forcing_of(e, at)
+        if _met(q, which, capture, eta, now, y, mode, tau, tally) and n_legs < len(legs):
+            legs[n_legs, 7] = 1.0
+        s += at
+        if brief and _settles(q, y, tally):
+            return ARRIVED
+        if end - s <= _ROUNDING * end:
+            return ARRIVED
+    return EXHAUSTED
+
+
+@compiled
+def _falls(q, c, n, mode, y, w, tally, legs):
+    """Whether the arc that a motion ends on leads beyond return without another event; record it if so."""
+    if mode[0] != SLIP:
+        return False
+    e = cubic_at(c, n, n, q.xi, 0.0)
+    arc = launch_cubic(q, mode[0], mode[1], mode[2], y[0], y[1], y[2], y[3], e)
+    forcing = Signal(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    second = watch_block(q, arc, mode, forcing, w)
+    longest, limit = LONGEST / max(q.s1, math.sqrt(q.q)), beyond_return(q)
+    which, at, _ = next_event(
+        arc, w, BOB, second, START, 0.0, _FOREVER, SMALL, longest, longest, limit, 64 * LOOKS
+    )
+    if which == GONE:
+        tally[FELL] = at
+        _record(legs, tally, mode, n, 0.0, at, which, False, y)
+    return which == GONE
+
+
+@compiled
+def _begin(q, c, n, y, mode, tally, max_events):
+    """Prepare mode and tally of a motion."""
+    for k in range(TALLY):
+        tally[k] = 0.0
+    for k in range(6):
+        angle = y[0] if k < 2 else (y[1] if k < 4 else y[1] - y[0])
+        tally[BEST + k], tally[WHERE + k] = (angle if k % 2 == 0 else -angle), -1.0
+    tally[LIFTED] = tally[FELL] = tally[CROSSING] = math.inf
+    tally[EVENTS], tally[LOOKS_LEFT] = n + 1.0 + max_events, LOOKS * (n + 1.0 + max_events)
+    e = cubic_at(c, n, 0, q.xi, 0.0)
+    decide(q, y, sign(y[0]), sign(y[2]), e.e0, mode)
+    if mode[0] == SLIP:
+        tally[LIFTED] = 0.0
+    arc = launch_cubic(q, mode[0], mode[1], mode[2], y[0], y[1], y[2], y[3], e)
+    _look_ahead(q, arc, mode, y, tally)
+
+
+@compiled
+def follow(x, q, c, n, y, free, rest_rate, max_events, brief, tally, legs, mode):
+    """Follow a motion from the state `y` through n pieces, the rows of `c`, and freely for `free`; change
+    state, mode and tally, and record the legs. `x` is (nu, mu, lam, zeta, k, f, h, rho, e) with f the size of
+    the base acceleration over that of gravity and h the duration of a piece. If `brief`, the free motion ends
+    as soon as it cannot tilt the block further. Return the status."""
+    plant(x, q)
+    bounds, maps, w = np.empty((2, 2, 2)), np.empty((2, 4, 8)), room()
+    put_bounds(q, bounds)
+    put_map(q, SLIP, q.xi, maps[0])
+    put_map(q, REST, q.xi, maps[1])
+    capture, i = rest_rate * q.nu, 0
+    _begin(q, c, n, y, mode, tally, max_events)
+    ended = ARRIVED
+    while i < n and ended == ARRIVED:
+        i = _whole_pieces(q, c, n, i, mode, y, maps, bounds, tally, legs)
+        if i < n:
+            ended = _piece(q, c, n, i, 0.0, q.xi, mode, y, w, tally, legs, capture, False)
+            i += 1
+    quiet = brief and _settles(q, y, tally)
+    if ended == ARRIVED and free > 0.0 and not quiet:
+        ended = _piece(q, c, n, n, 0.0, free, mode, y, w, tally, legs, capture, brief)
+    if ended == ARRIVED and not quiet and _falls(q, c, n, mode, y, w, tally, legs):
+        tally[FELL] += n * q.xi + free
+        ended = LOST
+    for j in range(4):
+        if not math.isfinite(y[j]):
+            return FAILED
+    if ended != ARRIVED:
+        return OVERTURNED if ended == LOST else EVENT_BOUND
+    return STOOD if tally[LIFTED] == math.inf else ROCKED
+
+
+@compiled
+def put_results(q, n, free, y, mode, tally, status, out):
+    """Put the results of a followed motion into `out`."""
+    for k in range(3):
+        right, left = BEST + 2 * k, BEST + 2 * k + 1
+        best = right if tally[right] >= tally[left] else left
+        out[2 * k], out[2 * k + 1] = tally[best], tally[best + WHEN]
+    if status == OVERTURNED:
+        out[0] = out[2] = out[4] = math.inf
+    for i in range(4):
+        out[6 + i] = y[i]
+    out[10], out[11], out[12], out[13], out[14] = 0.0, status, tally[IMPACTS], tally[LIFTED], tally[FELL]
+    out[15], out[16] = tally[CROSSING], tally[LEGS]
+    zero = Cubic(0.0, 0.0, 0.0, 0.0)
+    arc = launch_cubic(q, mode[0], mode[1], mode[2], y[0], y[1], y[2], y[3], zero)
+    end = state_at(arc, START, 0.0)
+    out[17], out[18] = end[4], end[5]
