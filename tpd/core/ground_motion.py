@@ -60,7 +60,7 @@ class GroundMotion:
             raise ValueError(
                 f"exactly one of `pga` and `pga_g` must be given, but they are {pga} and {pga_g}"
             )
-        wanted = pga if pga_g is None else pga_g * STANDARD_GRAVITY
+        wanted: Any = pga if pga_g is None else pga_g * STANDARD_GRAVITY
         checks.positive("pga" if pga_g is None else "pga_g", wanted)
         present = self.pga
         if checks.is_concrete(present) and float(present) == 0.0:
