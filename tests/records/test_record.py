@@ -72,7 +72,7 @@ WRONG = {
         "exactly one of `pga` and `pga_g`",
     ),
     "negative peak": (lambda: Record(TRIANGLE, 0.1).scaled_to(pga=-1.0), "`pga` must be positive"),
-    "zeros": (lambda: Record([0.0, 0.0], 0.1).scaled_to(pga=1.0), "motion without acceleration"),
+    "zeros": (lambda: Record([0.0, 0.0], 0.1).scaled_to(pga=1.0), "record of zeros"),
 }
 
 

@@ -62,9 +62,9 @@ class Fragility:
     tilts: tuple[np.ndarray, np.ndarray | None]
     """Largest tilt over the slenderness of every motion, shape (motions, stripes), bare and hung; infinite
     after an overturning, NaN where nothing is known."""
-    first_crossings: dict[str, tuple[float, float] | None]
-    """By damage state: median of the lowest stripes that reach it, bare and with the pendulum (infinite if
-    fewer than half of the motions do). It depends on the stripes, and lies below the median of the curve
+    first_crossings: dict[str, tuple[float, float]]
+    """By damage state: median of the lowest stripes that reach it, bare and with the pendulum, if any (infinite
+    if fewer than half of the motions do). It depends on the stripes, and lies below the median of the curve
     where a larger motion may do less."""
     changed: tuple[float, float] | None
     """Share of the runs whose verdict on overturning the nonlinear equations change, bare and hung."""
@@ -156,7 +156,8 @@ def _result(
     paired = len(exact) > 1
     tests = {name: _mcnemar(reached[0][name], reached[1][name]) for name in states} if paired else None
     crossings = {
-        name: tuple(_first_crossing(r[name], stripes) for r in reached) if paired else None for name in states
+        name: (_first_crossing(reached[0][name], stripes), _first_crossing(reached[-1][name], stripes))
+        for name in states
     }
     tilts = [np.where(o.undecided, np.nan, o.tilt) / float(block.slenderness) for o in exact]
     changed = [float(np.mean(a.overturned != b.overturned)) for a, b in zip(exact, checked, strict=False)]

@@ -116,15 +116,20 @@ def transient(
     sound = (status == Status.rocked) | (status == Status.stood)
     bob = 0.0 if pendulum is None else 1.0
     times = jnp.where(jnp.isfinite(found.times), found.times, jnp.inf) / stop_gradient(rate)
+    swing, relative = (refused(bob * _seen(x, bob), sound) for x in (found.swing, found.relative))
+    still = stop_gradient(rate)
     return Transient(
-        refused(found.tilt, sound),
-        *(refused(bob * _seen(x, bob), sound) for x in (found.swing, found.relative)),
-        *(times[..., i] for i in range(3)),
-        found.impacts.astype(int),
-        found.lifted / stop_gradient(rate),
-        found.fell / stop_gradient(rate),
-        refused(found.state * speeds * jnp.array([1.0, bob, 1.0, bob]), sound),
-        status,
+        tilt=refused(found.tilt, sound),
+        swing=swing,
+        relative=relative,
+        tilt_time=times[..., 0],
+        swing_time=times[..., 1],
+        relative_time=times[..., 2],
+        impacts=found.impacts.astype(int),
+        uplift_time=found.lifted / still,
+        overturning_time=found.fell / still,
+        state=refused(found.state * speeds * jnp.array([1.0, bob, 1.0, bob]), sound),
+        status=status,
     )
 
 

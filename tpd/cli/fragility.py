@@ -88,7 +88,7 @@ def _files(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tu
         "intensity": found.intensity,
         "motions": list(found.motions),
         "fits": {name: _fits(found, name) for name in found.bare},
-        "first_crossings": {k: None if v is None else list(v) for k, v in found.first_crossings.items()},
+        "first_crossings": {k: list(v) for k, v in found.first_crossings.items()},
         "changed_by_nonlinear_equations": None if found.changed is None else list(found.changed),
     }
     yield "fragility.json", files.as_json(content)

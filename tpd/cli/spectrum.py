@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 _DESCRIPTION = (
     "With --pulse: what a pulse of every frequency and size does to the block, over omega_p/p and "
     "a_p/(g tan alpha). With --record: the largest tilt of blocks of the same slenderness and every size, "
-    "over 2 pi/p. Bare and, if one is given, with a pendulum. Exit status: 0 done, 2 bad input, 130 interrupted."
+    "over 2 pi/p. Bare and, if one is given, with a pendulum. Exit status: 0 done, 2 bad input, 130 "
+    "interrupted."
 )
 
 

@@ -12,9 +12,8 @@ import numpy as np
 from tpd.core import checks
 from tpd.core.parameters import Real
 from tpd.core.pytrees import pytree
+from tpd.formats.units import STANDARD_GRAVITY
 
-STANDARD_GRAVITY = 9.80665
-"""m/s^2"""
 _COUNTS = {"one-sine": 256, "one-cosine": 256, "ricker": 1024, "mavroeidis-papageorgiou": 1024}
 """Cubics that stand for a pulse: they are within 2e-9 of it. Their error averages out, so that motions are
 within 1e-12 (`tests/analysis/test_transient.py` doubles the counts)."""
@@ -54,7 +53,7 @@ class GroundMotion:
         """The motion with this largest acceleration: `pga` in m/s^2, or `pga_g` in units of 9.80665 m/s^2.
 
         Raises:
-            ValueError: both or none of them, one that is not positive, or a motion without acceleration.
+            ValueError: both or none of them, or one that is not positive.
         """
         if (pga is None) == (pga_g is None):
             raise ValueError(
@@ -62,10 +61,9 @@ class GroundMotion:
             )
         wanted: Any = pga if pga_g is None else pga_g * STANDARD_GRAVITY
         checks.positive("pga" if pga_g is None else "pga_g", wanted)
-        present = self.pga
-        if checks.is_concrete(present) and float(present) == 0.0:
-            raise ValueError("a motion without acceleration cannot be scaled to a peak")
-        return self.scaled(wanted / present)
+        if checks.is_concrete(self.pga) and float(self.pga) == 0.0:
+            raise ValueError("a record of zeros cannot be scaled to a peak")
+        return self.scaled(wanted / self.pga)
 
     def acceleration_at(self, times: Any) -> np.ndarray:
         """Acceleration (m/s^2) at `times` in s; zero before and after the motion."""

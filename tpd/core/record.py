@@ -54,7 +54,7 @@ class Record(GroundMotion):
             object.__setattr__(self, name, checks.as_float(getattr(self, name)))
         object.__setattr__(self, "acceleration", _samples(self.acceleration))
         checks.positive("dt", self.dt)
-        checks.numbers("scale", self.scale, (), "a number")
+        checks.within("scale", self.scale, -np.inf, np.inf)
         for name in ("name", "event"):
             checks.instance(name, getattr(self, name), str)
         if not (isinstance(self.notes, tuple) and all(isinstance(note, str) for note in self.notes)):

@@ -213,7 +213,8 @@ class Scene:
     """
 
     block: Block
-    motion: Harmonic | GroundMotion
+    motion: Any
+    """A `Harmonic`, a `Pulse` or a `Record`."""
     gravity: Real = STANDARD_GRAVITY
     """m/s^2"""
 
