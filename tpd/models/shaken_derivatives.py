@@ -152,6 +152,17 @@ def _put_extremes(tally, leg, dy, by, inputs):
 
 
 @compiled
+def _last_extreme(tally):
+    """The last leg at whose end one of the largest angles was met."""
+    last = -1
+    for k in range(3):
+        right, left = BEST + 2 * k, BEST + 2 * k + 1
+        best = right if tally[right] >= tally[left] else left
+        last = max(last, int(tally[WHERE + best - BEST]))
+    return last
+
+
+@compiled
 def _end_of(q, c, n, leg, end):
     """Put the state at the end of a recorded leg, before its event, into `end`."""
     e = cubic_at(c, n, int(leg[3]), q.xi, leg[4])
@@ -172,9 +183,10 @@ def _growing(q, c, n, leg, dy, j, shift):
 
 
 @compiled
-def differentiate(x, q, plants, c, n, legs, tally, inputs, by):
+def differentiate(x, q, plants, c, n, legs, tally, inputs, angles_only, by):
     """Put the derivatives of a followed motion into `by`, shape (8, inputs), and return the growing
-    coordinate of its last leg. `inputs` is 9 for the parameters alone, or 13."""
+    coordinate of its last leg. `inputs` is 9 for the parameters alone, or 13. If `angles_only`, those of the
+    largest angles: what comes after the last of these is left out."""
     for j in range(PLANTS):
         plant_along(x, j, plants[j])
     a, slopes, known = np.empty((2, 4, 8)), np.empty((2, 4, 8, inputs)), np.zeros(2)
@@ -184,7 +196,10 @@ def differentiate(x, q, plants, c, n, legs, tally, inputs, by):
             dy[i, 9 + i] = 1.0
     _put_extremes(tally, -1.0, dy, by, inputs)
     growing = 0.0
-    for m in range(min(int(tally[LEGS]), len(legs))):
+    count = min(int(tally[LEGS]), len(legs))
+    if angles_only:
+        count = min(count, 1 + _last_extreme(tally))
+    for m in range(count):
         leg = legs[m]
         slips = leg[0] == SLIP
         # The last leg decides between overturning and falling back.

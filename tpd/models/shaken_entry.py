@@ -14,10 +14,11 @@ from tpd.models.custom_call import api_version, on_host, pointer, rows_of, store
 from tpd.models.shaken_derivatives import INPUTS, PLANTS, ROWS, differentiate
 from tpd.models.shaken_kernel import LEG, OUT, TALLY, follow, put_results
 
-SETTINGS = 8
+SETTINGS = 9
 """Numbers in a row of settings: 0; pieces of the motion; the row of its first, or -1 if every motion has its
-own; free time; rest rate; events allowed; how many directions have derivatives (0, 9 or 13); and whether the
-free motion may end where it cannot tilt the block further."""
+own; free time; rest rate; events allowed; how many directions have derivatives (0, 9 or 13); whether the free
+motion may end where it cannot tilt the block further; and whether the derivatives of the largest angles are
+enough."""
 
 
 @compiled
@@ -48,7 +49,8 @@ def _run(a, first, last):
             for i in range(ROWS):
                 for j in range(INPUTS):
                     by[i, j] = 0.0
-            out[r, 10] = differentiate(x[r], plants[0], others, c, n, legs, tally, inputs, by)
+            angles = s[r, 8] != 0.0
+            out[r, 10] = differentiate(x[r], plants[0], others, c, n, legs, tally, inputs, angles, by)
 
 
 def _entrance(version: int, api: int) -> Any:
