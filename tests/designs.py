@@ -16,6 +16,7 @@ from tpd.analysis.response import Response
 from tpd.analysis.sensitivity import Elasticities
 from tpd.core.conditions import Conditions
 from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, Risk
+from tpd.design.earthquakes import Earthquakes
 from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import Design, DesignStatus, Search, SearchStatus
 from tpd.design.space import DesignSpace
@@ -351,6 +352,20 @@ def history(with_pendulum: bool, model: str = "exact", size: float = 0.08, lost:
         tilt=tilt,
         bob=np.where(np.isfinite(tilt), bob, np.nan),
     )
+
+
+def earthquakes(**changes) -> Earthquakes:
+    """Three records: one that overturns the bare block, one both, and one unknown."""
+    values = {
+        "sources": ("a folder", "el-centro"),
+        "names": ("gentle", "strong", "long"),
+        "pga": np.array([1.0, 5.0, 3.0]),
+        "bare": np.array([np.inf, np.inf, 0.25]),
+        "hung": np.array([0.5, np.inf, np.nan]),
+        "relative": np.array([0.3, np.inf, np.nan]),
+        "nonlinear": (np.array([True, True, False]), np.array([True, True, False])),
+    }
+    return Earthquakes(**(values | changes))
 
 
 def study(**changes) -> Study:

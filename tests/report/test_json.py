@@ -25,6 +25,7 @@ CASES = {
     "one condition": (designs.single(), designs.study()),
     "a neighbourhood": (designs.around(), designs.study()),
     "a band": (designs.band(), designs.study(responses=None, elasticities=None, front=designs.front())),
+    "shaken by records": (designs.single(), designs.study(earthquakes=designs.earthquakes())),
     "refused": (designs.refused(), designs.study(comparison=None)),
     "interrupted": (
         designs.single(status=DesignStatus.interrupted, pendulum=None, verified=()),

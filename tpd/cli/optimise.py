@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tpd.cli import common
+from tpd.cli import common, ground
 from tpd.cli.options import Option, SetWidths
 from tpd.cli.schema import keys
 
@@ -102,6 +102,14 @@ def add(commands: Any) -> None:
     optimise.add_argument(
         "--resume", action="store_true", help="go on with the searches that an interrupted run left in DIR"
     )
+    optimise.add_argument(
+        "--records",
+        nargs="+",
+        default=(),
+        metavar="FILE",
+        help="shake the design by records as well: files, folders, "
+        f"{', '.join((*ground.BUILT_IN, *ground.SETS))}",
+    )
     common.add_out(optimise, "tpd-design")
     optimise.set_defaults(run=run, does="searching for the pendulum of least rocking, for {out}")
 
@@ -122,6 +130,7 @@ def run(options: argparse.Namespace) -> int:
 
     # The job is checked as a whole before anything is written or compiled.
     job = config.job_of(common.tables(options))
+    records = ground.motions(options.records, None) if options.records else ()
     unfinished = options.out / _UNFINISHED
     _claim(options, unfinished)
     common.say(job.scene)
@@ -131,7 +140,7 @@ def run(options: argparse.Namespace) -> int:
     with common.bar() as bar, _hinting(unfinished):
         design = _design(job, unfinished, bar)
         front = _front(job, design, bar) if options.pareto else None
-        shown = study(design, front=front, progress=bar)
+        shown = study(design, front=front, records=records, sources=options.records, progress=bar)
     for part in shown.left_out:
         print(f"tpd: interrupted; the report goes without {part}", file=sys.stderr)
     if design.status.name == "interrupted" and not unfinished.exists():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,9 +15,11 @@ from tpd.analysis.sensitivity import Elasticities, elasticities
 from tpd.analysis.steady_state import sampled, simulate
 from tpd.closed_form import uplift
 from tpd.core.conditions import Conditions, under
+from tpd.core.ground_motion import GroundMotion
 from tpd.core.parameters import as_arrays
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
+from tpd.design.earthquakes import Earthquakes, shaken
 from tpd.design.objective import geometry_of
 from tpd.design.result import Design, DesignStatus
 from tpd.models.base import AbstractModel
@@ -78,11 +80,20 @@ class Study:
     usage: tuple[tuple[str, float], ...] = ()
     """Limited quantities of the best design over their limits, the largest of all conditions."""
     front: Front | None = None
+    earthquakes: Earthquakes | None = None
+    """Records that the user named, at their own size."""
     left_out: tuple[str, ...] = ()
     """Parts that an interruption left out."""
 
 
-def study(design: Design, *, front: Front | None = None, progress: Progress | None = None) -> Study:
+def study(
+    design: Design,
+    *,
+    front: Front | None = None,
+    records: Sequence[GroundMotion] = (),
+    sources: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> Study:
     """Compute everything that a report shows beside the design, once.
 
     Ctrl-C during one part leaves this part out and goes on with the next one. Of an interrupted design
@@ -91,6 +102,8 @@ def study(design: Design, *, front: Front | None = None, progress: Progress | No
     Args:
         design: the answer of `optimise`.
         front: the answer of `pareto`, to be shown as well.
+        records: ground motions that the design is shaken by.
+        sources: files, folders and sets that the records come from, for the report.
         progress: called with ("responding" or "checking", units done, units in all).
 
     Raises:
@@ -110,17 +123,18 @@ def study(design: Design, *, front: Front | None = None, progress: Progress | No
 
     own = is_own_shaking(design.conditions)
     # A response over frequency belongs to conditions that differ in the motion of the base alone.
-    shaken = set(design.conditions.factors) <= {"amplitude", "frequency"}
+    varied = set(design.conditions.factors) <= {"amplitude", "frequency"}
     # Elasticities are derivatives of the motion from rest. They say nothing about other starts.
     from_rest = own and design.starts == Starts.rest()
     return Study(
         histories=part("the time histories", True, time_histories, scene, hung),
-        responses=part("the response over frequency", shaken, _responses, design, progress),
+        responses=part("the response over frequency", varied, _responses, design, progress),
         comparison=part("the comparison of models", hung is not None, _comparison, design, progress),
         elasticities=part("the sensitivities", from_rest, elasticities, scene.parameters(hung)),
         region=part("the uplift region", True, uplift_region, design),
         usage=usage(design),
         front=front,
+        earthquakes=part("the earthquakes", bool(records), shaken, design, records, sources),
         left_out=tuple(left_out),
     )
 

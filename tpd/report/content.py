@@ -19,7 +19,7 @@ from tpd.design.objective import KINDS
 from tpd.design.result import Design
 from tpd.design.study import Study
 from tpd.design.verified import Bare, Motions, Verified
-from tpd.report import benefit, pictures, scene_words, tables, words
+from tpd.report import benefit, earthquakes, pictures, scene_words, tables, words
 from tpd.report.blocks import (
     Block,
     Cell,
@@ -68,6 +68,7 @@ def content(
         "What limits the design": benefit.limiting(design),
         "The block and its motion": _figures(design, study, "drawing.png", "animation.gif"),
         "Over many runs": tables.ensemble(design),
+        "In earthquakes": earthquakes.section(study.earthquakes),
         "Under every condition": _conditions(design, study),
         "Over frequency": _figures(design, study, "response.png"),
         "Over time": _figures(design, study, "motion.png"),
@@ -324,6 +325,8 @@ def _repeat(design: Design, study: Study, job_toml: str, directory: Path | None)
     if directory is not None:
         again = directory.with_name(directory.name + "-again")
         more = " --pareto" if study.front is not None else ""
+        if study.earthquakes is not None:
+            more += " --records " + shlex.join(study.earthquakes.sources)
         scene, to = shlex.quote(str(directory / "scene.toml")), shlex.quote(str(again))
         out.append(Code(f"tpd optimise --scene {scene} --out {to}{more}"))
     if job_toml:

@@ -23,7 +23,7 @@ from tpd.report.notes import notes
 
 VERSION = 3
 """Version of the format; it grows when a key changes its meaning or goes away."""
-_STUDY = ("responses", "comparison", "elasticities", "front", "left_out")
+_STUDY = ("responses", "comparison", "elasticities", "front", "earthquakes", "left_out")
 """Parts of a study; time histories and the uplift region follow from the job in no time."""
 _EVALUATION = ("tilt", "stroke", "margin", "multiplier", "reserve")
 

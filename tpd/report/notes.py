@@ -17,6 +17,7 @@ from tpd.design.criteria import Room, limit_of
 from tpd.design.result import Design, DesignStatus
 from tpd.design.study import Study
 from tpd.design.verified import Bare, Motions, Verified
+from tpd.report import earthquakes
 from tpd.report.blocks import Note, danger, information, warning
 from tpd.report.words import finite_max, source_of_tilts
 
@@ -44,6 +45,7 @@ def notes(design: Design, study: Study) -> tuple[Note, ...]:
         found += [*_nonlinear(design, design.winner), *_strikes(design, design.winner, design.pendulum)]
         found += thick(design.pendulum, _bob_of(design), design.scene.gravity)
         found += [*_settled(design.winner), *_starts(design, design.winner)]
+    found += earthquakes.notes(study.earthquakes)
     return tuple(sorted(found, key=lambda note: note.severity.value))
 
 

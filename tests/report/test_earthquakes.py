@@ -1,0 +1,65 @@
+"""Section of the report about records: counts, order, verdicts and the danger of a pendulum that does harm."""
+
+import math
+
+import numpy as np
+import pytest
+
+import tpd
+from tests import designs
+from tpd.design.earthquakes import shaken
+from tpd.report import earthquakes
+from tpd.report.blocks import Note, Table
+from tpd.report.content import content
+from tpd.report.text import text
+
+
+def test_a_report_without_records_says_nothing():
+    assert earthquakes.section(None) == []
+    assert earthquakes.notes(None) == []
+
+
+def test_counts_and_rows():
+    note, table = earthquakes.section(designs.earthquakes())
+    assert isinstance(note, Note)
+    assert "Of 3 records at their own size, 2 overturn the bare block, 1 with the pendulum" in note.text
+    assert "the nonlinear equations change 1 of 6 verdicts" in note.text
+    assert isinstance(table, Table)
+    cells = [[str(c) for c in row] for row in table.rows]
+    # The largest tilts first.
+    assert [row[0] for row in cells] == ["gentle", "strong", "long"]
+    assert cells[0][2:4] == ["overturns", "0.5"]
+    assert cells[2][3] == "unknown (too many events)"
+
+
+def test_a_record_that_only_the_pendulum_overturns_is_a_danger():
+    assert earthquakes.notes(designs.earthquakes()) == []
+    (note,) = earthquakes.notes(
+        designs.earthquakes(bare=np.array([0.1, np.inf, 0.25]), hung=np.array([np.inf] * 2 + [0.1]))
+    )
+    assert "1 of the records overturn a block that stands without: gentle" in note.text
+    bare_only = designs.earthquakes(hung=None, relative=None, nonlinear=(np.array([True] * 3), None))
+    assert earthquakes.notes(bare_only) == []
+    assert len(earthquakes.section(bare_only)[1].rows[0]) == 3
+
+
+def test_the_report_has_the_section_and_the_command_that_repeats_it(tmp_path):
+    study = designs.study(earthquakes=designs.earthquakes())
+    words = text(content(designs.single(), study, directory=tmp_path))
+    assert "In earthquakes" in words
+    assert "--records 'a folder' el-centro" in words
+
+
+def test_a_design_is_shaken_bare_and_hung():
+    design = designs.single()
+    records = [tpd.records.el_centro().scaled(0.8), tpd.records.loma_prieta()]
+    found = shaken(design, records, ["el-centro"])
+    assert found.sources == ("el-centro",)
+    assert found.pga == pytest.approx([float(r.pga) for r in records])
+    for i, record in enumerate(records):
+        scene = tpd.Scene(design.scene.block, record)
+        one = tpd.transient(scene)
+        known = float(one.tilt) / float(design.scene.block.slenderness)
+        assert found.bare[i] == pytest.approx(known) or (math.isinf(known) and math.isinf(found.bare[i]))
+    assert found.hung is not None
+    assert found.hung.shape == (2,)
