@@ -149,6 +149,24 @@ def test_units(unit, factor, tmp_path):
     assert stated.acceleration[1] == given_.acceleration[1] == 0.5 * factor
 
 
+PEER_HEADERS = (
+    ("X 1/2/99 0304, Y, 90", "ACCELERATION TIME HISTORY IN UNITS OF G", " 3 .01000 NPTS, DT"),
+    ("X, 1/2/99, Y, 90", "ACCELERATION TIME SERIES IN UNITS OF G", "NPTS=    3, DT=   .0100 SEC,     "),
+    ("X, Y", "ACCELERATION TIME HISTORY IN UNITS OF G. FILTER POINTS: HP=0.1 Hz", "NPTS= 3, DT= .01000 SEC"),
+)
+
+
+@pytest.mark.parametrize("head", PEER_HEADERS)
+def test_headers_of_peer(head, tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("\n".join(["PEER", *head, "  .1000000E+00 -.2000000E-01", "  .0000000E+00", ""]))
+    record = Record.read(path)
+    assert record.dt == 0.01
+    np.testing.assert_allclose(record.acceleration, [0.1 * G, -0.02 * G, 0.0], rtol=1e-15)
+    assert record.event.startswith("X")
+    assert record.name
+
+
 def test_times_that_are_rounded(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("t,a (g)\n" + "".join(f"{i / 300:.5f},{i % 7}\n" for i in range(301)))
@@ -200,6 +218,14 @@ REFUSED = {
     "steps of 20 s": ("t (s),a (g)\n0,0\n20,1\n", "step must be 1e-05 s to 1 s"),
     "two units": ("t,a (g),(m/s2)\n0,0\n0.02,1\n", "several units"),
     "three columns": ("t,a,b (g)\n0,0,1\n0.02,1,1\n", "1 or 2 columns, but has 3"),
+    "the first row damaged": (
+        "t,a (g)\nNaN,0\n0.02,1\n0.04,1\n",
+        "line 2 must be a row of numbers or a header",
+    ),
+    "the first sample damaged": (
+        "# a [g], dt=0.01\nabc\n0.1\n0.2\n",
+        "line 2 must be a row of numbers or a header",
+    ),
     "a row too short": ("t,a (g)\n0,0\n0.02\n0.04,1\n", "line 3 must have 2 as the first row"),
     "nan": ("t,a (g)\n0,0\n0.02,nan\n", "line 3 must hold numbers, but has 'nan'"),
     "inf": ("t,a (g)\n0,0\n0.02,inf\n", "must hold numbers"),

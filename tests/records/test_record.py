@@ -66,8 +66,11 @@ WRONG = {
     "scale": (lambda: Record(TRIANGLE, 0.1, scale=float("inf")), "`scale` must be"),
     "name": (lambda: Record(TRIANGLE, 0.1, name=3), "name"),
     "notes": (lambda: Record(TRIANGLE, 0.1, notes=("a", 3)), "notes"),
-    "no peak": (lambda: Record(TRIANGLE, 0.1).scaled_to(), "either `pga`"),
-    "both peaks": (lambda: Record(TRIANGLE, 0.1).scaled_to(pga=1.0, pga_g=1.0), "either `pga`"),
+    "no peak": (lambda: Record(TRIANGLE, 0.1).scaled_to(), "exactly one of `pga` and `pga_g`"),
+    "both peaks": (
+        lambda: Record(TRIANGLE, 0.1).scaled_to(pga=1.0, pga_g=1.0),
+        "exactly one of `pga` and `pga_g`",
+    ),
     "negative peak": (lambda: Record(TRIANGLE, 0.1).scaled_to(pga=-1.0), "`pga` must be positive"),
     "zeros": (lambda: Record([0.0, 0.0], 0.1).scaled_to(pga=1.0), "record of zeros"),
 }

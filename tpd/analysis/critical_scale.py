@@ -120,6 +120,7 @@ def _with_slope(p: Parameters, pieces: Any, late: Any, first: Any) -> Any:
         wide = eqx.tree_at(lambda q: q.f, p, p.f * scale)
         return follow(wide, pieces, late, jnp.zeros(4), MAX_EVENTS).growing
 
+    # The size of the motion is a parameter like the others, but for the implicit function it is the unknown.
     fixed = jax.tree.map(stop_gradient, p)
     slope = jax.jvp(lambda s: growing(fixed, s), (at,), (jnp.ones_like(at),))[1]
     q = growing(p, at)
@@ -151,6 +152,7 @@ def _scanned(
     steps = max(1, int(np.ceil(np.log(top / low) / np.log1p(scan))))
     scales = low * (1.0 + scan) ** np.arange(steps + 1)
     falls = overturns(scales)
+    # Every change between two factors is a border of a tongue.
     edges = np.flatnonzero(falls[1:] != falls[:-1])
     borders = _bisected(overturns, scales[edges], scales[edges + 1], falls[edges])
     if falls[0]:
@@ -167,6 +169,7 @@ def _bisected(overturns: Any, lo: np.ndarray, hi: np.ndarray, low_falls: np.ndar
     """Crossings between `lo` and `hi` to rounding; the end that overturns the block."""
     lo, hi = lo.copy(), hi.copy()
     share = np.linspace(0.0, 1.0, _SECTIONS + 1)
+    # Each round divides by 32: eleven reach the rounding of a double.
     for _ in range(12):
         if not len(lo) or np.all(hi - lo <= 4e-16 * hi):
             break

@@ -63,9 +63,9 @@ class Fragility:
     """Largest tilt over the slenderness of every motion, shape (motions, stripes), bare and hung; infinite
     after an overturning, NaN where nothing is known."""
     first_crossings: dict[str, tuple[float, float]]
-    """By damage state: median of the lowest stripes that reach it, bare and with the pendulum, if any (infinite
-    if fewer than half of the motions do). It depends on the stripes, and lies below the median of the curve
-    where a larger motion may do less."""
+    """By damage state: median of the lowest stripes that reach it, bare and with the pendulum, if any
+    (infinite if fewer than half of the motions do). It depends on the stripes, and lies below the median of
+    the curve where a larger motion may do less."""
     changed: tuple[float, float] | None
     """Share of the runs whose verdict on overturning the nonlinear equations change, bare and hung."""
 
@@ -124,10 +124,12 @@ def fragility(
     if not states or any(not level >= 0.0 for level in states.values()):
         raise ValueError(f"`states` must name tilts over the slenderness from 0 on, but are {dict(states)}")
     measure = intensity_of(intensity, block, gravity, period)
+    # Intensities are proportional to the motion.
     factors = stripes / np.array([[measure.value(m)] for m in motions])
     cases = [None] if pendulum is None else [None, pendulum]
     runs = len(cases) * (2 if nonlinear else 1)
     found = []
+    # First the exact runs, then the same by the nonlinear equations.
     for n in range(runs):
         seen = None if progress is None else _shifted(progress, n, runs)
         options: dict[str, Any] = {"gravity": gravity, "free": free, "workers": workers, "progress": seen}

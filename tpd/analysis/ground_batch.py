@@ -38,6 +38,7 @@ def rows_of(
     """Parameters of the compiled code for each of the motions at its own size, shape (motions, 9)."""
     every = []
     for motion in motions:
+        # Numbers of NumPy throughout: no program is compiled for them.
         p = Scene(block, motion, gravity).ground_parameters(pendulum)
         piece = 2.0 * np.pi / p.xi
         every.append((p.nu, p.mu, p.lam, p.zeta, p.k, p.f, piece, p.inertia_ratio, p.velocity_ratio))
@@ -82,9 +83,8 @@ def follow_scaled(
         )
     checks.not_negative("factors", factors)
     checks.not_negative("free", free)
-    which = np.broadcast_to(
-        np.arange(len(motions)).reshape(-1, *[1] * (factors.ndim - 1)), factors.shape
-    ).ravel()
+    # Rows of one record stand together, so that a thread finds its samples in the cache.
+    which = np.repeat(np.arange(len(motions)), factors[0].size)
     x = rows_of(block, pendulum, motions, gravity)[which]
     x[:, 5] *= factors.ravel()
     records = [np.asarray(m.pieces(), dtype=float) for m in motions]

@@ -72,6 +72,7 @@ def overturning_spectrum(
     checks.positive("acceleration_ratios", a)
     rate = float(Scene(block, pulse, gravity).rate)
     unit = gravity * block.slenderness
+    # A pulse of unit size for each frequency; sizes are factors on it.
     motions = [replace(pulse, frequency=float(x) * rate / (2.0 * np.pi), acceleration=1.0) for x in w]
     factors = np.array([a * unit / float(m.pga) for m in motions])
     total = w.size * a.size * (1 if pendulum is None else 2)

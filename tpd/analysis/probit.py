@@ -92,6 +92,7 @@ def _unbounded(median: float) -> Lognormal:
 
 def _separated(x: np.ndarray, reached: np.ndarray) -> Lognormal:
     """Distribution where every stripe has one outcome."""
+    # The maximum is at a dispersion of zero, for any median between both stripes.
     below, above = x[~reached].max(), x[reached].min()
     if below > above:
         return _unbounded(math.nan)
@@ -113,6 +114,7 @@ def _scored(x: np.ndarray, counts: np.ndarray, n: np.ndarray) -> tuple[np.ndarra
         p, ratio = _weights(beta @ basis)
         information = (basis * n * ratio**2 * p * (1.0 - p)) @ basis.T
         step = np.linalg.pinv(information) @ (basis @ (ratio * (counts - n * p)))
+        # Far from the maximum a whole step may lead away from it.
         base = _likelihood(beta @ basis, counts, n)
         while _likelihood((beta + step) @ basis, counts, n) < base - 1e-12 and np.max(np.abs(step)) > 1e-12:
             step = 0.5 * step
@@ -128,6 +130,7 @@ def _sandwich(x: np.ndarray, hits: np.ndarray, beta: np.ndarray) -> np.ndarray:
     basis = np.stack([np.ones_like(x), x])
     p, ratio = _weights(beta @ basis)
     bread = np.linalg.pinv((basis * known.sum(axis=0) * ratio**2 * p * (1.0 - p)) @ basis.T)
+    # One row a motion: its stripes are no independent observations.
     scores = np.where(known, ratio * (np.where(known, hits, 0.0) - p), 0.0) @ basis.T
     motions = len(hits)
     return motions / max(motions - 1, 1) * bread @ (scores.T @ scores) @ bread

@@ -63,6 +63,7 @@ def rocking_spectrum(
     hung = None
     if mass_ratio is not None:
         hung = scene.pendulum(mass_ratio=mass_ratio, length_ratio=length_ratio, damping_ratio=damping_ratio)
+    # Each period is another size of the block, and the same numbers without dimension.
     rates = 2.0 * np.pi / times
     rows = [rows_of(block, h, [motion], gravity) for h in ((None,) if hung is None else (None, hung))]
     x = np.repeat(np.concatenate(rows), times.size, axis=0)

@@ -86,6 +86,7 @@ def shaking_history(
     out[np.cumsum(gone) > 0] = np.nan
     block, hung = scene.block, pendulum is not None
     base = scene.motion.acceleration_at(clock)
+    # Accelerations in SI: tau is time over 1/omega0.
     up, bob = out[:, 4] * rate**2, out[:, 5] * rate**2
     m, length = (float(pendulum.mass), float(pendulum.length)) if pendulum is not None else (0.0, 0.0)
     b, a = 0.5 * float(block.height), 0.5 * float(block.width)

@@ -109,12 +109,14 @@ def transient(
     checks.not_negative("free", free)
     checks.count("max_events", max_events)
     p, rate = scene.ground_parameters(pendulum), scene.rate
+    # Rates are per unit tau inside, and per second outside.
     speeds = jnp.stack([jnp.ones(()), jnp.ones(()), jnp.asarray(rate), jnp.asarray(rate)])
     start = jnp.zeros(4) if y0 is None else _start(y0) / speeds
     found = follow(p, jnp.asarray(scene.motion.pieces()), free * rate, start, max_events)
     status = _status(found)
     sound = (status == Status.rocked) | (status == Status.stood)
     bob = 0.0 if pendulum is None else 1.0
+    # The angles of a bare block's bob, which is too light to be felt, are nobody's.
     times = jnp.where(jnp.isfinite(found.times), found.times, jnp.inf) / stop_gradient(rate)
     swing, relative = (refused(bob * _seen(x, bob), sound) for x in (found.swing, found.relative))
     still = stop_gradient(rate)
@@ -148,5 +150,6 @@ def _status(found: Any) -> Status:
 
     every = [getattr(Status, name) for name in STATUSES]
     status = jax.tree.map(lambda *x: jnp.stack(x)[found.status.astype(int)], *every)
+    # On one side of such a motion there is an event more: it has no derivative.
     touched = (status == Status.rocked) & (found.transversality < GRAZING)
     return Status.where(touched, Status.grazing, status)

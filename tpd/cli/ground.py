@@ -97,9 +97,11 @@ def pulse(options: argparse.Namespace) -> Pulse:
     """
     from tpd.core.ground_motion import STANDARD_GRAVITY, Pulse
 
+    # Its size follows from --pga and --scale.
     if options.pulse_frequency is None:
         raise ValueError("a pulse needs --pulse-frequency HZ")
     last = options.pulse == PULSES[-1]
+    # The other kinds have neither envelope nor phase.
     shape = {"cycles": options.cycles, "phase": options.phase} if last else {}
     found = Pulse(kind=options.pulse, acceleration=1.0, frequency=options.pulse_frequency, **shape)
     return found.scaled_to(pga=STANDARD_GRAVITY)

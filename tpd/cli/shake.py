@@ -60,6 +60,7 @@ def run(options: argparse.Namespace) -> int:
         )
     for path, content in list(_files(scene, hung, found, histories)):
         print(f"written: {files.place(options.out / path, content)}")
+    # With a pendulum it is the pendulum's outcome that counts.
     last = list(found.values())[-1]
     return common.UNSOUND if status_name(last.status) == "overturned" else common.SOUND
 

@@ -60,6 +60,7 @@ def peak_velocity(motion: GroundMotion) -> float:
     start = np.concatenate([[0.0], np.cumsum(gained)])
     largest = np.max(np.abs(start))
     # Within a piece the velocity is largest where the acceleration vanishes: between samples of other signs.
+    # A cubic may vanish twice within a piece; a record's lines cannot.
     crossing = np.flatnonzero(c[:, 0] * c.sum(axis=1) < 0.0)
     for i in crossing:
         roots = np.roots(c[i, ::-1])
@@ -75,13 +76,12 @@ def spectral_acceleration(motion: GroundMotion, period: float, damping: float = 
     times in its period at least."""
     h, omega = float(motion.piece), 2.0 * np.pi / period
     parts = max(1, int(np.ceil(h / (0.1 * period))))
-    times = np.arange(len(motion.pieces()) * parts + 1) * (h / parts)
-    end = times[-1] + 2.0 * period
     step = h / parts
-    times = np.arange(0.0, end, step)
+    times = np.arange(0.0, len(motion.pieces()) * h + 2.0 * period, step)
     a = motion.acceleration_at(times)
     root, decay = omega * np.sqrt(1.0 - damping**2), np.exp(-damping * omega * step)
     s, c = np.sin(root * step), np.cos(root * step)
+    # After the motion the oscillator may still swing out further: two of its periods are enough.
     # Free motion over a step, and the particular solution -(a0 + a1 t)/omega^2 + 2 damping a1/omega^3.
     g = damping * omega / root
     move = decay * np.array([[c + g * s, s / root], [-(omega**2) / root * s, c - g * s]])

@@ -30,6 +30,7 @@ START = Instant(1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 def cubic_at(c, n, i, h, s):
     """Forcing from the local time `s` of piece i on; zero after the last. Row i of `c` has the coefficients
     in the share of the piece, whose duration is `h`."""
+    # After the motion nothing shakes the base.
     if i >= n:
         zero = 0.0 * h
         return Cubic(zero, zero, zero, zero)
@@ -48,6 +49,7 @@ def forcing_of(e, t):
 @compiled
 def _held(q, e):
     """Particular solution of a bob under a held block."""
+    # From the highest power down.
     p3 = q.f * e.e3
     p2 = q.f * e.e2 - 3.0 * q.c2 * p3
     p1 = q.f * e.e1 - 2.0 * q.c2 * p2 - 6.0 * q.m22 * p3
@@ -74,6 +76,7 @@ def launch_cubic(q, kind, tilt, way, y0, y1, y2, y3, e):
         u, v = y1 - b0 + zero, y3 - b1 + zero
         bob = Signal(b0 + zero, zero, zero, u, v, b1 + zero, b2 + zero, zero, b3 + zero)
         return Arc(still, bob, zero, zero, q.held_p + zero, q.held_q + zero, zero, zero)
+    # Tilt and bob from the highest power down; the static answer to eta is eta for both.
     a3, b3 = _onward(q, e.e3, 3.0, zero, zero, zero, zero)
     a2, b2 = _onward(q, e.e2, 2.0, a3, b3, zero, zero)
     a1, b1 = _onward(q, e.e1, 1.0, a2, b2, a3, b3)

@@ -19,6 +19,8 @@ _SEPARATOR = re.compile(r"\s*[,;]\s*|\s+")
 _LONGEST_HEADER = 20
 _FINE = 0.1
 """Greatest last digit of rounded times, in steps: coarser ones cannot show that steps are equal."""
+_MARKS = ("#", "%", "!", "/")
+"""Beginnings of comments."""
 _SECONDS = ("s", "sec", "secs", "second", "seconds")
 _OTHER_TIMES = ("ms", "msec", "min", "minutes", "milliseconds", "us")
 
@@ -36,6 +38,10 @@ def read_table(cursor: Cursor, dt: float | None, unit: str | None) -> list[Chann
     """
     head = _head(cursor)
     rows, first = _rows(cursor)
+    if head and rows and _is_row(head, len(rows[0])):
+        raise UnreadableRecord(
+            f"line {first - 1} must be a row of numbers or a header, but is {shown(head[-1])}"
+        )
     factor = FACTORS[chosen(_unit(head), unit)]
     step = _step(head)
     if rows and len(rows[0]) == 2:
@@ -63,6 +69,20 @@ def _head(cursor: Cursor) -> list[str]:
                 "file of ground motion"
             )
     return head
+
+
+def _is_row(head: Sequence[str], columns: int) -> bool:
+    """Whether the last line of the header is a row with damage: taken for a header, the first sample would be
+    lost."""
+    line = head[-1].strip()
+    cells = _SEPARATOR.split(line)
+    if line.startswith(_MARKS) or len(cells) != columns:
+        return False
+    if columns == 2:
+        return any(re.fullmatch(NUMBER, cell) for cell in cells)
+    # One cell: the name or the unit of the column, or what is left of a number.
+    name = re.fullmatch(r"[^\W\d]\w*", line) and line.lower() not in ("nan", "inf", "infinity")
+    return _unit([line]) is None and (len(head) > 1 or not name)
 
 
 def _rows(cursor: Cursor) -> tuple[list[list[str]], int]:
@@ -102,7 +122,7 @@ def _unit(head: Sequence[str]) -> str | None:
 
 def _candidates(line: str) -> list[str]:
     """Pieces of a line of the header that can be units."""
-    bare = line.strip().lstrip("#%/!").strip()
+    bare = line.strip().lstrip("".join(_MARKS)).strip()
     bracketed = re.findall(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]", bare)
     named = re.findall(r"\bunits?\b\s*(?:of\b|in\b|:|=)?\s*([^\s,;]+)", bare, flags=re.IGNORECASE)
     # Columns are named in cells of their own, such as "time, m/s2".

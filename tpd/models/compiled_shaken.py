@@ -65,10 +65,12 @@ def _usable() -> bool:
     try:
         jax.ffi.register_ffi_target(_TARGET, entry.capsule(), platform="cpu")
         x = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 0.5, 0.7, 0.9])
-        operands = _settings(2, 1.0, 100, 0.0), x, np.zeros(4), np.array([[1.0, 0.0, 0.0, 0.0]] * 2)
+        # Numbers of NumPy alone: the question may come while something is traced.
+        settings = np.array([0.0, 2.0, -1.0, 1.0, REST_RATE, 100.0, 0.0, 0.0, 0.0])
+        operands = settings, x, np.zeros(4), np.array([[1.0, 0.0, 0.0, 0.0]] * 2)
         cpu = jax.local_devices(backend="cpu")[0]
         with jax.default_device(cpu), jax.ensure_compile_time_eval(), jax.enable_x64(True):
-            found = jax.ffi.ffi_call(_TARGET, _shapes(False))(*map(np.asarray, operands))
+            found = jax.ffi.ffi_call(_TARGET, _shapes(False))(*operands)
         works, why = np.array_equal(found[0], _on_host(*operands)[0]), "its answer to a trial is wrong"
     except Exception as error:
         works, why = False, f"{type(error).__name__}: {error}"
@@ -91,7 +93,7 @@ def _shapes(slopes: bool) -> tuple[jax.ShapeDtypeStruct, jax.ShapeDtypeStruct]:
 
 def _settings(pieces: int, free: Any, max_events: int, inputs: float) -> Any:
     """A row of settings of a motion with a record of its own."""
-    numbers = 0.0, pieces, -1.0, free, REST_RATE, max_events, inputs, 0.0
+    numbers = 0.0, pieces, -1.0, free, REST_RATE, max_events, inputs, 0.0, 0.0
     return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in numbers])
 
 
@@ -122,6 +124,7 @@ def _called(slopes: bool, *operands: Any) -> Any:
     def through_host(*a: Any) -> Any:
         return jax.pure_callback(_on_host, _shapes(slopes), *a, vmap_method="broadcast_all")
 
+    # Elsewhere than on the processor the motion is followed on the host all the same.
     if not direct:
         return through_host(*wide)
     if all(device.platform == "cpu" for device in jax.devices()):
@@ -138,14 +141,20 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     x, y, pieces, settings = primals
     # Nine parameters, and four components of the start where that moves.
     inputs = 9.0 if isinstance(tangents[1], SymbolicZero) else 13.0
-    out, by = _called(True, settings.at[6].set(inputs), x, y, pieces)
+    # The largest angles are often met long before the end. A program that asks for them alone leaves the
+    # second call out, on which nothing depends.
+    asked = settings.at[6].set(inputs)
+    out, by_angles = _called(True, asked.at[8].set(1.0), x, y, pieces)
+    by_end = _called(True, asked, x, y, pieces)[1]
     xs, ys, samples, times = (_zeros_of(t) for t in tangents)
-    moved = by @ jnp.concatenate([xs, ys])
+    direction = jnp.concatenate([xs, ys])
+    turned, moved = by_angles[:3] @ direction, by_end[3:] @ direction
     # The state goes on for longer where the free time grows.
+    # Angles move with their rates, and rates with the accelerations.
     rates = jnp.concatenate([out[8:10], out[17:19]])
-    state = moved[3:7] + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[3]
-    angles = jnp.stack([moved[:3], jnp.zeros(3)], axis=1).ravel()
-    tangent = jnp.concatenate([angles, state, moved[7:8], jnp.zeros(out.size - 11)])
+    state = moved[:4] + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[3]
+    angles = jnp.stack([turned, jnp.zeros(3)], axis=1).ravel()
+    tangent = jnp.concatenate([angles, state, moved[4:], jnp.zeros(out.size - 11)])
     if not isinstance(tangents[2], SymbolicZero):
         # Derivatives in the samples of a record are not computed: not a number, and not zero.
         tangent = tangent + jnp.nan * jnp.sum(samples)
@@ -223,6 +232,7 @@ def follow_all(
     from tpd.models import shaken_entry as entry
 
     n, lengths = len(parameters), np.array([len(r) for r in records])
+    # All records lie one after another; a motion knows the row of its first piece.
     firsts = np.cumsum(lengths) - lengths
     pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in records]))
     settings = np.zeros((n, entry.SETTINGS))

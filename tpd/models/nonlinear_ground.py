@@ -47,6 +47,7 @@ def _shake(x, y0, c, n, free, rtol, max_events, out):
         np.empty(4),
     )
     rate = 1.0 / math.sqrt(x[2] * x[7])
+    # Sizes against which the error of a step is judged.
     scales[0], scales[1], scales[2], scales[3] = q.nu, q.nu + q.f, q.nu, (q.nu + q.f) * max(1.0, rate)
     for i in range(4):
         w[0, i] = y0[i]
@@ -54,6 +55,7 @@ def _shake(x, y0, c, n, free, rtol, max_events, out):
     _put_forcing(c, n, 0, h, growth)
     decide(q, y0[0], y0[1], y0[3], sign(y0[0]), sign(y0[2]), growth[0], mode)
     clock[1], ended, lifted, i = 0.1 * h, ARRIVED, mode[0] == SLIP, 0
+    # The forcing has a kink at every sample, which a step must not cross.
     while i <= n and ended == ARRIVED:
         _put_forcing(c, n, i, h, growth)
         clock[0], y = 0.0, w[0]

@@ -51,6 +51,7 @@ def _put_maps(plants, kind, inputs, a, by):
 def _through_pieces(c, first, count, a, by, centre, moved, y, dy, inputs):
     """Take a state and its derivatives through whole pieces. `centre` is that of the tilt's motion and
     `moved` its derivatives."""
+    # A record has no square and no cube: half of the coefficients are left out.
     terms = 8
     while terms > 6 and not np.any(c[first : first + count, terms - 5 : terms - 4]):
         terms -= 1
@@ -60,6 +61,7 @@ def _through_pieces(c, first, count, a, by, centre, moved, y, dy, inputs):
             x[k], x[4 + k] = y[k], c[n, k]
             for j in range(inputs):
                 old[k, j] = dy[k, j]
+        # The map is linear about the centre, which moves with weight and friction.
         x[0] -= centre
         for j in range(inputs):
             old[0, j] -= moved[j]
@@ -127,6 +129,7 @@ def _after(q, leg, dy, j, y):
     kind, which, rests = leg[0], leg[6], leg[7] != 0.0
     if kind != SLIP or which == END or which >= BOB:
         return
+    # At a landing the tilt is zero whatever the parameters; a hop that ends in rest takes the turn there too.
     dy[0, j] = dy[0, j] if which == FIRST and not rests else 0.0
     if which == FIRST:
         dy[2, j] = 0.0
@@ -140,11 +143,23 @@ def _put_extremes(tally, leg, dy, by, inputs):
     """Put the derivatives of the largest angles that were met at the end of this leg into `by`."""
     for k in range(3):
         right, left = BEST + 2 * k, BEST + 2 * k + 1
+        # The larger of both sides; where they are equal, the derivative is that to the right.
         best, side = (right, 1.0) if tally[right] >= tally[left] else (left, -1.0)
         if tally[WHERE + best - BEST] == leg:
             for j in range(inputs):
                 psi = dy[1, j] - (dy[0, j] if k == 2 else 0.0)
                 by[k, j] = side * (dy[0, j] if k == 0 else psi)
+
+
+@compiled
+def _last_extreme(tally):
+    """The last leg at whose end one of the largest angles was met."""
+    last = -1
+    for k in range(3):
+        right, left = BEST + 2 * k, BEST + 2 * k + 1
+        best = right if tally[right] >= tally[left] else left
+        last = max(last, int(tally[WHERE + best - BEST]))
+    return last
 
 
 @compiled
@@ -168,9 +183,10 @@ def _growing(q, c, n, leg, dy, j, shift):
 
 
 @compiled
-def differentiate(x, q, plants, c, n, legs, tally, inputs, by):
+def differentiate(x, q, plants, c, n, legs, tally, inputs, angles_only, by):
     """Put the derivatives of a followed motion into `by`, shape (8, inputs), and return the growing
-    coordinate of its last leg. `inputs` is 9 for the parameters alone, or 13."""
+    coordinate of its last leg. `inputs` is 9 for the parameters alone, or 13. If `angles_only`, those of the
+    largest angles: what comes after the last of these is left out."""
     for j in range(PLANTS):
         plant_along(x, j, plants[j])
     a, slopes, known = np.empty((2, 4, 8)), np.empty((2, 4, 8, inputs)), np.zeros(2)
@@ -180,9 +196,13 @@ def differentiate(x, q, plants, c, n, legs, tally, inputs, by):
             dy[i, 9 + i] = 1.0
     _put_extremes(tally, -1.0, dy, by, inputs)
     growing = 0.0
-    for m in range(min(int(tally[LEGS]), len(legs))):
+    count = min(int(tally[LEGS]), len(legs))
+    if angles_only:
+        count = min(count, 1 + _last_extreme(tally))
+    for m in range(count):
         leg = legs[m]
         slips = leg[0] == SLIP
+        # The last leg decides between overturning and falling back.
         if m == int(tally[LEGS]) - 1:
             for j in range(inputs):
                 coordinate = _growing(plants[min(j, PLANTS - 1)], c, n, leg, dy, j, shift[j])
@@ -203,12 +223,14 @@ def differentiate(x, q, plants, c, n, legs, tally, inputs, by):
             _through_pieces(c, int(leg[3]), int(leg[5]), a[kind], slopes[kind], centre, moved, y, dy, inputs)
             _put_extremes(tally, m, dy, by, inputs)
             continue
+        # The real state begins anew with every leg, so that errors of it do not add up.
         _end_of(q, c, n, leg, y)
         for j in range(inputs):
             shift[j] = _leg(plants[min(j, PLANTS - 1)], c, n, leg, dy, j, shift[j])
         _put_extremes(tally, m, dy, by, inputs)
         for j in range(inputs):
             _after(plants[min(j, PLANTS - 1)], leg, dy, j, y)
+            # The next piece begins at its own zero of time.
             if leg[6] == END:
                 shift[j] = 0.0
     for i in range(4):

@@ -14,10 +14,11 @@ from tpd.models.custom_call import api_version, on_host, pointer, rows_of, store
 from tpd.models.shaken_derivatives import INPUTS, PLANTS, ROWS, differentiate
 from tpd.models.shaken_kernel import LEG, OUT, TALLY, follow, put_results
 
-SETTINGS = 8
+SETTINGS = 9
 """Numbers in a row of settings: 0; pieces of the motion; the row of its first, or -1 if every motion has its
-own; free time; rest rate; events allowed; how many directions have derivatives (0, 9 or 13); and whether the
-free motion may end where it cannot tilt the block further."""
+own; free time; rest rate; events allowed; how many directions have derivatives (0, 9 or 13); whether the free
+motion may end where it cannot tilt the block further; and whether the derivatives of the largest angles are
+enough."""
 
 
 @compiled
@@ -33,6 +34,7 @@ def _run(a, first, last):
     tally, mode, y, none = np.empty(TALLY), np.zeros(4), np.empty(4), np.empty((0, LEG))
     for r in range(first, last):
         n, begin, inputs, most = int(s[r, 1]), int(s[r, 2]), int(s[r, 6]), int(s[r, 5])
+        # XLA gives every motion a copy of its record, the host one place for all.
         begin = r * n if begin < 0 else begin
         c = table(a[3], begin + n, 4)[begin:]
         # Of memory that nothing is written to the system gives none.
@@ -42,11 +44,13 @@ def _run(a, first, last):
         status = follow(x[r], plants[0], c, n, y, s[r, 3], s[r, 4], most, s[r, 7] != 0.0, tally, legs, mode)
         put_results(plants[0], n, s[r, 3], y, mode, tally, status, out[r])
         if inputs > 0:
+            # Directions that are not asked for stay zero.
             by = carray(pointer(a[5]), (last, ROWS, INPUTS), np.float64)[r]
             for i in range(ROWS):
                 for j in range(INPUTS):
                     by[i, j] = 0.0
-            out[r, 10] = differentiate(x[r], plants[0], others, c, n, legs, tally, inputs, by)
+            angles = s[r, 8] != 0.0
+            out[r, 10] = differentiate(x[r], plants[0], others, c, n, legs, tally, inputs, angles, by)
 
 
 def _entrance(version: int, api: int) -> Any:

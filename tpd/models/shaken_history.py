@@ -41,6 +41,7 @@ def _through(q, c, n, leg, times, at, out):
     y = np.empty(4)
     for i in range(4):
         y[i] = leg[8 + i]
+    # Whole pieces are gone through one by one, since a time may lie in any of them.
     count = int(leg[5]) if whole else 1
     for k in range(count):
         begin = (piece + k) * h + (0.0 if whole else leg[4])
@@ -65,6 +66,7 @@ def _entry(version: int) -> Callable[..., Any]:
         for i in range(4):
             y[i] = y0[i]
         status = follow(x, q[0], c, n, y, free, 2e-7, max_events, False, tally, legs, mode)
+        # Times increase, as the legs do: one pass through both.
         at = 0
         for m in range(min(int(tally[LEGS]), len(legs))):
             if legs[m, 6] == GONE:

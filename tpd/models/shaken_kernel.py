@@ -73,6 +73,7 @@ def _note(tally, phi, psi, tau, leg):
     for k in range(6):
         angle = phi if k < 2 else (psi if k < 4 else psi - phi)
         angle = angle if k % 2 == 0 else -angle
+        # The first leg of several with the same angle counts: a block that rests adds none.
         if angle > tally[BEST + k]:
             tally[BEST + k], tally[WHERE + k], tally[WHEN + k] = angle, leg, tau
 
@@ -96,6 +97,7 @@ def put_bounds(q, bounds):
     for held in range(2):
         p, s = (q.held_p, q.held_q) if held else (q.p, q.q)
         for i in range(2):
+            # Of the solution that begins at (1, 0), and of that which begins at (0, 1).
             u, v = (1.0, 0.0) if i == 0 else (0.0, 1.0)
             for power in range(5):
                 u, v = v, -s * u - p * v
@@ -106,6 +108,7 @@ def put_bounds(q, bounds):
 @compiled
 def _rough(arc, x, growth, fifth, bounds, held):
     """Bound on the fourth or fifth derivative of a signal over a piece; that of the forcing is zero."""
+    # The growing exponential is largest at the end of the piece, the falling one at its start.
     r1, r2 = arc.s1 * arc.s1, arc.s2 * arc.s2
     r1, r2 = r1 * r1, r2 * r2
     if fifth:
@@ -129,6 +132,7 @@ def _stays(q, mode, e, h, a, b, bound):
     at, rate = forcing_of(e, 0.0)
     to, onward = forcing_of(e, h)
     stuck = mode[0] == STICK
+    # Off its base the block has its weight to one side, on its base to both.
     level, hold = (mode[1] * q.weight if stuck else 0.0), q.k + (0.0 if stuck else q.weight)
     m, n = moment(q, a[0], a[1], a[3], at) - level, moment(q, b[0], b[1], b[3], to) - level
     u = (1.0 - q.up) * a[3] + q.bias * a[5] - q.f * rate
@@ -154,6 +158,7 @@ def _without_event(q, arc, mode, e, h, a, b, growth, tally, bounds):
         g0, v0, g1, v1 = a[3] - a[2], a[5] - a[4], b[3] - b[2], b[5] - b[4]
         if not _clear(side * g0, side * v0, side * g1, side * v1, h, tilt5 + bob5):
             return False
+    # A block that tilts further lands nowhere before it turns.
     if tilt * way > 0.0:
         return True
     tilt4 = _rough(arc, arc.tilt, growth, 0, bounds, held)
@@ -180,6 +185,7 @@ def _whole_pieces(q, c, n, i, mode, y, maps, bounds, tally, legs):
     centre = 0.0 if held else (mode[1] * q.weight + mode[2] * q.k) / q.up
     growth = math.exp(q.s1 * h)
     while i < n:
+        # The arc serves the bounds alone; the state goes on by the map, which loses fewer digits.
         e = cubic_at(c, n, i, h, 0.0)
         arc = launch_cubic(q, kind, mode[1], mode[2], y[0], y[1], y[2], y[3], e)
         _over(maps[held], c, i, centre, y, end)
@@ -226,6 +232,7 @@ def _watch(q, arc, mode, e, tally, w):
     if q.mu > 0.0:
         watch_turns(w, BOB, tally[BOB_WAY], arc.bob, arc)
         count = RELATIVE
+        # Under a held block both angles of the bob turn at once.
         if mode[0] == SLIP:
             watch_turns(w, RELATIVE, tally[RELATIVE_WAY], _difference(arc.bob, arc.tilt), arc)
             count = RELATIVE + 1
@@ -254,7 +261,9 @@ def _met(q, which, capture, eta, now, y, mode, tau, tally):
         tally[IMPACTS] += 1.0
     if was == REST and tally[LIFTED] == math.inf:
         tally[LIFTED] = tau
+    # The block's own time scale is 1 in tau: the usual rate of a motion without a frequency.
     tally[CROSSING] = min(tally[CROSSING], transversality(q, 1.0, which, was, mode[0], now, eta))
+    # An impact may reverse the bob without a turn in between.
     if y[3] * now[3] < 0.0:
         tally[BOB_WAY] = -tally[BOB_WAY]
     if mode[0] != SLIP:
@@ -328,12 +337,14 @@ def _piece(q, c, n, i, s, end, mode, y, w, tally, legs, capture, brief):
         if which == END:
             _record(legs, tally, mode, i, s + began, at - began, which, False, start)
             return ARRIVED
+        # Whether the block rests is known after the event only.
         n_legs = int(tally[LEGS])
         _record(legs, tally, mode, i, s + began, at - began, which, False, start)
         eta, _ = forcing_of(e, at)
         if _met(q, which, capture, eta, now, y, mode, tau, tally) and n_legs < len(legs):
             legs[n_legs, 7] = 1.0
         s += at
+        # Only the free motion may end early: a forcing brings energy.
         if brief and _settles(q, y, tally):
             return ARRIVED
         if end - s <= _ROUNDING * end:
@@ -369,6 +380,7 @@ def _begin(q, c, n, y, mode, tally, max_events):
         angle = y[0] if k < 2 else (y[1] if k < 4 else y[1] - y[0])
         tally[BEST + k], tally[WHERE + k] = (angle if k % 2 == 0 else -angle), -1.0
     tally[LIFTED] = tally[FELL] = tally[CROSSING] = math.inf
+    # One event for each piece is none of the block's: its end.
     tally[EVENTS], tally[LOOKS_LEFT] = n + 1.0 + max_events, LOOKS * (n + 1.0 + max_events)
     e = cubic_at(c, n, 0, q.xi, 0.0)
     decide(q, y, sign(y[0]), sign(y[2]), e.e0, mode)
@@ -387,6 +399,7 @@ def follow(x, q, c, n, y, free, rest_rate, max_events, brief, tally, legs, mode)
     plant(x, q)
     bounds, maps, w = np.empty((2, 2, 2)), np.empty((2, 4, 8)), room()
     put_bounds(q, bounds)
+    # Two maps serve the whole motion, because all pieces have the same duration.
     put_map(q, SLIP, q.xi, maps[0])
     put_map(q, REST, q.xi, maps[1])
     capture, i = rest_rate * q.nu, 0
@@ -397,6 +410,7 @@ def follow(x, q, c, n, y, free, rest_rate, max_events, brief, tally, legs, mode)
         if i < n:
             ended = _piece(q, c, n, i, 0.0, q.xi, mode, y, w, tally, legs, capture, False)
             i += 1
+    # A motion that cannot tilt the block further overturns it neither.
     quiet = brief and _settles(q, y, tally)
     if ended == ARRIVED and free > 0.0 and not quiet:
         ended = _piece(q, c, n, n, 0.0, free, mode, y, w, tally, legs, capture, brief)

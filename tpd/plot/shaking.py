@@ -38,6 +38,7 @@ def plot_shaking(histories: Sequence[ShakingHistory], slenderness: float, axes: 
     axes[0].set_ylabel("base acceleration\n(m/s²)")
     for history, style in zip(histories, _LINES, strict=False):
         axes[1].plot(history.times, history.tilt, **style)
+        # Where the block all but leaves the ground, no friction is enough: the picture stops at 5.
         ratio = np.abs(history.horizontal) / np.maximum(history.vertical, 1e-300)
         axes[-1].plot(history.times, np.minimum(ratio, 5.0), **style)
         _mark_fall(axes[1], history, style)
@@ -114,6 +115,7 @@ def plot_rocking_spectrum(spectrum: RockingSpectrum, ax: Any = None) -> Any:
         ax.plot(spectrum.periods, known, **style)
         lost = np.isinf(tilts)
         label = f"{style['label']}: overturns"
+        # Above the frame, where no tilt can be.
         level = 1.02 if style is _LINES[0] else 1.06
         ax.plot(
             spectrum.periods[lost],
@@ -144,6 +146,7 @@ def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = No
     fine = np.linspace(0.5 * fragility.stripes[0], 1.1 * fragility.stripes[-1], 300)
     cases = [fragility.bare[state]] + ([] if fragility.hung is None else [fragility.hung[state]])
     for curve, style in zip(cases, CASES, strict=False):
+        # Open without the pendulum and filled with it, so that they differ in grey.
         face = style.get("mfc", style["color"])
         ax.plot(
             fragility.stripes,

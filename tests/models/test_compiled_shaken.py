@@ -1,0 +1,51 @@
+"""The custom call of ground motions: asked under a trace first, and where XLA cannot call it."""
+
+import subprocess
+import sys
+
+import jax
+import numpy as np
+import pytest
+
+import tpd
+from tpd.models import compiled_shaken
+
+BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9)
+SCENE = tpd.Scene(BLOCK, tpd.Pulse.one_sine(acceleration=3.0, frequency=1.2))
+HUNG = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
+
+
+def slope(length):
+    return tpd.transient(SCENE, tpd.Pendulum(mass=450.0, length=length, damping_ratio=0.1), free=2.0).tilt
+
+
+def test_the_first_question_may_come_under_a_trace():
+    code = (
+        "import warnings; warnings.simplefilter('error', UserWarning); import jax; "
+        "jax.config.update('jax_enable_x64', True); import tpd; "
+        "b = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9); "
+        "s = tpd.Scene(b, tpd.Pulse.one_sine(acceleration=3.0, frequency=1.2)); "
+        "print(float(jax.jit(lambda s: tpd.transient(s, free=2.0).tilt)(s)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert float(done.stdout) == pytest.approx(float(tpd.transient(SCENE, free=2.0).tilt), rel=1e-12)
+
+
+def test_without_the_custom_call_the_host_answers(monkeypatch):
+    known = float(slope(0.9)), float(jax.grad(slope)(0.9))
+    batch = np.asarray(jax.vmap(slope)(np.array([0.5, 0.9])))
+    monkeypatch.setattr(compiled_shaken, "_usable", lambda: False)
+    # Programs that were compiled before hold the custom call.
+    jax.clear_caches()
+    try:
+        assert float(slope(0.9)) == known[0]
+        assert float(jax.grad(slope)(0.9)) == known[1]
+        assert np.asarray(jax.vmap(slope)(np.array([0.5, 0.9]))).tolist() == batch.tolist()
+    finally:
+        jax.clear_caches()
+
+
+def test_a_wrong_answer_to_the_trial_is_said(monkeypatch):
+    monkeypatch.setattr(compiled_shaken, "_on_host", lambda *a: (np.zeros(3), None))
+    with pytest.warns(UserWarning, match="its answer to a trial is wrong"):
+        assert not compiled_shaken._usable.__wrapped__()
