@@ -303,7 +303,7 @@ DERIVED = (
     "El Centro, statue with pendulum",
     "El Centro, column with pendulum",
     "El Centro, tower with pendulum",
-    "noise: bob, from a tilt",
+    "noise: bob, from a small tilt",
     "one_sine: bob, both",
     "mavroeidis: bob, both",
 )

@@ -2,10 +2,10 @@
 
 `python -m tests.ground_truth` writes `ground_truth.json` anew; with names of rows, only those. Its parts:
 
-- cases: `scene`, `motion`, start `y0` and seconds of `free` motion as `ground_scenes` gives them; `results` in
-  rad, s and, at the `end`, (phi, psi, phi', psi') with rates per unit of tau. Samples times `scale` are in m/s²;
-  those of a motion with a `record` are that record's. `derivatives` are of `tilt`. `impacts` are those faster
-  than 1e-6 nu; `impact_speeds`, over nu, of the fastest that is not counted and the slowest that is.
+- cases: `scene`, `motion`, start `y0` and seconds of `free` motion as `ground_scenes` gives them; `results`
+  in rad, s and, at the `end`, (phi, psi, phi', psi') with rates per unit of tau. Samples times `scale` are in
+  m/s²; those of a motion with a `record` are that record's. `derivatives` are of `tilt`. `impacts` are those
+  faster than 1e-6 nu; `impact_speeds`, over nu, of the fastest that is not counted and the slowest that is.
 - boundaries: a bare block, friction 0, one sine of frequency ratio W; peak accelerations over g nu.
 - critical: a column with peak acceleration `scale` g width/height; the scale at which the verdict changes.
 """
