@@ -7,7 +7,7 @@ from scipy.optimize import minimize
 from scipy.stats import binomtest, norm
 
 import tpd
-from tpd.analysis.fragility import _mcnemar
+from tpd.analysis.fragility import Fragility, _mcnemar
 from tpd.analysis.ground_batch import follow_scaled
 from tpd.analysis.probit import fit_lognormal
 from tpd.core.intensity import intensity_of, peak_velocity, spectral_acceleration
@@ -29,7 +29,7 @@ RECORDS = [noise(seed) for seed in range(12)]
 
 
 @pytest.fixture(scope="module")
-def found() -> tpd.analysis.fragility.Fragility:
+def found() -> Fragility:
     return tpd.fragility(STATUE, RECORDS, scales=[0.8, 1.5, 3.0, 6.0, 12.0], pendulum=HUNG)
 
 

@@ -1,4 +1,4 @@
-"""Section of the report about records: counts, order, verdicts and the danger of a pendulum that does harm."""
+"""Section of the report about records: counts, order, verdicts, and the danger of a harmful pendulum."""
 
 import math
 

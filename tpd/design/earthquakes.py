@@ -1,4 +1,4 @@
-"""What recorded ground motions do to a design that was sought for a harmonic."""
+"""Outcomes of a design, which was sought for a harmonic, under recorded ground motions."""
 
 from __future__ import annotations
 
@@ -56,6 +56,7 @@ def shaken(
     ones, nu = np.ones((len(motions), 1)), float(scene.block.slenderness)
     exact, checked = [], []
     for pendulum in cases:
+        # The linear equations are exact between the samples; the nonlinear ones check their verdict.
         for into, nonlinear in ((exact, False), (checked, True)):
             found = follow_scaled(
                 scene.block,

@@ -24,7 +24,7 @@ def section(found: Earthquakes | None) -> list[Block]:
     counts = f"{bare_falls} overturn the bare block" + (f", {hung_falls} with the pendulum" if hung else "")
     head = ("record", "largest acceleration (g)", "bare: tilt/ν")
     more = ("with the pendulum: tilt/ν", "rod against block (rad)") if hung else ()
-    rows = [_row(found, i) for i in _order(found)[:_ROWS]]
+    rows = [_row(found, int(i)) for i in _order(found)[:_ROWS]]
     note = information(
         f"Of {len(found.names)} records at their own size, {counts}. Linear equations, exact between the "
         f"samples; {_changed(found)}. The design was not sought for them."
@@ -49,6 +49,7 @@ def notes(found: Earthquakes | None) -> list[Note]:
 
 def _order(found: Earthquakes) -> np.ndarray:
     """Indices of the records, the largest tilts first."""
+    # An overturning is the largest tilt of all; what is not known comes last.
     tilts = found.bare if found.hung is None else np.fmax(found.bare, found.hung)
     return np.argsort(-np.nan_to_num(tilts, nan=-1.0), kind="stable")
 
