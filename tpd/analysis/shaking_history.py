@@ -66,6 +66,9 @@ def shaking_history(
     Raises:
         ValueError: bad input.
     """
+    from tpd.models import compiling
+
+    compiling.wait("tpd.models.shaken_history")
     from tpd.models.shaken_history import COLUMNS, history
     from tpd.models.shaken_kernel import STATUSES
 

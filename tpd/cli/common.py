@@ -154,9 +154,10 @@ def inputs(of: Scene, hung: Pendulum | None) -> dict[str, Any]:
     return {"scene": asdict(of), "pendulum": pendulum, "versions": files.versions(), "seed": None}
 
 
-def use_64_bits() -> None:
+def use_64_bits(*, ground: bool = False) -> None:
     """Set JAX up; call this before JAX computes anything.
 
+    `ground` says whether pulses and records are followed, and not harmonics: other code is compiled ahead.
     Compiled programs are kept for later runs, in the user's cache or where `JAX_COMPILATION_CACHE_DIR` says.
     """
     if "equinox" not in sys.modules:
@@ -183,7 +184,7 @@ def use_64_bits() -> None:
     with contextlib.suppress(OSError):
         folder = Path(cache_dir) / "programs"
         programs.keep_in(folder)
-        compiling.compile_beside(folder)
+        compiling.compile_beside(folder, compiling.GROUND if ground else compiling.HARMONIC)
 
 
 def bar() -> Bar:

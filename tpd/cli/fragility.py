@@ -47,7 +47,7 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Follow all motions, write tables and pictures, and print the medians; return the exit status."""
-    common.use_64_bits()
+    common.use_64_bits(ground=True)
     import numpy as np
 
     from tpd.analysis.fragility import fragility

@@ -40,7 +40,7 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Follow the block, write histories and pictures, and print what happened; return the exit status."""
-    common.use_64_bits()
+    common.use_64_bits(ground=True)
     from tpd.analysis.shaking_history import shaking_history
     from tpd.analysis.transient import transient
     from tpd.core import files

@@ -51,7 +51,7 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Follow all blocks, write table and picture; return the exit status."""
-    common.use_64_bits()
+    common.use_64_bits(ground=True)
     from tpd.core import checks, files
 
     checks.count("--points", options.points, least=2)

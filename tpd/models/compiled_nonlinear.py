@@ -85,6 +85,7 @@ def shake_nonlinear(
     has overturned where its tilt exceeds pi/2. `brief` changes nothing.
     """
     del brief
+    compiling.wait("tpd.models.nonlinear_ground")
     from tpd.models.nonlinear_ground import COLUMNS, shake_rows
 
     n, lengths = len(parameters), np.array([len(r) for r in records])

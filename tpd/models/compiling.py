@@ -14,7 +14,10 @@ from functools import lru_cache
 from pathlib import Path
 from threading import Lock
 
-_MODULES = ("tpd.models.linear_entry", "tpd.models.nonlinear_settling")
+HARMONIC = ("tpd.models.linear_entry", "tpd.models.nonlinear_settling")
+"""Modules with the compiled code of motions under a harmonic."""
+GROUND = ("tpd.models.shaken_history", "tpd.models.nonlinear_ground")
+"""Those of motions under pulses and records, but for the one that each command compiles itself."""
 _COMMAND = """
 import sys
 from importlib import import_module
@@ -40,21 +43,21 @@ def checksum(*kinds: str) -> int:
     return zlib.crc32(b"".join(f.read_bytes() for f in chosen))
 
 
-def compile_beside(folder: Path) -> None:
-    """Begin to compile in another process, unless a mark in `folder` says that it was done.
+def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
+    """Begin to compile modules in another process, unless a mark in `folder` says that it was done.
 
     Raises:
         OSError: no process can be started.
     """
     # Numba's store belongs to one installation, or to the folder that the environment names.
-    sources, folders = checksum("linear_", "nonlinear_"), os.environ.get("NUMBA_CACHE_DIR")
-    place = f"{sources} {Path(__file__)} {sys.version} {folders}"
+    sources, folders = checksum("linear_", "nonlinear_", "shaken_"), os.environ.get("NUMBA_CACHE_DIR")
+    place = f"{sources} {modules} {Path(__file__)} {sys.version} {folders}"
     mark = folder / f"compiled-{zlib.crc32(place.encode()):08x}"
     if mark.exists() or _running:
         return
     # A session of its own: Ctrl-C is for the command, and what is half compiled serves nobody.
     process = subprocess.Popen(
-        [sys.executable, "-c", _COMMAND, str(mark), *_MODULES],
+        [sys.executable, "-c", _COMMAND, str(mark), *modules],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
