@@ -403,6 +403,18 @@ def test_forces_balance_momentum():
     assert 0.1 < found.needed_friction < 1.0
 
 
+def test_impacts_have_their_times_and_rates():
+    found = shaking_history(column(sine(2.0)), free=20.0)
+    assert len(found.impacts) == int(tpd.transient(column(sine(2.0)), free=20.0).impacts)
+    times, rates = found.impacts.T
+    assert np.all(np.diff(times) > 0.0)
+    # In free rocking every impact takes the same share of the rate.
+    free = rates[times > 1.0 / 1.2375]
+    assert np.abs(free[1:] / free[:-1]) == pytest.approx(0.9595, rel=1e-9)
+    tilts = np.interp(times, found.times, found.tilt)
+    assert np.abs(tilts).max() < 1e-3
+
+
 def test_bad_input_is_one_sentence():
     harmonic = tpd.Scene(COLUMN, tpd.Harmonic(amplitude=0.01, frequency=2.0))
     with pytest.raises(ValueError, match="harmonics are for"):
