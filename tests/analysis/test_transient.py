@@ -225,7 +225,7 @@ def test_pulses_are_scaled():
     assert float(pulse.scaled(1.5).pga) == pytest.approx(GRAVITY / 2.0)
     assert float(pulse.scaled_to(pga_g=0.3).pga) == pytest.approx(0.3 * GRAVITY)
     assert float(pulse.scaled_to(pga=0.3).pga) == pytest.approx(0.3)
-    with pytest.raises(ValueError, match="give either `pga`"):
+    with pytest.raises(ValueError, match="exactly one of `pga` and `pga_g`"):
         pulse.scaled_to(pga=1.0, pga_g=0.1)
     with pytest.raises(ValueError, match="`pga` must be positive"):
         pulse.scaled_to(pga=-1.0)

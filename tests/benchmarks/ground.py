@@ -248,7 +248,7 @@ def batches():
         records = [noise(rng) for _ in range(44)]
     stripes, grid = np.linspace(0.5, 8.0, 20), np.linspace(0.5, 10.0, 200)
     white = np.convolve(rng.standard_normal(4021), np.hanning(21), "valid")
-    long_one = tpd.Record(white * np.sin(np.linspace(0.0, np.pi, len(white))), 0.01).scaled_to(pga_g=0.5)
+    long_one = tpd.Record(white * np.sin(np.linspace(0.0, np.pi, len(white))), 0.01).scaled_to(pga_g=0.3)
     scene = tpd.Scene(statue, long_one)
     value = jax.jit(lambda h: tpd.transient(scene, h).tilt)
     slope = jax.jit(jax.value_and_grad(lambda h: tpd.transient(scene, h).tilt))
