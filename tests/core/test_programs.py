@@ -57,7 +57,7 @@ def judged(x):
 
 def test_a_status_comes_back_from_the_store(folder):
     x = np.array([1.0, -1.0])
-    first, second = Program(judged)(x), Program(judged)(x)
+    first, second = Program(judged, mapped=True)(x), Program(judged, mapped=True)(x)
     assert len(TRACED) == 1
     assert list(names_of(second)) == list(names_of(first)) == ["rocking", "rest"]
 
