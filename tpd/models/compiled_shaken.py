@@ -210,6 +210,7 @@ def follow_all(
     y0: np.ndarray | None = None,
     max_events: int = 100_000,
     slopes: bool = False,
+    ratio_by_mass: np.ndarray | None = None,
     brief: bool = False,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -224,14 +225,17 @@ def follow_all(
         y0: starts, shape (n, 4); at rest by default.
         max_events: events of a motion beyond one for each piece.
         slopes: whether to compute derivatives.
+        ratio_by_mass: derivatives of e in mu, shape (n,): then derivatives along designs alone are computed,
+            in less time.
         brief: whether the free motion may end as soon as it cannot tilt the block further: then only tilt,
             uplift and overturning hold.
         workers: threads; all cores by default.
         progress: called with the motions done and in all.
 
     Returns:
-        The motions, and their derivatives of shape (n, 8, 13) if `slopes`: of the three angles, the state at
-        the end and the growing coordinate, in the nine parameters and the four components of the start.
+        The motions, and their derivatives of shape (n, 8, 13) if asked for: of the three angles, the state at
+        the end and the growing coordinate, in the nine parameters and the four components of the start. Along
+        designs the last axis begins with (mu, lam, zeta); a block that stands has those of the angles alone.
     """
     from tpd.models import shaken_entry as entry
 
@@ -243,6 +247,9 @@ def follow_all(
     settings[:, 1], settings[:, 2], settings[:, 3] = lengths[which], firsts[which], free
     settings[:, 4], settings[:, 5], settings[:, 6] = REST_RATE, max_events, 13.0 if slopes else 0.0
     settings[:, 7] = brief
+    if ratio_by_mass is not None:
+        settings[:, 0], settings[:, 6], settings[:, 8] = ratio_by_mass, 3.0, 2.0
+        slopes = True
     x = np.ascontiguousarray(parameters, dtype=float)
     starts = np.zeros((n, 4)) if y0 is None else np.ascontiguousarray(y0, dtype=float)
     out, by = np.zeros((n, entry.OUT)), np.zeros((n if slopes else 1, entry.ROWS, entry.INPUTS))
