@@ -36,7 +36,7 @@ _STOOD, _ROCKED, _OVERTURNED, _EVENT_BOUND, _FAILED = range(5)
 
 
 class _Seen(NamedTuple):
-    """What a motion has shown so far."""
+    """Largest angles and counts of a motion so far."""
 
     angles: Float[Array, "3"]
     """Largest |phi|, |psi| and |psi - phi|."""
@@ -287,7 +287,7 @@ def _next_length(taken: Number, wanted: Number, last: Any, worst: Number, order:
 def _looked(
     seen: _Seen, curve: Any, before: tuple, after: tuple, begun: Number, d: Number, resolution: Number
 ) -> _Seen:
-    """What a motion has shown after a step between two shares of a piece, with their states."""
+    """Largest angles and counts after a step between two shares of a piece, with their states."""
     (lo, y0), (hi, y1) = before, after
     combination = jnp.array(_ANGLES)
     shares = _turns(jax.tree.map(stop_gradient, curve), lo, hi, combination, stop_gradient((y0, y1)))
