@@ -24,6 +24,8 @@ from tpd.models.rows import shared
 
 _TARGET = "tpd_ground_motions"
 _asking = Lock()
+_AT_END = 1e-12
+"""Relative distance of two times that are the same but for rounding."""
 REST_RATE = 2e-7
 """Rate phi', over nu, below which an impact on a block that can be held ends in rest."""
 
@@ -158,6 +160,12 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
     # the accelerations.
     rates = jnp.concatenate([out[8:10], out[17:19], jnp.zeros(1)])
     end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[3]
+    # So do angles that are largest where the motion ends.
+    whole = settings[1] * x[6] + settings[3]
+    last = jnp.abs(out[1:6:2] - whole) <= _AT_END * whole
+    growing = jnp.stack([rates[0], rates[1], rates[1] - rates[0]])
+    sides = jnp.sign(jnp.stack([out[6], out[7], out[7] - out[6]]))
+    angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[3]
     if not isinstance(tangents[2], SymbolicZero):
         # Derivatives in the samples of a record are not computed: not a number, and not zero.
         unknown = jnp.nan * jnp.sum(samples)
