@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from tpd.design.ground.design import GroundDesign
+from tpd.design.ground.front import FrontPoint
 from tpd.design.ground.judgement import Judged
-from tpd.plot.style import CASES, GREY, INK, LABELS, new_axes
+from tpd.plot.style import BLUE, CASES, INK, LABELS, new_axes
 
 
 def plot_groups(design: GroundDesign) -> Any:
@@ -67,22 +69,48 @@ def _panel(ax: Any, group: Judged) -> None:
 
 
 def plot_search(design: GroundDesign) -> Any:
-    """Draw the designs that were followed over mass and length ratio; the darker, the larger the demand."""
+    """Draw the trend of the demand over mass and length ratio, at the damping of the best design, and the
+    designs that were followed; the darker, the larger the demand."""
     ax = new_axes()
-    found = design.searched
+    found, surface = design.searched, design.surface
     assert found is not None
+    if surface is not None and design.best is not None:
+        _trend(ax, design)
     mu, lam = found.designs[:, 0], found.designs[:, 1]
     inside = found.feasible
-    low, high = float(found.value.min()), float(max(found.value.max(), found.value.min() + 1e-9))
-    # The lightest shade is kept for none, so that the best designs are seen on white.
-    drawn = {"cmap": "Greys", "vmin": low - 0.3 * (high - low), "vmax": high, "edgecolors": INK, "lw": 0.6}
-    shades = ax.scatter(
-        mu[inside], lam[inside], c=found.value[inside], marker="o", s=46, label="within limits", **drawn
-    )
-    ax.scatter(mu[~inside], lam[~inside], marker="x", s=22, color=GREY, label="beyond a limit")
+    ax.plot(mu[inside], lam[inside], ls="", marker="o", ms=5, mfc=BLUE, mec=INK, label="within limits")
+    ax.plot(mu[~inside], lam[~inside], ls="", marker="x", ms=5, color=INK, label="beyond a limit")
     if design.best is not None:
-        ax.plot(*design.best[:2], ls="", marker="*", ms=15, mfc="white", mec=INK, mew=1.3, label="best trend")
-    ax.figure.colorbar(shades, label="demand over all motions (-)")
+        ax.plot(*design.best[:2], ls="", marker="*", ms=16, mfc="white", mec=INK, mew=1.3, label="best trend")
     ax.set(xlabel=LABELS["mu"], ylabel=LABELS["lam"])
     ax.legend(fontsize=8, frameon=False, loc="upper center", ncols=3, bbox_to_anchor=(0.5, 1.1))
+    return ax
+
+
+def _trend(ax: Any, design: GroundDesign) -> None:
+    """Shades and contours of the response surface."""
+    surface, best, space = design.surface, design.best, design.space
+    assert surface is not None
+    assert best is not None
+    mu, lam = (np.linspace(*bounds, 60) for bounds in (space.mass_ratio, space.length_ratio))
+    grid = np.stack(np.meshgrid(mu, lam), axis=-1).reshape(-1, 2)
+    whole = np.column_stack([grid, np.full(len(grid), best[2])])
+    trend = surface.at(space.scaled(whole))[0].reshape(60, 60)
+    shades = ax.contourf(mu, lam, trend, levels=12, cmap="Greys", alpha=0.75)
+    ax.figure.colorbar(shades, label=f"trend of the demand at ζ = {best[2]:.2g} (-)")
+
+
+def plot_front(points: Sequence[FrontPoint], ax: Any = None) -> Any:
+    """Draw the median intensities that overturn the block over the largest mass of the bob."""
+    ax = new_axes() if ax is None else ax
+    most = [100.0 * p.most for p in points]
+    for i, style in enumerate(CASES):
+        values = [p.medians[i] if np.isfinite(p.medians[i]) else np.nan for p in points]
+        ax.plot(most, values, **{**style, "ms": 6})
+    ax.set(
+        xlabel="largest mass of the bob (% of the block)",
+        ylabel="median intensity that overturns (-)",
+        ylim=(0.0, None),
+    )
+    ax.legend(fontsize=8, frameon=False)
     return ax

@@ -249,7 +249,9 @@ def _search(design: GroundDesign) -> list[Block]:
     )
     return [
         information(counts),
-        *_figure(design, "search.png", "Designs followed, over mass and length ratio"),
+        *_figure(
+            design, "search.png", "Trend of the demand over mass and length ratio, and the designs followed"
+        ),
     ]
 
 
