@@ -162,9 +162,8 @@ def optimisers(seeds=10, few=64, many=400):
     for label, objective, outside in problems():
         found = {"tpd, 64 designs": []}
         for seed in range(seeds):
-            search = Searcher(
-                objective, CappedTilt(), tpd.Risk.expected(), DEFAULT_SPACE, GroundSearch(32, few - 32), seed
-            )
+            method = GroundSearch(starts=32, steps=few - 32)
+            search = Searcher(objective, CappedTilt(), tpd.Risk.expected(), DEFAULT_SPACE, method, seed)
             search.run()
             answer, e = search.best(), search.found
             lowest = float(np.min(np.where(e.feasible, e.value, np.inf)))
@@ -207,8 +206,8 @@ def _scores(objective, outside, runs, least):
 
 
 def share(runs=100_000, few=4_000):
-    """Derivative of the share of random pulses that tilt a column beyond a level, from the runs near the level
-    against a brute-force count with common random numbers."""
+    """Derivative of the share of random pulses that tilt a column beyond a level, from the runs near the
+    level against a brute-force count with common random numbers."""
     column, rng = block("column 6 m"), np.random.default_rng(0)
     motions = [tpd.Pulse.ricker(acceleration=1.0, frequency=f) for f in np.geomspace(0.4, 2.0, 64)]
     which = rng.integers(0, 64, runs)
@@ -239,7 +238,7 @@ def share(runs=100_000, few=4_000):
 
 
 def benefit():
-    """Benefit for six blocks on the half of the far-field earthquakes that was held out, and on near fields."""
+    """Benefit for six blocks on the far-field earthquakes that were held out, and on near fields."""
     near = tpd.records.fema_p695("near-field-no-pulse") + tpd.records.fema_p695("near-field-pulse")
     rows = []
     for name in BLOCKS:
@@ -282,9 +281,7 @@ def harm(count=200):
     method = GroundSearch(starts=16, steps=8)
     for i in range(count):
         height, nu = float(np.exp(rng.uniform(np.log(1.0), np.log(20.0)))), rng.uniform(0.1, 0.3)
-        column = tpd.Block(
-            width=nu * height, height=height, mass=1800.0 * nu**2 * height**3, restitution="housner"
-        )
+        column = masonry(height, nu)
         chosen = [far[j] for j in rng.permutation(len(far))[:20]]
         scales = tuple(np.sort(rng.uniform(1.2, 4.0, 3)))
         limits = DEFAULT_LIMITS if i % 2 else (tpd.limits.Stroke(),)

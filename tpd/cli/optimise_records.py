@@ -25,6 +25,7 @@ _USED = {
     "project": None,
     "risk": None,
     "search": ("seed", "searches"),
+    "worth": ("at_least",),
 }
 """Tables of a job, and keys of them, that a design on ground motions takes."""
 
@@ -130,6 +131,7 @@ def _arguments(given: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         "space": build.space_of(searched),
         "limits": tuple(x for x in build.limits_of(file, over_orbits=False) if isinstance(x, KINDS)),
         "seed": file.search.seed,
+        "at_least": file.worth.at_least,
     }
     if "risk" in given:
         out["risk"] = build.risk_of(file)

@@ -112,7 +112,7 @@ def optimise(
         by_overturning: verify first the designs that overturn under the fewest conditions from rest.
         checkpoint: file for finished searches; searches of the same problem in it are not repeated.
         progress: True for a bar on stderr, or called with (stage, done, of how many).
-        on_motions: `held_out`, `demand`, `allowed` and `scatter` under ground motions.
+        on_motions: `held_out`, `demand`, `allowed`, `scatter` and `at_least` under ground motions.
 
     Raises:
         ValueError: bad input, or a checkpoint of another problem.

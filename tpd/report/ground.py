@@ -191,8 +191,9 @@ def _judged(design: GroundDesign) -> list[Block]:
         b = design.benefit
         out.append(
             information(
-                f"Over all motions that were held out: {_interval(b.overturned)} of the runs overturned, and "
-                f"the mean tilt over the slenderness changes by {_interval(b.tilt, share=False)}."
+                f"Over all motions that were held out: {_interval(b.overturned)} of the runs overturned; the "
+                f"mean tilt over the slenderness changes by {_interval(b.tilt, share=False)}, which is "
+                f"{b.saved:.0%} less ({design.at_least:.0%} were asked for)."
             )
         )
     return out

@@ -8,9 +8,11 @@ from scipy import stats
 
 import tpd
 from tests.design.ground.conftest import noise
+from tpd.analysis.probit import Lognormal
 from tpd.design.ground.demand import CappedTilt, Exceedance, Runs, share_beyond
 from tpd.design.ground.groups import Role, events_of, grouped
-from tpd.design.ground.judgement import paired, student
+from tpd.design.ground.judgement import Changes, Interval, Judged, paired, student
+from tpd.design.ground.optimise import _verdict
 from tpd.design.ground.sizes import check_ground_limits
 from tpd.design.ground.surface import Observations, fit
 
@@ -115,6 +117,42 @@ def test_intervals_are_those_of_clusters_and_student():
     same = paired(np.full(4, -0.5), np.array([0, 0, 1, 1]))
     assert same.is_below
     assert not same.is_above
+
+
+def test_the_verdict_follows_from_intervals_and_the_least_benefit():
+    def group(role, change, low, high):
+        interval = Interval(change, low, high)
+        n, clusters = 12, np.repeat(np.arange(6), 2)
+        spread = np.tile([0.01, -0.01], 6)
+        runs = Changes(np.full(n, change) + spread, np.full(n, change) + spread, np.full(n, 0.5), clusters)
+        none = Lognormal(1.0, 0.3, np.zeros((2, 2)), False)
+        return Judged(
+            name="",
+            role=role,
+            motions=6,
+            events=6,
+            stripes=np.array([1.0, 2.0]),
+            counts=(np.zeros(2), np.zeros(2)),
+            overturned=(0.5, 0.5 + change),
+            difference=interval,
+            linear=interval,
+            tilt=interval,
+            strikes=0.0,
+            changed=0.0,
+            undecided=0,
+            fits=(none, none),
+            runs=runs,
+        )
+
+    tuned, held = Role.tuned, Role.held_out
+    good, harm = group(held, -0.2, -0.3, -0.1), group(held, 0.2, 0.1, 0.3)
+    assert _verdict((group(tuned, -0.2, -0.3, -0.1),), 0.1).name == "tuned_only"
+    assert _verdict((group(tuned, -0.2, -0.3, -0.1), good), 0.1).name == "found"
+    assert _verdict((group(tuned, -0.2, -0.3, -0.1), good), 0.5).name == "slight"
+    assert _verdict((group(tuned, -0.2, -0.3, -0.1), good, harm), 0.1).name == "harmful"
+    assert _verdict((group(tuned, 0.2, 0.1, 0.3), good), 0.1).name == "harmful"
+    nothing = group(held, 0.0, -0.1, 0.1)
+    assert _verdict((group(tuned, -0.2, -0.3, -0.1), nothing), 0.1).name == "unproven"
 
 
 def test_conditions_of_records_are_every_motion_at_every_scale(records):

@@ -34,6 +34,10 @@ class GroundStatus(enum.Enum):
         "NO PENDULUM WORTH HANGING: on ground motions that the best design was not tuned to no benefit is "
         "significant."
     )
+    slight = (
+        "NO PENDULUM WORTH HANGING: on ground motions that the best design was not tuned to its benefit is "
+        "significant, but smaller than the least that was asked for."
+    )
     harmful = (
         "NO PENDULUM WORTH HANGING: the best design does significant harm on at least one group of ground "
         "motions."
@@ -68,6 +72,8 @@ class GroundDesign:
     limits: tuple[Limit, ...]
     allowed: float
     """Share of the runs in which the block stands that may break a limit."""
+    at_least: float
+    """Least share by which the mean tilt must fall on motions held out."""
     method: GroundSearch
     seed: int
     scatter: dict[str, float]

@@ -72,10 +72,12 @@ def _point(design: GroundDesign, share: float, method: GroundSearch) -> FrontPoi
         design.block, design.conditions, design.limits, design.allowed, design.gravity
     )
     search = Searcher(objective, design.demand, design.risk, space, method, design.seed)
+    # A smaller search than that of the design: neighbours on the front are alike.
     search.run()
     best = search.best()
     if best is None or search.found is None:
         return FrontPoint(share, None, (np.nan, np.nan), None)
+    # Medians of the search's own motions: the front compares masses, and claims nothing.
     group = Group("tuned to", Role.tuned, design.conditions.motions)
     scales = tuple(np.unique(design.conditions.scales))
     found = search.found.designs[best]

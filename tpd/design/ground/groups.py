@@ -82,6 +82,7 @@ def grouped(
 def _others(
     motions: Sequence[GroundMotion], held_out: Mapping[str, Sequence[GroundMotion]]
 ) -> tuple[Group, ...]:
+    # An earthquake that the search has seen is no test.
     used = {getattr(m, "event", "") for m in motions} - {""}
     groups = [Group("tuned to", Role.tuned, tuple(motions))]
     for name, listed in held_out.items():

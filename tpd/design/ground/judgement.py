@@ -53,6 +53,8 @@ class Changes:
 
     overturned: np.ndarray
     tilt: np.ndarray
+    bare_tilt: np.ndarray
+    """Tilt over the slenderness of the bare block, an overturning as 1."""
     clusters: np.ndarray
     """Number of the earthquake of every run."""
 
@@ -62,6 +64,7 @@ class Changes:
         return Changes(
             np.concatenate([self.overturned, other.overturned]),
             np.concatenate([self.tilt, other.tilt]),
+            np.concatenate([self.bare_tilt, other.bare_tilt]),
             clusters,
         )
 
@@ -128,7 +131,8 @@ def judge(
     linear = there.evaluate(both, progress=progress)
     nonlinear = there.check(both, progress=progress)
     clusters = np.repeat(group.events, len(scales))
-    changes = Changes(_change(nonlinear.overturned), _change(CappedTilt().of(nonlinear).value), clusters)
+    tilts = CappedTilt().of(nonlinear).value
+    changes = Changes(_change(nonlinear.overturned), _change(tilts), tilts[0], clusters)
     return Judged(
         name=group.name,
         role=group.role,
@@ -155,6 +159,8 @@ class Benefit(NamedTuple):
     """Share of the runs that overturn."""
     tilt: Interval
     """Mean tilt over the slenderness, an overturning as 1."""
+    saved: float
+    """Share by which that mean falls."""
 
 
 def benefit_of(judged: Sequence[Judged]) -> Benefit | None:
@@ -163,7 +169,8 @@ def benefit_of(judged: Sequence[Judged]) -> Benefit | None:
     if not held:
         return None
     whole = reduce(Changes.with_others, held)
-    return Benefit(paired(whole.overturned, whole.clusters), paired(whole.tilt, whole.clusters))
+    saved = -float(whole.tilt.sum()) / max(float(whole.bare_tilt.sum()), 1e-12)
+    return Benefit(paired(whole.overturned, whole.clusters), paired(whole.tilt, whole.clusters), saved)
 
 
 def _change(pair: np.ndarray) -> np.ndarray:

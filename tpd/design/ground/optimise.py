@@ -31,6 +31,7 @@ from tpd.design.space import DesignSpace
 DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
 DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Room())
 ALLOWED = 0.1
+AT_LEAST = 0.1
 HELD_OUT = 0.5
 _SLIGHT = 1e-3
 """Improvement of the demand below which there is none."""
@@ -48,6 +49,7 @@ class GroundProblem:
     groups: tuple[Group, ...]
     scales: tuple[float, ...]
     scatter: Mapping[str, float]
+    at_least: float
     seed: int
 
     @property
@@ -76,6 +78,7 @@ def optimise_on_motions(
     allowed: float = ALLOWED,
     method: GroundSearch | None = None,
     scatter: Mapping[str, float] | None = None,
+    at_least: float = AT_LEAST,
     seed: int = 0,
     checkpoint: Path | str | None = None,
     progress: Progress | bool | None = None,
@@ -100,6 +103,8 @@ def optimise_on_motions(
         method: how the space is searched.
         scatter: relative half widths of what is uncertain in the judgement; default
             `tpd.design.ground.judgement.scatter_of(block)`.
+        at_least: least share by which the mean tilt over all held-out motions must fall, an overturning
+            counted as the slenderness.
         seed: of every random choice.
         checkpoint: file of the designs that have been followed; these are not followed again.
         progress: True for a bar on stderr, or called with (stage, done, of how many).
@@ -109,7 +114,7 @@ def optimise_on_motions(
         RuntimeError: JAX is in 32-bit mode.
     """
     problem = problem_of(
-        subject, conditions, space, held_out, demand, risk, limits, allowed, method, scatter, seed
+        subject, conditions, space, held_out, demand, risk, limits, allowed, method, scatter, at_least, seed
     )
     with shown(progress) as report:
         return solve(problem, Store.of(checkpoint, problem.identity), report)
@@ -126,6 +131,7 @@ def problem_of(
     allowed: float,
     method: GroundSearch | None,
     scatter: Mapping[str, float] | None,
+    at_least: float,
     seed: int,
 ) -> GroundProblem:
     """The problem, checked; None stands for the default everywhere."""
@@ -133,6 +139,7 @@ def problem_of(
     checks.instance("subject", subject, (Scene, Block))
     checks.instance("conditions", conditions, Conditions)
     checks.within("allowed", allowed, 0.0, 0.5)
+    checks.within("at_least", at_least, 0.0, 1.0)
     checks.count("seed", seed, least=0)
     for name, value, kind in (
         ("space", space, DesignSpace),
@@ -159,6 +166,7 @@ def problem_of(
         groups=groups,
         scales=tuple(float(x) for x in np.unique(conditions.scales)),
         scatter=dict(scatter_of(block) if scatter is None else scatter),
+        at_least=at_least,
         seed=seed,
     )
 
@@ -218,7 +226,7 @@ def solve(problem: GroundProblem, store: Store, report: Progress | None) -> Grou
     if not search.found.value[best] < demanded - _SLIGHT:
         return _answer(problem, search, demanded, GroundStatus.no_improvement, best)
     judged = tuple(_judged(problem, search.found.designs[best], group, report) for group in problem.groups)
-    return _answer(problem, search, demanded, _verdict(judged), best, judged)
+    return _answer(problem, search, demanded, _verdict(judged, problem.at_least), best, judged)
 
 
 def _judged(problem: GroundProblem, design: np.ndarray, group: Group, report: Progress | None) -> Judged:
@@ -234,7 +242,7 @@ def _judged(problem: GroundProblem, design: np.ndarray, group: Group, report: Pr
     )
 
 
-def _verdict(judged: tuple[Judged, ...]) -> GroundStatus:
+def _verdict(judged: tuple[Judged, ...], at_least: float) -> GroundStatus:
     """Status of a design that was judged on the group it is tuned to, and others."""
     # Harm on any group counts, also on motions that the design is tuned to.
     if any(g.harms for g in judged):
@@ -244,7 +252,10 @@ def _verdict(judged: tuple[Judged, ...]) -> GroundStatus:
         return GroundStatus.tuned_only
     helps = benefit.tilt.is_below or benefit.overturned.is_below
     harms = benefit.tilt.is_above or benefit.overturned.is_above
-    return GroundStatus.harmful if harms else GroundStatus.found if helps else GroundStatus.unproven
+    # A benefit that is sure may still be too small for the work of hanging it.
+    if harms or not helps:
+        return GroundStatus.harmful if harms else GroundStatus.unproven
+    return GroundStatus.found if benefit.saved >= at_least else GroundStatus.slight
 
 
 def _answer(
@@ -258,6 +269,7 @@ def _answer(
     objective, found = problem.objective, search.found
     design = None if best is None or found is None else found.designs[best]
     value, trend, parts = np.nan, (np.nan, np.nan), None
+    # A design without a verdict is shown, but not offered.
     offered = status in (GroundStatus.found, GroundStatus.tuned_only)
     pendulum = None
     if design is not None and found is not None and best is not None and search.surface is not None:
@@ -276,6 +288,7 @@ def _answer(
         risk=problem.risk,
         limits=objective.limits,
         allowed=objective.allowed,
+        at_least=problem.at_least,
         method=problem.method,
         seed=problem.seed,
         scatter=dict(problem.scatter),
@@ -310,6 +323,7 @@ def settings(design: GroundDesign) -> dict[str, Any]:
         "risk": asdict(design.risk),
         "limits": {x.name: asdict(x) for x in design.limits},
         "allowed": design.allowed,
+        "at_least": design.at_least,
         "method": asdict(design.method),
         "scatter": design.scatter,
         "seed": design.seed,
