@@ -445,3 +445,18 @@ def test_an_angle_that_is_largest_at_the_very_end_grows_with_the_free_time():
     moved = (angles(0.1 + 1e-6) - angles(0.1 - 1e-6)) / 2e-6
     np.testing.assert_allclose(found, moved, rtol=1e-6, atol=1e-9)
     assert np.any(np.abs(found) > 1e-3)
+
+
+def test_a_train_of_sines_is_the_harmonic_from_rest():
+    block = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution=0.9)
+    hung = tpd.Pendulum(mass=900.0, length=1.5, damping_ratio=0.3)
+    harmonic = tpd.Harmonic(amplitude=0.05, frequency=1.2)
+    train = tpd.Pulse.sine_train(acceleration=0.05 * harmonic.rate**2, frequency=1.2, cycles=6)
+    found = tpd.transient(tpd.Scene(block, train), hung, free=0.0)
+    p = tpd.Scene(block, harmonic).parameters(hung)
+    moved = tpd.simulate(p, np.zeros(4), np.array([0.0, 6.0 * float(p.period)]))
+    scale = np.array([1.0, 1.0, *[float(tpd.Scene(block, harmonic).rate)] * 2])
+    # The base of the harmonic moves to the other side first.
+    np.testing.assert_allclose(-found.state, np.asarray(moved.ys)[-1] * scale, rtol=1e-9, atol=1e-11)
+    with pytest.raises(ValueError, match="whole number"):
+        tpd.Pulse.sine_train(acceleration=1.0, frequency=1.0, cycles=2.5)

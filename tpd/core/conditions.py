@@ -12,14 +12,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from tpd.core import checks, sampling
-from tpd.core.ground_motion import GroundMotion
+from tpd.core.ground_motion import GroundMotion, Pulse
 from tpd.core.parameters import Parameters
-from tpd.core.scene import Scene
+from tpd.core.scene import Harmonic, Scene
 
 FACTORS = ("amplitude", "frequency", "friction", "slenderness", "mass", "length", "damping", "restitution")
 """Numbers that can differ: amplitude and frequency of the base motion, k, nu, the pendulum's m, l and zeta,
 and e. Seeded samples depend on the order: a new name comes last."""
 
+HARMONIC_PERIODS = 40
+"""Periods that a harmonic among ground motions lasts."""
 MEASURES = ("pga_star", "pgv_star", "pga", "pgv", "scale")
 """Names of `tpd.core.intensity` that scales of ground motions can count."""
 
@@ -220,7 +222,7 @@ class Conditions:
         """Every ground motion at every intensity.
 
         Args:
-            motions: records, pulses, or both.
+            motions: records, pulses and harmonics; of a harmonic 40 periods from rest.
             scales: values of the intensity, above 0.
             intensity: what the scales count: "pga_star" is PGA/(g tan alpha), "pgv_star" p PGV/(g tan alpha),
                 "pga" and "pgv" are in m/s^2 and m/s, "scale" is a factor on the motion as it is.
@@ -232,11 +234,11 @@ class Conditions:
         Raises:
             ValueError: no motion, a scale that is not positive, an unknown intensity, or a bad scatter.
         """
-        listed = tuple(motions)
+        listed = tuple(_followed(motion) for motion in motions)
         if not listed:
             raise ValueError("`motions` must hold at least one ground motion, but is empty")
         for i, motion in enumerate(listed):
-            checks.instance(f"motions[{i}]", motion, GroundMotion, ": a harmonic has conditions of its own")
+            checks.instance(f"motions[{i}]", motion, GroundMotion)
         checks.one_of("intensity", intensity, MEASURES)
         checks.positive("scales", np.asarray(scales, dtype=float))
         checks.count("samples", samples)
@@ -276,6 +278,14 @@ class Conditions:
         factors = sampling.factors(columns, {name: half_widths[name] for name in used})
         widths = ", ".join(f"{n} within {w:.0%}" for n, w in half_widths.items())
         return Conditions(factors, (f"{size} samples of {widths or 'nothing'} (seed {seed})",))
+
+
+def _followed(motion: Any) -> Any:
+    """A motion that ends: of a harmonic a train of sines."""
+    if not isinstance(motion, Harmonic):
+        return motion
+    acceleration = motion.amplitude * motion.rate**2
+    return Pulse.sine_train(acceleration=acceleration, frequency=motion.frequency, cycles=HARMONIC_PERIODS)
 
 
 def check_restitution(scene: Scene) -> None:

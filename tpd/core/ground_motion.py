@@ -14,9 +14,18 @@ from tpd.core.parameters import Real
 from tpd.core.pytrees import pytree
 from tpd.formats.units import STANDARD_GRAVITY
 
-_COUNTS = {"one-sine": 256, "one-cosine": 256, "ricker": 1024, "mavroeidis-papageorgiou": 1024}
-"""Cubics that stand for a pulse: they are within 2e-9 of it. Their error averages out, so that motions are
-within 1e-12 (`tests/analysis/test_transient.py` doubles the counts)."""
+_MOST_CYCLES = 8.0
+_LONGEST_TRAIN = 1000
+"""Largest numbers of periods of an envelope, and of a train of sines."""
+_COUNTS = {
+    "sine-train": 128,
+    "one-sine": 256,
+    "one-cosine": 256,
+    "ricker": 1024,
+    "mavroeidis-papageorgiou": 1024,
+}
+"""Cubics that stand for a pulse, or for a period of a train: they are within 2e-9 of it (a train: 4e-8).
+Their error averages out: motions are within 1e-12 (`tests/analysis/test_transient.py` doubles the counts)."""
 
 
 class GroundMotion:
@@ -84,13 +93,13 @@ class Pulse(GroundMotion):
     """
 
     kind: str
-    """"one-sine", "one-cosine", "ricker" or "mavroeidis-papageorgiou"."""
+    """"one-sine", "one-cosine", "ricker", "mavroeidis-papageorgiou" or "sine-train"."""
     acceleration: Real
-    """Amplitude, m/s^2; of the first three kinds the largest acceleration."""
+    """Amplitude, m/s^2; of all kinds but "mavroeidis-papageorgiou" the largest acceleration."""
     frequency: Real
     """Hz"""
     cycles: Real = 1.0
-    """Width of the envelope in periods: gamma of Mavroeidis and Papageorgiou."""
+    """Width of the envelope in periods: gamma of Mavroeidis and Papageorgiou; periods of a train."""
     phase: Real = 0.0
     """Phase against the envelope's middle, rad: nu of Mavroeidis and Papageorgiou."""
 
@@ -101,13 +110,28 @@ class Pulse(GroundMotion):
             raise ValueError(f"`kind` must be one of {', '.join(_SHAPES)}, but is {self.kind!r}")
         checks.not_negative("acceleration", self.acceleration)
         checks.positive("frequency", self.frequency)
-        if checks.is_concrete(self.cycles) and not 1.0 <= self.cycles <= 8.0:
+        if self.kind == "sine-train":
+            self._check_train()
+        elif checks.is_concrete(self.cycles) and not 1.0 <= self.cycles <= _MOST_CYCLES:
             raise ValueError(f"`cycles` must lie within 1 and 8, but is {self.cycles:g}")
+
+    def _check_train(self) -> None:
+        """Raise `ValueError` unless a train has whole periods, whose number shapes the arrays."""
+        whole = checks.is_concrete(self.cycles) and float(self.cycles) == round(float(self.cycles))
+        if not (whole and 1.0 <= self.cycles <= _LONGEST_TRAIN):
+            raise ValueError(
+                f"`cycles` of a train must be a whole number from 1 to {_LONGEST_TRAIN}, but is {self.cycles}"
+            )
 
     @classmethod
     def one_sine(cls, *, acceleration: Real, frequency: Real) -> Pulse:
         """One period of a sine: acceleration sin(2 pi frequency t)."""
         return cls(kind="one-sine", acceleration=acceleration, frequency=frequency)
+
+    @classmethod
+    def sine_train(cls, *, acceleration: Real, frequency: Real, cycles: int) -> Pulse:
+        """Whole periods of a sine from rest: a harmonic of finite duration."""
+        return cls(kind="sine-train", acceleration=acceleration, frequency=frequency, cycles=float(cycles))
 
     @classmethod
     def one_cosine(cls, *, acceleration: Real, frequency: Real) -> Pulse:
@@ -143,7 +167,13 @@ class Pulse(GroundMotion):
     @property
     def periods(self) -> Real:
         """Duration in periods."""
-        return {"ricker": _RICKER, "mavroeidis-papageorgiou": self.cycles}.get(self.kind, 1.0)
+        wide = dict.fromkeys(("mavroeidis-papageorgiou", "sine-train"), self.cycles)
+        return {"ricker": _RICKER, **wide}.get(self.kind, 1.0)
+
+    @property
+    def _count(self) -> int:
+        """Cubics that stand for the pulse."""
+        return _COUNTS[self.kind] * (int(self.cycles) if self.kind == "sine-train" else 1)
 
     @property
     def pga(self) -> Real:
@@ -157,7 +187,7 @@ class Pulse(GroundMotion):
     @property
     def piece(self) -> Real:
         """Duration of a piece, s."""
-        return self.periods / self.frequency / _COUNTS[self.kind]
+        return self.periods / self.frequency / self._count
 
     def scaled(self, factor: Real) -> Pulse:
         """The pulse with all accelerations times `factor`."""
@@ -165,7 +195,7 @@ class Pulse(GroundMotion):
 
     def pieces(self) -> Any:
         """Acceleration over `pga`, as cubics; see `GroundMotion.pieces`."""
-        np_, n = checks.namespace(self.cycles), _COUNTS[self.kind]
+        np_, n = checks.namespace(self.cycles), self._count
         # Through Gauss's points of every piece: the error is orthogonal to cubics and hardly moves a block.
         share = 0.5 + 0.5 * np.polynomial.legendre.leggauss(4)[0]
         x = ((np.arange(n)[:, None] + share) / n - 0.5) * 2.0 * math.pi * self.periods
@@ -187,6 +217,8 @@ def _mavroeidis(x: Any, cycles: Any, phase: Any, np_: Any) -> Any:
 _SHAPES = {
     # The middle of the pulse is at x = 0.
     "one-sine": lambda x, cycles, phase, np_: -np.sin(x),
+    # A train begins at zero whatever the number of its periods.
+    "sine-train": lambda x, cycles, phase, np_: np.cos(np.pi * float(cycles)) * np.sin(x),
     "one-cosine": lambda x, cycles, phase, np_: -np.cos(x),
     "ricker": lambda x, cycles, phase, np_: (1.0 - 0.5 * x**2) * np.exp(-0.25 * x**2),
     "mavroeidis-papageorgiou": _mavroeidis,

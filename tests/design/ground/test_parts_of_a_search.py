@@ -171,8 +171,9 @@ def test_conditions_of_records_are_every_motion_at_every_scale(records):
         tpd.Conditions.records([])
     with pytest.raises(ValueError, match="`intensity`"):
         tpd.Conditions.records(records, intensity="magnitude")
-    with pytest.raises(ValueError, match="a harmonic has conditions of its own"):
-        tpd.Conditions.records([tpd.Harmonic(amplitude=0.01, frequency=1.0)])
+    train = tpd.Conditions.records([tpd.Harmonic(amplitude=0.01, frequency=1.0)]).motions[0]
+    assert float(train.pga) == pytest.approx(0.01 * (2.0 * np.pi) ** 2)
+    assert float(train.duration) == pytest.approx(40.0)
 
 
 def test_limits_of_settled_motions_are_refused():
