@@ -459,4 +459,4 @@ def test_a_train_of_sines_is_the_harmonic_from_rest():
     # The base of the harmonic moves to the other side first.
     np.testing.assert_allclose(-found.state, np.asarray(moved.ys)[-1] * scale, rtol=1e-9, atol=1e-11)
     with pytest.raises(ValueError, match="whole number"):
-        tpd.Pulse.sine_train(acceleration=1.0, frequency=1.0, cycles=2.5)
+        tpd.Pulse(kind="sine-train", acceleration=1.0, frequency=1.0, cycles=2.5)
