@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -188,7 +189,8 @@ def solver(model: AbstractModel | Callable[..., AbstractModel], size: int) -> Ca
 def orbits_of(p: Parameters) -> Orbits:
     """`symmetric_orbits` of one design, or of many along a leading axis, by the program of sweeps and maps:
     compiled once for all tests."""
-    p = as_arrays(p)
+    # One structure for all, whatever was left out.
+    p = as_arrays(replace(p, rho=p.inertia_ratio, e=p.velocity_ratio))
     many = any(jnp.ndim(x) for x in jax.tree.leaves(p))
     orbits = in_chunks(symmetric_orbits, p if many else jax.tree.map(jnp.atleast_1d, p), chunk=CHUNK)
     return orbits if many else jax.tree.map(lambda x: x[0], orbits)

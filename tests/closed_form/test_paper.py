@@ -29,6 +29,7 @@ from tests.core.test_equations import (
     lagrange,
     linearised,
 )
+from tests.reference import orbits_of
 from tpd import Parameters
 from tpd.closed_form import free_motion, parametric_branches
 from tpd.closed_form.paper import (
