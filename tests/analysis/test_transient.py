@@ -225,7 +225,7 @@ def test_pulses_are_scaled():
     assert float(pulse.scaled(1.5).pga) == pytest.approx(GRAVITY / 2.0)
     assert float(pulse.scaled_to(pga_g=0.3).pga) == pytest.approx(0.3 * GRAVITY)
     assert float(pulse.scaled_to(pga=0.3).pga) == pytest.approx(0.3)
-    with pytest.raises(ValueError, match="give either `pga`"):
+    with pytest.raises(ValueError, match="exactly one of `pga` and `pga_g`"):
         pulse.scaled_to(pga=1.0, pga_g=0.1)
     with pytest.raises(ValueError, match="`pga` must be positive"):
         pulse.scaled_to(pga=-1.0)
@@ -401,6 +401,18 @@ def test_forces_balance_momentum():
     assert force == pytest.approx(second, abs=2e-4 * np.abs(force).max())
     assert found.rocking.all()
     assert 0.1 < found.needed_friction < 1.0
+
+
+def test_impacts_have_their_times_and_rates():
+    found = shaking_history(column(sine(2.0)), free=20.0)
+    assert len(found.impacts) == int(tpd.transient(column(sine(2.0)), free=20.0).impacts)
+    times, rates = found.impacts.T
+    assert np.all(np.diff(times) > 0.0)
+    # In free rocking every impact takes the same share of the rate.
+    free = rates[times > 1.0 / 1.2375]
+    assert np.abs(free[1:] / free[:-1]) == pytest.approx(0.9595, rel=1e-9)
+    tilts = np.interp(times, found.times, found.tilt)
+    assert np.abs(tilts).max() < 1e-3
 
 
 def test_bad_input_is_one_sentence():

@@ -29,7 +29,7 @@ def rows(path) -> list[dict]:
 def test_shake_says_what_the_library_says(tmp_path, capsys):
     status, files = run(tmp_path, "shake", *COLUMN, *HUNG, *PULSE, "--pga", "0.4", "--free", "5")
     assert status == 0
-    assert files.keys() == {"histories.csv", "histories.png", "shake.json"}
+    assert files.keys() == {"histories.csv", "histories.png", "impacts.csv", "animation.gif", "shake.json"}
     results = json.loads(files["shake.json"].read_text())["results"]
     block = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
     pulse = tpd.Pulse.one_sine(acceleration=0.4 * 9.80665, frequency=1.2375)

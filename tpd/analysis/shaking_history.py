@@ -13,6 +13,8 @@ from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import Status
 from tpd.exact.contact import SLIP
 
+_MOST_IMPACTS = 10_000
+
 
 @dataclass(frozen=True)
 class ShakingHistory:
@@ -31,6 +33,8 @@ class ShakingHistory:
     """Force of the ground on the base, N: what friction has to carry, impacts left out."""
     vertical: np.ndarray
     """Force of the ground upwards, N."""
+    impacts: np.ndarray
+    """Times (s) and tilting rates after them (rad/s) of the impacts, shape (impacts, 2), 10 000 at most."""
     rocking: np.ndarray
     """Whether the block moves on its base."""
     status: Status
@@ -83,18 +87,33 @@ def shaking_history(
         raise ValueError("`times` must be a vector of increasing numbers from 0 on, but are not")
     out = np.full((len(clock), COLUMNS), np.nan)
     start = np.zeros(4) if y0 is None else np.asarray(y0, dtype=float) / [1.0, 1.0, rate, rate]
-    status = history(row, start, pieces, free * rate, clock * rate, MAX_EVENTS, out)
+    impacts = np.full((_MOST_IMPACTS, 2), np.nan)
+    status = history(row, start, pieces, free * rate, clock * rate, MAX_EVENTS, out, impacts)
+    impacts = impacts[np.isfinite(impacts[:, 0])] * [1.0 / rate, rate]
     # The equations mean nothing where the block lies down.
     gone = ~(np.abs(out[:, 0]) < 0.5 * np.pi)
     out[np.cumsum(gone) > 0] = np.nan
-    block, hung = scene.block, pendulum is not None
     base = scene.motion.acceleration_at(clock)
+    return ShakingHistory(
+        clock,
+        base,
+        out[:, 0],
+        None if pendulum is None else out[:, 1],
+        *_forces(scene, pendulum, base, out, rate),
+        impacts,
+        out[:, 7] == SLIP,
+        getattr(Status, STATUSES[status]),
+    )
+
+
+def _forces(
+    scene: Scene, pendulum: Pendulum | None, base: np.ndarray, out: np.ndarray, rate: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Horizontal and vertical force of the ground; see `shaking_history`."""
     # Accelerations in SI: tau is time over 1/omega0.
     up, bob = out[:, 4] * rate**2, out[:, 5] * rate**2
-    m, length = (float(pendulum.mass), float(pendulum.length)) if pendulum is not None else (0.0, 0.0)
-    b, a = 0.5 * float(block.height), 0.5 * float(block.width)
-    horizontal = float(block.mass) * (base - b * up) + m * (base - 2.0 * b * up + length * bob)
-    vertical = (float(block.mass) + m) * (float(scene.gravity) + a * out[:, 8] * up)
-    named = getattr(Status, STATUSES[status])
-    swing = out[:, 1] if hung else None
-    return ShakingHistory(clock, base, out[:, 0], swing, horizontal, vertical, out[:, 7] == SLIP, named)
+    m, length = (0.0, 0.0) if pendulum is None else (float(pendulum.mass), float(pendulum.length))
+    b, a = 0.5 * float(scene.block.height), 0.5 * float(scene.block.width)
+    # A positive tilt takes the top to the left, and a positive angle of the rod the bob to the right.
+    horizontal = float(scene.block.mass) * (base - b * up) + m * (base - 2.0 * b * up + length * bob)
+    return horizontal, (float(scene.block.mass) + m) * (float(scene.gravity) + a * out[:, 8] * up)

@@ -84,6 +84,8 @@ def _files(
 
     header = ("case", "time_s", "base_m_s2", "tilt_rad", "swing_rad", "horizontal_N", "vertical_N")
     yield "histories.csv", files.as_csv(header, _rows(histories))
+    hits = ((name, *hit) for name, h in histories.items() for hit in h.impacts)
+    yield "impacts.csv", files.as_csv(("case", "time_s", "rate_after_rad_s"), hits)
     numbers = ("tilt", "swing", "relative", "tilt_time", "uplift_time", "overturning_time")
     results = {
         name: {key: float(getattr(answer, key)) for key in numbers}
@@ -94,6 +96,28 @@ def _files(
     yield "shake.json", files.as_json({**ground.inputs(scene, hung), "results": results})
     axes = plot_shaking(list(histories.values()), float(scene.block.slenderness))
     yield "histories.png", style.png(axes[0].figure)
+    yield "animation.gif", _animation(scene, hung, histories, results)
+
+
+def _animation(
+    scene: Scene, hung: Pendulum | None, histories: dict[str, ShakingHistory], results: dict[str, Any]
+) -> bytes:
+    """GIF of ten seconds about the largest tilt, or about the fall, of the first case."""
+    import numpy as np
+
+    from tpd.design.study import TimeHistory
+    from tpd.plot.animation import animate
+
+    films = []
+    for h in histories.values():
+        bob = np.zeros_like(h.tilt) if h.swing is None else h.swing
+        films.append(
+            TimeHistory(model="exact", with_pendulum=h.swing is not None, time=h.times, tilt=h.tilt, bob=bob)
+        )
+    # Six seconds before it and four after it.
+    first = next(iter(results.values()))
+    middle = min(first["tilt_time"], first["overturning_time"])
+    return animate(scene, hung, films, start=max(0.0, middle - 6.0))
 
 
 def _rows(histories: dict[str, ShakingHistory]) -> Iterator[tuple]:

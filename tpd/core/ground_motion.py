@@ -56,7 +56,9 @@ class GroundMotion:
             ValueError: both or none of them, or one that is not positive.
         """
         if (pga is None) == (pga_g is None):
-            raise ValueError("give either `pga` (m/s^2) or `pga_g` (g)")
+            raise ValueError(
+                f"exactly one of `pga` and `pga_g` must be given, but they are {pga} and {pga_g}"
+            )
         wanted: Any = pga if pga_g is None else pga_g * STANDARD_GRAVITY
         checks.positive("pga" if pga_g is None else "pga_g", wanted)
         if checks.is_concrete(self.pga) and float(self.pga) == 0.0:

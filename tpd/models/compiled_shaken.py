@@ -133,11 +133,16 @@ def _called(slopes: bool, *operands: Any) -> Any:
 
 
 @jax.custom_jvp
-def _followed(x: Array, y: Array, pieces: Array, settings: Array) -> Array:
-    return _called(False, settings, x, y, pieces)[0]
+def _followed(x: Array, y: Array, pieces: Array, settings: Array) -> tuple[Array, Array, Array]:
+    """The three angles, the state at the end with the growing coordinate, and all results."""
+    return _parts(_called(False, settings, x, y, pieces)[0])
 
 
-def _followed_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+def _parts(out: Array) -> tuple[Array, Array, Array]:
+    return out[0:6:2], out[6:11], out
+
+
+def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
     x, y, pieces, settings = primals
     # Nine parameters, and four components of the start where that moves.
     inputs = 9.0 if isinstance(tangents[1], SymbolicZero) else 13.0
@@ -148,17 +153,16 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     by_end = _called(True, asked, x, y, pieces)[1]
     xs, ys, samples, times = (_zeros_of(t) for t in tangents)
     direction = jnp.concatenate([xs, ys])
-    turned, moved = by_angles[:3] @ direction, by_end[3:] @ direction
-    # The state goes on for longer where the free time grows.
-    # Angles move with their rates, and rates with the accelerations.
-    rates = jnp.concatenate([out[8:10], out[17:19]])
-    state = moved[:4] + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[3]
-    angles = jnp.stack([turned, jnp.zeros(3)], axis=1).ravel()
-    tangent = jnp.concatenate([angles, state, moved[4:], jnp.zeros(out.size - 11)])
+    angles, end = by_angles[:3] @ direction, by_end[3:] @ direction
+    # The state goes on for longer where the free time grows: angles move with their rates, and rates with
+    # the accelerations.
+    rates = jnp.concatenate([out[8:10], out[17:19], jnp.zeros(1)])
+    end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[3]
     if not isinstance(tangents[2], SymbolicZero):
         # Derivatives in the samples of a record are not computed: not a number, and not zero.
-        tangent = tangent + jnp.nan * jnp.sum(samples)
-    return out, tangent
+        unknown = jnp.nan * jnp.sum(samples)
+        angles, end = angles + unknown, end + unknown
+    return _parts(out), (angles, end, jnp.zeros_like(out))
 
 
 _followed.defjvp(_followed_jvp, symbolic_zeros=True)
@@ -177,18 +181,18 @@ def follow(p: Parameters, pieces: Array, free: Number, y0: State, max_events: in
     # The compiled code takes the duration of a piece, and eta is minus the acceleration of the base.
     x = packed(p).at[6].set(2.0 * jnp.pi / jnp.asarray(p.xi, dtype=jnp.float64))
     settings = _settings(pieces.shape[-2], free, max_events, 0.0)
-    out = _followed(x, y0, -jnp.asarray(pieces), settings)
-    return _results(out, jax.lax.stop_gradient(out))
+    angles, end, out = _followed(x, y0, -jnp.asarray(pieces), settings)
+    return _results(angles, end, jax.lax.stop_gradient(out))
 
 
-def _results(out: Any, still: Any) -> Followed:
+def _results(angles: Any, end: Any, still: Any) -> Followed:
     return Followed(
-        out[..., 0],
-        out[..., 2],
-        out[..., 4],
+        angles[..., 0],
+        angles[..., 1],
+        angles[..., 2],
         still[..., 1:6:2],
-        out[..., 6:10],
-        out[..., 10],
+        end[..., :4],
+        end[..., 4],
         still[..., 11],
         still[..., 12],
         still[..., 13],
@@ -248,4 +252,4 @@ def follow_all(
         return last - first
 
     shared(run, n, workers, progress)
-    return _results(out, out), by if slopes else None
+    return _results(out[:, 0:6:2], out[:, 6:11], out), by if slopes else None

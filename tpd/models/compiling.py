@@ -17,7 +17,7 @@ from threading import Lock
 HARMONIC = ("tpd.models.linear_entry", "tpd.models.nonlinear_settling")
 """Modules with the compiled code of motions under a harmonic."""
 GROUND = ("tpd.models.shaken_history", "tpd.models.nonlinear_ground")
-"""Those of motions under pulses and records, but for the one that each command compiles itself."""
+"""Modules of motions under pulses and records, but for the one that each command compiles itself."""
 _COMMAND = """
 import sys
 from importlib import import_module

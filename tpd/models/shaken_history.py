@@ -10,7 +10,9 @@ import numba
 import numpy as np
 
 from tpd.exact.arc_kernel import PLANT, compiled, instant, state_at
+from tpd.exact.contact import SLIP
 from tpd.exact.cubic_kernel import cubic_at, forcing_of, launch_cubic
+from tpd.exact.event_search import SECOND
 from tpd.models.compiling import checksum
 from tpd.models.shaken_kernel import GONE, LEG, LEGS, TALLY, WHOLE, follow
 
@@ -18,7 +20,8 @@ COLUMNS = 9
 """Numbers at a time: the state with the accelerations (6), the forcing, the kind of the mode and the sign of
 the tilt."""
 _TABLE, _COLUMN = numba.float64[:, ::1], numba.float64[::1]
-_SIGNATURE = numba.int64(_COLUMN, _COLUMN, _TABLE, numba.float64, _COLUMN, numba.int64, _TABLE)
+_MOTION = (_COLUMN, _COLUMN, _TABLE, numba.float64, _COLUMN, numba.int64)
+_SIGNATURE = numba.int64(*_MOTION, _TABLE, _TABLE)
 
 
 @compiled
@@ -58,9 +61,24 @@ def _through(q, c, n, leg, times, at, out):
     return at
 
 
+@compiled
+def _put_impacts(q, legs, count, impacts):
+    """Put times and rates after them of all impacts into `impacts`, NaN where there are fewer."""
+    k = 0
+    for m in range(count):
+        if legs[m, 0] == SLIP and legs[m, 6] == SECOND and k < len(impacts):
+            impacts[k, 0] = legs[m, 3] * q.xi + legs[m, 4] + legs[m, 5]
+            # The next leg begins with the state after the impact; after the last one the block rests.
+            impacts[k, 1] = legs[m + 1, 10] if m + 1 < count else 0.0
+            k += 1
+    for i in range(k, len(impacts)):
+        impacts[i, 0] = impacts[i, 1] = np.nan
+
+
 def _entry(version: int) -> Callable[..., Any]:
-    def history(x, y0, c, free, times, max_events, out):
-        """Put the states at increasing `times` into `out`, NaN beyond the end, and return the status."""
+    def history(x, y0, c, free, times, max_events, out, impacts):
+        """Put the states at increasing `times` into `out`, NaN beyond the end, and times and rates phi' of
+        impacts, after them, into `impacts`, shape (most, 2). Return the status."""
         n, q, y, mode, tally = len(c), np.empty(1, PLANT), np.empty(4), np.zeros(4), np.empty(TALLY)
         legs = np.empty((2 * (n + max_events) + 64, LEG))
         for i in range(4):
@@ -73,6 +91,7 @@ def _entry(version: int) -> Callable[..., Any]:
                 # To the last time: the arc goes on.
                 legs[m, 5] = max(legs[m, 5], times[-1])
             at = _through(q[0], c, n, legs[m], times, at, out)
+        _put_impacts(q[0], legs, min(int(tally[LEGS]), len(legs)), impacts)
         for i in range(at, len(times)):
             for j in range(out.shape[1]):
                 out[i, j] = np.nan

@@ -384,7 +384,7 @@ def _begin(q, c, n, y, mode, tally, max_events):
     tally[EVENTS], tally[LOOKS_LEFT] = n + 1.0 + max_events, LOOKS * (n + 1.0 + max_events)
     e = cubic_at(c, n, 0, q.xi, 0.0)
     decide(q, y, sign(y[0]), sign(y[2]), e.e0, mode)
-    if mode[0] == SLIP:
+    if mode[0] == SLIP or y[0] != 0.0:
         tally[LIFTED] = 0.0
     arc = launch_cubic(q, mode[0], mode[1], mode[2], y[0], y[1], y[2], y[3], e)
     _look_ahead(q, arc, mode, y, tally)

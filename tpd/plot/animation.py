@@ -15,7 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from tpd.core.scene import Pendulum, Scene
+from tpd.core.scene import Harmonic, Pendulum, Scene
 from tpd.design.study import TimeHistory
 from tpd.plot.drawing import BODY, corners, rod
 from tpd.plot.style import BLUE, INK
@@ -24,6 +24,8 @@ _RATE = 20
 """Frames a second."""
 _SECONDS = 6.0
 """Longest duration, s."""
+_LONG = 10.0
+"""Duration under a pulse or a record, s."""
 _PER_PERIOD = 8
 """Fewest frames in a forcing period; where real time has fewer, the motion is slowed."""
 _VISIBLE = 0.05
@@ -48,21 +50,28 @@ class Reel:
     """Whether the block has overturned by then."""
 
 
-def animate(scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHistory]) -> bytes:
-    """A GIF of the first seconds from rest: left the block without, right with the pendulum.
+def animate(
+    scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHistory], start: float = 0.0
+) -> bytes:
+    """A GIF of some seconds from rest: left the block without, right with the pendulum.
 
     Real time, unless the shaking is too fast for that; true geometry, unless tilts are too small to be
-    seen: then they are magnified. The picture says so.
+    seen: then they are magnified. The picture says so. Under a pulse or a record the picture moves along with
+    the base, whose displacement a record of acceleration does not hold.
 
     Args:
         scene: block and base motion.
         pendulum: None for the bare block alone.
         histories: exact time histories, of the bare block and with the pendulum.
+        start: time of the first frame, s.
     """
-    # With fewer frames than this in a period the motion would alias: it would seem to go backwards.
-    slowed = max(1, math.ceil(_PER_PERIOD * scene.motion.frequency / _RATE))
-    frames = int(_RATE * min(_SECONDS, 24.0 / scene.motion.frequency * slowed))
-    times = np.arange(frames) / (_RATE * slowed)
+    slowed, seconds = 1, _LONG
+    if isinstance(scene.motion, Harmonic):
+        # With fewer frames than this in a period the motion would alias: it would seem to go backwards.
+        slowed = max(1, math.ceil(_PER_PERIOD * scene.motion.frequency / _RATE))
+        seconds = min(_SECONDS, 24.0 / scene.motion.frequency * slowed)
+    frames = int(_RATE * seconds)
+    times = start + np.arange(frames) / (_RATE * slowed)
     reels = [reel(h, pendulum if h.with_pendulum else None, times) for h in histories if h.model == "exact"]
     figure, draw = _stage(scene, reels, times, slowed)
     # The writer of Matplotlib needs a path; the report wants bytes.
@@ -95,7 +104,9 @@ def _stage(
     largest = max(float(np.abs(r.tilt).max()) for r in reels)
     # Tilts of a hundredth of a radian cannot be seen; angles of the bob are large enough as they are.
     larger = next((m for m in _MAGNIFIED if m * largest >= _VISIBLE), 1) if largest > 1e-9 else 1
-    base = scene.motion.amplitude * np.sin(scene.motion.rate * times)
+    base, still = np.zeros_like(times), not isinstance(scene.motion, Harmonic)
+    if not still:
+        base = scene.motion.amplitude * np.sin(scene.motion.rate * times)
     # All shapes are computed before the figure is made: the axes must hold every frame.
     films = [[_shapes(scene, r, i, larger, float(x)) for i, x in enumerate(base)] for r in reels]
     low, high = _bounds(scene, np.concatenate([x for film in films for shapes in film for x in shapes]))
@@ -116,6 +127,7 @@ def _stage(
     clock = figure.text(0.5, 0.33 / whole, "", ha="center", fontsize=11)
     tilt = f"only tilts drawn {larger} times larger" if larger > 1 else "drawn to scale"
     speed = f"{slowed} times slower" if slowed > 1 else "real time"
+    speed += "; seen from the base" if still else ""
     figure.text(0.5, 0.12 / whole, f"{tilt}; {speed}", ha="center", fontsize=10)
 
     def draw(i: int) -> None:
@@ -137,7 +149,8 @@ def _shapes(scene: Scene, r: Reel, i: int, larger: int, base: float) -> tuple[np
 def _bounds(scene: Scene, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lower left and upper right corner of everything drawn, m, the middle of the base in the middle."""
     pad = 0.08 * scene.block.height
-    side = max(float(np.abs(points[:, 0]).max()), 0.7 * scene.block.width + scene.motion.amplitude) + pad
+    reach = scene.motion.amplitude if isinstance(scene.motion, Harmonic) else 0.0
+    side = max(float(np.abs(points[:, 0]).max()), 0.7 * scene.block.width + reach) + pad
     low = min(float(points[:, 1].min()), 0.0) - pad
     return np.array([-side, low]), np.array([side, float(points[:, 1].max()) + pad])
 
