@@ -61,6 +61,8 @@ if TYPE_CHECKING:
     from tpd.core.status import status_name as status_name
     from tpd.design import criteria as limits  # noqa: F401
     from tpd.design.criteria import Risk as Risk
+    from tpd.design.ground import demand as demands  # noqa: F401
+    from tpd.design.ground.search import GroundSearch as GroundSearch
     from tpd.design.methods import Descent as Descent
     from tpd.design.methods import Sequential as Sequential
     from tpd.design.optimise import optimise as optimise
@@ -81,6 +83,7 @@ _HOMES = {
     "Design": "design.result",
     "DesignSpace": "design.space",
     "Ensemble": "analysis.ensemble",
+    "GroundSearch": "design.ground.search",
     "Harmonic": "core.scene",
     "Parameters": "core.parameters",
     "Pendulum": "core.scene",
@@ -116,7 +119,12 @@ _HOMES = {
     "transient": "analysis.transient",
     "verdict": "analysis.paired",
 }
-_MODULES = {"closed_form": "closed_form", "limits": "design.criteria", "records": "records"}
+_MODULES = {
+    "closed_form": "closed_form",
+    "demands": "design.ground.demand",
+    "limits": "design.criteria",
+    "records": "records",
+}
 
 __all__ = sorted([*_HOMES, *_MODULES])  # pyright: ignore[reportUnsupportedDunderAll]
 

@@ -429,3 +429,19 @@ def test_bad_input_is_one_sentence():
         tpd.Pulse.mavroeidis_papageorgiou(velocity=1.0, frequency=1.0, cycles=0.5)
     with pytest.raises(ValueError, match="`scan` must"):
         tpd.critical_scale(column(sine(1.0)), scan=0.0)
+
+
+def test_an_angle_that_is_largest_at_the_very_end_grows_with_the_free_time():
+    block = tpd.Block(width=2.0, height=20.0, mass=80_000.0, friction=0.0)
+    scene = tpd.Scene(block, tpd.Pulse.ricker(acceleration=0.1, frequency=8.0))
+    hung = tpd.Pendulum(mass=2000.0, length=8.0, damping_ratio=0.1)
+    start = np.array([0.02, 0.0, 0.05, 0.1])
+
+    def angles(free):
+        r = tpd.transient(scene, hung, y0=start, free=free)
+        return jnp.stack([r.tilt, r.swing, r.relative])
+
+    found = jax.jacfwd(angles)(0.1)
+    moved = (angles(0.1 + 1e-6) - angles(0.1 - 1e-6)) / 2e-6
+    np.testing.assert_allclose(found, moved, rtol=1e-6, atol=1e-9)
+    assert np.any(np.abs(found) > 1e-3)

@@ -8,6 +8,7 @@ import pytest
 
 from tpd.core import programs
 from tpd.core.programs import Program
+from tpd.core.status import Status, names_of
 
 TRACED: list[tuple[int, ...]] = []
 
@@ -47,6 +48,18 @@ def test_a_kept_program_is_not_traced_again(folder):
     np.testing.assert_array_equal(second["twice"], [0.0, 2.0, 4.0])
     assert float(second["sum"]) == 3.0
     assert len(list(folder.iterdir())) == 1
+
+
+def judged(x):
+    TRACED.append(x.shape)
+    return Status.where(x > 0.0, Status.rocking, Status.rest)
+
+
+def test_a_status_comes_back_from_the_store(folder):
+    x = np.array([1.0, -1.0])
+    first, second = Program(judged, mapped=True)(x), Program(judged, mapped=True)(x)
+    assert len(TRACED) == 1
+    assert list(names_of(second)) == list(names_of(first)) == ["rocking", "rest"]
 
 
 def test_shapes_types_and_what_a_function_closes_over_are_told_apart(folder):

@@ -115,7 +115,6 @@ def _followed(
         np.where(hung, found.swing, 0.0),
         np.where(hung, found.relative, 0.0),
         np.asarray(found.impacts).astype(int),
-        # The nonlinear code says whether, and not when.
         ~np.isposinf(found.lifted),
         status == OVERTURNED,
         (status > OVERTURNED) & (status <= FAILED),

@@ -38,6 +38,24 @@ class ShakingHistory:
     rocking: np.ndarray
     """Whether the block moves on its base."""
     status: Status
+    bob: np.ndarray | None = None
+    """Horizontal and vertical force (N) of the hinge on the bob, angular rate of the rod, and that of the rod
+    against the block (rad/s), shape (times, 4); None without a pendulum."""
+
+    def loads(self, pendulum: Pendulum) -> tuple[float, float, float]:
+        """Largest force along the rod and of the hinge (N), and largest angular rate between rod and block
+        (rad/s), of the pendulum that was followed.
+
+        The forces are those of the linear equations, with the centripetal force of the rod's rate added.
+        """
+        if self.bob is None or self.swing is None:
+            raise ValueError("a history without a pendulum has no loads on one")
+        across, upwards, rate, relative = self.bob.T
+        # The linear equations drop the square of the rate, which a rod feels first of all.
+        pull = float(pendulum.mass) * float(pendulum.length) * rate**2
+        tension = upwards * np.cos(self.swing) - across * np.sin(self.swing) + pull
+        whole = np.hypot(across - pull * np.sin(self.swing), upwards + pull * np.cos(self.swing))
+        return tuple(float(np.nanmax(np.abs(x))) for x in (tension, whole, relative))  # type: ignore[return-value]
 
     @property
     def needed_friction(self) -> float:
@@ -103,7 +121,17 @@ def shaking_history(
         impacts,
         out[:, 7] == SLIP,
         getattr(Status, STATUSES[status]),
+        None if pendulum is None else _on_bob(scene, pendulum, base, out, rate),
     )
+
+
+def _on_bob(scene: Scene, pendulum: Pendulum, base: np.ndarray, out: np.ndarray, rate: float) -> np.ndarray:
+    """Forces on the bob and rates; see `ShakingHistory.bob`."""
+    m, up = float(pendulum.mass), out[:, 4] * rate**2
+    height, a = float(scene.block.height), 0.5 * float(scene.block.width)
+    across = m * (base - height * up + float(pendulum.length) * out[:, 5] * rate**2)
+    upwards = m * (float(scene.gravity) + a * out[:, 8] * up)
+    return np.stack([across, upwards, out[:, 3] * rate, (out[:, 3] - out[:, 2]) * rate], axis=1)
 
 
 def _forces(

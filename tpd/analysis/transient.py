@@ -13,8 +13,9 @@ from jaxtyping import ArrayLike, Float, Int
 
 from tpd.core import checks
 from tpd.core.eigenvalues import GRAZING
+from tpd.core.equations import Terms
 from tpd.core.ground_motion import GroundMotion
-from tpd.core.parameters import Number, Real
+from tpd.core.parameters import Number, Parameters, Real
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import Status, status_name
 from tpd.exact.derivatives import refused
@@ -32,7 +33,20 @@ class Transient(eqx.Module):
 
     Angles and state are differentiable in every SI quantity of block, pendulum and gravity, in the size of
     the motion and its time scale, in the start and in the free time, if the status is stood or rocked.
-    Elsewhere their derivatives are NaN and `status` says why. Times and counts have none.
+    Elsewhere their derivatives are NaN and `status` says why. Times and counts have none, and there are no
+    second derivatives.
+
+    By the nonlinear equations (`Segmented`) all derivatives are NaN, because nobody computes them. Every
+    landing is an impact, and the block overturns at a tilt of a right angle, which it must reach before the
+    end.
+
+    With smoothed signs (`Smoothed`) the derivatives are those of the smoothed motion. The width of a sign is
+    `sharpness` times nu (1 + mu)/(1 + 2 mu), the tilt at which the weight balances; what is within
+    ten widths counts as rest. A block that never leaves it stood, with a tilt of 0; uplift is the first time
+    at which it leaves it, and impacts are passages from one side of it to the other. The block overturns at
+    ten times the tilt at which weight, friction and the largest forcing balance (`Terms.nonlinear`: at a
+    right angle), or if the last arc leads there. The tilt errs by about the power 2/3 of the width under a
+    forcing that begins continuously, and by its square root where it begins with a jump. No event is grazed.
     """
 
     tilt: Number
@@ -84,42 +98,49 @@ def transient(
 ) -> Transient:
     """Follow a block, with or without a pendulum, through the pulse or record of its scene.
 
-    The linear equations (25) with the base acceleration in the place of the harmonic are solved exactly: a
-    record is linear between its samples, and no event is missed. After the motion the block moves freely for
-    `free` seconds; a last arc that leads beyond return overturns it however far it has come by then.
+    With `Piecewise()` the linear equations (25) with the base acceleration in the place of the harmonic are
+    solved exactly: a record is linear between its samples, and no event is missed. After the motion the block
+    moves freely for `free` seconds; a last arc that leads beyond return overturns it however far it has come
+    by then. Other models check this one or make it smooth: see `Transient` for what their answers mean.
 
     Args:
         scene: a block under a `Pulse` or a `Record`.
         pendulum: None is the bare block.
         y0: start (phi, psi, phi', psi') in rad and rad/s; at rest by default.
-        model: `Piecewise()`, the exact solution of the linear equations (default).
+        model: `Piecewise()`, the exact solution of the linear equations (default); `Segmented()`, the
+            nonlinear equations (4) by compiled code, with the model's `rtol` and `rest_rate` and a solver of
+            its own; or `Smoothed()`, without impact loss, with the model's `terms`, `solver`, `rtol` and
+            `sharpness`.
         free: free motion after the ground motion, s.
-        max_events: events allowed beyond one for each piece of the motion.
+        max_events: events allowed beyond one for each piece of the motion; of `Smoothed`, steps of the
+            solver.
 
     Raises:
-        ValueError: bad input.
+        ValueError: bad input, or a model that cannot follow this block under such a motion.
         RuntimeError: JAX is in 32-bit mode.
     """
-    from tpd.models.compiled_shaken import follow
-
     checks.require_x64()
     checks.instance("scene", scene, Scene)
     checks.instance("motion", scene.motion, GroundMotion, ": harmonics are for `tpd.steady_state`")
-    checks.instance("model", Piecewise() if model is None else model, Piecewise)
+    model = Piecewise() if model is None else model
     checks.not_negative("free", free)
     checks.count("max_events", max_events)
     p, rate = scene.ground_parameters(pendulum), scene.rate
     # Rates are per unit tau inside, and per second outside.
     speeds = jnp.stack([jnp.ones(()), jnp.ones(()), jnp.asarray(rate), jnp.asarray(rate)])
     start = jnp.zeros(4) if y0 is None else _start(y0) / speeds
-    found = follow(p, jnp.asarray(scene.motion.pieces()), free * rate, start, max_events)
+    found = _followed(model, p, jnp.asarray(scene.motion.pieces()), free * rate, start, max_events)
+    return _answer(found, rate, speeds, 0.0 if pendulum is None else 1.0)
+
+
+def _answer(found: Any, rate: Any, speeds: Any, bob: float) -> Transient:
+    """The motion in seconds; `bob` is 0 without a pendulum."""
     status = _status(found)
     sound = (status == Status.rocked) | (status == Status.stood)
-    bob = 0.0 if pendulum is None else 1.0
-    # The angles of a bare block's bob, which is too light to be felt, are nobody's.
-    times = jnp.where(jnp.isfinite(found.times), found.times, jnp.inf) / stop_gradient(rate)
-    swing, relative = (refused(bob * _seen(x, bob), sound) for x in (found.swing, found.relative))
     still = stop_gradient(rate)
+    # The angles of a bare block's bob, which is too light to be felt, are nobody's.
+    times = jnp.where(jnp.isfinite(found.times), found.times, jnp.inf) / still
+    swing, relative = (refused(bob * _seen(x, bob), sound) for x in (found.swing, found.relative))
     return Transient(
         tilt=refused(found.tilt, sound),
         swing=swing,
@@ -133,6 +154,36 @@ def transient(
         state=refused(found.state * speeds * jnp.array([1.0, bob, 1.0, bob]), sound),
         status=status,
     )
+
+
+def _followed(model: Any, p: Parameters, *motion: Any) -> Any:
+    """The motion of a model, as `tpd.models.compiled_shaken.Followed`.
+
+    Raises:
+        ValueError: a model that does not follow such a motion.
+    """
+    if isinstance(model, Piecewise):
+        from tpd.models.compiled_shaken import follow
+
+        return follow(p, *motion)
+    # Loaded where needed: the exact model does without diffrax.
+    from tpd.models.segmented import Segmented
+    from tpd.models.smoothed import Smoothed
+
+    checks.instance("model", model, (Piecewise, Segmented, Smoothed))
+    model.check(p)
+    if isinstance(model, Smoothed):
+        from tpd.models.smoothed_ground import follow_smoothed
+
+        return follow_smoothed(model, p, *motion)
+    if model.terms is not Terms.nonlinear:
+        raise ValueError(
+            "under a pulse or a record `terms` of `tpd.Segmented` must be `tpd.Terms.nonlinear`, but is "
+            f"{str(model.terms)!r}: `tpd.Piecewise()` solves the linear equations"
+        )
+    from tpd.models.compiled_nonlinear import follow_nonlinear
+
+    return follow_nonlinear(p, *motion, rtol=model.rtol, rest_rate=model.rest_rate)
 
 
 def _seen(angle: Any, bob: float) -> Any:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tpd.cli import common, ground
+from tpd.cli import common, ground, optimise_records
 from tpd.cli.options import Option, SetWidths
 from tpd.cli.schema import keys
 
@@ -102,7 +102,8 @@ def add(commands: Any) -> None:
     optimise.add_argument(
         "--resume", action="store_true", help="go on with the searches that an interrupted run left in DIR"
     )
-    optimise.add_argument(
+    shaken = optimise.add_argument_group("ground motions")
+    shaken.add_argument(
         "--records",
         nargs="+",
         default=(),
@@ -110,6 +111,7 @@ def add(commands: Any) -> None:
         help="shake the design by records as well: files, folders, "
         f"{', '.join((*ground.BUILT_IN, *ground.SETS))}",
     )
+    optimise_records.add(shaken)
     common.add_out(optimise, "tpd-design")
     optimise.set_defaults(run=run, does="searching for the pendulum of least rocking, for {out}")
 
@@ -125,6 +127,8 @@ def _add_group(
 
 def run(options: argparse.Namespace) -> int:
     """Search, verify, write the report and print it; return the exit status."""
+    if options.scales is not None:
+        return optimise_records.run(options)
     common.use_64_bits()
     from tpd.cli import config
 
@@ -132,12 +136,12 @@ def run(options: argparse.Namespace) -> int:
     job = config.job_of(common.tables(options))
     records = ground.motions(options.records, None) if options.records else ()
     unfinished = options.out / _UNFINISHED
-    _claim(options, unfinished)
+    claim(options, unfinished)
     common.say(job.scene)
     from tpd.design.study import study
     from tpd.report.files import write
 
-    with common.bar() as bar, _hinting(unfinished):
+    with common.bar() as bar, hinting(unfinished):
         design = _design(job, unfinished, bar)
         front = _front(job, design, bar) if options.pareto else None
         shown = study(design, front=front, records=records, sources=options.records, progress=bar)
@@ -157,7 +161,7 @@ def run(options: argparse.Namespace) -> int:
     return _exit_status(design, unfinished)
 
 
-def _claim(options: argparse.Namespace, unfinished: Path) -> None:
+def claim(options: argparse.Namespace, unfinished: Path) -> None:
     """Check, before any work, that results can be written, and that there is a search to resume."""
     from tpd.core import files
 
@@ -220,22 +224,23 @@ def _front(job: Job, design: Design, bar: Bar) -> Front | None:
 
 def _exit_status(design: Design, unfinished: Path) -> int:
     if design.status.name == "interrupted":
-        print(_hint(unfinished))
+        print(hint(unfinished))
         return common.INTERRUPTED
     unfinished.unlink(missing_ok=True)
     return common.SOUND if design.status.is_sound else common.UNSOUND
 
 
-def _hint(unfinished: Path) -> str:
+def hint(unfinished: Path) -> str:
+    """Sentence that says how to go on."""
     return f"go on with the same command and --resume (finished searches are in {unfinished})"
 
 
 @contextlib.contextmanager
-def _hinting(unfinished: Path) -> Iterator[None]:
+def hinting(unfinished: Path) -> Iterator[None]:
     """Say after Ctrl-C how to go on: searches that have ended need not be repeated."""
     try:
         yield
     except KeyboardInterrupt:
         if unfinished.exists():
-            print(_hint(unfinished))
+            print(hint(unfinished))
         raise

@@ -1,9 +1,10 @@
 """Conditions that a design is evaluated under: a band of frequencies, several amplitudes, uncertain numbers,
-and combinations of these. Each condition is a set of factors on the scene's own values."""
+ground motions, and combinations of these. Each condition is a set of factors on the scene's own values, and
+may have a ground motion of its own."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,12 +12,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from tpd.core import checks, sampling
+from tpd.core.ground_motion import GroundMotion
 from tpd.core.parameters import Parameters
 from tpd.core.scene import Scene
 
 FACTORS = ("amplitude", "frequency", "friction", "slenderness", "mass", "length", "damping", "restitution")
 """Numbers that can differ: amplitude and frequency of the base motion, k, nu, the pendulum's m, l and zeta,
 and e. Seeded samples depend on the order: a new name comes last."""
+
+MEASURES = ("pga_star", "pgv_star", "pga", "pgv", "scale")
+"""Names of `tpd.core.intensity` that scales of ground motions can count."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +38,14 @@ class Conditions:
     """Phrases that describe the set, one for each set that was combined."""
     units: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     """The scene's own value and its unit, by name, of factors that have one."""
+    motions: tuple[GroundMotion, ...] = ()
+    """Ground motions; empty where all conditions have the scene's harmonic."""
+    which: np.ndarray | None = None
+    """Index of the ground motion of every condition, shape (n,)."""
+    intensity: str = "scale"
+    """Name in `tpd.core.intensity` of what the amplitude of a ground motion counts."""
+    scales: tuple[float, ...] = ()
+    """Values of the intensity that every ground motion is scaled to."""
 
     def __post_init__(self) -> None:
         checks.instance("factors", self.factors, Mapping)
@@ -40,17 +53,23 @@ class Conditions:
             checks.one_of("factors", name, FACTORS)
             checks.numbers(name, values, (-1,), "a vector of factors")
             checks.positive(name, np.asarray(values))
-        lengths = sorted({len(values) for values in self.factors.values()})
+        lengths = sorted({len(values) for values in (*self.factors.values(), *self._chosen)})
         if len(lengths) > 1:
             raise ValueError(f"`factors` must be of one length, but have lengths {lengths}")
 
     def __len__(self) -> int:
-        return max((len(v) for v in self.factors.values()), default=1)
+        return max((len(v) for v in (*self.factors.values(), *self._chosen)), default=1)
+
+    @property
+    def _chosen(self) -> tuple[np.ndarray, ...]:
+        return () if self.which is None else (self.which,)
 
     def __mul__(self, other: Conditions) -> Conditions:
         if not isinstance(other, Conditions):
             return NotImplemented
         n, m = len(self), len(other)
+        if self.motions and other.motions:
+            raise ValueError("only one of two sets of conditions can have ground motions, but both have")
         names = {*self.factors, *other.factors}
         # Factors multiply where both sets have one, such as two uncertainties of the amplitude.
         both = {
@@ -58,7 +77,21 @@ class Conditions:
             for name in FACTORS
             if name in names
         }
-        return Conditions(both, (*self.description, *other.description), {**self.units, **other.units})
+        # As for the factors, the second set varies fastest.
+        which = None
+        if self.which is not None:
+            which = np.repeat(self.which, m)
+        elif other.which is not None:
+            which = np.tile(other.which, n)
+        return Conditions(
+            both,
+            (*self.description, *other.description),
+            {**self.units, **other.units},
+            self.motions or other.motions,
+            which,
+            self.intensity if self.motions else other.intensity,
+            self.scales or other.scales,
+        )
 
     def column(self, name: str) -> np.ndarray:
         """Factors on one of `FACTORS`, shape (n,)."""
@@ -79,7 +112,9 @@ class Conditions:
         others = [i for i in np.random.default_rng([seed, 4]).permutation(n) if i not in nearest]
         chosen = np.sort([*nearest, *others[: most - len(nearest)]])
         phrase = f"{most} of {n} conditions: {', '.join(self.description)}"
-        return Conditions({k: v[chosen] for k, v in self.factors.items()}, (phrase,), self.units)
+        which = None if self.which is None else self.which[chosen]
+        factors = {k: v[chosen] for k, v in self.factors.items()}
+        return Conditions(factors, (phrase,), self.units, self.motions, which, self.intensity, self.scales)
 
     @property
     def axis(self) -> str | None:
@@ -171,6 +206,53 @@ class Conditions:
             checks.positive("factors", factor)
         phrase = f"amplitudes {', '.join(f'{x:g}' for x in factors)} times the scene's"
         return Conditions({"amplitude": np.array(factors, dtype=float)}, (phrase,))
+
+    @staticmethod
+    def records(
+        motions: Sequence[Any],
+        scales: Sequence[float] = (1.0,),
+        *,
+        intensity: str = "pga_star",
+        scatter: Mapping[str, float] | None = None,
+        samples: int = 1,
+        seed: int = 0,
+    ) -> Conditions:
+        """Every ground motion at every intensity.
+
+        Args:
+            motions: records, pulses, or both.
+            scales: values of the intensity, above 0.
+            intensity: what the scales count: "pga_star" is PGA/(g tan alpha), "pgv_star" p PGV/(g tan alpha),
+                "pga" and "pgv" are in m/s^2 and m/s, "scale" is a factor on the motion as it is.
+            scatter: relative half widths of uncertain numbers by name in `FACTORS`; every condition has a
+                sample of its own from one seeded Latin hypercube.
+            samples: conditions for each motion and scale.
+            seed: of the samples.
+
+        Raises:
+            ValueError: no motion, a scale that is not positive, an unknown intensity, or a bad scatter.
+        """
+        listed = tuple(motions)
+        if not listed:
+            raise ValueError("`motions` must hold at least one ground motion, but is empty")
+        for i, motion in enumerate(listed):
+            checks.instance(f"motions[{i}]", motion, GroundMotion, ": a harmonic has conditions of its own")
+        checks.one_of("intensity", intensity, MEASURES)
+        checks.positive("scales", np.asarray(scales, dtype=float))
+        checks.count("samples", samples)
+        # The motion varies slowest, so that runs of one record stand together in the batch.
+        each = np.repeat(np.atleast_1d(np.asarray(scales, dtype=float)), samples)
+        factors = {"amplitude": np.tile(each, len(listed))}
+        stripes = ", ".join(f"{x:g}" for x in np.atleast_1d(scales))
+        phrase = f"{len(listed)} ground motions, each at {intensity} {stripes}"
+        if scatter:
+            drawn = Conditions.scatter(len(factors["amplitude"]), seed, **scatter)
+            amplitude = factors["amplitude"] * drawn.column("amplitude")
+            factors = {**drawn.factors, "amplitude": amplitude}
+            phrase += f" with scatter of {', '.join(scatter)} (seed {seed})"
+        which = np.repeat(np.arange(len(listed)), len(each))
+        stated = tuple(float(x) for x in np.atleast_1d(scales))
+        return Conditions(factors, (phrase,), {}, listed, which, intensity, stated)
 
     @staticmethod
     def scatter(size: int, seed: int = 0, **half_widths: float) -> Conditions:

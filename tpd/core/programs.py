@@ -157,8 +157,8 @@ def _read(path: Path, leaves: list[Any]) -> tuple[Callable[..., Any], Any] | Non
         data = path.read_bytes()
         if hashlib.sha256(data[32:]).digest() != data[:32]:
             return None
-        *parts, out = pickle.loads(zlib.decompress(data[32:]))
-        run = deserialize_and_load(*parts)
+        *parts, sample = pickle.loads(zlib.decompress(data[32:]))
+        run, out = deserialize_and_load(*parts), jax.tree.structure(sample)
         # Some defects show when it runs.
         jax.block_until_ready(run(*leaves))
         return run, out
@@ -173,7 +173,10 @@ def _read(path: Path, leaves: list[Any]) -> tuple[Callable[..., Any], Any] | Non
 def _write(path: Path, run: Any, out: Any) -> None:
     """Keep a program, where that is possible at all."""
     with contextlib.suppress(Exception):
-        data = zlib.compress(pickle.dumps((*serialize(run), out)), level=1)
+        # An object in place of its structure: equinox marks what a structure lacks by an object that pickle
+        # copies, and then does not know the copy.
+        sample = jax.tree.unflatten(out, [0] * out.num_leaves)
+        data = zlib.compress(pickle.dumps((*serialize(run), sample)), level=1)
         files.place(path, hashlib.sha256(data).digest() + data)
         old = sorted(path.parent.iterdir(), key=lambda x: x.stat().st_mtime)[:-_MOST]
         for other in old:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Thread
+from typing import Any, overload
 
 import numpy as np
 
@@ -14,13 +15,16 @@ from tpd.analysis.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.progress import Progress, shown
-from tpd.core.scene import Scene
+from tpd.core.scene import Block, Scene
 from tpd.core.threads import aside
 from tpd.design.active import nearest
 from tpd.design.at_point import PointSearch, at_point_of, designs_met, search_at_point
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import Limit, Risk
 from tpd.design.elasticity import elasticities_of
+from tpd.design.ground.design import GroundDesign
+from tpd.design.ground.optimise import optimise_on_motions
+from tpd.design.ground.search import GroundSearch
 from tpd.design.methods import Method, Sequential, describe
 from tpd.design.nonlinear_search import nonlinear_search, wanted
 from tpd.design.objective import Orbits, margins
@@ -56,65 +60,100 @@ class Found:
     elasticities: dict[str, float] = field(default_factory=dict)
 
 
+@overload
+def optimise(scene: Scene, space: DesignSpace | None = ..., **settings: Any) -> Design: ...
+
+
+@overload
+def optimise(scene: Block, space: DesignSpace | None = ..., **settings: Any) -> GroundDesign: ...
+
+
 def optimise(
-    scene: Scene,
+    scene: Scene | Block,
     space: DesignSpace | None = None,
     *,
     conditions: Conditions | None = None,
     starts: Starts | None = None,
     risk: Risk | None = None,
     limits: Iterable[Limit] | None = None,
-    method: Method | None = None,
+    method: Method | GroundSearch | None = None,
     ensemble: Ensemble | None = None,
     worth: Worth | None = None,
     seed: int = 0,
     by_overturning: bool = False,
     checkpoint: Path | str | None = None,
     progress: Progress | bool | None = None,
-) -> Design:
+    **on_motions: Any,
+) -> Design | GroundDesign:
     """Pendulum of least rocking under one or many conditions, verified.
 
-    By default the conditions are a neighbourhood of the scene's own shaking: ±5 % in frequency and +10 % in
-    amplitude. The search begins at the shaking itself with the method that this package is named for: signs
-    are smoothed, diffrax integrates the equations (25), and optax descends on the gradient of the steady
-    amplitude; the exact solution validates its answer. Sequential programming on exact orbits goes on under
-    all conditions. Designs that both met, and others, are followed from rest by the linear and the nonlinear
-    equations. The best are verified one after the other until one passes: paired runs of the nonlinear
-    equations must show the least benefit that `worth` asks for, and no harm. With `Conditions.exactly()`
-    there is the search at the shaking itself alone; after a refusal by the nonlinear equations it goes on
-    with these.
+    Under ground motions, `conditions=Conditions.records(...)`, see
+    `tpd.design.ground.optimise.optimise_on_motions`; what follows is about harmonics. By default their
+    conditions are a neighbourhood of the scene's own shaking: ±5 % in frequency and +10 % in amplitude. The
+    search begins at the shaking itself: signs are smoothed, diffrax integrates the equations (25), and optax
+    descends on the gradient of the steady amplitude; the exact solution validates its answer. Sequential
+    programming on exact orbits goes on under all conditions. Designs that both met, and others, are followed
+    from rest by the linear and the nonlinear equations, and the best are verified one after the other until
+    one passes: paired runs of the nonlinear equations must show the least benefit that `worth` asks for, and
+    no harm. With `Conditions.exactly()` there is the search at the shaking itself alone.
 
     Args:
-        scene: block and base motion, SI.
+        scene: block and base motion, SI; under ground motions a block alone will do.
         space: bounds of the search; default `DesignSpace()`.
-        conditions: default `Conditions.around(scene)`; `Conditions.exactly()` is the scene's own shaking
-            alone.
-        starts: initial states whose motions count, and their weights; default `Starts.rest()` for a method
-            with a model, else `Starts.any()`. Of sampled starts the mean merit counts, or the worst.
+        conditions: default `Conditions.around(scene)`.
+        starts: initial states whose motions count; default `Starts.rest()` for a method with a model, else
+            `Starts.any()`.
         risk: default `Risk.worst()`.
-        limits: objects of `tpd.limits`; default `limits.DEFAULT_LIMITS`, which hold the bob as a ball of
-            steel between the block's walls; `limits.POINT_BOB` has no walls.
+        limits: objects of `tpd.limits`; default `limits.DEFAULT_LIMITS`; `limits.POINT_BOB` has no walls.
         method: `Descent(...)` or `Sequential(...)`.
         worth: least benefit and largest harm of a design that is offered; default `Worth()`.
         ensemble: runs that verify; default `Ensemble(seed=seed)`, dealt out among the conditions.
         seed: of every random choice.
-        by_overturning: verify first the designs that overturn under the fewest conditions from rest, rather
-            than those of least risk.
+        by_overturning: verify first the designs that overturn under the fewest conditions from rest.
         checkpoint: file for finished searches; searches of the same problem in it are not repeated.
         progress: True for a bar on stderr, or called with (stage, done, of how many).
-
-    Returns:
-        The design, with its status; `pendulum` is None where none is offered.
+        on_motions: `held_out`, `demand`, `allowed` and `scatter` under ground motions.
 
     Raises:
         ValueError: bad input, or a checkpoint of another problem.
         RuntimeError: JAX is in 32-bit mode.
     """
-    problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed, worth)
-    runs = _ensemble(Ensemble(seed=seed) if ensemble is None else ensemble, scene)
+    if isinstance(conditions, Conditions) and conditions.motions:
+        common: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "seed": seed}
+        on_motions |= {**common, "checkpoint": checkpoint, "progress": progress}
+        return _on_motions(scene, space, conditions, on_motions, (starts, ensemble, worth, by_overturning))
+    block_and_motion, how = _of_harmonics(scene, method, on_motions)
+    problem = Problem.of(block_and_motion, space, conditions, starts, risk, limits, how, seed, worth)
+    runs = _ensemble(Ensemble(seed=seed) if ensemble is None else ensemble, block_and_motion)
     checks.flag("by_overturning", by_overturning)
     with shown(progress) as report:
         return solve(problem, runs, by_overturning, _file(checkpoint), report)
+
+
+def _on_motions(
+    scene: Scene | Block,
+    space: DesignSpace | None,
+    conditions: Conditions,
+    settings: dict[str, Any],
+    others: tuple[Any, ...],
+) -> GroundDesign:
+    """Design on ground motions, unless something is given that belongs to harmonics."""
+    for name, value in zip(("starts", "ensemble", "worth", "by_overturning"), others, strict=True):
+        # A setting without effect would let somebody believe in it.
+        if value is not None and value is not False:
+            raise ValueError(f"`{name}` is for harmonics, but the conditions are ground motions")
+    return optimise_on_motions(scene, conditions, space, **settings)
+
+
+def _of_harmonics(
+    scene: Scene | Block, method: Method | GroundSearch | None, on_motions: dict[str, Any]
+) -> tuple[Scene, Method | None]:
+    """Scene and method, unless something is given that belongs to ground motions."""
+    for name in on_motions:
+        raise ValueError(f"`{name}` is for ground motions, but the conditions are harmonics")
+    if isinstance(scene, Block) or isinstance(method, GroundSearch):
+        raise ValueError("a block alone, and a `GroundSearch`, go with ground motions: `Conditions.records`")
+    return scene, method
 
 
 def _ensemble(ensemble: Ensemble, scene: Scene) -> Ensemble:

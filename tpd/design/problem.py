@@ -192,12 +192,21 @@ def _narrowed(space: DesignSpace, scene: Scene, limits: tuple[Limit, ...]) -> De
     limit = limit_of(limits, Mass)
     if not isinstance(limit, Mass):
         return space
+    return narrowed_to(space, scene.block.mass, limit.kg)
+
+
+def narrowed_to(space: DesignSpace, block_mass: float, kg: float) -> DesignSpace:
+    """The space with bobs of at most so many kilogrammes.
+
+    Raises:
+        ValueError: a mass below the least bob of the space.
+    """
     low, high = space.mass_ratio
     # A bound is kept exactly by every method; a constraint only to its tolerance.
-    most = limit.kg / scene.block.mass
+    most = kg / block_mass
     if most <= low:
         raise ValueError(
-            f"`mass` must be above the least bob of the design space, {low * scene.block.mass:g} kg, but is "
-            f"{limit.kg:g} kg"
+            f"`mass` must be above the least bob of the design space, {low * block_mass:g} kg, but is "
+            f"{kg:g} kg"
         )
     return replace(space, mass_ratio=(low, min(high, most)))

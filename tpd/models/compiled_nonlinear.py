@@ -9,12 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from tpd.core import checks
 from tpd.core.parameters import Parameters
+from tpd.exact.derivatives import refused_in
 from tpd.models import compiling
 from tpd.models.base import Settled
+from tpd.models.compiled_linear import packed
 from tpd.models.compiled_shaken import Followed
 from tpd.models.rows import rows_of, settled_of, shared
 
@@ -73,6 +77,7 @@ def shake_nonlinear(
     *,
     y0: np.ndarray | None = None,
     rtol: float = 1e-8,
+    rest_rate: float = 1e-4,
     max_events: int = 100_000,
     brief: bool = False,
     workers: int | None = None,
@@ -80,29 +85,86 @@ def shake_nonlinear(
 ) -> tuple[Followed, None]:
     """Follow n motions under ground motions by the nonlinear equations (4).
 
-    Arguments and result are those of `tpd.models.compiled_shaken.follow_all`, without derivatives; impacts,
-    times, the angle between rod and block and the growing coordinate are not counted (NaN, or 0). The block
-    has overturned where its tilt exceeds pi/2. `brief` changes nothing.
+    Arguments and result are those of `tpd.models.compiled_shaken.follow_all`, without derivatives; the
+    growing coordinate is none (NaN). Every landing is an impact. The block has overturned where its tilt
+    exceeds pi/2. `rtol` is the relative tolerance of a step, and an impact slower than `rest_rate` (phi' in
+    units of nu) that the block can be held after is rest. `brief` changes nothing.
     """
     del brief
+    starts = np.zeros((len(parameters), 4)) if y0 is None else y0
+    limits = float(rtol), float(rest_rate), int(max_events)
+    return _followed(_shaken(parameters, starts, records, which, free, limits, workers, progress)), None
+
+
+def _shaken(
+    parameters: np.ndarray,
+    starts: np.ndarray,
+    records: Sequence[np.ndarray],
+    which: np.ndarray,
+    free: np.ndarray,
+    limits: tuple[float, float, int],
+    workers: int | None,
+    progress: Callable[[int, int], None] | None,
+) -> np.ndarray:
+    """Results of n motions, see `tpd.models.nonlinear_ground.COLUMNS`; `limits` are relative tolerance, rate
+    of rest and bound on events."""
     compiling.wait("tpd.models.nonlinear_ground")
     from tpd.models.nonlinear_ground import COLUMNS, shake_rows
 
     n, lengths = len(parameters), np.array([len(r) for r in records])
     firsts = np.cumsum(lengths) - lengths
     pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in records]))
-    x = np.ascontiguousarray(parameters, dtype=float)
-    starts = np.zeros((n, 4)) if y0 is None else np.ascontiguousarray(y0, dtype=float)
+    x, y = (np.ascontiguousarray(a, dtype=float) for a in (parameters, starts))
     place = np.ascontiguousarray(firsts[which]), np.ascontiguousarray(lengths[which])
     late, out = np.ascontiguousarray(free, dtype=float), np.zeros((n, COLUMNS))
 
     def run(first: int, last: int) -> int:
-        shake_rows(x, starts, pieces, *place, late, first, last, rtol, max_events, out)
+        shake_rows(x, y, pieces, *place, late, first, last, *limits, out)
         return last - first
 
     shared(run, n, workers, progress)
-    unknown, none, sure = np.full(n, np.nan), np.zeros(n), np.ones(n)
-    lifted, times = np.where(out[:, 6] > 0.0, unknown, np.inf), np.full((n, 3), np.nan)
-    tilt, swing, state = out[:, 0], out[:, 1], out[:, 2:6]
-    seen = unknown, out[:, 8], none, lifted, out[:, 7], sure
-    return Followed(tilt, swing, unknown, times, state, *seen), None
+    return out
+
+
+def follow_nonlinear(
+    p: Parameters, pieces: Any, free: Any, y0: Any, max_events: int, *, rtol: float, rest_rate: float
+) -> Followed:
+    """Follow a motion from `y0` through `pieces`, shape (n, 4), and freely for `free` (tau), under JAX's
+    transformations; further arguments as in `shake_nonlinear`. Derivatives are NaN.
+
+    `p` are parameters of `Scene.ground_parameters`.
+    """
+    # Compiled here, if at all, and not within a program of XLA.
+    compiling.wait("tpd.models.nonlinear_ground")
+    from tpd.models.nonlinear_ground import COLUMNS
+
+    limits = float(rtol), float(rest_rate), int(max_events)
+    x = packed(p).at[6].set(2.0 * jnp.pi / jnp.asarray(p.xi, dtype=jnp.float64))
+    operands = x, jnp.asarray(pieces), jnp.asarray(free, dtype=jnp.float64), jnp.asarray(y0)
+
+    def on_host(*operands: Any) -> np.ndarray:
+        # Copies: JAX's arrays are read-only, for which nothing is compiled.
+        wide = [np.array(a, dtype=float) for a in operands]
+        batch = wide[0].shape[:-1]
+        rows, records, late, starts = (a.reshape(-1, *a.shape[len(batch) :]) for a in wide)
+        found = _shaken(rows, starts, list(records), np.arange(len(rows)), late, limits, None, None)
+        return found.reshape(*batch, COLUMNS)
+
+    shape = jax.ShapeDtypeStruct((COLUMNS,), np.float64)
+    still = (jax.lax.stop_gradient(a) for a in operands)
+    out = jax.pure_callback(on_host, shape, *still, vmap_method="broadcast_all")
+    known = _followed(jax.lax.stop_gradient(out))
+    # The angles and the state depend on all of this in a way that nobody has computed.
+    tilt, swing, relative, state = (
+        refused_in(operands, a) for a in (known.tilt, known.swing, known.relative, known.state)
+    )
+    return known._replace(tilt=tilt, swing=swing, relative=relative, state=state)
+
+
+def _followed(out: Any) -> Followed:
+    """Motions from the numbers of the compiled code."""
+    # The status is a number in every case.
+    sure = 0.0 * out[..., 10] + 1.0
+    angles = out[..., 0], out[..., 1], out[..., 2]
+    counted = out[..., 10], out[..., 11], out[..., 12], out[..., 13]
+    return Followed(*angles, out[..., 3:6], out[..., 6:10], np.nan * sure, *counted, sure)

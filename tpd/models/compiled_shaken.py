@@ -24,6 +24,8 @@ from tpd.models.rows import shared
 
 _TARGET = "tpd_ground_motions"
 _asking = Lock()
+_AT_END = 1e-12
+"""Relative distance of two times that are the same but for rounding."""
 REST_RATE = 2e-7
 """Rate phi', over nu, below which an impact on a block that can be held ends in rest."""
 
@@ -158,6 +160,12 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
     # the accelerations.
     rates = jnp.concatenate([out[8:10], out[17:19], jnp.zeros(1)])
     end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[3]
+    # So do angles that are largest where the motion ends.
+    whole = settings[1] * x[6] + settings[3]
+    last = jnp.abs(out[1:6:2] - whole) <= _AT_END * whole
+    growing = jnp.stack([rates[0], rates[1], rates[1] - rates[0]])
+    sides = jnp.sign(jnp.stack([out[6], out[7], out[7] - out[6]]))
+    angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[3]
     if not isinstance(tangents[2], SymbolicZero):
         # Derivatives in the samples of a record are not computed: not a number, and not zero.
         unknown = jnp.nan * jnp.sum(samples)
@@ -210,6 +218,7 @@ def follow_all(
     y0: np.ndarray | None = None,
     max_events: int = 100_000,
     slopes: bool = False,
+    ratio_by_mass: np.ndarray | None = None,
     brief: bool = False,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -224,14 +233,17 @@ def follow_all(
         y0: starts, shape (n, 4); at rest by default.
         max_events: events of a motion beyond one for each piece.
         slopes: whether to compute derivatives.
+        ratio_by_mass: derivatives of e in mu, shape (n,): then derivatives along designs alone are computed,
+            in less time.
         brief: whether the free motion may end as soon as it cannot tilt the block further: then only tilt,
             uplift and overturning hold.
         workers: threads; all cores by default.
         progress: called with the motions done and in all.
 
     Returns:
-        The motions, and their derivatives of shape (n, 8, 13) if `slopes`: of the three angles, the state at
-        the end and the growing coordinate, in the nine parameters and the four components of the start.
+        The motions, and their derivatives of shape (n, 8, 13) if asked for: of the three angles, the state at
+        the end and the growing coordinate, in the nine parameters and the four components of the start. Along
+        designs the last axis begins with (mu, lam, zeta); a block that stands has those of the angles alone.
     """
     from tpd.models import shaken_entry as entry
 
@@ -243,6 +255,9 @@ def follow_all(
     settings[:, 1], settings[:, 2], settings[:, 3] = lengths[which], firsts[which], free
     settings[:, 4], settings[:, 5], settings[:, 6] = REST_RATE, max_events, 13.0 if slopes else 0.0
     settings[:, 7] = brief
+    if ratio_by_mass is not None:
+        settings[:, 0], settings[:, 6], settings[:, 8] = ratio_by_mass, 3.0, 2.0
+        slopes = True
     x = np.ascontiguousarray(parameters, dtype=float)
     starts = np.zeros((n, 4)) if y0 is None else np.ascontiguousarray(y0, dtype=float)
     out, by = np.zeros((n, entry.OUT)), np.zeros((n if slopes else 1, entry.ROWS, entry.INPUTS))

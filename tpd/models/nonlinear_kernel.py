@@ -25,18 +25,25 @@ _NONE, _LANDING, _TURN, _UP, _DOWN = -1, 0, 1, 2, 3
 ARRIVED, LOST, EXHAUSTED, BROKEN = range(4)
 """Ends of a period."""
 
-Plant = namedtuple("Plant", "nu mu lam k f xi rho e m11 m22 c1 c2 tilt weight pull period")
-"""Coefficients of (4) for one motion; `pull` is mu rho lam."""
+SIZES = 3
+"""Numbers of a tally: largest phi, its opposite, and largest |psi|. A long tally has more."""
+RELATIVE, TIMES, IMPACTS, LIFTED, ORIGIN, EVENTS, TALLY = 3, 4, 8, 9, 10, 11, 12
+"""Places of a long tally: largest |psi - phi|, the times of all four, impacts, time of the first uplift, time
+at which the clock was at zero, and events."""
+
+Plant = namedtuple("Plant", "nu mu lam k f xi rho e m11 m22 c1 c2 tilt weight pull period rest")
+"""Coefficients of (4) for one motion; `pull` is mu rho lam, and `rest` the largest rate of an impact that may
+end in rest."""
 
 
 @compiled
-def plant(x, xi, period):
+def plant(x, xi, period, rest_rate):
     """Coefficients from (nu, mu, lam, zeta, k, f, -, rho, e)."""
     nu, mu, lam, zeta, k, f, _, rho, e = x
     hinge = 2.0 * zeta * math.sqrt(lam * rho)
     m11, m22 = 1.0 + mu * rho * (4.0 + nu * nu), lam * rho
     coefficients = (m11, m22, mu * lam * hinge, hinge, 1.0 + 2.0 * mu, (1.0 + mu) * nu, mu * rho * lam)
-    return Plant(nu, mu, lam, k, f, xi, rho, e, *coefficients, period)
+    return Plant(nu, mu, lam, k, f, xi, rho, e, *coefficients, period, rest_rate * nu)
 
 
 @compiled
@@ -284,7 +291,7 @@ def _land(q, y, tilt, sine, mode):
     # At most what conserves energy, as in `contact.impact_ratio`.
     ratio = min((loss + bob * new * old) / inertia, math.sqrt((1.0 + bob * old * old) / inertia))
     after = before if q.e == 1.0 else before * ratio
-    if abs(after) <= REST_RATE * q.nu:
+    if abs(after) <= q.rest:
         decide(q, 0.0, y[1], y[3], 0.0, 0.0, sine, mode)
         if mode[0] == REST:
             after = 0.0
@@ -311,20 +318,54 @@ def _meet(q, y, which, x, sine, mode):
 
 
 @compiled
-def _note(w, h, sizes):
-    """Largest tilts to either side and swing of the bob, with those within a step."""
-    sizes[0], sizes[1] = max(sizes[0], w[8, 0]), max(sizes[1], -w[8, 0])
-    sizes[2] = max(sizes[2], abs(w[8, 1]))
+def _turned(w, h, less, way):
+    """Angle psi, less `less` times phi, where its rate, of sign `way` at the start of a step, vanishes, and
+    the share of the step."""
+    lo, hi = 0.0, 1.0
+    # The angle errs by the square of this bisection's error.
+    for _ in range(20):
+        x = 0.5 * (lo + hi)
+        if (_angle(w, h, 1, x)[1] - less * _angle(w, h, 0, x)[1]) * way > 0.0:
+            lo = x
+        else:
+            hi = x
+    return abs(_angle(w, h, 1, hi)[0] - less * _angle(w, h, 0, hi)[0]), hi
+
+
+@compiled
+def _larger(sizes, k, angle, tau):
+    """Put an angle into the tally if it is the largest so far, with its time where there is room."""
+    if angle > sizes[k]:
+        sizes[k] = angle
+        if len(sizes) > SIZES:
+            sizes[TIMES + k] = tau
+
+
+@compiled
+def _note(w, h, sizes, tau):
+    """Largest angles with those within a step of length h that ends at `tau`."""
+    _larger(sizes, 0, w[8, 0], tau)
+    _larger(sizes, 1, -w[8, 0], tau)
+    _larger(sizes, 2, abs(w[8, 1]), tau)
     if w[0, 3] * w[8, 3] < 0.0:
-        lo, hi = 0.0, 1.0
-        # The angle errs by the square of this bisection's error.
-        for _ in range(20):
-            x = 0.5 * (lo + hi)
-            if _angle(w, h, 1, x)[1] * w[0, 3] > 0.0:
-                lo = x
-            else:
-                hi = x
-        sizes[2] = max(sizes[2], abs(_angle(w, h, 1, hi)[0]))
+        angle, x = _turned(w, h, 0.0, w[0, 3])
+        _larger(sizes, 2, angle, tau - (1.0 - x) * h)
+    if len(sizes) > SIZES:
+        _larger(sizes, RELATIVE, abs(w[8, 1] - w[8, 0]), tau)
+        way = w[0, 3] - w[0, 2]
+        if way * (w[8, 3] - w[8, 2]) < 0.0:
+            angle, x = _turned(w, h, 1.0, way)
+            _larger(sizes, RELATIVE, angle, tau - (1.0 - x) * h)
+
+
+@compiled
+def _count(sizes, which, mode, tau):
+    """Put an event into a long tally."""
+    sizes[EVENTS] += 1.0
+    if which == _LANDING:
+        sizes[IMPACTS] += 1.0
+    if mode[0] == SLIP:
+        sizes[LIFTED] = min(sizes[LIFTED], tau)
 
 
 @compiled
@@ -339,7 +380,7 @@ def _length(h, error):
 def advance(q, growth, mode, clock, w, sizes, scales, end, rtol, max_events):
     """Follow the motion in row 0 of `w` up to `end`; `clock` holds its time and the next step's length, and
     mode[3] whether the block was held."""
-    events = 0
+    events, origin = 0, sizes[ORIGIN] if len(sizes) > SIZES else 0.0
     _field(q, mode, w[0], sine_at(q, growth, clock[0]), w[1])
     for _ in range(MAX_STEPS):
         t, left = clock[0], end - clock[0]
@@ -361,7 +402,7 @@ def advance(q, growth, mode, clock, w, sizes, scales, end, rtol, max_events):
         else:
             _step(q, growth, mode, t, x * h, w)
             clock[0] = min(t + x * h + _polish(which, h, w), end)
-        _note(w, max(x * h, 1e-300), sizes)
+        _note(w, max(x * h, 1e-300), sizes, origin + clock[0])
         for i in range(4):
             w[0, i], w[1, i] = w[8, i], w[7, i]
         if not abs(w[0, 0]) < 0.5 * math.pi:
@@ -372,6 +413,8 @@ def advance(q, growth, mode, clock, w, sizes, scales, end, rtol, max_events):
             _meet(q, w[0], which, x, sine, mode)
             _field(q, mode, w[0], sine, w[1])
             mode[3] = max(mode[3], 1.0 if mode[0] != SLIP else 0.0)
+            if len(sizes) > SIZES:
+                _count(sizes, which, mode, origin + clock[0])
             if events >= max_events:
                 return EXHAUSTED
     return EXHAUSTED

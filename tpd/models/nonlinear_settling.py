@@ -22,6 +22,8 @@ from tpd.models.nonlinear_kernel import (
     BROKEN,
     LOST,
     REST,
+    REST_RATE,
+    SIZES,
     SLIP,
     STICK,
     advance,
@@ -97,10 +99,10 @@ def _classified(q, growth, y, t):
 def _settle(x, y0, begin, ramp, periods, rtol, max_events, out):
     """Follow one motion until it repeats, rests, is lost, or `periods` have elapsed: status, its periods and
     the periods elapsed."""
-    q = plant(x, x[6], 2.0 * math.pi / x[6])
+    q = plant(x, x[6], 2.0 * math.pi / x[6], REST_RATE)
     w, past, scales = np.zeros((9, 4)), np.zeros((LONGEST, 4)), scales_of(q)
     last = np.zeros((LONGEST, 3))
-    growth, sizes, peaks, clock = np.zeros(4), np.zeros(3), np.zeros(2), np.zeros(2)
+    growth, sizes, peaks, clock = np.zeros(4), np.zeros(SIZES), np.zeros(2), np.zeros(2)
     clock[0], clock[1] = begin, 1e-3 * q.period
     for i in range(4):
         w[0, i] = past[0, i] = y0[i]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tpd.exact.arc_kernel import STEP, compiled, instant, plant_along, state_at, struck
+from tpd.exact.arc_kernel import STEP, compiled, fill, instant, plant_along, state_at, struck
 from tpd.exact.contact import SLIP, STICK
 from tpd.exact.cubic_kernel import Cubic, cubic_at, forcing_of, launch_cubic
 from tpd.exact.event_kernel import reserve
@@ -19,11 +19,29 @@ from tpd.models.shaken_kernel import BEST, LEGS, WHERE, WHOLE
 
 INPUTS = 13
 """Directions of derivatives: nine parameters and four components of a state."""
+DESIGN = 3
+"""Directions of a design alone: mu, lam and zeta."""
 PLANTS = 10
 """Complex plants: one for each parameter, and one for directions in which none changes."""
 ROWS = 8
 """Quantities with derivatives: largest |phi|, |psi| and |psi - phi|, the state at the end, and the growing
 coordinate at the start of the last leg."""
+
+
+@compiled
+def _put_plants(x, inputs, ratio_by_mass, plants):
+    """Fill the complex plants of the directions; `ratio_by_mass` is the derivative of e in mu."""
+    if inputs != DESIGN:
+        for j in range(PLANTS):
+            plant_along(x, j, plants[j])
+        return
+    # A heavier bob changes Housner's restitution as well.
+    for j in range(DESIGN):
+        mu = complex(x[1], STEP if j == 0 else 0.0)
+        lam, zeta = complex(x[2], STEP if j == 1 else 0.0), complex(x[3], STEP if j == 2 else 0.0)
+        e = complex(x[8], STEP * ratio_by_mass if j == 0 else 0.0)
+        nu, k, f = complex(x[0], 0.0), complex(x[4], 0.0), complex(x[5], 0.0)
+        fill(plants[j], nu, mu, lam, zeta, k, f, complex(x[6], 0.0), complex(x[7], 0.0), e)
 
 
 @compiled
@@ -183,12 +201,12 @@ def _growing(q, c, n, leg, dy, j, shift):
 
 
 @compiled
-def differentiate(x, q, plants, c, n, legs, tally, inputs, angles_only, by):
+def differentiate(x, q, plants, c, n, legs, tally, inputs, ratio_by_mass, angles_only, by):
     """Put the derivatives of a followed motion into `by`, shape (8, inputs), and return the growing
-    coordinate of its last leg. `inputs` is 9 for the parameters alone, or 13. If `angles_only`, those of the
-    largest angles: what comes after the last of these is left out."""
-    for j in range(PLANTS):
-        plant_along(x, j, plants[j])
+    coordinate of its last leg. `inputs` is 3 for a design, whose mass changes e by `ratio_by_mass`, 9 for the
+    parameters alone, or 13. If `angles_only`, those of the largest angles: what comes after the last of these
+    is left out."""
+    _put_plants(x, inputs, ratio_by_mass, plants)
     a, slopes, known = np.empty((2, 4, 8)), np.empty((2, 4, 8, inputs)), np.zeros(2)
     dy, shift, moved, y = np.zeros((4, inputs)), np.zeros(inputs), np.zeros(inputs), np.zeros(4)
     for i in range(4):

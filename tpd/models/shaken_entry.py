@@ -12,13 +12,13 @@ from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, compiled
 from tpd.models.compiling import checksum
 from tpd.models.custom_call import api_version, on_host, pointer, rows_of, stored, table
 from tpd.models.shaken_derivatives import INPUTS, PLANTS, ROWS, differentiate
-from tpd.models.shaken_kernel import LEG, OUT, TALLY, follow, put_results
+from tpd.models.shaken_kernel import LEG, OUT, OVERTURNED, TALLY, follow, put_results
 
 SETTINGS = 9
-"""Numbers in a row of settings: 0; pieces of the motion; the row of its first, or -1 if every motion has its
-own; free time; rest rate; events allowed; how many directions have derivatives (0, 9 or 13); whether the free
-motion may end where it cannot tilt the block further; and whether the derivatives of the largest angles are
-enough."""
+"""Numbers in a row of settings: the derivative of e in mu, for a design; pieces of the motion; the row of its
+first, or -1 if every motion has its own; free time; rest rate; events allowed; how many directions have
+derivatives (0, 3, 9 or 13); whether the free motion may end where it cannot tilt the block further; and
+whether the derivatives of the largest angles are enough: 0 no, 1 yes, 2 unless the block overturns."""
 
 
 @compiled
@@ -49,8 +49,9 @@ def _run(a, first, last):
             for i in range(ROWS):
                 for j in range(INPUTS):
                     by[i, j] = 0.0
-            angles = s[r, 8] != 0.0
-            out[r, 10] = differentiate(x[r], plants[0], others, c, n, legs, tally, inputs, angles, by)
+            angles = s[r, 8] == 1.0 or (s[r, 8] == 2.0 and status != OVERTURNED)
+            ratio = s[r, 0]
+            out[r, 10] = differentiate(x[r], plants[0], others, c, n, legs, tally, inputs, ratio, angles, by)
 
 
 def _entrance(version: int, api: int) -> Any:

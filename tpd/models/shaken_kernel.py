@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from tpd.exact.arc_kernel import Signal, compiled, instant, moment, plant, state_at
+from tpd.exact.arc_kernel import Signal, compiled, instant, plant, state_at
 from tpd.exact.contact import REST, SLIP, STICK
 from tpd.exact.cubic_kernel import START, Cubic, accelerations, cubic_at, forcing_of, launch_cubic, put_map
 from tpd.exact.event_kernel import (
@@ -27,7 +27,6 @@ from tpd.exact.event_kernel import (
     transversality,
 )
 from tpd.exact.event_search import (
-    AWAY,
     BOB,
     END,
     GONE,
@@ -42,6 +41,23 @@ from tpd.exact.event_search import (
     watch_block,
     watch_turns,
 )
+from tpd.models.shaken_proof import STILL, put_bounds, without_event
+from tpd.models.shaken_tally import (
+    BEST,
+    BOB_WAY,
+    CROSSING,
+    EVENTS,
+    FELL,
+    IMPACTS,
+    LEGS,
+    LIFTED,
+    LOOKS_LEFT,
+    RELATIVE_WAY,
+    TALLY,
+    WHEN,
+    WHERE,
+    note,
+)
 
 STATUSES = ("stood", "rocked", "overturned", "event_bound", "failed")
 """Names of statuses in the order of their numbers."""
@@ -52,30 +68,12 @@ LEG = 12
 """Numbers of a recorded leg: kind and signs of its mode; its piece, its beginning there and its duration (the
 number of pieces if they are whole); what ended it, whether that ended in rest; the state at its start."""
 
-BEST, WHERE, WHEN = 0, 6, 12
-"""Places in the tally of a motion: largest phi, psi and psi - phi to either side, the legs at whose ends they
-were met (-1 is the beginning), and the times."""
-IMPACTS, LIFTED, FELL, LEGS, EVENTS, LOOKS_LEFT, BOB_WAY, RELATIVE_WAY, CROSSING = range(18, 27)
-"""Further places: impacts, times of first uplift and of overturning, legs, events and looks that are left,
-signs of the rates of psi and of psi - phi, and the least transversality."""
-TALLY = 27
 OUT = 19
 """Numbers of a result: largest |phi|, |psi| and |psi - phi| with their times; the state at the end; the
 growing coordinate of the last leg (with derivatives only); status; impacts; times of the first uplift and of
 the overturning; transversality; legs; and the accelerations at the end."""
 _ROUNDING = 1e-15
 _FOREVER = 1e6
-
-
-@compiled
-def _note(tally, phi, psi, tau, leg):
-    """Take account of the angles at the end of a leg."""
-    for k in range(6):
-        angle = phi if k < 2 else (psi if k < 4 else psi - phi)
-        angle = angle if k % 2 == 0 else -angle
-        # The first leg of several with the same angle counts: a block that rests adds none.
-        if angle > tally[BEST + k]:
-            tally[BEST + k], tally[WHERE + k], tally[WHEN + k] = angle, leg, tau
 
 
 @compiled
@@ -88,81 +86,6 @@ def _record(legs, tally, mode, piece, start, lasted, which, rests, y):
         for i in range(4):
             legs[n, 8 + i] = y[i]
     tally[LEGS] = n + 1.0
-
-
-@compiled
-def put_bounds(q, bounds):
-    """Put bounds on the fourth and fifth derivatives of the pair's two solutions into `bounds`, shape
-    (2, 2, 2), for the slipping block and the held one: the energy x^2 + x'^2/q only decreases."""
-    for held in range(2):
-        p, s = (q.held_p, q.held_q) if held else (q.p, q.q)
-        for i in range(2):
-            # Of the solution that begins at (1, 0), and of that which begins at (0, 1).
-            u, v = (1.0, 0.0) if i == 0 else (0.0, 1.0)
-            for power in range(5):
-                u, v = v, -s * u - p * v
-                if power > 2:
-                    bounds[held, power - 3, i] = math.sqrt(u * u + v * v / s)
-
-
-@compiled
-def _rough(arc, x, growth, fifth, bounds, held):
-    """Bound on the fourth or fifth derivative of a signal over a piece; that of the forcing is zero."""
-    # The growing exponential is largest at the end of the piece, the falling one at its start.
-    r1, r2 = arc.s1 * arc.s1, arc.s2 * arc.s2
-    r1, r2 = r1 * r1, r2 * r2
-    if fifth:
-        r1, r2 = r1 * abs(arc.s1), r2 * abs(arc.s2)
-    pair = bounds[held, fifth, 0] * abs(x.on_u) + bounds[held, fifth, 1] * abs(x.on_v)
-    return pair + abs(x.on_s1) * r1 * growth + abs(x.on_s2) * r2
-
-
-@compiled
-def _clear(g0, v0, g1, v1, d, bound):
-    """Whether a signal with these values and slopes at the ends of a window stays positive in it."""
-    least = min(min(g0, g1), min(g0 + d * v0 / 3.0, g1 - d * v1 / 3.0))
-    # A bob that hangs still does not turn.
-    return least > bound * d * d * d * d * AWAY or (g0 == 0.0 and v0 == 0.0 and g1 == 0.0 and v1 == 0.0)
-
-
-@compiled
-def _stays(q, mode, e, h, a, b, bound):
-    """Whether a held block stays where it is over a piece; `a` and `b` are the states at its ends, with their
-    accelerations."""
-    at, rate = forcing_of(e, 0.0)
-    to, onward = forcing_of(e, h)
-    stuck = mode[0] == STICK
-    # Off its base the block has its weight to one side, on its base to both.
-    level, hold = (mode[1] * q.weight if stuck else 0.0), q.k + (0.0 if stuck else q.weight)
-    m, n = moment(q, a[0], a[1], a[3], at) - level, moment(q, b[0], b[1], b[3], to) - level
-    u = (1.0 - q.up) * a[3] + q.bias * a[5] - q.f * rate
-    v = (1.0 - q.up) * b[3] + q.bias * b[5] - q.f * onward
-    return _clear(hold - m, -u, hold - n, -v, h, bound) and _clear(hold + m, u, hold + n, v, h, bound)
-
-
-@compiled
-def _without_event(q, arc, mode, e, h, a, b, growth, tally, bounds):
-    """Whether a whole piece is proved to have no event; arguments as in `_stays`."""
-    held, hung = (0 if mode[0] == SLIP else 1), q.mu > 0.0
-    bob, tilt, way, side = tally[BOB_WAY], mode[1], mode[2], tally[RELATIVE_WAY]
-    bob5 = _rough(arc, arc.bob, growth, 1, bounds, held)
-    if hung and not _clear(bob * a[3], bob * a[5], bob * b[3], bob * b[5], h, bob5):
-        return False
-    if held:
-        bob4 = _rough(arc, arc.bob, growth, 0, bounds, held)
-        return _stays(q, mode, e, h, a, b, abs(1.0 - q.up) * bob4 + abs(q.bias) * bob5)
-    tilt5 = _rough(arc, arc.tilt, growth, 1, bounds, held)
-    if not _clear(way * a[2], way * a[4], way * b[2], way * b[4], h, tilt5):
-        return False
-    if hung:
-        g0, v0, g1, v1 = a[3] - a[2], a[5] - a[4], b[3] - b[2], b[5] - b[4]
-        if not _clear(side * g0, side * v0, side * g1, side * v1, h, tilt5 + bob5):
-            return False
-    # A block that tilts further lands nowhere before it turns.
-    if tilt * way > 0.0:
-        return True
-    tilt4 = _rough(arc, arc.tilt, growth, 0, bounds, held)
-    return _clear(tilt * a[0], tilt * a[2], tilt * b[0], tilt * b[2], h, tilt4)
 
 
 @compiled
@@ -194,12 +117,17 @@ def _whole_pieces(q, c, n, i, mode, y, maps, bounds, tally, legs):
         a = y[0], y[1], y[2], y[3], up, swing
         up, swing = accelerations(q, kind, centre, end[0], end[1], end[2], end[3], last)
         b = end[0], end[1], end[2], end[3], up, swing
-        if not (abs(b[0]) < limit and _without_event(q, arc, mode, e, h, a, b, growth, tally, bounds)):
+        if not (abs(b[0]) < limit and without_event(q, arc, mode, e, h, a, b, growth, tally, bounds)):
             break
         y[0], y[1], y[2], y[3] = b[0], b[1], b[2], b[3]
+        # The bob may have turned.
+        if b[3] * tally[BOB_WAY] < 0.0:
+            tally[BOB_WAY] = -tally[BOB_WAY]
+        if (b[3] - b[2]) * tally[RELATIVE_WAY] < 0.0:
+            tally[RELATIVE_WAY] = -tally[RELATIVE_WAY]
         i += 1
     if i > first:
-        _note(tally, y[0], y[1], i * h, tally[LEGS])
+        note(tally, y[0], y[1], i * h, tally[LEGS])
         _record(legs, tally, mode, first, 0.0, i - first, WHOLE, False, start)
     return i
 
@@ -208,11 +136,11 @@ def _whole_pieces(q, c, n, i, mode, y, maps, bounds, tally, legs):
 def _look_ahead(q, arc, mode, y, tally):
     """Put the ways in which the angles of the bob go into the tally."""
     rate, relative = y[3], y[3] - y[2]
-    if abs(rate) <= 1e-12 or abs(relative) <= 1e-12:
+    if abs(rate) <= STILL or abs(relative) <= STILL:
         ahead = 1e-3 / math.sqrt(q.held_q)
         now = state_at(arc, instant(arc, ahead), ahead)
-        rate = now[3] if abs(rate) <= 1e-12 else rate
-        relative = now[3] - now[2] if abs(relative) <= 1e-12 else relative
+        rate = now[3] if abs(rate) <= STILL else rate
+        relative = now[3] - now[2] if abs(relative) <= STILL else relative
     tally[BOB_WAY], tally[RELATIVE_WAY] = (-1.0 if rate < 0.0 else 1.0), (-1.0 if relative < 0.0 else 1.0)
 
 
@@ -291,9 +219,49 @@ def _settles(q, y, tally):
 
 
 @compiled
+def _dies_away(q, y, tally):
+    """Whether the bob of a resting block, left to itself, neither lifts it nor swings as far as before: the
+    energy psi^2 + psi'^2/q never grows."""
+    # Angle and rate are bounded at once, whatever their phase.
+    most = math.sqrt(y[1] * y[1] + y[3] * y[3] / q.held_q)
+    pull = abs(q.up - 1.0) * most + abs(q.bias) * most * math.sqrt(q.held_q)
+    swing, relative = max(tally[BEST + 2], tally[BEST + 3]), max(tally[BEST + 4], tally[BEST + 5])
+    return pull < q.k + q.weight and most < min(swing, relative)
+
+
+@compiled
+def _past_turns(q, arc, mode, i, n, s, left, start, w, count, second, longest, window, tally, legs):
+    """Follow an arc from its state `start`, at the local time `s` of piece i, past all turns of the bob for
+    `left` at most. Return the event that ends it, its time, that of the last turn, the last window, and the
+    state there with its accelerations; change `start` to the state at the last turn."""
+    at, began, here, h, limit = 0.0, 0.0, START, q.xi, beyond_return(q)
+    while True:
+        most = int(tally[LOOKS_LEFT])
+        if i >= n and mode[0] == REST and _dies_away(q, start, tally):
+            # Damping that dies out needs no look at every turn down to the smallest number.
+            which, at, looks = END, left, most
+        else:
+            which, at, looks = next_event(
+                arc, w, count, second, here, at, left, SMALL, longest, window, limit, most
+            )
+        tally[LOOKS_LEFT], here = looks, instant(arc, at)
+        now = state_at(arc, here, at)
+        # Hops get shorter one after the other.
+        window = min(longest, 4.0 * (at - began) + SMALL)
+        if which < BOB:
+            return which, at, began, window, now
+        note(tally, now[0], now[1], i * h + s + at, tally[LEGS])
+        _record(legs, tally, mode, i, s + began, at - began, which, False, start)
+        _turned(tally, which, mode, w)
+        began = at
+        for j in range(4):
+            start[j] = now[j]
+
+
+@compiled
 def _piece(q, c, n, i, s, end, mode, y, w, tally, legs, capture, brief):
     """Follow a motion through piece i from its local time `s` to `end`, event by event. Return its end."""
-    h, start, limit = q.xi, np.empty(4), beyond_return(q)
+    h, start = q.xi, np.empty(4)
     longest = LONGEST / max(q.s1, math.sqrt(q.q))
     window = longest
     e = cubic_at(c, n, i, h, s)
@@ -307,25 +275,11 @@ def _piece(q, c, n, i, s, end, mode, y, w, tally, legs, capture, brief):
         e = cubic_at(c, n, i, h, s)
         arc = launch_cubic(q, mode[0], mode[1], mode[2], y[0], y[1], y[2], y[3], e)
         count, second = _watch(q, arc, mode, e, tally, w)
-        left, at, began, here = end - s, 0.0, 0.0, START
         for j in range(4):
             start[j] = y[j]
-        while True:
-            which, at, looks = next_event(
-                arc, w, count, second, here, at, left, SMALL, longest, window, limit, int(tally[LOOKS_LEFT])
-            )
-            tally[LOOKS_LEFT], here = looks, instant(arc, at)
-            now = state_at(arc, here, at)
-            # Hops get shorter one after the other.
-            window = min(longest, 4.0 * (at - began) + SMALL)
-            if which < BOB:
-                break
-            _note(tally, now[0], now[1], i * h + s + at, tally[LEGS])
-            _record(legs, tally, mode, i, s + began, at - began, which, False, start)
-            _turned(tally, which, mode, w)
-            began = at
-            for j in range(4):
-                start[j] = now[j]
+        which, at, began, window, now = _past_turns(
+            q, arc, mode, i, n, s, end - s, start, w, count, second, longest, window, tally, legs
+        )
         for j in range(4):
             y[j] = now[j]
         tau = i * h + s + at
@@ -333,7 +287,7 @@ def _piece(q, c, n, i, s, end, mode, y, w, tally, legs, capture, brief):
             tally[FELL] = tau
             _record(legs, tally, mode, i, s + began, at - began, which, False, start)
             return LOST
-        _note(tally, y[0], y[1], tau, tally[LEGS])
+        note(tally, y[0], y[1], tau, tally[LEGS])
         if which == END:
             _record(legs, tally, mode, i, s + began, at - began, which, False, start)
             return ARRIVED

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Polygon
 
 from tpd.core.bob import Bob
 from tpd.core.formatting import number
-from tpd.core.scene import Pendulum, Scene
+from tpd.core.scene import Harmonic, Pendulum, Scene
 from tpd.plot.style import BLUE, GREY, INK
 
 BODY = "#e8e8e8"
@@ -25,6 +25,9 @@ _TALL, _WIDE = 4.2, 3.0
 """Largest height and width of the part to scale, inches."""
 _LEFT, _RIGHT, _ABOVE, _BELOW = 1.15, 2.4, 0.5, 0.75
 """Room for dimensions and words around it, inches."""
+
+_STROKE = {True: "settled stroke", False: "largest angle"}
+"""Name of the bob's angle that is drawn, by whether the motion is harmonic."""
 
 
 def corners(scene: Scene, tilt: float, base: float = 0.0) -> np.ndarray:
@@ -129,7 +132,9 @@ def _pendulum(ax: Axes, scene: Scene, pendulum: Pendulum, stroke: float, bob: Bo
         ax.plot(*arc.T, color=BLUE, lw=1.0, ls=(0, (4, 2)))
         for end in (arc[0], arc[-1]):
             ax.plot(*np.stack([line[0], end]).T, color=BLUE, lw=0.6, ls=(0, (1, 2)))
-        angle = f"settled stroke ±{stroke:.3g} rad\n(±{math.degrees(stroke):.3g}°)"
+        angle = (
+            f"{_STROKE[isinstance(scene.motion, Harmonic)]} ±{stroke:.3g} rad\n(±{math.degrees(stroke):.3g}°)"
+        )
         words.append((angle, (float(arc[-1, 0]), float(arc[-1, 1]))))
     ax.plot(*line.T, color=BLUE, lw=2.0)
     ax.plot(*line[0], "o", ms=5, mfc="white", mec=INK)
@@ -238,12 +243,15 @@ def _base(ax: Axes, scene: Scene, half: float, scale: float) -> None:
     for x in np.arange(-reach, reach, 0.12 * inch):
         ax.plot([x, x - 0.07 * inch], [0.0, -0.08 * inch], color=INK, lw=0.6)
     motion = scene.motion
-    true = motion.amplitude * scale >= 0.12
+    swings = isinstance(motion, Harmonic)
+    true = swings and motion.amplitude * scale >= 0.12
     length = motion.amplitude if true else 0.25 * inch
     y = -0.3 * inch
     ax.annotate(
         "", xy=(length, y), xytext=(-length, y), arrowprops={"arrowstyle": "<|-|>", "lw": 1.6, "color": INK}
     )
-    words = f"base: ±{number(motion.amplitude, 3)} m at {number(motion.frequency)} Hz"
+    words = "base: ground motions"
+    if swings:
+        words = f"base: ±{number(motion.amplitude, 3)} m at {number(motion.frequency)} Hz"
     words += "" if true else "\n(arrow not to scale)"
     ax.text(0.0, y - 0.1 * inch, words, fontsize=8, ha="center", va="top", color=INK)

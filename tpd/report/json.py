@@ -60,7 +60,7 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any]) -> str:
         "job": job_tables,
         "versions": files.versions(),
     }
-    return files.as_json(_plain(entries))
+    return files.as_json(plain(entries))
 
 
 def _limit(limit: Limit) -> Any:
@@ -68,7 +68,7 @@ def _limit(limit: Limit) -> Any:
     return next(iter(vars(limit).values()), True)
 
 
-def _plain(x: Any) -> Any:
+def plain(x: Any) -> Any:
     """Dictionaries, lists and numbers in place of objects."""
     match x:
         case enum.Enum():
@@ -82,20 +82,20 @@ def _plain(x: Any) -> Any:
         case Benefit():
             # A pair in a list would leave open which of the two is with the pendulum.
             with_it, without = x.by_condition
-            named = {f.name: _plain(getattr(x, f.name)) for f in fields(x)}
+            named = {f.name: plain(getattr(x, f.name)) for f in fields(x)}
             return named | {"by_condition": {"with": with_it.tolist(), "without": without.tolist()}}
         case Conditions():
-            return {"description": list(x.description), "factors": _plain(dict(x.factors))}
+            return {"description": list(x.description), "factors": plain(dict(x.factors))}
         case dict():
-            return {k: _plain(v) for k, v in x.items()}
+            return {k: plain(v) for k, v in x.items()}
     # By its fields and not by its class: an evaluation is a tuple, and tuples are lists below.
     if hasattr(x, "merit_slope"):
         return _evaluation(x)
     if is_dataclass(x):
         # A reason is data first; the sentence spares every reader the making of one.
         sentence = {"sentence": str(x)} if isinstance(x, Reason) else {}
-        return {f.name: _plain(getattr(x, f.name)) for f in fields(x)} | sentence
-    return [_plain(v) for v in x] if isinstance(x, (list, tuple)) else x
+        return {f.name: plain(getattr(x, f.name)) for f in fields(x)} | sentence
+    return [plain(v) for v in x] if isinstance(x, (list, tuple)) else x
 
 
 def _evaluation(e: Any) -> dict[str, Any]:

@@ -1,0 +1,110 @@
+"""Designs under ground motions against single motions, and derivatives against differences."""
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.design.ground.conftest import BLOCK
+from tpd.core.intensity import intensity_of
+from tpd.design.ground.demand import CappedTilt
+from tpd.design.ground.objective import GroundObjective
+from tpd.design.ground.search import GroundSearch, Searcher, _weights
+
+LIMITS = (tpd.limits.Stroke(), tpd.limits.Room())
+DESIGN = np.array([[0.12, 0.4, 0.5]])
+
+
+@pytest.fixture(scope="module")
+def objective(records) -> GroundObjective:
+    conditions = tpd.Conditions.records(records[:4], (1.3, 2.0, 5.0))
+    return GroundObjective(BLOCK, conditions, LIMITS, 0.1)
+
+
+def test_runs_are_single_motions(objective):
+    hung = tpd.Pendulum(mass=0.12 * 8000.0, length=0.4 * 2.7, damping_ratio=0.5)
+    found = objective.evaluate(DESIGN)
+    c, measure = objective.conditions, intensity_of("pga_star", BLOCK, objective.gravity, None)
+    for i in range(len(c)):
+        motion = c.motions[int(c.which[i])]
+        scene = tpd.Scene(BLOCK, motion.scaled(c.column("amplitude")[i] / measure.value(motion)))
+        one = tpd.transient(scene, hung)
+        assert found.overturned[0, i] == (tpd.status_name(one.status) == "overturned")
+        if not found.overturned[0, i]:
+            assert found.tilt[0, i] * float(BLOCK.slenderness) == pytest.approx(float(one.tilt), rel=1e-12)
+            assert found.relative[0, i] == pytest.approx(float(one.relative), rel=1e-12)
+
+
+def test_a_scattered_run_is_that_of_the_scattered_block(records):
+    scatter = {"slenderness": 0.02, "mass": 0.05, "length": 0.05, "damping": 0.2, "restitution": 0.02}
+    conditions = tpd.Conditions.records(records[:2], (1.5,), scatter=scatter)
+    one = GroundObjective(BLOCK, conditions, LIMITS, 0.1)
+    x, _ = one._rows(DESIGN)
+    for i in range(2):
+        factors = {name: conditions.column(name)[i] for name in scatter}
+        assert x[i, 0] == pytest.approx(float(BLOCK.slenderness) * factors["slenderness"])
+        assert x[i, 1:4] == pytest.approx(
+            [0.12 * factors["mass"], 0.4 * factors["length"], 0.5 * factors["damping"]]
+        )
+        assert x[i, 8] == pytest.approx(min(1.0, 0.93 * factors["restitution"]))
+
+
+@pytest.mark.parametrize("restitution", [0.93, "housner"])
+def test_derivatives_are_those_of_differences(records, restitution):
+    block = tpd.Block(width=0.9, height=5.4, mass=8000.0, restitution=restitution)
+    scatter = {"mass": 0.05, "length": 0.05, "damping": 0.2}
+    conditions = tpd.Conditions.records(records[:4], (1.2, 1.5), scatter=scatter)
+    one = GroundObjective(block, conditions, LIMITS, 0.1)
+    found = one.evaluate(DESIGN, slopes=True)
+    checked = 0
+    for j, step in enumerate((1e-7, 1e-7, 1e-7)):
+        shift = np.eye(3)[j] * step
+        around = one.evaluate(np.concatenate([DESIGN + shift, DESIGN - shift]))
+        calm = np.isfinite(around.tilt).all(axis=0)
+        # Differences of chaotic motions are those of another motion.
+        calm &= np.nan_to_num(np.abs(found.tilt_slope[0]), nan=np.inf).max(axis=1) < 50.0
+        moved = (around.tilt[0, calm] - around.tilt[1, calm]) / (2.0 * step)
+        np.testing.assert_allclose(found.tilt_slope[0, calm, j], moved, rtol=2e-4, atol=2e-5)
+        checked += int(calm.sum())
+    assert checked > 12
+
+
+def test_the_growing_coordinate_has_a_derivative_where_the_block_overturns(records):
+    conditions = tpd.Conditions.records(records[:4], (4.0, 6.0))
+    one = GroundObjective(BLOCK, conditions, LIMITS, 0.1)
+    found = one.evaluate(DESIGN, slopes=True)
+    fell = found.overturned[0]
+    assert fell.sum() >= 2
+    assert np.isfinite(found.growing_slope[0, fell]).all()
+    assert np.isnan(found.tilt_slope[0, fell]).all()
+    assert np.isnan(found.growing_slope[0, ~fell]).all()
+
+
+def test_sizes_are_quantiles_of_the_standing_runs(objective):
+    found = objective.evaluate(DESIGN)
+    names, sizes = objective.sizes(found, DESIGN)
+    assert names == ("stroke", "room", "thickness")
+    stands = ~found.overturned[0]
+    above = np.mean(found.swing[0, stands] / 0.5 > sizes[0, 0])
+    assert above <= 0.1
+    assert sizes[0, 2] == pytest.approx(tpd.limits.Bob().half_height(960.0) / (0.5 * 0.4 * 2.7))
+
+
+def test_weights_are_the_derivative_of_the_risk():
+    values = np.random.default_rng(0).random((3, 10))
+    for risk in (tpd.Risk.worst(), tpd.Risk.expected(), tpd.Risk.cvar(0.25)):
+        weights = _weights(risk, values)
+        np.testing.assert_allclose(np.sum(weights * values, axis=1), risk.of(values), rtol=1e-12)
+
+
+def test_slopes_of_a_risk_are_those_of_differences_where_motions_are_calm(records):
+    conditions = tpd.Conditions.records(records[:3], (1.03,))
+    one = GroundObjective(BLOCK, conditions, LIMITS, 0.1)
+    space = tpd.DesignSpace(damping_ratio=(0.05, 1.0))
+    s = Searcher(one, CappedTilt(), tpd.Risk.expected(), space, GroundSearch(), 0)
+    unit = space.scaled(DESIGN)
+    here = s.evaluate(DESIGN)
+    for j in range(3):
+        shift = 1e-6 * np.eye(3)[j]
+        after, before = (s.evaluate(space.unscaled(unit + x)).value[0] for x in (shift, -shift))
+        assert here.slope[0, j] == pytest.approx((after - before) / 2e-6, rel=1e-3, abs=1e-6)
+    assert np.all(here.slope_error[0] > 0.0)

@@ -1,0 +1,151 @@
+"""The whole way: search, judgement, verdict, report, command."""
+
+import json
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.design.ground.conftest import BLOCK
+from tpd.cli import main
+from tpd.design.ground.design import GroundStatus
+from tpd.design.ground.groups import Role
+from tpd.report.ground import as_json, content, write
+from tpd.report.text import text
+
+SHORT = tpd.GroundSearch(starts=8, steps=6)
+SPACE = tpd.DesignSpace(damping_ratio=(0.05, 1.0))
+
+
+def ask(records, **settings):
+    conditions = tpd.Conditions.records(records, (1.5, 2.5, 4.0))
+    settings.setdefault("limits", (tpd.limits.Stroke(),))
+    return tpd.optimise(BLOCK, SPACE, conditions=conditions, method=SHORT, **settings)
+
+
+@pytest.fixture(scope="module")
+def found(records):
+    return ask(records, seed=3)
+
+
+def test_a_design_is_judged_on_earthquakes_that_it_never_saw(found):
+    assert found.status in (GroundStatus.found, GroundStatus.unproven, GroundStatus.harmful)
+    tuned, held = found.judged
+    assert (tuned.role, held.role) == (Role.tuned, Role.held_out)
+    assert tuned.motions == held.motions == 6
+    assert tuned.events == held.events == 3
+    assert found.value < found.bare
+    assert (found.pendulum is None) == (found.status is not GroundStatus.found)
+    for g in found.judged:
+        assert g.overturned[0] == pytest.approx(np.sum(g.counts[0]) / (6 * 3))
+        assert g.difference.mean == pytest.approx(g.overturned[1] - g.overturned[0])
+        assert g.difference.low <= g.difference.mean <= g.difference.high
+
+
+def test_the_best_design_is_within_its_limits_and_of_least_trend(found):
+    searched = found.searched
+    assert len(searched.value) == 14
+    i = int(np.flatnonzero(np.all(searched.designs == found.best, axis=1))[0])
+    assert searched.feasible[i]
+    trend, _ = found.surface.at(SPACE.scaled(searched.designs))
+    assert trend[i] == pytest.approx(np.min(trend[searched.feasible]))
+
+
+def test_the_same_seed_gives_the_same_answer_and_a_stored_search_goes_on(records, found, tmp_path):
+    path = tmp_path / "unfinished.npz"
+    stop_after = 5
+
+    def interrupt(stage, done, total):
+        if stage == "search" and done == stop_after:
+            raise KeyboardInterrupt
+
+    cut = ask(records, seed=3, checkpoint=path, progress=interrupt)
+    assert cut.status is GroundStatus.interrupted
+    assert cut.pendulum is None
+    done = []
+    again = ask(records, seed=3, checkpoint=path, progress=lambda stage, i, n: done.append((stage, i)))
+    np.testing.assert_array_equal(again.searched.value, found.searched.value)
+    np.testing.assert_array_equal(again.best, found.best)
+    assert again.judged[1].difference == found.judged[1].difference
+    with pytest.raises(ValueError, match="another problem"):
+        ask(records, seed=4, checkpoint=path)
+
+
+def test_without_other_earthquakes_nothing_is_claimed(records):
+    alone = ask(records[:4], held_out=0.0)
+    assert alone.status in (GroundStatus.tuned_only, GroundStatus.harmful)
+    assert alone.benefit is None
+    assert not alone.status.is_sound
+
+
+def test_a_block_that_stands_needs_no_pendulum(records):
+    calm = tpd.Conditions.records(records, (0.5, 0.8))
+    answer = tpd.optimise(BLOCK, SPACE, conditions=calm, method=SHORT)
+    assert answer.status is GroundStatus.no_uplift
+    assert answer.status.is_sound
+    assert "NO PENDULUM IS NEEDED" in text(content(answer))
+
+
+def test_walls_too_close_for_any_bob_are_said(records):
+    narrow = tpd.Block(width=0.9, height=5.4, mass=8000.0, restitution=0.93, cavity_width=0.2)
+    conditions = tpd.Conditions.records(records[:4], (2.0,))
+    answer = tpd.optimise(narrow, SPACE, conditions=conditions, method=SHORT, held_out=0.0)
+    assert answer.status is GroundStatus.none_feasible
+    assert answer.best is None
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"worth": tpd.limits.Worth()}, "`worth` is for harmonics"),
+        ({"starts": tpd.Starts.rest()}, "`starts` is for harmonics"),
+        ({"limits": (tpd.limits.Reserve(),)}, "`limits` of ground motions"),
+        ({"allowed": 0.9}, "`allowed`"),
+        ({"held_out": 1.5}, "`held_out`"),
+        ({"seed": -1}, "`seed`"),
+    ],
+)
+def test_bad_input_is_one_sentence(records, settings, message):
+    with pytest.raises(ValueError, match=message):
+        ask(records, **settings)
+
+
+def test_harmonics_refuse_what_belongs_to_ground_motions():
+    scene = tpd.paper_scene()
+    with pytest.raises(ValueError, match="`held_out` is for ground motions"):
+        tpd.optimise(scene, held_out=0.5)
+    with pytest.raises(ValueError, match="go with ground motions"):
+        tpd.optimise(scene.block)
+    with pytest.raises(ValueError, match="go with ground motions"):
+        tpd.optimise(scene, method=tpd.GroundSearch())
+
+
+def test_the_report_says_what_was_found_and_how_to_repeat_it(found, tmp_path):
+    written = write(tmp_path, found, "tpd optimise --records x", ["x"])
+    names = {path.name for path in written}
+    assert {"report.txt", "report.html", "design.json", "designs.csv", "groups.csv", "groups.png"} <= names
+    report = (tmp_path / "report.txt").read_text(encoding="utf-8")
+    assert report.startswith(found.status.value)
+    assert "earthquakes" in report
+    assert "tpd optimise --records x" in report
+    data = json.loads((tmp_path / "design.json").read_text(encoding="utf-8"))
+    assert data["status"] == found.status.name
+    assert data["groups"][1]["role"] == "held_out"
+    assert len(data["searched"]["value"]) == 14
+    assert as_json(found, "tpd optimise --records x", ["x"]) == (tmp_path / "design.json").read_text()
+
+
+def test_the_command_designs_on_records_and_refuses_what_has_no_effect(tmp_path, capsys):
+    out = tmp_path / "design"
+    block = ["--width", "0.9", "--height", "5.4", "--mass", "8000", "--restitution", "0.93"]
+    records = ["--records", "el-centro", "loma-prieta", "--scales", "2", "4", "--searches", "4"]
+    status = main(["optimise", *block, *records, "--out", str(out)])
+    printed = capsys.readouterr().out
+    assert status in (0, 3)
+    assert "On ground motions" in printed or "NO PENDULUM" in printed
+    assert (out / "report.html").exists()
+    assert not (out / "unfinished.npz").exists()
+    assert main(["optimise", *block, *records, "--exactly", "--out", str(tmp_path / "other")]) == 2
+    assert "is for harmonics" in capsys.readouterr().err
+    assert main(["optimise", *block, "--scales", "2", "--out", str(tmp_path / "other")]) == 2
+    assert "--scales goes with --records" in capsys.readouterr().err

@@ -1,0 +1,148 @@
+"""Demands, surface, groups and intervals: each alone."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import tpd
+from tests.design.ground.conftest import noise
+from tpd.design.ground.demand import CappedTilt, Exceedance, Runs, share_beyond
+from tpd.design.ground.groups import Role, events_of, grouped
+from tpd.design.ground.judgement import paired, student
+from tpd.design.ground.sizes import check_ground_limits
+from tpd.design.ground.surface import Observations, fit
+
+
+def runs(tilt, slope=None, growing=None):
+    """Runs of one design with these tilts."""
+    tilt = np.asarray(tilt, dtype=float)[None]
+    n, fell = tilt.shape[1], np.isinf(tilt)
+    slopes = np.zeros((1, n, 3)) if slope is None else np.broadcast_to(slope, (1, n, 3)).copy()
+    slopes[fell] = np.nan
+    far = np.zeros((1, n)) if growing is None else np.asarray(growing, dtype=float)[None]
+    by_far = np.where(fell[..., None], np.ones((1, n, 3)), np.nan)
+    return Runs(tilt, tilt, tilt, fell, np.zeros_like(fell), far, slopes, by_far)
+
+
+@pytest.mark.parametrize("demand", [CappedTilt(), CappedTilt(beyond=0.3), Exceedance(level=0.5, width=0.2)])
+def test_slopes_of_demands_are_those_of_differences(demand):
+    tilt, far, step = np.array([0.1, 0.6, 0.99, np.inf]), np.array([0.0, 0.0, 0.0, 2.0]), 1e-6
+    here = demand.of(runs(tilt, 1.0, far))
+    after, before = (demand.of(runs(tilt + s, 1.0, far + s)).value for s in (step, -step))
+    moved = (after - before) / (2.0 * step)
+    fell = np.isinf(tilt)
+    moved[0, fell] *= getattr(demand, "beyond", 0.0) > 0.0
+    np.testing.assert_allclose(here.slope[0, :, 0], moved[0], rtol=1e-6, atol=1e-9)
+    assert np.all(here.value >= 0.0)
+
+
+def test_an_overturning_counts_as_one_and_more_only_where_asked_for():
+    tilts, far = [0.4, np.inf, np.inf], [0.0, 0.1, 5.0]
+    assert CappedTilt().of(runs(tilts, growing=far)).value.tolist() == [[0.4, 1.0, 1.0]]
+    more = CappedTilt(beyond=0.5).of(runs(tilts, growing=far)).value[0]
+    assert 1.0 < more[1] < more[2] < 1.5
+    assert Exceedance().of(runs([0.0, np.inf])).value.tolist() == [[0.0, 1.0]]
+
+
+def test_the_slope_of_a_share_is_that_of_a_known_distribution():
+    # Y = exp(x + s Z): P(Y > b) = Phi((x - ln b)/s), its derivative in x is the density, and dY/dx = Y.
+    x, s, b, rng = 0.3, 0.6, 1.5, np.random.default_rng(0)
+    y = np.exp(x + s * rng.standard_normal(20_000))
+    found = share_beyond(y, y[:, None], b)
+    density = stats.norm.pdf((x - math.log(b)) / s) / s
+    assert abs(found.slope[0] - density) < 3.0 * found.slope_error[0] + 0.01 * density
+    assert abs(found.value - stats.norm.sf((math.log(b) - x) / s)) < 3.0 * found.value_error
+
+
+def test_a_surface_finds_a_trend_below_noise_and_believes_good_slopes():
+    rng = np.random.default_rng(1)
+    at = rng.random((40, 2))
+
+    def bowl(x):
+        return np.sum((x - [0.3, 0.7]) ** 2, axis=1)
+
+    noisy = bowl(at) + 0.02 * rng.standard_normal(40)
+    probe = rng.random((200, 2))
+    without = fit(Observations(at, noisy), seed=0)
+    mean, deviation = without.at(probe)
+    assert np.sqrt(np.mean((mean - bowl(probe)) ** 2)) < 0.02
+    assert 0.01 < without.noise < 0.04
+    assert np.mean(np.abs(mean - bowl(probe)) < 2.0 * deviation) > 0.8
+    slopes = 2.0 * (at - [0.3, 0.7])
+    few = Observations(at[:6], bowl(at[:6]), slopes[:6], np.full((6, 2), 1e-3))
+    with_slopes = np.sqrt(np.mean((fit(few, seed=0).at(probe)[0] - bowl(probe)) ** 2))
+    alone = np.sqrt(np.mean((fit(few._replace(slope=None), seed=0).at(probe)[0] - bowl(probe)) ** 2))
+    assert with_slopes < 0.3 * alone
+
+
+def test_unknown_and_hopeless_slopes_are_left_out():
+    at, value = np.random.default_rng(0).random((8, 2)), np.linspace(0.0, 1.0, 8)
+    slope, error = np.full((8, 2), 1e3), np.full((8, 2), 1e4)
+    slope[0], error[1] = np.nan, np.nan
+    assert len(fit(Observations(at, value, slope, error)).which) == 0
+
+
+def test_an_earthquake_is_on_one_side_only(records):
+    for seed in range(5):
+        tuned, held = grouped(records, 0.5, seed)
+        assert tuned.role is Role.tuned
+        assert held.role is Role.held_out
+        assert not set(events_of(tuned.motions)) & set(events_of(held.motions))
+        assert len(tuned.motions) + len(held.motions) == len(records)
+        assert len(held.motions) == 6
+    assert len(grouped(records, 0.0, 0)) == 1
+    others = grouped(records[:4], {"others": records[2:8]}, 0)
+    assert [m.name for m in others[1].motions] == [m.name for m in records[4:8]]
+    with pytest.raises(ValueError, match="all are held out"):
+        grouped(records[:2], 0.5, 0)
+    with pytest.raises(ValueError, match="other earthquakes"):
+        grouped(records[:2], {"same": records[:2]}, 0)
+
+
+def test_intervals_are_those_of_clusters_and_student():
+    for freedom in (1, 2, 6, 30):
+        assert student(freedom) == pytest.approx(stats.t.ppf(0.975, freedom), rel=1e-4)
+    rng = np.random.default_rng(3)
+    covered, clusters = 0, np.repeat(np.arange(8), 6)
+    for _ in range(400):
+        values = np.repeat(rng.standard_normal(8), 6) + rng.standard_normal(48)
+        interval = paired(values, clusters)
+        covered += interval.low <= 0.0 <= interval.high
+    assert 0.92 < covered / 400 < 0.98
+    assert math.isinf(paired(np.ones(3), np.zeros(3, int)).low)
+    same = paired(np.full(4, -0.5), np.array([0, 0, 1, 1]))
+    assert same.is_below
+    assert not same.is_above
+
+
+def test_conditions_of_records_are_every_motion_at_every_scale(records):
+    scatter = {"slenderness": 0.02, "damping": 0.2}
+    c = tpd.Conditions.records(records[:3], (1.0, 2.0), scatter=scatter, samples=2, seed=4)
+    assert len(c) == 12
+    assert np.asarray(c.which).tolist() == sorted([0, 1, 2] * 4)
+    assert c.column("amplitude").tolist() == [1.0, 1.0, 2.0, 2.0] * 3
+    assert np.ptp(c.column("slenderness")) > 0.03
+    both = tpd.Conditions.records(records[:2], (1.0,)) * tpd.Conditions.amplitudes(1.0, 1.5)
+    assert both.column("amplitude").tolist() == [1.0, 1.5] * 2
+    assert np.asarray(both.which).tolist() == [0, 0, 1, 1]
+    with pytest.raises(ValueError, match="only one of two sets"):
+        both * both
+    with pytest.raises(ValueError, match="at least one ground motion"):
+        tpd.Conditions.records([])
+    with pytest.raises(ValueError, match="`intensity`"):
+        tpd.Conditions.records(records, intensity="magnitude")
+    with pytest.raises(ValueError, match="a harmonic has conditions of its own"):
+        tpd.Conditions.records([tpd.Harmonic(amplitude=0.01, frequency=1.0)])
+
+
+def test_limits_of_settled_motions_are_refused():
+    assert len(check_ground_limits((tpd.limits.Room(), tpd.limits.Stroke()))) == 2
+    with pytest.raises(ValueError, match="limits"):
+        check_ground_limits((tpd.limits.Reserve(),))
+
+
+def test_equal_records_have_their_own_events():
+    twice = [noise(1), noise(1)]
+    assert len(set(events_of(twice))) == 2

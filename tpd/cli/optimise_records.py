@@ -1,0 +1,161 @@
+"""`tpd optimise --records ... --scales ...`: design on ground motions."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tpd.cli import common, ground
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tpd.core.ground_motion import GroundMotion
+
+_UNFINISHED = "unfinished.npz"
+_USED = {
+    "space": None,
+    "limits": None,
+    "bob": None,
+    "block": None,
+    "motion": None,
+    "project": None,
+    "risk": None,
+    "search": ("seed", "searches"),
+}
+"""Tables of a job, and keys of them, that a design on ground motions takes."""
+
+
+def add(group: Any) -> None:
+    """Add the options to a group of `tpd optimise`."""
+    group.add_argument(
+        "--scales",
+        nargs="+",
+        type=float,
+        metavar="X",
+        help="design on the records, each scaled to these values of the intensity, such as 1.5 2 3 4",
+    )
+    group.add_argument(
+        "--intensity", default="pga_star", choices=_INTENSITIES, help="that --scales count (default pga_star)"
+    )
+    group.add_argument(
+        "--held-out",
+        nargs="+",
+        default=("0.5",),
+        metavar="X",
+        help="share of the records (whole earthquakes) that the design is judged on and not tuned to, or "
+        "files, folders and sets of others (default 0.5)",
+    )
+    group.add_argument(
+        "--allowed",
+        type=float,
+        default=0.1,
+        metavar="X",
+        help="share of the standing runs that may break a limit of the bob on the way (default 0.1)",
+    )
+
+
+_INTENSITIES = ("pga_star", "pgv_star", "pga", "pgv", "scale")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Search, judge, write the report and print it; return the exit status."""
+    common.use_64_bits(ground=True)
+    from tpd.cli import optimise as harmonic
+    from tpd.core.conditions import Conditions
+    from tpd.design.optimise import optimise
+    from tpd.report.ground import write
+
+    if not options.records:
+        raise ValueError("--scales goes with --records FILE")
+    given = common.tables(options)
+    _refuse_others(given)
+    motions = ground.motions(options.records, None)
+    held_out = _held_out(options.held_out)
+    scene = ground.scene(options, motions[0])
+    arguments = _arguments(given)
+    unfinished = options.out / _UNFINISHED
+    harmonic.claim(options, unfinished)
+    stripes = ", ".join(f"{x:g}" for x in options.scales)
+    ground.say(scene, None, f"  motion  {len(motions)} records, each at {options.intensity} {stripes}")
+    conditions = Conditions.records(motions, options.scales, intensity=options.intensity)
+    with common.bar() as bar, harmonic.hinting(unfinished):
+        design: Any = optimise(
+            scene,
+            conditions=conditions,
+            held_out=held_out,
+            allowed=options.allowed,
+            checkpoint=unfinished,
+            progress=bar,
+            **arguments,
+        )
+    written = write(options.out, design, _command(options), list(options.records))
+    print("\n" + (options.out / "report.txt").read_text(encoding="utf-8"))
+    print("\n".join(f"written: {path}" for path in written))
+    if design.status.name == "interrupted":
+        print(harmonic.hint(unfinished))
+        return common.INTERRUPTED
+    unfinished.unlink(missing_ok=True)
+    return common.SOUND if design.status.is_sound else common.UNSOUND
+
+
+def _refuse_others(given: Mapping[str, Mapping[str, Any]]) -> None:
+    """Refuse what is for harmonics: it would have no effect."""
+    for table, values in given.items():
+        keys = _USED.get(table, ())
+        for key in values:
+            if keys is not None and key not in keys:
+                raise ValueError(
+                    f"`{table}.{key}` is for harmonics, but --scales asks for a design on records"
+                )
+
+
+def _arguments(given: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Arguments of `tpd.optimise` from the tables of a job; what is left out has the default of records."""
+    from tpd.cli import build, config
+    from tpd.design.ground.optimise import DEFAULT_SPACE
+    from tpd.design.ground.search import GroundSearch
+    from tpd.design.ground.sizes import KINDS
+
+    file = config.chosen({k: v for k, v in given.items() if k != "motion"})
+    space = dict(given.get("space", {}))
+    # Records ask for other defaults than harmonics, where the user has said nothing.
+    # A job of harmonics has one damping; under records it is searched unless the job names it.
+    space.setdefault("damping_ratio", list(DEFAULT_SPACE.damping_ratio))  # type: ignore[arg-type]
+    searched = config.chosen({"space": space})
+    out: dict[str, Any] = {
+        "space": build.space_of(searched),
+        "limits": tuple(x for x in build.limits_of(file, over_orbits=False) if isinstance(x, KINDS)),
+        "seed": file.search.seed,
+    }
+    if "risk" in given:
+        out["risk"] = build.risk_of(file)
+    if "searches" in given.get("search", {}):
+        out["method"] = GroundSearch(starts=given["search"]["searches"])
+    return out
+
+
+def _held_out(words: Sequence[str]) -> float | dict[str, list[GroundMotion]]:
+    """A share, or groups of other motions by name."""
+    if len(words) == 1:
+        # A word that is no number names a file or a set.
+        try:
+            return float(words[0])
+        except ValueError:
+            pass
+    return {Path(word).name or word: ground.motions([word], None) for word in words}
+
+
+def _command(options: argparse.Namespace) -> str:
+    """Command that repeats the run into another directory."""
+    words = list(sys.argv[1:]) if Path(sys.argv[0]).name == "tpd" else []
+    if not words:
+        return ""
+    # Another directory, so that the command overwrites nothing.
+    drop = {"--resume", "--overwrite"}
+    kept = [w for i, w in enumerate(words) if w not in drop and w != "--out" and words[i - 1] != "--out"]
+    again = options.out.with_name(options.out.name + "-again")
+    return shlex.join(["tpd", *kept, "--out", str(again)])

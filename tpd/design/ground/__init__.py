@@ -1,0 +1,1 @@
+"""Design of a pendulum on ground motions: pulses and records."""

@@ -1,0 +1,201 @@
+"""Judgement of a design on groups of ground motions: paired with the bare block, run by run.
+
+Runs of one earthquake are no independent observations. Intervals are of means over runs with the variance
+between earthquakes (a cluster-robust variance) and Student's distribution.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, reduce
+from typing import NamedTuple
+
+import numpy as np
+
+from tpd.analysis.probit import Lognormal, fit_lognormal
+from tpd.core.conditions import Conditions
+from tpd.core.scene import Block
+from tpd.design.ground.demand import CappedTilt, Runs
+from tpd.design.ground.groups import Group, Role
+from tpd.design.ground.objective import GroundObjective
+
+SCATTER = {"slenderness": 0.02, "friction": 0.2, "mass": 0.02, "length": 0.02, "damping": 0.2}
+"""Relative half widths of what is uncertain in a judgement, and of the restitution where it is a number."""
+_RESTITUTION = 0.02
+_LEVEL = 0.95
+_GRID = 20_001
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A mean with its interval of 95 % confidence."""
+
+    mean: float
+    low: float
+    high: float
+
+    @property
+    def is_below(self) -> bool:
+        """Whether the whole interval is below zero."""
+        return self.high < 0.0
+
+    @property
+    def is_above(self) -> bool:
+        """Whether the whole interval is above zero."""
+        return self.low > 0.0
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Changes by the pendulum, run by run, arrays (runs,); nonlinear equations."""
+
+    overturned: np.ndarray
+    tilt: np.ndarray
+    clusters: np.ndarray
+    """Number of the earthquake of every run."""
+
+    def with_others(self, other: Changes) -> Changes:
+        """These runs and those of other motions, earthquakes apart."""
+        clusters = np.concatenate([self.clusters, other.clusters + self.clusters.max() + 1])
+        return Changes(
+            np.concatenate([self.overturned, other.overturned]),
+            np.concatenate([self.tilt, other.tilt]),
+            clusters,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """A group of ground motions with and without the pendulum; shares are of the runs."""
+
+    name: str
+    role: Role
+    motions: int
+    events: int
+    stripes: np.ndarray
+    counts: tuple[np.ndarray, np.ndarray]
+    """Motions that overturn the block at each stripe by the nonlinear equations, bare and hung."""
+    overturned: tuple[float, float]
+    """Their shares over all stripes, bare and hung."""
+    difference: Interval
+    """Share overturned with the pendulum minus that without, nonlinear equations."""
+    linear: Interval
+    """Difference by the linear equations, with which the search worked."""
+    tilt: Interval
+    """Difference of the mean tilt over the slenderness, an overturning as 1; nonlinear equations."""
+    strikes: float
+    """Share of the standing runs in which a limit is broken, linear equations."""
+    changed: float
+    """Share of the runs whose verdict the nonlinear equations change."""
+    undecided: int
+    fits: tuple[Lognormal, Lognormal]
+    """Curves of overturning, bare and hung."""
+    runs: Changes
+    """Changes of the single runs."""
+
+    @property
+    def harms(self) -> bool:
+        """Whether the pendulum makes the block overturn or tilt more, significantly."""
+        return self.difference.is_above or self.linear.is_above or self.tilt.is_above
+
+
+def scatter_of(block: Block) -> dict[str, float]:
+    """Relative half widths of what is uncertain in a block and its pendulum."""
+    # Housner's restitution follows the slenderness, which scatters.
+    lossy = isinstance(block.restitution, float)
+    return {**SCATTER, **({"restitution": _RESTITUTION} if lossy else {})}
+
+
+def judge(
+    objective: GroundObjective,
+    design: np.ndarray,
+    group: Group,
+    scales: Sequence[float],
+    *,
+    scatter: Mapping[str, float],
+    seed: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> Judged:
+    """Follow the block without and with one design (mu, lam, zeta) through a group of motions at every scale,
+    by the linear and the nonlinear equations, on the same scattered blocks."""
+    intensity = objective.conditions.intensity
+    conditions = Conditions.records(group.motions, scales, intensity=intensity, scatter=scatter, seed=seed)
+    there = objective.over(conditions)
+    # A bob without mass does not act on the block: both designs meet the same scattered blocks.
+    both = np.stack([[0.0, *design[1:]], design])
+    linear = there.evaluate(both, progress=progress)
+    nonlinear = there.check(both, progress=progress)
+    clusters = np.repeat(group.events, len(scales))
+    changes = Changes(_change(nonlinear.overturned), _change(CappedTilt().of(nonlinear).value), clusters)
+    return Judged(
+        name=group.name,
+        role=group.role,
+        motions=len(group.motions),
+        events=int(group.events.max()) + 1,
+        stripes=np.asarray(scales, dtype=float),
+        counts=tuple(x.reshape(-1, len(scales)).sum(axis=0) for x in nonlinear.overturned),  # type: ignore[arg-type]
+        overturned=tuple(float(x) for x in nonlinear.overturned.mean(axis=1)),  # type: ignore[arg-type]
+        difference=paired(changes.overturned, clusters),
+        linear=paired(_change(linear.overturned), clusters),
+        tilt=paired(changes.tilt, clusters),
+        strikes=there.broken(linear.at(slice(1, 2)), both[1:]),
+        changed=float(np.mean(linear.overturned != nonlinear.overturned)),
+        undecided=int(linear.undecided.sum() + nonlinear.undecided.sum()),
+        fits=tuple(_fit(nonlinear, i, scales) for i in (0, 1)),  # type: ignore[arg-type]
+        runs=changes,
+    )
+
+
+class Benefit(NamedTuple):
+    """Changes by the pendulum over all held-out motions together."""
+
+    overturned: Interval
+    """Share of the runs that overturn."""
+    tilt: Interval
+    """Mean tilt over the slenderness, an overturning as 1."""
+
+
+def benefit_of(judged: Sequence[Judged]) -> Benefit | None:
+    """Benefit over all groups that were held out; None without any."""
+    held = [g.runs for g in judged if g.role is Role.held_out]
+    if not held:
+        return None
+    whole = reduce(Changes.with_others, held)
+    return Benefit(paired(whole.overturned, whole.clusters), paired(whole.tilt, whole.clusters))
+
+
+def _change(pair: np.ndarray) -> np.ndarray:
+    """Value of every run with the pendulum, minus that without."""
+    return pair[1].astype(float) - pair[0].astype(float)
+
+
+def _fit(runs: Runs, row: int, scales: Sequence[float]) -> Lognormal:
+    return fit_lognormal(np.asarray(scales, dtype=float), runs.overturned[row].reshape(-1, len(scales)) + 0.0)
+
+
+def paired(differences: np.ndarray, clusters: np.ndarray) -> Interval:
+    """Mean of differences, and its interval with the variance between clusters. Of a single cluster nothing
+    is known: the interval is infinite."""
+    n, mean = len(differences), float(np.mean(differences))
+    # Within an earthquake the deviations add up, and only their sums are independent.
+    sums = np.bincount(clusters, differences - mean)
+    groups = len(sums)
+    # One earthquake has no spread between earthquakes.
+    if groups < 2:
+        return Interval(mean, -math.inf, math.inf)
+    error = math.sqrt(groups / (groups - 1) * float(np.sum(sums**2))) / n
+    width = student(groups - 1) * error
+    return Interval(mean, mean - width, mean + width)
+
+
+@lru_cache
+def student(freedom: int, level: float = _LEVEL) -> float:
+    """Half width of Student's distribution that holds the share `level`."""
+    # NumPy has no quantile of this distribution.
+    # With x = sqrt(n) tan(t) its density in t is the power n - 1 of cos t.
+    t = np.linspace(0.0, 0.5 * np.pi, _GRID)
+    middle = np.cos(0.5 * (t[1:] + t[:-1])) ** (freedom - 1)
+    held = np.concatenate([[0.0], np.cumsum(middle)])
+    return math.sqrt(freedom) * math.tan(float(np.interp(level, held / held[-1], t)))

@@ -1,0 +1,157 @@
+"""Objective of a search on ground motions: designs followed through every motion, with exact derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tpd.analysis.transient import FREE, MAX_EVENTS
+from tpd.core.conditions import Conditions, under_all
+from tpd.core.intensity import intensity_of
+from tpd.core.parameters import Parameters
+from tpd.core.scene import STANDARD_GRAVITY, Block, Scene
+from tpd.design.criteria import Geometry, Limit
+from tpd.design.ground.demand import Runs
+from tpd.design.ground.sizes import broken_share, quantile_sizes
+from tpd.design.objective import geometry_under
+
+Count = Callable[[int, int], None]
+_EVENTS = 20_000
+"""Events of a motion beyond one for each piece: a bob that swings for long meets no more."""
+
+
+@dataclass(frozen=True)
+class GroundObjective:
+    """Designs of a block's pendulum under ground motions."""
+
+    block: Block
+    conditions: Conditions
+    limits: tuple[Limit, ...]
+    allowed: float
+    """Share of the runs in which the block stands that may break a limit."""
+    gravity: float = STANDARD_GRAVITY
+    free: float = FREE
+    """Free motion after each ground motion, s."""
+
+    @cached_property
+    def p(self) -> Parameters:
+        """Parameters of the bare block under its first motion."""
+        return Scene(self.block, self.conditions.motions[0], self.gravity).ground_parameters()
+
+    @cached_property
+    def pieces(self) -> list[np.ndarray]:
+        """The pieces of every motion."""
+        return [np.asarray(m.pieces(), dtype=float) for m in self.conditions.motions]
+
+    @cached_property
+    def factors(self) -> np.ndarray:
+        """Factor on its motion of every condition, shape (n,)."""
+        measure = intensity_of(self.conditions.intensity, self.block, self.gravity, None)
+        # A scale counts an intensity, which is proportional to the motion.
+        one = np.array([measure.value(m) for m in self.conditions.motions])
+        return self.conditions.column("amplitude") / one[self._which]
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """Lengths of the block under every condition, for the limits."""
+        b = self.block
+        return geometry_under(
+            float(b.slenderness), float(b.half_height), float(b.mass), 0.5 * float(b.room), self.conditions
+        )
+
+    @property
+    def _which(self) -> np.ndarray:
+        return np.asarray(self.conditions.which)
+
+    @property
+    def rate(self) -> float:
+        """omega0 of the block, rad/s."""
+        return float(Scene(self.block, self.conditions.motions[0], self.gravity).rate)
+
+    def over(self, conditions: Conditions) -> GroundObjective:
+        """This objective under other conditions."""
+        return replace(self, conditions=conditions)
+
+    def evaluate(self, designs: np.ndarray, *, slopes: bool = False, progress: Count | None = None) -> Runs:
+        """Follow designs (mu, lam, zeta), shape (m, 3), under all n conditions by the linear equations; a
+        design with mu = 0 is the bare block."""
+        from tpd.models.compiled_shaken import follow_all
+
+        x, ratio_by_mass = self._rows(designs)
+        which, free = self._shared(len(designs))
+        options: dict[str, Any] = {"max_events": min(_EVENTS, MAX_EVENTS), "progress": progress}
+        ratio = ratio_by_mass if slopes else None
+        found, by = follow_all(x, self.pieces, which, free, ratio_by_mass=ratio, **options)
+        return self._runs(found, by, designs)
+
+    def check(self, designs: np.ndarray, progress: Count | None = None) -> Runs:
+        """As `evaluate` by the nonlinear equations, without derivatives; angles between rod and block are not
+        known."""
+        from tpd.models.compiled_nonlinear import shake_nonlinear
+
+        which, free = self._shared(len(designs))
+        found, _ = shake_nonlinear(self._rows(designs)[0], self.pieces, which, free, progress=progress)
+        return self._runs(found, None, designs)
+
+    def sizes(self, runs: Runs, designs: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
+        """Names of the limited quantities, and these over their limits, shape (m, sizes): each is exceeded in
+        the allowed share of the runs in which the block stands."""
+        return quantile_sizes(runs, designs, self.limits, self.geometry, self.allowed)
+
+    def broken(self, runs: Runs, designs: np.ndarray) -> float:
+        """Share of the runs of one design, in which the block stands, that break a limit."""
+        return broken_share(runs, designs, self.limits, self.geometry)
+
+    def _shared(self, m: int) -> tuple[np.ndarray, np.ndarray]:
+        """Motion and free time (tau) of every run."""
+        return np.tile(self._which, m), np.full(m * len(self.conditions), self.free * self.rate)
+
+    def _rows(self, designs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Parameters (m n, 9) of the compiled code, and the derivatives of e in mu."""
+        m, motions, which = len(designs), self.conditions.motions, self._which
+        # The factor on the amplitude is in units of the intensity, and is applied motion by motion.
+        factors = {**self.conditions.factors, "amplitude": np.ones(len(which))}
+        # Ties of rho and e to other quantities are those of every set of conditions.
+        q = under_all(self.p, designs, replace(self.conditions, factors=factors))
+        f = np.array([float(x.pga) for x in motions]) / float(motions[0].pga)
+        h = np.array([float(x.piece) for x in motions]) * self.rate
+        size = np.tile(f[which] * self.factors, m)
+        # A quicker shaking passes its pieces sooner.
+        quick = np.tile(self.conditions.column("frequency"), m)
+        leaves: Any = (q.nu, q.mu, q.lam, q.zeta, q.k, q.f * size, np.tile(h[which], m) / quick, q.rho, q.e)
+        x = np.array(np.broadcast_arrays(*leaves), dtype=float).T.copy()
+        return x, self._ratio_by_mass(x)
+
+    def _ratio_by_mass(self, x: np.ndarray) -> np.ndarray:
+        """Derivative of Housner's velocity ratio in mu; zero of one that is given."""
+        # The derivative of `tpd.core.parameters.housner` in mu, in closed form.
+        share = x[:, 7] * x[:, 0] ** 2
+        slope = -2.0 * share * (1.0 - share) / (1.0 + x[:, 1] * share) ** 2
+        return slope if self.p.e is None else np.zeros(len(x))
+
+    def _runs(self, found: Any, by: np.ndarray | None, designs: np.ndarray) -> Runs:
+        from tpd.models.shaken_kernel import EVENT_BOUND, FAILED, OVERTURNED
+
+        n = len(self.conditions)
+        shape = len(designs), n
+        status, nu = found.status.reshape(shape).astype(int), self.geometry.slenderness[None, :]
+        undecided = (status == EVENT_BOUND) | (status == FAILED)
+        # What is not known must not look like standing.
+        fell = (status == OVERTURNED) | undecided
+        tilt, swing, relative = (
+            np.where(fell, np.inf, x.reshape(shape)) for x in (found.tilt, found.swing, found.relative)
+        )
+        tilt_slope = growing_slope = np.full((*shape, 3), np.nan)
+        growing = np.abs(found.growing).reshape(shape) / nu
+        if by is not None:
+            c = self.conditions
+            chain = np.stack([c.column("mass"), c.column("length"), c.column("damping")], axis=1)
+            by = by[:, :, :3].reshape(*shape, -1, 3) * chain[None, :, None, :] / nu[..., None, None]
+            side = np.sign(found.growing).reshape(shape)[..., None]
+            tilt_slope = np.where(fell[..., None], np.nan, by[:, :, 0])
+            growing_slope = np.where(fell[..., None], side * by[:, :, 7], np.nan)
+        return Runs(tilt / nu, swing, relative, fell, undecided, growing, tilt_slope, growing_slope)

@@ -1,0 +1,362 @@
+"""Report of a design on ground motions: verdict, parts, groups, how to repeat it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tpd.core import files
+from tpd.core.formatting import number
+from tpd.core.scene import Pendulum, Scene
+from tpd.design.criteria import Room, limit_of
+from tpd.design.ground.design import GroundDesign
+from tpd.design.ground.groups import Role
+from tpd.design.ground.judgement import Interval, Judged
+from tpd.design.ground.optimise import settings
+from tpd.report import scene_words, words
+from tpd.report.blocks import (
+    Block,
+    Cell,
+    Code,
+    Figure,
+    Listing,
+    Note,
+    Report,
+    Section,
+    Table,
+    danger,
+    information,
+    warning,
+)
+from tpd.report.html import html
+from tpd.report.json import plain
+from tpd.report.text import text
+
+_INTENSITIES = {
+    "pga_star": "PGA/(g tan α)",
+    "pgv_star": "p PGV/(g tan α)",
+    "pga": "PGA, m/s²",
+    "pgv": "PGV, m/s",
+    "scale": "factor on each motion",
+}
+
+
+def write(
+    directory: Path, design: GroundDesign, command: str = "", sources: list[str] | None = None
+) -> list[Path]:
+    """Write report, numbers and pictures; each file appears complete or not at all. Returns the files.
+
+    Args:
+        directory: made if it does not exist.
+        design: the answer.
+        command: that repeats the run.
+        sources: files, folders and sets that the motions come from.
+    """
+    report = content(design, command)
+    written = [
+        files.place(directory / "report.txt", text(report)),
+        files.place(directory / "design.json", as_json(design, command, sources)),
+    ]
+    if design.searched is not None:
+        written.append(files.place(directory / "designs.csv", _designs(design)))
+    if design.judged:
+        written.append(files.place(directory / "groups.csv", _groups(design)))
+    # Numbers are on disk before the pictures are drawn.
+    drawn = dict(_pictures(design))
+    written += [files.place(directory / name, png) for name, png in drawn.items()]
+    written.append(files.place(directory / "report.html", html(report, drawn)))
+    return written
+
+
+def content(design: GroundDesign, command: str = "") -> Report:
+    """Build the report of a design on ground motions."""
+    scene = _scene(design)
+    verdict = (information if design.status.is_sound else danger)(design.status.value)
+    parts: dict[str, list[Block]] = {
+        "Block": [information("; ".join(line.strip() for line in scene_words.block_lines(scene)))],
+        "Before anything else": list(notes(design)),
+        "The answer": _answer(design),
+        "On ground motions": _judged(design),
+        "Parts": _parts(design),
+        "The block": _figure(design, "drawing.png", "The block with its pendulum, to scale"),
+        "Where it was searched": _search(design),
+        "Assumptions": [Listing(tuple(_assumptions(design)))],
+        "How to repeat it": _repeat(design, command),
+    }
+    sections = tuple(Section(title, tuple(blocks)) for title, blocks in parts.items() if blocks)
+    return Report(f"{scene_words.title(scene)} on ground motions", verdict, sections)
+
+
+def notes(design: GroundDesign) -> Iterator[Note]:
+    """Notes that somebody who would build the design must read first."""
+    block, benefit = design.block, design.benefit
+    if block.restitution is None and not block.friction:
+        yield danger(
+            "The block loses no energy at all: no real block rocks like that. Give it a restitution."
+        )
+    if benefit is not None and design.pendulum is not None and not benefit.overturned.is_below:
+        yield warning(
+            "On motions that were held out the tilts are smaller, but the number of overturnings is not "
+            f"significantly so: {_interval(benefit.overturned)} of the runs."
+        )
+    for g in design.judged:
+        if g.harms:
+            yield danger(f"On {g.name} the pendulum does significant harm: {_interval(g.difference)}.")
+        if g.undecided:
+            yield warning(f"On {g.name} {g.undecided} runs met too many events; they count as overturned.")
+        if g.strikes > 2.0 * design.allowed and design.pendulum is not None:
+            yield warning(
+                f"On {g.name} with scattered blocks {g.strikes:.0%} of the standing runs break a limit of "
+                f"the bob; {design.allowed:.0%} were allowed in the search."
+            )
+    if design.pendulum is not None and design.best is not None:
+        yield from _at_bounds(design, design.best)
+
+
+def _at_bounds(design: GroundDesign, best: np.ndarray) -> Iterator[Note]:
+    unit = design.space.scaled(best)
+    # A bound that the answer lies on may hide a better one beyond it.
+    for name, x in zip(("mass", "length", "damping"), unit, strict=False):
+        if not 0.01 < x < 0.99:
+            side = "largest" if x > 0.5 else "least"
+            yield information(f"The answer has the {side} {name} of the design space.")
+
+
+def _answer(design: GroundDesign) -> list[Block]:
+    hung, best = design.pendulum, design.best
+    demand = [("demand without a pendulum", number(design.bare), "mean over the motions it is tuned to")]
+    if best is not None:
+        trend = f"trend {number(design.trend[0])} ± {number(design.trend[1])}"
+        demand.insert(0, ("demand with the best design", number(design.value), trend))
+    if hung is None or best is None:
+        rows: tuple[tuple[Cell, ...], ...] = (("pendulum", "none to offer", None), *demand)
+        if best is not None:
+            rows += (("best design, not offered", "μ = {:.4g}, λ = {:.4g}, ζ = {:.3g}".format(*best), None),)
+        return [Table(("", "value", "remark"), rows)]
+    hinge = f"{number(float(hung.hinge_damping(design.gravity)))} N m s/rad"
+    rows = (
+        ("mass of the bob", f"{number(float(hung.mass))} kg", f"μ = {number(best[0])}"),
+        ("length of the pendulum", f"{number(float(hung.length))} m", f"λ = {number(best[1])}"),
+        ("damping of the hinge", hinge, f"ζ = {number(best[2])} of critical"),
+        *demand,
+        *_usage(design),
+    )
+    return [Table(("", "value", "remark"), rows, f"Demand: {_demand(design)}.")]
+
+
+def _usage(design: GroundDesign) -> list[tuple[Cell, ...]]:
+    """Rows of limits and how much of each is used by the allowed share of the runs."""
+    found = design.searched
+    if found is None or design.best is None:
+        return []
+    # The best design is one of those that were followed.
+    i = int(np.flatnonzero(np.all(found.designs == design.best, axis=1))[0])
+    remark = f"exceeded in at most {design.allowed:.0%} of the standing runs"
+    return [
+        (f"limit on the {name}", f"{x:.1%} used", remark if name != "thickness" else "half the rod's length")
+        for name, x in zip(design.names, found.sizes[i], strict=True)
+    ]
+
+
+def _demand(design: GroundDesign) -> str:
+    kind = type(design.demand).__name__
+    what = {
+        "CappedTilt": "largest tilt over the slenderness of each run, an overturning as 1",
+        "Exceedance": "smoothed share of the runs beyond a tilt",
+    }.get(kind, kind)
+    return f"{what}; {design.risk.name} over all runs"
+
+
+def _judged(design: GroundDesign) -> list[Block]:
+    if not design.judged:
+        return []
+    head = ("group", "motions", "earthquakes", "overturned without", "with it", "difference (95 %)")
+    more = ("tilt/ν, difference (95 %)", "linear equations", "verdicts changed")
+    rows = tuple(_row(g) for g in design.judged)
+    caption = (
+        "Runs of the nonlinear equations, each motion at each intensity, without and with the pendulum on "
+        "the same block with scattered properties. Intervals take the runs of one earthquake as one. Linear "
+        "equations: difference of the share overturned. Verdicts changed: share of the runs in which both "
+        "sets of equations differ on overturning."
+    )
+    out: list[Block] = [
+        *_figure(design, "groups.png", "Share of motions that overturn the block"),
+        Table((*head, *more), rows, caption),
+    ]
+    if design.benefit is not None:
+        b = design.benefit
+        out.append(
+            information(
+                f"Over all motions that were held out: {_interval(b.overturned)} of the runs overturned, and "
+                f"the mean tilt over the slenderness changes by {_interval(b.tilt, share=False)}."
+            )
+        )
+    return out
+
+
+def _row(g: Judged) -> tuple[Cell, ...]:
+    role = g.name if g.role is Role.tuned or g.name == g.role.value else f"{g.name} (held out)"
+    before, after = (f"{x:.1%}" for x in g.overturned)
+    sizes = _interval(g.difference), _interval(g.tilt, share=False), _interval(g.linear), f"{g.changed:.1%}"
+    return role, str(g.motions), str(g.events), before, after, *sizes
+
+
+def _interval(x: Interval, share: bool = True) -> str:
+    # Of a single earthquake nothing is known but the mean.
+    if math.isinf(x.low):
+        return f"{x.mean:+.1%} (unknown)" if share else f"{x.mean:+.3f} (unknown)"
+    if share:
+        return f"{x.mean:+.1%} ({x.low:+.1%} to {x.high:+.1%})"
+    return f"{x.mean:+.3f} ({x.low:+.3f} to {x.high:+.3f})"
+
+
+def _parts(design: GroundDesign) -> list[Block]:
+    p = design.parts
+    if p is None:
+        return []
+    rows = (
+        ("weight of the bob on the top", f"{number(p.weight)} N"),
+        ("largest force along the rod", f"{number(p.rod_tension)} N"),
+        ("largest force of the hinge", f"{number(p.hinge_force)} N"),
+        ("damper of the hinge", f"{number(p.damper)} N m s/rad"),
+        ("largest moment of the damper", f"{number(p.damper_moment)} N m"),
+        ("largest power of the damper", f"{number(p.damper_power)} W"),
+        ("largest rate between rod and block", f"{number(p.rate)} rad/s"),
+        ("largest angle between rod and block", f"{number(p.angle)} rad"),
+    )
+    caption = (
+        f"Largest values over the {p.motions} motions with the largest angles in which the block stands, on "
+        "the nominal block; linear equations. Impacts of the block, and of the bob on a wall, are left out: "
+        "take a factor of safety."
+    )
+    return [Table(("load", "value"), rows, caption)]
+
+
+def _search(design: GroundDesign) -> list[Block]:
+    found = design.searched
+    if found is None:
+        return []
+    n = len(design.conditions)
+    counts = (
+        f"{len(found.value)} designs were followed under {n} motions each: {design.method.starts} over the "
+        f"whole space, the others where the surface promised most. {int(found.feasible.sum())} keep to the "
+        f"limits. Derivatives in {_known(design)} of them entered the surface; elsewhere chaotic runs have "
+        "too much weight."
+    )
+    return [
+        information(counts),
+        *_figure(design, "search.png", "Designs followed, over mass and length ratio"),
+    ]
+
+
+def _known(design: GroundDesign) -> int:
+    assert design.searched is not None
+    return int(np.isfinite(design.searched.slope).all(axis=1).sum())
+
+
+def _assumptions(design: GroundDesign) -> Iterator[str]:
+    scatter = ", ".join(f"{name} ±{width:.0%}" for name, width in design.scatter.items())
+    yield "A rigid block that rocks about its two lower edges: it neither slides nor bounces."
+    yield f"Energy losses: {words.losses(design.block)}."
+    yield "A point bob on a massless rod from the middle of the top, with a viscous hinge."
+    yield (
+        "; ".join(design.conditions.description)
+        + f" ({_INTENSITIES[design.conditions.intensity]}), from rest."
+    )
+    yield f"Judged with scatter of {scatter or 'nothing'}, each uniform."
+    yield "Search by the linear equations, exact between the samples; verdict by the nonlinear equations."
+    limits = "; ".join(map(words.limit, design.limits)) or "none"
+    yield f"Limits, for all but {design.allowed:.0%} of the standing runs: {limits}."
+
+
+def _repeat(design: GroundDesign, command: str) -> list[Block]:
+    made = ", ".join(f"{name} {v}" for name, v in files.versions().items())
+    said = information(f"Seed {design.seed}. Made with {made}. The file design.json holds all results.")
+    return [*([Code(command)] if command else []), said]
+
+
+def as_json(design: GroundDesign, command: str = "", sources: list[str] | None = None) -> str:
+    """The design as sorted JSON."""
+    found, hung = design.searched, design.pendulum
+    # Everything that repeats the run, and all that was found.
+    entries = {
+        "version": 1,
+        "status": design.status.name,
+        "status_message": design.status.value,
+        "notes": list(notes(design)),
+        "pendulum": hung,
+        "hinge_damping_N_m_s_per_rad": None if hung is None else float(hung.hinge_damping(design.gravity)),
+        "best": None if design.best is None else dict(zip(("mu", "lam", "zeta"), design.best, strict=True)),
+        "demand": {"best": design.value, "trend": design.trend, "bare": design.bare},
+        "benefit": None if design.benefit is None else plain(design.benefit._asdict()),
+        "groups": [_group(g) for g in design.judged],
+        "parts": design.parts,
+        "searched": None if found is None else found._asdict(),
+        "block": design.block,
+        "gravity": design.gravity,
+        "settings": settings(design),
+        "records": sources or [],
+        "seed": design.seed,
+        "command": command,
+        "versions": files.versions(),
+    }
+    return files.as_json(plain(entries))
+
+
+def _group(g: Judged) -> dict[str, Any]:
+    names = ("name", "role", "motions", "events", "stripes", "overturned", "difference", "linear", "tilt")
+    medians = [fit.median for fit in g.fits]
+    more = {"counts": list(g.counts), "strikes": g.strikes, "changed": g.changed, "undecided": g.undecided}
+    return {**{name: getattr(g, name) for name in names}, **more, "medians": medians}
+
+
+def _designs(design: GroundDesign) -> str:
+    found = design.searched
+    assert found is not None
+    head = ("mu", "lam", "zeta", "demand", "overturned", *design.names)
+    rows = (
+        (*d, v, o, *s)
+        for d, v, o, s in zip(found.designs, found.value, found.overturned, found.sizes, strict=True)
+    )
+    return files.as_csv(head, rows)
+
+
+def _groups(design: GroundDesign) -> str:
+    rows = (
+        (g.name, stripe, g.motions, int(g.counts[0][i]), int(g.counts[1][i]))
+        for g in design.judged
+        for i, stripe in enumerate(g.stripes)
+    )
+    return files.as_csv(("group", "intensity", "motions", "overturned_bare", "overturned_hung"), rows)
+
+
+def _pictures(design: GroundDesign) -> Iterator[tuple[str, bytes]]:
+    from tpd.plot import drawing, style
+    from tpd.plot.ground_design import plot_groups, plot_search
+
+    if design.judged:
+        yield "groups.png", style.png(plot_groups(design)[0].figure)
+    if design.searched is not None:
+        yield "search.png", style.png(plot_search(design).figure)
+    room = limit_of(design.limits, Room)
+    stroke = 0.0 if design.parts is None else design.parts.angle
+    bob = room.bob if isinstance(room, Room) else None
+    hung: Pendulum | None = design.pendulum
+    yield "drawing.png", style.png(drawing.plot_scene(_scene(design), hung, stroke=stroke, bob=bob).figure)
+
+
+def _figure(design: GroundDesign, name: str, caption: str) -> list[Block]:
+    there = {
+        "groups.png": bool(design.judged),
+        "search.png": design.searched is not None,
+        "drawing.png": True,
+    }
+    return [Figure(name, caption, f"{caption}.")] if there[name] else []
+
+
+def _scene(design: GroundDesign) -> Scene:
+    return Scene(design.block, design.conditions.motions[0], design.gravity)
