@@ -1,6 +1,5 @@
 """64-bit floats, no silent rank promotion, and jaxtyping shapes checked by beartype."""
 
-import inspect
 import os
 from importlib import import_module
 from pathlib import Path
@@ -24,21 +23,8 @@ install_import_hook("tpd", "beartype.beartype")
 
 # After the hook, which checks what is imported from then on.
 programs = import_module("tpd.core.programs")
-STORE = Path(COMPILED) / "programs"
-"""Where the commands keep programs, and here the tests as well: what is found there is not even traced."""
-programs.keep_in(STORE)
-_identity = programs._identity
-
-
-def _behind_checks(function):
-    """Name of a function of the package, which a checker of types has wrapped. Those of tests are not kept:
-    the store looks at the sources of the package alone."""
-    if getattr(function, "__module__", "").startswith("tpd."):
-        return _identity(inspect.unwrap(function) if inspect.isfunction(function) else function)
-    return None if programs._folder == [STORE] else _identity(function)
-
-
-programs._identity = _behind_checks
+# Where the commands keep programs, and here the tests as well: what is found there is not even traced.
+programs.keep_in(Path(COMPILED) / "programs")
 
 TESTS = Path(__file__).parent
 LONGEST = (
