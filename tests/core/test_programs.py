@@ -10,8 +10,8 @@ import pytest
 
 from tpd.core import programs
 from tpd.core.programs import Program
-from tpd.design.subproblem import _solved
 from tpd.core.status import Status, names_of
+from tpd.design.subproblem import _solved
 
 TRACED: list[tuple[int, ...]] = []
 

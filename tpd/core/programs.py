@@ -33,7 +33,7 @@ _MOST = 64
 _SOURCES = frozenset({__name__.partition(".")[0]})
 """Packages with the functions that are kept: of changes in others `_here` would know nothing."""
 _VALUES = _SOURCES | {"builtins", *files.PACKAGES}
-"""Packages with the types of what such a function closes over: of sources or of versions that `_here` knows."""
+"""Packages with the types of what such a function closes over: `_here` knows their sources or versions."""
 _CHECKERS = ("jaxtyping.", "beartype.")
 _OTHERS = 0o022
 """Rights of others to write: what they may have written is not executed."""
