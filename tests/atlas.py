@@ -130,10 +130,10 @@ REGIMES = (
         + test_ids(
             "piecewise",
             "a_chaotic_motion_is_aperiodic_with_the_rate_at_which_neighbours_part",
-            "a_slow_decay_is_not_settled_rather_than_aperiodic",
             "settled_state_returns_after_its_periods_and_not_before",
             "the_settled_state_has_the_gradient_of_differences",
-        ),
+        )
+        + test_ids("compiled_linear", "a_slow_decay_is_not_settled_by_the_program_rather_than_aperiodic"),
     ),
     Regime(
         "overturning",

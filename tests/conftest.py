@@ -1,6 +1,7 @@
 """64-bit floats, no silent rank promotion, and jaxtyping shapes checked by beartype."""
 
 import os
+from importlib import import_module
 from pathlib import Path
 
 import jax
@@ -14,8 +15,16 @@ COMPILED = str(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
 os.environ |= {"JAX_COMPILATION_CACHE_DIR": COMPILED, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.5"}
 jax.config.update("jax_compilation_cache_dir", COMPILED)
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+# JAX keeps no program that calls back to Python to raise an exception: as in the commands, errors within
+# programs give NaN.
+os.environ["EQX_ON_ERROR"] = "nan"
 
 install_import_hook("tpd", "beartype.beartype")
+
+# After the hook, which checks what is imported from then on.
+programs = import_module("tpd.core.programs")
+# Where the commands keep programs, and here the tests as well: what is found there is not even traced.
+programs.keep_in(Path(COMPILED) / "programs")
 
 TESTS = Path(__file__).parent
 LONGEST = (
@@ -27,6 +36,9 @@ LONGEST = (
     "analysis/test_steady_state",
     "models/test_piecewise",
     "cli/test_optimise",
+    "models/test_compiled_linear",
+    "models/test_segmented",
+    "test_atlas",
 )
 """Modules that go first, so that no worker is left alone with one at the end."""
 
@@ -49,3 +61,9 @@ def pytest_collection_modifyitems(items):
     """The longest modules first; within a module everything stays in order."""
     rank = {TESTS / f"{name}.py": i for i, name in enumerate(LONGEST)}
     items.sort(key=lambda item: rank.get(item.path, len(rank)))
+
+
+@pytest.fixture
+def raises_within_programs(monkeypatch):
+    """Errors found while a program runs are raised, as they are outside of the commands."""
+    monkeypatch.setattr("equinox._errors.EQX_ON_ERROR", "raise")

@@ -9,15 +9,29 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from tpd import Parameters, Piecewise, Smoothed, simulate, status_name, steady_state
+from tpd import (
+    Parameters,
+    Piecewise,
+    Smoothed,
+    in_chunks,
+    simulate,
+    status_name,
+    steady_state,
+    symmetric_orbits,
+)
 from tpd.analysis.steady_state import Steady
+from tpd.analysis.sweep import CHUNK
+from tpd.analysis.symmetric_orbits import Orbits
+from tpd.core.parameters import as_arrays
 from tpd.models.base import AbstractModel
 
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
@@ -129,6 +143,9 @@ UNSTABLE = ((0.2, 0.0, 0.4, 0.2, 0.05, 0.1, 1.0), 0.155239, 1.458)
 """A bare block whose symmetric orbit repels (same source): parameters, amplitude (six digits), and
 the size of the largest multiplier of half a period."""
 
+SLOW = (0.269, 0.445, 1.989, 0.098, 0.004, 0.387, 4.151)
+"""Comes to its orbit so slowly that 500 periods of following alone are not enough."""
+
 
 def named(case: Case) -> str:
     """What pytest calls a case."""
@@ -145,25 +162,38 @@ class Answer(NamedTuple):
     steady: Steady
 
 
-def solver(model: AbstractModel, size: int) -> Callable[..., Answer]:
-    """`steady_state` of one model as a function of a vector, compiled once for all tests."""
+def solver(model: AbstractModel | Callable[..., AbstractModel], size: int) -> Callable[..., Answer]:
+    """`steady_state` of one model, or of what gives one for the arguments after `y0`, as a function of a
+    vector, compiled once for all tests."""
 
     @jax.jit
-    def solve(x: jax.Array, y0: jax.Array) -> tuple[jax.Array, Steady]:
+    def solve(x: jax.Array, y0: jax.Array, *settings: jax.Array) -> tuple[jax.Array, Steady]:
+        chosen = model if isinstance(model, AbstractModel) else model(*settings)
+
         def sizes(x: jax.Array) -> tuple[jax.Array, Steady]:
-            s = steady_state(parameters(x), model=model, y0=y0)
+            s = steady_state(parameters(x), model=chosen, y0=y0)
             return jnp.stack([s.amplitude, s.stroke, *s.state]), s
 
         return jax.jacrev(sizes, has_aux=True)(x)
 
-    def answer(x: Any, y0: Any = REST) -> Answer:
+    def answer(x: Any, y0: Any = REST, *settings: float) -> Answer:
         full = np.ones(size)
         full[: len(x)] = x
-        slopes, s = solve(full, np.asarray(y0, dtype=float))
+        slopes, s = solve(full, np.asarray(y0, dtype=float), *map(np.asarray, settings))
         slopes = np.asarray(slopes)[:, : len(x)]
         return Answer(float(s.amplitude), float(s.stroke), status_name(s.status), slopes, s)
 
     return answer
+
+
+def orbits_of(p: Parameters) -> Orbits:
+    """`symmetric_orbits` of one design, or of many along a leading axis, by the program of sweeps and maps:
+    compiled once for all tests."""
+    # One structure for all, whatever was left out.
+    p = as_arrays(replace(p, rho=p.inertia_ratio, e=p.velocity_ratio))
+    many = any(jnp.ndim(x) for x in jax.tree.leaves(p))
+    orbits = in_chunks(symmetric_orbits, p if many else jax.tree.map(jnp.atleast_1d, p), chunk=CHUNK)
+    return orbits if many else jax.tree.map(lambda x: x[0], orbits)
 
 
 MOST_TIMES = 361
@@ -189,8 +219,24 @@ def along(x: Any, y0: Any, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, s
 
 exact = solver(Piecewise(), 8)
 """(parameters, y0) to the answer of `Piecewise()`; e = 1 unless given."""
-smoothed = solver(Smoothed(), 7)
-"""The same of `Smoothed()`, which has no e."""
+
+
+class Coarser(Smoothed):
+    """`Smoothed` whose widths are multiplied by a number that a compiled program takes."""
+
+    times: jax.Array = eqx.field(kw_only=True)
+
+    def widths(self, p: Parameters) -> tuple[jax.Array, jax.Array]:
+        """See `Smoothed.widths`."""
+        return tuple(self.times * width for width in super().widths(p))
+
+
+_by_smoothed = solver(lambda times: Coarser(times=times), 7)
+
+
+def smoothed(x: Any, y0: Any = REST, coarser: float = 1.0) -> Answer:
+    """The same of `Smoothed()`, which has no e, or with all its widths some times as large."""
+    return _by_smoothed(x, y0, coarser)
 
 
 def differences(function: Callable[[np.ndarray], Any], x: Any, i: int, *, share: float = 0.01) -> Any:

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
 
-from tpd import Parameters, Pendulum, design_map, paper_scene, status_name, steady_state, symmetric_orbits
+from tests.reference import orbits_of
+from tpd import Parameters, Pendulum, design_map, paper_scene, status_name, steady_state
 from tpd.analysis.design_map import DesignMap
 from tpd.cli import main
 from tpd.closed_form.no_uplift import uplift
@@ -38,7 +39,7 @@ def over_motion() -> DesignMap:
 
 def expected(p: Parameters) -> tuple[str, float, float]:
     """The largest attracting motion of one design, said again."""
-    orbits, still = symmetric_orbits(p), uplift(p)
+    orbits, still = orbits_of(p), uplift(p)
     names = [status_name(jax.tree.map(lambda x, i=i: x[i], orbits.status)) for i in range(3)]
     if "rocking" in names:
         i = names.index("rocking")

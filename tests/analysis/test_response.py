@@ -11,7 +11,8 @@ import math
 import numpy as np
 import pytest
 
-from tpd import Parameters, Pendulum, branches, paper_scene, settled_response, symmetric_orbits
+from tests.reference import orbits_of
+from tpd import Parameters, Pendulum, branches, paper_scene, settled_response
 from tpd.analysis.bifurcations import Kind, bifurcations
 from tpd.analysis.response import Branches, frequencies
 from tpd.analysis.sweep import sweep
@@ -79,7 +80,7 @@ def test_at_constant_amplitude_every_frequency_is_a_scene_of_its_own():
     s = sweep(SCENE, "frequency", frequencies, pendulum=HUNG)
     for i, frequency in enumerate(frequencies):
         motion = dataclasses.replace(SCENE.motion, frequency=float(frequency))
-        orbits = symmetric_orbits(dataclasses.replace(SCENE, motion=motion).parameters(HUNG))
+        orbits = orbits_of(dataclasses.replace(SCENE, motion=motion).parameters(HUNG))
         np.testing.assert_allclose(s.amplitude[i], np.asarray(orbits.amplitude), rtol=1e-12)
     assert np.isfinite(s.amplitude).sum() > 3
 

@@ -67,6 +67,7 @@ def test_whole_numbers_are_parameters_too():
     np.testing.assert_array_equal(state, simulate(floats, np.zeros(4), np.array([0.0, 1.0])).ys)
 
 
+@pytest.mark.usefixtures("raises_within_programs")
 def test_a_design_of_plain_numbers_settles_without_any_jax_in_sight():
     steady = steady_state(parameters(STILL.x), y0=np.array(REST), throw=True)
     assert status_name(steady.status) == "rest"
@@ -74,6 +75,7 @@ def test_a_design_of_plain_numbers_settles_without_any_jax_in_sight():
     assert steady.stroke == pytest.approx(exact(STILL.x).stroke, rel=1e-12)
 
 
+@pytest.mark.usefixtures("raises_within_programs")
 def test_throw_raises_what_the_status_says():
     assert status_name(steady_state(OVERTURNING).status) == "overturned"
     with pytest.raises(RuntimeError, match="the block overturns"):

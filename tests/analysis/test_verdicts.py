@@ -1,12 +1,12 @@
 """What is said of motions at the limits: held leaning, neutral, resting, and without a finite number."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import HUNG, REST, exact, parameters
-from tpd import Piecewise, Segmented, Status, Terms, simulate, status_name, steady_state, symmetric_orbits
+from tests.analysis.test_symmetric_orbits import solve
+from tests.reference import HUNG, NAMES, REST, exact, orbits_of, parameters
+from tpd import Piecewise, Segmented, Status, simulate, status_name, steady_state
 from tpd.core.status import names_of
 
 LEANING = ((0.1, 0.0, 1.0, 0.3, 0.05, 0.01, 2.0), (0.09, 0.0, 0.0, 0.0))
@@ -37,6 +37,7 @@ def test_a_held_block_that_never_moved_leans_as_it_started():
     assert mirrored.amplitude == LEANING[1][0]
 
 
+@pytest.mark.usefixtures("raises_within_programs")
 def test_throw_says_what_to_do_about_a_held_block():
     with pytest.raises(RuntimeError, match=r"Friction holds the block leaning.*Start from another state"):
         steady_state(parameters(LEANING[0]), y0=np.array(LEANING[1]), throw=True)
@@ -50,8 +51,7 @@ def test_a_block_that_shaking_may_still_move_is_not_held(xi):
 
 
 def test_segments_tell_a_held_block_too():
-    model = Segmented(terms=Terms.linear)
-    steady = steady_state(parameters(LEANING[0]), y0=np.array(LEANING[1]), model=model)
+    steady = steady_state(parameters(LEANING[0]), y0=np.array(LEANING[1]), model=Segmented())
     assert status_name(steady.status) == "held"
     assert float(steady.amplitude) == pytest.approx(LEANING[1][0], rel=1e-12)
 
@@ -75,7 +75,7 @@ def conserving(n):
 
 
 def test_symmetric_orbits_where_nothing_takes_energy_are_neutral_or_repel():
-    orbits = jax.jit(jax.vmap(lambda x: symmetric_orbits(parameters(x))))(conserving(200))
+    orbits = orbits_of(parameters(list(conserving(200).T)))
     names, sizes = names_of(orbits.status), np.abs(np.asarray(orbits.multipliers)).max(axis=-1)
     assert not np.any(np.isin(names, ["rocking", "sticking"]))
     assert np.sum(names == "neutral") > 40
@@ -86,7 +86,7 @@ def test_symmetric_orbits_where_nothing_takes_energy_are_neutral_or_repel():
 def test_a_motion_on_a_neutral_orbit_is_called_neutral_and_has_no_gradient():
     seen = 0
     for x in CONSERVING:
-        orbits = symmetric_orbits(parameters(x))
+        orbits = orbits_of(parameters(x))
         for i, name in enumerate(names_of(orbits.status)):
             if name == "neutral":
                 seen += 1
@@ -98,10 +98,11 @@ def test_a_motion_on_a_neutral_orbit_is_called_neutral_and_has_no_gradient():
 
 
 def test_a_neutral_orbit_has_the_gradient_of_differences():
-    x = jnp.array(CONSERVING[0])
-    slope = jax.grad(lambda f: symmetric_orbits(parameters(x.at[5].set(f))).amplitude[0])(0.1)
-    up, down = (float(symmetric_orbits(parameters(x.at[5].set(0.1 + h))).amplitude[0]) for h in (1e-5, -1e-5))
-    assert float(slope) == pytest.approx((up - down) / 2e-5, rel=1e-6)
+    xs, forcing = np.tile(CONSERVING[0], (3, 1)), NAMES.index("f")
+    xs[:, forcing] += [0.0, -1e-5, 1e-5]
+    o = solve(xs)
+    _, down, up = o.amplitude[:, 0]
+    assert o.slopes[0, 0, 0, forcing] == pytest.approx((up - down) / 2e-5, rel=1e-6)
 
 
 def test_an_orbit_with_losses_is_still_attracting():
@@ -112,7 +113,7 @@ def test_following_that_breaks_off_leaves_finite_numbers():
     # Followed for its exponent the motion meets more events in a period than are allowed.
     x = (0.2, 0.1, 0.4, 0.0, 0.03, 0.25, 4.0)
     run = jax.jit(lambda n: steady_state(parameters(x), y0=np.array(REST), model=n), static_argnums=0)
-    for events in (12, 14, 16, 18, 20, 22, 24, 28, 32):
+    for events in (12, 18, 24, 32):
         steady = run(Piecewise(max_periods=2, max_events=events))
         name = status_name(steady.status)
         assert name in ("event_bound", "not_settled", "aperiodic")

@@ -16,9 +16,10 @@ from tests.reference import (
     differences,
     exact,
     named,
+    orbits_of,
     parameters,
 )
-from tpd import Parameters, in_chunks, symmetric_orbits
+from tpd import Parameters
 from tpd.closed_form import (
     neglected_harmonics,
     one_harmonic,
@@ -201,7 +202,7 @@ def compared():
     """Of 300 scenes, (300, 2) each: the error of the balance against the exact orbit of like phase as a
     share (NaN where there is none), the first-order correction, the bound, whether the balance has one."""
     p = Parameters(**scenes(300, seed=5))
-    both, left_out, orbits = one_harmonic_branches(p), neglected_harmonics(p), in_chunks(symmetric_orbits, p)
+    both, left_out, orbits = one_harmonic_branches(p), neglected_harmonics(p), orbits_of(p)
     off = orbits.phase[:, None, :] - both.phase[:, :, None]
     off = np.abs((off + np.pi) % (2 * np.pi) - np.pi)
     size = np.abs(np.log(orbits.amplitude[:, None, :] / np.where(both.exists, both.amplitude, 1)[:, :, None]))
@@ -278,7 +279,7 @@ def test_no_branch_no_size():
         assert not found.stroke.any()
     assert np.all(np.isinf(neglected_harmonics(weak).bound))
     for form in (one_harmonic_branches, parametric_branches, neglected_harmonics):
-        slopes = jax.jacrev(lambda p, form=form: form(p)[0])(as_arrays(weak))
+        slopes = jax.jit(jax.jacrev(lambda p, form=form: form(p)[0]))(as_arrays(weak))
         assert all(np.all(x == 0) for x in jax.tree.leaves(slopes))
 
 

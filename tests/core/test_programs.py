@@ -1,5 +1,7 @@
+import inspect
 import os
 import warnings
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +11,7 @@ import pytest
 from tpd.core import programs
 from tpd.core.programs import Program
 from tpd.core.status import Status, names_of
+from tpd.design.subproblem import _solved
 
 TRACED: list[tuple[int, ...]] = []
 
@@ -26,10 +29,20 @@ def shifted_by(step):
     return shifted
 
 
+class Step(NamedTuple):
+    """A type of its own that a function closes over."""
+
+    size: float
+
+    def __radd__(self, x):
+        return x + self.size
+
+
 @pytest.fixture
-def folder(tmp_path):
-    """A folder of one's own for programs, for one test."""
+def folder(tmp_path, monkeypatch):
+    """A folder of one's own for programs, for one test, with those of the functions here."""
     before = list(programs._folder)
+    monkeypatch.setattr(programs, "_SOURCES", frozenset({"tests"}))
     programs.keep_in(tmp_path / "kept")
     TRACED.clear()
     yield tmp_path / "kept"
@@ -79,6 +92,21 @@ def test_a_function_that_no_words_tell_apart_is_not_kept(folder):
     Program(lambda x: x)(np.zeros(2))
     Program(shifted_by(weights))(np.zeros(2))
     assert list(folder.iterdir()) == []
+
+
+def test_a_function_of_others_and_what_is_made_of_their_types_is_not_kept(folder, monkeypatch):
+    Program(shifted_by(Step(1.0)))(np.zeros(2))
+    monkeypatch.setattr(programs, "_SOURCES", frozenset({"tpd"}))
+    ask()
+    assert list(folder.iterdir()) == []
+
+
+def test_a_function_is_the_same_behind_a_check_of_types_and_another_behind_a_transformation():
+    known = programs._identity(_solved)
+    assert known == "tpd.design.subproblem._solved[]"
+    assert programs._identity(inspect.unwrap(_solved)) == known
+    assert programs._identity(jax.vmap(_solved)) is None
+    assert programs._identity(jax.vmap(inspect.unwrap(_solved))) is None
 
 
 @pytest.mark.parametrize("spoil", ["cut", "empty", "changed"])

@@ -7,6 +7,7 @@ import pytest
 
 import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
+from tests.reference import orbits_of
 from tpd.core.parameters import as_arrays
 from tpd.design.objective import KINDS, REST, ROCKING, Orbits, geometry_of, margins
 
@@ -40,7 +41,7 @@ def test_a_condition_is_answered_by_its_largest_attracting_orbit_or_by_rest(obje
         mass, length, damping = GOOD[0]
         scene = dataclasses.replace(SCENE, motion=motion)
         p = scene.parameters(scene.pendulum(mass_ratio=mass, length_ratio=length, damping_ratio=damping))
-        found = tpd.symmetric_orbits(p)
+        found = orbits_of(p)
         assert KINDS[e.kind[0, i]] == "rocking"
         assert e.tilt[0, i] == pytest.approx(float(found.amplitude[0]) / p.nu, rel=1e-10)
         assert e.stroke[0, i] == pytest.approx(float(found.stroke[0]), rel=1e-10)
@@ -128,7 +129,7 @@ def test_the_torus_margin_vanishes_where_a_pair_of_multipliers_leaves_the_circle
     for factor in (0.99, 1.0, 1.01):
         motion = dataclasses.replace(SCENE.motion, frequency=2.0, amplitude=0.015 * factor)
         hung = SCENE.pendulum(mass_ratio=edge[0, 0], length_ratio=edge[0, 1], damping_ratio=edge[0, 2])
-        orbit = tpd.symmetric_orbits(dataclasses.replace(SCENE, motion=motion).parameters(hung))
+        orbit = orbits_of(dataclasses.replace(SCENE, motion=motion).parameters(hung))
         sides.append((float(orbit.margins.torus[0]), float(np.abs(orbit.multipliers[0]).max())))
         assert orbit.margins.fold[0] > 1.0
         assert orbit.margins.symmetry[0] > 1.0

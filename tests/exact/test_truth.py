@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import parameters
+from tests.reference import orbits_of, parameters
 from tests.truth import load
-from tpd import Piecewise, simulate, status_name, steady_state, symmetric_orbits
+from tpd import Piecewise, simulate, status_name, steady_state
 from tpd.core.equations import Linear
 
 ROWS = load()
@@ -84,10 +84,9 @@ def test_energy_stays_through_ten_thousand_crossings():
 
 
 def test_orbits_of_the_scalar_equation_are_those_of_fifty_digits():
-    solve = jax.jit(lambda x: symmetric_orbits(parameters(x)))
     checked = 0
     for row in SETTLED:
-        orbits = solve(np.array(row["parameters"]))
+        orbits = orbits_of(parameters(row["parameters"]))
         if status_name(jax.tree.map(lambda v: v[0], orbits.status)) != "rocking":
             continue
         error = abs(float(orbits.amplitude[0]) / max(float(row["amplitude"]), 1e-300) - 1.0)

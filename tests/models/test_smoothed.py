@@ -15,13 +15,11 @@ from tests.reference import (
     named,
     parameters,
     smoothed,
-    solver,
 )
 from tpd import Smoothed, Status, simulate, steady_state
 from tpd.models.smoothed import rocking_scale
 
 COARSER = 4.0
-coarse = solver(Smoothed(sharpness=COARSER * Smoothed().sharpness), 7)
 
 
 @pytest.mark.parametrize("case", MOVING, ids=named)
@@ -47,7 +45,8 @@ def test_stroke_and_multiplier_are_near_the_exact_ones(case):
 
 @pytest.mark.parametrize("case", [HUNG[0], BARE[1]], ids=named)
 def test_the_bias_falls_in_proportion_to_the_sharpness(case):
-    few, many, truth = (solve(case.x, case.y0) for solve in (smoothed, coarse, exact))
+    few, many = (smoothed(case.x, case.y0, times) for times in (1.0, COARSER))
+    truth = exact(case.x, case.y0)
     ratio = (many.amplitude - truth.amplitude) / (few.amplitude - truth.amplitude)
     assert 0.8 < np.log(ratio) / np.log(COARSER) < 1.2
     ratio = np.abs(many.slopes[0] - truth.slopes[0]).max() / np.abs(few.slopes[0] - truth.slopes[0]).max()
@@ -96,6 +95,10 @@ def test_a_trajectory_is_near_the_exact_one():
 
 def test_widths_follow_the_orbit_that_is_expected():
     p = parameters(HUNG[0].x)
+    coarser = [COARSER * width for width in Smoothed().widths(p)]
+    np.testing.assert_allclose(
+        Smoothed(sharpness=COARSER * Smoothed().sharpness).widths(p), coarser, rtol=1e-15
+    )
     width, rate_width = Smoothed(sharpness=0.01).widths(p)
     assert width == pytest.approx(0.01 * rocking_scale(p), rel=1e-14)
     assert rate_width == pytest.approx(p.xi * width, rel=1e-14)

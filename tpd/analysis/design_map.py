@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from tpd.analysis.sweep import CHUNK
 from tpd.analysis.symmetric_orbits import Orbits, symmetric_orbits
 from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
@@ -120,7 +121,7 @@ def design_map(
     y0 = None if start is None else _state(start)
     still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
     with shown_count(progress, "mapping") as report:
-        orbits = in_chunks(symmetric_orbits, designs, progress=report if y0 is None else None)
+        orbits = in_chunks(symmetric_orbits, designs, chunk=CHUNK, progress=report if y0 is None else None)
         if y0 is None:
             answer = _largest(orbits, still["margin"], still["stroke"])
         else:

@@ -17,8 +17,9 @@ from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import names_of
 from tpd.exact.orbit_candidates import ORBITS
 
-_CHUNK = 128
-"""Orbits solved at once: fewer than in large batches, which a sweep seldom fills."""
+CHUNK = 128
+"""Orbits solved at once: fewer than in large batches, which a sweep seldom fills. Maps take as many, so that
+both need one compiled program."""
 _APART = 1.0
 """Distance of two orbits, as the sum of shares of h, rad, and logarithms of the amplitude, beyond
 which they are never neighbours on a branch."""
@@ -95,7 +96,7 @@ def sweep(subject: Parameters | Scene, name: str, values: Any, *, pendulum: Pend
 
 def orbits_at(axis: Axis, values: np.ndarray) -> tuple[Orbits, np.ndarray]:
     """The orbits at any values, as NumPy arrays, and the names of their statuses."""
-    orbits = in_chunks(symmetric_orbits, parameters(list(axis.at(values).T)), chunk=_CHUNK)
+    orbits = in_chunks(symmetric_orbits, parameters(list(axis.at(values).T)), chunk=CHUNK)
     return orbits, names_of(orbits.status)
 
 

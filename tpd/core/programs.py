@@ -2,7 +2,8 @@
 
 JAX's own cache keeps what the compiler has made; to find it there a program is traced first, which takes
 about as long as everything else together. What is kept here is found by what it is made of: the source of
-this package, versions, the processor, settings, the function, and the shapes of its arguments.
+this package, versions, the processor, settings, the function, and the shapes of its arguments. Of functions
+and classes of anybody else the source is not looked at: what is made of them is not kept.
 """
 
 from __future__ import annotations
@@ -29,6 +30,11 @@ from tpd.core import files
 
 _MOST = 64
 """Programs that are kept; of more the oldest go."""
+_SOURCES = frozenset({__name__.partition(".")[0]})
+"""Packages with the functions that are kept: of changes in others `_here` would know nothing."""
+_VALUES = _SOURCES | {"builtins", *files.PACKAGES}
+"""Packages with the types of what such a function closes over: `_here` knows their sources or versions."""
+_CHECKERS = ("jaxtyping.", "beartype.")
 _OTHERS = 0o022
 """Rights of others to write: what they may have written is not executed."""
 _folder: list[Path] = []
@@ -190,20 +196,41 @@ def _is_own(path: Path) -> bool:
 
 
 def _identity(function: Any) -> str | None:
-    """Name of a function and what it closes over; None where no words tell it from any other."""
-    if not inspect.isfunction(function):
+    """Name of a function and what it closes over; None where no words tell it from any other, or where it is
+    made of what `_here` does not know."""
+    plain = _unchecked(function)
+    if not inspect.isfunction(plain) or _package(plain) not in _SOURCES:
         return None
-    parts = [_words(cell.cell_contents) for cell in function.__closure__ or ()]
-    known = None not in parts and "<lambda>" not in function.__qualname__
-    return f"{function.__module__}.{function.__qualname__}{parts}" if known else None
+    parts = [_words(cell.cell_contents) for cell in plain.__closure__ or ()]
+    known = None not in parts and "<lambda>" not in plain.__qualname__
+    return f"{plain.__module__}.{plain.__qualname__}{parts}" if known else None
+
+
+def _unchecked(function: Any) -> Any:
+    """The function that a checker of types has wrapped, or the function itself."""
+    # Others wrap as well, as `jax.vmap` does, but what they return is another function.
+    while inspect.isfunction(function) and function.__globals__["__name__"].startswith(_CHECKERS):
+        function = function.__wrapped__  # type: ignore[attr-defined]
+    return function
 
 
 def _words(value: Any) -> str | None:
     """A value in words that tell it from any other; None for one whose words may not."""
-    leaves = jax.tree.leaves(value)
-    plain = all(isinstance(x, (bool, int, float, str)) for x in leaves)
-    words = f"{leaves} {jax.tree.structure(value)}"
+    leaves, structure = jax.tree.flatten(value)
+    plain = all(isinstance(x, (bool, int, float, str)) for x in leaves) and _is_known(structure)
+    words = f"{leaves} {structure}"
     return words if plain and " at 0x" not in words else None
+
+
+def _is_known(structure: Any) -> bool:
+    """Whether all types in a structure are of packages that `_here` knows."""
+    node = structure.node_data()
+    known = node is None or _package(node[0]) in _VALUES
+    return known and all(map(_is_known, structure.children()))
+
+
+def _package(definition: Any) -> str:
+    return definition.__module__.partition(".")[0]
 
 
 def _digest(*parts: str) -> str:
