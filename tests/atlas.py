@@ -142,7 +142,7 @@ REGIMES = (
         "overturned with infinite sizes; unstable on the saddle; the gradient refused",
         test_ids(
             "atlas",
-            "every_model_tells_an_overturning_and_refuses_its_gradient",
+            "an_overturning_has_a_status_and_no_gradient",
             "a_free_block_let_go_next_to_its_balance_falls_after_the_logarithm_of_the_distance",
             "starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name",
             "the_same_of_the_integrated_models",
@@ -152,7 +152,12 @@ REGIMES = (
             "a_trajectory_after_an_overturning_has_no_derivative",
             "an_overturned_trajectory_says_so_and_ends_in_nan",
         )
-        + test_ids("smoothed", "a_coarse_sharpness_overturns_a_block_that_rocks"),
+        + test_ids(
+            "smoothed",
+            "an_overturning_has_a_status_and_no_gradient",
+            "a_coarse_sharpness_overturns_a_block_that_rocks",
+        )
+        + test_ids("segmented", "an_overturning_has_a_status_and_no_gradient"),
     ),
     Regime(
         "resonance without damping",

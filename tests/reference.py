@@ -143,6 +143,20 @@ UNSTABLE = ((0.2, 0.0, 0.4, 0.2, 0.05, 0.1, 1.0), 0.155239, 1.458)
 """A bare block whose symmetric orbit repels (same source): parameters, amplitude (six digits), and
 the size of the largest multiplier of half a period."""
 
+OVERTURNING = (0.25, 0.1, 0.2, 0.1, 0.05, 0.6, 2.67)
+
+LEANING = ((0.1, 0.0, 1.0, 0.3, 0.05, 0.01, 2.0), (0.09, 0.0, 0.0, 0.0))
+"""|(1 + 2 mu) phi - (1 + mu) nu| = 0.01, and the moment of the shaking at most 0.01: friction 0.05 holds."""
+
+CONSERVING = (
+    (0.2, 0.0, 0.4, 0.2, 0.0, 0.1, 2.0, 1.0),
+    (0.2, 0.0, 0.4, 0.2, 0.0, 0.1, 4.0, 1.0),
+    (0.2, 0.1, 0.4, 0.0, 0.0, 0.2, 3.0, 1.0),
+    (0.25, 0.2, 0.8, 0.0, 0.0, 0.3, 3.5, 1.0),
+    (0.15, 0.3, 0.3, 0.0, 0.0, 0.15, 4.2, 1.0),
+)
+"""Without friction, damping or loss at impacts."""
+
 SLOW = (0.269, 0.445, 1.989, 0.098, 0.004, 0.387, 4.151)
 """Comes to its orbit so slowly that 500 periods of following alone are not enough."""
 
@@ -215,6 +229,14 @@ def along(x: Any, y0: Any, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, s
     full[: len(x)], padded[: len(times)] = x, times
     slopes, (ys, status) = _along(full, np.asarray(y0, dtype=float), padded)
     return np.asarray(ys)[: len(times)], np.asarray(slopes)[: len(times)], status_name(status)
+
+
+def assert_overturned(answer: Answer) -> None:
+    """Check that the status is of an overturning, without sizes or a gradient."""
+    assert answer.status == "overturned"
+    assert answer.amplitude == answer.stroke == np.inf
+    assert np.all(np.isnan(answer.slopes))
+    assert np.isnan(answer.steady.multiplier)
 
 
 exact = solver(Piecewise(), 8)

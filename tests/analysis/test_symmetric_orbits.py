@@ -13,7 +13,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from tests.reference import BARE, MOVING, NAMES, UNSTABLE, Case, along, differences, exact, named, parameters
+from tests.reference import (
+    BARE,
+    CONSERVING,
+    MOVING,
+    NAMES,
+    UNSTABLE,
+    Case,
+    along,
+    differences,
+    exact,
+    named,
+    parameters,
+)
 from tpd import Status, simulate, status_name, symmetric_orbits
 from tpd.exact.orbit_roots import NODES
 
@@ -511,6 +523,14 @@ def test_reverse_mode_gives_the_same_gradient_and_second_derivatives_are_refused
     np.testing.assert_allclose(jax.jit(jax.grad(size))(x), of_case(case).slopes[0], rtol=1e-11)
     # Traced only: that forward mode over reverse mode is possible at all.
     assert jax.eval_shape(jax.hessian(size), x).shape == (8, 8)
+
+
+def test_a_neutral_orbit_has_the_gradient_of_differences():
+    xs, forcing = np.tile(CONSERVING[0], (3, 1)), NAMES.index("f")
+    xs[:, forcing] += [0.0, -1e-5, 1e-5]
+    o = solve(xs)
+    _, down, up = o.amplitude[:, 0]
+    assert o.slopes[0, 0, 0, forcing] == pytest.approx((up - down) / 2e-5, rel=1e-6)
 
 
 # Where orbits end

@@ -4,13 +4,10 @@ import jax
 import numpy as np
 import pytest
 
-from tests.analysis.test_symmetric_orbits import solve
-from tests.reference import HUNG, NAMES, REST, exact, orbits_of, parameters
-from tpd import Piecewise, Segmented, Status, simulate, status_name, steady_state
+from tests.reference import CONSERVING, HUNG, LEANING, REST, exact, orbits_of, parameters
+from tpd import Piecewise, Status, simulate, status_name, steady_state
 from tpd.core.status import names_of
 
-LEANING = ((0.1, 0.0, 1.0, 0.3, 0.05, 0.01, 2.0), (0.09, 0.0, 0.0, 0.0))
-"""|(1 + 2 mu) phi - (1 + mu) nu| = 0.01, and the moment of the shaking at most 0.01: friction 0.05 holds."""
 UNDER_A_SWING = ((0.1, 0.2, 1.0, 0.3, 0.05, 0.01, 2.0), (0.08, 0.15, 0.0, 0.0))
 """Slips at first, since the bob swings far, and is held under its settled swing."""
 
@@ -50,21 +47,6 @@ def test_a_block_that_shaking_may_still_move_is_not_held(xi):
     assert exact(x, LEANING[1]).status != "held"
 
 
-def test_segments_tell_a_held_block_too():
-    steady = steady_state(parameters(LEANING[0]), y0=np.array(LEANING[1]), model=Segmented())
-    assert status_name(steady.status) == "held"
-    assert float(steady.amplitude) == pytest.approx(LEANING[1][0], rel=1e-12)
-
-
-CONSERVING = [
-    (0.2, 0.0, 0.4, 0.2, 0.0, 0.1, 2.0, 1.0),
-    (0.2, 0.0, 0.4, 0.2, 0.0, 0.1, 4.0, 1.0),
-    (0.2, 0.1, 0.4, 0.0, 0.0, 0.2, 3.0, 1.0),
-    (0.25, 0.2, 0.8, 0.0, 0.0, 0.3, 3.5, 1.0),
-    (0.15, 0.3, 0.3, 0.0, 0.0, 0.15, 4.2, 1.0),
-]
-
-
 def conserving(n):
     rng = np.random.default_rng(2)
     x = np.array([0.05, 0.0, 0.1, 0.0, 0.0, 0.02, 1.0, 1.0]) + np.array(
@@ -95,14 +77,6 @@ def test_a_motion_on_a_neutral_orbit_is_called_neutral_and_has_no_gradient():
                 assert answer.amplitude == pytest.approx(float(orbits.amplitude[i]), rel=1e-9)
                 assert np.all(np.isnan(answer.slopes))
     assert seen >= 3
-
-
-def test_a_neutral_orbit_has_the_gradient_of_differences():
-    xs, forcing = np.tile(CONSERVING[0], (3, 1)), NAMES.index("f")
-    xs[:, forcing] += [0.0, -1e-5, 1e-5]
-    o = solve(xs)
-    _, down, up = o.amplitude[:, 0]
-    assert o.slopes[0, 0, 0, forcing] == pytest.approx((up - down) / 2e-5, rel=1e-6)
 
 
 def test_an_orbit_with_losses_is_still_attracting():

@@ -39,9 +39,16 @@ def stages():
 
 
 @pytest.fixture(scope="session")
-def one(stages):
+def searched(tmp_path_factory):
+    """Checkpoint with the searches of `one`."""
+    return tmp_path_factory.mktemp("one") / "unfinished.npz"
+
+
+@pytest.fixture(scope="session")
+def one(stages, searched):
     """Design for one condition, on smoothed signs."""
-    return tpd.optimise(SCENE, LIGHT, progress=lambda *event: stages.append(event), **ONE)
+    settings = ONE | {"checkpoint": searched}
+    return tpd.optimise(SCENE, LIGHT, progress=lambda *event: stages.append(event), **settings)
 
 
 @pytest.fixture(scope="session")

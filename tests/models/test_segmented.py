@@ -11,7 +11,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import HUNG, REST, Answer, differences, parameters, solver
+from tests.reference import (
+    HUNG,
+    LEANING,
+    OVERTURNING,
+    REST,
+    Answer,
+    assert_overturned,
+    differences,
+    parameters,
+    solver,
+)
 from tests.reference import exact as linear
 from tpd import simulate, status_name, steady_state
 from tpd.analysis.compare_models import nonlinear as unpolished
@@ -84,6 +94,16 @@ def test_the_settled_nonlinear_amplitude_is_known_and_near_the_linear_one():
     assert answer.amplitude == pytest.approx(SETTLED, rel=1e-5)
     assert answer.amplitude == pytest.approx(linear(X).amplitude, rel=0.01)
     assert answer.amplitude != pytest.approx(linear(X).amplitude, rel=1e-3)
+
+
+def test_an_overturning_has_a_status_and_no_gradient():
+    assert_overturned(nonlinear(OVERTURNING, slopes=True))
+
+
+def test_a_held_block_has_its_status():
+    steady = steady_state(parameters(LEANING[0]), y0=np.array(LEANING[1]), model=Segmented())
+    assert status_name(steady.status) == "held"
+    assert float(steady.amplitude) == pytest.approx(LEANING[1][0], rel=1e-12)
 
 
 def test_smoothed_comes_to_the_same():

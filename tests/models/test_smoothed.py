@@ -8,8 +8,10 @@ from tests.reference import (
     HUNG,
     MOVING,
     NAMES,
+    OVERTURNING,
     REST,
     STILL,
+    assert_overturned,
     differences,
     exact,
     named,
@@ -80,6 +82,10 @@ def test_a_coarse_sharpness_overturns_a_block_that_rocks():
         simulate(parameters(x), np.array(REST), times, model=Smoothed(sharpness=0.1)).status
         == Status.overturned
     )
+
+
+def test_an_overturning_has_a_status_and_no_gradient():
+    assert_overturned(smoothed(OVERTURNING))
 
 
 def test_a_trajectory_is_near_the_exact_one():

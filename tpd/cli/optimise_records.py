@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from tpd.core.ground_motion import GroundMotion
+    from tpd.core.progress import Bar
+    from tpd.design.ground.design import GroundDesign
+    from tpd.design.ground.front import FrontPoint
 
 _UNFINISHED = "unfinished.npz"
 _USED = {
@@ -93,7 +96,8 @@ def run(options: argparse.Namespace) -> int:
             progress=bar,
             **arguments,
         )
-    written = write(options.out, design, _command(options), list(options.records))
+        points = _front(design, bar) if options.pareto else ()
+    written = write(options.out, design, _command(options), list(options.records), points)
     print("\n" + (options.out / "report.txt").read_text(encoding="utf-8"))
     print("\n".join(f"written: {path}" for path in written))
     if design.status.name == "interrupted":
@@ -101,6 +105,20 @@ def run(options: argparse.Namespace) -> int:
         return common.INTERRUPTED
     unfinished.unlink(missing_ok=True)
     return common.SOUND if design.status.is_sound else common.UNSOUND
+
+
+def _front(design: GroundDesign, bar: Bar) -> tuple[FrontPoint, ...]:
+    """Front of mass against intensity, where there is a best design."""
+    if design.best is None or design.status.name == "interrupted":
+        return ()
+    from tpd.design.ground.front import DEFAULT_SHARES, front
+
+    low, high = design.space.mass_ratio
+    # An interruption here leaves the design whole; only the front is missing.
+    most = [x for x in DEFAULT_SHARES if low < x <= high]
+    with common.left_out("the front"):
+        return front(design, most, progress=lambda done, total: bar("front", done, total)) if most else ()
+    return ()
 
 
 def _refuse_others(given: Mapping[str, Mapping[str, Any]]) -> None:

@@ -14,6 +14,7 @@ from tpd.core.formatting import number
 from tpd.core.scene import Pendulum, Scene
 from tpd.design.criteria import Room, limit_of
 from tpd.design.ground.design import GroundDesign
+from tpd.design.ground.front import FrontPoint
 from tpd.design.ground.groups import Role
 from tpd.design.ground.judgement import Interval, Judged
 from tpd.design.ground.optimise import settings
@@ -46,7 +47,11 @@ _INTENSITIES = {
 
 
 def write(
-    directory: Path, design: GroundDesign, command: str = "", sources: list[str] | None = None
+    directory: Path,
+    design: GroundDesign,
+    command: str = "",
+    sources: list[str] | None = None,
+    points: tuple[FrontPoint, ...] = (),
 ) -> list[Path]:
     """Write report, numbers and pictures; each file appears complete or not at all. Returns the files.
 
@@ -55,24 +60,25 @@ def write(
         design: the answer.
         command: that repeats the run.
         sources: files, folders and sets that the motions come from.
+        points: front of the bob's mass against the intensity that overturns the block.
     """
-    report = content(design, command)
+    report = content(design, command, points)
     written = [
         files.place(directory / "report.txt", text(report)),
-        files.place(directory / "design.json", as_json(design, command, sources)),
+        files.place(directory / "design.json", as_json(design, command, sources, points)),
     ]
     if design.searched is not None:
         written.append(files.place(directory / "designs.csv", _designs(design)))
     if design.judged:
         written.append(files.place(directory / "groups.csv", _groups(design)))
     # Numbers are on disk before the pictures are drawn.
-    drawn = dict(_pictures(design))
+    drawn = dict(_pictures(design, points))
     written += [files.place(directory / name, png) for name, png in drawn.items()]
     written.append(files.place(directory / "report.html", html(report, drawn)))
     return written
 
 
-def content(design: GroundDesign, command: str = "") -> Report:
+def content(design: GroundDesign, command: str = "", points: tuple[FrontPoint, ...] = ()) -> Report:
     """Build the report of a design on ground motions."""
     scene = _scene(design)
     verdict = (information if design.status.is_sound else danger)(design.status.value)
@@ -82,6 +88,7 @@ def content(design: GroundDesign, command: str = "") -> Report:
         "The answer": _answer(design),
         "On ground motions": _judged(design),
         "Parts": _parts(design),
+        "What a kilogramme pays": _front(points),
         "The block": _figure(design, "drawing.png", "The block with its pendulum, to scale"),
         "Where it was searched": _search(design),
         "Assumptions": [Listing(tuple(_assumptions(design)))],
@@ -237,6 +244,33 @@ def _parts(design: GroundDesign) -> list[Block]:
     return [Table(("load", "value"), rows, caption)]
 
 
+def _front(points: tuple[FrontPoint, ...]) -> list[Block]:
+    if not points:
+        return []
+    rows = tuple(
+        (
+            f"{p.most:.0%}",
+            None if p.design is None else "μ = {:.3g}, λ = {:.3g}, ζ = {:.2g}".format(*p.design),
+            *(_median(x) for x in p.medians),
+            None if p.overturned is None else _interval(p.overturned),
+        )
+        for p in points
+    )
+    head = ("bob at most", "best design", "median intensity without", "with it", "overturned, change (95 %)")
+    caption = (
+        "Nonlinear equations, on the motions of the search: the front compares masses, and claims nothing."
+    )
+    name = "Median intensity that overturns the block, over the largest mass of the bob"
+    return [Figure("front.png", name, f"{name}."), Table(head, rows, caption)]
+
+
+def _median(x: float) -> str | None:
+    # Zero: more than half of the runs overturn at the lowest stripe already; infinite: fewer at the highest.
+    if math.isnan(x):
+        return None
+    return number(x) if 0.0 < x < math.inf else "above the stripes" if x > 0.0 else "below the stripes"
+
+
 def _search(design: GroundDesign) -> list[Block]:
     found = design.searched
     if found is None:
@@ -282,7 +316,12 @@ def _repeat(design: GroundDesign, command: str) -> list[Block]:
     return [*([Code(command)] if command else []), said]
 
 
-def as_json(design: GroundDesign, command: str = "", sources: list[str] | None = None) -> str:
+def as_json(
+    design: GroundDesign,
+    command: str = "",
+    sources: list[str] | None = None,
+    points: tuple[FrontPoint, ...] = (),
+) -> str:
     """The design as sorted JSON."""
     found, hung = design.searched, design.pendulum
     # Everything that repeats the run, and all that was found.
@@ -298,6 +337,7 @@ def as_json(design: GroundDesign, command: str = "", sources: list[str] | None =
         "benefit": None if design.benefit is None else plain(design.benefit._asdict()),
         "groups": [_group(g) for g in design.judged],
         "parts": design.parts,
+        "front": list(points),
         "searched": None if found is None else found._asdict(),
         "block": design.block,
         "gravity": design.gravity,
@@ -337,10 +377,12 @@ def _groups(design: GroundDesign) -> str:
     return files.as_csv(("group", "intensity", "motions", "overturned_bare", "overturned_hung"), rows)
 
 
-def _pictures(design: GroundDesign) -> Iterator[tuple[str, bytes]]:
+def _pictures(design: GroundDesign, points: tuple[FrontPoint, ...]) -> Iterator[tuple[str, bytes]]:
     from tpd.plot import drawing, style
-    from tpd.plot.ground_design import plot_groups, plot_search
+    from tpd.plot.ground_design import plot_front, plot_groups, plot_search
 
+    if points:
+        yield "front.png", style.png(plot_front(points).figure)
     if design.judged:
         yield "groups.png", style.png(plot_groups(design)[0].figure)
     if design.searched is not None:
