@@ -352,7 +352,7 @@ def draw_grid(cells):
         if cell["tilt"] is not None:
             change[i, j] = cell["tilt"][0]
         sure = cell["status"] == "found"
-        words = "none\nfits" if cell["tilt"] is None else f"{100.0 * cell['tilt'][0]:+.0f}"
+        words = "none\nfits" if cell["tilt"] is None else f"{100.0 * cell['tilt'][0]:+.0f}".replace("-", "−")
         overturned = cell["overturned"]
         if overturned is not None:
             words += f"\n{overturned[0]:.0%} → {overturned[1]:.0%}"
@@ -362,6 +362,9 @@ def draw_grid(cells):
     ax.set_xticks(range(len(HEIGHTS)), [f"{h:g}" for h in HEIGHTS])
     ax.set_yticks(range(len(SLENDERNESS)), [f"{nu:g}" for nu in SLENDERNESS])
     ax.set(xlabel="height of the block (m)", ylabel="slenderness width/height (-)")
+    ax.set_title(
+        "above: mean tilt, change in % of ν; below: overturned without → with; bold: offered", size=9
+    )
     (PICTURES / "worth_grid.png").write_bytes(style.png(ax.figure))
 
 

@@ -154,7 +154,7 @@ def _scanned(
     falls = overturns(scales)
     # Every change between two factors is a border of a tongue.
     edges = np.flatnonzero(falls[1:] != falls[:-1])
-    borders = _bisected(overturns, scales[edges], scales[edges + 1], falls[edges])
+    borders = bisected(overturns, scales[edges], scales[edges + 1], falls[edges])
     if falls[0]:
         borders = np.concatenate([[scales[0]], borders])
     if len(borders) % 2:
@@ -165,12 +165,21 @@ def _scanned(
     return np.asarray(first), tongues
 
 
-def _bisected(overturns: Any, lo: np.ndarray, hi: np.ndarray, low_falls: np.ndarray) -> np.ndarray:
-    """Crossings between `lo` and `hi` to rounding; the end that overturns the block."""
+def bisected(
+    overturns: Any, lo: np.ndarray, hi: np.ndarray, low_falls: np.ndarray, rounds: int = 12
+) -> np.ndarray:
+    """Crossings between `lo` and `hi`; the end that overturns the block.
+
+    Args:
+        overturns: function of factors, shape (crossings, k): whether each overturns the block.
+        lo: factors, shape (crossings,).
+        hi: factors, on the other side of each crossing.
+        low_falls: whether `lo` is the side that overturns the block.
+        rounds: each divides the distance by 32; twelve reach the rounding of a double.
+    """
     lo, hi = lo.copy(), hi.copy()
     share = np.linspace(0.0, 1.0, _SECTIONS + 1)
-    # Each round divides by 32: eleven reach the rounding of a double.
-    for _ in range(12):
+    for _ in range(rounds):
         if not len(lo) or np.all(hi - lo <= 4e-16 * hi):
             break
         tried = lo[:, None] + (hi - lo)[:, None] * share

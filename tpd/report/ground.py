@@ -174,6 +174,7 @@ def _demand(design: GroundDesign) -> str:
     what = {
         "CappedTilt": "largest tilt over the slenderness of each run, an overturning as 1",
         "Exceedance": "smoothed share of the runs beyond a tilt",
+        "CriticalIntensity": "reciprocal of the intensity from which each motion overturns the block",
     }.get(kind, kind)
     return f"{what}; {design.risk.name} over all runs"
 

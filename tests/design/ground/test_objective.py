@@ -38,7 +38,7 @@ def test_a_scattered_run_is_that_of_the_scattered_block(records):
     scatter = {"slenderness": 0.02, "mass": 0.05, "length": 0.05, "damping": 0.2, "restitution": 0.02}
     conditions = tpd.Conditions.records(records[:2], (1.5,), scatter=scatter)
     one = GroundObjective(BLOCK, conditions, LIMITS, 0.1)
-    x, _ = one._rows(DESIGN)
+    x, _ = one.rows(DESIGN)
     for i in range(2):
         factors = {name: conditions.column(name)[i] for name in scatter}
         assert x[i, 0] == pytest.approx(float(BLOCK.slenderness) * factors["slenderness"])

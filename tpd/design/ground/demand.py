@@ -9,12 +9,15 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from tpd.core import checks
+
+if TYPE_CHECKING:
+    from tpd.design.ground.objective import GroundObjective
 
 
 class Runs(NamedTuple):
@@ -53,15 +56,33 @@ class Demands(NamedTuple):
 
 @dataclass(frozen=True)
 class Demand(ABC):
-    """Number for every run, from 0 on, that a search makes small."""
+    """Number for every condition, from 0 on, that a search makes small."""
+
+    @abstractmethod
+    def follow(
+        self, objective: GroundObjective, designs: np.ndarray, *, slopes: bool = False
+    ) -> tuple[Runs, Demands]:
+        """Follow designs (mu, lam, zeta), shape (m, 3): the runs under all conditions, and the demands."""
+
+
+@dataclass(frozen=True)
+class RunDemand(Demand):
+    """Demand that every run has by itself."""
 
     @abstractmethod
     def of(self, runs: Runs) -> Demands:
         """The demand on every run."""
 
+    def follow(
+        self, objective: GroundObjective, designs: np.ndarray, *, slopes: bool = False
+    ) -> tuple[Runs, Demands]:
+        """See `Demand`."""
+        runs = objective.evaluate(designs, slopes=slopes)
+        return runs, self.of(runs)
+
 
 @dataclass(frozen=True)
-class CappedTilt(Demand):
+class CappedTilt(RunDemand):
     """Largest tilt over the slenderness, and 1 where the block overturns. With `beyond` an overturning counts
     up to so much more, the more the further it is from falling back."""
 
@@ -71,7 +92,7 @@ class CappedTilt(Demand):
         checks.within("beyond", self.beyond, 0.0, 1.0)
 
     def of(self, runs: Runs) -> Demands:
-        """See `Demand`."""
+        """See `RunDemand`."""
         inside = np.isfinite(runs.tilt)
         # Without a cap the few runs that come close to the edge would outweigh all others.
         value = np.where(inside, np.minimum(runs.tilt, 1.0), 1.0)
@@ -86,7 +107,7 @@ class CappedTilt(Demand):
 
 
 @dataclass(frozen=True)
-class Exceedance(Demand):
+class Exceedance(RunDemand):
     """Whether the tilt exceeds a share of the slenderness, smoothed: Phi(ln(tilt/level)/width), and 1 where
     the block overturns. The mean is the share of the motions beyond the level; see `share_beyond`."""
 
@@ -99,7 +120,7 @@ class Exceedance(Demand):
         checks.positive("width", self.width)
 
     def of(self, runs: Runs) -> Demands:
-        """See `Demand`."""
+        """See `RunDemand`."""
         # A block that never lifts has no logarithm of its tilt, and is below any level.
         inside = np.isfinite(runs.tilt) & (runs.tilt > 0.0)
         tilt = np.where(inside, runs.tilt, 1.0)
@@ -109,6 +130,40 @@ class Exceedance(Demand):
         value = np.where(inside, _normal(x), np.where(np.isfinite(runs.tilt), 0.0, 1.0))
         by_tilt = np.where(inside, density / (self.width * tilt), 0.0)
         return Demands(value, np.where(inside[..., None], by_tilt[..., None] * runs.tilt_slope, 0.0))
+
+
+@dataclass(frozen=True)
+class CriticalIntensity(Demand):
+    """Reciprocal of the intensity from which a motion overturns the block, 0 if none of a scan does. With
+    `Risk.worst()` a search makes the least critical intensity of all motions large.
+
+    The crossing is the first that the scan sees: above it there may be intensities that do not overturn the
+    block, and the runs of the judgement show these. Where another crossing becomes the first, the demand
+    jumps.
+    """
+
+    scan: float = 0.05
+    """Relative step: narrower tongues are not seen."""
+    highest: float = 20.0
+    """End of the scan, over the intensity that lifts the bare block."""
+
+    def __post_init__(self) -> None:
+        checks.within("scan", self.scan, 1e-4, 0.5)
+        checks.within("highest", self.highest, 1.0, 1e3)
+
+    def follow(
+        self, objective: GroundObjective, designs: np.ndarray, *, slopes: bool = False
+    ) -> tuple[Runs, Demands]:
+        """See `Demand`."""
+        from tpd.design.ground.crossing import crossings
+
+        # The runs at the intensities of the conditions are for the limits.
+        runs = objective.evaluate(designs)
+        critical, by = crossings(objective, designs, self.scan, self.highest, slopes=slopes)
+        value = 1.0 / critical
+        return runs, Demands(
+            value, np.where(np.isfinite(critical)[..., None], -(value**2)[..., None] * by, 0.0)
+        )
 
 
 class Share(NamedTuple):

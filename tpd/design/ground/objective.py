@@ -81,7 +81,7 @@ class GroundObjective:
         design with mu = 0 is the bare block."""
         from tpd.models.compiled_shaken import follow_all
 
-        x, ratio_by_mass = self._rows(designs)
+        x, ratio_by_mass = self.rows(designs)
         which, free = self._shared(len(designs))
         options: dict[str, Any] = {"max_events": min(_EVENTS, MAX_EVENTS), "progress": progress}
         ratio = ratio_by_mass if slopes else None
@@ -94,7 +94,7 @@ class GroundObjective:
         from tpd.models.compiled_nonlinear import shake_nonlinear
 
         which, free = self._shared(len(designs))
-        found, _ = shake_nonlinear(self._rows(designs)[0], self.pieces, which, free, progress=progress)
+        found, _ = shake_nonlinear(self.rows(designs)[0], self.pieces, which, free, progress=progress)
         return self._runs(found, None, designs)
 
     def sizes(self, runs: Runs, designs: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
@@ -110,7 +110,7 @@ class GroundObjective:
         """Motion and free time (tau) of every run."""
         return np.tile(self._which, m), np.full(m * len(self.conditions), self.free * self.rate)
 
-    def _rows(self, designs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def rows(self, designs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Parameters (m n, 9) of the compiled code, and the derivatives of e in mu."""
         m, motions, which = len(designs), self.conditions.motions, self._which
         # The factor on the amplitude is in units of the intensity, and is applied motion by motion.

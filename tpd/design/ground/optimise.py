@@ -201,8 +201,8 @@ def _within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) ->
 def solve(problem: GroundProblem, store: Store, report: Progress | None) -> GroundDesign:
     """Search, and judge the best design; see `optimise_on_motions`."""
     objective, demand, risk = problem.objective, problem.demand, problem.risk
-    bare = objective.evaluate(np.array([[0.0, 1.0, 0.3]]))
-    demanded = float(risk.of(demand.of(bare).value)[0])
+    bare, demands = demand.follow(objective, np.array([[0.0, 1.0, 0.3]]))
+    demanded = float(risk.of(demands.value)[0])
     search = Searcher(
         objective,
         demand,

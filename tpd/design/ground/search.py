@@ -147,9 +147,8 @@ class Searcher:
 
     def evaluate(self, designs: np.ndarray) -> Evaluated:
         """Follow designs through all motions."""
-        runs = self.objective.evaluate(designs, slopes=self._asks_derivatives)
+        runs, found = self.demand.follow(self.objective, designs, slopes=self._asks_derivatives)
         self.names, sizes = self.objective.sizes(runs, designs)
-        found = self.demand.of(runs)
         slope, error = self._slopes(found)
         share = runs.overturned.mean(axis=1)
         return Evaluated(designs, self.risk.of(found.value), slope, error, sizes, share)
