@@ -5,7 +5,8 @@
 Parts: times, optimisers, share, benefit, harm, grid; all by default. The records are those of FEMA P695
 (`tpd[records]`), the other optimisers need `tpd[benchmarks]`. Tables stand in
 `tests/benchmarks/results/ground_design.md`, one section a part; the numbers of the grid in
-`results/worth_grid.json`, and its picture in `notebooks/pictures/worth_grid.png`.
+`results/worth_grid.json`, and its picture in `notebooks/pictures/worth_grid.png`; `benefit` draws
+`notebooks/pictures/fragility.png`.
 """
 
 import argparse
@@ -252,6 +253,8 @@ def benefit():
         objective = GroundObjective(block(name), found.conditions, found.limits, 0.1)
         beside = judge(objective, found.best, other, STRIPES, scatter=found.scatter, seed=0)
         held = found.judged[1]
+        if name == "statue 1.8 m":
+            (PICTURES / "fragility.png").write_bytes(style.png(plot_groups(found)[0].figure))
         rows.append(
             (
                 name,

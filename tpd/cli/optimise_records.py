@@ -54,6 +54,13 @@ def add(group: Any) -> None:
         "files, folders and sets of others (default 0.5)",
     )
     group.add_argument(
+        "--demand",
+        default="tilt",
+        choices=_DEMANDS,
+        help="what is made small under records: the mean tilt, the share of runs beyond 0.9 of "
+        "the slenderness, or the reciprocal of the intensity that overturns the block (default tilt)",
+    )
+    group.add_argument(
         "--allowed",
         type=float,
         default=0.1,
@@ -62,6 +69,7 @@ def add(group: Any) -> None:
     )
 
 
+_DEMANDS = {"tilt": "CappedTilt", "share": "Exceedance", "critical": "CriticalIntensity"}
 _INTENSITIES = ("pga_star", "pgv_star", "pga", "pgv", "scale")
 
 
@@ -70,6 +78,7 @@ def run(options: argparse.Namespace) -> int:
     common.use_64_bits(ground=True)
     from tpd.cli import optimise as harmonic
     from tpd.core.conditions import Conditions
+    from tpd.design.ground import demand as demands
     from tpd.design.optimise import optimise
     from tpd.report.ground import write
 
@@ -78,6 +87,7 @@ def run(options: argparse.Namespace) -> int:
     given = common.tables(options)
     _refuse_others(given)
     motions = ground.motions(options.records, None)
+    # Bad files and values end here, before anything is written or claimed.
     held_out = _held_out(options.held_out)
     scene = ground.scene(options, motions[0])
     arguments = _arguments(given)
@@ -91,6 +101,7 @@ def run(options: argparse.Namespace) -> int:
             scene,
             conditions=conditions,
             held_out=held_out,
+            demand=getattr(demands, _DEMANDS[options.demand])(),
             allowed=options.allowed,
             checkpoint=unfinished,
             progress=bar,

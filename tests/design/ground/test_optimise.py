@@ -142,12 +142,24 @@ def test_the_report_says_what_was_found_and_how_to_repeat_it(found, tmp_path):
 def test_the_command_designs_on_records_and_refuses_what_has_no_effect(tmp_path, capsys):
     out = tmp_path / "design"
     block = ["--width", "0.9", "--height", "5.4", "--mass", "8000", "--restitution", "0.93"]
-    records = ["--records", "el-centro", "loma-prieta", "--scales", "2", "4", "--searches", "4", "--pareto"]
+    records = [
+        "--records",
+        "el-centro",
+        "loma-prieta",
+        "--scales",
+        "2",
+        "4",
+        "--searches",
+        "4",
+        "--pareto",
+        "--demand",
+        "share",
+    ]
     status = main(["optimise", *block, *records, "--out", str(out)])
     printed = capsys.readouterr().out
     assert status in (0, 3)
     assert "On ground motions" in printed or "NO PENDULUM" in printed
-    assert (out / "report.html").exists()
+    assert "smoothed share of the runs beyond a tilt" in (out / "report.html").read_text()
     assert (out / "front.png").exists() == ("What a kilogramme pays" in printed)
     assert not (out / "unfinished.npz").exists()
     assert main(["optimise", *block, *records, "--exactly", "--out", str(tmp_path / "other")]) == 2

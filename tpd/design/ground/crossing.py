@@ -17,7 +17,7 @@ from tpd.design.ground.objective import GroundObjective
 _AT_ONCE = 8
 """Factors that are tried at once: a scan ends with the first of them that overturns the block."""
 _ROUNDS = 5
-"""Of bisection, each by a factor of 32."""
+"""Steps of the bisection, each by a factor of 32."""
 
 
 def crossings(
@@ -64,7 +64,7 @@ class _Follow:
         self.late = objective.free * objective.rate
 
     def at(self, rows: np.ndarray, intensity: np.ndarray) -> tuple[Any, ...]:
-        """What follows rows at intensities."""
+        """Rows at intensities, as arguments of the compiled code."""
         x = self.x[rows].copy()
         x[:, 5] *= intensity
         return x, self.objective.pieces, self.which[rows], np.full(len(x), self.late)
