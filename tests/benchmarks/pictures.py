@@ -2,8 +2,8 @@
 
     .venv/bin/python -m tests.benchmarks.pictures
 
-It writes precision-value.png, precision-gradient.png, bias.png, growth.png and, where `results/proof.json`
-exists, proof.png into notebooks/pictures.
+It writes precision-value.png and precision-gradient.png, with -all.png beside each, bias.png, growth.png and,
+where `results/proof.json` exists, proof.png into notebooks/pictures.
 """
 
 import json
@@ -18,9 +18,7 @@ from tests.benchmarks.precision.scenes import SCENES
 def main() -> None:
     """Draw every picture that has stored results, and name the others."""
     rows, _, _ = precision.stored()
-    for kind in ("value", "gradient"):
-        path = precision.PICTURES / f"precision-{kind}.png"
-        chart.figure(rows, kind, [scene.name for scene in SCENES]).savefig(path, dpi=110)
+    for path in chart.save(rows, [scene.name for scene in SCENES], precision.PICTURES):
         print(f"drawn: {path}")
     for benchmark in (bias, growth):
         benchmark.draw(json.loads(benchmark.RESULTS.read_text()), benchmark.PICTURE)

@@ -2,9 +2,10 @@
 
     .venv/bin/pip install --quiet --editable '.[benchmarks]' && .venv/bin/python -m tests.benchmarks.precision
 
-Writes two pictures into notebooks/pictures and tables and all numbers into tests/benchmarks/results. Takes
-an hour on two cores, most of it compiling and SciPy; leave the machine alone meanwhile. `--only` measures
-some methods, `--draw` only draws what was measured last, and Ctrl-C keeps what was measured.
+Writes four pictures into notebooks/pictures, of chosen methods and of all, and tables and all numbers into
+tests/benchmarks/results. Takes an hour on two cores, most of it compiling and SciPy; leave the machine alone
+meanwhile. `--only` measures some methods, `--draw` only draws what was measured last, and Ctrl-C keeps what
+was measured.
 """
 
 import argparse
@@ -92,8 +93,7 @@ def versions() -> dict[str, str]:
 def draw(rows: list[Row], more: list[str], about: dict[str, str]) -> None:
     """Pictures and tables."""
     names = [s.name for s in SCENES]
-    for kind in ("value", "gradient"):
-        chart.figure(rows, kind, names).savefig(PICTURES / f"precision-{kind}.png", dpi=110)
+    chart.save(rows, names, PICTURES)
     text = "\n\n".join(
         (
             ", ".join(f"{k} {v}" for k, v in about.items()),

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from itertools import cycle
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -15,6 +16,17 @@ EQUAL = 1e-12
 """Errors below are equal: they are of rounding."""
 ASKED = 1e-6
 """Error at which methods are compared."""
+CHOSEN = (
+    "orbit equation (default)",
+    "events, then Newton (default)",
+    "nonlinear model's segments, linear terms",
+    "smoothed, Tsit5",
+    "SciPy DOP853, events",
+    "SUNDIALS CVODE, roots",
+    "heyoka, Newton",
+    "Numba event loop",
+)
+"""Methods of the picture that is read first: the front, one smoothed and the named peers."""
 _OURS, _THEIRS = "osD^v<>ph*", "x+^v<>sDo*p"
 _LINE = 0.031
 """Height of a line of failures, in shares of a panel's."""
@@ -23,6 +35,19 @@ _SHORT = {
     "not the same model": "other model",
     "no number": "none",
 }
+
+
+def save(rows: list[Row], scenes: list[str], directory: Path) -> list[Path]:
+    """Write a picture of the chosen methods, and one of all, for amplitudes and gradients."""
+    paths = []
+    few = [r for r in rows if r.method in CHOSEN]
+    for kind in ("value", "gradient"):
+        for some, name in ((few, f"precision-{kind}.png"), (rows, f"precision-{kind}-all.png")):
+            drawn = figure(some, kind, scenes)
+            drawn.savefig(directory / name, dpi=110)
+            plt.close(drawn)
+            paths.append(directory / name)
+    return paths
 
 
 def figure(rows: list[Row], kind: str, scenes: list[str]) -> Figure:
