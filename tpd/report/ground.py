@@ -280,9 +280,10 @@ def _search(design: GroundDesign) -> list[Block]:
     counts = (
         f"{len(found.value)} designs were followed under {n} motions each: {design.method.starts} over the "
         f"whole space, the others where the surface promised most. {int(found.feasible.sum())} keep to the "
-        f"limits. Derivatives in {_known(design)} of them entered the surface; elsewhere chaotic runs have "
-        "too much weight."
+        "limits."
     )
+    if design.method.derivatives:
+        counts += f" Derivatives in {_known(design)} of them entered the surface; the others were chaotic."
     return [
         information(counts),
         *_figure(

@@ -100,7 +100,7 @@ def test_slopes_of_a_risk_are_those_of_differences_where_motions_are_calm(record
     conditions = tpd.Conditions.records(records[:3], (1.03,))
     one = GroundObjective(BLOCK, conditions, LIMITS, 0.1)
     space = tpd.DesignSpace(damping_ratio=(0.05, 1.0))
-    s = Searcher(one, CappedTilt(), tpd.Risk.expected(), space, GroundSearch(), 0)
+    s = Searcher(one, CappedTilt(), tpd.Risk.expected(), space, GroundSearch(derivatives=True), 0)
     unit = space.scaled(DESIGN)
     here = s.evaluate(DESIGN)
     for j in range(3):

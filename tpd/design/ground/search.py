@@ -24,8 +24,8 @@ from tpd.design.space import DesignSpace
 _CANDIDATES = 1500
 _NEAR = 500
 """Designs that are compared on the surface: anywhere in the space, and near the best ones."""
-_BROAD = 0.1
-"""Width of the candidates about the best, in shares of the space."""
+_WIDTHS = (0.03, 0.5)
+"""Widths of the candidates about the best, in shares of the space."""
 _LEAST_SIZE = 1e-6
 _TRIED = 8
 """Designs after which derivatives are given up if they are chaotic."""
@@ -48,8 +48,9 @@ class GroundSearch:
     """Designs spread over the space."""
     steps: int = 32
     """Designs that follow one by one."""
-    derivatives: bool = True
-    """Whether derivatives enter the surface."""
+    derivatives: bool = False
+    """Whether derivatives enter the surface. They say nothing of the runs that a step takes beyond the edge,
+    and a mean changes mostly by these: a search without them finds better designs."""
 
     def __post_init__(self) -> None:
         checks.count("starts", self.starts, least=4)
@@ -196,7 +197,10 @@ class Searcher:
         ranked = np.argsort(np.where(e.feasible, trend, np.inf))[:4]
         # The surface is searched everywhere, and more closely where the best designs lie.
         near = self.space.scaled(e.designs[rng.choice(ranked, _NEAR)])
-        near = np.clip(near + _BROAD * rng.standard_normal((_NEAR, d)), 0.0, 1.0)
+        # Of all widths, since nobody knows beforehand how far the best designs lie apart.
+        low, high = np.log(_WIDTHS)
+        width = np.exp(rng.uniform(low, high, (_NEAR, 1)))
+        near = np.clip(near + width * rng.standard_normal((_NEAR, d)), 0.0, 1.0)
         x = np.concatenate([rng.random((_CANDIDATES, d)), near])
         mean, deviation = surface.at(x)
         # Limits are kept with a probability, as their surfaces see it.
