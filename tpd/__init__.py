@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tpd import closed_form as closed_form
+    from tpd import engines  # noqa: F401
     from tpd import records as records
     from tpd.analysis.attractors import Starts as Starts
     from tpd.analysis.attractors import attractors as attractors
@@ -122,6 +123,7 @@ _HOMES = {
 _MODULES = {
     "closed_form": "closed_form",
     "demands": "design.ground.demand",
+    "engines": "engines",
     "limits": "design.criteria",
     "records": "records",
 }

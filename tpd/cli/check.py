@@ -30,6 +30,18 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--quick", action="store_true", help="leave out the smoothed models, which take long to compile"
     )
+    engine = command.add_argument_group("an independent engine (extra: tpd[engines])")
+    engine.add_argument(
+        "--engine",
+        choices=("mujoco",),
+        help="follow paired runs in a rigid-body engine with contact and sliding in place of the models, and "
+        "put the result into the report",
+    )
+    engine.add_argument("--runs", type=int, default=64, help="of the ensemble of the engine (default 64)")
+    engine.add_argument(
+        "--sliding", type=float, default=0.6, help="coefficient of friction on the floor (default 0.6)"
+    )
+    engine.add_argument("--seed", type=int, default=0, help="of the ensemble of the engine (default 0)")
     command.set_defaults(run=run, does="solving the design of {design} by every model")
 
 
@@ -38,6 +50,8 @@ def run(options: argparse.Namespace) -> int:
     common.use_64_bits()
     job, pendulum = _case(options)
     common.say(job.scene, pendulum)
+    if options.engine is not None:
+        return _by_engine(job, pendulum, options)
     if pendulum is None:
         return _bare(job, options)
     from tpd.analysis.compare_models import MODELS, QUICK
@@ -61,6 +75,28 @@ def run(options: argparse.Namespace) -> int:
     if not found.refusals:
         print("The nonlinear equations confirm this design from rest; it helps, and it fits.")
     return common.UNSOUND if found.refusals else common.SOUND
+
+
+def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace) -> int:
+    """Follow the design in an engine, and add the result to its report."""
+    from tpd.engines import mujoco
+    from tpd.report import engine
+
+    with common.bar() as bar:
+        found = mujoco(
+            job.scene, pendulum, runs=options.runs, seed=options.seed, sliding=options.sliding, progress=bar
+        )
+    print(f"\n{found}\n")
+    if options.design is not None:
+        directory = options.design if options.design.is_dir() else options.design.parent
+        print("\n".join(f"written: {path}" for path in engine.add(directory, found)))
+    if pendulum is None:
+        return common.SOUND
+    # The engine must show the benefit itself; that the equations show it was asked before.
+    sound = not found.warning and found.benefit > 0.0
+    if not sound and not found.warning:
+        print(f"By {found.engine} the pendulum does not help.")
+    return common.SOUND if sound else common.UNSOUND
 
 
 def _case(options: argparse.Namespace) -> tuple[Job, Pendulum | None]:

@@ -1,0 +1,159 @@
+"""Rigid bodies in MuJoCo against Housner's impact, the equations (4) and what is known of a column."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tpd
+from tpd.cli import main
+from tpd.engines import mjcf
+from tpd.engines.comparison import EngineVerdict
+from tpd.engines.comparison import mujoco as compared
+from tpd.engines.rigid_body import body_of, parameters_under
+from tpd.engines.rollouts import EngineRuns, available, follow, free_rocking
+from tpd.report import engine
+
+pytest.importorskip("mujoco")
+COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution="housner")
+HUNG = tpd.Pendulum(mass=900.0, length=2.1, damping_ratio=0.2)
+
+
+def one_sine(scale):
+    return tpd.Scene(COLUMN, tpd.Pulse.one_sine(acceleration=scale * 9.80665 / 6.0, frequency=1.2375))
+
+
+def body(block, pendulum=None, steps=1):
+    scene = tpd.Scene(block, one_sine(1.0).motion)
+    return body_of(scene, parameters_under(scene, pendulum), 0.6, steps)
+
+
+def test_the_text_of_a_model_has_the_masses_of_the_scene():
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(mjcf(one_sine(2.0), HUNG))
+    np.testing.assert_allclose(model.body_mass, [0.0, 9000.0, 900.0])
+    assert model.nu == 2
+    own = 9000.0 * (0.5**2 + 3.0**2) / 3.0
+    np.testing.assert_allclose(model.body_inertia[1], own, rtol=1e-12)
+    hinge = 2.0 * 0.2 * 900.0 * 2.1 * math.sqrt(9.80665 * 2.1)
+    assert model.dof_damping[3] == pytest.approx(hinge)
+    with pytest.raises(ValueError, match="sliding"):
+        mjcf(one_sine(2.0), sliding=-1.0)
+
+
+@pytest.mark.parametrize("size", [(0.1, 0.4, 8.0), (1.0, 6.0, 9000.0), (2.0, 14.0, 70_000.0)])
+def test_impacts_are_those_of_housner(size):
+    width, height, mass = size
+    one = body(tpd.Block(width=width, height=height, mass=mass, restitution="housner"), steps=5)
+    assert free_rocking(one) == pytest.approx(one.housner, abs=2e-3)
+
+
+def test_without_a_floor_to_strike_the_bob_swings_as_a_pendulum():
+    # A bob without weight beside the block, let go at a small angle.
+    light = tpd.Pendulum(mass=1e-3, length=2.0, damping_ratio=0.1)
+    rate = math.sqrt(9.80665 / 2.0)
+    start, period = np.array([[0.0, 0.05, 0.0, 0.0]]), 2.0 * math.pi / rate / math.sqrt(1.0 - 0.1**2)
+    late = np.array([0.75 * period])
+    found = follow([body(COLUMN, light)], start, lambda t: np.zeros((1, len(t))), late + 0.3 * period, late)
+    assert found.relative[0] == pytest.approx(0.05, rel=1e-3)
+    assert found.peak[0] < 1e-4
+
+
+def test_a_column_overturns_where_the_equations_say():
+    # Least scales of a one-sine pulse by several engines: 2.45 bare, 7.0 with the pendulum.
+    for scale, pendulum, fell in ((2.3, None, 0), (2.6, None, 1), (6.5, HUNG, 0), (7.6, HUNG, 1)):
+        found = compared(one_sine(scale), pendulum, runs=1)
+        assert int(found.with_engine[0].overturned[0]) == fell
+        assert int(found.with_equations[0].overturned[0]) == fell
+
+
+def test_tilts_of_both_are_alike_and_the_verdict_says_so():
+    found = compared(one_sine(2.2), HUNG, runs=6)
+    for ours, theirs in zip(found.with_equations, found.finer, strict=True):
+        stands = np.isfinite(ours.peak) & np.isfinite(theirs.peak)
+        assert stands.sum() >= 3
+        np.testing.assert_allclose(theirs.peak[stands], ours.peak[stands], rtol=0.03)
+    assert not found.disagrees
+    assert found.warning == ""
+    assert "0.959 of the block" in found.losses
+    assert "a fifth of its step" in str(found)
+    assert found.summary()["runs"] == 6
+
+
+def test_a_harmonic_is_followed_with_the_starts_of_the_ensemble():
+    scene = tpd.paper_scene()
+    scene = replace(scene, block=replace(scene.block, restitution="housner", friction=0.0))
+    hung = tpd.Pendulum(mass=0.4 * float(scene.block.mass), length=0.08, damping_ratio=0.3)
+    found = compared(scene, hung, runs=3, periods=12)
+    for ours, theirs in zip(found.with_equations, found.finer, strict=True):
+        stands = np.isfinite(ours.peak) & np.isfinite(theirs.peak)
+        np.testing.assert_allclose(theirs.peak[stands], ours.peak[stands], rtol=0.05)
+
+
+def runs(tilt):
+    tilt = np.asarray(tilt, dtype=float)
+    none = np.zeros(len(tilt))
+    return EngineRuns(np.isinf(tilt), tilt, tilt, none, none, np.zeros(len(tilt), dtype=bool))
+
+
+def verdict_of(engine, finer, equations):
+    pairs = [tuple(runs(x) for x in pair) for pair in (engine, finer, equations)]
+    return EngineVerdict(
+        engine="MuJoCo 0",
+        scene=one_sine(2.0),
+        pendulum=HUNG,
+        ensemble=tpd.Ensemble(size=2),
+        sliding=0.6,
+        with_engine=pairs[0],
+        finer=pairs[1],
+        with_equations=pairs[2],
+        restitution=0.9,
+        step=1e-3,
+    )
+
+
+def test_a_disagreement_comes_before_the_answer(tmp_path):
+    helps, harms = ([0.02, 0.02], [0.1, np.inf]), ([0.1, np.inf], [0.02, 0.02])
+    wrong = verdict_of(harms, harms, helps)
+    assert wrong.disagrees
+    assert str(wrong).startswith("DANGER: by MuJoCo 0 the pendulum harms")
+    assert "the losses are not the same" in wrong.losses
+    unsure = verdict_of(helps, harms, helps)
+    assert unsure.step_matters
+    assert "time step" in unsure.warning
+    sound = verdict_of(helps, helps, helps)
+    assert sound.warning == ""
+    (tmp_path / "report.txt").write_text("A PENDULUM WAS FOUND\nlines\n")
+    (tmp_path / "report.html").write_text('<body>\n<p class="verdict">found</p>\n</body>\n')
+    for again in (wrong, unsure, wrong):
+        engine.add(tmp_path, again)
+        text, page = (tmp_path / "report.txt").read_text(), (tmp_path / "report.html").read_text()
+        assert text.startswith(again.warning)
+        assert text.count("DANGER") == 2
+        assert page.count("By an independent engine") == 1
+        assert page.index("DANGER") < page.index("verdict")
+    engine.add(tmp_path, sound)
+    assert (tmp_path / "report.txt").read_text().startswith("A PENDULUM WAS FOUND")
+    assert "DANGER" not in (tmp_path / "report.html").read_text()
+
+
+def test_without_the_engine_one_sentence_says_how_to_get_it(monkeypatch):
+    def none(name):
+        raise ImportError(name)
+
+    monkeypatch.setattr("tpd.engines.rollouts.import_module", none)
+    with pytest.raises(ValueError, match=r"pip install 'tpd\[engines\]'"):
+        available()
+
+
+def test_the_command_checks_a_pendulum_in_the_engine(capsys):
+    block = ["--width", "0.1", "--height", "0.4", "--mass", "8", "--restitution", "housner"]
+    shaking = ["--frequency", "2.5", "--amplitude", "0.015"]
+    hung = ["--pendulum-mass", "3.2", "--pendulum-length", "0.08"]
+    status = main(["check", *block, *shaking, *hung, "--engine", "mujoco", "--runs", "1"])
+    printed = capsys.readouterr().out
+    assert status in (0, 3)
+    assert "equations (4)" in printed
+    assert "overturned with the pendulum" in printed

@@ -1,0 +1,163 @@
+"""Block and pendulum as rigid bodies in SI units, and the text of the MuJoCo model of them.
+
+The block stands on the two lower corners of its cross-section. In the frame of the floor the base's
+acceleration acts on every mass, so that it enters as forces in the two centres of mass.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from tpd.core import checks
+from tpd.core.parameters import Parameters
+from tpd.core.scene import Harmonic, Pendulum, Scene
+
+SLIDING = 0.6
+"""Coefficient of friction against sliding, of stone on stone."""
+_CONTACT = 0.01
+"""Time constant of the contact over sqrt(b/g): soft enough for the step, and impacts are Housner's."""
+_STEP = 0.4
+"""Time step over the time constant of the contact."""
+_RADIUS = 1e-4
+"""Radius of a corner over the half height. On a visible arc a thin block would roll and never rest."""
+
+
+@dataclass(frozen=True)
+class RigidBody:
+    """A block with its pendulum: SI units."""
+
+    half_width: float
+    half_height: float
+    mass: float
+    inertia: float
+    """About the centre of mass, kg m^2."""
+    friction: float
+    """Moment of the dry friction of rocking, N m."""
+    bob: float
+    """Mass of the bob, kg; 0 for a bare block."""
+    rod: float
+    """Length of the rod, m."""
+    damping: float
+    """Constant of the hinge's damper, N m s."""
+    gravity: float
+    sliding: float = SLIDING
+    steps: int = 1
+    """Divisor of the time step."""
+
+    @property
+    def contact_time(self) -> float:
+        """Time constant of the contact, s."""
+        return _CONTACT * math.sqrt(self.half_height / self.gravity)
+
+    @property
+    def step(self) -> float:
+        """Time step, s."""
+        return _STEP * self.contact_time / self.steps
+
+    @property
+    def housner(self) -> float:
+        """Velocity ratio of Housner's impact of the bare block."""
+        a2, b2 = self.half_width**2, self.half_height**2
+        own = self.inertia / self.mass
+        return 1.0 - 2.0 * a2 / (a2 + b2 + own)
+
+    def mjcf(self) -> str:
+        """Model as text, in MuJoCo's format."""
+        a, b, radius = self.half_width, self.half_height, _RADIUS * self.half_height
+        contact = f'condim="3" friction="{self.sliding!r} 0 0" solref="{self.contact_time!r} 1"'
+        corner = f'<geom type="sphere" size="{radius!r}" pos="{{x!r}} 0 {-b!r}" {contact}/>'
+        tensor = " ".join([repr(self.inertia)] * 3)
+        lines = [
+            '<mujoco model="block with a pendulum">',
+            '  <compiler angle="radian" inertiafromgeom="false"/>',
+            f'  <option timestep="{self.step!r}" gravity="0 0 {-self.gravity!r}" cone="elliptic"',
+            '          impratio="10" integrator="implicitfast" iterations="50" tolerance="1e-12"/>',
+            "  <worldbody>",
+            '    <site name="ground"/>',
+            f'    <geom type="plane" size="0 0 1" pos="0 0 {-radius!r}" {contact}/>',
+            f'    <body name="block" pos="0 0 {b!r}">',
+            '      <joint name="x" type="slide" axis="1 0 0"/>',
+            '      <joint name="z" type="slide" axis="0 0 1"/>',
+            f'      <joint name="tilt" type="hinge" axis="0 1 0" frictionloss="{self.friction!r}"/>',
+            f'      <inertial pos="0 0 0" mass="{self.mass!r}" diaginertia="{tensor}"/>',
+            '      <site name="block"/>',
+            f"      {corner.format(x=-a)}",
+            f"      {corner.format(x=a)}",
+            *(f"      {line}" for line in self._pendulum()),
+            "    </body>",
+            "  </worldbody>",
+            "  <!-- control: acceleration of the base, m/s^2, the same for every actuator -->",
+            "  <actuator>",
+            *(f"    {line}" for line in self._shaking()),
+            "  </actuator>",
+            "</mujoco>",
+        ]
+        return "\n".join(lines) + "\n"
+
+    def _pendulum(self) -> list[str]:
+        if self.bob == 0.0:
+            return []
+        # A bob without size: its inertia is that of rounding, which the engine needs above zero.
+        least = " ".join([repr(1e-10 * self.bob * self.rod**2)] * 3)
+        at = f'pos="0 0 {-self.rod!r}"'
+        return [
+            f'<body name="bob" pos="0 0 {self.half_height!r}">',
+            f'  <joint name="rod" type="hinge" axis="0 1 0" damping="{self.damping!r}"/>',
+            f'  <inertial {at} mass="{self.bob!r}" diaginertia="{least}"/>',
+            f'  <site name="bob" {at}/>',
+            "</body>",
+        ]
+
+    def _shaking(self) -> list[str]:
+        masses = {"block": self.mass, "bob": self.bob}
+        return [
+            f'<motor site="{name}" refsite="ground" gear="{-mass!r} 0 0 0 0 0"/>'
+            for name, mass in masses.items()
+            if mass > 0.0
+        ]
+
+
+def parameters_under(scene: Scene, pendulum: Pendulum | None) -> Parameters:
+    """Dimensionless parameters of a scene with any motion."""
+    harmonic = isinstance(scene.motion, Harmonic)
+    return scene.parameters(pendulum) if harmonic else scene.ground_parameters(pendulum)
+
+
+def body_of(scene: Scene, p: Parameters, sliding: float, steps: int = 1) -> RigidBody:
+    """Rigid bodies of dimensionless parameters (plain numbers), at the scene's size and mass."""
+    b, mass, g = float(scene.block.half_height), float(scene.block.mass), float(scene.gravity)
+    nu, mu, rod = float(p.nu), float(p.mu), float(p.lam) * b
+    own = b**2 * (1.0 / float(p.inertia_ratio) - 1.0 - nu**2)
+    damping = 2.0 * float(p.zeta) * mu * mass * rod * math.sqrt(g * rod)
+    return RigidBody(
+        half_width=nu * b,
+        half_height=b,
+        mass=mass,
+        inertia=mass * own,
+        friction=float(p.k) * mass * g * b,
+        bob=mu * mass,
+        rod=rod,
+        damping=damping,
+        gravity=g,
+        sliding=sliding,
+        steps=steps,
+    )
+
+
+def mjcf(scene: Scene, pendulum: Pendulum | None = None, *, sliding: float = SLIDING) -> str:
+    """Block and pendulum as the text of a MuJoCo model, which needs no MuJoCo.
+
+    The shaking is no part of the text: give every actuator the acceleration of the base in m/s^2 as control.
+
+    Args:
+        scene: of any motion.
+        pendulum: None is the bare block.
+        sliding: coefficient of friction of the corners on the floor.
+
+    Raises:
+        ValueError: bad input.
+    """
+    checks.instance("scene", scene, Scene)
+    checks.positive("sliding", sliding)
+    return body_of(scene, parameters_under(scene, pendulum), sliding).mjcf()
