@@ -69,7 +69,7 @@ def _atlas(*names: str) -> tuple[str, ...]:
 
 _STATUS = "the_verdict_has_a_name_for_each_loss"
 _LOST = "an_orbit_about_to_be_lost_has_a_name_and_no_derivative"
-_OVERTURNS = "every_model_tells_an_overturning_and_refuses_its_gradient"
+_OVERTURNS = "an_overturning_has_a_status_and_no_gradient"
 _SADDLE = "starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name"
 _ORBITS, _STEADY = "analysis/symmetric_orbits:_answered", "analysis/steady_state:_verdict"
 _SETTLED = "models/settling:Record.settled"
@@ -162,7 +162,11 @@ GUARDS = (
         "every model: overturned once the tilt is beyond return",
         _SETTLED,
         never("overturned"),
-        _atlas(_OVERTURNS + "[piecewise]", _OVERTURNS + "[smoothed]", _OVERTURNS + "[segmented nonlinear]"),
+        (
+            *_atlas(_OVERTURNS),
+            f"tests/models/test_smoothed.py::test_{_OVERTURNS}",
+            f"tests/models/test_segmented.py::test_{_OVERTURNS}",
+        ),
     ),
     Guard(
         "overturning",
@@ -170,7 +174,7 @@ GUARDS = (
         "exact/flow:leap",
         nothing_false("tilt"),
         _atlas(
-            _OVERTURNS + "[piecewise]",
+            _OVERTURNS,
             "a_free_block_let_go_next_to_its_balance_falls_after_the_logarithm_of_the_distance",
         ),
     ),

@@ -87,6 +87,7 @@ def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace)
             job.scene, pendulum, runs=options.runs, seed=options.seed, sliding=options.sliding, progress=bar
         )
     print(f"\n{found}\n")
+    # A design of one's own has no report that the result could be put into.
     if options.design is not None:
         directory = options.design if options.design.is_dir() else options.design.parent
         print("\n".join(f"written: {path}" for path in engine.add(directory, found)))

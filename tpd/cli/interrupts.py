@@ -141,7 +141,10 @@ def received() -> bool:
 def _again(lost: Any) -> None:
     """Raise the exception again that Python dropped in a destructor."""
     if lost.exc_type is KeyboardInterrupt:
-        _thread.interrupt_main()
+        # A moment later: raised in here it would be dropped once more, with a traceback.
+        later = threading.Timer(0.01, _thread.interrupt_main)
+        later.daemon = True
+        later.start()
     else:
         sys.__unraisablehook__(lost)
 

@@ -58,6 +58,7 @@ class RigidBody:
     @property
     def housner(self) -> float:
         """Velocity ratio of Housner's impact of the bare block."""
+        # Angular momentum about the corner that is struck, kept through the impact.
         a2, b2 = self.half_width**2, self.half_height**2
         own = self.inertia / self.mass
         return 1.0 - 2.0 * a2 / (a2 + b2 + own)
