@@ -3,7 +3,7 @@
     .venv/bin/python -m tests.benchmarks.engines
 
 The paper's block, the chimney of the main job, a statue and a column under a pulse, each with 64 paired runs
-in MuJoCo (`tpd[engines]`) and by the equations (4). The table stands in `tests/benchmarks/results/engines.md`.
+in MuJoCo (`tpd[engines]`) and by the equations (4). The table stands in results/engines.md.
 """
 
 import time
