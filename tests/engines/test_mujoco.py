@@ -135,6 +135,7 @@ def test_a_disagreement_comes_before_the_answer(tmp_path):
         assert page.count("By an independent engine") == 1
         assert page.index("DANGER") < page.index("verdict")
     engine.add(tmp_path, sound)
+    assert "Infinity" not in (tmp_path / "engine.json").read_text()
     assert (tmp_path / "report.txt").read_text().startswith("A PENDULUM WAS FOUND")
     assert "DANGER" not in (tmp_path / "report.html").read_text()
 

@@ -92,7 +92,8 @@ def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace)
         directory = options.design if options.design.is_dir() else options.design.parent
         print("\n".join(f"written: {path}" for path in engine.add(directory, found)))
     if pendulum is None:
-        return common.SOUND
+        print("The report offers no pendulum: only the bare block was followed.")
+        return common.UNSOUND
     # The engine must show the benefit itself; that the equations show it was asked before.
     sound = not found.warning and found.benefit > 0.0
     if not sound and not found.warning:

@@ -4,7 +4,6 @@ end, and all numbers in a file of their own."""
 from __future__ import annotations
 
 import html
-import json
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,8 +19,7 @@ _MARK = "<!-- engine -->"
 
 def add(directory: Path, verdict: EngineVerdict) -> list[Path]:
     """Put the answer of an engine into the files of a report, in place of a former one. Returns the files."""
-    numbers = json.dumps(verdict.summary(), indent=1, sort_keys=True, allow_nan=True)
-    written = [files.place(directory / "engine.json", numbers + "\n")]
+    written = [files.place(directory / "engine.json", files.as_json(verdict.summary()))]
     for name, put in (("report.txt", _in_text), ("report.html", _in_page)):
         path = directory / name
         if path.exists():

@@ -46,7 +46,7 @@ def test_derivatives_of_crossings_are_those_of_differences(objective):
 
 
 def test_what_a_scan_does_not_overturn_has_no_demand_and_no_slope(objective):
-    _, found = CriticalIntensity(highest=1.1).follow(objective, DESIGN, slopes=True)
+    _, found = CriticalIntensity(highest=1.3).follow(objective, DESIGN, slopes=True)
     assert (found.value[0] == 0.0).tolist() == 2 * [False] + 4 * [True] + 2 * [False]
     assert np.all(found.slope[found.value == 0.0] == 0.0)
 

@@ -102,12 +102,12 @@ def _first(follow: _Follow, scan: float, highest: float) -> np.ndarray:
     x = follow.x
     lifts = ((1.0 + x[:, 1]) * x[:, 0] + x[:, 4]) / x[:, 5]
     # Below half of what lifts the bare block, a pendulum would have to throw it over.
-    low, steps = 0.5 * lifts, int(np.ceil(np.log(2.0 * highest) / np.log1p(scan)))
+    low, steps = 0.5 * lifts, 1 + int(np.ceil(np.log(2.0 * highest) / np.log1p(scan)))
     found, left = np.full(len(x), np.inf), np.arange(len(x))
     for begun in range(0, steps, _AT_ONCE):
         if not left.size:
             break
-        tried = low[left, None] * (1.0 + scan) ** np.arange(begun, begun + _AT_ONCE)
+        tried = low[left, None] * (1.0 + scan) ** np.arange(begun, min(begun + _AT_ONCE, steps))
         falls = follow.overturns(left)(tried)
         hit, at = falls.any(axis=1), np.argmax(falls, axis=1)
         rows, top = left[hit], tried[hit, at[hit]]
