@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from tpd.analysis.symmetric_orbits import symmetric_orbits as symmetric_orbits
     from tpd.analysis.transient import transient as transient
     from tpd.core.batch import in_chunks as in_chunks
+    from tpd.core.cluster import Cluster as Cluster
     from tpd.core.conditions import Conditions as Conditions
     from tpd.core.equations import Terms as Terms
     from tpd.core.ground_motion import Pulse as Pulse
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
     from tpd.design.criteria import Risk as Risk
     from tpd.design.ground import demand as demands  # noqa: F401
     from tpd.design.ground.search import GroundSearch as GroundSearch
+    from tpd.design.many import optimise_all as optimise_all
     from tpd.design.methods import Descent as Descent
     from tpd.design.methods import Sequential as Sequential
     from tpd.design.optimise import optimise as optimise
@@ -79,6 +81,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "Auto": "analysis.auto",
     "Block": "core.scene",
+    "Cluster": "core.cluster",
     "Conditions": "core.conditions",
     "Descent": "design.methods",
     "Design": "design.result",
@@ -107,6 +110,7 @@ _HOMES = {
     "fragility": "analysis.fragility",
     "in_chunks": "core.batch",
     "optimise": "design.optimise",
+    "optimise_all": "design.many",
     "overturning_spectrum": "analysis.overturning_spectrum",
     "paper_scene": "core.scene",
     "pareto": "design.pareto",

@@ -16,17 +16,20 @@ from tpd.analysis.symmetric_orbits import Orbits, symmetric_orbits
 from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
 from tpd.core.batch import in_chunks
+from tpd.core.cluster import Cluster
 from tpd.core.formatting import Printed, counted, span
 from tpd.core.parameters import Parameters
 from tpd.core.progress import shown_count
 from tpd.core.quantities import NAMES, UNITS, Setup, parameters
 from tpd.core.scene import Pendulum, Scene
-from tpd.core.status import names_of
+from tpd.core.status import codes_of, names_by_code, names_of
 from tpd.models.batches import settle_all
 from tpd.models.settling import scale_of
 
 _MATCH = 1e-3
 """Largest distance, in shares of the scales, between a followed motion and the orbit that it is on."""
+_CHUNK, _CHUNK_FOLLOWED = 16_384, 2048
+"""Designs in a chunk for a cluster, without and with a start: some tenths of a second of work."""
 _CHOICE = ("rocking", "near_fold", "grazing", "rest", "neutral", "unstable", "no_orbit")
 """Statuses in the order in which one of them becomes the answer where no start is given."""
 
@@ -79,6 +82,7 @@ def design_map(
     *,
     pendulum: Pendulum | None = None,
     start: Any = None,
+    cluster: Cluster | None = None,
     progress: Callable[[int, int], None] | bool | None = None,
 ) -> DesignMap:
     """The motion of every design on a grid of two parameters, or of two quantities of a scene.
@@ -107,6 +111,7 @@ def design_map(
         y: name and values of the other axis, shape (ny,).
         pendulum: in the scene; default none.
         start: (phi, psi, phi', psi') at tau = 0 in rad and rad per unit tau; zeros are from rest.
+        cluster: processes or machines in place of threads.
         progress: True for a bar on stderr, or called with (designs done, of how many).
 
     Raises:
@@ -119,17 +124,35 @@ def design_map(
     (x_name, xs), (y_name, ys) = _line(setup, "x", x), _line(setup, "y", y)
     designs = _designs(setup, {x_name: xs, y_name: ys})
     y0 = None if start is None else _state(start)
-    still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
     with shown_count(progress, "mapping") as report:
-        orbits = in_chunks(symmetric_orbits, designs, chunk=CHUNK, progress=report if y0 is None else None)
-        if y0 is None:
-            answer = _largest(orbits, still["margin"], still["stroke"])
+        if cluster is None:
+            answer = _answers(designs, y0, progress=report)
         else:
-            answer = _followed(designs, orbits, still["stroke"], y0, report)
-    arrays = {**answer, "margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
-    shaped = {n: v.reshape(len(ys), len(xs)) for n, v in arrays.items()}
+            chunk = _CHUNK_FOLLOWED if y0 is not None else _CHUNK
+            answer = cluster.map("map", _answers_by_one, designs, (y0,), chunk=chunk, progress=report)
+    answer["status"] = names_by_code(answer["status"])
+    shaped = {n: v.reshape(len(ys), len(xs)) for n, v in answer.items()}
     at = None if y0 is None else tuple(map(float, y0))
     return DesignMap(x_name=x_name, x=xs, y_name=y_name, y=ys, start=at, **shaped)
+
+
+def _answers_by_one(designs: Parameters, y0: np.ndarray | None) -> dict[str, np.ndarray]:
+    """Solve designs in one thread: the processes of a cluster share the cores."""
+    return _answers(designs, y0, workers=1)
+
+
+def _answers(designs: Parameters, y0: np.ndarray | None, **how: Any) -> dict[str, np.ndarray]:
+    """Fields of `DesignMap` of designs, flat; statuses by their codes."""
+    still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
+    # The bar is that of the longer part: of the motions, where there are any.
+    if y0 is None:
+        orbits = in_chunks(symmetric_orbits, designs, chunk=CHUNK, **how)
+        answer = _largest(orbits, still["margin"], still["stroke"])
+    else:
+        orbits = in_chunks(symmetric_orbits, designs, chunk=CHUNK, workers=how.get("workers"))
+        answer = _followed(designs, orbits, still["stroke"], y0, how)
+    more = {"margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
+    return {**answer, **more, "status": codes_of(answer["status"])}
 
 
 def _designs(setup: Setup, lines: dict[str, np.ndarray]) -> Parameters:
@@ -197,11 +220,11 @@ def _followed(
     orbits: Orbits,
     reach: np.ndarray,
     y0: np.ndarray,
-    progress: Callable[[int, int], None] | None,
+    how: dict[str, Any],
 ) -> dict[str, np.ndarray]:
     """The answers from a start: sizes of the orbit that the motion is on, or those of the motion itself."""
     n = len(np.asarray(p.nu))
-    settled = settle_all(p, np.tile(y0, (n, 1)), progress=progress)
+    settled = settle_all(p, np.tile(y0, (n, 1)), **how)
     names = names_of(settled.status)
     amplitude = np.where(names == "overturned", math.inf, np.asarray(settled.amplitude))
     stroke = np.where(names == "overturned", math.inf, np.asarray(settled.stroke))

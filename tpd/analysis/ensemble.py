@@ -17,20 +17,24 @@ import numpy as np
 
 from tpd.analysis.outcomes import LOST, Outcomes
 from tpd.core import checks, sampling
+from tpd.core.cluster import Cluster
 from tpd.core.conditions import FACTORS, Conditions, check_restitution, under
 from tpd.core.equations import Terms
 from tpd.core.parameters import Parameters
 from tpd.core.progress import shown_count
 from tpd.core.quantities import parameters_of
 from tpd.core.scene import Pendulum, Scene
-from tpd.core.status import names_of
-from tpd.models.base import Settled
+from tpd.core.status import codes_of, names_by_code, names_of
 from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 
 _SCATTERED = ("amplitude", "frequency", "friction", "damping", "restitution")
 """Names, out of `FACTORS`, of what an ensemble scatters, in the order of its draws."""
+_SIZES = ("peak", "amplitude", "peak_stroke", "stroke")
+"""Sizes of a run."""
+_CHUNKS = {Terms.linear: 2048, Terms.nonlinear: 128}
+"""Runs in a chunk for a cluster: some tenths of a second of work."""
 _FIRST = 10
 """Draws of one generator; later ones come from another, which leaves these as they are."""
 
@@ -160,6 +164,7 @@ def outcomes(
     conditions: Conditions | None = None,
     equations: Terms | str = Terms.linear,
     workers: int | None = None,
+    cluster: Cluster | None = None,
     progress: Callable[[int, int], None] | bool | None = None,
 ) -> Outcomes:
     """Follow the runs of an ensemble.
@@ -171,6 +176,7 @@ def outcomes(
         conditions: dealt out evenly among the runs, on top of their scatter; default the scene's own.
         equations: the linear ones by their exact solution, or the nonlinear ones by a compiled event loop.
         workers: threads; default the number of cores.
+        cluster: processes or machines in place of threads.
         progress: True for a bar on stderr, or called with (runs done, of how many).
 
     Raises:
@@ -187,18 +193,31 @@ def outcomes(
         checks.instance("conditions", conditions, Conditions)
     rate = float(subject.rate) if isinstance(subject, Scene) else 1.0
     runs = plan(parameters_of(subject, pendulum), ensemble, rate, conditions)
+    batch = {"p": runs.p, "y0": runs.y0, "begin": runs.begin, "ramp": runs.periods}
+    shared = terms, ensemble.periods
     with shown_count(progress, "following") as report:
-        how: dict[str, Any] = {
-            "begin": runs.begin,
-            "ramp": runs.periods,
-            "workers": workers,
-            "progress": report,
-        }
-        if terms is Terms.nonlinear:
-            settled = settle_nonlinear(runs.p, runs.y0, periods=ensemble.periods, **how)
+        if cluster is None:
+            settled = _settled(batch, *shared, workers=workers, progress=report)
         else:
-            settled = settle_all(runs.p, runs.y0, model=Piecewise(max_periods=ensemble.periods), **how)
+            chunk = _CHUNKS[terms]
+            settled = cluster.map("runs", _settled_by_one, batch, shared, chunk=chunk, progress=report)
     return _outcomes_of(ensemble, runs, settled, terms)
+
+
+def _settled_by_one(batch: dict[str, Any], terms: Terms, periods: int) -> dict[str, np.ndarray]:
+    """Follow runs in one thread: the processes of a cluster share the cores."""
+    return _settled(batch, terms, periods, workers=1)
+
+
+def _settled(batch: dict[str, Any], terms: Terms, periods: int, **how: Any) -> dict[str, np.ndarray]:
+    """Sizes and statuses, by their codes, of runs."""
+    p, y0, how = batch["p"], batch["y0"], {"begin": batch["begin"], "ramp": batch["ramp"], **how}
+    if terms is Terms.nonlinear:
+        settled = settle_nonlinear(p, y0, periods=periods, **how)
+    else:
+        settled = settle_all(p, y0, model=Piecewise(max_periods=periods), **how)
+    sizes = {name: np.asarray(getattr(settled, name)) for name in _SIZES}
+    return {**sizes, "status": codes_of(names_of(settled.status))}
 
 
 def _terms(equations: Terms | str) -> Terms:
@@ -208,21 +227,9 @@ def _terms(equations: Terms | str) -> Terms:
     return Terms(equations)
 
 
-def _outcomes_of(ensemble: Ensemble, runs: Runs, settled: Settled, terms: Terms) -> Outcomes:
-    names = names_of(settled.status)
+def _outcomes_of(ensemble: Ensemble, runs: Runs, settled: dict[str, np.ndarray], terms: Terms) -> Outcomes:
+    names = names_by_code(settled["status"])
     # The sizes at the moment of overturning depend on when the run was stopped, and mean nothing.
     lost = np.isin(names, LOST)
-
-    def size(values: Any) -> np.ndarray:
-        return np.where(lost, math.inf, np.asarray(values))
-
-    return Outcomes(
-        ensemble=ensemble,
-        status=names,
-        peak=size(settled.peak),
-        amplitude=size(settled.amplitude),
-        peak_stroke=size(settled.peak_stroke),
-        stroke=size(settled.stroke),
-        ramp=runs.ramp,
-        equations=terms.value,
-    )
+    sizes = {name: np.where(lost, math.inf, settled[name]) for name in _SIZES}
+    return Outcomes(ensemble=ensemble, status=names, ramp=runs.ramp, equations=terms.value, **sizes)

@@ -19,6 +19,7 @@ from tpd.analysis.ground_batch import Outcomes, Progress, follow_scaled
 from tpd.analysis.probit import Lognormal, fit_lognormal
 from tpd.analysis.transient import FREE
 from tpd.core import checks
+from tpd.core.cluster import Cluster
 from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
 from tpd.core.intensity import intensity_of
 from tpd.core.scene import Block, Pendulum
@@ -94,6 +95,7 @@ def fragility(
     gravity: float = STANDARD_GRAVITY,
     free: float = FREE,
     workers: int | None = None,
+    cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> Fragility:
     """Follow a block through every motion at every intensity, bare and with a pendulum.
@@ -111,6 +113,7 @@ def fragility(
         gravity: m/s^2.
         free: free motion after each ground motion, s.
         workers: threads; all cores by default.
+        cluster: processes or machines in place of threads.
         progress: called with the motions done and in all.
 
     Raises:
@@ -132,7 +135,8 @@ def fragility(
     # First the exact runs, then the same by the nonlinear equations.
     for n in range(runs):
         seen = None if progress is None else _shifted(progress, n, runs)
-        options: dict[str, Any] = {"gravity": gravity, "free": free, "workers": workers, "progress": seen}
+        options: dict[str, Any] = {"gravity": gravity, "free": free, "progress": seen}
+        options |= {"workers": workers, "cluster": cluster}
         hung = cases[n % len(cases)]
         exact = n < len(cases)
         found.append(follow_scaled(block, hung, motions, factors, nonlinear=not exact, brief=True, **options))

@@ -8,11 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.core import checks
+from tpd.core.cluster import Cluster
 from tpd.core.eigenvalues import GRAZING
 from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
 from tpd.core.scene import Block, Pendulum, Scene
 
 Progress = Callable[[int, int], None]
+_PIECES = 1 << 20
+"""Pieces of ground motion in a chunk for a cluster: some tenths of a second of work."""
 
 
 class Outcomes(NamedTuple):
@@ -56,6 +59,7 @@ def follow_scaled(
     nonlinear: bool = False,
     brief: bool = False,
     workers: int | None = None,
+    cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> Outcomes:
     """Follow a block from rest through every motion times each of its factors.
@@ -66,6 +70,7 @@ def follow_scaled(
         nonlinear: whether to integrate the nonlinear equations (4) instead of the exact linear ones.
         brief: whether only tilt, uplift, impacts before an overturning and the verdict are wanted.
         workers: threads; all cores by default.
+        cluster: processes or machines in place of threads.
         progress: called with the motions done and in all.
 
     Returns:
@@ -89,36 +94,69 @@ def follow_scaled(
     x[:, 5] *= factors.ravel()
     records = [np.asarray(m.pieces(), dtype=float) for m in motions]
     late = np.full(len(x), free * float(Scene(block, motions[0], gravity).rate))
-    options = {"brief": brief, "workers": workers, "progress": progress}
-    found = _followed(x, records, which, late, nonlinear, options)
+    batch = {"x": x, "which": which, "free": late}
+    how = {"workers": workers, "cluster": cluster, "progress": progress}
+    found = follow_rows(batch, records, nonlinear, brief, **how)
     return Outcomes(*(a.reshape(factors.shape) for a in found))
 
 
-def _followed(
-    x: np.ndarray,
+def follow_rows(
+    batch: dict[str, np.ndarray],
     records: list[np.ndarray],
-    which: np.ndarray,
-    free: np.ndarray,
     nonlinear: bool,
-    options: dict[str, Any],
-) -> Any:
+    brief: bool,
+    *,
+    workers: int | None = None,
+    cluster: Cluster | None = None,
+    progress: Progress | None = None,
+) -> Outcomes:
+    """Follow motions from rest, in threads or on a cluster.
+
+    Args:
+        batch: "x", parameters of the compiled code, shape (n, 9); "which", index of the record of each,
+            shape (n,); "free", free time after it in tau, shape (n,).
+        records: pieces of each ground motion.
+        nonlinear, brief, workers, cluster, progress: as in `follow_scaled`.
+    """
+    if cluster is None:
+        found = _followed(batch, records, nonlinear, brief, workers=workers, progress=progress)
+    else:
+        # A bound on the work of a chunk: it grows with the pieces of a record.
+        chunk = int(np.clip(_PIECES // max(map(len, records)), 128, 16_384))
+        shared = records, nonlinear, brief
+        found = cluster.map("motions", _followed_by_one, batch, shared, chunk=chunk, progress=progress)
+    return Outcomes(**found)
+
+
+def _followed_by_one(
+    batch: dict[str, np.ndarray], records: list[np.ndarray], nonlinear: bool, brief: bool
+) -> dict[str, np.ndarray]:
+    """Follow motions in one thread: the processes of a cluster share the cores."""
+    return _followed(batch, records, nonlinear, brief, workers=1)
+
+
+def _followed(
+    batch: dict[str, np.ndarray], records: list[np.ndarray], nonlinear: bool, brief: bool, **how: Any
+) -> dict[str, np.ndarray]:
+    """Fields of `Outcomes` of motions: rows of parameters, index of the record and free time of each."""
     from tpd.models.shaken_kernel import FAILED, OVERTURNED
 
     if nonlinear:
         from tpd.models.compiled_nonlinear import shake_nonlinear as follow_all
     else:
         from tpd.models.compiled_shaken import follow_all
-    found, _ = follow_all(x, records, which, free, **options)
+    x = batch["x"]
+    found, _ = follow_all(x, records, batch["which"], batch["free"], brief=brief, **how)
     status, hung = found.status.astype(int), x[:, 1] > 0.0
-    return (
-        found.tilt,
-        np.where(hung, found.swing, 0.0),
-        np.where(hung, found.relative, 0.0),
-        np.asarray(found.impacts).astype(int),
-        ~np.isposinf(found.lifted),
-        status == OVERTURNED,
-        (status > OVERTURNED) & (status <= FAILED),
-    )
+    return {
+        "tilt": found.tilt,
+        "swing": np.where(hung, found.swing, 0.0),
+        "relative": np.where(hung, found.relative, 0.0),
+        "impacts": np.asarray(found.impacts).astype(int),
+        "lifted": ~np.isposinf(found.lifted),
+        "overturned": status == OVERTURNED,
+        "undecided": (status > OVERTURNED) & (status <= FAILED),
+    }
 
 
 def is_grazing(transversality: Any) -> Any:

@@ -9,6 +9,7 @@ import numpy as np
 from tpd.analysis.ground_batch import Outcomes, Progress, follow_scaled
 from tpd.analysis.transient import FREE
 from tpd.core import checks
+from tpd.core.cluster import Cluster
 from tpd.core.ground_motion import STANDARD_GRAVITY, Pulse
 from tpd.core.scene import Block, Pendulum, Scene
 
@@ -47,6 +48,7 @@ def overturning_spectrum(
     acceleration_ratios: np.ndarray | None = None,
     gravity: float = STANDARD_GRAVITY,
     free: float = FREE,
+    cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> OverturningSpectrum:
     """Follow a block through a pulse of every frequency and every size.
@@ -59,6 +61,7 @@ def overturning_spectrum(
         acceleration_ratios: a_p/(g tan alpha); by default 120 from 0.5 to 10.
         gravity: m/s^2.
         free: free motion after each pulse, s.
+        cluster: processes or machines in place of threads.
         progress: called with the motions done and in all.
 
     Raises:
@@ -87,6 +90,7 @@ def overturning_spectrum(
             gravity=gravity,
             free=free,
             brief=True,
+            cluster=cluster,
             progress=None if progress is None else lambda i, _, done=done: progress(done + i, total),
         )
         cells.append(_classified(found).T)

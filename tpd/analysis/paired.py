@@ -15,6 +15,7 @@ import numpy as np
 
 from tpd.analysis.ensemble import Ensemble, outcomes
 from tpd.analysis.outcomes import Outcomes, Share
+from tpd.core.cluster import Cluster
 from tpd.core.conditions import Conditions
 from tpd.core.equations import Terms
 from tpd.core.formatting import Printed
@@ -120,6 +121,7 @@ def verdict(
     bare: Outcomes | None = None,
     equations: Terms | str = Terms.linear,
     workers: int | None = None,
+    cluster: Cluster | None = None,
     progress: Callable[[int, int], None] | bool | None = None,
 ) -> Verdict:
     """Follow an ensemble of runs with the pendulum and without.
@@ -132,6 +134,7 @@ def verdict(
         bare: outcomes without the pendulum, where they are known already, by the same equations.
         equations: linear or nonlinear, see `outcomes`.
         workers: threads; default the number of cores.
+        cluster: processes or machines in place of threads.
         progress: True for a bar on stderr, or called with (runs done, of how many), for one ensemble after
             the other.
 
@@ -145,7 +148,8 @@ def verdict(
     # Both use the seed of one ensemble, hence the same starts, phases and scatter.
     def follow(subject: Parameters | Scene, pendulum: Pendulum | None) -> Outcomes:
         runs: dict[str, Any] = {"ensemble": ensemble, "conditions": conditions, "equations": equations}
-        return outcomes(subject, pendulum, workers=workers, progress=progress, **runs)
+        where: dict[str, Any] = {"workers": workers, "cluster": cluster, "progress": progress}
+        return outcomes(subject, pendulum, **where, **runs)
 
     hung = follow(subject, pendulum)
     if bare is None:

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tpd.analysis.ground_batch import Progress, rows_of
+from tpd.analysis.ground_batch import Progress, follow_rows, rows_of
 from tpd.analysis.transient import FREE
 from tpd.core import checks
+from tpd.core.cluster import Cluster
 from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
 from tpd.core.scene import Block, Scene
 
@@ -35,6 +36,7 @@ def rocking_spectrum(
     damping_ratio: float = 0.1,
     gravity: float = STANDARD_GRAVITY,
     free: float = FREE,
+    cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> RockingSpectrum:
     """Follow blocks of every size through a ground motion.
@@ -48,13 +50,12 @@ def rocking_spectrum(
         damping_ratio: of the pendulum.
         gravity: m/s^2.
         free: free motion after the ground motion, s.
+        cluster: processes or machines in place of threads.
         progress: called with the motions done and in all.
 
     Raises:
         ValueError: bad input.
     """
-    from tpd.models.compiled_shaken import follow_all
-
     checks.instance("block", block, Block)
     checks.instance("motion", motion, GroundMotion)
     times = np.linspace(1.0, 12.0, 200) if periods is None else np.asarray(periods, dtype=float)
@@ -71,6 +72,7 @@ def rocking_spectrum(
     x[:, 6] = float(motion.piece) * np.tile(rates, len(rows))
     late = free * np.tile(rates, len(rows))
     pieces = np.asarray(motion.pieces(), dtype=float)
-    found, _ = follow_all(x, [pieces], np.zeros(len(x), dtype=int), late, brief=True, progress=progress)
+    batch = {"x": x, "which": np.zeros(len(x), dtype=int), "free": late}
+    found = follow_rows(batch, [pieces], False, True, cluster=cluster, progress=progress)
     tilt = found.tilt.reshape(len(rows), -1) / float(block.slenderness)
     return RockingSpectrum(times, tilt[0], tilt[1] if hung is not None else None)

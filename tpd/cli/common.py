@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +13,7 @@ from tpd.cli import interrupts
 from tpd.cli.options import Option, given
 
 if TYPE_CHECKING:
+    from tpd.core.cluster import Cluster
     from tpd.core.progress import Bar
     from tpd.core.scene import Pendulum, Scene
 
@@ -49,6 +49,37 @@ def add_out(command: argparse.ArgumentParser, default: str) -> None:
     """Add the options of the output directory."""
     command.add_argument("--out", type=Path, default=Path(default), metavar="DIR", help=f"default {default}")
     command.add_argument("--overwrite", action="store_true", help="replace the results in an existing DIR")
+
+
+def add_cluster(command: argparse.ArgumentParser) -> None:
+    """Add the options of the processes and machines that compute."""
+    group = command.add_argument_group(
+        "many processes or machines",
+        "with one of these the work is done in chunks, which are stored in DIR.chunks as they finish: the "
+        "same command goes on where it was interrupted. Needs `tpd[dask]`",
+    )
+    either = group.add_mutually_exclusive_group()
+    either.add_argument("--workers", type=int, metavar="N", help="processes on this machine")
+    either.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster, tcp://host:port")
+
+
+@contextlib.contextmanager
+def cluster(options: argparse.Namespace) -> Iterator[Cluster | None]:
+    """Cluster that the options ask for, if any; its processes end with the block.
+
+    Raises:
+        ValueError: a number of workers below one, or Dask is not installed.
+    """
+    if options.workers is None and options.dask is None:
+        yield None
+        return
+    from tpd.core.cluster import Cluster
+
+    # Beside the results and not among them: a directory of results is empty before they are there.
+    folder = options.out.with_name(f"{options.out.name}.chunks")
+    with Cluster(folder, workers=options.workers, dask=options.dask) as opened:
+        yield opened
+    print(f"chunks stored: {folder} (not needed any more)")
 
 
 def add_pendulum(command: argparse.ArgumentParser) -> None:
@@ -155,36 +186,18 @@ def inputs(of: Scene, hung: Pendulum | None) -> dict[str, Any]:
 
 
 def use_64_bits(*, ground: bool = False) -> None:
-    """Set JAX up; call this before JAX computes anything.
+    """Set JAX up, see `tpd.core.process`; call this before JAX computes anything.
 
     `ground` says whether pulses and records are followed, and not harmonics: other code is compiled ahead.
-    Compiled programs are kept for later runs, in the user's cache or where `JAX_COMPILATION_CACHE_DIR` says.
     """
-    if "equinox" not in sys.modules:
-        # diffrax looks for times out of order. With this setting such a time is NaN; otherwise the program
-        # calls back to Python to raise an exception, and JAX keeps no program that calls back.
-        os.environ.setdefault("EQX_ON_ERROR", "nan")
-    import jax
+    from tpd.core import process
 
-    jax.config.update("jax_enable_x64", True)
-    if jax.config.jax_compilation_cache_dir is None:  # type: ignore[attr-defined]
-        # A cache of the user, never one that is shared: compiled programs are executed as they are found.
-        cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tpd" / "compiled"
-        with contextlib.suppress(OSError):
-            cache.mkdir(parents=True, exist_ok=True)
-            jax.config.update("jax_compilation_cache_dir", str(cache))
-            jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
-    from tpd.core import programs
+    folder = process.use_64_bits()
     from tpd.models import compiling
 
-    cache_dir = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
-    if cache_dir is None:
-        # No folder can be written to: what is compiled serves this process alone.
-        return
-    with contextlib.suppress(OSError):
-        folder = Path(cache_dir) / "programs"
-        programs.keep_in(folder)
-        compiling.compile_beside(folder, compiling.GROUND if ground else compiling.HARMONIC)
+    if folder is not None:
+        with contextlib.suppress(OSError):
+            compiling.compile_beside(folder, compiling.GROUND if ground else compiling.HARMONIC)
 
 
 def bar() -> Bar:

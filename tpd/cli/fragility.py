@@ -41,6 +41,7 @@ def add(commands: Any) -> None:
     fragility.add_argument(
         "--scales", nargs="+", type=float, metavar="X", help="stripes (default 20 from 0.5 to 8)"
     )
+    common.add_cluster(fragility)
     common.add_out(fragility, "tpd-fragility")
     fragility.set_defaults(run=run, does="following the block, for {out}")
 
@@ -59,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     files.claim(options.out, overwrite=options.overwrite)
     ground.say(scene, hung, f"  motion  {len(motions)} records")
     stripes = np.linspace(0.5, 8.0, 20) if options.scales is None else np.array(options.scales)
-    with common.bar() as bar:
+    with common.bar() as bar, common.cluster(options) as cluster:
         found = fragility(
             scene.block,
             motions,
@@ -68,6 +69,7 @@ def run(options: argparse.Namespace) -> int:
             intensity=options.intensity,
             period=options.period,
             gravity=float(scene.gravity),
+            cluster=cluster,
             progress=lambda done, total: bar("following motions", done, total),
         )
     print(found)

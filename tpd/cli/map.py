@@ -42,6 +42,7 @@ def add(commands: Any) -> None:
     mapping.add_argument(
         "--from-rest", action="store_true", help="follow every design from rest: forty times slower"
     )
+    common.add_cluster(mapping)
     common.add_out(mapping, "tpd-map")
     mapping.set_defaults(run=run, does="solving the designs of a map, for {out}")
 
@@ -60,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     x, y = (_axis(flag, given) for flag, given in (("--x", options.x), ("--y", options.y)))
     hung = common.pendulum(options, scene, (x[0], y[0]))
     files.claim(options.out, overwrite=options.overwrite)
-    with common.bar() as bar:
+    with common.bar() as bar, common.cluster(options) as cluster:
         bar("mapping", 0, options.points**2)
         m = design_map(
             scene,
@@ -68,6 +69,7 @@ def run(options: argparse.Namespace) -> int:
             (y[0], np.linspace(y[1], y[2], options.points)),
             pendulum=hung,
             start=np.zeros(4) if options.from_rest else None,
+            cluster=cluster,
             progress=partial(bar, "mapping"),
         )
     # Not before: `design_map` refuses names that cannot be varied together.

@@ -11,6 +11,7 @@ from tpd.cli import common, ground
 if TYPE_CHECKING:
     from tpd.analysis.overturning_spectrum import OverturningSpectrum
     from tpd.analysis.rocking_spectrum import RockingSpectrum
+    from tpd.core.cluster import Cluster
     from tpd.core.scene import Pendulum, Scene
 
 _DESCRIPTION = (
@@ -45,6 +46,7 @@ def add(commands: Any) -> None:
     spectrum.add_argument(
         "--sizes-to", type=float, default=10.0, metavar="X", help="a_p/(g tan alpha) (default 10)"
     )
+    common.add_cluster(spectrum)
     common.add_out(spectrum, "tpd-spectrum")
     spectrum.set_defaults(run=run, does="following blocks, for {out}")
 
@@ -63,16 +65,16 @@ def run(options: argparse.Namespace) -> int:
     hung = ground.pendulum(options, scene)
     files.claim(options.out, overwrite=options.overwrite)
     ground.say(scene, hung, f"  motion  {options.pulse or options.record}")
-    with common.bar() as bar:
+    with common.bar() as bar, common.cluster(options) as cluster:
         make = _overturning if options.pulse is not None else _rocking
-        written = list(make(options, scene, hung, bar))
+        written = list(make(options, scene, hung, bar, cluster))
     for path, content in written:
         print(f"written: {files.place(options.out / path, content)}")
     return common.SOUND
 
 
 def _overturning(
-    options: argparse.Namespace, scene: Scene, hung: Pendulum | None, bar: Any
+    options: argparse.Namespace, scene: Scene, hung: Pendulum | None, bar: Any, cluster: Cluster | None
 ) -> Iterator[tuple[str, str | bytes]]:
     import numpy as np
 
@@ -90,6 +92,7 @@ def _overturning(
         frequency_ratios=np.linspace(0.25, options.to or 10.0, options.points),
         acceleration_ratios=np.linspace(0.5, options.sizes_to, options.points),
         gravity=float(scene.gravity),
+        cluster=cluster,
         progress=lambda done, total: bar("following pulses", done, total),
     )
     shares = found.safe()
@@ -111,7 +114,7 @@ def _cells(found: OverturningSpectrum) -> Iterator[tuple]:
 
 
 def _rocking(
-    options: argparse.Namespace, scene: Scene, hung: Pendulum | None, bar: Any
+    options: argparse.Namespace, scene: Scene, hung: Pendulum | None, bar: Any, cluster: Cluster | None
 ) -> Iterator[tuple[str, str | bytes]]:
     import numpy as np
 
@@ -133,6 +136,7 @@ def _rocking(
         scene.motion,
         periods=np.linspace(0.5, options.to or 12.0, options.points),
         gravity=float(scene.gravity),
+        cluster=cluster,
         progress=lambda done, total: bar("following blocks", done, total),
         **ratios,
     )

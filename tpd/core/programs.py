@@ -27,6 +27,7 @@ import numpy as np
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
 from tpd.core import files
+from tpd.core.fingerprints import of_sources
 
 _MOST = 64
 """Programs that are kept; of more the oldest go."""
@@ -240,15 +241,11 @@ def _digest(*parts: str) -> str:
 @lru_cache(maxsize=1)
 def _here() -> str:
     """Everything that a program depends on beside its function: sources, versions, processor, settings."""
-    root = Path(__file__).parents[1]
-    sources = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        sources.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
     processor = platform.processor()
     with contextlib.suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text().splitlines()
         processor = "\n".join(sorted({x for x in lines if x.startswith(("flags", "model name", "Features"))}))
     settings = sorted((k, v) for k, v in os.environ.items() if k.startswith(("XLA_", "JAX_", "EQX_")))
     devices = [str(x) for x in jax.devices()]
-    parts = sources.hexdigest(), files.versions(), processor, platform.platform(), settings, devices
+    parts = of_sources(), files.versions(), processor, platform.platform(), settings, devices
     return "\n".join(map(str, (*parts, np.dtype(int).str)))

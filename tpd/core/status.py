@@ -103,6 +103,16 @@ def names_of(status: Status) -> np.ndarray:
     return np.select(masks, _NAMES, "")
 
 
+def codes_of(names: np.ndarray) -> np.ndarray:
+    """Numbers that stand for names of statuses in files: places in a list that only grows at its end."""
+    return np.argmax(np.asarray(names)[..., None] == np.array(_NAMES), axis=-1).astype(np.int8)
+
+
+def names_by_code(codes: np.ndarray) -> np.ndarray:
+    """Names of statuses that `codes_of` has turned into numbers."""
+    return np.array(_NAMES)[np.asarray(codes)]
+
+
 @lru_cache
 def _index(name: str) -> int:
     """Number that stands for a status."""

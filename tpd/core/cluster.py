@@ -1,0 +1,252 @@
+"""Batches on many processes or machines, with Dask: the chunks are stored as they finish.
+
+The batch is cut into chunks whose bounds depend on the batch alone, and each chunk is computed by one process
+from the same inputs. So the answer does not depend on the number of workers, nor on which of them are lost:
+Dask gives the chunk of a lost worker to another one, and a batch that was stopped goes on with the chunks
+that are missing. One process, that of the caller, writes: no chunk is stored twice, and workers need no
+common folder.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from tpd.core import checks
+from tpd.core.chunk_store import ChunkStore
+from tpd.core.fingerprints import fingerprint, of_sources
+
+Task = Callable[..., dict[str, np.ndarray]]
+"""Function at the top level of a module: of the elements of a chunk and of what all chunks share, to arrays
+whose leading axis are the elements."""
+
+_AHEAD = 3
+"""Chunks that wait at every worker, so that none is idle while results are written."""
+_CHUNKS, _WHOLE = 32, 128
+"""Chunks that a batch should have at least, and elements that are not separated."""
+_DEATHS = 10
+"""Workers that may be lost over one chunk: more, and the chunk itself kills them."""
+
+
+class Cluster:
+    """Worker processes on this machine, or a Dask cluster, and the folder in which chunks are stored.
+
+    A context manager: the processes begin with the first batch and end with the block. A script that starts
+    processes must do so under `if __name__ == "__main__":`, as always with Python's multiprocessing.
+    """
+
+    def __init__(self, folder: Path | str, *, workers: int | None = None, dask: str | None = None) -> None:
+        """Nothing is started yet.
+
+        Args:
+            folder: for chunks and manifests. The same batch goes on from what is there; other batches lie
+                beside it.
+            workers: processes on this machine; default the number of cores.
+            dask: address of a Dask scheduler, such as tcp://host:8786, in place of `workers`. Its workers
+                need the same version of this package; JAX is set to 64 bits in them.
+
+        Raises:
+            ValueError: both, workers below one, or Dask or Zarr are not installed.
+        """
+        if workers is not None and dask is not None:
+            raise ValueError("`workers` and `dask` exclude one another, but both are given")
+        if workers is not None:
+            checks.count("workers", workers)
+        self.folder, self.dask = Path(folder), dask
+        self.workers = workers or os.cpu_count() or 1
+        self._client: Any = None
+        self._local: Any = None
+        _distributed()
+
+    def map(
+        self,
+        name: str,
+        task: Task,
+        batch: Any,
+        shared: tuple[Any, ...] = (),
+        *,
+        chunk: int,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> dict[str, np.ndarray]:
+        """`task` of every chunk of a batch, put together.
+
+        Args:
+            name: of the batch, for its folder.
+            task: see `Task`.
+            batch: pytree of arrays with one leading axis; single numbers belong to every element.
+            shared: further arguments of `task`, sent once to every worker.
+            chunk: most elements of a chunk; a short batch has shorter ones.
+            progress: called with (elements done, of how many) after each chunk.
+
+        Returns:
+            The arrays of all chunks, by name.
+
+        Raises:
+            ValueError: a folder that cannot be used, or a cluster that cannot be reached.
+            RuntimeError: a chunk that fails, or that its workers do not survive.
+        """
+        part_of, length = _parts(batch)
+        chunk = _shortened(chunk, length)
+        source = f"{task.__module__}.{task.__qualname__}"
+        try:
+            key = fingerprint(of_sources(), source, chunk, part_of(0, length), shared)
+        except TypeError as error:
+            raise ValueError(f"these inputs cannot be computed on a cluster: {error}") from None
+        about = {"of": name, "task": source, "fingerprint": key}
+        store = ChunkStore(self.folder / f"{name}-{key[:16]}", length, chunk, about)
+        missing = store.missing()
+        done = length - sum(b - a for a, b in map(store.bounds, missing))
+        if progress is not None and done:
+            progress(done, length)
+        # Nothing is started for a batch that is there already.
+        if missing:
+            for number, results in self._computed(key, task, shared, part_of, store, missing):
+                store.write(number, results)
+                done += np.subtract(*store.bounds(number)[::-1])
+                if progress is not None:
+                    progress(int(done), length)
+        return store.read()
+
+    def __enter__(self) -> Cluster:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the processes that were started; a cluster of somebody else goes on."""
+        for opened in (self._client, self._local):
+            if opened is not None:
+                opened.close()
+        self._client = self._local = None
+
+    @property
+    def client(self) -> Any:
+        """Dask's client; connected, and local processes started, on first use.
+
+        Raises:
+            ValueError: nobody answers at the address.
+        """
+        if self._client is None:
+            dask, distributed = _distributed()
+            settings = {"distributed.scheduler.allowed-failures": _DEATHS}
+            with dask.config.set(settings):
+                try:
+                    self._client = distributed.Client(self.dask or self._started(distributed))
+                except (OSError, ValueError) as error:
+                    raise ValueError(f"no Dask scheduler answers at {self.dask}: {error}") from None
+        return self._client
+
+    def _started(self, distributed: Any) -> Any:
+        """Processes on this machine, with one thread each."""
+        self._local = distributed.LocalCluster(
+            n_workers=self.workers,
+            threads_per_worker=1,
+            dashboard_address="127.0.0.1:0",
+            silence_logs="ERROR",
+        )
+        return self._local
+
+    def _computed(
+        self,
+        key: str,
+        task: Task,
+        shared: tuple[Any, ...],
+        part_of: Callable[[int, int], Any],
+        store: ChunkStore,
+        missing: list[int],
+    ) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+        """Results of chunks in the order in which they finish."""
+        _, distributed = _distributed()
+        # Loaded here, and not with the package: it needs Dask.
+        from tpd.core.cluster_worker import Prepared, compute
+
+        client = self.client
+        # What chunks share goes to every worker once, also to one that comes in place of another.
+        _persistently(lambda: client.register_plugin(Prepared(key, of_sources(), shared), name=key))
+        rest = iter(missing)
+
+        def submitted() -> Iterator[Any]:
+            for number in rest:
+                part = part_of(*store.bounds(number))
+                # Every submission is a new one: Dask would give back the failure of a former run.
+                yield client.submit(compute, key, task, part, number, pure=False)
+
+        queue, source = distributed.as_completed(), submitted()
+        slots = _AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+        try:
+            for future in islice(source, slots):
+                queue.add(future)
+            for future in queue:
+                try:
+                    yield future.result()
+                except distributed.KilledWorker as error:
+                    raise RuntimeError(f"{_DEATHS} workers were lost over one chunk: {error}") from None
+                following = next(source, None)
+                if following is not None:
+                    queue.add(following)
+        finally:
+            queue.clear()
+            with contextlib.suppress(Exception):
+                client.unregister_worker_plugin(key)
+
+
+def _persistently(ask: Callable[[], Any]) -> None:
+    """Ask all workers, again where one of them was lost while it was asked."""
+    for left in reversed(range(_DEATHS)):
+        try:
+            ask()
+        except OSError:
+            if not left:
+                raise
+        else:
+            return
+
+
+def _shortened(chunk: int, length: int) -> int:
+    """Elements of a chunk, so that a short batch has one for many workers as well."""
+    # By the batch alone, and not by the workers. Whole multiples of the batches of XLA's programs, within
+    # which a number may depend on the place: so all digits are those of a batch that is not cut.
+    some = -(-length // (_CHUNKS * _WHOLE)) * _WHOLE
+    return min(chunk, some)
+
+
+def _parts(batch: Any) -> tuple[Callable[[int, int], Any], int]:
+    """Elements of a batch between two bounds, and how many there are."""
+    import jax
+
+    leaves, structure = jax.tree.flatten(batch)
+    arrays = [np.asarray(x) for x in leaves]
+    lengths = {len(x) for x in arrays if x.ndim}
+    if len(lengths) != 1 or 0 in lengths:
+        raise ValueError(
+            f"`batch` must be arrays of one length above zero, but has lengths {sorted(lengths)}"
+        )
+
+    def part_of(first: int, last: int) -> Any:
+        return jax.tree.unflatten(structure, [x[first:last] if x.ndim else x for x in arrays])
+
+    return part_of, *lengths
+
+
+def _distributed() -> tuple[Any, Any]:
+    """Modules of Dask.
+
+    Raises:
+        ValueError: they are not installed.
+    """
+    try:
+        import dask
+        import distributed
+    except ModuleNotFoundError:
+        raise ValueError("a cluster needs Dask and Zarr: install `tpd[dask]`") from None
+    return dask, distributed

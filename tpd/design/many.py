@@ -1,0 +1,108 @@
+"""Pendulums for many blocks, one search each: on the processes of a cluster, or one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tpd.core import checks
+from tpd.core.cluster import Cluster
+from tpd.core.formatting import Printed, counted
+from tpd.core.progress import shown_count
+from tpd.core.scene import Block, Scene
+from tpd.design.ground.design import GroundDesign, GroundStatus
+from tpd.design.optimise import optimise
+from tpd.design.result import Design, DesignStatus
+
+_STATUSES = tuple(dict.fromkeys(s.name for kind in (DesignStatus, GroundStatus) for s in kind))
+"""Names of statuses; their places stand for them in files."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Designs(Printed):
+    """Answers for n blocks, arrays of shape (n,); NaN where no pendulum is offered."""
+
+    status: np.ndarray
+    """Names of `DesignStatus`, or of `GroundStatus` under ground motions."""
+    mass: np.ndarray
+    """kg"""
+    length: np.ndarray
+    """m"""
+    damping_ratio: np.ndarray
+    value: np.ndarray
+    """Risk measure of the design that is offered."""
+    bare: np.ndarray
+    """Risk measure of the block without a pendulum."""
+
+    def __str__(self) -> str:
+        return f"Designs for {len(self.status)} blocks: {counted(self.status)}"
+
+
+def optimise_all(
+    scenes: Sequence[Scene] | Sequence[Block],
+    *,
+    cluster: Cluster | None = None,
+    progress: Callable[[int, int], None] | bool | None = None,
+    **settings: Any,
+) -> Designs:
+    """Find a pendulum for every scene, see `tpd.optimise`.
+
+    Args:
+        scenes: blocks with their base motion; blocks alone under ground motions.
+        cluster: processes or machines; without it the searches run one after the other.
+        progress: True for a bar on stderr, or called with (scenes done, of how many).
+        settings: of `tpd.optimise`, for every scene.
+
+    Raises:
+        ValueError: bad input, for instance no scene.
+        RuntimeError: JAX is in 32-bit mode, or a search failed in a cluster.
+    """
+    checks.require_x64()
+    if not scenes:
+        raise ValueError("`scenes` must hold at least one scene, but is empty")
+    for i, scene in enumerate(scenes):
+        checks.instance(f"scenes[{i}]", scene, Block if isinstance(scene, Block) else Scene)
+    alone = sorted({"checkpoint", "progress"} & set(settings))
+    if alone:
+        raise ValueError(f"`{alone[0]}` is of one search, and cannot be given for many")
+    shared, n = (tuple(scenes), settings), len(scenes)
+    with shown_count(progress, "searching") as report:
+        if cluster is None:
+            parts = []
+            for i in range(n):
+                parts.append(_designed(np.array([i]), *shared))
+                if report is not None:
+                    report(i + 1, n)
+            found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        else:
+            # A search takes seconds: each is a chunk of its own, so that none is lost with another one.
+            found = cluster.map("designs", _designed, np.arange(n), shared, chunk=1, progress=report)
+    status = np.array(_STATUSES)[found.pop("status")]
+    return Designs(status=status, **found)
+
+
+def _designed(which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, Any]) -> dict[str, np.ndarray]:
+    """Answers for some of the scenes; statuses by their codes."""
+    rows = [_row(optimise(scenes[int(i)], **settings)) for i in which]
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def _row(design: Design | GroundDesign) -> dict[str, Any]:
+    """Numbers of one answer."""
+    hung, none = design.pendulum, float("nan")
+    pendulum = (none, none, none) if hung is None else (hung.mass, hung.length, hung.damping_ratio)
+    mass, length, damping = map(float, pendulum)
+    if isinstance(design, GroundDesign):
+        value, bare = none if hung is None else design.value, design.bare
+    else:
+        value, bare = none if design.winner is None else design.winner.value, design.bare.value
+    sizes = {"mass": mass, "length": length, "damping_ratio": damping}
+    return {
+        "status": _STATUSES.index(design.status.name),
+        **sizes,
+        "value": float(value),
+        "bare": float(bare),
+    }
