@@ -14,8 +14,8 @@ LARGEST = 600_000
 """Bytes of a notebook file, pictures included."""
 
 
-def test_there_are_fourteen_notebooks():
-    assert len(NOTEBOOKS) == 14
+def test_there_are_fifteen_notebooks():
+    assert len(NOTEBOOKS) == 15
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)

@@ -286,17 +286,20 @@ DESIGNS = [
     ("[1]", "has no `job` and `pendulum`"),
     ('{"job": {}, "pendulum": null}', "must be of version 3, but is of 1: run the job again"),
     ('{"version": 4, "job": {}, "pendulum": null}', "must be of version 3, but is of 4"),
-    ('{"version": 3, "job": [], "pendulum": null}', "is not what a report holds"),
-    ('{"version": 3, "job": {}, "pendulum": {"mass": 1.0}}', "is not what a report holds"),
+    ('{"version": 3, "job": [], "pendulum": null}', "`job` must be a table, but is []"),
+    (
+        '{"version": 3, "job": {}, "pendulum": {"mass": 1.0}}',
+        "`pendulum` must have mass, length, damping_ratio, but has mass",
+    ),
     (
         '{"version": 3, "job": {}, "pendulum": {"mass": "1", "length": 1.0, "damping_ratio": 0.1}}',
-        "is not what a report holds",
+        "[pendulum] `mass` must be a number, but is '1'",
     ),
     (
         '{"version": 3, "job": {}, "pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1}}',
         "`length` must be positive and finite, but is -1",
     ),
-    ('{"version": 3, "job": {"blok": {}}, "pendulum": null}', "unknown table [blok]"),
+    ('{"version": 3, "job": {}, "pendulum": null}', "it has no `status`"),
 ]
 
 
@@ -370,6 +373,7 @@ def test_a_file_that_is_no_design_is_not_checked(capsys, tmp_path, content, mess
     file.write_text(content, encoding="latin-1")
     for command in ("check", "response"):
         assert message in refused(capsys, command, str(tmp_path))
+    assert message in refused(capsys, "export", str(tmp_path), "--as", "mjcf", "--file", str(tmp_path / "m"))
     assert message in refused(capsys, "check", str(file))
 
 

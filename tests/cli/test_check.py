@@ -4,7 +4,9 @@ import json
 
 import pytest
 
+from tests import designs
 from tpd.cli import main
+from tpd.report.json import as_json
 
 TOWER = """
 [block]
@@ -20,6 +22,11 @@ frequency = 0.8
 stroke = 0.5
 """
 GOOD = ("--mass-ratio", "0.08", "--length-ratio", "0.22", "--pendulum-damping", "0.2")
+
+
+def report(job, hung) -> str:
+    """design.json of a job and a pendulum."""
+    return json.dumps(json.loads(as_json(designs.single(), designs.study(), job)) | {"pendulum": hung})
 
 
 @pytest.fixture
@@ -57,7 +64,7 @@ def test_a_design_s_directory_is_checked_as_the_options_are(check, tmp_path, cap
     block = {"width": 2.0, "height": 9.0, "mass": 41500.0, "radius_of_gyration": 2.7, "friction": 0.02}
     job = {"block": block, "motion": {"amplitude": 0.1, "frequency": 0.8}}
     hung = {"mass": 3320.0, "length": 0.99, "damping_ratio": 0.2}
-    (tmp_path / "design.json").write_text(json.dumps({"version": 3, "job": job, "pendulum": hung}))
+    (tmp_path / "design.json").write_text(report(job, hung))
     assert main(["check", str(tmp_path), "--quick"]) == 0
     said = capsys.readouterr().out.splitlines()
     assert said[:5] == expected[:5]
@@ -66,8 +73,7 @@ def test_a_design_s_directory_is_checked_as_the_options_are(check, tmp_path, cap
 
 def test_a_report_without_a_pendulum_is_confirmed_only_where_none_is_needed(tmp_path, capsys):
     for amplitude, status in ((0.001, 0), (0.015, 3)):
-        content = {"version": 3, "job": {"motion": {"amplitude": amplitude}}, "pendulum": None}
-        (tmp_path / "design.json").write_text(json.dumps(content))
+        (tmp_path / "design.json").write_text(report({"motion": {"amplitude": amplitude}}, None))
         assert main(["check", str(tmp_path), "--quick"]) == status
         last = capsys.readouterr().out.splitlines()[-1]
         assert last.startswith("does not help: " if status else "The report offers no pendulum, and the bare")

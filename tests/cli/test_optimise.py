@@ -92,6 +92,18 @@ def test_the_report_holds_the_job_with_the_options_over_the_file(written):
     assert config.job_of(tomllib.loads((folder / "first" / "scene.toml").read_text())) == job
 
 
+def test_the_report_is_read_back_bit_for_bit(written):
+    folder, _ = written
+    found = tpd.Design.read(folder / "first")
+    job = config.job_of(tomllib.loads((folder / "first" / "scene.toml").read_text()))
+    assert (found.scene, found.space, found.limits) == (job.scene, job.space, job.limits)
+    assert (found.risk, found.worth, found.seed) == (job.risk, job.worth, 3)
+    content = json.loads((folder / "first" / "design.json").read_text())
+    assert (found.pendulum and vars(found.pendulum)) == content["pendulum"]
+    assert found.status.name == content["status"]
+    assert len(found.conditions) == len(content["bare"]["exact"]["amplitude"])
+
+
 def test_a_report_is_not_overwritten(written):
     folder, _ = written
     done = command(folder, "optimise", "--scene", "small.toml", "--out", "first")

@@ -49,7 +49,7 @@ def test_parts_are_put_together_in_order(cluster):
         progress=lambda done, total: seen.append((done, total)),
     )
     assert same(found, by_hand(1000))
-    assert [total for _, total in seen] == [1000] * 8
+    assert [total for _, total in seen] == [1000] * 24
     assert seen[-1][0] == 1000
     assert seen == sorted(seen)
 

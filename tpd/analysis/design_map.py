@@ -129,7 +129,8 @@ def design_map(
             answer = _answers(designs, y0, progress=report)
         else:
             chunk = _CHUNK_FOLLOWED if y0 is not None else _CHUNK
-            answer = cluster.map("map", _answers_by_one, designs, (y0,), chunk=chunk, progress=report)
+            how = {"chunk": chunk, "whole": CHUNK, "progress": report}
+            answer = cluster.map("map", _answers_by_one, designs, (y0,), **how)
     answer["status"] = names_by_code(answer["status"])
     shaped = {n: v.reshape(len(ys), len(xs)) for n, v in answer.items()}
     at = None if y0 is None else tuple(map(float, y0))

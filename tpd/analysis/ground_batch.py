@@ -14,7 +14,7 @@ from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
 from tpd.core.scene import Block, Pendulum, Scene
 
 Progress = Callable[[int, int], None]
-_PIECES = 1 << 20
+_PIECES = 1 << 21
 """Pieces of ground motion in a chunk for a cluster: some tenths of a second of work."""
 
 

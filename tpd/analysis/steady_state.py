@@ -11,6 +11,7 @@ unit circle it does not exist.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import equinox as eqx
@@ -96,9 +97,18 @@ class Trajectory(eqx.Module):
     status: Status
 
 
+@lru_cache(maxsize=1)
 def at_rest() -> State:
     """The default start: block and bob at rest, at tau = 0."""
-    return jnp.zeros(4)
+    # Made once, and as a number also where it is first asked for under a trace.
+    with jax.ensure_compile_time_eval():
+        return jnp.zeros(4)
+
+
+@lru_cache(maxsize=1)
+def _default() -> Piecewise:
+    """Default model: to make one, and check it, takes a third of the time of a call."""
+    return Piecewise()
 
 
 def steady_state(
@@ -121,8 +131,8 @@ def steady_state(
         ValueError: bad input, or a parameter that the model has no term for.
         RuntimeError: JAX is in 32-bit mode.
     """
-    model = Piecewise() if model is None else model
     checks.require_x64()
+    model = _default() if model is None else model
     check_parameters(p)
     checks.instance("model", model, (AbstractModel, AbstractChoice))
     checks.flag("throw", throw)
@@ -152,8 +162,8 @@ def simulate(
         ValueError: bad input, or a parameter that the model has no term for.
         RuntimeError: JAX is in 32-bit mode.
     """
-    model = Piecewise() if model is None else model
     checks.require_x64()
+    model = _default() if model is None else model
     check_parameters(p)
     checks.instance("model", model, AbstractModel)
     model.check(p)
@@ -218,6 +228,8 @@ def _or_zero(tangent: Array | None, primal: Any) -> Any:
 def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     # Value and slopes come out of one program and are joined here: forward and reverse mode, at any nesting,
     # then cost one product with the slopes and never run through the loops that found the orbit.
+    if all(checks.is_concrete(x) for x in (*jax.tree.leaves(p), y0)):
+        return _solved(p, model, y0)[0]
     steady, slopes = _solved(stop_gradient(p), model, stop_gradient(y0))
     if all(checks.is_concrete(x) for x in jax.tree.leaves(p)):
         return steady
@@ -232,9 +244,13 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     )
 
 
-@eqx.filter_jit
 def _solved(p: Parameters, model: AbstractModel, y0: State) -> tuple[Steady, Float[Array, "6 n"]]:
     """The steady state, and the slopes of amplitude, stroke and state: NaN where there are none."""
+    # `eqx.filter_jit` sorts the leaves in Python at every call. A model without numbers needs none of that.
+    return (_solved_with if jax.tree.leaves(model) else _solved_by)(p, model, y0)
+
+
+def _solve(p: Parameters, model: AbstractModel, y0: State) -> tuple[Steady, Float[Array, "6 n"]]:
     flat, unflatten = ravel_pytree(p)
     sane = jnp.all(jnp.isfinite(flat)) & jnp.all(jnp.isfinite(y0))
     # A solver fed with NaN would try until its bound; it gets something harmless instead.
@@ -242,6 +258,10 @@ def _solved(p: Parameters, model: AbstractModel, y0: State) -> tuple[Steady, Flo
     settled = model.settle(fixed, jnp.where(sane, y0, 0.0))
     settled = eqx.tree_at(lambda s: s.status, settled, Status.where(sane, settled.status, Status.failed))
     return answered(fixed, model, settled)
+
+
+_solved_by = jax.jit(_solve, static_argnums=1)
+_solved_with = eqx.filter_jit(_solve)
 
 
 def answered(fixed: Parameters, model: AbstractModel, settled: Settled) -> tuple[Steady, Float[Array, "6 n"]]:

@@ -1,4 +1,5 @@
-"""Command line: `tpd new`, `optimise`, `check`, `response`, `map`, `shake`, `spectrum` and `fragility`.
+"""Command line: `tpd new`, `optimise`, `check`, `response`, `map`, `shake`, `spectrum`, `fragility` and
+`export`.
 
 A command is a module with `add`, its grammar, and `run`. Modules that need JAX are imported by `run`, so that
 the help does not wait for them.
@@ -10,7 +11,19 @@ import argparse
 import sys
 
 import tpd
-from tpd.cli import check, common, fragility, interrupts, new, optimise, options, response, shake, spectrum
+from tpd.cli import (
+    check,
+    common,
+    export,
+    fragility,
+    interrupts,
+    new,
+    optimise,
+    options,
+    response,
+    shake,
+    spectrum,
+)
 from tpd.cli import map as mapping
 
 
@@ -19,7 +32,7 @@ def parser() -> argparse.ArgumentParser:
     top = options.Parser(prog="tpd", description=str(tpd.__doc__).splitlines()[0])
     top.add_argument("--version", action="version", version=f"tpd {tpd.__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for command in (new, optimise, check, response, mapping, shake, spectrum, fragility):
+    for command in (new, optimise, check, response, mapping, shake, spectrum, fragility, export):
         command.add(commands)
     return top
 

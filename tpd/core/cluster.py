@@ -29,8 +29,8 @@ whose leading axis are the elements."""
 
 _AHEAD = 3
 """Chunks that wait at every worker, so that none is idle while results are written."""
-_CHUNKS, _WHOLE = 32, 128
-"""Chunks that a batch should have at least, and elements that are not separated."""
+_CHUNKS = 24
+"""Chunks that a batch should have at least."""
 _DEATHS = 10
 """Workers that may be lost over one chunk: more, and the chunk itself kills them."""
 
@@ -73,6 +73,7 @@ class Cluster:
         shared: tuple[Any, ...] = (),
         *,
         chunk: int,
+        whole: int = 1,
         progress: Callable[[int, int], None] | None = None,
     ) -> dict[str, np.ndarray]:
         """`task` of every chunk of a batch, put together.
@@ -83,6 +84,8 @@ class Cluster:
             batch: pytree of arrays with one leading axis; single numbers belong to every element.
             shared: further arguments of `task`, sent once to every worker.
             chunk: most elements of a chunk; a short batch has shorter ones.
+            whole: elements that are not separated, where a number depends on its place among them: the
+                batch of a program of XLA.
             progress: called with (elements done, of how many) after each chunk.
 
         Returns:
@@ -93,7 +96,7 @@ class Cluster:
             RuntimeError: a chunk that fails, or that its workers do not survive.
         """
         part_of, length = _parts(batch)
-        chunk = _shortened(chunk, length)
+        chunk = _shortened(chunk, length, whole)
         source = f"{task.__module__}.{task.__qualname__}"
         try:
             key = fingerprint(of_sources(), source, chunk, part_of(0, length), shared)
@@ -212,11 +215,10 @@ def _persistently(ask: Callable[[], Any]) -> None:
             return
 
 
-def _shortened(chunk: int, length: int) -> int:
+def _shortened(chunk: int, length: int, whole: int) -> int:
     """Elements of a chunk, so that a short batch has one for many workers as well."""
-    # By the batch alone, and not by the workers. Whole multiples of the batches of XLA's programs, within
-    # which a number may depend on the place: so all digits are those of a batch that is not cut.
-    some = -(-length // (_CHUNKS * _WHOLE)) * _WHOLE
+    # By the batch alone, and not by the workers: so all digits are those of a batch that is not cut.
+    some = -(-length // (_CHUNKS * whole)) * whole
     return min(chunk, some)
 
 

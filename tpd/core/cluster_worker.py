@@ -1,4 +1,4 @@
-"""What the workers of a cluster do: they are prepared for a batch, and compute its chunks."""
+"""Workers of a cluster: they are prepared for a batch, and compute its chunks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from distributed import WorkerPlugin
 from tpd.core.fingerprints import of_sources
 
 _shared: dict[str, tuple[Any, ...]] = {}
-"""What all chunks of a batch share, by batch."""
+"""Arguments that all chunks of a batch share, by batch."""
 
 
 class Prepared(WorkerPlugin):

@@ -21,7 +21,10 @@ from tpd.design.verified import AtPoint, Bare, LossCase, Verified
 from tpd.design.worth import Worth
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from tpd.design.methods import Method
+    from tpd.design.reading import StoredDesign
     from tpd.design.survey import Survey
 
 
@@ -131,6 +134,18 @@ class Design(Printed):
     elasticities: dict[str, float]
     """d ln(value)/d ln(x) at the design, x one of `conditions.FACTORS`."""
     settings: dict[str, object] = field(default_factory=dict)
+
+    @staticmethod
+    def read(path: str | Path) -> StoredDesign:
+        """Return what the design.json of a report, or of the report's directory, holds of its design.
+
+        Raises:
+            ValueError: a file that cannot be read, of another version, without a key, or with a value that
+                is not allowed.
+        """
+        from tpd.design.reading import read_design
+
+        return read_design(path)
 
     @property
     def winner(self) -> Verified | None:

@@ -144,10 +144,13 @@ def is_own_shaking(conditions: Conditions) -> bool:
     return len(conditions) == 1 and all(np.all(v == 1.0) for v in conditions.factors.values())
 
 
-def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory, ...]:
-    """Histories from rest: of the bare block and, if there is one, of the block with the pendulum."""
+def time_histories(
+    scene: Scene, pendulum: Pendulum | None, *, smoothed: bool = True
+) -> tuple[TimeHistory, ...]:
+    """Histories from rest: of the bare block and, if there is one, of the block with the pendulum; by the
+    exact solution and, where it is asked for, by the smoothed model."""
     models: dict[str, AbstractModel] = {"exact": Piecewise()}
-    if scene.block.velocity_ratio == 1.0:
+    if smoothed and scene.block.velocity_ratio == 1.0:
         # The smoothed model has no impact loss.
         models["smoothed"] = Smoothed()
     cases = (None,) if pendulum is None else (None, pendulum)

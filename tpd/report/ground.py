@@ -18,6 +18,7 @@ from tpd.design.ground.front import FrontPoint
 from tpd.design.ground.groups import Role
 from tpd.design.ground.judgement import Interval, Judged
 from tpd.design.ground.optimise import settings
+from tpd.design.reading import GROUND_VERSION
 from tpd.report import scene_words, words
 from tpd.report.blocks import (
     Block,
@@ -328,7 +329,7 @@ def as_json(
     found, hung = design.searched, design.pendulum
     # Everything that repeats the run, and all that was found.
     entries = {
-        "version": 1,
+        "version": GROUND_VERSION,
         "status": design.status.name,
         "status_message": design.status.value,
         "notes": list(notes(design)),

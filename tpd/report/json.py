@@ -15,14 +15,13 @@ from tpd.core import files
 from tpd.core.conditions import Conditions
 from tpd.design.criteria import Limit
 from tpd.design.objective import KINDS
+from tpd.design.reading import VERSION
 from tpd.design.reasons import Reason
 from tpd.design.result import Design
 from tpd.design.study import Study
 from tpd.design.survey import Survey
 from tpd.report.notes import notes
 
-VERSION = 3
-"""Version of the format; it grows when a key changes its meaning or goes away."""
 _STUDY = ("responses", "comparison", "elasticities", "front", "earthquakes", "left_out")
 """Parts of a study; time histories and the uplift region follow from the job in no time."""
 _EVALUATION = ("tilt", "stroke", "margin", "multiplier", "reserve")

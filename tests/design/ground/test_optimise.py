@@ -11,6 +11,7 @@ from tpd.cli import main
 from tpd.design.ground.design import GroundStatus
 from tpd.design.ground.front import FrontPoint, front
 from tpd.design.ground.groups import Role
+from tpd.design.reading import StoredGroundDesign, read
 from tpd.report.ground import as_json, content, write
 from tpd.report.text import text
 
@@ -137,6 +138,13 @@ def test_the_report_says_what_was_found_and_how_to_repeat_it(found, tmp_path):
     point = FrontPoint(0.1, np.array([0.1, 0.4, 0.5]), (2.0, np.inf), None)
     assert "above the stripes" in text(content(found, points=(point,)))
     assert as_json(found, "tpd optimise --records x", ["x"]) == (tmp_path / "design.json").read_text()
+    again = read(tmp_path)
+    assert isinstance(again, StoredGroundDesign)
+    assert (again.block, again.gravity, again.pendulum) == (found.block, found.gravity, found.pendulum)
+    assert (again.status, again.seed, again.records) == (found.status, found.seed, ("x",))
+    assert again.scene(tpd.records.el_centro()).block == found.block
+    with pytest.raises(ValueError, match="is a design on ground motions, not for a harmonic"):
+        tpd.Design.read(tmp_path)
 
 
 def test_the_command_designs_on_records_and_refuses_what_has_no_effect(tmp_path, capsys):
