@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Callable
 from functools import lru_cache
@@ -78,8 +79,10 @@ def in_chunks(
     wholes: list[np.ndarray] = []
     structures: list[Any] = []
     lock, done = Lock(), 0
-    with threads.cores(cores) as pool:
-        for count in pool.map(run, range(0, length, chunk)):
+    # A lone worker needs no thread of its own: memory that new threads free stays with them.
+    with contextlib.ExitStack() as stack:
+        each = stack.enter_context(threads.cores(cores)).map if cores > 1 else map
+        for count in each(run, range(0, length, chunk)):
             done += count
             if progress is not None:
                 progress(done, length)

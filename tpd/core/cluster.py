@@ -146,6 +146,8 @@ class Cluster:
                 try:
                     self._client = distributed.Client(self.dask or self._started(distributed))
                 except (OSError, ValueError) as error:
+                    if self.dask is None:
+                        raise
                     raise ValueError(f"no Dask scheduler answers at {self.dask}: {error}") from None
         return self._client
 
