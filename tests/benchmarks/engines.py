@@ -1,11 +1,14 @@
 """Designs in an independent engine: does it agree about the sign of the benefit?
 
-    .venv/bin/python -m tests.benchmarks.engines
+    .venv/bin/python -m tests.benchmarks.engines [mujoco] [drake]
 
-The paper's block, the chimney of the main job, a statue and a column under a pulse, each with 64 paired runs
-in MuJoCo (`tpd[engines]`) and by the equations (4). The table stands in results/engines.md.
+The paper's block, the chimney of the main job, a statue and a column under a pulse, with paired runs in
+MuJoCo (`tpd[engines]`, 64 runs of 100 periods) and in Drake (`tpd[drake]`, 16 runs of 40 periods), each beside
+the equations (4). The table stands in results/engines.md; each engine replaces its own section.
 """
 
+import re
+import sys
 import time
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -17,7 +20,7 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
-from tpd.engines import mujoco  # noqa: E402
+from tpd import engines  # noqa: E402
 
 RESULT = Path(__file__).parent / "results" / "engines.md"
 
@@ -49,12 +52,19 @@ def cases():
     yield "column, pulse", tpd.Scene(column, pulse), tpd.Pendulum(mass=900.0, length=2.1, damping_ratio=0.2)
 
 
-def main():
+ABOUT = {
+    "mujoco": "64 paired runs, 100 periods or the pulse",
+    "drake": "16 paired runs, 40 periods or the pulse",
+}
+
+
+def measured(engine):
+    """Lines of the table of an engine."""
     head = "| scene | engine: overturned with, without | a fifth of its step | equations (4) | "
     lines = [head + "mean tilt, engine | equations (4) | warning | s |", "|---" * 8 + "|"]
     for name, scene, hung in cases():
         begun = time.perf_counter()
-        found = mujoco(scene, hung)
+        found = getattr(engines, engine)(scene, hung)
         seconds = time.perf_counter() - begun
         print(f"{name}\n{found}\n", flush=True)
         shares = (
@@ -64,11 +74,18 @@ def main():
         change = f"{-found.benefit:+.3f} | {-found.expected_benefit:+.3f}"
         word = found.warning.split(":")[0] if found.warning else "none"
         lines.append(f"| {name} | {' | '.join(shares)} | {change} | {word} | {seconds:.0f} |")
-    made = datetime.now(UTC).strftime("%Y-%m-%d")
-    versions = f"tpd {tpd.__version__}, mujoco {version('mujoco')}"
-    about = f"`python -m tests.benchmarks.engines`, {made}, {versions}; "
-    about += "64 paired runs, 100 periods or the pulse; mean tilt: change in units of that of toppling."
-    RESULT.write_text("\n".join(["# Designs in an independent engine", "", about, "", *lines]) + "\n")
+    return lines
+
+
+def main():
+    for engine in sys.argv[1:] or ABOUT:
+        lines = measured(engine)
+        made = datetime.now(UTC).strftime("%Y-%m-%d")
+        about = f"`python -m tests.benchmarks.engines {engine}`, {made}, tpd {tpd.__version__}, {engine} "
+        about += f"{version(engine)}; {ABOUT[engine]}; mean tilt: change in units of that of toppling."
+        text = RESULT.read_text() if RESULT.exists() else "# Designs in an independent engine\n"
+        text = re.sub(rf"\n## {engine}\n.*?(?=\n## |\Z)", "", text, flags=re.DOTALL)
+        RESULT.write_text("\n".join([text.rstrip("\n"), "", f"## {engine}", "", about, "", *lines]) + "\n")
 
 
 if __name__ == "__main__":

@@ -30,14 +30,16 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--quick", action="store_true", help="leave out the smoothed models, which take long to compile"
     )
-    engine = command.add_argument_group("an independent engine (extra: tpd[engines])")
+    engine = command.add_argument_group("an independent engine (extras: tpd[engines], tpd[drake])")
     engine.add_argument(
         "--engine",
-        choices=("mujoco",),
+        choices=("mujoco", "drake"),
         help="follow paired runs in a rigid-body engine with contact and sliding in place of the models, and "
         "put the result into the report",
     )
-    engine.add_argument("--runs", type=int, default=64, help="of the ensemble of the engine (default 64)")
+    engine.add_argument(
+        "--runs", type=int, help="of the ensemble of the engine (default 64; 16 of drake, which is slower)"
+    )
     engine.add_argument(
         "--sliding", type=float, default=0.6, help="coefficient of friction on the floor (default 0.6)"
     )
@@ -79,13 +81,14 @@ def run(options: argparse.Namespace) -> int:
 
 def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace) -> int:
     """Follow the design in an engine, and add the result to its report."""
-    from tpd.engines import mujoco
+    from tpd import engines
     from tpd.report import engine
 
+    runs = {} if options.runs is None else {"runs": options.runs}
+    follow = getattr(engines, options.engine)
     with common.bar() as bar:
-        found = mujoco(
-            job.scene, pendulum, runs=options.runs, seed=options.seed, sliding=options.sliding, progress=bar
-        )
+        how = {"seed": options.seed, "sliding": options.sliding, "progress": bar}
+        found = follow(job.scene, pendulum, **runs, **how)
     print(f"\n{found}\n")
     # A design of one's own has no report that the result could be put into.
     if options.design is not None:

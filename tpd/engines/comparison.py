@@ -19,7 +19,7 @@ from tpd.core.progress import Progress, shown
 from tpd.core.scene import Harmonic, Pendulum, Scene
 from tpd.core.status import names_of
 from tpd.engines.rigid_body import SLIDING, RigidBody, body_of, parameters_under
-from tpd.engines.rollouts import EngineRuns, as_table, available, follow, free_rocking
+from tpd.engines.rollouts import MUJOCO, Engine, EngineRuns, as_table
 
 RUNS = 64
 FINE = 16
@@ -27,6 +27,7 @@ FINE = 16
 _FINER = 5
 """Divisor of the finer time step."""
 _PERIODS = 100
+_DRAKE_RUNS, _DRAKE_FINE, _DRAKE_PERIODS = 16, 4, 40
 _LAST = 10
 """Periods at the end of a run whose largest tilt counts as settled."""
 _FREE = 10.0
@@ -56,6 +57,8 @@ class EngineVerdict(Printed):
     """Velocity ratio measured by free rocking in the engine."""
     step: float
     """Time step, s."""
+    rubs: bool = True
+    """Whether the engine has the block's dry friction of rocking."""
 
     @property
     def benefit(self) -> float:
@@ -95,8 +98,10 @@ class EngineVerdict(Printed):
             said += f", {e:.3f} of the block."
         else:
             said += f" (Housner's), but {e:.3f} of the block: the losses are not the same."
-        if friction > 0.0:
+        if friction > 0.0 and self.rubs:
             said += " The block's friction of rocking comes on top of the engine's impacts."
+        elif friction > 0.0:
+            said += f" {self.engine} leaves out the block's friction of rocking."
         return said
 
     @property
@@ -210,20 +215,57 @@ def mujoco(
         ValueError: bad input, MuJoCo is not installed, or its impacts are not Housner's.
         RuntimeError: JAX is in 32-bit mode.
     """
+    return _verdict(MUJOCO, scene, pendulum, runs, seed, periods, FINE, sliding, workers, progress)
+
+
+def drake(
+    scene: Scene,
+    pendulum: Pendulum | None = None,
+    *,
+    runs: int = _DRAKE_RUNS,
+    seed: int = 0,
+    periods: int = _DRAKE_PERIODS,
+    sliding: float = SLIDING,
+    workers: int | None = None,
+    progress: Progress | bool | None = None,
+) -> EngineVerdict:
+    """Follow the paired runs of a verdict in Drake, and by the nonlinear equations (4).
+
+    Drake takes some ten times as long as MuJoCo, so that the defaults are fewer and shorter runs. It leaves
+    out the block's dry friction of rocking. Arguments and errors are those of `mujoco`.
+    """
+    from tpd.engines.drake_runs import DRAKE
+
+    return _verdict(DRAKE, scene, pendulum, runs, seed, periods, _DRAKE_FINE, sliding, workers, progress)
+
+
+def _verdict(
+    engine: Engine,
+    scene: Scene,
+    pendulum: Pendulum | None,
+    runs: int,
+    seed: int,
+    periods: int,
+    fine: int,
+    sliding: float,
+    workers: int | None,
+    progress: Progress | bool | None,
+) -> EngineVerdict:
+    """Runs of one engine; `fine` of them with the finer time step as well."""
     checks.require_x64()
     checks.instance("scene", scene, Scene)
     checks.positive("sliding", sliding)
-    version = available()
+    version = engine.available()
     ensemble = Ensemble(size=runs, seed=seed, periods=periods)
     with shown(progress) as report:
-        case = _Case(scene, ensemble, sliding, workers, report)
+        case = _Case(engine, scene, ensemble, sliding, workers, report)
         e = case.restitution()
-        few = min(FINE, runs)
-        coarse = _pair(pendulum, lambda hung: case.engine(hung, 1, runs))
-        finer = _pair(pendulum, lambda hung: case.engine(hung, _FINER, few))
+        few = min(fine, runs)
+        coarse = _pair(pendulum, lambda hung: case.runs(hung, 1, runs))
+        finer = _pair(pendulum, lambda hung: case.runs(hung, _FINER, few))
         equations = _pair(pendulum, case.equations)
     return EngineVerdict(
-        engine=f"MuJoCo {version}",
+        engine=f"{engine.name} {version}",
         scene=scene,
         pendulum=pendulum,
         ensemble=ensemble,
@@ -233,6 +275,7 @@ def mujoco(
         with_equations=equations,
         restitution=e,
         step=case.bodies(None, 1)[0].step,
+        rubs=engine.rubs,
     )
 
 
@@ -248,6 +291,7 @@ def _pair(
 class _Case:
     """Runs of an ensemble in SI units."""
 
+    engine: Engine
     scene: Scene
     ensemble: Ensemble
     sliding: float
@@ -262,7 +306,7 @@ class _Case:
         """
         # An engine whose contact is too soft or too hard for its step has impacts of its own making.
         body = replace(self.bodies(None, _FINER)[0], friction=0.0)
-        e = free_rocking(body)
+        e = self.engine.free_rocking(body)
         if not abs(e - body.housner) <= MATCH:
             raise ValueError(
                 f"impacts of the engine must keep {body.housner:.3f} of the velocity (Housner), but a block "
@@ -279,7 +323,7 @@ class _Case:
         q = self.plan(pendulum).p
         return [body_of(self.scene, _at(q, i), self.sliding, steps) for i in range(self.ensemble.size)]
 
-    def engine(self, pendulum: Pendulum | None, steps: int, few: int) -> EngineRuns:
+    def runs(self, pendulum: Pendulum | None, steps: int, few: int) -> EngineRuns:
         """The first runs in the engine."""
         runs, rate = self.plan(pendulum), float(self.scene.rate)
         y = runs.y0[:few] * [1.0, 1.0, rate, rate]
@@ -293,7 +337,7 @@ class _Case:
 
         # All runs are planned, also where few are followed: these are the same runs then.
         bodies = self.bodies(pendulum, steps)[:few]
-        return follow(bodies, y, shaking, duration, late, workers=self.workers, progress=count)
+        return self.engine.follow(bodies, y, shaking, duration, late, workers=self.workers, progress=count)
 
     def equations(self, pendulum: Pendulum | None) -> EngineRuns:
         """All runs by the nonlinear equations."""

@@ -19,7 +19,7 @@ _CONTACT = 0.01
 """Time constant of the contact over sqrt(b/g): soft enough for the step, and impacts are Housner's."""
 _STEP = 0.4
 """Time step over the time constant of the contact."""
-_RADIUS = 1e-4
+RADIUS = 1e-4
 """Radius of a corner over the half height. On a visible arc a thin block would roll and never rest."""
 
 
@@ -65,7 +65,7 @@ class RigidBody:
 
     def mjcf(self) -> str:
         """Model as text, in MuJoCo's format."""
-        a, b, radius = self.half_width, self.half_height, _RADIUS * self.half_height
+        a, b, radius = self.half_width, self.half_height, RADIUS * self.half_height
         contact = f'condim="3" friction="{self.sliding!r} 0 0" solref="{self.contact_time!r} 1"'
         corner = f'<geom type="sphere" size="{radius!r}" pos="{{x!r}} 0 {-b!r}" {contact}/>'
         tensor = " ".join([repr(self.inertia)] * 3)

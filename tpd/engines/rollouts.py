@@ -12,7 +12,7 @@ import numpy as np
 
 from tpd.engines.rigid_body import RigidBody
 
-_FALLEN = 1.3
+FALLEN = 1.3
 """Tilt beyond which a block has overturned, rad."""
 _CHUNK = 2000
 """Time steps between two looks at the runs."""
@@ -21,6 +21,17 @@ _LIFTED = 1e-3
 
 Accelerations = Callable[[np.ndarray], np.ndarray]
 """Accelerations of the base (runs, steps), m/s^2, at times (steps,) from the start of the runs."""
+
+
+class Engine(NamedTuple):
+    """An engine: its name, and functions as those of this module."""
+
+    name: str
+    available: Callable[[], str]
+    follow: Callable[..., EngineRuns]
+    free_rocking: Callable[[RigidBody], float]
+    rubs: bool
+    """Whether it has the block's dry friction of rocking."""
 
 
 class EngineRuns(NamedTuple):
@@ -90,8 +101,8 @@ def follow(
     full = mujoco.mjtState.mjSTATE_FULLPHYSICS
     states = np.zeros((len(models), mujoco.mj_stateSize(models[0], full)))
     # Time comes first in a state, then positions and velocities.
-    states[:, 1:] = [_placed(body, start) for body, start in zip(bodies, starts, strict=True)]
-    found, left, step, done = _Found(bodies), np.arange(len(models)), bodies[0].step, 0
+    states[:, 1:] = [placed(body, start) for body, start in zip(bodies, starts, strict=True)]
+    found, left, step, done = Found(bodies), np.arange(len(models)), bodies[0].step, 0
     steps = np.ceil(duration / step).astype(int)
     # In chunks, so that an overturned block is followed no further and an interruption is heard.
     while left.size:
@@ -108,7 +119,7 @@ def follow(
     return found.runs()
 
 
-class _Found:
+class Found:
     """Largest sizes met so far."""
 
     def __init__(self, bodies: Sequence[RigidBody]) -> None:
@@ -122,7 +133,7 @@ class _Found:
         """Take the states of some runs (rows, steps, state) in."""
         time, x, z, tilt = np.moveaxis(passed[:, :, :4], 2, 0)
         # An overturned block goes on falling, and a run that has come to its end goes on: both count no more.
-        fell = np.logical_or.accumulate(~(np.abs(tilt) < _FALLEN), axis=1)
+        fell = np.logical_or.accumulate(~(np.abs(tilt) < FALLEN), axis=1)
         counts = ~fell & (np.arange(tilt.shape[1])[None] < steps[:, None])
         self.overturned[rows] |= np.any(fell & (np.arange(tilt.shape[1])[None] < steps[:, None]), axis=1)
 
@@ -150,7 +161,7 @@ class _Found:
         return EngineRuns(self.overturned, peak, settled, self.relative, self.slid, self.bounced)
 
 
-def _placed(body: RigidBody, start: np.ndarray) -> np.ndarray:
+def placed(body: RigidBody, start: np.ndarray) -> np.ndarray:
     """Positions and velocities of a block that stands on its corner."""
     tilt, psi, tilt_rate, psi_rate = (float(v) for v in start)
     side = 1.0 if tilt >= 0.0 else -1.0
@@ -170,24 +181,44 @@ def free_rocking(body: RigidBody) -> float:
     """Velocity ratio of the first impact of a bare block let go from half of its toppling tilt: the square
     root of the share of the energy that is left."""
     mujoco = _library()
-    # Friction would take energy on the way, and a bob would carry some away.
-    assert max(body.bob, body.friction) == 0.0
     model = mujoco.MjModel.from_xml_string(body.mjcf())
     data = mujoco.MjData(model)
-    state = _placed(body, np.array([0.5 * math.atan2(body.half_width, body.half_height), 0.0, 0.0, 0.0]))
+    state, states = placed(body, let_go(body)), []
     data.qpos[:], data.qvel[:] = state[:3], state[3:]
-    # A contact of this stiffness is over after some time constants, in which the block hardly moves.
-    around, energies, crossed = round(12.0 * body.contact_time / body.step), [], None
-    for i in range(10_000_000):
+    after = around_impact(body)
+    for _ in range(10_000_000):
         mujoco.mj_step(model, data)
-        v, w = data.qvel, data.qpos
-        kinetic = 0.5 * body.mass * (v[0] ** 2 + v[1] ** 2) + 0.5 * body.inertia * v[2] ** 2
-        energies.append(kinetic + body.mass * body.gravity * w[1])
-        if crossed is None and w[2] < 0.0:
-            crossed = i
-        if crossed is not None and i == crossed + around:
-            return math.sqrt(energies[-1] / energies[crossed - around])
-    return math.nan
+        states.append([*data.qpos, *data.qvel])
+        if data.qpos[2] < 0.0:
+            after -= 1
+        if after < 0:
+            break
+    return kept(body, np.array(states))
+
+
+def let_go(body: RigidBody) -> np.ndarray:
+    """Start (phi, psi, phi', psi') of free rocking: half of the toppling tilt, at rest."""
+    # Friction would take energy on the way, and a bob would carry some away.
+    assert max(body.bob, body.friction) == 0.0
+    return np.array([0.5 * math.atan2(body.half_width, body.half_height), 0.0, 0.0, 0.0])
+
+
+def around_impact(body: RigidBody) -> int:
+    """Time steps on either side of an impact in which it is over."""
+    # A contact of this stiffness is over after some time constants, in which the block hardly moves.
+    return round(12.0 * body.contact_time / body.step)
+
+
+def kept(body: RigidBody, states: np.ndarray) -> float:
+    """Velocity ratio of the first impact of free rocking, from positions and velocities (steps, 6); NaN
+    where there is none."""
+    w, v, around = states[:, :3], states[:, 3:], around_impact(body)
+    kinetic = 0.5 * body.mass * (v[:, 0] ** 2 + v[:, 1] ** 2) + 0.5 * body.inertia * v[:, 2] ** 2
+    energies = kinetic + body.mass * body.gravity * w[:, 1]
+    crossed = int(np.argmax(w[:, 2] < 0.0))
+    if not around <= crossed < len(states) - around:
+        return math.nan
+    return math.sqrt(energies[crossed + around] / energies[crossed - around])
 
 
 def as_table(rows: Sequence[tuple[str, ...]]) -> str:
@@ -200,3 +231,6 @@ def as_table(rows: Sequence[tuple[str, ...]]) -> str:
         )
         for row in rows
     )
+
+
+MUJOCO = Engine("MuJoCo", available, follow, free_rocking, rubs=True)

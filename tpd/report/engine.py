@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 _TITLE = "By an independent engine"
 _MARK = "<!-- engine -->"
+_ENGINES = ("MuJoCo", "Drake")
 
 
 def add(directory: Path, verdict: EngineVerdict) -> list[Path]:
@@ -30,7 +31,7 @@ def add(directory: Path, verdict: EngineVerdict) -> list[Path]:
 def _in_text(report: str, verdict: EngineVerdict) -> str:
     # A second run replaces the first: its warning and its section are found by their words.
     lines = report.split(f"\n{_TITLE}\n")[0].rstrip("\n").split("\n")
-    if "MuJoCo" in lines[0]:
+    if any(engine in lines[0] for engine in _ENGINES):
         lines = lines[1:]
     head = [verdict.warning] if verdict.warning else []
     return "\n".join([*head, *lines, "", _TITLE, "-" * len(_TITLE), str(verdict)]) + "\n"
