@@ -3,8 +3,8 @@
     .venv/bin/python -m tests.benchmarks.engines [mujoco] [drake]
 
 The paper's block, the chimney of the main job, a statue and a column under a pulse, with paired runs in
-MuJoCo (`tpd[engines]`, 64 runs of 100 periods) and in Drake (`tpd[drake]`, 16 runs of 40 periods), each beside
-the equations (4). The table stands in results/engines.md; each engine replaces its own section.
+MuJoCo (`tpd[engines]`, 64 runs of 100 periods) and in Drake (`tpd[drake]`, 16 runs of 40 periods), each
+beside the equations (4). The table stands in results/engines.md; each engine replaces its own section.
 """
 
 import re

@@ -112,9 +112,10 @@ class Cluster:
         if missing:
             for number, results in self._computed(key, task, shared, part_of, store, missing):
                 store.write(number, results)
-                done += np.subtract(*store.bounds(number)[::-1])
+                first, last = store.bounds(number)
+                done += last - first
                 if progress is not None:
-                    progress(int(done), length)
+                    progress(done, length)
         return store.read()
 
     def __enter__(self) -> Cluster:
@@ -239,7 +240,7 @@ def _parts(batch: Any) -> tuple[Callable[[int, int], Any], int]:
     def part_of(first: int, last: int) -> Any:
         return jax.tree.unflatten(structure, [x[first:last] if x.ndim else x for x in arrays])
 
-    return part_of, *lengths
+    return part_of, lengths.pop()
 
 
 def _distributed() -> tuple[Any, Any]:

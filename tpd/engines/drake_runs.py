@@ -178,9 +178,10 @@ def _touch(d: Any, plant: Any, floor: Any, block: Any, body: RigidBody) -> None:
         friction=d.CoulombFriction(body.sliding, body.sliding),
     )
     contact.AddProperty("material", "relaxation_time", _RELAXATION * body.contact_time)
-    radius = RADIUS * body.half_height
-    low = d.RigidTransform([0.0, 0.0, -radius])
-    plant.RegisterCollisionGeometry(floor, low, d.HalfSpace(), "floor", contact)
+    radius, b = RADIUS * body.half_height, body.half_height
+    # A box, because Drake warns of every half space that it cannot touch what is deformable.
+    slab = d.Box(200.0 * b, 200.0 * b, 2.0 * b), d.RigidTransform([0.0, 0.0, -radius - b])
+    plant.RegisterCollisionGeometry(floor, slab[1], slab[0], "floor", contact)
     for name, x in (("left", -body.half_width), ("right", body.half_width)):
         corner = d.RigidTransform([x, 0.0, -body.half_height])
         plant.RegisterCollisionGeometry(block, corner, d.Sphere(radius), name, contact)
