@@ -2,7 +2,7 @@
 
     .venv/bin/python -m tests.benchmarks.cluster [rates] [kills] [jax]
 
-Rates: a map of 230 400 designs without a start, one of 14 400 designs followed from rest, and a fragility of
+Rates: a map of 640 000 designs without a start, one of 14 400 designs followed from rest, and a fragility of
 44 records with 40 stripes, bare and with a pendulum, by both equations; by threads, and by 1, 2 and 4
 processes, in turns. Kills: a worker, and the whole sweep, at 20 random moments each. JAX: the same map by two
 processes of `jax.distributed`, and what becomes of the second when the first is killed. The table stands in
@@ -43,7 +43,7 @@ BOB = tpd.Pendulum(mass=90.0, length=0.6, damping_ratio=0.2)
 Where = tpd.Cluster | None
 
 
-def by_map(cluster: Where, shift: float = 0.0, points: int = 1200) -> np.ndarray:
+def by_map(cluster: Where, shift: float = 0.0, points: int = 800) -> np.ndarray:
     """Amplitudes of a map; a small `shift` makes it another map, so that nothing is there already."""
     scene = tpd.paper_scene()
     hung = scene.pendulum(mass_ratio=0.1, length_ratio=0.4, damping_ratio=0.1)
@@ -74,7 +74,7 @@ def by_records(cluster: Where, shift: float = 0.0, motions: int = 44) -> np.ndar
 
 
 WORK: dict[str, tuple[Callable[..., np.ndarray], int, str]] = {
-    "map of orbits": (by_map, 230_400, "designs"),
+    "map of orbits": (by_map, 640_000, "designs"),
     "map from rest": (by_runs, 14_400, "designs"),
     "fragility": (by_records, 44 * 40 * 4, "runs of 40 s"),
 }
@@ -193,7 +193,7 @@ def process(port: str, number: str) -> None:
 
     scene = tpd.paper_scene()
     hung = scene.pendulum(mass_ratio=0.1, length_ratio=0.4, damping_ratio=0.1)
-    axes = {"mu": np.linspace(0.02, 0.3, 480), "lam": np.linspace(0.1, 1.0, 480)}
+    axes = {"mu": np.linspace(0.02, 0.3, 800), "lam": np.linspace(0.1, 1.0, 800)}
     designs = jax.tree.map(np.asarray, _designs(Setup.of(scene, hung), axes))
     mesh = Mesh(np.array(jax.devices()), ("designs",))
     spread = NamedSharding(mesh, PartitionSpec("designs"))

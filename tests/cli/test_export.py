@@ -61,6 +61,9 @@ def test_bad_input_is_one_sentence(report, tmp_path, capsys):
         ((report, "--as", "csv", "--mass-ratio", "0.1"), "report has a scene and a pendulum: give it alone"),
         ((report, "--as", "csv", "--pulse", "ricker"), "a pulse needs --pulse-frequency HZ"),
         ((report, "--as", "opensees", "--sliding", "0"), "`sliding` must be positive"),
+        ((report, "--as", "csv", "--scale", "5"), "--scale needs --record FILE or --pulse KIND"),
+        ((report, "--as", "csv", "--sliding", "0.5"), "--sliding is of a model of MuJoCo or OpenSees"),
+        (("--as", "csv", "--pulse", "ricker", "--amplitude", "1"), "--amplitude is of a harmonic"),
         (("absent", "--as", "csv"), "cannot read absent: No such file or directory"),
     ):
         assert main(["export", *words]) == 2

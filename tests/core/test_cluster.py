@@ -1,5 +1,7 @@
 """Clusters: the answer depends neither on the workers, nor on which of them are killed and when."""
 
+import importlib
+import linecache
 import os
 import signal
 import subprocess
@@ -7,15 +9,16 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import dask
 import numpy as np
 import pytest
 
 import tpd
-from tests.core.cluster_tasks import STEP, batch, slowly_squared
+from tests.core.cluster_tasks import STEP, batch, slowly_squared, whose
 from tpd.core.chunk_store import ChunkStore
-from tpd.core.cluster import Cluster
+from tpd.core.cluster import Cluster, ClusterError, _source
 from tpd.core.fingerprints import fingerprint
 
 SCENE = tpd.paper_scene()
@@ -163,14 +166,33 @@ def test_half_written_chunk_is_computed_again(tmp_path):
     assert np.array_equal(again.read()["x"], np.arange(10.0))
 
 
+@pytest.mark.parametrize("damage", [Path.unlink, lambda file: file.write_bytes(b"")])
+def test_lost_file_of_a_chunk_is_no_result(tmp_path, damage):
+    store = ChunkStore(tmp_path / "a", 10, 4, {"of": "test"})
+    results = {"x": np.zeros(10), "y": np.ones((10, 2, 3), np.int8)}
+    for number in range(store.count):
+        store.write(number, {name: x[slice(*store.bounds(number))] for name, x in results.items()})
+    assert same(store.read(), results)
+    # Zeros, as a missing file is read, would not be seen among these zeros.
+    damage(tmp_path / "a" / "results.zarr" / "x" / "c" / "1")
+    again = ChunkStore(tmp_path / "a", 10, 4, {"of": "test"})
+    assert again.missing() == [1]
+    again.write(1, {name: x[4:8] for name, x in results.items()})
+    assert same(again.read(), results)
+
+
 def test_folder_of_another_batch_is_refused(tmp_path):
     ChunkStore(tmp_path / "a", 10, 4, {"of": "test"})
     with pytest.raises(ValueError, match="holds chunks of another batch"):
         ChunkStore(tmp_path / "a", 11, 4, {"of": "test"})
     (tmp_path / "b").mkdir()
-    (tmp_path / "b" / "manifest.json").write_text("{")
+    for content in ("{", "[]"):
+        (tmp_path / "b" / "manifest.json").write_text(content)
+        with pytest.raises(ValueError, match="cannot use"):
+            ChunkStore(tmp_path / "b", 11, 4, {"of": "test"})
+    (tmp_path / "a" / "results.zarr" / "zarr.json").write_text("{")
     with pytest.raises(ValueError, match="cannot use"):
-        ChunkStore(tmp_path / "b", 11, 4, {"of": "test"})
+        ChunkStore(tmp_path / "a", 10, 4, {"of": "test"})
 
 
 @pytest.mark.parametrize(
@@ -192,8 +214,70 @@ def test_inputs_without_words_are_refused(cluster):
         cluster.map("bad", slowly_squared, {"x": np.zeros(3), "y": np.zeros(2)}, (0.0,), chunk=128)
 
 
+def test_task_that_workers_cannot_import_is_refused(cluster):
+    with pytest.raises(ValueError, match="`task` must be a function at the top level of a module"):
+        cluster.map("bad", lambda part: part, batch(10), chunk=128)
+
+
+def test_task_that_is_edited_is_another_batch(cluster, tmp_path, monkeypatch):
+    found = []
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for factor in (2, 3):
+        (tmp_path / "edited_task.py").write_text(f"def times(x):\n    return {{'y': {factor} * x}}\n")
+        sys.modules.pop("edited_task", None)
+        linecache.clearcache()
+        importlib.invalidate_caches()
+        task = importlib.import_module("edited_task").times
+        key = _source(task)
+        found.append(key)
+    assert found[0][0] == found[1][0]
+    assert found[0][1] != found[1][1]
+
+
+def test_workers_of_another_version_are_refused(cluster, monkeypatch):
+    monkeypatch.setattr("tpd.core.cluster.of_environment", lambda: "another")
+    with pytest.raises(ClusterError, match="a worker of the cluster has another version"):
+        cluster.map("versions", slowly_squared, batch(10), (0.0,), chunk=128)
+    monkeypatch.undo()
+    # Nothing of the refused batch is left in the workers.
+    plugins = cluster.client.run(lambda dask_worker: [n for n in dask_worker.plugins if len(n) == 32])
+    assert not any(plugins.values())
+
+
+def test_worker_that_joins_late_has_work(tmp_path):
+    with Cluster(tmp_path, workers=1) as opened:
+        assert len(opened.client.run(os.getpid)) == 1
+
+        def joined():
+            time.sleep(3 * STEP)
+            opened._local.scale(3)
+
+        helper = threading.Thread(target=joined)
+        helper.start()
+        found = opened.map("joined", whose, batch(4000), (STEP,), chunk=32)
+        helper.join()
+    assert len(np.unique(found["process"])) == 3
+
+
+def test_two_callers_have_the_same_batch_on_one_cluster(cluster, tmp_path):
+    results, folders = [], (tmp_path / "a", tmp_path / "b")
+
+    def call(folder):
+        with Cluster(folder, dask=cluster.client.scheduler.address) as opened:
+            results.append(opened.map("both", slowly_squared, batch(600), (STEP / 4,), chunk=32))
+
+    callers = [threading.Thread(target=call, args=(folder,)) for folder in folders]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join()
+    assert len(results) == 2
+    assert all(same(found, by_hand(600)) for found in results)
+
+
 def test_fingerprints_differ_where_inputs_do():
-    values = [1, 1.0, True, "1", [1], [[1]], {"a": 1}, np.array(1), np.array([1.0]), SCENE, HUNG, None, b"1"]
+    values = [1, 1.0, True, "1", [1], [[1]], {"a": 1}, np.array(1.0), np.array([1.0]), None, b"1"]
+    values += [SCENE, HUNG, [("a", 1)], NamedTuple("A", [("a", int)])(1), NamedTuple("B", [("a", int)])(1)]
     assert len({fingerprint(v) for v in values}) == len(values)
     assert fingerprint({"a": 1, "b": 2}) == fingerprint({"b": 2, "a": 1})
     assert fingerprint("ab", "c") != fingerprint("a", "bc")
@@ -212,6 +296,6 @@ def test_command_goes_on_where_it_was(tmp_path, capsys):
     asked = ["spectrum", "--pulse", "one-sine", "--points", "8", "--workers", "1"]
     for out in ("a", "b"):
         assert main([*asked, "--out", str(tmp_path / out)]) == 0
-    assert f"chunks stored: {tmp_path / 'b.chunks'}" in capsys.readouterr().out
+    assert f"chunks: {tmp_path / 'b.chunks'}" in capsys.readouterr().out
     assert (tmp_path / "a/spectrum.csv").read_text() == (tmp_path / "b/spectrum.csv").read_text()
     assert Path(tmp_path / "a.chunks").is_dir()

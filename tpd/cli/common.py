@@ -68,18 +68,22 @@ def cluster(options: argparse.Namespace) -> Iterator[Cluster | None]:
     """Cluster that the options ask for, if any; its processes end with the block.
 
     Raises:
-        ValueError: a number of workers below one, or Dask is not installed.
+        ValueError: a number of workers below one, Dask is not installed, or the cluster failed.
     """
     if options.workers is None and options.dask is None:
         yield None
         return
-    from tpd.core.cluster import Cluster
+    from tpd.core.cluster import Cluster, ClusterError
 
     # Beside the results and not among them: a directory of results is empty before they are there.
-    folder = options.out.with_name(f"{options.out.name}.chunks")
-    with Cluster(folder, workers=options.workers, dask=options.dask) as opened:
-        yield opened
-    print(f"chunks stored: {folder} (not needed any more)")
+    out = options.out.resolve()
+    folder = out.with_name(f"{out.name}.chunks")
+    print(f"chunks: {folder} (the same command goes on from them; not needed once it is done)", flush=True)
+    try:
+        with Cluster(folder, workers=options.workers, dask=options.dask) as opened:
+            yield opened
+    except ClusterError as error:
+        raise ValueError(str(error)) from None
 
 
 def add_pendulum(command: argparse.ArgumentParser) -> None:

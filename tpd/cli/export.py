@@ -31,12 +31,12 @@ def add(commands: Any) -> None:
     common.add_pendulum(command)
     ground.add_record(command.add_argument_group("record, in place of the harmonic"))
     ground.add_pulse(command.add_argument_group("pulse, in place of the harmonic"))
-    command.add_argument("--scale", type=float, default=1.0, metavar="X", help="factor on a record or pulse")
+    command.add_argument("--scale", type=float, metavar="X", help="factor on a record or pulse (default 1)")
     command.add_argument(
         "--as", dest="kind", required=True, choices=tuple(_FILES), help="mjcf: MuJoCo; csv: the histories"
     )
     command.add_argument(
-        "--sliding", type=float, default=0.6, help="coefficient of friction on the floor (default 0.6)"
+        "--sliding", type=float, metavar="MU", help="friction of a model on the floor (default 0.6)"
     )
     command.add_argument(
         "--file", type=Path, metavar="FILE", help=f"to write to (default {', '.join(_FILES.values())})"
@@ -51,6 +51,7 @@ def run(options: argparse.Namespace) -> int:
     from tpd import engines
     from tpd.core import files
 
+    _check_options(options)
     file = Path(_FILES[options.kind]) if options.file is None else options.file
     # Before the work: a history may take seconds.
     if file.is_dir() or (file.exists() and not options.overwrite):
@@ -60,9 +61,26 @@ def run(options: argparse.Namespace) -> int:
     if options.kind == "csv":
         content = files.as_csv(*_table(scene, hung))
     else:
-        content = getattr(engines, options.kind)(scene, hung, sliding=options.sliding)
+        more = {} if options.sliding is None else {"sliding": options.sliding}
+        content = getattr(engines, options.kind)(scene, hung, **more)
     print(f"written: {files.place(file, content)}")
     return common.SOUND
+
+
+def _check_options(options: argparse.Namespace) -> None:
+    """Raise `ValueError` for an option that would have no effect."""
+    if options.record is None and options.pulse is None:
+        idle = {"--scale": options.scale, "--pga": options.pga}
+        idle |= {"--pulse-frequency": options.pulse_frequency}
+        words = "needs --record FILE or --pulse KIND"
+    else:
+        idle = {"--amplitude": options.amplitude, "--frequency": options.frequency}
+        words = "is of a harmonic: leave it out beside --record or --pulse"
+    for name, value in idle.items():
+        if value is not None:
+            raise ValueError(f"{name} {words}")
+    if options.kind == "csv" and options.sliding is not None:
+        raise ValueError("--sliding is of a model of MuJoCo or OpenSees, but --as is csv")
 
 
 def _case(options: argparse.Namespace) -> tuple[Scene, Pendulum | None]:
@@ -72,17 +90,22 @@ def _case(options: argparse.Namespace) -> tuple[Scene, Pendulum | None]:
         ValueError: both, a value that is not allowed, or a design on ground motions without a motion.
     """
     shaken = options.record is not None or options.pulse is not None
+    options.scale = 1.0 if options.scale is None else options.scale
     motion = ground.motion(options) if shaken else None
     if options.design is None:
         scene = common.scene(options) if motion is None else ground.scene(options, motion)
         return scene, common.pendulum(options, scene)
     stored.alone(options)
+    from tpd.core.ground_motion import Pulse
     from tpd.design.reading import StoredDesign, read
 
     # A design on ground motions has a block and a pendulum, but none of the many motions is its own.
     found = read(options.design)
     if isinstance(found, StoredDesign):
         return (found.scene if motion is None else replace(found.scene, motion=motion)), found.pendulum
+    if motion is None and options.kind == "mjcf":
+        # The model has no motion; but a scene has.
+        motion = Pulse.one_sine(acceleration=1.0, frequency=1.0)
     if motion is None:
         raise ValueError(f"{found.path} holds no motion: give --record FILE or --pulse KIND")
     return found.scene(motion), found.pendulum

@@ -10,9 +10,11 @@ common folder.
 from __future__ import annotations
 
 import contextlib
+import inspect
 import os
+import uuid
 from collections.abc import Callable, Iterator
-from itertools import islice
+from concurrent.futures import CancelledError
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -20,19 +22,25 @@ from typing import Any
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.chunk_store import ChunkStore
-from tpd.core.fingerprints import fingerprint, of_sources
+from tpd.core.chunk_store import ChunkStore, zarr
+from tpd.core.fingerprints import fingerprint, of_environment
 
 Task = Callable[..., dict[str, np.ndarray]]
 """Function at the top level of a module: of the elements of a chunk and of what all chunks share, to arrays
-whose leading axis are the elements."""
+whose leading axis is the elements."""
 
 _AHEAD = 3
 """Chunks that wait at every worker, so that none is idle while results are written."""
 _CHUNKS = 24
 """Chunks that a batch should have at least."""
 _DEATHS = 10
-"""Workers that may be lost over one chunk: more, and the chunk itself kills them."""
+"""Workers that may be lost over one chunk: after more of them the chunk is probably the cause."""
+_WAIT = 120.0
+"""Seconds in which a first worker must be there."""
+
+
+class ClusterError(RuntimeError):
+    """A batch that a cluster cannot compute: its workers, its scheduler or a chunk failed."""
 
 
 class Cluster:
@@ -92,14 +100,16 @@ class Cluster:
             The arrays of all chunks, by name.
 
         Raises:
-            ValueError: a folder that cannot be used, or a cluster that cannot be reached.
-            RuntimeError: a chunk that fails, or that its workers do not survive.
+            ValueError: a folder that cannot be used, a cluster that cannot be reached, or inputs or a task
+                that cannot be told from others.
+            ClusterError: workers of another version, a scheduler or too many workers that are lost. An
+                error of the task itself is raised as it is.
         """
         part_of, length = _parts(batch)
         chunk = _shortened(chunk, length, whole)
-        source = f"{task.__module__}.{task.__qualname__}"
+        source, text = _source(task)
         try:
-            key = fingerprint(of_sources(), source, chunk, part_of(0, length), shared)
+            key = fingerprint(of_environment(), source, text, chunk, part_of(0, length), shared)
         except TypeError as error:
             raise ValueError(f"these inputs cannot be computed on a cluster: {error}") from None
         about = {"of": name, "task": source, "fingerprint": key}
@@ -110,7 +120,7 @@ class Cluster:
             progress(done, length)
         # Nothing is started for a batch that is there already.
         if missing:
-            for number, results in self._computed(key, task, shared, part_of, store, missing):
+            for number, results in self._computed(task, shared, part_of, store, missing):
                 store.write(number, results)
                 first, last = store.bounds(number)
                 done += last - first
@@ -127,10 +137,12 @@ class Cluster:
         self.close()
 
     def close(self) -> None:
-        """End the processes that were started; a cluster of somebody else goes on."""
+        """End the processes that were started; an external cluster is not stopped."""
         for opened in (self._client, self._local):
             if opened is not None:
-                opened.close()
+                # A connection that is lost cannot be closed.
+                with contextlib.suppress(OSError):
+                    opened.close()
         self._client = self._local = None
 
     @property
@@ -145,7 +157,8 @@ class Cluster:
             settings = {"distributed.scheduler.allowed-failures": _DEATHS}
             with dask.config.set(settings):
                 try:
-                    self._client = distributed.Client(self.dask or self._started(distributed))
+                    where = self._started(distributed) if self.dask is None else self.dask
+                    self._client = distributed.Client(where, set_as_default=False)
                 except (OSError, ValueError) as error:
                     if self.dask is None:
                         raise
@@ -164,7 +177,6 @@ class Cluster:
 
     def _computed(
         self,
-        key: str,
         task: Task,
         shared: tuple[Any, ...],
         part_of: Callable[[int, int], Any],
@@ -173,37 +185,68 @@ class Cluster:
     ) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
         """Results of chunks in the order in which they finish."""
         _, distributed = _distributed()
-        # Loaded here, and not with the package: it needs Dask.
-        from tpd.core.cluster_worker import Prepared, compute
-
         client = self.client
-        # What chunks share goes to every worker once, also to one that comes in place of another.
-        _persistently(lambda: client.register_plugin(Prepared(key, of_sources(), shared), name=key))
-        rest = iter(missing)
-
-        def submitted() -> Iterator[Any]:
-            for number in rest:
-                part = part_of(*store.bounds(number))
-                # Every submission is a new one: Dask would give back the failure of a former run.
-                yield client.submit(compute, key, task, part, number, pure=False)
-
-        queue, source = distributed.as_completed(), submitted()
-        slots = _AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+        # Not the fingerprint: another caller may have the same batch on the same cluster.
+        key = uuid.uuid4().hex
         try:
-            for future in islice(source, slots):
-                queue.add(future)
-            for future in queue:
-                try:
-                    yield future.result()
-                except distributed.KilledWorker as error:
-                    raise RuntimeError(f"{_DEATHS} workers were lost over one chunk: {error}") from None
-                following = next(source, None)
-                if following is not None:
-                    queue.add(following)
+            self._prepare(key, shared)
+            yield from self._streamed(key, task, part_of, store, missing)
+        except distributed.KilledWorker as error:
+            raise ClusterError(f"too many workers were lost over one chunk: {error}") from None
+        except (CancelledError, distributed.comm.CommClosedError) as error:
+            self.close()
+            raise ClusterError(f"the scheduler of the cluster is lost: {error}") from None
         finally:
-            queue.clear()
             with contextlib.suppress(Exception):
                 client.unregister_worker_plugin(key)
+
+    def _prepare(self, key: str, shared: tuple[Any, ...]) -> None:
+        """Send every worker once what chunks share, also one that comes in place of another."""
+        # Loaded here, and not with the package: it needs Dask.
+        from tpd.core.cluster_worker import Prepared
+
+        try:
+            self.client.wait_for_workers(1, timeout=_WAIT)
+        except TimeoutError:
+            raise ClusterError(f"the cluster has had no worker for {_WAIT:.0f} s") from None
+        prepared = Prepared(key, of_environment(), shared)
+        _persistently(lambda: self.client.register_plugin(prepared, name=key))
+
+    def _streamed(
+        self,
+        key: str,
+        task: Task,
+        part_of: Callable[[int, int], Any],
+        store: ChunkStore,
+        missing: list[int],
+    ) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+        """Submit a few chunks for each worker, and another one for each result."""
+        _, distributed = _distributed()
+        from tpd.core.cluster_worker import compute
+
+        queue, waiting = distributed.as_completed(loop=self.client.loop), 0
+        rest = iter(missing)
+
+        def submit() -> int:
+            # Workers may have joined since the last time.
+            workers = len(self.client.scheduler_info(n_workers=-1)["workers"])
+            sent = 0
+            while waiting + sent < _AHEAD * max(1, workers) and (number := next(rest, None)) is not None:
+                part = part_of(*store.bounds(number))
+                # Every submission is a new one: Dask would give back the failure of a former run.
+                queue.add(self.client.submit(compute, key, of_environment(), task, part, number, pure=False))
+                sent += 1
+            return sent
+
+        try:
+            waiting += submit()
+            while waiting:
+                future = next(queue)
+                waiting -= 1
+                waiting += submit()
+                yield future.result()
+        finally:
+            queue.clear()
 
 
 def _persistently(ask: Callable[[], Any]) -> None:
@@ -243,6 +286,22 @@ def _parts(batch: Any) -> tuple[Callable[[int, int], Any], int]:
     return part_of, lengths.pop()
 
 
+def _source(task: Task) -> tuple[str, str]:
+    """Full name of a task, and the text of its module where that is not of this package.
+
+    Raises:
+        ValueError: a function that workers cannot import by its name.
+    """
+    module, name = getattr(task, "__module__", None), getattr(task, "__qualname__", "<locals>")
+    if "<locals>" in name or "<lambda>" in name or module is None:
+        raise ValueError("`task` must be a function at the top level of a module")
+    own = module.startswith("tpd.")
+    try:
+        return f"{module}.{name}", "" if own else inspect.getsource(inspect.getmodule(task) or task)
+    except (OSError, TypeError):
+        raise ValueError(f"`task` must be in a file, but {module}.{name} is not") from None
+
+
 def _distributed() -> tuple[Any, Any]:
     """Modules of Dask.
 
@@ -254,4 +313,5 @@ def _distributed() -> tuple[Any, Any]:
         import distributed
     except ModuleNotFoundError:
         raise ValueError("a cluster needs Dask and Zarr: install `tpd[dask]`") from None
+    zarr()
     return dask, distributed

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from distributed import WorkerPlugin
 
-from tpd.core.fingerprints import of_sources
+from tpd.core.cluster import ClusterError
+from tpd.core.fingerprints import of_environment
 
 _shared: dict[str, tuple[Any, ...]] = {}
 """Arguments that all chunks of a batch share, by batch."""
@@ -18,20 +19,19 @@ class Prepared(WorkerPlugin):
     """Preparation of every worker for a batch, also of one that joins later."""
 
     def __init__(self, key: str, version: str, shared: tuple[Any, ...]) -> None:
-        """`version` is that of the caller's sources."""
+        """`version` is the fingerprint of the caller's environment."""
         self.key, self.version, self.shared = key, version, shared
 
     def setup(self, worker: Any) -> None:
         """Prepare a worker; Dask calls this.
 
         Raises:
-            RuntimeError: the worker has other sources: its results would not be those of the caller.
+            ClusterError: the worker has another version: its results would not be those of the caller.
         """
         from tpd.core import process
 
         process.use_64_bits()
-        if of_sources() != self.version:
-            raise RuntimeError("the workers of the cluster have another version of tpd: install the same one")
+        _check(self.version)
         _shared[self.key] = self.shared
 
     def teardown(self, worker: Any) -> None:
@@ -40,8 +40,22 @@ class Prepared(WorkerPlugin):
 
 
 def compute(
-    key: str, task: Callable[..., dict[str, np.ndarray]], part: Any, number: int
+    key: str, version: str, task: Callable[..., dict[str, np.ndarray]], part: Any, number: int
 ) -> tuple[int, dict[str, np.ndarray]]:
-    """Compute the chunk of a number."""
+    """Compute the chunk of a number.
+
+    Raises:
+        ClusterError: the worker has another version.
+    """
+    # Dask only logs that a worker which joined late could not be prepared, and gives it chunks all the same.
+    _check(version)
     found = task(part, *_shared[key])
     return number, {name: np.asarray(values) for name, values in found.items()}
+
+
+def _check(version: str) -> None:
+    """Raise `ClusterError` where this process is not of a version."""
+    if of_environment() != version:
+        raise ClusterError(
+            "a worker of the cluster has another version of Python, tpd or its packages: install the same"
+        )

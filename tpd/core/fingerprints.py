@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from tpd.core import files
+
 _PLAIN = (str, bytes, bool, int, float, type(None), np.generic)
 
 
@@ -35,23 +37,37 @@ def of_sources() -> str:
     return digest.hexdigest()
 
 
+@lru_cache(maxsize=1)
+def of_environment() -> str:
+    """Fingerprint of the source of this package and of the versions that results depend on."""
+    return fingerprint(of_sources(), files.versions())
+
+
+def _kind(value: Any) -> str:
+    """Type of a value by its full name."""
+    return f"{type(value).__module__}.{type(value).__qualname__}"
+
+
 def _add(digest: Any, value: Any) -> None:
     """Add a value, with its type and its length, so that no two values run into one another."""
     if isinstance(value, enum.Enum):
-        digest.update(f"{type(value).__name__}.{value.name};".encode())
+        digest.update(f"{_kind(value)}.{value.name};".encode())
     elif isinstance(value, _PLAIN):
         digest.update(f"{type(value).__name__}:{value!r};".encode())
     elif is_dataclass(value) and not isinstance(value, type):
-        digest.update(f"{type(value).__qualname__}(".encode())
+        digest.update(f"{_kind(value)}(".encode())
         _add(digest, {f.name: getattr(value, f.name) for f in fields(value)})
     elif isinstance(value, Mapping):
+        digest.update(b"mapping;")
         _add(digest, sorted(value.items()))
     elif isinstance(value, (list, tuple)):
-        digest.update(f"[{len(value)};".encode())
+        # A named tuple is more than its values.
+        name = _kind(value) if hasattr(value, "_fields") else ""
+        digest.update(f"{name}[{len(value)};".encode())
         for part in value:
             _add(digest, part)
     elif hasattr(value, "__array__"):
-        array = np.ascontiguousarray(value)
+        array = np.asarray(value)
         digest.update(f"{array.dtype.str}{array.shape};".encode() + array.tobytes())
     else:
         raise TypeError(f"no fingerprint of a {type(value).__name__}")

@@ -104,8 +104,15 @@ def names_of(status: Status) -> np.ndarray:
 
 
 def codes_of(names: np.ndarray) -> np.ndarray:
-    """Numbers that stand for names of statuses in files: places in a list that only grows at its end."""
-    return np.argmax(np.asarray(names)[..., None] == np.array(_NAMES), axis=-1).astype(np.int8)
+    """Numbers that stand for names of statuses in files: places in a list that only grows at its end.
+
+    Raises:
+        ValueError: a name that is not in the list.
+    """
+    equal = np.asarray(names)[..., None] == np.array(_NAMES)
+    if not equal.any(axis=-1).all():
+        raise ValueError(f"names of statuses must be among {', '.join(_NAMES)}, but are {np.unique(names)}")
+    return np.argmax(equal, axis=-1).astype(np.int8)
 
 
 def names_by_code(codes: np.ndarray) -> np.ndarray:

@@ -52,13 +52,15 @@ def optimise_all(
 
     Args:
         scenes: blocks with their base motion; blocks alone under ground motions.
-        cluster: processes or machines; without it the searches run one after the other.
+        cluster: processes or machines; without it the searches run one after the other. A search has
+            threads for all cores of its machine: one process a machine is the quickest.
         progress: True for a bar on stderr, or called with (scenes done, of how many).
         settings: of `tpd.optimise`, for every scene.
 
     Raises:
         ValueError: bad input, for instance no scene.
-        RuntimeError: JAX is in 32-bit mode, or a search failed in a cluster.
+        RuntimeError: JAX is in 32-bit mode, or the cluster failed.
+        KeyboardInterrupt: Ctrl-C, after the search that it stops.
     """
     checks.require_x64()
     if not scenes:
@@ -68,6 +70,9 @@ def optimise_all(
     alone = sorted({"checkpoint", "progress"} & set(settings))
     if alone:
         raise ValueError(f"`{alone[0]}` is of one search, and cannot be given for many")
+    # An iterator would be used up by the first search.
+    if settings.get("limits") is not None:
+        settings["limits"] = tuple(settings["limits"])
     shared, n = (tuple(scenes), settings), len(scenes)
     with shown_count(progress, "searching") as report:
         if cluster is None:
@@ -86,7 +91,16 @@ def optimise_all(
 
 def _designed(which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, Any]) -> dict[str, np.ndarray]:
     """Answers for some of the scenes; statuses by their codes."""
-    rows = [_row(optimise(scenes[int(i)], **settings)) for i in which]
+    rows = []
+    for i in map(int, which):
+        try:
+            found = optimise(scenes[i], **settings)
+        except ValueError as error:
+            raise ValueError(f"`scenes[{i}]`: {error}") from None
+        if found.status.name == DesignStatus.interrupted.name:
+            # A search answers Ctrl-C by the best that it has; the others must not begin.
+            raise KeyboardInterrupt
+        rows.append(_row(found))
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
