@@ -320,15 +320,13 @@ def test_fold_is_told_and_refused() -> None:
     """Followed down in f until the orbit is gone: next to its end the status says so, the fold's margin
     vanishes, and there are no derivatives."""
     x, orbit, step = np.array((*BARE[0].x, 1.0)), bare(), 0.01
-    told = []
     while step > 1e-15:
         onward = moved(orbit, x, 5, (x[5] - step,))
         near_by = abs(float(onward.amplitude) - float(orbit.amplitude)) < 0.01
         orbit, x[5], step = (onward, x[5] - step, step) if near_by else (orbit, x[5], 0.25 * step)
-        if near_by and status_name(onward.status) == "near_fold":
-            told.append((x.copy(), onward))
-    # In the last digits before the fold rounding decides which side Newton's method ends on.
-    answers = [carried(*last) for last in told]
+    # In the last digits before the fold rounding decides on which side, and whether, Newton's method ends.
+    ends = [np.array((*x[:5], x[5] + more, *x[6:])) for more in np.linspace(0.0, 4e-14, 41)]
+    answers = [carried(end, moved(orbit, end, 5, (end[5],))) for end in ends]
     answer = next(a for a in answers if status_name(a.orbit.status) == "near_fold")
     assert abs(float(answer.orbit.margins.fold)) < 1e-5
     assert np.isfinite(float(answer.orbit.amplitude))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tpd.cli import common, ground, stored
+from tpd.cli.options import given
 
 if TYPE_CHECKING:
     from tpd.core.scene import Pendulum, Scene
@@ -74,7 +75,7 @@ def _check_options(options: argparse.Namespace) -> None:
         idle |= {"--pulse-frequency": options.pulse_frequency}
         words = "needs --record FILE or --pulse KIND"
     else:
-        idle = {"--amplitude": options.amplitude, "--frequency": options.frequency}
+        idle = {f"--{name}": value for name, value in given(options).get("motion", {}).items()}
         words = "is of a harmonic: leave it out beside --record or --pulse"
     for name, value in idle.items():
         if value is not None:
