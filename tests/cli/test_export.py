@@ -64,8 +64,17 @@ def test_bad_input_is_one_sentence(report, tmp_path, capsys):
         ((report, "--as", "csv", "--scale", "5"), "--scale needs --record FILE or --pulse KIND"),
         ((report, "--as", "csv", "--sliding", "0.5"), "--sliding is of a model of MuJoCo or OpenSees"),
         (("--as", "csv", "--pulse", "ricker", "--amplitude", "1"), "--amplitude is of a harmonic"),
+        ((report, "--as", "csv", "--file", "."), "--file must name a file, but . is a directory"),
         (("absent", "--as", "csv"), "cannot read absent: No such file or directory"),
     ):
         assert main(["export", *words]) == 2
         assert sentence in capsys.readouterr().err
     assert (tmp_path / "model.xml").read_text() == "keep me"
+
+
+def test_model_without_motion_needs_none(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    block = ("--width", "1", "--height", "6", "--mass", "9000")
+    assert main(["export", *block, "--as", "mjcf"]) == 0
+    assert "motion  none" in capsys.readouterr().out
+    assert 'mass="9000.0"' in (tmp_path / "model.xml").read_text()

@@ -200,6 +200,8 @@ def test_folder_of_another_batch_is_refused(tmp_path):
     [
         ({"workers": 0}, "`workers` must be"),
         ({"workers": 2, "dask": "tcp://x:1"}, "`workers` and `dask` exclude one another"),
+        ({"dask": "localhost"}, "`dask` must be an address such as tcp://host:8786, but is 'localhost'"),
+        ({"dask": ""}, "`dask` must be an address"),
     ],
 )
 def test_bad_input(options, words, tmp_path):

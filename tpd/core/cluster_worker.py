@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
 from collections.abc import Callable
 from typing import Any
 
@@ -18,9 +20,9 @@ _shared: dict[str, tuple[Any, ...]] = {}
 class Prepared(WorkerPlugin):
     """Preparation of every worker for a batch, also of one that joins later."""
 
-    def __init__(self, key: str, version: str, shared: tuple[Any, ...]) -> None:
-        """`version` is the fingerprint of the caller's environment."""
-        self.key, self.version, self.shared = key, version, shared
+    def __init__(self, key: str, version: str, shared: tuple[Any, ...], *, local: bool) -> None:
+        """`version` is the fingerprint of the caller's environment; `local` processes are the caller's."""
+        self.key, self.version, self.shared, self.local = key, version, shared, local
 
     def setup(self, worker: Any) -> None:
         """Prepare a worker; Dask calls this.
@@ -30,6 +32,10 @@ class Prepared(WorkerPlugin):
         """
         from tpd.core import process
 
+        if self.local:
+            # A terminal sends Ctrl-C to all its processes; the caller answers it and ends these.
+            with contextlib.suppress(ValueError):
+                signal.signal(signal.SIGINT, signal.SIG_IGN)
         process.use_64_bits()
         _check(self.version)
         _shared[self.key] = self.shared

@@ -12,7 +12,7 @@ from tpd.analysis.attractors import StartKind, Starts
 from tpd.core import checks
 from tpd.core.conditions import Conditions, under_all
 from tpd.core.parameters import Parameters, as_arrays
-from tpd.core.scene import Scene
+from tpd.core.scene import Harmonic, Scene
 from tpd.design.checkpoint import fingerprint_of
 from tpd.design.criteria import DEFAULT_LIMITS, Limit, Mass, Reserve, Risk, Worsening, check_limits, limit_of
 from tpd.design.followed import Followed
@@ -69,6 +69,11 @@ class Problem:
         """
         checks.require_x64()
         checks.count("seed", seed, least=0)
+        if isinstance(scene, Scene) and not isinstance(scene.motion, Harmonic):
+            raise ValueError(
+                "the motion of `scene` must be a harmonic: give pulses and records by "
+                "`conditions=tpd.Conditions.records(...)`"
+            )
         check_types(scene, space, conditions, starts, risk, method)
         if conditions is None:
             return _around(scene, space, starts, risk, limits, method, seed, worth)

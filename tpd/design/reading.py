@@ -120,8 +120,8 @@ def read_design(path: str | Path) -> StoredDesign:
     found = read(path)
     if isinstance(found, StoredGroundDesign):
         raise ValueError(
-            f"{found.path} is a design on ground motions, not for a harmonic: read it by "
-            "`tpd.design.reading.read`"
+            f"{found.path} is a design on ground motions, not for a harmonic: read it in Python by "
+            "`tpd.design.reading.read`, or write its motion under a record by `tpd export`"
         )
     return found
 

@@ -71,6 +71,7 @@ class RigidBody:
         tensor = " ".join([repr(self.inertia)] * 3)
         lines = [
             '<mujoco model="block with a pendulum">',
+            "  <!-- impacts follow from the contact: about Housner's, and not the block's own ratio -->",
             '  <compiler angle="radian" inertiafromgeom="false"/>',
             f'  <option timestep="{self.step!r}" gravity="0 0 {-self.gravity!r}" cone="elliptic"',
             '          impratio="10" integrator="implicitfast" iterations="50" tolerance="1e-12"/>',

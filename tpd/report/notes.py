@@ -136,7 +136,8 @@ def _repeated(winner: Verified) -> Iterator[Note]:
     near, runs = winner.neighbours, _deciding(winner)
     if near is not None and near.overturned:
         yield danger(
-            f"Of {near.tried} shakings within 1 % in amplitude or frequency, {near.overturned} overturn the "
+            f"By the linear equations, of {near.tried} shakings within 1 % in amplitude or frequency, "
+            f"{near.overturned} overturn the "
             f"block with this pendulum ({near.overturned_bare} without), from rest."
         )
     if runs is None:

@@ -73,7 +73,8 @@ def grouped(
     outside = tuple(m for m, name in zip(motions, names, strict=True) if name in out)
     if not inside:
         raise ValueError(
-            f"`held_out` must leave an earthquake to be tuned to, but of {len(events)} all are held out"
+            f"`held_out` must leave an earthquake to be tuned to, but of {len(events)} all are held out: "
+            "give more records, or 0, which holds out none"
         )
     tuned = Group("tuned to", Role.tuned, inside)
     return (tuned, Group("held out", Role.held_out, outside)) if outside else (tuned,)

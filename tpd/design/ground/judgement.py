@@ -194,7 +194,8 @@ def paired(differences: np.ndarray, clusters: np.ndarray) -> Interval:
         return Interval(mean, -math.inf, math.inf)
     error = math.sqrt(groups / (groups - 1) * float(np.sum(sums**2))) / n
     width = student(groups - 1) * error
-    return Interval(mean, mean - width, mean + width)
+    # Shares and tilts over that of toppling lie between nought and one, so that changes end at one.
+    return Interval(mean, max(-1.0, mean - width), min(1.0, mean + width))
 
 
 @lru_cache
