@@ -54,6 +54,12 @@ def test_histories_are_bare_and_hung(report, tmp_path):
     assert found["base_m_s2"].max() == pytest.approx(0.5 * 9.80665, rel=1e-4)
 
 
+def test_history_that_ends_says_so(report, tmp_path, capsys):
+    strong = ("--pulse", "one-sine", "--pulse-frequency", "1", "--pga", "3", "--overwrite")
+    assert main(["export", report, "--as", "csv", *strong]) == 0
+    assert "bare_phi_rad: the block overturns, and the cells after that are empty" in capsys.readouterr().out
+
+
 def test_bad_input_is_one_sentence(report, tmp_path, capsys):
     (tmp_path / "model.xml").write_text("keep me")
     for words, sentence in (
@@ -62,6 +68,7 @@ def test_bad_input_is_one_sentence(report, tmp_path, capsys):
         ((report, "--as", "csv", "--pulse", "ricker"), "a pulse needs --pulse-frequency HZ"),
         ((report, "--as", "opensees", "--sliding", "0"), "`sliding` must be positive"),
         ((report, "--as", "csv", "--scale", "5"), "--scale needs --record FILE or --pulse KIND"),
+        ((report, "--as", "csv", "--dt", "0.01"), "--dt needs --record FILE or --pulse KIND"),
         ((report, "--as", "csv", "--sliding", "0.5"), "--sliding is of a model of MuJoCo or OpenSees"),
         (("--as", "csv", "--pulse", "ricker", "--amplitude", "1"), "--amplitude is of a harmonic"),
         ((report, "--as", "csv", "--file", "."), "--file must name a file, but . is a directory"),

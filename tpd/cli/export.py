@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -67,7 +66,10 @@ def run(options: argparse.Namespace) -> int:
     if hung is None and options.design is not None:
         print("The report offers no pendulum: only the bare block is exported.")
     if options.kind == "csv":
-        content = files.as_csv(*_table(scene, hung))
+        header, rows = _table(scene, hung)
+        content = files.as_csv(header, rows)
+        for name in (name for name, value in zip(header, rows[-1], strict=True) if value == ""):
+            print(f"{name}: the block overturns, and the cells after that are empty")
     else:
         more = {} if options.sliding is None else {"sliding": options.sliding}
         content = getattr(engines, options.kind)(scene, hung, **more)
@@ -79,7 +81,8 @@ def _check_options(options: argparse.Namespace) -> None:
     """Raise `ValueError` for an option that would have no effect."""
     if options.record is None and options.pulse is None:
         idle = {"--scale": options.scale, "--pga": options.pga}
-        idle |= {"--pulse-frequency": options.pulse_frequency}
+        idle |= {"--pulse-frequency": options.pulse_frequency, "--channel": options.channel}
+        idle |= {"--dt": options.dt, "--unit": options.unit, "--baseline": options.baseline}
         words = "needs --record FILE or --pulse KIND"
     else:
         idle = {f"--{name}": value for name, value in given(options).get("motion", {}).items()}
@@ -132,7 +135,7 @@ def _words(scene: Scene) -> str:
     return f"  motion  {shake.words(scene.motion)}"
 
 
-def _table(scene: Scene, hung: Pendulum | None) -> tuple[list[str], Iterator[tuple]]:
+def _table(scene: Scene, hung: Pendulum | None) -> tuple[list[str], list[tuple]]:
     """Header and rows of the motion over time, bare and with the pendulum, from rest by the exact solution;
     numbers are left out once the block has fallen."""
     from tpd.analysis.shaking_history import shaking_history
@@ -152,7 +155,7 @@ def _table(scene: Scene, hung: Pendulum | None) -> tuple[list[str], Iterator[tup
         columns |= {"hung_phi_rad": angles[1][0], "hung_psi_rad": angles[1][1]}
     lists = [column.tolist() for column in columns.values()]
     # An empty cell is read as missing by every program; a word such as "nan" is not.
-    return list(columns), (tuple("" if x != x else x for x in row) for row in zip(*lists, strict=True))
+    return list(columns), [tuple("" if x != x else x for x in row) for row in zip(*lists, strict=True)]
 
 
 def _harmonic_base(scene: Scene, times: Any) -> dict[str, Any]:

@@ -103,6 +103,12 @@ def test_an_earthquake_is_on_one_side_only(records):
         grouped(records[:2], {"same": records[:2]}, 0)
 
 
+def test_interval_of_a_change_of_shares_ends_at_one():
+    few = paired(np.array([0.0, -1.0, 0.0, 0.0]), np.array([0, 0, 1, 1]))
+    assert (few.low, few.high) == (-1.0, 1.0)
+    assert few.mean == pytest.approx(-0.25)
+
+
 def test_intervals_are_those_of_clusters_and_student():
     for freedom in (1, 2, 6, 30):
         assert student(freedom) == pytest.approx(stats.t.ppf(0.975, freedom), rel=1e-4)
