@@ -31,6 +31,7 @@ from tpd.models.nonlinear_kernel import (
     decide,
     plant,
 )
+from tpd.models.nonlinear_series import ORDERS, ROWS
 from tpd.models.shaken_kernel import EVENT_BOUND, FAILED, OVERTURNED, ROCKED, STOOD
 
 COLUMNS = 14
@@ -50,10 +51,10 @@ def _put_forcing(c, n, i, h, growth):
 
 
 @compiled
-def _begun(q, y0, first, mode, w, sizes):
+def _begun(q, y0, first, mode, y, sizes):
     """Put the start of a motion into mode, state and tally; `first` is the forcing there."""
     for i in range(4):
-        w[0, i] = y0[i]
+        y[i] = y0[i]
     sizes[0], sizes[1], sizes[2] = max(y0[0], 0.0), max(-y0[0], 0.0), abs(y0[1])
     sizes[RELATIVE] = abs(y0[1] - y0[0])
     decide(q, y0[0], y0[1], y0[3], sign(y0[0]), sign(y0[2]), first, mode)
@@ -61,13 +62,13 @@ def _begun(q, y0, first, mode, w, sizes):
 
 
 @compiled
-def _put_results(w, sizes, fell, out):
+def _put_results(y, sizes, fell, out):
     """Put the results of a motion into `out`, but for the status."""
     side = 0 if sizes[0] >= sizes[1] else 1
     out[0], out[1], out[2] = sizes[side], sizes[2], sizes[RELATIVE]
     out[3], out[4], out[5] = sizes[TIMES + side], sizes[TIMES + 2], sizes[TIMES + RELATIVE]
     for j in range(4):
-        out[6 + j] = w[0, j]
+        out[6 + j] = y[j]
     out[11], out[12], out[13] = sizes[IMPACTS], sizes[LIFTED], fell
     if fell < math.inf:
         out[0] = out[1] = out[2] = math.inf
@@ -79,36 +80,37 @@ def _shake(x, y0, c, n, free, rtol, rest_rate, max_events, out):
     h = x[6]
     # The longest step is a sixteenth of the period: of the bob's here, or of the block's.
     q = plant(x, 0.0, 2.0 * math.pi * min(1.0, math.sqrt(x[2] * x[7])), rest_rate)
-    w, mode, growth, sizes, clock, scales = (
-        np.zeros((9, 4)),
+    y, series, mode, growth, sizes, clock, scales = (
+        np.zeros(4),
+        np.zeros((ROWS, ORDERS)),
         np.zeros(4),
         np.zeros(4),
         np.zeros(TALLY),
-        np.zeros(2),
+        np.zeros(1),
         np.empty(4),
     )
     rate = 1.0 / math.sqrt(x[2] * x[7])
     # Sizes against which the error of a step is judged.
     scales[0], scales[1], scales[2], scales[3] = q.nu, q.nu + q.f, q.nu, (q.nu + q.f) * max(1.0, rate)
     _put_forcing(c, n, 0, h, growth)
-    _begun(q, y0, growth[0], mode, w, sizes)
-    clock[1], ended, i = 0.1 * h, ARRIVED, 0
+    _begun(q, y0, growth[0], mode, y, sizes)
+    ended, i = ARRIVED, 0
     # The forcing has a kink at every sample, which a step must not cross.
     while i <= n and ended == ARRIVED:
         _put_forcing(c, n, i, h, growth)
-        clock[0], sizes[ORIGIN], y = 0.0, i * h, w[0]
+        clock[0], sizes[ORIGIN] = 0.0, i * h
         if mode[0] != SLIP:
             # The base acceleration may jump where a piece begins.
             decide(q, y[0], y[1], y[3], 0.0 if mode[0] == REST else mode[1], 0.0, growth[0], mode)
             if mode[0] == SLIP:
                 sizes[LIFTED] = min(sizes[LIFTED], i * h)
         end, left = h if i < n else free, max_events - int(sizes[EVENTS])
-        ended = advance(q, growth, mode, clock, w, sizes, scales, end, rtol, left)
+        ended = advance(q, growth, mode, clock, y, series, sizes, scales, end, rtol, left)
         i += 1
-    _put_results(w, sizes, (i - 1) * h + clock[0] if ended == LOST else math.inf, out)
+    _put_results(y, sizes, (i - 1) * h + clock[0] if ended == LOST else math.inf, out)
     if ended == LOST:
         return OVERTURNED
-    if ended == BROKEN or not math.isfinite(w[0, 0] + w[0, 1] + w[0, 2] + w[0, 3]):
+    if ended == BROKEN or not math.isfinite(y[0] + y[1] + y[2] + y[3]):
         return FAILED
     if ended != ARRIVED:
         return EVENT_BOUND

@@ -1,10 +1,9 @@
 """Compiled event loop of the nonlinear equations (4), for one motion after another in scalar code.
 
 In a batch that is vectorised every motion waits for the one with the most events. Here each goes its own
-way: steps of Dormand and Prince's pair of orders 5 and 4, events located on the quintic through angle, rate
-and acceleration at both ends of a step, and one more step that ends there. The rules at events are those of
-`tpd.exact.contact` and `tpd.models.segmented`. Numba takes 0.3 s to load: no module imports this one before
-it is needed.
+way: a Taylor series carries it until its error would be too large, or to the first event, which is a root of
+the series. The rules at events are those of `tpd.exact.contact` and `tpd.models.segmented`. Numba takes 0.3 s
+to load: no module imports this one before it is needed.
 """
 
 from __future__ import annotations
@@ -12,9 +11,29 @@ from __future__ import annotations
 import math
 from collections import namedtuple
 
+import numpy as np
+
 from tpd.exact.arc_kernel import compiled
 from tpd.exact.contact import REST, SLIP, STICK
 from tpd.exact.event_kernel import put_mode
+from tpd.models.nonlinear_series import (
+    APART,
+    DOWN,
+    LEAN,
+    PHI,
+    PSI,
+    UP,
+    R,
+    V,
+    free_until,
+    held_series,
+    largest_within,
+    length_of,
+    order_for,
+    put_forcing,
+    slipping_series,
+    value_at,
+)
 
 REST_RATE = 1e-4
 """An impact slower than this (phi' in units of nu) that the block can be held after is rest."""
@@ -56,35 +75,9 @@ def sine_at(q, growth, t):
 
 
 @compiled
-def _slipping(q, y, tilt, drag, sine, out):
-    """Derivative of the state of a block that moves; see `tpd.core.equations`."""
-    sp, cp, sq, cq = math.sin(y[0]), math.cos(y[0]), math.sin(y[1]), math.cos(y[1])
-    sine_lean, cosine_lean = sp * cq - cp * sq, cp * cq + sp * sq
-    big_s = tilt * q.nu * sine_lean + 2.0 * cosine_lean
-    big_c = tilt * q.nu * cosine_lean - 2.0 * sine_lean
-    weight, push, slip = tilt * q.weight, q.f * sine, y[2] - y[3]
-    r1 = q.tilt * sp - weight * cp - push * (weight * sp + q.tilt * cp) - q.pull * big_c * y[3] * y[3]
-    r1 -= drag * q.k + q.c1 * slip
-    r2 = push * cq - sq + q.rho * big_c * y[2] * y[2] + q.c2 * slip
-    coupling, back = q.pull * big_s, q.rho * big_s
-    by = 1.0 / (q.m11 * q.m22 - coupling * back)
-    out[0], out[1] = y[2], y[3]
-    out[2], out[3] = by * (q.m22 * r1 + coupling * r2), by * (q.m11 * r2 + back * r1)
-
-
-@compiled
 def _swing(q, psi, rate, sine):
     """Acceleration of the bob under a block that is held."""
     return (q.f * math.cos(psi) * sine - math.sin(psi) - q.c2 * rate) / q.m22
-
-
-@compiled
-def _field(q, mode, y, sine, out):
-    """Derivative of the state."""
-    if mode[0] == SLIP:
-        _slipping(q, y, mode[1], mode[2], sine, out)
-    else:
-        out[0], out[1], out[2], out[3] = 0.0, y[3], 0.0, _swing(q, y[1], y[3], sine)
 
 
 @compiled
@@ -108,173 +101,33 @@ def decide(q, phi, psi, rate, tilt, way, sine, mode):
 
 
 @compiled
-def _stage(w, h, to, a1, a2, a3, a4, a5, a6):
-    """Put the state of a stage into row `to` of `w`; the derivatives are in rows 1 to 6."""
-    for i in range(4):
-        slope = a1 * w[1, i] + a2 * w[2, i] + a3 * w[3, i] + a4 * w[4, i] + a5 * w[5, i] + a6 * w[6, i]
-        w[to, i] = w[0, i] + h * slope
-
-
-@compiled
-def _step(q, growth, mode, t, h, w):
-    """One step of Dormand and Prince: from row 0 of `w` with the derivative in row 1 to row 8 with the
-    derivative in row 7."""
-    for j in range(2, 7):
-        for i in range(4):
-            w[j, i] = 0.0
-    _stage(w, h, 8, 1.0 / 5.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    _field(q, mode, w[8], sine_at(q, growth, t + 0.2 * h), w[2])
-    _stage(w, h, 8, 3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0)
-    _field(q, mode, w[8], sine_at(q, growth, t + 0.3 * h), w[3])
-    _stage(w, h, 8, 44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0)
-    _field(q, mode, w[8], sine_at(q, growth, t + 0.8 * h), w[4])
-    a1, a2, a3, a4 = 19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0
-    _stage(w, h, 8, a1, a2, a3, a4, 0.0, 0.0)
-    _field(q, mode, w[8], sine_at(q, growth, t + 8.0 / 9.0 * h), w[5])
-    end = sine_at(q, growth, t + h)
-    a1, a2, a3, a4 = 9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0
-    _stage(w, h, 8, a1, a2, a3, a4, -5103.0 / 18656.0, 0.0)
-    _field(q, mode, w[8], end, w[6])
-    b1, b3, b4, b5, b6 = 35.0 / 384.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0
-    _stage(w, h, 8, b1, 0.0, b3, b4, b5, b6)
-    _field(q, mode, w[8], end, w[7])
-
-
-@compiled
-def _error(w, h, scales, rtol):
-    """Estimated error of a step over what is allowed; NaN where the step has no finite numbers."""
-    worst = 0.0
-    e1, e3, e4 = 71.0 / 57600.0, -71.0 / 16695.0, 71.0 / 1920.0
-    e5, e6, e7 = -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0
-    for i in range(4):
-        slope = e1 * w[1, i] + e3 * w[3, i] + e4 * w[4, i] + e5 * w[5, i] + e6 * w[6, i] + e7 * w[7, i]
-        size = max(0.1 * scales[i], max(abs(w[0, i]), abs(w[8, i])))
-        ratio = abs(h * slope) / (rtol * size)
-        # A comparison with NaN is false, which would let it pass.
-        if not ratio <= worst:
-            worst = ratio
-    return worst
-
-
-@compiled
-def _angle(w, h, i, x):
-    """Angle i and its rate at the share x of a step, on the quintic through both ends."""
-    v0, v1, a0, a1 = h * w[0, i + 2], h * w[8, i + 2], h * h * w[1, i + 2], h * h * w[7, i + 2]
-    d, e, c = w[8, i] - w[0, i] - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0
-    c3, c4, c5 = 10.0 * d - 4.0 * e + 0.5 * c, -15.0 * d + 7.0 * e - c, 6.0 * d - 3.0 * e + 0.5 * c
-    angle = w[0, i] + x * (v0 + x * (0.5 * a0 + x * (c3 + x * (c4 + x * c5))))
-    rate = v0 + x * (a0 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
-    return angle, rate / h
-
-
-@compiled
-def _signal(q, growth, mode, t, h, w, which, x):
-    """Signal that is positive until the event `which`, at the share x of a step."""
-    if which == _LANDING:
-        return mode[1] * _angle(w, h, 0, x)[0]
-    if which == _TURN:
-        return mode[2] * _angle(w, h, 0, x)[1]
-    psi, rate = _angle(w, h, 1, x)
-    way = 1.0 if which == _UP else -1.0
-    side = way if mode[0] == REST else mode[1]
-    return q.k - way * _excess(q, w[0, 0], psi, rate, side, sine_at(q, growth, t + x * h))
-
-
-@compiled
-def _root(q, growth, mode, t, h, w, which, hi):
-    """Share of the step, at most `hi`, at which a signal that is not positive at `hi` vanishes."""
-    top = _signal(q, growth, mode, t, h, w, which, hi)
-    lo, low = 0.0, _signal(q, growth, mode, t, h, w, which, 0.0)
-    if low <= 0.0:
-        # The signal begins at zero and ends within the step: look for where it is positive.
-        lo = hi
-        for _ in range(40):
-            lo *= 0.5
-            low = _signal(q, growth, mode, t, h, w, which, lo)
-            if low > 0.0:
-                break
-        else:
-            return 0.0
-    side = 0
-    for _ in range(60):
-        # Illinois: the false position, where an end that stays counts half.
-        x = hi - top * (hi - lo) / (top - low)
-        value = _signal(q, growth, mode, t, h, w, which, x)
-        if value > 0.0:
-            lo, low = x, value
-            top, side = (0.5 * top if side == 1 else top), 1
-        else:
-            hi, top = x, value
-            low, side = (0.5 * low if side == -1 else low), -1
-        if hi - lo < 1e-14 or abs(value) < 1e-15:
-            return x
-    return hi
-
-
-@compiled
-def _dip(q, growth, mode, t, h, w, which, first, last):
-    """Share of the step at which a signal, positive at both ends, is not positive between; 0 if it is."""
-    if first <= 0.0:
-        # It has only just begun, at zero but for the rounding of the last event.
-        return 0.0
-    if which == _TURN:
-        a0, a1 = mode[2] * w[1, 2], mode[2] * w[7, 2]
-        if a0 >= 0.0 or a1 <= 0.0:
-            return 0.0
-        x = a0 / (a0 - a1)
+def _series(q, growth, mode, t, left, order, inverse, c):
+    """Put the series about the time t into `c`: its order, and the time for which it holds."""
+    put_forcing(q, growth, t, order, c)
+    if mode[0] == SLIP:
+        used = slipping_series(q, mode[1], mode[2], order, left, inverse, c)
     else:
-        middle = _signal(q, growth, mode, t, h, w, which, 0.5)
-        bend = 2.0 * (first + last - 2.0 * middle)
-        slope = last - first - bend
-        if bend <= 0.0 or not 0.0 < -slope < 2.0 * bend:
-            return 0.0
-        # The parabola through three values errs by little within a sixteenth of a period.
-        x = -0.5 * slope / bend
-    return x if _signal(q, growth, mode, t, h, w, which, x) <= 0.0 else 0.0
+        side = 0.0 if mode[0] == REST else mode[1]
+        used = held_series(q, side, order, left, inverse, c)
+    return used, length_of(c, used, left, inverse)
 
 
 @compiled
-def _met(q, growth, mode, t, h, w, which):
-    """Share of the step at which an event is met; 2 if it is not."""
-    first = _signal(q, growth, mode, t, h, w, which, 0.0)
-    last = _signal(q, growth, mode, t, h, w, which, 1.0)
-    hi = 1.0 if last <= 0.0 else _dip(q, growth, mode, t, h, w, which, first, last)
-    return _root(q, growth, mode, t, h, w, which, hi) if hi > 0.0 else 2.0
-
-
-@compiled
-def _first_event(q, growth, mode, t, h, w):
-    """First event within a step and its share of the step."""
+def _first_event(q, mode, order, h, c):
+    """First event within the time h, and its time; without one, how far it is proved that there is none."""
     if mode[0] != SLIP:
-        which, x = _NONE, 1.0
-        # A number that is no constant: for each of those Numba compiles all that is called anew.
+        which, until = _NONE, h
         for release in (_UP, _DOWN):
-            share = _met(q, growth, mode, t, h, w, release)
-            if share < x or (share == 1.0 and which == _NONE):
-                which, x = release, share
-        return which, x
-    turn = _met(q, growth, mode, t, h, w, _TURN)
-    until = min(turn, 1.0)
+            t, met = free_until(c, UP if release == _UP else DOWN, 1.0, order, q.k + q.weight, until)
+            if met or t < until:
+                which, until = (release if met else _NONE), t
+        return which, until
+    # Its acceleration is a difference of moments, and more uncertain than those that let it go.
+    until, turns = free_until(c, V, mode[2], order, 10.0 * (q.k + q.weight) * h, h)
     # Until it turns, the block comes down monotonously: it lands where its tilt has another sign by then.
-    if mode[1] != mode[2] and _signal(q, growth, mode, t, h, w, _LANDING, until) <= 0.0:
-        return _LANDING, _root(q, growth, mode, t, h, w, _LANDING, until)
-    return (_TURN, turn) if turn <= 1.0 else (_NONE, 1.0)
-
-
-@compiled
-def _polish(which, h, w):
-    """Move the end of a step, which lies next to an event, onto it: return the time that this takes."""
-    if which != _LANDING and which != _TURN:
-        return 0.0
-    i = 0 if which == _LANDING else 2
-    late = -w[8, i] / w[7, i] if w[7, i] != 0.0 else 0.0
-    # Where the motion all but grazes, the slope says little about where the event is.
-    if not abs(late) < 1e-4 * h:
-        late = 0.0
-    for j in range(4):
-        w[8, j] += late * w[7, j]
-    w[8, i] = 0.0
-    return late
+    if mode[1] != mode[2] and mode[1] * value_at(c, PHI, order, until) <= 0.0:
+        return _LANDING, free_until(c, PHI, mode[1], order, 0.0, until)[0]
+    return (_TURN if turns else _NONE), until
 
 
 @compiled
@@ -318,21 +171,6 @@ def _meet(q, y, which, x, sine, mode):
 
 
 @compiled
-def _turned(w, h, less, way):
-    """Angle psi, less `less` times phi, where its rate, of sign `way` at the start of a step, vanishes, and
-    the share of the step."""
-    lo, hi = 0.0, 1.0
-    # The angle errs by the square of this bisection's error.
-    for _ in range(20):
-        x = 0.5 * (lo + hi)
-        if (_angle(w, h, 1, x)[1] - less * _angle(w, h, 0, x)[1]) * way > 0.0:
-            lo = x
-        else:
-            hi = x
-    return abs(_angle(w, h, 1, hi)[0] - less * _angle(w, h, 0, hi)[0]), hi
-
-
-@compiled
 def _larger(sizes, k, angle, tau):
     """Put an angle into the tally if it is the largest so far, with its time where there is room."""
     if angle > sizes[k]:
@@ -342,20 +180,29 @@ def _larger(sizes, k, angle, tau):
 
 
 @compiled
-def _note(w, h, sizes, tau):
-    """Largest angles with those within a step of length h that ends at `tau`."""
-    _larger(sizes, 0, w[8, 0], tau)
-    _larger(sizes, 1, -w[8, 0], tau)
-    _larger(sizes, 2, abs(w[8, 1]), tau)
-    if w[0, 3] * w[8, 3] < 0.0:
-        angle, x = _turned(w, h, 0.0, w[0, 3])
-        _larger(sizes, 2, angle, tau - (1.0 - x) * h)
+def _note_angle(c, row, rate, k, order, h, sizes, tau):
+    """Put the largest size of an angle within the time h, which begins at `tau`, into place k of the tally."""
+    bound, power = 0.0, 1.0
+    for n in range(order + 1):
+        bound += abs(c[row, n]) * power
+        power *= h
+    if bound <= sizes[k]:
+        return
+    size, t = largest_within(c, row, rate, order, h)
+    _larger(sizes, k, size, tau + t)
+
+
+@compiled
+def _note(c, order, h, sizes, tau):
+    """Put the largest angles within the time h, which begins at `tau`, into the tally."""
+    end = value_at(c, PHI, order, h)
+    _larger(sizes, 0, end, tau + h)
+    _larger(sizes, 1, -end, tau + h)
+    _note_angle(c, PSI, R, 2, order, h, sizes, tau)
     if len(sizes) > SIZES:
-        _larger(sizes, RELATIVE, abs(w[8, 1] - w[8, 0]), tau)
-        way = w[0, 3] - w[0, 2]
-        if way * (w[8, 3] - w[8, 2]) < 0.0:
-            angle, x = _turned(w, h, 1.0, way)
-            _larger(sizes, RELATIVE, angle, tau - (1.0 - x) * h)
+        for n in range(order + 1):
+            c[APART, n], c[LEAN, n] = c[PSI, n] - c[PHI, n], c[R, n] - c[V, n]
+        _note_angle(c, APART, LEAN, RELATIVE, order, h, sizes, tau)
 
 
 @compiled
@@ -369,49 +216,42 @@ def _count(sizes, which, mode, tau):
 
 
 @compiled
-def _length(h, error):
-    """Length of the next step after one whose error is this share of what is allowed."""
-    if not error < math.inf:
-        return 0.2 * h
-    return h * min(5.0, max(0.2, 0.9 * max(error, 1e-10) ** -0.2))
+def _carried(c, order, h, which, y):
+    """Put the end of a series into `y`, exactly on an event."""
+    y[0], y[1] = value_at(c, PHI, order, h), value_at(c, PSI, order, h)
+    y[2], y[3] = value_at(c, V, order, h), value_at(c, R, order, h)
+    if which == _LANDING:
+        y[0] = 0.0
+    elif which == _TURN:
+        y[2] = 0.0
 
 
 @compiled
-def advance(q, growth, mode, clock, w, sizes, scales, end, rtol, max_events):
-    """Follow the motion in row 0 of `w` up to `end`; `clock` holds its time and the next step's length, and
-    mode[3] whether the block was held."""
+def advance(q, growth, mode, clock, y, c, sizes, scales, end, rtol, max_events):
+    """Follow the motion in `y` up to `end`; `clock` holds its time, mode[3] whether the block was held, and
+    `c` has room for a series."""
     events, origin = 0, sizes[ORIGIN] if len(sizes) > SIZES else 0.0
-    _field(q, mode, w[0], sine_at(q, growth, clock[0]), w[1])
+    order, inverse = order_for(rtol), np.empty(3)
+    inverse[2] = 1.0 / (rtol * (q.weight + q.k))
     for _ in range(MAX_STEPS):
         t, left = clock[0], end - clock[0]
         if left <= 1e-14 * q.period:
             return ARRIVED
-        wanted = min(clock[1], q.period / 16.0)
-        h = left if left <= 1.000001 * wanted else wanted
-        _step(q, growth, mode, t, h, w)
-        error = _error(w, h, scales, rtol)
-        if not error <= 1.0:
-            clock[1] = _length(h, error)
-            if clock[1] < 1e-13 * q.period:
-                return BROKEN
-            continue
-        clock[1] = max(wanted if h < wanted else 0.0, _length(h, error))
-        which, x = _first_event(q, growth, mode, t, h, w)
-        if which == _NONE:
-            clock[0] = end if h == left else t + h
-        else:
-            _step(q, growth, mode, t, x * h, w)
-            clock[0] = min(t + x * h + _polish(which, h, w), end)
-        _note(w, max(x * h, 1e-300), sizes, origin + clock[0])
-        for i in range(4):
-            w[0, i], w[1, i] = w[8, i], w[7, i]
-        if not abs(w[0, 0]) < 0.5 * math.pi:
+        c[PHI, 0], c[PSI, 0], c[V, 0], c[R, 0] = y[0], y[1], y[2], y[3]
+        for i in range(2):
+            inverse[i] = 1.0 / (rtol * max(0.1 * scales[i + 2], abs(y[i + 2])))
+        used, h = _series(q, growth, mode, t, left, order, inverse, c)
+        if not h >= min(left, 1e-13 * q.period):
+            return BROKEN
+        which, h = _first_event(q, mode, used, h, c)
+        _note(c, used, h, sizes, origin + t)
+        _carried(c, used, h, which, y)
+        clock[0] = end if h == left else t + h
+        if not abs(y[0]) < 0.5 * math.pi:
             return LOST
         if which != _NONE:
             events += 1
-            sine = sine_at(q, growth, clock[0])
-            _meet(q, w[0], which, x, sine, mode)
-            _field(q, mode, w[0], sine, w[1])
+            _meet(q, y, which, h, sine_at(q, growth, clock[0]), mode)
             mode[3] = max(mode[3], 1.0 if mode[0] != SLIP else 0.0)
             if len(sizes) > SIZES:
                 _count(sizes, which, mode, origin + clock[0])

@@ -31,6 +31,7 @@ from tpd.models.nonlinear_kernel import (
     plant,
     sine_at,
 )
+from tpd.models.nonlinear_series import ORDERS, ROWS
 from tpd.models.period_kernel import (
     AT_REST,
     EVENT_BOUND,
@@ -75,16 +76,16 @@ def _stays(q, y, before, mode, sizes):
 
 
 @compiled
-def _one_period(q, growth, grown, mode, clock, w, sizes, scales, rtol, max_events):
+def _one_period(q, growth, grown, mode, clock, y, c, sizes, scales, rtol, max_events):
     """Follow the motion to the end of the forcing period: how it ended, see `nonlinear_kernel.advance`."""
-    sizes[0], sizes[1], sizes[2] = max(w[0, 0], 0.0), max(-w[0, 0], 0.0), abs(w[0, 1])
+    sizes[0], sizes[1], sizes[2] = max(y[0], 0.0), max(-y[0], 0.0), abs(y[1])
     mode[3] = 1.0 if mode[0] != SLIP else 0.0
     if clock[0] < grown < q.period:
         # The forcing has a kink where its growth ends, which a step must not cross.
-        ended = advance(q, growth, mode, clock, w, sizes, scales, grown, rtol, max_events)
+        ended = advance(q, growth, mode, clock, y, c, sizes, scales, grown, rtol, max_events)
         if ended != ARRIVED:
             return ended
-    return advance(q, growth, mode, clock, w, sizes, scales, q.period, rtol, max_events)
+    return advance(q, growth, mode, clock, y, c, sizes, scales, q.period, rtol, max_events)
 
 
 @compiled
@@ -100,20 +101,20 @@ def _settle(x, y0, begin, ramp, periods, rtol, max_events, out):
     """Follow one motion until it repeats, rests, is lost, or `periods` have elapsed: status, its periods and
     the periods elapsed."""
     q = plant(x, x[6], 2.0 * math.pi / x[6], REST_RATE)
-    w, past, scales = np.zeros((9, 4)), np.zeros((LONGEST, 4)), scales_of(q)
+    y, series, past, scales = np.zeros(4), np.zeros((ROWS, ORDERS)), np.zeros((LONGEST, 4)), scales_of(q)
     last = np.zeros((LONGEST, 3))
-    growth, sizes, peaks, clock = np.zeros(4), np.zeros(SIZES), np.zeros(2), np.zeros(2)
-    clock[0], clock[1] = begin, 1e-3 * q.period
+    growth, sizes, peaks, clock = np.zeros(4), np.zeros(SIZES), np.zeros(2), np.zeros(1)
+    clock[0] = begin
     for i in range(4):
-        w[0, i] = past[0, i] = y0[i]
+        y[i] = past[0, i] = y0[i]
     growth_in(growth, ramp, q.period, 0.0)
     mode = _classified(q, growth, y0, begin)
     # A start within a period has another phase than the ends of periods, with which these are compared.
     known, status, repeats, elapsed = (1 if begin == 0.0 else 0), NOT_SETTLED, 0, 0
     while elapsed < periods and status == NOT_SETTLED:
         grown = growth_in(growth, ramp, q.period, float(elapsed))
-        ended = _one_period(q, growth, grown, mode, clock, w, sizes, scales, rtol, max_events)
-        y, elapsed = w[0], elapsed + 1
+        ended = _one_period(q, growth, grown, mode, clock, y, series, sizes, scales, rtol, max_events)
+        elapsed += 1
         peaks[0], peaks[1] = max(peaks[0], max(sizes[0], sizes[1])), max(peaks[1], sizes[2])
         # Nothing that was met before the shaking became steady counts as a repetition, or as rest.
         steady = grown == 0.0 and ended == ARRIVED
@@ -132,7 +133,7 @@ def _settle(x, y0, begin, ramp, periods, rtol, max_events, out):
             status = AT_REST
         elif repeats > 0:
             status = ROCKING
-    status, own = settled(status, repeats, w[0], last, peaks, mode, out)
+    status, own = settled(status, repeats, y, last, peaks, mode, out)
     return status, own, elapsed
 
 

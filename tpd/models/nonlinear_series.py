@@ -1,0 +1,277 @@
+"""Taylor series of a motion by the nonlinear equations (4), order by order, and what is read off a series.
+
+Each function in the equations is a product, a quotient, a sine or a cosine of others: its coefficient of order
+n follows from lower ones of its factors (Jorba and Zou, Experimental Mathematics 14 (2005) 99). A series costs
+about as much as ten evaluations of the equations, and carries the motion a tenth of a forcing period and more.
+It is its own dense output, on which a bound on the second derivative proves where no event is.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tpd.exact.arc_kernel import compiled
+
+ORDERS = 32
+"""Most coefficients of a series."""
+PHI, V, PSI, R, FORCE, LEAN = range(6)
+"""Rows of the coefficients of phi, psi, their rates, the forcing times f, and the rate of phi - psi."""
+_A, _B, _SIN, _COS, _S, _C, _VV, _RR, _R1, _R2, _DET, _ACC, _SWING = range(6, 19)
+UP, DOWN, APART = 19, 20, 21
+"""Rows of the signals that release a held block, and of psi - phi."""
+ROWS = 22
+_PROVED, _TINY = 60, 1e-15
+"""Steps of a proof, and share of its size at which a signal has vanished."""
+
+
+@compiled
+def order_for(rtol):
+    """Order at which a tolerance costs least: half as many as its digits in base e, and some for the work
+    that a step has beside its series."""
+    return max(4, min(ORDERS - 2, 4 + int(-0.5 * math.log(rtol))))
+
+
+@compiled
+def put_forcing(q, growth, t, order, c):
+    """Put the coefficients of the forcing times f, about the time t, into the series; see
+    `nonlinear_kernel.sine_at`."""
+    force = c[FORCE]
+    if q.xi == 0.0:
+        e0, e1, e2, e3 = growth[0], growth[1], growth[2], growth[3]
+        for n in range(4, order + 1):
+            force[n] = 0.0
+        force[0] = q.f * (e0 + t * (e1 + t * (e2 + t * e3)))
+        force[1], force[2], force[3] = (
+            q.f * (e1 + t * (2.0 * e2 + t * 3.0 * e3)),
+            q.f * (e2 + 3.0 * t * e3),
+            q.f * e3,
+        )
+        return
+    share, rise = growth[0] + growth[1] * t, growth[1]
+    if share >= 1.0 - 1e-12:
+        share, rise = 1.0, 0.0
+    sine, cosine, before = q.f * math.sin(q.xi * t), q.f * math.cos(q.xi * t), 0.0
+    for n in range(order + 1):
+        force[n] = share * sine + rise * before
+        before = sine
+        by = q.xi / (n + 1.0)
+        sine, cosine = by * cosine, -by * sine
+
+
+@compiled
+def _term(c, n, inverse):
+    """Largest coefficient of order n over what is allowed: of both rates, and of the signals of a held block."""
+    rates = max(abs(c[V, n]) * inverse[0], abs(c[R, n]) * inverse[1])
+    return max(rates, max(abs(c[UP, n]), abs(c[DOWN, n])) * inverse[2])
+
+
+@compiled
+def _enough(c, n, power, former, inverse):
+    """Whether the terms of orders n and n - 1 are within what is allowed, at a time with these powers."""
+    return _term(c, n, inverse) * power <= 1.0 and _term(c, n - 1, inverse) * former <= 1.0
+
+
+@compiled
+def slipping_series(q, tilt, drag, order, left, inverse, c):
+    """Put the series of a block that moves into `c`, and return its order: at most `order`, fewer where they
+    do for the time `left`. `inverse` holds the inverses of the errors that are allowed of both rates and
+    of the moment on a held block."""
+    phi, psi, weight = c[PHI, 0], c[PSI, 0], tilt * q.weight
+    sp, cp, sq, cq = math.sin(phi), math.cos(phi), math.sin(psi), math.cos(psi)
+    sine, cosine = sp * cq - cp * sq, cp * cq + sp * sq
+    c[_A, 0], c[_B, 0] = q.tilt * sp - weight * cp, weight * sp + q.tilt * cp
+    c[_SIN, 0], c[_COS, 0] = sq, cq
+    c[_S, 0], c[_C, 0] = tilt * q.nu * sine + 2.0 * cosine, tilt * q.nu * cosine - 2.0 * sine
+    still, whole, product = -drag * q.k, q.m11 * q.m22, q.pull * q.rho
+    by_det, power, former = 0.0, 1.0, 1.0
+    for n in range(order):
+        a1 = b1 = s1 = c1 = lean_s = lean_c = 0.0
+        vv = rr = gb = gc = crr = cvv = sr1 = sr2 = ss = da = db = 0.0
+        c[LEAN, n] = c[V, n] - c[R, n]
+        for j in range(n + 1):
+            i = n - j
+            v, r, lean, force, s, cos = c[V, i], c[R, i], c[LEAN, i], c[FORCE, i], c[_S, j], c[_C, j]
+            a1 += c[_B, j] * v
+            b1 -= c[_A, j] * v
+            s1 += c[_COS, j] * r
+            c1 -= c[_SIN, j] * r
+            lean_s += cos * lean
+            lean_c -= s * lean
+            vv += c[V, j] * v
+            rr += c[R, j] * r
+            gb += c[_B, j] * force
+            gc += c[_COS, j] * force
+            ss += s * c[_S, i]
+        for j in range(1, n + 1):
+            i, s, cos = n - j, c[_S, j], c[_C, j]
+            crr += cos * c[_RR, i]
+            cvv += cos * c[_VV, i]
+            sr1 += s * c[_R1, i]
+            sr2 += s * c[_R2, i]
+            if j < n:
+                da += c[_DET, j] * c[_ACC, i]
+                db += c[_DET, j] * c[_SWING, i]
+        c[_VV, n], c[_RR, n], c[_DET, n] = vv, rr, -product * ss
+        crr += c[_C, 0] * rr
+        cvv += c[_C, 0] * vv
+        c[_R1, n] = c[_A, n] - gb - q.pull * crr - q.c1 * c[LEAN, n]
+        c[_R2, n] = gc - c[_SIN, n] + q.rho * cvv + q.c2 * c[LEAN, n]
+        if n == 0:
+            c[_R1, 0] += still
+            by_det = 1.0 / (whole - product * ss)
+        else:
+            da += c[_DET, n] * c[_ACC, 0]
+            db += c[_DET, n] * c[_SWING, 0]
+        sr1 += c[_S, 0] * c[_R1, n]
+        sr2 += c[_S, 0] * c[_R2, n]
+        c[_ACC, n] = by_det * (q.m22 * c[_R1, n] + q.pull * sr2 - da)
+        c[_SWING, n] = by_det * (q.m11 * c[_R2, n] + q.rho * sr1 - db)
+        by = 1.0 / (n + 1.0)
+        c[PHI, n + 1], c[PSI, n + 1] = by * c[V, n], by * c[R, n]
+        c[V, n + 1], c[R, n + 1] = by * c[_ACC, n], by * c[_SWING, n]
+        c[_A, n + 1], c[_B, n + 1], c[_SIN, n + 1], c[_COS, n + 1] = by * a1, by * b1, by * s1, by * c1
+        c[_S, n + 1], c[_C, n + 1] = by * lean_s, by * lean_c
+        c[UP, n + 1] = c[DOWN, n + 1] = 0.0
+        former, power = power, power * left
+        if n >= 3 and _enough(c, n + 1, power, former, inverse):
+            return n + 1
+    return order
+
+
+@compiled
+def held_series(q, side, order, left, inverse, c):
+    """Put the series of the bob under a held block into `c`, with the signals that are positive until the
+    block is let go; `side` is the sign of its tilt, 0 on its base. Further as `slipping_series`."""
+    sp, cp = math.sin(c[PHI, 0]), math.cos(c[PHI, 0])
+    up, down = (1.0 if side == 0.0 else side), (-1.0 if side == 0.0 else side)
+    c[_SIN, 0], c[_COS, 0] = math.sin(c[PSI, 0]), math.cos(c[PSI, 0])
+    power, former = 1.0, 1.0
+    for n in range(order + 1):
+        gc = s1 = c1 = rr = sa = ca = srr = crr = 0.0
+        for j in range(n + 1):
+            i = n - j
+            gc += c[FORCE, j] * c[_COS, i]
+            s1 += c[_COS, j] * c[R, i]
+            c1 -= c[_SIN, j] * c[R, i]
+            rr += c[R, j] * c[R, i]
+        c[PHI, n + 1] = c[V, n] = 0.0
+        c[_RR, n], c[_SWING, n] = rr, (gc - c[_SIN, n] - q.c2 * c[R, n]) / q.m22
+        for j in range(n + 1):
+            i = n - j
+            sa += c[_SIN, j] * c[_SWING, i]
+            ca += c[_COS, j] * c[_SWING, i]
+            srr += c[_SIN, j] * c[_RR, i]
+            crr += c[_COS, j] * c[_RR, i]
+        # sin(phi - psi) and cos(phi - psi) times the bob's acceleration and the square of its rate.
+        along = sp * ca - cp * sa - cp * crr - sp * srr
+        across = cp * ca + sp * sa + sp * crr - cp * srr
+        bob, one = q.c1 * c[R, n] + 2.0 * q.pull * across, 1.0 if n == 0 else 0.0
+        on_block = q.tilt * (one * sp - c[FORCE, n] * cp) + bob
+        of_side = q.pull * q.nu * along - q.weight * (one * cp + c[FORCE, n] * sp)
+        c[UP, n] = one * q.k - on_block - up * of_side
+        c[DOWN, n] = one * q.k + on_block + down * of_side
+        by = 1.0 / (n + 1.0)
+        c[PSI, n + 1], c[R, n + 1] = by * c[R, n], by * c[_SWING, n]
+        c[_SIN, n + 1], c[_COS, n + 1] = by * s1, by * c1
+        if n >= 4 and _enough(c, n, power, former, inverse):
+            return n
+        former, power = power, power * left
+    return order
+
+
+@compiled
+def length_of(c, order, left, inverse):
+    """Time, at most `left`, for which a series is as exact as is allowed; NaN where it is not finite."""
+    h = left
+    for n in range(order - 1, order + 1):
+        term = _term(c, n, inverse)
+        if not term < math.inf:
+            return math.nan
+        if term > 0.0:
+            h = min(h, math.exp(-math.log(term) / n))
+    return h
+
+
+@compiled
+def value_at(c, row, order, t):
+    """Value of a series."""
+    value = c[row, order]
+    for n in range(order - 1, -1, -1):
+        value = value * t + c[row, n]
+    return value
+
+
+@compiled
+def _bend(c, row, way, order, first, h):
+    """Bound on how much a signal bends down until h; `way` times the series divided by the power `first`."""
+    bend, power = 0.0, 1.0
+    for n in range(first + 2, order + 1):
+        m = float(n - first)
+        bend -= m * (m - 1.0) * min(way * c[row, n], 0.0) * power
+        power *= h
+    return bend
+
+
+@compiled
+def _descended(c, row, way, order, first, t, h):
+    """First time from t on at which a signal vanishes, and whether it does so before h; else how far it is
+    proved to be positive."""
+    bend, tiny = _bend(c, row, way, order, first, h), 0.0
+    for done in range(_PROVED):
+        value, slope = way * c[row, order], 0.0
+        for n in range(order - 1, first - 1, -1):
+            slope = slope * t + value
+            value = value * t + way * c[row, n]
+        if done == 0:
+            value, tiny = max(value, 0.0), _TINY * abs(value)
+        elif value <= tiny:
+            return t, True
+        root = math.sqrt(slope * slope + 2.0 * bend * value)
+        if slope < 0.0:
+            t += 2.0 * value / (root - slope)
+        elif bend > 0.0:
+            t += (slope + root) / bend
+        else:
+            return h, False
+        if t >= h:
+            return h, False
+    return t, False
+
+
+@compiled
+def free_until(c, row, way, order, floor, h):
+    """Time until which `way` times a series is proved to be positive, at most h, and whether it vanishes there.
+
+    From a time t on, a signal is above the parabola through its value and slope that bends as much as any of
+    its terms can bend it until h: the root of the parabola is the next t. `floor` is the size of the numbers
+    that the signal is a difference of. A signal that begins at zero counts from there on."""
+    size, lowest, power = floor, 0.0, 1.0
+    for n in range(order + 1):
+        size += abs(c[row, n]) * power
+        lowest += (min(way * c[row, n], 0.0) if n > 0 else way * c[row, n]) * power
+        power *= h
+    if lowest > 10.0 * _TINY * size:
+        return h, False
+    # Where the signal begins at zero, but for rounding, its sign is that of the next order.
+    first, power = 0, 1.0
+    while first < 3 and abs(c[row, first]) * power <= 10.0 * _TINY * size:
+        first, power = first + 1, power * h
+    if not way * c[row, first] > 0.0:
+        return 0.0, True
+    return _descended(c, row, way, order, first, 0.0, h)
+
+
+@compiled
+def largest_within(c, row, rate, order, h):
+    """Largest size of an angle within the time h, and its time; `rate` is the row of its derivative."""
+    best, at = abs(value_at(c, row, order, h)), h
+    t, way = 0.0, math.copysign(1.0, c[rate, 0] if c[rate, 0] != 0.0 else c[rate, 1])
+    for _ in range(order):
+        # It is largest at the end, or where it turns.
+        t, turns = _descended(c, rate, way, order, 0, t, h)
+        if not turns:
+            break
+        value, way = abs(value_at(c, row, order, t)), -way
+        if value > best:
+            best, at = value, t
+    return best, at
