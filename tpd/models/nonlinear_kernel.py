@@ -38,7 +38,7 @@ from tpd.models.nonlinear_series import (
 REST_RATE = 1e-4
 """An impact slower than this (phi' in units of nu) that the block can be held after is rest."""
 MAX_STEPS = 20_000
-"""Bound on the steps of one forcing period, refused ones included."""
+"""Bound on the series of one forcing period."""
 _NONE, _LANDING, _TURN, _UP, _DOWN = -1, 0, 1, 2, 3
 """Events: of a slipping block the first two, of a held one its releases to either side."""
 ARRIVED, LOST, EXHAUSTED, BROKEN = range(4)
@@ -181,11 +181,12 @@ def _larger(sizes, k, angle, tau):
 
 @compiled
 def _note_angle(c, row, rate, k, order, h, sizes, tau):
-    """Put the largest size of an angle within the time h, which begins at `tau`, into place k of the tally."""
+    """Put the largest size of an angle within the time h, which begins at `tau`, into place k of a tally."""
     bound, power = 0.0, 1.0
     for n in range(order + 1):
         bound += abs(c[row, n]) * power
         power *= h
+    # Most steps are away from the largest angle, as a bound shows.
     if bound <= sizes[k]:
         return
     size, t = largest_within(c, row, rate, order, h)
@@ -243,6 +244,7 @@ def advance(q, growth, mode, clock, y, c, sizes, scales, end, rtol, max_events):
         used, h = _series(q, growth, mode, t, left, order, inverse, c)
         if not h >= min(left, 1e-13 * q.period):
             return BROKEN
+        # No step is repeated: the length of a step follows from its series.
         which, h = _first_event(q, mode, used, h, c)
         _note(c, used, h, sizes, origin + t)
         _carried(c, used, h, which, y)

@@ -1,9 +1,9 @@
 """Taylor series of a motion by the nonlinear equations (4), order by order, and what is read off a series.
 
-Each function in the equations is a product, a quotient, a sine or a cosine of others: its coefficient of order
-n follows from lower ones of its factors (Jorba and Zou, Experimental Mathematics 14 (2005) 99). A series costs
-about as much as ten evaluations of the equations, and carries the motion a tenth of a forcing period and more.
-It is its own dense output, on which a bound on the second derivative proves where no event is.
+Each function in the equations is a product, a quotient, a sine or a cosine of others: its coefficient of
+order n follows from lower ones of its factors (Jorba and Zou, Experimental Mathematics 14 (2005) 99). A
+series takes one to two microseconds and carries the motion a tenth of a forcing period and more. It gives
+the motion at all times between, and a bound on its second derivative proves where no event is.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ def put_forcing(q, growth, t, order, c):
         )
         return
     share, rise = growth[0] + growth[1] * t, growth[1]
+    # Its growth is over, but for the rounding of the time.
     if share >= 1.0 - 1e-12:
         share, rise = 1.0, 0.0
     sine, cosine, before = q.f * math.sin(q.xi * t), q.f * math.cos(q.xi * t), 0.0
@@ -60,7 +61,7 @@ def put_forcing(q, growth, t, order, c):
 
 @compiled
 def _term(c, n, inverse):
-    """Largest coefficient of order n over what is allowed: of both rates, and of the signals of a held block."""
+    """Largest coefficient of order n over what is allowed: of both rates, and of a held block's signals."""
     rates = max(abs(c[V, n]) * inverse[0], abs(c[R, n]) * inverse[1])
     return max(rates, max(abs(c[UP, n]), abs(c[DOWN, n])) * inverse[2])
 
@@ -72,22 +73,28 @@ def _enough(c, n, power, former, inverse):
 
 
 @compiled
-def slipping_series(q, tilt, drag, order, left, inverse, c):
-    """Put the series of a block that moves into `c`, and return its order: at most `order`, fewer where they
-    do for the time `left`. `inverse` holds the inverses of the errors that are allowed of both rates and
-    of the moment on a held block."""
+def _begin(q, tilt, c):
+    """Put the sines and cosines at the beginning of a series into it."""
     phi, psi, weight = c[PHI, 0], c[PSI, 0], tilt * q.weight
     sp, cp, sq, cq = math.sin(phi), math.cos(phi), math.sin(psi), math.cos(psi)
     sine, cosine = sp * cq - cp * sq, cp * cq + sp * sq
     c[_A, 0], c[_B, 0] = q.tilt * sp - weight * cp, weight * sp + q.tilt * cp
     c[_SIN, 0], c[_COS, 0] = sq, cq
     c[_S, 0], c[_C, 0] = tilt * q.nu * sine + 2.0 * cosine, tilt * q.nu * cosine - 2.0 * sine
+
+
+@compiled
+def slipping_series(q, tilt, drag, order, left, inverse, c):
+    """Put the series of a block that moves into `c`, and return its order: at most `order`, fewer where they
+    do for the time `left`. `inverse` holds the inverses of the errors that are allowed of both rates and
+    of the moment on a held block."""
+    _begin(q, tilt, c)
     still, whole, product = -drag * q.k, q.m11 * q.m22, q.pull * q.rho
     by_det, power, former = 0.0, 1.0, 1.0
     for n in range(order):
         a1 = b1 = s1 = c1 = lean_s = lean_c = 0.0
         vv = rr = gb = gc = crr = cvv = sr1 = sr2 = ss = da = db = 0.0
-        c[LEAN, n] = c[V, n] - c[R, n]
+        c[LEAN, n], c[_DET, n] = c[V, n] - c[R, n], 0.0
         for j in range(n + 1):
             i = n - j
             v, r, lean, force, s, cos = c[V, i], c[R, i], c[LEAN, i], c[FORCE, i], c[_S, j], c[_C, j]
@@ -102,15 +109,16 @@ def slipping_series(q, tilt, drag, order, left, inverse, c):
             gb += c[_B, j] * force
             gc += c[_COS, j] * force
             ss += s * c[_S, i]
+        # What the squares and sums of this order add to these follows below.
         for j in range(1, n + 1):
             i, s, cos = n - j, c[_S, j], c[_C, j]
             crr += cos * c[_RR, i]
             cvv += cos * c[_VV, i]
             sr1 += s * c[_R1, i]
             sr2 += s * c[_R2, i]
-            if j < n:
-                da += c[_DET, j] * c[_ACC, i]
-                db += c[_DET, j] * c[_SWING, i]
+            da += c[_DET, j] * c[_ACC, i]
+            db += c[_DET, j] * c[_SWING, i]
+        # The order of the equations: right-hand sides, then both accelerations through the determinant.
         c[_VV, n], c[_RR, n], c[_DET, n] = vv, rr, -product * ss
         crr += c[_C, 0] * rr
         cvv += c[_C, 0] * vv
@@ -217,12 +225,14 @@ def _descended(c, row, way, order, first, t, h):
     """First time from t on at which a signal vanishes, and whether it does so before h; else how far it is
     proved to be positive."""
     bend, tiny = _bend(c, row, way, order, first, h), 0.0
+    # The steps grow short like Newton's before a root, and come from one side: no root is passed.
     for done in range(_PROVED):
         value, slope = way * c[row, order], 0.0
         for n in range(order - 1, first - 1, -1):
             slope = slope * t + value
             value = value * t + way * c[row, n]
         if done == 0:
+            # Next to a former root the value is zero but for rounding.
             value, tiny = max(value, 0.0), _TINY * abs(value)
         elif value <= tiny:
             return t, True
@@ -240,7 +250,8 @@ def _descended(c, row, way, order, first, t, h):
 
 @compiled
 def free_until(c, row, way, order, floor, h):
-    """Time until which `way` times a series is proved to be positive, at most h, and whether it vanishes there.
+    """Time until which `way` times a series is proved to be positive, at most h, and whether it vanishes
+    there.
 
     From a time t on, a signal is above the parabola through its value and slope that bends as much as any of
     its terms can bend it until h: the root of the parabola is the next t. `floor` is the size of the numbers
