@@ -40,12 +40,11 @@ def put_forcing(q, growth, t, order, c):
         e0, e1, e2, e3 = growth[0], growth[1], growth[2], growth[3]
         for n in range(4, order + 1):
             force[n] = 0.0
-        force[0] = q.f * (e0 + t * (e1 + t * (e2 + t * e3)))
-        force[1], force[2], force[3] = (
+        force[0], force[1] = (
+            q.f * (e0 + t * (e1 + t * (e2 + t * e3))),
             q.f * (e1 + t * (2.0 * e2 + t * 3.0 * e3)),
-            q.f * (e2 + 3.0 * t * e3),
-            q.f * e3,
         )
+        force[2], force[3] = q.f * (e2 + 3.0 * t * e3), q.f * e3
         return
     share, rise = growth[0] + growth[1] * t, growth[1]
     # Its growth is over, but for the rounding of the time.
