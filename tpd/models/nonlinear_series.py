@@ -17,6 +17,8 @@ ORDERS = 32
 PHI, V, PSI, R, FORCE, LEAN = range(6)
 """Rows of the coefficients of phi, psi, their rates, the forcing times f, and the rate of phi - psi."""
 _A, _B, _SIN, _COS, _S, _C, _VV, _RR, _R1, _R2, _DET, _ACC, _SWING = range(6, 19)
+"""Rows of the parts of (4): moments of weight and of forcing, sine and cosine of psi, S and C of the lever
+arms, squares of both rates, right-hand sides, determinant, accelerations."""
 UP, DOWN, APART = 19, 20, 21
 """Rows of the signals that release a held block, and of psi - phi."""
 ROWS = 22
