@@ -2,7 +2,6 @@
 
 import os
 from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 
 import jax
@@ -14,10 +13,6 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 # What one worker has compiled, the other need not, nor the commands that tests run, nor a later run.
 COMPILED = str(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
 os.environ |= {"JAX_COMPILATION_CACHE_DIR": COMPILED, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.5"}
-# As in `tpd.core.programs`: the compiler takes two thirds of its time. It ends a process that names an option
-# which it does not know.
-if version("jaxlib").startswith("0.10."):
-    os.environ["XLA_FLAGS"] = "--xla_backend_optimization_level=1 --xla_cpu_use_fusion_emitters=false"
 jax.config.update("jax_compilation_cache_dir", COMPILED)
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
 # JAX keeps no program that calls back to Python to raise an exception: as in the commands, errors within
