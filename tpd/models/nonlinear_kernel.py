@@ -126,7 +126,9 @@ def _first_event(q, mode, order, h, c):
     until, turns = free_until(c, V, mode[2], order, 10.0 * (q.k + q.weight) * h, h)
     # Until it turns, the block comes down monotonously: it lands where its tilt has another sign by then.
     if mode[1] != mode[2] and mode[1] * value_at(c, PHI, order, until) <= 0.0:
-        return _LANDING, free_until(c, PHI, mode[1], order, 0.0, until)[0]
+        landing, met = free_until(c, PHI, mode[1], order, 0.0, until)
+        # Next to a graze the proof may end before the landing: the next series goes on from there.
+        return (_LANDING if met or landing == until else _NONE), landing
     return (_TURN if turns else _NONE), until
 
 
