@@ -88,26 +88,28 @@ def test_a_series_solves_the_equations(held, growth):
             np.testing.assert_allclose(slope, expected, atol=2e-10)
 
 
-def test_signals_of_a_held_block_are_those_of_the_moment_on_it():
+@pytest.mark.parametrize("leans", [False, True])
+def test_signals_of_a_held_block_are_those_of_the_moment_on_it(leans):
     for p, y, t in motions():
-        y = y * [0.0, 1.0, 0.0, 1.0]
+        y = y * [float(leans), 1.0, 0.0, 1.0]
         c, ones = np.zeros((ROWS, ORDERS)), np.array([1.0, 0.0, 0.0, 0.0])
         order, h = solved(np.asarray(packed(p)), y, 0.0, True, ones, t, 1e-13, c)
         state, slope = at(c, order, 0.5 * h)
         equations, sine = Equations(p, tpd.Terms.nonlinear), math.sin(p.xi * (t + 0.5 * h))
-        for row, side in ((UP, 1.0), (DOWN, -1.0)):
+        for row, way in ((UP, 1.0), (DOWN, -1.0)):
+            side = math.copysign(1.0, y[0]) if leans else way
             # What is left of the friction is the moment that a block that stays needs to begin to move.
-            freed = np.asarray(equations.rates(state, side, side, sine))
+            freed = np.asarray(equations.rates(state, side, way, sine))
             signal = np.polynomial.polynomial.polyval(0.5 * h, c[row, : order + 1])
             # Acceleration of the freed block times its inertia about the corner, with the bob's.
-            arm = np.asarray(equations.rates(state, side, side - 1e-3 / p.k, sine))
+            arm = np.asarray(equations.rates(state, side, way - 1e-3 / p.k, sine))
             inertia = 1e-3 / (arm[2] - freed[2])
-            assert signal == pytest.approx(-side * inertia * freed[2], abs=1e-9)
+            assert signal == pytest.approx(-way * inertia * freed[2], abs=1e-9)
         assert slope[0] == slope[2] == 0.0
 
 
 def test_no_root_is_missed():
-    """Random polynomials, half of them with two roots close to one another, against NumPy's roots."""
+    """Polynomials made of random roots, in half of them two close to one another."""
     draws, met = np.random.default_rng(5), 0
     for case in range(400):
         roots = draws.uniform(-3.0, 3.0, 7)
@@ -153,5 +155,6 @@ def test_the_largest_angle_is_that_of_many_samples():
         size, when = largest_within(c, PSI, R, order, h)
         sampled = np.abs(np.polynomial.polynomial.polyval(np.linspace(0.0, h, 4001), c[PSI, : order + 1]))
         # A start that is larger than all that follows is in the tally already.
+        assert max(size, sampled[0]) == pytest.approx(sampled.max(), abs=1e-6)
         assert size >= sampled[1:].max() - 1e-9 or sampled.argmax() == 0
         assert 0.0 <= when <= h

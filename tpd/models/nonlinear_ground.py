@@ -78,7 +78,7 @@ def _put_results(y, sizes, fell, out):
 def _shake(x, y0, c, n, free, rtol, rest_rate, max_events, out):
     """Follow one motion through the pieces of a ground motion and freely after it. Return its status."""
     h = x[6]
-    # Times are rounding beside a period: the bob's here, or the block's.
+    # Without a forcing period, the shorter of the bob's and the block's says which times are but rounding.
     q = plant(x, 0.0, 2.0 * math.pi * min(1.0, math.sqrt(x[2] * x[7])), rest_rate)
     y, series, mode, growth, sizes, clock, scales = (
         np.zeros(4),

@@ -1,9 +1,9 @@
 """Taylor series of a motion by the nonlinear equations (4), order by order, and what is read off a series.
 
 Each function in the equations is a product, a quotient, a sine or a cosine of others: its coefficient of
-order n follows from lower ones of its factors (Jorba and Zou, Experimental Mathematics 14 (2005) 99). A
-series takes one to two microseconds and carries the motion a tenth of a forcing period and more. It gives
-the motion at all times between, and a bound on its second derivative proves where no event is.
+order n follows from lower ones of its factors (Jorba and Zou, Experimental Mathematics 14 (2005) 99). It
+gives the motion at all times between, and a bound on its second derivative proves where the series, which is
+the motion to within the tolerance, has no event.
 """
 
 from __future__ import annotations
