@@ -76,6 +76,8 @@ def test_a_motion_on_a_neutral_orbit_is_called_neutral_and_has_no_gradient():
                 assert answer.status == "neutral"
                 assert answer.amplitude == pytest.approx(float(orbits.amplitude[i]), rel=1e-9)
                 assert np.all(np.isnan(answer.slopes))
+                # To the last bit such a motion lands as its period ends, where derivatives are easily lost.
+                assert float(answer.steady.multiplier) == pytest.approx(1.0, abs=1e-9)
     assert seen >= 3
 
 

@@ -227,5 +227,8 @@ def advance(q, growth, mode, y, t, end, sizes, legs, count, capture, max_events)
         _record(legs, count, was, start, t + began, at - began, which, rests, now[0], now[1])
         t += at
         if end - t <= _ROUNDING * end:
+            # With the event earlier or later, the motion is a little further or not as far at the end: the
+            # derivatives need a last leg, though it has no length.
+            _record(legs, count, mode, y, t, 0.0, END, False, y[0], y[1])
             return ARRIVED
     return EXHAUSTED

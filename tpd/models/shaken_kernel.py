@@ -302,6 +302,8 @@ def _piece(q, c, n, i, s, end, mode, y, w, tally, legs, capture, brief):
         if brief and _settles(q, y, tally):
             return ARRIVED
         if end - s <= _ROUNDING * end:
+            # The derivatives need a last leg, though it has no length: compare `event_kernel.advance`.
+            _record(legs, tally, mode, i, s, 0.0, END, False, y)
             return ARRIVED
     return EXHAUSTED
 
