@@ -81,6 +81,18 @@ def test_a_motion_on_a_neutral_orbit_is_called_neutral_and_has_no_gradient():
     assert seen >= 3
 
 
+def test_the_last_bit_of_a_state_does_not_decide_on_a_neutral_orbit():
+    """It lands just before its period ends, as it ends, or just after."""
+    draws = np.random.default_rng(1)
+    for x in CONSERVING:
+        orbits = orbits_of(parameters(x))
+        for state in np.asarray(orbits.state)[names_of(orbits.status) == "neutral"]:
+            for size in (1e-17, 1e-16, 1e-14, 1e-12, 1e-10):
+                steady = exact(x, state + size * draws.standard_normal(4)).steady
+                assert status_name(steady.status) == "neutral"
+                assert float(steady.multiplier) == pytest.approx(1.0, abs=1e-9)
+
+
 def test_an_orbit_with_losses_is_still_attracting():
     assert exact(HUNG[0].x).status == "rocking"
 

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from tpd.exact.arc_kernel import compiled, plant
+from tpd.exact.arc_kernel import compiled, instant, launch, plant, state_at
 from tpd.exact.contact import REST, SLIP
 from tpd.exact.event_kernel import ARRIVED, LEG, advance, begin
-from tpd.exact.event_search import BOB
+from tpd.exact.event_search import BOB, END
 from tpd.models.linear_derivatives import INPUTS, differentiate
 
 NEARBY, _NEXT_TO_NOTHING = 0.05, 1e-4
@@ -22,6 +22,8 @@ CONVERGED, _NEWTON = 1e-10, 6
 """Residual of an orbit, and bound on the steps of Newton's method."""
 _SQUARES, _LONG = 16, 1000
 """Squares of the derivative after which a contraction must have shown, and periods that are summed up."""
+_CLOSE = 1e-9
+"""Share of a period by which an event may come too late to be within it, near an orbit on which it is within."""
 LEGS = 256
 """Legs of a motion for which room is made at first."""
 
@@ -54,6 +56,36 @@ def follow(q, y, mode, periods, rest_rate, max_events, legs, count, sizes):
 
 
 @compiled
+def _meet_at_end(q, y, mode, mode0, legs, count, capture, max_events):
+    """If a motion has followed its periods short of an event that comes at once, and began after that
+    event: take the event as well, change state, mode and legs, and return the transversality there."""
+    n = count[0] - 1
+    if n < 0 or n + 2 >= len(legs) or _same_mode(mode, mode0):
+        return math.inf
+    # The last leg once more, a little further.
+    z, m, growth, sizes, period = np.empty(4), np.empty(4), np.zeros(2), np.zeros(6), 2.0 * math.pi / q.xi
+    last, growth[0], begun = legs[n].copy(), 1.0, legs[n, 3]
+    for i in range(4):
+        z[i], m[i] = last[7 + i], (last[i] if i < 3 else 0.0)
+    begin(q, growth, m, z, begun, sizes)
+    count[0] = n
+    advance(q, growth, m, z, begun, (1.0 + _CLOSE) * period, sizes, legs, count, capture, max_events)
+    k = min(count[0], len(legs)) - 1
+    if not (_same_mode(m, mode0) and k > n and legs[k, 5] == END):
+        legs[n], count[0] = last, n + 1
+        return math.inf
+    # Back to the end of the period along the new arc.
+    legs[k, 4] = period - legs[k, 3]
+    for i in range(4):
+        z[i] = legs[k, 7 + i]
+    arc = launch(q, m[0], m[1], m[2], z[0], z[1], z[2], z[3], q.xi * legs[k, 3], 1.0, 0.0)
+    now = state_at(arc, instant(arc, legs[k, 4]), legs[k, 4])
+    for i in range(4):
+        y[i], mode[i] = now[i], m[i]
+    return sizes[5]
+
+
+@compiled
 def cycle(x, plants, complex_plants, y0, mode0, periods, rest_rate, max_events, first, out, by):
     """Follow so many periods from `y0` in `mode0`. Put (end, amplitude, stroke, mode, transversality,
     asymmetry, closed) into `out`, and the derivatives in the directions from `first` on into `by`, shape
@@ -70,6 +102,9 @@ def cycle(x, plants, complex_plants, y0, mode0, periods, rest_rate, max_events, 
         for i in range(4):
             y[i], mode[i] = y0[i], (mode0[i] if i < 3 else 0.0)
         ended = follow(q, y, mode, periods, rest_rate, max_events, legs, count, sizes)
+    if ended == ARRIVED and first < INPUTS:
+        met = _meet_at_end(q, y, mode, mode0, legs, count, rest_rate * q.nu, max_events)
+        sizes[5] = min(sizes[5], met)
     # What ended before its period is no orbit, though it may end where it began.
     sound = ended == ARRIVED
     for i in range(4):
