@@ -27,6 +27,7 @@ from tests.reference import (
     parameters,
 )
 from tpd import Status, simulate, status_name, symmetric_orbits
+from tpd.core.batch import in_chunks
 from tpd.exact.orbit_roots import NODES
 
 BATCH = 64
@@ -63,8 +64,6 @@ class Answers(NamedTuple):
         return self.status != "no_orbit"
 
 
-@jax.jit
-@jax.vmap
 def _solve(x: jax.Array) -> tuple:
     def sizes(x: jax.Array) -> tuple:
         o = symmetric_orbits(parameters(x))
@@ -88,11 +87,7 @@ def full(x: Any) -> np.ndarray:
 def solve(xs: Any) -> Answers:
     """`symmetric_orbits` of many scenes, with its derivatives."""
     points = np.stack([full(x) for x in xs])
-    parts = []
-    for begin in range(0, len(points), BATCH):
-        index = np.minimum(np.arange(begin, begin + BATCH), len(points) - 1)
-        parts.append(jax.tree.map(np.asarray, _solve(points[index])))
-    (slopes, unknown), o = jax.tree.map(lambda *a: np.concatenate(a)[: len(points)], *parts)
+    (slopes, unknown), o = in_chunks(_solve, points, chunk=BATCH)
     assert np.all(np.isnan(unknown))
     status = np.full(o.amplitude.shape, "?", dtype="U16")
     for name in ("rocking", "unstable", "near_fold", "grazing", "no_orbit"):
