@@ -23,7 +23,7 @@ CONVERGED, _NEWTON = 1e-10, 6
 _SQUARES, _LONG = 16, 1000
 """Squares of the derivative after which a contraction must have shown, and periods that are summed up."""
 _CLOSE = 1e-9
-"""Share of a period by which an event may come too late to be within it, near an orbit on which it is within."""
+"""Share of a period by which an event may come too late, near an orbit on which it is within the period."""
 LEGS = 256
 """Legs of a motion for which room is made at first."""
 
@@ -63,22 +63,19 @@ def _meet_at_end(q, y, mode, mode0, legs, count, capture, max_events):
     if n < 0 or n + 2 >= len(legs) or _same_mode(mode, mode0):
         return math.inf
     # The last leg once more, a little further.
-    z, m, growth, sizes, period = np.empty(4), np.empty(4), np.zeros(2), np.zeros(6), 2.0 * math.pi / q.xi
-    last, growth[0], begun = legs[n].copy(), 1.0, legs[n, 3]
-    for i in range(4):
-        z[i], m[i] = last[7 + i], (last[i] if i < 3 else 0.0)
-    begin(q, growth, m, z, begun, sizes)
+    last, growth, sizes, period = legs[n].copy(), np.array((1.0, 0.0)), np.zeros(6), 2.0 * math.pi / q.xi
+    z, m = last[7:11].copy(), np.array((last[0], last[1], last[2], 0.0))
+    begin(q, growth, m, z, last[3], sizes)
     count[0] = n
-    advance(q, growth, m, z, begun, (1.0 + _CLOSE) * period, sizes, legs, count, capture, max_events)
+    advance(q, growth, m, z, last[3], (1.0 + _CLOSE) * period, sizes, legs, count, capture, max_events)
     k = min(count[0], len(legs)) - 1
     if not (_same_mode(m, mode0) and k > n and legs[k, 5] == END):
         legs[n], count[0] = last, n + 1
         return math.inf
     # Back to the end of the period along the new arc.
     legs[k, 4] = period - legs[k, 3]
-    for i in range(4):
-        z[i] = legs[k, 7 + i]
-    arc = launch(q, m[0], m[1], m[2], z[0], z[1], z[2], z[3], q.xi * legs[k, 3], 1.0, 0.0)
+    at = legs[k]
+    arc = launch(q, m[0], m[1], m[2], at[7], at[8], at[9], at[10], q.xi * at[3], 1.0, 0.0)
     now = state_at(arc, instant(arc, legs[k, 4]), legs[k, 4])
     for i in range(4):
         y[i], mode[i] = now[i], m[i]
