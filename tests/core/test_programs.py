@@ -163,9 +163,9 @@ def test_what_comes_out_of_jax_s_own_cache_is_not_kept(folder, monkeypatch):
     path.unlink()
     compiled = jax.stages.Lowered.compile
 
-    def found(lowered, *options):
+    def found(lowered, **options):
         jax.monitoring.record_event("/jax/compilation_cache/cache_hits")
-        return compiled(lowered, *options)
+        return compiled(lowered, **options)
 
     monkeypatch.setattr(jax.stages.Lowered, "compile", found)
     np.testing.assert_array_equal(ask()["twice"], [0.0, 2.0, 4.0])
