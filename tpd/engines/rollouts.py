@@ -119,6 +119,11 @@ def follow(
     return found.runs()
 
 
+def _largest(values: np.ndarray, where: np.ndarray) -> np.ndarray:
+    """Largest size of each row (n, m) where it counts, (n,)."""
+    return np.max(np.where(where, np.abs(values), 0.0), axis=1)
+
+
 class Found:
     """Largest sizes met so far."""
 
@@ -136,22 +141,18 @@ class Found:
         fell = np.logical_or.accumulate(~(np.abs(tilt) < FALLEN), axis=1)
         counts = ~fell & (np.arange(tilt.shape[1])[None] < steps[:, None])
         self.overturned[rows] |= np.any(fell & (np.arange(tilt.shape[1])[None] < steps[:, None]), axis=1)
-
-        def largest(values: np.ndarray, where: np.ndarray) -> np.ndarray:
-            return np.max(np.where(where, np.abs(values), 0.0), axis=1)
-
-        self.peak[rows] = np.maximum(self.peak[rows], largest(tilt, counts))
+        self.peak[rows] = np.maximum(self.peak[rows], _largest(tilt, counts))
         at_end = counts & (time >= late[rows, None])
-        self.settled[rows] = np.maximum(self.settled[rows], largest(tilt, at_end))
+        self.settled[rows] = np.maximum(self.settled[rows], _largest(tilt, at_end))
         if self.hung:
-            self.relative[rows] = np.maximum(self.relative[rows], largest(passed[:, :, 4], counts))
+            self.relative[rows] = np.maximum(self.relative[rows], _largest(passed[:, :, 4], counts))
         cos, sin, a = np.cos(tilt), np.sin(tilt), self.a[rows, None]
         off = np.ones_like(counts)
         for side in (-1.0, 1.0):
             height = z + self.b * (1.0 - cos) - side * a * sin
             down = height < _LIFTED * self.b
             shift = x + side * a * cos - self.b * sin - side * a
-            self.slid[rows] = np.maximum(self.slid[rows], largest(shift, counts & down))
+            self.slid[rows] = np.maximum(self.slid[rows], _largest(shift, counts & down))
             off &= ~down
         self.bounced[rows] |= np.any(off & counts, axis=1)
 

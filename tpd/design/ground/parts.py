@@ -49,12 +49,9 @@ def parts_of(objective: GroundObjective, pendulum: Pendulum, runs: Runs) -> Part
     # Each quantity is the largest of all motions; they need not occur at once.
     each = np.array([_loads(objective, pendulum, i) for i in order])
     tension, force, rate = map(float, each.max(axis=0))
-    damper, weight = (
-        float(pendulum.hinge_damping(objective.gravity)),
-        float(pendulum.mass) * objective.gravity,
-    )
+    damper = float(pendulum.hinge_damping(objective.gravity))
     return Parts(
-        weight=weight,
+        weight=float(pendulum.mass) * objective.gravity,
         rod_tension=tension,
         hinge_force=force,
         damper=damper,
