@@ -1,6 +1,9 @@
 import inspect
 import os
+import subprocess
+import sys
 import warnings
+from pathlib import Path
 from typing import NamedTuple
 
 import jax
@@ -13,6 +16,7 @@ from tpd.core.programs import Program
 from tpd.core.status import Status, names_of
 from tpd.design.subproblem import _solved
 
+ROOT = Path(__file__).parents[2]
 TRACED: list[tuple[int, ...]] = []
 
 
@@ -188,9 +192,36 @@ def solved(x):
     return jnp.linalg.solve(jnp.eye(3) + x * jnp.ones((3, 3)), jnp.ones(3))
 
 
+LATER = """
+import sys
+from pathlib import Path
+import jax
+import numpy as np
+jax.config.update("jax_enable_x64", True)
+from tpd.core import programs
+from tests.core import test_programs
+programs._SOURCES = frozenset({"tests"})
+programs.keep_in(Path(sys.argv[1]))
+print(programs.Program(test_programs.solved)(np.array(0.5)), len(test_programs.TRACED))
+"""
+
+
+def test_a_program_that_calls_lapack_runs_in_a_process_that_traces_none(folder):
+    found = Program(solved)(np.array(0.5))
+    assert len(list(folder.iterdir())) == 1
+    arguments = [sys.executable, "-c", LATER, str(folder)]
+    later = subprocess.run(arguments, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert later.stdout.strip() == f"{found} 0"
+
+
+def called_back(x):
+    TRACED.append(x.shape)
+    return jax.pure_callback(np.sin, jax.ShapeDtypeStruct((), float), x)
+
+
 def test_a_program_that_calls_code_of_others_is_not_kept(folder):
-    # Loaded without a trace of it, it would call LAPACK before LAPACK is ready.
+    # What it calls lives in this process only.
     for _ in range(2):
-        Program(solved)(np.array(0.5))
+        Program(called_back)(np.array(0.5))
     assert len(TRACED) == 2
     assert not list(folder.iterdir())

@@ -16,7 +16,7 @@ import tpd
 from tpd.core.equations import Equations
 from tpd.core.status import names_of
 from tpd.models.batches import settle_all
-from tpd.models.compiled_nonlinear import settle_nonlinear
+from tpd.models.compiled_nonlinear import settle_nonlinear, settle_one
 
 HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
 PERIODS = 40
@@ -194,6 +194,13 @@ def test_results_do_not_depend_on_the_threads_or_on_the_call():
         jax.tree.map(np.testing.assert_array_equal, alone, again)
     row = settle_nonlinear(one(p, 7), y0[7:8], periods=20)
     np.testing.assert_array_equal(row.y[0], alone.y[7])
+
+
+def test_one_motion_is_that_of_a_batch():
+    alone = settle_one(HUNG)
+    np.testing.assert_array_equal(alone.y, settle_nonlinear(HUNG, np.zeros((1, 4))).y[0])
+    assert tpd.status_name(alone.status) == "rocking"
+    assert tpd.status_name(settle_one(HUNG, [math.nan, 0.0, 0.0, 0.0]).status) == "failed"
 
 
 def test_the_answer_goes_on_like_that_of_the_segmented_model():

@@ -39,6 +39,7 @@ from tpd.exact.contact import impact_ratio
 from tpd.exact.flow import held_at_rest
 from tpd.exact.modes import Plant
 from tpd.models.base import AbstractChoice, Settled
+from tpd.models.compiled_nonlinear import settle_one
 from tpd.models.piecewise import Piecewise
 from tpd.models.segmented import Segmented
 from tpd.models.settling import scale_of
@@ -104,7 +105,7 @@ class Auto(AbstractChoice):
         name = status_name(steady.status)
         close = name in SETTLED and float(estimate) <= self.tolerance
         # Following the nonlinear equations costs most of the time, so that it is left out next to the orbit.
-        reached = None if close and bool(_near(fixed, y0, steady)) else _nonlinear_motion(fixed, y0)
+        reached = None if close and bool(_near(fixed, y0, steady)) else settle_one(fixed, y0)
         if close and (reached is None or _same_motion(steady, reached)):
             why = f"what the linear equations drop is estimated to be within {limit}"
             return _labelled(steady, "exact", estimate, why)
@@ -198,15 +199,6 @@ def _near(p: Parameters, y0: State, steady: Steady) -> Array:
     """Whether the start is near the state of the settled motion at tau = 0. Then this motion attracts it, by
     the linear and by the nonlinear equations."""
     return jnp.max(jnp.abs(y0 - steady.state) / scale_of(p)) < _NEAR
-
-
-@eqx.filter_jit
-def _nonlinear_motion(p: Parameters, y0: State) -> Settled:
-    """The motion that the start reaches by the nonlinear equations."""
-    sane = jnp.all(jnp.isfinite(y0))
-    # With NaN for a start the solver would step until its bound.
-    settled = Segmented().settle(p, jnp.where(sane, y0, 0.0))
-    return replace(settled, status=Status.where(sane, settled.status, Status.failed))
 
 
 @eqx.filter_jit

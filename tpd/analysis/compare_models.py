@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 
-from tpd.analysis.steady_state import steady_state
+from tpd.analysis.steady_state import Steady, steady_state
 from tpd.closed_form.harmonic_balance import one_harmonic
 from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
@@ -25,8 +24,8 @@ from tpd.core.quantities import Setup, bare_parameters_of
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import SETTLED, Status, status_name
 from tpd.models.base import AbstractModel, Settled
+from tpd.models.compiled_nonlinear import settle_one
 from tpd.models.piecewise import Piecewise
-from tpd.models.segmented import Segmented
 from tpd.models.smoothed import Smoothed
 
 _Sizes = tuple[float, float, str]
@@ -140,12 +139,7 @@ def objections(amplitude: float, stroke: float, status: str, limit: float, bare:
 
 def nonlinear(p: Parameters) -> tuple[float, float, str]:
     """(amplitude, stroke, status) by the nonlinear equations from rest, without derivatives."""
-    return _followed(Segmented(), as_arrays(p))
-
-
-def nonlinear_motion(p: Parameters) -> Settled:
-    """Motion from rest by the nonlinear equations, with its largest angles on the way."""
-    return jax.block_until_ready(_settled(Segmented(), p))
+    return _sizes_of(settle_one(p))
 
 
 def _timed(name: str, p: Parameters) -> Answer:
@@ -182,20 +176,16 @@ def _balanced(p: Parameters) -> _Sizes:
     return float(found.amplitude), float(found.stroke), "rocking"
 
 
-@eqx.filter_jit
-def _settled(model: AbstractModel, p: Parameters) -> Settled:
-    return model.settle(p, jnp.zeros(4))
-
-
 def _followed(model: AbstractModel, p: Parameters) -> _Sizes:
-    # The smoothed motion is known between its samples only once its orbit is polished; the other models are
-    # exact at the turns of a motion. Polishing the exact one is compiled by `optimise` already.
-    if isinstance(model, (Piecewise, Smoothed)):
-        settled = jax.block_until_ready(steady_state(p, model=model))
-    else:
-        settled = jax.block_until_ready(_settled(model, p))
+    # A smoothed motion is known between its samples only once its orbit is polished; polishing the exact one
+    # is compiled by `optimise` already.
+    settled = jax.block_until_ready(steady_state(p, model=model))
     # Smoothed signs never let the block rest quite: below the model's resolution it counts as resting.
-    resolution, status = float(model.resolution(p)), settled.status
+    return _sizes_of(settled, float(model.resolution(p)))
+
+
+def _sizes_of(settled: Settled | Steady, resolution: float = 0.0) -> _Sizes:
+    status = settled.status
     amplitude, stroke = float(settled.amplitude), float(settled.stroke)
     if status_name(status) in SETTLED and amplitude <= resolution:
         return 0.0, stroke, "rest"
@@ -229,7 +219,7 @@ _MODELS = {
     "smoothed nonlinear": _Model(
         "the sharpness of signs", partial(_followed, Smoothed(terms=Terms.nonlinear)), impact_loss=False
     ),
-    TOP: _Model("nothing of the paper's (4)", partial(_followed, Segmented())),
+    TOP: _Model("nothing of the paper's (4)", nonlinear),
 }
 MODELS = tuple(_MODELS)
 """Names of all models, the cheapest first."""

@@ -9,7 +9,6 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.core.cluster import Cluster
-from tpd.core.eigenvalues import GRAZING
 from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
 from tpd.core.scene import Block, Pendulum, Scene
 
@@ -157,8 +156,3 @@ def _followed(
         "overturned": status == OVERTURNED,
         "undecided": (status > OVERTURNED) & (status <= FAILED),
     }
-
-
-def is_grazing(transversality: Any) -> Any:
-    """Whether a motion touched an event without crossing it."""
-    return transversality < GRAZING

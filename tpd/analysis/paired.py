@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from tpd.analysis.ensemble import Ensemble, outcomes
-from tpd.analysis.outcomes import Outcomes, Share
+from tpd.analysis.outcomes import Outcomes
 from tpd.core.cluster import Cluster
 from tpd.core.conditions import Conditions
 from tpd.core.equations import Terms
@@ -80,13 +80,6 @@ class Verdict(Printed):
             f"{worse} runs overturn with the pendulum only and {better} without it only. Would chance alone "
             f"do this? {said.capitalize()}: {size}."
         )
-
-    @property
-    def worse_peaks(self) -> Share:
-        """Share of the runs whose largest tilt is above the bare block's by more than a per cent."""
-        # Both are infinite where both overturn, and the comparison of infinities warns.
-        with np.errstate(invalid="ignore"):
-            return Share.of(self.hung.peak > 1.01 * self.bare.peak)
 
     def summary(self) -> dict[str, Any]:
         """Both ensembles, and the numbers of runs that differ, for JSON."""

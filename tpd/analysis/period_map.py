@@ -93,7 +93,11 @@ def refine(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[Orbit
         newton = jnp.where(jnp.all(jnp.isfinite(move)), w.y + move, w.y)
         onward = orbit.by_state[:4] @ w.direction
         size = jnp.sqrt(jnp.sum((onward / scale) ** 2)) + 1e-300
-        count = jnp.where(better | ~repeats, w.steps + 1, _NEWTON_STEPS)
+        # By rounding a map that is integrated may miss an event that undoes itself soon: half of a step that
+        # led away tries once more.
+        again = repeats & ~better & (w.best.error > RESIDUAL)
+        newton = jnp.where(again, 0.5 * (w.y + w.best.y), newton)
+        count = jnp.where(better | ~repeats | again, w.steps + 1, _NEWTON_STEPS)
         # An orbit that meets an event at tau = 0, such as every conservative one, comes out on either side of
         # it by rounding. Begun before the event and ended after it, the run counts the event twice, the other
         # way round not at all: both leave the state right and its derivative wrong. A run that begins in the

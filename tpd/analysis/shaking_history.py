@@ -90,7 +90,7 @@ def shaking_history(
     """
     from tpd.models import compiling
 
-    compiling.wait("tpd.models.shaken_history")
+    compiling.load("tpd.models.shaken_history")
     from tpd.models.shaken_history import COLUMNS, history
     from tpd.models.shaken_kernel import STATUSES
 

@@ -60,12 +60,6 @@ def place(path: Path, content: str | bytes) -> Path:
     return path
 
 
-def drop_parts(directory: Path) -> None:
-    """Remove what was being written in a directory when a run was killed."""
-    for path in filter(_is_part, directory.iterdir()):
-        path.unlink(missing_ok=True)
-
-
 def _is_part(path: Path) -> bool:
     return path.name.startswith(_PART)
 

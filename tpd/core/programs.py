@@ -14,6 +14,7 @@ import inspect
 import os
 import pickle
 import platform
+import re
 import warnings
 import zlib
 from collections.abc import Callable
@@ -23,6 +24,7 @@ from threading import Lock, local
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
@@ -41,6 +43,9 @@ _OTHERS = 0o022
 _OPTIONS: dict[str, Any] = {"xla_backend_optimization_level": 1, "xla_cpu_use_fusion_emitters": False}
 """Options of the compiler for processors: it takes two thirds of its time with them, and what it makes is as
 fast."""
+_LAPACK = "lapack_"
+CALLED: dict[str, Callable[[], None]] = {}
+"""Names of this package's own code that programs call, and functions that load it or raise an exception."""
 _folder: list[Path] = []
 _found = local()
 """Whether this thread has found a program in JAX's cache."""
@@ -117,8 +122,10 @@ class Program:
         _found.here = False
         run, path = _compiled(lowered), self._path(key)
         # What comes out of JAX's cache lacks a part of its code when it is written once more.
-        if path is not None and not _found.here and not _calls_out(lowered):
-            _write(path, run, out)
+        calls = _calls(lowered)
+        known = all(name.startswith(_LAPACK) or name in CALLED for name in calls)
+        if path is not None and known and not _found.here:
+            _write(path, run, out, calls)
         return run, out
 
     def _path(self, key: Any) -> Path | None:
@@ -154,11 +161,14 @@ def _compiled(lowered: Any) -> Any:
     return lowered.compile()
 
 
-def _calls_out(lowered: Any) -> bool:
-    """Whether a program calls code that is not its own."""
-    # Such code, of LAPACK for one, is made ready when a program that calls it is traced. A process that takes
-    # the program from the store and traces none would call through an empty pointer, and crash.
-    return "custom_call" in lowered.as_text()
+def _calls(lowered: Any) -> list[str]:
+    """Names of the code outside of it that a program calls."""
+    return sorted(set(re.findall(r"custom_call @([^\s(]+)", lowered.as_text())))
+
+
+@lru_cache(maxsize=1)
+def _load_lapack() -> None:
+    jax.jit(jnp.linalg.solve).lower(np.eye(1), np.ones(1))
 
 
 def _key(leaves: list[Any], structure: Any) -> Any:
@@ -176,7 +186,10 @@ def _read(path: Path, leaves: list[Any]) -> tuple[Callable[..., Any], Any] | Non
         data = path.read_bytes()
         if hashlib.sha256(data[32:]).digest() != data[:32]:
             return None
-        *parts, sample = pickle.loads(zlib.decompress(data[32:]))
+        calls, *parts, sample = pickle.loads(zlib.decompress(data[32:]))
+        # Tracing loads what a program calls, as LAPACK. What was not traced here would crash without it.
+        for name in calls:
+            (_load_lapack if name.startswith(_LAPACK) else CALLED[name])()
         run, out = deserialize_and_load(*parts), jax.tree.structure(sample)
         # Some defects show when it runs.
         jax.block_until_ready(run(*leaves))
@@ -189,13 +202,13 @@ def _read(path: Path, leaves: list[Any]) -> tuple[Callable[..., Any], Any] | Non
         return None
 
 
-def _write(path: Path, run: Any, out: Any) -> None:
+def _write(path: Path, run: Any, out: Any, calls: list[str]) -> None:
     """Keep a program, where that is possible at all."""
     with contextlib.suppress(Exception):
         # An object in place of its structure: equinox marks what a structure lacks by an object that pickle
         # copies, and then does not know the copy.
         sample = jax.tree.unflatten(out, [0] * out.num_leaves)
-        data = zlib.compress(pickle.dumps((*serialize(run), sample)), level=1)
+        data = zlib.compress(pickle.dumps((calls, *serialize(run), sample)), level=1)
         files.place(path, hashlib.sha256(data).digest() + data)
         old = sorted(path.parent.iterdir(), key=lambda x: x.stat().st_mtime)[:-_MOST]
         for other in old:

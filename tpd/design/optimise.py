@@ -212,9 +212,6 @@ def _prepared(problem: Problem, ensemble: Ensemble) -> Thread | None:
     if np.all(margins(o, np.array([[0.0, float(o.p.lam), float(o.p.zeta)]])) > 0.0):
         # The block may rest: then there is nothing to search.
         return None
-    if isinstance(o, Orbits):
-        # First: while it compiles, Python is free for the others.
-        o.prepare()
 
     def others() -> None:
         # In the order in which they are needed, and not at once: only one thread at a time can trace.
@@ -223,7 +220,11 @@ def _prepared(problem: Problem, ensemble: Ensemble) -> Thread | None:
             point.objective.prepare()
         prepare_steps(o.linearised(o.blank(1)))
 
-    return aside(others)
+    ready = aside(others)
+    if isinstance(o, Orbits):
+        # What the others need first is loaded, or made by another process: Python is free for this one.
+        o.prepare()
+    return ready
 
 
 def _verify(problem: Problem, found: Found, point: PointSearch | None, progress: Progress | None) -> None:

@@ -23,9 +23,11 @@ SURVEYED = 10
 _MORE_ROOM, _APART = 0.05, 0.02
 """After a strike: share of the room by which the next design keeps further from the walls; and least distance
 of designs that are verified one after the other, in shares of the bounds."""
-_TRIED, _TRIAL_RUNS, _SPARE = 16, 160, (0.04, 0.08)
-"""Designs of a survey that are tried by paired runs before the verification, runs of each, and shares of the
-room to spare for which there are as many designs again."""
+_TRIED, _SPARE = 16, (0.04, 0.08)
+"""Designs of a survey that are tried by paired runs before the verification, and shares of the room to spare
+for which there are as many designs again."""
+_TRIALS = ((48, None), (160, 10))
+"""Rounds of trials: runs of each design, and of how many of the best of the round before; None is all."""
 _RUNS = 4096
 """Runs from rest spent on choosing the designs to verify."""
 
@@ -100,20 +102,27 @@ class Verification(Steps):
             for spare in _SPARE:
                 tried += first_apart(units, helps[way[helps] < -spare], _TRIED)
         tried = list(dict.fromkeys(tried))
-        ensemble = replace(self.ensemble, size=_TRIAL_RUNS, seed=self.ensemble.seed + 1)
-        runs = PairedRuns(self.scene, self.objective.conditions, ensemble, self.worth, None)
-        room, worth = limit_of(self.objective.limits, Room), []
-        for done, i in enumerate(tried):
+        for runs, most in _TRIALS:
+            # Few runs tell the bad designs; more of them are for the rest.
+            worth = self._tried(found, tried[:most], runs)
+            tried = [*(tried[k] for k in sorted(worth, key=worth.__getitem__)), *tried[len(worth) :]]
+        return np.array([*tried, *(i for i in helps if i not in set(tried))], dtype=int)
+
+    def _tried(self, found: Survey, tried: list[int], runs: int) -> dict[int, tuple[bool, float]]:
+        """Strikes or harm, and the negative benefit, of each of some designs over so many paired runs."""
+        ensemble = replace(self.ensemble, size=runs, seed=self.ensemble.seed + 1)
+        paired = PairedRuns(self.scene, self.objective.conditions, ensemble, self.worth, None)
+        room, worth = limit_of(self.objective.limits, Room), {}
+        bob = room.bob if isinstance(room, Room) else None
+        for k, i in enumerate(tried):
             if self.progress is not None:
-                self.progress("trial runs", done + 1, len(tried))
+                self.progress("trial runs", k + 1, len(tried))
             mu, lam, zeta = found.designs[i]
             hung = self.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
-            pair, gain = runs.of(hung)
-            bob = room.bob if isinstance(room, Room) else None
+            pair, gain = paired.of(hung)
             strikes = 0.0 if bob is None else strikes_of(pair, hung, self.scene.block, bob)
-            worth.append((strikes > self.worth.strikes or pair.harms, -gain.value))
-        first = [tried[k] for k in sorted(range(len(tried)), key=lambda k: worth[k])]
-        return np.array([*first, *(i for i in helps if i not in set(first))], dtype=int)
+            worth[k] = (strikes > self.worth.strikes or pair.harms, -gain.value)
+        return worth
 
     def confirmed(self, search: Multistart) -> Verified | None:
         """The best end of a search on a model that the exact solution confirms, not verified any further."""

@@ -35,17 +35,12 @@ def available() -> str:
         ValueError: it is not installed.
     """
     try:
-        _library("pydrake")
+        import_module("pydrake")
     except ImportError as error:
         raise ValueError("the engine Drake is not installed: pip install 'tpd[drake]' brings it") from error
     from importlib.metadata import version
 
     return version("drake")
-
-
-def _library(name: str = "pydrake.all") -> Any:
-    """Drake or a part of it, loaded where it is needed: it is an extra."""
-    return import_module(name)
 
 
 def follow(
@@ -95,7 +90,7 @@ class _Run:
     """A run that is followed in pieces."""
 
     def __init__(self, body: RigidBody, start: np.ndarray, accelerations: np.ndarray) -> None:
-        d = _library()
+        d = import_module("pydrake.all")
         builder = d.DiagramBuilder()
         plant, heavy = _plant(d, builder, body)
         times = body.step * np.arange(len(accelerations))

@@ -61,16 +61,11 @@ def available() -> str:
         ValueError: it is not installed.
     """
     try:
-        return str(_library().__version__)
+        return str(import_module("mujoco").__version__)
     except ImportError as error:
         raise ValueError(
             "the engine MuJoCo is not installed: pip install 'tpd[engines]' brings it"
         ) from error
-
-
-def _library(name: str = "mujoco") -> Any:
-    """MuJoCo or a part of it, loaded where it is needed: it is an extra."""
-    return import_module(name)
 
 
 def follow(
@@ -94,7 +89,7 @@ def follow(
         workers: threads; default the number of cores.
         progress: called with the share that is done.
     """
-    mujoco, rollout = _library(), _library("mujoco.rollout")
+    mujoco, rollout = import_module("mujoco"), import_module("mujoco.rollout")
     models = [mujoco.MjModel.from_xml_string(body.mjcf()) for body in bodies]
     threads = min(workers or os.cpu_count() or 1, len(models))
     datas = [mujoco.MjData(models[0]) for _ in range(threads)]
@@ -181,7 +176,7 @@ def placed(body: RigidBody, start: np.ndarray) -> np.ndarray:
 def free_rocking(body: RigidBody) -> float:
     """Velocity ratio of the first impact of a bare block let go from half of its toppling tilt: the square
     root of the share of the energy that is left."""
-    mujoco = _library()
+    mujoco = import_module("mujoco")
     model = mujoco.MjModel.from_xml_string(body.mjcf())
     data = mujoco.MjData(model)
     state, states = placed(body, let_go(body)), []

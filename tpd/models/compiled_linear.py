@@ -11,7 +11,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from functools import lru_cache
-from importlib import import_module
 from threading import Lock
 from typing import Any
 
@@ -20,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from tpd.core import programs
 from tpd.core.parameters import Parameters, State
 from tpd.core.status import Status
 from tpd.exact.contact import Mode
@@ -37,10 +37,18 @@ def usable() -> bool:
         return _usable()
 
 
+def _load() -> None:
+    if not usable():
+        raise RuntimeError("the compiled code of the linear equations cannot be used")
+
+
+programs.CALLED[_TARGET] = _load
+
+
 @lru_cache(maxsize=1)
 def _usable() -> bool:
-    compiling.wait("tpd.models.linear_entry")
     try:
+        compiling.load("tpd.models.linear_entry")
         from tpd.models import linear_entry
 
         jax.ffi.register_ffi_target(_TARGET, linear_entry.capsule(), platform="cpu")
@@ -200,5 +208,4 @@ def trajectory(
 def load_compiled() -> None:
     """Load the compiled code of both equations, or compile it where there is none on this machine."""
     usable()
-    compiling.wait("tpd.models.nonlinear_settling")
-    import_module("tpd.models.nonlinear_settling")
+    compiling.load("tpd.models.nonlinear_settling")

@@ -54,7 +54,7 @@ def settle_nonlinear(
         checks.count(name, value)
     starts, rows, begins, ramps = rows_of(p, y0, begin, ramp)
     # Loaded here, and not with the package: it loads Numba, and compiles.
-    compiling.wait("tpd.models.nonlinear_settling")
+    compiling.load("tpd.models.nonlinear_settling")
     from tpd.models.nonlinear_settling import FLOATS, STATUSES, WHOLES, settle_rows
 
     n = len(starts)
@@ -67,6 +67,17 @@ def settle_nonlinear(
 
     shared(run, n, workers, progress)
     return settled_of(floats, wholes, STATUSES)
+
+
+def settle_one(p: Parameters, y0: Any = (0.0, 0.0, 0.0, 0.0)) -> Settled:
+    """Follow one motion by the nonlinear equations (4), as `settle_nonlinear` follows a batch.
+
+    Args:
+        p: plain numbers.
+        y0: the state at tau = 0, shape (4,).
+    """
+    batch = settle_nonlinear(p, np.asarray(y0, dtype=float)[None], workers=1)
+    return jax.tree.map(lambda x: jnp.asarray(x[0]), batch)
 
 
 def shake_nonlinear(
@@ -108,7 +119,7 @@ def _shaken(
 ) -> np.ndarray:
     """Results of n motions, see `tpd.models.nonlinear_ground.COLUMNS`; `limits` are relative tolerance, rate
     of rest and bound on events."""
-    compiling.wait("tpd.models.nonlinear_ground")
+    compiling.load("tpd.models.nonlinear_ground")
     from tpd.models.nonlinear_ground import COLUMNS, shake_rows
 
     n, lengths = len(parameters), np.array([len(r) for r in records])
@@ -135,7 +146,7 @@ def follow_nonlinear(
     `p` are parameters of `Scene.ground_parameters`.
     """
     # Compiled here, if at all, and not within a program of XLA.
-    compiling.wait("tpd.models.nonlinear_ground")
+    compiling.load("tpd.models.nonlinear_ground")
     from tpd.models.nonlinear_ground import COLUMNS
 
     limits = float(rtol), float(rest_rate), int(max_events)

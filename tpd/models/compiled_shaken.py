@@ -19,6 +19,7 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from tpd.core.parameters import Number, Parameters, State
+from tpd.models import compiling
 from tpd.models.compiled_linear import packed
 from tpd.models.rows import shared
 
@@ -62,6 +63,7 @@ class Followed(NamedTuple):
 @lru_cache(maxsize=1)
 def _usable() -> bool:
     """Whether XLA can call the compiled code: it answers a trial as the host's call does."""
+    compiling.load("tpd.models.shaken_entry")
     from tpd.models import shaken_entry as entry
 
     try:
@@ -101,6 +103,7 @@ def _settings(pieces: int, free: Any, max_events: int, inputs: float) -> Any:
 
 def _on_host(*operands: Any) -> tuple[np.ndarray, np.ndarray]:
     """Results of operands of any batch shape, computed here."""
+    compiling.load("tpd.models.shaken_entry")
     from tpd.models import shaken_entry as entry
 
     wide = [np.asarray(x, dtype=float) for x in operands]
@@ -245,6 +248,7 @@ def follow_all(
         the end and the growing coordinate, in the nine parameters and the four components of the start. Along
         designs the last axis begins with (mu, lam, zeta); a block that stands has those of the angles alone.
     """
+    compiling.load("tpd.models.shaken_entry")
     from tpd.models import shaken_entry as entry
 
     n, lengths = len(parameters), np.array([len(r) for r in records])

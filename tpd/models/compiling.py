@@ -6,13 +6,22 @@ Numba compiles for half a minute, in Python: in the same process it would hold u
 from __future__ import annotations
 
 import atexit
+import contextlib
 import os
 import subprocess
 import sys
 import zlib
+from collections.abc import Iterator
 from functools import lru_cache
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from threading import Lock
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
 
 HARMONIC = ("tpd.models.linear_entry", "tpd.models.nonlinear_settling")
 """Modules with the compiled code of motions under a harmonic."""
@@ -20,9 +29,9 @@ GROUND = ("tpd.models.shaken_history", "tpd.models.nonlinear_ground")
 """Modules of motions under pulses and records, but for the one that each command compiles itself."""
 _COMMAND = """
 import sys
-from importlib import import_module
+from tpd.models.compiling import load
 for name in sys.argv[2:]:
-    import_module(name)
+    load(name)
     print(name, flush=True)
 open(sys.argv[1], "w").close()
 """
@@ -67,7 +76,27 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
     atexit.register(process.terminate)
 
 
-def wait(module: str) -> None:
+def load(module: str) -> None:
+    """Import a module with compiled code. Of several processes that ask at once, one compiles the code and
+    stores it for the others."""
+    if module not in sys.modules:
+        _wait(module)
+        with _alone(module):
+            import_module(module)
+
+
+@contextlib.contextmanager
+def _alone(module: str) -> Iterator[None]:
+    """Hold the lock on a module's file, where the system has such locks."""
+    with contextlib.ExitStack() as stack:
+        spec = find_spec(module)
+        if fcntl is not None and spec is not None and spec.origin is not None:
+            with contextlib.suppress(OSError):
+                fcntl.flock(stack.enter_context(open(spec.origin, "rb")), fcntl.LOCK_EX)
+        yield
+
+
+def _wait(module: str) -> None:
     """Wait until the other process, if there is one, has compiled a module."""
     # One reader at a time: a line belongs to whoever reads it first.
     with _reading:

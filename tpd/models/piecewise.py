@@ -9,7 +9,6 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.core import checks
@@ -34,7 +33,7 @@ from tpd.exact.trigonometry import kept
 from tpd.models import compiled_linear
 from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.clock import split, through
-from tpd.models.settling import Period, Record, blank, scale_of
+from tpd.models.settling import Period, Record, blank, cycle_by_events, scale_of
 
 _LEAPS = 6
 """Leaps between two looks at whether a period has ended; most periods take about as many."""
@@ -280,22 +279,15 @@ class Piecewise(AbstractModel):
 
     def program_cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """`cycle` as a program of JAX."""
-        plant, phase, zero = Plant(p), jnp.zeros_like(p.xi), jnp.zeros_like(y[0])
+        plant, phase = Plant(p), jnp.zeros_like(p.xi)
 
-        def one_period(_: Array, carry: tuple) -> tuple:
-            y, mode, sizes, transversality = carry
+        def one_period(y: State, mode: Mode) -> tuple:
             m, y = advance(plant, start(plant, mode, y, phase), p.period, watch_bob=True, **self._settings(p))
             # What ended before its period, for want of steps, is no orbit, though it may end where it began.
             y = jnp.where(m.steps < self.max_events, y, jnp.nan)
-            now = (m.up, m.down, m.stroke)
-            sizes = tuple(jnp.maximum(a, b) for a, b in zip(sizes, now, strict=True))
-            return y, m.mode, sizes, jnp.minimum(transversality, m.transversality)
+            return y, m.mode, (m.up, m.down, m.stroke), m.transversality
 
-        first = (y, settled.memory, (zero, zero, zero), jnp.full_like(zero, jnp.inf))
-        y, mode, (up, down, stroke), transversality = jax.lax.fori_loop(0, settled.periods, one_period, first)
-        amplitude = jnp.maximum(up, down)
-        asymmetry = stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
-        return Cycle(y, amplitude, stroke, mode, transversality, asymmetry, mode.equals(settled.memory))
+        return cycle_by_events(settled, y, one_period)
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]

@@ -36,7 +36,7 @@ from tpd.exact.contact import (
 )
 from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.clock import split, through
-from tpd.models.settling import Period, settle
+from tpd.models.settling import Period, cycle_by_events, settle
 
 _LANDING, _TURN, _BOB, _LOST = 0, 1, 2, 3
 """Events of a slipping block; of a held one the first two are its releases to either side."""
@@ -140,22 +140,16 @@ class Segmented(AbstractModel):
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Integrate the settled periods from `y` with tight tolerance and forward sensitivities."""
-        equations, zero = Equations(p, self.terms), jnp.zeros_like(y[0])
+        equations = Equations(p, self.terms)
 
-        def one_period(_: Array, carry: tuple) -> tuple:
-            y, mode, sizes, transversality = carry
+        def one_period(y: State, mode: Mode) -> tuple:
             run = _begin(equations, y, mode, jnp.zeros_like(p.xi))
             r = self._advance(equations, run, p.period, precise=True)
-            sizes = jnp.maximum(sizes, jnp.stack([r.up, r.down, r.stroke]))
             # Cut short, the motion stands where it stood: that is not to pass for an orbit.
             end = jnp.where(r.segments < self.max_events, r.y, jnp.nan)
-            return end, r.mode, sizes, jnp.minimum(transversality, r.transversality)
+            return end, r.mode, (r.up, r.down, r.stroke), r.transversality
 
-        first = (y, settled.memory, jnp.stack([zero, zero, zero]), jnp.full_like(zero, jnp.inf))
-        y, mode, (up, down, stroke), transversality = jax.lax.fori_loop(0, settled.periods, one_period, first)
-        amplitude = jnp.maximum(up, down)
-        asymmetry = stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
-        return Cycle(y, amplitude, stroke, mode, transversality, asymmetry, mode.equals(settled.memory))
+        return cycle_by_events(settled, y, one_period)
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import math
-import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-from matplotlib.animation import PillowWriter
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
+from PIL import Image
 
 from tpd.core.scene import Harmonic, Pendulum, Scene
 from tpd.design.study import TimeHistory
@@ -36,6 +36,8 @@ _TALL, _WIDE, _NARROW = 3.6, 4.2, 2.0
 _ABOVE, _BELOW, _LEAST = 0.35, 0.5, 3.6
 """Room for words above and below, and the least width of the figure, inches."""
 _DPI = 80
+_COLOURS = 64
+"""Shades of a film: a few inks, mixed where lines are smooth."""
 
 
 @dataclass(frozen=True)
@@ -74,14 +76,28 @@ def animate(
     times = start + np.arange(frames) / (_RATE * slowed)
     reels = [reel(h, pendulum if h.with_pendulum else None, times) for h in histories if h.model == "exact"]
     figure, draw = _stage(scene, reels, times, slowed)
-    # The writer of Matplotlib needs a path; the report wants bytes.
-    with tempfile.TemporaryDirectory() as folder:
-        path, writer = Path(folder) / "motion.gif", PillowWriter(fps=_RATE)
-        with writer.saving(figure, str(path), dpi=_DPI):
-            for i in range(frames):
-                draw(i)
-                writer.grab_frame()
-        return path.read_bytes()
+    film = list(_pictures(figure, draw, frames))
+    out = io.BytesIO()
+    film[0].save(out, "GIF", save_all=True, append_images=film[1:], duration=1000 // _RATE, loop=0)
+    return out.getvalue()
+
+
+def _pictures(figure: Figure, draw: Callable[[int], list[Artist]], frames: int) -> Iterator[Image.Image]:
+    """Frames of a film. What stands still is drawn once, and the palette is chosen once: both take long."""
+    canvas = FigureCanvasAgg(figure)
+    moving = draw(0)
+    for artist in moving:
+        artist.set_animated(True)
+    canvas.draw()
+    still, palette = canvas.copy_from_bbox(figure.bbox), None
+    for i in range(frames):
+        draw(i)
+        canvas.restore_region(still)
+        for artist in moving:
+            artist.draw(canvas.get_renderer())
+        picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+        palette = palette or picture.quantize(_COLOURS)
+        yield picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 def reel(history: TimeHistory, pendulum: Pendulum | None, times: np.ndarray) -> Reel:
@@ -99,8 +115,8 @@ def reel(history: TimeHistory, pendulum: Pendulum | None, times: np.ndarray) -> 
 
 def _stage(
     scene: Scene, reels: list[Reel], times: np.ndarray, slowed: int
-) -> tuple[Figure, Callable[[int], None]]:
-    """Make the figure, and a function that draws a frame of it."""
+) -> tuple[Figure, Callable[[int], list[Artist]]]:
+    """Make the figure, and a function that sets a frame of it and returns what moves."""
     largest = max(float(np.abs(r.tilt).max()) for r in reels)
     # Tilts of a hundredth of a radian cannot be seen; angles of the bob are large enough as they are.
     larger = next((m for m in _MAGNIFIED if m * largest >= _VISIBLE), 1) if largest > 1e-9 else 1
@@ -114,7 +130,6 @@ def _stage(
     tall = min(_TALL, _WIDE / shape)
     whole, width = tall + _ABOVE + _BELOW, max(max(tall * shape, _NARROW) * len(reels), _LEAST)
     figure = Figure(figsize=(width, whole), dpi=_DPI)
-    FigureCanvasAgg(figure)
     draws = []
     for i, (r, film) in enumerate(zip(reels, films, strict=True)):
         ax = figure.add_axes((i / len(reels), _BELOW / whole, 1.0 / len(reels), tall / whole))
@@ -130,10 +145,9 @@ def _stage(
     speed += "; seen from the base" if still else ""
     figure.text(0.5, 0.12 / whole, f"{tilt}; {speed}", ha="center", fontsize=10)
 
-    def draw(i: int) -> None:
-        for each in draws:
-            each(i)
+    def draw(i: int) -> list[Artist]:
         clock.set_text(f"t = {times[i]:.2f} s")
+        return [*(artist for each in draws for artist in each(i)), clock]
 
     return figure, draw
 
@@ -157,8 +171,8 @@ def _bounds(scene: Scene, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _actor(
     ax: Axes, scene: Scene, r: Reel, film: list[tuple[np.ndarray, np.ndarray]], base: np.ndarray
-) -> Callable[[int], None]:
-    """Add one motion to `ax`; returns a function that draws a frame of it."""
+) -> Callable[[int], list[Artist]]:
+    """Add one motion to `ax`; returns a function that sets a frame of it and returns what moves."""
     reach, thick = 0.7 * scene.block.width, 0.03 * scene.block.height
     slab = np.array([[-reach, 0.0], [reach, 0.0], [reach, -thick], [-reach, -thick]])
     block, ground = Polygon(film[0][0], fc=BODY, ec=INK, lw=1.4), Polygon(slab, fc=INK, ec=INK)
@@ -170,12 +184,13 @@ def _actor(
     (bob,) = ax.plot([], [], "o", ms=8, color=INK)
     fallen = ax.text(0.5, 0.93, "", transform=ax.transAxes, ha="center", fontsize=11, weight="bold")
 
-    def draw(i: int) -> None:
+    def draw(i: int) -> list[Artist]:
         corner, hung = film[i]
         block.set_xy(corner)
         ground.set_xy(slab + np.array([base[i], 0.0]))
         fallen.set_text("overturned" if r.lost[i] else "")
         line.set_data(*hung.T)
         bob.set_data(*hung[1:].T)
+        return [block, ground, line, bob, fallen]
 
     return draw
