@@ -29,6 +29,17 @@ programs = import_module("tpd.core.programs")
 # Where the commands keep programs, and here the tests as well: what is found there is not even traced.
 programs.keep_in(Path(COMPILED) / "programs")
 
+compiling = import_module("tpd.models.compiling")
+
+
+def pytest_configure(config):
+    """Compile the code of motions by events beside the first tests, once for both workers."""
+    if config.option.numprocesses and not hasattr(config, "workerinput"):
+        Path(COMPILED).mkdir(parents=True, exist_ok=True)
+        entries = *compiling.HARMONIC, "tpd.models.shaken_entry", *compiling.GROUND
+        compiling.compile_beside(Path(COMPILED), entries)
+
+
 TESTS = Path(__file__).parent
 LONGEST = (
     "design/test_optimise",

@@ -244,7 +244,7 @@ def _excess(
         # A motion from rest does not show how near its orbit is to where it stops attracting.
         orbits = objective.evaluate(designs)
         for size in (size for limit in closed for size in limit.sizes(orbits, g)):
-            out[size.name] = np.nan_to_num(size.value.max(axis=1) - 1.0, nan=np.inf)
+            out[size.name] = np.nan_to_num(size.value.max(axis=1) - 1.0, nan=np.inf, posinf=np.inf)
     room = limit_of(objective.limits, Room)
     if isinstance(room, Room):
         reach = room.bob.reach(g.mass(designs), g.rod(designs), peak + peak_stroke)
