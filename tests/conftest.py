@@ -15,9 +15,6 @@ COMPILED = str(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
 os.environ |= {"JAX_COMPILATION_CACHE_DIR": COMPILED, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.5"}
 jax.config.update("jax_compilation_cache_dir", COMPILED)
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
-# The options of `tpd.core.programs` for all programs: most of the tests' time goes into compiling.
-OPTIONS = "--xla_backend_optimization_level=1 --xla_cpu_use_fusion_emitters=false"
-os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {OPTIONS}"
 # JAX keeps no program that calls back to Python to raise an exception: as in the commands, errors within
 # programs give NaN.
 os.environ["EQX_ON_ERROR"] = "nan"
@@ -28,6 +25,11 @@ install_import_hook("tpd", "beartype.beartype")
 programs = import_module("tpd.core.programs")
 # Where the commands keep programs, and here the tests as well: what is found there is not even traced.
 programs.keep_in(Path(COMPILED) / "programs")
+
+# The options with which it compiles hold for all programs here: most of the tests' time goes into compiling.
+# Whatever the main command compiles otherwise, it compiles with those of XLA.
+OPTIONS = " ".join(f"--{name}={str(value).lower()}" for name, value in programs._OPTIONS.items())
+os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {OPTIONS}"
 
 compiling = import_module("tpd.models.compiling")
 

@@ -3,6 +3,7 @@ import os
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,12 +12,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tpd import Parameters
 from tpd.core import programs
+from tpd.core.parameters import as_arrays
 from tpd.core.programs import Program
 from tpd.core.status import Status, names_of
 from tpd.design.subproblem import _solved
+from tpd.models.piecewise import Piecewise
 
 ROOT = Path(__file__).parents[2]
+HUNG = Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
 TRACED: list[tuple[int, ...]] = []
 
 
@@ -198,18 +203,27 @@ from pathlib import Path
 import jax
 import numpy as np
 jax.config.update("jax_enable_x64", True)
+from tpd import Parameters
 from tpd.core import programs
+from tpd.core.parameters import as_arrays
 from tests.core import test_programs
 programs._SOURCES = frozenset({"tests"})
 programs.keep_in(Path(sys.argv[1]))
-print(programs.Program(test_programs.solved)(np.array(0.5)), len(test_programs.TRACED))
+print(programs.Program(getattr(test_programs, sys.argv[2]))(np.array(0.5)), len(test_programs.TRACED))
 """
 
 
-def test_a_program_that_calls_lapack_runs_in_a_process_that_traces_none(folder):
-    found = Program(solved)(np.array(0.5))
+def settled(f):
+    TRACED.append(f.shape)
+    p = as_arrays(HUNG)
+    return Piecewise(max_periods=20).settle(replace(p, f=f), jnp.zeros(4)).amplitude
+
+
+@pytest.mark.parametrize("function", [solved, settled])
+def test_a_program_that_calls_known_code_runs_in_a_process_that_traces_none(folder, function):
+    found = Program(function)(np.array(0.5))
     assert len(list(folder.iterdir())) == 1
-    arguments = [sys.executable, "-c", LATER, str(folder)]
+    arguments = [sys.executable, "-c", LATER, str(folder), function.__name__]
     later = subprocess.run(arguments, cwd=ROOT, capture_output=True, text=True, check=True)
     assert later.stdout.strip() == f"{found} 0"
 

@@ -339,6 +339,22 @@ def test_the_designs_of_a_survey_are_verified_until_one_passes(search):
     assert len(stern.verified) == 4
 
 
+def test_designs_that_strike_in_any_trial_come_last(search, monkeypatch):
+    designs = [[0.05 + 0.02 * i, 0.2 + 0.1 * i, 0.1 + 0.05 * i] for i in range(14)]
+    trials = []
+
+    def tried(self, found, rows, runs):
+        trials.append((runs, list(rows)))
+        # The first ten are the best ones; all but two of them strike in the longer trials.
+        return {i: (runs == 160 and i not in (3, 7), float(i)) for i in rows}
+
+    made = Verification(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
+    monkeypatch.setattr(Verification, "_tried", tried)
+    order = made.by_trials(surveyed(search, designs, np.linspace(0.1, 0.4, 14)), np.arange(14))
+    assert [(runs, len(rows)) for runs, rows in trials] == [(48, 14), (160, 10)]
+    assert order.tolist() == [3, 7, 10, 11, 12, 13, 0, 1, 2, 4, 5, 6, 8, 9]
+
+
 def test_neighbours_of_a_refused_design_are_passed_over(search):
     near = [SPREAD[0], [x + 1e-4 for x in SPREAD[0]], SPREAD[1]]
     stern = scripted(search, 100)

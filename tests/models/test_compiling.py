@@ -25,8 +25,27 @@ def test_another_process_waits_while_a_module_is_compiled():
     assert another_process() == 0
 
 
-def test_where_there_are_no_locks_a_module_is_loaded_all_the_same(monkeypatch):
+def test_where_there_are_no_locks_a_module_is_loaded_all_the_same(monkeypatch, tmp_path):
+    (tmp_path / "lonely.py").write_text("LOADED = True")
+    monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(compiling, "fcntl", None)
-    monkeypatch.delitem(sys.modules, MODULE, raising=False)
-    compiling.load(MODULE)
-    assert MODULE in sys.modules
+    compiling.load("lonely")
+    assert sys.modules.pop("lonely").LOADED
+
+
+def test_it_waits_for_the_process_that_compiles_a_module_and_for_no_other(monkeypatch, tmp_path):
+    (tmp_path / "lonely.py").write_text("LOADED = True")
+    monkeypatch.syspath_prepend(tmp_path)
+    asked = []
+
+    class Process:
+        def __init__(self, name):
+            self.name = name
+
+        def wait(self):
+            asked.append(self.name)
+
+    monkeypatch.setattr(compiling, "_running", {name: Process(name) for name in ("lonely", "other")})
+    compiling.load("lonely")
+    assert sys.modules.pop("lonely").LOADED
+    assert asked == ["lonely"]

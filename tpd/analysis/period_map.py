@@ -95,8 +95,10 @@ def refine(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[Orbit
         size = jnp.sqrt(jnp.sum((onward / scale) ** 2)) + 1e-300
         # By rounding a map that is integrated may miss an event that undoes itself soon: half of a step that
         # led away tries once more.
-        again = repeats & ~better & (w.best.error > RESIDUAL)
+        again = repeats & ~better & (w.best.error > RESIDUAL) & jnp.isfinite(w.best.error)
         newton = jnp.where(again, 0.5 * (w.y + w.best.y), newton)
+        # That one began in the mode in which the best one ended.
+        memory = jax.tree.map(lambda a, b: jnp.where(again, a, b), w.memory, memory)
         count = jnp.where(better | ~repeats | again, w.steps + 1, _NEWTON_STEPS)
         # An orbit that meets an event at tau = 0, such as every conservative one, comes out on either side of
         # it by rounding. Begun before the event and ended after it, the run counts the event twice, the other

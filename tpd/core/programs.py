@@ -168,7 +168,7 @@ def _calls(lowered: Any) -> list[str]:
 
 @lru_cache(maxsize=1)
 def _load_lapack() -> None:
-    jax.jit(jnp.linalg.solve).lower(np.eye(1), np.ones(1))
+    jax.jit(jnp.linalg.solve).trace(np.eye(1), np.ones(1)).lower(lowering_platforms=("cpu",))
 
 
 def _key(leaves: list[Any], structure: Any) -> Any:
@@ -187,7 +187,7 @@ def _read(path: Path, leaves: list[Any]) -> tuple[Callable[..., Any], Any] | Non
         if hashlib.sha256(data[32:]).digest() != data[:32]:
             return None
         calls, *parts, sample = pickle.loads(zlib.decompress(data[32:]))
-        # Tracing loads what a program calls, as LAPACK. What was not traced here would crash without it.
+        # Tracing loads what a program calls, such as LAPACK. What was not traced here would crash without it.
         for name in calls:
             (_load_lapack if name.startswith(_LAPACK) else CALLED[name])()
         run, out = deserialize_and_load(*parts), jax.tree.structure(sample)

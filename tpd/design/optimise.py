@@ -222,7 +222,7 @@ def _prepared(problem: Problem, ensemble: Ensemble) -> Thread | None:
 
     ready = aside(others)
     if isinstance(o, Orbits):
-        # What the others need first is loaded, or made by another process: Python is free for this one.
+        # In a command, what the others need first is loaded, or made by other processes, without Python here.
         o.prepare()
     return ready
 

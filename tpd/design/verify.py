@@ -102,11 +102,14 @@ class Verification(Steps):
             for spare in _SPARE:
                 tried += first_apart(units, helps[way[helps] < -spare], _TRIED)
         tried = list(dict.fromkeys(tried))
+        worth: dict[int, tuple[bool, float]] = {}
         for runs, most in _TRIALS:
             # Few runs tell the bad designs; more of them are for the rest.
-            worth = self._tried(found, tried[:most], runs)
-            tried = [*(tried[k] for k in sorted(worth, key=worth.__getitem__)), *tried[len(worth) :]]
-        return np.array([*tried, *(i for i in helps if i not in set(tried))], dtype=int)
+            worth |= self._tried(found, tried[:most], runs)
+            tried = [*sorted(tried[:most], key=worth.__getitem__), *tried[most or len(tried) :]]
+        # Last those that strike or harm, in whichever round it was found.
+        tried.sort(key=lambda i: worth[i][0])
+        return np.array([*tried, *(i for i in helps if i not in worth)], dtype=int)
 
     def _tried(self, found: Survey, tried: list[int], runs: int) -> dict[int, tuple[bool, float]]:
         """Strikes or harm, and the negative benefit, of each of some designs over so many paired runs."""
@@ -114,14 +117,14 @@ class Verification(Steps):
         paired = PairedRuns(self.scene, self.objective.conditions, ensemble, self.worth, None)
         room, worth = limit_of(self.objective.limits, Room), {}
         bob = room.bob if isinstance(room, Room) else None
-        for k, i in enumerate(tried):
+        for done, i in enumerate(tried):
             if self.progress is not None:
-                self.progress("trial runs", k + 1, len(tried))
+                self.progress("trial runs", done + 1, len(tried))
             mu, lam, zeta = found.designs[i]
             hung = self.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
             pair, gain = paired.of(hung)
             strikes = 0.0 if bob is None else strikes_of(pair, hung, self.scene.block, bob)
-            worth[k] = (strikes > self.worth.strikes or pair.harms, -gain.value)
+            worth[i] = (strikes > self.worth.strikes or pair.harms, -gain.value)
         return worth
 
     def confirmed(self, search: Multistart) -> Verified | None:

@@ -1,4 +1,4 @@
-"""When the compiled code of the equations is made: once for a machine and a version, in a process of its own.
+"""When the compiled code of the equations is made: once for a machine and a version, in other processes.
 
 Numba compiles for half a minute, in Python: in the same process it would hold up everything else.
 """
@@ -16,7 +16,6 @@ from functools import lru_cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from threading import Lock
 
 try:
     import fcntl
@@ -30,14 +29,11 @@ GROUND = ("tpd.models.shaken_history", "tpd.models.nonlinear_ground")
 _COMMAND = """
 import sys
 from tpd.models.compiling import load
-for name in sys.argv[2:]:
-    load(name)
-    print(name, flush=True)
+load(sys.argv[2])
 open(sys.argv[1], "w").close()
 """
-_running: list[subprocess.Popen[str]] = []
-_ready: set[str] = set()
-_reading = Lock()
+_running: dict[str, subprocess.Popen[bytes]] = {}
+"""Processes by the module that they compile."""
 
 
 @lru_cache(maxsize=8)
@@ -53,34 +49,35 @@ def checksum(*kinds: str) -> int:
 
 
 def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
-    """Begin to compile modules in another process, unless a mark in `folder` says that it was done.
+    """Begin to compile modules in processes of their own, unless marks in `folder` say that it was done.
 
     Raises:
         OSError: no process can be started.
     """
     # Numba's store belongs to one installation, or to the folder that the environment names.
     sources, folders = checksum("linear_", "nonlinear_", "shaken_"), os.environ.get("NUMBA_CACHE_DIR")
-    place = f"{sources} {modules} {Path(__file__)} {sys.version} {folders}"
-    mark = folder / f"compiled-{zlib.crc32(place.encode()):08x}"
-    if mark.exists() or _running:
-        return
-    # A session of its own: Ctrl-C is for the command, and what is half compiled serves nobody.
-    process = subprocess.Popen(
-        [sys.executable, "-c", _COMMAND, str(mark), *modules],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        start_new_session=True,
-    )
-    _running.append(process)
-    atexit.register(process.terminate)
+    for module in modules:
+        place = f"{sources} {module} {Path(__file__)} {sys.version} {folders}"
+        mark = folder / f"compiled-{zlib.crc32(place.encode()):08x}"
+        if mark.exists() or module in _running:
+            continue
+        # A session of its own: Ctrl-C is for the command, and what is half compiled serves nobody.
+        process = subprocess.Popen(
+            [sys.executable, "-c", _COMMAND, str(mark), module],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        _running[module] = process
+        atexit.register(process.terminate)
 
 
 def load(module: str) -> None:
     """Import a module with compiled code. Of several processes that ask at once, one compiles the code and
     stores it for the others."""
     if module not in sys.modules:
-        _wait(module)
+        if module in _running:
+            _running[module].wait()
         with _alone(module):
             import_module(module)
 
@@ -94,15 +91,3 @@ def _alone(module: str) -> Iterator[None]:
             with contextlib.suppress(OSError):
                 fcntl.flock(stack.enter_context(open(spec.origin, "rb")), fcntl.LOCK_EX)
         yield
-
-
-def _wait(module: str) -> None:
-    """Wait until the other process, if there is one, has compiled a module."""
-    # One reader at a time: a line belongs to whoever reads it first.
-    with _reading:
-        for process in _running:
-            while module not in _ready and process.stdout is not None:
-                line = process.stdout.readline()
-                if not line:
-                    return
-                _ready.add(line.strip())

@@ -96,8 +96,17 @@ def _pictures(figure: Figure, draw: Callable[[int], list[Artist]], frames: int) 
         for artist in moving:
             artist.draw(canvas.get_renderer())
         picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
-        palette = palette or picture.quantize(_COLOURS)
+        palette = palette or _palette(picture)
         yield picture.quantize(palette=palette, dither=Image.Dither.NONE)
+
+
+def _palette(picture: Image.Image) -> Image.Image:
+    """A picture in few colours, among them pure white: nearly white ones would show on a white page."""
+    few = picture.quantize(_COLOURS)
+    colours = np.array(few.getpalette()).reshape(-1, 3)
+    colours[(colours > 246).all(axis=1)] = 255
+    few.putpalette(colours.ravel().tolist())
+    return few
 
 
 def reel(history: TimeHistory, pendulum: Pendulum | None, times: np.ndarray) -> Reel:
