@@ -12,7 +12,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -24,6 +23,7 @@ from tpd.analysis.sweep import Sweep, along, orbits_at, wrapped
 from tpd.core import checks
 from tpd.core.formatting import Printed
 from tpd.core.parameters import Parameters
+from tpd.core.programs import Program
 from tpd.core.quantities import UNITS, Axis, parameters
 from tpd.core.scene import Pendulum, Scene
 from tpd.exact.test_functions import Survey, survey, vanishing
@@ -300,8 +300,7 @@ def _linear(axis: Axis, kind: Kind, u: np.ndarray, value: float) -> tuple[np.nda
     return residual, by_u[:, :m], by_x @ axis.jacobian(value)
 
 
-# This halves the time to compile; the code runs some hundred times only.
-@partial(jax.jit, compiler_options={"xla_llvm_disable_expensive_passes": True})
+@Program
 def _linearised(u: Float[Array, "3"], x: Float[Array, "9"]) -> tuple[Array, Array, Array]:
     def twice(u: Array, x: Array) -> tuple[Array, Array]:
         r = vanishing(u, parameters(x))
@@ -311,7 +310,7 @@ def _linearised(u: Float[Array, "3"], x: Float[Array, "9"]) -> tuple[Array, Arra
     return residual, by_u, by_x
 
 
-@jax.jit
+@Program
 def _survey(u: Float[Array, "2"], x: Float[Array, "9"]) -> Survey:
     return survey(u, parameters(x))
 
