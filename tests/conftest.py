@@ -44,10 +44,10 @@ def pytest_configure(config):
 
 TESTS = Path(__file__).parent
 LONGEST = (
-    "analysis/test_symmetric_orbits",
-    "analysis/test_bifurcations",
     "design/test_optimise",
+    "analysis/test_symmetric_orbits",
     "test_notebooks",
+    "analysis/test_bifurcations",
     "analysis/test_periodic_orbit",
     "analysis/test_steady_state",
     "models/test_piecewise",
@@ -56,8 +56,7 @@ LONGEST = (
     "models/test_segmented",
     "test_atlas",
 )
-"""Modules that go first, so that no worker is left alone with one at the end; before all others those that do
-not need what is compiled beside them."""
+"""Modules that go first, so that no worker is left alone with one at the end."""
 
 
 _MAPS = 20_000
