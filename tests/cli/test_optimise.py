@@ -66,7 +66,9 @@ def test_a_run_writes_its_report(written):
     assert "unfinished.npz" not in names
     report = (folder / "first" / "report.txt").read_text(encoding="utf-8")
     scene, shown = done.stdout.split("\n\n", maxsplit=1)
-    assert scene.startswith("Scene: the paper's block (Collini et al. 2016) with ")
+    own = "[block]" in (folder / "small.toml").read_text()
+    losses = "other losses than the paper's" if own else "the paper's motion and losses"
+    assert scene.splitlines()[0] == f"Scene: the paper's block (Collini et al. 2016) with {losses}."
     assert shown.startswith(report)
     assert [line for line in report.splitlines() if line][1] == "Scene", "after the verdict, before the notes"
     assert all(f"written: first/{name}" in done.stdout for name in names)
