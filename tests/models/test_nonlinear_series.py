@@ -38,7 +38,7 @@ def free_until(c, row, way, order, floor, h):
 
 @numba.njit(error_model="numpy")
 def largest_within(c, row, rate, order, h):
-    return series.largest_within(c, row, rate, order, h)
+    return series.largest_within(c, row, rate, order, h, series.value_at(c, row, order, h))
 
 
 def motions(count=20, seed=3):

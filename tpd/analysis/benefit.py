@@ -69,6 +69,12 @@ def severity(outcomes: Outcomes, slenderness: float) -> np.ndarray:
     return np.minimum(np.where(np.isnan(tilt), np.inf, tilt), 1.0)
 
 
+def fall_of(verdict: Verdict, slenderness: float) -> float:
+    """Share by which the mean severity falls over paired runs; see `Benefit.value`."""
+    hung, bare = severity(verdict.hung, slenderness), severity(verdict.bare, slenderness)
+    return float(_fall(hung.mean(), bare.mean()))
+
+
 def benefit_of(
     verdict: Verdict, slenderness: float, condition: np.ndarray, share: float = 0.05, seed: int = 0
 ) -> Benefit:
@@ -85,20 +91,20 @@ def benefit_of(
     n = len(hung)
     # Pairs are drawn together, so that what both share cancels in the differences.
     rows = np.random.default_rng([seed, 7]).integers(0, n, (_RESAMPLES, n))
-    falls = _fall(hung[rows].mean(axis=1), bare[rows].mean(axis=1))
-    low, high = _interval(falls)
+    tilts, lost = _Pairs(hung, bare, rows), _Pairs(1.0 * verdict.hung.lost, 1.0 * verdict.bare.lost, rows)
+    low, high = _interval(_fall(_mean(tilts.hung_again), _mean(tilts.bare_again)))
     rest_with, rest_without = (o.status == "rest" for o in (verdict.hung, verdict.bare))
     fewer, more = int(np.sum(rest_without & ~rest_with)), int(np.sum(rest_with & ~rest_without))
     return Benefit(
-        value=float(_fall(hung.mean(), bare.mean())),
+        value=fall_of(verdict, slenderness),
         low=low,
         high=high,
         changes=(
-            _change("mean severity", hung, bare, rows, _mean),
-            _change("median severity", hung, bare, rows, _median),
-            _change("worst severity", hung, bare, rows, _worst),
-            _change("overturned", 1.0 * verdict.hung.lost, 1.0 * verdict.bare.lost, rows, _mean),
-            _change("at rest", 1.0 * rest_with, 1.0 * rest_without, rows, _mean),
+            tilts.change("mean severity", _mean),
+            tilts.change("median severity", _median),
+            tilts.change("worst severity", _worst),
+            lost.change("overturned", _mean),
+            _Pairs(1.0 * rest_with, 1.0 * rest_without, rows).change("at rest", _mean),
         ),
         worse_conditions=_worse(hung, bare, condition, share),
         by_condition=(_by_condition(hung, condition), _by_condition(bare, condition)),
@@ -135,11 +141,16 @@ def _interval(values: np.ndarray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _change(
-    name: str, hung: np.ndarray, bare: np.ndarray, rows: np.ndarray, of: Callable[[np.ndarray], Any]
-) -> Change:
-    low, high = _interval(of(hung[rows]) - of(bare[rows]))
-    return Change(name, float(of(hung)), float(of(bare)), low, high)
+class _Pairs:
+    """A number of every run, with the pendulum and without, and as resampled: rows of pairs."""
+
+    def __init__(self, hung: np.ndarray, bare: np.ndarray, rows: np.ndarray) -> None:
+        self.hung, self.bare, self.hung_again, self.bare_again = hung, bare, hung[rows], bare[rows]
+
+    def change(self, name: str, of: Callable[[np.ndarray], Any]) -> Change:
+        """Change of a size of all runs."""
+        low, high = _interval(of(self.hung_again) - of(self.bare_again))
+        return Change(name, float(of(self.hung)), float(of(self.bare)), low, high)
 
 
 def _by_condition(values: np.ndarray, condition: np.ndarray) -> np.ndarray:

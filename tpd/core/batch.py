@@ -90,13 +90,13 @@ def in_chunks(
 
 
 def prepare(
-    function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None, only_trace: bool = False
+    function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None, wait: bool = True
 ) -> None:
-    """Compile `function` as `in_chunks` will call it. If `only_trace`, what is left to the first call needs
-    no Python, which is free for other threads then."""
+    """Compile `function` as `in_chunks` will call it. Unless told to `wait`, only begin to; the first call
+    waits then."""
     chunk = _chunk(function, batch) if chunk is None else chunk
     program, part = _compiled(function), _parts(batch, chunk)[0](0)
-    (program.trace if only_trace else program.prepare)(part)
+    (program.prepare if wait else program.begin)(part)
 
 
 def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:

@@ -104,6 +104,7 @@ class _Roots(NamedTuple):
     imag: tuple[Number, ...]
 
 
+@jax.jit
 def quartic_roots(coefficients: tuple[Number, ...]) -> tuple[Float[Array, "4"], Float[Array, "4"]]:
     """Real and imaginary parts of the roots of z^4 + c1 z^3 + c2 z^2 + c3 z + c4, in no order.
 

@@ -30,6 +30,7 @@ from jax.experimental.serialize_executable import deserialize_and_load, serializ
 
 from tpd.core import files
 from tpd.core.fingerprints import of_sources
+from tpd.core.threads import aside
 
 _MOST = 64
 """Programs that are kept; of more the oldest go."""
@@ -92,18 +93,18 @@ class Program:
         """Compile for arguments of these shapes, or find what was kept."""
         self._at(*jax.tree.flatten(args))
 
-    def trace(self, *args: Any) -> None:
-        """Do the part of `prepare` that needs Python: the compiler leaves it to other threads."""
+    def begin(self, *args: Any) -> None:
+        """Begin to `prepare` in a thread of its own; a call waits for it. What needs Python is done here: the
+        compiler, and what loads a stored program, leave it to other threads."""
         leaves, structure = jax.tree.flatten(args)
         key = _key(leaves, structure)
         with self._lock:
             if key in self._ready or key in self._traced:
                 return
-            kept = self._kept(key, leaves)
-            if kept is not None:
-                self._ready[key] = kept
-            else:
+            path = self._path(key)
+            if path is None or not path.exists():
                 self._traced[key] = self._lowered(leaves, structure, key)
+        aside(lambda: self._at(leaves, structure))
 
     def _at(self, leaves: list[Any], structure: Any) -> tuple[Callable[..., Any], Any]:
         key = _key(leaves, structure)

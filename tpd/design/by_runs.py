@@ -49,9 +49,13 @@ class PairedRuns:
             self._bare = outcomes(self.scene, **self._runs)
         return self._bare
 
+    def with_it(self, pendulum: Pendulum) -> Verdict:
+        """Paired runs with a pendulum."""
+        return verdict(self.scene, pendulum, bare=self.bare, **self._runs)
+
     def of(self, pendulum: Pendulum) -> tuple[Verdict, Benefit]:
         """Paired runs with a pendulum, and its benefit."""
-        found = verdict(self.scene, pendulum, bare=self.bare, **self._runs)
+        found = self.with_it(pendulum)
         condition = self.ensemble.dealt(len(self.conditions))
         share, seed = self.worth.worse, self.ensemble.seed
         return found, benefit_of(found, float(self.scene.block.slenderness), condition, share, seed)

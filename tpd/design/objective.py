@@ -224,8 +224,8 @@ class Orbits(AbstractObjective):
         return Evaluation(*(x.reshape(m, n, *x.shape[1:]) for x in out), design=designs)
 
     def prepare(self) -> None:
-        """See `AbstractObjective`; the closed form itself is only traced, as `evaluate` is called at once."""
-        prepare(_orbits, self._batch(np.zeros((1, 3))), chunk=self._chunk, only_trace=True)
+        """See `AbstractObjective`; this only begins to compile, and `evaluate` waits for it."""
+        prepare(_orbits, self._batch(np.zeros((1, 3))), chunk=self._chunk, wait=False)
 
     @property
     def _chunk(self) -> int:

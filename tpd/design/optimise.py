@@ -181,7 +181,14 @@ def solve(
 ) -> Design:
     """Search and verify a problem whose inputs are complete; see `optimise`."""
     store = Checkpoint.of(checkpoint, problem.identity)
-    ready = _prepared(problem, ensemble)
+    ready, point, cut = None, None, False
+    if _lifts(problem):
+        # The search at the shaking itself needs no orbits, which are compiled or loaded meanwhile.
+        ready = _prepared(problem)
+        try:
+            point = problem.point and search_at_point(problem.point, ensemble, store, progress)
+        except KeyboardInterrupt:
+            cut = True
     problem = problem.against_bare()
     scene, objective = problem.scene, problem.objective
     verification = Verification(
@@ -190,12 +197,13 @@ def solve(
     search = Multistart(objective, problem.method, problem.seed, progress)
     found = Found(search, verification)
     try:
+        if cut:
+            raise KeyboardInterrupt
         if verification.rests and verification.bare_rests_nonlinearly():
             found.status = DesignStatus.no_uplift
         else:
-            point = (
-                None if problem.point is None else search_at_point(problem.point, ensemble, store, progress)
-            )
+            if ready is None and problem.point is not None:
+                point = search_at_point(problem.point, ensemble, store, progress)
             found.search, found.verification = _searched(problem, search, verification, store)
             if ready is not None:
                 ready.join()
@@ -205,13 +213,16 @@ def solve(
     return _design(problem, ensemble, found)
 
 
-def _prepared(problem: Problem, ensemble: Ensemble) -> Thread | None:
+def _lifts(problem: Problem) -> bool:
+    """Whether the bare block cannot rest under all conditions; else there may be nothing to search."""
+    o = problem.objective
+    return not np.all(margins(o, np.array([[0.0, float(o.p.lam), float(o.p.zeta)]])) > 0.0)
+
+
+def _prepared(problem: Problem) -> Thread:
     """Thread that compiles for the search at the shaking itself and for the verification, beside what the
     search needs first."""
     o, point = problem.objective, problem.point
-    if np.all(margins(o, np.array([[0.0, float(o.p.lam), float(o.p.zeta)]])) > 0.0):
-        # The block may rest: then there is nothing to search.
-        return None
 
     def others() -> None:
         # In the order in which they are needed, and not at once: only one thread at a time can trace.

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +15,7 @@ from jaxtyping import Array, Int
 
 from tpd.closed_form import uplift
 from tpd.core.parameters import Parameters, as_arrays
+from tpd.core.programs import Program
 from tpd.core.quantities import with_design
 from tpd.core.sampling import latin_hypercube
 from tpd.design.criteria import stroke_limit
@@ -56,11 +56,10 @@ def starting_designs(p: Parameters, space: DesignSpace, stroke: float, count: in
     target = rng.uniform(0.0, 0.2, size=half)
     fixed = space.full(low)[low.size :]
     given: Any = low, high, fixed, np.asarray(_AIM * stroke), spread, target
-    still = _moved(as_arrays(p), *given)
+    still = _MOVED(as_arrays(p), *given)
     return space.full(low + np.concatenate([spread, np.asarray(still)])[:count] * (high - low))
 
 
-@eqx.filter_jit
 def _moved(
     p: Parameters, low: Array, high: Array, fixed: Array, stroke: Array, unit: Array, target: Array
 ) -> Array:
@@ -85,16 +84,20 @@ def _moved(
     return jax.lax.fori_loop(0, 100, step, (unit, adam.init(unit)))[0]
 
 
+_MOVED = Program(_moved)
+
+
 def best_apart(units: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
     """Indices of the best designs that lie apart from each other, shape (count,) or fewer."""
     chosen: list[int] = []
     order = np.argsort(values, kind="stable")
+    nearest = np.full(len(units), np.inf)
     # First designs of different valleys; neighbours fill up what is left.
     for apart in _APART:
-        for i in order:
-            far = all(np.linalg.norm(units[i] - units[j]) > apart for j in chosen)
-            if len(chosen) < count and far and i not in chosen:
-                chosen.append(int(i))
+        for i in map(int, order):
+            if len(chosen) < count and nearest[i] > apart and i not in chosen:
+                chosen.append(i)
+                nearest = np.minimum(nearest, _distances(units, i))
     return np.array(chosen, dtype=int)
 
 
@@ -104,7 +107,14 @@ def first_apart(
     """The first of an ordered list of designs that are no neighbours: at least `apart` from each other, in
     shares of the bounds. The first `fixed` are taken in any case."""
     taken = [int(i) for i in order[:fixed]]
+    nearest = np.min([np.full(len(units), np.inf), *(_distances(units, i) for i in taken)], axis=0)
     for i in map(int, order[fixed:]):
-        if len(taken) < most and all(np.linalg.norm(units[i] - units[j]) > apart for j in taken):
+        if len(taken) < most and nearest[i] > apart:
             taken.append(i)
+            nearest = np.minimum(nearest, _distances(units, i))
     return taken
+
+
+def _distances(units: np.ndarray, i: int) -> np.ndarray:
+    """Distances of all designs from design i."""
+    return np.linalg.norm(units - units[i], axis=1)

@@ -36,6 +36,8 @@ _CENTRES, _AROUND = 8, 12
 """Boxes around the best designs, and designs in each."""
 _ROUNDS = {"linear": (0.1, 0.04), "nonlinear": (0.04, 0.015)}
 """Half widths of these boxes, in shares of the bounds, round after round."""
+_RTOL = 1e-6
+"""Relative tolerance of a step by the nonlinear equations: a survey only chooses what is verified."""
 _WORSE = 0.05
 """Share by which a condition may be worse before it counts against a design twice."""
 Count = Callable[[int, int], None]
@@ -202,7 +204,7 @@ def followed(
     if equations == "linear":
         settled = settle_all(q, y0, model=Piecewise(max_periods=periods), progress=after)
     else:
-        settled = settle_nonlinear(q, y0, periods=periods, progress=after)
+        settled = settle_nonlinear(q, y0, periods=periods, rtol=_RTOL, progress=after)
     lost = np.isin(names_of(settled.status), ("overturned", "failed")).reshape(-1, n)
     sizes = (
         np.asarray(x).reshape(-1, n)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tpd.analysis.benefit import fall_of
 from tpd.design.by_runs import PairedRuns, strikes_of
 from tpd.design.criteria import Room, limit_of
 from tpd.design.reasons import ReasonKind
@@ -122,9 +123,10 @@ class Verification(Steps):
                 self.progress("trial runs", done + 1, len(tried))
             mu, lam, zeta = found.designs[i]
             hung = self.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
-            pair, gain = paired.of(hung)
+            pair = paired.with_it(hung)
             strikes = 0.0 if bob is None else strikes_of(pair, hung, self.scene.block, bob)
-            worth[i] = (strikes > self.worth.strikes or pair.harms, -gain.value)
+            gain = fall_of(pair, float(self.scene.block.slenderness))
+            worth[i] = (strikes > self.worth.strikes or pair.harms, -gain)
         return worth
 
     def confirmed(self, search: Multistart) -> Verified | None:

@@ -18,7 +18,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from tpd.exact.contact import REST, SLIP
+from tpd.exact.mode_kinds import REST, SLIP
 
 STEP = 1e-30
 """Imaginary part of an input in whose direction a derivative is taken: its square is nothing beside 1, and
@@ -46,13 +46,26 @@ Instant = namedtuple("Instant", "e1 e2 u v sine cosine")
 """The functions of time that signals are made of."""
 
 
-def compiled(function: Callable[..., Any]) -> Any:
-    """Compile a function when it is first called."""
+def places(stop: int, start: int = 0) -> tuple[Any, ...]:
+    """Whole numbers from `start` to before `stop`, as names of columns, signals and the like."""
+    # Of a plain number Numba takes the value as a type: a function would be compiled once for each number
+    # that is passed to it.
+    return tuple(np.arange(start, stop))
+
+
+def compiled(function: Callable[..., Any], *, inline: bool = False) -> Any:
+    """Compile a function when it is first called, or with its caller if `inline`."""
     # A checker of types may have wrapped the function: Numba needs the one that was written. Division by zero
     # gives infinity as in NumPy, and needs no check. Python and C call the entry only: wrappers for them
     # would take a third of the time to compile.
     options: Any = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return numba.njit(inspect.unwrap(function), error_model="numpy", **options)
+    where: Any = {"inline": "always"} if inline else {}
+    return numba.njit(inspect.unwrap(function), error_model="numpy", **options, **where)
+
+
+def part(function: Callable[..., Any]) -> Any:
+    """Compile a function as a part of its one caller: what it calls is optimised once less then."""
+    return compiled(function, inline=True)
 
 
 @compiled
@@ -220,17 +233,12 @@ def plant(x, q):
 
 
 @compiled
-def _moved(x, i, j):
-    """Parameter i as a complex number, moved in the direction of parameter j."""
-    return complex(x[i], STEP if i == j else 0.0)
-
-
-@compiled
 def plant_along(x, j, q):
     """Fill a complex plant whose imaginary parts are derivatives in parameter j, times `STEP`."""
-    nu, mu, lam, zeta = _moved(x, 0, j), _moved(x, 1, j), _moved(x, 2, j), _moved(x, 3, j)
-    k, f, xi, rho, e = _moved(x, 4, j), _moved(x, 5, j), _moved(x, 6, j), _moved(x, 7, j), _moved(x, 8, j)
-    fill(q, nu, mu, lam, zeta, k, f, xi, rho, e)
+    moved = np.empty(9, np.complex128)
+    for i in range(9):
+        moved[i] = complex(x[i], STEP if i == j else 0.0)
+    plant(moved, q)
 
 
 @compiled

@@ -12,8 +12,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.core.parameters import Number
-
-SLIP, STICK, REST = 0, 1, 2
+from tpd.exact.mode_kinds import REST, SLIP, STICK
 
 
 class Mode(eqx.Module):

@@ -18,7 +18,7 @@ from collections import namedtuple
 import numpy as np
 
 from tpd.exact.arc_kernel import Arc, Instant, Signal, compiled
-from tpd.exact.contact import REST, SLIP
+from tpd.exact.mode_kinds import REST, SLIP
 
 Cubic = namedtuple("Cubic", "e0 e1 e2 e3")
 """Forcing over its full size: e0 + e1 s + e2 s^2 + e3 s^3, with s from the start of the arc."""

@@ -22,7 +22,6 @@ from tpd.exact.arc_kernel import (
     struck,
     value_of,
 )
-from tpd.exact.contact import REST, SLIP, STICK
 from tpd.exact.event_search import (
     BOB,
     END,
@@ -37,12 +36,15 @@ from tpd.exact.event_search import (
     watch_block,
     watch_turns,
 )
+from tpd.exact.mode_kinds import REST, SLIP, STICK
 
 ARRIVED, LOST, EXHAUSTED = range(3)
 """Ends of a run."""
 LEG = 13
 """Numbers of a recorded leg: kind and signs of its mode, its beginning and duration, what ended it, whether
 that ended in rest, the state at its start, and that of the angles at its end."""
+NO = np.bool_(False)
+"""False, for functions that are compiled once for both."""
 _ROUNDING = 1e-15
 """Share of a period below which a remaining time is rounding."""
 
@@ -203,7 +205,7 @@ def advance(q, growth, mode, y, t, end, sizes, legs, count, capture, max_events)
             if which != BOB:
                 break
             _note(sizes, now[0], now[1])
-            _record(legs, count, mode, start, t + began, at - began, BOB, False, now[0], now[1])
+            _record(legs, count, mode, start, t + began, at - began, BOB, NO, now[0], now[1])
             began, sizes[4] = at, -sizes[4]
             for i in range(4):
                 start[i] = now[i]
@@ -214,7 +216,7 @@ def advance(q, growth, mode, y, t, end, sizes, legs, count, capture, max_events)
             return LOST
         if which == END:
             _note(sizes, y[0], 0.0)
-            _record(legs, count, mode, start, t + began, at - began, END, False, y[0], y[1])
+            _record(legs, count, mode, start, t + began, at - began, END, NO, y[0], y[1])
             return ARRIVED if looks > 0 else EXHAUSTED
         _note(sizes, y[0], y[1])
         for i in range(3):
@@ -229,6 +231,6 @@ def advance(q, growth, mode, y, t, end, sizes, legs, count, capture, max_events)
         if end - t <= _ROUNDING * end:
             # With the event earlier or later, the motion is a little further or not as far at the end: the
             # derivatives need a last leg, though it has no length.
-            _record(legs, count, mode, y, t, 0.0, END, False, y[0], y[1])
+            _record(legs, count, mode, y, t, 0.0, END, NO, y[0], y[1])
             return ARRIVED
     return EXHAUSTED

@@ -13,15 +13,17 @@ import math
 
 import numpy as np
 
-from tpd.exact.arc_kernel import Signal, compiled, instant, rate_of, value_of
-from tpd.exact.contact import SLIP, STICK
+from tpd.exact.arc_kernel import Signal, compiled, instant, places, rate_of, value_of
+from tpd.exact.mode_kinds import SLIP, STICK
 
-GONE, END, FIRST, SECOND, BOB, RELATIVE = -2, -1, 0, 1, 2, 3
+GONE, END, FIRST, SECOND, BOB, RELATIVE = places(4, -2)
 """Ends of a leg: a tilt beyond return; its horizon; the first signal (a turn, or a release upwards), the
 second (a landing, or a release downwards); a turn of the bob, or of the bob against the block, which change
 nothing."""
 SIGNALS = 4
 """Signals that may be watched; the rows of a table of them, less one for numbers of the search."""
+_VALUE, _SLOPE, _BEND = places(3)
+"""Rows of a watched signal."""
 SMALL = 1e-10
 """Time, over that of the shaking, that a motion goes on after an event before it may meet one that was there
 already, and below which a window is not divided any more."""
@@ -177,13 +179,13 @@ def _root(arc, w, i, lo, hi, guess):
     t, last = lo + guess * (hi - lo), False
     for _ in range(60):
         now = instant(arc, t)
-        value, slope = _look(w, i, now, t, 0), _look(w, i, now, t, 1)
+        value, slope = _look(w, i, now, t, _VALUE), _look(w, i, now, t, _SLOPE)
         if value > 0.0:
             lo = t
         else:
             hi = t
         # Halley's method: the error is of the third power of its step.
-        by = slope - 0.5 * value * _look(w, i, now, t, 2) / slope if slope != 0.0 else 0.0
+        by = slope - 0.5 * value * _look(w, i, now, t, _BEND) / slope if slope != 0.0 else 0.0
         onward = t - value / by if by < 0.0 else 0.5 * (lo + hi)
         if not lo <= onward <= hi:
             onward = 0.5 * (lo + hi)
@@ -201,7 +203,7 @@ def _begun(arc, w, count, second, now, t, end, least, g, v):
     again = False
     for i in range(count):
         if i != SECOND or second:
-            g[i], v[i] = _look(w, i, now, t, 0), _look(w, i, now, t, 1)
+            g[i], v[i] = _look(w, i, now, t, _VALUE), _look(w, i, now, t, _SLOPE)
             again = again or (g[i] < _AT_ZERO and v[i] <= 0.0)
             if g[i] < _AT_ZERO and v[i] > 0.0:
                 g[i] = max(g[i], 0.0)
@@ -211,7 +213,7 @@ def _begun(arc, w, count, second, now, t, end, least, g, v):
         for i in range(count):
             if i != SECOND or second:
                 rose = g[i] < _AT_ZERO and v[i] > 0.0
-                g[i], v[i] = _look(w, i, now, t, 0), _look(w, i, now, t, 1)
+                g[i], v[i] = _look(w, i, now, t, _VALUE), _look(w, i, now, t, _SLOPE)
                 g[i] = max(g[i], 0.0) if rose else g[i]
     return t
 
@@ -248,7 +250,7 @@ def next_event(arc, w, count, second, now, t, end, least, longest, window, limit
         for i in range(count):
             if i == SECOND and not second:
                 continue
-            h[i], z[i] = _look(w, i, now, to, 0), _look(w, i, now, to, 1)
+            h[i], z[i] = _look(w, i, now, to, _VALUE), _look(w, i, now, to, _SLOPE)
             found = _judged(g[i], v[i], h[i], z[i], d, _bound(w, i, now.e1, e2, to))
             if found == _UNKNOWN and d <= least:
                 # Rounding decides.
@@ -256,7 +258,7 @@ def next_event(arc, w, count, second, now, t, end, least, longest, window, limit
             if found == _UNKNOWN:
                 proved = False
                 break
-            if found == _ONE and (first == END or _look(w, i, instant(arc, soonest), soonest, 0) <= 0.0):
+            if found == _ONE and (first == END or _look(w, i, instant(arc, soonest), soonest, _VALUE) <= 0.0):
                 # Its only root in the window comes before that of the other signal.
                 root = _root(arc, w, i, t, to, _guess(g[i], v[i], h[i], z[i], d))
                 if first == END or root < soonest:

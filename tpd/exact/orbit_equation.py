@@ -18,9 +18,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from tpd.core.parameters import Number
+from tpd.exact.batch_branches import computed_once
 from tpd.exact.contact import impact_jump
 from tpd.exact.modes import Plant
 from tpd.exact.propagator import Factor, Functional, components, exponential, identity
@@ -52,6 +54,7 @@ class Half(eqx.Module):
         zero, one = jnp.zeros_like(self.span), jnp.ones_like(self.span)
         unit = components(plant, jnp.stack([one, zero, zero, zero]))
         kick = components(plant, jnp.stack([zero, zero, *impact_jump(one, plant.length_ratio)]))
+        closing, unit, kick = computed_once(closing, unit, kick)
         self.unit = tuple(x.after(closing, rates) for x in unit)
         self.kick = tuple(x.after(closing, rates) for x in kick)
 
@@ -84,6 +87,7 @@ class Crossing(NamedTuple):
     """By xi t."""
 
 
+@jax.jit
 def crossing(half: Half, t: Number) -> Crossing:
     """The crossing at time `t`."""
     rates = half.plant.slip
@@ -126,6 +130,7 @@ class Conditions(NamedTuple):
     """phi(0)"""
 
 
+@jax.jit
 def conditions(half: Half, at: Crossing) -> Conditions:
     """The two conditions for a crossing."""
     # V depends on phi'(t-), which depends on V again through the mirror condition. Both are linear, so that
@@ -172,6 +177,7 @@ class Branches(NamedTuple):
         return jnp.where(branch == 0.0, product, self.middle + branch * root)
 
 
+@jax.jit
 def branches(c: Conditions) -> Branches:
     """The two branches: turning fixes how far (sin gamma, cos gamma) reaches along one direction."""
     # phi'(0) = 0 reads c + |(s, u)| cos(gamma - direction) = 0. A unit vector with a given component along

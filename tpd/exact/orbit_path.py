@@ -178,6 +178,7 @@ def _largest(half: Half, orbit: Orbit, nodes: Int[Array, ""] | int, first: Peak,
     return jax.tree.map(lambda a, b: jnp.where(larger, a, b), second, first)
 
 
+@partial(jax.jit, static_argnames="row")
 def _refined(
     half: Half, orbit: Orbit, nodes: Int[Array, ""] | int, peak: Peak, there: Bool[Array, ""], row: int
 ) -> Peak:

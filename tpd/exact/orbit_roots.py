@@ -70,6 +70,7 @@ class _Sample(NamedTuple):
     """phi(0) on the lower branch."""
 
 
+@jax.jit
 def _sample(half: Half, at: Crossing) -> _Sample:
     c = conditions(half, at)
     b = branches(c)
@@ -233,6 +234,7 @@ class Root(NamedTuple):
     """Phase of the forcing at the turn, rad."""
 
 
+@jax.jit
 def refine(half: Half, bracket: Bracket) -> Root:
     """The root in one bracket: Newton's method, kept inside by bisection."""
     branch = bracket.branch
@@ -295,6 +297,7 @@ class _Step(NamedTuple):
     """phi(0) after it."""
 
 
+@jax.jit
 def _newton_step(half: Half, fixed: Half, root: Root) -> _Step:
     """One step, with the Jacobian of `fixed` and the residual of `half`."""
     # Where `half` carries derivatives and `fixed` does not, the step's derivative is that of the implicit

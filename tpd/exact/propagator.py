@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 
 from tpd.core.parameters import Number, State
@@ -84,6 +85,7 @@ class Functional(NamedTuple):
         return Functional(self.on_s1 * h.at_s1, self.on_s2 * h.at_s2, on_a, on_b)
 
 
+@jax.jit
 def exponential(rates: Rates, t: Number, swing: Turn | None = None) -> Factor:
     """exp(A t); `swing` is the turn by `rates.swing_rate` times t, if known."""
     u, v = rates.pair(t, swing)

@@ -59,9 +59,16 @@ def _one(x: Number) -> Number:
     return jnp.where(x == x, 1.0, 2.0)
 
 
-@jax.custom_jvp
+@jax.jit
 def turn(angle: Number) -> Turn:
     """Cosine and sine of `angle` (rad), to the last digit while |angle| < 1e6."""
+    # Traced once, and not for each of some hundred angles in a program; so are other parts of it.
+    return _turn(angle)
+
+
+@jax.custom_jvp
+def _turn(angle: Number) -> Turn:
+    """Cosine and sine as `turn` gives them, with their derivatives."""
     # angle - quarters pi/2 cancels nearly all digits. The first two parts of pi/2 have trailing zeros, so
     # that their products with `quarters` are exact, and only the third, about 2e-21, is rounded.
     quarters = jnp.round(angle * (2.0 / math.pi))
@@ -77,9 +84,9 @@ def turn(angle: Number) -> Turn:
     return Turn(kept(cosine), kept(sine))
 
 
-@turn.defjvp
+@_turn.defjvp
 def _turn_jvp(primals: tuple[Number], tangents: tuple[Number]) -> tuple[Turn, Turn]:
-    here, rate = turn(*primals), tangents[0]
+    here, rate = _turn(*primals), tangents[0]
     return here, Turn(-here.sine * rate, here.cosine * rate)
 
 

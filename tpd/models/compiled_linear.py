@@ -51,7 +51,7 @@ def _usable() -> bool:
         compiling.load("tpd.models.linear_entry")
         from tpd.models import linear_entry
 
-        jax.ffi.register_ffi_target(_TARGET, linear_entry.capsule(), platform="cpu")
+        jax.ffi.register_ffi_target(_TARGET, jax.ffi.pycapsule(linear_entry.CALL.address), platform="cpu")
         cpu = jax.local_devices(backend="cpu")[0]
         with jax.default_device(cpu), jax.ensure_compile_time_eval():
             works = _trial(linear_entry)
@@ -80,7 +80,7 @@ def _trial(entry: Any) -> bool:
     return all(np.array_equal(a, b) for a, b in zip(found, (out, counts), strict=True))
 
 
-def _shape(*sizes: int) -> jax.ShapeDtypeStruct:
+def _shape(*sizes: Any) -> jax.ShapeDtypeStruct:
     return jax.ShapeDtypeStruct(sizes, np.float64)
 
 

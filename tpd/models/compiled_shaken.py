@@ -67,7 +67,7 @@ def _usable() -> bool:
     from tpd.models import shaken_entry as entry
 
     try:
-        jax.ffi.register_ffi_target(_TARGET, entry.capsule(), platform="cpu")
+        jax.ffi.register_ffi_target(_TARGET, jax.ffi.pycapsule(entry.CALL.address), platform="cpu")
         x = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 0.5, 0.7, 0.9])
         # Numbers of NumPy alone: the question may come while something is traced.
         settings = np.array([0.0, 2.0, -1.0, 1.0, REST_RATE, 100.0, 0.0, 0.0, 0.0])

@@ -50,9 +50,9 @@ pointer: Any = intrinsic(_cast)
 
 
 @compiled
-def wholes(address, count):
-    """Whole numbers at an address."""
-    return carray(pointer(address), (count,), np.int64)
+def wholes(address):
+    """Whole numbers at an address, at most 16; only those that are there may be read."""
+    return carray(pointer(address), (FRAME,), np.int64)
 
 
 @compiled
@@ -72,11 +72,11 @@ def _buffers(frame, a):
     """Put the addresses of a frame's buffers into `a`, and return how many rows they have."""
     operands, results, rows = frame[7], frame[12], 1
     for i in range(operands):
-        a[i] = wholes(wholes(frame[9], operands)[i], 6)[3]
+        a[i] = wholes(wholes(frame[9])[i])[3]
     for i in range(results):
-        a[operands + i] = wholes(wholes(frame[14], results)[i], 6)[3]
-    settings = wholes(wholes(frame[9], 1)[0], 6)
-    shape = wholes(settings[5], settings[4])
+        a[operands + i] = wholes(wholes(frame[14])[i])[3]
+    settings = wholes(wholes(frame[9])[0])
+    shape = wholes(settings[5])
     for i in range(settings[4] - 1):
         rows *= shape[i]
     return rows
@@ -87,14 +87,14 @@ def rows_of(address, a, api):
     """Put the addresses of a frame's buffers into `a`; return the first and last of the rows to compute, and
     whether the host asks. XLA's frames have 16 numbers of 8 bytes: the second is an extension, the fifth a
     stage, the tenth and the last but one the lists of buffers."""
-    frame = wholes(address, FRAME)
+    frame = wholes(address)
     if frame[0] == 0:
         for i in range(8):
             a[i] = frame[3 + i]
         return frame[1], frame[2], True
     if frame[1] != 0:
         # XLA asks for the version.
-        wholes(wholes(frame[1], 4)[3], 5)[3] = api
+        wholes(wholes(frame[1])[3])[3] = api
         return 0, 0, False
     if (frame[4] & 0xFFFFFFFF) != 3:
         return 0, 0, False

@@ -11,12 +11,14 @@ import math
 import numpy as np
 
 from tpd.exact.arc_kernel import STEP, compiled, instant, launch, plant_along, state_at, struck
-from tpd.exact.contact import SLIP
 from tpd.exact.event_kernel import reserve
 from tpd.exact.event_search import BOB, END, FIRST
+from tpd.exact.mode_kinds import SLIP
 
 INPUTS = 13
 """Directions of derivatives: nine parameters and four components of a state."""
+STATE = np.int64(9)
+"""First direction of a state."""
 
 
 @compiled

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numba.np.numpy_support import carray
 
-from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, compiled
+from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, part
 from tpd.models.compiling import checksum
 from tpd.models.custom_call import api_version, cube, on_host, pointer, rows_of, stored, table
 from tpd.models.linear_derivatives import INPUTS
@@ -19,20 +19,21 @@ from tpd.models.period_kernel import FLOATS, WHOLES
 
 SETTLE, CYCLE, TRAJECTORY = range(3)
 """Tasks; the first number of every row of settings."""
-SETTINGS = 6
-"""Numbers in a row of settings."""
-CYCLE_OUT = 12
+_ONE, _BEGINNING, _MODE, _STATE, SETTINGS, _RATES, _PARAMETERS, CYCLE_OUT = map(
+    np.int64, (1, 2, 3, 4, 6, 8, 9, 12)
+)
+"""Columns of tables."""
 
 
-@compiled
+@part
 def _settle(a, first, last):
     """Rows of `settle`: settings (what, periods, max_events, tolerance, rest_rate), parameters, starts,
     beginnings and ramps; results of numbers and of counts."""
     s, x, y, t = (
         table(a[0], last, SETTINGS),
-        table(a[1], last, 9),
-        table(a[2], last, 4),
-        table(a[3], last, 2),
+        table(a[1], last, _PARAMETERS),
+        table(a[2], last, _STATE),
+        table(a[3], last, _BEGINNING),
     )
     out, wholes = table(a[4], last, FLOATS), table(a[5], last, WHOLES)
     plants, others = np.empty(1, PLANT), np.empty(1, COMPLEX_PLANT)
@@ -43,17 +44,17 @@ def _settle(a, first, last):
         wholes[n, 0], wholes[n, 1], wholes[n, 2] = status, own, elapsed
 
 
-@compiled
+@part
 def _cycle(a, first, last):
     """Rows of `cycle`: settings (what, periods, max_events, -, rest_rate, first direction), parameters,
     starts and modes; results and derivatives."""
     s, x, y, mode = (
         table(a[0], last, SETTINGS),
-        table(a[1], last, 9),
-        table(a[2], last, 4),
-        table(a[3], last, 3),
+        table(a[1], last, _PARAMETERS),
+        table(a[2], last, _STATE),
+        table(a[3], last, _MODE),
     )
-    out, by = table(a[4], last, CYCLE_OUT), cube(a[5], last, 6, INPUTS)
+    out, by = table(a[4], last, CYCLE_OUT), cube(a[5], last, SETTINGS, np.int64(INPUTS))
     plants, others = np.empty(1, PLANT), np.empty(1, COMPLEX_PLANT)
     for n in range(first, last):
         cycle(
@@ -71,14 +72,14 @@ def _cycle(a, first, last):
         )
 
 
-@compiled
+@part
 def _trajectory(a, first, last):
     """Rows of `trajectory`: settings (what, number of times, max_events, -, rest_rate, slopes), parameters,
     starts and times; states with their rates, statuses, and derivatives."""
-    s, x, y = table(a[0], last, SETTINGS), table(a[1], last, 9), table(a[2], last, 4)
+    s, x, y = table(a[0], last, SETTINGS), table(a[1], last, _PARAMETERS), table(a[2], last, _STATE)
     count = int(s[0, 1])
-    times, out = table(a[3], last, count), cube(a[4], last, count, 8)
-    statuses = table(a[5], last, 1)
+    times, out = table(a[3], last, count), cube(a[4], last, count, _RATES)
+    statuses = table(a[5], last, _ONE)
     # Ten complex plants: one for each parameter, and one for directions in which none changes.
     plants, others = np.empty(1, PLANT), np.empty(10, COMPLEX_PLANT)
     for n in range(first, last):
@@ -89,10 +90,10 @@ def _trajectory(a, first, last):
         )
 
 
-@compiled
+@part
 def _run(a, first, last):
     """Rows of whatever the settings ask for."""
-    what = table(a[0], 1, 1)[0, 0]
+    what = table(a[0], _ONE, _ONE)[0, 0]
     if what == SETTLE:
         _settle(a, first, last)
     elif what == CYCLE:
@@ -116,12 +117,6 @@ def _entrance(version: int, api: int) -> Any:
     return stored(inspect.unwrap(call))
 
 
-_CALL = _entrance(checksum("linear_"), api_version())
-run = on_host(_CALL)
-
-
-def capsule() -> Any:
-    """The entrance as an XLA FFI handler."""
-    import jax
-
-    return jax.ffi.pycapsule(_CALL.address)
+CALL = _entrance(checksum("linear_"), api_version())
+"""The entrance, an FFI handler of XLA's."""
+run = on_host(CALL)

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from tpd.exact.arc_kernel import compiled, instant, launch, plant, state_at
-from tpd.exact.contact import REST, SLIP
 from tpd.exact.event_kernel import ARRIVED, LEG, advance, begin
 from tpd.exact.event_search import BOB, END
-from tpd.models.linear_derivatives import INPUTS, differentiate
+from tpd.exact.mode_kinds import REST, SLIP
+from tpd.models.linear_derivatives import INPUTS, STATE, differentiate
 
 NEARBY, _NEXT_TO_NOTHING = 0.05, 1e-4
 """Largest distances, in shares of the scales, from which a motion is taken to the orbit that it approaches:
@@ -70,7 +70,9 @@ def _meet_at_end(q, y, mode, mode0, legs, count, capture, max_events):
     advance(q, growth, m, z, last[3], (1.0 + _CLOSE) * period, sizes, legs, count, capture, max_events)
     k = min(count[0], len(legs)) - 1
     if not (_same_mode(m, mode0) and k > n and legs[k, 5] == END):
-        legs[n], count[0] = last, n + 1
+        for i in range(LEG):
+            legs[n, i] = last[i]
+        count[0] = n + 1
         return math.inf
     # Back to the end of the period along the new arc.
     legs[k, 4] = period - legs[k, 3]
@@ -257,7 +259,7 @@ def _newton(x, q, complex_plants, past, mode, periods, limits, scales, found, si
         if step > 0 and sequence != events:
             return False
         events, residual = sequence, 0.0
-        differentiate(x, complex_plants, found, legs, count[0], 9, by)
+        differentiate(x, complex_plants, found, legs, count[0], STATE, by)
         for i in range(4):
             move[i] = state[i] - found[i]
             if q.mu > 0.0 or i % 2 == 0:

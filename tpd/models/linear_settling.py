@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from tpd.exact.arc_kernel import compiled, plant
-from tpd.exact.contact import REST, STICK
 from tpd.exact.event_kernel import ARRIVED, LEG, LOST, advance, begin, decide, share_at, sign
+from tpd.exact.mode_kinds import REST, STICK
 from tpd.models.linear_orbit import CONVERGED, NEARBY, finite, orbit_near
 from tpd.models.period_kernel import (
     AT_REST,

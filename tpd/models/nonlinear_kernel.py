@@ -13,9 +13,9 @@ from collections import namedtuple
 
 import numpy as np
 
-from tpd.exact.arc_kernel import compiled
-from tpd.exact.contact import REST, SLIP, STICK
+from tpd.exact.arc_kernel import compiled, places
 from tpd.exact.event_kernel import put_mode
+from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.models.nonlinear_series import (
     APART,
     DOWN,
@@ -31,6 +31,7 @@ from tpd.models.nonlinear_series import (
     length_of,
     order_for,
     put_forcing,
+    put_state,
     slipping_series,
     value_at,
 )
@@ -46,7 +47,9 @@ ARRIVED, LOST, EXHAUSTED, BROKEN = range(4)
 
 SIZES = 3
 """Numbers of a tally: largest phi, its opposite, and largest |psi|. A long tally has more."""
-RELATIVE, TIMES, IMPACTS, LIFTED, ORIGIN, EVENTS, TALLY = 3, 4, 8, 9, 10, 11, 12
+HIGH, LOW, SWUNG, RELATIVE, TIMES = places(5)
+"""Places of a tally: largest phi, its opposite, largest |psi|, and in a long one largest |psi - phi|."""
+IMPACTS, LIFTED, ORIGIN, EVENTS, TALLY = 8, 9, 10, 11, 12
 """Places of a long tally: largest |psi - phi|, the times of all four, impacts, time of the first uplift, time
 at which the clock was at zero, and events."""
 
@@ -182,8 +185,9 @@ def _larger(sizes, k, angle, tau):
 
 
 @compiled
-def _note_angle(c, row, rate, k, order, h, sizes, tau):
-    """Put the largest size of an angle within the time h, which begins at `tau`, into place k of a tally."""
+def _note_angle(c, row, rate, k, order, h, sizes, tau, last):
+    """Put the largest size of an angle within the time h, which begins at `tau`, into place k of a tally;
+    `last` is its value at the end."""
     bound, power = 0.0, 1.0
     for n in range(order + 1):
         bound += abs(c[row, n]) * power
@@ -191,21 +195,21 @@ def _note_angle(c, row, rate, k, order, h, sizes, tau):
     # Most steps are away from the largest angle, as a bound shows.
     if bound <= sizes[k]:
         return
-    size, t = largest_within(c, row, rate, order, h)
+    size, t = largest_within(c, row, rate, order, h, last)
     _larger(sizes, k, size, tau + t)
 
 
 @compiled
-def _note(c, order, h, sizes, tau):
-    """Put the largest angles within the time h, which begins at `tau`, into the tally."""
-    end = value_at(c, PHI, order, h)
-    _larger(sizes, 0, end, tau + h)
-    _larger(sizes, 1, -end, tau + h)
-    _note_angle(c, PSI, R, 2, order, h, sizes, tau)
+def _note(c, order, h, sizes, tau, y):
+    """Put the largest angles within the time h, which begins at `tau` and ends in the state `y`, into the
+    tally."""
+    _larger(sizes, HIGH, y[0], tau + h)
+    _larger(sizes, LOW, -y[0], tau + h)
+    _note_angle(c, PSI, R, SWUNG, order, h, sizes, tau, y[1])
     if len(sizes) > SIZES:
         for n in range(order + 1):
             c[APART, n], c[LEAN, n] = c[PSI, n] - c[PHI, n], c[R, n] - c[V, n]
-        _note_angle(c, APART, LEAN, RELATIVE, order, h, sizes, tau)
+        _note_angle(c, APART, LEAN, RELATIVE, order, h, sizes, tau, value_at(c, APART, order, h))
 
 
 @compiled
@@ -216,17 +220,6 @@ def _count(sizes, which, mode, tau):
         sizes[IMPACTS] += 1.0
     if mode[0] == SLIP:
         sizes[LIFTED] = min(sizes[LIFTED], tau)
-
-
-@compiled
-def _carried(c, order, h, which, y):
-    """Put the end of a series into `y`, exactly on an event."""
-    y[0], y[1] = value_at(c, PHI, order, h), value_at(c, PSI, order, h)
-    y[2], y[3] = value_at(c, V, order, h), value_at(c, R, order, h)
-    if which == _LANDING:
-        y[0] = 0.0
-    elif which == _TURN:
-        y[2] = 0.0
 
 
 @compiled
@@ -248,8 +241,13 @@ def advance(q, growth, mode, clock, y, c, sizes, scales, end, rtol, max_events):
             return BROKEN
         # No step is repeated: the length of a step follows from its series.
         which, h = _first_event(q, mode, used, h, c)
-        _note(c, used, h, sizes, origin + t)
-        _carried(c, used, h, which, y)
+        put_state(c, used, h, y)
+        _note(c, used, h, sizes, origin + t, y)
+        # Exactly on the event.
+        if which == _LANDING:
+            y[0] = 0.0
+        elif which == _TURN:
+            y[2] = 0.0
         clock[0] = end if h == left else t + h
         if not abs(y[0]) < 0.5 * math.pi:
             return LOST

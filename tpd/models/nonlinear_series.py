@@ -10,18 +10,21 @@ from __future__ import annotations
 
 import math
 
-from tpd.exact.arc_kernel import compiled
+import numpy as np
+
+from tpd.exact.arc_kernel import compiled, places
 
 ORDERS = 32
 """Most coefficients of a series."""
-PHI, V, PSI, R, FORCE, LEAN = range(6)
+PHI, V, PSI, R, FORCE, LEAN = places(6)
 """Rows of the coefficients of phi, psi, their rates, the forcing times f, and the rate of phi - psi."""
-_A, _B, _SIN, _COS, _S, _C, _VV, _RR, _R1, _R2, _DET, _ACC, _SWING = range(6, 19)
+_A, _B, _SIN, _COS, _S, _C, _VV, _RR, _R1, _R2, _DET, _ACC, _SWING = places(19, 6)
 """Rows of the parts of (4): moments of weight and of forcing, sine and cosine of psi, S and C of the lever
 arms, squares of both rates, right-hand sides, determinant, accelerations."""
-UP, DOWN, APART = 19, 20, 21
+UP, DOWN, APART = places(22, 19)
 """Rows of the signals that release a held block, and of psi - phi."""
 ROWS = 22
+_NONE = np.int64(0)
 _PROVED, _TINY = 60, 1e-15
 """Steps of a proof, and share of its size at which a signal has vanished."""
 
@@ -191,14 +194,14 @@ def held_series(q, side, order, left, inverse, c):
 @compiled
 def length_of(c, order, left, inverse):
     """Time, at most `left`, for which a series is as exact as is allowed; NaN where it is not finite."""
-    h = left
+    least = math.inf
     for n in range(order - 1, order + 1):
         term = _term(c, n, inverse)
         if not term < math.inf:
             return math.nan
         if term > 0.0:
-            h = min(h, math.exp(-math.log(term) / n))
-    return h
+            least = min(least, -math.log(term) / n)
+    return min(left, math.exp(least))
 
 
 @compiled
@@ -208,6 +211,17 @@ def value_at(c, row, order, t):
     for n in range(order - 1, -1, -1):
         value = value * t + c[row, n]
     return value
+
+
+@compiled
+def put_state(c, order, t, y):
+    """Put the values of both angles and their rates into `y`."""
+    # Together: each waits for its own products, and the processor has others to do meanwhile.
+    phi, psi, v, r = c[PHI, order], c[PSI, order], c[V, order], c[R, order]
+    for n in range(order - 1, -1, -1):
+        phi, psi = phi * t + c[PHI, n], psi * t + c[PSI, n]
+        v, r = v * t + c[V, n], r * t + c[R, n]
+    y[0], y[1], y[2], y[3] = phi, psi, v, r
 
 
 @compiled
@@ -265,7 +279,7 @@ def free_until(c, row, way, order, floor, h):
     if lowest > 10.0 * _TINY * size:
         return h, False
     # Where the signal begins at zero, but for rounding, its sign is that of the next order.
-    first, power = 0, 1.0
+    first, power = _NONE, 1.0
     while first < 3 and abs(c[row, first]) * power <= 10.0 * _TINY * size:
         first, power = first + 1, power * h
     if not way * c[row, first] > 0.0:
@@ -274,13 +288,14 @@ def free_until(c, row, way, order, floor, h):
 
 
 @compiled
-def largest_within(c, row, rate, order, h):
-    """Largest size of an angle within the time h, and its time; `rate` is the row of its derivative."""
-    best, at = abs(value_at(c, row, order, h)), h
+def largest_within(c, row, rate, order, h, last):
+    """Largest size of an angle within the time h, and its time; `rate` is the row of its derivative, and
+    `last` its value at h."""
+    best, at = abs(last), h
     t, way = 0.0, math.copysign(1.0, c[rate, 0] if c[rate, 0] != 0.0 else c[rate, 1])
     for _ in range(order):
         # It is largest at the end, or where it turns.
-        t, turns = _descended(c, rate, way, order, 0, t, h)
+        t, turns = _descended(c, rate, way, order, _NONE, t, h)
         if not turns:
             break
         value, way = abs(value_at(c, row, order, t)), -way

@@ -14,7 +14,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from tpd.exact.arc_kernel import compiled
+from tpd.exact.arc_kernel import compiled, part
 from tpd.exact.event_kernel import sign
 from tpd.models.compiling import checksum
 from tpd.models.nonlinear_kernel import (
@@ -96,7 +96,7 @@ def _classified(q, growth, y, t):
     return mode
 
 
-@compiled
+@part
 def _settle(x, y0, begin, ramp, periods, rtol, max_events, out):
     """Follow one motion until it repeats, rests, is lost, or `periods` have elapsed: status, its periods and
     the periods elapsed."""

@@ -16,7 +16,7 @@ LONGEST = 8
 STATUSES = ("rocking", "sticking", "rest", "held", "overturned", "not_settled", "event_bound", "failed")
 """Names of statuses in the order of their numbers."""
 ROCKING, STICKING, AT_REST, HELD, OVERTURNED, NOT_SETTLED, EVENT_BOUND, FAILED = range(8)
-FLOATS, WHOLES = 11, 3
+FLOATS, WHOLES = np.int64(11), np.int64(3)
 """Columns of results: y, amplitude, stroke, peak, peak stroke, kind and signs of the mode; and status,
 periods of the motion, periods elapsed."""
 

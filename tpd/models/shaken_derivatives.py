@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from tpd.exact.arc_kernel import STEP, compiled, fill, instant, plant_along, state_at, struck
-from tpd.exact.contact import SLIP, STICK
 from tpd.exact.cubic_kernel import Cubic, cubic_at, forcing_of, launch_cubic
 from tpd.exact.event_kernel import reserve
 from tpd.exact.event_search import BOB, END, FIRST
+from tpd.exact.mode_kinds import SLIP, STICK
 from tpd.models.shaken_kernel import BEST, LEGS, WHERE, WHOLE
 
 INPUTS = 13
@@ -26,6 +26,7 @@ PLANTS = 10
 ROWS = 8
 """Quantities with derivatives: largest |phi|, |psi| and |psi - phi|, the state at the end, and the growing
 coordinate at the start of the last leg."""
+_HELD = float(STICK)
 
 
 @compiled
@@ -57,7 +58,8 @@ def _put_maps(plants, kind, inputs, a, by):
             for i in range(8):
                 u[i] = zero if i != k else one
             e = Cubic(u[4], u[5] / h, u[6] / (h * h), u[7] / (h * h * h))
-            held = STICK if kind != SLIP else SLIP
+            # One map serves both kinds of held blocks.
+            held = kind if kind == SLIP else _HELD
             # No weight and no friction: both signs are zero.
             arc = launch_cubic(q, held, zero, zero, u[0], u[1], u[2], u[3], e)
             end = state_at(arc, instant(arc, h), h)
@@ -239,13 +241,13 @@ def differentiate(x, q, plants, c, n, legs, tally, inputs, ratio_by_mass, angles
             for i in range(4):
                 y[i] = leg[8 + i]
             _through_pieces(c, int(leg[3]), int(leg[5]), a[kind], slopes[kind], centre, moved, y, dy, inputs)
-            _put_extremes(tally, m, dy, by, inputs)
+            _put_extremes(tally, float(m), dy, by, inputs)
             continue
         # The real state begins anew with every leg, so that errors of it do not add up.
         _end_of(q, c, n, leg, y)
         for j in range(inputs):
             shift[j] = _leg(plants[min(j, PLANTS - 1)], c, n, leg, dy, j, shift[j])
-        _put_extremes(tally, m, dy, by, inputs)
+        _put_extremes(tally, float(m), dy, by, inputs)
         for j in range(inputs):
             _after(plants[min(j, PLANTS - 1)], leg, dy, j, y)
             # The next piece begins at its own zero of time.

@@ -8,27 +8,28 @@ from typing import Any
 import numpy as np
 from numba.np.numpy_support import carray
 
-from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, compiled
+from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, part
 from tpd.models.compiling import checksum
 from tpd.models.custom_call import api_version, on_host, pointer, rows_of, stored, table
 from tpd.models.shaken_derivatives import INPUTS, PLANTS, ROWS, differentiate
 from tpd.models.shaken_kernel import LEG, OUT, OVERTURNED, TALLY, follow, put_results
 
-SETTINGS = 9
+_STATE, _PARAMETERS, _OUT = np.int64(4), np.int64(9), np.int64(OUT)
+SETTINGS = np.int64(9)
 """Numbers in a row of settings: the derivative of e in mu, for a design; pieces of the motion; the row of its
 first, or -1 if every motion has its own; free time; rest rate; events allowed; how many directions have
 derivatives (0, 3, 9 or 13); whether the free motion may end where it cannot tilt the block further; and
 whether the derivatives of the largest angles are enough: 0 no, 1 yes, 2 unless the block overturns."""
 
 
-@compiled
+@part
 def _run(a, first, last):
     """Rows of `follow`: settings, parameters, starts and pieces; results and derivatives."""
     s, x, y0, out = (
         table(a[0], last, SETTINGS),
-        table(a[1], last, 9),
-        table(a[2], last, 4),
-        table(a[4], last, OUT),
+        table(a[1], last, _PARAMETERS),
+        table(a[2], last, _STATE),
+        table(a[4], last, _OUT),
     )
     plants, others = np.empty(1, PLANT), np.empty(PLANTS, COMPLEX_PLANT)
     tally, mode, y, none = np.empty(TALLY), np.zeros(4), np.empty(4), np.empty((0, LEG))
@@ -36,7 +37,7 @@ def _run(a, first, last):
         n, begin, inputs, most = int(s[r, 1]), int(s[r, 2]), int(s[r, 6]), int(s[r, 5])
         # XLA gives every motion a copy of its record, the host one place for all.
         begin = r * n if begin < 0 else begin
-        c = table(a[3], begin + n, 4)[begin:]
+        c = table(a[3], begin + n, _STATE)[begin:]
         # Of memory that nothing is written to the system gives none.
         legs = np.empty((2 * (n + most) + 64, LEG)) if inputs > 0 else none
         for i in range(4):
@@ -68,12 +69,6 @@ def _entrance(version: int, api: int) -> Any:
     return stored(inspect.unwrap(call))
 
 
-_CALL = _entrance(checksum("shaken_"), api_version())
-run = on_host(_CALL)
-
-
-def capsule() -> Any:
-    """The entrance as an XLA FFI handler."""
-    import jax
-
-    return jax.ffi.pycapsule(_CALL.address)
+CALL = _entrance(checksum("shaken_"), api_version())
+"""The entrance, an FFI handler of XLA's."""
+run = on_host(CALL)

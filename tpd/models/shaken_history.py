@@ -10,9 +10,10 @@ import numba
 import numpy as np
 
 from tpd.exact.arc_kernel import PLANT, compiled, instant, state_at
-from tpd.exact.contact import SLIP
 from tpd.exact.cubic_kernel import cubic_at, forcing_of, launch_cubic
+from tpd.exact.event_kernel import NO
 from tpd.exact.event_search import SECOND
+from tpd.exact.mode_kinds import SLIP
 from tpd.models.compiling import checksum
 from tpd.models.shaken_kernel import GONE, LEG, LEGS, TALLY, WHOLE, follow
 
@@ -83,7 +84,7 @@ def _entry(version: int) -> Callable[..., Any]:
         legs = np.empty((2 * (n + max_events) + 64, LEG))
         for i in range(4):
             y[i] = y0[i]
-        status = follow(x, q[0], c, n, y, free, 2e-7, max_events, False, tally, legs, mode)
+        status = follow(x, q[0], c, n, y, free, 2e-7, max_events, NO, tally, legs, mode)
         # Times increase, as the legs do: one pass through both.
         at = 0
         for m in range(min(int(tally[LEGS]), len(legs))):

@@ -14,12 +14,12 @@ import math
 import numpy as np
 
 from tpd.exact.arc_kernel import Signal, compiled, instant, plant, state_at
-from tpd.exact.contact import REST, SLIP, STICK
 from tpd.exact.cubic_kernel import START, Cubic, accelerations, cubic_at, forcing_of, launch_cubic, put_map
 from tpd.exact.event_kernel import (
     ARRIVED,
     EXHAUSTED,
     LOST,
+    NO,
     beyond_return,
     decide,
     meet,
@@ -41,6 +41,7 @@ from tpd.exact.event_search import (
     watch_block,
     watch_turns,
 )
+from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.models.shaken_proof import STILL, put_bounds, without_event
 from tpd.models.shaken_tally import (
     BEST,
@@ -62,7 +63,7 @@ from tpd.models.shaken_tally import (
 STATUSES = ("stood", "rocked", "overturned", "event_bound", "failed")
 """Names of statuses in the order of their numbers."""
 STOOD, ROCKED, OVERTURNED, EVENT_BOUND, FAILED = range(5)
-WHOLE = 4
+WHOLE = np.int64(4)
 """End of a leg that consists of whole pieces without an event."""
 LEG = 12
 """Numbers of a recorded leg: kind and signs of its mode; its piece, its beginning there and its duration (the
@@ -74,6 +75,9 @@ growing coordinate of the last leg (with derivatives only); status; impacts; tim
 the overturning; transversality; legs; and the accelerations at the end."""
 _ROUNDING = 1e-15
 _FOREVER = 1e6
+_START = np.int64(0)
+_KINDS = (float(SLIP), float(REST))
+"""Modes for which whole pieces have a map."""
 
 
 @compiled
@@ -128,7 +132,7 @@ def _whole_pieces(q, c, n, i, mode, y, maps, bounds, tally, legs):
         i += 1
     if i > first:
         note(tally, y[0], y[1], i * h, tally[LEGS])
-        _record(legs, tally, mode, first, 0.0, i - first, WHOLE, False, start)
+        _record(legs, tally, mode, first, 0.0, float(i - first), WHOLE, NO, start)
     return i
 
 
@@ -251,7 +255,7 @@ def _past_turns(q, arc, mode, i, n, s, left, start, w, count, second, longest, w
         if which < BOB:
             return which, at, began, window, now
         note(tally, now[0], now[1], i * h + s + at, tally[LEGS])
-        _record(legs, tally, mode, i, s + began, at - began, which, False, start)
+        _record(legs, tally, mode, i, s + began, at - began, which, NO, start)
         _turned(tally, which, mode, w)
         began = at
         for j in range(4):
@@ -285,15 +289,15 @@ def _piece(q, c, n, i, s, end, mode, y, w, tally, legs, capture, brief):
         tau = i * h + s + at
         if which == GONE:
             tally[FELL] = tau
-            _record(legs, tally, mode, i, s + began, at - began, which, False, start)
+            _record(legs, tally, mode, i, s + began, at - began, which, NO, start)
             return LOST
         note(tally, y[0], y[1], tau, tally[LEGS])
         if which == END:
-            _record(legs, tally, mode, i, s + began, at - began, which, False, start)
+            _record(legs, tally, mode, i, s + began, at - began, which, NO, start)
             return ARRIVED
         # Whether the block rests is known after the event only.
         n_legs = int(tally[LEGS])
-        _record(legs, tally, mode, i, s + began, at - began, which, False, start)
+        _record(legs, tally, mode, i, s + began, at - began, which, NO, start)
         eta, _ = forcing_of(e, at)
         if _met(q, which, capture, eta, now, y, mode, tau, tally) and n_legs < len(legs):
             legs[n_legs, 7] = 1.0
@@ -303,7 +307,7 @@ def _piece(q, c, n, i, s, end, mode, y, w, tally, legs, capture, brief):
             return ARRIVED
         if end - s <= _ROUNDING * end:
             # The derivatives need a last leg, though it has no length: compare `event_kernel.advance`.
-            _record(legs, tally, mode, i, s, 0.0, END, False, y)
+            _record(legs, tally, mode, i, s, 0.0, END, NO, y)
             return ARRIVED
     return EXHAUSTED
 
@@ -323,7 +327,7 @@ def _falls(q, c, n, mode, y, w, tally, legs):
     )
     if which == GONE:
         tally[FELL] = at
-        _record(legs, tally, mode, n, 0.0, at, which, False, y)
+        _record(legs, tally, mode, n, 0.0, at, which, NO, y)
     return which == GONE
 
 
@@ -338,7 +342,7 @@ def _begin(q, c, n, y, mode, tally, max_events):
     tally[LIFTED] = tally[FELL] = tally[CROSSING] = math.inf
     # One event for each piece is none of the block's: its end.
     tally[EVENTS], tally[LOOKS_LEFT] = n + 1.0 + max_events, LOOKS * (n + 1.0 + max_events)
-    e = cubic_at(c, n, 0, q.xi, 0.0)
+    e = cubic_at(c, n, _START, q.xi, 0.0)
     decide(q, y, sign(y[0]), sign(y[2]), e.e0, mode)
     if mode[0] == SLIP or y[0] != 0.0:
         tally[LIFTED] = 0.0
@@ -356,15 +360,15 @@ def follow(x, q, c, n, y, free, rest_rate, max_events, brief, tally, legs, mode)
     bounds, maps, w = np.empty((2, 2, 2)), np.empty((2, 4, 8)), room()
     put_bounds(q, bounds)
     # Two maps serve the whole motion, because all pieces have the same duration.
-    put_map(q, SLIP, q.xi, maps[0])
-    put_map(q, REST, q.xi, maps[1])
-    capture, i = rest_rate * q.nu, 0
+    for held in range(2):
+        put_map(q, _KINDS[held], q.xi, maps[held])
+    capture, i = rest_rate * q.nu, _START
     _begin(q, c, n, y, mode, tally, max_events)
     ended = ARRIVED
     while i < n and ended == ARRIVED:
         i = _whole_pieces(q, c, n, i, mode, y, maps, bounds, tally, legs)
         if i < n:
-            ended = _piece(q, c, n, i, 0.0, q.xi, mode, y, w, tally, legs, capture, False)
+            ended = _piece(q, c, n, i, 0.0, q.xi, mode, y, w, tally, legs, capture, NO)
             i += 1
     # A motion that cannot tilt the block further overturns it neither.
     quiet = brief and _settles(q, y, tally)
