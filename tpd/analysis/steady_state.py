@@ -18,6 +18,7 @@ import equinox as eqx
 import jax
 import jax.core
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
 from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
@@ -171,17 +172,17 @@ def simulate(
     clock = jnp.asarray(times, dtype=jnp.float64)
     if clock.ndim != 1 or clock.shape[0] < 2:
         raise ValueError(f"`times` must be a vector of two or more, but has shape {clock.shape}")
-    sound = jnp.all(jnp.isfinite(clock)) & jnp.all(jnp.diff(clock) > 0)
-    if not isinstance(clock, jax.core.Tracer) and not bool(sound):
-        raise ValueError("`times` must increase and be finite, but do not")
+    if not isinstance(clock, jax.core.Tracer):
+        known = np.asarray(clock)
+        if not (np.all(np.isfinite(known)) and np.all(np.diff(known) > 0)):
+            raise ValueError("`times` must increase and be finite, but do not")
     ys, status = _trajectory(as_arrays(p), model, _state(y0), clock)
-    ys = refused(ys, jnp.isfinite(ys))
     return Trajectory(clock, ys, status)
 
 
 def sampled(p: Parameters, periods: int = 24, per_period: int = 60) -> Float[Array, "times"]:
     """Times tau over the first forcing periods, fine enough to draw."""
-    return jnp.linspace(0.0, 1.0, per_period * periods + 1) * periods * p.period
+    return jnp.asarray(np.linspace(0.0, 1.0, per_period * periods + 1) * periods) * p.period
 
 
 def _state(y0: ArrayLike) -> State:
@@ -191,7 +192,8 @@ def _state(y0: ArrayLike) -> State:
 
 @eqx.filter_jit
 def _trajectory(p: Parameters, model: AbstractModel, y0: State, times: Array) -> tuple[Array, Status]:
-    return _followed(p, y0, times, model=model)
+    ys, status = _followed(p, y0, times, model=model)
+    return refused(ys, jnp.isfinite(ys)), status
 
 
 @eqx.filter_custom_jvp

@@ -44,7 +44,7 @@ def add(commands: Any) -> None:
         "--sliding", type=float, default=0.6, help="coefficient of friction on the floor (default 0.6)"
     )
     engine.add_argument("--seed", type=int, default=0, help="of the ensemble of the engine (default 0)")
-    command.set_defaults(run=run, does="solving the design of {design} by every model")
+    command.set_defaults(run=run, does="solving the design by every model")
 
 
 def run(options: argparse.Namespace) -> int:

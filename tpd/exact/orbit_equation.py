@@ -22,7 +22,6 @@ import jax
 import jax.numpy as jnp
 
 from tpd.core.parameters import Number
-from tpd.exact.batch_branches import computed_once
 from tpd.exact.contact import impact_jump
 from tpd.exact.modes import Plant
 from tpd.exact.propagator import Factor, Functional, components, exponential, identity
@@ -54,7 +53,6 @@ class Half(eqx.Module):
         zero, one = jnp.zeros_like(self.span), jnp.ones_like(self.span)
         unit = components(plant, jnp.stack([one, zero, zero, zero]))
         kick = components(plant, jnp.stack([zero, zero, *impact_jump(one, plant.length_ratio)]))
-        closing, unit, kick = computed_once(closing, unit, kick)
         self.unit = tuple(x.after(closing, rates) for x in unit)
         self.kick = tuple(x.after(closing, rates) for x in kick)
 

@@ -53,15 +53,14 @@ def orbit_of(half: Half, root: Root) -> Orbit:
     for row, balance in ((0, 0.5 * (half.step - half.slack)), (1, zero)):
         unit, kick = half.unit[row], half.kick[row]
         free = unit.after(one.scaled(half.slack).plus(at.rest.scaled(-half.step)), rates)
-        (free,) = computed_once(free.minus(impact, kick.after(at.rest, rates)))
+        free = free.minus(impact, kick.after(at.rest, rates))
         later = free.after(at.flow, rates).minus(-half.step, unit.after(both, rates))
         later = later.minus(-impact, kick.after(both, rates))
         along, across = plant.response[row, 0], plant.response[row, 1]
         first.append(Signal(balance, free, Harmonic(along, across)))
         step = half.step if row == 0 else zero
         second.append(Signal(balance - step, later, Harmonic(along, across)))
-    first, second = computed_once(tuple(first), tuple(second))
-    return Orbit(root, first, second, impact, at)
+    return Orbit(root, tuple(first), tuple(second), impact, at)
 
 
 @jax.jit
@@ -101,9 +100,8 @@ def half_map(half: Half, orbit: Orbit) -> Matrix:
     thrown, jump = _thrown(half, orbit, at.flow)
     pushed = _pushed(half, orbit, at.rest)
     first, second, (thrown,), (pushed,) = computed_once(first, second, (thrown,), (pushed,))
-    (m,) = computed_once(product(_crossed(half.span, jump, thrown), first))
-    (m,) = computed_once(product(second, m))
-    m = product(_turned(half.span, pushed), m)
+    m = product(_crossed(half.span, jump, thrown), first)
+    m = product(_turned(half.span, pushed), product(second, m))
     return tuple(tuple(-x for x in row) for row in m)
 
 
@@ -113,7 +111,6 @@ def _thrown(half: Half, orbit: Orbit, flow: Factor) -> tuple[tuple[Number, ...],
     plant, one = half.plant, jnp.ones_like(half.span)
     before = _rates(half, orbit, orbit.first, flow, orbit.root.t)
     after = _rates(half, orbit, orbit.second, identity(one), orbit.root.t)
-    before, after = computed_once(before, after)
     jump = impact_jump(plant.restitution - 1.0, plant.length_ratio)
     # After the impact the flow starts from R y; f_before is carried through R too.
     carried = (before[0], before[1], before[2] * (1.0 + jump[0]), before[3] + jump[1] * before[2])
@@ -124,7 +121,7 @@ def _thrown(half: Half, orbit: Orbit, flow: Factor) -> tuple[tuple[Number, ...],
 def _pushed(half: Half, orbit: Orbit, rest: Factor) -> tuple[Number, ...]:
     """The turn's change of (phi', psi') per unit of phi' with which a neighbour arrives."""
     linear = half.plant.linear
-    (end,) = computed_once(_rates(half, orbit, orbit.second, rest, half.span))
+    end = _rates(half, orbit, orbit.second, rest, half.span)
     # Friction and weight enter the accelerations through the first column of M^-1.
     per_moment = (linear.m22 / linear.determinant, -linear.m21 / linear.determinant)
     return tuple(-2.0 * linear.friction * x / end[2] for x in per_moment)
