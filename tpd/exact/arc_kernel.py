@@ -63,6 +63,17 @@ def compiled(function: Callable[..., Any], *, inline: bool = False) -> Any:
     return numba.njit(inspect.unwrap(function), error_model="numpy", **options, **where)
 
 
+def stored(function: Callable[..., Any], signature: Any) -> Any:
+    """Compile a function that Python calls for one kind of arguments, and store the machine code where a
+    folder can be written to."""
+    options: Any = {"nogil": True, "error_model": "numpy"}
+    try:
+        return numba.njit(signature, cache=True, **options)(inspect.unwrap(function))
+    except RuntimeError:
+        # Neither the package's folder nor the user's cache nor NUMBA_CACHE_DIR can be written to.
+        return numba.njit(signature, **options)(inspect.unwrap(function))
+
+
 def part(function: Callable[..., Any]) -> Any:
     """Compile a function as a part of its one caller: what it calls is optimised once less then."""
     return compiled(function, inline=True)

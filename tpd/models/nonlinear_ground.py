@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from tpd.exact.arc_kernel import compiled
+from tpd.exact.arc_kernel import compiled, stored
 from tpd.exact.cubic_kernel import cubic_at
 from tpd.exact.event_kernel import sign
 from tpd.models.compiling import checksum
@@ -125,11 +124,7 @@ def _entry(version: int) -> Callable[..., Any]:
             out[r, 10] = _shake(xs[r], y0s[r], pieces[begin : begin + n], n, frees[r], *limits, out[r])
         return version
 
-    plain = inspect.unwrap(shake_rows)
-    try:
-        return numba.njit(_SIGNATURE, cache=True, nogil=True, error_model="numpy")(plain)
-    except RuntimeError:
-        return numba.njit(_SIGNATURE, nogil=True, error_model="numpy")(plain)
+    return stored(shake_rows, _SIGNATURE)
 
 
 # See `tpd.models.nonlinear_settling`.

@@ -6,7 +6,6 @@ The rules are those of `tpd.models.settling`. Shaking may begin at any phase and
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from tpd.exact.arc_kernel import compiled, part
+from tpd.exact.arc_kernel import compiled, part, stored
 from tpd.exact.event_kernel import sign
 from tpd.models.compiling import checksum
 from tpd.models.nonlinear_kernel import (
@@ -147,12 +146,7 @@ def _entry(version: int) -> Callable[..., Any]:
             wholes[n, 0], wholes[n, 1], wholes[n, 2] = found
         return version
 
-    plain = inspect.unwrap(settle_rows)
-    try:
-        return numba.njit(_SIGNATURE, cache=True, nogil=True, error_model="numpy")(plain)
-    except RuntimeError:
-        # Neither the package's folder nor the user's cache nor NUMBA_CACHE_DIR can be written to.
-        return numba.njit(_SIGNATURE, nogil=True, error_model="numpy")(plain)
+    return stored(settle_rows, _SIGNATURE)
 
 
 # Numba's store looks at the file of the function alone, and would go on with machine code of another version

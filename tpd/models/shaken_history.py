@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from typing import Any
 
 import numba
 import numpy as np
 
-from tpd.exact.arc_kernel import PLANT, compiled, instant, state_at
+from tpd.exact.arc_kernel import PLANT, compiled, instant, state_at, stored
 from tpd.exact.cubic_kernel import cubic_at, forcing_of, launch_cubic
 from tpd.exact.event_kernel import NO
 from tpd.exact.event_search import SECOND
@@ -98,11 +97,7 @@ def _entry(version: int) -> Callable[..., Any]:
                 out[i, j] = np.nan
         return status + 0 * version
 
-    plain = inspect.unwrap(history)
-    try:
-        return numba.njit(_SIGNATURE, cache=True, nogil=True, error_model="numpy")(plain)
-    except RuntimeError:
-        return numba.njit(_SIGNATURE, nogil=True, error_model="numpy")(plain)
+    return stored(history, _SIGNATURE)
 
 
 # See `tpd.models.nonlinear_settling`.
