@@ -72,6 +72,18 @@ def test_a_kept_program_is_not_traced_again(folder):
     assert len(list(folder.iterdir())) == 1
 
 
+def test_what_was_begun_is_waited_for_and_made_once(folder):
+    program, x = Program(doubled), {"a": np.arange(3.0)}
+    program.begin(x)
+    program.begin(x)
+    np.testing.assert_array_equal(program(x)["twice"], [0.0, 2.0, 4.0])
+    other = Program(doubled)
+    other.begin(x)
+    np.testing.assert_array_equal(other(x)["twice"], [0.0, 2.0, 4.0])
+    # The second one was in the store.
+    assert len(TRACED) == 1
+
+
 def judged(x):
     TRACED.append(x.shape)
     return Status.where(x > 0.0, Status.rocking, Status.rest)

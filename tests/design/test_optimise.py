@@ -1,6 +1,9 @@
 """The main job: answers with one condition and with several, interruption, checkpoints, statuses."""
 
 import dataclasses
+import importlib
+import threading
+import types
 
 import numpy as np
 import optax
@@ -445,6 +448,47 @@ BUDGET = {
     "method": tpd.Descent(searches=2, steps=3, screening=16),
     "ensemble": tpd.Ensemble(size=64, periods=40),
 }
+
+
+@pytest.fixture
+def first(monkeypatch):
+    """The search at the shaking itself, of a stub that notes when it is carried out."""
+    events = []
+    module = importlib.import_module("tpd.design.optimise")
+    monkeypatch.setattr(module, "_prepared", lambda _: threading.Thread(target=lambda: None))
+    monkeypatch.setattr(module, "search_at_point", lambda *_: events.append("searched"))
+    monkeypatch.setattr(threading.Thread, "join", lambda _: None)
+    made = object.__new__(module._First)
+    made._problem, made._rest = types.SimpleNamespace(point="point"), ()
+    made._found, made._ready, made._interrupted = [], None, False
+    return made, events, monkeypatch, module
+
+
+def test_the_first_search_is_carried_out_once_early_or_late(first):
+    made, events, *_ = first
+    made.begin()
+    assert events == ["searched"]
+    assert made.result() is None
+    assert events == ["searched"]
+
+
+def test_a_first_search_that_was_not_begun_is_carried_out_when_asked_for(first):
+    made, events, *_ = first
+    assert events == []
+    assert made.result() is None
+    assert events == ["searched"]
+
+
+def test_an_interruption_of_the_first_search_comes_when_its_result_is_asked_for(first):
+    made, _, monkeypatch, module = first
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "search_at_point", stop)
+    made.begin()
+    with pytest.raises(KeyboardInterrupt):
+        made.result()
 
 
 @pytest.mark.slow

@@ -1,8 +1,11 @@
 """Compiled code is made by one process at a time."""
 
+import ast
+import re
 import subprocess
 import sys
 from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 
@@ -49,3 +52,37 @@ def test_it_waits_for_the_process_that_compiles_a_module_and_for_no_other(monkey
     compiling.load("lonely")
     assert sys.modules.pop("lonely").LOADED
     assert asked == ["lonely"]
+
+
+def imported(module, known):
+    """Files of the package that a module imports when it is loaded, and those that these import."""
+    path = Path(find_spec(module).origin)
+    if path not in known:
+        known.add(path)
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith(("tpd.exact", "tpd.models")):
+                imported(node.module, known)
+    return known
+
+
+@pytest.mark.parametrize(
+    ("module", "kinds"),
+    [
+        ("tpd.models.linear_entry", ("linear_",)),
+        ("tpd.models.nonlinear_settling", ("nonlinear_",)),
+        ("tpd.models.shaken_entry", ("shaken_",)),
+        ("tpd.models.shaken_history", ("shaken_",)),
+        ("tpd.models.nonlinear_ground", ("nonlinear_", "shaken_kernel")),
+    ],
+)
+def test_stored_code_is_that_of_all_sources(module, kinds):
+    others = imported(module, set()) - set(compiling.sources(*kinds))
+    # Of the last two `nonlinear_ground` has constants only.
+    constants = {"shaken_proof.py", "shaken_tally.py"} if module.endswith("nonlinear_ground") else set()
+    assert {path.name for path in others} <= {"compiling.py"} | constants
+
+
+@pytest.mark.parametrize("module", [*compiling.HARMONIC, *compiling.GROUND, "tpd.models.shaken_entry"])
+def test_processes_that_compile_need_no_jax(module):
+    lines = "\n".join(path.read_text() for path in imported(module, set()))
+    assert not re.findall(r"^(?:import|from) (?:jax|equinox|diffrax)\b", lines, re.M)

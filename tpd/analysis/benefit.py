@@ -96,7 +96,7 @@ def benefit_of(
     rest_with, rest_without = (o.status == "rest" for o in (verdict.hung, verdict.bare))
     fewer, more = int(np.sum(rest_without & ~rest_with)), int(np.sum(rest_with & ~rest_without))
     return Benefit(
-        value=fall_of(verdict, slenderness),
+        value=float(_fall(hung.mean(), bare.mean())),
         low=low,
         high=high,
         changes=(

@@ -68,7 +68,7 @@ def _refused(error: BaseException) -> int:
     """Say in one sentence why a command has ended, and return its exit status; a defect is raised."""
     # An import or a compiler that is interrupted raises an error of its own.
     if isinstance(error, KeyboardInterrupt) or interrupts.received():
-        print("tpd: interrupted; only what is stored already is left", file=sys.stderr)
+        print("tpd: interrupted", file=sys.stderr)
         return common.INTERRUPTED
     if isinstance(error, MemoryError):
         print("tpd: the job does not fit into memory: ask for less at once", file=sys.stderr)

@@ -92,8 +92,8 @@ def in_chunks(
 def prepare(
     function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None, wait: bool = True
 ) -> None:
-    """Compile `function` as `in_chunks` will call it. Unless told to `wait`, only begin to; the first call
-    waits then."""
+    """Compile `function` as `in_chunks` will call it. With `wait=False` this goes on in a thread, and the
+    first call waits for it."""
     chunk = _chunk(function, batch) if chunk is None else chunk
     program, part = _compiled(function), _parts(batch, chunk)[0](0)
     (program.prepare if wait else program.begin)(part)

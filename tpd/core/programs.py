@@ -94,8 +94,9 @@ class Program:
         self._at(*jax.tree.flatten(args))
 
     def begin(self, *args: Any) -> None:
-        """Begin to `prepare` in a thread of its own; a call waits for it. What needs Python is done here: the
-        compiler, and what loads a stored program, leave it to other threads."""
+        """Begin to `prepare` in a thread; a call waits for it. A program that is not stored is traced here,
+        because threads share Python. The thread compiles it, or loads what is stored, and traces only where a
+        stored file cannot be used."""
         leaves, structure = jax.tree.flatten(args)
         key = _key(leaves, structure)
         with self._lock:

@@ -181,14 +181,10 @@ def solve(
 ) -> Design:
     """Search and verify a problem whose inputs are complete; see `optimise`."""
     store = Checkpoint.of(checkpoint, problem.identity)
-    ready, point, cut = None, None, False
+    first = _First(problem, ensemble, store, progress)
     if _lifts(problem):
-        # The search at the shaking itself needs no orbits, which are compiled or loaded meanwhile.
-        ready = _prepared(problem)
-        try:
-            point = problem.point and search_at_point(problem.point, ensemble, store, progress)
-        except KeyboardInterrupt:
-            cut = True
+        # It needs no orbits: their program is compiled or loaded meanwhile.
+        first.begin()
     problem = problem.against_bare()
     scene, objective = problem.scene, problem.objective
     verification = Verification(
@@ -197,31 +193,62 @@ def solve(
     search = Multistart(objective, problem.method, problem.seed, progress)
     found = Found(search, verification)
     try:
-        if cut:
-            raise KeyboardInterrupt
         if verification.rests and verification.bare_rests_nonlinearly():
             found.status = DesignStatus.no_uplift
         else:
-            if ready is None and problem.point is not None:
-                point = search_at_point(problem.point, ensemble, store, progress)
+            point = first.result()
             found.search, found.verification = _searched(problem, search, verification, store)
-            if ready is not None:
-                ready.join()
             _verify(problem, found, point, progress)
     except KeyboardInterrupt:
         found.search.interrupted = True
     return _design(problem, ensemble, found)
 
 
+class _First:
+    """The search at the shaking itself, where the problem has one."""
+
+    def __init__(
+        self, problem: Problem, ensemble: Ensemble, store: Checkpoint, progress: Progress | None
+    ) -> None:
+        self._problem, self._rest = problem, (ensemble, store, progress)
+        self._found: list[PointSearch | None] = []
+        self._ready: Thread | None = None
+        self._interrupted = False
+
+    def begin(self) -> None:
+        """Search at once; an interruption is raised by `result`."""
+        self._ready = _prepared(self._problem)
+        try:
+            self._found = [self._search()]
+        except KeyboardInterrupt:
+            self._interrupted = True
+
+    def result(self) -> PointSearch | None:
+        """The search, carried out unless it has been.
+
+        Raises:
+            KeyboardInterrupt: it was interrupted.
+        """
+        if self._interrupted:
+            raise KeyboardInterrupt
+        if self._ready is not None:
+            self._ready.join()
+        return self._found[0] if self._found else self._search()
+
+    def _search(self) -> PointSearch | None:
+        point = self._problem.point
+        return None if point is None else search_at_point(point, *self._rest)
+
+
 def _lifts(problem: Problem) -> bool:
-    """Whether the bare block cannot rest under all conditions; else there may be nothing to search."""
+    """Whether the bare block lifts under some condition. If under none, there may be nothing to search."""
     o = problem.objective
     return not np.all(margins(o, np.array([[0.0, float(o.p.lam), float(o.p.zeta)]])) > 0.0)
 
 
 def _prepared(problem: Problem) -> Thread:
-    """Thread that compiles for the search at the shaking itself and for the verification, beside what the
-    search needs first."""
+    """Thread that compiles for the search at the shaking itself and for the verification. The program of the
+    orbits is begun as well."""
     o, point = problem.objective, problem.point
 
     def others() -> None:
@@ -233,7 +260,7 @@ def _prepared(problem: Problem) -> Thread:
 
     ready = aside(others)
     if isinstance(o, Orbits):
-        # In a command, what the others need first is loaded, or made by other processes, without Python here.
+        # Traced here first: in a command the compiled code of events is loaded, or made by other processes.
         o.prepare()
     return ready
 

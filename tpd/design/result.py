@@ -37,8 +37,8 @@ class DesignStatus(enum.Enum):
     )
     refused = "NO PENDULUM WORTH HANGING: no design that the search found passes the verification."
     no_improvement = (
-        "NO PENDULUM WORTH HANGING: none in this design space rocks less than the bare block under these "
-        "conditions."
+        "NO PENDULUM WORTH HANGING: of this design space none that keeps to the limits rocks less than the "
+        "bare block under these conditions."
     )
     none_feasible = (
         "NO PENDULUM WORTH HANGING: no design in this space keeps to the limits under all conditions."

@@ -48,8 +48,7 @@ Instant = namedtuple("Instant", "e1 e2 u v sine cosine")
 
 def places(stop: int, start: int = 0) -> tuple[Any, ...]:
     """Whole numbers from `start` to before `stop`, as names of columns, signals and the like."""
-    # Of a plain number Numba takes the value as a type: a function would be compiled once for each number
-    # that is passed to it.
+    # Numba takes the value of a plain number as its type, and compiles a function once for each value.
     return tuple(np.arange(start, stop))
 
 
@@ -63,19 +62,20 @@ def compiled(function: Callable[..., Any], *, inline: bool = False) -> Any:
     return numba.njit(inspect.unwrap(function), error_model="numpy", **options, **where)
 
 
-def stored(function: Callable[..., Any], signature: Any) -> Any:
-    """Compile a function that Python calls for one kind of arguments, and store the machine code where a
-    folder can be written to."""
-    options: Any = {"nogil": True, "error_model": "numpy"}
+def stored(function: Callable[..., Any], signature: Any, compiler: Any = numba.njit, **options: Any) -> Any:
+    """Compile a function for one kind of arguments, and store the machine code where a folder can be written
+    to."""
+    plain = inspect.unwrap(function)
     try:
-        return numba.njit(signature, cache=True, **options)(inspect.unwrap(function))
+        return compiler(signature, cache=True, error_model="numpy", **options)(plain)
     except RuntimeError:
         # Neither the package's folder nor the user's cache nor NUMBA_CACHE_DIR can be written to.
-        return numba.njit(signature, **options)(inspect.unwrap(function))
+        return compiler(signature, error_model="numpy", **options)(plain)
 
 
 def part(function: Callable[..., Any]) -> Any:
-    """Compile a function as a part of its one caller: what it calls is optimised once less then."""
+    """Compile a function as a part of its only caller. Numba then optimises the functions that it calls once,
+    and not twice."""
     return compiled(function, inline=True)
 
 

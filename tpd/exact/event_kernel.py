@@ -44,7 +44,7 @@ LEG = 13
 """Numbers of a recorded leg: kind and signs of its mode, its beginning and duration, what ended it, whether
 that ended in rest, the state at its start, and that of the angles at its end."""
 NO = np.bool_(False)
-"""False, for functions that are compiled once for both."""
+"""False as a Boolean of NumPy. Numba would compile a function once more for a plain False."""
 _ROUNDING = 1e-15
 """Share of a period below which a remaining time is rounding."""
 

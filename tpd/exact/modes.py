@@ -122,7 +122,8 @@ def _isolated_root(b3: Number, b2: Number, b1: Number, b0: Number) -> Number:
 
 
 def roots(p: Parameters) -> tuple[Number, Number, Number, Number]:
-    """(s1, s2, p, q) of the sliding system, each differentiable by one Newton step."""
+    """(s1, s2, p, q) of the sliding system, each differentiable by one Newton step; of single numbers, and
+    under `vmap` of a batch."""
     # A general eigensolver would take about half of the time of a batch, and has no derivative where two
     # eigenvalues meet, as at critical damping of the bob. Here only the two real roots that never meet others
     # are solved for: s1 > 0 (one sign change of the coefficients, hence one positive root) and the real root

@@ -62,7 +62,8 @@ def _one(x: Number) -> Number:
 @jax.jit
 def turn(angle: Number) -> Turn:
     """Cosine and sine of `angle` (rad), to the last digit while |angle| < 1e6."""
-    # Traced once, and not for each of some hundred angles in a program; so are other parts of it.
+    # JAX traces this once for a program, and not for each of some hundred angles. Other functions of the
+    # orbits have `jax.jit` for the same reason.
     return _turn(angle)
 
 

@@ -146,7 +146,7 @@ def _cycle_from(first: float, x: Array, y: Array, mode: Array, settings: Array) 
 
     # Value alone, or with all directions: derivatives are computed where they are asked for only.
     s = settings.at[5].set(first)
-    return _called((_shape(entry.CYCLE_OUT), _shape(6, entry.INPUTS)), s, x, y, mode)
+    return _called((_shape(entry.CYCLE_OUT), _shape(entry.CYCLE_SIZES, entry.INPUTS)), s, x, y, mode)
 
 
 @_cycle.defjvp

@@ -1,6 +1,6 @@
 """When the compiled code of the equations is made: once for a machine and a version, in other processes.
 
-Numba compiles for half a minute, in Python: in the same process it would hold up everything else.
+Numba compiles for some twenty seconds, in Python: in the same process it would hold up everything else.
 """
 
 from __future__ import annotations
@@ -36,16 +36,20 @@ _running: dict[str, subprocess.Popen[bytes]] = {}
 """Processes by the module that they compile."""
 
 
+def sources(*kinds: str) -> list[Path]:
+    """Files that are compiled, or call what is: of `models`, those whose names begin with one of `kinds`, and
+    what all share."""
+    package = Path(__file__).parent.parent
+    exact, shared = package / "exact", ("period_kernel", "custom_call")
+    chosen = [*sorted(exact.glob("*_kernel.py")), exact / "mode_kinds.py", exact / "event_search.py"]
+    models = sorted((package / "models").glob("*.py"))
+    return chosen + [f for f in models if f.name.startswith((*kinds, *shared))]
+
+
 @lru_cache(maxsize=8)
 def checksum(*kinds: str) -> int:
-    """Checksum of the sources that are compiled, or call what is: of `models`, those whose names begin with
-    one of `kinds`, and what all share."""
-    package = Path(__file__).parent.parent
-    exact = package / "exact"
-    chosen = [*sorted(exact.glob("*_kernel.py")), exact / "contact.py", exact / "event_search.py"]
-    shared = "period_kernel", "custom_call"
-    chosen += sorted(f for f in (package / "models").glob("*.py") if f.name.startswith((*kinds, *shared)))
-    return zlib.crc32(b"".join(f.read_bytes() for f in chosen))
+    """Checksum of `sources`."""
+    return zlib.crc32(b"".join(f.read_bytes() for f in sources(*kinds)))
 
 
 def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
@@ -55,15 +59,16 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
         OSError: no process can be started.
     """
     # Numba's store belongs to one installation, or to the folder that the environment names.
-    sources, folders = checksum("linear_", "nonlinear_", "shaken_"), os.environ.get("NUMBA_CACHE_DIR")
+    version, folders = checksum("linear_", "nonlinear_", "shaken_"), os.environ.get("NUMBA_CACHE_DIR")
     for module in modules:
-        place = f"{sources} {module} {Path(__file__)} {sys.version} {folders}"
+        place = f"{version} {module} {Path(__file__)} {sys.version} {folders}"
         mark = folder / f"compiled-{zlib.crc32(place.encode()):08x}"
         if mark.exists() or module in _running:
             continue
         # A session of its own: Ctrl-C is for the command, and what is half compiled serves nobody.
         process = subprocess.Popen(
-            [sys.executable, "-c", _COMMAND, str(mark), module],
+            # -P: the folder in which a command is given may hold another `tpd`, or anything.
+            [sys.executable, "-P", "-c", _COMMAND, str(mark), module],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,

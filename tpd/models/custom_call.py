@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import jaxlib
-import numba
 import numpy as np
 from numba import types
 from numba.core import cgutils
@@ -105,15 +104,6 @@ def api_version() -> int:
     """The version of the interface that the installed XLA declares, as one number."""
     major, minor = _declared_version()
     return major | (minor << 32)
-
-
-def stored(function: Callable[[int], int]) -> Any:
-    """Compiled entrance, stored on disk for later processes where a folder can be written to."""
-    try:
-        return numba.cfunc("int64(int64)", cache=True)(function)
-    except RuntimeError:
-        # Neither the package's folder nor the user's cache nor NUMBA_CACHE_DIR can be written to.
-        return numba.cfunc("int64(int64)")(function)
 
 
 def on_host(entrance: Any) -> Callable[..., None]:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import inspect
 from typing import Any
 
+import numba
 import numpy as np
 from numba.np.numpy_support import carray
 
-from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, part
+from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, part, stored
 from tpd.models.compiling import checksum
-from tpd.models.custom_call import api_version, cube, on_host, pointer, rows_of, stored, table
+from tpd.models.custom_call import api_version, cube, on_host, pointer, rows_of, table
 from tpd.models.linear_derivatives import INPUTS
 from tpd.models.linear_orbit import cycle
 from tpd.models.linear_settling import settle
@@ -19,10 +19,12 @@ from tpd.models.period_kernel import FLOATS, WHOLES
 
 SETTLE, CYCLE, TRAJECTORY = range(3)
 """Tasks; the first number of every row of settings."""
-_ONE, _BEGINNING, _MODE, _STATE, SETTINGS, _RATES, _PARAMETERS, CYCLE_OUT = map(
-    np.int64, (1, 2, 3, 4, 6, 8, 9, 12)
-)
-"""Columns of tables."""
+SETTINGS, CYCLE_OUT, CYCLE_SIZES = np.int64(6), np.int64(12), np.int64(6)
+"""Numbers in a row of settings and in the results of a cycle, and quantities of a cycle with derivatives: its
+end, amplitude and stroke."""
+_ONE, _BEGINNING, _MODE, _STATE, _RATES, _PARAMETERS = map(np.int64, (1, 2, 3, 4, 8, 9))
+"""Columns of further tables: beginnings are with ramps, rates with the states that they are of."""
+_INPUTS = np.int64(INPUTS)
 
 
 @part
@@ -54,7 +56,7 @@ def _cycle(a, first, last):
         table(a[2], last, _STATE),
         table(a[3], last, _MODE),
     )
-    out, by = table(a[4], last, CYCLE_OUT), cube(a[5], last, SETTINGS, np.int64(INPUTS))
+    out, by = table(a[4], last, CYCLE_OUT), cube(a[5], last, CYCLE_SIZES, _INPUTS)
     plants, others = np.empty(1, PLANT), np.empty(1, COMPLEX_PLANT)
     for n in range(first, last):
         cycle(
@@ -114,7 +116,7 @@ def _entrance(version: int, api: int) -> Any:
 
     # Numba's store looks at the file of the function alone, and would go on with machine code of another
     # version of the kernel. Numbers from outside the function are part of its key.
-    return stored(inspect.unwrap(call))
+    return stored(call, "int64(int64)", numba.cfunc)
 
 
 CALL = _entrance(checksum("linear_"), api_version())

@@ -48,10 +48,11 @@ ARRIVED, LOST, EXHAUSTED, BROKEN = range(4)
 SIZES = 3
 """Numbers of a tally: largest phi, its opposite, and largest |psi|. A long tally has more."""
 HIGH, LOW, SWUNG, RELATIVE, TIMES = places(5)
-"""Places of a tally: largest phi, its opposite, largest |psi|, and in a long one largest |psi - phi|."""
+"""Places of a tally: largest phi, its opposite, largest |psi|; in a long one also largest |psi - phi|, and
+the first of the times of all four."""
 IMPACTS, LIFTED, ORIGIN, EVENTS, TALLY = 8, 9, 10, 11, 12
-"""Places of a long tally: largest |psi - phi|, the times of all four, impacts, time of the first uplift, time
-at which the clock was at zero, and events."""
+"""Further places of a long tally: impacts, time of the first uplift, time at which the clock was at zero, and
+events; and how many numbers it has."""
 
 Plant = namedtuple("Plant", "nu mu lam k f xi rho e m11 m22 c1 c2 tilt weight pull period rest")
 """Coefficients of (4) for one motion; `pull` is mu rho lam, and `rest` the largest rate of an impact that may

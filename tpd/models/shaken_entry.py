@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import inspect
 from typing import Any
 
+import numba
 import numpy as np
 from numba.np.numpy_support import carray
 
-from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, part
+from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, part, stored
 from tpd.models.compiling import checksum
-from tpd.models.custom_call import api_version, on_host, pointer, rows_of, stored, table
+from tpd.models.custom_call import api_version, on_host, pointer, rows_of, table
 from tpd.models.shaken_derivatives import INPUTS, PLANTS, ROWS, differentiate
 from tpd.models.shaken_kernel import LEG, OUT, OVERTURNED, TALLY, follow, put_results
 
-_STATE, _PARAMETERS, _OUT = np.int64(4), np.int64(9), np.int64(OUT)
+_PIECE, _STATE, _PARAMETERS, _OUT = map(np.int64, (4, 4, 9, OUT))
+"""Columns of further tables; a piece has four coefficients."""
 SETTINGS = np.int64(9)
 """Numbers in a row of settings: the derivative of e in mu, for a design; pieces of the motion; the row of its
 first, or -1 if every motion has its own; free time; rest rate; events allowed; how many directions have
@@ -37,7 +38,7 @@ def _run(a, first, last):
         n, begin, inputs, most = int(s[r, 1]), int(s[r, 2]), int(s[r, 6]), int(s[r, 5])
         # XLA gives every motion a copy of its record, the host one place for all.
         begin = r * n if begin < 0 else begin
-        c = table(a[3], begin + n, _STATE)[begin:]
+        c = table(a[3], begin + n, _PIECE)[begin:]
         # Of memory that nothing is written to the system gives none.
         legs = np.empty((2 * (n + most) + 64, LEG)) if inputs > 0 else none
         for i in range(4):
@@ -66,7 +67,7 @@ def _entrance(version: int, api: int) -> Any:
         return version if by_host else 0
 
     # See `tpd.models.linear_entry`.
-    return stored(inspect.unwrap(call))
+    return stored(call, "int64(int64)", numba.cfunc)
 
 
 CALL = _entrance(checksum("shaken_"), api_version())

@@ -166,7 +166,10 @@ def losses(design: Design) -> list[Block]:
     if not rows:
         return []
     head = ("losses", "", "benefit", "overturned, with / without", "at rest, with / without")
-    caption = "Paired runs of the nonlinear equations. The losses are the least known data of a block."
+    caption = (
+        f"{design.losses[0].benefit.runs} paired runs of the nonlinear equations each. The losses are the least "
+        "known data of a block."
+    )
     return [Table(head, rows, caption)]
 
 

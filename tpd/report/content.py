@@ -96,9 +96,16 @@ _LIMITED = {
 """Limits whose use a report shows; the stroke has a row of its own, and a reserve has no share."""
 
 
-def _captions(design: Design) -> dict[str, tuple[str, str]]:
+def _captions(design: Design, study: Study) -> dict[str, tuple[str, str]]:
     """Alternative text and caption of every picture."""
     hung, motion = design.pendulum is not None, design.scene.motion
+    smoothed = any(h.model == "smoothed" for h in study.histories or ())
+    models = "exact solution, broad, and smoothed model, dashed" if smoothed else "the exact solution"
+    resting = (
+        "Shaded: a block at rest stays at rest. "
+        if study.region is not None and np.any(study.region.margin > 0.0)
+        else ""
+    )
     beside = "left without the pendulum, right with it" if hung else "without a pendulum"
     return {
         "drawing.png": (
@@ -122,13 +129,14 @@ def _captions(design: Design) -> dict[str, tuple[str, str]]:
         ),
         "motion.png": (
             "Tilt of the block without and with the pendulum, and angle of the bob, against time from rest",
-            "First 24 periods from rest under the scene's own shaking: exact solution, broad, and smoothed "
-            "model, dashed. Where they part, the motion depends on details. The stroke limit (dotted) holds "
-            "for the settled motion only.",
+            f"First 24 periods from rest under the scene's own shaking: {models}. "
+            + ("Where they part, the motion depends on details. " if smoothed else "")
+            + ("A block that stands here may overturn later. " if np.isinf(design.amplitude_without) else "")
+            + ("The stroke limit (dotted) holds for the settled motion only." if hung else ""),
         ),
         "search.png": (
             "Mass ratio against length ratio: designs screened, search paths, their ends and the answer",
-            "Shaded: a block at rest stays at rest. Triangles exceed a limit, crosses overturn the block or "
+            f"{resting}Triangles exceed a limit, crosses overturn the block or "
             "do not settle; lines are the searches.",
         ),
         "conditions.png": (
@@ -145,7 +153,7 @@ def _captions(design: Design) -> dict[str, tuple[str, str]]:
 def _figures(design: Design, study: Study, *names: str) -> list[Block]:
     """Figures of the pictures there are."""
     there = pictures.names(design, study)
-    return [Figure(n, *_captions(design)[n], narrow=len(names) > 1) for n in names if n in there]
+    return [Figure(n, *_captions(design, study)[n], narrow=len(names) > 1) for n in names if n in there]
 
 
 def _answer(design: Design, study: Study) -> list[Block]:
@@ -198,7 +206,7 @@ def _sizes(design: Design, winner: Verified, length: float) -> list[tuple[Cell, 
 
 def _no_answer(design: Design) -> list[Block]:
     known = design.search.end_values[np.isfinite(design.search.end_values)]
-    best = [("best within the limits", words.risk(design, float(known.min())))] if known.size else []
+    best = [("best that a search ended at", words.risk(design, float(known.min())))] if known.size else []
     rows = (
         ("pendulum", "none to offer"),
         *best,
