@@ -167,8 +167,8 @@ def losses(design: Design) -> list[Block]:
         return []
     head = ("losses", "", "benefit", "overturned, with / without", "at rest, with / without")
     caption = (
-        f"{design.losses[0].benefit.runs} paired runs of the nonlinear equations each. The losses are the least "
-        "known data of a block."
+        f"{design.losses[0].benefit.runs} paired runs of the nonlinear equations each. The losses are the "
+        "least known data of a block."
     )
     return [Table(head, rows, caption)]
 
