@@ -156,3 +156,9 @@ def test_rests_less_where_significantly_fewer_runs_end_at_rest(fewer, more, said
     hung = np.array([0.1] * fewer + [0.0] * more + [0.1] * 10)
     bare = np.array([0.0] * fewer + [0.1] * more + [0.1] * 10)
     assert compared(hung, bare).rests_less is said
+
+
+def test_a_harm_is_told_as_more_tilt():
+    worse = compared([0.4, 0.5, 0.6, 0.5], [0.4, 0.4, 0.4, 0.4])
+    assert str(worse).startswith("25% more tilt (95 % interval ")
+    assert worse.high < 0.0 or "-" in str(worse)

@@ -365,14 +365,19 @@ def draw_grid(cells):
         overturned = cell["overturned"]
         if overturned is not None:
             words += f"\n{overturned[0]:.0%} → {overturned[1]:.0%}"
-        ax.text(j, i, words, ha="center", va="center", fontsize=8, weight="bold" if sure else "normal")
-    image = ax.imshow(change, origin="lower", aspect="auto", cmap="Blues_r", vmin=-0.3, vmax=0.05)
-    ax.figure.colorbar(image, label="change of the mean tilt/ν, held-out motions (-)")
+        ink = "white" if change[i, j] < -0.12 else style.INK
+        weight = "bold" if sure else "normal"
+        ax.text(j, i, words, ha="center", va="center", fontsize=8, weight=weight, color=ink)
+    image = ax.imshow(100.0 * change, origin="lower", aspect="auto", cmap="Blues_r", vmin=-24.0, vmax=4.0)
+    ax.figure.colorbar(image, label="change of the mean tilt on motions held out (% of ν)")
     ax.set_xticks(range(len(HEIGHTS)), [f"{h:g}" for h in HEIGHTS])
     ax.set_yticks(range(len(SLENDERNESS)), [f"{nu:g}" for nu in SLENDERNESS])
     ax.set(xlabel="height of the block (m)", ylabel="slenderness width/height (-)")
+    offered = all(cell["status"] == "found" for cell in cells)
     ax.set_title(
-        "above: mean tilt, change in % of ν; below: overturned without → with; bold: offered", size=9
+        "above: change of the mean tilt (% of ν); below: runs overturned without → with; "
+        + ("a pendulum is offered in every cell" if offered else "bold: offered"),
+        size=8,
     )
     (PICTURES / "worth_grid.png").write_bytes(style.png(ax.figure))
 

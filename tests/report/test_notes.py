@@ -314,3 +314,8 @@ def test_models_that_disagree_on_the_bare_block_are_said():
     nonlinear = dataclasses.replace(design.bare, searched=designs.motions("segmented", 0.085))
     assert not disagree(design, nonlinear).any()
     assert any("models disagree on the bare block" in t for t in texts(dataclasses.replace(design, bare=off)))
+
+
+def test_fewer_overturnings_nearby_than_without_are_no_danger():
+    near = Neighbours(condition=0, tried=8, overturned=1, overturned_bare=4)
+    assert only(with_winner(neighbours=near), about="shakings within").severity is Severity.warning

@@ -59,6 +59,8 @@ class Benefit:
     def __str__(self) -> str:
         # A value that rounds to zero must not read "-0%".
         value = round(self.value, 2) + 0.0
+        if value < 0.0:
+            return f"{-value:.0%} more tilt (95 % interval {0.0 - self.high:.0%} to {0.0 - self.low:.0%})"
         return f"{value:.0%} less tilt (95 % interval {self.low:.0%} to {self.high:.0%})"
 
 

@@ -91,7 +91,7 @@ class Reason:
                 )
             case ReasonKind.too_little_benefit:
                 return (
-                    f"{by} the mean tilt falls by {self.value:.1%} (at least {self.low:.1%} with 95 % "
+                    f"{by} the mean tilt {_fall(self.value)} (at least {self.low:.1%} with 95 % "
                     f"confidence), and {self.reference:.1%} is asked for"
                 )
             case ReasonKind.rests_less:
@@ -117,3 +117,8 @@ class Reason:
                     f"the search's model gives an amplitude of {self.value:.4g} rad, the exact solution "
                     f"{self.reference:.4g} rad{at}: the motion depends on details that neither can promise"
                 )
+
+
+def _fall(share: float) -> str:
+    """Fall of a tilt in words; a negative one is a growth."""
+    return f"falls by {share:.1%}" if share >= 0.0 else f"grows by {-share:.1%}"
