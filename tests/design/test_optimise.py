@@ -455,9 +455,10 @@ def first(monkeypatch):
     """The search at the shaking itself, of a stub that notes when it is carried out."""
     events = []
     module = importlib.import_module("tpd.design.optimise")
-    monkeypatch.setattr(module, "_prepared", lambda _: threading.Thread(target=lambda: None))
+    thread = threading.Thread(target=lambda: None)
+    thread.start()
+    monkeypatch.setattr(module, "_prepared", lambda _: thread)
     monkeypatch.setattr(module, "search_at_point", lambda *_: events.append("searched"))
-    monkeypatch.setattr(threading.Thread, "join", lambda _: None)
     made = object.__new__(module._First)
     made._problem, made._rest = types.SimpleNamespace(point="point"), ()
     made._found, made._ready, made._interrupted = [], None, False
