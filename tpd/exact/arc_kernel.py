@@ -62,9 +62,9 @@ def compiled(function: Callable[..., Any], *, inline: bool = False) -> Any:
     return numba.njit(inspect.unwrap(function), error_model="numpy", **options, **where)
 
 
-def stored(function: Callable[..., Any], signature: Any, compiler: Any = numba.njit, **options: Any) -> Any:
-    """Compile a function for one kind of arguments, and store the machine code where a folder can be written
-    to."""
+def stored(function: Callable[..., Any], compiler: Any, signature: Any, **options: Any) -> Any:
+    """Compile a function for one kind of arguments, by `njit` or `cfunc` of Numba, and store the machine code
+    where a folder can be written to."""
     plain = inspect.unwrap(function)
     try:
         return compiler(signature, cache=True, error_model="numpy", **options)(plain)

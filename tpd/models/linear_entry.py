@@ -116,7 +116,7 @@ def _entrance(version: int, api: int) -> Any:
 
     # Numba's store looks at the file of the function alone, and would go on with machine code of another
     # version of the kernel. Numbers from outside the function are part of its key.
-    return stored(call, "int64(int64)", numba.cfunc)
+    return stored(call, numba.cfunc, "int64(int64)")
 
 
 CALL = _entrance(checksum("linear_"), api_version())

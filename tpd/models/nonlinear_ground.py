@@ -124,7 +124,7 @@ def _entry(version: int) -> Callable[..., Any]:
             out[r, 10] = _shake(xs[r], y0s[r], pieces[begin : begin + n], n, frees[r], *limits, out[r])
         return version
 
-    return stored(shake_rows, _SIGNATURE, nogil=True)
+    return stored(shake_rows, numba.njit, _SIGNATURE, nogil=True)
 
 
 # See `tpd.models.nonlinear_settling`.

@@ -146,7 +146,7 @@ def _entry(version: int) -> Callable[..., Any]:
             wholes[n, 0], wholes[n, 1], wholes[n, 2] = found
         return version
 
-    return stored(settle_rows, _SIGNATURE, nogil=True)
+    return stored(settle_rows, numba.njit, _SIGNATURE, nogil=True)
 
 
 # Numba's store looks at the file of the function alone, and would go on with machine code of another version

@@ -67,7 +67,7 @@ def _entrance(version: int, api: int) -> Any:
         return version if by_host else 0
 
     # See `tpd.models.linear_entry`.
-    return stored(call, "int64(int64)", numba.cfunc)
+    return stored(call, numba.cfunc, "int64(int64)")
 
 
 CALL = _entrance(checksum("shaken_"), api_version())

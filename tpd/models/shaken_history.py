@@ -97,7 +97,7 @@ def _entry(version: int) -> Callable[..., Any]:
                 out[i, j] = np.nan
         return status + 0 * version
 
-    return stored(history, _SIGNATURE, nogil=True)
+    return stored(history, numba.njit, _SIGNATURE, nogil=True)
 
 
 # See `tpd.models.nonlinear_settling`.
