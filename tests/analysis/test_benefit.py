@@ -161,4 +161,5 @@ def test_rests_less_where_significantly_fewer_runs_end_at_rest(fewer, more, said
 def test_a_harm_is_told_as_more_tilt():
     worse = compared([0.4, 0.5, 0.6, 0.5], [0.4, 0.4, 0.4, 0.4])
     assert str(worse).startswith("25% more tilt (95 % interval ")
-    assert worse.high < 0.0 or "-" in str(worse)
+    assert worse.high <= 0.0
+    assert "-" not in str(worse)
