@@ -135,7 +135,7 @@ def _repeated(winner: Verified) -> Iterator[Note]:
     # Linear runs stand in tables only: beyond bob angles of half a radian their shares are wrong.
     near, runs = winner.neighbours, _deciding(winner)
     if near is not None and near.overturned:
-        # Neither design nor bare block stands everywhere: only more overturnings are the pendulum's fault.
+        # Fewer overturnings than without are no harm of the pendulum, but must be known.
         say = danger if near.overturned >= near.overturned_bare else warning
         yield say(
             f"By the linear equations, of {near.tried} shakings within 1 % in amplitude or frequency, "
