@@ -2,8 +2,9 @@
 
     .venv/bin/python -m tests.benchmarks.mended
 
-Such a test carries the mark `mends("what was wrong")`. The package of the revision BEFORE is put in front of the
-present one, with the present tests. Exits with 1 if a marked test passes there. Needs the project's history.
+Such a test carries the mark `mends("what was wrong")`. The package of the revision BEFORE is put in front of
+the present one, with the present tests. Exits with 1 if a marked test passes there. Needs the project's
+history.
 """
 
 import argparse
