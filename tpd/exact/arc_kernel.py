@@ -25,6 +25,10 @@ STEP = 1e-30
 its tenth power no denormal number, with which a processor is slow."""
 _SERIES = 1e-3
 """|w t|^2 below which the pair's solutions are summed as power series."""
+_EARLY = 0.5
+"""Time, over that of a free solution, before which its remainder is summed as a power series."""
+_TERMS = 1.0 / (np.arange(1.0, 17.0) * np.arange(2.0, 18.0))
+"""1/((k + 1)(k + 2)) for k from 0 on."""
 
 _FIELDS = (
     "nu mu lam zeta k f xi e up weight bias m11 m12 m21 m22 c1 c2 s1 s2 p q held_p held_q "
@@ -40,8 +44,12 @@ COMPLEX_PLANT = np.dtype([(name, np.complex128) for name in _FIELDS.split()])
 Signal = namedtuple("Signal", "constant on_s1 on_s2 on_u on_v along across gain_along gain_across")
 """A quantity along an arc; see `tpd.exact.signal.Signal`."""
 Arc = namedtuple("Arc", "tilt bob s1 s2 p q xi phase")
-"""The two angles as signals, the time scales, and the forcing's phase at the start. Where xi is 0, the
-forcing is a cubic: then t and t^2 take the place of sine and cosine in everything that is made of them."""
+"""The two angles as signals, the time scales, and the forcing's phase at the start.
+
+Where xi is 0, the forcing is a cubic. Then a signal is its Taylor polynomial of degree 3 at the start of the arc,
+with the coefficients (constant, along, across, gain_across), plus the remainders of the free solutions beyond
+degree 3: t and t^2 take the place of sine and cosine, and remainders that of the free solutions. The polynomial
+comes from the state, so that nothing cancels soon after a start: a tilt of 1e-12 is as exact as one of 0.1."""
 Instant = namedtuple("Instant", "e1 e2 u v sine cosine")
 """The functions of time that signals are made of."""
 
@@ -312,12 +320,53 @@ def _pair(p, q, t):
 
 
 @compiled
+def _beyond_cubic(x):
+    """e^x - 1 - x - x^2/2 - x^3/6."""
+    if abs(x.real) > _EARLY:
+        return np.exp(x) - (1.0 + x * (1.0 + x * (0.5 + x / 6.0)))
+    total = 1.0 + x / 16.0
+    for k in range(15, 4, -1):
+        total = 1.0 + x / k * total
+    x2 = x * x
+    return x2 * x2 / 24.0 * total
+
+
+@compiled
+def _pair_beyond_cubic(p, q, t):
+    """The pair's solutions u, v without the terms of their power series up to t^3."""
+    pt, qt = p * t, q * t
+    v2 = -0.5 * pt * t
+    v3 = -(qt * t * t + 2.0 * pt * v2) / 6.0
+    if max(abs(pt.real), np.sqrt(abs(qt.real * t.real))) > _EARLY:
+        u, v = _pair(p, q, t)
+        return u - (1.0 - 0.5 * qt * t - qt * v2 / 3.0), v - (t + v2 + v3)
+    u_rest, v_rest, before, last = -0.25 * qt * v3, 0.0 * v3, v2, v3
+    # From u' = -q v and v' = u - p v: every term of v from the two before it, and that of u from one of v.
+    for k in range(2, 15):
+        before, last = last, -_TERMS[k] * (qt * t * before + (k + 1.0) * pt * last)
+        v_rest += last
+        u_rest -= qt * last / (k + 3.0)
+    return u_rest, v_rest
+
+
+@compiled
+def exponentials(arc, now, t):
+    """e^(s1 t) and e^(s2 t) at an instant."""
+    if arc.xi != 0.0:
+        return now.e1, now.e2
+    x, y = arc.s1 * t, arc.s2 * t
+    return now.e1 + 1.0 + x * (1.0 + x * (0.5 + x / 6.0)), now.e2 + 1.0 + y * (1.0 + y * (0.5 + y / 6.0))
+
+
+@compiled
 def instant(arc, t):
     """The functions of time at local time `t`."""
+    if arc.xi.real == 0.0:
+        u, v = _pair_beyond_cubic(arc.p, arc.q, t)
+        e1, e2 = _beyond_cubic(arc.s1 * t), _beyond_cubic(arc.s2 * t)
+        return Instant(e1, e2, u, v, t + 0.0 * arc.xi, t * t + 0.0 * arc.xi)
     u, v = _pair(arc.p, arc.q, t)
     e1, e2 = np.exp(arc.s1 * t), np.exp(arc.s2 * t)
-    if arc.xi.real == 0.0:
-        return Instant(e1, e2, u, v, t + 0.0 * arc.xi, t * t + 0.0 * arc.xi)
     turned = arc.phase + arc.xi * t
     return Instant(e1, e2, u, v, np.sin(turned), np.cos(turned))
 
@@ -329,7 +378,11 @@ def rate_of(arc, x):
     onward = -arc.q * x.on_u - arc.p * x.on_v
     if xi.real == 0.0:
         free = arc.s1 * x.on_s1, arc.s2 * x.on_s2, x.on_v, onward
-        return Signal(x.along, *free, 2.0 * x.across, 3.0 * x.gain_across, zero, zero)
+        # The fourth derivative at the start: the forcing has none.
+        next_onward = -arc.q * x.on_v - arc.p * onward
+        r1, r2 = arc.s1 * arc.s1, arc.s2 * arc.s2
+        fourth = r1 * r1 * x.on_s1 + r2 * r2 * x.on_s2 - arc.q * onward - arc.p * next_onward
+        return Signal(x.along, *free, 2.0 * x.across, 3.0 * x.gain_across, zero, fourth / 6.0)
     along, across = x.gain_along - xi * x.across, x.gain_across + xi * x.along
     harmonic = along, across, -xi * x.gain_across, xi * x.gain_along
     return Signal(zero, arc.s1 * x.on_s1, arc.s2 * x.on_s2, x.on_v, onward, *harmonic)

@@ -7,7 +7,8 @@ M u'' + C u' + K u = b eta and eta = sum e_j s^j the particular solution is a cu
     K u_j = b e_j - (j + 1) C u_{j+1} - (j + 2)(j + 1) M u_{j+2},
 
 because K = diag(-(1 + 2 mu), 1) is never singular. What is left of the state moves freely, as in
-`tpd.exact.arc_kernel`.
+`tpd.exact.arc_kernel`. The sum is written as the Taylor polynomial of degree 3 at the start of an arc, whose
+coefficients follow from the state by the equations themselves, and what is left of the free motion beyond it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from tpd.exact.mode_kinds import REST, SLIP
 
 Cubic = namedtuple("Cubic", "e0 e1 e2 e3")
 """Forcing over its full size: e0 + e1 s + e2 s^2 + e3 s^3, with s from the start of the arc."""
-START = Instant(1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+START = Instant(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The functions of time at the start of an arc."""
 
 
@@ -69,26 +70,30 @@ def _onward(q, e, j, a1, b1, a2, b2):
 def launch_cubic(q, kind, tilt, way, y0, y1, y2, y3, e):
     """The arc that leaves a state in a mode under the forcing `e`; compare `tpd.exact.arc_kernel.launch`."""
     zero = 0.0 * (q.f + e.e0 + y0)
+    # Accelerations and their slopes at the start, by the equations and by their derivative in time.
+    balance = (tilt * q.weight + way * q.k) / q.up
+    up, swing = accelerations(q, kind, balance, y0, y1, y2, y3, e.e0)
+    faster, swinging = accelerations(q, kind, 0.0 * balance, y2, y3, up, swing, e.e1)
     if kind != SLIP:
-        b0, b1, b2, b3 = _held(q, e)
+        b0, b1, _, _ = _held(q, e)
         leaning = zero if kind == REST else y0 + zero
         still = Signal(leaning, zero, zero, zero, zero, zero, zero, zero, zero)
         u, v = y1 - b0 + zero, y3 - b1 + zero
-        bob = Signal(b0 + zero, zero, zero, u, v, b1 + zero, b2 + zero, zero, b3 + zero)
+        bob = Signal(y1 + zero, zero, zero, u, v, y3 + zero, swing / 2.0 + zero, zero, swinging / 6.0 + zero)
         return Arc(still, bob, zero, zero, q.held_p + zero, q.held_q + zero, zero, zero)
     # Tilt and bob from the highest power down; the static answer to eta is eta for both.
     a3, b3 = _onward(q, e.e3, 3.0, zero, zero, zero, zero)
     a2, b2 = _onward(q, e.e2, 2.0, a3, b3, zero, zero)
     a1, b1 = _onward(q, e.e1, 1.0, a2, b2, a3, b3)
     a0, b0 = _onward(q, e.e0, 0.0, a1, b1, a2, b2)
-    centre = (tilt * q.weight + way * q.k) / q.up + a0
+    centre = balance + a0
     f0, f1, f2, f3 = y0 - centre, y1 - b0, y2 - a1, y3 - b1
     a = q.al0 * f0 + q.al1 * f1 + q.al2 * f2 + q.al3 * f3
     b = q.bl0 * f0 + q.bl1 * f1 + q.bl2 * f2 + q.bl3 * f3
     u0, u1 = f0 - a * q.a0 - b * q.b0, f1 - a * q.a1 - b * q.b1
     v0, v1 = f2 - a * q.a2 - b * q.b2, f3 - a * q.a3 - b * q.b3
-    leaning = Signal(centre, a * q.a0, b * q.b0, u0, v0, a1, a2, zero, a3)
-    bob = Signal(b0, a * q.a1, b * q.b1, u1, v1, b1, b2, zero, b3)
+    leaning = Signal(y0 + zero, a * q.a0, b * q.b0, u0, v0, y2 + zero, up / 2.0, zero, faster / 6.0)
+    bob = Signal(y1 + zero, a * q.a1, b * q.b1, u1, v1, y3 + zero, swing / 2.0, zero, swinging / 6.0)
     return Arc(leaning, bob, q.s1 + zero, q.s2 + zero, q.p + zero, q.q + zero, zero, zero)
 
 

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from tpd.exact.arc_kernel import Signal, compiled, instant, places, rate_of, value_of
+from tpd.exact.arc_kernel import Signal, compiled, exponentials, instant, places, rate_of, value_of
 from tpd.exact.mode_kinds import SLIP, STICK
 
 GONE, END, FIRST, SECOND, BOB, RELATIVE = places(4, -2)
@@ -37,8 +37,13 @@ _NEAR, _CLOSE = 1e-7, 1e-4
 """Steps to a root, over the time, after which there is none to come, or one."""
 _THIRD, AWAY, _FROM_ZERO = 1.0 / 3.0, 1.0 / 384.0, 1.0 / 162.0
 """The cubic differs from the signal by at most AWAY B d^4, and by _FROM_ZERO B d^4 s at the share s."""
+_TWICE = 1.0 / 24.0
+"""It differs by at most _TWICE B d^4 s^2."""
 _CURVED = math.sqrt(3.0) / 216.0
 """The slope of the cubic differs from that of the signal by at most this times B d^3."""
+SLACK = 4e-15
+"""Share of what holds a block by which the moment on it must exceed that: less is rounding, and a block whose
+release and whose rest are decided by rounding would be released again and again."""
 
 
 @compiled
@@ -78,6 +83,18 @@ def _watch(w, i, x, arc):
     # The energy x^2 + x'^2/q of the pair only decreases.
     w[i, 3, 3] = math.sqrt(fourth.on_u * fourth.on_u + fourth.on_v * fourth.on_v / arc.q)
     w[i, 3, 4] = math.sqrt(fourth.along * fourth.along + fourth.across * fourth.across)
+    if arc.xi == 0.0:
+        # The fourth derivative of a cubic is zero, and its polynomial is that of the free solutions.
+        w[i, 3, 4] = w[i, 3, 7] = w[i, 3, 8] = 0.0
+
+
+@compiled
+def side_of(x):
+    """Sign that a signal of a cubic takes at its start: that of the first coefficient that is not zero."""
+    first = x.constant if x.constant != 0.0 else x.along
+    first = first if first != 0.0 else x.across
+    first = first if first != 0.0 else x.gain_across
+    return -1.0 if first < 0.0 else 1.0
 
 
 @compiled
@@ -112,7 +129,7 @@ def watch_block(q, arc, mode, forcing, w):
         return True
     pull, stuck = _excess(q, arc, forcing), mode[0] == STICK
     level = q.up * arc.tilt.constant - (mode[1] * q.weight if stuck else 0.0)
-    hold = q.k + (0.0 if stuck else q.weight)
+    hold = q.k + (0.0 if stuck else q.weight) + SLACK * (q.k + q.weight)
     below = _scaled(-1.0, pull)
     _watch(w, FIRST, Signal(hold - level + below.constant, *below[1:]), arc)
     _watch(w, SECOND, Signal(hold + level + pull.constant, *pull[1:]), arc)
@@ -152,6 +169,9 @@ def _judged(g0, v0, g1, v1, d, bound):
         return _CLEAR
     # Divided by s, what is left of the cubic without its first term, g0 (1 - s)^3 >= 0.
     if g0 >= 0.0 and min(min(3.0 * b1, 1.5 * b2), g1) > left * _FROM_ZERO:
+        return _CLEAR
+    # Divided by s^2, what is left without the first two terms: the signal began with a rate of zero.
+    if g0 >= 0.0 and b1 >= 0.0 and min(3.0 * b2, g1) > left * _TWICE:
         return _CLEAR
     steepest = max(max(b1 - g0, b2 - b1), g1 - b2)
     if g1 <= 0.0 < g0 and 3.0 * steepest < -_CURVED * left:
@@ -199,12 +219,13 @@ def _root(arc, w, i, lo, hi, guess):
 @compiled
 def _begun(arc, w, count, second, now, t, end, least, g, v):
     """Put values and slopes of the signals at the start of an arc into `g` and `v`. A signal that begins at
-    zero has just vanished: the motion goes on a little before it may vanish again. Return the time."""
+    zero has just vanished: the motion goes on a little before it may vanish again, unless the forcing is a
+    cubic, whose signals are exact there. Return the time."""
     again = False
     for i in range(count):
         if i != SECOND or second:
             g[i], v[i] = _look(w, i, now, t, _VALUE), _look(w, i, now, t, _SLOPE)
-            again = again or (g[i] < _AT_ZERO and v[i] <= 0.0)
+            again = again or (g[i] < _AT_ZERO and v[i] <= 0.0 and arc.xi != 0.0)
             if g[i] < _AT_ZERO and v[i] > 0.0:
                 g[i] = max(g[i], 0.0)
     if again:
@@ -219,13 +240,12 @@ def _begun(arc, w, count, second, now, t, end, least, g, v):
 
 
 @compiled
-def _at_once(count, second, t, g, v):
-    """The event that a motion is past already, and its time; END if there is none."""
+def _at_once(count, second, since, t, g, v):
+    """The event that a motion is past already, and its time, not before `since`; END if there is none."""
     for i in range(count):
         if (i != SECOND or second) and g[i] <= 0.0:
             if v[i] < 0.0:
-                back = -g[i] / v[i]
-                return i, (t + back if -t <= back else t)
+                return i, max(since, t - g[i] / v[i])
             # It rises: less than zero it is by rounding only.
             g[i] = 0.0
     return END, t
@@ -237,8 +257,9 @@ def next_event(arc, w, count, second, now, t, end, least, longest, window, limit
     at the signals are left. No event is END; a tilt beyond `limit` is GONE. `count` rows of `w` are signals,
     but the second only if `second`. The first window is `window`, the others are at most `longest`."""
     g, v, h, z = w[SIGNALS, 0], w[SIGNALS, 1], w[SIGNALS, 2], w[SIGNALS, 3]
+    since = t
     t = _begun(arc, w, count, second, now, t, end, least, g, v)
-    which, at = _at_once(count, second, t, g, v)
+    which, at = _at_once(count, second, since, t, g, v)
     if which != END:
         return which, at, looks
     d, e2 = window, 1.0
@@ -247,20 +268,23 @@ def next_event(arc, w, count, second, now, t, end, least, longest, window, limit
         to = end if d == end - t else t + d
         now, looks = instant(arc, to), looks - 1
         first, soonest, proved = END, to, True
+        up, down = exponentials(arc, now, to)
         for i in range(count):
             if i == SECOND and not second:
                 continue
             h[i], z[i] = _look(w, i, now, to, _VALUE), _look(w, i, now, to, _SLOPE)
-            found = _judged(g[i], v[i], h[i], z[i], d, _bound(w, i, now.e1, e2, to))
+            found = _judged(g[i], v[i], h[i], z[i], d, _bound(w, i, up, e2, to))
             if found == _UNKNOWN and d <= least:
-                # Rounding decides.
-                found = _ONE if h[i] <= 0.0 < g[i] else _CLEAR
+                # Rounding decides, but a signal that is exact where it began has left to the wrong side.
+                found = _ONE if h[i] <= 0.0 and (g[i] > 0.0 or arc.xi == 0.0) else _CLEAR
             if found == _UNKNOWN:
                 proved = False
                 break
             if found == _ONE and (first == END or _look(w, i, instant(arc, soonest), soonest, _VALUE) <= 0.0):
-                # Its only root in the window comes before that of the other signal.
-                root = _root(arc, w, i, t, to, _guess(g[i], v[i], h[i], z[i], d))
+                # Its only root in the window comes before that of the other signal. One that began at zero has
+                # a root there: from the right, Newton's method comes to the other one.
+                guess = _guess(g[i], v[i], h[i], z[i], d) if g[i] > 0.0 else 1.0
+                root = _root(arc, w, i, t, to, guess)
                 if first == END or root < soonest:
                     first, soonest = i, root
         if not proved:
@@ -270,7 +294,7 @@ def next_event(arc, w, count, second, now, t, end, least, longest, window, limit
             return first, soonest, looks
         if not abs(value_of(arc.tilt, now, to)) < limit:
             return GONE, to, looks
-        t, e2, d = to, now.e2, min(2.0 * d, longest)
+        t, e2, d = to, down, min(2.0 * d, longest)
         for i in range(count):
             g[i], v[i] = h[i], z[i]
     return END, end, looks

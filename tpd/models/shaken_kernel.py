@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from tpd.exact.arc_kernel import Signal, compiled, instant, plant, state_at
+from tpd.exact.arc_kernel import Signal, compiled, instant, plant, rate_of, state_at
 from tpd.exact.cubic_kernel import START, Cubic, accelerations, cubic_at, forcing_of, launch_cubic, put_map
 from tpd.exact.event_kernel import (
     ARRIVED,
@@ -37,15 +37,15 @@ from tpd.exact.event_search import (
     SMALL,
     next_event,
     room,
+    side_of,
     turn_over,
     watch_block,
     watch_turns,
 )
 from tpd.exact.mode_kinds import REST, SLIP, STICK
-from tpd.models.shaken_proof import STILL, put_bounds, without_event
+from tpd.models.shaken_proof import put_bounds, without_event
 from tpd.models.shaken_tally import (
     BEST,
-    BOB_WAY,
     CROSSING,
     EVENTS,
     FELL,
@@ -53,7 +53,6 @@ from tpd.models.shaken_tally import (
     LEGS,
     LIFTED,
     LOOKS_LEFT,
-    RELATIVE_WAY,
     TALLY,
     WHEN,
     WHERE,
@@ -74,6 +73,8 @@ OUT = 19
 growing coordinate of the last leg (with derivatives only); status; impacts; times of the first uplift and of
 the overturning; transversality; legs; and the accelerations at the end."""
 _ROUNDING = 1e-15
+_REACH = 8.0
+"""Longest arc, over the quickest time scale of the motion."""
 _FOREVER = 1e6
 _START = np.int64(0)
 _KINDS = (float(SLIP), float(REST))
@@ -124,28 +125,11 @@ def _whole_pieces(q, c, n, i, mode, y, maps, bounds, tally, legs):
         if not (abs(b[0]) < limit and without_event(q, arc, mode, e, h, a, b, growth, tally, bounds)):
             break
         y[0], y[1], y[2], y[3] = b[0], b[1], b[2], b[3]
-        # The bob may have turned.
-        if b[3] * tally[BOB_WAY] < 0.0:
-            tally[BOB_WAY] = -tally[BOB_WAY]
-        if (b[3] - b[2]) * tally[RELATIVE_WAY] < 0.0:
-            tally[RELATIVE_WAY] = -tally[RELATIVE_WAY]
         i += 1
     if i > first:
         note(tally, y[0], y[1], i * h, tally[LEGS])
         _record(legs, tally, mode, first, 0.0, float(i - first), WHOLE, NO, start)
     return i
-
-
-@compiled
-def _look_ahead(q, arc, mode, y, tally):
-    """Put the ways in which the angles of the bob go into the tally."""
-    rate, relative = y[3], y[3] - y[2]
-    if abs(rate) <= STILL or abs(relative) <= STILL:
-        ahead = 1e-3 / math.sqrt(q.held_q)
-        now = state_at(arc, instant(arc, ahead), ahead)
-        rate = now[3] if abs(rate) <= STILL else rate
-        relative = now[3] - now[2] if abs(relative) <= STILL else relative
-    tally[BOB_WAY], tally[RELATIVE_WAY] = (-1.0 if rate < 0.0 else 1.0), (-1.0 if relative < 0.0 else 1.0)
 
 
 @compiled
@@ -157,30 +141,20 @@ def _difference(a, b):
 
 
 @compiled
-def _watch(q, arc, mode, e, tally, w):
+def _watch(q, arc, mode, e, w):
     """Prepare all signals of an arc. Return how many there are, and whether the second is one of them."""
     forcing = Signal(e.e0, 0.0, 0.0, 0.0, 0.0, e.e1, e.e2, 0.0, e.e3)
     second, count = watch_block(q, arc, mode, forcing, w), BOB
     if q.mu > 0.0:
-        watch_turns(w, BOB, tally[BOB_WAY], arc.bob, arc)
+        # Whatever was before, a bob goes where the arc takes it: one that stood still has no way of its own.
+        watch_turns(w, BOB, side_of(rate_of(arc, arc.bob)), arc.bob, arc)
         count = RELATIVE
         # Under a held block both angles of the bob turn at once.
         if mode[0] == SLIP:
-            watch_turns(w, RELATIVE, tally[RELATIVE_WAY], _difference(arc.bob, arc.tilt), arc)
+            relative = _difference(arc.bob, arc.tilt)
+            watch_turns(w, RELATIVE, side_of(rate_of(arc, relative)), relative, arc)
             count = RELATIVE + 1
     return count, second
-
-
-@compiled
-def _turned(tally, which, mode, w):
-    """Take account of a turn of the bob, or of the bob against the block."""
-    if which == BOB:
-        tally[BOB_WAY] = -tally[BOB_WAY]
-        if mode[0] != SLIP:
-            tally[RELATIVE_WAY] = tally[BOB_WAY]
-    else:
-        tally[RELATIVE_WAY] = -tally[RELATIVE_WAY]
-    turn_over(w, which)
 
 
 @compiled
@@ -195,13 +169,6 @@ def _met(q, which, capture, eta, now, y, mode, tau, tally):
         tally[LIFTED] = tau
     # The block's own time scale is 1 in tau: the usual rate of a motion without a frequency.
     tally[CROSSING] = min(tally[CROSSING], transversality(q, 1.0, which, was, mode[0], now, eta))
-    # An impact may reverse the bob without a turn in between.
-    if y[3] * now[3] < 0.0:
-        tally[BOB_WAY] = -tally[BOB_WAY]
-    if mode[0] != SLIP:
-        tally[RELATIVE_WAY] = tally[BOB_WAY]
-    elif (y[3] - y[2]) * (now[3] - now[2]) < 0.0:
-        tally[RELATIVE_WAY] = -tally[RELATIVE_WAY]
     return rests
 
 
@@ -256,7 +223,7 @@ def _past_turns(q, arc, mode, i, n, s, left, start, w, count, second, longest, w
             return which, at, began, window, now
         note(tally, now[0], now[1], i * h + s + at, tally[LEGS])
         _record(legs, tally, mode, i, s + began, at - began, which, NO, start)
-        _turned(tally, which, mode, w)
+        turn_over(w, which)
         began = at
         for j in range(4):
             start[j] = now[j]
@@ -267,6 +234,8 @@ def _piece(q, c, n, i, s, end, mode, y, w, tally, legs, capture, brief):
     """Follow a motion through piece i from its local time `s` to `end`, event by event. Return its end."""
     h, start = q.xi, np.empty(4)
     longest = LONGEST / max(q.s1, math.sqrt(q.q))
+    # The Taylor polynomial of an arc grows with the third power of time, and its rounding with it.
+    reach = _REACH / max(max(q.s1, -q.s2), max(max(q.p, q.held_p), math.sqrt(max(q.q, q.held_q))))
     window = longest
     e = cubic_at(c, n, i, h, s)
     if mode[0] != SLIP:
@@ -278,11 +247,13 @@ def _piece(q, c, n, i, s, end, mode, y, w, tally, legs, capture, brief):
         tally[EVENTS] -= 1.0
         e = cubic_at(c, n, i, h, s)
         arc = launch_cubic(q, mode[0], mode[1], mode[2], y[0], y[1], y[2], y[3], e)
-        count, second = _watch(q, arc, mode, e, tally, w)
+        count, second = _watch(q, arc, mode, e, w)
         for j in range(4):
             start[j] = y[j]
+        whole = end - s <= reach
+        left = end - s if whole else reach
         which, at, began, window, now = _past_turns(
-            q, arc, mode, i, n, s, end - s, start, w, count, second, longest, window, tally, legs
+            q, arc, mode, i, n, s, left, start, w, count, second, longest, window, tally, legs
         )
         for j in range(4):
             y[j] = now[j]
@@ -294,7 +265,11 @@ def _piece(q, c, n, i, s, end, mode, y, w, tally, legs, capture, brief):
         note(tally, y[0], y[1], tau, tally[LEGS])
         if which == END:
             _record(legs, tally, mode, i, s + began, at - began, which, NO, start)
-            return ARRIVED
+            if whole:
+                return ARRIVED
+            s += at
+            tally[EVENTS] += 1.0
+            continue
         # Whether the block rests is known after the event only.
         n_legs = int(tally[LEGS])
         _record(legs, tally, mode, i, s + began, at - began, which, NO, start)
@@ -346,8 +321,6 @@ def _begin(q, c, n, y, mode, tally, max_events):
     decide(q, y, sign(y[0]), sign(y[2]), e.e0, mode)
     if mode[0] == SLIP or y[0] != 0.0:
         tally[LIFTED] = 0.0
-    arc = launch_cubic(q, mode[0], mode[1], mode[2], y[0], y[1], y[2], y[3], e)
-    _look_ahead(q, arc, mode, y, tally)
 
 
 @compiled

@@ -12,10 +12,8 @@ from tpd.exact.arc_kernel import compiled, moment, places
 from tpd.exact.cubic_kernel import forcing_of
 from tpd.exact.event_search import AWAY
 from tpd.exact.mode_kinds import SLIP, STICK
-from tpd.models.shaken_tally import BEST, BOB_WAY, RELATIVE_WAY
+from tpd.models.shaken_tally import BEST
 
-STILL = 1e-12
-"""Rate of an angle whose sign rounding may have changed."""
 _FOURTH, _FIFTH = places(2)
 """Derivatives that are bounded."""
 _SWING, _RELATIVE = places(3, 1)
@@ -86,20 +84,18 @@ def _no_record(tally, k, x0, x1, acceleration0, acceleration1, fourth, h):
 def _bob_is_clear(arc, held, h, a, b, growth, tally, bounds, tilt4, tilt5):
     """Whether the bob neither turns in a piece, nor turns against the block, unless below its largest angles
     so far: a strongly damped bob follows every sample of a record."""
-    bob, side = tally[BOB_WAY], tally[RELATIVE_WAY]
+    g0, v0, g1, v1 = a[3] - a[2], a[5] - a[4], b[3] - b[2], b[5] - b[4]
+    bob, side = math.copysign(1.0, a[3]), math.copysign(1.0, g0)
     bob5, bob4 = (
         _rough(arc, arc.bob, growth, _FIFTH, bounds, held),
         _rough(arc, arc.bob, growth, _FOURTH, bounds, held),
     )
     clear = _clear(bob * a[3], bob * a[5], bob * b[3], bob * b[5], h, bob5)
-    if not clear and (abs(b[3]) < STILL or not _no_record(tally, _SWING, a[1], b[1], a[5], b[5], bob4, h)):
+    if not clear and not _no_record(tally, _SWING, a[1], b[1], a[5], b[5], bob4, h):
         return False
-    g0, v0, g1, v1 = a[3] - a[2], a[5] - a[4], b[3] - b[2], b[5] - b[4]
     if (held and clear) or _clear(side * g0, side * v0, side * g1, side * v1, h, tilt5 + bob5):
         return True
-    return abs(g1) >= STILL and _no_record(
-        tally, _RELATIVE, a[1] - a[0], b[1] - b[0], v0, v1, tilt4 + bob4, h
-    )
+    return _no_record(tally, _RELATIVE, a[1] - a[0], b[1] - b[0], v0, v1, tilt4 + bob4, h)
 
 
 @compiled
