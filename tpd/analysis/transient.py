@@ -24,7 +24,7 @@ from tpd.models.piecewise import Piecewise
 
 FREE = 20.0
 """Free motion that is followed after a ground motion by default, s."""
-MAX_EVENTS = 100_000
+MAX_EVENTS = 200_000
 """Events of a motion beyond one for each piece, at most."""
 
 

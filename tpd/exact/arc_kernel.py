@@ -46,10 +46,11 @@ Signal = namedtuple("Signal", "constant on_s1 on_s2 on_u on_v along across gain_
 Arc = namedtuple("Arc", "tilt bob s1 s2 p q xi phase")
 """The two angles as signals, the time scales, and the forcing's phase at the start.
 
-Where xi is 0, the forcing is a cubic. Then a signal is its Taylor polynomial of degree 3 at the start of the arc,
-with the coefficients (constant, along, across, gain_across), plus the remainders of the free solutions beyond
-degree 3: t and t^2 take the place of sine and cosine, and remainders that of the free solutions. The polynomial
-comes from the state, so that nothing cancels soon after a start: a tilt of 1e-12 is as exact as one of 0.1."""
+Where xi is 0, the forcing is a cubic. Then a signal is its Taylor polynomial of degree 3 at the start of the
+arc, with the coefficients (constant, along, across, gain_across), plus what is left of the free solutions
+beyond degree 3: t and t^2 take the place of sine and cosine, and remainders that of the free solutions. The
+polynomial comes from the state, so that nothing cancels soon after a start: a tilt of 1e-12 is as exact as
+one of 0.1."""
 Instant = namedtuple("Instant", "e1 e2 u v sine cosine")
 """The functions of time that signals are made of."""
 

@@ -281,8 +281,8 @@ def next_event(arc, w, count, second, now, t, end, least, longest, window, limit
                 proved = False
                 break
             if found == _ONE and (first == END or _look(w, i, instant(arc, soonest), soonest, _VALUE) <= 0.0):
-                # Its only root in the window comes before that of the other signal. One that began at zero has
-                # a root there: from the right, Newton's method comes to the other one.
+                # Its only root in the window comes before that of the other signal. A signal that began at
+                # zero has a root there: from the right, Newton's method comes to the other one.
                 guess = _guess(g[i], v[i], h[i], z[i], d) if g[i] > 0.0 else 1.0
                 root = _root(arc, w, i, t, to, guess)
                 if first == END or root < soonest:

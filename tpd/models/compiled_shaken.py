@@ -219,7 +219,7 @@ def follow_all(
     free: np.ndarray,
     *,
     y0: np.ndarray | None = None,
-    max_events: int = 100_000,
+    max_events: int = 200_000,
     slopes: bool = False,
     ratio_by_mass: np.ndarray | None = None,
     brief: bool = False,

@@ -12,7 +12,7 @@ from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, part, stored
 from tpd.models.compiling import checksum
 from tpd.models.custom_call import api_version, on_host, pointer, rows_of, table
 from tpd.models.shaken_derivatives import INPUTS, PLANTS, ROWS, differentiate
-from tpd.models.shaken_kernel import LEG, OUT, OVERTURNED, TALLY, follow, put_results
+from tpd.models.shaken_kernel import LEG, LEGS, OUT, OVERTURNED, TALLY, follow, put_results, room_for
 
 _PIECE, _STATE, _PARAMETERS, _OUT = map(np.int64, (4, 4, 9, OUT))
 """Columns of further tables; a piece has four coefficients."""
@@ -40,10 +40,15 @@ def _run(a, first, last):
         begin = r * n if begin < 0 else begin
         c = table(a[3], begin + n, _PIECE)[begin:]
         # Of memory that nothing is written to the system gives none.
-        legs = np.empty((2 * (n + most) + 64, LEG)) if inputs > 0 else none
-        for i in range(4):
-            y[i], mode[i] = y0[r, i], 0.0
-        status = follow(x[r], plants[0], c, n, y, s[r, 3], s[r, 4], most, s[r, 7] != 0.0, tally, legs, mode)
+        legs = np.empty((room_for(n, most), LEG)) if inputs > 0 else none
+        while True:
+            for i in range(4):
+                y[i], mode[i] = y0[r, i], 0.0
+            brief = s[r, 7] != 0.0
+            status = follow(x[r], plants[0], c, n, y, s[r, 3], s[r, 4], most, brief, tally, legs, mode)
+            if inputs == 0 or tally[LEGS] <= len(legs):
+                break
+            legs = np.empty((int(tally[LEGS]), LEG))
         put_results(plants[0], n, s[r, 3], y, mode, tally, status, out[r])
         if inputs > 0:
             # Directions that are not asked for stay zero.

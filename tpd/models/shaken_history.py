@@ -14,7 +14,7 @@ from tpd.exact.event_kernel import NO
 from tpd.exact.event_search import SECOND
 from tpd.exact.mode_kinds import SLIP
 from tpd.models.compiling import checksum
-from tpd.models.shaken_kernel import GONE, LEG, LEGS, TALLY, WHOLE, follow
+from tpd.models.shaken_kernel import GONE, LEG, LEGS, TALLY, WHOLE, follow, room_for
 
 COLUMNS = 9
 """Numbers at a time: the state with the accelerations (6), the forcing, the kind of the mode and the sign of
@@ -80,10 +80,14 @@ def _entry(version: int) -> Callable[..., Any]:
         """Put the states at increasing `times` into `out`, NaN beyond the end, and times and rates phi' of
         impacts, after them, into `impacts`, shape (most, 2). Return the status."""
         n, q, y, mode, tally = len(c), np.empty(1, PLANT), np.empty(4), np.zeros(4), np.empty(TALLY)
-        legs = np.empty((2 * (n + max_events) + 64, LEG))
-        for i in range(4):
-            y[i] = y0[i]
-        status = follow(x, q[0], c, n, y, free, 2e-7, max_events, NO, tally, legs, mode)
+        legs = np.empty((room_for(n, max_events), LEG))
+        while True:
+            for i in range(4):
+                y[i] = y0[i]
+            status = follow(x, q[0], c, n, y, free, 2e-7, max_events, NO, tally, legs, mode)
+            if tally[LEGS] <= len(legs):
+                break
+            legs = np.empty((int(tally[LEGS]), LEG))
         # Times increase, as the legs do: one pass through both.
         at = 0
         for m in range(min(int(tally[LEGS]), len(legs))):

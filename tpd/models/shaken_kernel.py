@@ -76,9 +76,23 @@ _ROUNDING = 1e-15
 _REACH = 8.0
 """Longest arc, over the quickest time scale of the motion."""
 _FOREVER = 1e6
+_LOSSLESS = 1.0 - 1e-4
+"""Velocity ratio from which on a rattle takes so many impacts that it may exhaust the bound on events."""
+_LAST = 10
+"""Times the bound on events that the last try may take."""
+_USUAL = 20_000
+"""Events for which there is room at first."""
+_COARSER, _QUICKEST = 20.0, 1e-4
+"""Factor of the speed that counts as rest from one try to the next, and its largest value over nu."""
 _START = np.int64(0)
 _KINDS = (float(SLIP), float(REST))
 """Modes for which whole pieces have a map."""
+
+
+@compiled
+def room_for(n, max_events):
+    """Legs to make room for at first: few motions have so many, and those are followed once more."""
+    return 2 * (n + min(max_events, _USUAL)) + 64
 
 
 @compiled
@@ -330,6 +344,22 @@ def follow(x, q, c, n, y, free, rest_rate, max_events, brief, tally, legs, mode)
     the base acceleration over that of gravity and h the duration of a piece. If `brief`, the free motion ends
     as soon as it cannot tilt the block further. Return the status."""
     plant(x, q)
+    start, quick, most = y.copy(), rest_rate, max_events
+    while True:
+        status = _follow(q, c, n, y, free, quick, most, brief, tally, legs, mode)
+        # Hops that lose nothing never end. Where there are too many of them, quicker ones count as rest: they
+        # tilt the block by about the square of their speed. The last try has the events that it may take.
+        if status != EVENT_BOUND or q.e < _LOSSLESS or quick * _COARSER > _QUICKEST:
+            return status
+        quick *= _COARSER
+        most = max_events if quick * _COARSER <= _QUICKEST else _LAST * max_events
+        for j in range(4):
+            y[j] = start[j]
+
+
+@compiled
+def _follow(q, c, n, y, free, rest_rate, max_events, brief, tally, legs, mode):
+    """Follow a motion as `follow` does; hops slower than `rest_rate` end in rest."""
     bounds, maps, w = np.empty((2, 2, 2)), np.empty((2, 4, 8)), room()
     put_bounds(q, bounds)
     # Two maps serve the whole motion, because all pieces have the same duration.

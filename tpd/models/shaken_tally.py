@@ -8,8 +8,8 @@ BEST, WHERE, WHEN = 0, 6, 12
 """Places in the tally of a motion: largest phi, psi and psi - phi to either side, the legs at whose ends they
 were met (-1 is the beginning), and the times."""
 IMPACTS, LIFTED, FELL, LEGS, EVENTS, LOOKS_LEFT, CROSSING = range(18, 25)
-"""Further places: impacts, times of first uplift and of overturning, legs, events and looks that are left, and
-the least transversality."""
+"""Further places: impacts, times of first uplift and of overturning, legs, events and looks that are left,
+and the least transversality."""
 TALLY = 25
 
 
