@@ -111,11 +111,11 @@ def accelerations(q, kind, centre, y0, y1, y2, y3, eta):
 
 @compiled
 def put_map(q, kind, h, out):
-    """Put the map (state, coefficients of the forcing in the share of a piece) -> state after a piece of
-    duration h into `out`, shape (4, 8). The tilt counts from its centre.
+    """Put the map (state, coefficients of the forcing in the share of a piece) -> change of the state over a
+    piece of duration h into `out`, shape (4, 8). The tilt counts from its centre.
 
-    It is a part of the exponential of a matrix for the state and the derivatives of the forcing together.
-    Unlike the closed form of an arc it has no particular solution, which is large where the forcing is
+    It is a part of the exponential, less the identity, of a matrix for the state and the derivatives of the
+    forcing together: a low tilt, far from its centre, is not lost beside the distance from it. Unlike the closed form of an arc it has no particular solution, which is large where the forcing is
     quicker than the block and would cancel once in every piece.
     """
     n, x = np.zeros((8, 8)), np.zeros(5)
@@ -128,12 +128,13 @@ def put_map(q, kind, h, out):
     # Halved until the series converges quickly, and squared as often.
     halved = max(0, math.ceil(math.log2(max(np.max(np.abs(n)), 1e-3))) + 4)
     n /= 2.0**halved
-    total, term = np.eye(8), np.eye(8)
-    for i in range(1, 16):
+    total, term = n.copy(), n.copy()
+    for i in range(2, 16):
         term = term @ n / i
         total = total + term
+    # (1 + E)^2 = 1 + 2 E + E^2.
     for _ in range(halved):
-        total = total @ total
+        total = 2.0 * total + total @ total
     for i in range(4):
         for j in range(8):
             out[i, j] = total[i, j] * (2.0 if j == 6 else (6.0 if j == 7 else 1.0))

@@ -33,7 +33,7 @@ LONGEST = 1.0
 """Longest window, over the quickest time scale of the motion."""
 LOOKS = 16
 """Looks at the signals allowed for each event that is."""
-_NEAR, _CLOSE = 1e-7, 1e-4
+_NEAR, _CLOSE = 1e-7, 1e-6
 """Steps to a root, over the time, after which there is none to come, or one."""
 _THIRD, AWAY, _FROM_ZERO = 1.0 / 3.0, 1.0 / 384.0, 1.0 / 162.0
 """The cubic differs from the signal by at most AWAY B d^4, and by _FROM_ZERO B d^4 s at the share s."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from tpd.exact.arc_kernel import compiled, places
 from tpd.exact.event_kernel import put_mode
+from tpd.exact.event_search import SLACK
 from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.models.nonlinear_series import (
     APART,
@@ -101,7 +102,7 @@ def decide(q, phi, psi, rate, tilt, way, sine, mode):
     """Put the mode of a state into `mode`: `tilt` and `way` are the signs of phi and phi', zero included."""
     up = _excess(q, phi, psi, rate, 1.0 if tilt == 0.0 else tilt, sine)
     down = _excess(q, phi, psi, rate, -1.0, sine) if tilt == 0.0 else up
-    put_mode(up, down, q.k, tilt, way, mode)
+    put_mode(up, down, q.k + SLACK * (q.k + q.weight), tilt, way, mode)
 
 
 @compiled

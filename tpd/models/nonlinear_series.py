@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from tpd.exact.arc_kernel import compiled, places
+from tpd.exact.event_search import SLACK
 
 ORDERS = 32
 """Most coefficients of a series."""
@@ -157,6 +158,7 @@ def held_series(q, side, order, left, inverse, c):
     sp, cp = math.sin(c[PHI, 0]), math.cos(c[PHI, 0])
     up, down = (1.0 if side == 0.0 else side), (-1.0 if side == 0.0 else side)
     c[_SIN, 0], c[_COS, 0] = math.sin(c[PSI, 0]), math.cos(c[PSI, 0])
+    hold = q.k + SLACK * (q.k + q.weight)
     power, former = 1.0, 1.0
     for n in range(order + 1):
         gc = s1 = c1 = rr = sa = ca = srr = crr = 0.0
@@ -180,8 +182,8 @@ def held_series(q, side, order, left, inverse, c):
         bob, one = q.c1 * c[R, n] + 2.0 * q.pull * across, 1.0 if n == 0 else 0.0
         on_block = q.tilt * (one * sp - c[FORCE, n] * cp) + bob
         of_side = q.pull * q.nu * along - q.weight * (one * cp + c[FORCE, n] * sp)
-        c[UP, n] = one * q.k - on_block - up * of_side
-        c[DOWN, n] = one * q.k + on_block + down * of_side
+        c[UP, n] = one * hold - on_block - up * of_side
+        c[DOWN, n] = one * hold + on_block + down * of_side
         by = 1.0 / (n + 1.0)
         c[PSI, n + 1], c[R, n + 1] = by * c[R, n], by * c[_SWING, n]
         c[_SIN, n + 1], c[_COS, n + 1] = by * s1, by * c1

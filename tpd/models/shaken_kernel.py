@@ -112,9 +112,9 @@ def _over(m, c, i, centre, y, end):
     """Put the state after piece i into `end`, by the map of a piece."""
     x0, x1, x2, x3 = y[0] - centre, y[1], y[2], y[3]
     for k in range(4):
-        state = m[k, 0] * x0 + m[k, 1] * x1 + m[k, 2] * x2 + m[k, 3] * x3
-        end[k] = state + m[k, 4] * c[i, 0] + m[k, 5] * c[i, 1] + m[k, 6] * c[i, 2] + m[k, 7] * c[i, 3]
-    end[0] += centre
+        change = m[k, 0] * x0 + m[k, 1] * x1 + m[k, 2] * x2 + m[k, 3] * x3
+        change += m[k, 4] * c[i, 0] + m[k, 5] * c[i, 1] + m[k, 6] * c[i, 2] + m[k, 7] * c[i, 3]
+        end[k] = y[k] + change
 
 
 @compiled
