@@ -15,7 +15,6 @@ import numpy as np
 
 from tpd.exact.arc_kernel import compiled, places
 from tpd.exact.event_kernel import put_mode
-from tpd.exact.event_search import SLACK
 from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.models.nonlinear_series import (
     APART,
@@ -23,6 +22,7 @@ from tpd.models.nonlinear_series import (
     LEAN,
     PHI,
     PSI,
+    SLACK,
     UP,
     R,
     V,
