@@ -116,7 +116,7 @@ def test_two_zeros_before_a_record_do_not_stop_it():
     hung = tpd.Pendulum(mass=100.0, length=1.0, damping_ratio=0.1)
     found = motions([Case(SMALL, hung, record([0.0, 0.0, 3.0, -3.0, 0.0], 0.02))])
     assert found.status[0] == ROCKED
-    assert found.tilt[0] == pytest.approx(1.1256e-4, rel=1e-4)
+    assert found.tilt[0] == pytest.approx(1.1256e-4, rel=1e-4, abs=0.0)
 
 
 @pytest.mark.mends("records with quiet parts had no answer, or times below zero")
@@ -124,16 +124,18 @@ def test_every_motion_has_an_answer_and_times_that_are_not_negative(known):
     assert decided(known)
 
 
-@pytest.mark.mends("events were put before those before them")
-def test_times_grow_along_a_motion(scenes):
-    looked = 0
-    for case, _, _ in scenes[:40]:
-        history = shaking_history(tpd.Scene(case.block, case.motion), case.pendulum, free=5.0)
-        times = history.impacts[:, 0]
+def test_times_grow_along_a_motion():
+    rng, looked = np.random.default_rng(3), 0
+    for _ in range(40):
+        hung = tpd.Pendulum(
+            mass=rng.uniform(20.0, 300.0), length=rng.uniform(0.2, 2.2), damping_ratio=rng.uniform(0.02, 0.6)
+        )
+        shaken = tpd.Scene(SMALL, record([0.0, 0.0, 3.0, -3.0, 0.0], 0.02))
+        times = shaking_history(shaken, hung, free=2.0).impacts[:, 0]
         assert np.all(np.diff(times) > 0.0)
-        assert np.all(times >= 0.0)
+        assert np.all(times > 0.02)
         looked += len(times)
-    assert looked > 100
+    assert looked > 400
 
 
 @pytest.mark.mends("zeros before a record changed its answer")
@@ -261,31 +263,33 @@ def test_a_bound_on_events_that_is_too_low_is_said():
     assert found.status[0] == EVENT_BOUND
 
 
-LOW = (
-    # Width, height (m), bob (kg), length (m), damping, restitution, excess over uplift, seed of the samples.
-    ((0.6, 2.9), (), 0.9, 1e-3, 1),
-    ((1.1, 4.3), (), 0.95, 3e-2, 2),
-    ((0.8, 5.1), (40.0, 1.5, 1.2), 0.9, 0.3, 3),
-    ((1.7, 6.2), (330.0, 2.0, 0.02), 0.9, 0.5, 4),
-)
-
-
 @pytest.mark.mends("low hops lost digits")
-@pytest.mark.parametrize(("size", "bob", "restitution", "excess", "seed"), LOW)
-def test_low_hops_have_the_digits_of_an_independent_series(size, bob, restitution, excess, seed):
-    width, height = size
-    a = np.convolve(np.random.default_rng(seed).standard_normal(60), np.ones(5) / 5.0, "same")
-    a[0] = a[-1] = 0.0
-    a = np.round(a / np.abs(a).max() * width / height * GRAVITY * (1.0 + excess), 6)
+@pytest.mark.parametrize("seed", [15, 245, 256, 270, 390])
+def test_low_hops_have_the_digits_of_an_independent_series(seed):
+    rng = np.random.default_rng(seed)
+    width = round(rng.uniform(0.3, 2.0), 3)
+    height, loss = round(width * rng.uniform(3.0, 9.0), 3), float(rng.choice([0.9, 0.95, 0.985]))
+    bob = (
+        ()
+        if seed % 3 == 0
+        else (
+            round(1000.0 * 10.0 ** rng.uniform(-2.5, -0.4), 2),
+            round(0.5 * height * 10.0 ** rng.uniform(-1.0, 0.25), 3),
+            float(rng.choice([0.1, 0.4, 0.6, 1.0])),
+        )
+    )
+    lift = width / height * GRAVITY * (1.0 + 10.0 ** rng.uniform(-3.5, -1.0))
+    steps = np.repeat(rng.choice([-1, -0.5, 0.3, 0.5, 1.0], 6), 8)
+    a = np.round(lift * np.concatenate([[0.2], steps, [0.0]]), 6)
     scene: dict[str, float] = {"width": width, "height": height, "mass": 1000.0, "friction": 0.0}
-    scene |= {"restitution": restitution, "gravity": GRAVITY, "scale": 1.0}
+    scene |= {"restitution": loss, "gravity": GRAVITY, "scale": 1.0}
     scene |= dict(zip(("bob", "length", "damping"), bob, strict=False))
     motion = {"kind": "samples", "dt": 0.01, "acceleration": a.tolist()}
     exact = follow({"scene": scene, "motion": motion, "y0": (0, 0, 0, 0), "free": 0.1}, digits(40))
-    block = tpd.Block(width=width, height=height, mass=1000.0, friction=0.0, restitution=restitution)
+    block = tpd.Block(width=width, height=height, mass=1000.0, friction=0.0, restitution=loss)
     pendulum = tpd.Pendulum(mass=bob[0], length=bob[1], damping_ratio=bob[2]) if bob else None
     found = motions([Case(block, pendulum, record(a, 0.01))], free=0.1)
-    assert 0.0 < exact.amplitude < 2e-2
-    assert found.tilt[0] == pytest.approx(float(exact.amplitude), rel=1e-11)
+    assert 0.0 < exact.amplitude < 3e-4
+    assert found.tilt[0] == pytest.approx(float(exact.amplitude), rel=1e-10, abs=0.0)
     if bob:
-        assert found.swing[0] == pytest.approx(float(exact.stroke), rel=1e-11)
+        assert found.swing[0] == pytest.approx(float(exact.stroke), rel=1e-10, abs=0.0)

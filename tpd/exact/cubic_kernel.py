@@ -115,8 +115,9 @@ def put_map(q, kind, h, out):
     piece of duration h into `out`, shape (4, 8). The tilt counts from its centre.
 
     It is a part of the exponential, less the identity, of a matrix for the state and the derivatives of the
-    forcing together: a low tilt, far from its centre, is not lost beside the distance from it. Unlike the closed form of an arc it has no particular solution, which is large where the forcing is
-    quicker than the block and would cancel once in every piece.
+    forcing together: a low tilt, far from its centre, is not lost beside the distance from it. Unlike the
+    closed form of an arc it has no particular solution, which is large where the forcing is quicker than the
+    block and would cancel once in every piece.
     """
     n, x = np.zeros((8, 8)), np.zeros(5)
     for j in range(5):

@@ -28,8 +28,8 @@ _NONE = np.int64(0)
 _PROVED, _TINY = 60, 1e-15
 """Steps of a proof, and share of its size at which a signal has vanished."""
 SLACK = 100.0 * _TINY
-"""Share of what holds a block by which the moment on it must exceed that: more than what has vanished, so that
-shaking that just balances the weight does not let the block go again and again."""
+"""Share of what holds a block by which the moment on it must exceed that: more than what has vanished, so
+that shaking that just balances the weight does not let the block go again and again."""
 
 
 @compiled
