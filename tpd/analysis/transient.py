@@ -59,7 +59,8 @@ class Transient(eqx.Module):
     swing_time: Number
     relative_time: Number
     impacts: Int[Any, "..."]
-    """Impacts on the base; hops that end in rest count as one from a speed of 2e-7 nu on."""
+    """Impacts on the base; hops that end in rest count as one from a speed of 2e-7 nu on (with a restitution
+    of 0.9999 or more from up to 8e-5 nu on, where slower ones would exhaust `max_events`)."""
     uplift_time: Number
     """Time at which the block leaves its base for the first time; infinite if it never does."""
     overturning_time: Number
