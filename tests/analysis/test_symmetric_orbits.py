@@ -501,6 +501,41 @@ def test_the_stroke_is_the_largest_of_all_peaks(x):
         assert o.stroke[0, j] >= bob.max() - 1e-9
 
 
+def quick(count: int) -> np.ndarray:
+    """Designs under slow shaking whose bob follows an impact quickly, or swings without damping."""
+    rng = np.random.default_rng(1)
+    nu = rng.uniform(0.05, 0.45, count)
+    columns = (
+        nu,
+        10.0 ** rng.uniform(-3.0, 0.0, count),
+        10.0 ** rng.uniform(-2.0, 0.0, count),
+        np.where(rng.random(count) < 0.3, 0.0, 10.0 ** rng.uniform(-0.3, 0.7, count)),
+        np.where(rng.random(count) < 0.6, 0.0, 0.1 * nu),
+        nu * 10.0 ** rng.uniform(-0.3, 0.5, count),
+        10.0 ** rng.uniform(-0.5, 0.1, count),
+        rng.choice([0.8, 0.95, 1.0], count),
+    )
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.mends("two extremes between two samples hid the largest swing of a strongly damped bob")
+def test_the_stroke_of_a_bob_that_is_quick_is_the_largest_swing():
+    xs = quick(10 * BATCH)
+    missed, looked = [], 0
+    for first in range(0, len(xs), BATCH):
+        o = solve(xs[first : first + BATCH])
+        for i, j in np.argwhere(o.exists):
+            x = xs[first + i]
+            # Half a period: the other half mirrors it, and unstable orbits have less time to be left.
+            times = np.linspace(0.0, np.pi / x[6], 2001)
+            bob = np.abs(np.asarray(simulate(parameters(x), o.state[i, j], times).ys)[:, 1])
+            looked += 1
+            if o.stroke[i, j] < bob.max() * (1.0 - 1e-6):
+                missed.append((x.tolist(), float(o.stroke[i, j]), float(bob.max())))
+    assert looked > 100
+    assert not missed
+
+
 def test_a_path_with_too_many_peaks_is_not_followed_and_the_answer_says_so():
     bare = (0.2, 0.0, 0.4, 0.1, 0.05, 0.1, 1.5)
     o = solve([bare, (*bare[:2], 3e-7, *bare[3:])])

@@ -22,13 +22,17 @@ from tpd.exact.trigonometry import turn
 
 PATH_NODES = 16
 """Samples of each of the two arcs of a half period, between which its extremes are looked for."""
-_COARSE = 0.8
-"""Largest turn (rad) of the bob's free oscillation from one of these samples to the next. Beyond it two
-extremes may lie between them, and more samples are taken."""
-_FINE = 0.25
-"""The turn between two samples then."""
+_FINE = 0.2
+"""Spacing of the samples, over the quickest time scale of the motion, where these do not prove the largest
+|psi|."""
 MOST_NODES = 8192
 """Most samples of an arc. An orbit that asks for more is not followed up."""
+_AWAY, _FROM_END, _CURVED = 1.0 / 384.0, 1.0 / 162.0, 3.0**0.5 / 216.0
+"""A cubic through values and slopes at both ends of a window d differs from its signal by at most
+_AWAY B d^4, by _FROM_END B d^4 s at the share s of the window from either end, and its slope by
+_CURVED B d^3, if B bounds the signal's fourth derivative."""
+_ROUNDING = 1e-9
+"""Share of its change in a window by which a rate that begins or ends at zero may have the wrong sign."""
 
 
 class Peak(NamedTuple):
@@ -39,6 +43,8 @@ class Peak(NamedTuple):
     """Share of its arc's duration at which it is met."""
     late: Bool[Array, ""]
     """Whether it is on the second arc."""
+    most: Number
+    """Bound on its size."""
 
 
 class Path(NamedTuple):
@@ -54,6 +60,8 @@ class Path(NamedTuple):
     """-phi'' just before the lower turn: the block turns before it unless negative."""
     bob: Peak
     """The largest |psi|: where the bob turns, or at the impact, which may turn it."""
+    sure: Bool[Array, ""]
+    """Whether it is proved that |psi| is nowhere larger."""
 
 
 class _Seen(NamedTuple):
@@ -64,11 +72,16 @@ class _Seen(NamedTuple):
     """The least fall; infinite without one."""
     bob: tuple[Peak, Peak]
     """The two largest |psi|, the larger first."""
+    doubt: Number
+    """Bound on |psi| wherever the samples do not prove that it has no other extreme than theirs, and in
+    extremes that are not among the two largest."""
 
 
-def path_of(half: Half, orbit: Orbit, nodes: Int[Array, ""] | int = PATH_NODES) -> Path:
+def path_of(
+    half: Half, orbit: Orbit, nodes: Int[Array, ""] | int = PATH_NODES, *, exactly: bool = False
+) -> Path:
     """Follow both arcs, each sampled `nodes` times with its derivatives: what peaks between two samples is
-    found from these."""
+    found from these, and where many peaks may be equal, `exactly` before they are compared."""
     # Samples alone would miss the top of a peak, and a fine grid costs time on every orbit. Value and slope
     # at both ends of an interval tell whether an extreme lies in it (the slope changes sign) and where about.
     # Only the deepest dent of the falling rate and the two largest peaks of |psi| are kept, and refined by
@@ -76,39 +89,59 @@ def path_of(half: Half, orbit: Orbit, nodes: Int[Array, ""] | int = PATH_NODES) 
     # order. Each sample follows from the last by one product with exp(A spacing): no exponential within the
     # loop.
     never = jnp.full_like(orbit.root.t, jnp.inf)
-    none = Peak(-never, jnp.zeros_like(never), jnp.zeros(never.shape, bool))
-    seen = _Seen(-never, none._replace(size=never), (none, none))
+    none = Peak(-never, jnp.zeros_like(never), jnp.zeros(never.shape, bool), -never)
+    seen = _Seen(-never, none._replace(size=never), (none, none), -never)
     start = Instant(identity(orbit.root.t), turn(orbit.root.gamma))
-    first = _Samples(half, orbit, nodes, late=False)
+    first = _Samples(half, orbit, nodes, late=False, exactly=exactly)
     turned = first.look(start)
     now, old, seen = first.follow(start, turned, seen)
-    corner = Peak(jnp.abs(old[2]), jnp.ones_like(never), jnp.zeros(never.shape, bool))
-    seen = seen._replace(bob=_ranked(seen.bob, corner))
-    second = _Samples(half, orbit, nodes, late=True)
+    seen = _with_peak(seen, jnp.abs(old[2]), late=False)
+    second = _Samples(half, orbit, nodes, late=True, exactly=exactly)
     start = Instant(identity(orbit.root.t), now.forcing)
     _, end, seen = second.follow(start, second.look(start), seen)
+    # An undamped bob may turn with the block, where rounding hides the change of its rate's sign.
+    seen = _with_peak(seen, jnp.abs(turned[2]), late=True)
     dented = jnp.isfinite(seen.dent.size)
     dent = where_needed(dented, partial(_refined, row=0), half, orbit, nodes, seen.dent, dented)
-    bob = _largest(half, orbit, nodes, *seen.bob)
+    bob, left = _largest(half, orbit, nodes, *seen.bob)
     # With its sign: where the rate is positive the block turns back.
     fall = jnp.where(dented, -dent.size, jnp.inf)
-    return Path(jnp.maximum(seen.highest, -fall), fall, turned[1], -end[1], bob)
+    sure = jnp.maximum(seen.doubt, left) <= jnp.abs(bob.size)
+    return Path(jnp.maximum(seen.highest, -fall), fall, turned[1], -end[1], bob, sure)
 
 
 class _Samples:
     """The samples of one arc at equal spacing, taken one after the other."""
 
-    def __init__(self, half: Half, orbit: Orbit, nodes: Int[Array, ""] | int, *, late: bool) -> None:
+    def __init__(
+        self, half: Half, orbit: Orbit, nodes: Int[Array, ""] | int, *, late: bool, exactly: bool
+    ) -> None:
         self.rates, self.nodes, self.late = half.plant.slip, nodes, late
+        self.refined = partial(_refined, half, orbit, nodes, row=1) if exactly else None
         self.tilt, self.bob = (x.changing() for x in (orbit.second if late else orbit.first))
         self.spacing = (half.span - orbit.root.t if late else orbit.root.t) / nodes
         self.onward = exponential(self.rates, self.spacing)
         self.turning = turn(self.rates.xi * self.spacing)
+        fifth = self.bob
+        for _ in range(5):
+            fifth = fifth.rate(self.rates)
+        # The energy x^2 + x'^2/q of the pair only decreases, and e^(s1 t) is largest at the end of the arc.
+        pair = jnp.sqrt(fifth.free.on_a**2 + fifth.free.on_b**2 / self.rates.q)
+        forced = jnp.sqrt(fifth.harmonic.along**2 + fifth.harmonic.across**2)
+        rising = jnp.abs(fifth.free.on_s1) * jnp.exp(self.rates.s1 * self.spacing * nodes)
+        self.fifth, self.falling = pair + forced + rising, jnp.abs(fifth.free.on_s2)
 
-    def look(self, now: Instant) -> tuple[Number, Number, Number, Number]:
-        """(phi', phi'', psi, psi') at an instant."""
+    def look(self, now: Instant) -> tuple[Number, Number, Number, Number, Number]:
+        """(phi', phi'', psi, psi', psi'') at an instant."""
         rate = now.rate(self.rates)
-        return self.tilt.at(rate), self.tilt.at(rate.rate(self.rates)), self.bob.at(now), self.bob.at(rate)
+        onward = rate.rate(self.rates)
+        return (
+            self.tilt.at(rate),
+            self.tilt.at(onward),
+            self.bob.at(now),
+            self.bob.at(rate),
+            self.bob.at(onward),
+        )
 
     def follow(self, start: Instant, look: tuple, seen: _Seen) -> tuple[Instant, tuple, _Seen]:
         """The end of the arc, the look there, and the extremes so far; `look` is the one at `start`."""
@@ -116,6 +149,7 @@ class _Samples:
 
     def _step(self, i: Array, carry: tuple) -> tuple:
         now, old, seen = carry
+        falling = now.flow.at_s2
         now = Instant(now.flow.times(self.onward, self.rates), now.forcing.then(self.turning))
         new = self.look(now)
         # At the end of the second arc the block turns: its rate is zero there up to rounding.
@@ -124,10 +158,38 @@ class _Samples:
         fall, dented = self._extreme(i, -old[0], -old[1], -new[0], -new[1])
         way = jnp.where(old[3] < 0, 1.0, -1.0)
         top, turned = self._extreme(i, way * old[2], way * old[3], way * new[2], way * new[3])
-        top = top._replace(size=jnp.where(turned, -top.size, -jnp.inf))
+        top = top._replace(size=jnp.where(turned, -top.size, -jnp.inf), most=-top.most)
+        if self.refined is not None:
+            exact = jnp.abs(self.refined(top, turned).size)
+            top = top._replace(size=jnp.where(turned, exact, -jnp.inf), most=exact)
         nearer = dented & (fall.size < seen.dent.size)
         dent = jax.tree.map(lambda a, b: jnp.where(nearer, a, b), fall, seen.dent)
-        return now, new, _Seen(highest, dent, _ranked(seen.bob, top))
+        bob, left = _ranked(seen.bob, top)
+        left = jnp.where(jnp.isfinite(left.size), left.most, -jnp.inf)
+        doubt = jnp.maximum(jnp.maximum(seen.doubt, left), self._doubt(old, new, falling))
+        return now, new, _Seen(highest, dent, bob, doubt)
+
+    def _doubt(self, old: tuple, new: tuple, falling: Number) -> Number:
+        """Bound on |psi| in an interval, minus infinity where it is proved that it has no extreme there, or
+        one at most, which shows; `falling` is e^(s2 t) at its start."""
+        d, r0, r1 = self.spacing, old[3], new[3]
+        left = (self.fifth + self.falling * falling) * d**4
+        # Bernstein coefficients of the cubic through the rates, and their differences: those of its slope.
+        b1, b2 = r0 + d * old[4] / 3.0, r1 - d * new[4] / 3.0
+        changes = b1 - r0, b2 - b1, r1 - b2
+        way = jnp.where(b1 + b2 < 0.0, -1.0, 1.0)
+        r0, b1, b2, r1 = way * r0, way * b1, way * b2, way * r1
+        still = _ROUNDING * d * jnp.maximum(jnp.abs(old[4]), jnp.abs(new[4]))
+        least = jnp.minimum(b1, b2)
+        keeps = jnp.minimum(jnp.minimum(r0, r1), least) > _AWAY * left
+        keeps |= (r0 > -still) & (jnp.minimum(jnp.minimum(3.0 * b1, 1.5 * b2), r1) > _FROM_END * left)
+        keeps |= (r1 > -still) & (jnp.minimum(jnp.minimum(1.5 * b1, 3.0 * b2), r0) > _FROM_END * left)
+        low, high = (f(f(changes[0], changes[1]), changes[2]) for f in (jnp.minimum, jnp.maximum))
+        once = (3.0 * low > _CURVED * left) | (3.0 * high < -_CURVED * left)
+        # Between its ends a signal is above both by d^2/8 of its largest second derivative at most.
+        steep = 3.0 * jnp.maximum(-low, high) + _CURVED * left
+        bound = jnp.maximum(jnp.abs(old[2]), jnp.abs(new[2])) + d / 8.0 * steep
+        return jnp.where(keeps | once, -jnp.inf, bound)
 
     def _extreme(
         self, i: Array, x0: Number, r0: Number, x1: Number, r1: Number
@@ -137,45 +199,62 @@ class _Samples:
         there = jnp.asarray((r0 < 0) & (r1 >= 0))
         part = r0 / jnp.where(there, r0 - r1, 1.0)
         low = jnp.minimum(x0 + 0.5 * r0 * part * self.spacing, x1 - 0.5 * r1 * (1.0 - part) * self.spacing)
-        return Peak(low, (i + part) / self.nodes, jnp.full(there.shape, self.late)), there
+        # The tangents at both ends meet beyond the extreme, if there is but one.
+        meet = (x1 - x0 - r1 * self.spacing) / jnp.where(there, r0 - r1, 1.0)
+        return Peak(low, (i + part) / self.nodes, jnp.full(there.shape, self.late), x0 + r0 * meet), there
 
 
 def resolved_path(half: Half, orbit: Orbit) -> tuple[Path, Bool[Array, ""]]:
-    """The path with as many samples as the bob's free oscillation asks for, and whether these were not more
-    than `MOST_NODES`. Most orbits need no more than `PATH_NODES`."""
-    # 16 samples of an arc are enough while the bob swings slowly. A short pendulum under slow shaking swings
-    # many times on one arc: several extremes would lie between two samples, and the largest could be missed
-    # (aliasing). The number of samples then follows the bob's own rate. The fine pass is compiled once, with
-    # a loop of unknown length, and is computed only where some design of a batch needs it.
+    """The path, and whether its largest |psi| is proved, with no more than `MOST_NODES` samples of an arc.
+    Most orbits need no more than `PATH_NODES`."""
+    # 16 samples of an arc prove the extremes of most orbits. A short pendulum under slow shaking swings many
+    # times on one arc, and a strongly damped one follows an impact within a small part of it: several
+    # extremes could lie between two samples. The number of samples then follows the quickest rate. The fine
+    # pass is compiled once, with a loop of unknown length, and is computed only where some design of a batch
+    # needs it.
     rates = half.plant.slip
-    swings = rates.q > 0.25 * rates.p**2
     longest = jnp.maximum(orbit.root.t, half.span - orbit.root.t)
-    turned = jnp.where(swings, rates.swing_rate, 0.0) * longest
-    crowded = jnp.asarray(turned > _COARSE * PATH_NODES)
-    resolved = turned <= _FINE * MOST_NODES
-    wanted = jnp.where(crowded & resolved, jnp.ceil(turned / _FINE), 1.0).astype(int)
-    coarse, fine = path_of(half, orbit), where_needed(crowded, path_of, half, orbit, wanted)
-    return jax.tree.map(lambda a, b: jnp.where(crowded, a, b), fine, coarse), resolved
+    quickest = jnp.maximum(jnp.maximum(rates.p, jnp.sqrt(rates.q)), jnp.maximum(-rates.s2, rates.xi))
+    samples = jnp.ceil(quickest * longest / _FINE)
+    coarse = path_of(half, orbit)
+    unsure = ~coarse.sure
+    wanted = jnp.where(unsure & (samples <= MOST_NODES), jnp.maximum(samples, 4.0 * PATH_NODES), 1.0)
+    fine = where_needed(unsure, partial(path_of, exactly=True), half, orbit, wanted.astype(int))
+    path = jax.tree.map(lambda a, b: jnp.where(unsure, a, b), fine, coarse)
+    return path, path.sure
 
 
-def _ranked(best: tuple[Peak, Peak], new: Peak) -> tuple[Peak, Peak]:
-    """The two largest of three."""
+def _with_peak(seen: _Seen, size: Number, *, late: bool) -> _Seen:
+    """What is seen with |psi| at the end of an arc."""
+    corner = Peak(size, jnp.ones_like(size), jnp.full(size.shape, late), size)
+    bob, left = _ranked(seen.bob, corner)
+    left = jnp.where(jnp.isfinite(left.size), left.most, -jnp.inf)
+    return seen._replace(bob=bob, doubt=jnp.maximum(seen.doubt, left))
+
+
+def _ranked(best: tuple[Peak, Peak], new: Peak) -> tuple[tuple[Peak, Peak], Peak]:
+    """The two largest of three, and the third."""
 
     def choose(first: Bool[Array, ""], a: Peak, b: Peak) -> Peak:
         return jax.tree.map(lambda x, y: jnp.where(first, x, y), a, b)
 
     ahead, behind = (jnp.asarray(new.size > old.size) for old in best)
-    return choose(ahead, new, best[0]), choose(ahead, best[0], choose(behind, new, best[1]))
+    largest = choose(ahead, new, best[0]), choose(ahead, best[0], choose(behind, new, best[1]))
+    return largest, choose(ahead | behind, best[1], new)
 
 
-def _largest(half: Half, orbit: Orbit, nodes: Int[Array, ""] | int, first: Peak, second: Peak) -> Peak:
-    """The larger of two peaks of |psi|; the second is looked at where it comes close."""
+def _largest(
+    half: Half, orbit: Orbit, nodes: Int[Array, ""] | int, first: Peak, second: Peak
+) -> tuple[Peak, Number]:
+    """The larger of two peaks of |psi|; the second is looked at where it comes close. And a bound on the
+    second where it is not."""
     refine = partial(_refined, row=1)
     first = refine(half, orbit, nodes, first, jnp.asarray(first.share < 1.0))
     close = (second.size > 0.95 * jnp.abs(first.size)) & jnp.isfinite(second.size)
     second = where_needed(close, refine, half, orbit, nodes, second, close & (second.share < 1.0))
     larger = close & (jnp.abs(second.size) > jnp.abs(first.size))
-    return jax.tree.map(lambda a, b: jnp.where(larger, a, b), second, first)
+    left = jnp.where(close | ~jnp.isfinite(second.size), -jnp.inf, second.most)
+    return jax.tree.map(lambda a, b: jnp.where(larger, a, b), second, first), left
 
 
 @partial(jax.jit, static_argnames="row")
@@ -201,4 +280,4 @@ def _refined(
         return jnp.where(there, jnp.clip(onward, low, high), share)
 
     share = jax.lax.fori_loop(0, 4, step, peak.share)
-    return Peak(signal.at(value(share)), share, peak.late)
+    return Peak(signal.at(value(share)), share, peak.late, peak.most)
