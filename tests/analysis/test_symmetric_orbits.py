@@ -90,7 +90,7 @@ def solve(xs: Any) -> Answers:
     (slopes, unknown), o = in_chunks(_solve, points, chunk=BATCH)
     assert np.all(np.isnan(unknown))
     status = np.full(o.amplitude.shape, "?", dtype="U16")
-    for name in ("rocking", "unstable", "near_fold", "grazing", "no_orbit"):
+    for name in ("rocking", "unstable", "neutral", "near_fold", "grazing", "no_orbit"):
         status[np.asarray(o.status == getattr(Status, name))] = name
     m = o.margins
     sizes = (o.amplitude, o.stroke, o.state, o.phase, o.crossing, o.multipliers)
