@@ -21,7 +21,7 @@ from tpd.analysis.probit import Lognormal, fit_lognormal, median_words
 from tpd.analysis.transient import FREE
 from tpd.core import checks
 from tpd.core.cluster import Cluster
-from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
+from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion, refuse_zeros
 from tpd.core.intensity import intensity_of
 from tpd.core.scene import Block, Pendulum
 
@@ -162,13 +162,12 @@ def fragility(
     if not states or any(not level >= 0.0 for level in states.values()):
         raise ValueError(f"`states` must name tilts over the slenderness from 0 on, but are {dict(states)}")
     measure = intensity_of(intensity, block, gravity, period)
+    for i, motion in enumerate(motions):
+        checks.instance(f"motions[{i}]", motion, GroundMotion)
+    refuse_zeros(motions)
     names = tuple(getattr(m, "name", "") or f"motion {i + 1}" for i, m in enumerate(motions))
-    sizes = np.array([[measure.value(m)] for m in motions])
-    still = [name for name, size in zip(names, sizes, strict=True) if not size > 0.0]
-    if still:
-        raise ValueError(f"motions of zeros cannot be scaled to an intensity: {', '.join(still)}")
     # Intensities are proportional to the motion.
-    factors = stripes / sizes
+    factors = stripes / np.array([[measure.value(m)] for m in motions])
     cases = [None] if pendulum is None else [None, pendulum]
     runs = len(cases) * (2 if nonlinear else 1)
     found = []

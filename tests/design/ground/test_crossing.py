@@ -25,7 +25,7 @@ def objective() -> GroundObjective:
 
 def test_a_crossing_is_the_critical_scale_of_its_motion(objective):
     designs = np.array([[0.0, 1.0, 0.3], DESIGN[0]])
-    found, _ = crossings(objective, designs, SCAN, HIGHEST)
+    found = crossings(objective, designs, SCAN, HIGHEST)[0]
     measure = intensity_of("pga_star", BLOCK, objective.gravity, None)
     hung = tpd.Pendulum(mass=0.12 * 8000.0, length=0.4 * 2.7, damping_ratio=0.5)
     for row, pendulum in zip(found, (None, hung), strict=True):
@@ -37,10 +37,11 @@ def test_a_crossing_is_the_critical_scale_of_its_motion(objective):
 
 def test_derivatives_of_crossings_are_those_of_differences(objective):
     step = 1e-4
-    _, by = crossings(objective, DESIGN, SCAN, HIGHEST, slopes=True)
+    by = crossings(objective, DESIGN, SCAN, HIGHEST, slopes=True)[1]
     for j in range(3):
         shift = step * np.eye(3)[j]
-        around, none = crossings(objective, np.concatenate([DESIGN + shift, DESIGN - shift]), SCAN, HIGHEST)
+        moved = np.concatenate([DESIGN + shift, DESIGN - shift])
+        around, none = crossings(objective, moved, SCAN, HIGHEST)[:2]
         np.testing.assert_allclose(by[0, :, j], (around[0] - around[1]) / (2.0 * step), rtol=1e-3, atol=1e-4)
         assert np.isnan(none).all()
 
@@ -64,5 +65,5 @@ def test_a_search_raises_the_least_critical_intensity():
     )
     assert found.value < found.bare
     objective = GroundObjective(BLOCK, found.conditions, found.limits, 0.1)
-    critical, _ = crossings(objective, found.best[None], SCAN, HIGHEST)
+    critical = crossings(objective, found.best[None], SCAN, HIGHEST)[0]
     assert found.value == pytest.approx(1.0 / critical.min(), rel=1e-9)
