@@ -24,6 +24,10 @@ def likelihood(a, b, stripes: np.ndarray, hits: np.ndarray) -> np.ndarray:
     return (counts * log_ndtr(eta) + (n - counts) * log_ndtr(-eta)).sum(axis=-1)
 
 
+def against(a, b, stripes: np.ndarray, hits: np.ndarray) -> float:
+    return -float(likelihood(a, b, stripes, hits))
+
+
 SEPARATED = [
     # Shares, motions, and between which of the stripes 1, 2, 3 ... the share passes a half.
     ([0, 2, 4], 4, (2.0, 2.0)),
@@ -140,10 +144,7 @@ def test_random_fits_are_maxima_or_have_none():
         elif math.isnan(fit.median):
             seen["flat"] += 1
             # With the best intercept of each slope the likelihood falls from a slope of zero on.
-            best = [
-                minimize_scalar(lambda a, b=b: -likelihood(a, b, stripes, hits), options={"xtol": 1e-12}).fun
-                for b in (0.0, 0.003, 0.03, 0.3)
-            ]
+            best = [minimize_scalar(against, args=(b, stripes, hits)).fun for b in (0.0, 0.003, 0.03, 0.3)]
             assert best == sorted(best)
         else:
             seen["maximum"] += 1
