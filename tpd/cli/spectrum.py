@@ -98,8 +98,9 @@ def _overturning(
         cluster=cluster,
         progress=lambda done, total: bar("following pulses", done, total),
     )
-    shares, lost = found.safe(), found.undecided()
-    print(f"share of the pulses that the block survives: {', '.join(f'{x:.1%}' for x in shares)}")
+    shares, lost = found.safe(), found.undecided().tolist()
+    survived = (_share(x, n, found.bare.size) for x, n in zip(shares, lost, strict=True))
+    print(f"share of the pulses that the block survives: {', '.join(survived)}")
     _say_undecided("pulses", lost, found.bare.size)
     header = ("frequency_ratio", "acceleration_ratio", "bare", "hung")
     yield "spectrum.csv", files.as_csv(header, _cells(found))
@@ -109,18 +110,27 @@ def _overturning(
             {
                 **ground.inputs(scene, hung),
                 "survived": [float(x) for x in shares],
-                "undecided": [int(n) for n in lost],
+                "undecided": lost,
             }
         ),
     )
     yield "spectrum.png", style.png(plot_overturning_spectrum(found)[0].figure)
 
 
+def _share(safe: float, lost: int, total: int) -> str:
+    """Share of all pulses that the block survives: a range, if some have no answer."""
+    if not lost:
+        return f"{safe:.1%}"
+    # Of no answer at all there is no share either.
+    low = 0.0 if lost == total else safe * (1.0 - lost / total)
+    return f"{low:.1%} to {low + lost / total:.1%}"
+
+
 def _say_undecided(what: str, counts: Iterable[int], total: int) -> None:
     """Say how many runs, bare and with the pendulum, have no answer."""
     cases = [f"{n} of {total} {case}" for n, case in zip(counts, _CASES, strict=False) if n]
     if cases:
-        print(f"{what} without an answer, which count neither way: {', '.join(cases)}")
+        print(f"{what} without an answer: {', '.join(cases)}")
 
 
 def _cells(found: OverturningSpectrum) -> Iterator[tuple]:
@@ -157,12 +167,12 @@ def _rocking(
         progress=lambda done, total: bar("following blocks", done, total),
         **ratios,
     )
-    lost = found.undecided()
+    lost = found.undecided().tolist()
     _say_undecided("blocks", lost, found.periods.size)
     yield "spectrum.csv", files.as_csv(("period_s", "bare", "hung"), _tilts(found))
     yield (
         "spectrum.json",
-        files.as_json({**ground.inputs(scene, hung), "undecided": [int(n) for n in lost]}),
+        files.as_json({**ground.inputs(scene, hung), "undecided": lost}),
     )
     yield "spectrum.png", style.png(plot_rocking_spectrum(found).figure)
 
