@@ -42,8 +42,8 @@ class Lognormal:
     """Whether the likelihood has no finite maximum: no motion reaches the state at a lower intensity than one
     at which some motion does not. The dispersion is anything below what the stripes see."""
     seen: np.ndarray | None = None
-    """Of separated outcomes: intensities of the stripes, motions that reach the state, and motions whose
-    outcome is known, shape (3, stripes). Otherwise None."""
+    """Intensities of the stripes, motions that reach the state, and motions whose outcome is known, shape (3,
+    stripes); None unless the outcomes are separated."""
 
     def __str__(self) -> str:
         if math.isnan(self.median):
