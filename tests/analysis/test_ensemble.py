@@ -190,6 +190,21 @@ def test_harm_is_a_difference_beyond_luck():
     assert "5 of 100 runs of the ensemble overturn with the pendulum only" in compared(5, 0).objection
 
 
+@pytest.mark.mends("runs without an answer were not named in the results of an ensemble")
+def test_runs_without_an_answer_are_named():
+    known = fake(np.zeros(20, bool))
+    assert "without an answer" not in str(Verdict(hung=known, bare=known))
+    names = ["event_bound"] * 3 + ["failed"], ["event_bound"]
+    hung, bare = (
+        dataclasses.replace(known, status=np.array([*some, *known.status[len(some) :]])) for some in names
+    )
+    found = Verdict(hung=hung, bare=bare)
+    assert found.objection.endswith("; 4 with the pendulum and 1 without it have no answer")
+    (row,) = (line for line in found.table().splitlines() if "without an answer" in line)
+    assert row.split()[-2:] == ["4", "1"]
+    assert str(hung).splitlines()[-1].split() == ["runs", "without", "an", "answer", "4"]
+
+
 def test_quantiles_count_the_overturned_as_infinite():
     found = fake(np.arange(100) < 5)
     assert found.quantiles("peak", (0.5, 0.95, 0.96)) == (0.1, 0.1, np.inf)

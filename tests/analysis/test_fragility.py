@@ -1,3 +1,4 @@
+import itertools
 import math
 from statistics import NormalDist
 
@@ -7,10 +8,14 @@ from scipy.optimize import minimize
 from scipy.stats import binomtest, norm
 
 import tpd
+from tests.unanswered import unanswered
 from tpd.analysis.fragility import Fragility, _mcnemar
 from tpd.analysis.ground_batch import follow_scaled
 from tpd.analysis.probit import fit_lognormal
 from tpd.core.intensity import intensity_of, peak_velocity, spectral_acceleration
+from tpd.models import compiled_nonlinear
+from tpd.models.shaken_kernel import EVENT_BOUND
+from tpd.plot.shaking import plot_fragility
 
 GRAVITY = 9.80665
 STATUE = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.0, restitution="housner")
@@ -70,10 +75,125 @@ def test_tilts_are_over_the_slenderness(found):
 def test_the_paired_test_is_that_of_mcnemar():
     rng = np.random.default_rng(3)
     a, b = (rng.random((40, 6)) < 0.5).astype(float), (rng.random((40, 6)) < 0.3).astype(float)
-    a[3, 2] = np.nan
     for i, p in enumerate(_mcnemar(a, b)):
         x, y = int(np.sum((a[:, i] == 1) & (b[:, i] == 0))), int(np.sum((a[:, i] == 0) & (b[:, i] == 1)))
         assert p == pytest.approx(binomtest(x, x + y).pvalue)
+
+
+@pytest.mark.mends("pairs without an answer were left out of the paired test, whatever they could have been")
+def test_the_paired_test_is_the_largest_that_unknown_outcomes_allow():
+    rng = np.random.default_rng(5)
+    for _ in range(40):
+        a, b = ((rng.random((9, 1)) < share).astype(float) for share in (0.7, 0.2))
+        unknown = rng.permutation(18)[: rng.integers(0, 5)]
+        both = np.stack([a, b])
+        both.flat[unknown] = np.nan
+        values = []
+        for outcome in itertools.product((0.0, 1.0), repeat=len(unknown)):
+            both_known = both.copy()
+            both_known.flat[unknown] = outcome
+            values.append(_mcnemar(*both_known)[0])
+        assert _mcnemar(*both)[0] == pytest.approx(max(values), rel=1e-12)
+
+
+@pytest.mark.mends("more than 1023 pairs that differ were beyond the numbers of a double")
+def test_the_paired_test_of_many_motions():
+    a = np.ones((3000, 1))
+    b = (np.arange(3000)[:, None] >= 1500).astype(float)
+    a[2950:], b[:60] = 0.0, 1.0
+    x, y = int(np.sum((a == 1) & (b == 0))), int(np.sum((a == 0) & (b == 1)))
+    assert x + y > 1023
+    assert _mcnemar(a, b) == pytest.approx(binomtest(x, x + y).pvalue)
+
+
+def taken(monkeypatch, hung: bool, fewest: float) -> None:
+    """Take the answers of all motions of stripes from `fewest` (PGA over g tan alpha) on."""
+    nu = float(STATUE.slenderness)
+    unanswered(monkeypatch, lambda rows: (rows[:, 5] > fewest * nu) & ((rows[:, 1] > 0.0) | ~np.bool_(hung)))
+
+
+@pytest.mark.mends("motions without an answer left no trace in counts, shares and words")
+def test_motions_without_an_answer_are_counted_and_named(monkeypatch, found):
+    taken(monkeypatch, True, 11.0)
+    lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=HUNG)
+    assert "without an answer, and not counted: 0 of 60 runs bare, 12 of 60 runs with the pendulum" in str(
+        lost
+    )
+    assert "whatever the motions without an answer do" in str(lost)
+    curve, before = lost.hung["overturned"], found.hung["overturned"]
+    assert curve.undecided.tolist() == [0, 0, 0, 0, 12]
+    assert curve.total.tolist() == [12, 12, 12, 12, 0]
+    assert np.isnan(curve.shares).tolist() == [False] * 4 + [True]
+    assert np.array_equal(curve.counts[:4], before.counts[:4])
+    assert np.array_equal(lost.bare["overturned"].counts, found.bare["overturned"].counts)
+    assert not lost.bare["overturned"].undecided.any()
+    # The medians whatever these motions do enclose that of the whole set.
+    assert curve.medians[0] <= before.fit.median <= curve.medians[1]
+    # Nothing is known of the difference there, and the paired test shows none.
+    assert lost.p_values["overturned"][4] == 1.0
+    # Verdicts of the nonlinear equations are compared where there are two.
+    assert np.isfinite(lost.changed).all()
+
+
+@pytest.mark.mends("a first crossing passed over motions without an answer")
+def test_a_first_crossing_that_hangs_on_motions_without_an_answer_is_not_known(monkeypatch, found):
+    unit = float(STATUE.slenderness)
+    unanswered(monkeypatch, lambda rows: np.isclose(rows[:, 5], 1.5 * unit) & (rows[:, 1] == 0.0))
+    lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=HUNG, nonlinear=False)
+    assert math.isnan(lost.first_crossings["rocking"][0])
+    assert lost.first_crossings["rocking"][1] == found.first_crossings["rocking"][1]
+
+
+@pytest.mark.mends("a run without an answer counted as a changed verdict")
+def test_verdicts_are_compared_where_both_equations_answer(monkeypatch):
+    # No motion of the exact run has an answer, and all overturn by the nonlinear equations.
+    taken(monkeypatch, False, 29.0)
+    found = tpd.fragility(STATUE, RECORDS, scales=[0.8, 30.0])
+    assert found.changed == (0.0, 0.0)
+    assert found.bare["overturned"].undecided.tolist() == [0, 12]
+
+
+@pytest.mark.mends("runs that the nonlinear equations do not answer left no trace")
+def test_runs_that_the_nonlinear_equations_do_not_answer_are_named(monkeypatch):
+    shake = compiled_nonlinear.shake_nonlinear
+
+    def stub(rows, *others, **options):
+        found, by = shake(rows, *others, **options)
+        return found._replace(status=np.where(rows[:, 5] > 2.0, EVENT_BOUND, found.status)), by
+
+    monkeypatch.setattr(compiled_nonlinear, "shake_nonlinear", stub)
+    found = tpd.fragility(STATUE, RECORDS, scales=[0.8, 30.0])
+    assert found.changed == (0.0, 0.0)
+    assert found.unanswered == (12, 12)
+    assert "by these equations, and not compared: 12 of 24 runs bare" in str(found)
+
+
+@pytest.mark.mends("motions without an answer were not drawn")
+def test_motions_without_an_answer_are_drawn(monkeypatch, found):
+    taken(monkeypatch, True, 11.0)
+    lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=HUNG, nonlinear=False)
+    drawn = {c.get_label(): c for c in plot_fragility(lost).collections}
+    (bar,) = drawn["with the pendulum: 12 runs without an answer"].get_segments()
+    assert bar.tolist() == [[12.0, 0.0], [12.0, 1.0]]
+    assert not any(label.startswith("bare block: ") for label in drawn)
+
+
+@pytest.mark.mends("beyond the stripes a curve and a band were drawn that no stripe sees")
+def test_separated_outcomes_are_drawn_as_far_as_they_are_known(found):
+    # Rocking begins between two stripes.
+    ax = plot_fragility(found, "rocking")
+    curve = next(line for line in ax.lines if line.get_label() == "bare block: median 1.1")
+    x, y = curve.get_xdata(), curve.get_ydata()
+    between = (x > 0.8) & (x < 1.5)
+    assert np.isnan(y[between]).all()
+    assert set(y[~between]) == {0.0, 1.0}
+    # Two bands, that of the bare block first.
+    corners = ax.collections[0].get_paths()[0].vertices
+    low = binomtest(12, 12).proportion_ci(method="exact").low
+    inside = corners[(corners[:, 0] > 0.81) & (corners[:, 0] < 1.49), 1]
+    assert set(np.round(inside, 9)) == {0.0, 1.0}
+    above = corners[(corners[:, 0] > 1.51) & (corners[:, 0] < 11.9), 1]
+    assert set(np.round(above, 9)) == {round(low, 9), 1.0}
 
 
 def test_the_curve_is_the_most_likely_one():

@@ -76,7 +76,7 @@ def test_boundaries_of_the_one_sine_spectrum(e):
     for w, known in BOUNDARIES[e].items():
         # The parameters of the compiled code, with xi in the place of the duration of a piece.
         row = np.array([0.25, 0.0, 1.0, 0.3, 0.0, 0.25, w * len(pieces), 1.0, e])
-        _, tongues = _scanned(row, pieces, 20.0, np.array([0.9, 20.0]), 0.005)
+        tongues = _scanned(row, pieces, 20.0, np.array([0.9, 20.0]), 0.005)[1]
         borders = tongues[np.isfinite(tongues)]
         # Between those of the table are a few narrow ones, which SciPy confirms (at omega_p/p = 1).
         assert all(np.min(np.abs(borders - border)) < 1.01e-6 for border in known), borders

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import tpd
+from tests.unanswered import unanswered
 from tpd.cli import main
 
 COLUMN = ["--width", "1", "--height", "6", "--mass", "9000", "--friction", "0", "--restitution", "0.9595"]
@@ -110,6 +111,35 @@ def test_fragility_over_records(tmp_path, capsys):
     assert written["motions"][0].startswith("El Centro")
     assert set(written["fits"]) == {"rocking", "half", "overturned"}
     assert "overturned: bare median" in capsys.readouterr().out
+
+
+@pytest.mark.mends("runs without an answer counted silently")
+def test_runs_without_an_answer_are_named(tmp_path, capsys, monkeypatch):
+    # All motions above 3 g tan alpha.
+    unanswered(monkeypatch, lambda rows: rows[:, 5] > 0.5)
+    words = ("spectrum", *COLUMN, *HUNG, "--pulse", "one-sine", "--points", "4", "--sizes-to", "5")
+    status, files = run(tmp_path, *words)
+    assert status == 0
+    said = capsys.readouterr().out
+    assert "pulses without an answer: 8 of 16 for the bare block, 8 of 16 with the pendulum" in said
+    # Six of the eight with an answer stand; those without may stand or not.
+    assert "survives: 37.5% to 87.5%, 37.5% to 87.5%" in said
+    assert json.loads(files["spectrum.json"].read_text())["undecided"] == [8, 8]
+    assert [r["bare"] for r in rows(files["spectrum.csv"])].count("-1") == 8
+    record = ("--record", "el-centro", "--scale", "2", "--points", "3", "--overwrite")
+    status, files = run(tmp_path, "spectrum", *COLUMN, *record)
+    assert status == 0
+    assert "blocks without an answer: 3 of 3 for the bare block" in capsys.readouterr().out
+    assert {r["bare"] for r in rows(files["spectrum.csv"])} == {"nan"}
+    records = ("--records", "el-centro", "loma-prieta", "--scales", "1", "4", "8", "--overwrite")
+    status, files = run(tmp_path, "fragility", *COLUMN, *HUNG, *records)
+    assert status == 0
+    said = capsys.readouterr().out
+    assert "not counted: 4 of 6 runs bare, 4 of 6 runs with the pendulum" in said
+    written = json.loads(files["fragility.json"].read_text())
+    assert written["fits"]["overturned"]["hung"]["undecided"] == 4
+    table = rows(files["fragility.csv"])
+    assert [r["undecided_bare"] for r in table if r["state"] == "overturned"] == ["0", "2", "2"]
 
 
 @pytest.mark.parametrize(

@@ -14,13 +14,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.special import bdtr
 
 from tpd.analysis.ground_batch import Outcomes, Progress, follow_scaled
-from tpd.analysis.probit import Lognormal, fit_lognormal
+from tpd.analysis.probit import Lognormal, fit_lognormal, median_words
 from tpd.analysis.transient import FREE
 from tpd.core import checks
 from tpd.core.cluster import Cluster
-from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
+from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion, refuse_zeros
 from tpd.core.intensity import intensity_of
 from tpd.core.scene import Block, Pendulum
 
@@ -35,13 +36,18 @@ class Curve:
 
     state: str
     shares: np.ndarray
-    """Share of the motions that reach the state, shape (stripes,)."""
+    """Share of the motions whose outcome is known that reach the state, shape (stripes,); NaN where none is
+    known."""
     counts: np.ndarray
     """Motions that reach the state."""
     total: np.ndarray
     """Motions whose outcome is known."""
+    undecided: np.ndarray
+    """Motions without an answer: they count neither in `shares` nor in `fit`."""
     fit: Lognormal
     """Lognormal distribution, with its uncertainty."""
+    medians: tuple[float, float]
+    """Medians of the fits in which all motions without an answer reach the state, and in which none does."""
 
 
 @dataclass(frozen=True)
@@ -59,27 +65,56 @@ class Fragility:
     hung: dict[str, Curve] | None
     p_values: dict[str, np.ndarray] | None
     """By damage state: two-sided probability, at each stripe, of a difference between bare and hung at least
-    this large if the pendulum changed nothing (McNemar, exact)."""
+    this large if the pendulum changed nothing (McNemar, exact). Where motions have no answer, the largest
+    that their outcomes allow."""
     tilts: tuple[np.ndarray, np.ndarray | None]
     """Largest tilt over the slenderness of every motion, shape (motions, stripes), bare and hung; infinite
     after an overturning, NaN where nothing is known."""
     first_crossings: dict[str, tuple[float, float]]
     """By damage state: median of the lowest stripes that reach it, bare and with the pendulum, if any
     (infinite if fewer than half of the motions do). It depends on the stripes, and lies below the median of
-    the curve where a larger motion may do less."""
+    the curve where a larger motion may do less. NaN where it hangs on motions without an answer."""
     changed: tuple[float, float] | None
-    """Share of the runs whose verdict on overturning the nonlinear equations change, bare and hung."""
+    """Share of the runs whose verdict on overturning the nonlinear equations change, bare and hung, among
+    those that both equations answer; NaN if there are none."""
+    unanswered: tuple[int, int] | None = None
+    """Runs that the nonlinear equations do not answer, bare and hung."""
 
     def __str__(self) -> str:
         lines = [f"fragility over {self.intensity} ({self.unit}), {len(self.motions)} motions"]
         for name, curve in self.bare.items():
-            lines.append(f"  {name}: bare {curve.fit}")
+            lines.append(f"  {name}: bare {curve.fit}{_doubt(curve)}")
             if self.hung is not None:
-                lines.append(f"  {' ' * len(name)}  with the pendulum {self.hung[name].fit}")
-        if self.changed is not None:
-            shares = " and ".join(f"{x:.1%}" for x in self.changed[: 1 if self.hung is None else 2])
+                hung = self.hung[name]
+                lines.append(f"  {' ' * len(name)}  with the pendulum {hung.fit}{_doubt(hung)}")
+        cases = 1 if self.hung is None else 2
+        runs = len(self.motions) * len(self.stripes)
+        curves = [next(iter(c.values())) for c in (self.bare, self.hung) if c is not None]
+        if lost := _listed([int(c.undecided.sum()) for c in curves], runs):
+            lines.append(f"  without an answer, and not counted: {lost}")
+        if self.changed is not None and self.unanswered is not None:
+            shares = " and ".join(f"{x:.1%}" for x in self.changed[:cases])
             lines.append(f"  the nonlinear equations change the verdict of {shares} of the runs")
+            if lost := _listed(self.unanswered[:cases], runs):
+                lines.append(f"  without an answer by these equations, and not compared: {lost}")
         return "\n".join(lines)
+
+
+def _doubt(curve: Curve) -> str:
+    """Words about what the motions without an answer leave open."""
+    if not curve.undecided.any():
+        return ""
+    # All of them reaching the state makes the lower median.
+    low, high = (median_words(x) for x in curve.medians)
+    return f" (between {low} and {high}, whatever the motions without an answer do)"
+
+
+def _listed(counts: Sequence[int], runs: int) -> str:
+    """Numbers of runs, bare and with the pendulum; nothing if they are all zero."""
+    if not any(counts):
+        return ""
+    cases = zip(counts, ("bare", "with the pendulum"), strict=False)
+    return ", ".join(f"{n} of {runs} runs {case}" for n, case in cases)
 
 
 def fragility(
@@ -127,6 +162,10 @@ def fragility(
     if not states or any(not level >= 0.0 for level in states.values()):
         raise ValueError(f"`states` must name tilts over the slenderness from 0 on, but are {dict(states)}")
     measure = intensity_of(intensity, block, gravity, period)
+    for i, motion in enumerate(motions):
+        checks.instance(f"motions[{i}]", motion, GroundMotion)
+    refuse_zeros(motions)
+    names = tuple(getattr(m, "name", "") or f"motion {i + 1}" for i, m in enumerate(motions))
     # Intensities are proportional to the motion.
     factors = stripes / np.array([[measure.value(m)] for m in motions])
     cases = [None] if pendulum is None else [None, pendulum]
@@ -140,7 +179,6 @@ def fragility(
         hung = cases[n % len(cases)]
         exact = n < len(cases)
         found.append(follow_scaled(block, hung, motions, factors, nonlinear=not exact, brief=True, **options))
-    names = tuple(getattr(m, "name", "") or f"motion {i + 1}" for i, m in enumerate(motions))
     return _result(block, stripes, measure, names, found[: len(cases)], found[len(cases) :], states)
 
 
@@ -166,7 +204,8 @@ def _result(
         for name in states
     }
     tilts = [np.where(o.undecided, np.nan, o.tilt) / float(block.slenderness) for o in exact]
-    changed = [float(np.mean(a.overturned != b.overturned)) for a, b in zip(exact, checked, strict=False)]
+    changed = [_changed(a, b) for a, b in zip(exact, checked, strict=False)]
+    unanswered = [int(o.undecided.sum()) for o in checked]
     return Fragility(
         measure.name,
         stripes,
@@ -178,7 +217,14 @@ def _result(
         (tilts[0], tilts[1] if paired else None),
         crossings,
         (changed[0], changed[-1]) if changed else None,
+        (unanswered[0], unanswered[-1]) if changed else None,
     )
+
+
+def _changed(a: Outcomes, b: Outcomes) -> float:
+    """Share of the runs with an answer in both whose verdict on overturning differs."""
+    known = ~(a.undecided | b.undecided)
+    return float(np.mean((a.overturned != b.overturned)[known])) if known.any() else math.nan
 
 
 def _reached(found: Outcomes, level: float, block: Block) -> np.ndarray:
@@ -193,24 +239,36 @@ def _reached(found: Outcomes, level: float, block: Block) -> np.ndarray:
 def _curve(name: str, found: Outcomes, level: float, block: Block, stripes: np.ndarray) -> Curve:
     hit = _reached(found, level, block)
     counts, total = np.nansum(hit, axis=0).astype(int), np.sum(np.isfinite(hit), axis=0)
-    shares = counts / np.maximum(total, 1)
-    return Curve(name, shares, counts, total, fit_lognormal(stripes, hit))
+    shares = np.where(total > 0, counts / np.maximum(total, 1), np.nan)
+    fit, undecided = fit_lognormal(stripes, hit), len(hit) - total
+    # The two extremes of what the motions without an answer may do.
+    ends = [fit_lognormal(stripes, np.nan_to_num(hit, nan=x)).median for x in (1.0, 0.0)]
+    return Curve(name, shares, counts, total, undecided, fit, (ends[0], ends[1]))
 
 
 def _mcnemar(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Two-sided exact probability, at each stripe, of so uneven a split of the motions that differ."""
+    """Two-sided exact probability, at each stripe, of so uneven a split of the motions that differ; the
+    largest that is possible where outcomes are not known."""
     only_a, only_b = np.sum((a == 1.0) & (b == 0.0), axis=0), np.sum((a == 0.0) & (b == 1.0), axis=0)
-    return np.array([_sign_test(int(x), int(y)) for x, y in zip(only_a, only_b, strict=True)])
+    # NaN may be either outcome.
+    open_ = np.isnan(a) | np.isnan(b)
+    may_a, may_b = (np.sum(open_ & (x != 0.0) & (y != 1.0), axis=0) for x, y in ((a, b), (b, a)))
+    # The rarer outcome comes as near to the other as it can.
+    x = np.where(only_a < only_b, np.minimum(only_a + may_a, only_b), only_a)
+    y = np.where(only_b < only_a, np.minimum(only_b + may_b, only_a), only_b)
+    return np.array([_sign_test(int(i), int(j)) for i, j in zip(x, y, strict=True)])
 
 
 def _sign_test(x: int, y: int) -> float:
-    n, few = x + y, min(x, y)
-    tail = sum(math.comb(n, i) for i in range(few + 1)) / 2.0**n
-    return min(1.0, 2.0 * tail)
+    return min(1.0, 2.0 * float(bdtr(min(x, y), x + y, 0.5)))
 
 
 def _first_crossing(hit: np.ndarray, stripes: np.ndarray) -> float:
-    """Median of the lowest stripes at which the motions reach a state."""
-    some = np.any(hit == 1.0, axis=1)
-    lowest = np.where(some, stripes[np.argmax(hit == 1.0, axis=1)], np.inf)
-    return float(np.median(lowest))
+    """Median of the lowest stripes at which the motions reach a state; NaN where it depends on outcomes that
+    are not known."""
+    medians = []
+    for unknown in (0.0, 1.0):
+        known = np.nan_to_num(hit, nan=unknown) == 1.0
+        lowest = np.where(known.any(axis=1), stripes[np.argmax(known, axis=1)], np.inf)
+        medians.append(float(np.median(lowest)))
+    return medians[0] if medians[0] == medians[1] else math.nan

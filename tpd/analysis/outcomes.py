@@ -21,6 +21,10 @@ LOST = ("overturned", "failed")
 overturned runs must not fall because the solver gave up."""
 
 
+UNANSWERED = ("event_bound", "failed")
+"""Statuses of runs without an answer."""
+
+
 class Share(NamedTuple):
     """A share of the runs, with its 95 % confidence interval (Wilson's)."""
 
@@ -72,6 +76,12 @@ class Outcomes(Printed):
         return np.isin(self.status, LOST)
 
     @property
+    def undecided(self) -> np.ndarray:
+        """Whether a run has no answer. One that met the bound on events counts in no share; of one without
+        finite numbers see `lost`."""
+        return np.isin(self.status, UNANSWERED)
+
+    @property
     def at_rest(self) -> Share:
         """Share of the runs in which the block comes to rest for good."""
         return Share.of(self.status == "rest")
@@ -115,9 +125,13 @@ class Outcomes(Printed):
         e = self.ensemble
         runs = f"Ensemble of {e.size} runs of up to {e.periods} periods, seed {e.seed}"
         head = f"{runs}, {self.equations} equations"
-        return "\n".join([head, *(f"  {name:36}{text:>26}" for name, text in self.rows())])
+        lines = [head, *(f"  {name:36}{text:>26}" for name, text in self.rows())]
+        if self.undecided.any():
+            lines.append(f"  {UNDECIDED_ROW:36}{self.undecided.sum():>26}")
+        return "\n".join(lines)
 
 
+UNDECIDED_ROW = "runs without an answer"
 _QUANTILES = {
     "largest tilt, rad": "peak",
     "settled tilt, rad": "amplitude",

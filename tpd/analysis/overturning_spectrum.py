@@ -34,9 +34,18 @@ class OverturningSpectrum:
     """Outcome with the pendulum, same shape; None without one."""
 
     def safe(self) -> np.ndarray:
-        """Share of the cells in which the bare block, and that with a pendulum, does not overturn."""
-        cells = [c for c in (self.bare, self.hung) if c is not None]
-        return np.array([np.mean((c >= STANDS) & (c < OVERTURNS)) for c in cells])
+        """Share of the cells with an answer in which the bare block, and that with a pendulum, does not
+        overturn; NaN where no cell has one."""
+        known = [c[c != UNDECIDED] for c in self._cells]
+        return np.array([np.mean(c < OVERTURNS) if c.size else np.nan for c in known])
+
+    def undecided(self) -> np.ndarray:
+        """Number of cells without an answer, bare and with a pendulum."""
+        return np.array([np.sum(c == UNDECIDED) for c in self._cells])
+
+    @property
+    def _cells(self) -> list[np.ndarray]:
+        return [c for c in (self.bare, self.hung) if c is not None]
 
 
 def overturning_spectrum(

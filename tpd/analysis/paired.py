@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from tpd.analysis.ensemble import Ensemble, outcomes
-from tpd.analysis.outcomes import Outcomes
+from tpd.analysis.outcomes import UNDECIDED_ROW, Outcomes
 from tpd.core.cluster import Cluster
 from tpd.core.conditions import Conditions
 from tpd.core.equations import Terms
@@ -60,11 +60,18 @@ class Verdict(Printed):
         return self.worse > self.better and self.chance < SIGNIFICANT
 
     @property
+    def undecided(self) -> tuple[int, int]:
+        """Numbers of runs without an answer, with the pendulum and without."""
+        return int(self.hung.undecided.sum()), int(self.bare.undecided.sum())
+
+    @property
     def objection(self) -> str:
-        """Sentence about the runs that overturn with one of the two only."""
+        """Sentence about the runs that overturn with one of the two only, and those without an answer."""
+        hung, bare = self.undecided
+        unknown = f"; {hung} with the pendulum and {bare} without it have no answer" if hung or bare else ""
         return (
             f"{self.worse} of {len(self.hung.status)} runs of the ensemble overturn with the pendulum only, "
-            f"{self.better} without it only (chance of that by luck: {self.chance:.2g})"
+            f"{self.better} without it only (chance of that by luck: {self.chance:.2g}){unknown}"
         )
 
     @property
@@ -91,6 +98,8 @@ class Verdict(Printed):
         lines = [f"{self.equations + ' equations':36}{'with pendulum':>26}{'without':>26}"]
         for (name, hung), (_, bare) in zip(self.hung.rows(), self.bare.rows(), strict=True):
             lines.append(f"{name:36}{hung:>26}{'' if name.startswith('bob') else bare:>26}".rstrip())
+        if any(self.undecided):
+            lines.append(f"{UNDECIDED_ROW:36}{self.undecided[0]:>26}{self.undecided[1]:>26}")
         return "\n".join(lines)
 
     def __str__(self) -> str:

@@ -25,6 +25,10 @@ class RockingSpectrum:
     hung: np.ndarray | None
     """Largest |phi|/nu with the pendulum; None without one."""
 
+    def undecided(self) -> np.ndarray:
+        """Number of blocks without an answer, bare and with a pendulum."""
+        return np.array([np.sum(np.isnan(t)) for t in (self.bare, self.hung) if t is not None])
+
 
 def rocking_spectrum(
     block: Block,
@@ -74,5 +78,6 @@ def rocking_spectrum(
     pieces = np.asarray(motion.pieces(), dtype=float)
     batch = {"x": x, "which": np.zeros(len(x), dtype=int), "free": late}
     found = follow_rows(batch, [pieces], False, True, cluster=cluster, progress=progress)
-    tilt = found.tilt.reshape(len(rows), -1) / float(block.slenderness)
+    # A motion that the bound on events ended has a largest tilt as well, but not that of the whole motion.
+    tilt = np.where(found.undecided, np.nan, found.tilt).reshape(len(rows), -1) / float(block.slenderness)
     return RockingSpectrum(times, tilt[0], tilt[1] if hung is not None else None)

@@ -83,7 +83,7 @@ def _files(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tu
     from tpd.plot import style
     from tpd.plot.shaking import plot_fragility
 
-    header = ("state", "stripe", "motions", "bare", "hung", "p_value")
+    header = ("state", "stripe", "motions", "bare", "hung", "p_value", "undecided_bare", "undecided_hung")
     yield "fragility.csv", files.as_csv(header, _rows(found))
     content = {
         **ground.inputs(scene, hung),
@@ -92,6 +92,7 @@ def _files(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tu
         "fits": {name: _fits(found, name) for name in found.bare},
         "first_crossings": {k: list(v) for k, v in found.first_crossings.items()},
         "changed_by_nonlinear_equations": None if found.changed is None else list(found.changed),
+        "undecided_by_nonlinear_equations": None if found.unanswered is None else list(found.unanswered),
     }
     yield "fragility.json", files.as_json(content)
     for name in found.bare:
@@ -99,13 +100,17 @@ def _files(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tu
 
 
 def _fits(found: Fragility, name: str) -> dict[str, Any]:
-    """Median with its interval, and dispersion, of the curves of one state."""
+    """Median with its interval, and dispersion, of the curves of one state, and what motions without an
+    answer leave open."""
     curves = {"bare": found.bare[name]} | ({} if found.hung is None else {"hung": found.hung[name]})
     return {
         case: {
             "median": c.fit.median,
             "dispersion": c.fit.dispersion,
             "interval": list(c.fit.interval()) if 0.0 < c.fit.median < math.inf else None,
+            "separated": c.fit.separated,
+            "undecided": int(c.undecided.sum()),
+            "medians_whatever_the_undecided_do": list(c.medians),
         }
         for case, c in curves.items()
     }
@@ -116,4 +121,6 @@ def _rows(found: Fragility) -> Iterator[tuple]:
         hung = None if found.hung is None else found.hung[name]
         for i, stripe in enumerate(found.stripes):
             p = "" if found.p_values is None else found.p_values[name][i]
-            yield name, stripe, bare.total[i], bare.counts[i], "" if hung is None else hung.counts[i], p
+            with_it = ("", "") if hung is None else (hung.counts[i], hung.undecided[i])
+            n, fallen, lost = bare.total[i], bare.counts[i], bare.undecided[i]
+            yield name, stripe, n, fallen, with_it[0], p, lost, with_it[1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from tpd.cli import common, ground
@@ -20,6 +20,9 @@ _DESCRIPTION = (
     "over 2 pi/p. Bare and, if one is given, with a pendulum. Exit status: 0 done, 2 bad input, 130 "
     "interrupted."
 )
+
+
+_CASES = ("for the bare block", "with the pendulum")
 
 
 def add(commands: Any) -> None:
@@ -95,15 +98,39 @@ def _overturning(
         cluster=cluster,
         progress=lambda done, total: bar("following pulses", done, total),
     )
-    shares = found.safe()
-    print(f"share of the pulses that the block survives: {', '.join(f'{x:.1%}' for x in shares)}")
+    shares, lost = found.safe(), found.undecided().tolist()
+    survived = (_share(x, n, found.bare.size) for x, n in zip(shares, lost, strict=True))
+    print(f"share of the pulses that the block survives: {', '.join(survived)}")
+    _say_undecided("pulses", lost, found.bare.size)
     header = ("frequency_ratio", "acceleration_ratio", "bare", "hung")
     yield "spectrum.csv", files.as_csv(header, _cells(found))
     yield (
         "spectrum.json",
-        files.as_json({**ground.inputs(scene, hung), "survived": [float(x) for x in shares]}),
+        files.as_json(
+            {
+                **ground.inputs(scene, hung),
+                "survived": [float(x) for x in shares],
+                "undecided": lost,
+            }
+        ),
     )
     yield "spectrum.png", style.png(plot_overturning_spectrum(found)[0].figure)
+
+
+def _share(safe: float, lost: int, total: int) -> str:
+    """Share of all pulses that the block survives: a range, if some have no answer."""
+    if not lost:
+        return f"{safe:.1%}"
+    # Of no answer at all there is no share either.
+    low = 0.0 if lost == total else safe * (1.0 - lost / total)
+    return f"{low:.1%} to {low + lost / total:.1%}"
+
+
+def _say_undecided(what: str, counts: Iterable[int], total: int) -> None:
+    """Say how many runs, bare and with the pendulum, have no answer."""
+    cases = [f"{n} of {total} {case}" for n, case in zip(counts, _CASES, strict=False) if n]
+    if cases:
+        print(f"{what} without an answer: {', '.join(cases)}")
 
 
 def _cells(found: OverturningSpectrum) -> Iterator[tuple]:
@@ -140,12 +167,17 @@ def _rocking(
         progress=lambda done, total: bar("following blocks", done, total),
         **ratios,
     )
+    lost = found.undecided().tolist()
+    _say_undecided("blocks", lost, found.periods.size)
     yield "spectrum.csv", files.as_csv(("period_s", "bare", "hung"), _tilts(found))
-    yield "spectrum.json", files.as_json(ground.inputs(scene, hung))
+    yield (
+        "spectrum.json",
+        files.as_json({**ground.inputs(scene, hung), "undecided": lost}),
+    )
     yield "spectrum.png", style.png(plot_rocking_spectrum(found).figure)
 
 
 def _tilts(found: RockingSpectrum) -> Iterator[tuple]:
-    """Rows of the table: largest tilt over the slenderness."""
+    """Rows of the table: largest tilt over the slenderness; nan is unknown."""
     for i, period in enumerate(found.periods):
         yield period, found.bare[i], "" if found.hung is None else found.hung[i]

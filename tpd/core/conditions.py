@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from tpd.core import checks, sampling
-from tpd.core.ground_motion import GroundMotion, Pulse
+from tpd.core.ground_motion import GroundMotion, Pulse, refuse_zeros
 from tpd.core.parameters import Parameters
 from tpd.core.scene import Harmonic, Scene
 
@@ -232,13 +232,15 @@ class Conditions:
             seed: of the samples.
 
         Raises:
-            ValueError: no motion, a scale that is not positive, an unknown intensity, or a bad scatter.
+            ValueError: no motion, a motion of zeros, a scale that is not positive, an unknown intensity, or a
+                bad scatter.
         """
         listed = tuple(_followed(motion) for motion in motions)
         if not listed:
             raise ValueError("`motions` must hold at least one ground motion, but is empty")
         for i, motion in enumerate(listed):
             checks.instance(f"motions[{i}]", motion, GroundMotion)
+        refuse_zeros(listed)
         checks.one_of("intensity", intensity, MEASURES)
         checks.positive("scales", np.asarray(scales, dtype=float))
         checks.count("samples", samples)

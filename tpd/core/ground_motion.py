@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -81,6 +82,18 @@ class GroundMotion:
         x = share - i
         values = c[i, 0] + x * (c[i, 1] + x * (c[i, 2] + x * c[i, 3]))
         return np.where((share < 0.0) | (share > len(c)), 0.0, values) * float(self.pga)
+
+
+def refuse_zeros(motions: Sequence[GroundMotion]) -> None:
+    """Refuse motions whose acceleration is zero throughout: no factor makes them move a block.
+
+    Raises:
+        ValueError: such a motion.
+    """
+    still = [i for i, m in enumerate(motions) if checks.is_concrete(m.pga) and not float(m.pga) > 0.0]
+    if still:
+        names = ", ".join(getattr(motions[i], "name", "") or f"number {i + 1}" for i in still)
+        raise ValueError(f"a motion of zeros cannot be scaled to any intensity, but there is one: {names}")
 
 
 @pytree

@@ -9,7 +9,13 @@ import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from tpd.analysis.fragility import Fragility
-from tpd.analysis.overturning_spectrum import OVERTURNS, ROCKS, STANDS, OverturningSpectrum
+from tpd.analysis.overturning_spectrum import (
+    OVERTURNS,
+    ROCKS,
+    STANDS,
+    UNDECIDED,
+    OverturningSpectrum,
+)
 from tpd.analysis.rocking_spectrum import RockingSpectrum
 from tpd.analysis.shaking_history import ShakingHistory
 from tpd.plot.style import BLUE, CASES, GREY, INK, ORANGE, in_degrees, new_axes
@@ -67,7 +73,8 @@ def _mark_fall(ax: Any, history: ShakingHistory, style: dict[str, Any]) -> None:
 
 
 def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -> Any:
-    """Draw what every pulse does, without the pendulum and with it, side by side.
+    """Draw what every pulse does, without the pendulum and with it, side by side; a cross is a pulse without
+    an answer.
 
     Returns:
         The axes, an array of one or two.
@@ -93,6 +100,12 @@ def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -
             norm=norm,
             rasterized=True,
         )
+        size, ratio = np.nonzero(cell == UNDECIDED)
+        if size.size:
+            # White is the colour of what stands.
+            at = spectrum.frequency_ratios[ratio], spectrum.acceleration_ratios[size]
+            ax.plot(*at, ls="", marker="x", ms=5, color=INK, label=f"no answer: {size.size} of {cell.size}")
+            ax.legend(fontsize=8, loc="upper left")
         ax.set(title=case["label"], xlabel=r"frequency of the pulse $\omega_p/p$ (-)")
     axes[0].set_ylabel(r"largest acceleration $a_p/(g\,\tan\alpha)$ (-)")
     ticks = [STANDS, ROCKS, OVERTURNS, 0.5 * (OVERTURNS + 0.5 + 1e9)]
@@ -106,27 +119,30 @@ def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -
 
 
 def plot_rocking_spectrum(spectrum: RockingSpectrum, ax: Any = None) -> Any:
-    """Draw the largest tilt over the slenderness against 2 pi/p; blocks that overturn are marked on top."""
+    """Draw the largest tilt over the slenderness against 2 pi/p; blocks that overturn are marked on top, and
+    so are those without an answer."""
     ax = new_axes() if ax is None else ax
     for tilts, style in zip((spectrum.bare, spectrum.hung), _LINES, strict=False):
         if tilts is None:
             continue
         known = np.where(np.isfinite(tilts), tilts, np.nan)
         ax.plot(spectrum.periods, known, **style)
-        lost = np.isinf(tilts)
-        label = f"{style['label']}: overturns"
         # Above the frame, where no tilt can be.
         level = 1.02 if style is _LINES[0] else 1.06
-        ax.plot(
-            spectrum.periods[lost],
-            np.full(lost.sum(), level),
-            ls="",
-            marker="|",
-            color=style["color"],
-            transform=ax.get_xaxis_transform(),
-            clip_on=False,
-            label=label,
-        )
+        for where, marker, what in ((np.isinf(tilts), "|", "overturns"), (np.isnan(tilts), "x", "no answer")):
+            # An answer is the rule: only what is missing is named.
+            if marker == "x" and not where.any():
+                continue
+            ax.plot(
+                spectrum.periods[where],
+                np.full(where.sum(), level),
+                ls="",
+                marker=marker,
+                color=style["color"],
+                transform=ax.get_xaxis_transform(),
+                clip_on=False,
+                label=f"{style['label']}: {what}",
+            )
     ax.set(
         xlabel=r"$2\pi/p$ of the block (s)", ylabel=r"largest tilt over the slenderness (-)", ylim=(0.0, None)
     )
@@ -135,7 +151,8 @@ def plot_rocking_spectrum(spectrum: RockingSpectrum, ax: Any = None) -> Any:
 
 
 def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = None) -> Any:
-    """Draw shares at the stripes, the lognormal curves and their 95 % bands for one damage state.
+    """Draw shares at the stripes, the lognormal curves and their 95 % bands for one damage state. A bar at a
+    stripe is what motions without an answer leave open.
 
     Raises:
         ValueError: a state that the fragility does not have.
@@ -160,6 +177,14 @@ def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = No
             clip_on=False,
             zorder=3,
         )
+        if curve.undecided.any():
+            # From none of the motions without an answer to all of them.
+            some, n = curve.undecided > 0, curve.total + curve.undecided
+            ends = curve.counts / n, (curve.counts + curve.undecided) / n
+            label = f"{style['label']}: {curve.undecided.sum()} runs without an answer"
+            ax.vlines(
+                fragility.stripes[some], ends[0][some], ends[1][some], colors=style["color"], label=label
+            )
         if 0.0 < curve.fit.median < np.inf:
             low, high = curve.fit.band(fine)
             ax.fill_between(fine, low, high, color=style["color"], alpha=0.2, lw=0)

@@ -6,12 +6,11 @@ derivative by the implicit function theorem, since the growing coordinate of the
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.analysis.critical_scale import bisected
+from tpd.analysis.critical_scale import bisected, standing, verdicts
 from tpd.design.ground.objective import GroundObjective
 
 _AT_ONCE = 8
@@ -20,10 +19,23 @@ _ROUNDS = 5
 """Steps of the bisection, each by a factor of 32."""
 
 
+class Crossings(NamedTuple):
+    """First intensities that overturn the block, for m designs under n conditions."""
+
+    intensity: np.ndarray
+    """(m, n); infinite where no factor of the scan overturns the block, and where there is no answer up to
+    which factor it stands, the largest up to which it is known to stand."""
+    slope: np.ndarray
+    """Derivatives in (mu, lam, zeta), (m, n, 3); NaN where there is no crossing, where none is known, or
+    where they were not asked for."""
+    undecided: np.ndarray
+    """Whether a run below the first overturning of the scan has no answer, (m, n)."""
+
+
 def crossings(
     objective: GroundObjective, designs: np.ndarray, scan: float, highest: float, *, slopes: bool = False
-) -> tuple[np.ndarray, np.ndarray]:
-    """First intensity of a scan that overturns the block, by the linear equations.
+) -> Crossings:
+    """Follow a scan up to the first intensity that overturns the block, by the linear equations.
 
     Args:
         objective: conditions; their scales are not used, but the intensity that they count.
@@ -31,10 +43,6 @@ def crossings(
         scan: relative step of the scan.
         highest: its end, over the intensity that lifts the bare block.
         slopes: whether to compute derivatives.
-
-    Returns:
-        Intensities (m, n), infinite where no factor of the scan overturns the block; and their derivatives
-        (m, n, 3), NaN where there is no crossing or where they were not asked for.
     """
     c, m = objective.conditions, len(designs)
     others = np.stack([v for k, v in sorted(c.factors.items()) if k != "amplitude"] or [np.zeros(len(c))])
@@ -47,13 +55,14 @@ def crossings(
     x, which = rows[every], np.tile(np.asarray(c.which)[first], m)
     x[:, 5] /= np.tile(c.column("amplitude")[first], m)
     follow = _Follow(objective, x, which)
-    found = _first(follow, scan, highest)
+    found, undecided = _first(follow, scan, highest)
     slope = np.full((len(x), 3), np.nan)
-    if slopes and np.isfinite(found).any():
+    known = np.isfinite(found) & ~undecided
+    if slopes and known.any():
         chain = np.stack([c.column(k)[first] for k in ("mass", "length", "damping")], axis=1)
-        slope = follow.slopes(found, by_mass[every]) * np.tile(chain, (m, 1))
+        slope = follow.slopes(np.where(known, found, np.inf), by_mass[every]) * np.tile(chain, (m, 1))
     back = np.ravel(back)
-    return found.reshape(m, -1)[:, back], slope.reshape(m, -1, 3)[:, back]
+    return Crossings(*(a.reshape(m, -1, *a.shape[1:])[:, back] for a in (found, slope, undecided)))
 
 
 class _Follow:
@@ -69,17 +78,13 @@ class _Follow:
         x[:, 5] *= intensity
         return x, self.objective.pieces, self.which[rows], np.full(len(x), self.late)
 
-    def overturns(self, rows: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """Function of intensities (rows, k): whether each overturns the block."""
+    def status(self, rows: np.ndarray, intensity: np.ndarray) -> np.ndarray:
+        """Statuses of rows at intensities, shape (rows,) or (rows, k)."""
         from tpd.models.compiled_shaken import follow_all
-        from tpd.models.shaken_kernel import OVERTURNED
 
-        def function(intensity: np.ndarray) -> np.ndarray:
-            every = np.repeat(rows, intensity.shape[1])
-            found, _ = follow_all(*self.at(every, intensity.ravel()), brief=True)
-            return (found.status == OVERTURNED).reshape(intensity.shape)
-
-        return function
+        every = np.repeat(rows, intensity.size // max(rows.size, 1))
+        found, _ = follow_all(*self.at(every, intensity.ravel()), brief=True)
+        return found.status.reshape(intensity.shape)
 
     def slopes(self, found: np.ndarray, by_mass: np.ndarray) -> np.ndarray:
         """Derivatives of the crossings in (mu, lam, zeta)."""
@@ -97,22 +102,37 @@ class _Follow:
         return slope
 
 
-def _first(follow: _Follow, scan: float, highest: float) -> np.ndarray:
-    """First crossing of the scan of every row."""
+def _first(follow: _Follow, scan: float, highest: float) -> tuple[np.ndarray, np.ndarray]:
+    """First crossing of the scan of every row, and whether a run below it has no answer."""
+    from tpd.models.shaken_kernel import STOOD
+
     x = follow.x
     lifts = ((1.0 + x[:, 1]) * x[:, 0] + x[:, 4]) / x[:, 5]
-    # Below half of what lifts the bare block, a pendulum would have to throw it over.
-    low, steps = 0.5 * lifts, 1 + int(np.ceil(np.log(2.0 * highest) / np.log1p(scan)))
-    found, left = np.full(len(x), np.inf), np.arange(len(x))
-    for begun in range(0, steps, _AT_ONCE):
-        if not left.size:
-            break
-        tried = low[left, None] * (1.0 + scan) ** np.arange(begun, min(begun + _AT_ONCE, steps))
-        falls = follow.overturns(left)(tried)
-        hit, at = falls.any(axis=1), np.argmax(falls, axis=1)
-        rows, top = left[hit], tried[hit, at[hit]]
+    top = highest * lifts
+    # Below half of what lifts the bare block, only a pendulum can lift it.
+    low = standing(lambda rows, factor: follow.status(rows, factor) == STOOD, 0.5 * lifts, scan)
+    found, undecided, left = np.full(len(x), np.inf), np.zeros(len(x), dtype=bool), np.arange(len(x))
+    begun = 0
+    while left.size:
+        tried = low[left, None] * (1.0 + scan) ** np.arange(begun, begun + _AT_ONCE)
+        tried = np.minimum(tried, top[left, None])
+        falls = verdicts(follow.status(left, tried))
+        # The first factor at which the block is not known to stand.
+        hit, at = (falls != 0.0).any(axis=1), np.argmax(falls != 0.0, axis=1)
+        rows, at = left[hit], at[hit]
+        under, over = low[rows] * (1.0 + scan) ** (begun + at - 1.0), tried[hit, at]
+        found[rows], undecided[rows] = under, True
+        # Nothing is known to stand below the beginning of a scan.
+        fell = (falls[hit, at] == 1.0) & (begun + at > 0)
+        rows, under, over = rows[fell], under[fell], over[fell]
         if rows.size:
             stands = np.zeros(rows.size, dtype=bool)
-            found[rows] = bisected(follow.overturns(rows), top / (1.0 + scan), top, stands, _ROUNDS)
-        left = left[~hit]
-    return found
+
+            def verdict(some: np.ndarray, factors: np.ndarray, rows: np.ndarray = rows) -> np.ndarray:
+                return verdicts(follow.status(rows[some], factors))
+
+            lo, hi, sure = bisected(verdict, under, over, stands, _ROUNDS)
+            found[rows], undecided[rows] = np.where(sure, hi, lo), ~sure
+        left = left[~hit & (tried[:, -1] < top[left])]
+        begun += _AT_ONCE
+    return found, undecided

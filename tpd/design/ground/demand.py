@@ -31,7 +31,7 @@ class Runs(NamedTuple):
     """Largest |psi - phi|, rad; infinite where the block overturns."""
     overturned: np.ndarray
     undecided: np.ndarray
-    """Whether the bound on events ended the motion: counted as overturned."""
+    """Whether the bound on events ended a motion: what is not known counts as overturned."""
     growing: np.ndarray
     """Size of the growing coordinate over the slenderness as the last arc begins: 0 on the border between
     falling back and overturning."""
@@ -139,7 +139,8 @@ class CriticalIntensity(Demand):
 
     The crossing is the first that the scan sees: above it there may be intensities that do not overturn the
     block, and the runs of the judgement show these. Where another crossing becomes the first, the demand
-    jumps.
+    jumps. Where a run below the crossing has no answer, the intensity is that up to which the block is known
+    to stand, and `Runs.undecided` says so.
     """
 
     scan: float = 0.05
@@ -159,11 +160,12 @@ class CriticalIntensity(Demand):
 
         # The runs at the intensities of the conditions are for the limits.
         runs = objective.evaluate(designs)
-        critical, by = crossings(objective, designs, self.scan, self.highest, slopes=slopes)
-        value = 1.0 / critical
-        return runs, Demands(
-            value, np.where(np.isfinite(critical)[..., None], -(value**2)[..., None] * by, 0.0)
-        )
+        found = crossings(objective, designs, self.scan, self.highest, slopes=slopes)
+        # What is known to stand up to a factor only counts as overturning there, and is named.
+        runs = runs._replace(undecided=runs.undecided | found.undecided)
+        value = 1.0 / found.intensity
+        known = np.isfinite(found.intensity) & ~found.undecided
+        return runs, Demands(value, np.where(known[..., None], -(value**2)[..., None] * found.slope, 0.0))
 
 
 class Share(NamedTuple):

@@ -1,0 +1,177 @@
+"""Where a scan of factors begins and ends, and what it says of runs without an answer."""
+
+import jax
+import numpy as np
+import pytest
+
+import tpd
+from tests.unanswered import unanswered
+
+GRAVITY = 9.80665
+COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
+SINE = tpd.Scene(COLUMN, tpd.Pulse.one_sine(acceleration=GRAVITY / 6.0, frequency=1.2375))
+"""Overturns from 2.486469 on, see `test_transient.py`."""
+BLOCK = tpd.Block(width=1.0, height=4.0, mass=9000.0, friction=0.0, restitution="housner")
+
+
+def resonant(damping: float, cycles: int, length: float = 1.0) -> tuple[tpd.Scene, tpd.Pendulum]:
+    """A block under a train of sines at the own frequency of its bob."""
+    frequency = np.sqrt(GRAVITY / length) / (2.0 * np.pi)
+    train = tpd.Pulse.sine_train(acceleration=GRAVITY / 4.0, frequency=frequency, cycles=cycles)
+    return tpd.Scene(BLOCK, train), tpd.Pendulum(mass=900.0, length=length, damping_ratio=damping)
+
+
+def falls(scene: tpd.Scene, hung: tpd.Pendulum, factor: float) -> bool:
+    moved = tpd.Scene(scene.block, scene.motion.scaled(factor))
+    status = tpd.status_name(tpd.transient(moved, hung).status)
+    assert status in ("stood", "rocked", "overturned")
+    return status == "overturned"
+
+
+@pytest.mark.mends("the bottom of the scan was given as the critical scale where it overturned the block")
+@pytest.mark.parametrize(("damping", "cycles", "most"), [(0.02, 10, 0.34), (0.01, 30, 0.17)])
+def test_a_bob_in_resonance_throws_its_block_over_below_half_of_what_lifts_it(damping, cycles, most):
+    scene, hung = resonant(damping, cycles)
+    found = tpd.critical_scale(scene, hung, scan=0.05)
+    scale = float(found.scale)
+    assert 0.05 < scale < most
+    assert falls(scene, hung, scale * (1.0 + 1e-9))
+    assert not falls(scene, hung, scale * (1.0 - 1e-9))
+    # Well below, nothing that a finer scan tries overturns the block, down to where it no longer lifts.
+    assert not any(falls(scene, hung, x) for x in np.geomspace(0.3 * scale, 0.95 * scale, 25))
+
+
+@pytest.mark.mends("the derivative of the bottom of the scan was that of no crossing")
+def test_the_derivative_of_a_crossing_in_resonance_is_that_of_differences():
+    scene, hung = resonant(0.02, 10)
+
+    def scale(length):
+        moved = tpd.Pendulum(mass=hung.mass, length=length, damping_ratio=hung.damping_ratio)
+        return tpd.critical_scale(scene, moved, scan=0.1).scale
+
+    step = 1e-5
+    differences = (float(scale(1.0 + step)) - float(scale(1.0 - step))) / (2.0 * step)
+    assert float(jax.grad(scale)(1.0)) == pytest.approx(differences, rel=1e-5)
+
+
+@pytest.mark.mends("the last tongue ended above the end of the scan")
+@pytest.mark.parametrize("highest", [2.6, 5.0, 14.9])
+def test_a_tongue_ends_with_the_scan(highest):
+    found = tpd.critical_scale(SINE, scan=0.1, highest=highest)
+    assert float(found.scale) == pytest.approx(2.4864693038, rel=1e-9)
+    assert np.nanmax(found.tongues) <= highest
+    # Just below its crossing the block does not overturn, whatever the grid of the scan.
+    below = tpd.critical_scale(SINE, scan=0.1, highest=2.486)
+    assert np.isinf(float(below.scale))
+    assert np.isnan(below.tongues).all()
+
+
+@pytest.mark.mends("a scan that ended below its beginning went beyond its end")
+def test_a_scan_that_ends_below_what_lifts_the_block_overturns_nothing():
+    # With a step of 50 % the first factor after half of what lifts the block is 0.75 of it.
+    for scene, hung in ((SINE, None), resonant(0.01, 30)):
+        found = tpd.critical_scale(scene, hung, scan=0.5, highest=0.06)
+        assert np.isinf(float(found.scale))
+        assert "does not overturn up to 0.06 times" in str(found)
+    scene, hung = resonant(0.01, 30)
+    found = tpd.critical_scale(scene, hung, scan=0.02, highest=0.2)
+    assert float(found.scale) < 0.17
+    assert np.nanmax(found.tongues) == pytest.approx(0.2)
+
+
+@pytest.mark.mends("a record of zeros ended in a division by zero")
+def test_a_motion_of_zeros_is_refused_in_one_sentence():
+    still = tpd.Record(np.zeros(50), 0.02, name="quiet")
+    with pytest.raises(ValueError, match=r"motion of zeros cannot be scaled to any intensity.*quiet"):
+        tpd.critical_scale(tpd.Scene(COLUMN, still))
+    with pytest.raises(ValueError, match="motion of zeros"):
+        tpd.critical_scale(tpd.Scene(COLUMN, tpd.Pulse.ricker(acceleration=0.0, frequency=1.0)))
+    moving = tpd.Record(np.sin(np.arange(50.0)), 0.02)
+    for intensity in ("pga_star", "pgv", "scale"):
+        with pytest.raises(ValueError, match=r"motion of zeros.*quiet"):
+            tpd.fragility(COLUMN, [moving, still], scales=[1.0], intensity=intensity)
+        with pytest.raises(ValueError, match=r"motion of zeros.*quiet"):
+            tpd.Conditions.records([still, moving], (1.0,), intensity=intensity)
+
+
+def between(low: float, high: float):
+    """Whether the factor on the motion of SINE lies within bounds."""
+    unit = float(SINE.ground_parameters().f)
+    return lambda rows: (rows[:, 5] > low * unit) & (rows[:, 5] < high * unit)
+
+
+@pytest.mark.mends("runs without an answer were a safe gap below the critical scale")
+def test_a_run_without_an_answer_below_the_crossing_refuses_the_scale(monkeypatch):
+    unanswered(monkeypatch, between(1.3, 1.4))
+    found = tpd.critical_scale(SINE, scan=0.02)
+    assert np.isnan(float(found.scale))
+    assert "not known from which factor on" in str(found)
+    assert "no answer at" in str(found)
+    (low, high), *others = np.asarray(found.undecided)
+    # The next factors of the scan that have an answer.
+    assert 1.3 / 1.02 <= low <= 1.3
+    assert 1.4 <= high <= 1.4 * 1.02
+    assert np.isnan(others).all()
+    assert float(found.tongues[0, 0]) == pytest.approx(2.4864693038, rel=1e-9)
+    slope = jax.grad(lambda e: tpd.critical_scale(_lossy(e), scan=0.02).scale)(0.95)
+    assert np.isnan(slope)
+
+
+def _lossy(e) -> tpd.Scene:
+    block = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=e)
+    return tpd.Scene(block, SINE.motion)
+
+
+@pytest.mark.mends("a scan with runs without an answer was said not to overturn")
+def test_a_run_without_an_answer_is_no_safe_block(monkeypatch):
+    unanswered(monkeypatch, between(1.3, 1.32))
+    found = tpd.critical_scale(SINE, scan=0.01, highest=2.0)
+    assert np.isnan(float(found.scale))
+    assert "no factor with an answer overturns; no answer at" in str(found)
+
+
+@pytest.mark.mends("runs without an answer within a tongue were a safe gap")
+def test_a_run_without_an_answer_above_the_crossing_is_named(monkeypatch):
+    known = tpd.critical_scale(SINE, scan=0.02)
+    inside = 0.5 * float(known.tongues[0].sum())
+    unanswered(monkeypatch, between(0.98 * inside, 1.02 * inside))
+    found = tpd.critical_scale(SINE, scan=0.02)
+    assert float(found.scale) == float(known.scale)
+    assert "; no answer at" in str(found)
+    low, high = (float(x) for x in found.undecided[0])
+    assert low <= 0.98 * inside
+    assert high >= 1.02 * inside
+    # No part of the interval is listed as overturning, and what is known around it still is.
+    assert float(found.tongues[0, 1]) == low
+    assert float(found.tongues[1, 0]) == high
+
+
+@pytest.mark.mends("a crossing was sought among runs without an answer, which were taken to stand")
+def test_runs_without_an_answer_beside_a_crossing_leave_it_open(monkeypatch):
+    known = float(tpd.critical_scale(SINE, scan=0.02).scale)
+    # Within one step of the scan: only the bisection meets them.
+    rows = unanswered(monkeypatch, between(known * (1.0 - 1e-4), known * (1.0 + 1e-4)))
+    found = tpd.critical_scale(SINE, scan=0.03)
+    assert np.isnan(float(found.scale))
+    low, high = (float(x) for x in found.undecided[0])
+    assert known * (1.0 - 3e-4) < low <= known * (1.0 - 1e-4)
+    assert known * (1.0 + 1e-4) <= high < known * (1.0 + 3e-4)
+    assert float(found.tongues[0, 0]) == high
+    assert sum(map(len, rows)) < 3000
+
+
+def test_a_gap_of_rounding_beside_a_crossing_is_the_crossing(monkeypatch):
+    known = float(tpd.critical_scale(SINE, scan=0.02).scale)
+    unanswered(monkeypatch, between(known * (1.0 - 1e-12), known * (1.0 + 1e-12)))
+    found = tpd.critical_scale(SINE, scan=0.02)
+    assert float(found.scale) == pytest.approx(known, rel=1e-9)
+    assert np.isnan(found.undecided).all()
+
+
+@pytest.mark.mends("a motion without any answer was said not to overturn")
+def test_a_motion_without_any_answer_ends_soon_and_says_so(monkeypatch):
+    rows = unanswered(monkeypatch, lambda rows: np.ones(len(rows), dtype=bool))
+    found = tpd.critical_scale(SINE, scan=0.05)
+    assert np.isnan(float(found.scale))
+    assert float(found.undecided[0, 1]) == pytest.approx(float(found.highest))
+    assert sum(map(len, rows)) < 1000
