@@ -20,11 +20,12 @@ from tpd.core.threads import aside
 from tpd.design.active import nearest
 from tpd.design.at_point import PointSearch, at_point_of, designs_met, search_at_point
 from tpd.design.checkpoint import Checkpoint
-from tpd.design.criteria import Limit, Risk
+from tpd.design.criteria import DEFAULT_LIMITS, Limit, Risk, check_limits
 from tpd.design.elasticity import elasticities_of
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.optimise import optimise_on_motions
 from tpd.design.ground.search import GroundSearch
+from tpd.design.inputs import check_cavity
 from tpd.design.methods import Method, Sequential, describe
 from tpd.design.nonlinear_search import nonlinear_search, wanted
 from tpd.design.objective import Orbits, margins
@@ -142,6 +143,11 @@ def _on_motions(
         # A setting without effect would let somebody believe in it.
         if value is not None and value is not False:
             raise ValueError(f"`{name}` is for harmonics, but the conditions are ground motions")
+    if isinstance(scene, (Scene, Block)):
+        limits = settings["limits"]
+        asked = DEFAULT_LIMITS if limits is None else check_limits(limits)
+        check_cavity(scene.block if isinstance(scene, Scene) else scene, asked)
+        settings = {**settings, "limits": None if limits is None else asked}
     return optimise_on_motions(scene, conditions, space, **settings)
 
 
