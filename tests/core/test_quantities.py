@@ -14,9 +14,7 @@ from tpd.core.quantities import NAMES, QUANTITIES, Axis, Setup, with_design
 from tpd.core.scene import paper_scene
 
 # Its cavity, as wide as the block, would keep the width from being made less.
-SCENE = dataclasses.replace(
-    paper_scene(), block=dataclasses.replace(paper_scene().block, cavity_width=None)
-)
+SCENE = dataclasses.replace(paper_scene(), block=dataclasses.replace(paper_scene().block, cavity_width=None))
 HUNG = Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
 OTHER = Scene(
     Block(width=1.1, height=4.0, mass=3e3, friction=0.04, radius_of_gyration=1.3, restitution=0.8),

@@ -124,26 +124,33 @@ def test_a_block_too_wide_for_linear_equations_is_refused():
     assert Block(width=0.2, height=0.4, mass=1.0).slenderness == 0.5
 
 
+def block(width, height, mass):
+    return Block, {"width": width, "height": height, "mass": mass}
+
+
+def harmonic(amplitude, frequency):
+    return Harmonic, {"amplitude": amplitude, "frequency": frequency}
+
+
 UNITS = {
-    "lengths in mm": (Block, {"width": 100.0, "height": 400.0, "mass": 16.224}, "make 4.06e-06 kg/m"),
-    "lengths in cm": (Block, {"width": 130.0, "height": 1000.0, "mass": 16280.0}, "in 130 m x 1000 m make"),
-    "mass in t": (Block, {"width": 1.3, "height": 10.0, "mass": 16.28}, "are the lengths in m and the mass"),
-    "mass in g": (Block, {"width": 0.1, "height": 0.4, "mass": 16224e3}, "between 10 and 100000 kg/m"),
-    "height in mm": (Block, {"width": 0.5, "height": 2500.0, "mass": 1e6}, "at least 0.01 of `height`"),
-    "a batch": (Block, {"width": np.array([0.1, 100.0]), "height": np.array([0.4, 400.0]), "mass": 16.0},
-                "16 kg in 100 m x 400 m"),
-    "amplitude in mm": (Harmonic, {"amplitude": 50.0, "frequency": 1.0}, "at most 10 g, but 50 m at 1 Hz make"),
-    "amplitude in cm": (Harmonic, {"amplitude": 1.5, "frequency": 2.5}, "1.5 m at 2.5 Hz make 37.7 g"),
-    "frequency in mHz": (Harmonic, {"amplitude": 0.081, "frequency": 850.0}, "are they in m and Hz?"),
-    "damping in %": (Pendulum, {"mass": 1.0, "length": 0.1, "damping_ratio": 5.0}, "a ratio: 5 % is 0.05"),
-}  # fmt: skip
+    "lengths in mm": (*block(100.0, 400.0, 16.224), "make 4.06e-06 kg/m"),
+    "lengths in cm": (*block(130.0, 1000.0, 16280.0), "in 130 m x 1000 m make"),
+    "mass in t": (*block(1.3, 10.0, 16.28), "are the lengths in m and the mass"),
+    "mass in g": (*block(0.1, 0.4, 16224e3), "between 10 and 100000 kg/m"),
+    "height in mm": (*block(0.5, 2500.0, 1e6), "at least 0.01 of `height`"),
+    "a batch": (*block(np.array([0.1, 100.0]), np.array([0.4, 400.0]), 16.0), "16 kg in 100 m x 400 m"),
+    "amplitude in mm": (*harmonic(50.0, 1.0), "at most 10 g, but 50 m at 1 Hz make 201 g: are they in"),
+    "amplitude in cm": (*harmonic(1.5, 2.5), "1.5 m at 2.5 Hz make 37.7 g"),
+    "frequency in mHz": (*harmonic(0.081, 850.0), "are they in m and Hz?"),
+    "damping in %": (Pendulum, {**PENDULUM, "damping_ratio": 5.0}, "a ratio: 5 % is 0.05"),
+}
 """Quantities in another unit, each with what the sentence says."""
 
 
 @pytest.mark.mends("a block in mm, a base amplitude of 50 m and a damping in per cent were taken")
 @pytest.mark.parametrize(("make", "given", "said"), UNITS.values(), ids=UNITS)
 def test_quantities_in_another_unit_are_asked_back(make, given, said):
-    with pytest.raises(ValueError, match="^`") as refused:
+    with pytest.raises(ValueError, match=r"^`\w+` ") as refused:
         make(**given)
     assert said in str(refused.value)
     assert "\n" not in str(refused.value)
@@ -152,7 +159,7 @@ def test_quantities_in_another_unit_are_asked_back(make, given, said):
 @pytest.mark.mends("a gravity in g, in cm/s^2 or in ft/s^2 was taken")
 @pytest.mark.parametrize("gravity", [1.0, 981.0, 9806.65, 32.17])
 def test_a_gravity_in_another_unit_is_asked_back(gravity):
-    with pytest.raises(ValueError, match="between 1.5 and 30 m/s.2 .the Earth's is 9.80665., but is"):
+    with pytest.raises(ValueError, match=r"between 1\.5 and 30 m/s\^2 \(the Earth's is 9\.80665\), but is"):
         Scene(Block(**BLOCK), Harmonic(**MOTION), gravity=gravity)
 
 
@@ -167,7 +174,7 @@ PLAUSIBLE = {
 
 @pytest.mark.parametrize(("width", "height", "mass"), PLAUSIBLE.values(), ids=PLAUSIBLE)
 def test_light_and_heavy_blocks_are_taken(width, height, mass):
-    assert Block(width=width, height=height, mass=mass).slenderness == width / height
+    assert Block(width=width, height=height, mass=mass, friction=0.01).slenderness == width / height
 
 
 def test_the_moon_and_a_shaking_table_are_taken():

@@ -82,6 +82,7 @@ class Block:
         checks.positive("width", self.width)
         checks.positive("height", self.height)
         checks.positive("mass", self.mass)
+        check_proportions(self.width, self.height, self.mass)
         self._check_losses()
         if self.radius_of_gyration is not None:
             checks.positive("radius_of_gyration", self.radius_of_gyration)
@@ -98,7 +99,6 @@ class Block:
                 f"`width` must be at most {SLENDERNESS_LIMIT:g} of `height` (the linear equations "
                 f"drop terms of order (width/height)**2), but is {np.max(self.slenderness):g} of it"
             )
-        check_proportions(self.width, self.height, self.mass)
 
     def _check_losses(self) -> None:
         if isinstance(self.restitution, str):
@@ -338,9 +338,9 @@ def check_proportions(width: Any, height: Any, mass: Any) -> None:
     if np.any(beyond):
         wide, high, heavy, of = (float(x[beyond][0]) for x in (width, height, mass, density))
         raise ValueError(
-            f"`mass` must make between {DENSITIES[0]:g} and {DENSITIES[1]:g} kg/m^3 of a block as deep as it "
-            f"is wide, but {heavy:g} kg in {wide:g} m x {high:g} m make {of:.3g} kg/m^3: are the lengths in m "
-            "and the mass in kg?"
+            f"`mass` must make between {DENSITIES[0]:g} and {DENSITIES[1]:g} kg/m^3 of a block as deep as "
+            f"it is wide, but {heavy:g} kg in {wide:g} m x {high:g} m make {of:.3g} kg/m^3: are the lengths "
+            "in m and the mass in kg?"
         )
 
 

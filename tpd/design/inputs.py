@@ -55,8 +55,9 @@ def check_cavity(block: Block, limits: tuple[Limit, ...]) -> None:
         return
     raise ValueError(
         "`cavity_width`, the width in m between the walls that the bob swings within, must be given, but is "
-        "not, and no pendulum hangs inside a solid block: state it (--cavity, or `cavity_width` in [block] or "
-        "of `Block`), or ask for no room (--no-walls, `room = false` in [limits], or limits without `Room`)"
+        "not, and no pendulum hangs inside a solid block: state it (--cavity, or `cavity_width` in [block] "
+        "or of `Block`), or ask for no room (--no-walls, `room = false` in [limits], or limits without "
+        "`Room`)"
     )
 
 

@@ -39,7 +39,11 @@ class DesignSpace:
             checks.within("damping_ratio", self.damping_ratio, 0.0, LARGEST_DAMPING)
             set_(self, "damping_ratio", float(self.damping_ratio))  # type: ignore[arg-type]
         else:
-            set_(self, "damping_ratio", checks.interval("damping_ratio", self.damping_ratio, 0.0, LARGEST_DAMPING))
+            set_(
+                self,
+                "damping_ratio",
+                checks.interval("damping_ratio", self.damping_ratio, 0.0, LARGEST_DAMPING),
+            )
 
     @property
     def names(self) -> tuple[str, ...]:
