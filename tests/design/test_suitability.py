@@ -194,8 +194,8 @@ def test_a_pendulum_outside_of_the_space_is_asked_as_well():
 
 
 def test_where_nothing_lifts_the_block_none_is_needed():
-    calm = dataclasses.replace(JOB.scene, motion=tpd.Harmonic(amplitude=0.02, frequency=0.85))
-    assert module.rests(asked(scene=calm))
+    calm = dataclasses.replace(tpd.paper_scene(), motion=tpd.Harmonic(amplitude=0.001, frequency=2.5))
+    assert module.rests(module.Question(scene=calm))
     assert not module.rests(asked())
 
 

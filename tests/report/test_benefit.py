@@ -190,10 +190,13 @@ def test_the_gravest_reason_stands_first_and_none_is_left_out():
 @pytest.mark.mends("every refusal was a danger, and 'keep to all limits' as well")
 def test_a_refusal_is_a_danger_where_it_is_about_overturning_or_strikes():
     for reason, severity in ((LITTLE, Severity.warning), (STRIKES, Severity.danger)):
-        design = refused(designs.verified(reasons=(reason,)))
-        assert content(design, Study()).verdict.severity is severity
-        assert all(block.severity is not Severity.danger for block in benefit.limiting(design)[:-1])
-    assert content(designs.around(), Study()).verdict.severity is Severity.information
+        bad = (designs.verified(reasons=(reason,)),)
+        alone = designs.single(status=DesignStatus.refused, pendulum=None, verified=bad)
+        assert content(alone, Study()).verdict.severity is severity
+        counts = benefit.limiting(refused(*bad))[0]
+        assert "keep to all limits" in counts.text
+        assert counts.severity is not Severity.danger
+    assert content(designs.single(), Study()).verdict.severity is Severity.information
 
 
 @pytest.mark.mends("a design was counted by its first reason alone")
