@@ -128,11 +128,13 @@ def test_models_that_disagree_are_marked():
     assert rows[1][2:5] == ("smoothed", 0.0833, "-0.04%")
 
 
-@pytest.mark.mends("a stroke beyond its limit was a danger, as an overturning is")
+A_DANGER = pytest.mark.mends("a stroke beyond its limit was a danger, as an overturning is")
+
+
 @pytest.mark.parametrize(
     ("answer", "severity", "said"),
     [
-        ({"stroke": 0.6}, Severity.warning, "the stroke is 0.6 rad, above 0.5"),
+        pytest.param({"stroke": 0.6}, Severity.warning, "the stroke is 0.6 rad, above 0.5", marks=A_DANGER),
         ({"amplitude": np.inf, "status": "overturned"}, Severity.danger, "the motion ends overturned"),
     ],
 )

@@ -86,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _asked(job: Job) -> Question:
-    """What `tpd optimise` would ask of the designs of a job."""
+    """Question that `tpd optimise` would ask of the designs of a job."""
     from tpd.design.suitability import Question
 
     return Question(

@@ -184,7 +184,7 @@ def _sort(reason: Reason) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Question:
-    """What `optimise` asks of a design, in the same words: its arguments."""
+    """Question that `optimise` asks of a design, in the same words: its arguments."""
 
     scene: Scene
     space: DesignSpace = field(default_factory=DesignSpace)
