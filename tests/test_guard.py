@@ -148,7 +148,7 @@ from tpd.core.parameters import as_arrays
 from tpd.core.status import Status, names_of
 from tpd.design.objective import margins
 from tpd.design.problem import Problem
-block = Block(width=1.3, height=10.0, mass=16280.0, restitution="housner")
+block = Block(width=1.3, height=10.0, mass=16280.0, restitution="housner", cavity_width=0.9)
 scene = Scene(block, Harmonic(amplitude=0.081, frequency=0.85))
 problem = Problem.of(scene, *[None] * 6, 0)
 o, p = problem.objective, scene.parameters()

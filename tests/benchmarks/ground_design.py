@@ -54,13 +54,15 @@ SLENDERNESS = (0.12, 0.16, 0.2, 0.25, 0.3)
 def block(name):
     """One of the blocks, with Housner's restitution."""
     width, height, mass = BLOCKS[name]
-    return tpd.Block(width=width, height=height, mass=mass, restitution="housner")
+    # The widest cavity that there can be, so that the size of the block alone decides.
+    return tpd.Block(width=width, height=height, mass=mass, restitution="housner", cavity_width=width)
 
 
 def masonry(height, nu):
     """A square block of masonry."""
     mass = 1800.0 * nu**2 * height**3
-    return tpd.Block(width=nu * height, height=height, mass=mass, restitution="housner")
+    width = nu * height
+    return tpd.Block(width=width, height=height, mass=mass, restitution="housner", cavity_width=width)
 
 
 def table(head, rows):

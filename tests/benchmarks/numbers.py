@@ -99,7 +99,7 @@ def accuracy():
 
 
 TOWER = tpd.Scene(
-    tpd.Block(width=0.08, height=0.4, mass=13.0, friction=0.05),
+    tpd.Block(width=0.08, height=0.4, mass=13.0, friction=0.05, cavity_width=0.08),
     tpd.Harmonic(amplitude=0.009243, frequency=2.839),
 )
 LIGHT = tpd.DesignSpace(mass_ratio=(0.01, 0.1))

@@ -46,11 +46,13 @@ MARGIN = 0.1
 FRICTION = 0.02
 """Friction of a scene whose template has none."""
 FLAT = {
-    "block": {"width": 0.9, "height": 2.0, "mass": 1200.0, "friction": 0.05},
+    "block": {"width": 0.9, "height": 2.0, "mass": 1200.0, "friction": 0.05, "cavity_width": 0.9},
     "motion": {"amplitude": 0.104, "frequency": 1.5},
     "space": {"mass_ratio": [0.01, 0.2], "length_ratio": [0.1, 0.8], "damping_ratio": [0.05, 0.6]},
 }
 """A machine on a wide base, width/height 0.45."""
+CAVITIES = {"column": 1.0}
+"""Widths of cavities (m) in place of those of the templates."""
 STRONGER = {"column": tpd.Harmonic(amplitude=0.097, frequency=0.7)}
 """Motions in place of those of the templates, so that the bare block overturns in some of the runs."""
 KINDS = ("paper", "statue", "column", "chimney", "tower", "flat")
@@ -62,6 +64,7 @@ def problem_of(kind, loss):
     """Scene and design space of a template, with losses by friction alone or by Housner's impacts alone."""
     job = job_of(FLAT if kind == "flat" else tomllib.loads(template(kind)))
     block = job.scene.block
+    block = replace(block, cavity_width=CAVITIES.get(kind, block.cavity_width))
     if loss == "friction":
         block = replace(block, friction=block.friction or FRICTION, restitution=None)
     else:

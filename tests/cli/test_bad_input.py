@@ -10,6 +10,29 @@ OWN = ("--width", "0.1", "--height", "0.4", "--mass", "16", "--amplitude", "0.01
 REST = "height = 0.4\nmass = 16\n[motion]\namplitude = 0.015\nfrequency = 2.5\n"
 HUNG = ("--mass-ratio", "0.1", "--length-ratio", "0.5")
 
+MILLIMETRES = ("--width", "100", "--height", "400", "--mass", "16.2")
+NO_CAVITY = (
+    "`cavity_width`, the width in m between the walls that the bob swings within, must be given, but is"
+)
+UNITS = [
+    (
+        (*MILLIMETRES, "--amplitude", "15", "--frequency", "2.5"),
+        "[block] `mass` must make between 10 and 100000 kg/m^3 of a block as deep as it is wide, but 16.2 kg",
+    ),
+    ((*OWN, "--mass", "0.016"), "are the lengths in m and the mass in kg?"),
+    (
+        ("--amplitude", "50", "--frequency", "1"),
+        "[motion] `amplitude` and `frequency` must make at most 10 g, but 50 m at 1 Hz make 201 g: are they",
+    ),
+    (
+        ("--amplitudes", "100", "120"),
+        "[motion] `amplitude` and `frequency` must make at most 10 g, but 1.8 m",
+    ),
+    (("--band", "2250", "2750"), "are they in m and Hz?"),
+    (OWN, f"{NO_CAVITY} not, and no pendulum hangs inside a solid block: state it (--cavity, or"),
+]
+"""Options of `tpd optimise` in another unit, or of a block without a cavity; they were searched."""
+
 OPTIONS = [
     (("--width", "-1"), "`block.width` must be a number above 0, but is -1"),
     (("--width", "wide"), "`block.width` must be a number above 0, but is 'wide'"),
@@ -334,6 +357,55 @@ def test_bad_options_are_refused(capsys, tmp_path, monkeypatch, options, message
     monkeypatch.chdir(tmp_path)
     assert message in refused(capsys, "optimise", *options)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.mends("implausible units, and a block without a cavity, were searched")
+@pytest.mark.parametrize(("options", "message"), UNITS)
+def test_options_in_another_unit_are_asked_back(capsys, tmp_path, monkeypatch, options, message):
+    monkeypatch.chdir(tmp_path)
+    assert message in refused(capsys, "optimise", *options)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.mends("implausible units were taken by every command")
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (
+            ("response", *HUNG, "--pendulum-damping", "5"),
+            "`--pendulum-damping` must be at most 2, twice crit",
+        ),
+        (("response", *HUNG, "--amplitude", "50", "--frequency", "1"), "make 201 g: are they in m and Hz?"),
+        (("map", *HUNG, *MAP[:4], "--y", "amplitude", "5", "50"), "must make at most 10 g"),
+        (
+            ("spectrum", "--width", "450", "--height", "1800", "--mass", "900", "--pulse", "one-sine"),
+            "kg/m^3",
+        ),
+        (("check", *HUNG, *OWN), NO_CAVITY),
+    ],
+)
+def test_the_other_commands_ask_back_as_well(capsys, tmp_path, monkeypatch, command, message):
+    monkeypatch.chdir(tmp_path)
+    assert message in refused(capsys, *command)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.mends("a damping of the space in per cent, and a gravity in g, were searched")
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (
+            "[site]\ngravity = 1.0\n",
+            "[site] `gravity` must be between 1.5 and 30 m/s^2 (the Earth's is 9.80665)",
+        ),
+        ("[conditions]\namplitudes = [100.0]\n", "must make at most 10 g, but 1.5 m at 2.5 Hz make"),
+        (f"[block]\nwidth = 0.1\n{REST}[limits]\nroom = true\n", NO_CAVITY),
+    ],
+)
+def test_files_in_another_unit_are_asked_back(capsys, tmp_path, content, message):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(content)
+    assert message in refused(capsys, "optimise", "--scene", str(scene), "--out", str(tmp_path / "out"))
 
 
 @pytest.mark.parametrize(("content", "message"), FILES)

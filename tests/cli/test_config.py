@@ -224,8 +224,8 @@ def test_where_impacts_lose_energy_friction_is_zero_and_the_model_is_exact(
 
 def test_a_whole_number_is_taken_where_any_number_is_meant():
     motion = {"amplitude": 0.1, "frequency": 1.0}
-    whole = {"block": {"width": 1, "height": 3, "mass": 9}, "motion": motion, "space": {"damping_ratio": 1}}
-    block = {"width": 1.0, "height": 3.0, "mass": 9.0}
+    whole = {"block": {"width": 1, "height": 3, "mass": 900}, "motion": motion, "space": {"damping_ratio": 1}}
+    block = {"width": 1.0, "height": 3.0, "mass": 900.0}
     job = config.job_of(whole)
     assert job == config.job_of({"block": block, "motion": motion, "space": {"damping_ratio": 1.0}})
     assert isinstance(config.tables(job)["block"]["width"], float)

@@ -13,7 +13,9 @@ from tpd import Block, Harmonic, Parameters, Pendulum, Scene
 from tpd.core.quantities import NAMES, QUANTITIES, Axis, Setup, with_design
 from tpd.core.scene import paper_scene
 
-SCENE, HUNG = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
+# Its cavity, as wide as the block, would keep the width from being made less.
+SCENE = dataclasses.replace(paper_scene(), block=dataclasses.replace(paper_scene().block, cavity_width=None))
+HUNG = Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
 OTHER = Scene(
     Block(width=1.1, height=4.0, mass=3e3, friction=0.04, radius_of_gyration=1.3, restitution=0.8),
     Harmonic(amplitude=0.2, frequency=0.8),
@@ -146,6 +148,28 @@ def test_without_a_pendulum_nothing_of_it_can_be_varied():
 def test_values_out_of_range_are_refused_by_name(name, value, match):
     with pytest.raises(ValueError, match=match):
         Axis.of(SCENE, name, HUNG).check(value)
+
+
+@pytest.mark.mends("a range of a quantity in another unit was solved")
+@pytest.mark.parametrize(
+    ("name", "values", "match"),
+    [
+        ("amplitude", (5.0, 50.0), "must make at most 10 g, but 50 m at 2.5 Hz make"),
+        ("amplitude", (0.0, 50.0), "must make at most 10 g, but 50 m at 2.5 Hz make"),
+        ("frequency", (750.0, 950.0), "0.015 m at 750 Hz make"),
+        ("mass", (0.016, 0.02), "kg/m.3 of a block as deep as it is wide"),
+        ("pendulum_damping", (5.0, 40.0), "`pendulum_damping` must be at most 2, twice critical damping"),
+        ("zeta", (0.05, 40.0), "`zeta` must be at most 2, twice critical damping .a ratio: 5 % is 0.05"),
+    ],
+)
+def test_a_range_in_another_unit_is_asked_back(name, values, match):
+    with pytest.raises(ValueError, match=match):
+        Setup.of(SCENE, HUNG).check("x", name, *values)
+
+
+def test_a_wide_range_of_frequencies_is_solved():
+    """Its upper end may exceed what any ground does at the given amplitude."""
+    Setup.of(SCENE, HUNG).check("x", "frequency", 0.5, 50.0)
 
 
 def test_a_pendulum_beside_parameters_is_refused():

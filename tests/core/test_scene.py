@@ -61,9 +61,9 @@ def test_the_length_ratio_counts_half_heights():
 def test_another_gravity_and_size_scale_the_forcing_and_not_the_block():
     small = paper_scene().parameters()
     large = Scene(
-        Block(width=1.0, height=4.0, mass=3.0),
-        Harmonic(amplitude=0.15, frequency=2.5),
-        gravity=10 * STANDARD_GRAVITY,
+        Block(width=0.2, height=0.8, mass=100.0),
+        Harmonic(amplitude=0.03, frequency=2.5),
+        gravity=2 * STANDARD_GRAVITY,
     ).parameters()
     assert jax.tree.leaves(large) == pytest.approx(jax.tree.leaves(small), rel=1e-12)
 
@@ -122,6 +122,71 @@ def test_a_block_too_wide_for_linear_equations_is_refused():
     with pytest.raises(ValueError, match=r"`width` must be at most 0\.5 of `height`.*but is 0\.6 of it"):
         Block(width=0.24, height=0.4, mass=1.0)
     assert Block(width=0.2, height=0.4, mass=1.0).slenderness == 0.5
+
+
+def block(width, height, mass):
+    return Block, {"width": width, "height": height, "mass": mass}
+
+
+def harmonic(amplitude, frequency):
+    return Harmonic, {"amplitude": amplitude, "frequency": frequency}
+
+
+UNITS = {
+    "lengths in mm": (*block(100.0, 400.0, 16.224), "make 4.06e-06 kg/m"),
+    "lengths in cm": (*block(130.0, 1000.0, 16280.0), "in 130 m x 1000 m make"),
+    "mass in t": (*block(1.3, 10.0, 16.28), "are the lengths in m and the mass"),
+    "mass in g": (*block(0.1, 0.4, 16224e3), "between 10 and 100000 kg/m"),
+    "height in mm": (*block(0.5, 2500.0, 1e6), "at least 0.01 of `height`"),
+    "a batch": (*block(np.array([0.1, 100.0]), np.array([0.4, 400.0]), 16.0), "16 kg in 100 m x 400 m"),
+    "amplitude in mm": (*harmonic(50.0, 1.0), "at most 10 g, but 50 m at 1 Hz make 201 g: are they in"),
+    "amplitude in cm": (*harmonic(1.5, 2.5), "1.5 m at 2.5 Hz make 37.7 g"),
+    "frequency in mHz": (*harmonic(0.081, 850.0), "are they in m and Hz?"),
+    "damping in %": (Pendulum, {**PENDULUM, "damping_ratio": 5.0}, "a ratio: 5 % is 0.05"),
+}
+"""Quantities in another unit, each with what the sentence says."""
+
+
+@pytest.mark.mends("a block in mm, a base amplitude of 50 m and a damping in per cent were taken")
+@pytest.mark.parametrize(("make", "given", "said"), UNITS.values(), ids=UNITS)
+def test_quantities_in_another_unit_are_asked_back(make, given, said):
+    with pytest.raises(ValueError, match=r"^`\w+` ") as refused:
+        make(**given)
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.mends("a gravity in g, in cm/s^2 or in ft/s^2 was taken")
+@pytest.mark.parametrize("gravity", [1.0, 981.0, 9806.65, 32.17])
+def test_a_gravity_in_another_unit_is_asked_back(gravity):
+    with pytest.raises(ValueError, match=r"between 1\.5 and 30 m/s\^2 \(the Earth's is 9\.80665\), but is"):
+        Scene(Block(**BLOCK), Harmonic(**MOTION), gravity=gravity)
+
+
+PLAUSIBLE = {
+    "foam": (0.5, 1.5, 8.0),
+    "hollow bronze": (0.5, 1.8, 400.0),
+    "a model of steel": (0.02, 0.1, 0.6),
+    "a wall, twenty times as deep as wide": (0.5, 8.0, 90e3),
+    "a slender chimney": (2.0, 90.0, 500e3),
+}
+
+
+@pytest.mark.parametrize(("width", "height", "mass"), PLAUSIBLE.values(), ids=PLAUSIBLE)
+def test_light_and_heavy_blocks_are_taken(width, height, mass):
+    assert Block(width=width, height=height, mass=mass, friction=0.01).slenderness == width / height
+
+
+def test_the_moon_and_a_shaking_table_are_taken():
+    scene = Scene(Block(**BLOCK), Harmonic(amplitude=0.0005, frequency=60.0), gravity=1.62)
+    assert float(scene.parameters().f) > 10.0
+
+
+@pytest.mark.mends("a block without a stated cavity had one as wide as itself")
+def test_a_block_has_the_cavity_that_is_stated_and_no_other():
+    assert Block(**BLOCK).room == np.inf
+    assert Block(**BLOCK, cavity_width=0.07).room == 0.07
+    assert paper_scene().block.cavity_width == 0.1, "the paper's block states the widest that there can be"
 
 
 def struck(nu, rho):
@@ -225,7 +290,8 @@ def test_the_parameters_are_a_pytree_of_numbers():
 HUNG = Pendulum(mass=1.2, length=0.05, damping_ratio=0.2)
 TIED = Scene(Block(**BLOCK, friction=0.02, restitution="housner"), Harmonic(**MOTION))
 SCENES = {
-    "friction": paper_scene(),
+    # A cavity moves no parameter, so that it has no derivative to compare.
+    "friction": Scene(Block(**BLOCK, friction=0.05), Harmonic(**MOTION)),
     "housner": TIED,
     "all numbers": Scene(
         Block(**BLOCK, friction=0.02, restitution=0.9, radius_of_gyration=0.13), Harmonic(**MOTION), 9.7

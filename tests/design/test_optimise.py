@@ -251,6 +251,18 @@ def test_the_answer_is_better_than_anything_screened_and_within_its_limits(sever
     assert set(several.elasticities) == {*FACTORS} - {"restitution"}
 
 
+@pytest.mark.mends("the benefit was quoted from the runs that had chosen the design")
+def test_the_benefit_is_that_of_runs_that_no_choice_has_seen(several, one):
+    for design in (several, one):
+        judged = design.winner.paired
+        assert judged.hung.ensemble.seed == judged.bare.ensemble.seed == design.ensemble.seed + 2
+        assert design.bare.paired is judged.bare
+        assert design.winner.chosen_by.runs == design.winner.benefit.runs
+        # A refused design has the runs that refused it.
+        seeds = {v.paired.hung.ensemble.seed for v in design.verified[:-1] if v.paired is not None}
+        assert seeds <= {design.ensemble.seed}
+
+
 def test_the_answer_comes_from_the_survey(several):
     """The best end over settled motions is not the best design from rest."""
     first, last = several.surveys

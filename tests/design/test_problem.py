@@ -16,7 +16,7 @@ from tpd.design.problem import Problem
 SCENE = tpd.paper_scene()
 BAND = tpd.Conditions.band(SCENE, 2.0, 3.5, 5)
 ALONE = tpd.Conditions.exactly()
-LOSSY = tpd.Scene(tpd.Block(width=0.1, height=0.4, mass=16.224, restitution="housner"), SCENE.motion)
+LOSSY = tpd.Scene(dataclasses.replace(SCENE.block, friction=0.0, restitution="housner"), SCENE.motion)
 
 
 def problem(scene=SCENE, **given) -> Problem:
@@ -106,12 +106,33 @@ def test_where_impacts_lose_energy_the_exact_model_is_searched():
 
 def test_no_bob_of_a_space_throws_the_block_back():
     """Housner's restitution has no value beyond 4.667 block masses; a space ends at one."""
-    wide = tpd.Block(width=0.5, height=1.0, mass=10.0, restitution="housner")
+    wide = tpd.Block(width=0.5, height=1.0, mass=10.0, restitution="housner", cavity_width=0.5)
     scene, space = tpd.Scene(wide, SCENE.motion), tpd.DesignSpace(mass_ratio=(0.1, 1.0))
     assert problem(scene, space=space, conditions=ALONE).space == space
     assert problem(scene, space=space, conditions=tpd.Conditions.scatter(64, 0, mass=0.5)).space == space
     with pytest.raises(ValueError, match="`mass_ratio` must be an interval low < high within 0 to 1"):
         tpd.DesignSpace(mass_ratio=(0.1, 4.7))
+
+
+@pytest.mark.mends("a solid block had a cavity as wide as itself")
+def test_room_is_asked_for_in_a_cavity_that_is_stated():
+    solid = tpd.Scene(dataclasses.replace(SCENE.block, cavity_width=None), SCENE.motion)
+    said = r"`cavity_width`.*must be given, but is not.*`Block`.*`Room`"
+    for limits in (None, [tpd.limits.Room()]):
+        with pytest.raises(ValueError, match=said):
+            problem(solid, limits=limits)
+        with pytest.raises(ValueError, match=r"`cavity_width`.*must be given, but is not"):
+            tpd.optimise(solid, limits=limits)
+    record = tpd.Record(np.sin(np.arange(100.0)), 0.01)
+    with pytest.raises(ValueError, match=r"`cavity_width`.*must be given, but is not"):
+        tpd.optimise(solid.block, conditions=tpd.Conditions.records([record]))
+    assert problem(solid, limits=tpd.limits.POINT_BOB).scene is solid
+
+
+@pytest.mark.mends("factors on the amplitude could make any acceleration")
+def test_conditions_that_no_ground_makes_are_asked_back():
+    with pytest.raises(ValueError, match=r"must make at most 10 g, but 1\.5 m at 2\.5 Hz make 37\.7 g"):
+        problem(conditions=tpd.Conditions.amplitudes(1.0, 100.0))
 
 
 def test_sampled_starts_finish_a_search_over_orbits():

@@ -64,6 +64,32 @@ def test_a_reason_makes_a_sentence(kind):
     assert "2.5 Hz" not in str(Reason(kind=kind, **given))
 
 
+MISSED = {
+    ReasonKind.strikes: ({"value": 0.27, "reference": 0.01}, 0.26),
+    ReasonKind.overturns_more: ({"value": 30.0, "reference": 10.0, "total": 40}, 0.5),
+    ReasonKind.rests_less: ({"value": 10.0, "reference": 30.0, "total": 40}, 0.5),
+    ReasonKind.worse_condition: ({"value": 0.4, "reference": 0.3, "total": 2}, 0.1),
+    ReasonKind.breaks_limit: ({"value": 1.2}, 0.2),
+    ReasonKind.rocks_more: ({"value": 0.3, "reference": 0.2}, 0.5),
+    ReasonKind.overturns: ({}, 1.0),
+}
+
+
+@pytest.mark.parametrize("kind", MISSED)
+def test_by_how_much_a_requirement_is_missed(kind):
+    given, missed = MISSED[kind]
+    assert Reason(step=Step.benefit, kind=kind, **given).shortfall == pytest.approx(missed)
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "missed"), [(0.08, 0.02, 0.02), (0.2, -0.05, 0.05), (-0.1, -0.3, 0.3)]
+)
+def test_too_little_benefit_is_missed_by_what_is_asked_for_or_by_what_may_be_luck(value, low, missed):
+    kind = ReasonKind.too_little_benefit
+    reason = Reason(step=Step.benefit, kind=kind, value=value, low=low, reference=0.1)
+    assert reason.shortfall == pytest.approx(missed)
+
+
 def test_neighbouring_shakings_are_counted_with_and_without_the_pendulum():
     reason = Reason(step=Step.neighbours, kind=ReasonKind.overturns_more, value=2.0, reference=2.0, total=8)
     assert str(reason) == (

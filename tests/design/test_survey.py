@@ -100,7 +100,7 @@ def test_designs_over_the_space_fit_the_block_at_rest(bob):
 
 def test_where_few_designs_fit_the_others_come_last():
     block = SCENE.block
-    heavy = tpd.Scene(tpd.Block(width=block.width, height=block.height, mass=200.0), SCENE.motion)
+    heavy = tpd.Scene(dataclasses.replace(block, mass=200.0), SCENE.motion)
     o = orbits(scene=heavy, limits=(tpd.limits.Room(),))
     designs = fitting(o, seed=0)
     radius = Bob().radius(o.geometry.mass(designs))

@@ -381,11 +381,53 @@ def test_a_design_of_a_survey_keeps_to_limits_that_no_motion_from_rest_shows(sea
     assert made._broken_in_closed_form(e) == [], "motions from rest are asked about the stroke elsewhere"
 
 
+@pytest.mark.mends("the status was 'none rocks less' where the verified design was refused for its strikes")
 def test_where_no_design_of_a_survey_helps_the_best_one_says_why(search):
-    stern = scripted(search, 100)
+    stern = scripted(search, 100, ReasonKind.strikes)
     found = surveyed(search, SPREAD[:2], [0.6, 0.7])
-    assert stern.best_of_survey(search, found) is DesignStatus.no_improvement
+    assert stern.best_of_survey(search, found) is DesignStatus.refused
+    assert [reason.kind for reason in stern.verified[0].reasons] == [ReasonKind.strikes]
     assert len(stern.verified) == 1
+
+
+class Lucky(Refusing):
+    """Passes by the runs that choose; those that judge say what is written here."""
+
+    refusals = 0
+    said: tuple[Reason, ...] = ()
+
+    def by_fresh_runs(self, v):
+        return dataclasses.replace(super().by_fresh_runs(v), reasons=self.said)
+
+
+AFRESH = Reason(step=Step.benefit, kind=ReasonKind.too_little_benefit)
+
+
+@pytest.mark.parametrize(("said", "status"), [((), DesignStatus.found), ((AFRESH,), DesignStatus.refused)])
+def test_the_chosen_design_is_judged_once_by_runs_that_no_choice_has_seen(search, said, status):
+    stern = Lucky(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
+    stern.said = said
+    assert stern.best_of(search) is DesignStatus.found
+    (chosen,) = stern.verified
+    assert stern.judge() is status
+    (judged,) = stern.verified
+    assert judged.reasons == said
+    assert [v.paired.hung.ensemble.seed for v in (chosen, judged)] == [RUNS.seed, RUNS.seed + 2]
+    assert judged.chosen_by is chosen.benefit
+    assert judged.benefit.value != chosen.benefit.value
+    assert stern.bare.paired is judged.paired.bare
+
+
+@pytest.mark.mends("a rod as long as the block was offered with its bob below the floor")
+def test_the_bob_hangs_above_the_floor(search):
+    made = verification(orbits(limits=(tpd.limits.Room(),)))
+    long, short = np.array([0.05, 1.95, 0.2]), np.array([0.05, 1.0, 0.2])
+    for design, broken in ((long, ["rod and bob within the height"]), (short, [])):
+        v = made.by_events(designs_by_hand.verified(
+            mass_ratio=design[0], length_ratio=design[1], damping_ratio=design[2],
+            exact=made.bare.exact, evaluation=made.objective.evaluate(design[None]), searched=None,
+        ))  # fmt: skip
+        assert [r.limit for r in v.reasons if r.limit.startswith("rod")] == broken
 
 
 def test_where_no_design_of_a_survey_keeps_to_the_limits_none_is_verified(search):

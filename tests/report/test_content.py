@@ -101,7 +101,8 @@ def test_figures_are_those_that_there_is_data_for():
 
 def test_a_refused_design_is_not_shown_as_an_answer():
     report = content(designs.refused(), designs.study(comparison=None))
-    assert report.verdict.severity is Severity.danger
+    # Dangers are overturning and strikes, and this design exceeds a limit on its stroke.
+    assert report.verdict.severity is Severity.warning
     assert report.verdict.text.startswith("NO PENDULUM WORTH HANGING")
     (table,) = section(report, "The answer")
     assert row(table, "pendulum")[1] == "none to offer"
@@ -127,13 +128,23 @@ def test_models_that_disagree_are_marked():
     assert rows[1][2:5] == ("smoothed", 0.0833, "-0.04%")
 
 
-def test_objections_of_the_nonlinear_model_are_dangers():
+A_DANGER = pytest.mark.mends("a stroke beyond its limit was a danger, as an overturning is")
+
+
+@pytest.mark.parametrize(
+    ("answer", "severity", "said"),
+    [
+        pytest.param({"stroke": 0.6}, Severity.warning, "the stroke is 0.6 rad, above 0.5", marks=A_DANGER),
+        ({"amplitude": np.inf, "status": "overturned"}, Severity.danger, "the motion ends overturned"),
+    ],
+)
+def test_objections_of_the_nonlinear_model_are_told_and_an_overturning_is_a_danger(answer, severity, said):
     study = designs.study()
-    answer = dataclasses.replace(designs.answer("nonlinear"), stroke=0.6)
-    comparison = dataclasses.replace(study.comparison, models=(answer,))
+    top = dataclasses.replace(designs.answer("nonlinear"), **answer)
+    comparison = dataclasses.replace(study.comparison, models=(top,))
     note = section(content(designs.single(), designs.study(comparison=comparison)), "By several models")[-1]
-    assert note.severity is Severity.danger
-    assert "the stroke is 0.6 rad, above 0.5" in note.text
+    assert note.severity is severity
+    assert said in note.text
 
 
 def test_elasticities_stand_in_the_order_of_their_size_and_refusals_say_why():

@@ -214,6 +214,7 @@ NEAR = tuple(2.5 * (1.0 + 0.004 * np.arange(6, 13)))
 """Frequencies (Hz) from 2.4 to 4.8 % above the design's, 0.4 % apart, as of a response."""
 
 
+@pytest.mark.mends("a block that rocks more was a danger")
 def test_frequencies_that_are_worse_are_said_with_their_neighbours():
     bare = designs.response(*[0.01] * 7, frequency=NEAR)
 
@@ -222,7 +223,8 @@ def test_frequencies_that_are_worse_are_said_with_their_neighbours():
         return only(designs.single(), study, about="rocks more")
 
     mild, grave = (note(0.01, 0.01, 0.01, 0.015, 0.015, 0.01, x) for x in (0.019, 0.021))
-    assert (mild.severity, grave.severity) == (Severity.warning, Severity.danger)
+    # The block stands: dangers are overturning and strikes.
+    assert (mild.severity, grave.severity) == (Severity.warning, Severity.warning)
     # 2.59 Hz is the nearest; within 1 % are those from 2.57 to 2.61 Hz.
     assert mild.text == (
         "At 2 of 5 frequencies within 1 % of 2.59 Hz the block rocks more with this pendulum than without, "
@@ -231,19 +233,31 @@ def test_frequencies_that_are_worse_are_said_with_their_neighbours():
     assert grave.text.startswith("At 2 of 3 frequencies within 1 % of 2.62 Hz")
 
 
-def test_one_overturning_among_neighbours_is_a_share_and_no_danger():
-    bare = designs.response(*[0.02] * 7, frequency=NEAR)
-
-    def note(*lost):
-        status = ["overturned" if i in lost else "rocking" for i in range(7)]
-        hung = designs.response(*[0.01] * 7, frequency=NEAR, status=status)
-        return only(designs.single(), Study(responses=(bare, hung)), about="OVERTURN the block")
+@pytest.mark.mends("one overturning more than without the pendulum was no danger")
+def test_more_overturnings_among_neighbours_than_without_are_a_danger():
+    def note(*lost, bare=()):
+        status = [["overturned" if i in some else "rocking" for i in range(7)] for some in (bare, lost)]
+        sizes = ([0.02] * 7, [0.01] * 7)
+        pair = tuple(
+            designs.response(*x, frequency=NEAR, status=s) for x, s in zip(sizes, status, strict=True)
+        )
+        return only(designs.single(), Study(responses=pair), about="OVERTURN the block")
 
     one, several = note(3), note(3, 4, 5)
-    assert (one.severity, several.severity) == (Severity.warning, Severity.danger)
+    assert (one.severity, several.severity) == (Severity.danger, Severity.danger)
+    assert note(3, bare=(4,)).severity is Severity.warning, "as many without"
     start = "frequencies within 1 % of 2.59 Hz, same base amplitude, from rest,"
     assert one.text.startswith(f"Of 5 {start} 1 OVERTURN the block with this pendulum and 0 without")
     assert several.text.startswith(f"Of 5 {start} 3 OVERTURN the block with this pendulum and 0 without")
+
+
+@pytest.mark.mends("strikes in most of the runs were information where a job allows them")
+def test_strikes_are_a_danger_whatever_a_job_allows():
+    for share, severity in ((0.62, Severity.danger), (0.005, Severity.information)):
+        design = dataclasses.replace(designs.around(), worth=tpd.limits.Worth(strikes=0.9, runs=40))
+        winner = dataclasses.replace(design.winner, strikes=share)
+        note = only(dataclasses.replace(design, verified=(winner,)), about="strikes none")
+        assert note.severity is severity
 
 
 def test_where_frequencies_are_far_apart_more_distant_neighbours_count():
@@ -251,7 +265,7 @@ def test_where_frequencies_are_far_apart_more_distant_neighbours_count():
     study = Study(responses=(designs.response(0.02, 0.02, 0.02), hung))
     note = only(designs.single(), study, about="OVERTURN the block")
     assert note.text.startswith("Of 3 frequencies within 10 % of 2.6 Hz, same base amplitude, from rest, 1 ")
-    assert note.severity is Severity.warning
+    assert note.severity is Severity.danger
     count = "Of 3 frequencies tried from 2.4 to 2.6 Hz, 1 overturn the block with the pendulum and 0 without."
     assert count in texts(designs.single(), study)
     assert not any("Hz" in t for t in texts(designs.single(), Study(responses=study.responses[:1])))

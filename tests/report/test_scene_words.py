@@ -41,11 +41,19 @@ def test_another_size_is_another_block(size):
 def test_lines_have_block_motion_and_losses_in_si_units():
     first, block, motion, losses = scene_words.lines(COLUMN)
     assert first == "Scene: a block of your own."
-    assert "1 m wide, 6 m high, 9000 kg, radius of gyration 1.75 m; slenderness 0.1667" in block
+    assert (
+        "1 m wide, 6 m high, 9000 kg, radius of gyration 1.75 m, no cavity stated; slenderness 0.1667"
+        in block
+    )
     assert "topples at 0.1667 rad (9.55°)" in block
     # 0.05 m (2 pi 0.5 Hz)^2 is 0.4935 m/s^2.
     assert "0.05 m at 0.5 Hz, 0.05032 g: not above 0.1667 g" in motion
     assert losses == "  losses  impact loss: e = 0.9"
+
+
+def test_the_cavity_is_said_and_where_it_is_as_wide_as_the_block():
+    assert ", cavity 0.1 m wide (as wide as the block); " in scene_words.lines(PAPER)[1]
+    assert ", cavity 0.06 m wide; " in scene_words.lines(changed(cavity_width=0.06))[1]
 
 
 def test_the_threshold_of_uplift_is_that_of_the_closed_form():

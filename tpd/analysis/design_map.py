@@ -177,6 +177,7 @@ def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.n
     setup.check_name(argument, name)
     for value in (values[0], values[-1]):
         setup.check_sign(name, float(value))
+    setup.check_plausible(name, np.asarray(values, dtype=float))
     return name, values
 
 

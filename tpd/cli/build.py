@@ -14,7 +14,7 @@ from tpd.analysis.ensemble import Ensemble
 from tpd.cli.schema import JobFile
 from tpd.core.bob import Bob
 from tpd.core.conditions import Conditions, check_restitution
-from tpd.core.scene import Block, Harmonic, Scene
+from tpd.core.scene import Block, Harmonic, Scene, paper_scene
 from tpd.design.criteria import KINDS, Limit, Reserve, Risk, Room, Worsening
 from tpd.design.inputs import check_moves as refuse_still
 from tpd.design.inputs import check_scatter
@@ -78,8 +78,13 @@ def _listed(names: Sequence[str]) -> str:
 
 def scene_of(file: JobFile) -> Scene:
     """Block, base motion and gravity."""
+    given = msgspec.structs.asdict(file.block)
+    paper = paper_scene().block
+    # By numbers and not by what was typed. The paper's block has the cavity that it has in Python as well.
+    if given["cavity_width"] is None and all(given[key] == getattr(paper, key) for key in _SHAPE):
+        given["cavity_width"] = paper.cavity_width
     with naming("block"):
-        block = Block(**msgspec.structs.asdict(file.block))
+        block = Block(**given)
     with naming("motion"):
         motion = Harmonic(**msgspec.structs.asdict(file.motion))
     with naming("site"):
@@ -228,6 +233,6 @@ def with_defaults(file: JobFile, scene: Scene, method: Method) -> JobFile:
     numbers = {name: getattr(method, name) for name in ("searches", "screening", "steps")}
     return replace(
         file,
-        block=replace(file.block, friction=scene.block.friction),
+        block=replace(file.block, friction=scene.block.friction, cavity_width=scene.block.cavity_width),
         search=replace(file.search, **numbers),
     )

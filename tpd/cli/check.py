@@ -7,11 +7,12 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from tpd.cli import common, stored
+from tpd.cli.options import Option
 
 if TYPE_CHECKING:
     from tpd.cli.config import Job
     from tpd.core.scene import Pendulum
-    from tpd.design.suitability import Suitability
+    from tpd.design.suitability import Question, Suitability
 
 
 def add(commands: Any) -> None:
@@ -19,14 +20,17 @@ def add(commands: Any) -> None:
     command = commands.add_parser(
         "check",
         help="say whether a design, or a pendulum of your own, can be hung",
-        description="Solve a design by every model, from the closed forms to the nonlinear equations, with "
-        "shakings around its own, and say whether the bob, a solid ball of steel, fits into the block. Exit "
-        "status: 0 the nonlinear equations confirm it, it helps and it fits; 2 bad input; 3 one of these "
-        "fails, and the last line says which; 130 interrupted.",
+        description="Solve a design by every model, from the closed forms to the nonlinear equations, and "
+        "ask of it what `tpd optimise` asks of its designs: the same conditions, starts, limits and runs. "
+        "Exit status: 0 it helps and it fits; 2 bad input; 3 one of these fails, and the last line says "
+        "which; 130 interrupted.",
     )
     stored.add(command)
     common.add_scene(command)
     common.add_pendulum(command)
+    Option("--no-walls", "limits", "room", value=False, help="do not ask for room between the walls").add(
+        command
+    )
     command.add_argument(
         "--quick", action="store_true", help="leave out the smoothed models, which take long to compile"
     )
@@ -50,7 +54,11 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Solve the design by all models and print the results; return the exit status."""
     common.use_64_bits()
+    from tpd.design.inputs import check_cavity
+
     job, pendulum = _case(options)
+    if options.engine is None:
+        check_cavity(job.scene.block, job.limits)
     common.say(job.scene, pendulum)
     if options.engine is not None:
         return _by_engine(job, pendulum, options)
@@ -58,25 +66,41 @@ def run(options: argparse.Namespace) -> int:
         return _bare(job, options)
     from tpd.analysis.compare_models import MODELS, QUICK
     from tpd.cli import build
-    from tpd.design.criteria import stroke_limit
     from tpd.design.suitability import suitability
 
     with common.bar() as bar:
         found = suitability(
             job.scene,
             pendulum,
-            conditions=job.conditions,
-            stroke=stroke_limit(job.limits),
+            asked=_asked(job),
             bob=build.bob_of(job.file),
             models=QUICK if options.quick else MODELS,
             progress=bar,
         )
-    print("\n".join(["", found.check.table(), "", *_around(found), ""]))
+    print("\n".join(["", found.check.table(), "", *_around(found, job), found.counted, ""]))
     for refusal in found.refusals:
         print(f"{refusal}.")
     if not found.refusals:
-        print("The nonlinear equations confirm this design from rest; it helps, and it fits.")
+        print("Worth hanging under the stated conditions, as `tpd optimise` asks it: it helps, and it fits.")
     return common.UNSOUND if found.refusals else common.SOUND
+
+
+def _asked(job: Job) -> Question:
+    """Question that `tpd optimise` would ask of the designs of a job."""
+    from tpd.design.suitability import Question
+
+    return Question(
+        scene=job.scene,
+        space=job.space,
+        conditions=job.conditions,
+        starts=job.starts,
+        risk=job.risk,
+        limits=job.limits,
+        method=job.method,
+        ensemble=job.ensemble,
+        worth=job.worth,
+        seed=job.seed,
+    )
 
 
 def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace) -> int:
@@ -124,30 +148,42 @@ def _case(options: argparse.Namespace) -> tuple[Job, Pendulum | None]:
 def _bare(job: Job, options: argparse.Namespace) -> int:
     """Print the models of the bare block, which a report without a pendulum is about."""
     from tpd.analysis.compare_models import MODELS, QUICK, check
+    from tpd.design.suitability import rests
 
     with common.bar() as bar:
         found = check(job.scene, models=QUICK if options.quick else MODELS, progress=bar)
     print(f"\n{found.table()}\n")
-    # No pendulum is an answer only where none is needed.
-    if found.top.status == "rest":
-        print("The report offers no pendulum, and the bare block settles at rest from rest.")
+    # No pendulum is an answer only where none is needed, under all conditions of the job.
+    if rests(_asked(job)):
+        print("The report offers no pendulum, and under all conditions the bare block settles at rest.")
         return common.SOUND
     print("does not help: the report offers no pendulum.")
     return common.UNSOUND
 
 
-def _around(found: Suitability) -> list[str]:
-    """Lines on the shakings around the own one, and on the room."""
+def _around(found: Suitability, job: Job) -> list[str]:
+    """Lines on the shakings around the own one, on the room, and on the space of the job."""
     from tpd.core.formatting import number
 
     lost, bare = found.lost
     settled, way = found.reach
-    reaches = "No motion stands, so there is no reach of the bob to compare with"
+    reaches = "No motion stands, so there is no reach of the bob."
     if not math.isnan(settled):
         to = f"{number(settled, 3)} m to the side once settled, {number(way, 3)} m on the way"
-        reaches = f"The bob reaches at most {to}; there are"
-    return [
+        reaches = f"From rest the bob reaches at most {to}"
+        there = 0.5 * float(found.scene.block.room)
+        reaches += f"; there are {number(there, 3)} m." if math.isfinite(there) else "."
+    said = [
         f"By the nonlinear equations from rest, of {found.around}: {lost} overturn the block with the "
         f"pendulum, {bare} without; under {found.worse} it rocks more with it.",
-        f"{reaches} {number(0.5 * float(found.scene.block.room), 3)} m.",
+        reaches,
     ]
+    v, space = found.verified, job.space
+    bounds = space.mass_ratio, space.length_ratio, space.damping_ratio
+    names, ends = ("mass", "length", "damping"), [b if isinstance(b, tuple) else (b, b) for b in bounds]
+    for name, x, (low, high) in zip(names, v.design, ends, strict=True):
+        # A ratio of a pendulum in SI units may differ by rounding.
+        if not low * (1.0 - 1e-9) <= x <= high * (1.0 + 1e-9):
+            searched = number(low) if low == high else f"{number(low)} to {number(high)}"
+            said.append(f"`tpd optimise` would not find it: the {name} ratio is searched at {searched}.")
+    return said

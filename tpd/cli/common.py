@@ -161,8 +161,9 @@ def pendulum(options: argparse.Namespace, of: Scene, varied: tuple[str, ...] = (
 
 
 def _check_ratios(options: argparse.Namespace, of: Scene) -> None:
-    """Raise `ValueError` for a bob heavier than the block, or a rod longer than it."""
+    """Raise `ValueError` for a bob heavier than the block, a rod longer than it, or a damping in per cent."""
     from tpd.core import checks
+    from tpd.core.scene import check_damping
 
     block = of.block
     bounds = {
@@ -174,6 +175,8 @@ def _check_ratios(options: argparse.Namespace, of: Scene) -> None:
     for flag, (value, most, words) in bounds.items():
         if value is not None:
             checks.at_most(flag, value, most, words)
+    if options.pendulum_damping is not None:
+        check_damping("--pendulum-damping", options.pendulum_damping)
 
 
 def _one(value: float | None, ratio: float | None, unit: float) -> float | None:

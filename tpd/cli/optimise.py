@@ -131,9 +131,11 @@ def run(options: argparse.Namespace) -> int:
         return optimise_records.run(options)
     common.use_64_bits()
     from tpd.cli import config
+    from tpd.design.inputs import check_cavity
 
     # The job is checked as a whole before anything is written or compiled.
     job = config.job_of(common.tables(options))
+    check_cavity(job.scene.block, job.limits)
     records = ground.motions(options.records, None) if options.records else ()
     unfinished = options.out / _UNFINISHED
     claim(options, unfinished)

@@ -69,7 +69,8 @@ class BlockTable(Table, frozen=True, kw_only=True):
         Positive | None, _says("about the centroid, m (default: that of a uniform rectangle)")
     ] = None
     cavity_width: Annotated[
-        Positive | None, _says("width of the space in which the bob swings, m (default: the outside width)")
+        Positive | None,
+        _says("width of the space in which the bob swings, m: needed where the limits ask for room"),
     ] = None
 
 

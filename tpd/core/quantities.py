@@ -20,7 +20,14 @@ from jaxtyping import Array, Float
 
 from tpd.core import checks
 from tpd.core.parameters import Parameters, housner, uniform_inertia_ratio
-from tpd.core.scene import Pendulum, Scene, dimensionless
+from tpd.core.scene import (
+    Pendulum,
+    Scene,
+    check_damping,
+    check_proportions,
+    check_shaking,
+    dimensionless,
+)
 
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e", "rho")
 """Dimensionless parameters that can be varied, in the order of a vector of parameters."""
@@ -126,6 +133,22 @@ class Setup:
         for value in map(float, values):
             self.check_sign(name, value)
             self.at({name: value})
+        self.check_plausible(name, np.array(values, dtype=float))
+
+    def check_plausible(self, name: str, values: np.ndarray) -> None:
+        """Raise `ValueError` for values of a quantity of a scene that can only be in another unit."""
+        if not (self.scene and np.size(values)):
+            return
+        q = {**self.values, name: values}
+        if name in ("width", "height", "mass"):
+            check_proportions(q["width"], q["height"], q["mass"])
+        if name in ("pendulum_damping", "zeta"):
+            check_damping(name, values)
+        if name == "amplitude":
+            check_shaking(values, q["frequency"])
+        if name == "frequency" and "amplitude" in q:
+            # The acceleration grows with the square: a wide range of frequencies may end beyond any ground.
+            check_shaking(q["amplitude"], values.min())
 
     def check_name(self, argument: str, name: str) -> None:
         """Raise `ValueError` unless `name`, given as `argument`, can be varied."""

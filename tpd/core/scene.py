@@ -23,6 +23,18 @@ HOUSNER = "housner"
 """Value of `Block.restitution` that ties e to block and bob by `tpd.core.parameters.housner`."""
 FRICTION = 0.05
 """Default k of a block without impact loss: the value of the paper's section 3."""
+LEAST_SLENDERNESS = 0.01
+"""Least width over height of a block: below it one of both is in another unit."""
+DENSITIES = (10.0, 1e5)
+"""Plausible kg/m^3 of a block that is as deep as it is wide. Hollow blocks and walls, which are deeper, lie
+within; lengths in mm or cm, and masses in t or g, do not."""
+LARGEST_SHAKING = 10.0
+"""Largest plausible acceleration of a harmonic base motion, in shares of the standard gravity. The strongest
+motions on record reach a few g."""
+LARGEST_DAMPING = 2.0
+"""Largest damping ratio of a hinge, as in a design space: a ratio, and no per cent."""
+GRAVITIES = (1.5, 30.0)
+"""Plausible m/s^2: the Moon's lies within, 1 g as a number, 981 cm/s^2 and 32.2 ft/s^2 do not."""
 
 
 def _convert_whole_numbers(thing: Any) -> None:
@@ -41,8 +53,8 @@ class Block:
     `dataclasses.replace` keeps: give it as well where `restitution` is replaced.
 
     Raises:
-        ValueError: a size, mass, friction or restitution out of range, or a block too wide for linear
-            equations.
+        ValueError: a size, mass, friction or restitution out of range, a block too wide for linear equations
+            or implausibly narrow, or a mass that is implausible for the size.
     """
 
     width: Real
@@ -62,13 +74,15 @@ class Block:
     "housner" ties it to the block's shape and to the mass ratio of bob and block, also in gradients. None is
     no impact loss."""
     cavity_width: Real | None = None
-    """Width (m) of the space inside the block in which the bob swings. None is the outside width."""
+    """Width (m) of the space inside the block in which the bob swings. None is not stated: a search that asks
+    for room then asks for it."""
 
     def __post_init__(self) -> None:
         _convert_whole_numbers(self)
         checks.positive("width", self.width)
         checks.positive("height", self.height)
         checks.positive("mass", self.mass)
+        check_proportions(self.width, self.height, self.mass)
         self._check_losses()
         if self.radius_of_gyration is not None:
             checks.positive("radius_of_gyration", self.radius_of_gyration)
@@ -123,8 +137,9 @@ class Block:
 
     @property
     def room(self) -> Real:
-        """Width (m) between the walls that the bob swings within."""
-        return self.width if self.cavity_width is None else self.cavity_width
+        """Width (m) between the walls that the bob swings within; infinite where no cavity is stated, so that
+        nothing is known of walls."""
+        return math.inf if self.cavity_width is None else self.cavity_width
 
     @property
     def half_height(self) -> Real:
@@ -170,6 +185,7 @@ class Pendulum:
         checks.not_negative("mass", self.mass)
         checks.positive("length", self.length)
         checks.not_negative("damping_ratio", self.damping_ratio)
+        check_damping("damping_ratio", self.damping_ratio)
 
     def hinge_damping(self, gravity: Real = STANDARD_GRAVITY) -> Real:
         """Moment of the hinge per angular rate, N m s/rad: 2 zeta m l^1.5 g^0.5."""
@@ -182,7 +198,7 @@ class Harmonic:
     """Horizontal base motion x = amplitude sin(2 pi frequency t).
 
     Raises:
-        ValueError: an amplitude or frequency out of range.
+        ValueError: an amplitude or frequency out of range, or an implausible acceleration of both.
     """
 
     amplitude: Real
@@ -194,6 +210,7 @@ class Harmonic:
         _convert_whole_numbers(self)
         checks.not_negative("amplitude", self.amplitude)
         checks.positive("frequency", self.frequency)
+        check_shaking(self.amplitude, self.frequency)
 
     @property
     def rate(self) -> Real:
@@ -223,6 +240,7 @@ class Scene:
         checks.instance("block", self.block, Block)
         checks.instance("motion", self.motion, (Harmonic, GroundMotion))
         checks.positive("gravity", self.gravity)
+        checks.within("gravity", self.gravity, *GRAVITIES, " m/s^2 (the Earth's is 9.80665)")
 
     @property
     def rate(self) -> Real:
@@ -296,6 +314,63 @@ class Scene:
         )
 
 
+def check_proportions(width: Any, height: Any, mass: Any) -> None:
+    """Raise `ValueError` for sizes and a mass that no block has together: a quantity in another unit. Traced
+    values pass.
+
+    Args:
+        width, height: of the block, m.
+        mass: of the block, kg.
+    """
+    if not all(map(checks.is_concrete, (width, height, mass))):
+        return
+    width, height, mass = np.broadcast_arrays(width, height, mass)
+    narrow = width < LEAST_SLENDERNESS * height
+    if np.any(narrow):
+        wide, high = width[narrow][0], height[narrow][0]
+        raise ValueError(
+            f"`width` must be at least {LEAST_SLENDERNESS:g} of `height`, but is {wide:g} m of {high:g} m: "
+            "are both in m?"
+        )
+    with np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore"):
+        density = mass / (width**2 * height)
+    beyond = ~((density >= DENSITIES[0]) & (density <= DENSITIES[1]))
+    if np.any(beyond):
+        wide, high, heavy, of = (float(x[beyond][0]) for x in (width, height, mass, density))
+        raise ValueError(
+            f"`mass` must make between {DENSITIES[0]:g} and {DENSITIES[1]:g} kg/m^3 of a block as deep as "
+            f"it is wide, but {heavy:g} kg in {wide:g} m x {high:g} m make {of:.3g} kg/m^3: are the lengths "
+            "in m and the mass in kg?"
+        )
+
+
+def check_shaking(amplitude: Any, frequency: Any) -> None:
+    """Raise `ValueError` for a harmonic base motion of an acceleration that no ground has. Traced values
+    pass.
+
+    Args:
+        amplitude: m.
+        frequency: Hz.
+    """
+    if not all(map(checks.is_concrete, (amplitude, frequency))):
+        return
+    amplitude, frequency = np.broadcast_arrays(amplitude, frequency)
+    # A frequency beyond the range of numbers is refused as any other that is too large.
+    with np.errstate(over="ignore"):
+        shares = amplitude * (2.0 * np.pi * frequency) ** 2 / STANDARD_GRAVITY
+    i = np.unravel_index(np.argmax(shares), shares.shape)
+    if shares[i] > LARGEST_SHAKING:
+        raise ValueError(
+            f"`amplitude` and `frequency` must make at most {LARGEST_SHAKING:g} g, but {amplitude[i]:g} m at "
+            f"{frequency[i]:g} Hz make {shares[i]:.3g} g: are they in m and Hz?"
+        )
+
+
+def check_damping(name: str, value: Any) -> None:
+    """Raise `ValueError` for a damping ratio that is a per cent. Traced values pass."""
+    checks.at_most(name, value, LARGEST_DAMPING, "twice critical damping (a ratio: 5 % is 0.05)")
+
+
 def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters, by name and unchecked, of `Scene.quantities`: numbers, arrays that broadcast, or
     traced values. rho is None without a `radius_of_gyration`, e without a `restitution`."""
@@ -339,8 +414,9 @@ def _rate(gravity: Any, rho: Any, half_height: Any) -> Any:
 
 def paper_scene() -> Scene:
     """Return the case study of Collini et al. (2016), section 5: a block of 0.1 x 0.2 x 0.4 m and
-    2028 kg/m^3 on a base moving 15 mm at 2.5 Hz; friction as in the paper's section 3."""
+    2028 kg/m^3 on a base moving 15 mm at 2.5 Hz; friction as in the paper's section 3. The paper states no
+    cavity: here it is as wide as the block, the widest that there can be."""
     return Scene(
-        Block(width=0.1, height=0.4, mass=16.224, friction=0.05),
+        Block(width=0.1, height=0.4, mass=16.224, friction=0.05, cavity_width=0.1),
         Harmonic(amplitude=0.015, frequency=2.5),
     )

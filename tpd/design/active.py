@@ -69,18 +69,18 @@ def nearest(search: Multistart, surveys: tuple[Survey, ...] = ()) -> Nearest | N
     """Where no design keeps the limits: the design whose largest excess is least, in the last survey if there
     is one."""
     if surveys:
-        return _nearest_of(surveys[-1])
+        return nearest_of(surveys[-1])
     order = search.order(feasible=False)
     if not len(order) or np.isfinite(search.values[order]).any():
         return None
     excess = search.excess
     # Excesses are shares of their limits, so that limits in rad, m and kg compare.
     i = order[np.argmin(excess[order].max(axis=1))]
-    broken = sorted(_broken(search, excess[i]), key=lambda reason: -reason.value)
+    broken = sorted(broken_at(search, excess[i]), key=lambda reason: -reason.value)
     return Nearest(design=search.designs[i], broken=tuple(broken))
 
 
-def _nearest_of(found: Survey) -> Nearest:
+def nearest_of(found: Survey) -> Nearest:
     """Design of least excess in a survey; its best one comes first."""
     excess = sorted(((float(x[0]), name) for name, x in found.excess.items() if x[0] > 0.0), reverse=True)
     step = Step.exact if found.equations == "linear" else Step.nonlinear
@@ -90,7 +90,7 @@ def _nearest_of(found: Survey) -> Nearest:
     return Nearest(design=found.designs[0], broken=broken)
 
 
-def _broken(search: Multistart, excess: np.ndarray) -> list[Reason]:
+def broken_at(search: Multistart, excess: np.ndarray) -> list[Reason]:
     """Limits that a design breaks, each under the condition of its largest excess."""
     conditions = search.objective.conditions
     rows = zip(search.objective.constraint_names(), excess.reshape(-1, len(conditions)), strict=True)

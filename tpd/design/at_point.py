@@ -53,13 +53,15 @@ def at_point_of(point: PointSearch, verification: Verification, search: Multista
     if best is None:
         return None
     exact, searched = best.exact, best.searched
+    # Judged as the best around the shaking is.
+    around = verification.at_once(search, best.design)
     return AtPoint(
         pendulum=pendulum_of(verification.scene, best),
         amplitude=float(exact.amplitude[0]),
         amplitude_without=float(point.bare.exact.amplitude[0]),
         model="exact" if searched is None else searched.model,
         model_amplitude=float((exact if searched is None else searched).amplitude[0]),
-        verified=verification.at_once(search, best.design),
+        verified=around if around.reasons else verification.by_fresh_runs(around),
     )
 
 

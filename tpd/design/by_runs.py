@@ -21,6 +21,8 @@ from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.verified import LossCase, Verified
 from tpd.design.worth import Worth
 
+TRIALS, JUDGES = 1, 2
+"""Seeds of the runs that order designs, and of those that judge the chosen one, less that of the ensemble."""
 _LOSS_RUNS = 128
 """Most paired runs under another model of the losses."""
 _USUAL = 1.0 / 3.0
@@ -116,12 +118,13 @@ def strikes_of(found: Verdict, pendulum: Pendulum, block: Block, bob: Bob) -> fl
     return float(np.mean(np.asarray(reach) > 0.5 * float(block.room)))
 
 
-def reasons_by_runs(v: Verified, worth: Worth, conditions: Conditions) -> tuple[Reason, ...]:
-    """Reasons against a design by its paired runs."""
+def reasons_by_runs(
+    v: Verified, worth: Worth, conditions: Conditions, step: Step = Step.benefit
+) -> tuple[Reason, ...]:
+    """Reasons against a design by its paired runs; `step` says which runs they are."""
     assert v.paired is not None
     assert v.benefit is not None
     found, gain, out = v.paired, v.benefit, []
-    step = Step.benefit
     if found.harms:
         worse, better, n = float(found.worse), float(found.better), gain.runs
         out.append(Reason(step=step, kind=ReasonKind.overturns_more, value=worse, reference=better, total=n))
@@ -130,14 +133,14 @@ def reasons_by_runs(v: Verified, worth: Worth, conditions: Conditions) -> tuple[
     if gain.rests_less:
         rest, bare = (float(np.sum(o.status == "rest")) for o in (found.hung, found.bare))
         out.append(Reason(step=step, kind=ReasonKind.rests_less, value=rest, reference=bare, total=gain.runs))
-    out += _worse_condition(v, gain, conditions)
+    out += _worse_condition(gain, conditions, step)
     if gain.value < worth.at_least or gain.low <= 0.0:
         kind = ReasonKind.too_little_benefit
         out.append(Reason(step=step, kind=kind, value=gain.value, low=gain.low, reference=worth.at_least))
     return tuple(out)
 
 
-def _worse_condition(v: Verified, gain: Benefit, conditions: Conditions) -> list[Reason]:
+def _worse_condition(gain: Benefit, conditions: Conditions, step: Step) -> list[Reason]:
     """The condition that the design makes worse by most, of those that it makes worse."""
     if not gain.worse_conditions:
         return []
@@ -145,7 +148,7 @@ def _worse_condition(v: Verified, gain: Benefit, conditions: Conditions) -> list
     worst = max(gain.worse_conditions, key=lambda i: with_it[i] - without[i])
     return [
         Reason(
-            step=Step.benefit,
+            step=step,
             kind=ReasonKind.worse_condition,
             condition=conditions.label(worst),
             value=float(with_it[worst]),

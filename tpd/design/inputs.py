@@ -9,8 +9,8 @@ import numpy as np
 from tpd.analysis.attractors import Starts
 from tpd.core import checks
 from tpd.core.conditions import Conditions, check_restitution
-from tpd.core.scene import Scene
-from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, Limit, Reserve, Risk, check_limits
+from tpd.core.scene import Block, Scene, check_shaking
+from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, Limit, Reserve, Risk, Room, check_limits, limit_of
 from tpd.design.methods import Method
 from tpd.design.space import DesignSpace
 
@@ -45,6 +45,20 @@ def check_moves(scene: Scene, conditions: Conditions, space: DesignSpace) -> Non
             "block"
         )
     check_scatter(scene, {name for name, v in conditions.factors.items() if np.ptp(v) > 0.0}, space)
+    motion, factor = scene.motion, conditions.column
+    check_shaking(motion.amplitude * factor("amplitude"), motion.frequency * factor("frequency"))
+
+
+def check_cavity(block: Block, limits: tuple[Limit, ...]) -> None:
+    """Raise `ValueError` where limits ask for room inside a block whose cavity is not stated."""
+    if limit_of(limits, Room) is None or block.cavity_width is not None:
+        return
+    raise ValueError(
+        "`cavity_width`, the width in m between the walls that the bob swings within, must be given, but is "
+        "not, and no pendulum hangs inside a solid block: state it (--cavity, or `cavity_width` in [block] "
+        "or of `Block`), or ask for no room (--no-walls, `room = false` in [limits], or limits without "
+        "`Room`)"
+    )
 
 
 def check_scatter(scene: Scene, names: Iterable[str], space: DesignSpace | None = None) -> None:

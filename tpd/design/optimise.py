@@ -20,11 +20,12 @@ from tpd.core.threads import aside
 from tpd.design.active import nearest
 from tpd.design.at_point import PointSearch, at_point_of, designs_met, search_at_point
 from tpd.design.checkpoint import Checkpoint
-from tpd.design.criteria import Limit, Risk
+from tpd.design.criteria import DEFAULT_LIMITS, Limit, Risk, check_limits
 from tpd.design.elasticity import elasticities_of
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.optimise import optimise_on_motions
 from tpd.design.ground.search import GroundSearch
+from tpd.design.inputs import check_cavity
 from tpd.design.methods import Method, Sequential, describe
 from tpd.design.nonlinear_search import nonlinear_search, wanted
 from tpd.design.objective import Orbits, margins
@@ -95,7 +96,8 @@ def optimise(
     programming on exact orbits goes on under all conditions. Designs that both met, and others, are followed
     from rest by the linear and the nonlinear equations, and the best are verified one after the other until
     one passes: paired runs of the nonlinear equations must show the least benefit that `worth` asks for, and
-    no harm. With `Conditions.exactly()` there is the search at the shaking itself alone.
+    no harm. The one that passes is judged once by fresh runs, of another seed, which the answer quotes. With
+    `Conditions.exactly()` there is the search at the shaking itself alone.
 
     Args:
         scene: block and base motion, SI; under ground motions a block alone will do.
@@ -142,6 +144,12 @@ def _on_motions(
         # A setting without effect would let somebody believe in it.
         if value is not None and value is not False:
             raise ValueError(f"`{name}` is for harmonics, but the conditions are ground motions")
+    if isinstance(scene, (Scene, Block)):
+        # Limits may be an iterator, which can be read once.
+        limits = None if settings["limits"] is None else check_limits(settings["limits"])
+        block = scene.block if isinstance(scene, Scene) else scene
+        check_cavity(block, DEFAULT_LIMITS if limits is None else limits)
+        settings = {**settings, "limits": limits}
     return optimise_on_motions(scene, conditions, space, **settings)
 
 
@@ -276,9 +284,11 @@ def _verify(problem: Problem, found: Found, point: PointSearch | None, progress:
     else:
         _verify_several(problem, found, point, progress)
     verification = found.verification
+    if found.status is DesignStatus.found:
+        found.status = verification.judge()
     if found.status is DesignStatus.found and not found.search.interrupted:
         winner = verification.verified[-1]
-        found.losses = verification.runs.under_other_losses(pendulum_of(problem.scene, winner))
+        found.losses = verification.fresh.under_other_losses(pendulum_of(problem.scene, winner))
         found.elasticities = elasticities_of(verification.objective, winner, progress)
 
 

@@ -16,7 +16,7 @@ from tpd.core.scene import Harmonic, Scene
 from tpd.design.checkpoint import fingerprint_of
 from tpd.design.criteria import DEFAULT_LIMITS, Limit, Mass, Reserve, Risk, Worsening, check_limits, limit_of
 from tpd.design.followed import Followed
-from tpd.design.inputs import check_moves, check_types, limits_for
+from tpd.design.inputs import check_cavity, check_moves, check_types, limits_for
 from tpd.design.methods import Descent, Method, Sequential, describe
 from tpd.design.objective import AbstractObjective, Orbits, geometry_of
 from tpd.design.space import DesignSpace
@@ -83,6 +83,7 @@ class Problem:
         _check_heaviest(p, space, conditions)
         method = _with_model(_default_method(conditions) if method is None else method, p, conditions)
         limits = limits_for(limits, method.model is not None)
+        check_cavity(scene.block, limits)
         space = _narrowed(space, scene, limits)
         # The method decides: a closed form knows all orbits, a model must begin somewhere.
         starts = _default_starts(method) if starts is None else starts

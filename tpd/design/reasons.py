@@ -15,6 +15,7 @@ class Step(enum.Enum):
     neighbours = "shakings within 1 %"
     nonlinear = "nonlinear equations"
     benefit = "paired runs of the nonlinear equations"
+    judgement = "fresh paired runs of the nonlinear equations"
     ensemble = "ensemble"
 
 
@@ -60,6 +61,25 @@ class Reason:
     """Conditions, shakings or runs tried, where counts are compared."""
     outcome: str = ""
     """Name of the status in which the motion ends."""
+
+    @property
+    def shortfall(self) -> float:
+        """By how much the requirement is missed: a share of the runs, of the tilt or of the limit; 1 where
+        the motion itself is refused."""
+        match self.kind:
+            case ReasonKind.overturns_more | ReasonKind.rests_less:
+                return abs(self.value - self.reference) / max(self.total, 1)
+            case ReasonKind.strikes | ReasonKind.worse_condition:
+                return self.value - self.reference
+            case ReasonKind.too_little_benefit:
+                # A benefit above the least one is refused because it may be luck.
+                return max(self.reference - self.value, -self.low, 0.0)
+            case ReasonKind.breaks_limit:
+                return self.value - 1.0
+            case ReasonKind.rocks_more if self.reference > 0.0:
+                return self.value / self.reference - 1.0
+            case _:
+                return 1.0
 
     def __str__(self) -> str:
         at = f" at {self.condition}" if self.condition else ""
@@ -117,6 +137,10 @@ class Reason:
                     f"the search's model gives an amplitude of {self.value:.4g} rad, the exact solution "
                     f"{self.reference:.4g} rad{at}: the motion depends on details that neither can promise"
                 )
+
+
+GRAVE = (ReasonKind.overturns, ReasonKind.overturns_more, ReasonKind.strikes)
+"""Reasons that are dangers: the block overturns, or the bob strikes it."""
 
 
 def _fall(share: float) -> str:

@@ -37,11 +37,12 @@ class DesignStatus(enum.Enum):
     )
     refused = "NO PENDULUM WORTH HANGING: no design that the search found passes the verification."
     no_improvement = (
-        "NO PENDULUM WORTH HANGING: of this design space none that keeps to the limits rocks less than the "
-        "bare block under these conditions."
+        "NO PENDULUM WORTH HANGING: by the model of the search, of the designs that it tried none that keeps "
+        "to the limits rocks less than the bare block under these conditions."
     )
     none_feasible = (
-        "NO PENDULUM WORTH HANGING: no design in this space keeps to the limits under all conditions."
+        "NO PENDULUM WORTH HANGING: no design that was tried in this space keeps to the limits under all "
+        "conditions."
     )
     no_uplift = (
         "NO PENDULUM IS NEEDED FROM REST: under all conditions the bare block settles at rest. Pushed hard "
@@ -154,12 +155,12 @@ class Design(Printed):
 
     @property
     def best(self) -> Verified | None:
-        """The design offered or, where none is, that of the largest benefit of those verified, else of the
-        least risk."""
+        """The design offered or, where none is, that which comes nearest to being offered: of those that came
+        to the paired runs, if any did, the one that misses its requirements by the least sum."""
 
-        # A refused design is no answer, but a picture of the best one shows what the refusal is about.
-        def rank(v: Verified) -> tuple[bool, float]:
-            return v.benefit is None, v.value if v.benefit is None else -v.benefit.value
+        # The largest benefit alone is often that of a bob which strikes the walls in every run.
+        def rank(v: Verified) -> tuple[bool, float, float]:
+            return v.benefit is None, sum((reason.shortfall for reason in v.reasons), 0.0), v.value
 
         return self.winner or min(self.verified, key=rank, default=None)
 

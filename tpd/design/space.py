@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tpd.core import checks
+from tpd.core.scene import LARGEST_DAMPING
 
 HEAVIEST_RATIO = 1.0
 """Largest mass ratio m/M: no bob within a block is heavier than the block."""
@@ -35,10 +36,14 @@ class DesignSpace:
         set_(self, "length_ratio", checks.interval("length_ratio", self.length_ratio, 1e-3, LONGEST_RATIO))
         # One number is fixed, a pair is searched: the search has two or three coordinates.
         if np.ndim(self.damping_ratio) == 0:
-            checks.within("damping_ratio", self.damping_ratio, 0.0, 2.0)
+            checks.within("damping_ratio", self.damping_ratio, 0.0, LARGEST_DAMPING)
             set_(self, "damping_ratio", float(self.damping_ratio))  # type: ignore[arg-type]
         else:
-            set_(self, "damping_ratio", checks.interval("damping_ratio", self.damping_ratio, 0.0, 2.0))
+            set_(
+                self,
+                "damping_ratio",
+                checks.interval("damping_ratio", self.damping_ratio, 0.0, LARGEST_DAMPING),
+            )
 
     @property
     def names(self) -> tuple[str, ...]:

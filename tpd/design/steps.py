@@ -2,9 +2,10 @@
 
 In order: the exact solution by events from rest under every condition; a cross-check of the model that was
 searched with; shakings within 1 % of the worst condition; the nonlinear equations under the worst conditions
-and at limits; paired runs of the nonlinear equations, which decide on the benefit; and the same runs by the
-linear equations, for comparison. Each step gives typed reasons of refusal. The first step that refuses a
-design ends its verification, since every step costs more than the one before."""
+and at limits; paired runs of the nonlinear equations, which choose by the benefit; and runs by the linear
+equations, for comparison. Each step gives typed reasons of refusal. The first step that refuses a design ends
+its verification, since every step costs more than the one before. The design that is chosen is judged once by
+fresh paired runs: the best of several by the same runs owes a part of its benefit to luck in them."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import SETTLED, names_of
 from tpd.design.active import active
-from tpd.design.by_runs import PairedRuns, reasons_by_runs, strikes_of
+from tpd.design.by_runs import JUDGES, PairedRuns, reasons_by_runs, strikes_of
 from tpd.design.criteria import Room, limit_of
 from tpd.design.followed import Followed
 from tpd.design.methods import Descent, Method
@@ -45,6 +46,8 @@ _AT_LIMIT = 1e-3
 """Share of a limit that is left where the limit counts as met."""
 _ROUNDING = 1e-9
 """Share by which a limit may be passed by rounding."""
+HEIGHT = "rod and bob within the height"
+"""Name of the limit that the height of the block sets, beside those of its cavity."""
 _NEARBY = (-0.01, -0.005, 0.005, 0.01)
 """Changes of the base motion's amplitude, and of its frequency, that a design must stand."""
 
@@ -68,6 +71,8 @@ class Steps:
         self.scene, self.objective, self.ensemble, self.progress = scene, objective, ensemble, progress
         self.by_overturning, self.worth = by_overturning, worth
         self.runs = PairedRuns(scene, objective.conditions, ensemble, worth, progress)
+        self.judges = replace(ensemble, seed=ensemble.seed + JUDGES)
+        self.fresh = PairedRuns(scene, objective.conditions, self.judges, worth, progress)
         followed = isinstance(objective, Followed)
         self.tolerance = method.tolerance if followed and isinstance(method, Descent) else 0.0
         """Share by which amplitudes of the search's model and of the exact solution may differ; 0 where the
@@ -158,7 +163,7 @@ class Steps:
                     total=n,
                 )
             )
-        reasons += self._broken_in_closed_form(v.evaluation)
+        reasons += self._broken_in_closed_form(v.evaluation) + self._too_long(v.design)
         if v.searched is None or not isinstance(self._model, Smoothed):
             return replace(v, reasons=tuple(reasons))
         for i in np.flatnonzero(~self._agree(v.searched, v.exact)):
@@ -297,14 +302,21 @@ class Steps:
 
     def by_runs(self, v: Verified) -> Verified:
         """Paired runs of the nonlinear equations: benefit, harm and room."""
+        return self._by(self.runs, v, Step.benefit)
+
+    def by_fresh_runs(self, v: Verified) -> Verified:
+        """Paired runs that no choice has seen, in place of those that chose the design."""
+        return replace(self._by(self.fresh, v, Step.judgement), chosen_by=v.benefit)
+
+    def _by(self, runs: PairedRuns, v: Verified, step: Step) -> Verified:
         pendulum, room = pendulum_of(self.scene, v), limit_of(self.objective.limits, Room)
-        found, benefit = self.runs.of(pendulum)
+        found, benefit = runs.of(pendulum)
         struck = math.nan
         if isinstance(room, Room):
             struck = strikes_of(found, pendulum, self.scene.block, room.bob)
         v = replace(v, paired=found, benefit=benefit, strikes=struck)
         self.bare = replace(self.bare, paired=found.bare)
-        return replace(v, reasons=reasons_by_runs(v, self.worth, self.objective.conditions))
+        return replace(v, reasons=reasons_by_runs(v, self.worth, self.objective.conditions, step))
 
     def by_ensemble(self, v: Verified) -> Verified:
         """The ensemble by the linear equations, with the pendulum and without. It refuses nothing: beyond bob
@@ -314,7 +326,7 @@ class Steps:
         found = verdict(
             self.scene,
             pendulum,
-            ensemble=self.ensemble,
+            ensemble=self.judges,
             conditions=conditions,
             bare=self.bare_outcomes(),
             progress=after,
@@ -326,7 +338,7 @@ class Steps:
         if self.bare.outcomes is None:
             after = None if self.progress is None else stage(self.progress, "ensemble")
             runs = outcomes(
-                self.scene, ensemble=self.ensemble, conditions=self.objective.conditions, progress=after
+                self.scene, ensemble=self.judges, conditions=self.objective.conditions, progress=after
             )
             self.bare = replace(self.bare, outcomes=runs)
         assert self.bare.outcomes is not None
@@ -370,6 +382,16 @@ class Steps:
             for name, value in sizes
             if value.max() > 1.0 + _ROUNDING
         ]
+
+    def _too_long(self, design: np.ndarray) -> list[Reason]:
+        """The rod and half of the bob must not be longer than the block is high, where room is asked for."""
+        room, g = limit_of(self.objective.limits, Room), self.objective.geometry
+        if not isinstance(room, Room):
+            return []
+        radius = np.asarray(room.bob.radius(g.mass(design[None])))
+        value = float(np.max(g.rod(design[None]) + room.bob.slimness * radius)) / (2.0 * g.half_height)
+        broken = Reason(step=Step.exact, kind=ReasonKind.breaks_limit, limit=HEIGHT, value=value)
+        return [broken] if value > 1.0 + _ROUNDING else []
 
     def harm(self, exact: Motions) -> tuple[bool, int, int]:
         """Whether significantly more conditions overturn the block from rest with a design than without, and

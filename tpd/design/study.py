@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from tpd.analysis.attractors import Starts
+from tpd.analysis.benefit import Benefit
 from tpd.analysis.compare_models import QUICK, Check, check
 from tpd.analysis.response import Response, frequencies, settled_response
 from tpd.analysis.sensitivity import Elasticities, elasticities
@@ -19,6 +20,8 @@ from tpd.core.ground_motion import GroundMotion
 from tpd.core.parameters import as_arrays
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
+from tpd.design.by_runs import JUDGES, PairedRuns, strikes_of
+from tpd.design.criteria import Room, limit_of
 from tpd.design.earthquakes import Earthquakes, shaken
 from tpd.design.objective import geometry_of
 from tpd.design.result import Design, DesignStatus
@@ -64,6 +67,19 @@ class UpliftRegion:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Surveyed:
+    """A design of a survey by the paired runs that judge."""
+
+    strikes: float
+    """Share of the runs that stand in which the bob strikes a wall; NaN where no room is asked for."""
+    allowed: float
+    """Largest such share of a design that is offered."""
+    overturned: float
+    """Share of the runs that overturn with the pendulum."""
+    benefit: Benefit
+
+
+@dataclass(frozen=True, kw_only=True)
 class Study:
     """Everything that a report shows beside the design; None where a part does not apply or was left out."""
 
@@ -80,6 +96,9 @@ class Study:
     usage: tuple[tuple[str, float], ...] = ()
     """Limited quantities of the best design over their limits, the largest of all conditions."""
     front: Front | None = None
+    surveyed: Mapping[int, Surveyed] = field(default_factory=dict)
+    """Designs that the table of limits names, by their row in the first survey: motions from rest show
+    neither overturning nor strikes from other starts."""
     earthquakes: Earthquakes | None = None
     """Records that the user named, at their own size."""
     left_out: tuple[str, ...] = ()
@@ -133,6 +152,7 @@ def study(
         elasticities=part("the sensitivities", from_rest, elasticities, scene.parameters(hung)),
         region=part("the uplift region", True, uplift_region, design),
         usage=usage(design),
+        surveyed=part("the strikes of surveyed designs", True, surveyed, design, progress) or {},
         front=front,
         earthquakes=part("the earthquakes", bool(records), shaken, design, records, sources),
         left_out=tuple(left_out),
@@ -178,6 +198,25 @@ def _responses(design: Design, progress: Progress | None) -> tuple[Response, ...
 def _comparison(design: Design, progress: Progress | None) -> Check:
     limit = design.stroke_limit
     return check(design.scene, design.pendulum, stroke=limit, models=QUICK, progress=progress)
+
+
+def surveyed(design: Design, progress: Progress | None = None) -> dict[int, Surveyed]:
+    """The designs that the table of limits names, by the paired runs that judge."""
+    if not design.surveys:
+        return {}
+    first, scene = design.surveys[0], design.scene
+    judges = replace(design.ensemble, seed=design.ensemble.seed + JUDGES)
+    runs = PairedRuns(scene, design.conditions, judges, design.worth, progress)
+    room, out = limit_of(design.limits, Room), {}
+    for i in {i for i in first.relaxed().values() if i is not None}:
+        mu, lam, zeta = first.designs[i]
+        hung = scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
+        found, benefit = runs.of(hung)
+        strikes = strikes_of(found, hung, scene.block, room.bob) if isinstance(room, Room) else np.nan
+        overturned = found.hung.overturned.value
+        allowed = design.worth.strikes
+        out[i] = Surveyed(strikes=strikes, allowed=allowed, overturned=overturned, benefit=benefit)
+    return out
 
 
 def uplift_region(design: Design) -> UpliftRegion:

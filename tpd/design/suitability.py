@@ -1,20 +1,46 @@
-"""Whether a pendulum can be hung: nonlinear equations, shakings around its own, and room for the bob."""
+"""Whether a pendulum can be hung: what `optimise` asks of its designs, asked of one; and how it moves by all
+models and under shakings around its own."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tpd.analysis.attractors import Starts
 from tpd.analysis.compare_models import Check, check
-from tpd.core.bob import THICKEST, Bob
+from tpd.analysis.ensemble import Ensemble
+from tpd.core.bob import Bob
 from tpd.core.conditions import Conditions, under_all
 from tpd.core.parameters import as_arrays
 from tpd.core.progress import Progress
-from tpd.core.scene import Block, Pendulum, Scene
+from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import names_of
+from tpd.design.active import broken_at, nearest_of
+from tpd.design.criteria import (
+    DEFAULT_LIMITS,
+    Limit,
+    Mass,
+    Offset,
+    Risk,
+    Room,
+    Worsening,
+    limit_of,
+    stroke_limit,
+)
+from tpd.design.inputs import check_cavity
+from tpd.design.methods import Method
+from tpd.design.optimise import SURVEYED
+from tpd.design.problem import Problem
+from tpd.design.reasons import Reason, ReasonKind, Step
+from tpd.design.search import Multistart
+from tpd.design.space import DesignSpace
+from tpd.design.steps import HEIGHT
+from tpd.design.survey import ROOM, followed
+from tpd.design.verified import Verified
+from tpd.design.verify import Verification
+from tpd.design.worth import Worth
 from tpd.models.compiled_nonlinear import settle_nonlinear
 
 _NEARBY = (-0.01, -0.005, 0.005, 0.01)
@@ -50,11 +76,16 @@ class Suitability:
     bob: Bob
     check: Check
     shakings: Conditions
-    """The scene's own shaking first, then its neighbours, or the conditions of a job."""
+    """The scene's own shaking first, then its neighbours, or the conditions of the question."""
     several: bool
-    """Whether the shakings are the conditions of a job."""
+    """Whether the shakings are these conditions."""
     hung: Motions
     bare: Motions
+    verified: Verified
+    """The pendulum by the steps that verify a design of `optimise`; its reasons are the verdict."""
+    needed: bool
+    """Whether the bare block moves under some condition."""
+    worth: Worth
 
     @property
     def tried(self) -> int:
@@ -79,7 +110,7 @@ class Suitability:
     @property
     def around(self) -> str:
         """Phrase for the shakings."""
-        what = "conditions of the job" if self.several else "shakings within 1 % in amplitude or frequency"
+        what = "conditions" if self.several else "shakings within 1 % in amplitude or frequency"
         return f"{self.tried} {what}"
 
     @property
@@ -101,71 +132,210 @@ class Suitability:
     @property
     def refusals(self) -> tuple[str, ...]:
         """Sentences that say why not to hang it, the gravest last; empty if nothing speaks against it."""
+        if not self.needed:
+            return ("does not help: under all conditions the bare block settles at rest: none is needed",)
+        kinds: dict[tuple[ReasonKind, str], Reason] = {}
+        for reason in self.verified.reasons:
+            kinds.setdefault((reason.kind, reason.limit), reason)
+        found = [f"{_sort(reason)}: {reason}" for reason in kinds.values()]
+        return tuple(sorted(found, key=lambda said: _SORTS.index(said.split(":")[0])))
+
+    @property
+    def counted(self) -> str:
+        """In how many runs the block overturns and the bob strikes, and the benefit, in one sentence."""
+        v = self.verified
+        assert v.paired is not None
+        hung, bare = v.paired.hung, v.paired.bare
+        fresh = "" if v.chosen_by is None else "fresh "
+        said = (
+            f"Over {len(hung.status)} {fresh}paired runs of the nonlinear equations (seed "
+            f"{hung.ensemble.seed}): {v.benefit}; {hung.overturned.value:.1%} overturn, "
+            f"{bare.overturned.value:.1%} without"
+        )
+        if math.isnan(v.strikes):
+            return f"{said}. No room for the bob is asked for."
+        stands = int(np.sum(~hung.lost))
         return (
-            *(f"does not help: {x}" for x in self._no_help()),
-            *(f"does not fit: {x}" for x in misfits(self.scene.block, self.pendulum, self.bob, self.reach)),
-            *(f"DO NOT USE: {x}" for x in self._unconfirmed()),
+            f"{said}; the bob strikes a wall in {v.strikes * stands:.0f} of the {stands} that stand "
+            f"({v.strikes:.1%}, and {self.worth.strikes:.1%} is allowed)."
         )
 
-    def _no_help(self) -> Iterator[str]:
-        a, bare = self.check.top.amplitude, self.check.bare
-        if not self.several and math.isfinite(a) and a > 0.0 and a >= bare:
-            yield f"by the nonlinear equations the block rocks {a:.4g} rad, and {bare:.4g} without"
-        # Where the bare block overturns, a pendulum that holds it is no worse: most shakings have to be.
-        if 2 * self.worse > self.tried:
-            yield f"under {self.worse} of {self.around} the block rocks more than without the pendulum"
 
-    def _unconfirmed(self) -> Iterator[str]:
-        lost, bare = self.lost
-        share = f"under {lost} of {self.around} the block overturns, and under {bare} without the pendulum"
-        # Rocking more is told by `_no_help`.
-        against = replace(self.check, bare=math.inf).objections
-        # Under one of many conditions a single run near overturning is no fact; their number is.
-        if self.several and self.check.top.status == "overturned":
-            against = ()
-        yield from (f"{x} ({share})" if "overturned" in x else x for x in against)
-        if lost > (bare if self.several else 0) and not any("overturned" in x for x in against):
-            yield f"by the nonlinear equations, {share}"
+_SORTS = ("does not help", "does not fit", "DO NOT USE")
+"""Kinds of refusals, the gravest last."""
+
+
+def _sort(reason: Reason) -> str:
+    """Kind of a refusal that a reason belongs to."""
+    match reason.kind:
+        case ReasonKind.strikes:
+            return "does not fit"
+        case ReasonKind.breaks_limit if reason.limit in (*ROOM, HEIGHT, Mass.name, Offset.name):
+            return "does not fit"
+        case ReasonKind.breaks_limit if reason.limit == Worsening.name:
+            return "does not help"
+        case ReasonKind.rocks_more | ReasonKind.too_little_benefit:
+            return "does not help"
+        case ReasonKind.rests_less | ReasonKind.worse_condition:
+            return "does not help"
+        case _:
+            return "DO NOT USE"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """Question that `optimise` asks of a design, in the same words: its arguments."""
+
+    scene: Scene
+    space: DesignSpace = field(default_factory=DesignSpace)
+    conditions: Conditions | None = None
+    """None is the neighbourhood of the scene's own shaking."""
+    starts: Starts | None = None
+    risk: Risk | None = None
+    limits: tuple[Limit, ...] = DEFAULT_LIMITS
+    method: Method | None = None
+    ensemble: Ensemble = field(default_factory=Ensemble)
+    worth: Worth = field(default_factory=Worth)
+    seed: int = 0
+
+    def problem(self, design: np.ndarray | None = None) -> Problem:
+        """Problem in whose space a design (mu, lam, zeta) lies.
+
+        Raises:
+            ValueError: bad input.
+        """
+        # The limit on the mass narrows a space, and a design beyond it would lie outside.
+        limits = tuple(x for x in self.limits if not isinstance(x, Mass))
+        space = self.space if design is None else _holding(self.space, design)
+        given = self.conditions, self.starts, self.risk, limits, self.method, self.seed, self.worth
+        return Problem.of(self.scene, space, *given).against_bare()
+
+    def verification(self, problem: Problem, progress: Progress | None) -> Verification:
+        """Verification of designs of a problem."""
+        inputs = self.scene, problem.objective, problem.method, self.ensemble, problem.worth
+        made, finer = Verification(*inputs, False, progress), problem.over_basins
+        return made if finer is None else made.on(finer, "check")
+
+
+def rests(asked: Question) -> bool:
+    """Whether the bare block settles at rest under all conditions, so that no pendulum is needed."""
+    return _rests(asked.verification(asked.problem(), None))
+
+
+def _rests(verification: Verification) -> bool:
+    return verification.rests and verification.bare_rests_nonlinearly()
+
+
+def judged(
+    asked: Question, pendulum: Pendulum, progress: Progress | None = None
+) -> tuple[Verified, Verification]:
+    """A pendulum by the steps that verify a design of `optimise`, and what it is compared with: limits from
+    rest under every condition as in the survey, then the verification, then the fresh runs that judge once.
+    Where something else refuses it, its paired runs are counted all the same.
+
+    Raises:
+        ValueError: bad input.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    block = asked.scene.block
+    ratios = pendulum.mass / block.mass, pendulum.length / block.half_height, pendulum.damping_ratio
+    design = np.array([float(x) for x in ratios])
+    problem = asked.problem(design)
+    verification = asked.verification(problem, progress)
+    objective = verification.objective
+    search = Multistart(objective, problem.method, asked.seed, progress)
+    v = verification.at_once(search, design)
+    broken = [*_too_heavy(asked.limits, pendulum), *_limits_broken(verification, search, design, asked.seed)]
+    if not v.reasons and not broken:
+        v = verification.by_fresh_runs(v)
+    elif v.paired is None:
+        counted = verification.by_runs(v)
+        v = replace(counted, reasons=(*v.reasons, *counted.reasons))
+    return replace(v, source="check", reasons=(*broken, *v.reasons)), verification
+
+
+def _holding(space: DesignSpace, design: np.ndarray) -> DesignSpace:
+    """The space, wide enough for a design."""
+
+    def with_it(bounds: float | tuple[float, float], x: float) -> float | tuple[float, float]:
+        low, high = bounds if isinstance(bounds, tuple) else (bounds, bounds)
+        low, high = min(low, x), max(high, x)
+        return (low, high) if high > low else low
+
+    mu, lam, zeta = map(float, design)
+    return DesignSpace(
+        mass_ratio=with_it(space.mass_ratio, mu),  # type: ignore[arg-type]
+        length_ratio=with_it(space.length_ratio, lam),  # type: ignore[arg-type]
+        damping_ratio=with_it(space.damping_ratio, zeta),
+    )
+
+
+def _too_heavy(limits: tuple[Limit, ...], pendulum: Pendulum) -> list[Reason]:
+    """The limit on the mass, by which a search narrows its space, if a bob breaks it."""
+    limit = limit_of(limits, Mass)
+    # A mass that was made of its ratio may differ by rounding.
+    if not isinstance(limit, Mass) or pendulum.mass <= limit.kg * (1.0 + 1e-9):
+        return []
+    value = float(pendulum.mass) / limit.kg
+    return [Reason(step=Step.exact, kind=ReasonKind.breaks_limit, limit=Mass.name, value=value)]
+
+
+def _limits_broken(
+    verification: Verification, search: Multistart, design: np.ndarray, seed: int
+) -> tuple[Reason, ...]:
+    """Limits that a search or its survey would drop the design for."""
+    objective = verification.objective
+    if len(objective.conditions) > 1:
+        few = objective.over(objective.conditions.subset(SURVEYED, seed))
+        found = followed(few, design[None], verification.ensemble.periods, "nonlinear", None)
+        return nearest_of(found).broken
+    wider = search.with_designs(objective.space.scaled(design[None]))
+    return tuple(broken_at(wider, wider.excess[-1]))
 
 
 def suitability(
     scene: Scene,
     pendulum: Pendulum,
     *,
-    conditions: Conditions | None = None,
-    stroke: float = math.inf,
+    asked: Question | None = None,
     bob: Bob | None = None,
     models: tuple[str, ...] | None = None,
     progress: Progress | None = None,
 ) -> Suitability:
-    """Ask whether a pendulum can be hung.
+    """Ask whether a pendulum can be hung, as `optimise` asks it of its designs.
 
     Args:
         scene: the block and its shaking.
         pendulum: the one to be hung.
-        conditions: those that it was designed for; by default, and where there is one, eight neighbours of
-            the scene's own shaking are asked in their place.
-        stroke: limit on the bob's settled angle, rad.
-        bob: the body at the end of the rod; default a ball of steel.
+        asked: conditions, starts, limits and runs; by default those of `optimise`.
+        bob: the body at the end of the rod; default that of the limit on room, else a ball of steel.
         models: names of models, as in `tpd.check`.
-        progress: called with ("checking", models done, of how many).
+        progress: called with ("checking", models done, of how many), and by the stages of the verification.
 
     Raises:
-        ValueError: an unknown model, or a limit that is not positive.
+        ValueError: an unknown model, a block without a cavity, or a limit that is not positive.
         RuntimeError: JAX is in 32-bit mode.
     """
-    found = check(scene, pendulum, stroke=stroke, models=models, progress=progress)
-    several = conditions is not None and len(conditions) > 1
-    shakings = _with_own(conditions.subset(_MOST) if conditions is not None and several else neighbours())
+    asked = Question(scene=scene) if asked is None else asked
+    room = limit_of(asked.limits, Room)
+    check_cavity(scene.block, asked.limits)
+    found = check(scene, pendulum, stroke=stroke_limit(asked.limits), models=models, progress=progress)
+    v, verification = judged(asked, pendulum, progress)
+    conditions = verification.objective.conditions
+    several = len(conditions) > 1
+    shakings = _with_own(conditions.subset(_MOST) if several else neighbours())
     return Suitability(
         scene=scene,
         pendulum=pendulum,
-        bob=Bob() if bob is None else bob,
+        bob=bob or (room.bob if isinstance(room, Room) else Bob()),
         check=found,
         shakings=shakings,
         several=several,
         hung=motions(scene, pendulum, shakings),
         bare=motions(scene, None, shakings),
+        verified=v,
+        needed=not _rests(verification),
+        worth=asked.worth,
     )
 
 
@@ -198,26 +368,3 @@ def motions(scene: Scene, pendulum: Pendulum | None, conditions: Conditions) -> 
         settled=column("amplitude", "stroke"),
         way=column("peak", "peak_stroke"),
     )
-
-
-def misfits(block: Block, pendulum: Pendulum, bob: Bob, reach: tuple[float, float]) -> Iterator[str]:
-    """Sentences that say why the bob does not fit into the block.
-
-    Args:
-        block, pendulum, bob: the design.
-        reach: largest distances (m) of the bob's surface from the block's axis, settled and on the way
-            there; NaN if unknown.
-    """
-    radius, rod, room = float(bob.radius(pendulum.mass)), float(pendulum.length), 0.5 * float(block.room)
-    half = bob.slimness * radius
-    body = f"the bob as {bob} has a radius of {radius:.3g} m"
-    if radius >= room:
-        yield f"{body}, and there are {room:.3g} m to either side"
-        return
-    if half > THICKEST * rod:
-        yield f"{body}, its half height is more than half of its rod of {rod:.3g} m"
-    if rod + half > block.height:
-        yield f"rod and bob are {rod + half:.3g} m long, and the block is {block.height:.3g} m high"
-    for when, far in zip(("once settled", "on the way from rest"), reach, strict=True):
-        if far > room:
-            yield f"{when} the bob reaches {far:.3g} m to the side, and there are {room:.3g} m"

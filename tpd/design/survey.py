@@ -104,6 +104,20 @@ class Survey:
         fits = self.stands & ~np.any(np.stack([np.zeros(len(self.designs)), *others]) > 0.0, axis=0)
         return int(np.flatnonzero(fits)[np.argmin(self.score[fits])]) if fits.any() else None
 
+    def relaxed(self) -> dict[str, int | None]:
+        """The best design that keeps to all limits from rest, and the best without each limit that designs
+        break, by what is asked of it; None where there is no such design."""
+        broken = [name for name, x in self.excess.items() if np.any(x > 0.0)]
+        # The three sizes that the room sets go together: one without the others would buy nothing.
+        groups = {n.replace("_", " "): (n,) for n in broken if n not in ROOM}
+        if set(broken) & set(ROOM):
+            groups = {"room": ROOM, **groups}
+        out = {"limits kept from rest": self.best_without()}
+        out |= {f"without the limit on {n}": self.best_without(*g) for n, g in groups.items()}
+        if len(groups) > 1:
+            out["without any limit"] = self.best_without(*broken)
+        return out
+
     def ordered(self) -> Survey:
         """This survey with the best designs first: those that keep to the limits, then by their score."""
         excess = sum((np.maximum(x, 0.0) for x in self.excess.values()), np.zeros(len(self.designs)))

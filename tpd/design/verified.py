@@ -107,7 +107,8 @@ class Verified:
     verdict: Verdict | None
     """Ensemble of runs of the linear equations with and without the pendulum."""
     paired: Verdict | None
-    """Paired runs of the nonlinear equations, which decide."""
+    """Paired runs of the nonlinear equations, which decide: of a design that was chosen the fresh ones that
+    judge it."""
     benefit: Benefit | None
     """Benefit by these."""
     strikes: float
@@ -119,6 +120,8 @@ class Verified:
     """"search", "path" (a search passed through the design), "survey" or "nonlinear search"."""
     reasons: tuple[Reason, ...]
     """Why it is refused; empty if it is offered."""
+    chosen_by: Benefit | None = None
+    """Benefit by the runs that chose it, where fresh ones have judged it; it is a little too good."""
 
     @property
     def design(self) -> np.ndarray:

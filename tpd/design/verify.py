@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tpd.analysis.benefit import fall_of
-from tpd.design.by_runs import PairedRuns, strikes_of
+from tpd.design.by_runs import TRIALS, PairedRuns, strikes_of
 from tpd.design.criteria import Room, limit_of
 from tpd.design.reasons import ReasonKind
 from tpd.design.result import DesignStatus
@@ -89,7 +89,13 @@ class Verification(Steps):
                 for j in left[1:]
                 if np.linalg.norm(units[j] - units[i]) > _APART and (way is None or way[j] <= room)
             ]
-        return DesignStatus.refused if len(helps) else DesignStatus.no_improvement
+        # What was verified has reasons of its own, also where single motions from rest show no improvement.
+        return DesignStatus.refused
+
+    def judge(self) -> DesignStatus:
+        """Judge the design that passed last, which is the chosen one, once by fresh runs."""
+        self.verified[-1] = judged = self.by_fresh_runs(self.verified[-1])
+        return DesignStatus.refused if judged.reasons else DesignStatus.found
 
     def by_trials(self, found: Survey, helps: np.ndarray) -> np.ndarray:
         """The most promising designs of a survey in the order of a few paired runs each, then the others.
@@ -114,7 +120,7 @@ class Verification(Steps):
 
     def _tried(self, found: Survey, tried: list[int], runs: int) -> dict[int, tuple[bool, float]]:
         """Strikes or harm, and the negative benefit, of each of some designs over so many paired runs."""
-        ensemble = replace(self.ensemble, size=runs, seed=self.ensemble.seed + 1)
+        ensemble = replace(self.ensemble, size=runs, seed=self.ensemble.seed + TRIALS)
         paired = PairedRuns(self.scene, self.objective.conditions, ensemble, self.worth, None)
         room, worth = limit_of(self.objective.limits, Room), {}
         bob = room.bob if isinstance(room, Room) else None

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Mapping
 
 import numpy as np
 
 from tpd.core.formatting import number
 from tpd.core.scene import Pendulum
 from tpd.design.criteria import Room, limit_of
-from tpd.design.reasons import Reason, ReasonKind, Step
+from tpd.design.reasons import GRAVE, Reason, ReasonKind, Step
 from tpd.design.result import Design, DesignStatus
-from tpd.design.survey import ON_THE_WAY, ROOM, Survey
+from tpd.design.study import Study, Surveyed
+from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import AtPoint, Verified
-from tpd.report.blocks import Block, Cell, Table, danger, information
+from tpd.report.blocks import Block, Cell, Note, Table, danger, information, warning
 
 _NAMES = {
     "mean severity": "mean tilt over ν",
@@ -38,16 +40,27 @@ def headline(design: Design) -> str:
     """Verdict in one paragraph: worth hanging by so much, or none worth hanging for this reason."""
     best, status = design.best, design.status
     if status is DesignStatus.found and best is not None and best.benefit is not None:
-        verdict = "WORTH HANGING under the stated conditions."
+        worth = "WORTH HANGING under the stated conditions."
         if missing := _missing(design):
-            verdict = f"FOUND, BUT NOT TO BE HUNG AS IT IS: the search {missing}."
-        return " ".join(filter(None, (_sign(design), verdict, _gain(best), _NO_SAFETY)))
+            worth = f"FOUND, BUT NOT TO BE HUNG AS IT IS: the search {missing}."
+        return " ".join(filter(None, (_sign(design), worth, _gain(best), _NO_SAFETY)))
     if status is DesignStatus.refused and best is not None:
-        return f"{status.value} Best found: {_designation(design, best)}. Against it: {_first(best)}."
+        # How near it comes is known only where it came to the paired runs.
+        gain = "" if best.benefit is None else f" {_quoted(best)}."
+        return f"{status.value} Nearest comes {_designation(design, best)}. Against it: {_first(best)}.{gain}"
     if status is DesignStatus.none_feasible and design.nearest is not None:
         broken = "; ".join(map(str, design.nearest.broken[:3]))
         return f"{status.value} The nearest: {broken}."
     return status.value
+
+
+def verdict(design: Design) -> Note:
+    """Headline; a danger where the block overturns more often, or the bob strikes a wall."""
+    if design.status.is_sound:
+        return information(headline(design))
+    reasons = () if design.best is None else design.best.reasons
+    grave = design.pendulum is None and any(reason.kind in GRAVE for reason in reasons)
+    return (danger if grave else warning)(headline(design))
 
 
 def _missing(design: Design) -> str:
@@ -68,12 +81,19 @@ def _gain(best: Verified) -> str:
     median = next(change for change in best.benefit.changes if change.name == "median severity")
     # Most of a benefit may be that fewer runs overturn: the median says what the others gain.
     return (
-        f"Over {best.benefit.runs} paired runs of the nonlinear equations: {best.benefit}; "
+        f"{_quoted(best)}; "
         f"{hung.overturned.value:.1%} overturn in place of {bare.overturned.value:.1%}; "
         f"{hung.at_rest.value:.1%} end at rest in place of {bare.at_rest.value:.1%}. The tilt is the "
         f"mean of all runs, in which one that overturns counts as toppling; the median tilt is "
         f"{median.with_it:.1%} of the slenderness in place of {median.without:.1%}."
     )
+
+
+def _quoted(best: Verified) -> str:
+    """Benefit with its interval, and the runs that it is by."""
+    assert best.benefit is not None
+    fresh = "" if best.chosen_by is None else "fresh "
+    return f"Over {best.benefit.runs} {fresh}paired runs of the nonlinear equations: {best.benefit}"
 
 
 def _sign(design: Design) -> str:
@@ -97,7 +117,13 @@ def _pendulum(design: Design, v: Verified) -> Pendulum:
 
 
 def _first(v: Verified) -> str:
-    return "; ".join(map(str, v.reasons[:2])) or "nothing"
+    """Reasons against a design, the gravest first; a later one of the same kind is only counted."""
+    kinds: dict[tuple[ReasonKind, str], Reason] = {}
+    for reason in v.reasons:
+        kinds.setdefault((reason.kind, reason.limit), reason)
+    first = sorted(kinds.values(), key=lambda reason: reason.kind not in GRAVE)
+    more = len(v.reasons) - len(first)
+    return "; ".join([*map(str, first), *([f"and {more} more of these"] if more else [])]) or "nothing"
 
 
 def paired_runs(design: Design) -> list[Block]:
@@ -113,14 +139,24 @@ def paired_runs(design: Design) -> list[Block]:
         rows.append((*cells, linear.get(change.name)))
     head = ("", "with it", "without", "difference (95 %)", "linear, with / without")
     caption = (
-        f"{best.benefit.runs} paired runs of the nonlinear equations, seed {design.ensemble.seed}: starts, "
-        "phases, growth of the shaking and uncertain quantities. Tilt: settled, 100 % where the block "
-        "overturns or tilts to ν or further, 0 at rest. The linear equations are for comparison: they err "
-        "where the bob swings beyond 0.5 rad."
+        f"{best.benefit.runs} paired runs of the nonlinear equations, seed {best.paired.hung.ensemble.seed}"
+        f"{_which(design, best)}: starts, phases, growth of the shaking and uncertain quantities. Tilt: "
+        "settled, 100 % where the block overturns or tilts to ν or further, 0 at rest. The linear equations "
+        "are for comparison: they err where the bob swings beyond 0.5 rad."
     )
     chance = best.paired.chance_in_words
     out: list[Block] = [Table(head, tuple(rows), caption), information(chance)]
     return [*out, *_by_condition(design, best)]
+
+
+def _which(design: Design, best: Verified) -> str:
+    """Which runs judged, and what those gave that chose the design."""
+    if best.chosen_by is None:
+        return ""
+    return (
+        f", which judged the design once and which no choice has seen (those that chose it, seed "
+        f"{design.ensemble.seed}, gave {best.chosen_by})"
+    )
 
 
 def _linear_shares(best: Verified) -> dict[str, str]:
@@ -194,7 +230,8 @@ def at_point(design: Design) -> list[Block]:
     caption = (
         f"The first was searched with the {point.model} model at the scene's own shaking: it gives "
         f"{number(point.model_amplitude)} rad, the exact solution {number(point.amplitude)} rad. Without a "
-        f"pendulum: {_tilt(point.amplitude_without)}. Both are verified under all conditions."
+        f"pendulum: {_tilt(point.amplitude_without)}. Both are verified under all conditions; what passed is "
+        "judged by fresh runs, and a design that did not pass is quoted by the runs that refused it."
     )
     # A sentence in a cell would make the whole table as wide as the sentence.
     against = information(f"Against the best at the shaking itself: {_first(point.verified)}.")
@@ -225,23 +262,13 @@ def _verdict(v: Verified) -> str:
     return "refused" if v.reasons else "worth hanging"
 
 
-def limiting(design: Design) -> list[Block]:
+def limiting(design: Design, study: Study | None = None) -> list[Block]:
     """Limits that keep better designs out, the best design without each, and counts of refusals."""
     if not design.surveys:
         return []
     out = _refusals(design)
-    wide = design.surveys[0]
-    rows = [_row(design, wide, "all limits kept", wide.best_without())]
-    broken = [name for name, x in wide.excess.items() if np.any(x > 0.0)]
-    # The three sizes that the room sets go together: one without the others would buy nothing.
-    groups = {n.replace("_", " "): (n,) for n in broken if n not in ROOM}
-    if set(broken) & set(ROOM):
-        groups = {"room": ROOM, **groups}
-    rows += [
-        _row(design, wide, f"without the limit on {n}", wide.best_without(*g)) for n, g in groups.items()
-    ]
-    if len(groups) > 1:
-        rows.append(_row(design, wide, "without any limit", wide.best_without(*broken)))
+    wide, by_runs = design.surveys[0], {} if study is None else study.surveyed
+    rows = [_row(design, wide, name, i, by_runs) for name, i in wide.relaxed().items()]
     head = (
         "",
         "bob (kg)",
@@ -250,12 +277,20 @@ def limiting(design: Design) -> list[Block]:
         "room it needs (m)",
         "mean tilt over ν",
         "overturned of conditions",
+        "strikes a wall, of runs",
+        "overturned, of runs",
     )
     bare = f"{wide.bare.mean():.1%} and {int(np.sum(wide.bare >= 1.0))} of {len(wide.bare)}"
     caption = (
         f"Best of {len(wide.designs)} designs followed from rest by the {wide.equations} equations, and the "
         f"best where a limit is left out: what relaxing it would buy. Without a pendulum: {bare}."
     )
+    if by_runs:
+        runs = next(iter(by_runs.values()))
+        caption += (
+            f" Of runs: shares of {runs.benefit.runs} paired runs of the nonlinear equations, which begin "
+            f"elsewhere as well; a bob that strikes in more than {runs.allowed:.1%} of them is refused."
+        )
     return [*out, *_held(design), Table(head, tuple(rows[:_ROWS]), caption)]
 
 
@@ -267,16 +302,22 @@ def _held(design: Design) -> list[Block]:
     return [information(f"The best that was verified is held by: {said}.")]
 
 
-def _row(design: Design, of: Survey, name: str, i: int | None) -> tuple[Cell, ...]:
+def _row(
+    design: Design, of: Survey, name: str, i: int | None, by_runs: Mapping[int, Surveyed]
+) -> tuple[Cell, ...]:
     if i is None:
-        return (name, *(None,) * 5, "no design")
+        return (name, *(None,) * 5, "no design", None, None)
     mu, lam, zeta = of.designs[i]
     hung = design.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
     lost = int(np.sum(of.severity[i] >= 1.0))
     sizes = float(hung.mass), float(hung.length), float(zeta)
-    way = of.excess.get(ON_THE_WAY)
+    way, runs = of.excess.get(ON_THE_WAY), by_runs.get(i)
     needs = None if way is None else (1.0 + float(way[i])) * float(design.scene.block.room)
-    return (name, *sizes, needs, f"{of.severity[i].mean():.1%}", f"{lost} of {of.severity.shape[1]}")
+    from_rest = f"{of.severity[i].mean():.1%}", f"{lost} of {of.severity.shape[1]}"
+    if runs is None:
+        return (name, *sizes, needs, *from_rest, None, None)
+    strikes = None if math.isnan(runs.strikes) else f"{runs.strikes:.1%}"
+    return (name, *sizes, needs, *from_rest, strikes, f"{runs.overturned:.1%}")
 
 
 def _refusals(design: Design) -> list[Block]:
@@ -288,15 +329,17 @@ def _refusals(design: Design) -> list[Block]:
         keep = int(found.keeps.sum())
         parts.append(
             f"Of {len(found.designs)} designs followed from rest by the {found.equations} equations {keep} "
-            f"keep to all limits, and {found.better} of these tilt the block less than none"
+            f"keep to all limits from rest, and {found.better} of these tilt the block less than none"
             + (f" ({'; '.join(said)})." if said else ".")
         )
-    kinds = Counter(_kind(reason) for v in design.verified for reason in v.reasons[:1])
+    # A design may be refused for several reasons, and each of them is counted.
+    kinds = Counter(what for v in design.verified for what in {_kind(reason) for reason in v.reasons})
     if kinds:
         told = ", ".join(f"{n} because {what}" for what, n in kinds.most_common())
-        parts.append(f"Of {len(design.verified)} verified, refused were {told}.")
+        refused = sum(bool(v.reasons) for v in design.verified)
+        parts.append(f"Of {len(design.verified)} verified, {refused} were refused: {told}.")
     if design.pendulum is None and design.verified:
-        return [danger(" ".join(parts))]
+        return [warning(" ".join(parts))]
     return [information(" ".join(parts))]
 
 

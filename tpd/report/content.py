@@ -29,7 +29,6 @@ from tpd.report.blocks import (
     Report,
     Section,
     Table,
-    danger,
     information,
     warning,
 )
@@ -57,7 +56,6 @@ def content(
         name: of the project, for the title.
         date: of the report, for the title.
     """
-    verdict = (information if design.status.is_sound else danger)(benefit.headline(design))
     parts = {
         "Scene": scene_words.section(design.scene, name, date),
         "Before anything else": notes(design, study),
@@ -65,7 +63,7 @@ def content(
         "With and without": [*_figures(design, study, "benefit.png"), *benefit.paired_runs(design)],
         "At the shaking itself and around it": benefit.at_point(design),
         "Other losses of energy": benefit.losses(design),
-        "What limits the design": benefit.limiting(design),
+        "What limits the design": benefit.limiting(design, study),
         "The block and its motion": _figures(design, study, "drawing.png", "animation.gif"),
         "Over many runs": tables.ensemble(design),
         "In earthquakes": earthquakes.section(study.earthquakes),
@@ -81,7 +79,7 @@ def content(
     }
     always = "Before anything else"
     sections = (Section(t, tuple(blocks)) for t, blocks in parts.items() if blocks or t == always)
-    return Report(scene_words.title(design.scene, name, date), verdict, tuple(sections))
+    return Report(scene_words.title(design.scene, name, date), benefit.verdict(design), tuple(sections))
 
 
 _LIMITED = {

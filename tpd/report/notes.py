@@ -17,6 +17,7 @@ from tpd.design.criteria import Room, limit_of
 from tpd.design.result import Design, DesignStatus
 from tpd.design.study import Study
 from tpd.design.verified import Bare, Motions, Verified
+from tpd.design.worth import Worth
 from tpd.report import earthquakes
 from tpd.report.blocks import Note, danger, information, warning
 from tpd.report.words import finite_max, source_of_tilts
@@ -24,7 +25,7 @@ from tpd.report.words import finite_max, source_of_tilts
 LARGE_PEAK = 0.7
 """Share of the tilt at which the block topples; a start from rest beyond it is called dangerous."""
 GRAVE = 2.0
-"""Ratio to the bare block's amplitude above which more rocking at another frequency is a danger."""
+"""Ratio to the bare block's amplitude above which more rocking at another frequency is told first."""
 LARGE_STROKE = 0.3
 """rad; sin(psi) is 1.5 % below psi there, and falls further with its square."""
 SLOW = 0.95
@@ -212,7 +213,8 @@ def _bob_of(design: Design) -> Bob:
 def _room(design: Design, winner: Verified, pendulum: Pendulum, bob: Bob) -> Note:
     """Room that the bob has as a body."""
     wide = 2.0 * float(bob.radius(pendulum.mass))
-    return information(
+    # A job may allow any share: strikes are a danger all the same.
+    return (danger if winner.strikes > Worth().strikes else information)(
         f"The bob as {bob} is {wide:.3g} m wide and {bob.slimness * wide:.3g} m high. Between walls "
         f"{design.scene.block.room:.3g} m apart it strikes none in {1.0 - winner.strikes:.1%} of the paired "
         f"runs that stand ({1.0 - design.worth.strikes:.1%} are asked for)."
@@ -320,8 +322,8 @@ def _responses(design: Design, study: Study) -> Iterator[Note]:
         i = int(harmed[np.argmin(away[harmed])])
         near, words = _neighbourhood(hung, i)
         k, m = int(lost[near].sum()), int(lost_bare[near].sum())
-        # A single run near overturning may end either way: one more than without is no finding.
-        yield (danger if k >= m + 2 else warning)(
+        # A single run near overturning may end either way, but the neighbours count as well.
+        yield (danger if k > m else warning)(
             f"Of {near.size} {words}, same base amplitude, from rest, {k} OVERTURN the block with this "
             f"pendulum and {m} without, by the linear equations."
         )
@@ -359,7 +361,8 @@ def _rocks_more(bare: Response, hung: Response, away: np.ndarray) -> Iterator[No
     i = int(chosen[np.argmin(away[chosen])])
     # Where motions are chaotic an amplitude is that of one run: neighbours say whether it is the rule.
     near, words = _neighbourhood(hung, i)
-    yield (danger if grave.any() else warning)(
+    # Grave or not, a block that rocks more stands: dangers are overturning and strikes.
+    yield warning(
         f"At {more[near].sum()} of {near.size} {words} the block rocks more with this pendulum than without, "
         f"at that frequency {hung.amplitude[i]:.4g} rad in place of {bare.amplitude[i]:.4g} rad."
     )

@@ -102,7 +102,16 @@ def _block(scene: Scene) -> str:
     width, height, mass = (number(float(x)) for x in (block.width, block.height, block.mass))
     own = block.radius_of_gyration
     shape = "" if own is None else f", radius of gyration {number(float(own))} m"
-    return f"{width} m wide, {height} m high, {mass} kg{shape}"
+    return f"{width} m wide, {height} m high, {mass} kg{shape}, {_cavity(scene)}"
+
+
+def _cavity(scene: Scene) -> str:
+    """Width of the cavity in words: on it hangs whether a bob has room."""
+    block = scene.block
+    if block.cavity_width is None:
+        return "no cavity stated"
+    as_wide = " (as wide as the block)" if block.cavity_width == block.width else ""
+    return f"cavity {number(float(block.cavity_width))} m wide{as_wide}"
 
 
 def _motion(scene: Scene) -> str:

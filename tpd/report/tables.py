@@ -11,7 +11,7 @@ from tpd.analysis.sensitivity import Elasticities
 from tpd.core.formatting import number
 from tpd.design.result import Design
 from tpd.design.study import Study
-from tpd.report.blocks import Block, Cell, Table, danger, information
+from tpd.report.blocks import Block, Cell, Table, danger, information, warning
 
 if TYPE_CHECKING:
     from tpd.design.pareto import Front
@@ -85,7 +85,10 @@ def comparison(check: Check) -> list[Block]:
         "One harmonic: the motion as a single sine at the forcing frequency (harmonic balance); a rocking "
         "block has higher harmonics, so that its number may be off by a tenth, and it knows no overturning."
     )
-    objections = (danger(f"Under the scene's own shaking {x}.") for x in check.objections)
+    objections = (
+        (danger if "overturned" in x else warning)(f"Under the scene's own shaking {x}.")
+        for x in check.objections
+    )
     return [Table(head, rows, caption), *objections]
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import tpd
 
-BLOCK = tpd.Block(width=0.9, height=5.4, mass=8000.0, restitution=0.93)
+BLOCK = tpd.Block(width=0.9, height=5.4, mass=8000.0, restitution=0.93, cavity_width=0.9)
 
 
 def noise(seed: int, event: str = "", n: int = 300) -> tpd.Record:

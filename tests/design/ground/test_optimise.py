@@ -149,7 +149,18 @@ def test_the_report_says_what_was_found_and_how_to_repeat_it(found, tmp_path):
 
 def test_the_command_designs_on_records_and_refuses_what_has_no_effect(tmp_path, capsys):
     out = tmp_path / "design"
-    block = ["--width", "0.9", "--height", "5.4", "--mass", "8000", "--restitution", "0.93"]
+    block = [
+        "--width",
+        "0.9",
+        "--height",
+        "5.4",
+        "--mass",
+        "8000",
+        "--restitution",
+        "0.93",
+        "--cavity",
+        "0.9",
+    ]
     records = [
         "--records",
         "el-centro",
