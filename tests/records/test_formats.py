@@ -217,7 +217,7 @@ REFUSED = {
     "step in ms": ("a (g), dt = 5 ms\n0\n1\n", "must state the step in s"),
     "steps of 20 s": ("t (s),a (g)\n0,0\n20,1\n", "step must be 1e-05 s to 1 s"),
     "two units": ("t,a (g),(m/s2)\n0,0\n0.02,1\n", "several units"),
-    "three columns": ("t,a,b (g)\n0,0,1\n0.02,1,1\n", "1 or 2 columns, but has 3"),
+    "three columns": ("t,a,b (g)\n0,0,1\n0.02,1,1\n", "channels 0: a .*choose one by `channel`"),
     "the first row damaged": (
         "t,a (g)\nNaN,0\n0.02,1\n0.04,1\n",
         "line 2 must be a row of numbers or a header",
