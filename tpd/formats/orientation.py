@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 
 VERTICAL = "vertical component"
@@ -26,7 +27,7 @@ def orientation(text: str) -> bool | None:
     """
     bare = re.sub(r"\(.*?\)|\[.*?\]", " ", text).lower()
     words = re.findall(r"[^\W_]+", bare)
-    pairs = ["".join(pair) for pair in zip(words, words[1:], strict=False)]
+    pairs = ["".join(pair) for pair in itertools.pairwise(words)]
     said = [*words, *(pair for pair in pairs if re.fullmatch(r"(?:ud|ns|ew|updown)[12]?", pair))]
     if any(re.fullmatch(rf"{_UPRIGHT}|{_SEED}z", word) for word in said):
         return True

@@ -164,7 +164,7 @@ def _is_row(head: Sequence[str], columns: int) -> bool:
     cells = _cells(line)
     if line.startswith(_MARKS) or len(cells) != columns:
         return False
-    if columns == 2:
+    if columns >= 2:
         return any(re.fullmatch(NUMBER, cell) for cell in cells)
     # One cell: the name or the unit of the column, or what is left of a number.
     name = re.fullmatch(r"[^\W\d]\w*", line) and line.lower() not in ("nan", "inf", "infinity")
@@ -176,7 +176,8 @@ def _rows(cursor: Cursor, head: Sequence[str]) -> list[_Row]:
     rows: list[_Row] = []
     while not cursor.only_blank_lines_follow():
         line = cursor.next("a row").strip()
-        if not line:
+        # In rows of times a blank line loses nothing; in a column it may stand for a sample.
+        if not line and (not rows or len(rows[-1].cells) > 1):
             continue
         cells = _cells(line)
         # Checked here, since the columns are taken apart only later.
@@ -214,8 +215,8 @@ def _counted(rows: list[_Row]) -> tuple[list[_Row], int | None, float | None]:
     if len(rows) > 2 and len(rows[0].cells) != len(rows[1].cells) == len(rows[2].cells):
         total = sum(len(row.cells) for row in rows[1:])
         raise UnreadableRecord(
-            f"line {rows[0].line} must be a row of {len(rows[1].cells)} numbers, or state the number of samples, "
-            f"{total}, but has {len(rows[0].cells)}: {shown(' '.join(rows[0].cells))}"
+            f"line {rows[0].line} must be a row of {len(rows[1].cells)} numbers, or state the number of "
+            f"samples, {total}, but has {len(rows[0].cells)}: {shown(' '.join(rows[0].cells))}"
         )
     return rows, None, None
 
@@ -250,11 +251,11 @@ def _names(head: Sequence[str], columns: int) -> list[str]:
 def _in_rows(rows: Sequence[_Row], names: Sequence[str], count: int | None) -> bool:
     """Whether a table holds samples one after the other, several in a line, and no columns."""
     columns = len(rows[0].cells)
-    if names or any(len(row.cells) != columns for row in rows[:-1]):
+    if any(len(row.cells) != columns for row in rows[:-1]):
         return False
     if count is not None and count != len(rows):
         return True
-    if columns < 3:
+    if names or columns < 3:
         return False
     first = np.array([float(row.cells[0].lower().replace("d", "e")) for row in rows])
     steps = np.diff(first)
@@ -388,8 +389,8 @@ def _equal(times: Sequence[Decimal], rows: Sequence[_Row], stated: float | None)
     if dt <= 0.0 or off.any():
         i = int(np.argmax(off))
         raise UnreadableRecord(
-            f"the times must have equal steps, but the one after line {rows[i].line} is {steps[i]:g} s, and the "
-            f"usual one {float(np.median(steps)):g} s"
+            f"the times must have equal steps, but the one after line {rows[i].line} is {steps[i]:g} s, and "
+            f"the usual one {float(np.median(steps)):g} s"
         )
     if stated is not None and abs(stated - dt) > 1e-6 * dt:
         raise UnreadableRecord(f"the header states a step of {stated:g} s, but that of the times is {dt:g} s")
