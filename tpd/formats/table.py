@@ -69,6 +69,8 @@ def read_table(cursor: Cursor, dt: float | None, unit: str | None) -> list[Chann
         )
     columns = len(rows[0].cells) if rows else 1
     names = _names(head, columns)
+    if columns == 1:
+        _require_columns(rows, columns)
     if columns == 1 or _in_rows(rows, names, count):
         values = np.array([number(cell, row.line) for row in rows for cell in row.cells])
         return [Channel(values * FACTORS[chosen(_unit(head), unit)], _given(stated, dt))]

@@ -116,7 +116,7 @@ def notes(design: GroundDesign) -> Iterator[Note]:
     if nameless and any(g.role is Role.held_out for g in design.judged):
         yield warning(
             f"{nameless} of the records name no earthquake: motions that were held out may belong to an "
-            "earthquake that the design was tuned to. Give the names (--event), or a folder for each earthquake."
+            "earthquake that the design was tuned to. Give the names (--event), or a folder for each."
         )
     for g in design.judged:
         if g.harms:
