@@ -282,7 +282,7 @@ def in_columns(n: int) -> str:
 READ = {
     "trailing comma": (table(head="time (s),acc (g),", row="{t},{a:.5f},"), {}),
     "trailing semicolon": (table(head="time (s);acc (g);", row="{t};{a:.5f};"), {}),
-    "blank line below the header": (table(end="\r\n").replace("\r\n", "\r\n\r\n", 1), {}),
+    "blank line among the rows": (table(end="\r\n").replace("\r\n0.05", "\r\n\r\n0.05", 1), {}),
     "decimal comma": (table(head="Zeit (s);a (g)").replace(",", ";").replace(".", ","), {}),
     "decimal comma, blanks": (table(head="t (s)\ta (g)", row="{t}\t{a:.5f}").replace(".", ","), {}),
     "numbers and times": (table(head="no,time (s),acc (g)", row="{i},{t},{a:.5f}"), {}),
@@ -349,7 +349,7 @@ def test_times_of_few_digits(rate, form, tmp_path):
 def test_numbers_of_samples_are_no_times(head, tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(table(head=head, row="{i},{a:.5f}"))
-    with pytest.raises(UnreadableRecord, match="numbers the samples .* give `dt`"):
+    with pytest.raises(UnreadableRecord, match=r"numbers the samples .* give `dt`"):
         Record.read(path)
     record = Record.read(path, dt=0.01)
     assert (record.dt, record.acceleration.shape) == (0.01, (400,))
@@ -389,7 +389,7 @@ SAMPLES = " .1000000E+00 -.2000000E-01\n .3000000E-01"
 @pytest.mark.parametrize("words", ["", ",", ", DURATION= .02 SEC", "  (filtered)"])
 @pytest.mark.parametrize("end", ["", "\n"])
 def test_at2_files_that_people_have(words, end, tmp_path):
-    if not words and end:
+    if words in ("", ",") and end:
         pytest.skip("was read before")
     path = tmp_path / "a.AT2"
     path.write_text(AT2.format("090", words) + SAMPLES + end)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,8 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
 
 def are_copies(first: GroundMotion, second: GroundMotion) -> bool:
     """Return whether two records are one motion, up to a factor and the digits of a file."""
-    a, b = getattr(first, "acceleration", None), getattr(second, "acceleration", None)
+    a: Any = getattr(first, "acceleration", 0.0)
+    b: Any = getattr(second, "acceleration", 0.0)
     if np.ndim(a) != 1 or np.shape(a) != np.shape(b):
         return False
     if abs(float(first.piece) - float(second.piece)) > 1e-6 * float(first.piece):
