@@ -193,7 +193,8 @@ def _rows(cursor: Cursor, head: Sequence[str]) -> list[_Row]:
 
 def _is_full(rows: Sequence[_Row]) -> bool:
     """Whether all rows are as wide and have as many decimals in their last cell: the last one was not cut."""
-    if len(rows) < 3 or len({len(row.cells) for row in rows[-3:]}) > 1:
+    # A column of samples shows nothing else of a cut.
+    if len(rows) < 3 or len({len(row.cells) for row in rows[-3:]}) > 1 or len(rows[0].cells) == 1:
         return False
     decimals = [row.cells[-1].partition(".")[2] for row in rows]
     return bool(decimals[0]) and len({len(x) for x in decimals}) == 1
