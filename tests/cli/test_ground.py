@@ -8,7 +8,7 @@ import pytest
 
 import tpd
 from tests.unanswered import unanswered
-from tpd.cli import main
+from tpd.cli import ground, main
 
 COLUMN = ["--width", "1", "--height", "6", "--mass", "9000", "--friction", "0", "--restitution", "0.9595"]
 HUNG = ["--pendulum-mass", "450", "--pendulum-length", "0.9"]
@@ -163,3 +163,60 @@ def test_bad_input_is_one_sentence(tmp_path, capsys, words, sentence):
     assert sentence in error[-1]
     assert error[-1].startswith("tpd: ")
     assert not files
+
+
+def at2(path, direction: str, event: str = "Quake", factor: float = 1.0) -> None:
+    values = factor * 0.3 * np.sin(0.05 * np.arange(200) * len(direction))
+    path.write_text(
+        f"PEER\n{event}, PLACE, {direction}\nACCELERATION TIME SERIES IN UNITS OF G\nNPTS= 200, DT= .01 SEC\n"
+        + "".join(f" {a:.6E}\n" for a in values)
+    )
+
+
+def seen(tmp_path, *words: str) -> int:
+    status, files = run(tmp_path, "fragility", *COLUMN, "--scales", "1", "2", *words)
+    assert status == 0
+    return len(json.loads(files["fragility.json"].read_text())["motions"])
+
+
+@pytest.mark.mends("verticals counted as motions, and VT2 and DT2 beside AT2 stopped the command")
+def test_verticals_and_velocities_of_a_folder_are_left_out(tmp_path, capsys):
+    folder = tmp_path / "peer"
+    folder.mkdir()
+    for name in ("UP", "090", "360"):
+        at2(folder / f"RSN1_AA{name}.AT2", name)
+        (folder / f"RSN1_AA{name}.VT2").write_text("VELOCITY TIME SERIES IN UNITS OF CM/S\n")
+    (folder / "_SearchResults.csv").write_text("a,b\n1,2\n")
+    assert seen(tmp_path, "--records", str(folder)) == 2
+    said = capsys.readouterr().out
+    assert "RSN1_AAUP.AT2 (vertical component)" in said
+    assert "RSN1_AA090.VT2 (velocity)" in said
+    assert "_SearchResults.csv" in said
+
+
+@pytest.mark.mends("`fragility` had no --unit and no --dt, and named arguments of Python")
+def test_unit_and_step_of_files_that_state_none(tmp_path, capsys):
+    path = tmp_path / "a.txt"
+    path.write_text("".join(f"{a:.5f}\n" for a in 0.3 * np.sin(0.1 * np.arange(200))))
+    words = ("fragility", *COLUMN, "--scales", "1", "2", "--records", str(path))
+    assert run(tmp_path, *words)[0] == 2
+    assert "give --unit, such as --unit g" in capsys.readouterr().err
+    assert run(tmp_path, *words, "--unit", "g")[0] == 2
+    assert "give --dt in s, such as --dt 0.01" in capsys.readouterr().err
+    assert seen(tmp_path, "--records", str(path), "--unit", "g", "--dt", "0.01") == 1
+
+
+def test_records_of_a_folder_are_of_one_earthquake(tmp_path, capsys):
+    folder = tmp_path / "quake"
+    folder.mkdir()
+    for name in ("ns", "ew"):
+        rows_ = (f"{0.01 * i:.2f},{np.sin(0.1 * i * len(name) + len(name)):.4f}\n" for i in range(50))
+        (folder / f"{name}.csv").write_text("time (s),acc (g)\n" + "".join(rows_))
+    files = [str(path) for path in sorted(folder.iterdir())]
+    assert [m.event for m in ground.motions([str(folder)])] == ["quake", "quake"]
+    assert [m.event for m in ground.motions(files, events=["A", "B"])] == ["A", "B"]
+    assert [m.event for m in ground.motions(files, events=["A"])] == ["A", "A"]
+    assert [m.event for m in ground.motions(files)] == ["", ""]
+    assert "2 name no earthquake" in capsys.readouterr().out
+    with pytest.raises(ValueError, match="--event must have one name"):
+        ground.motions(files, events=["A", "B", "C"])

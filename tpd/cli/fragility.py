@@ -33,7 +33,7 @@ def add(commands: Any) -> None:
         metavar="FILE",
         help=f"files, folders, {', '.join((*ground.BUILT_IN, *ground.SETS))}",
     )
-    fragility.add_argument("--baseline", choices=("mean", "linear"), help="remove an offset, or a drift")
+    ground.add_reading(fragility)
     fragility.add_argument(
         "--intensity", default="pga_star", help=f"{', '.join(ground.INTENSITIES)} (default pga_star)"
     )
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     from tpd.analysis.fragility import fragility
     from tpd.core import files
 
-    motions = ground.motions(options.records, options.baseline)
+    motions = ground.motions(options.records, options.baseline, **ground.reading(options))
     scene = ground.scene(options, motions[0])
     hung = ground.pendulum(options, scene)
     files.claim(options.out, overwrite=options.overwrite)

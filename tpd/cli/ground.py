@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tpd.cli import common
+from tpd.formats.orientation import UNKNOWN, VERTICAL
 
 if TYPE_CHECKING:
     from tpd.core.ground_motion import GroundMotion, Pulse
@@ -22,6 +26,24 @@ SETS = {
 }
 INTENSITIES = ("pga_star", "pgv_star", "pga", "pgv", "sa", "scale")
 """Names of `tpd.core.intensity`, which loads JAX."""
+_OTHER_MOTIONS = {"vt2": "velocity", "dt2": "displacement"}
+"""Endings of files that PEER puts beside those of accelerations."""
+_NO_MOTIONS = (
+    "md",
+    "pdf",
+    "html",
+    "htm",
+    "json",
+    "xml",
+    "png",
+    "jpg",
+    "jpeg",
+    "svg",
+    "doc",
+    "docx",
+    "log",
+    "ini",
+)
 _PLACEHOLDER = {"amplitude": 0.001, "frequency": 1.0}
 
 
@@ -114,20 +136,81 @@ def _record(options: argparse.Namespace) -> GroundMotion:
     if options.record in BUILT_IN:
         return getattr(records, BUILT_IN[options.record])()
     more = {"channel": options.channel, "dt": options.dt, "baseline": options.baseline, "unit": options.unit}
-    return Record.read(Path(options.record), **more)
+    with _in_options():
+        found = Record.read(Path(options.record), **more)
+    if VERTICAL in found.notes:
+        print(f"note: {options.record} is a {VERTICAL}, but shakes the block sideways here")
+    return found
 
 
-def motions(names: list[str], baseline: str | None) -> list[GroundMotion]:
-    """All records of files, folders, or sets by name.
+@contextmanager
+def _in_options() -> Iterator[None]:
+    """Messages about arguments of `Record.read` with the names of the options."""
+    try:
+        yield
+    except ValueError as error:
+        words = re.sub(r", such as (?:unit|dt)=\S+", _example, str(error))
+        raise ValueError(re.sub(r"`(unit|dt|channel|baseline)`", r"--\1", words)) from None
+
+
+def _example(found: re.Match[str]) -> str:
+    return found[0].replace("unit='g'", "--unit g").replace("dt=", "--dt ")
+
+
+def add_reading(command: Any, *, baseline: bool = True) -> None:
+    """Add the options that say how the files of --records are read."""
+    command.add_argument("--dt", type=float, metavar="S", help="sampling interval of files without times")
+    command.add_argument("--unit", metavar="UNIT", help="of files that do not say: g, m/s2, cm/s2")
+    command.add_argument(
+        "--event",
+        nargs="+",
+        metavar="NAME",
+        help="earthquakes of records whose files name none: one name, or one for each of --records "
+        "(default: a folder is one earthquake)",
+    )
+    if baseline:
+        command.add_argument("--baseline", choices=("mean", "linear"), help="remove an offset, or a drift")
+
+
+def reading(options: argparse.Namespace) -> dict[str, Any]:
+    """Arguments of `motions` from the options of `add_reading`."""
+    return {"dt": options.dt, "unit": options.unit, "events": options.event}
+
+
+def motions(
+    names: Sequence[str],
+    baseline: str | None = None,
+    *,
+    dt: float | None = None,
+    unit: str | None = None,
+    events: Sequence[str] | None = None,
+) -> list[GroundMotion]:
+    """All horizontal records of files, folders, or sets by name. What is left out is printed.
+
+    Args:
+        names: of files, folders and sets.
+        baseline: see `tpd.Record.read`, as are `dt` and `unit`, which go to the files that state none.
+        dt: s.
+        unit: of the acceleration.
+        events: earthquakes of records whose files name none: one, or one for each of `names`. Without it the
+            records of a folder are of one earthquake.
 
     Raises:
         ValueError: nothing, or a file that is no record.
     """
+    from dataclasses import replace
+
     from tpd import records
     from tpd.core.record import Record
 
+    if events is not None and len(events) not in (1, len(names)):
+        raise ValueError(
+            f"--event must have one name, or one for each of the {len(names)} of --records, but "
+            f"has {len(events)}"
+        )
     found: list[GroundMotion] = []
-    for name in names:
+    left: list[str] = []
+    for i, name in enumerate(names):
         path = Path(name)
         if name in SETS:
             try:
@@ -137,12 +220,54 @@ def motions(names: list[str], baseline: str | None) -> list[GroundMotion]:
         elif name in BUILT_IN:
             found.append(getattr(records, BUILT_IN[name])())
         else:
-            files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+            files, others = _files_of(path)
+            left += others
+            event = path.resolve().name if path.is_dir() else ""
+            event = event if events is None else events[i if len(events) > 1 else 0]
             for file in files:
-                found += Record.read_all(file, baseline=baseline)
+                with _in_options():
+                    read = Record.read_all(file, baseline=baseline, dt=dt, unit=unit)
+                for j, record in enumerate(read):
+                    label = file.name if len(read) == 1 else f"{file.name}, channel {j}"
+                    if VERTICAL in record.notes:
+                        left.append(f"{label} ({VERTICAL})")
+                    else:
+                        found.append(record if record.event else replace(record, event=event))
+    if left:
+        print(f"left out: {'; '.join(left)}")
     if not found:
-        raise ValueError(f"there is no record in {', '.join(names)}")
+        raise ValueError(f"there is no horizontal record in {', '.join(names)}")
+    _say_unknown(found)
     return found
+
+
+def _say_unknown(found: Sequence[Any]) -> None:
+    """Print how many records state no orientation, and how many no earthquake."""
+    flat = sum(UNKNOWN in getattr(record, "notes", ()) for record in found)
+    if flat:
+        print(f"note: of {len(found)} records {flat} state no orientation and are taken for horizontal")
+    alone = sum(not getattr(record, "event", "") for record in found)
+    if alone and len(found) > 1:
+        print(
+            f"note: of {len(found)} records {alone} name no earthquake and count as one each; if some are "
+            "of one, give --event"
+        )
+
+
+def _files_of(path: Path) -> tuple[list[Path], list[str]]:
+    """Files of a path that are to be read, and those of a folder that hold no acceleration, in words."""
+    if not path.is_dir():
+        return [path], []
+    files, left = [], []
+    for file in sorted(p for p in path.iterdir() if p.is_file()):
+        ending = file.name.lower().removesuffix(".gz").rpartition(".")[2]
+        if ending in _OTHER_MOTIONS:
+            left.append(f"{file.name} ({_OTHER_MOTIONS[ending]})")
+        elif file.name.startswith((".", "_")) or ending in _NO_MOTIONS or "readme" in file.name.lower():
+            left.append(f"{file.name} (no motion)")
+        else:
+            files.append(file)
+    return files, left
 
 
 def pendulum(options: argparse.Namespace, of: Scene) -> Pendulum | None:

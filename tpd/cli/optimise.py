@@ -111,6 +111,7 @@ def add(commands: Any) -> None:
         help="shake the design by records as well: files, folders, "
         f"{', '.join((*ground.BUILT_IN, *ground.SETS))}",
     )
+    ground.add_reading(shaken, baseline=False)
     optimise_records.add(shaken)
     common.add_out(optimise, "tpd-design")
     optimise.set_defaults(run=run, does="searching for the pendulum of least rocking, for {out}")
@@ -136,7 +137,7 @@ def run(options: argparse.Namespace) -> int:
     # The job is checked as a whole before anything is written or compiled.
     job = config.job_of(common.tables(options))
     check_cavity(job.scene.block, job.limits)
-    records = ground.motions(options.records, None) if options.records else ()
+    records = ground.motions(options.records, **ground.reading(options)) if options.records else ()
     unfinished = options.out / _UNFINISHED
     claim(options, unfinished)
     common.say(job.scene)

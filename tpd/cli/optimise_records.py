@@ -86,9 +86,9 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError("--scales goes with --records FILE")
     given = common.tables(options)
     _refuse_others(given)
-    motions = ground.motions(options.records, None)
+    motions = ground.motions(options.records, **ground.reading(options))
     # Bad files and values end here, before anything is written or claimed.
-    held_out = _held_out(options.held_out)
+    held_out = _held_out(options.held_out, options)
     scene = ground.scene(options, motions[0])
     arguments = _arguments(given)
     unfinished = options.out / _UNFINISHED
@@ -169,7 +169,7 @@ def _arguments(given: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     return out
 
 
-def _held_out(words: Sequence[str]) -> float | dict[str, list[GroundMotion]]:
+def _held_out(words: Sequence[str], options: argparse.Namespace) -> float | dict[str, list[GroundMotion]]:
     """A share, or groups of other motions by name."""
     if len(words) == 1:
         # A word that is no number names a file or a set.
@@ -177,7 +177,9 @@ def _held_out(words: Sequence[str]) -> float | dict[str, list[GroundMotion]]:
             return float(words[0])
         except ValueError:
             pass
-    return {Path(word).name or word: ground.motions([word], None) for word in words}
+    # The names of --event are those of --records.
+    reading = {**ground.reading(options), "events": None}
+    return {Path(word).name or word: ground.motions([word], **reading) for word in words}
 
 
 def _command(options: argparse.Namespace) -> str:

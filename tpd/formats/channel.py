@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tpd.formats.orientation import UNKNOWN, VERTICAL, orientation
 from tpd.formats.text import Decimal, UnreadableRecord
 from tpd.formats.units import GREATEST_PEAK
 
@@ -64,16 +65,19 @@ def checked(channel: Channel) -> Channel:
             f"the peak must be at most {GREATEST_PEAK:g} m/s^2, but is {channel.peak:g} m/s^2{where}: the "
             "unit or a number is wrong"
         )
-    return channel.noted(*_of_direction(channel.component), *_of_baseline(a, dt, channel.peak))
+    return channel.noted(*_of_baseline(a, dt, channel.peak))
 
 
-def _of_direction(component: str) -> tuple[str, ...]:
-    # "UD" and "Vert." as well as the third letter of a SEED channel, such as HNZ.
-    words = component.lower().replace("-", " ").split()
-    vertical = {"up", "down", "ud", "vert", "vertical", "ver"} & set(words) or words[:2] == ["u", "d"]
-    if vertical or (len(component) == 3 and component.upper().endswith("Z")):
-        return ("vertical component",)
-    return ()
+def directed(channel: Channel, named: bool | None = None) -> Channel:
+    """Return a channel with a remark where it is vertical, or where nothing says its orientation.
+
+    Args:
+        channel: of a file.
+        named: what the name of the file says, which counts where the file itself says nothing.
+    """
+    vertical = orientation(channel.component)
+    vertical = named if vertical is None else vertical
+    return channel.noted(UNKNOWN) if vertical is None else channel.noted(*([VERTICAL] if vertical else []))
 
 
 def _of_baseline(a: np.ndarray, dt: float, peak: float) -> tuple[str, ...]:

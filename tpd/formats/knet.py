@@ -41,7 +41,13 @@ _SURFACE = {"4": "N-S", "5": "E-W", "6": "U-D"}
 
 def is_knet(lines: Sequence[str]) -> bool:
     """Return whether lines are those of a K-NET or KiK-net file, sound or not."""
-    return sum(line.startswith(_KEYS) for line in lines[: len(_KEYS)]) >= 4
+    return sum(_key(line).startswith(_KEYS) for line in lines[: len(_KEYS)]) >= 4
+
+
+def _key(line: str) -> str:
+    """A line with its key as the files spell it: the manual of the agency has Lon. and Max Acc."""
+    line = re.sub(r"^(Station )?Lon\. ", r"\1Long.", line)
+    return re.sub(r"^Max Acc\. \(gal\)( ?)", r"Max. Acc. (gal)", line)
 
 
 def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
@@ -74,10 +80,10 @@ def _head(cursor: Cursor) -> dict[str, str]:
     """Values of all keys, which stand in a fixed order."""
     head: dict[str, str] = {}
     for key in _KEYS:
-        line = cursor.next(key)
+        line = _key(cursor.next(key))
         if not line.startswith(key):
             raise UnreadableRecord(f"line {cursor.at} must state {key!r}, but is {shown(line)}")
-        head[key] = line[_WIDTH:].strip()
+        head[key] = line[max(len(key), _WIDTH if line[len(key) : _WIDTH].isspace() else 0) :].strip()
     return head
 
 

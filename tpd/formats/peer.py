@@ -6,22 +6,27 @@ import re
 from collections.abc import Sequence
 
 from tpd.formats.channel import Channel, agree_on_count
+from tpd.formats.orientation import orientation
 from tpd.formats.text import NUMBER, WHOLE, Cursor, UnreadableRecord, shown
 from tpd.formats.units import FACTORS, chosen, unit_of
 
 _QUANTITY = re.compile(r"(\w+)\s+TIME\s+(?:HISTORY|SERIES)(?:\s+IN\s+UNITS?\s+OF\s*(\S*))?", re.IGNORECASE)
 _COUNT_AND_STEP = re.compile(
-    rf"NPTS\s*=\s*({WHOLE})\s*,?\s*DT\s*=\s*({NUMBER})\s*(?:SEC|S)?\b\s*,?\s*$"
+    rf"NPTS\s*=\s*({WHOLE})\s*,?\s*DT\s*=\s*({NUMBER})\s*(?:SECS?|S)?\b\.?(?=[\s,;]|$)"
     rf"|^\s*({WHOLE})\s+({NUMBER})\s+NPTS\s*,\s*DT\s*$",
     re.IGNORECASE,
 )
+_TITLE = re.compile(
+    r"(?:ACCEL|VELOC|DISPL)\w*\s+TIME\s+(?:HISTORY|SERIES)|\w+ TIME (?:HISTORY|SERIES) IN UNIT"
+)
+"""The line of the quantity; the words "time history" alone stand above other tables too."""
 _HEAD = 6
 
 
 def is_peer(lines: Sequence[str]) -> bool:
     """Return whether lines are those of an AT2 file, sound or not."""
     head = "\n".join(lines[:_HEAD]).upper()
-    return "NPTS" in head or bool(_QUANTITY.search(head)) or "PEER" in lines[0].upper()
+    return "NPTS" in head or bool(_TITLE.search(head)) or bool(re.search(r"\bPEER\b", lines[0].upper()))
 
 
 def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
@@ -38,10 +43,21 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
     count, dt = int(numbers[1] or numbers[3]), float(numbers[2] or numbers[4])
     # In columns of Fortran mostly, but programs that imitate the format set numbers apart by blanks.
     values = cursor.free("the samples")
-    cursor.require_end()
     agree_on_count(count, len(values), f"line {len(head)}")
+    # Programs write numbers of one width: a last line that ends as the others do was not cut.
+    cursor.require_end(whole=_full(cursor))
     event, name = _words(head, line)
-    return [Channel(values * FACTORS[chosen(stated, unit)], dt, "", name, event)]
+    # The direction is the last word of the title; a name such as UP may be followed by remarks in brackets.
+    component = re.sub(r"\(.*?\)", "", name.rpartition(",")[2]).strip() if "," in name else ""
+    if orientation(component) is None:
+        component = ""
+    return [Channel(values * FACTORS[chosen(stated, unit)], dt, component, name, event)]
+
+
+def _full(cursor: Cursor) -> bool:
+    """Whether the last number has as many characters as the one before it."""
+    tokens = [re.sub(r"^[+-]", "", token) for line in cursor.lines[-2:] for token in line.split()]
+    return len(tokens) > 1 and len(tokens[-1]) == len(tokens[-2])
 
 
 def _unit(head: Sequence[str]) -> tuple[int, str]:

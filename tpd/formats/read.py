@@ -9,8 +9,9 @@ import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tpd.formats import cosmos, csmip, esm, geonet, knet, peer, smc, units
-from tpd.formats.channel import BASELINES, Channel, checked, without_baseline
+from tpd.formats import cosmos, csmip, esm, geonet, knet, knet_csv, peer, smc, units
+from tpd.formats.channel import BASELINES, Channel, checked, directed, without_baseline
+from tpd.formats.orientation import of_file
 from tpd.formats.table import read_table
 from tpd.formats.text import Cursor, UnreadableRecord
 from tpd.formats.waveforms import read_waveforms
@@ -21,6 +22,17 @@ _GZIP = b"\x1f\x8b"
 _BINARY = re.compile(rb"[\x00-\x08\x0e-\x19\x1b-\x1f]")
 """Bytes that no text has; 0x1a ended and filled files of old systems."""
 
+_ARCHIVES = {
+    b"PK\x03\x04": "zip",
+    b"PK\x05\x06": "zip, and empty",
+    b"7z\xbc\xaf\x27\x1c": "7z",
+    b"Rar!\x1a\x07": "rar",
+    b"BZh": "bzip2",
+    b"\xfd7zXZ\x00": "xz",
+    b"\x28\xb5\x2f\xfd": "zstd",
+    b"\x1f\x9d": "compress",
+}
+"""First bytes of archives and of compressed files other than gzip."""
 Reader = Callable[[Cursor, str | None], list[Channel]]
 _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
     (cosmos.is_cosmos, cosmos.read_cosmos),
@@ -29,6 +41,7 @@ _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
     (csmip.is_csmip, csmip.read_csmip),
     (esm.is_esm, esm.read_esm),
     (knet.is_knet, knet.read_knet),
+    (knet_csv.is_knet_csv, knet_csv.read_knet_csv),
     (peer.is_peer, peer.read_peer),
 )
 
@@ -40,7 +53,10 @@ def channels(
     _check_arguments(dt, baseline, unit)
     file = Path(path)
     try:
-        found = [checked(channel) for channel in _of_bytes(_content(file), dt, unit)]
+        read = [checked(channel) for channel in _of_bytes(_content(file), dt, unit)]
+        # The name of a file of several channels is that of none of them.
+        named = of_file(file.name) if len(read) == 1 else None
+        found = [directed(channel, named) for channel in read]
         for channel in found:
             if dt is not None and abs(dt - channel.dt) > 1e-6 * channel.dt:
                 raise UnreadableRecord(f"the file states a step of {channel.dt:g} s, but `dt` is {dt:g} s")
@@ -112,8 +128,26 @@ def _content(file: Path) -> bytes:
     return data
 
 
+def _from_utf_16(data: bytes) -> bytes:
+    """Text of UTF-16, as some programs of Windows save it, in UTF-8; other bytes as they are."""
+    if not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        if len(data) > 8 and (set(data[1:64:2]) == {0} or set(data[0:64:2]) == {0}):
+            raise UnreadableRecord("the text is UTF-16 without a byte order mark: save it as UTF-8")
+        return data
+    try:
+        return data.decode("utf-16").encode()
+    except UnicodeDecodeError:
+        raise UnreadableRecord("the text is UTF-16, but damaged or cut: save it as UTF-8") from None
+
+
 def _of_bytes(data: bytes, dt: float | None, unit: str | None) -> list[Channel]:
     # No format of text has control characters: damage of one byte is damage.
+    for mark, kind in _ARCHIVES.items():
+        if data.startswith(mark):
+            raise UnreadableRecord(f"the file is an archive or compressed ({kind}): unpack it first")
+    if data[257:262] == b"ustar":
+        raise UnreadableRecord("the file is an archive (tar): unpack it first")
+    data = _from_utf_16(data)
     if _BINARY.search(data):
         return read_waveforms(data, unit)
     text = data.rstrip(b"\x1a")
@@ -126,6 +160,11 @@ def _of_bytes(data: bytes, dt: float | None, unit: str | None) -> list[Channel]:
     whole = lines[-1] == ""
     # Where 0x1a ends the file, its last line may have no end of its own.
     cursor = Cursor(lines[:-1] if whole else lines, ended=whole or text != data)
+    if "RENADIC" in " ".join(cursor.lines[:15]).upper():
+        raise UnreadableRecord(
+            "the format of RENADIC (Chile) is not read: save time in s and acceleration as two columns, with "
+            "a header that states the unit"
+        )
     # A reader that recognises a file keeps it, sound or not: a damaged one must not pass for a table.
     for known, reader in _FORMATS:
         if known(cursor.lines):

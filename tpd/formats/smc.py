@@ -50,7 +50,9 @@ def read_smc(cursor: Cursor, unit: str | None) -> list[Channel]:
     values = cursor.fixed(_whole(integers, _COUNT, "samples"), 8, 10, "samples")
     cursor.require_end()
     _agree(values, dt, reals, printed)
-    component, event = _component(integers), " ".join(text[3].split())
+    # The line of the station names the component too: "component= UP".
+    named = re.search(r"component\s*=\s*(\S.*?)\s*$", text[5], flags=re.IGNORECASE)
+    component, event = _component(integers) or (named[1] if named else ""), " ".join(text[3].split())
     notes = () if not kind[2] else ("uncorrected: an offset and a drift are left in it",)
     factor = FACTORS[chosen("cm/s2", unit)]
     return [Channel(values * factor, dt, component, f"{_station(text[5])}/{component}", event, notes)]

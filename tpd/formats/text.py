@@ -119,14 +119,18 @@ class Cursor:
         """Return whether nothing but blank lines is left."""
         return not any(line.strip() for line in self.lines[self.at :])
 
-    def require_end(self) -> None:
+    def require_end(self, *, whole: bool = False) -> None:
         """Raise `UnreadableRecord` unless the file ends here, with the end of a line: a number at the end of
-        a file may have been cut."""
+        a file may have been cut.
+
+        Args:
+            whole: whether something else shows that it was not.
+        """
         if not self.only_blank_lines_follow():
             raise UnreadableRecord(
                 f"line {self.line} must be the end of the file, but is {shown(self.peek())}"
             )
-        if not self.ended:
+        if not (self.ended or whole):
             raise UnreadableRecord(
                 f"the last line, {len(self.lines)}, must end with a line break, but does not: the file may "
                 "be cut"

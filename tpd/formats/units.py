@@ -17,6 +17,9 @@ FACTORS = {
     "cm/s2": 0.01,
     "gal": 0.01,
     "mm/s2": 0.001,
+    "in/s2": 0.0254,
+    "ft/s2": 0.3048,
+    "%g": 0.01 * STANDARD_GRAVITY,
 }
 """m/s^2 of a unit."""
 _SHOWN = ", ".join(FACTORS)
@@ -26,8 +29,20 @@ def plain(text: str) -> str:
     """Return a unit in the spelling of `FACTORS`, such as cm/s2 for CM/SEC/SEC, or the text as it is."""
     # Agencies write cm/s2, CM/SEC/SEC, cm/sec2, cm/s^2 and cm/s**2 for the same.
     unit = text.strip(" \t.,;:").lower().replace("²", "2").replace("^", "").replace("**", "")
-    unit = re.sub(r"\s+", "", unit).replace("sec", "s").replace("/s/s", "/s2").replace("s-2", "/s2")
-    return unit.replace("//", "/")
+    unit = re.sub(r"[\s·]+", "", unit)
+    unit = re.sub(r"seconds?|secs?", "s", unit).replace("/s/s", "/s2").replace("s-2", "/s2")
+    unit = re.sub(r"\.(?=/)", "", unit.replace("//", "/").replace("(s2)", "s2"))
+    unit = re.sub(r"^(?:inch(?:es)?|feet|foot|met(?:er|re)s?|centimet(?:er|re)s?)(?=/)", _short, unit)
+    return {"gals": "gal", "g's": "g", "gs": "g", "milli-g": "mg", "cm/ss": "cm/s2"}.get(unit, unit)
+
+
+def _short(word: re.Match[str]) -> str:
+    return {"i": "in", "f": "ft", "m": "m", "c": "cm"}[word[0][0]]
+
+
+def looks_like(text: str) -> bool:
+    """Return whether a text has the form of a unit of acceleration, known or not: a length over s2."""
+    return bool(re.fullmatch(r"[a-zµ%]{1,12}/s2", plain(text)))
 
 
 def unit_of(text: str, line: int) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tpd.formats.channel import Channel
+from tpd.formats.orientation import orientation
 from tpd.formats.text import UnreadableRecord
 from tpd.formats.units import FACTORS, chosen
 
@@ -69,4 +70,8 @@ def _channel(trace: Any, unit: str | None) -> Channel:
     # Such files have no unit of their own: the user must know it.
     factor = FACTORS[chosen(None, unit)]
     event = str(trace.stats.starttime)[:10]
-    return Channel(values * factor, float(trace.stats.delta), trace.stats.channel, trace.id, event)
+    component = trace.stats.channel
+    # SAC also states the angle of a component from the vertical.
+    if orientation(component) is None and getattr(trace.stats, "sac", {}).get("cmpinc") in (0.0, 180.0):
+        component = f"{component} up".strip()
+    return Channel(values * factor, float(trace.stats.delta), component, trace.id, event)

@@ -15,7 +15,7 @@ from tpd.core.scene import Pendulum, Scene
 from tpd.design.criteria import Room, limit_of
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.front import FrontPoint
-from tpd.design.ground.groups import Role
+from tpd.design.ground.groups import Role, unnamed
 from tpd.design.ground.judgement import Interval, Judged
 from tpd.design.ground.optimise import settings
 from tpd.design.reading import GROUND_VERSION
@@ -110,6 +110,13 @@ def notes(design: GroundDesign) -> Iterator[Note]:
         yield warning(
             "On motions that were held out the tilts are smaller, but the number of overturnings is not "
             f"significantly so: {_interval(benefit.overturned)} of the runs."
+        )
+    # Without the name of its earthquake a record that is held out may be of one that was tuned to.
+    nameless = unnamed(design.conditions.motions)
+    if nameless and any(g.role is Role.held_out for g in design.judged):
+        yield warning(
+            f"{nameless} of the records name no earthquake: motions that were held out may belong to an "
+            "earthquake that the design was tuned to. Give the names (--event), or a folder for each."
         )
     for g in design.judged:
         if g.harms:

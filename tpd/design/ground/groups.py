@@ -8,6 +8,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -38,8 +39,33 @@ class Group:
 
 
 def events_of(motions: Sequence[GroundMotion]) -> list[str]:
-    """Earthquake of every motion; a motion without one has its own."""
-    return [getattr(m, "event", "") or f"motion {i + 1}" for i, m in enumerate(motions)]
+    """Earthquake of every motion; a motion without one has its own, and copies of one motion have one."""
+    names = [getattr(m, "event", "") or f"motion {i + 1}" for i, m in enumerate(motions)]
+    for i, motion in enumerate(motions):
+        # A copy may carry another name: then both names are of one earthquake.
+        first = next((j for j in range(i) if are_copies(motions[j], motion)), i)
+        if names[first] != names[i]:
+            names = [names[first] if name == names[i] else name for name in names]
+    return names
+
+
+def are_copies(first: GroundMotion, second: GroundMotion) -> bool:
+    """Return whether two records are one motion, up to a factor and the digits of a file."""
+    a: Any = getattr(first, "acceleration", 0.0)
+    b: Any = getattr(second, "acceleration", 0.0)
+    if np.ndim(a) != 1 or np.shape(a) != np.shape(b):
+        return False
+    if abs(float(first.piece) - float(second.piece)) > 1e-6 * float(first.piece):
+        return False
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    size = float(np.sqrt((a @ a) * (b @ b)))
+    # Two components of one place are below 0.9; rounding to three digits leaves 0.99999.
+    return size == 0.0 or abs(float(a @ b)) > 0.9999 * size
+
+
+def unnamed(motions: Sequence[GroundMotion]) -> int:
+    """Number of the records whose earthquake is not known."""
+    return sum(getattr(m, "event", None) == "" for m in motions)
 
 
 def grouped(
@@ -74,7 +100,7 @@ def grouped(
     if not inside:
         raise ValueError(
             f"`held_out` must leave an earthquake to be tuned to, but of {len(events)} all are held out: "
-            "give more records, or 0, which holds out none"
+            "give more records, name their earthquakes, or give 0, which holds out none"
         )
     tuned = Group("tuned to", Role.tuned, inside)
     return (tuned, Group("held out", Role.held_out, outside)) if outside else (tuned,)
@@ -90,7 +116,11 @@ def _others(
         for i, motion in enumerate(listed):
             checks.instance(f"held_out[{name!r}][{i}]", motion, GroundMotion)
         # A motion without a name of its earthquake may be any: it stays.
-        left = tuple(m for m in listed if getattr(m, "event", "") not in used)
+        left = tuple(
+            m
+            for m in listed
+            if getattr(m, "event", "") not in used and not any(are_copies(m, other) for other in motions)
+        )
         if not left:
             raise ValueError(
                 "`held_out` must hold motions of other earthquakes than the design is tuned to, but "

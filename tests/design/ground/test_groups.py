@@ -1,0 +1,29 @@
+"""Earthquakes of records: copies of one motion are of one."""
+
+import numpy as np
+import pytest
+
+import tpd
+from tpd.design.ground.groups import events_of, grouped
+
+
+def noise(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=300)
+
+
+@pytest.mark.mends("two copies of one motion counted as two earthquakes")
+def test_copies_of_a_motion_are_one_earthquake():
+    first = tpd.Record(noise(1), 0.01)
+    copy = tpd.Record(np.round(-2.0 * noise(1), 2), 0.01, event="B")
+    third = tpd.Record(noise(2), 0.01, event="B")
+    other, slower = tpd.Record(noise(3), 0.01, event="C"), tpd.Record(noise(1), 0.02)
+    names = events_of([first, copy, third, other, slower])
+    assert names[0] == names[1] == names[2]
+    assert len({names[0], names[3], names[4]}) == 3
+
+
+@pytest.mark.mends("a copy of a motion that was tuned to was held out")
+def test_a_copy_is_not_held_out():
+    first, other = tpd.Record(noise(1), 0.01), tpd.Record(noise(2), 0.01)
+    groups = grouped([first], {"others": [first.scaled(2.0), other]}, 0)
+    assert groups[1].motions == (other,)
