@@ -115,7 +115,7 @@ def test_slopes_over_hz_are_those_of_differences_in_si_units(name):
         q = {**base, name: base[name] + shift}
         scene = dataclasses.replace(
             SCENE,
-            block=dataclasses.replace(SCENE.block, width=q["width"]),
+            block=dataclasses.replace(SCENE.block, width=q["width"], cavity_width=None),
             motion=dataclasses.replace(SCENE.motion, amplitude=q["amplitude"]),
             gravity=q["gravity"],
         )
