@@ -25,6 +25,7 @@ LONG = {
     "11": (1, 5),
     "12": (1,),
     "13": (1, 5),
+    "14": (1,),
 }
 """Code cells, counted from 0, that search for designs or measure times: half a minute each or more."""
 

@@ -7,6 +7,7 @@ import pytest
 
 from tests.reference import HUNG, REST, STILL, exact, parameters, smoothed
 from tpd import Parameters, Piecewise, Smoothed, Status, simulate, status_name, steady_state
+from tpd.closed_form import uplift
 
 MODELS = [pytest.param(Piecewise(), exact, id="piecewise"), pytest.param(Smoothed(), smoothed, id="smoothed")]
 X = np.array(HUNG[3].x)
@@ -148,3 +149,14 @@ def test_parameters_out_of_range_are_refused(name, value, message):
 def test_every_status_has_a_name():
     for name in ("rocking", "rest", "overturned", "not_settled", "unstable", "event_bound", "failed"):
         assert status_name(getattr(Status, name)) == name
+
+
+@pytest.mark.mends("a block at rest was said to rock, held for a part of every period")
+@pytest.mark.parametrize("mu", [0.2, 0.197, 0.21])
+def test_a_block_that_stays_down_rests_however_slowly_the_bob_does(mu):
+    p = parameters((0.25, mu, 1.2, 0.1, 0.05, 0.377, 2.67))
+    assert float(uplift(p).margin) > 0.0
+    settled = steady_state(p)
+    assert status_name(settled.status) == "rest"
+    assert settled.amplitude == 0.0
+    assert settled.stroke == pytest.approx(0.0744690, rel=1e-6)

@@ -18,7 +18,7 @@ from tpd.core.ground_motion import GroundMotion
 from tpd.core.parameters import Number, Parameters, Real
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import Status, status_name
-from tpd.exact.derivatives import refused
+from tpd.exact.derivatives import refused, refused_in
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 
@@ -33,8 +33,8 @@ class Transient(eqx.Module):
 
     Angles and state are differentiable in every SI quantity of block, pendulum and gravity, in the size of
     the motion and its time scale, in the start and in the free time, if the status is stood or rocked.
-    Elsewhere their derivatives are NaN and `status` says why. Times and counts have none, and there are no
-    second derivatives.
+    Elsewhere their derivatives are NaN and `status` says why. Those of times are NaN, counts have none, and
+    second derivatives are NaN.
 
     By the nonlinear equations (`Segmented`) all derivatives are NaN, because nobody computes them. Every
     landing is an impact, and the block overturns at a tilt of a right angle, which it must reach before the
@@ -130,17 +130,21 @@ def transient(
     # Rates are per unit tau inside, and per second outside.
     speeds = jnp.stack([jnp.ones(()), jnp.ones(()), jnp.asarray(rate), jnp.asarray(rate)])
     start = jnp.zeros(4) if y0 is None else _start(y0) / speeds
-    found = _followed(model, p, jnp.asarray(scene.motion.pieces()), free * rate, start, max_events)
-    return _answer(found, rate, speeds, 0.0 if pendulum is None else 1.0)
+    pieces = jnp.asarray(scene.motion.pieces())
+    found = _followed(model, p, pieces, free * rate, start, max_events)
+    # Times depend on all of these, and nobody computes how.
+    given = sum(jnp.sum(jnp.asarray(x, dtype=float)) for x in jax.tree.leaves((p, pieces, free, rate, start)))
+    return _answer(found, rate, speeds, 0.0 if pendulum is None else 1.0, given)
 
 
-def _answer(found: Any, rate: Any, speeds: Any, bob: float) -> Transient:
-    """The motion in seconds; `bob` is 0 without a pendulum."""
+def _answer(found: Any, rate: Any, speeds: Any, bob: float, given: Any) -> Transient:
+    """The motion in seconds; `bob` is 0 without a pendulum, and `given` depends on everything given."""
     status = _status(found)
     sound = (status == Status.rocked) | (status == Status.stood)
     still = stop_gradient(rate)
     # The angles of a bare block's bob, which is too light to be felt, are nobody's.
-    times = jnp.where(jnp.isfinite(found.times), found.times, jnp.inf) / still
+    times = refused_in(given, jnp.where(jnp.isfinite(found.times), found.times, jnp.inf) / still)
+    lifted, fell = (refused_in(given, jnp.asarray(x) / still) for x in (found.lifted, found.fell))
     swing, relative = (refused(bob * _seen(x, bob), sound) for x in (found.swing, found.relative))
     return Transient(
         tilt=refused(found.tilt, sound),
@@ -150,8 +154,8 @@ def _answer(found: Any, rate: Any, speeds: Any, bob: float) -> Transient:
         swing_time=times[..., 1],
         relative_time=times[..., 2],
         impacts=found.impacts.astype(int),
-        uplift_time=found.lifted / still,
-        overturning_time=found.fell / still,
+        uplift_time=lifted,
+        overturning_time=fell,
         state=refused(found.state * speeds * jnp.array([1.0, bob, 1.0, bob]), sound),
         status=status,
     )

@@ -22,7 +22,7 @@ def refused(value: Array, usable: Bool[Array, "..."]) -> Array:
 @refused.defjvp
 def _refused_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     value, usable = primals
-    return value, _scaled(jnp.where(usable, 1.0, jnp.nan), tangents[0], value)
+    return value, scaled(jnp.where(usable, 1.0, jnp.nan), tangents[0], value)
 
 
 def refused_in(p: Any, value: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
@@ -43,10 +43,10 @@ def with_slopes(
 @with_slopes.defjvp
 def _with_slopes_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     p, value, slopes = primals
-    return value, jnp.sum(_scaled(slopes, tangents[0], p, spared=True), axis=-1)
+    return value, jnp.sum(scaled(slopes, tangents[0], p, spared=True), axis=-1)
 
 
-def _scaled(factor: Array, direction: Array, point: Array, *, spared: bool = False) -> Array:
+def scaled(factor: Array, direction: Array, point: Array, *, spared: bool = False) -> Array:
     """`factor * direction`, whose own derivative as `point` moves is NaN. If `spared`, a direction of
     zero is spoilt by no factor that is NaN; in reverse mode the same holds of a weight of zero."""
     arrays = jnp.broadcast_arrays(factor, direction, point)

@@ -19,6 +19,7 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from tpd.core.parameters import Number, Parameters, State
+from tpd.exact.derivatives import scaled
 from tpd.models import compiling
 from tpd.models.compiled_linear import packed
 from tpd.models.rows import shared
@@ -154,11 +155,14 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
     # The largest angles are often met long before the end. A program that asks for them alone leaves the
     # second call out, on which nothing depends.
     asked = settings.at[6].set(inputs)
-    out, by_angles = _called(True, asked.at[8].set(1.0), x, y, pieces)
-    by_end = _called(True, asked, x, y, pieces)[1]
+    # What is called has no derivative of its own: second derivatives are NaN, see `scaled`.
+    still = tuple(jax.lax.stop_gradient(a) for a in (x, y, pieces))
+    out, by_angles = _called(True, jax.lax.stop_gradient(asked.at[8].set(1.0)), *still)
+    by_end = _called(True, jax.lax.stop_gradient(asked), *still)[1]
     xs, ys, samples, times = (_zeros_of(t) for t in tangents)
+    point = jnp.concatenate([x, y])
     direction = jnp.concatenate([xs, ys])
-    angles, end = by_angles[:3] @ direction, by_end[3:] @ direction
+    angles, end = (jnp.sum(scaled(by, direction, point), axis=-1) for by in (by_angles[:3], by_end[3:]))
     # The state goes on for longer where the free time grows: angles move with their rates, and rates with
     # the accelerations.
     rates = jnp.concatenate([out[8:10], out[17:19], jnp.zeros(1)])
