@@ -57,10 +57,10 @@ def whole(function: Callable[..., Any]) -> Iterator[None]:
 
 def _place(function: Callable[..., Any]) -> tuple[Path, str]:
     """Folder in which Numba stores a function, and how the names of its files begin."""
-    if not config.CACHE_DIR and not _has_home():
+    beside = caching.InTreeCacheLocator.from_function(function, function.__code__.co_filename)
+    if not config.CACHE_DIR and beside is None and not _has_home():
         # Numba would make a folder with the name ~ where the command is given.
-        if caching.InTreeCacheLocator.from_function(function, function.__code__.co_filename) is None:
-            raise RuntimeError("no folder can be written to")
+        raise RuntimeError("no folder can be written to")
     cache = caching.FunctionCache(function)
     return Path(cache.cache_path), cache._impl.filename_base
 
