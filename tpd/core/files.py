@@ -6,6 +6,7 @@ import contextlib
 import csv
 import hashlib
 import io
+import itertools
 import json
 import math
 import os
@@ -86,6 +87,17 @@ def unsealed(content: bytes) -> bytes | None:
 def say_damaged(what: str, where: Path, then: str) -> None:
     """Warn that stored files are not as they were written, and say what is done about it."""
     warnings.warn(f"{what} in {where} were damaged, and are {then} again", stacklevel=2)
+
+
+def put_aside(path: Path, what: str, then: str) -> None:
+    """Give another name to a damaged file or folder, which may be somebody's, and say so.
+
+    Raises:
+        OSError: it cannot be renamed.
+    """
+    aside = next(p for i in itertools.count(1) if not (p := Path(f"{path}.damaged-{i}")).exists())
+    path.rename(aside)
+    say_damaged(f"{what} (now in {aside})", path, then)
 
 
 def can_write(folder: Path) -> bool:

@@ -58,7 +58,8 @@ def whole(function: Callable[..., Any]) -> Iterator[None]:
 def _place(function: Callable[..., Any]) -> tuple[Path, str]:
     """Folder in which Numba stores a function, and how the names of its files begin."""
     beside = caching.InTreeCacheLocator.from_function(function, function.__code__.co_filename)
-    if not config.CACHE_DIR and beside is None and not _has_home():
+    chosen = config.CACHE_DIR  # type: ignore[attr-defined]
+    if not chosen and beside is None and not _has_home():
         # Numba would make a folder with the name ~ where the command is given.
         raise RuntimeError("no folder can be written to")
     cache = caching.FunctionCache(function)
