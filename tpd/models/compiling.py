@@ -72,6 +72,7 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
             continue
         # A session of its own: Ctrl-C is for the command, and what is half compiled serves nobody.
         _said[module] = tempfile.TemporaryFile()  # noqa: SIM115
+        atexit.register(_said[module].close)
         process = subprocess.Popen(
             # -P: the folder in which a command is given may hold another `tpd`, or anything.
             [sys.executable, "-P", "-c", _COMMAND, str(mark), module],
