@@ -64,3 +64,27 @@ def test_the_first_line_does_not_wait_for_jax(tmp_path):
         run.kill()
     assert line == f"tpd {tpd.__version__}: following the motions over frequency, for out\n"
     assert took < 5.0
+
+
+HOMELESS = """
+import os, pwd, sys
+for name in ("HOME", "XDG_CACHE_HOME", "JAX_COMPILATION_CACHE_DIR"):
+    os.environ.pop(name, None)
+def nobody(user): raise KeyError(user)
+pwd.getpwuid = nobody
+sys.argv = ["tpd", "check"]
+from tpd.cli import main
+sys.exit(main())
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such users")
+@pytest.mark.mends("without a home a command ended with a traceback; its warnings had lines of code")
+def test_a_warning_is_a_sentence_and_a_user_needs_no_home():
+    done = subprocess.run([sys.executable, "-c", HOMELESS], capture_output=True, text=True)
+    assert done.returncode == 2
+    lines = [line for line in done.stderr.splitlines() if "solving" not in line]
+    assert [line[:35] for line in lines] == [
+        "tpd: compiled programs cannot be st",
+        "tpd: give DESIGN, or a pendulum by ",
+    ]

@@ -3,11 +3,13 @@
 import importlib
 import linecache
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import threading
 import time
+import warnings
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +19,7 @@ import pytest
 
 import tpd
 from tests.core.cluster_tasks import STEP, batch, slowly_squared, whose
+from tests.damage import WAYS, damage
 from tpd.core.chunk_store import ChunkStore
 from tpd.core.cluster import Cluster, ClusterError, _source
 from tpd.core.fingerprints import fingerprint
@@ -166,33 +169,84 @@ def test_half_written_chunk_is_computed_again(tmp_path):
     assert np.array_equal(again.read()["x"], np.arange(10.0))
 
 
-@pytest.mark.parametrize("damage", [Path.unlink, lambda file: file.write_bytes(b"")])
-def test_lost_file_of_a_chunk_is_no_result(tmp_path, damage):
-    store = ChunkStore(tmp_path / "a", 10, 4, {"of": "test"})
-    results = {"x": np.zeros(10), "y": np.ones((10, 2, 3), np.int8)}
+WHOLE = {"x": np.zeros(10), "y": np.ones((10, 2, 3), np.int8)}
+
+
+def stored(folder):
+    """A whole batch in a folder."""
+    store = ChunkStore(folder, 10, 4, {"of": "test"})
     for number in range(store.count):
-        store.write(number, {name: x[slice(*store.bounds(number))] for name, x in results.items()})
-    assert same(store.read(), results)
-    # Zeros, as a missing file is read, would not be seen among these zeros.
-    damage(tmp_path / "a" / "results.zarr" / "x" / "c" / "1")
-    again = ChunkStore(tmp_path / "a", 10, 4, {"of": "test"})
-    assert again.missing() == [1]
-    again.write(1, {name: x[4:8] for name, x in results.items()})
-    assert same(again.read(), results)
+        store.write(number, {name: x[slice(*store.bounds(number))] for name, x in WHOLE.items()})
+    assert same(store.read(), WHOLE)
+
+
+def completed(folder):
+    """Chunks that a batch in a folder has to compute again, and what is said of it."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        store = ChunkStore(folder, 10, 4, {"of": "test"})
+    missing = store.missing()
+    for number in missing:
+        store.write(number, {name: x[slice(*store.bounds(number))] for name, x in WHOLE.items()})
+    assert same(store.read(), WHOLE)
+    return missing, [str(warning.message) for warning in said]
+
+
+@pytest.mark.mends("other bytes in the file of a chunk were taken for its results")
+@pytest.mark.parametrize("way", [*WAYS, "lost"])
+def test_damaged_file_of_a_chunk_is_no_result(tmp_path, way):
+    stored(tmp_path / "a")
+    # Zeros, as a missing file is read, would not be seen among the zeros of the one.
+    for name, number in (("x", "1"), ("y", "1/0/0")):
+        path = tmp_path / "a" / "results.zarr" / name / "c" / number
+        if way == "lost":
+            path.unlink()
+        else:
+            damage(path, way)
+        said = [f"1 chunks in {tmp_path / 'a'} were damaged, and are computed again"]
+        # Zeros for zeros are no damage.
+        nothing = name == "x" and way == "zeroed"
+        assert completed(tmp_path / "a") == (([], []) if nothing else ([1], said))
+        assert completed(tmp_path / "a") == ([], [])
+
+
+@pytest.mark.mends("a damaged manifest or description of chunks was refused at every start")
+@pytest.mark.parametrize("way", WAYS)
+def test_whatever_is_damaged_in_a_folder_of_chunks_is_made_again(tmp_path, way):
+    stored(tmp_path / "whole")
+    names = [p.relative_to(tmp_path / "whole") for p in (tmp_path / "whole").rglob("*") if p.is_file()]
+    assert len(names) == 14
+    for i, name in enumerate(names):
+        folder = tmp_path / str(i)
+        shutil.copytree(tmp_path / "whole", folder)
+        before = (folder / name).read_bytes()
+        damage(folder / name, way)
+        if (folder / name).read_bytes() == before:
+            continue
+        missing, said = completed(folder)
+        # Nothing depends on the description of the group, as long as it is one.
+        harmless = name == Path("results.zarr", "zarr.json") and not said
+        assert harmless or (missing and len(said) == 1), name
+        assert completed(folder) == ([], [])
+
+
+def test_damage_of_a_whole_folder_is_put_aside(tmp_path):
+    stored(tmp_path / "a")
+    (tmp_path / "a" / "manifest.json").write_text("my own file")
+    missing, said = completed(tmp_path / "a")
+    assert missing == [0, 1, 2]
+    aside = tmp_path / "a.damaged-1"
+    assert said == [f"chunks (now in {aside}) in {tmp_path / 'a'} were damaged, and are computed again"]
+    assert (aside / "manifest.json").read_text() == "my own file"
 
 
 def test_folder_of_another_batch_is_refused(tmp_path):
     ChunkStore(tmp_path / "a", 10, 4, {"of": "test"})
     with pytest.raises(ValueError, match="holds chunks of another batch"):
         ChunkStore(tmp_path / "a", 11, 4, {"of": "test"})
-    (tmp_path / "b").mkdir()
-    for content in ("{", "[]"):
-        (tmp_path / "b" / "manifest.json").write_text(content)
-        with pytest.raises(ValueError, match="cannot use"):
-            ChunkStore(tmp_path / "b", 11, 4, {"of": "test"})
-    (tmp_path / "a" / "results.zarr" / "zarr.json").write_text("{")
+    (tmp_path / "b").write_text("a file")
     with pytest.raises(ValueError, match="cannot use"):
-        ChunkStore(tmp_path / "a", 10, 4, {"of": "test"})
+        ChunkStore(tmp_path / "b", 11, 4, {"of": "test"})
 
 
 @pytest.mark.parametrize(

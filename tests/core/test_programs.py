@@ -2,6 +2,7 @@ import inspect
 import os
 import subprocess
 import sys
+import time
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tests.damage import WAYS, damage
 from tpd import Parameters
 from tpd.core import programs
 from tpd.core.parameters import as_arrays
@@ -130,15 +132,36 @@ def test_a_function_is_the_same_behind_a_check_of_types_and_another_behind_a_tra
     assert programs._identity(jax.vmap(inspect.unwrap(_solved))) is None
 
 
-@pytest.mark.parametrize("spoil", ["cut", "empty", "changed"])
-def test_a_file_that_is_not_whole_is_made_again(folder, spoil):
+@pytest.mark.mends("a damaged program was compiled again without a word")
+@pytest.mark.parametrize("way", WAYS)
+def test_a_file_that_is_not_whole_is_made_again_and_said(folder, way):
     ask()
     (path,) = folder.iterdir()
-    data = path.read_bytes()
-    path.write_bytes({"cut": data[:100], "empty": b"", "changed": data[:-1] + b"x"}[spoil])
-    np.testing.assert_array_equal(ask()["twice"], [0.0, 2.0, 4.0])
+    damage(path, way)
+    with pytest.warns(UserWarning, match="programs in .* were damaged, and are compiled again") as said:
+        np.testing.assert_array_equal(ask()["twice"], [0.0, 2.0, 4.0])
+    assert len(said) == 1
     assert len(TRACED) == 2
     ask()
+    assert len(TRACED) == 2
+
+
+@pytest.mark.mends("a damaged program that JAX's cache had as well was never kept again")
+def test_a_damaged_program_is_kept_again_though_jax_has_stored_it(folder):
+    name, before = "jax_persistent_cache_min_compile_time_secs", 0.5
+    # A function that no earlier run of this test has left in JAX's cache.
+    function = shifted_by(time.time())
+    jax.config.update(name, 0.0)
+    try:
+        Program(function)(np.zeros(2))
+        (path,) = folder.iterdir()
+        damage(path, "cut")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            Program(function)(np.zeros(2))
+    finally:
+        jax.config.update(name, before)
+    Program(function)(np.zeros(2))
     assert len(TRACED) == 2
 
 

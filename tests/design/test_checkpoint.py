@@ -1,9 +1,12 @@
 """Checkpoints: what is stored comes back, and another problem is refused."""
 
+import re
+
 import numpy as np
 import pytest
 
 import tpd
+from tests.damage import WAYS, damage
 from tests.design.test_descent import LIMITED, STARTS, WORST
 from tpd.design.checkpoint import Checkpoint, fingerprint_of
 from tpd.design.sequential import minimise
@@ -44,15 +47,47 @@ def test_without_a_file_nothing_is_stored(ends):
     assert store.get(0) is None
 
 
-def test_another_problem_or_no_checkpoint_at_all_is_refused(ends, tmp_path):
+def test_another_problem_is_refused(ends, tmp_path):
     path = tmp_path / "some.npz"
     Checkpoint.of(path, "a").put(0, ends)
     with pytest.raises(ValueError, match="holds searches of another problem"):
         Checkpoint.of(path, "b")
-    for content in (b"", b"not a file of arrays", path.read_bytes()[:100]):
+    # As an earlier version wrote it.
+    np.savez(path, problem=np.array("a"))
+    with pytest.raises(ValueError, match="or of another version of tpd"):
+        Checkpoint.of(path, "a")
+    with pytest.raises(ValueError, match="cannot read"):
+        Checkpoint.of(tmp_path, "a")
+
+
+@pytest.mark.mends("a damaged checkpoint was refused at every start, or raised errors of zip and zlib")
+@pytest.mark.parametrize("way", WAYS)
+def test_a_damaged_checkpoint_is_put_aside_and_its_searches_are_done_again(ends, tmp_path, way):
+    path = tmp_path / "some.npz"
+    Checkpoint.of(path, "a").put(0, ends)
+    damage(path, way)
+    content, aside = path.read_bytes(), tmp_path / "some.npz.damaged-1"
+    words = f"finished searches (now in {aside}) in {path} were damaged, and are done again"
+    with pytest.warns(UserWarning, match=re.escape(words)):
+        store = Checkpoint.of(path, "a")
+    assert store.get(0) is None
+    # It may be somebody's file, given by mistake.
+    assert aside.read_bytes() == content
+    store.put(0, ends)
+    np.testing.assert_array_equal(Checkpoint.of(path, "a").get(0).x, ends.x)
+
+
+@pytest.mark.mends("flipped bits in a checkpoint raised errors of zip and zlib, or were not seen")
+def test_a_flipped_bit_anywhere_is_seen(ends, tmp_path):
+    path = tmp_path / "some.npz"
+    Checkpoint.of(path, "a").put(0, ends)
+    whole = path.read_bytes()
+    for at in range(0, len(whole), max(1, len(whole) // 200)):
+        content = bytearray(whole)
+        content[at] ^= 1 << at % 8
         path.write_bytes(content)
-        with pytest.raises(ValueError, match="it holds no finished searches"):
-            Checkpoint.of(path, "a")
+        with pytest.warns(UserWarning, match="were damaged"):
+            assert Checkpoint.of(path, "a").stored == {}
 
 
 def test_a_fingerprint_is_of_values():

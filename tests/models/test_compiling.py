@@ -1,6 +1,7 @@
 """Compiled code is made by one process at a time."""
 
 import ast
+import os
 import re
 import subprocess
 import sys
@@ -52,6 +53,19 @@ def test_it_waits_for_the_process_that_compiles_a_module_and_for_no_other(monkey
     compiling.load("lonely")
     assert sys.modules.pop("lonely").LOADED
     assert asked == ["lonely"]
+
+
+@pytest.mark.mends("what the processes that compile have to say was lost")
+def test_what_a_process_that_compiles_says_is_said(monkeypatch, tmp_path):
+    lines = "import sys, warnings\nif 'pytest' not in sys.modules: warnings.warn('it was damaged')\n"
+    (tmp_path / "lonely.py").write_text(lines)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    monkeypatch.setattr(compiling, "_running", {})
+    compiling.compile_beside(tmp_path, ("lonely",))
+    with pytest.warns(UserWarning, match="^it was damaged$"):
+        compiling.load("lonely")
+    del sys.modules["lonely"]
 
 
 def imported(module, known):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import warnings
 
 import tpd
 from tpd.cli import (
@@ -46,6 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
     if arguments is not None:
         return _run(parser().parse_args(arguments))
     read = parser().parse_args()
+    warnings.showwarning = interrupts.warned
     with interrupts.watched(), interrupts.announced(_does(read)):
         status = _run(read)
         return interrupts.exit_now(status) if status == common.INTERRUPTED else status

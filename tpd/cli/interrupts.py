@@ -13,6 +13,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,10 @@ _CLEAR = "\r\x1b[K"
 """Removes a bar from the last line of a terminal."""
 _SOON = 0.25
 """Seconds after which a command says what it does; bad input is refused earlier where JAX is imported."""
+_SHOW = warnings.showwarning
+"""How Python shows the warnings of others."""
+_SAID: set[str] = set()
+"""Warnings that were said."""
 _PATIENCE = 0.7
 """Seconds after Ctrl-C in which a command ends without a word about when it will."""
 _WHEN = "ends when the step in progress ends: a compilation takes some seconds; Ctrl-C again ends it at once"
@@ -153,6 +158,17 @@ def _say(text: str) -> None:
     # A terminal may show a bar in the last line; a pipe may be closed.
     with contextlib.suppress(OSError, ValueError):
         print((_CLEAR if sys.stderr.isatty() else "") + text, file=sys.stderr, flush=True)
+
+
+def warned(message: Warning | str, category: type[Warning], *where: Any, **how: Any) -> None:
+    """Say a warning of this package in one sentence, in place of `warnings.showwarning`."""
+    if category is UserWarning:
+        # Python says it again wherever a library has touched the filters of warnings.
+        if str(message) not in _SAID:
+            _SAID.add(str(message))
+            _say(f"tpd: {message}")
+    else:
+        _SHOW(message, category, *where, **how)
 
 
 def leave(directory: Path | None, existed: bool) -> None:

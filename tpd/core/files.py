@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import hashlib
 import io
+import itertools
 import json
 import math
 import os
 import platform
 import tempfile
 import time
-from collections.abc import Iterable
+import warnings
+from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
 
 _PART = ".tpd-part-"
 """Begin of the names of files that are being written; what a killed run leaves of them counts as nothing."""
@@ -62,6 +71,62 @@ def place(path: Path, content: str | bytes) -> Path:
 
 def _is_part(path: Path) -> bool:
     return path.name.startswith(_PART)
+
+
+def sealed(data: bytes) -> bytes:
+    """Return data behind their checksum (SHA-256), to be read by `unsealed`."""
+    return hashlib.sha256(data).digest() + data
+
+
+def unsealed(content: bytes) -> bytes | None:
+    """Return the data of `sealed`; None where these are not the bytes that were written."""
+    checksum, data = content[:32], content[32:]
+    return data if hashlib.sha256(data).digest() == checksum else None
+
+
+def say_damaged(what: str, where: Path, then: str) -> None:
+    """Warn that stored files are not as they were written, and say what is done about it."""
+    warnings.warn(f"{what} in {where} were damaged, and are {then} again", stacklevel=2)
+
+
+def put_aside(path: Path, what: str, then: str) -> None:
+    """Give another name to a damaged file or folder, which may be somebody's, and say so.
+
+    Raises:
+        OSError: it cannot be renamed.
+    """
+    aside = next(p for i in itertools.count(1) if not (p := Path(f"{path}.damaged-{i}")).exists())
+    path.rename(aside)
+    say_damaged(f"{what} (now in {aside})", path, then)
+
+
+def can_write(folder: Path) -> bool:
+    """Whether files can be written to a folder, which is made where there is none."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def belongs(path: Path) -> bool:
+    """Whether a path is of the user who runs this process; on systems without owners all are."""
+    return not hasattr(os, "getuid") or path.lstat().st_uid == os.getuid()
+
+
+@contextlib.contextmanager
+def held(path: Path) -> Iterator[IO[bytes]]:
+    """Open a file, made where there is none, and hold its lock, where the system has such locks.
+
+    Raises:
+        OSError: the file cannot be opened for writing.
+    """
+    with path.open("a+b") as file:
+        if fcntl is not None:
+            with contextlib.suppress(OSError):
+                fcntl.flock(file, fcntl.LOCK_EX)
+        yield file
 
 
 def as_json(content: Any) -> str:

@@ -5,10 +5,26 @@ The library changes no setting of anybody else's process.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import hashlib
+import json
 import os
 import sys
+import time
+import warnings
+import zlib
+from functools import lru_cache
 from pathlib import Path
+
+from tpd.core import files
+
+_CHECKSUMS = "checksums"
+"""File in JAX's cache with the checksums of its files."""
+_ZLIB = b"\x78"
+"""First byte of what zlib has compressed."""
+_YOUNG = 60.0
+"""Seconds in which a file may still be written by another process."""
 
 
 def use_64_bits() -> Path | None:
@@ -26,21 +42,96 @@ def use_64_bits() -> Path | None:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    if jax.config.jax_compilation_cache_dir is None:  # type: ignore[attr-defined]
-        # A cache of the user, never one that is shared: compiled programs are executed as they are found.
-        cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tpd" / "compiled"
-        with contextlib.suppress(OSError):
-            cache.mkdir(parents=True, exist_ok=True)
-            jax.config.update("jax_compilation_cache_dir", str(cache))
-            jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+    given = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
+    cache = _own() if given is None else Path(given)
+    if cache is None or not files.can_write(cache):
+        # JAX would say of each program that it cannot be stored.
+        jax.config.update("jax_compilation_cache_dir", None)
+        warnings.warn(
+            "compiled programs cannot be stored, so that every run compiles its own: set XDG_CACHE_HOME to a "
+            "folder of your own",
+            stacklevel=2,
+        )
+        return None
+    if given is None:
+        jax.config.update("jax_compilation_cache_dir", str(cache))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+    _make_sure(cache)
     from tpd.core import programs
 
-    cache_dir = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
-    if cache_dir is None:
-        # No folder can be written to: what is compiled serves this process alone.
-        return None
-    folder = Path(cache_dir) / "programs"
+    folder = cache / "programs"
     with contextlib.suppress(OSError):
         programs.keep_in(folder)
         return folder
     return None
+
+
+def _own() -> Path | None:
+    """Folder in the user's cache, never one that is shared: compiled programs are executed as they are
+    found. None where the user has no home."""
+    try:
+        cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tpd" / "compiled"
+    except RuntimeError:
+        return None
+    return cache if not cache.exists() or files.belongs(cache) else None
+
+
+@lru_cache
+def _make_sure(cache: Path) -> None:
+    """Remove what is damaged of JAX's cache, now, and seal at the end what this process adds."""
+    _keep_whole(cache)
+    atexit.register(_keep_whole, cache)
+
+
+def _keep_whole(cache: Path) -> None:
+    """Remove the files of JAX's cache that are not as they were written, and note checksums of all others.
+
+    JAX executes what it finds. Of a file that it cannot read it says so at every start, and never writes it
+    anew.
+    """
+    noted, whole = _noted(cache / _CHECKSUMS)
+    checksums: dict[str, str] = {}
+    damaged = not whole
+    for path in cache.glob("*-cache"):
+        with contextlib.suppress(OSError):
+            content = path.read_bytes()
+            checksum = hashlib.sha256(content).hexdigest()
+            if path.name in noted:
+                sound = noted[path.name] == checksum
+            else:
+                # Of a process that was killed, or not of this package; or it is being written just now.
+                sound = _unpacks(content)
+                if not sound and whole and abs(time.time() - path.stat().st_mtime) < _YOUNG:
+                    continue
+            if sound:
+                checksums[path.name] = checksum
+            else:
+                path.unlink()
+                damaged = True
+    if checksums != noted or not whole:
+        with contextlib.suppress(OSError):
+            files.place(cache / _CHECKSUMS, files.sealed(files.as_json(checksums).encode()))
+    if damaged:
+        files.say_damaged("programs", cache, "compiled")
+
+
+def _noted(path: Path) -> tuple[dict[str, str], bool]:
+    """Checksums by the names of files, and False where there were some that cannot be read."""
+    try:
+        data = files.unsealed(path.read_bytes())
+    except FileNotFoundError:
+        return {}, True
+    except OSError:
+        return {}, False
+    return ({}, False) if data is None else (json.loads(data), True)
+
+
+def _unpacks(content: bytes) -> bool:
+    """Whether a file of JAX's cache is whole, as far as its compression tells."""
+    if content.strip(b"\0") and not content.startswith(_ZLIB):
+        # Of another compression nothing is known.
+        return True
+    with contextlib.suppress(zlib.error):
+        zlib.decompress(content)
+        return True
+    return False

@@ -38,6 +38,8 @@ _SOURCES = frozenset({__name__.partition(".")[0]})
 """Packages with the functions that are kept: of changes in others `_here` would know nothing."""
 _VALUES = _SOURCES | {"builtins", *files.PACKAGES}
 """Packages with the types of what such a function closes over: `_here` knows their sources or versions."""
+_SHORT = 16
+"""Letters of a program's name that JAX's cache has in the name of its file."""
 _CHECKERS = ("jaxtyping.", "beartype.")
 _OTHERS = 0o022
 """Rights of others to write: what they may have written is not executed."""
@@ -150,7 +152,7 @@ class Program:
         path = self._path(key)
         # A name of its own: JAX's cache has no other version of it either.
         name = getattr(self.function, "__name__", "program")
-        flat.__name__ = name if path is None else f"{name}_{path.name[:16]}"
+        flat.__name__ = name if path is None else f"{name}_{path.name[:_SHORT]}"
         return jax.jit(flat).lower(*leaves), structures[-1]
 
 
@@ -185,10 +187,11 @@ def _read(path: Path, leaves: list[Any]) -> tuple[Callable[..., Any], Any] | Non
     try:
         if not path.exists() or not _is_own(path):
             return None
-        data = path.read_bytes()
-        if hashlib.sha256(data[32:]).digest() != data[:32]:
+        data = files.unsealed(path.read_bytes())
+        if data is None:
+            _remove(path)
             return None
-        calls, *parts, sample = pickle.loads(zlib.decompress(data[32:]))
+        calls, *parts, sample = pickle.loads(zlib.decompress(data))
         # Tracing loads what a program calls, such as LAPACK. What was not traced here would crash without it.
         for name in calls:
             (_load_lapack if name.startswith(_LAPACK) else CALLED[name])()
@@ -204,6 +207,16 @@ def _read(path: Path, leaves: list[Any]) -> tuple[Callable[..., Any], Any] | Non
         return None
 
 
+def _remove(path: Path) -> None:
+    """Remove a program that is damaged, also from JAX's cache: out of that it could not be kept again."""
+    cache = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
+    copies = [] if cache is None else Path(cache).glob(f"*_{path.name[:_SHORT]}*-cache")
+    for file in (path, *copies):
+        with contextlib.suppress(OSError):
+            file.unlink()
+    files.say_damaged("programs", path.parent, "compiled")
+
+
 def _write(path: Path, run: Any, out: Any, calls: list[str]) -> None:
     """Keep a program, where that is possible at all."""
     with contextlib.suppress(Exception):
@@ -211,7 +224,7 @@ def _write(path: Path, run: Any, out: Any, calls: list[str]) -> None:
         # copies, and then does not know the copy.
         sample = jax.tree.unflatten(out, [0] * out.num_leaves)
         data = zlib.compress(pickle.dumps((calls, *serialize(run), sample)), level=1)
-        files.place(path, hashlib.sha256(data).digest() + data)
+        files.place(path, files.sealed(data))
         old = sorted(path.parent.iterdir(), key=lambda x: x.stat().st_mtime)[:-_MOST]
         for other in old:
             other.unlink(missing_ok=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
@@ -17,6 +16,9 @@ from tpd.design.objective import BACK_OFF
 from tpd.design.sequential import Ends
 from tpd.design.subproblem import Linearisation
 
+_ARRAYS = b"PK\3\4"
+"""How a file of NumPy's begins: an earlier version stored one without a checksum."""
+
 
 class Checkpoint:
     """Ends of searches by the number of their group, in a file if there is one."""
@@ -28,17 +30,25 @@ class Checkpoint:
     def of(path: Path | None, fingerprint: str) -> Checkpoint:
         """Checkpoint of the problem with a fingerprint in the file `path`; empty if there is no such file.
 
+        A file that is damaged, or no checkpoint, gets another name, and all its searches are done again.
+
         Raises:
             ValueError: the file is of another problem, or cannot be read.
         """
         if path is None or not path.exists():
             return Checkpoint(path, fingerprint, {})
         try:
-            # NumPy leaves a file open that it cannot read.
-            with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            content = path.read_bytes()
+            data = files.unsealed(content)
+            if data is None and not content.startswith(_ARRAYS):
+                files.put_aside(path, "finished searches", "done")
+                return Checkpoint(path, fingerprint, {})
+        except OSError as error:
+            raise ValueError(f"cannot read {path}: {error.strerror or error}") from None
+        stored: dict[str, np.ndarray] = {}
+        if data is not None:
+            with np.load(io.BytesIO(data), allow_pickle=False) as file:
                 stored = {name: file[name] for name in file.files}
-        except (OSError, ValueError, zipfile.BadZipFile, EOFError):
-            raise ValueError(f"cannot read {path}: it holds no finished searches") from None
         # Ends of another problem look like ends of this one; only the fingerprint tells them apart.
         if str(stored.pop("problem", "")) != fingerprint:
             raise ValueError(
@@ -69,11 +79,16 @@ class Checkpoint:
         values |= {f"weights_{i}": v for i, v in enumerate(ends.weights)}
         values |= {n: v for n, v in ends._asdict().items() if n not in ("local", "weights")}
         self.stored |= {f"{group}/{name}": np.asarray(value) for name, value in values.items()}
-        # Made in memory and placed as a whole: a crash leaves the former file.
-        content = io.BytesIO()
-        whole: dict[str, Any] = {"problem": np.array(self.fingerprint), **self.stored}
-        np.savez_compressed(content, **whole)
-        files.place(self.path, content.getvalue())
+        save(self.path, self.fingerprint, self.stored)
+
+
+def save(path: Path, fingerprint: str, stored: dict[str, np.ndarray]) -> None:
+    """Write a file that `Checkpoint.of` reads."""
+    # Made in memory and placed as a whole: a crash leaves the former file.
+    content = io.BytesIO()
+    whole: dict[str, Any] = {"problem": np.array(fingerprint), **stored}
+    np.savez_compressed(content, **whole)
+    files.place(path, files.sealed(content.getvalue()))
 
 
 class _Shifted(Checkpoint):

@@ -18,6 +18,7 @@ from typing import Any
 import numba
 import numpy as np
 
+from tpd.core import machine_code
 from tpd.exact.mode_kinds import REST, SLIP
 
 STEP = 1e-30
@@ -76,8 +77,9 @@ def stored(function: Callable[..., Any], compiler: Any, signature: Any, **option
     where a folder can be written to."""
     plain = inspect.unwrap(function)
     try:
-        return compiler(signature, cache=True, error_model="numpy", **options)(plain)
-    except RuntimeError:
+        with machine_code.whole(plain):
+            return compiler(signature, cache=True, error_model="numpy", **options)(plain)
+    except (RuntimeError, OSError):
         # Neither the package's folder nor the user's cache nor NUMBA_CACHE_DIR can be written to.
         return compiler(signature, error_model="numpy", **options)(plain)
 

@@ -10,30 +10,35 @@ import contextlib
 import os
 import subprocess
 import sys
+import tempfile
+import warnings
 import zlib
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import IO
 
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None
+from tpd.core.files import fcntl
 
 HARMONIC = ("tpd.models.linear_entry", "tpd.models.nonlinear_settling")
 """Modules with the compiled code of motions under a harmonic."""
 GROUND = ("tpd.models.shaken_history", "tpd.models.nonlinear_ground")
 """Modules of motions under pulses and records, but for the one that each command compiles itself."""
 _COMMAND = """
-import sys
+import sys, warnings
+sys.excepthook = lambda *_: None
+warnings.showwarning = lambda text, kind, *_: kind is UserWarning and print(text, file=sys.stderr)
 from tpd.models.compiling import load
 load(sys.argv[2])
 open(sys.argv[1], "w").close()
 """
 _running: dict[str, subprocess.Popen[bytes]] = {}
 """Processes by the module that they compile."""
+_said: dict[str, IO[bytes]] = {}
+"""Files with what these processes have to say, by the same. No pipes: who reads the errors of a command would
+wait for the end of all processes that hold its pipe."""
 
 
 def sources(*kinds: str) -> list[Path]:
@@ -66,11 +71,13 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
         if mark.exists() or module in _running:
             continue
         # A session of its own: Ctrl-C is for the command, and what is half compiled serves nobody.
+        _said[module] = tempfile.TemporaryFile()  # noqa: SIM115
+        atexit.register(_said[module].close)
         process = subprocess.Popen(
             # -P: the folder in which a command is given may hold another `tpd`, or anything.
             [sys.executable, "-P", "-c", _COMMAND, str(mark), module],
             stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            stderr=_said[module],
             start_new_session=True,
         )
         _running[module] = process
@@ -83,8 +90,18 @@ def load(module: str) -> None:
     if module not in sys.modules:
         if module in _running:
             _running[module].wait()
+            _repeat(module)
         with _alone(module):
             import_module(module)
+
+
+def _repeat(module: str) -> None:
+    """Say what the process that compiled a module has said, such as that stored code was damaged."""
+    if module in _said:
+        with _said.pop(module) as file:
+            file.seek(0)
+            for line in file.read().decode(errors="replace").splitlines():
+                warnings.warn(line, stacklevel=3)
 
 
 @contextlib.contextmanager

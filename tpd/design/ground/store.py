@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import numpy as np
 
-from tpd.core import checks, files
-from tpd.design.checkpoint import Checkpoint
+from tpd.core import checks
+from tpd.design.checkpoint import Checkpoint, save
 from tpd.design.ground.search import Evaluated
 
 
@@ -23,7 +22,7 @@ class Store:
         """Designs of the problem with a fingerprint in a file; none if there is no such file.
 
         Raises:
-            ValueError: the file is of another problem, or cannot be read.
+            ValueError: as `Checkpoint.of`.
         """
         if path is not None:
             checks.instance("checkpoint", path, (Path, str))
@@ -40,8 +39,4 @@ class Store:
         if self.path is None:
             return
         self.stored |= {f"{i}/{name}": np.asarray(value) for name, value in one._asdict().items()}
-        # Made in memory and placed as a whole: an interruption leaves the former file.
-        content = io.BytesIO()
-        whole: dict[str, np.ndarray] = {"problem": np.array(self.fingerprint), **self.stored}
-        np.savez(content, **whole)  # type: ignore[arg-type]
-        files.place(self.path, content.getvalue())
+        save(self.path, self.fingerprint, self.stored)

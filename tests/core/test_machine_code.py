@@ -1,0 +1,134 @@
+"""Machine code that Numba has stored is loaded only as it was written."""
+
+import os
+import subprocess
+import sys
+import warnings
+
+import numba
+import pytest
+from numba.core import caching
+
+from tests.damage import WAYS, damage
+from tpd.exact.arc_kernel import stored
+
+
+def cubed(x):
+    return x * x * x
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A store of one's own."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    return tmp_path
+
+
+def hits():
+    """How often the code of a function that is asked for comes out of the store."""
+    made = stored(cubed, numba.njit, "float64(float64)")
+    assert made(3.0) == 27.0
+    return sum(made.stats.cache_hits.values())
+
+
+def files(folder, end):
+    found = list(folder.rglob(f"*{end}"))
+    assert found
+    return found
+
+
+@pytest.mark.mends("a damaged file of Numba's store ended every later process with a traceback of pickle")
+@pytest.mark.parametrize("way", ["cut", "empty", "zeroed"])
+@pytest.mark.parametrize("end", [".nbi", ".nbc"])
+def test_damaged_code_is_compiled_again_and_said(folder, end, way):
+    assert [hits(), hits()] == [0, 1]
+    for path in files(folder, end):
+        damage(path, way)
+    with pytest.warns(UserWarning, match="machine code in .* were damaged, and are compiled again") as said:
+        assert hits() == 0
+    assert len(said) == 1
+    assert hits() == 1
+
+
+SMALL = """
+import numba
+from tpd.exact.arc_kernel import stored
+
+def cubed(x):
+    return x * x * x
+
+made = stored(cubed, numba.cfunc, "float64(float64)")
+print(made.ctypes(3.0), made.cache_hits)
+"""
+
+
+def begun(folder):
+    """A process that asks for the code of a function."""
+    (folder / "small.py").write_text(SMALL)
+    options = {"env": {**os.environ, "NUMBA_CACHE_DIR": str(folder / "store")}, "text": True}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen([sys.executable, str(folder / "small.py")], **pipes, **options)
+
+
+def ended(process):
+    out, err = process.communicate()
+    return process.returncode, out.strip(), err.count("were damaged")
+
+
+@pytest.mark.mends("flipped bits in stored machine code ended the process, or were executed")
+def test_flipped_bits_are_not_executed(tmp_path):
+    assert ended(begun(tmp_path)) == (0, "27.0 0", 0)
+    for path in files(tmp_path, ".nbc"):
+        damage(path, "flipped")
+    assert ended(begun(tmp_path)) == (0, "27.0 0", 1)
+    assert ended(begun(tmp_path)) == (0, "27.0 1", 0)
+
+
+def test_of_processes_that_ask_at_once_one_compiles(tmp_path):
+    processes = [begun(tmp_path) for _ in range(3)]
+    assert sorted(map(ended, processes)) == [(0, "27.0 0", 0), (0, "27.0 1", 0), (0, "27.0 1", 0)]
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_damaged_checksum_costs_one_compilation(folder, way):
+    hits()
+    for path in files(folder, ".sum"):
+        damage(path, way)
+    with pytest.warns(UserWarning, match="were damaged"):
+        assert hits() == 0
+    assert hits() == 1
+
+
+def test_code_without_a_checksum_is_compiled_again_in_silence(folder):
+    numba.njit("float64(float64)", cache=True, error_model="numpy")(cubed)
+    assert [hits(), hits()] == [0, 1]
+
+
+@pytest.mark.mends("machine code that another user had written was executed")
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files here")
+def test_code_of_another_user_is_not_executed(folder, monkeypatch):
+    assert [hits(), hits()] == [0, 1]
+    monkeypatch.setattr(os, "getuid", lambda: 4321)
+    assert hits() == 0
+
+
+@pytest.mark.mends("a full disk stopped what the store was only to speed up")
+def test_what_cannot_be_stored_is_compiled_all_the_same(folder, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(caching.IndexDataCacheFile, "save", full)
+    assert hits() == 0
+
+
+@pytest.mark.mends("without a home Numba made a folder with the name ~ where the command was given")
+def test_without_a_home_nothing_is_stored_in_the_working_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("HOME", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)
+    monkeypatch.setattr(caching.InTreeCacheLocator, "from_function", lambda *_: None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert hits() == 0
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,90 @@
+"""Where the commands keep compiled programs, and what they do with damaged ones."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from tests.damage import WAYS, damage
+
+CACHED = """
+import jax
+from tpd.core import process
+process.use_64_bits()
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+found = []
+jax.monitoring.register_event_listener(lambda event, **_: found.append(event.endswith("/cache_hits")))
+
+def first(x): return x + 1.0
+def second(x): return x * 2.0
+def third(x): return x - 3.0
+def fourth(x): return 4.0 - x
+
+print([float(jax.jit(f)(10.0)) for f in (first, second, third, fourth)], sum(found))
+"""
+HOMELESS = """
+import os, pwd
+os.environ.pop("HOME", None)
+def nobody(user): raise KeyError(user)
+pwd.getpwuid = nobody
+"""
+ASKED = "from tpd.core import process\nprint(process.use_64_bits())"
+
+
+def run(code, **places):
+    """Exit status, output and warnings of a process."""
+    environment = {k: v for k, v in os.environ.items() if k not in ("JAX_COMPILATION_CACHE_DIR", "XLA_FLAGS")}
+    environment.pop("XDG_CACHE_HOME", None)
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment | places, capture_output=True, text=True
+    )
+    said = [line.partition("UserWarning: ")[2] for line in done.stderr.splitlines() if "Warning: " in line]
+    return done.returncode, done.stdout.strip(), said
+
+
+@pytest.mark.mends("JAX says at every start that it cannot read a file, and never writes it anew")
+@pytest.mark.parametrize("notes", ["kept", "damaged"])
+def test_damaged_files_of_jax_are_made_again(tmp_path, notes):
+    place = {"XDG_CACHE_HOME": str(tmp_path)}
+    values = "[11.0, 20.0, 7.0, -6.0]"
+    assert run(CACHED, **place) == (0, f"{values} 0", [])
+    assert run(CACHED, **place) == (0, f"{values} 4", [])
+    folder = tmp_path / "tpd" / "compiled"
+    entries = sorted(folder.glob("*-cache"))
+    for path, way in zip(entries, WAYS, strict=True):
+        damage(path, way)
+    if notes == "damaged" and (folder / "checksums").exists():
+        damage(folder / "checksums", "flipped")
+    said = [f"programs in {folder} were damaged, and are compiled again"]
+    assert run(CACHED, **place) == (0, f"{values} 0", said)
+    assert run(CACHED, **place) == (0, f"{values} 4", [])
+
+
+def test_a_file_that_is_just_being_written_is_left_alone(tmp_path):
+    folder = tmp_path / "tpd" / "compiled"
+    folder.mkdir(parents=True)
+    half = folder / "jit_half-0-cache"
+    half.write_bytes(b"\x78\x9c\x01")
+    assert run(ASKED, XDG_CACHE_HOME=str(tmp_path)) == (0, str(folder / "programs"), [])
+    assert half.exists()
+    os.utime(half, (0, 0))
+    assert "were damaged" in run(ASKED, XDG_CACHE_HOME=str(tmp_path))[2][0]
+    assert not half.exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such users")
+@pytest.mark.mends("a user without a home and an entry in the table of users got a traceback")
+def test_without_a_home_every_run_compiles_and_says_so():
+    status, out, said = run(HOMELESS + ASKED)
+    assert (status, out, len(said)) == (0, "None", 1)
+    assert "set XDG_CACHE_HOME to a folder of your own" in said[0]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such folder")
+@pytest.mark.mends("that nothing can be stored was said by JAX for every program, or by nobody")
+@pytest.mark.parametrize("name", ["HOME", "XDG_CACHE_HOME", "JAX_COMPILATION_CACHE_DIR"])
+def test_where_nothing_can_be_written_one_sentence_says_so(name):
+    status, out, said = run(CACHED, **{name: "/proc/nowhere"})
+    assert (status, out) == (0, "[11.0, 20.0, 7.0, -6.0] 0")
+    assert [line.partition(",")[0] for line in said] == ["compiled programs cannot be stored"]
