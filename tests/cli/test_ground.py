@@ -8,6 +8,7 @@ import pytest
 
 import tpd
 from tests.unanswered import unanswered
+from tpd.analysis import transient as transient_module
 from tpd.cli import ground, main
 
 COLUMN = ["--width", "1", "--height", "6", "--mass", "9000", "--friction", "0", "--restitution", "0.9595"]
@@ -36,7 +37,12 @@ def test_shake_says_what_the_library_says(tmp_path, capsys):
     pulse = tpd.Pulse.one_sine(acceleration=0.4 * 9.80665, frequency=1.2375)
     hung = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
     known = tpd.transient(tpd.Scene(block, pulse), hung, free=5.0)
-    assert results["with the pendulum"]["tilt"] == pytest.approx(float(known.tilt), rel=1e-12)
+    # The nonlinear equations count, and the linear ones stand beside them.
+    counts = tpd.transient(tpd.Scene(block, pulse), hung, free=5.0, model=tpd.Segmented())
+    for name in ("tilt", "swing", "relative"):
+        ours = results["with the pendulum"]
+        assert ours[name] == pytest.approx(float(getattr(counts, name)), rel=1e-12)
+        assert ours["linear"][name] == pytest.approx(float(getattr(known, name)), rel=1e-12)
     assert results["bare block"]["status"] == "rocked"
     tilts = [
         abs(float(r["tilt_rad"])) for r in rows(files["histories.csv"]) if r["case"] == "with the pendulum"
@@ -50,6 +56,38 @@ def test_a_fall_is_the_exit_status(tmp_path, capsys):
     assert status == 3
     assert "overturned" in capsys.readouterr().out
     assert json.loads(files["shake.json"].read_text())["results"]["bare block"]["tilt"] == "infinite"
+
+
+@pytest.mark.mends("`tpd shake` gave the swing of the linear equations and did not say so")
+def test_what_sizes_a_room_is_of_the_nonlinear_equations_and_impacts_have_a_stated_size(tmp_path, capsys):
+    """Marble column in El Centro: the bob swings 0.443 rad, and 0.377 by the linear equations."""
+    column = ["--width", "0.62", "--height", "5.2", "--mass", "4239", "--friction", "0"]
+    bob = ["--mass-ratio", "0.05", "--pendulum-length", "1.3"]
+    status, files = run(tmp_path, "shake", *column, "--restitution", "housner", *bob, "--record", "el-centro")
+    assert status == 0
+    said = capsys.readouterr().out
+    assert "nonlinear equations    linear equations" in said
+    swings = [line.split()[-2:] for line in said.splitlines() if "swing" in line]
+    assert swings == [["0.4428", "0.3769"]]
+    results = json.loads(files["shake.json"].read_text())["results"]["with the pendulum"]
+    assert results["swing"] == pytest.approx(0.4428, abs=1e-4)
+    assert results["linear"]["swing"] == pytest.approx(0.3769, abs=1e-4)
+    # 696 impacts with all hops of each rattle.
+    strong, hits = results["linear"]["impacts_faster_than_rad_s"], rows(files["impacts.csv"])
+    hung = [abs(float(r["rate_after_rad_s"])) for r in hits if r["case"] == "with the pendulum"]
+    assert results["linear"]["impacts"] == sum(rate > strong for rate in hung) < 0.5 * len(hung)
+    assert f"impacts faster than {strong:.4g} rad/s" in said
+
+
+@pytest.mark.mends("`tpd shake` ended with 0 where a motion had no answer")
+def test_a_motion_without_an_answer_is_named(tmp_path, capsys, monkeypatch):
+    follow, few = transient_module.transient, {"max_events": 1}
+    monkeypatch.setattr(transient_module, "transient", lambda *a, **k: follow(*a, **{**k, **few}))
+    status, _ = run(tmp_path, "shake", *COLUMN, *PULSE, "--pga", "0.4")
+    said = capsys.readouterr().out
+    assert status == 3
+    assert "event_bound" in said
+    assert "no answer" in said
 
 
 def test_a_file_shakes_as_well(tmp_path):
@@ -67,7 +105,8 @@ def test_a_file_shakes_as_well(tmp_path):
         ),
         free=1.0,
     )
-    assert written["results"]["bare block"]["tilt"] == pytest.approx(float(known.tilt), rel=1e-12)
+    linear = written["results"]["bare block"]["linear"]
+    assert linear["tilt"] == pytest.approx(float(known.tilt), rel=1e-12)
 
 
 def test_the_spectrum_of_a_pulse_and_of_a_record(tmp_path, capsys):

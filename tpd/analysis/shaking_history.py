@@ -13,13 +13,15 @@ from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import Status
 from tpd.exact.contact import SLIP
 
-_MOST_IMPACTS = 10_000
+STRONG = 0.01
+"""Rate over nu omega0 above which an impact is counted as one: slower ones are a rattle, and how many of them
+there are depends on when rattling is called rest."""
 
 
 @dataclass(frozen=True)
 class ShakingHistory:
-    """Motion over time of a block under a ground motion, from the exact solution; NaN once the block has
-    fallen."""
+    """Motion over time of a block under a ground motion, from the exact solution of the linear equations; NaN
+    once the block has fallen."""
 
     times: np.ndarray
     """s, shape (times,)."""
@@ -34,7 +36,7 @@ class ShakingHistory:
     vertical: np.ndarray
     """Force of the ground upwards, N."""
     impacts: np.ndarray
-    """Times (s) and tilting rates after them (rad/s) of the impacts, shape (impacts, 2), 10 000 at most."""
+    """Times (s) and tilting rates after them (rad/s) of all impacts, shape (impacts, 2)."""
     rocking: np.ndarray
     """Whether the block moves on its base."""
     status: Status
@@ -56,6 +58,10 @@ class ShakingHistory:
         tension = upwards * np.cos(self.swing) - across * np.sin(self.swing) + pull
         whole = np.hypot(across - pull * np.sin(self.swing), upwards + pull * np.cos(self.swing))
         return tuple(float(np.nanmax(np.abs(x))) for x in (tension, whole, relative))  # type: ignore[return-value]
+
+    def impacts_above(self, rate: float) -> int:
+        """Number of the impacts after which the block tilts faster than `rate` (rad/s)."""
+        return int(np.sum(np.abs(self.impacts[:, 1]) > rate))
 
     @property
     def needed_friction(self) -> float:
@@ -105,7 +111,8 @@ def shaking_history(
         raise ValueError("`times` must be a vector of increasing numbers from 0 on, but are not")
     out = np.full((len(clock), COLUMNS), np.nan)
     start = np.zeros(4) if y0 is None else np.asarray(y0, dtype=float) / [1.0, 1.0, rate, rate]
-    impacts = np.full((_MOST_IMPACTS, 2), np.nan)
+    # No motion has more: each impact is one of its events.
+    impacts = np.full((len(pieces) + MAX_EVENTS, 2), np.nan)
     status = history(row, start, pieces, free * rate, clock * rate, MAX_EVENTS, out, impacts)
     impacts = impacts[np.isfinite(impacts[:, 0])] * [1.0 / rate, rate]
     # The equations mean nothing where the block lies down.

@@ -59,8 +59,10 @@ class Transient(eqx.Module):
     swing_time: Number
     relative_time: Number
     impacts: Int[Any, "..."]
-    """Impacts on the base; hops that end in rest count as one from a speed of 2e-7 nu on (with a restitution
-    of 0.9999 or more from up to 8e-5 nu on, where slower ones would exhaust `max_events`)."""
+    """Impacts on the base, all hops of a rattle included down to the one that is called rest: slower than
+    2e-7 nu (phi' in tau) by `Piecewise` (with a restitution of 0.9999 or more than up to 8e-5 nu, where
+    slower ones would exhaust `max_events`), than `rest_rate` nu by `Segmented`. Their number depends on that;
+    `ShakingHistory.impacts_above` counts those above a stated rate."""
     uplift_time: Number
     """Time at which the block leaves its base for the first time; infinite if it never does."""
     overturning_time: Number
@@ -80,7 +82,7 @@ class Transient(eqx.Module):
             lines.append(
                 f"  {name:9s} {getattr(self, name):.6g} rad at {getattr(self, name + '_time'):.4g} s"
             )
-        lines.append(f"  impacts   {int(self.impacts)}")
+        lines.append(f"  impacts   {int(self.impacts)}, all of a rattle included until it is called rest")
         if math.isfinite(self.uplift_time):
             lines.append(f"  uplift    at {self.uplift_time:.4g} s")
         if math.isfinite(self.overturning_time):

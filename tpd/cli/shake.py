@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -14,11 +15,24 @@ if TYPE_CHECKING:
     from tpd.core.scene import Pendulum, Scene
 
 _DESCRIPTION = (
-    "Follow a block from rest through one pulse or record, exactly between the samples, bare and, if one is "
-    "given, with a pendulum: largest angles, impacts, whether and when it overturns, and the friction that "
-    "the base needs. Exit status: 0 done, 2 bad input, 3 the block overturns in the last of the cases, 130 "
-    "interrupted."
+    "Follow a block from rest through one pulse or record, bare and, if one is given, with a pendulum: "
+    "largest angles, whether and when it overturns, impacts, and the friction that the base needs. The "
+    "nonlinear equations count, and the linear ones, exact between the samples, stand beside them; "
+    "histories, impacts and friction are of the linear equations. Exit status: 0 done, 2 bad input, 3 the "
+    "block overturns in the last of the cases, or its motion has no answer, 130 interrupted."
 )
+_SIZES = {
+    "tilt": "largest tilt, rad",
+    "tilt_time": "  at, s",
+    "swing": "largest swing of the rod, rad",
+    "swing_time": "  at, s",
+    "relative": "largest angle between rod and block, rad",
+    "relative_time": "  at, s",
+    "uplift_time": "lifts at, s",
+    "overturning_time": "overturns at, s",
+}
+"""Numbers of a motion, and what they are called in the table."""
+_OF_A_PENDULUM = ("swing", "swing_time", "relative", "relative_time")
 
 
 def add(commands: Any) -> None:
@@ -45,6 +59,7 @@ def run(options: argparse.Namespace) -> int:
     from tpd.analysis.transient import transient
     from tpd.core import files
     from tpd.core.status import status_name
+    from tpd.models.segmented import Segmented
 
     motion = ground.motion(options)
     scene = ground.scene(options, motion)
@@ -52,17 +67,55 @@ def run(options: argparse.Namespace) -> int:
     files.claim(options.out, overwrite=options.overwrite)
     ground.say(scene, hung, f"  motion  {words(motion)}")
     cases = {"bare block": None} if hung is None else {"bare block": None, "with the pendulum": hung}
-    found = {name: transient(scene, h, free=options.free) for name, h in cases.items()}
+    # The first of a pair decides: the linear equations are meant for small angles.
+    models = Segmented(), None
+    found = {
+        name: tuple(transient(scene, h, model=m, free=options.free) for m in models)
+        for name, h in cases.items()
+    }
     histories = {name: shaking_history(scene, h, free=options.free) for name, h in cases.items()}
-    for name, answer in found.items():
-        print(
-            f"{name}: {answer}\n  friction  {histories[name].needed_friction:.3g} keeps the base from sliding"
-        )
+    for name, pair in found.items():
+        print("\n".join(_table(name, pair, histories[name], _strong(scene))))
     for path, content in list(_files(scene, hung, found, histories)):
         print(f"written: {files.place(options.out / path, content)}")
     # With a pendulum it is the pendulum's outcome that counts.
-    last = list(found.values())[-1]
-    return common.UNSOUND if status_name(last.status) == "overturned" else common.SOUND
+    last = status_name(list(found.values())[-1][0].status)
+    return common.SOUND if last in ("stood", "rocked") else common.UNSOUND
+
+
+def _strong(scene: Scene) -> float:
+    """Rate in rad/s above which an impact is counted."""
+    from tpd.analysis.shaking_history import STRONG
+
+    return STRONG * float(scene.block.slenderness) * float(scene.rate)
+
+
+def _table(name: str, pair: tuple[Transient, ...], history: ShakingHistory, strong: float) -> Iterator[str]:
+    """Lines of what happened by both sets of equations."""
+    from tpd.core.formatting import number
+    from tpd.core.status import Status, status_name
+
+    statuses = [status_name(x.status) for x in pair]
+    yield f"{name + ':':42}{'nonlinear equations':>20}{'linear equations':>20}"
+    yield f"  {'outcome':40}{statuses[0]:>20}{statuses[1]:>20}"
+    for key, label in _SIZES.items():
+        values = [float(getattr(x, key)) for x in pair]
+        # A time that never comes is no line of its own.
+        absent = key.endswith("_time") and not any(map(math.isfinite, values))
+        if absent or (key in _OF_A_PENDULUM and history.swing is None):
+            continue
+        cells = (number(x) if math.isfinite(x) else "-" for x in values)
+        yield f"  {label:40}" + "".join(f"{cell:>20}" for cell in cells)
+    counted = history.impacts_above(strong)
+    yield f"  {f'impacts faster than {number(strong)} rad/s':40}{'':20}{counted:>20}"
+    yield f"  {'friction that keeps the base from sliding':40}{'':19}{number(history.needed_friction):>20}"
+    for status, (which, answer) in zip(
+        statuses, zip(("nonlinear", "linear"), pair, strict=True), strict=True
+    ):
+        if status in ("event_bound", "failed"):
+            yield f"  There is no answer by the {which} equations: {Status[answer.status]}"
+    if len({status == "overturned" for status in statuses}) > 1:
+        yield "  The two sets of equations differ on overturning: the nonlinear ones count."
 
 
 def words(motion: Any) -> str:
@@ -74,11 +127,10 @@ def words(motion: Any) -> str:
 def _files(
     scene: Scene,
     hung: Pendulum | None,
-    found: dict[str, Transient],
+    found: dict[str, tuple[Transient, ...]],
     histories: dict[str, ShakingHistory],
 ) -> Iterator[tuple[str, str | bytes]]:
     from tpd.core import files
-    from tpd.core.status import status_name
     from tpd.plot import style
     from tpd.plot.shaking import plot_shaking
 
@@ -86,23 +138,38 @@ def _files(
     yield "histories.csv", files.as_csv(header, _rows(histories))
     hits = ((name, *hit) for name, h in histories.items() for hit in h.impacts)
     yield "impacts.csv", files.as_csv(("case", "time_s", "rate_after_rad_s"), hits)
-    numbers = ("tilt", "swing", "relative", "tilt_time", "uplift_time", "overturning_time")
+    strong = _strong(scene)
     results = {
-        name: {key: float(getattr(answer, key)) for key in numbers}
-        | {"impacts": int(answer.impacts), "status": status_name(answer.status)}
-        | {"needed_friction": histories[name].needed_friction}
-        for name, answer in found.items()
+        name: {
+            **_numbers(nonlinear),
+            "equations": "nonlinear",
+            "linear": _numbers(linear)
+            | {
+                "impacts": histories[name].impacts_above(strong),
+                "impacts_faster_than_rad_s": strong,
+                "needed_friction": histories[name].needed_friction,
+            },
+        }
+        for name, (nonlinear, linear) in found.items()
     }
     yield "shake.json", files.as_json({**ground.inputs(scene, hung), "results": results})
     axes = plot_shaking(list(histories.values()), float(scene.block.slenderness))
+    axes[0].set_title("linear equations, exact between the samples", fontsize=9)
     yield "histories.png", style.png(axes[0].figure)
-    yield "animation.gif", _animation(scene, hung, histories, results)
+    yield "animation.gif", _animation(scene, hung, histories, next(iter(found.values()))[-1])
+
+
+def _numbers(answer: Transient) -> dict[str, Any]:
+    """Numbers of one motion, for JSON."""
+    from tpd.core.status import status_name
+
+    return {key: float(getattr(answer, key)) for key in _SIZES} | {"status": status_name(answer.status)}
 
 
 def _animation(
-    scene: Scene, hung: Pendulum | None, histories: dict[str, ShakingHistory], results: dict[str, Any]
+    scene: Scene, hung: Pendulum | None, histories: dict[str, ShakingHistory], first: Transient
 ) -> bytes:
-    """GIF of ten seconds about the largest tilt, or about the fall, of the first case."""
+    """GIF of ten seconds about the largest tilt, or about the fall, of the first case; linear equations."""
     import numpy as np
 
     from tpd.design.study import TimeHistory
@@ -115,8 +182,7 @@ def _animation(
             TimeHistory(model="exact", with_pendulum=h.swing is not None, time=h.times, tilt=h.tilt, bob=bob)
         )
     # Six seconds before it and four after it.
-    first = next(iter(results.values()))
-    middle = min(first["tilt_time"], first["overturning_time"])
+    middle = min(float(first.tilt_time), float(first.overturning_time))
     return animate(scene, hung, films, start=max(0.0, middle - 6.0))
 
 
