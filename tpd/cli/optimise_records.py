@@ -15,15 +15,17 @@ if TYPE_CHECKING:
 
     from tpd.core.ground_motion import GroundMotion
     from tpd.core.progress import Bar
+    from tpd.core.scene import Scene
     from tpd.design.ground.design import GroundDesign
     from tpd.design.ground.front import FrontPoint
 
 _UNFINISHED = "unfinished.npz"
 _USED = {
     "space": None,
-    "limits": None,
     "bob": None,
     "block": None,
+    "site": None,
+    "scatter": None,
     "motion": None,
     "project": None,
     "risk": None,
@@ -31,6 +33,16 @@ _USED = {
     "worth": ("at_least",),
 }
 """Tables of a job, and keys of them, that a design on ground motions takes."""
+_INSTEAD = {
+    "motion": "the records shake the block",
+    "conditions": "the motions are the records, each as strong as --scales says",
+    "starts": "every motion starts from rest",
+    "limits": "records have limits on stroke, relative_stroke, tilt, mass, offset and room",
+    "worth": "records take `at_least`, --allowed says how often the bob may break a limit, and harm refuses",
+    "search": "the search on records takes `searches` and `seed`",
+    "ensemble": "the runs that judge are the records on scattered blocks",
+}
+"""What a design on records has in the place of a table's keys."""
 
 
 def add(group: Any) -> None:
@@ -85,12 +97,12 @@ def run(options: argparse.Namespace) -> int:
     if not options.records:
         raise ValueError("--scales goes with --records FILE")
     given = common.tables(options)
-    _refuse_others(given)
+    _refuse_others(given, options)
     motions = ground.motions(options.records, **ground.reading(options))
     # Bad files and values end here, before anything is written or claimed.
     held_out = _held_out(options.held_out, options)
     scene = ground.scene(options, motions[0])
-    arguments = _arguments(given)
+    arguments = _arguments(given, scene)
     unfinished = options.out / _UNFINISHED
     harmonic.claim(options, unfinished)
     stripes = ", ".join(f"{x:g}" for x in options.scales)
@@ -132,23 +144,43 @@ def _front(design: GroundDesign, bar: Bar) -> tuple[FrontPoint, ...]:
     return ()
 
 
-def _refuse_others(given: Mapping[str, Mapping[str, Any]]) -> None:
-    """Refuse what is for harmonics: it would have no effect."""
+def _refuse_others(given: Mapping[str, Mapping[str, Any]], options: argparse.Namespace) -> None:
+    """Refuse what would have no effect on records, and say where it stands: in the job, or an option."""
+    from tpd.cli.options import given as by_options
+    from tpd.design.ground.sizes import KINDS
+
+    limits = {kind.name for kind in KINDS}
     for table, values in given.items():
-        keys = _USED.get(table, ())
-        for key in values:
-            if keys is not None and key not in keys:
-                raise ValueError(
-                    f"`{table}.{key}` is for harmonics, but --scales asks for a design on records"
-                )
+        keys = limits if table == "limits" else _USED.get(table, ())
+        for key, value in values.items():
+            option = key in by_options(options).get(table, {})
+            used = keys is None or key in keys
+            # A job has a motion beside its block all the same; and a limit turned off asks for nothing.
+            if (used and not (option and table == "motion")) or (table == "limits" and value is False):
+                continue
+            where = _flag(table, key) if option else f"in {options.scene}"
+            raise ValueError(
+                f"`{table}.{key}` ({where}) is for harmonics and has no effect on a design on records, which "
+                f"--scales asks for: {_INSTEAD[table]}; leave it out"
+            )
 
 
-def _arguments(given: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+def _flag(table: str, key: str) -> str:
+    """Option that sets a key."""
+    from tpd.cli.optimise import CONDITIONS, DESIGN, SEARCH, STARTS
+
+    every = (*CONDITIONS, *DESIGN, *SEARCH, *STARTS, *common.SCENE)
+    return next((x.flag for x in every if (x.table, x.key) == (table, key)), f"--{table}")
+
+
+def _arguments(given: Mapping[str, Mapping[str, Any]], scene: Scene) -> dict[str, Any]:
     """Arguments of `tpd.optimise` from the tables of a job; what is left out has the default of records."""
     from tpd.cli import build, config
+    from tpd.design.ground.judgement import scatter_of
     from tpd.design.ground.optimise import DEFAULT_SPACE
     from tpd.design.ground.search import GroundSearch
     from tpd.design.ground.sizes import KINDS
+    from tpd.design.inputs import check_scatter
 
     file = config.chosen({k: v for k, v in given.items() if k != "motion"})
     space = dict(given.get("space", {}))
@@ -162,6 +194,11 @@ def _arguments(given: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         "seed": file.search.seed,
         "at_least": file.worth.at_least,
     }
+    if file.widths:
+        with build.naming("scatter"):
+            check_scatter(scene, file.widths, out["space"])
+        # Widths of the job take the place of those that are usual.
+        out["scatter"] = scatter_of(scene.block) | file.widths
     if "risk" in given:
         out["risk"] = build.risk_of(file)
     if "searches" in given.get("search", {}):

@@ -28,7 +28,7 @@ from tpd.design.worth import Worth
 
 VERSION = 3
 """Version of the file of a design; it grows when a key changes its meaning or goes away."""
-GROUND_VERSION = 1
+GROUND_VERSION = 2
 """Version of the file of a design on ground motions."""
 _TYPES = {dict: "a table", str: "a text", int: "a whole number"}
 
@@ -86,11 +86,12 @@ class StoredGroundDesign(Printed):
         return Scene(self.block, motion, self.gravity)
 
     def __str__(self) -> str:
-        return _words(self.status, self.pendulum)
+        # The sentence of the report has the reasons for its verdict.
+        return _words(self.status, self.pendulum, str(self.content.get("status_message", self.status.value)))
 
 
-def _words(status: DesignStatus | GroundStatus, hung: Pendulum | None) -> str:
-    lines = [f"Stored design: {status.name}", status.value]
+def _words(status: DesignStatus | GroundStatus, hung: Pendulum | None, sentence: str = "") -> str:
+    lines = [f"Stored design: {status.name}", sentence or status.value]
     if hung is not None:
         lines.append(f"  pendulum    {hung.mass:.4g} kg on {hung.length:.4g} m, ζ = {hung.damping_ratio:.4g}")
     return "\n".join(lines)

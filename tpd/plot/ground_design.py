@@ -15,7 +15,8 @@ from tpd.plot.style import BLUE, CASES, INK, LABELS, new_axes
 
 def plot_groups(design: GroundDesign) -> Any:
     """Draw the shares of each group that overturn at each stripe, without and with the pendulum, one panel
-    for each group: the fitted curve, its band of 95 % confidence and the shares themselves."""
+    for each group: the fitted curve, its band of 95 % confidence and the shares themselves; a bar where runs
+    without an answer leave a share open."""
     groups = design.judged
     figure = new_axes(size=(3.6 * max(len(groups), 2), 3.6)).figure
     # Panels side by side, which `new_axes` does not make.
@@ -40,12 +41,16 @@ _INTENSITIES = {
 
 def _panel(ax: Any, group: Judged) -> None:
     fine = np.linspace(0.8 * group.stripes[0], 1.05 * group.stripes[-1], 200)
-    for count, fit, style in zip(group.counts, group.fits, CASES, strict=True):
+    for count, unknown, fit, style in zip(group.counts, group.unknown, group.fits, CASES, strict=True):
+        known, open_at = group.motions - unknown, np.flatnonzero(unknown)
+        # From the share if none of the runs without an answer overturned to that if all did.
+        low, high = count / group.motions, (count + unknown) / group.motions
+        ax.vlines(group.stripes[open_at], low[open_at], high[open_at], color=style["color"], lw=5, alpha=0.35)
         # Open without the pendulum and filled with it, so that they differ in grey.
         face = style.get("mfc", style["color"])
         ax.plot(
-            group.stripes,
-            count / group.motions,
+            group.stripes[known > 0],
+            (count / np.maximum(known, 1))[known > 0],
             ls="",
             marker=style["marker"],
             ms=6,
@@ -62,7 +67,8 @@ def _panel(ax: Any, group: Judged) -> None:
     d = group.difference
     ax.set_title(
         f"{group.name}: {group.motions} motions, {group.events} earthquakes\n"
-        f"{d.mean:+.0%} overturned ({d.low:+.0%} to {d.high:+.0%})",
+        f"{d.mean:+.0%} overturned ({d.low:+.0%} to {d.high:+.0%})"
+        + (f"\n{group.undecided} runs without an answer" if group.undecided else ""),
         fontsize=9,
     )
     ax.set_ylim(0.0, 1.0)
@@ -70,7 +76,8 @@ def _panel(ax: Any, group: Judged) -> None:
 
 def plot_search(design: GroundDesign) -> Any:
     """Draw the trend of the demand over mass and length ratio, at the damping of the best design, and the
-    designs that were followed; the darker, the larger the demand."""
+    designs that were followed, in a square those with runs without an answer; the darker, the larger the
+    demand."""
     ax = new_axes()
     found, surface = design.searched, design.surface
     assert found is not None
@@ -80,6 +87,9 @@ def plot_search(design: GroundDesign) -> Any:
     inside = found.feasible
     ax.plot(mu[inside], lam[inside], ls="", marker="o", ms=5, mfc=BLUE, mec=INK, label="within limits")
     ax.plot(mu[~inside], lam[~inside], ls="", marker="x", ms=5, color=INK, label="beyond a limit")
+    if (unknown := found.undecided > 0).any():
+        ring = {"ls": "", "marker": "s", "ms": 9, "mfc": "none", "mec": INK}
+        ax.plot(mu[unknown], lam[unknown], **ring, label="runs without an answer")
     if design.best is not None:
         ax.plot(*design.best[:2], ls="", marker="*", ms=16, mfc="white", mec=INK, mew=1.3, label="best trend")
     ax.set(xlabel=LABELS["mu"], ylabel=LABELS["lam"])

@@ -16,8 +16,10 @@ from tpd.design.criteria import Room, limit_of
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.front import FrontPoint
 from tpd.design.ground.groups import Role, unnamed
-from tpd.design.ground.judgement import Interval, Judged
+from tpd.design.ground.judgement import Judged
 from tpd.design.ground.optimise import settings
+from tpd.design.ground.search import SPARE
+from tpd.design.ground.sizes import THICKNESS
 from tpd.design.reading import GROUND_VERSION
 from tpd.report import scene_words, words
 from tpd.report.blocks import (
@@ -82,7 +84,11 @@ def write(
 def content(design: GroundDesign, command: str = "", points: tuple[FrontPoint, ...] = ()) -> Report:
     """Build the report of a design on ground motions."""
     scene = _scene(design)
-    verdict = (information if design.status.is_sound else danger)(design.status.value)
+    falls = any(g.overturns_more or g.strikes > design.allowed for g in design.judged)
+    falls = falls or (design.benefit is not None and design.benefit.overturned.is_above)
+    # Danger is for overturning and strikes alone.
+    say = information if design.status.is_sound else danger if falls else warning
+    verdict = say(design.headline)
     parts: dict[str, list[Block]] = {
         "Block": [information("; ".join(line.strip() for line in scene_words.block_lines(scene)))],
         "Before anything else": list(notes(design)),
@@ -103,13 +109,13 @@ def notes(design: GroundDesign) -> Iterator[Note]:
     """Notes that somebody who would build the design must read first."""
     block, benefit = design.block, design.benefit
     if block.restitution is None and not block.friction:
-        yield danger(
+        yield warning(
             "The block loses no energy at all: no real block rocks like that. Give it a restitution."
         )
     if benefit is not None and design.pendulum is not None and not benefit.overturned.is_below:
         yield warning(
             "On motions that were held out the tilts are smaller, but the number of overturnings is not "
-            f"significantly so: {_interval(benefit.overturned)} of the runs."
+            f"significantly so: {benefit.overturned.words()} of the runs."
         )
     # Without the name of its earthquake a record that is held out may be of one that was tuned to.
     nameless = unnamed(design.conditions.motions)
@@ -119,17 +125,40 @@ def notes(design: GroundDesign) -> Iterator[Note]:
             "earthquake that the design was tuned to. Give the names (--event), or a folder for each."
         )
     for g in design.judged:
-        if g.harms:
-            yield danger(f"On {g.name} the pendulum does significant harm: {_interval(g.difference)}.")
-        if g.undecided:
-            yield warning(f"On {g.name} {g.undecided} runs met too many events; they count as overturned.")
-        if g.strikes > 2.0 * design.allowed and design.pendulum is not None:
-            yield warning(
-                f"On {g.name} with scattered blocks {g.strikes:.0%} of the standing runs break a limit of "
-                f"the bob; {design.allowed:.0%} were allowed in the search."
+        if g.overturns_more:
+            more = (g.difference if g.difference.is_above else g.linear).words()
+            yield danger(f"On {g.name} the block overturns more often with the pendulum: {more}.")
+        if g.tilt.is_above:
+            more = g.tilt.words(share=False)
+            yield warning(f"On {g.name} the mean tilt/ν is larger with the pendulum: {more}.")
+        if g.strikes > design.allowed:
+            yield danger(
+                f"On {g.name} with scattered blocks a limit is broken in {g.strikes:.1%} of the runs that "
+                f"stand ({g.linear_strikes:.1%} by the linear equations); {design.allowed:.1%} are allowed."
             )
+        if g.undecided:
+            yield warning(
+                f"On {g.name} {_unknown(g)} runs have no answer (too many events). They are left out, and "
+                "a design is offered only if the verdict is the same whichever way they end."
+            )
+    yield from _unknown_in_search(design)
     if design.pendulum is not None and design.best is not None:
         yield from _at_bounds(design, design.best)
+
+
+def _unknown(g: Judged) -> str:
+    """Number of runs without an answer, and of all: bare and hung by both sets of equations."""
+    return f"{g.undecided} of {4 * g.motions * len(g.stripes)}"
+
+
+def _unknown_in_search(design: GroundDesign) -> Iterator[Note]:
+    found = design.searched
+    if found is not None and found.undecided.any():
+        yield warning(
+            f"In the search {int(found.undecided.sum())} of {len(found.value) * len(design.conditions)} runs "
+            f"have no answer (too many events), with {int((found.undecided > 0).sum())} of "
+            f"{len(found.value)} designs: their demand is that of the other runs."
+        )
 
 
 def _at_bounds(design: GroundDesign, best: np.ndarray) -> Iterator[Note]:
@@ -169,11 +198,17 @@ def _usage(design: GroundDesign) -> list[tuple[Cell, ...]]:
     if found is None or design.best is None:
         return []
     # The best design is one of those that were followed.
-    i = int(np.flatnonzero(np.all(found.designs == design.best, axis=1))[0])
-    remark = f"exceeded in at most {design.allowed:.0%} of the standing runs"
+    linear = found.sizes[int(np.flatnonzero(np.all(found.designs == design.best, axis=1))[0])]
+    used = linear if design.usage is None else design.usage
+    which = "linear equations" if design.usage is None else "nonlinear equations"
+    share = f"{which}, all but {design.allowed:.0%} of the standing runs"
     return [
-        (f"limit on the {name}", f"{x:.1%} used", remark if name != "thickness" else "half the rod's length")
-        for name, x in zip(design.names, found.sizes[i], strict=True)
+        (
+            f"limit on the {name}",
+            f"{x:.1%} used",
+            "half the rod's length" if name == THICKNESS else f"{share}; {y:.1%} by the linear ones",
+        )
+        for name, x, y in zip(design.names, used, linear, strict=True)
     ]
 
 
@@ -192,23 +227,26 @@ def _judged(design: GroundDesign) -> list[Block]:
         return []
     head = ("group", "motions", "earthquakes", "overturned without", "with it", "difference (95 %)")
     more = ("tilt/ν, difference (95 %)", "linear equations", "verdicts changed")
+    strikes = f"limits broken ({design.allowed:.0%} allowed)", "no answer"
     rows = tuple(_row(g) for g in design.judged)
     caption = (
         "Runs of the nonlinear equations, each motion at each intensity, without and with the pendulum on "
         "the same block with scattered properties. Intervals take the runs of one earthquake as one. Linear "
         "equations: difference of the share overturned. Verdicts changed: share of the runs in which both "
-        "sets of equations differ on overturning."
+        "sets of equations differ on overturning. Limits broken: share of the runs that stand, in brackets "
+        "by the linear equations. No answer: runs that met too many events, of both sets of "
+        "equations, bare and hung; all shares and means leave them out."
     )
     out: list[Block] = [
         *_figure(design, "groups.png", "Share of motions that overturn the block"),
-        Table((*head, *more), rows, caption),
+        Table((*head, *more, *strikes), rows, caption),
     ]
     if design.benefit is not None:
         b = design.benefit
         out.append(
             information(
-                f"Over all motions that were held out: {_interval(b.overturned)} of the runs overturned; the "
-                f"mean tilt over the slenderness changes by {_interval(b.tilt, share=False)}, which is "
+                f"Over all motions that were held out: {b.overturned.words()} of the runs overturned; the "
+                f"mean tilt over the slenderness changes by {b.tilt.words(share=False)}, which is "
                 f"{b.saved:.0%} less ({design.at_least:.0%} were asked for)."
             )
         )
@@ -218,17 +256,9 @@ def _judged(design: GroundDesign) -> list[Block]:
 def _row(g: Judged) -> tuple[Cell, ...]:
     role = g.name if g.role is Role.tuned or g.name == g.role.value else f"{g.name} (held out)"
     before, after = (f"{x:.1%}" for x in g.overturned)
-    sizes = _interval(g.difference), _interval(g.tilt, share=False), _interval(g.linear), f"{g.changed:.1%}"
-    return role, str(g.motions), str(g.events), before, after, *sizes
-
-
-def _interval(x: Interval, share: bool = True) -> str:
-    # Of a single earthquake nothing is known but the mean.
-    if math.isinf(x.low):
-        return f"{x.mean:+.1%} (unknown)" if share else f"{x.mean:+.3f} (unknown)"
-    if share:
-        return f"{x.mean:+.1%} ({x.low:+.1%} to {x.high:+.1%})"
-    return f"{x.mean:+.3f} ({x.low:+.3f} to {x.high:+.3f})"
+    sizes = g.difference.words(), g.tilt.words(share=False), g.linear.words(), f"{g.changed:.1%}"
+    strikes = f"{g.strikes:.1%} ({g.linear_strikes:.1%})", _unknown(g)
+    return role, str(g.motions), str(g.events), before, after, *sizes, *strikes
 
 
 def _parts(design: GroundDesign) -> list[Block]:
@@ -243,12 +273,15 @@ def _parts(design: GroundDesign) -> list[Block]:
         ("largest moment of the damper", f"{number(p.damper_moment)} N m"),
         ("largest power of the damper", f"{number(p.damper_power)} W"),
         ("largest rate between rod and block", f"{number(p.rate)} rad/s"),
-        ("largest angle between rod and block", f"{number(p.angle)} rad"),
+        (
+            "largest angle between rod and block",
+            f"{number(p.angle)} rad, by the nonlinear equations ({number(p.linear_angle)} rad by the linear)",
+        ),
     )
     caption = (
         f"Largest values over the {p.motions} motions with the largest angles in which the block stands, on "
-        "the nominal block; linear equations. Impacts of the block, and of the bob on a wall, are left out: "
-        "take a factor of safety."
+        "the nominal block; linear equations but for the angle, which is the largest of all motions. Impacts "
+        "of the block, and of the bob on a wall, are left out: take a factor of safety."
     )
     return [Table(("load", "value"), rows, caption)]
 
@@ -261,7 +294,7 @@ def _front(points: tuple[FrontPoint, ...]) -> list[Block]:
             f"{p.most:.0%}",
             None if p.design is None else "μ = {:.3g}, λ = {:.3g}, ζ = {:.2g}".format(*p.design),
             *(_median(x) for x in p.medians),
-            None if p.overturned is None else _interval(p.overturned),
+            None if p.overturned is None else p.overturned.words(),
         )
         for p in points
     )
@@ -269,6 +302,8 @@ def _front(points: tuple[FrontPoint, ...]) -> list[Block]:
     caption = (
         "Nonlinear equations, on the motions of the search: the front compares masses, and claims nothing."
     )
+    if unknown := sum(p.undecided for p in points):
+        caption += f" {unknown} runs without an answer are left out."
     name = "Median intensity that overturns the block, over the largest mass of the bob"
     return [Figure("front.png", name, f"{name}."), Table(head, rows, caption)]
 
@@ -288,7 +323,7 @@ def _search(design: GroundDesign) -> list[Block]:
     counts = (
         f"{len(found.value)} designs were followed under {n} motions each: {design.method.starts} over the "
         f"whole space, the others where the surface promised most. {int(found.feasible.sum())} keep to the "
-        "limits."
+        f"limits, {int(found.spares.sum())} with {SPARE:.0%} of each to spare, as the search asks for."
     )
     if design.method.derivatives:
         counts += f" Derivatives in {_known(design)} of them entered the surface; the others were chaotic."
@@ -338,7 +373,8 @@ def as_json(
     entries = {
         "version": GROUND_VERSION,
         "status": design.status.name,
-        "status_message": design.status.value,
+        "status_message": design.headline,
+        "reasons": list(design.reasons),
         "notes": list(notes(design)),
         "pendulum": hung,
         "hinge_damping_N_m_s_per_rad": None if hung is None else float(hung.hinge_damping(design.gravity)),
@@ -346,6 +382,7 @@ def as_json(
         "demand": {"best": design.value, "trend": design.trend, "bare": design.bare},
         "benefit": None if design.benefit is None else plain(design.benefit._asdict()),
         "groups": [_group(g) for g in design.judged],
+        "usage": None if design.usage is None else dict(zip(design.names, design.usage, strict=True)),
         "parts": design.parts,
         "front": list(points),
         "searched": None if found is None else found._asdict(),
@@ -363,28 +400,34 @@ def as_json(
 def _group(g: Judged) -> dict[str, Any]:
     names = ("name", "role", "motions", "events", "stripes", "overturned", "difference", "linear", "tilt")
     medians = [fit.median for fit in g.fits]
-    more = {"counts": list(g.counts), "strikes": g.strikes, "changed": g.changed, "undecided": g.undecided}
+    more = {
+        "counts": list(g.counts),
+        "unknown": list(g.unknown),
+        "strikes": g.strikes,
+        "linear_strikes": g.linear_strikes,
+        "changed": g.changed,
+        "undecided": g.undecided,
+    }
     return {**{name: getattr(g, name) for name in names}, **more, "medians": medians}
 
 
 def _designs(design: GroundDesign) -> str:
     found = design.searched
     assert found is not None
-    head = ("mu", "lam", "zeta", "demand", "overturned", *design.names)
-    rows = (
-        (*d, v, o, *s)
-        for d, v, o, s in zip(found.designs, found.value, found.overturned, found.sizes, strict=True)
-    )
+    head = ("mu", "lam", "zeta", "demand", "overturned", "undecided", *design.names)
+    columns = found.designs, found.value, found.overturned, found.undecided, found.sizes
+    rows = ((*d, v, o, int(u), *s) for d, v, o, u, s in zip(*columns, strict=True))
     return files.as_csv(head, rows)
 
 
 def _groups(design: GroundDesign) -> str:
     rows = (
-        (g.name, stripe, g.motions, int(g.counts[0][i]), int(g.counts[1][i]))
+        (g.name, stripe, g.motions, *(int(x[i]) for x in (*g.counts, *g.unknown)))
         for g in design.judged
         for i, stripe in enumerate(g.stripes)
     )
-    return files.as_csv(("group", "intensity", "motions", "overturned_bare", "overturned_hung"), rows)
+    head = ("group", "intensity", "motions", "overturned_bare", "overturned_hung")
+    return files.as_csv((*head, "undecided_bare", "undecided_hung"), rows)
 
 
 def _pictures(design: GroundDesign, points: tuple[FrontPoint, ...]) -> Iterator[tuple[str, bytes]]:

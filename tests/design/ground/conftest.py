@@ -21,5 +21,5 @@ def noise(seed: int, event: str = "", n: int = 300) -> tpd.Record:
 
 @pytest.fixture(scope="session")
 def records() -> list[tpd.Record]:
-    """Two records of each of six earthquakes."""
-    return [noise(seed, f"event {seed // 2}") for seed in range(12)]
+    """Two records of each of ten earthquakes."""
+    return [noise(seed, f"event {seed // 2}") for seed in range(20)]

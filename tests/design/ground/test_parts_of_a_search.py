@@ -10,9 +10,9 @@ import tpd
 from tests.design.ground.conftest import noise
 from tpd.analysis.probit import Lognormal
 from tpd.design.ground.demand import CappedTilt, Exceedance, Runs, share_beyond
+from tpd.design.ground.design import verdict_of
 from tpd.design.ground.groups import Role, events_of, grouped
 from tpd.design.ground.judgement import Changes, Interval, Judged, paired, student
-from tpd.design.ground.optimise import _verdict
 from tpd.design.ground.sizes import check_ground_limits
 from tpd.design.ground.surface import Observations, fit
 
@@ -93,7 +93,7 @@ def test_an_earthquake_is_on_one_side_only(records):
         assert held.role is Role.held_out
         assert not set(events_of(tuned.motions)) & set(events_of(held.motions))
         assert len(tuned.motions) + len(held.motions) == len(records)
-        assert len(held.motions) == 6
+        assert len(held.motions) == 10
     assert len(grouped(records, 0.0, 0)) == 1
     others = grouped(records[:4], {"others": records[2:8]}, 0)
     assert [m.name for m in others[1].motions] == [m.name for m in records[4:8]]
@@ -139,26 +139,31 @@ def test_the_verdict_follows_from_intervals_and_the_least_benefit():
             events=6,
             stripes=np.array([1.0, 2.0]),
             counts=(np.zeros(2), np.zeros(2)),
+            unknown=(np.zeros(2), np.zeros(2)),
             overturned=(0.5, 0.5 + change),
             difference=interval,
             linear=interval,
             tilt=interval,
             strikes=0.0,
+            linear_strikes=0.0,
             changed=0.0,
             undecided=0,
             fits=(none, none),
             runs=runs,
         )
 
+    def verdict(groups, at_least):
+        return verdict_of(groups, at_least, 0.1).status
+
     tuned, held = Role.tuned, Role.held_out
     good, harm = group(held, -0.2, -0.3, -0.1), group(held, 0.2, 0.1, 0.3)
-    assert _verdict((group(tuned, -0.2, -0.3, -0.1),), 0.1).name == "tuned_only"
-    assert _verdict((group(tuned, -0.2, -0.3, -0.1), good), 0.1).name == "found"
-    assert _verdict((group(tuned, -0.2, -0.3, -0.1), good), 0.5).name == "slight"
-    assert _verdict((group(tuned, -0.2, -0.3, -0.1), good, harm), 0.1).name == "harmful"
-    assert _verdict((group(tuned, 0.2, 0.1, 0.3), good), 0.1).name == "harmful"
+    assert verdict((group(tuned, -0.2, -0.3, -0.1),), 0.1).name == "tuned_only"
+    assert verdict((group(tuned, -0.2, -0.3, -0.1), good), 0.1).name == "found"
+    assert verdict((group(tuned, -0.2, -0.3, -0.1), good), 0.5).name == "slight"
+    assert verdict((group(tuned, -0.2, -0.3, -0.1), good, harm), 0.1).name == "harmful"
+    assert verdict((group(tuned, 0.2, 0.1, 0.3), good), 0.1).name == "harmful"
     nothing = group(held, 0.0, -0.1, 0.1)
-    assert _verdict((group(tuned, -0.2, -0.3, -0.1), nothing), 0.1).name == "unproven"
+    assert verdict((group(tuned, -0.2, -0.3, -0.1), nothing), 0.1).name == "unproven"
 
 
 def test_conditions_of_records_are_every_motion_at_every_scale(records):

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 
 class Runs(NamedTuple):
-    """Motions of m designs under n conditions: arrays (m, n), derivatives (m, n, 3) in (mu, lam, zeta)."""
+    """Motions of m designs under n conditions: arrays (m, n), derivatives (m, n, 3) in (mu, lam, zeta). All
+    sizes of an undecided run are NaN."""
 
     tilt: np.ndarray
     """Largest |phi| over the slenderness; infinite where the block overturns."""
@@ -31,12 +32,12 @@ class Runs(NamedTuple):
     """Largest |psi - phi|, rad; infinite where the block overturns."""
     overturned: np.ndarray
     undecided: np.ndarray
-    """Whether the bound on events ended a motion: what is not known counts as overturned."""
+    """Whether the bound on events or a failure of numbers ended the motion: it is neither a fall nor rest."""
     growing: np.ndarray
     """Size of the growing coordinate over the slenderness as the last arc begins: 0 on the border between
     falling back and overturning."""
     tilt_slope: np.ndarray
-    """NaN where the block overturns, or where derivatives were not asked for."""
+    """NaN where the block overturns, where nothing is known, or where derivatives were not asked for."""
     growing_slope: np.ndarray
     """NaN where the block does not overturn, or where derivatives were not asked for."""
 
@@ -44,12 +45,23 @@ class Runs(NamedTuple):
         """Runs of some of the designs."""
         return Runs(*(x[rows] for x in self))
 
+    def ended(self, bare: bool, hung: bool) -> Runs:
+        """Runs of a bare block, in the first row, and of a hung one, with an end for each that has none: an
+        overturning where the argument of its row is true, else rest."""
+        falls = self.undecided & np.array([[bare], [hung]])
+        size = np.where(falls, np.inf, 0.0)
+        tilt, swing, relative = (
+            np.where(self.undecided, size, x) for x in (self.tilt, self.swing, self.relative)
+        )
+        none, fell = np.zeros_like(self.undecided), self.overturned | falls
+        return self._replace(tilt=tilt, swing=swing, relative=relative, overturned=fell, undecided=none)
+
 
 class Demands(NamedTuple):
     """A demand on every run, and its derivatives; lower is better."""
 
     value: np.ndarray
-    """(m, n)"""
+    """(m, n), NaN where nothing is known of a run."""
     slope: np.ndarray
     """(m, n, 3)"""
 
@@ -93,7 +105,7 @@ class CappedTilt(RunDemand):
 
     def of(self, runs: Runs) -> Demands:
         """See `RunDemand`."""
-        inside = np.isfinite(runs.tilt)
+        inside, unknown = np.isfinite(runs.tilt), np.isnan(runs.tilt)
         # Without a cap the few runs that come close to the edge would outweigh all others.
         value = np.where(inside, np.minimum(runs.tilt, 1.0), 1.0)
         slope = np.where((inside & (runs.tilt < 1.0))[..., None], runs.tilt_slope, 0.0)
@@ -103,7 +115,7 @@ class CappedTilt(RunDemand):
             rate = self.beyond / (1.0 + far) ** 2 / (1.0 + np.where(inside, 0.0, runs.growing))
             value = value + self.beyond * far / (1.0 + far)
             slope = np.where(inside[..., None], slope, rate[..., None] * runs.growing_slope)
-        return Demands(value, slope)
+        return Demands(np.where(unknown, np.nan, value), np.where(unknown[..., None], np.nan, slope))
 
 
 @dataclass(frozen=True)
@@ -129,7 +141,9 @@ class Exceedance(RunDemand):
         density = np.exp(-0.5 * x**2) / math.sqrt(2.0 * math.pi)
         value = np.where(inside, _normal(x), np.where(np.isfinite(runs.tilt), 0.0, 1.0))
         by_tilt = np.where(inside, density / (self.width * tilt), 0.0)
-        return Demands(value, np.where(inside[..., None], by_tilt[..., None] * runs.tilt_slope, 0.0))
+        slope = np.where(inside[..., None], by_tilt[..., None] * runs.tilt_slope, 0.0)
+        unknown = np.isnan(runs.tilt)
+        return Demands(np.where(unknown, np.nan, value), np.where(unknown[..., None], np.nan, slope))
 
 
 @dataclass(frozen=True)

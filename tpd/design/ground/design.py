@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,9 +19,13 @@ from tpd.design.ground.search import Evaluated, GroundSearch
 from tpd.design.ground.surface import Surface
 from tpd.design.space import DesignSpace
 
+LEAST_EARTHQUAKES = 5
+"""Earthquakes that a design must be tuned to, and as many that it must be judged on, for a verdict: of fewer
+the spread between earthquakes is hardly known."""
+
 
 class GroundStatus(enum.Enum):
-    """Worth of the answer; the value is the sentence that a report opens with."""
+    """Worth of the answer; the value is a sentence on it without numbers, see `GroundDesign.headline`."""
 
     found = (
         "A PENDULUM WAS FOUND: on ground motions that it was not tuned to the block rocks less with it, and "
@@ -29,6 +34,18 @@ class GroundStatus(enum.Enum):
     tuned_only = (
         "A PENDULUM WAS TUNED TO THESE MOTIONS ALONE: there is no other earthquake to judge it on, so that "
         "nothing is claimed about the next."
+    )
+    strikes = (
+        "NO PENDULUM WORTH HANGING: on at least one group of ground motions a limit is broken in more of the "
+        "runs than allowed."
+    )
+    too_few = (
+        f"TOO FEW EARTHQUAKES TO JUDGE: a design must be tuned to {LEAST_EARTHQUAKES} and judged on as many "
+        "others; nothing is claimed."
+    )
+    undecided = (
+        "UNDECIDED: some runs have no answer, and the verdict hangs on how they would have ended; nothing is "
+        "claimed."
     )
     unproven = (
         "NO PENDULUM WORTH HANGING: on ground motions that the best design was not tuned to no benefit is "
@@ -43,7 +60,8 @@ class GroundStatus(enum.Enum):
         "motions."
     )
     no_improvement = (
-        "NO PENDULUM WORTH HANGING: no design in this space puts a smaller demand on the block than none."
+        "NO PENDULUM WORTH HANGING: the best design that keeps to the limits puts no smaller demand on the "
+        "block than none."
     )
     none_feasible = (
         "NO PENDULUM WORTH HANGING: no design that was followed keeps to the limits in the share of the runs "
@@ -56,6 +74,110 @@ class GroundStatus(enum.Enum):
     def is_sound(self) -> bool:
         """Whether the answer may be used: a design found and judged, or none needed."""
         return self in (GroundStatus.found, GroundStatus.no_uplift)
+
+
+class GroundVerdict(NamedTuple):
+    """Status of a design, and the reasons against it, the weightiest first."""
+
+    status: GroundStatus
+    reasons: tuple[str, ...]
+
+
+def verdict_of(judged: tuple[Judged, ...], at_least: float, allowed: float) -> GroundVerdict:
+    """Verdict on a design that was judged on the group it is tuned to, and on others.
+
+    Args:
+        judged: the groups.
+        at_least: least share by which the mean tilt must fall on motions held out.
+        allowed: share of the standing runs that may break a limit.
+
+    Returns:
+        A status that holds whichever way the runs without an answer would have ended, or `undecided`.
+    """
+    found, unknown = _known_verdict(judged, at_least, allowed), sum(g.undecided for g in judged)
+    if not unknown:
+        return found
+    ends = [
+        _known_verdict(tuple(g.ends[i] if g.ends else g for g in judged), at_least, allowed).status
+        for i in (0, 1)
+    ]
+    if ends == [found.status] * 2:
+        return found
+    total = sum(4 * g.motions * len(g.stripes) for g in judged)
+    hangs = (
+        f"{unknown} of the {total} runs of the judgement have no answer, and the verdict hangs on them: "
+        f"`{ends[0].name}` if they end against the pendulum, and `{ends[1].name}` if they end for it"
+    )
+    return GroundVerdict(GroundStatus.undecided, (hangs,))
+
+
+def _known_verdict(judged: tuple[Judged, ...], at_least: float, allowed: float) -> GroundVerdict:
+    """Verdict by the runs that have an answer."""
+    harms, strikes, others, benefit = [], [], [], benefit_of(judged)
+    # Harm on any group counts, also on motions that the design is tuned to.
+    for g in judged:
+        on = _where(g)
+        for change, by in ((g.difference, ""), (g.linear, " by the linear equations")):
+            if change.is_above:
+                harms.append(
+                    f"{on} the block overturns more often with the best design{by}, {change.words()}"
+                )
+        if g.tilt.is_above:
+            rise = g.tilt.words(share=False)
+            harms.append(f"{on} the mean tilt over the slenderness rises with the best design, {rise}")
+        if g.strikes > allowed:
+            strikes.append(
+                f"{on} a limit is broken in {g.strikes:.1%} of the runs in which the block stands, and "
+                f"{allowed:.1%} are allowed"
+            )
+    if benefit is not None and not harms:
+        if benefit.overturned.is_above:
+            harms.append(
+                f"over all motions held out the block overturns more often, {benefit.overturned.words()}"
+            )
+        if benefit.tilt.is_above:
+            harms.append(
+                f"over all motions held out the mean tilt rises by {benefit.tilt.words(share=False)}"
+            )
+    status, tuned, held = GroundStatus.found, *_earthquakes(judged)
+    if benefit is None:
+        status = GroundStatus.tuned_only
+    elif min(tuned, held) < LEAST_EARTHQUAKES:
+        status = GroundStatus.too_few
+        others.append(
+            f"of earthquakes it is tuned to {tuned} and judged on {held}, and {LEAST_EARTHQUAKES} on either "
+            "side are the least for a judgement"
+        )
+    elif not (benefit.tilt.is_below or benefit.overturned.is_below):
+        status = GroundStatus.unproven
+        others.append(
+            "on ground motions that the best design was not tuned to no benefit is significant, neither in "
+            f"the mean tilt over the slenderness, {benefit.tilt.words(share=False)}, nor in the share that "
+            f"overturns, {benefit.overturned.words()}"
+        )
+    elif benefit.saved < at_least:
+        # A benefit that is sure may still be too small for the work of hanging it.
+        status = GroundStatus.slight
+        others.append(
+            "on ground motions that the best design was not tuned to the mean tilt falls by "
+            f"{benefit.saved:.1%}, and {at_least:.1%} were asked for"
+        )
+    if harms or strikes:
+        status = GroundStatus.harmful if harms else GroundStatus.strikes
+    return GroundVerdict(status, (*harms, *strikes, *others))
+
+
+def _where(group: Judged) -> str:
+    """Words for where a group's runs are."""
+    if group.role is Role.tuned:
+        return "on the motions that it is tuned to"
+    return "on motions held out" if group.name == group.role.value else f"on {group.name} (held out)"
+
+
+def _earthquakes(judged: tuple[Judged, ...]) -> tuple[int, int]:
+    """Number of earthquakes that a design is tuned to, and of those that it is judged on."""
+    tuned, held = (sum(g.events for g in judged if g.role is role) for role in (Role.tuned, Role.held_out))
+    return tuned, held
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +200,8 @@ class GroundDesign:
     seed: int
     scatter: dict[str, float]
     status: GroundStatus
+    reasons: tuple[str, ...]
+    """Reasons against the best design, or for want of one; empty where it is offered."""
     pendulum: Pendulum | None
     """The design that is offered; None where none is."""
     best: np.ndarray | None
@@ -91,8 +215,18 @@ class GroundDesign:
     surface: Surface | None
     names: tuple[str, ...]
     """Limited quantities, the columns of `searched.sizes`."""
+    usage: np.ndarray | None
+    """These of the best design by the nonlinear equations, as `searched.sizes` has them by the linear ones;
+    None where nothing was judged."""
     judged: tuple[Judged, ...]
     parts: Parts | None
+
+    @property
+    def headline(self) -> str:
+        """Sentence that a report opens with: the verdict, and the reasons for it."""
+        if not self.reasons:
+            return self.status.value
+        return f"{self.status.value.partition(':')[0]}: {'; '.join(self.reasons)}."
 
     @property
     def benefit(self) -> Benefit | None:
@@ -105,7 +239,7 @@ class GroundDesign:
         return tuple(g for g in self.judged if g.role is Role.held_out)
 
     def __str__(self) -> str:
-        lines = [self.status.value]
+        lines = [self.headline]
         if self.pendulum is not None:
             p = self.pendulum
             damping = f"damping ratio {float(p.damping_ratio):.3g}"
@@ -115,6 +249,7 @@ class GroundDesign:
             d = g.difference
             lines.append(
                 f"  {g.name} ({g.motions} motions, {g.events} earthquakes): overturned {g.overturned[0]:.1%} "
-                f"without and {g.overturned[1]:.1%} with it, {d.mean:+.1%} ({d.low:+.1%} to {d.high:+.1%})"
+                f"without and {g.overturned[1]:.1%} with it, {d.words()}"
+                + (f"; {g.undecided} runs without an answer" if g.undecided else "")
             )
         return "\n".join(lines)

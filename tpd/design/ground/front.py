@@ -30,6 +30,8 @@ class FrontPoint:
     that the design is tuned to; infinite above the stripes."""
     overturned: Interval | None
     """Change of the share of the runs that overturn, with its interval."""
+    undecided: int = 0
+    """Runs without an answer, which the medians and the change leave out."""
 
 
 def front(
@@ -83,4 +85,4 @@ def _point(design: GroundDesign, share: float, method: GroundSearch) -> FrontPoi
     found = search.found.designs[best]
     judged = judge(objective, found, group, scales, scatter=design.scatter, seed=design.seed)
     medians = judged.fits[0].median, judged.fits[1].median
-    return FrontPoint(share, found, medians, judged.difference)
+    return FrontPoint(share, found, medians, judged.difference, judged.undecided)

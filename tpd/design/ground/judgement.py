@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
 from typing import NamedTuple
 
@@ -35,6 +35,14 @@ class Interval:
     mean: float
     low: float
     high: float
+
+    def words(self, share: bool = True) -> str:
+        """The mean and its interval, in per cent if it is a share."""
+        form = "{:+.1%}" if share else "{:+.3f}"
+        # Of a single earthquake nothing is known but the mean.
+        if math.isinf(self.low):
+            return f"{form.format(self.mean)} (unknown)"
+        return f"{form.format(self.mean)} ({form.format(self.low)} to {form.format(self.high)})"
 
     @property
     def is_below(self) -> bool:
@@ -80,8 +88,10 @@ class Judged:
     stripes: np.ndarray
     counts: tuple[np.ndarray, np.ndarray]
     """Motions that overturn the block at each stripe by the nonlinear equations, bare and hung."""
+    unknown: tuple[np.ndarray, np.ndarray]
+    """Motions without an answer at each stripe by these equations, bare and hung: they are in no count."""
     overturned: tuple[float, float]
-    """Their shares over all stripes, bare and hung."""
+    """Shares of the pairs with an answer that overturn, over all stripes, bare and hung."""
     difference: Interval
     """Share overturned with the pendulum minus that without, nonlinear equations."""
     linear: Interval
@@ -89,19 +99,30 @@ class Judged:
     tilt: Interval
     """Difference of the mean tilt over the slenderness, an overturning as 1; nonlinear equations."""
     strikes: float
-    """Share of the standing runs in which a limit is broken, linear equations."""
+    """Share of the standing runs in which a limit is broken; nonlinear equations."""
+    linear_strikes: float
+    """The same by the linear equations."""
     changed: float
     """Share of the runs whose verdict the nonlinear equations change."""
     undecided: int
+    """Runs without an answer, bare and hung, by both sets of equations: shares and means leave them out."""
     fits: tuple[Lognormal, Lognormal]
     """Curves of overturning, bare and hung."""
     runs: Changes
     """Changes of the single runs."""
+    ends: tuple[Judged, ...] = ()
+    """The group with each run without an answer ended against the pendulum, and with each ended for it; empty
+    where all runs have an answer."""
+
+    @property
+    def overturns_more(self) -> bool:
+        """Whether the pendulum makes the block overturn more often, significantly."""
+        return self.difference.is_above or self.linear.is_above
 
     @property
     def harms(self) -> bool:
         """Whether the pendulum makes the block overturn or tilt more, significantly."""
-        return self.difference.is_above or self.linear.is_above or self.tilt.is_above
+        return self.overturns_more or self.tilt.is_above
 
 
 def scatter_of(block: Block) -> dict[str, float]:
@@ -130,26 +151,67 @@ def judge(
     both = np.stack([[0.0, *design[1:]], design])
     linear = there.evaluate(both, progress=progress)
     nonlinear = there.check(both, progress=progress)
-    clusters = np.repeat(group.events, len(scales))
-    tilts = CappedTilt().of(nonlinear).value
-    changes = Changes(_change(nonlinear.overturned), _change(tilts), tilts[0], clusters)
+    found = _judged(there, both, group, scales, linear, nonlinear)
+    if not found.undecided:
+        return found
+    # Whatever the runs without an answer would have ended in lies between these two.
+    ends = []
+    for against in (True, False):
+        ended = (x.ended(bare=not against, hung=against) for x in (linear, nonlinear))
+        one = _judged(there, both, group, scales, *ended)
+        # A run that stands may break a limit, which would be against the pendulum as well.
+        stands, unknown = (
+            float(np.sum(~(nonlinear.overturned | nonlinear.undecided)[1])),
+            found.unknown[1].sum(),
+        )
+        broken = found.strikes * stands + (unknown if against else 0.0)
+        ends.append(replace(one, strikes=float(broken / max(stands + unknown, 1.0))))
+    return replace(found, ends=tuple(ends))
+
+
+def _judged(
+    objective: GroundObjective,
+    both: np.ndarray,
+    group: Group,
+    scales: Sequence[float],
+    linear: Runs,
+    nonlinear: Runs,
+) -> Judged:
+    """A group by its runs of the bare block and the hung one; pairs without an answer are left out."""
+    every = np.repeat(group.events, len(scales))
+    known, known_linear = (~x.undecided.any(axis=0) for x in (nonlinear, linear))
+    clusters = every[known]
+    fell, tilts = nonlinear.overturned[:, known], CappedTilt().of(nonlinear).value[:, known]
+    changes = Changes(_change(fell), _change(tilts), tilts[0], clusters)
+    both_known = known & known_linear
+    differs = (linear.overturned != nonlinear.overturned)[:, both_known]
+    per_stripe = [
+        x.reshape(-1, len(scales)).sum(axis=0) for x in (*nonlinear.overturned, *nonlinear.undecided)
+    ]
     return Judged(
         name=group.name,
         role=group.role,
         motions=len(group.motions),
-        events=int(group.events.max()) + 1,
+        events=len(np.unique(clusters)),
         stripes=np.asarray(scales, dtype=float),
-        counts=tuple(x.reshape(-1, len(scales)).sum(axis=0) for x in nonlinear.overturned),  # type: ignore[arg-type]
-        overturned=tuple(float(x) for x in nonlinear.overturned.mean(axis=1)),  # type: ignore[arg-type]
+        counts=(per_stripe[0], per_stripe[1]),
+        unknown=(per_stripe[2], per_stripe[3]),
+        overturned=(_mean(fell[0]), _mean(fell[1])),
         difference=paired(changes.overturned, clusters),
-        linear=paired(_change(linear.overturned), clusters),
+        linear=paired(_change(linear.overturned[:, known_linear]), every[known_linear]),
         tilt=paired(changes.tilt, clusters),
-        strikes=there.broken(linear.at(slice(1, 2)), both[1:]),
-        changed=float(np.mean(linear.overturned != nonlinear.overturned)),
+        strikes=objective.broken(nonlinear.at(slice(1, 2)), both[1:]),
+        linear_strikes=objective.broken(linear.at(slice(1, 2)), both[1:]),
+        changed=_mean(differs),
         undecided=int(linear.undecided.sum() + nonlinear.undecided.sum()),
-        fits=tuple(_fit(nonlinear, i, scales) for i in (0, 1)),  # type: ignore[arg-type]
+        fits=(_fit(nonlinear, 0, scales), _fit(nonlinear, 1, scales)),
         runs=changes,
     )
+
+
+def _mean(values: np.ndarray) -> float:
+    """Mean of all values; NaN of none."""
+    return float(np.mean(values)) if values.size else math.nan
 
 
 class Benefit(NamedTuple):
@@ -164,8 +226,8 @@ class Benefit(NamedTuple):
 
 
 def benefit_of(judged: Sequence[Judged]) -> Benefit | None:
-    """Benefit over all groups that were held out; None without any."""
-    held = [g.runs for g in judged if g.role is Role.held_out]
+    """Benefit over all groups that were held out; None without any pair of runs that has an answer."""
+    held = [g.runs for g in judged if g.role is Role.held_out and g.runs.tilt.size]
     if not held:
         return None
     whole = reduce(Changes.with_others, held)
@@ -179,19 +241,19 @@ def _change(pair: np.ndarray) -> np.ndarray:
 
 
 def _fit(runs: Runs, row: int, scales: Sequence[float]) -> Lognormal:
-    return fit_lognormal(np.asarray(scales, dtype=float), runs.overturned[row].reshape(-1, len(scales)) + 0.0)
+    hits = np.where(runs.undecided[row], np.nan, runs.overturned[row])
+    return fit_lognormal(np.asarray(scales, dtype=float), hits.reshape(-1, len(scales)))
 
 
 def paired(differences: np.ndarray, clusters: np.ndarray) -> Interval:
     """Mean of differences, and its interval with the variance between clusters. Of a single cluster nothing
-    is known: the interval is infinite."""
-    n, mean = len(differences), float(np.mean(differences))
-    # Within an earthquake the deviations add up, and only their sums are independent.
-    sums = np.bincount(clusters, differences - mean)
-    groups = len(sums)
+    is known: the interval is infinite; and without any difference the mean is NaN."""
+    n, mean, groups = len(differences), _mean(differences), len(np.unique(clusters))
     # One earthquake has no spread between earthquakes.
     if groups < 2:
         return Interval(mean, -math.inf, math.inf)
+    # Within an earthquake the deviations add up, and only their sums are independent.
+    sums = np.bincount(np.unique(clusters, return_inverse=True)[1], differences - mean)
     error = math.sqrt(groups / (groups - 1) * float(np.sum(sums**2))) / n
     width = student(groups - 1) * error
     # Shares and tilts over that of toppling lie between nought and one, so that changes end at one.

@@ -89,12 +89,12 @@ class GroundObjective:
         return self._runs(found, by, designs)
 
     def check(self, designs: np.ndarray, progress: Count | None = None) -> Runs:
-        """As `evaluate` by the nonlinear equations, without derivatives; angles between rod and block are not
-        known."""
+        """As `evaluate` by the nonlinear equations, without derivatives."""
         from tpd.models.compiled_nonlinear import shake_nonlinear
 
         which, free = self._shared(len(designs))
-        found, _ = shake_nonlinear(self.rows(designs)[0], self.pieces, which, free, progress=progress)
+        options: dict[str, Any] = {"max_events": MAX_EVENTS, "progress": progress}
+        found, _ = shake_nonlinear(self.rows(designs)[0], self.pieces, which, free, **options)
         return self._runs(found, None, designs)
 
     def sizes(self, runs: Runs, designs: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
@@ -139,11 +139,11 @@ class GroundObjective:
         n = len(self.conditions)
         shape = len(designs), n
         status, nu = found.status.reshape(shape).astype(int), self.geometry.slenderness[None, :]
-        undecided = (status == EVENT_BOUND) | (status == FAILED)
-        # What is not known must not look like standing.
-        fell = (status == OVERTURNED) | undecided
+        undecided, fell = (status == EVENT_BOUND) | (status == FAILED), status == OVERTURNED
+        # What is not known must look neither like standing nor like a fall.
         tilt, swing, relative = (
-            np.where(fell, np.inf, x.reshape(shape)) for x in (found.tilt, found.swing, found.relative)
+            np.where(undecided, np.nan, np.where(fell, np.inf, x.reshape(shape)))
+            for x in (found.tilt, found.swing, found.relative)
         )
         tilt_slope = growing_slope = np.full((*shape, 3), np.nan)
         growing = np.abs(found.growing).reshape(shape) / nu
@@ -152,6 +152,6 @@ class GroundObjective:
             chain = np.stack([c.column("mass"), c.column("length"), c.column("damping")], axis=1)
             by = by[:, :, :3].reshape(*shape, -1, 3) * chain[None, :, None, :] / nu[..., None, None]
             side = np.sign(found.growing).reshape(shape)[..., None]
-            tilt_slope = np.where(fell[..., None], np.nan, by[:, :, 0])
+            tilt_slope = np.where((fell | undecided)[..., None], np.nan, by[:, :, 0])
             growing_slope = np.where(fell[..., None], side * by[:, :, 7], np.nan)
         return Runs(tilt / nu, swing, relative, fell, undecided, growing, tilt_slope, growing_slope)

@@ -18,12 +18,12 @@ from tpd.core.progress import Progress, shown
 from tpd.core.scene import STANDARD_GRAVITY, Block, Pendulum, Scene
 from tpd.design.criteria import Limit, Mass, Risk, Room, Stroke, limit_of
 from tpd.design.ground.demand import CappedTilt, Demand
-from tpd.design.ground.design import GroundDesign, GroundStatus
+from tpd.design.ground.design import GroundDesign, GroundStatus, GroundVerdict, verdict_of
 from tpd.design.ground.groups import Group, grouped
-from tpd.design.ground.judgement import Judged, benefit_of, judge, scatter_of
+from tpd.design.ground.judgement import Judged, judge, scatter_of
 from tpd.design.ground.objective import GroundObjective
-from tpd.design.ground.parts import Parts, parts_of
-from tpd.design.ground.search import GroundSearch, Searcher
+from tpd.design.ground.parts import parts_of
+from tpd.design.ground.search import Evaluated, GroundSearch, Searcher, risk_of_known
 from tpd.design.ground.sizes import check_ground_limits
 from tpd.design.ground.store import Store
 from tpd.design.space import DesignSpace
@@ -99,7 +99,8 @@ def optimise_on_motions(
         demand: what is made small on every run; default `demands.CappedTilt()`.
         risk: over all runs; default `Risk.expected()`.
         limits: default the stroke and the room between the walls, both on the way and not only settled.
-        allowed: share of the runs in which the block stands that may break each limit.
+        allowed: share of the runs in which the block stands that may break a limit; the search keeps to it
+            for each limit, with some to spare, and the judgement for all limits together.
         method: how the space is searched.
         scatter: relative half widths of what is uncertain in the judgement; default
             `tpd.design.ground.judgement.scatter_of(block)`.
@@ -202,7 +203,7 @@ def solve(problem: GroundProblem, store: Store, report: Progress | None) -> Grou
     """Search, and judge the best design; see `optimise_on_motions`."""
     objective, demand, risk = problem.objective, problem.demand, problem.risk
     bare, demands = demand.follow(objective, np.array([[0.0, 1.0, 0.3]]))
-    demanded = float(risk.of(demands.value)[0])
+    demanded = float(risk_of_known(risk, demands.value)[0])
     search = Searcher(
         objective,
         demand,
@@ -214,19 +215,79 @@ def solve(problem: GroundProblem, store: Store, report: Progress | None) -> Grou
         None if report is None else partial(report, "search"),
     )
     # The closed form of uplift answers first: there may be nothing to search.
-    if not np.any(bare.tilt > 0.0):
-        return _answer(problem, search, demanded, GroundStatus.no_uplift, None)
+    if np.all(bare.tilt == 0.0):
+        return _answer(problem, search, demanded, GroundVerdict(GroundStatus.no_uplift, ()), None)
     search.run()
-    best = search.best()
-    if search.found is None or best is None:
-        status = GroundStatus.interrupted if search.interrupted else GroundStatus.none_feasible
-        return _answer(problem, search, demanded, status, None)
+    best, found = search.best(), search.found
     if search.interrupted:
-        return _answer(problem, search, demanded, GroundStatus.interrupted, best)
-    if not search.found.value[best] < demanded - _SLIGHT:
-        return _answer(problem, search, demanded, GroundStatus.no_improvement, best)
-    judged = tuple(_judged(problem, search.found.designs[best], group, report) for group in problem.groups)
-    return _answer(problem, search, demanded, _verdict(judged, problem.at_least), best, judged)
+        return _answer(problem, search, demanded, GroundVerdict(GroundStatus.interrupted, ()), best)
+    assert found is not None
+    if best is None:
+        return _answer(problem, search, demanded, _none_feasible(found, search.names), None)
+    if not found.value[best] < demanded - _SLIGHT:
+        _, again = demand.follow(objective, found.designs[best][None])
+        hangs = _hangs(risk, again.value[0], demands.value[0])
+        verdict = _unknown(hangs) if hangs else _no_improvement(found, search.names, best, demanded)
+        return _answer(problem, search, demanded, verdict, best)
+    judged = tuple(_judged(problem, found.designs[best], group, report) for group in problem.groups)
+    verdict = verdict_of(judged, problem.at_least, objective.allowed)
+    return _answer(problem, search, demanded, verdict, best, judged)
+
+
+def _none_feasible(found: Evaluated, names: tuple[str, ...]) -> GroundVerdict:
+    """Verdict where no design keeps to the limits: which limit stands against the nearest one."""
+    known = np.isfinite(found.value)
+    if not known.any():
+        return _unknown(int(found.undecided.sum()))
+    near = int(np.argmin(np.where(known, found.sizes.max(axis=1), np.inf)))
+    reason = (
+        f"of {len(known)} designs that were followed none keeps to the limits: {_over(found, names, near)}"
+    )
+    return GroundVerdict(GroundStatus.none_feasible, (reason + _left_out(found),))
+
+
+def _no_improvement(found: Evaluated, names: tuple[str, ...], best: int, bare: float) -> GroundVerdict:
+    """Verdict where the best design within the limits is no better than none."""
+    reason = (
+        f"of {int(found.feasible.sum())} designs that keep to the limits the best puts a demand of "
+        f"{found.value[best]:.4g} on the block, and without a pendulum it is {bare:.4g}"
+    )
+    # It would be false to say that none is better where the limits alone stand against some.
+    better = ~found.feasible & (found.value < bare - _SLIGHT)
+    if better.any():
+        near = int(np.argmin(np.where(better, found.sizes.max(axis=1), np.inf)))
+        reason += (
+            f"; {int(better.sum())} designs that break a limit put less on it: {_over(found, names, near)} "
+            f"for a demand of {found.value[near]:.4g}"
+        )
+    return GroundVerdict(GroundStatus.no_improvement, (reason + _left_out(found),))
+
+
+def _over(found: Evaluated, names: tuple[str, ...], i: int) -> str:
+    """Words for the limit that a design breaks by most."""
+    j = int(np.argmax(found.sizes[i]))
+    return f"the nearest needs {found.sizes[i, j]:.3g} times the limit on the {names[j]}"
+
+
+def _left_out(found: Evaluated) -> str:
+    """Words for the runs without an answer, if there are any."""
+    count = int(found.undecided.sum())
+    return f"; {count} runs without an answer are left out" if count else ""
+
+
+def _hangs(risk: Risk, with_it: np.ndarray, bare: np.ndarray) -> int:
+    """Runs without an answer on which it hangs that a design is no better than none; 0 if it does not."""
+    unknown = int(np.isnan(with_it).sum() + np.isnan(bare).sum())
+    # At best its runs end at rest, and those of the bare block as badly as any.
+    most = max(1.0, float(np.nanmax(np.concatenate([with_it, bare, [0.0]]))))
+    least = float(risk.of(np.nan_to_num(with_it, nan=0.0)))
+    return unknown if least < float(risk.of(np.nan_to_num(bare, nan=most))) - _SLIGHT else 0
+
+
+def _unknown(count: int) -> GroundVerdict:
+    """Verdict where the search itself hangs on runs without an answer."""
+    reason = f"{count} runs have no answer, and it hangs on them whether any design is better than none"
+    return GroundVerdict(GroundStatus.undecided, (reason,))
 
 
 def _judged(problem: GroundProblem, design: np.ndarray, group: Group, report: Progress | None) -> Judged:
@@ -242,35 +303,19 @@ def _judged(problem: GroundProblem, design: np.ndarray, group: Group, report: Pr
     )
 
 
-def _verdict(judged: tuple[Judged, ...], at_least: float) -> GroundStatus:
-    """Status of a design that was judged on the group it is tuned to, and others."""
-    # Harm on any group counts, also on motions that the design is tuned to.
-    if any(g.harms for g in judged):
-        return GroundStatus.harmful
-    benefit = benefit_of(judged)
-    if benefit is None:
-        return GroundStatus.tuned_only
-    helps = benefit.tilt.is_below or benefit.overturned.is_below
-    harms = benefit.tilt.is_above or benefit.overturned.is_above
-    # A benefit that is sure may still be too small for the work of hanging it.
-    if harms or not helps:
-        return GroundStatus.harmful if harms else GroundStatus.unproven
-    return GroundStatus.found if benefit.saved >= at_least else GroundStatus.slight
-
-
 def _answer(
     problem: GroundProblem,
     search: Searcher,
     bare: float,
-    status: GroundStatus,
+    verdict: GroundVerdict,
     best: int | None,
     judged: tuple[Judged, ...] = (),
 ) -> GroundDesign:
     objective, found = problem.objective, search.found
     design = None if best is None or found is None else found.designs[best]
-    value, trend, parts = np.nan, (np.nan, np.nan), None
+    value, trend, parts, usage = np.nan, (np.nan, np.nan), None, None
     # A design without a verdict is shown, but not offered.
-    offered = status in (GroundStatus.found, GroundStatus.tuned_only)
+    offered = verdict.status in (GroundStatus.found, GroundStatus.tuned_only)
     pendulum = None
     if design is not None and found is not None and best is not None and search.surface is not None:
         value = float(found.value[best])
@@ -278,7 +323,13 @@ def _answer(
         trend = float(mean[0]), float(deviation[0])
         hung = _pendulum(objective.block, design)
         pendulum = hung if offered else None
-        parts = _parts(objective, hung, design) if offered else None
+        if judged:
+            # What sizes a room is of the nonlinear equations.
+            nonlinear = objective.check(design[None])
+            usage = objective.sizes(nonlinear, design[None])[1][0]
+            parts = (
+                parts_of(objective, hung, objective.evaluate(design[None]), nonlinear) if offered else None
+            )
     return GroundDesign(
         block=objective.block,
         gravity=objective.gravity,
@@ -292,7 +343,8 @@ def _answer(
         method=problem.method,
         seed=problem.seed,
         scatter=dict(problem.scatter),
-        status=status,
+        status=verdict.status,
+        reasons=verdict.reasons,
         pendulum=pendulum,
         best=design,
         value=value,
@@ -301,6 +353,7 @@ def _answer(
         searched=found,
         surface=search.surface,
         names=search.names,
+        usage=usage,
         judged=judged,
         parts=parts,
     )
@@ -309,10 +362,6 @@ def _answer(
 def _pendulum(block: Block, design: np.ndarray) -> Pendulum:
     mu, lam, zeta = (float(x) for x in design)
     return Pendulum(mass=mu * float(block.mass), length=lam * float(block.half_height), damping_ratio=zeta)
-
-
-def _parts(objective: GroundObjective, pendulum: Pendulum, design: np.ndarray) -> Parts | None:
-    return parts_of(objective, pendulum, objective.evaluate(design[None]))
 
 
 def settings(design: GroundDesign) -> dict[str, Any]:

@@ -17,7 +17,8 @@ _MOTIONS = 24
 
 @dataclass(frozen=True, kw_only=True)
 class Parts:
-    """Largest loads over the motions in which the block stands; linear equations, impacts left out."""
+    """Largest loads over the motions in which the block stands; linear equations but for the angle, impacts
+    left out."""
 
     weight: float
     """Weight of the bob on the block's top, N."""
@@ -34,15 +35,19 @@ class Parts:
     rate: float
     """Largest angular rate between rod and block, rad/s."""
     angle: float
-    """Largest angle between rod and block, rad."""
+    """Largest angle between rod and block, rad, by the nonlinear equations: it sizes the room."""
+    linear_angle: float
+    """The same by the linear equations."""
     motions: int
     """Motions that were followed over time."""
 
 
-def parts_of(objective: GroundObjective, pendulum: Pendulum, runs: Runs) -> Parts | None:
-    """Loads on a pendulum whose runs, of one design, are known; None where the block stands in none."""
-    # A block that falls takes its pendulum along: loads are of those that stand.
-    relative = np.where(runs.overturned[0], -1.0, runs.relative[0])
+def parts_of(objective: GroundObjective, pendulum: Pendulum, runs: Runs, nonlinear: Runs) -> Parts | None:
+    """Loads on a pendulum whose runs, of one design, are known by both sets of equations; None where the
+    block stands in none."""
+    # A block that falls takes its pendulum along: loads are of those that stand, by both.
+    stands = np.isfinite(runs.relative[0]) & np.isfinite(nonlinear.relative[0])
+    relative = np.where(stands, runs.relative[0], -1.0)
     order = [int(i) for i in np.argsort(-relative, kind="stable")[:_MOTIONS] if relative[i] >= 0.0]
     if not order:
         return None
@@ -58,7 +63,8 @@ def parts_of(objective: GroundObjective, pendulum: Pendulum, runs: Runs) -> Part
         damper_moment=damper * rate,
         damper_power=damper * rate**2,
         rate=rate,
-        angle=float(relative[order[0]]),
+        angle=float(np.max(nonlinear.relative[0][np.isfinite(nonlinear.relative[0])])),
+        linear_angle=float(relative[order[0]]),
         motions=len(order),
     )
 

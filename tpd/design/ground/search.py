@@ -32,6 +32,9 @@ _TRIED = 8
 TOO_STEEP = 3.0
 """Derivative of a demand along the whole space, beyond which a run is chaotic: no demand goes through its
 range several times."""
+SPARE = 0.05
+"""Share of every limit that the search leaves free: other earthquakes and other blocks take more room than
+those that a design is tuned to, by which it would lie on its limits."""
 _CHAOTIC = 0.05
 """Weight of the chaotic runs beyond which the derivatives of a risk are not used."""
 
@@ -72,12 +75,23 @@ class Evaluated(NamedTuple):
     sizes: np.ndarray
     """Limited quantities over their limits, (m, sizes)."""
     overturned: np.ndarray
-    """Share of the runs that overturn the block, (m,)."""
+    """Share of the runs that overturn the block, of those with an answer, (m,)."""
+    undecided: np.ndarray
+    """Number of the runs without an answer, which value, sizes and share leave out, (m,)."""
 
     @property
     def feasible(self) -> np.ndarray:
-        """Whether each design is within its limits, (m,)."""
-        return np.all(self.sizes <= 1.0, axis=1)
+        """Whether each design is within its limits, (m,); one of which no run has an answer is not."""
+        return np.all(self.sizes <= 1.0, axis=1) & np.isfinite(self.value)
+
+    @property
+    def spares(self) -> np.ndarray:
+        """Whether each design is within its limits with `SPARE` to spare, (m,)."""
+        return self.feasible & np.all(self.sizes <= 1.0 - SPARE, axis=1)
+
+    def at(self, rows: np.ndarray) -> Evaluated:
+        """Some of the designs."""
+        return Evaluated(*(x[rows] for x in self))
 
     def with_one(self, other: Evaluated) -> Evaluated:
         """These and further ones."""
@@ -120,12 +134,14 @@ class Searcher:
         self._fit(full=True)
 
     def best(self) -> int | None:
-        """Index of the feasible design of least trend; None without any."""
+        """Index of the design of least trend of those that keep to their limits with some to spare, or of
+        those that keep to them; None without any."""
         if self.found is None or self.surface is None or not self.found.feasible.any():
             return None
         # The lowest value of many noisy ones is low by luck; the trend has averaged the luck out.
         trend, _ = self.surface.at(self.space.scaled(self.found.designs))
-        return int(np.argmin(np.where(self.found.feasible, trend, np.inf)))
+        allowed = self.found.spares if self.found.spares.any() else self.found.feasible
+        return int(np.argmin(np.where(allowed, trend, np.inf)))
 
     def _follow(self, i: int, unit: np.ndarray) -> None:
         """Follow the i-th design, unless it was followed before."""
@@ -151,8 +167,10 @@ class Searcher:
         runs, found = self.demand.follow(self.objective, designs, slopes=self._asks_derivatives)
         self.names, sizes = self.objective.sizes(runs, designs)
         slope, error = self._slopes(found)
-        share = runs.overturned.mean(axis=1)
-        return Evaluated(designs, self.risk.of(found.value), slope, error, sizes, share)
+        undecided = runs.undecided.sum(axis=1)
+        share = runs.overturned.sum(axis=1) / np.maximum(runs.overturned.shape[1] - undecided, 1)
+        value = risk_of_known(self.risk, found.value)
+        return Evaluated(designs, value, slope, error, sizes, share, undecided)
 
     def _slopes(self, found: Demands) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives of the risk along the shares of the space, and their standard errors over the motions;
@@ -165,13 +183,18 @@ class Searcher:
         kept = weights * np.where(sound, each, 0.0)
         slope = kept.sum(axis=1)
         error = np.sqrt(n / max(n - 1, 1) * np.sum((kept - slope[:, None] / n) ** 2, axis=1))
-        used = np.sum(weights * ~sound, axis=1) <= _CHAOTIC
+        # Of a run without an answer the weight is not known.
+        known = np.isfinite(found.value).all(axis=1, keepdims=True)
+        used = known & (np.sum(weights * ~sound, axis=1) <= _CHAOTIC)
         return np.where(used, slope, np.nan), np.where(used, error, np.nan)
 
     def _fit(self, full: bool) -> None:
         """Fit the surfaces of demand and limits to all that was followed."""
-        e = self.found
-        if e is None or len(e.value) < 4:
+        if self.found is None:
+            return
+        # A design of which no run has an answer says nothing.
+        e = self.found.at(np.isfinite(self.found.value))
+        if len(e.value) < 4:
             return
         at = self.space.scaled(e.designs)
         use = self.method.derivatives
@@ -180,8 +203,9 @@ class Searcher:
         steps = 150 if full else 15
         self.surface = fit(seen, self.seed, self.surface, steps)
         before = self.limits or [None] * e.sizes.shape[1]
+        over = np.maximum(e.sizes, _LEAST_SIZE) / (1.0 - SPARE)
         self.limits = [
-            fit(Observations(at, np.log(np.maximum(e.sizes[:, j], _LEAST_SIZE))), self.seed, before[j], steps)
+            fit(Observations(at, np.log(over[:, j])), self.seed, before[j], steps)
             for j in range(e.sizes.shape[1])
         ]
 
@@ -191,10 +215,12 @@ class Searcher:
         # The numbers of the process change little from one design to the next.
         self._fit(full=i % 8 == 0)
         surface, e = self.surface, self.found
-        assert surface is not None
         rng, d = np.random.default_rng([self.seed, 8, i]), len(self.space.names)
+        if surface is None:
+            # Too few designs have an answer yet: anywhere.
+            return rng.random(d)
         trend, _ = surface.at(self.space.scaled(e.designs))
-        ranked = np.argsort(np.where(e.feasible, trend, np.inf))[:4]
+        ranked = np.argsort(np.where(e.spares, trend, np.inf))[:4]
         # The surface is searched everywhere, and more closely where the best designs lie.
         near = self.space.scaled(e.designs[rng.choice(ranked, _NEAR)])
         # Of all widths, since nobody knows beforehand how far the best designs lie apart.
@@ -208,13 +234,19 @@ class Searcher:
         for limit in self.limits:
             middle, width = limit.at(x)
             likely *= _cdf(-middle / np.maximum(width, 1e-9))
-        if not e.feasible.any():
+        if not e.spares.any():
             # Nothing to improve on yet.
             return x[np.argmax(likely)]
         if i >= last:
             # At last the least of the trend itself.
             return x[np.argmin(np.where(likely > 0.5, mean, np.inf))]
         return x[np.argmax(likely * _improvement(float(trend[ranked[0]]) - mean, deviation))]
+
+
+def risk_of_known(risk: Risk, values: np.ndarray) -> np.ndarray:
+    """Risk of every row of demands over its runs with an answer; NaN where no run has one."""
+    known = ~np.isnan(values)
+    return np.array([float(risk.of(v[k])) if k.any() else np.nan for v, k in zip(values, known, strict=True)])
 
 
 def _weights(risk: Risk, values: np.ndarray) -> np.ndarray:

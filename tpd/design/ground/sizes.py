@@ -55,8 +55,8 @@ def quantile_sizes(
 
 
 def broken_share(runs: Runs, designs: np.ndarray, limits: tuple[Limit, ...], g: Geometry) -> float:
-    """Share of the runs of one design, in which the block stands, whose motion breaks a limit."""
-    stands = ~runs.overturned[0]
+    """Share of the runs of one design, in which the block is known to stand, whose motion breaks a limit."""
+    stands = ~(runs.overturned | runs.undecided)[0]
     broken = np.zeros(len(stands), dtype=bool)
     for limit in limits:
         for name, values in _sizes(limit, runs, designs, g):
@@ -66,7 +66,8 @@ def broken_share(runs: Runs, designs: np.ndarray, limits: tuple[Limit, ...], g: 
 
 
 def _sizes(limit: Limit, runs: Runs, designs: np.ndarray, g: Geometry) -> Iterator[tuple[str, np.ndarray]]:
-    """Names and values (m, n) of what a limit bounds, over the limit; infinite where the block overturns."""
+    """Names and values (m, n) of what a limit bounds, over the limit; infinite where the block overturns, NaN
+    where nothing is known."""
     rod, mass = g.rod(designs), g.mass(designs)
     # A bob beyond a right angle has passed there on its way.
     angle = np.minimum(runs.relative, 0.5 * np.pi)
