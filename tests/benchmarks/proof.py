@@ -51,7 +51,7 @@ GRID = 20
 """Designs on an edge of the grid."""
 
 SCENE = tpd.paper_scene()
-SLIM = replace(SCENE, block=replace(SCENE.block, width=0.08))
+SLIM = replace(SCENE, block=replace(SCENE.block, width=0.08, cavity_width=None))
 LESS = replace(SCENE, motion=replace(SCENE.motion, amplitude=0.012))
 SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.2), length_ratio=(0.1, 1.5), damping_ratio=(0.05, 0.4))
 SCATTER = tpd.Conditions.scatter(

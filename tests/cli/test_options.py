@@ -127,7 +127,7 @@ def test_the_help_lists_the_commands_and_explains_the_exit_statuses(capsys):
         (("optimise", "--help"), ("0 a pendulum is offered", "3 no pendulum to rely on", "130 interrupted")),
         (
             ("check", "--help"),
-            ("0 the nonlinear equations confirm it, it helps and it fits", "3 one of these"),
+            ("asks of its designs: the same conditions", "0 it helps and it fits", "3 one of these"),
         ),
     ):
         with pytest.raises(SystemExit):
