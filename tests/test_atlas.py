@@ -668,9 +668,10 @@ def dimensionless(size: float, mass: float) -> tuple[float, ...]:
 
 
 @pytest.mark.parametrize("height", [1e-3, 1e-1, 1e3], ids="{:g} m".format)
-@pytest.mark.parametrize("mass", [1e-6, 1e9], ids="{:g} kg".format)
-def test_neither_millimetres_nor_kilometres_change_a_dimensionless_answer(height, mass):
-    x, usual = dimensionless(height / 0.4, mass), dimensionless(1.0, 16.2)
+@pytest.mark.parametrize("density", [20.0, 5e5], ids="{:g} kg per m3".format)
+def test_neither_millimetres_nor_kilometres_change_a_dimensionless_answer(height, density):
+    x = dimensionless(height / 0.4, density * height**3 / 16.0)
+    usual = dimensionless(1.0, 16.2)
     np.testing.assert_allclose(x, usual, rtol=1e-14)
     answer, expected = exact(x), exact(usual)
     assert answer.status == expected.status == "rocking"

@@ -74,7 +74,9 @@ def test_where_the_nonlinear_equations_refuse_the_search_goes_on_with_them(one):
     assert first.source == "search"
     assert {reason.step for reason in first.reasons} == {Step.nonlinear}
     # The nonlinear optimum is fragile: shakings within 1 % overturn the block. A neighbour of it stands.
-    optimum, winner = one.verified[1:]
+    # How many are tried before it depends on the last digit.
+    optimum, *others, winner = one.verified[1:]
+    assert all(other.reasons for other in others)
     assert optimum.source == "nonlinear search"
     assert optimum.value == pytest.approx(0.24279, abs=2e-4)
     assert {reason.step for reason in optimum.reasons} == {Step.neighbours}
@@ -329,9 +331,6 @@ def test_an_interrupted_search_goes_on_and_comes_to_the_same(several, tmp_path):
     for other in ({"seed": 1}, {"method": tpd.Descent("adam")}, {"risk": tpd.Risk.expected()}):
         with pytest.raises(ValueError, match="holds searches of another problem"):
             tpd.optimise(SCENE, WIDE, checkpoint=place, **(SEVERAL | other))
-    place.write_bytes(b"not a file of arrays")
-    with pytest.raises(ValueError, match="it holds no finished searches"):
-        tpd.optimise(SCENE, WIDE, checkpoint=place, **SEVERAL)
 
 
 def test_an_interruption_before_anything_is_known():

@@ -84,7 +84,7 @@ def random_scene(rng: np.random.Generator) -> tuple[tpd.Block, tpd.Pendulum | No
     pendulum = tpd.Pendulum(
         mass=1000.0 * 10.0 ** rng.uniform(-3.0, -0.3),
         length=0.5 * height * 10.0 ** rng.uniform(-1.5, 0.3),
-        damping_ratio=float(rng.choice([0.0, 0.02, 0.1, 0.6, 1.0, 5.0])),
+        damping_ratio=float(rng.choice([0.0, 0.02, 0.1, 0.6, 1.0, 2.0])),
     )
     return block, pendulum if rng.random() < 0.8 else None, GRAVITY / slenderness
 

@@ -32,13 +32,14 @@ _TERMS = 1.0 / (np.arange(1.0, 17.0) * np.arange(2.0, 18.0))
 """1/((k + 1)(k + 2)) for k from 0 on."""
 
 _FIELDS = (
-    "nu mu lam zeta k f xi e up weight bias m11 m12 m21 m22 c1 c2 s1 s2 p q held_p held_q "
+    "nu mu lam zeta k f xi e slack up weight bias m11 m12 m21 m22 c1 c2 s1 s2 p q held_p held_q "
     "a0 a1 a2 a3 al0 al1 al2 al3 b0 b1 b2 b3 bl0 bl1 bl2 bl3 "
     "tilt_sin tilt_cos bob_sin bob_cos tilt_lag_sin tilt_lag_cos bob_lag_sin bob_lag_cos "
     "swing_sin swing_cos swing_lag_sin swing_lag_cos"
 )
 """Numbers that do not change from arc to arc; see `tpd.exact.modes.Plant`. a and b are the shapes of modes
-s1 and s2, al and bl their left vectors."""
+s1 and s2, al and bl their left vectors. A held block is let go where the moment on it exceeds what holds it
+by more than the slack: 0 under a harmonic."""
 PLANT = np.dtype([(name, np.float64) for name in _FIELDS.split()])
 COMPLEX_PLANT = np.dtype([(name, np.complex128) for name in _FIELDS.split()])
 # Records, because Numba passes a record on as one address, and a tuple as all its numbers.
@@ -236,7 +237,7 @@ def fill(q, nu, mu, lam, zeta, k, f, xi, rho, e):
     c1, c2, up = mu * lam * hinge, hinge, 1.0 + 2.0 * mu
     a4, a3 = lam * rho * d, hinge * (d + mu * rho * (2.0 - lam) * (2.0 - lam))
     a2, a1, a0 = m11 - up * lam * rho, -hinge * (up - mu * lam), -up
-    q.nu, q.mu, q.lam, q.zeta, q.k, q.f, q.xi, q.e = nu, mu, lam, zeta, k, f, xi, e
+    q.nu, q.mu, q.lam, q.zeta, q.k, q.f, q.xi, q.e, q.slack = nu, mu, lam, zeta, k, f, xi, e, 0.0 * k
     q.up, q.weight, q.bias = up, (1.0 + mu) * nu, mu * hinge * (lam - 2.0)
     q.s1, q.s2, q.p, q.q = _roots(a4, a3, a2, a1, a0)
     q.held_p, q.held_q = c2 / m22, 1.0 / m22

@@ -29,7 +29,6 @@ from tpd.exact.event_search import (
     GONE,
     LONGEST,
     LOOKS,
-    SLACK,
     SMALL,
     next_event,
     room,
@@ -85,8 +84,8 @@ def decide(q, y, tilt, way, sine, mode):
     """Put the mode of a state into `mode`; `tilt` and `way` are the signs of phi and phi', zero included, and
     `sine` is the forcing over its full size. See `tpd.exact.arc.classify`."""
     held, side = moment(q, y[0], y[1], y[3], sine), (1.0 if tilt == 0.0 else tilt)
-    other, slack = (-1.0 if tilt == 0.0 else tilt), SLACK * (q.k + q.weight)
-    put_mode(held - side * q.weight, held - other * q.weight, q.k + slack, tilt, way, mode)
+    other = -1.0 if tilt == 0.0 else tilt
+    put_mode(held - side * q.weight, held - other * q.weight, q.k + q.slack, tilt, way, mode)
 
 
 @compiled

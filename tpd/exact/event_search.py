@@ -41,9 +41,6 @@ _TWICE = 1.0 / 24.0
 """It differs by at most _TWICE B d^4 s^2."""
 _CURVED = math.sqrt(3.0) / 216.0
 """The slope of the cubic differs from that of the signal by at most this times B d^3."""
-SLACK = 4e-15
-"""Share of what holds a block by which the moment on it must exceed that: less is rounding, and a block whose
-release and whose rest are decided by rounding would be released again and again."""
 
 
 @compiled
@@ -129,7 +126,7 @@ def watch_block(q, arc, mode, forcing, w):
         return True
     pull, stuck = _excess(q, arc, forcing), mode[0] == STICK
     level = q.up * arc.tilt.constant - (mode[1] * q.weight if stuck else 0.0)
-    hold = q.k + (0.0 if stuck else q.weight) + SLACK * (q.k + q.weight)
+    hold = q.k + (0.0 if stuck else q.weight) + q.slack
     below = _scaled(-1.0, pull)
     _watch(w, FIRST, Signal(hold - level + below.constant, *below[1:]), arc)
     _watch(w, SECOND, Signal(hold + level + pull.constant, *pull[1:]), arc)
@@ -245,7 +242,8 @@ def _at_once(count, second, since, t, g, v):
     for i in range(count):
         if (i != SECOND or second) and g[i] <= 0.0:
             if v[i] < 0.0:
-                return i, max(since, t - g[i] / v[i])
+                at = t - g[i] / v[i]
+                return i, (at if at >= since else t)
             # It rises: less than zero it is by rounding only.
             g[i] = 0.0
     return END, t

@@ -225,7 +225,7 @@ def resolved_path(half: Half, orbit: Orbit) -> tuple[Path, Bool[Array, ""]]:
 
 
 def _with_peak(seen: _Seen, size: Number, *, late: bool) -> _Seen:
-    """What is seen with |psi| at the end of an arc."""
+    """Extremes seen so far, and |psi| at the end of an arc."""
     corner = Peak(size, jnp.ones_like(size), jnp.full(size.shape, late), size)
     bob, left = _ranked(seen.bob, corner)
     left = jnp.where(jnp.isfinite(left.size), left.most, -jnp.inf)

@@ -76,6 +76,9 @@ _ROUNDING = 1e-15
 _REACH = 8.0
 """Longest arc, over the quickest time scale of the motion."""
 _FOREVER = 1e6
+_SLACK = 4e-15
+"""Share of what holds a block by which the moment on it must exceed that: less is rounding, and records often
+balance a block to the last digit, so that it would be let go and held again and again."""
 _LOSSLESS = 1.0 - 1e-4
 """Velocity ratio from which on a rattle takes so many impacts that it may exhaust the bound on events."""
 _LAST = 10
@@ -344,6 +347,7 @@ def follow(x, q, c, n, y, free, rest_rate, max_events, brief, tally, legs, mode)
     the base acceleration over that of gravity and h the duration of a piece. If `brief`, the free motion ends
     as soon as it cannot tilt the block further. Return the status."""
     plant(x, q)
+    q.slack = _SLACK * (q.k + q.weight)
     start, quick, most = y.copy(), rest_rate, max_events
     while True:
         status = _follow(q, c, n, y, free, quick, most, brief, tally, legs, mode)

@@ -191,8 +191,3 @@ def test_limits_of_settled_motions_are_refused():
     assert len(check_ground_limits((tpd.limits.Room(), tpd.limits.Stroke()))) == 2
     with pytest.raises(ValueError, match="limits"):
         check_ground_limits((tpd.limits.Reserve(),))
-
-
-def test_equal_records_have_their_own_events():
-    twice = [noise(1), noise(1)]
-    assert len(set(events_of(twice))) == 2
