@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from tpd.analysis.ensemble import Ensemble, outcomes
-from tpd.analysis.outcomes import Outcomes
+from tpd.analysis.outcomes import UNDECIDED_ROW, Outcomes
 from tpd.core.cluster import Cluster
 from tpd.core.conditions import Conditions
 from tpd.core.equations import Terms
@@ -41,13 +41,26 @@ class Verdict(Printed):
 
     @property
     def worse(self) -> int:
-        """Number of runs that overturn with the pendulum only."""
-        return int(np.sum(self.hung.lost & ~self.bare.lost))
+        """Number of runs that overturn with the pendulum only, of those with both answers."""
+        return int(np.sum((self.hung.lost & ~self.bare.lost)[self.known]))
 
     @property
     def better(self) -> int:
-        """Number of runs that overturn without the pendulum only."""
-        return int(np.sum(self.bare.lost & ~self.hung.lost))
+        """Number of runs that overturn without the pendulum only, of those with both answers."""
+        return int(np.sum((self.bare.lost & ~self.hung.lost)[self.known]))
+
+    @property
+    def known(self) -> np.ndarray:
+        """Whether a run has an answer with the pendulum and without, shape (runs,)."""
+        return ~(self.hung.undecided | self.bare.undecided)
+
+    @property
+    def ends(self) -> tuple[Verdict, Verdict]:
+        """The runs with each that has no answer ended against the pendulum, and with each ended for it."""
+        against, favour = (
+            Verdict(hung=self.hung.ended(falls), bare=self.bare.ended(not falls)) for falls in (True, False)
+        )
+        return against, favour
 
     @property
     def chance(self) -> float:
@@ -60,11 +73,18 @@ class Verdict(Printed):
         return self.worse > self.better and self.chance < SIGNIFICANT
 
     @property
+    def undecided(self) -> tuple[int, int]:
+        """Numbers of runs without an answer, with the pendulum and without."""
+        return int(self.hung.undecided.sum()), int(self.bare.undecided.sum())
+
+    @property
     def objection(self) -> str:
-        """Sentence about the runs that overturn with one of the two only."""
+        """Sentence about the runs that overturn with one of the two only, and those without an answer."""
+        hung, bare = self.undecided
+        unknown = f"; {hung} with the pendulum and {bare} without it have no answer" if hung or bare else ""
         return (
             f"{self.worse} of {len(self.hung.status)} runs of the ensemble overturn with the pendulum only, "
-            f"{self.better} without it only (chance of that by luck: {self.chance:.2g})"
+            f"{self.better} without it only (chance of that by luck: {self.chance:.2g}){unknown}"
         )
 
     @property
@@ -91,6 +111,8 @@ class Verdict(Printed):
         lines = [f"{self.equations + ' equations':36}{'with pendulum':>26}{'without':>26}"]
         for (name, hung), (_, bare) in zip(self.hung.rows(), self.bare.rows(), strict=True):
             lines.append(f"{name:36}{hung:>26}{'' if name.startswith('bob') else bare:>26}".rstrip())
+        if any(self.undecided):
+            lines.append(f"{UNDECIDED_ROW:36}{self.undecided[0]:>26}{self.undecided[1]:>26}")
         return "\n".join(lines)
 
     def __str__(self) -> str:
