@@ -4,7 +4,6 @@ both under other models of the block's losses."""
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -152,7 +151,7 @@ def _hanging(
     # A run that stands may strike, which is against the pendulum as well.
     strikes = (v.strikes * stands + np.array([unknown, 0])) / max(stands + unknown, 1)
     for found, gain, struck in zip(v.paired.ends, v.benefit.ends, strikes, strict=True):
-        end: Any = SimpleNamespace(paired=found, benefit=gain, strikes=float(struck))
+        end = replace(v, paired=found, benefit=gain, strikes=float(struck))
         verdicts.add(bool(reasons_by_runs(end, worth, conditions)))
     if len(verdicts) == 1:
         return ()

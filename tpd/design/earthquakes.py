@@ -31,7 +31,7 @@ class Earthquakes:
     """Largest angle between rod and block, rad, by the nonlinear equations: it sizes the room. Infinite after
     an overturning, NaN where nothing is known."""
     linear_relative: np.ndarray | None
-    """The same by the linear equations."""
+    """This angle by the linear equations."""
     nonlinear: tuple[np.ndarray, np.ndarray | None]
     """Whether the nonlinear equations overturn the block, bare and with the pendulum."""
     unknown: tuple[np.ndarray, np.ndarray | None]
@@ -82,7 +82,7 @@ def shaken(
             )
             into.append(found)
     tilts = [np.where(o.undecided, np.nan, o.tilt)[:, 0] / nu for o in exact]
-    fallen, unknown = ([x[:, 0] for x in of] for of in zip(*((o.overturned, o.undecided) for o in checked)))
+    fallen, unknown = [o.overturned[:, 0] for o in checked], [o.undecided[:, 0] for o in checked]
     angles = [np.where(o.undecided, np.nan, o.relative)[:, 0] for o in (exact[-1], checked[-1])]
     return Earthquakes(
         sources=tuple(sources),

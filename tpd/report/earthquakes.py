@@ -41,20 +41,12 @@ def notes(found: Earthquakes | None) -> list[Note]:
     # Of a run without an answer nobody knows that the block stands.
     worse = np.isinf(found.hung) & np.isfinite(found.bare)
     if worse.any():
-        names = _listed(found, worse)
-        out.append(
-            danger(
-                f"With the pendulum {worse.sum()} of the records overturn a block that stands without: {names}."
-            )
-        )
+        which = f"overturn a block that stands without: {_listed(found, worse)}"
+        out.append(danger(f"With the pendulum {worse.sum()} of the records {which}."))
     open_runs = np.isnan(found.hung)
     if open_runs.any():
-        names = _listed(found, open_runs)
-        out.append(
-            warning(
-                f"Whether {open_runs.sum()} of the records overturn the block with it is unknown: {names}."
-            )
-        )
+        which = f"overturn the block with the pendulum: {_listed(found, open_runs)}"
+        out.append(warning(f"It is not known whether {open_runs.sum()} of the records {which}."))
     return out
 
 
@@ -104,6 +96,6 @@ def _undecided(found: Earthquakes) -> str:
     if not linear + nonlinear:
         return ""
     return (
-        f" No answer, and in no count: {linear} runs of the linear and {nonlinear} of the nonlinear equations, "
-        "bare and hung."
+        f" Without an answer, and in no count: {linear} runs of the linear equations and {nonlinear} of the "
+        "nonlinear ones, bare and hung."
     )

@@ -37,7 +37,7 @@ class Parts:
     angle: float
     """Largest angle between rod and block, rad, by the nonlinear equations: it sizes the room."""
     linear_angle: float
-    """The same by the linear equations."""
+    """This angle by the linear equations."""
     motions: int
     """Motions that were followed over time."""
 
