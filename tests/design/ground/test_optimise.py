@@ -9,8 +9,8 @@ import pytest
 import tpd
 from tests.design.ground.conftest import BLOCK
 from tpd.cli import main
-from tpd.design.ground import objective
-from tpd.design.ground.design import LEAST_EARTHQUAKES, GroundStatus, verdict_of
+from tpd.design.ground import design, objective
+from tpd.design.ground.design import GroundStatus
 from tpd.design.ground.front import FrontPoint, front
 from tpd.design.ground.groups import Role
 from tpd.design.ground.judgement import Interval
@@ -125,7 +125,7 @@ def test_too_few_earthquakes_are_no_judgement():
     assert answer.pendulum is None
     headline = text(content(answer)).splitlines()[0]
     assert headline.startswith("TOO FEW EARTHQUAKES TO JUDGE: the best design is tuned to 1 and judged on 2")
-    assert f"{LEAST_EARTHQUAKES} earthquakes on either side" in headline
+    assert f"{design.LEAST_EARTHQUAKES} earthquakes on either side" in headline
 
 
 @pytest.mark.mends("the headline said that no design helps where the limits alone stood against some")
@@ -186,9 +186,9 @@ def test_a_verdict_that_hangs_on_runs_without_an_answer_is_refused(records, monk
 def test_a_few_runs_without_an_answer_leave_a_verdict_that_does_not_hang_on_them(found):
     """Each group with its runs ended either way is the group itself: the verdict holds."""
     judged = tuple(dataclasses.replace(g, undecided=1, ends=(g, g)) for g in found.judged)
-    assert verdict_of(judged, found.at_least, found.allowed).status is found.status
+    assert design.verdict_of(judged, found.at_least, found.allowed).status is found.status
     worse = dataclasses.replace(judged[1], ends=(dataclasses.replace(judged[1], strikes=0.5), judged[1]))
-    status, reasons = verdict_of((judged[0], worse), found.at_least, found.allowed)
+    status, reasons = design.verdict_of((judged[0], worse), found.at_least, found.allowed)
     assert status is GroundStatus.undecided
     assert reasons == (
         "2 of the 240 runs of the judgement have no answer, and the verdict hangs on them: `strikes` if they "
