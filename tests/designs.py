@@ -363,7 +363,9 @@ def earthquakes(**changes) -> Earthquakes:
         "bare": np.array([np.inf, np.inf, 0.25]),
         "hung": np.array([0.5, np.inf, np.nan]),
         "relative": np.array([0.3, np.inf, np.nan]),
+        "linear_relative": np.array([0.25, np.inf, np.nan]),
         "nonlinear": (np.array([True, True, False]), np.array([True, True, False])),
+        "unknown": (np.array([False, False, False]), np.array([False, False, True])),
     }
     return Earthquakes(**(values | changes))
 

@@ -14,11 +14,11 @@ NU = 0.25
 
 
 def runs(tilt) -> Outcomes:
-    """Runs of these settled tilts over nu: 0 is rest, infinity an overturning, NaN a failure."""
+    """Runs of these settled tilts over nu: 0 is rest, infinity an overturning, NaN no answer."""
     tilt = np.asarray(tilt, dtype=float)
     status = np.where(np.isinf(tilt), "overturned", np.where(tilt == 0.0, "rest", "rocking"))
     status = np.where(np.isnan(tilt), "failed", status)
-    angle = np.where(np.isfinite(tilt), tilt * NU, np.inf)
+    angle = tilt * NU
     zero = np.zeros_like(tilt)
     return Outcomes(
         ensemble=Ensemble(size=len(tilt)), status=status, peak=angle, amplitude=angle, peak_stroke=zero,
@@ -31,9 +31,9 @@ def compared(hung, bare, condition=None, **more) -> Benefit:
     return benefit_of(Verdict(hung=runs(hung), bare=runs(bare)), NU, condition, **more)
 
 
-def test_severity_is_the_tilt_over_nu_and_one_where_the_block_is_lost():
+def test_severity_is_the_tilt_over_nu_and_one_where_the_block_overturns():
     found = severity(runs([0.0, 0.3, 1.4, np.inf, np.nan]), NU)
-    np.testing.assert_allclose(found, [0.0, 0.3, 1.0, 1.0, 1.0], rtol=1e-15)
+    np.testing.assert_allclose(found, [0.0, 0.3, 1.0, 1.0, np.nan], rtol=1e-15)
     odd = dataclasses.replace(runs([0.3]), amplitude=np.array([np.nan]))
     assert severity(odd, NU).tolist() == [1.0]
 
@@ -104,14 +104,47 @@ def test_resamples_are_seeded():
         ([0.0] * 8, [0.4] * 8, 1.0),
         ([0.4] * 8, [0.0] * 8, -20.0),
         ([np.inf] * 8, [0.5] * 8, -1.0),
-        ([np.nan] * 8, [np.nan] * 8, 0.0),
     ],
-    ids=["all rest", "all lost", "none lost", "all to rest", "none to rest", "all to lost", "all fail"],
+    ids=["all rest", "all lost", "none lost", "all to rest", "none to rest", "all to lost"],
 )
 def test_runs_that_end_alike_have_a_benefit_that_is_a_number(hung, bare, value):
     found = compared(hung, bare)
     assert (found.value, found.low, found.high) == (value, value, value)
     assert all(np.isfinite([c.with_it, c.without, c.low, c.high]).all() for c in found.changes)
+
+
+@pytest.mark.mends("runs without an answer counted as overturned, or by the tilt of their last period")
+def test_runs_without_an_answer_are_left_out_and_counted():
+    hung, bare = [0.1, np.nan, 0.1, np.nan, 0.2], [0.4, 0.4, np.nan, np.nan, np.inf]
+    for name in ("failed", "event_bound"):
+        pair = Verdict(hung=runs(hung), bare=runs(bare))
+        unknown = [np.where(x.status == "failed", name, x.status) for x in (pair.hung, pair.bare)]
+        pair = Verdict(
+            hung=dataclasses.replace(pair.hung, status=unknown[0], amplitude=np.full(5, 0.1 * NU)),
+            bare=dataclasses.replace(pair.bare, status=unknown[1]),
+        )
+        pair.hung.amplitude[4] = 0.2 * NU
+        found = benefit_of(pair, NU, np.array([0, 0, 0, 0, 1]))
+        # Two pairs are left: 0.1 and 0.2 with the pendulum, 0.4 and 1 without.
+        assert found.value == pytest.approx(1.0 - 0.3 / 1.4)
+        assert (found.runs, found.undecided) == (2, 3)
+        assert (pair.worse, pair.better) == (0, 1)
+        assert pair.hung.overturned.value == 0.0
+        against, favour = found.ends
+        assert against.value == pytest.approx(
+            1.0 - (0.1 + 1.0 + 0.1 + 1.0 + 0.2) / (0.4 + 0.4 + 0.0 + 0.0 + 1.0)
+        )
+        assert favour.value == pytest.approx(
+            1.0 - (0.1 + 0.0 + 0.1 + 0.0 + 0.2) / (0.4 + 0.4 + 1.0 + 1.0 + 1.0)
+        )
+
+
+def test_a_benefit_of_nothing_but_runs_without_an_answer_is_unknown():
+    found = compared([np.nan] * 4, [0.3] * 4)
+    assert np.isnan(found.value)
+    assert (found.runs, found.undecided) == (0, 4)
+    assert str(found) == "unknown"
+    assert [end.value for end in found.ends] == [pytest.approx(-0.7 / 0.3), 1.0]
 
 
 def test_one_run_is_answered():

@@ -6,6 +6,7 @@ import tomllib
 import pytest
 
 from tpd.cli import config, main, new
+from tpd.design import optimise as search
 from tpd.report import scene_words
 
 KINDS = pytest.mark.parametrize("kind", new.KINDS)
@@ -50,6 +51,75 @@ def test_the_block_of_a_template_lifts_and_its_comment_has_the_right_numbers(kin
 def test_the_paper_s_template_is_the_paper_s_scene():
     job = config.job_of(tomllib.loads(new.template("paper")))
     assert scene_words.origin(job.scene).endswith("with the paper's motion and losses")
+
+
+RECORDS = "--records", "el-centro", "loma-prieta", "--scales", "2", "3"
+
+
+@pytest.fixture
+def asked(monkeypatch) -> dict:
+    """Arguments of a search that is not begun."""
+    given = {}
+
+    def optimise(scene, *positional, **named):
+        given.update(named, scene=scene)
+        raise ValueError("the search begins")
+
+    monkeypatch.setattr(search, "optimise", optimise)
+    return given
+
+
+@KINDS
+@pytest.mark.mends("a job file of `tpd new` was refused with records: `site.gravity` is for harmonics")
+def test_every_template_goes_with_records(kind, asked, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text = new.template(kind).replace("gravity = 9.80665", "gravity = 9.79")
+    (tmp_path / "mine.toml").write_text(text)
+    assert main(["optimise", "--scene", "mine.toml", *RECORDS]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == "tpd: the search begins"
+    job = config.job_of(config.read(tmp_path / "mine.toml"))
+    assert asked["scene"].gravity == 9.79
+    assert asked["scene"].block == job.scene.block
+    assert asked["space"] == job.space
+    assert asked["at_least"] == job.worth.at_least
+    assert {x.name for x in asked["limits"]} == {x.name for x in job.limits} - {"worsening", "reserve"}
+
+
+@pytest.mark.mends("widths in the scatter table of a job were refused with records")
+def test_the_scatter_of_a_job_is_that_of_the_blocks_that_judge(asked, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = new.template("tower").replace("# [scatter]", "[scatter]").replace("# length = ", "length = ")
+    (tmp_path / "tower.toml").write_text(text)
+    assert main(["optimise", "--scene", "tower.toml", *RECORDS]) == 2
+    assert asked["scatter"]["length"] == 0.02
+    assert asked["scatter"]["damping"] == 0.2
+
+
+@pytest.mark.parametrize(
+    ("line", "options", "sentence"),
+    [
+        ("[conditions]\nband = [0.7, 0.9]", (), "`conditions.band` (in mine.toml) is for harmonics"),
+        ("[worth]\nstrikes = 0.02", (), "--allowed says how often the bob may break a limit"),
+        ("[ensemble]\nsize = 64", (), "the runs that judge are the records on scattered blocks"),
+        ("[limits]\nreserve = 0.1", (), "records have limits on stroke, relative_stroke, tilt, mass"),
+        ("", ("--exactly",), "`conditions.exactly` (--exactly) is for harmonics"),
+        ("", ("--amplitude", "0.1", "--frequency", "1"), "`motion.amplitude` (--amplitude) is for harmonics"),
+    ],
+)
+@pytest.mark.mends("what conflicts between a job and records was not said")
+def test_what_has_no_effect_on_records_is_named(
+    line, options, sentence, asked, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    table = line.partition("\n")[0]
+    text = new.template("tower")
+    text = text.replace(f"# {table}", table).replace(table, line, 1) if table else text
+    (tmp_path / "mine.toml").write_text(text)
+    assert main(["optimise", "--scene", "mine.toml", *RECORDS, *options]) == 2
+    (error,) = capsys.readouterr().err.splitlines()
+    assert sentence in error
+    assert error.endswith("; leave it out")
+    assert not asked
 
 
 def test_a_file_that_exists_is_left_alone(tmp_path, capsys):

@@ -46,6 +46,30 @@ def test_runs_that_overturn_do_not_count_as_strikes():
     assert strikes_of(peaks(*far, lost=range(4)), HUNG, SCENE.block, Bob()) == 0.0
 
 
+@pytest.mark.mends("a verdict hung on runs without an answer, which counted as overturned or as standing")
+def test_a_verdict_that_hangs_on_runs_without_an_answer_is_refused():
+    """Forty pairs show a benefit; ten more have no answer, and the block might overturn in all of them."""
+    kinds, reasons = judged([0.1] * 40 + [np.nan] * 10, [0.3] * 50)
+    assert [kind.name for kind in kinds] == ["undecided"]
+    assert str(reasons[0]) == (
+        "by the paired runs of the nonlinear equations 10 of 50 cases have no answer, and the verdict hangs "
+        "on it"
+    )
+    # One such run changes no verdict, whichever way it ends, and neither do ten beside a refusal.
+    assert judged([0.1] * 49 + [np.nan], [0.3] * 50, strikes=np.nan)[0] == ()
+    kinds, _ = judged([0.5] * 190 + [np.nan] * 10, [0.3] * 200)
+    assert ReasonKind.undecided not in kinds
+    assert ReasonKind.too_little_benefit in kinds
+
+
+def test_a_run_without_an_answer_strikes_nothing_but_might_have():
+    far = peaks([0.1] * 4, [3.0, 0.0, 0.0, 3.0])
+    unknown = dataclasses.replace(far.hung, status=np.array(["event_bound", "rocking", "rocking", "rocking"]))
+    assert strikes_of(Verdict(hung=unknown, bare=far.bare), HUNG, SCENE.block, Bob()) == pytest.approx(1 / 3)
+    kinds, _ = judged([0.1] * 49 + [np.nan], [0.3] * 50, strikes=0.0)
+    assert kinds == (ReasonKind.undecided,)
+
+
 def test_models_of_the_losses_of_a_block_with_friction():
     """A block of friction alone gets Housner's impacts beside it."""
     models = loss_models(SCENE)

@@ -49,6 +49,11 @@ SENTENCES = {
         "by the paired runs of the nonlinear equations the mean tilt is 30.0% of the slenderness with the "
         "pendulum, and 20.0% without it at 2.5 Hz, and 2 other conditions are worse",
     ),
+    ReasonKind.undecided: (
+        {"step": Step.benefit, "value": 3.0, "total": 64},
+        "by the paired runs of the nonlinear equations 3 of 64 cases have no answer, and the verdict hangs "
+        "on it",
+    ),
     ReasonKind.strikes: (
         {"step": Step.benefit, "value": 0.03, "reference": 0.01},
         "by the paired runs of the nonlinear equations the bob strikes a wall in 3.0% of the cases, and 1.0% "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +17,10 @@ _ONE_SIDED = 1.645
 """Quantile of the normal distribution that a one-sided test at 5 % takes."""
 _LEAST = 0.02
 """Severity that counts as none, so that next to a bare block at rest not every tilt is a worse one."""
+
+
+_CHANGES = "mean severity", "median severity", "worst severity", "overturned", "at rest"
+"""Names of the changes of a benefit."""
 
 
 class Change(NamedTuple):
@@ -55,8 +59,16 @@ class Benefit:
     rests_less: bool
     """Whether significantly fewer runs end at rest with the pendulum."""
     runs: int
+    """Paired runs with an answer, with the pendulum and without: all numbers are of these."""
+    undecided: int = 0
+    """Paired runs without one."""
+    ends: tuple[Benefit, ...] = ()
+    """Benefit with each run without an answer ended against the pendulum, and with each ended for it; empty
+    where all runs have an answer."""
 
     def __str__(self) -> str:
+        if np.isnan(self.value):
+            return "unknown"
         # A value that rounds to zero must not read "-0%".
         value = round(self.value, 2) + 0.0
         if value < 0.0:
@@ -65,22 +77,24 @@ class Benefit:
 
 
 def severity(outcomes: Outcomes, slenderness: float) -> np.ndarray:
-    """Settled tilt over nu of every run, between 0 and 1; 1 where the block overturns."""
+    """Settled tilt over nu of every run, between 0 and 1; 1 where the block overturns, NaN where a run has no
+    answer."""
     # A bound at 1 keeps means finite: an overturned block is as bad as one on its corner, and no worse.
     tilt = np.where(outcomes.lost, np.inf, outcomes.amplitude) / slenderness
-    return np.minimum(np.where(np.isnan(tilt), np.inf, tilt), 1.0)
+    return np.where(outcomes.undecided, np.nan, np.minimum(np.where(np.isnan(tilt), np.inf, tilt), 1.0))
 
 
 def fall_of(verdict: Verdict, slenderness: float) -> float:
-    """Share by which the mean severity falls over paired runs; see `Benefit.value`."""
-    hung, bare = severity(verdict.hung, slenderness), severity(verdict.bare, slenderness)
-    return float(_fall(hung.mean(), bare.mean()))
+    """Share by which the mean severity falls over paired runs, as in `Benefit.value`; NaN if none has an
+    answer."""
+    hung, bare = (severity(x, slenderness)[verdict.known] for x in (verdict.hung, verdict.bare))
+    return float(_fall(hung.mean(), bare.mean())) if len(hung) else np.nan
 
 
 def benefit_of(
     verdict: Verdict, slenderness: float, condition: np.ndarray, share: float = 0.05, seed: int = 0
 ) -> Benefit:
-    """Benefit of paired runs.
+    """Benefit of paired runs; NaN where none of them has an answer.
 
     Args:
         verdict: the runs with the pendulum and without.
@@ -89,6 +103,14 @@ def benefit_of(
         share: by which a condition may be worse than without the pendulum.
         seed: of the resampling.
     """
+    known = verdict.known
+    if not known.all():
+        ends = (benefit_of(x, slenderness, condition, share, seed) for x in verdict.ends)
+        answered = Verdict(hung=verdict.hung.at(known), bare=verdict.bare.at(known))
+        if not known.any():
+            return _unknown(condition, share, len(known), tuple(ends))
+        found = benefit_of(answered, slenderness, condition[known], share, seed)
+        return replace(found, undecided=int(np.sum(~known)), ends=tuple(ends))
     hung, bare = severity(verdict.hung, slenderness), severity(verdict.bare, slenderness)
     n = len(hung)
     # Pairs are drawn together, so that what both share cancels in the differences.
@@ -102,17 +124,35 @@ def benefit_of(
         low=low,
         high=high,
         changes=(
-            tilts.change("mean severity", _mean),
-            tilts.change("median severity", _median),
-            tilts.change("worst severity", _worst),
-            lost.change("overturned", _mean),
-            _Pairs(1.0 * rest_with, 1.0 * rest_without, rows).change("at rest", _mean),
+            tilts.change(_CHANGES[0], _mean),
+            tilts.change(_CHANGES[1], _median),
+            tilts.change(_CHANGES[2], _worst),
+            lost.change(_CHANGES[3], _mean),
+            _Pairs(1.0 * rest_with, 1.0 * rest_without, rows).change(_CHANGES[4], _mean),
         ),
         worse_conditions=_worse(hung, bare, condition, share),
         by_condition=(_by_condition(hung, condition), _by_condition(bare, condition)),
         share=share,
         rests_less=fewer > more and chance_of(fewer, more) < SIGNIFICANT,
         runs=n,
+    )
+
+
+def _unknown(condition: np.ndarray, share: float, runs: int, ends: tuple[Benefit, ...]) -> Benefit:
+    """Benefit of paired runs none of which has an answer."""
+    none, conditions = np.nan, np.full(int(condition.max()) + 1, np.nan)
+    return Benefit(
+        value=none,
+        low=none,
+        high=none,
+        changes=tuple(Change(name, none, none, none, none) for name in _CHANGES),
+        worse_conditions=(),
+        by_condition=(conditions, conditions),
+        share=share,
+        rests_less=False,
+        runs=0,
+        undecided=runs,
+        ends=ends,
     )
 
 

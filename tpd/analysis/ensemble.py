@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.analysis.outcomes import LOST, Outcomes
+from tpd.analysis.outcomes import LOST, UNANSWERED, Outcomes
 from tpd.core import checks, sampling
 from tpd.core.cluster import Cluster
 from tpd.core.conditions import FACTORS, Conditions, check_restitution, under
@@ -230,6 +230,7 @@ def _terms(equations: Terms | str) -> Terms:
 def _outcomes_of(ensemble: Ensemble, runs: Runs, settled: dict[str, np.ndarray], terms: Terms) -> Outcomes:
     names = names_by_code(settled["status"])
     # The sizes at the moment of overturning depend on when the run was stopped, and mean nothing.
-    lost = np.isin(names, LOST)
-    sizes = {name: np.where(lost, math.inf, settled[name]) for name in _SIZES}
+    lost, unknown = np.isin(names, LOST), np.isin(names, UNANSWERED)
+    # Neither are they known where a run has no answer.
+    sizes = {name: np.where(lost, math.inf, np.where(unknown, math.nan, settled[name])) for name in _SIZES}
     return Outcomes(ensemble=ensemble, status=names, ramp=runs.ramp, equations=terms.value, **sizes)

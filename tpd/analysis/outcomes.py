@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,13 +16,10 @@ if TYPE_CHECKING:
 
 _Z = 1.959964
 """Quantile of the normal distribution for a two-sided interval of 95 %."""
-LOST = ("overturned", "failed")
-"""Statuses of runs that count as overturned. A run that leaves the numbers counts as well: a share of
-overturned runs must not fall because the solver gave up."""
-
-
+LOST = ("overturned",)
+"""Statuses of runs that count as overturned."""
 UNANSWERED = ("event_bound", "failed")
-"""Statuses of runs without an answer."""
+"""Statuses of runs without an answer: they are counted apart, and are neither falls nor rest."""
 
 
 class Share(NamedTuple):
@@ -34,7 +31,9 @@ class Share(NamedTuple):
 
     @staticmethod
     def of(hits: np.ndarray) -> Share:
-        """Share of the true entries in a vector."""
+        """Share of the true entries in a vector; NaN, between 0 and 1, of none."""
+        if not len(hits):
+            return Share(math.nan, 0.0, 1.0)
         # Wilson's interval stays within 0 to 1 and is not empty where no run, or every run, is a hit.
         n, s = len(hits), float(np.mean(hits))
         middle = (s + _Z**2 / (2 * n)) / (1 + _Z**2 / n)
@@ -47,7 +46,8 @@ class Share(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Outcomes(Printed):
-    """Outcomes of the runs of an ensemble: arrays of shape (size,), angles in rad."""
+    """Outcomes of the runs of an ensemble: arrays of shape (size,), angles in rad. All shares and quantiles
+    are of the runs with an answer; sizes of the others are NaN."""
 
     ensemble: Ensemble
     status: np.ndarray
@@ -67,47 +67,68 @@ class Outcomes(Printed):
 
     @property
     def overturned(self) -> Share:
-        """Share of the runs in which the block overturns; see `lost`."""
-        return Share.of(self.lost)
+        """Share of the runs in which the block overturns."""
+        return self._share(self.lost)
 
     @property
     def lost(self) -> np.ndarray:
-        """Whether a run overturned, or ended without finite numbers."""
+        """Whether a run overturned."""
         return np.isin(self.status, LOST)
 
     @property
     def undecided(self) -> np.ndarray:
-        """Whether a run has no answer. One that met the bound on events counts in no share; of one without
-        finite numbers see `lost`."""
+        """Whether a run has no answer: it met the bound on events, or ended without finite numbers."""
         return np.isin(self.status, UNANSWERED)
+
+    def _share(self, hits: np.ndarray) -> Share:
+        return Share.of(hits[~self.undecided])
+
+    def at(self, rows: np.ndarray) -> Outcomes:
+        """Some of the runs."""
+        names = "status", "peak", "amplitude", "peak_stroke", "stroke", "ramp"
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+    def ended(self, falls: bool) -> Outcomes:
+        """The runs with an end for each that has none: an overturning, or rest."""
+        size, name = (math.inf, "overturned") if falls else (0.0, "rest")
+        sizes = {
+            of: np.where(self.undecided, size, getattr(self, of))
+            for of in ("peak", "amplitude", "peak_stroke", "stroke")
+        }
+        return replace(self, status=np.where(self.undecided, name, self.status), **sizes)
 
     @property
     def at_rest(self) -> Share:
         """Share of the runs in which the block comes to rest for good."""
-        return Share.of(self.status == "rest")
+        return self._share(self.status == "rest")
 
     @property
     def settled(self) -> Share:
         """Share of the runs that reach a periodic motion, or rest."""
-        return Share.of(np.isin(self.status, SETTLED))
+        return self._share(np.isin(self.status, SETTLED))
 
     def summary(self) -> dict[str, Any]:
         """Equations, shares with their intervals, and quantiles, for JSON."""
         shares = {"overturned": self.overturned, "at_rest": self.at_rest, "settled": self.settled}
         quantiles = {n: self.quantiles(n) for n in ("peak", "amplitude", "peak_stroke", "stroke")}
         intervals = {n: tuple(s) for n, s in shares.items()}
-        return {"equations": self.equations, "shares": intervals, "quantiles_50_90_99": quantiles}
+        unknown = int(self.undecided.sum())
+        shares_and_sizes = {"shares": intervals, "quantiles_50_90_99": quantiles}
+        return {"equations": self.equations, "undecided": unknown, **shares_and_sizes}
 
     def quantiles(self, of: str, at: tuple[float, ...] = (0.5, 0.9, 0.99)) -> tuple[float, ...]:
         """Quantiles of `peak`, `amplitude`, `peak_stroke` or `stroke` over all runs, overturned ones at
         infinity: the least number that at least such a share of the runs does not exceed."""
         # An overturned run has an infinite size: quantiles stay defined, and say so.
-        values = np.sort(getattr(self, of))
+        values = np.sort(getattr(self, of)[~self.undecided])
+        if not len(values):
+            return (math.nan,) * len(at)
         return tuple(float(values[min(len(values) - 1, math.ceil(q * len(values)) - 1)]) for q in at)
 
     def by_ramp(self) -> dict[float, Share]:
         """Share overturned for each duration over which the shaking grows."""
-        return {float(r): Share.of(self.lost[self.ramp == r]) for r in np.unique(self.ramp)}
+        known = ~self.undecided
+        return {float(r): Share.of(self.lost[known & (self.ramp == r)]) for r in np.unique(self.ramp)}
 
     def rows(self) -> list[tuple[str, str]]:
         """Lines of a table: a name, and a share or quantiles as text."""
@@ -117,7 +138,7 @@ class Outcomes(Printed):
             out.append((f"  {name}", f"{share.value:.1%}"))
         out.append(("at rest in the end", str(self.at_rest)))
         for name, of in _QUANTILES.items():
-            sizes = "  ".join(f"{v:.4f}" if math.isfinite(v) else "lost" for v in self.quantiles(of))
+            sizes = "  ".join(_size(v) for v in self.quantiles(of))
             out.append((f"{name}: 50, 90, 99 %", sizes))
         return out
 
@@ -129,6 +150,10 @@ class Outcomes(Printed):
         if self.undecided.any():
             lines.append(f"  {UNDECIDED_ROW:36}{self.undecided.sum():>26}")
         return "\n".join(lines)
+
+
+def _size(value: float) -> str:
+    return "unknown" if math.isnan(value) else f"{value:.4f}" if math.isfinite(value) else "lost"
 
 
 UNDECIDED_ROW = "runs without an answer"

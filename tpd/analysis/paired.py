@@ -41,13 +41,26 @@ class Verdict(Printed):
 
     @property
     def worse(self) -> int:
-        """Number of runs that overturn with the pendulum only."""
-        return int(np.sum(self.hung.lost & ~self.bare.lost))
+        """Number of runs that overturn with the pendulum only, of those with both answers."""
+        return int(np.sum((self.hung.lost & ~self.bare.lost)[self.known]))
 
     @property
     def better(self) -> int:
-        """Number of runs that overturn without the pendulum only."""
-        return int(np.sum(self.bare.lost & ~self.hung.lost))
+        """Number of runs that overturn without the pendulum only, of those with both answers."""
+        return int(np.sum((self.bare.lost & ~self.hung.lost)[self.known]))
+
+    @property
+    def known(self) -> np.ndarray:
+        """Whether a run has an answer with the pendulum and without, shape (runs,)."""
+        return ~(self.hung.undecided | self.bare.undecided)
+
+    @property
+    def ends(self) -> tuple[Verdict, Verdict]:
+        """The runs with each that has no answer ended against the pendulum, and with each ended for it."""
+        against, favour = (
+            Verdict(hung=self.hung.ended(falls), bare=self.bare.ended(not falls)) for falls in (True, False)
+        )
+        return against, favour
 
     @property
     def chance(self) -> float:

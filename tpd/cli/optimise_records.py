@@ -42,7 +42,7 @@ _INSTEAD = {
     "search": "the search on records takes `searches` and `seed`",
     "ensemble": "the runs that judge are the records on scattered blocks",
 }
-"""Settings of a design on records in the place of a table's keys."""
+"""Words for what a design on records has in the place of a table's keys."""
 
 
 def add(group: Any) -> None:

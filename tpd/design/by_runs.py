@@ -108,9 +108,9 @@ def loss_models(scene: Scene) -> dict[str, Block]:
 
 
 def strikes_of(found: Verdict, pendulum: Pendulum, block: Block, bob: Bob) -> float:
-    """Share of the runs with the pendulum that do not overturn in which the bob reaches a wall, on the way or
-    settled; the largest bob angle and the largest tilt are added, which is never too little."""
-    stands = ~found.hung.lost
+    """Share of the runs with the pendulum that are known to stand in which the bob reaches a wall, on the way
+    or settled; the largest bob angle and the largest tilt are added, which is never too little."""
+    stands = ~(found.hung.lost | found.hung.undecided)
     if not stands.any():
         return 0.0
     angle = (found.hung.peak_stroke + found.hung.peak)[stands]
@@ -134,10 +134,32 @@ def reasons_by_runs(
         rest, bare = (float(np.sum(o.status == "rest")) for o in (found.hung, found.bare))
         out.append(Reason(step=step, kind=ReasonKind.rests_less, value=rest, reference=bare, total=gain.runs))
     out += _worse_condition(gain, conditions, step)
-    if gain.value < worth.at_least or gain.low <= 0.0:
+    # Where no run has an answer there is no benefit either.
+    if not (gain.value >= worth.at_least and gain.low > 0.0):
         kind = ReasonKind.too_little_benefit
         out.append(Reason(step=step, kind=kind, value=gain.value, low=gain.low, reference=worth.at_least))
-    return tuple(out)
+    return (*out, *_hanging(v, worth, conditions, step, refused=bool(out)))
+
+
+def _hanging(
+    v: Verified, worth: Worth, conditions: Conditions, step: Step, *, refused: bool
+) -> tuple[Reason, ...]:
+    """Reason where the verdict hangs on runs without an answer: it is another one if they end otherwise."""
+    assert v.paired is not None
+    assert v.benefit is not None
+    if not v.benefit.ends:
+        return ()
+    hung, verdicts = v.paired.hung, {refused}
+    stands, unknown = np.sum(~(hung.lost | hung.undecided)), np.sum(hung.undecided)
+    # A run that stands may strike, which is against the pendulum as well.
+    strikes = (v.strikes * stands + np.array([unknown, 0])) / max(stands + unknown, 1)
+    for found, gain, struck in zip(v.paired.ends, v.benefit.ends, strikes, strict=True):
+        end = replace(v, paired=found, benefit=gain, strikes=float(struck))
+        verdicts.add(bool(reasons_by_runs(end, worth, conditions)))
+    if len(verdicts) == 1:
+        return ()
+    count, total = v.benefit.undecided, v.benefit.undecided + v.benefit.runs
+    return (Reason(step=step, kind=ReasonKind.undecided, value=float(count), total=total),)
 
 
 def _worse_condition(gain: Benefit, conditions: Conditions, step: Step) -> list[Reason]:

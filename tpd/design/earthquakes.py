@@ -15,7 +15,8 @@ from tpd.design.result import Design
 
 @dataclass(frozen=True, kw_only=True)
 class Earthquakes:
-    """Outcomes under records at their own size, bare and with the pendulum; arrays of shape (records,)."""
+    """Outcomes under records at their own size, bare and with the pendulum, arrays of shape (records,): tilts
+    are of the linear equations, NaN where they have no answer."""
 
     sources: tuple[str, ...]
     """Files, folders and sets that the records come from."""
@@ -27,9 +28,20 @@ class Earthquakes:
     hung: np.ndarray | None
     """Largest tilt over the slenderness with the pendulum; None without one."""
     relative: np.ndarray | None
-    """Largest angle between rod and block, rad."""
+    """Largest angle between rod and block, rad, by the nonlinear equations: it sizes the room. Infinite after
+    an overturning, NaN where nothing is known."""
+    linear_relative: np.ndarray | None
+    """This angle by the linear equations."""
     nonlinear: tuple[np.ndarray, np.ndarray | None]
     """Whether the nonlinear equations overturn the block, bare and with the pendulum."""
+    unknown: tuple[np.ndarray, np.ndarray | None]
+    """Whether the nonlinear equations have no answer, bare and with the pendulum."""
+
+    @property
+    def undecided(self) -> tuple[int, int]:
+        """Runs without an answer by the linear and by the nonlinear equations, bare and hung together."""
+        linear = sum(int(np.isnan(x).sum()) for x in (self.bare, self.hung) if x is not None)
+        return linear, sum(int(x.sum()) for x in self.unknown if x is not None)
 
     @property
     def overturned(self) -> tuple[int, int | None]:
@@ -70,13 +82,16 @@ def shaken(
             )
             into.append(found)
     tilts = [np.where(o.undecided, np.nan, o.tilt)[:, 0] / nu for o in exact]
-    fallen = [o.overturned[:, 0] for o in checked]
+    fallen, unknown = [o.overturned[:, 0] for o in checked], [o.undecided[:, 0] for o in checked]
+    angles = [np.where(o.undecided, np.nan, o.relative)[:, 0] for o in (exact[-1], checked[-1])]
     return Earthquakes(
         sources=tuple(sources),
         names=tuple(getattr(m, "name", "") or f"motion {i + 1}" for i, m in enumerate(motions)),
         pga=np.array([float(m.pga) for m in motions]),
         bare=tilts[0],
         hung=None if hung is None else tilts[1],
-        relative=None if hung is None else exact[1].relative[:, 0],
+        relative=None if hung is None else angles[1],
+        linear_relative=None if hung is None else angles[0],
         nonlinear=(fallen[0], None if hung is None else fallen[1]),
+        unknown=(unknown[0], None if hung is None else unknown[1]),
     )

@@ -39,6 +39,8 @@ class ReasonKind(enum.Enum):
     """Under a condition the mean tilt rises by significantly more than allowed."""
     strikes = enum.auto()
     """The bob strikes a wall in more runs than allowed."""
+    undecided = enum.auto()
+    """Runs have no answer, and the verdict hangs on how they would have ended."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,6 +131,10 @@ class Reason:
                 return (
                     f"{by} the bob strikes a wall in {self.value:.1%} of the cases, and "
                     f"{self.reference:.1%} is allowed"
+                )
+            case ReasonKind.undecided:
+                return (
+                    f"{by} {self.value:.0f} of {self.total} cases have no answer, and the verdict hangs on it"
                 )
             case ReasonKind.does_not_settle:
                 return f"{by} the motion ends {self.outcome.replace('_', ' ')}{at}"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tpd.analysis.ensemble import Ensemble, Runs, plan
-from tpd.analysis.outcomes import LOST, Share
+from tpd.analysis.outcomes import LOST, UNANSWERED, Share
 from tpd.core import checks
 from tpd.core.formatting import Printed, number
 from tpd.core.ground_motion import GroundMotion
@@ -355,7 +355,8 @@ class _Case:
         settled = settle_nonlinear(
             runs.p, runs.y0, begin=runs.begin, ramp=runs.periods, periods=self.ensemble.periods
         )
-        lost = np.isin(names_of(settled.status), LOST)
+        # What is not known must not look like standing.
+        lost = np.isin(names_of(settled.status), (*LOST, *UNANSWERED))
         return _as_runs(np.asarray(settled.peak), np.asarray(settled.amplitude), lost)
 
     def _columns(self, q: Parameters) -> tuple[Any, ...]:

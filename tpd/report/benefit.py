@@ -146,6 +146,9 @@ def paired_runs(design: Design) -> list[Block]:
     )
     chance = best.paired.chance_in_words
     out: list[Block] = [Table(head, tuple(rows), caption), information(chance)]
+    if best.benefit.undecided:
+        missing = f"{best.benefit.undecided} more paired runs have no answer and are left out."
+        out.append(information(missing))
     return [*out, *_by_condition(design, best)]
 
 
@@ -355,4 +358,5 @@ def _kind(reason: Reason) -> str:
         ReasonKind.rests_less: "the block rests less often",
         ReasonKind.worse_condition: "a condition gets worse",
         ReasonKind.strikes: "the bob strikes a wall",
+        ReasonKind.undecided: "the verdict hangs on runs without an answer",
     }[reason.kind] + ("" if reason.step is not Step.nonlinear else " by the nonlinear equations")

@@ -43,11 +43,11 @@ def ensemble(design: Design) -> list[Block]:
         quantiles = (_quantiles(o, quantity) for o in pair)
         shares.append((f"{name}: 50, 90, 99 % of the runs (rad)", *quantiles))
     shares.append(("bob's largest angle: 50, 90, 99 % (rad)", _quantiles(verdict.hung, "peak_stroke"), None))
+    with_it, without = verdict.undecided
     caption = (
         f"Ensemble of {runs.size} runs of the {verdict.equations} equations, seed {runs.seed}: starts, "
-        "phases, growth of the shaking and uncertain quantities vary alike for both. Overturned: no answer "
-        "counts as well. "
-        "In brackets: 95 % confidence."
+        "phases, growth of the shaking and uncertain quantities vary alike for both. Without an answer, and "
+        f"left out: {with_it} runs with the pendulum, {without} without. In brackets: 95 % confidence."
     )
     return [
         information(verdict.chance_in_words),
@@ -56,7 +56,7 @@ def ensemble(design: Design) -> list[Block]:
 
 
 def _quantiles(o: Outcomes, quantity: str) -> str:
-    return ", ".join(number(x) if math.isfinite(x) else "overturned" for x in o.quantiles(quantity))
+    return ", ".join("overturned" if math.isinf(x) else number(x) for x in o.quantiles(quantity))
 
 
 def nonlinear(design: Design) -> list[Block]:

@@ -6,7 +6,9 @@ import pytest
 import tpd
 from tests.design.ground.conftest import BLOCK
 from tpd.core.intensity import intensity_of
-from tpd.design.ground.demand import CappedTilt
+from tpd.design.ground import objective as module
+from tpd.design.ground import search
+from tpd.design.ground.demand import CappedTilt, Exceedance
 from tpd.design.ground.objective import GroundObjective
 from tpd.design.ground.search import GroundSearch, Searcher, _weights
 
@@ -108,3 +110,51 @@ def test_slopes_of_a_risk_are_those_of_differences_where_motions_are_calm(record
         after, before = (s.evaluate(space.unscaled(unit + x)).value[0] for x in (shift, -shift))
         assert here.slope[0, j] == pytest.approx((after - before) / 2e-6, rel=1e-3, abs=1e-6)
     assert np.all(here.slope_error[0] > 0.0)
+
+
+@pytest.mark.mends("a run that met too many events was taken for an overturning")
+def test_a_run_without_an_answer_is_neither_a_fall_nor_rest(objective, monkeypatch):
+    whole = objective.evaluate(DESIGN), objective.check(DESIGN)
+    monkeypatch.setattr(module, "MAX_EVENTS", 200)
+    few = objective.evaluate(DESIGN, slopes=True), objective.check(DESIGN)
+    assert few[0].undecided.any()
+    for runs, known in zip(few, whole, strict=True):
+        assert not np.any(runs.overturned & runs.undecided)
+        assert np.all(np.isnan(runs.tilt) == runs.undecided)
+        np.testing.assert_array_equal(runs.tilt[~runs.undecided], known.tilt[~runs.undecided])
+    for demand in (CappedTilt(), CappedTilt(beyond=0.3), Exceedance()):
+        found = demand.of(few[0])
+        assert np.all(np.isnan(found.value) == few[0].undecided)
+        assert np.isnan(found.slope[few[0].undecided]).all()
+    # Sizes are those of the runs that are known to stand.
+    stands = np.isfinite(few[0].swing[0])
+    _, sizes = objective.sizes(few[0], DESIGN)
+    assert sizes[0, 0] in few[0].swing[0, stands] / 0.5
+
+
+def test_a_search_leaves_runs_without_an_answer_out(objective, monkeypatch):
+    monkeypatch.setattr(module, "MAX_EVENTS", 200)
+    space = tpd.DesignSpace(damping_ratio=(0.05, 1.0))
+    s = Searcher(objective, CappedTilt(), tpd.Risk.expected(), space, GroundSearch(starts=6, steps=2), 0)
+    s.run()
+    runs = objective.evaluate(s.found.designs)
+    value = CappedTilt().of(runs).value
+    known = ~runs.undecided
+    assert np.any(~known)
+    np.testing.assert_array_equal(s.found.undecided, np.sum(~known, axis=1))
+    for row, value_row, known_row in zip(s.found.value, value, known, strict=True):
+        assert row == pytest.approx(value_row[known_row].mean())
+
+
+def test_a_design_of_which_no_run_has_an_answer_is_never_the_best(objective):
+    space = tpd.DesignSpace(damping_ratio=(0.05, 1.0))
+    s = Searcher(objective, CappedTilt(), tpd.Risk.expected(), space, GroundSearch(starts=6, steps=0), 0)
+    s.run()
+    s.found.value[0] = np.nan
+    s._fit(full=True)
+    assert not s.found.feasible[0]
+    assert s.best() != 0
+    assert len(s.surface.seen.value) == 5
+    np.testing.assert_array_equal(
+        search.risk_of_known(tpd.Risk.worst(), np.array([[np.nan, 0.2, 0.1], [np.nan] * 3])), [0.2, np.nan]
+    )

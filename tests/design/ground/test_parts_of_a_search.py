@@ -7,10 +7,9 @@ import pytest
 from scipy import stats
 
 import tpd
-from tests.design.ground.conftest import noise
 from tpd.analysis.probit import Lognormal
+from tpd.design.ground import design
 from tpd.design.ground.demand import CappedTilt, Exceedance, Runs, share_beyond
-from tpd.design.ground.design import verdict_of
 from tpd.design.ground.groups import Role, events_of, grouped
 from tpd.design.ground.judgement import Changes, Interval, Judged, paired, student
 from tpd.design.ground.sizes import check_ground_limits
@@ -153,7 +152,7 @@ def test_the_verdict_follows_from_intervals_and_the_least_benefit():
         )
 
     def verdict(groups, at_least):
-        return verdict_of(groups, at_least, 0.1).status
+        return design.verdict_of(groups, at_least, 0.1).status
 
     tuned, held = Role.tuned, Role.held_out
     good, harm = group(held, -0.2, -0.3, -0.1), group(held, 0.2, 0.1, 0.3)

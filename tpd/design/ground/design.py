@@ -145,8 +145,8 @@ def _known_verdict(judged: tuple[Judged, ...], at_least: float, allowed: float) 
     elif min(tuned, held) < LEAST_EARTHQUAKES:
         status = GroundStatus.too_few
         others.append(
-            f"of earthquakes it is tuned to {tuned} and judged on {held}, and {LEAST_EARTHQUAKES} on either "
-            "side are the least for a judgement"
+            f"the best design is tuned to {tuned} and judged on {held}, and {LEAST_EARTHQUAKES} earthquakes "
+            "on either side are the least for a judgement"
         )
     elif not (benefit.tilt.is_below or benefit.overturned.is_below):
         status = GroundStatus.unproven

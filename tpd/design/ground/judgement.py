@@ -101,7 +101,7 @@ class Judged:
     strikes: float
     """Share of the standing runs in which a limit is broken; nonlinear equations."""
     linear_strikes: float
-    """That share by the linear equations."""
+    """This share by the linear equations."""
     changed: float
     """Share of the runs whose verdict the nonlinear equations change."""
     undecided: int
