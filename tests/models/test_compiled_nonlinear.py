@@ -243,3 +243,15 @@ def test_where_nothing_can_be_stored_it_compiles_all_the_same(monkeypatch):
     no_rows = np.zeros((0, 11)), np.zeros((0, 3), dtype=int)
     run = nonlinear_settling._entry(5)
     assert run(None, None, None, None, 0, 0, 1, 1e-8, 10, *no_rows) == 5
+
+
+@pytest.mark.mends("a block that never moves was called sticking where its bob repeats itself")
+def test_a_block_at_rest_under_a_bob_that_repeats_itself_after_two_periods_is_not_sticking():
+    # Nothing damps the bob; so small a swing has twice the period of the forcing to 1e-7.
+    nu, lam = 0.2, 0.4
+    xi = 2.0 / math.sqrt(lam * 0.75 / (1.0 + nu**2))
+    p = tpd.Parameters(nu=nu, mu=0.1, lam=lam, zeta=0.0, k=0.03, f=1e-9, xi=xi)
+    found = settle_one(p, (0.0, 1e-3, 0.0, 0.0))
+    assert names_of(found.status) == "rest"
+    assert found.amplitude == 0.0
+    assert float(found.stroke) == pytest.approx(1e-3, rel=1e-6)

@@ -26,11 +26,14 @@ from tests.reference import (
     parameters,
 )
 from tpd import Harmonic, Piecewise, Status, paper_scene, simulate, status_name, steady_state
+from tpd.closed_form import uplift
 from tpd.core.equations import Linear
 from tpd.core.parameters import as_arrays
+from tpd.core.status import names_of
 from tpd.exact.arc import classify
 from tpd.exact.flow import advance, start
 from tpd.exact.modes import Plant
+from tpd.models.batches import settle_all
 
 SAMPLES = 201
 """Of every trajectory here, so that one compilation serves them all."""
@@ -336,6 +339,59 @@ def test_a_chaotic_motion_is_aperiodic_with_the_rate_at_which_neighbours_part():
     # The amplitude is the largest of the hundred periods, not of the last one.
     after = states(CHAOTIC, answer.steady.state, clock(CHAOTIC, 1))
     assert np.max(np.abs(after[:, 0])) < answer.amplitude
+
+
+@pytest.mark.mends("a block at rest under a bob that settles was called sticking, with an amplitude of zero")
+@pytest.mark.parametrize("mu", [0.197, 0.1972, 0.2])
+def test_the_papers_block_rests_under_a_pendulum_that_keeps_it_down(mu):
+    bare = paper_scene().parameters()
+    x = (bare.nu, mu, 1.2, 0.1, bare.k, bare.f, bare.xi)
+    assert uplift(parameters(x)).margin > 0.0
+    answer = exact(x)
+    assert answer.status == "rest"
+    assert answer.amplitude == 0.0
+    np.testing.assert_array_equal(answer.slopes[0], 0.0)
+    # From its start to long after the bob has settled.
+    late = states(x, REST, np.linspace(0.0, 60.0, SAMPLES) * 2.0 * np.pi / x[6])
+    np.testing.assert_array_equal(late[late.shape[0] // 2 :, 0], 0.0)
+
+
+@pytest.mark.mends("a block at rest under a bob that settles was called sticking, with an amplitude of zero")
+def test_no_motion_with_an_amplitude_of_zero_is_called_moving():
+    """Next to the limit of uplift the short way to an orbit must agree with following to the end."""
+    rng, n = np.random.default_rng(3), 12_000
+    low, high = [0.1, 0.02, 0.1, -2.5, 0.0, 0.05, 0.8, 0.5], [0.35, 0.6, 2.0, -0.3, 0.1, 0.6, 6.0, 1.0]
+    x = rng.uniform(low, high, (n, 8)).T
+    x[3], x[4] = 10.0 ** x[3], rng.choice([0.0, 0.02, 0.05, 0.1], n)
+    x = x[:, np.abs(np.asarray(uplift(parameters(jnp.asarray(x))).margin)) < 0.02]
+    p, start = parameters(jnp.asarray(x)), np.zeros((x.shape[1], 4))
+    short, long = settle_all(p, start), settle_all(p, start, model=Piecewise(tolerance=1e-11))
+    names, others = names_of(short.status), names_of(long.status)
+    moving = np.isin(names, ("rocking", "sticking"))
+    assert np.all(np.asarray(short.amplitude)[moving] > 0.0)
+    rest = (names == "rest") | (others == "rest")
+    assert np.sum(rest) > 40
+    known = rest & (others != "not_settled")
+    np.testing.assert_array_equal(names[known], others[known])
+
+
+@pytest.mark.mends("a block that never moves was called sticking where its bob repeats itself")
+@pytest.mark.parametrize(("leans", "known"), [(0.0, "rest"), (0.02, "held")])
+def test_a_block_that_never_moves_is_not_sticking(leans, known):
+    # The bob's own swing has twice the period of the forcing, psi = forced sin(xi tau) + own cos(xi tau/2), and
+    # the two never pull their most at once: a bound by the sum of both proves nothing.
+    nu, mu, lam, f = 0.2, 0.1, 0.4, 0.14
+    inertia = lam * 0.75 / (1.0 + nu**2)
+    xi, forced = 2.0 / np.sqrt(inertia), f / (1.0 - 4.0)
+    size = f + 2.0 * mu * forced
+    own, theta = size / (2.0 * mu), np.linspace(0.0, 2.0 * np.pi, 10_001)
+    assert np.max(np.abs(size * np.sin(2.0 * theta) + size * np.cos(theta))) < 1.77 * size
+    lever, weight = (1.0 + 2.0 * mu) * leans - (1.0 + mu) * nu, (1.0 + mu) * nu
+    k = 1.8 * size + (abs(lever) if leans else -weight)
+    y0 = (leans, own, 0.0, forced * xi)
+    settled = settle_all(parameters((nu, mu, lam, 0.0, k, f, xi)), np.array([y0]))
+    assert names_of(settled.status)[0] == known
+    assert settled.amplitude[0] == leans
 
 
 def test_a_slow_decay_is_taken_to_its_orbit():

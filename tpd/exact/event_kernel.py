@@ -145,7 +145,7 @@ def begin(q, growth, mode, y, t, sizes):
     """Put what is counted along a motion into `sizes` as it begins: the largest tilts and swings of the bob
     to either side, the sign of its rate, and the least transversality."""
     sizes[0], sizes[1], sizes[2], sizes[3] = max(y[0], 0.0), max(-y[0], 0.0), max(y[1], 0.0), max(-y[1], 0.0)
-    mode[3], rate = (1.0 if mode[0] != SLIP else 0.0), y[3]
+    mode[3], rate = (2.0 if mode[0] != SLIP else 0.0), y[3]
     if abs(rate) <= 1e-12:
         # From rest the bob's first and second derivatives vanish: look a little ahead instead.
         ahead = 1e-3 / q.xi
@@ -179,7 +179,8 @@ def _record(legs, count, mode, y, t, lasted, which, rests, phi, psi):
 @compiled
 def advance(q, growth, mode, y, t, end, sizes, legs, count, capture, max_events):
     """Follow the motion of state `y` from `t` to `end`, both counted from the start of a forcing period, and
-    change state, mode and sizes. mode[3] says whether the block was held. Return how it ended."""
+    change state, mode and sizes. mode[3] says for how long the block was held: 0 never, 1 for a part of the
+    motion since `begin`, 2 throughout. Return how it ended."""
     w, was, start = room(), np.empty(3), np.empty(4)
     least, limit = SMALL * end, beyond_return(q)
     longest = LONGEST / max(q.xi, max(q.s1, math.sqrt(q.q)))
@@ -225,7 +226,7 @@ def advance(q, growth, mode, y, t, end, sizes, legs, count, capture, max_events)
         rests = meet(q, which, capture, sine, y, mode)
         sizes[5] = min(sizes[5], transversality(q, q.xi, which, was[0], mode[0], now, sine))
         sizes[4] = -sizes[4] if y[3] * now[3] < 0.0 else sizes[4]
-        mode[3] = max(mode[3], 1.0 if mode[0] != SLIP else 0.0)
+        mode[3] = 1.0 if mode[3] > 0.0 or mode[0] != SLIP else 0.0
         _record(legs, count, was, start, t + began, at - began, which, rests, now[0], now[1])
         t += at
         if end - t <= _ROUNDING * end:

@@ -27,6 +27,7 @@ from tpd.models.period_kernel import (
     repeats_after,
     scales_of,
     settled,
+    stayed,
 )
 
 _WORTH = 24
@@ -74,6 +75,28 @@ def _rests(q, y, mode, sizes, phase, tolerance):
     if y[0] != 0.0 and pull + lever < q.k:
         return True, (math.hypot(q.swing_sin, q.swing_cos) if q.held_p > 0.0 else reach)
     return False, reach
+
+
+@compiled
+def _repeats_at_rest(q, y, mode, last, repeats, tolerance):
+    """Whether a motion that repeats itself after so many periods, in which the block was held throughout, goes
+    on like that for good. If so, change the state to that which it comes to, and put the bob's reach into
+    `last`."""
+    # What is left of the decay of a damped bob is less than the tolerance, but under its steady swing the
+    # block may lift, if by as little. An undamped bob goes on as in these periods.
+    if q.zeta == 0.0:
+        for j in range(1, repeats):
+            last[0, 1] = max(last[0, 1], last[j, 1])
+        return True
+    before = y.copy()
+    _come_to_rest(q, y)
+    rests, reach = _rests(q, y, mode, np.zeros(2), 0.0, tolerance)
+    if rests:
+        last[0, 1] = reach
+    else:
+        for i in range(4):
+            y[i] = before[i]
+    return rests
 
 
 @compiled
@@ -167,8 +190,12 @@ def settle(x, plants, complex_plants, y0, since, ramp, periods, max_events, tole
             status = OVERTURNED if ended == LOST else EVENT_BOUND
         elif rests:
             status = AT_REST
-        elif repeats > 0:
+        elif repeats > 0 and not stayed(last, repeats):
             status = ROCKING
+        elif repeats > 0:
+            status = AT_REST if _repeats_at_rest(q, y, mode, last, repeats, tolerance) else NOT_SETTLED
+            # A damped bob under a block at rest repeats itself after one period, whatever came first.
+            repeats = 0 if q.zeta > 0.0 or status == NOT_SETTLED else repeats
         elif growth[1] == 0.0 and tolerance >= CONVERGED and elapsed >= wait:
             tried = _slow_repetition(q, past, known, scales, tolerance, before)
             if tried > 0:

@@ -256,7 +256,7 @@ def advance(q, growth, mode, clock, y, c, sizes, scales, end, rtol, max_events):
         if which != _NONE:
             events += 1
             _meet(q, y, which, h, sine_at(q, growth, clock[0]), mode)
-            mode[3] = max(mode[3], 1.0 if mode[0] != SLIP else 0.0)
+            mode[3] = 1.0 if mode[3] > 0.0 or mode[0] != SLIP else 0.0
             if len(sizes) > SIZES:
                 _count(sizes, which, mode, origin + clock[0])
             if events >= max_events:

@@ -47,6 +47,7 @@ from tpd.models.period_kernel import (
     repeats_after,
     scales_of,
     settled,
+    stayed,
 )
 
 __all__ = ["FLOATS", "STATUSES", "WHOLES", "settle_rows"]
@@ -78,7 +79,7 @@ def _stays(q, y, before, mode, sizes):
 def _one_period(q, growth, grown, mode, clock, y, c, sizes, scales, rtol, max_events):
     """Follow the motion to the end of the forcing period: how it ended, see `nonlinear_kernel.advance`."""
     sizes[0], sizes[1], sizes[2] = max(y[0], 0.0), max(-y[0], 0.0), abs(y[1])
-    mode[3] = 1.0 if mode[0] != SLIP else 0.0
+    mode[3] = 2.0 if mode[0] != SLIP else 0.0
     if clock[0] < grown < q.period:
         # The forcing has a kink where its growth ends, which a step must not cross.
         ended = advance(q, growth, mode, clock, y, c, sizes, scales, grown, rtol, max_events)
@@ -131,7 +132,8 @@ def _settle(x, y0, begin, ramp, periods, rtol, max_events, out):
         elif rests:
             status = AT_REST
         elif repeats > 0:
-            status = ROCKING
+            # The bob of a block that never moved may repeat itself after several periods only.
+            status = AT_REST if stayed(last, repeats) else ROCKING
     status, own = settled(status, repeats, y, last, peaks, mode, out)
     return status, own, elapsed
 

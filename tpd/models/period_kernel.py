@@ -73,6 +73,15 @@ def remember(past, known, last, y, amplitude, stroke, held):
 
 
 @compiled
+def stayed(last, periods):
+    """Whether the block was held throughout so many last periods, on its base or leaning."""
+    for j in range(periods):
+        if last[j, 2] != 2.0:
+            return False
+    return True
+
+
+@compiled
 def settled(status, repeats, y, last, peaks, mode, out):
     """Put the results of a motion into `out`; return its status and its periods."""
     own = repeats if repeats > 0 else LONGEST

@@ -91,17 +91,20 @@ class Record(NamedTuple):
     def settled(self) -> Settled:
         """Where the motion has settled, with its status."""
         periods = jnp.maximum(self.repeats, 1)
+        # Of a motion that repeats itself, what its own periods reached: those before belong to the way there.
+        own = (jnp.arange(LONGEST) < periods) | (self.repeats == 0)
+        stroke, amplitude = (jnp.max(jnp.where(own, x, 0.0)) for x in (self.strokes, self.amplitudes))
         held = jnp.any(self.held & (jnp.arange(LONGEST) < periods))
         status = Status.where(held, Status.sticking, Status.rocking)
         status = Status.where(self.repeats > 0, status, Status.not_settled)
         status = Status.where(self.exhausted, Status.event_bound, status)
         leans = self.rests & (self.y[0] != 0.0)
         status = Status.where(self.rests, Status.where(leans, Status.held, Status.rest), status)
+        # The bob of a block that never moved may repeat itself before its decay is proved to be harmless.
+        still = (self.repeats > 0) & (amplitude == 0.0)
+        status = Status.where(still, Status.rest, status)
         status = Status.where(self.lost, Status.overturned, status)
         status = Status.where(jnp.all(jnp.isfinite(self.y)), status, Status.failed)
-        # Of a motion that repeats itself, what its own periods reached: those before belong to the way there.
-        own = (jnp.arange(LONGEST) < periods) | (self.repeats == 0)
-        stroke, amplitude = (jnp.max(jnp.where(own, x, 0.0)) for x in (self.strokes, self.amplitudes))
         stroke = jnp.where(self.rests, self.strokes[0], stroke)
         amplitude = jnp.where(self.rests, jnp.abs(self.y[0]), amplitude)
         peaks = (jnp.where(self.lost, jnp.inf, x) for x in (self.peak, self.peak_stroke))
