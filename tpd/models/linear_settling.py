@@ -202,7 +202,7 @@ def settle(x, plants, complex_plants, y0, since, ramp, periods, max_events, tole
                 wait, limits = 2 * elapsed, (rest_rate, max_events)
                 if orbit_near(x, q, complex_plants, mode, tried, limits, scales, past, known, peaks, y, last):
                     status, repeats = ROCKING, tried
-                    # The orbit of a block that is held all the time is rest, not rocking.
+                    # A block that leans and is held all the time does not rock.
                     sizes[0], sizes[1] = last[0, 0], 0.0
                     rests, reach = _rests(q, y, mode, sizes, 0.0, tolerance)
                     if rests:
