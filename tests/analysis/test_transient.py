@@ -305,6 +305,104 @@ def test_the_start_and_the_free_time_have_derivatives():
     assert np.asarray(by_time) == pytest.approx(np.asarray(slope), rel=1e-6, abs=1e-8)
 
 
+TIMES = ("tilt_time", "swing_time", "relative_time", "uplift_time", "overturning_time")
+
+
+def times_of(x, *, hung=True, y0=None):
+    """Times (s) of the motion under a sine of x[0] uplift accelerations and of x[1] Hz, of a column of height
+    x[2] with a bob of mass x[3] on a length x[4], or without one."""
+    block = tpd.Block(width=1.0, height=x[2], mass=9000.0, friction=0.01, restitution=0.95)
+    pulse = tpd.Pulse.one_sine(acceleration=x[0] * GRAVITY / 6.0, frequency=x[1])
+    pendulum = tpd.Pendulum(mass=x[3], length=x[4], damping_ratio=0.1) if hung else None
+    found = tpd.transient(tpd.Scene(block, pulse), pendulum, y0=y0, free=8.0)
+    return jnp.stack([getattr(found, name) for name in TIMES])
+
+
+@pytest.mark.mends("derivatives of times were zero")
+@pytest.mark.parametrize("hung", [True, False])
+@pytest.mark.parametrize("size", [1.3, 2.1, 8.0])
+def test_times_have_the_derivatives_of_differences(size, hung):
+    x = np.array([size, 1.2375, 6.0, 450.0, 0.9])
+    value = jax.jit(lambda x: times_of(x, hung=hung))
+    forward, backward = (np.asarray(d(value)(jnp.asarray(x))) for d in (jax.jacfwd, jax.jacrev))
+    # Of a block that overturns the uplift alone, of a bare one the block's own times.
+    known = [0, 3] if not hung else [0, 1, 2, 3]
+    known = [3] if size == 8.0 else known
+    felt = 5 if hung else 3
+    assert np.all(np.isnan(np.delete(forward, known, 0)))
+    assert np.all(np.isnan(np.delete(backward, known, 0)[:, :felt]))
+    assert forward[known] == pytest.approx(backward[known], rel=1e-12)
+    for j in range(felt):
+        best = np.full(len(known), np.inf)
+        for step in (1e-3, 1e-4, 1e-5):
+            d = step * x[j] * np.eye(5)[j]
+            at = [np.asarray(value(jnp.asarray(x + k * d)))[known] for k in (-2, -1, 1, 2)]
+            slope = (8.0 * (at[2] - at[1]) - (at[3] - at[0])) / (12.0 * step * x[j])
+            best = np.minimum(best, np.abs(slope - forward[known, j]) / np.abs(forward[known, j]))
+        assert np.all(best < 1e-6), (j, best)
+
+
+@pytest.mark.mends("derivatives of times were zero")
+@pytest.mark.parametrize("size", [1.2, 3.0])
+def test_a_bare_block_lifts_when_the_sine_exceeds_the_limit(size):
+    # g (width/height) = a sin(omega t).
+    omega, limit = 2.0 * np.pi * 1.2375, GRAVITY / 6.0
+
+    def uplift(a):
+        return tpd.transient(column(tpd.Pulse.one_sine(acceleration=a, frequency=1.2375))).uplift_time
+
+    a = size * limit
+    assert float(uplift(a)) == pytest.approx(math.asin(1.0 / size) / omega, rel=1e-8)
+    known = -1.0 / (a * omega * math.sqrt(size**2 - 1.0))
+    # The pulse consists of cubics.
+    assert float(jax.grad(uplift)(a)) == pytest.approx(known, rel=1e-6)
+
+
+@pytest.mark.mends("derivatives of times were zero")
+@pytest.mark.parametrize(
+    ("size", "y0", "unknown"),
+    [
+        # Nothing lifts; the largest tilt is that of the start; the block overturns.
+        (0.5, None, (0, 3, 4)),
+        (0.3, (0.1, 0.0, 0.0, 0.0), (0, 3, 4)),
+        (8.0, None, (0, 1, 2, 4)),
+    ],
+)
+def test_a_time_without_a_derivative_has_none_rather_than_zero(size, y0, unknown):
+    x = jnp.array([size, 1.2375, 6.0, 450.0, 0.9])
+    start = jnp.zeros(4) if y0 is None else jnp.array(y0)
+
+    def both(x, y):
+        return times_of(x, y0=y)
+
+    for derivative in (jax.jacfwd, jax.jacrev):
+        for slopes in derivative(both, argnums=(0, 1))(x, start):
+            # NaN, and nothing else spoilt by it.
+            assert np.all(np.isnan(slopes[jnp.array(unknown)]))
+            assert np.all(np.isfinite(np.delete(np.asarray(slopes), unknown, 0)))
+
+
+@pytest.mark.mends("derivatives of times were zero")
+def test_times_have_no_derivative_in_samples():
+    scene = column(tpd.Record(np.sin(np.linspace(0.0, 18.0, 90)) * 2.5, 0.02))
+    for name in TIMES[:4]:
+        slopes = jax.grad(lambda s, name=name: getattr(tpd.transient(s, HUNG), name))(scene)
+        assert np.all(np.isnan(slopes.motion.acceleration))
+
+
+@pytest.mark.mends("second derivatives raised an error of the compiled code's interface")
+def test_second_derivatives_are_refused():
+    def tilt(x):
+        return tpd.transient(
+            column(sine(x[0])), tpd.Pendulum(mass=450.0, length=x[1], damping_ratio=0.1)
+        ).tilt
+
+    x = jnp.array([2.0, 0.9])
+    assert np.all(np.isnan(jax.hessian(tilt)(x)))
+    assert np.all(np.isnan(jax.jacrev(jax.grad(tilt))(x)))
+    assert np.all(np.isnan(jax.jit(jax.jacfwd(jax.jacfwd(tilt)))(x)))
+
+
 def test_samples_have_no_derivative_rather_than_none():
     scene = column(tpd.Record(np.sin(np.linspace(0.0, 18.0, 90)) * 2.5, 0.02))
     slopes = jax.grad(lambda s: tpd.transient(s, HUNG).tilt)(scene)

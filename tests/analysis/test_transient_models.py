@@ -205,6 +205,31 @@ def test_nonlinear_motions_have_no_derivatives_rather_than_none():
     assert np.all(np.isnan(jax.grad(lambda y: tilt(2.0, y).swing)(jnp.array([0.05, 0.0, 0.0, 0.0]))))
 
 
+@pytest.mark.mends("derivatives of times were zero")
+@pytest.mark.parametrize("model", [tpd.Segmented(), tpd.Smoothed()])
+def test_times_have_no_derivatives_rather_than_zero(model):
+    names = ("tilt_time", "swing_time", "relative_time", "uplift_time", "overturning_time")
+
+    def times(x, y0):
+        hung = tpd.Pendulum(mass=783.0, length=x, damping_ratio=0.129)
+        found = tpd.transient(tpd.Scene(RUBBING, SINE), hung, model=model, y0=y0, free=1.0)
+        return jnp.stack([getattr(found, name) for name in names])
+
+    by_length, by_start = jax.jacfwd(times, argnums=(0, 1))(2.0, jnp.zeros(4))
+    assert np.all(np.isnan(by_length))
+    assert np.all(np.isnan(by_start))
+    assert np.all(np.isnan(jax.jacrev(times)(2.0, jnp.zeros(4))))
+
+
+@pytest.mark.mends("a second derivative of smoothed motions left out that turns move")
+def test_smoothed_motions_have_no_second_derivatives():
+    def tilt(x):
+        hung = tpd.Pendulum(mass=783.0, length=x, damping_ratio=0.129)
+        return tpd.transient(tpd.Scene(RUBBING, SINE), hung, model=tpd.Smoothed(), free=1.0).tilt
+
+    assert math.isnan(jax.grad(jax.grad(tilt))(2.0))
+
+
 @pytest.mark.parametrize("model", [tpd.Segmented(), tpd.Smoothed()])
 def test_batches_and_compiled_functions_are_single_motions(model):
     def tilt(length):

@@ -378,8 +378,8 @@ def test_no_motion_with_an_amplitude_of_zero_is_called_moving():
 @pytest.mark.mends("a block that never moves was called sticking where its bob repeats itself")
 @pytest.mark.parametrize(("leans", "known"), [(0.0, "rest"), (0.02, "held")])
 def test_a_block_that_never_moves_is_not_sticking(leans, known):
-    # The bob's own swing has twice the period of the forcing, psi = forced sin(xi tau) + own cos(xi tau/2), and
-    # the two never pull their most at once: a bound by the sum of both proves nothing.
+    # The bob's own swing has twice the period of the forcing, psi = forced sin(xi tau) + own cos(xi tau/2),
+    # and the two never pull their most at once: a bound by the sum of both proves nothing.
     nu, mu, lam, f = 0.2, 0.1, 0.4, 0.14
     inertia = lam * 0.75 / (1.0 + nu**2)
     xi, forced = 2.0 / np.sqrt(inertia), f / (1.0 - 4.0)
@@ -430,6 +430,22 @@ def test_derivatives_that_are_not_known_are_refused():
         return jnp.stack([steady.multiplier, steady.lyapunov])
 
     assert np.all(np.isnan(slopes(np.array(HUNG[3].x))))
+
+
+@pytest.mark.mends("the derivative of the estimate was zero")
+def test_an_estimate_that_nobody_made_has_no_derivative():
+    def estimate(mu):
+        return jnp.asarray(steady_state(parameters((0.25, mu, *HUNG[0].x[2:]))).estimate)
+
+    assert np.isnan(jax.grad(estimate)(0.05))
+
+
+@pytest.mark.mends("second derivatives raised an error of the compiled code's interface")
+def test_second_derivatives_of_a_trajectory_are_refused():
+    def end(x):
+        return simulate(parameters((*x, *HUNG[0].x[2:])), np.zeros(4), clock(HUNG[0].x, 2)).ys[-1, 0]
+
+    assert np.all(np.isnan(jax.hessian(end)(jnp.array(HUNG[0].x[:2]))))
 
 
 def test_a_trajectory_after_an_overturning_has_no_derivative():

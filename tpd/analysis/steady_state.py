@@ -47,8 +47,8 @@ class Steady(eqx.Module):
     their derivative is NaN and `status` says why. Stroke and state of a bob under a resting block have
     none either if zeta = 0: the bob rings for ever, and its reach depends on how the block came to rest.
     Nor has the stroke of a bob that hangs still, being at the corner of |psi|. The derivatives of
-    `multiplier` and `lyapunov` are always NaN. At mu = 0 the stroke is that of a bob too light to be felt.
-    An overturned block has infinite amplitude and stroke.
+    `multiplier`, `lyapunov` and `estimate` are always NaN, and so are all second ones. At mu = 0 the stroke
+    is that of a bob too light to be felt. An overturned block has infinite amplitude and stroke.
     """
 
     amplitude: Number
@@ -238,11 +238,12 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     # Not in what is compiled, so that the first gradient after a value has nothing to compile.
     sizes = jnp.stack([steady.amplitude, steady.stroke])
     answer = with_slopes(ravel_pytree(p)[0], jnp.concatenate([sizes, steady.state]), slopes)
-    rates = (refused_in(p, jnp.asarray(rate)) for rate in (steady.multiplier, steady.lyapunov))
+    numbers = steady.multiplier, steady.lyapunov, steady.estimate
+    unknown = (refused_in(p, jnp.asarray(x, dtype=jnp.float64)) for x in numbers)
     return eqx.tree_at(
-        lambda s: (s.amplitude, s.stroke, s.state, s.multiplier, s.lyapunov),
+        lambda s: (s.amplitude, s.stroke, s.state, s.multiplier, s.lyapunov, s.estimate),
         steady,
-        (answer[0], answer[1], answer[2:], *rates),
+        (answer[0], answer[1], answer[2:], *unknown),
     )
 
 

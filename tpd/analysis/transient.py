@@ -18,7 +18,7 @@ from tpd.core.ground_motion import GroundMotion
 from tpd.core.parameters import Number, Parameters, Real
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import Status, status_name
-from tpd.exact.derivatives import refused, refused_in
+from tpd.exact.derivatives import refused
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 
@@ -31,22 +31,33 @@ MAX_EVENTS = 200_000
 class Transient(eqx.Module):
     """Largest angles and outcome of a block under a ground motion: rad, and s from its beginning.
 
-    Angles and state are differentiable in every SI quantity of block, pendulum and gravity, in the size of
-    the motion and its time scale, in the start and in the free time, if the status is stood or rocked.
-    Elsewhere their derivatives are NaN and `status` says why. Those of times are NaN, counts have none, and
-    second derivatives are NaN.
+        Angles, their times and the state are differentiable in every SI quantity of block, pendulum and gravity,
+        in the size of the motion and its time scale, in the start and in the free time, if the status is stood
+    <<<<<<< ours
+        or rocked, and so is the time of the first uplift, also of a block that overturns. Elsewhere their
+        derivatives are NaN and `status` says why. NaN as well are those of a time that is infinite or that of the beginning,
+        of the time of the overturning, and all second derivatives; counts have none.
 
-    By the nonlinear equations (`Segmented`) all derivatives are NaN, because nobody computes them. Every
-    landing is an impact, and the block overturns at a tilt of a right angle, which it must reach before the
-    end.
+        By the nonlinear equations (`Segmented`) all derivatives are NaN, because nobody computes them; with smoothed
+        signs (`Smoothed`) those of times are. Every
+    =======
+        or rocked. So is the time of the first uplift, also of a block that overturns. Elsewhere derivatives are
+        NaN and `status` says why. NaN as well are those of a time that is infinite or that of the beginning, of
+        the time of the overturning, and all second derivatives; counts have none.
 
-    With smoothed signs (`Smoothed`) the derivatives are those of the smoothed motion. The width of a sign is
-    `sharpness` times nu (1 + mu)/(1 + 2 mu), the tilt at which the weight balances; what is within
-    ten widths counts as rest. A block that never leaves it stood, with a tilt of 0; uplift is the first time
-    at which it leaves it, and impacts are passages from one side of it to the other. The block overturns at
-    ten times the tilt at which weight, friction and the largest forcing balance (`Terms.nonlinear`: at a
-    right angle), or if the last arc leads there. The tilt errs by about the power 2/3 of the width under a
-    forcing that begins continuously, and by its square root where it begins with a jump. No event is grazed.
+        By the nonlinear equations (`Segmented`) all derivatives are NaN, because nobody computes them, and
+        with smoothed signs (`Smoothed`) those of times. Every
+    >>>>>>> theirs
+        landing is an impact, and the block overturns at a tilt of a right angle, which it must reach before the
+        end.
+
+        With smoothed signs (`Smoothed`) the derivatives are those of the smoothed motion. The width of a sign is
+        `sharpness` times nu (1 + mu)/(1 + 2 mu), the tilt at which the weight balances; what is within
+        ten widths counts as rest. A block that never leaves it stood, with a tilt of 0; uplift is the first time
+        at which it leaves it, and impacts are passages from one side of it to the other. The block overturns at
+        ten times the tilt at which weight, friction and the largest forcing balance (`Terms.nonlinear`: at a
+        right angle), or if the last arc leads there. The tilt errs by about the power 2/3 of the width under a
+        forcing that begins continuously, and by its square root where it begins with a jump. No event is grazed.
     """
 
     tilt: Number
@@ -134,19 +145,16 @@ def transient(
     start = jnp.zeros(4) if y0 is None else _start(y0) / speeds
     pieces = jnp.asarray(scene.motion.pieces())
     found = _followed(model, p, pieces, free * rate, start, max_events)
-    # Times depend on all of these, and nobody computes how.
-    given = sum(jnp.sum(jnp.asarray(x, dtype=float)) for x in jax.tree.leaves((p, pieces, free, rate, start)))
-    return _answer(found, rate, speeds, 0.0 if pendulum is None else 1.0, given)
+    return _answer(found, rate, speeds, 0.0 if pendulum is None else 1.0)
 
 
-def _answer(found: Any, rate: Any, speeds: Any, bob: float, given: Any) -> Transient:
-    """The motion in seconds; `bob` is 0 without a pendulum, and `given` depends on everything given."""
+def _answer(found: Any, rate: Any, speeds: Any, bob: float) -> Transient:
+    """The motion in seconds; `bob` is 0 without a pendulum."""
     status = _status(found)
     sound = (status == Status.rocked) | (status == Status.stood)
-    still = stop_gradient(rate)
     # The angles of a bare block's bob, which is too light to be felt, are nobody's.
-    times = refused_in(given, jnp.where(jnp.isfinite(found.times), found.times, jnp.inf) / still)
-    lifted, fell = (refused_in(given, jnp.asarray(x) / still) for x in (found.lifted, found.fell))
+    hung = jnp.array([1.0, bob, bob])
+    times = _seconds(found.times, rate, sound[..., None] & (hung > 0.0))
     swing, relative = (refused(bob * _seen(x, bob), sound) for x in (found.swing, found.relative))
     return Transient(
         tilt=refused(found.tilt, sound),
@@ -156,11 +164,31 @@ def _answer(found: Any, rate: Any, speeds: Any, bob: float, given: Any) -> Trans
         swing_time=times[..., 1],
         relative_time=times[..., 2],
         impacts=found.impacts.astype(int),
-        uplift_time=lifted,
-        overturning_time=fell,
+        uplift_time=_seconds(found.lifted, rate, sound | (status == Status.overturned)),
+        overturning_time=_seconds(found.fell, rate, sound),
         state=refused(found.state * speeds * jnp.array([1.0, bob, 1.0, bob]), sound),
         status=status,
     )
+
+
+def _seconds(tau: Any, rate: Any, usable: Any) -> Any:
+    """A time in seconds, infinite if it is not finite, with its derivative where that is usable and the time
+    is not that of the beginning."""
+    still = stop_gradient(tau)
+    there = jnp.isfinite(still)
+    known = refused(_finite(tau) / rate, usable & there & (still > 0.0))
+    return known + jnp.where(there, 0.0, jnp.inf)
+
+
+@jax.custom_jvp
+def _finite(x: Any) -> Any:
+    """`x`, or 0 where it is not finite, with the derivative of `x` in both cases."""
+    return jnp.where(jnp.isfinite(x), x, 0.0)
+
+
+@_finite.defjvp
+def _finite_jvp(primals: tuple, tangents: tuple) -> tuple:
+    return _finite(*primals), tangents[0]
 
 
 def _followed(model: Any, p: Parameters, *motion: Any) -> Any:

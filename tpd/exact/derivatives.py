@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -22,7 +23,7 @@ def refused(value: Array, usable: Bool[Array, "..."]) -> Array:
 @refused.defjvp
 def _refused_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     value, usable = primals
-    return value, scaled(jnp.where(usable, 1.0, jnp.nan), tangents[0], value)
+    return value, _scaled(jnp.where(usable, 1.0, jnp.nan), tangents[0], value)
 
 
 def refused_in(p: Any, value: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
@@ -43,10 +44,34 @@ def with_slopes(
 @with_slopes.defjvp
 def _with_slopes_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     p, value, slopes = primals
-    return value, jnp.sum(scaled(slopes, tangents[0], p, spared=True), axis=-1)
+    return value, moved(slopes, tangents[0], p)
 
 
-def scaled(factor: Array, direction: Array, point: Array, *, spared: bool = False) -> Array:
+def moved(
+    slopes: Float[Array, "*shape n"], direction: Float[Array, "n"], point: Float[Array, "n"]
+) -> Float[Array, "*shape"]:
+    """How much something with these slopes moves in a direction. A slope of NaN spoils no direction but its
+    own, and in reverse mode no other quantity; derivatives as `point` moves are NaN."""
+    return jnp.sum(_scaled(slopes, direction, point, spared=True), axis=-1)
+
+
+def once(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`function` of arrays, whose derivatives are NaN: what it computes are derivatives already."""
+
+    @jax.custom_jvp
+    def computed(*operands: Any) -> Any:
+        return function(*operands)
+
+    @computed.defjvp
+    def _(primals: tuple, tangents: tuple) -> tuple[Any, Any]:
+        out = computed(*primals)
+        unknown = jnp.nan * sum(jnp.sum(t) for t in tangents)
+        return out, jax.tree.map(lambda x: jnp.ones_like(x) * unknown, out)
+
+    return computed
+
+
+def _scaled(factor: Array, direction: Array, point: Array, *, spared: bool = False) -> Array:
     """`factor * direction`, whose own derivative as `point` moves is NaN. If `spared`, a direction of
     zero is spoilt by no factor that is NaN; in reverse mode the same holds of a weight of zero."""
     arrays = jnp.broadcast_arrays(factor, direction, point)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from threading import Lock
 from typing import Any
 
@@ -23,6 +23,7 @@ from tpd.core import programs
 from tpd.core.parameters import Parameters, State
 from tpd.core.status import Status
 from tpd.exact.contact import Mode
+from tpd.exact.derivatives import once
 from tpd.models import compiling
 from tpd.models.base import Cycle, Settled
 
@@ -149,9 +150,12 @@ def _cycle_from(first: float, x: Array, y: Array, mode: Array, settings: Array) 
     return _called((_shape(entry.CYCLE_OUT), _shape(entry.CYCLE_SIZES, entry.INPUTS)), s, x, y, mode)
 
 
+_cycle_with_slopes = once(partial(_cycle_from, 0.0))
+
+
 @_cycle.defjvp
 def _cycle_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    out, by = _cycle_from(0.0, *primals)
+    out, by = _cycle_with_slopes(*primals)
     moved = by @ jnp.concatenate([tangents[0], tangents[1]])
     return out, jnp.concatenate([moved, jnp.zeros(out.size - moved.size)])
 
@@ -183,9 +187,12 @@ def _trajectory_from(slopes: float, x: Array, y: Array, times: Array, settings: 
     return _called(shapes, settings.at[5].set(slopes), x, y, times)
 
 
+_trajectory_with_slopes = once(partial(_trajectory_from, 1.0))
+
+
 @_trajectory.defjvp
 def _trajectory_jvp(primals: tuple, tangents: tuple) -> tuple:
-    out, status, by = _trajectory_from(1.0, *primals)
+    out, status, by = _trajectory_with_slopes(*primals)
     x, y, times, _ = tangents
     moved = by @ jnp.concatenate([x, y, times[:1]])
     # The first time moves the beginning of the motion, and no state at it.

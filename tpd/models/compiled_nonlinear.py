@@ -165,11 +165,9 @@ def follow_nonlinear(
     still = (jax.lax.stop_gradient(a) for a in operands)
     out = jax.pure_callback(on_host, shape, *still, vmap_method="broadcast_all")
     known = _followed(jax.lax.stop_gradient(out))
-    # The angles and the state depend on all of this in a way that nobody has computed.
-    tilt, swing, relative, state = (
-        refused_in(operands, a) for a in (known.tilt, known.swing, known.relative, known.state)
-    )
-    return known._replace(tilt=tilt, swing=swing, relative=relative, state=state)
+    # Angles, times and state depend on all of this in a way that nobody has computed.
+    names = ("tilt", "swing", "relative", "times", "state", "lifted", "fell")
+    return known._replace(**{name: refused_in(operands, getattr(known, name)) for name in names})
 
 
 def _followed(out: Any) -> Followed:

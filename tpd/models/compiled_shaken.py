@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from threading import Lock
 from typing import Any, NamedTuple
 
@@ -19,7 +19,7 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from tpd.core.parameters import Number, Parameters, State
-from tpd.exact.derivatives import scaled
+from tpd.exact.derivatives import moved, once
 from tpd.models import compiling
 from tpd.models.compiled_linear import packed
 from tpd.models.rows import shared
@@ -138,14 +138,18 @@ def _called(slopes: bool, *operands: Any) -> Any:
     return jax.lax.platform_dependent(*wide, cpu=kernel, default=through_host)
 
 
+_called_with_slopes = once(partial(_called, True))
+
+
 @jax.custom_jvp
-def _followed(x: Array, y: Array, pieces: Array, settings: Array) -> tuple[Array, Array, Array]:
-    """The three angles, the state at the end with the growing coordinate, and all results."""
+def _followed(x: Array, y: Array, pieces: Array, settings: Array) -> tuple[Array, Array, Array, Array]:
+    """The three angles, the state at the end with the growing coordinate, the times of the angles, of the
+    first uplift and of the overturning, and all results."""
     return _parts(_called(False, settings, x, y, pieces)[0])
 
 
-def _parts(out: Array) -> tuple[Array, Array, Array]:
-    return out[0:6:2], out[6:11], out
+def _parts(out: Array) -> tuple[Array, Array, Array, Array]:
+    return out[0:6:2], out[6:11], jnp.concatenate([out[1:6:2], out[13:15]]), out
 
 
 def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
@@ -155,14 +159,14 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
     # The largest angles are often met long before the end. A program that asks for them alone leaves the
     # second call out, on which nothing depends.
     asked = settings.at[6].set(inputs)
-    # What is called has no derivative of its own: second derivatives are NaN, see `scaled`.
-    still = tuple(jax.lax.stop_gradient(a) for a in (x, y, pieces))
-    out, by_angles = _called(True, jax.lax.stop_gradient(asked.at[8].set(1.0)), *still)
-    by_end = _called(True, jax.lax.stop_gradient(asked), *still)[1]
+    out, by_angles = _called_with_slopes(asked.at[8].set(1.0), x, y, pieces)
+    by_end = _called_with_slopes(asked, x, y, pieces)[1]
     xs, ys, samples, times = (_zeros_of(t) for t in tangents)
-    point = jnp.concatenate([x, y])
     direction = jnp.concatenate([xs, ys])
-    angles, end = (jnp.sum(scaled(by, direction, point), axis=-1) for by in (by_angles[:3], by_end[3:]))
+    angles, end = by_angles[:3] @ direction, by_end[3:8] @ direction
+    # Some times have no derivative, that of the overturning never: NaN meets only what asks for it.
+    slopes = jnp.concatenate([by_angles[8:], jnp.full((1, direction.size), jnp.nan)])
+    at = moved(slopes, direction, jnp.concatenate([x, y]))
     # The state goes on for longer where the free time grows: angles move with their rates, and rates with
     # the accelerations.
     rates = jnp.concatenate([out[8:10], out[17:19], jnp.zeros(1)])
@@ -173,11 +177,12 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
     growing = jnp.stack([rates[0], rates[1], rates[1] - rates[0]])
     sides = jnp.sign(jnp.stack([out[6], out[7], out[7] - out[6]]))
     angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[3]
+    at = at + jnp.concatenate([last, jnp.zeros(2)]) * times[3]
     if not isinstance(tangents[2], SymbolicZero):
         # Derivatives in the samples of a record are not computed: not a number, and not zero.
         unknown = jnp.nan * jnp.sum(samples)
-        angles, end = angles + unknown, end + unknown
-    return _parts(out), (angles, end, jnp.zeros_like(out))
+        angles, end, at = angles + unknown, end + unknown, at + unknown
+    return _parts(out), (angles, end, at, jnp.zeros_like(out))
 
 
 _followed.defjvp(_followed_jvp, symbolic_zeros=True)
@@ -190,14 +195,16 @@ def _zeros_of(tangent: Any) -> Any:
 def follow(p: Parameters, pieces: Array, free: Number, y0: State, max_events: int) -> Followed:
     """Follow a motion from `y0` through `pieces`, shape (n, 4), and freely for `free` (tau).
 
-    `p` are parameters of `Scene.ground_parameters`. Derivatives in p, free and y0 of the angles, the state
-    and the growing coordinate are exact; those in the pieces are NaN.
+    `p` are parameters of `Scene.ground_parameters`. Derivatives in p, free and y0 of the angles, their times,
+    the time of the first uplift, the state and the growing coordinate are exact, or NaN where there is none;
+    that of the time of the overturning and those in the pieces are NaN.
     """
     # The compiled code takes the duration of a piece, and eta is minus the acceleration of the base.
     x = packed(p).at[6].set(2.0 * jnp.pi / jnp.asarray(p.xi, dtype=jnp.float64))
     settings = _settings(pieces.shape[-2], free, max_events, 0.0)
-    angles, end, out = _followed(x, y0, -jnp.asarray(pieces), settings)
-    return _results(angles, end, jax.lax.stop_gradient(out))
+    angles, end, times, out = _followed(x, y0, -jnp.asarray(pieces), settings)
+    found = _results(angles, end, jax.lax.stop_gradient(out))
+    return found._replace(times=times[:3], lifted=times[3], fell=times[4])
 
 
 def _results(angles: Any, end: Any, still: Any) -> Followed:
@@ -248,9 +255,10 @@ def follow_all(
         progress: called with the motions done and in all.
 
     Returns:
-        The motions, and their derivatives of shape (n, 8, 13) if asked for: of the three angles, the state at
-        the end and the growing coordinate, in the nine parameters and the four components of the start. Along
-        designs the last axis begins with (mu, lam, zeta); a block that stands has those of the angles alone.
+        The motions, and their derivatives of shape (n, 12, 13) if asked for: of the three angles, the state
+        at the end, the growing coordinate, the times of the angles and that of the first uplift, in the nine
+        parameters and the four components of the start. Along designs the last axis begins with (mu, lam,
+        zeta); a block that stands has those of the angles and the times alone.
     """
     compiling.load("tpd.models.shaken_entry")
     from tpd.models import shaken_entry as entry

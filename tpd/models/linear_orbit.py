@@ -283,8 +283,8 @@ def orbit_near(x, q, complex_plants, mode, periods, limits, scales, past, known,
     sizes, by, gap, found = np.zeros(6), np.empty((8, INPUTS)), np.empty(4), np.empty(4)
     if not _newton(x, q, complex_plants, past, mode, periods, limits, scales, found, sizes, by):
         return False
-    # To a block at rest the orbit's derivative says nothing about what the bob's decay may do yet, which is to
-    # lift it: there the motion is followed until that is proved away.
+    # The derivative of an orbit at rest does not tell whether the decay of the bob lifts the block yet: there
+    # the motion is followed until that is proved away.
     if max(sizes[0], sizes[1]) == 0.0:
         return False
     apart = 0.0

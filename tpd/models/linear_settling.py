@@ -79,8 +79,8 @@ def _rests(q, y, mode, sizes, phase, tolerance):
 
 @compiled
 def _repeats_at_rest(q, y, mode, last, repeats, tolerance):
-    """Whether a motion that repeats itself after so many periods, in which the block was held throughout, goes
-    on like that for good. If so, change the state to that which it comes to, and put the bob's reach into
+    """Whether a motion that repeats itself after so many periods, with the block held throughout, goes on
+    like that for good. If so, change the state to that which it comes to, and put the bob's reach into
     `last`."""
     # What is left of the decay of a damped bob is less than the tolerance, but under its steady swing the
     # block may lift, if by as little. An undamped bob goes on as in these periods.

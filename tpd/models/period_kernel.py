@@ -75,10 +75,10 @@ def remember(past, known, last, y, amplitude, stroke, held):
 @compiled
 def stayed(last, periods):
     """Whether the block was held throughout so many last periods, on its base or leaning."""
+    held = True
     for j in range(periods):
-        if last[j, 2] != 2.0:
-            return False
-    return True
+        held = held and last[j, 2] == 2.0
+    return held
 
 
 @compiled

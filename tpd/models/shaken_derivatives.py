@@ -13,8 +13,8 @@ import numpy as np
 from tpd.exact.arc_kernel import STEP, compiled, fill, instant, plant_along, state_at, struck
 from tpd.exact.cubic_kernel import Cubic, cubic_at, forcing_of, launch_cubic
 from tpd.exact.event_kernel import reserve
-from tpd.exact.event_search import BOB, END, FIRST
-from tpd.exact.mode_kinds import SLIP, STICK
+from tpd.exact.event_search import BOB, END, FIRST, RELATIVE
+from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.models.shaken_kernel import BEST, LEGS, WHERE, WHOLE
 
 INPUTS = 13
@@ -23,9 +23,10 @@ DESIGN = 3
 """Directions of a design alone: mu, lam and zeta."""
 PLANTS = 10
 """Complex plants: one for each parameter, and one for directions in which none changes."""
-ROWS = 8
-"""Quantities with derivatives: largest |phi|, |psi| and |psi - phi|, the state at the end, and the growing
-coordinate at the start of the last leg."""
+GROWING, TIMES, UPLIFT, ROWS = np.int64(7), np.int64(8), np.int64(11), np.int64(12)
+"""Quantities with derivatives: largest |phi|, |psi| and |psi - phi|, the state at the end, the growing
+coordinate at the start of the last leg (row 7), the times of the three angles (from row 8 on), that of the
+first uplift (row 11), and how many there are. A time without a derivative leaves its row as it is."""
 _HELD = float(STICK)
 
 
@@ -159,16 +160,51 @@ def _after(q, leg, dy, j, y):
 
 
 @compiled
+def _met_at(tally, k):
+    """The leg at whose end largest angle k was met (-1 is the beginning), and to which side."""
+    right, left = BEST + 2 * k, BEST + 2 * k + 1
+    # The larger of both sides; where they are equal, the derivative is that to the right.
+    best, side = (right, 1.0) if tally[right] >= tally[left] else (left, -1.0)
+    return int(tally[WHERE + best - BEST]), side
+
+
+@compiled
 def _put_extremes(tally, leg, dy, by, inputs):
     """Put the derivatives of the largest angles that were met at the end of this leg into `by`."""
     for k in range(3):
-        right, left = BEST + 2 * k, BEST + 2 * k + 1
-        # The larger of both sides; where they are equal, the derivative is that to the right.
-        best, side = (right, 1.0) if tally[right] >= tally[left] else (left, -1.0)
-        if tally[WHERE + best - BEST] == leg:
+        where, side = _met_at(tally, k)
+        if where == leg:
             for j in range(inputs):
                 psi = dy[1, j] - (dy[0, j] if k == 2 else 0.0)
                 by[k, j] = side * (dy[0, j] if k == 0 else psi)
+
+
+@compiled
+def _put_times(tally, m, leg, end, plants, shift, dy, by, inputs):
+    """Put the derivatives of the times at which largest angles were met at the end of this leg into `by`;
+    `end` is the state there with its accelerations, and `shift` the derivatives of the time in its piece."""
+    pieces = leg[3] + (leg[5] if leg[6] == WHOLE else 0.0)
+    for k in range(3):
+        where, _ = _met_at(tally, k)
+        if where == m:
+            # Where the bob turns the leg ends at a fixed time: the turn itself is a little earlier or later.
+            turns = k > 0 and (leg[6] == BOB or leg[6] == RELATIVE)
+            bend = end[5] - (end[4] if k == 2 else 0.0)
+            for j in range(inputs):
+                rate = dy[3, j] - (dy[2, j] if k == 2 else 0.0)
+                late = -rate / bend if turns else 0.0
+                by[TIMES + k, j] = pieces * plants[min(j, PLANTS - 1)].xi.imag / STEP + shift[j] + late
+
+
+@compiled
+def _lifts_at(legs, count):
+    """The leg with which a block leaves its base for the first time; -1 if it never does, or has left it from
+    the beginning."""
+    if count > 0 and legs[0, 0] == REST:
+        for m in range(1, count):
+            if legs[m, 0] != REST:
+                return m
+    return -1
 
 
 @compiled
@@ -176,19 +212,18 @@ def _last_extreme(tally):
     """The last leg at whose end one of the largest angles was met."""
     last = -1
     for k in range(3):
-        right, left = BEST + 2 * k, BEST + 2 * k + 1
-        best = right if tally[right] >= tally[left] else left
-        last = max(last, int(tally[WHERE + best - BEST]))
+        where, _ = _met_at(tally, k)
+        last = max(last, where)
     return last
 
 
 @compiled
 def _end_of(q, c, n, leg, end):
-    """Put the state at the end of a recorded leg, before its event, into `end`."""
+    """Put the state at the end of a recorded leg, before its event, and its accelerations into `end`."""
     e = cubic_at(c, n, int(leg[3]), q.xi, leg[4])
     arc = launch_cubic(q, leg[0], leg[1], leg[2], leg[8], leg[9], leg[10], leg[11], e)
     a = state_at(arc, instant(arc, leg[5]), leg[5])
-    for i in range(4):
+    for i in range(6):
         end[i] = a[i]
 
 
@@ -206,27 +241,31 @@ def _growing(q, c, n, leg, dy, j, shift):
 def differentiate(x, q, plants, c, n, legs, tally, inputs, ratio_by_mass, angles_only, by):
     """Put the derivatives of a followed motion into `by`, shape (8, inputs), and return the growing
     coordinate of its last leg. `inputs` is 3 for a design, whose mass changes e by `ratio_by_mass`, 9 for the
-    parameters alone, or 13. If `angles_only`, those of the largest angles: what comes after the last of these
-    is left out."""
+    parameters alone, or 13. If `angles_only`, those of the largest angles, their times and the first uplift:
+    what comes after the last of these is left out."""
     _put_plants(x, inputs, ratio_by_mass, plants)
     a, slopes, known = np.empty((2, 4, 8)), np.empty((2, 4, 8, inputs)), np.zeros(2)
-    dy, shift, moved, y = np.zeros((4, inputs)), np.zeros(inputs), np.zeros(inputs), np.zeros(4)
+    dy, shift, moved, y = np.zeros((4, inputs)), np.zeros(inputs), np.zeros(inputs), np.zeros(6)
     for i in range(4):
         if inputs > 9:
             dy[i, 9 + i] = 1.0
-    _put_extremes(tally, -1.0, dy, by, inputs)
+    _put_extremes(tally, -1, dy, by, inputs)
     growing = 0.0
     count = min(int(tally[LEGS]), len(legs))
+    lifts = _lifts_at(legs, count)
     if angles_only:
-        count = min(count, 1 + _last_extreme(tally))
+        count = min(count, 1 + max(lifts, _last_extreme(tally)))
     for m in range(count):
         leg = legs[m]
         slips = leg[0] == SLIP
+        if m == lifts:
+            for j in range(inputs):
+                by[UPLIFT, j] = leg[3] * plants[min(j, PLANTS - 1)].xi.imag / STEP + shift[j]
         # The last leg decides between overturning and falling back.
         if m == int(tally[LEGS]) - 1:
             for j in range(inputs):
                 coordinate = _growing(plants[min(j, PLANTS - 1)], c, n, leg, dy, j, shift[j])
-                by[ROWS - 1, j], growing = coordinate.imag / STEP, coordinate.real
+                by[GROWING, j], growing = coordinate.imag / STEP, coordinate.real
         if leg[6] == WHOLE:
             kind = 0 if slips else 1
             if known[kind] == 0.0:
@@ -241,13 +280,15 @@ def differentiate(x, q, plants, c, n, legs, tally, inputs, ratio_by_mass, angles
             for i in range(4):
                 y[i] = leg[8 + i]
             _through_pieces(c, int(leg[3]), int(leg[5]), a[kind], slopes[kind], centre, moved, y, dy, inputs)
-            _put_extremes(tally, float(m), dy, by, inputs)
+            _put_extremes(tally, m, dy, by, inputs)
+            _put_times(tally, m, leg, y, plants, shift, dy, by, inputs)
             continue
         # The real state begins anew with every leg, so that errors of it do not add up.
         _end_of(q, c, n, leg, y)
         for j in range(inputs):
             shift[j] = _leg(plants[min(j, PLANTS - 1)], c, n, leg, dy, j, shift[j])
-        _put_extremes(tally, float(m), dy, by, inputs)
+        _put_extremes(tally, m, dy, by, inputs)
+        _put_times(tally, m, leg, y, plants, shift, dy, by, inputs)
         for j in range(inputs):
             _after(plants[min(j, PLANTS - 1)], leg, dy, j, y)
             # The next piece begins at its own zero of time.

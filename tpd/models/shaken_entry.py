@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numba
@@ -11,7 +12,7 @@ from numba.np.numpy_support import carray
 from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, part, stored
 from tpd.models.compiling import checksum
 from tpd.models.custom_call import api_version, on_host, pointer, rows_of, table
-from tpd.models.shaken_derivatives import INPUTS, PLANTS, ROWS, differentiate
+from tpd.models.shaken_derivatives import INPUTS, PLANTS, ROWS, TIMES, differentiate
 from tpd.models.shaken_kernel import LEG, LEGS, OUT, OVERTURNED, TALLY, follow, put_results, room_for
 
 _PIECE, _STATE, _PARAMETERS, _OUT = map(np.int64, (4, 4, 9, OUT))
@@ -51,11 +52,11 @@ def _run(a, first, last):
             legs = np.empty((int(tally[LEGS]), LEG))
         put_results(plants[0], n, s[r, 3], y, mode, tally, status, out[r])
         if inputs > 0:
-            # Directions that are not asked for stay zero.
+            # Directions that are not asked for stay zero, and times without a derivative no numbers.
             by = carray(pointer(a[5]), (last, ROWS, INPUTS), np.float64)[r]
             for i in range(ROWS):
                 for j in range(INPUTS):
-                    by[i, j] = 0.0
+                    by[i, j] = math.nan if i >= TIMES and j < inputs else 0.0
             angles = s[r, 8] == 1.0 or (s[r, 8] == 2.0 and status != OVERTURNED)
             ratio = s[r, 0]
             out[r, 10] = differentiate(x[r], plants[0], others, c, n, legs, tally, inputs, ratio, angles, by)

@@ -20,6 +20,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from tpd.core.equations import Equations, Linear, Terms
 from tpd.core.parameters import Number, Parameters, State
+from tpd.exact.derivatives import once, refused_in
 from tpd.exact.modes import Plant
 from tpd.models.compiled_linear import packed
 from tpd.models.compiled_shaken import Followed
@@ -87,7 +88,8 @@ def follow_smoothed(
     + `max_steps` steps. The growing coordinate is NaN and the transversality 1.
 
     `p` are parameters of `Scene.ground_parameters`, with e = 1: otherwise the status is failed. Angles and
-    state have derivatives in p, free and y0 in forward and in reverse mode; those in the pieces are NaN.
+    state have derivatives in p, free and y0 in forward and in reverse mode; those in the pieces are NaN, and
+    so are those of times, and second ones.
 
     Raises:
         ValueError: a solver that is implicit or does not estimate its error.
@@ -99,9 +101,10 @@ def follow_smoothed(
         )
     x = packed(p).at[6].set(2.0 * jnp.pi / jnp.asarray(p.xi, dtype=jnp.float64))
     z = jnp.concatenate([x, jnp.asarray(free, dtype=jnp.float64)[None]])
-    found = _solved(model, max_steps, z, jnp.asarray(y0), jnp.asarray(pieces))
-    ((tilt, swing, relative), state), (times, counts) = found
+    operands = z, jnp.asarray(y0), jnp.asarray(pieces)
+    ((tilt, swing, relative), state), (times, counts) = _solved(model, max_steps, *operands)
     growing, status, impacts, lifted, fell, sure = counts
+    times, lifted, fell = (refused_in(operands, t) for t in (times, lifted, fell))
     return Followed(tilt, swing, relative, times, state, growing, status, impacts, lifted, fell, sure)
 
 
@@ -123,7 +126,8 @@ def _solved(model: Smoothed, max_steps: int, z: Array, y: Array, pieces: Array) 
                 value = run(*inputs)
                 return value[0], value
 
-            by, value = jax.jacfwd(both, argnums=moving, has_aux=True)(*primals)
+            # A turn moves as well, which the first derivative does not feel, and a second one would.
+            by, value = once(jax.jacfwd(both, argnums=moving, has_aux=True))(*primals)
             parts = [[b @ tangents[i] for b, i in zip(row, moving, strict=True)] for row in by]
             moved = tuple(sum(part[1:], start=part[0]) for part in parts)
         else:
