@@ -558,31 +558,3 @@ def test_a_train_of_sines_is_the_harmonic_from_rest():
     np.testing.assert_allclose(-found.state, np.asarray(moved.ys)[-1] * scale, rtol=1e-9, atol=1e-11)
     with pytest.raises(ValueError, match="whole number"):
         tpd.Pulse(kind="sine-train", acceleration=1.0, frequency=1.0, cycles=2.5)
-
-
-@pytest.mark.mends("the derivative of a time was zero")
-@pytest.mark.parametrize("name", ["uplift_time", "tilt_time", "swing_time", "overturning_time"])
-def test_the_derivative_of_a_time_is_not_a_number(name):
-    block = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9)
-    hung = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
-
-    def time(size):
-        pulse = tpd.Pulse.one_sine(acceleration=size, frequency=1.2)
-        return getattr(tpd.transient(tpd.Scene(block, pulse), hung, free=1.0), name)
-
-    assert np.isnan(jax.grad(time)(3.0))
-    assert np.isnan(jax.jacfwd(time)(3.0))
-
-
-@pytest.mark.mends("a second derivative was an error of XLA")
-def test_second_derivatives_are_not_numbers():
-    block = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9)
-
-    def tilt(size):
-        return tpd.transient(
-            tpd.Scene(block, tpd.Pulse.one_sine(acceleration=size, frequency=1.2)), free=1.0
-        ).tilt
-
-    assert np.isfinite(jax.grad(tilt)(3.0))
-    assert np.isnan(jax.hessian(tilt)(3.0))
-    assert np.isnan(jax.jacrev(jax.jacrev(tilt))(3.0))

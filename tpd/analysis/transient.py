@@ -31,33 +31,24 @@ MAX_EVENTS = 200_000
 class Transient(eqx.Module):
     """Largest angles and outcome of a block under a ground motion: rad, and s from its beginning.
 
-        Angles, their times and the state are differentiable in every SI quantity of block, pendulum and gravity,
-        in the size of the motion and its time scale, in the start and in the free time, if the status is stood
-    <<<<<<< ours
-        or rocked, and so is the time of the first uplift, also of a block that overturns. Elsewhere their
-        derivatives are NaN and `status` says why. NaN as well are those of a time that is infinite or that of the beginning,
-        of the time of the overturning, and all second derivatives; counts have none.
+    Angles, their times and the state are differentiable in every SI quantity of block, pendulum and gravity,
+    in the size of the motion and its time scale, in the start and in the free time, if the status is stood
+    or rocked. So is the time of the first uplift, also of a block that overturns. Elsewhere derivatives are
+    NaN and `status` says why. NaN as well are those of a time that is infinite or that of the beginning, of
+    the time of the overturning, and all second derivatives; counts have none.
 
-        By the nonlinear equations (`Segmented`) all derivatives are NaN, because nobody computes them; with smoothed
-        signs (`Smoothed`) those of times are. Every
-    =======
-        or rocked. So is the time of the first uplift, also of a block that overturns. Elsewhere derivatives are
-        NaN and `status` says why. NaN as well are those of a time that is infinite or that of the beginning, of
-        the time of the overturning, and all second derivatives; counts have none.
+    By the nonlinear equations (`Segmented`) all derivatives are NaN, because nobody computes them, and
+    with smoothed signs (`Smoothed`) those of times. Every
+    landing is an impact, and the block overturns at a tilt of a right angle, which it must reach before the
+    end.
 
-        By the nonlinear equations (`Segmented`) all derivatives are NaN, because nobody computes them, and
-        with smoothed signs (`Smoothed`) those of times. Every
-    >>>>>>> theirs
-        landing is an impact, and the block overturns at a tilt of a right angle, which it must reach before the
-        end.
-
-        With smoothed signs (`Smoothed`) the derivatives are those of the smoothed motion. The width of a sign is
-        `sharpness` times nu (1 + mu)/(1 + 2 mu), the tilt at which the weight balances; what is within
-        ten widths counts as rest. A block that never leaves it stood, with a tilt of 0; uplift is the first time
-        at which it leaves it, and impacts are passages from one side of it to the other. The block overturns at
-        ten times the tilt at which weight, friction and the largest forcing balance (`Terms.nonlinear`: at a
-        right angle), or if the last arc leads there. The tilt errs by about the power 2/3 of the width under a
-        forcing that begins continuously, and by its square root where it begins with a jump. No event is grazed.
+    With smoothed signs (`Smoothed`) the derivatives are those of the smoothed motion. The width of a sign is
+    `sharpness` times nu (1 + mu)/(1 + 2 mu), the tilt at which the weight balances; what is within
+    ten widths counts as rest. A block that never leaves it stood, with a tilt of 0; uplift is the first time
+    at which it leaves it, and impacts are passages from one side of it to the other. The block overturns at
+    ten times the tilt at which weight, friction and the largest forcing balance (`Terms.nonlinear`: at a
+    right angle), or if the last arc leads there. The tilt errs by about the power 2/3 of the width under a
+    forcing that begins continuously, and by its square root where it begins with a jump. No event is grazed.
     """
 
     tilt: Number
