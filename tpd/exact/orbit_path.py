@@ -226,7 +226,7 @@ def resolved_path(half: Half, orbit: Orbit) -> tuple[Path, Bool[Array, ""]]:
 
 def _with_peak(seen: _Seen, size: Number, *, late: bool) -> _Seen:
     """Extremes seen so far, and |psi| at the end of an arc."""
-    corner = Peak(size, jnp.ones_like(size), jnp.full(size.shape, late), size)
+    corner = Peak(size, jnp.ones_like(size), jnp.full(jnp.shape(size), late), size)
     bob, left = _ranked(seen.bob, corner)
     left = jnp.where(jnp.isfinite(left.size), left.most, -jnp.inf)
     return seen._replace(bob=bob, doubt=jnp.maximum(seen.doubt, left))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tpd.exact.arc_kernel import STEP, compiled, fill, instant, plant_along, state_at, struck
+from tpd.exact.arc_kernel import STEP, compiled, fill, instant, places, plant_along, state_at, struck
 from tpd.exact.cubic_kernel import Cubic, cubic_at, forcing_of, launch_cubic
 from tpd.exact.event_kernel import reserve
 from tpd.exact.event_search import BOB, END, FIRST, RELATIVE
@@ -23,7 +23,8 @@ DESIGN = 3
 """Directions of a design alone: mu, lam and zeta."""
 PLANTS = 10
 """Complex plants: one for each parameter, and one for directions in which none changes."""
-GROWING, TIMES, UPLIFT, ROWS = np.int64(7), np.int64(8), np.int64(11), np.int64(12)
+GROWING, TIMES = places(9, 7)
+UPLIFT, ROWS = places(13, 11)
 """Quantities with derivatives: largest |phi|, |psi| and |psi - phi|, the state at the end, the growing
 coordinate at the start of the last leg (row 7), the times of the three angles (from row 8 on), that of the
 first uplift (row 11), and how many there are. A time without a derivative leaves its row as it is."""
