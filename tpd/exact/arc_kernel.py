@@ -21,9 +21,9 @@ import numpy as np
 from tpd.core import machine_code
 from tpd.exact.mode_kinds import REST, SLIP
 
-STEP = 1e-30
-"""Imaginary part of an input in whose direction a derivative is taken: its square is nothing beside 1, and
-its tenth power no denormal number, with which a processor is slow."""
+STEP = 1e-100
+"""Imaginary part of an input in whose direction a derivative is taken. Its square is nothing beside 1, even
+times a derivative of 1e90 of a chaotic motion, and its third power is still a normal number."""
 _SERIES = 1e-3
 """|w t|^2 below which the pair's solutions are summed as power series."""
 _EARLY = 0.5
