@@ -339,3 +339,17 @@ def test_the_rocking_spectrum_is_that_of_single_blocks():
             one = tpd.transient(tpd.Scene(block, record), pendulum)
             # Housner's restitution with a bob is another number.
             assert tilts[i] == pytest.approx(float(one.tilt) / 0.25, rel=1e-9)
+
+
+@pytest.mark.mends("the motions of one earthquake, even copies of one motion, counted as independent")
+def test_copies_of_motions_make_nothing_surer(found):
+    twice = tpd.fragility(STATUE, [*RECORDS, *RECORDS], scales=found.stripes, pendulum=HUNG, nonlinear=False)
+    for once, copies in ((found.bare, twice.bare), (found.hung, twice.hung)):
+        for name, curve in once.items():
+            assert copies[name].fit.interval() == pytest.approx(curve.fit.interval(), rel=1e-9)
+            x = np.geomspace(0.5, 20.0, 30)
+            np.testing.assert_allclose(copies[name].fit.band(x), curve.fit.band(x), atol=1e-9)
+    for name, p in found.p_values.items():
+        np.testing.assert_allclose(twice.p_values[name], p, rtol=1e-12)
+    assert found.earthquakes == twice.earthquakes == 12
+    assert "24 motions of 12 earthquakes" in str(twice)

@@ -17,11 +17,11 @@ import numpy as np
 from scipy.special import bdtr
 
 from tpd.analysis.ground_batch import Outcomes, Progress, follow_scaled
-from tpd.analysis.probit import Lognormal, fit_lognormal, median_words
+from tpd.analysis.probit import Lognormal, added_up, fit_lognormal, median_words
 from tpd.analysis.transient import FREE
 from tpd.core import checks
 from tpd.core.cluster import Cluster
-from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion, refuse_zeros
+from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion, events_of, refuse_zeros
 from tpd.core.intensity import intensity_of
 from tpd.core.scene import Block, Pendulum
 
@@ -60,13 +60,15 @@ class Fragility:
     unit: str
     motions: tuple[str, ...]
     """Names of the ground motions."""
+    earthquakes: int
+    """Earthquakes that they are of: motions of one are no independent observations."""
     bare: dict[str, Curve]
     """By damage state."""
     hung: dict[str, Curve] | None
     p_values: dict[str, np.ndarray] | None
     """By damage state: two-sided probability, at each stripe, of a difference between bare and hung at least
-    this large if the pendulum changed nothing (McNemar, exact). Where motions have no answer, the largest
-    that their outcomes allow."""
+    this large if the pendulum changed nothing (McNemar, exact, over earthquakes). Where motions have no
+    answer, the largest that their outcomes allow."""
     tilts: tuple[np.ndarray, np.ndarray | None]
     """Largest tilt over the slenderness of every motion, shape (motions, stripes), bare and hung; infinite
     after an overturning, NaN where nothing is known."""
@@ -81,7 +83,8 @@ class Fragility:
     """Runs that the nonlinear equations do not answer, bare and hung."""
 
     def __str__(self) -> str:
-        lines = [f"fragility over {self.intensity} ({self.unit}), {len(self.motions)} motions"]
+        quakes = "one earthquake" if self.earthquakes == 1 else f"{self.earthquakes} earthquakes"
+        lines = [f"fragility over {self.intensity} ({self.unit}), {len(self.motions)} motions of {quakes}"]
         for name, curve in self.bare.items():
             lines.append(f"  {name}: bare {curve.fit}{_doubt(curve)}")
             if self.hung is not None:
@@ -179,7 +182,8 @@ def fragility(
         hung = cases[n % len(cases)]
         exact = n < len(cases)
         found.append(follow_scaled(block, hung, motions, factors, nonlinear=not exact, brief=True, **options))
-    return _result(block, stripes, measure, names, found[: len(cases)], found[len(cases) :], states)
+    quakes = np.unique(events_of(motions), return_inverse=True)[1]
+    return _result(block, stripes, measure, (names, quakes), found[: len(cases)], found[len(cases) :], states)
 
 
 def _shifted(progress: Progress, n: int, runs: int) -> Progress:
@@ -190,15 +194,16 @@ def _result(
     block: Block,
     stripes: np.ndarray,
     measure: Any,
-    names: tuple[str, ...],
+    motions: tuple[tuple[str, ...], np.ndarray],
     exact: list[Outcomes],
     checked: list[Outcomes],
     states: Mapping[str, float],
 ) -> Fragility:
-    curves = [{name: _curve(name, o, level, block, stripes) for name, level in states.items()} for o in exact]
+    names, quakes = motions
     reached = [{name: _reached(o, level, block) for name, level in states.items()} for o in exact]
+    curves = [{name: _curve(name, hit, quakes, stripes) for name, hit in case.items()} for case in reached]
     paired = len(exact) > 1
-    tests = {name: _mcnemar(reached[0][name], reached[1][name]) for name in states} if paired else None
+    tests = {name: _mcnemar(reached[0][name], reached[-1][name], quakes) for name in states}
     crossings = {
         name: (_first_crossing(reached[0][name], stripes), _first_crossing(reached[-1][name], stripes))
         for name in states
@@ -211,9 +216,10 @@ def _result(
         stripes,
         measure.unit,
         names,
+        len(np.unique(quakes)),
         curves[0],
         curves[1] if paired else None,
-        tests,
+        tests if paired else None,
         (tilts[0], tilts[1] if paired else None),
         crossings,
         (changed[0], changed[-1]) if changed else None,
@@ -236,23 +242,25 @@ def _reached(found: Outcomes, level: float, block: Block) -> np.ndarray:
     return np.where(found.undecided, np.nan, hit)
 
 
-def _curve(name: str, found: Outcomes, level: float, block: Block, stripes: np.ndarray) -> Curve:
-    hit = _reached(found, level, block)
+def _curve(name: str, hit: np.ndarray, quakes: np.ndarray, stripes: np.ndarray) -> Curve:
     counts, total = np.nansum(hit, axis=0).astype(int), np.sum(np.isfinite(hit), axis=0)
     shares = np.where(total > 0, counts / np.maximum(total, 1), np.nan)
-    fit, undecided = fit_lognormal(stripes, hit), len(hit) - total
+    fit, undecided = fit_lognormal(stripes, hit, quakes), len(hit) - total
     # The two extremes of what the motions without an answer may do.
     ends = [fit_lognormal(stripes, np.nan_to_num(hit, nan=x)).median for x in (1.0, 0.0)]
     return Curve(name, shares, counts, total, undecided, fit, (ends[0], ends[1]))
 
 
-def _mcnemar(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Two-sided exact probability, at each stripe, of so uneven a split of the motions that differ; the
-    largest that is possible where outcomes are not known."""
-    only_a, only_b = np.sum((a == 1.0) & (b == 0.0), axis=0), np.sum((a == 0.0) & (b == 1.0), axis=0)
-    # NaN may be either outcome.
-    open_ = np.isnan(a) | np.isnan(b)
-    may_a, may_b = (np.sum(open_ & (x != 0.0) & (y != 1.0), axis=0) for x, y in ((a, b), (b, a)))
+def _mcnemar(a: np.ndarray, b: np.ndarray, quakes: np.ndarray | None = None) -> np.ndarray:
+    """Two-sided exact probability, at each stripe, of so uneven a split of the earthquakes that differ: those
+    in which more motions reach the state in one case than in the other. The largest that is possible where
+    outcomes are not known."""
+    # Motions of each earthquake that reach it in case a less those in case b, as few and as many as may be.
+    low, high = (
+        added_up(np.nan_to_num(a, nan=x) - np.nan_to_num(b, nan=1.0 - x), quakes) for x in (0.0, 1.0)
+    )
+    only_a, only_b = np.sum(low > 0.0, axis=0), np.sum(high < 0.0, axis=0)
+    may_a, may_b = np.sum((low <= 0.0) & (high > 0.0), axis=0), np.sum((high >= 0.0) & (low < 0.0), axis=0)
     # The rarer outcome comes as near to the other as it can.
     x = np.where(only_a < only_b, np.minimum(only_a + may_a, only_b), only_a)
     y = np.where(only_b < only_a, np.minimum(only_b + may_b, only_a), only_b)

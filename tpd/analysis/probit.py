@@ -35,15 +35,15 @@ class Lognormal:
     dispersion: float
     """NaN where it is not known."""
     covariance: np.ndarray
-    """Covariance of the probit's intercept and slope in ln x, shape (2, 2), by the sandwich over motions: one
-    motion at several stripes counts as one. NaN where nothing is known of it: of separated outcomes, and of a
-    single motion."""
+    """Covariance of the probit's intercept and slope in ln x, shape (2, 2), by the sandwich over earthquakes:
+    all motions of one at all stripes count as one. NaN where nothing is known of it: of separated outcomes,
+    and of a single earthquake."""
     separated: bool
     """Whether the likelihood has no finite maximum: no motion reaches the state at a lower intensity than one
     at which some motion does not. The dispersion is anything below what the stripes see."""
     seen: np.ndarray | None = None
-    """Intensities of the stripes, motions that reach the state, and motions whose outcome is known, shape (3,
-    stripes); None unless the outcomes are separated."""
+    """Intensities of the stripes, earthquakes that reach the state (the share of the motions times all), and
+    earthquakes with a motion whose outcome is known, shape (3, stripes); None unless separated."""
 
     def __str__(self) -> str:
         if math.isnan(self.median):
@@ -130,13 +130,14 @@ def median_words(median: float) -> str:
     return {0.0: "below the stripes", math.inf: "above the stripes"}.get(median, f"{median:.4g}")
 
 
-def fit_lognormal(stripes: np.ndarray, hits: np.ndarray) -> Lognormal:
+def fit_lognormal(stripes: np.ndarray, hits: np.ndarray, earthquakes: np.ndarray | None = None) -> Lognormal:
     """Most likely lognormal distribution for the outcomes of motions at stripes.
 
     Args:
         stripes: intensities, increasing, shape (stripes,).
         hits: 1 where a motion reaches the state, 0 where not, NaN where nothing is known; shape (motions,
             stripes).
+        earthquakes: number of the earthquake of every motion, shape (motions,); by default each has its own.
 
     Newton's method on the intercept and the slope in the logarithm of the intensity: the likelihood is
     concave, and has one maximum unless the outcomes are separated.
@@ -146,18 +147,19 @@ def fit_lognormal(stripes: np.ndarray, hits: np.ndarray) -> Lognormal:
     """
     known = np.isfinite(hits)
     n, counts = known.sum(axis=0), np.where(known, hits, 0.0).sum(axis=0)
+    independent = (added_up(known, earthquakes) > 0).sum(axis=0)
     some = n > 0
     x, counts, n = np.log(stripes[some]), counts[some], n[some].astype(float)
     # The highest intensity without the state is no higher than the lowest with it.
     if x[counts < n].max(initial=-math.inf) <= x[counts > 0.0].min(initial=math.inf):
-        return _separated(np.stack([stripes[some], counts, n]))
+        return _separated(np.stack([stripes[some], counts / n * independent[some], independent[some]]))
     middle = float(np.average(x, weights=n))
     scale = math.sqrt(float(np.average((x - middle) ** 2, weights=n)))
     # The most likely slope has the sign of the likelihood's derivative at the slope of zero.
     if not counts @ (x - middle) > _ROUNDING * (counts @ np.abs(x - middle)):
         return Lognormal(math.nan, math.nan, np.full((2, 2), math.nan), False)
     beta = _most_likely((x - middle) / scale, counts, n)
-    covariance = _sandwich((np.log(stripes) - middle) / scale, hits, beta)
+    covariance = _sandwich((np.log(stripes) - middle) / scale, hits, beta, earthquakes)
     shift = np.array([[1.0, -middle / scale], [0.0, 1.0 / scale]])
     dispersion = scale / float(beta[1])
     median = _exp(middle - float(beta[0]) * dispersion)
@@ -197,20 +199,32 @@ def _most_likely(x: np.ndarray, counts: np.ndarray, n: np.ndarray) -> np.ndarray
     raise RuntimeError(f"the fit of a lognormal curve is not done in {_STEPS} steps: counts {counts} of {n}")
 
 
-def _sandwich(x: np.ndarray, hits: np.ndarray, beta: np.ndarray) -> np.ndarray:
-    """Covariance of the coefficients, in which the scores of one motion at all stripes belong together."""
+def added_up(values: np.ndarray, earthquakes: np.ndarray | None) -> np.ndarray:
+    """Sums of rows, one a motion, over the motions of each earthquake; without numbers each is of its own."""
+    if earthquakes is None:
+        return values
+    found, numbers = np.unique(earthquakes, return_inverse=True)
+    sums = np.zeros((len(found), *values.shape[1:]))
+    np.add.at(sums, numbers, values)
+    return sums
+
+
+def _sandwich(
+    x: np.ndarray, hits: np.ndarray, beta: np.ndarray, earthquakes: np.ndarray | None
+) -> np.ndarray:
+    """Covariance of the coefficients, in which the scores of an earthquake at all stripes belong together."""
     known = np.isfinite(hits)
-    motions = int(known.any(axis=1).sum())
-    # The scores of all motions add up to zero: those of a single one show no spread.
-    if motions < 2:
+    n = int(added_up(known, earthquakes).any(axis=1).sum())
+    # The scores of all earthquakes add up to zero: those of a single one show no spread.
+    if n < 2:
         return np.full((2, 2), math.nan)
     basis = np.stack([np.ones_like(x), x])
     eta = beta @ basis
     up, down = _density_over(eta), _density_over(-eta)
     bread = np.linalg.inv((basis * known.sum(axis=0) * up * down) @ basis.T)
-    # One row a motion: its stripes are no independent observations.
-    scores = np.where(known, np.where(hits == 1.0, up, -down), 0.0) @ basis.T
-    return motions / (motions - 1) * bread @ (scores.T @ scores) @ bread
+    # One row an earthquake: its motions and stripes are no independent observations.
+    scores = added_up(np.where(known, np.where(hits == 1.0, up, -down), 0.0) @ basis.T, earthquakes)
+    return n / (n - 1) * bread @ (scores.T @ scores) @ bread
 
 
 def _density_over(eta: np.ndarray) -> np.ndarray:

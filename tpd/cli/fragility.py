@@ -89,6 +89,7 @@ def _files(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tu
         **ground.inputs(scene, hung),
         "intensity": found.intensity,
         "motions": list(found.motions),
+        "earthquakes": found.earthquakes,
         "fits": {name: _fits(found, name) for name in found.bare},
         "first_crossings": {k: list(v) for k, v in found.first_crossings.items()},
         "changed_by_nonlinear_equations": None if found.changed is None else list(found.changed),

@@ -84,6 +84,31 @@ class GroundMotion:
         return np.where((share < 0.0) | (share > len(c)), 0.0, values) * float(self.pga)
 
 
+def events_of(motions: Sequence[GroundMotion]) -> list[str]:
+    """Earthquake of every motion; a motion without one has its own, and copies of one motion have one."""
+    names = [getattr(m, "event", "") or f"motion {i + 1}" for i, m in enumerate(motions)]
+    for i, motion in enumerate(motions):
+        # A copy may carry another name: then both names are of one earthquake.
+        first = next((j for j in range(i) if are_copies(motions[j], motion)), i)
+        if names[first] != names[i]:
+            names = [names[first] if name == names[i] else name for name in names]
+    return names
+
+
+def are_copies(first: GroundMotion, second: GroundMotion) -> bool:
+    """Return whether two records are one motion, up to a factor and the digits of a file."""
+    a: Any = getattr(first, "acceleration", 0.0)
+    b: Any = getattr(second, "acceleration", 0.0)
+    if np.ndim(a) != 1 or np.shape(a) != np.shape(b):
+        return False
+    if abs(float(first.piece) - float(second.piece)) > 1e-6 * float(first.piece):
+        return False
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    size = float(np.sqrt((a @ a) * (b @ b)))
+    # Two components of one place are below 0.9; rounding to three digits leaves 0.99999.
+    return size == 0.0 or abs(float(a @ b)) > 0.9999 * size
+
+
 def refuse_zeros(motions: Sequence[GroundMotion]) -> None:
     """Refuse motions whose acceleration is zero throughout: no factor makes them move a block.
 

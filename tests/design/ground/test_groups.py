@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.design.ground.groups import events_of, grouped
+from tpd.core.ground_motion import events_of
+from tpd.design.ground.groups import grouped
 
 
 def noise(seed: int) -> np.ndarray:
