@@ -1,5 +1,6 @@
 """64-bit floats, no silent rank promotion, and jaxtyping shapes checked by beartype."""
 
+import gc
 import os
 from importlib import import_module
 from pathlib import Path
@@ -8,6 +9,8 @@ import jax
 import pytest
 from jaxtyping import install_import_hook
 
+# A worker holds millions of objects of compiled programs: to search them for garbage took a twentieth of the time.
+gc.set_threshold(50_000, 20, 100)
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 # What one worker has compiled, the other need not, nor the commands that tests run, nor a later run.
