@@ -208,3 +208,21 @@ def test_large_counts_and_close_stripes_lose_no_digits():
     assert scaled.median == pytest.approx(7.0 * wide.median, rel=1e-9)
     assert scaled.dispersion == pytest.approx(wide.dispersion, rel=1e-9)
     assert scaled.interval() == pytest.approx(tuple(7.0 * x for x in wide.interval()), rel=1e-9)
+
+
+@pytest.mark.mends("two earthquakes gave an interval of no width")
+@pytest.mark.parametrize("copies", [1, 6])
+def test_two_earthquakes_show_no_spread(copies):
+    hits = np.tile([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]], (copies, 1))
+    fit = fit_lognormal(np.array([1.0, 2.0, 4.0, 8.0]), hits, np.arange(2 * copies) % 2)
+    assert fit.interval() == (0.0, math.inf)
+    np.testing.assert_array_equal(fit.band(np.array([2.0])), [[0.0], [1.0]])
+
+
+@pytest.mark.mends("intervals of few motions were those of many")
+def test_few_earthquakes_have_the_wider_quantile_of_student():
+    hits = np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0], [0.0, 1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
+    fit = fit_lognormal(np.array([1.0, 2.0, 4.0, 8.0]), hits)
+    toward = -fit.dispersion * np.array([1.0, math.log(fit.median)])
+    width = 4.302652729911275 * math.sqrt(toward @ fit.covariance @ toward)
+    assert fit.interval() == pytest.approx((fit.median * math.exp(-width), fit.median * math.exp(width)))

@@ -245,6 +245,23 @@ def test_unit_and_step_of_files_that_state_none(tmp_path, capsys):
     assert seen(tmp_path, "--records", str(path), "--unit", "g", "--dt", "0.01") == 1
 
 
+@pytest.mark.mends("the channels of one file counted as earthquakes of their own")
+def test_channels_of_a_file_are_of_one_earthquake(tmp_path):
+    path = tmp_path / "station.csv"
+    rows_ = (f"{0.01 * i:.2f},{np.sin(0.1 * i):.4f},{np.cos(0.2 * i):.4f}\n" for i in range(50))
+    path.write_text("time (s),NS (g),EW (g)\n" + "".join(rows_))
+    first, second = ground.motions([str(path)])
+    assert first.event == second.event != ""
+
+
+@pytest.mark.mends("folders within a folder were passed over without a word")
+def test_a_folder_in_a_folder_is_named(tmp_path, capsys):
+    (tmp_path / "quakes" / "inner").mkdir(parents=True)
+    at2(tmp_path / "quakes" / "RSN1_AA090.AT2", "090")
+    assert len(ground.motions([str(tmp_path / "quakes")])) == 1
+    assert "left out: inner (a folder in a folder)" in capsys.readouterr().out
+
+
 def test_records_of_a_folder_are_of_one_earthquake(tmp_path, capsys):
     folder = tmp_path / "quake"
     folder.mkdir()

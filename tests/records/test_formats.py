@@ -458,3 +458,78 @@ def test_spellings_of_the_manual_of_k_net(tmp_path):
         assert Record.read(path) == usual
     except UnreadableRecord as error:
         pytest.fail(str(error))
+
+
+STATED = [
+    "# UNIT OF ACCELERATION : GAL",
+    "# Acceleration in gal",
+    "NS gal",
+    "# (inches per second squared)",
+    "# cm per second squared",
+    "# a_gal",
+    "# acc_in_s2",
+    "# (cm s⁻²)",
+    "# (cm/(s*s))",
+    "# km/h/s",
+    "# (µg)",
+    "# (0.001 g)",
+    "# (raw counts)",
+]
+
+
+@pytest.mark.mends("a unit in words that are not read was overruled by `unit`")
+@pytest.mark.parametrize("header", STATED)
+def test_a_unit_in_whatever_words_is_not_overruled(tmp_path, header):
+    path = tmp_path / "record.txt"
+    path.write_text("# made up\n" + header + "\n" + "\n".join(f"{x:.4f}" for x in shaking(100)) + "\n")
+    with pytest.raises(UnreadableRecord, match="seems to state the unit"):
+        Record.read(path, unit="g", dt=0.01)
+
+
+@pytest.mark.parametrize(
+    "header", ["# station 3 feet above the floor", "# recorded in Galway", "# test 4 mg"]
+)
+def test_words_that_are_no_units_are_left_alone(tmp_path, header):
+    path = tmp_path / "record.txt"
+    path.write_text(header + "\n" + "\n".join(f"{x:.4f}" for x in shaking(100)) + "\n")
+    assert Record.read(path, unit="g", dt=0.01).acceleration.shape == (100,)
+
+
+@pytest.mark.mends("a step that the header states without = was overruled by `dt`")
+@pytest.mark.parametrize(
+    "header", ["Sampling rate: 200 Hz", "fs = 200 Hz", "sampling interval 0.005 s", "dt 0.005"]
+)
+def test_a_stated_step_is_read_and_not_overruled(tmp_path, header):
+    path = tmp_path / "record.txt"
+    path.write_text(f"# acc (g)\n# {header}\n" + "\n".join(f"{x:.4f}" for x in shaking(100)) + "\n")
+    assert Record.read(path).dt == 0.005
+    with pytest.raises(UnreadableRecord, match=r"step of 0\.005 s, but `dt` is 0\.02 s"):
+        Record.read(path, dt=0.02)
+
+
+@pytest.mark.mends("columns of velocities stopped a table with accelerations")
+def test_velocities_beside_accelerations_are_left_out(tmp_path):
+    path = tmp_path / "record.csv"
+    rows = "\n".join(f"{0.01 * i:.2f},{9.0 + x:.4f},{x:.4f}" for i, x in enumerate(shaking(100)))
+    path.write_text("time (s),vel (m/s),acc (m/s2)\n" + rows + "\n")
+    (record,) = Record.read_all(path)
+    assert record.pga < 5.0
+
+
+@pytest.mark.mends("the first sample was taken for the step where the number of samples is wrong by one")
+@pytest.mark.parametrize("first", ["0.2524", "0"])
+def test_a_number_of_samples_that_is_wrong_is_refused(tmp_path, first):
+    path = tmp_path / "record.txt"
+    path.write_text("\n".join(["99", first, *(f"{x:.4f}" for x in shaking(99))]) + "\n")
+    with pytest.raises(UnreadableRecord, match="line 1 states 99 samples, but 100 follow"):
+        Record.read(path, unit="g")
+
+
+@pytest.mark.mends("the number of a column was taken for an azimuth")
+def test_numbers_of_columns_are_no_directions(tmp_path):
+    path = tmp_path / "record.txt"
+    path.write_text(
+        "\n".join(f"{0.01 * i:.2f} {x:.4f} {x * x:.4f}" for i, x in enumerate(shaking(100))) + "\n"
+    )
+    for record in Record.read_all(path, unit="g"):
+        assert any("orientation not stated" in note for note in record.notes)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
-from scipy.special import betaincinv, erfcx, log_ndtr, ndtr, ndtri
+from scipy.special import betaincinv, erfcx, log_ndtr, ndtr, ndtri, stdtrit
 
 _NORMAL = NormalDist()
 _ROUNDING = 1e-12
@@ -37,10 +37,12 @@ class Lognormal:
     covariance: np.ndarray
     """Covariance of the probit's intercept and slope in ln x, shape (2, 2), by the sandwich over earthquakes:
     all motions of one at all stripes count as one. NaN where nothing is known of it: of separated outcomes,
-    and of a single earthquake."""
+    and of fewer than three earthquakes."""
     separated: bool
     """Whether the likelihood has no finite maximum: no motion reaches the state at a lower intensity than one
     at which some motion does not. The dispersion is anything below what the stripes see."""
+    freedom: float = math.nan
+    """Degrees of freedom of Student's distribution: earthquakes less the two coefficients."""
     seen: np.ndarray | None = None
     """Intensities of the stripes, earthquakes that reach the state (the share of the motions times all), and
     earthquakes with a motion whose outcome is known, shape (3, stripes); None unless separated."""
@@ -89,7 +91,7 @@ class Lognormal:
         basis = np.stack([np.ones_like(x), np.log(x)])
         middle = (basis[1] - math.log(self.median)) / self.dispersion
         variance = np.einsum("in,ij,jn->n", basis, self.covariance, basis)
-        width = _NORMAL.inv_cdf(0.5 + 0.5 * level) * np.sqrt(np.maximum(variance, 0.0))
+        width = stdtrit(self.freedom, 0.5 + 0.5 * level) * np.sqrt(np.maximum(variance, 0.0))
         return ndtr(middle - width), ndtr(middle + width)
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
@@ -102,7 +104,8 @@ class Lognormal:
         if not np.isfinite(self.covariance).all():
             return 0.0, math.inf
         toward = -self.dispersion * np.array([1.0, math.log(self.median)])
-        width = _NORMAL.inv_cdf(0.5 + 0.5 * level) * math.sqrt(max(toward @ self.covariance @ toward, 0.0))
+        variance = max(toward @ self.covariance @ toward, 0.0)
+        width = float(stdtrit(self.freedom, 0.5 + 0.5 * level)) * math.sqrt(variance)
         return self.median * _exp(-width), self.median * _exp(width)
 
     def _limits(self, level: float) -> tuple[np.ndarray, np.ndarray]:
@@ -166,7 +169,8 @@ def fit_lognormal(stripes: np.ndarray, hits: np.ndarray, earthquakes: np.ndarray
     if not 0.0 < median < math.inf:
         # The share grows, but so little that no number is its median.
         return Lognormal(math.nan, math.nan, np.full((2, 2), math.nan), False)
-    return Lognormal(median, dispersion, shift @ covariance @ shift.T, False)
+    freedom = float(int(added_up(known, earthquakes).any(axis=1).sum()) - 2)
+    return Lognormal(median, dispersion, shift @ covariance @ shift.T, False, freedom)
 
 
 def _separated(seen: np.ndarray) -> Lognormal:
@@ -176,7 +180,7 @@ def _separated(seen: np.ndarray) -> Lognormal:
     below = stripes[2.0 * counts <= n].max(initial=0.0)
     above = stripes[2.0 * counts >= n].min(initial=math.inf)
     median = math.sqrt(below * above) if stripes.size else math.nan
-    return Lognormal(median, math.nan, np.full((2, 2), math.nan), True, seen)
+    return Lognormal(median, math.nan, np.full((2, 2), math.nan), True, seen=seen)
 
 
 def _most_likely(x: np.ndarray, counts: np.ndarray, n: np.ndarray) -> np.ndarray:
@@ -216,7 +220,8 @@ def _sandwich(
     known = np.isfinite(hits)
     n = int(added_up(known, earthquakes).any(axis=1).sum())
     # The scores of all earthquakes add up to zero: those of a single one show no spread.
-    if n < 2:
+    # Two leave one direction without spread, and with it one intensity at which nothing would be in doubt.
+    if n < 3:
         return np.full((2, 2), math.nan)
     basis = np.stack([np.ones_like(x), x])
     eta = beta @ basis

@@ -229,10 +229,12 @@ def motions(
                     read = Record.read_all(file, baseline=baseline, dt=dt, unit=unit)
                 for j, record in enumerate(read):
                     label = file.name if len(read) == 1 else f"{file.name}, channel {j}"
+                    # The channels of one file are of one earthquake.
+                    named = record.event or event or (str(file) if len(read) > 1 else "")
                     if VERTICAL in record.notes:
                         left.append(f"{label} ({VERTICAL})")
                     else:
-                        found.append(record if record.event else replace(record, event=event))
+                        found.append(replace(record, event=named))
     if left:
         print(f"left out: {'; '.join(left)}")
     if not found:
@@ -258,7 +260,7 @@ def _files_of(path: Path) -> tuple[list[Path], list[str]]:
     """Files of a path that are to be read, and those of a folder that hold no acceleration, in words."""
     if not path.is_dir():
         return [path], []
-    files, left = [], []
+    files, left = [], [f"{p.name} (a folder in a folder)" for p in sorted(path.iterdir()) if p.is_dir()]
     for file in sorted(p for p in path.iterdir() if p.is_file()):
         ending = file.name.lower().removesuffix(".gz").rpartition(".")[2]
         if ending in _OTHER_MOTIONS:

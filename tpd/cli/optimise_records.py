@@ -216,7 +216,10 @@ def _held_out(words: Sequence[str], options: argparse.Namespace) -> float | dict
             pass
     # The names of --event are those of --records.
     reading = {**ground.reading(options), "events": None}
-    return {Path(word).name or word: ground.motions([word], **reading) for word in words}
+    names = [Path(word).name or word for word in words]
+    # Two folders of one name have their whole paths.
+    names = [word if names.count(name) > 1 else name for word, name in zip(words, names, strict=True)]
+    return {name: ground.motions([word], **reading) for word, name in zip(words, names, strict=True)}
 
 
 def _command(options: argparse.Namespace) -> str:

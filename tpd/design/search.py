@@ -8,6 +8,7 @@ from copy import copy
 import jax
 import numpy as np
 
+from tpd.analysis.outcomes import LOST, UNANSWERED
 from tpd.core.conditions import under_all
 from tpd.core.progress import Progress
 from tpd.core.status import names_of
@@ -260,7 +261,8 @@ def _exact(objective: Followed, designs: np.ndarray, after: Count | None) -> Eva
     m, n = len(designs), len(objective.conditions)
     names, tilt, stroke = (x.reshape(m, n, -1) for x in _motions(objective, designs, after))
     margin = margins(objective, designs)
-    lost, rests = np.isin(names, ("overturned", "failed")), names == "rest"
+    # A motion without an answer speaks against a design.
+    lost, rests = np.isin(names, (*LOST, *UNANSWERED)), names == "rest"
     merit = np.where(lost, 2.0 - margin[..., None], np.where(rests, -margin[..., None], tilt))
     merit = merit.max(axis=-1) if objective.starts.worst else merit.mean(axis=-1)
     stroke = np.where(lost, 0.0, stroke).max(axis=-1)

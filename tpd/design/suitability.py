@@ -154,10 +154,11 @@ class Suitability:
         )
         if math.isnan(v.strikes):
             return f"{said}. No room for the bob is asked for."
-        stands = int(np.sum(~hung.lost))
+        stands, unknown = int(np.sum(~(hung.lost | hung.undecided))), int(np.sum(hung.undecided))
+        left = f"; {unknown} have no answer and are left out" if unknown else ""
         return (
             f"{said}; the bob strikes a wall in {v.strikes * stands:.0f} of the {stands} that stand "
-            f"({v.strikes:.1%}, and {self.worth.strikes:.1%} is allowed)."
+            f"({v.strikes:.1%}, and {self.worth.strikes:.1%} is allowed){left}."
         )
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tpd.analysis.outcomes import LOST, UNANSWERED
 from tpd.core.bob import THICKEST
 from tpd.core.conditions import under_all
 from tpd.core.sampling import latin_hypercube
@@ -219,7 +220,10 @@ def followed(
         settled = settle_all(q, y0, model=Piecewise(max_periods=periods), progress=after)
     else:
         settled = settle_nonlinear(q, y0, periods=periods, rtol=_RTOL, progress=after)
-    lost = np.isin(names_of(settled.status), ("overturned", "failed")).reshape(-1, n)
+    names = names_of(settled.status).reshape(-1, n)
+    lost = np.isin(names, (*LOST, *UNANSWERED))
+    # What has no answer speaks against a pendulum, and not for it against the bare block.
+    lost[0] = np.isin(names[0], LOST)
     sizes = (
         np.asarray(x).reshape(-1, n)
         for x in (settled.amplitude, settled.stroke, settled.peak, settled.peak_stroke)

@@ -25,16 +25,18 @@ def orientation(text: str) -> bool | None:
     Args:
         text: such as UP, U-D, 90 DEG, N-S, S16E, HNZ.
     """
+    # The Z of AccZ is a word of its own.
+    text = re.sub(r"(?<=[a-z])(?=[A-Z](?:[^a-z]|$))", " ", text)
     bare = re.sub(r"\(.*?\)|\[.*?\]", " ", text).lower()
     words = re.findall(r"[^\W_]+", bare)
     pairs = ["".join(pair) for pair in itertools.pairwise(words)]
     said = [*words, *(pair for pair in pairs if re.fullmatch(r"(?:ud|ns|ew|updown)[12]?", pair))]
     if any(re.fullmatch(rf"{_UPRIGHT}|{_SEED}z", word) for word in said):
         return True
-    # An azimuth, 90 as well as 090 and 360.
-    azimuth = any(
-        re.fullmatch(r"\d{1,3}(?:deg)?", word) and int(word[:3].strip("deg")) <= 360 for word in words
-    )
+    # An azimuth: 090, 360, and 90 where no word before it can be what is numbered, such as a channel.
+    angles = re.findall(r"(?<![a-z\d])(\d{3}(?=(?:deg)?(?![a-z\d]))|\d{1,2}(?=\W?deg))", bare)
+    angles += re.findall(r"^\W*(?:(?:comp|component|azimuth|az)\W+)?(\d{1,2})\W*$", bare)
+    azimuth = any(int(angle) <= 360 for angle in angles)
     if azimuth or any(re.fullmatch(rf"{_LEVEL}|{_SEED}[ne123]", word) for word in said):
         return False
     return None

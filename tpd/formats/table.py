@@ -25,9 +25,10 @@ _FINE = 0.25
 _MARKS = ("#", "%", "!", "/", "*")
 """Beginnings of comments."""
 _STATED_STEP = (
-    r"(?:\b(?:dt|delta ?t|time ?step|sampling (?:interval|step|period))\s*[=:]\s*|"
+    r"(?:\b(?:dt|delta ?t|time ?step|sampling (?:interval|step|period))(?:\s*[=:]\s*|\s+(?=\.?\d))|"
     r"\b(?:equal spacing of|equally spaced at|(?:time )?intervals? of|step(?: of)?)\s+(?=[\d.]))(\S+)\s*(\w*)"
 )
+_STATED_RATE = r"\b(?:fs|sampl\w* (?:rate|frequency))\s*[=:]?\s*(\d+(?:\.\d*)?)\s*(?:hz|sps)\b"
 _SECONDS = ("s", "sec", "secs", "second", "seconds")
 _OTHER_TIMES = ("ms", "msec", "min", "minutes", "milliseconds", "us")
 _OTHER_MOTIONS = ("m/s", "cm/s", "mm/s", "in/s", "ft/s", "m", "cm", "mm", "in", "ft", "inch", "inches")
@@ -73,7 +74,10 @@ def read_table(cursor: Cursor, dt: float | None, unit: str | None) -> list[Chann
         _require_columns(rows, columns)
     if columns == 1 or _in_rows(rows, names, count):
         values = np.array([number(cell, row.line) for row in rows for cell in row.cells])
-        return [Channel(values * FACTORS[chosen(_unit(head), unit)], _given(stated, dt))]
+        known = _unit(head)
+        if known is None:
+            _check_hints(head, unit)
+        return [Channel(values * FACTORS[chosen(known, unit)], _given(stated, dt))]
     _require_columns(rows, columns)
     first, step = _times(rows, names, stated, dt)
     # The unit comes first: what a column holds decides whether it is read.
@@ -85,13 +89,19 @@ def _columns(
 ) -> list[Channel]:
     """Channels of the columns from `first` on that hold accelerations."""
     columns = len(rows[0].cells)
-    units = [_unit([name]) if name else None for name in names] if names else [None] * columns
-    several = len({FACTORS[u] for u in units[first:] if u is not None}) > 1
-    general = None if several else _unit(head)
+    others = [bool(names) and columns > 2 and _other_motion(name) for name in names or [""] * columns]
+    units = [
+        _unit([n]) if n and not o else None for n, o in zip(names or [""] * columns, others, strict=True)
+    ]
+    # The unit of the whole table counts where a column has none of its own.
+    own = all(units[i] or others[i] for i in range(first, columns)) and any(units)
+    general = None if own else _unit(head)
+    if general is None and not own:
+        _check_hints(head, unit)
     found, left = [], []
     for i in range(first, columns):
         name = names[i] if names else ""
-        if columns > 2 and _other_motion(name):
+        if others[i]:
             left.append(name)
             continue
         values = np.array([number(row.cells[i], row.line) for row in rows])
@@ -212,8 +222,11 @@ def _counted(rows: list[_Row]) -> tuple[list[_Row], int | None, float | None]:
             count = int(next(value for value in values if value in (total, len(rest))))
             left = [value for value in values if value != count]
             step = next((x for x in left if STEPS[0] <= x < STEPS[1]), None)
-            if top == 1 and len(rows[0].cells) == 1 and _step_alone(rest, count):
-                continue
+            if top == 2 and (step is None or abs(1.0 / step - round(1.0 / step)) > 1e-6 / step):
+                raise UnreadableRecord(
+                    f"line {rows[0].line} states {count} samples, but {total + 1} follow, or the step in "
+                    f"line {rows[1].line} is {shown(rows[1].cells[0])}, which is no whole rate in Hz"
+                )
             return rest, count, step
     if len(rows) > 2 and len(rows[0].cells) != len(rows[1].cells) == len(rows[2].cells):
         total = sum(len(row.cells) for row in rows[1:])
@@ -222,11 +235,6 @@ def _counted(rows: list[_Row]) -> tuple[list[_Row], int | None, float | None]:
             f"samples, {total}, but has {len(rows[0].cells)}: {shown(' '.join(rows[0].cells))}"
         )
     return rows, None, None
-
-
-def _step_alone(rest: Sequence[_Row], count: int) -> bool:
-    """Whether a step stands in a line of its own below the count, which then counts the lines after it."""
-    return len(rest) - 1 == count
 
 
 def _require_columns(rows: Sequence[_Row], columns: int) -> None:
@@ -330,6 +338,35 @@ def _unit(head: Sequence[str]) -> str | None:
     return min(found, default=None)
 
 
+_HINTS = re.compile(
+    r"(?<![a-z])((?:m|micro|milli)?gals?(?![a-z])|"
+    r"(?:cm|mm|km|m|in|inch(?:es)?|ft|feet|foot|(?:centi|milli)?met(?:er|re)s?)\s*(?:/|_|per|p|·)?\s*\(?"
+    r"s(?:ec(?:ond)?s?)?\s*(?:[\^_*]{0,2}-?2|\*\s*s|/\s*s|²|⁻²|squared)|"
+    r"km\s*/\s*h\s*/\s*s|per\s+s(?:ec(?:ond)?)?\w*\s+(?:squared|per)|"
+    r"[(\[]\s*(?:[mµu]g|(?:micro|milli)-?g|[\d.]+\s*g|g\s*/\s*\d+|(?:raw\s+)?counts?|lsb)\s*[)\]])",
+    re.IGNORECASE,
+)
+"""Units of acceleration in spellings that are not read."""
+
+
+def _check_hints(head: Sequence[str], unit: str | None) -> None:
+    """Refuse a unit given by the user where the header seems to state another one in words not read.
+
+    Raises:
+        UnreadableRecord: another unit, or one that is not known.
+    """
+    for line in head:
+        if (found := _HINTS.search(line)) is None or unit is None:
+            continue
+        seems = plain(found[1].strip("()[] ").replace("_", "/").replace("squared", "2"))
+        seems = re.sub(r"/?(?:per)?/?s/?2$", "/s2", seems)
+        if seems not in FACTORS or FACTORS[seems] != FACTORS[plain(unit)]:
+            raise UnreadableRecord(
+                f"the header seems to state the unit {shown(found[1])}, but `unit` is {unit!r}: write a unit "
+                f"that is read ({', '.join(FACTORS)}) into the header, or remove it"
+            )
+
+
 def _is_unit(word: str) -> bool:
     """Whether a word after "unit" or in brackets can be nothing but a unit that is not known."""
     return not (word in _SECONDS or not re.search(r"[a-zµ]", word))
@@ -364,8 +401,9 @@ def _orientationless(text: str) -> bool:
 def _step(head: Sequence[str]) -> float | None:
     """The step in s that the header states, or None."""
     found = [m for line in head if (m := re.search(_STATED_STEP, line, re.I))]
+    rates = [m for line in head if (m := re.search(_STATED_RATE, line, re.I))]
     if not found:
-        return None
+        return 1.0 / float(rates[0][1]) if rates and float(rates[0][1]) > 0.0 else None
     value, word = found[0][1].rstrip(",;"), found[0][2].lower()
     attached = re.fullmatch(rf"({NUMBER})([a-z]*)", value, flags=re.IGNORECASE)
     if attached is None or (attached[2] or word or "s").lower() not in _SECONDS:

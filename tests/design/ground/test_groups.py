@@ -28,3 +28,18 @@ def test_a_copy_is_not_held_out():
     first, other = tpd.Record(noise(1), 0.01), tpd.Record(noise(2), 0.01)
     groups = grouped([first], {"others": [first.scaled(2.0), other]}, 0)
     assert groups[1].motions == (other,)
+
+
+@pytest.mark.mends("a copy with zeros before it or after it was another earthquake")
+@pytest.mark.parametrize("zeros", [(1, 0), (0, 40), (100, 3)])
+def test_zeros_make_no_other_earthquake(zeros):
+    first, second = tpd.Record(noise(1), 0.01), tpd.Record(np.pad(noise(1), zeros), 0.01)
+    assert len(set(events_of([first, second]))) == 1
+
+
+@pytest.mark.mends("an earthquake in two held-out groups counted twice")
+def test_an_earthquake_has_one_number_in_all_groups():
+    tuned, a, b, c = (tpd.Record(noise(i), 0.01) for i in range(4))
+    groups = grouped([tuned], {"x": [a, b], "y": [b.scaled(3.0), c]}, 0)
+    assert groups[1].events[1] == groups[2].events[0]
+    assert len({*groups[0].events, *groups[1].events, *groups[2].events}) == 4

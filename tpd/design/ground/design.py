@@ -176,8 +176,8 @@ def _where(group: Judged) -> str:
 
 def _earthquakes(judged: tuple[Judged, ...]) -> tuple[int, int]:
     """Number of earthquakes that a design is tuned to, and of those that it is judged on."""
-    tuned, held = (sum(g.events for g in judged if g.role is role) for role in (Role.tuned, Role.held_out))
-    return tuned, held
+    tuned, held = ([g.runs.clusters for g in judged if g.role is r] for r in (Role.tuned, Role.held_out))
+    return len(np.unique(np.concatenate(tuned))), len(np.unique(np.concatenate([*held, []])))
 
 
 @dataclass(frozen=True, kw_only=True)

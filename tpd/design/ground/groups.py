@@ -29,12 +29,8 @@ class Group:
     name: str
     role: Role
     motions: tuple[GroundMotion, ...]
-
-    @property
-    def events(self) -> np.ndarray:
-        """Number of the earthquake of every motion, shape (motions,)."""
-        names = events_of(self.motions)
-        return np.unique(names, return_inverse=True)[1]
+    events: np.ndarray
+    """Number of the earthquake of every motion, shape (motions,), the same in all groups."""
 
 
 def unnamed(motions: Sequence[GroundMotion]) -> int:
@@ -76,8 +72,10 @@ def grouped(
             f"`held_out` must leave an earthquake to be tuned to, but of {len(events)} all are held out: "
             "give more records, name their earthquakes, or give 0, which holds out none"
         )
-    tuned = Group("tuned to", Role.tuned, inside)
-    return (tuned, Group("held out", Role.held_out, outside)) if outside else (tuned,)
+    numbers = np.unique(names, return_inverse=True)[1]
+    held = np.array([name in out for name in names])
+    tuned = Group("tuned to", Role.tuned, inside, numbers[~held])
+    return (tuned, Group("held out", Role.held_out, outside, numbers[held])) if outside else (tuned,)
 
 
 def _others(
@@ -85,7 +83,7 @@ def _others(
 ) -> tuple[Group, ...]:
     # An earthquake that the search has seen is no test.
     used = {getattr(m, "event", "") for m in motions} - {""}
-    groups = [Group("tuned to", Role.tuned, tuple(motions))]
+    others = {}
     for name, listed in held_out.items():
         for i, motion in enumerate(listed):
             checks.instance(f"held_out[{name!r}][{i}]", motion, GroundMotion)
@@ -100,5 +98,11 @@ def _others(
                 "`held_out` must hold motions of other earthquakes than the design is tuned to, but "
                 f"{name!r} has none"
             )
-        groups.append(Group(name, Role.held_out, left))
-    return tuple(groups)
+        others[name] = left
+    # Over all groups together: an earthquake, or copies of one motion, in two of them are still one.
+    every = [*motions, *(m for left in others.values() for m in left)]
+    numbers = np.unique(events_of(every), return_inverse=True)[1]
+    ends = np.cumsum([len(motions), *(len(left) for left in others.values())])
+    parts = np.split(numbers, ends[:-1])
+    held = (Group(n, Role.held_out, m, x) for (n, m), x in zip(others.items(), parts[1:], strict=True))
+    return (Group("tuned to", Role.tuned, tuple(motions), parts[0]), *held)

@@ -67,8 +67,8 @@ class Changes:
     """Number of the earthquake of every run."""
 
     def with_others(self, other: Changes) -> Changes:
-        """These runs and those of other motions, earthquakes apart."""
-        clusters = np.concatenate([self.clusters, other.clusters + self.clusters.max() + 1])
+        """These runs and those of other motions, whose earthquakes are numbered together with these."""
+        clusters = np.concatenate([self.clusters, other.clusters])
         return Changes(
             np.concatenate([self.overturned, other.overturned]),
             np.concatenate([self.tilt, other.tilt]),
@@ -204,7 +204,7 @@ def _judged(
         linear_strikes=objective.broken(linear.at(slice(1, 2)), both[1:]),
         changed=_mean(differs),
         undecided=int(linear.undecided.sum() + nonlinear.undecided.sum()),
-        fits=(_fit(nonlinear, 0, scales), _fit(nonlinear, 1, scales)),
+        fits=(_fit(nonlinear, 0, scales, group.events), _fit(nonlinear, 1, scales, group.events)),
         runs=changes,
     )
 
@@ -240,9 +240,9 @@ def _change(pair: np.ndarray) -> np.ndarray:
     return pair[1].astype(float) - pair[0].astype(float)
 
 
-def _fit(runs: Runs, row: int, scales: Sequence[float]) -> Lognormal:
+def _fit(runs: Runs, row: int, scales: Sequence[float], events: np.ndarray) -> Lognormal:
     hits = np.where(runs.undecided[row], np.nan, runs.overturned[row])
-    return fit_lognormal(np.asarray(scales, dtype=float), hits.reshape(-1, len(scales)))
+    return fit_lognormal(np.asarray(scales, dtype=float), hits.reshape(-1, len(scales)), events)
 
 
 def paired(differences: np.ndarray, clusters: np.ndarray) -> Interval:
