@@ -9,7 +9,7 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.design.ground.design import GroundDesign
-from tpd.design.ground.groups import grouped
+from tpd.design.ground.groups import Group, Role
 from tpd.design.ground.judgement import Interval, judge
 from tpd.design.ground.objective import GroundObjective
 from tpd.design.ground.search import GroundSearch, Searcher
@@ -80,7 +80,7 @@ def _point(design: GroundDesign, share: float, method: GroundSearch) -> FrontPoi
     if best is None or search.found is None:
         return FrontPoint(share, None, (np.nan, np.nan), None)
     # Medians of the search's own motions: the front compares masses, and claims nothing.
-    group = grouped(design.conditions.motions, 0.0, design.seed)[0]
+    group = Group("tuned to", Role.tuned, design.conditions.motions)
     scales = tuple(np.unique(design.conditions.scales))
     found = search.found.designs[best]
     judged = judge(objective, found, group, scales, scatter=design.scatter, seed=design.seed)

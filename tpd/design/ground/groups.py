@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,8 +29,13 @@ class Group:
     name: str
     role: Role
     motions: tuple[GroundMotion, ...]
-    events: np.ndarray
-    """Number of the earthquake of every motion, shape (motions,), the same in all groups."""
+    events: np.ndarray = field(default=None)  # type: ignore[assignment]
+    """Number of the earthquake of every motion, shape (motions,), the same in all groups of a design; by
+    default of this group alone."""
+
+    def __post_init__(self) -> None:
+        if self.events is None:
+            object.__setattr__(self, "events", np.unique(events_of(self.motions), return_inverse=True)[1])
 
 
 def unnamed(motions: Sequence[GroundMotion]) -> int:
