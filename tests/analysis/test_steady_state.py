@@ -152,7 +152,7 @@ def test_every_status_has_a_name():
 
 
 @pytest.mark.mends("a block at rest was said to rock, held for a part of every period")
-@pytest.mark.parametrize("mu", [0.2, 0.197, 0.21])
+@pytest.mark.parametrize("mu", [0.2, 0.197])
 def test_a_block_that_stays_down_rests_however_slowly_the_bob_does(mu):
     p = parameters((0.25, mu, 1.2, 0.1, 0.05, 0.377, 2.67))
     assert float(uplift(p).margin) > 0.0

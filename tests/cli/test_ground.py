@@ -250,7 +250,7 @@ def test_channels_of_a_file_are_of_one_earthquake(tmp_path):
     path = tmp_path / "station.csv"
     rows_ = (f"{0.01 * i:.2f},{np.sin(0.1 * i):.4f},{np.cos(0.2 * i):.4f}\n" for i in range(50))
     path.write_text("time (s),NS (g),EW (g)\n" + "".join(rows_))
-    first, second = ground.motions([str(path)])
+    first, second = ground.motions([str(path)], baseline=None)
     assert first.event == second.event != ""
 
 
@@ -258,7 +258,7 @@ def test_channels_of_a_file_are_of_one_earthquake(tmp_path):
 def test_a_folder_in_a_folder_is_named(tmp_path, capsys):
     (tmp_path / "quakes" / "inner").mkdir(parents=True)
     at2(tmp_path / "quakes" / "RSN1_AA090.AT2", "090")
-    assert len(ground.motions([str(tmp_path / "quakes")])) == 1
+    assert len(ground.motions([str(tmp_path / "quakes")], baseline=None)) == 1
     assert "left out: inner (a folder in a folder)" in capsys.readouterr().out
 
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.core.ground_motion import events_of
-from tpd.design.ground.groups import grouped
+from tpd.design.ground.groups import events_of, grouped
 
 
 def noise(seed: int) -> np.ndarray:

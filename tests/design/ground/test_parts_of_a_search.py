@@ -8,10 +8,9 @@ from scipy import stats
 
 import tpd
 from tpd.analysis.probit import Lognormal
-from tpd.core.ground_motion import events_of
 from tpd.design.ground import design
 from tpd.design.ground.demand import CappedTilt, Exceedance, Runs, share_beyond
-from tpd.design.ground.groups import Role, grouped
+from tpd.design.ground.groups import Role, events_of, grouped
 from tpd.design.ground.judgement import Changes, Interval, Judged, paired, student
 from tpd.design.ground.sizes import check_ground_limits
 from tpd.design.ground.surface import Observations, fit
