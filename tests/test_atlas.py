@@ -668,7 +668,7 @@ def dimensionless(size: float, mass: float) -> tuple[float, ...]:
 
 
 @pytest.mark.parametrize("height", [1e-3, 1e-1, 1e3], ids="{:g} m".format)
-@pytest.mark.parametrize("density", [20.0, 5e5], ids="{:g} kg per m3".format)
+@pytest.mark.parametrize("density", [20.0, 4e5], ids="{:g} kg per m3".format)
 def test_neither_millimetres_nor_kilometres_change_a_dimensionless_answer(height, density):
     x = dimensionless(height / 0.4, density * height**3 / 16.0)
     usual = dimensionless(1.0, 16.2)

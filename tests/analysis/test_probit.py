@@ -79,15 +79,18 @@ def test_the_band_of_separated_outcomes_is_that_of_the_stripes_around(counts, mo
 
 
 def test_the_interval_of_separated_outcomes_covers_the_median():
-    rng, stripes, inside = np.random.default_rng(4), np.array([1.0, 1.5, 2.25, 3.375]), 0
+    rng, stripes, found = np.random.default_rng(4), np.array([1.0, 1.5, 2.25, 3.375]), []
     for _ in range(400):
-        hits = stripes >= (1.8 * np.exp(0.05 * rng.standard_normal(12)))[:, None]
+        median = float(np.exp(rng.uniform(np.log(1.1), np.log(3.0))))
+        hits = stripes >= (median * np.exp(0.05 * rng.standard_normal(12)))[:, None]
         fit = fit_lognormal(stripes, hits.astype(float))
-        assert fit.separated
-        low, high = fit.interval()
-        assert (low, high) == (1.5, 2.25)
-        inside += low <= 1.8 <= high
-    assert inside == 400
+        if fit.separated:
+            low, high = fit.interval()
+            assert high > low
+            found.append(low <= median <= high)
+    assert len(found) > 300
+    # Beside a stripe the interval may be on its wrong side.
+    assert np.mean(found) >= 0.95
 
 
 @pytest.mark.mends("one stripe gave a dispersion of 1, where the search began")

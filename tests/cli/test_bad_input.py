@@ -17,7 +17,7 @@ NO_CAVITY = (
 UNITS = [
     (
         (*MILLIMETRES, "--amplitude", "15", "--frequency", "2.5"),
-        "[block] `mass` must make between 10 and 1e+06 kg/m^3 of a block as deep as it is wide, but 16.2 kg",
+        "[block] `mass` must make between 10 and 500000 kg/m^3 of a block as deep as it is wide, but 16.2 kg",
     ),
     ((*OWN, "--mass", "0.016"), "are the lengths in m and the mass in kg?"),
     (

@@ -1,5 +1,6 @@
 """`tpd shake`, `tpd spectrum` and `tpd fragility`: files, numbers and refusals."""
 
+import argparse
 import csv
 import json
 
@@ -10,6 +11,7 @@ import tpd
 from tests.unanswered import unanswered
 from tpd.analysis import transient as transient_module
 from tpd.cli import ground, main
+from tpd.cli.optimise_records import _held_out
 
 COLUMN = ["--width", "1", "--height", "6", "--mass", "9000", "--friction", "0", "--restitution", "0.9595"]
 HUNG = ["--pendulum-mass", "450", "--pendulum-length", "0.9"]
@@ -254,6 +256,17 @@ def test_channels_of_a_file_are_of_one_earthquake(tmp_path):
     assert first.event == second.event != ""
 
 
+@pytest.mark.mends("of two folders of one name the first was lost")
+def test_held_out_folders_of_one_name_are_two_groups(tmp_path):
+    folders = [tmp_path / "one" / "q", tmp_path / "other" / "q"]
+    for folder in folders:
+        folder.mkdir(parents=True)
+        at2(folder / "RSN1_AA090.AT2", "090")
+    words = [str(folder) for folder in folders]
+    found = _held_out(words, argparse.Namespace(dt=None, unit=None, event=None, baseline=None))
+    assert set(found) == set(words)
+
+
 @pytest.mark.mends("folders within a folder were passed over without a word")
 def test_a_folder_in_a_folder_is_named(tmp_path, capsys):
     (tmp_path / "quakes" / "inner").mkdir(parents=True)
@@ -270,6 +283,7 @@ def test_records_of_a_folder_are_of_one_earthquake(tmp_path, capsys):
         (folder / f"{name}.csv").write_text("time (s),acc (g)\n" + "".join(rows_))
     files = [str(path) for path in sorted(folder.iterdir())]
     assert [m.event for m in ground.motions([str(folder)])] == ["quake", "quake"]
+    assert "2 records of the folder" in capsys.readouterr().out
     assert [m.event for m in ground.motions(files, events=["A", "B"])] == ["A", "B"]
     assert [m.event for m in ground.motions(files, events=["A"])] == ["A", "A"]
     assert [m.event for m in ground.motions(files)] == ["", ""]

@@ -136,7 +136,7 @@ UNITS = {
     "lengths in mm": (*block(100.0, 400.0, 16.224), "make 4.06e-06 kg/m"),
     "lengths in cm": (*block(130.0, 1000.0, 16280.0), "in 130 m x 1000 m make"),
     "mass in t": (*block(1.3, 10.0, 16.28), "are the lengths in m and the mass"),
-    "mass in g": (*block(0.1, 0.4, 16224e3), "between 10 and 1e+06 kg/m"),
+    "mass in g": (*block(1.3, 10.0, 16280e3), "between 10 and 500000 kg/m"),
     "height in mm": (*block(0.5, 2500.0, 1e6), "at least 0.01 of `height`"),
     "a batch": (*block(np.array([0.1, 100.0]), np.array([0.4, 400.0]), 16.0), "16 kg in 100 m x 400 m"),
     "amplitude in mm": (*harmonic(50.0, 1.0), "at most 10 g, but 50 m at 1 Hz make 201 g: are they in"),

@@ -110,6 +110,15 @@ def test_strikes_and_overturnings_are_counted():
     assert fresh.endswith("50.0% without. No room for the bob is asked for.")
 
 
+@pytest.mark.mends("runs without an answer counted as standing where strikes are counted")
+def test_runs_without_an_answer_are_not_counted_as_standing():
+    pair, number = designs.paired(), np.arange(40)
+    status = np.where((number >= 2) & (number < 12), "event_bound", pair.hung.status)
+    pair = dataclasses.replace(pair, hung=dataclasses.replace(pair.hung, status=status))
+    said = case(*CALM, strikes=2 / 28, paired=pair).counted
+    assert "a wall in 2 of the 28 that stand (7.1%, and 1.0% is allowed); 10 have no answer" in said
+
+
 def test_shakings_beside_the_own_one_are_counted():
     found = case(some(INF, 0.2, INF), some(INF, 0.1, INF))
     assert (found.tried, found.lost, found.worse) == (2, (1, 1), 1)

@@ -1,6 +1,7 @@
 """Survey: designs followed from rest, their order, and those that fit the block."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -138,6 +139,26 @@ def test_designs_are_followed_from_rest_under_every_condition():
     assert set(found.excess) == {"stroke", "room", "thickness", ON_THE_WAY}
     assert np.all(found.excess[ON_THE_WAY] >= found.excess["room"] - 1e-12)
     assert counts[-1] == (3, 3)
+
+
+@pytest.mark.mends("runs without an answer counted by what they had reached")
+def test_a_run_without_an_answer_speaks_against_a_pendulum_and_not_for_it(monkeypatch):
+    def unknown(*_, **__):
+        size = np.full(len(BAND) * (1 + len(GOOD)), 0.01)
+        return SimpleNamespace(
+            status=np.full(size.shape, "event_bound"),
+            amplitude=size,
+            stroke=size,
+            peak=size,
+            peak_stroke=size,
+        )
+
+    monkeypatch.setattr("tpd.design.survey.settle_nonlinear", unknown)
+    monkeypatch.setattr("tpd.design.survey.names_of", lambda status: status)
+    found = followed(orbits(limits=(tpd.limits.Stroke(0.4),)), GOOD, 40, "nonlinear", None)
+    np.testing.assert_array_equal(found.severity, 1.0)
+    assert np.all(found.bare < 1.0)
+    assert not found.keeps.any()
 
 
 def test_a_block_that_overturns_breaks_no_limit_on_the_bob():

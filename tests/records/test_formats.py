@@ -507,6 +507,15 @@ def test_a_stated_step_is_read_and_not_overruled(tmp_path, header):
         Record.read(path, dt=0.02)
 
 
+@pytest.mark.mends("times of single precision were refused")
+def test_times_of_single_precision_have_equal_steps(tmp_path):
+    path = tmp_path / "record.txt"
+    times = np.arange(4000, dtype=np.float32) * np.float32(0.01)
+    rows = "\n".join(f"{t:.9f} {x:.4f}" for t, x in zip(times, shaking(4000), strict=True))
+    path.write_text("time (s) acc (g)\n" + rows + "\n")
+    assert Record.read(path).dt == 0.01
+
+
 @pytest.mark.mends("columns of velocities stopped a table with accelerations")
 def test_velocities_beside_accelerations_are_left_out(tmp_path):
     path = tmp_path / "record.csv"

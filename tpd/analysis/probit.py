@@ -10,12 +10,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
 from scipy.special import betaincinv, erfcx, log_ndtr, ndtr, ndtri, stdtrit
 
-_NORMAL = NormalDist()
 _ROUNDING = 1e-12
 _STEPS = 200
 """Steps of Newton's method, at most; ten are usual."""

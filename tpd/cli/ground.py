@@ -222,6 +222,7 @@ def motions(
         else:
             files, others = _files_of(path)
             left += others
+            assumed = 0
             event = path.resolve().name if path.is_dir() else ""
             event = event if events is None else events[i if len(events) > 1 else 0]
             for file in files:
@@ -235,6 +236,12 @@ def motions(
                         left.append(f"{label} ({VERTICAL})")
                     else:
                         found.append(replace(record, event=named))
+                        assumed += path.is_dir() and events is None and not record.event
+            if assumed > 1:
+                print(
+                    f"note: {assumed} records of the folder {name} name no earthquake and are taken for one; "
+                    "if they are of several, give the files one by one, with --event"
+                )
     if left:
         print(f"left out: {'; '.join(left)}")
     if not found:

@@ -25,7 +25,7 @@ FRICTION = 0.05
 """Default k of a block without impact loss: the value of the paper's section 3."""
 LEAST_SLENDERNESS = 0.01
 """Least width over height of a block: below it one of both is in another unit."""
-DENSITIES = (10.0, 1e6)
+DENSITIES = (10.0, 5e5)
 """Plausible kg/m^3 of a block that is as deep as it is wide. Hollow blocks and walls, which are deeper, lie
 within; lengths in mm or cm, and masses in t or g, do not."""
 LARGEST_SHAKING = 10.0

@@ -418,7 +418,8 @@ def _equal(times: Sequence[Decimal], rows: Sequence[_Row], stated: float | None)
         return 1.0 if stated is None else stated
     # Twelve digits: 31.18/1559 is then 0.02, as it was meant.
     dt = float(f"{(t[-1] - t[0]) / (len(t) - 1):.12g}")
-    digits = _digits(times)
+    # Times computed in single precision are off by two units of 24 binary digits, however many are printed.
+    digits = np.maximum(_digits(times), 2.4e-7 * np.abs(t))
     steps, noise = np.diff(t), 1e-9 * float(np.max(np.abs(t)))
     off = np.abs(steps - dt) > noise
     if dt > 0.0 and off.any() and digits.max() <= _FINE * dt:
