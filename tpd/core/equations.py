@@ -208,12 +208,28 @@ class Equations(eqx.Module):
 def smoothed_rates(
     p: Parameters, tilt_width: Number, rate_width: Number, terms: Terms = Terms.linear
 ) -> Callable[[Number, State, None], State]:
-    """Return the vector field with sgn(x) smoothed to tanh(x/width), for an ODE solver."""
+    """Return the vector field with sgn(x) smoothed to tanh(x/width), for an ODE solver.
+
+    An impact at zero tilt multiplies phi' by e and adds (2/lam)(e - 1) phi' to psi'. That is the flow of the
+    constant field (phi', psi')' = ln(e) (phi', (2/lam) phi') over a unit of time. With half of what
+    tanh(phi/w) runs through in a crossing, -1 to 1, for that time,
+
+        loss = ln(e) phi' |phi'| (1 - tanh(phi/w)^2) / (2 w)
+
+    goes on phi'', and (2/lam) loss on psi'': the smoothed counterpart of the impact, exact for w -> 0, and
+    nothing for e = 1 or without a crossing. With (4) the law of the impact depends on psi, and this form
+    does not hold.
+    """
     equations = Linear(p) if terms is Terms.linear else Equations(p, terms)
+    # The law of impacts of (4) is another one: `Smoothed.check` refuses them there.
+    decay = 0.0 if terms is Terms.nonlinear else jnp.log(p.velocity_ratio) / (2.0 * tilt_width)
 
     def field(tau: Number, y: State, args: None) -> State:
         del args
         step, drag = jnp.tanh(y[0] / tilt_width), jnp.tanh(y[2] / rate_width)
-        return equations.rates(y, step, drag, jnp.sin(p.xi * tau))
+        # The loss is an impulse: it does not pass through the mass matrix, which has acted already.
+        loss = decay * y[2] * jnp.abs(y[2]) * (1.0 - step**2)
+        jump = jnp.stack([0.0 * loss, 0.0 * loss, loss, 2.0 / p.lam * loss])
+        return equations.rates(y, step, drag, jnp.sin(p.xi * tau)) + jump
 
     return field

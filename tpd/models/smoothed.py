@@ -90,8 +90,12 @@ class Smoothed(AbstractModel):
         return self.HUM * self.widths(p)[0]
 
     def check(self, p: Parameters) -> None:
-        """Impacts that lose energy (e < 1) have no smoothed counterpart."""
-        checks.within("e", p.velocity_ratio, 1.0, 1.0, " in the smoothed model, which has no impact loss")
+        """Raise `ValueError` for impacts without a smoothed counterpart: those that leave no rate at all
+        (e = 0), and with (4), whose law depends on psi, all that lose energy."""
+        if self.terms is Terms.nonlinear:
+            checks.within("e", p.velocity_ratio, 1.0, 1.0, " in the smoothed equations (4): take `Segmented`")
+        else:
+            checks.within("e", p.velocity_ratio, 1e-3, 1.0, " in the smoothed model: take `Piecewise`")
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Integrate from `y0` at tau = 0, one forcing period after another, until they repeat."""
