@@ -253,11 +253,11 @@ class Coarser(Smoothed):
         return tuple(self.times * width for width in super().widths(p))
 
 
-_by_smoothed = solver(lambda times: Coarser(times=times), 7)
+_by_smoothed = solver(lambda times: Coarser(times=times), 8)
 
 
 def smoothed(x: Any, y0: Any = REST, coarser: float = 1.0) -> Answer:
-    """The same of `Smoothed()`, which has no e, or with all its widths some times as large."""
+    """The same of `Smoothed()`, or with all its widths some times as large."""
     return _by_smoothed(x, y0, coarser)
 
 

@@ -1,5 +1,6 @@
 """The smoothed model against the exact one: how near, how it gets nearer, and its derivatives."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -18,7 +19,8 @@ from tests.reference import (
     parameters,
     smoothed,
 )
-from tpd import Smoothed, Status, simulate, steady_state
+from tpd import Parameters, Segmented, Smoothed, Status, Terms, simulate, status_name, steady_state
+from tpd.core.parameters import housner, uniform_inertia_ratio
 from tpd.models.smoothed import rocking_scale
 
 COARSER = 4.0
@@ -113,12 +115,101 @@ def test_widths_follow_the_orbit_that_is_expected():
     assert rocking_scale(bare) == pytest.approx(0.2 * (1 - 1 / np.cosh(np.pi / 2 / 4.0)), rel=0.05)
 
 
+STRUCK = (
+    (0.13, 0.0346, 0.1043, 0.598, 0.0, 0.2356, 4.7, 0.5),
+    (0.13, 0.0346, 0.1043, 0.598, 0.0, 0.2356, 4.7, 0.95),
+    (0.2, 0.1, 0.5, 0.2, 0.0, 0.3, 4.0, 0.5),
+    (0.2, 0.1, 0.5, 0.2, 0.0, 0.3, 4.0, 0.8),
+    (0.2, 0.1, 0.5, 0.2, 0.0, 0.3, 4.0, housner(0.2, uniform_inertia_ratio(0.2), 0.1)),
+    (0.2, 0.05, 0.8, 0.1, 0.05, 0.3, 3.0, 0.6),
+    (0.15, 0.2, 0.3, 0.3, 0.01, 0.25, 5.5, 0.65),
+    (0.25, 0.3, 0.4, 0.3, 0.0, 0.4, 3.0, 0.7),
+    (0.25, 0.1, 0.8, 0.1, 0.05, 0.5, 3.5, 0.8),
+    (0.25, 0.05, 0.2, 0.1, 0.05, 0.377, 2.67, 0.97),
+)
+"""Scenes with impacts, e last: that of the fifth is Housner's. From rest all come to symmetric rocking."""
+E, DESIGN = 7, slice(1, 4)
+"""Places of e, and of mu, lam and zeta."""
+WIDE, NARROW = 5.0, 0.5
+"""Widths over the default's: `sharpness` of 1e-2 and 1e-3."""
+
+
+def off(found, expected):
+    """Largest error of the derivatives in mu, lam and zeta over the largest of these."""
+    apart = np.abs(found.slopes[0, DESIGN] - expected.slopes[0, DESIGN])
+    return apart.max() / np.abs(expected.slopes[0, DESIGN]).max()
+
+
+@pytest.mark.parametrize("x", STRUCK, ids=lambda x: f"xi = {x[6]:g}, e = {x[E]:.3g}")
+def test_impacts_are_near_the_exact_ones_in_amplitude_and_gradient(x):
+    found, expected = smoothed(x), exact(x)
+    assert found.status == expected.status == "rocking"
+    assert bool(found.steady.symmetric)
+    assert bool(expected.steady.symmetric)
+    hard = x[E] < 0.8
+    assert found.amplitude == pytest.approx(expected.amplitude, rel=5e-4 if hard else 5e-5)
+    assert off(found, expected) < (5e-3 if hard else 1e-3)
+    assert found.slopes[0, E] == pytest.approx(expected.slopes[0, E], rel=2e-3)
+
+
+@pytest.mark.parametrize("x", STRUCK, ids=lambda x: f"xi = {x[6]:g}, e = {x[E]:.3g}")
+def test_the_error_of_impacts_falls_in_proportion_to_the_sharpness(x):
+    wide, narrow, truth = smoothed(x, coarser=WIDE), smoothed(x, coarser=NARROW), exact(x)
+    ratio = (wide.amplitude - truth.amplitude) / (narrow.amplitude - truth.amplitude)
+    assert ratio == pytest.approx(WIDE / NARROW, rel=0.1)
+    assert off(wide, truth) / off(narrow, truth) == pytest.approx(WIDE / NARROW, rel=0.1)
+
+
+def test_the_derivative_in_e_is_that_of_differences_of_the_same_amplitude():
+    x = STRUCK[3]
+    state = smoothed(x).steady.state
+    expected = differences(lambda x: smoothed(x, state).amplitude, x, E)
+    assert smoothed(x).slopes[0, E] == pytest.approx(expected, rel=1e-5)
+
+
+RUBBING = (0.2, 0.1, 0.5, 0.2, 0.02, 0.3, 4.0)
+
+
+def of_housner(model):
+    """Amplitude of `RUBBING` with Housner's impacts, which follow nu and mu, and its derivatives."""
+
+    @jax.jit
+    def solve(x):
+        def amplitude(x):
+            p = Parameters(**dict(zip(NAMES, x, strict=False)), e=None)
+            steady = steady_state(p, model=model)
+            return steady.amplitude, steady.status
+
+        return jax.value_and_grad(amplitude, has_aux=True)(x)
+
+    (amplitude, status), slopes = solve(np.array(RUBBING))
+    assert status_name(status) == "rocking"
+    return float(amplitude), np.asarray(slopes)
+
+
+def test_with_parametric_terms_impacts_are_those_of_true_signs_and_housner_s_follow_block_and_bob():
+    smooth, true = (of_housner(model(terms=Terms.parametric)) for model in (Smoothed, Segmented))
+    assert smooth[0] == pytest.approx(true[0], rel=5e-5)
+    np.testing.assert_allclose(smooth[1], true[1], rtol=1e-3)
+    # Without the parametric term it is another motion.
+    e = float(housner(RUBBING[0], uniform_inertia_ratio(RUBBING[0]), RUBBING[1]))
+    assert abs(exact((*RUBBING, e)).amplitude / true[0] - 1.0) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("terms", "e", "message"),
+    [
+        (Terms.nonlinear, 0.9, r"`e` must be between 1 and 1 in the smoothed equations \(4\).*but is 0\.9"),
+        (Terms.linear, 0.0, r"`e` must be between 0\.001 and 1 in the smoothed model.*but is 0"),
+        (Terms.parametric, 0.0, r"`e` must be between 0\.001 and 1 in the smoothed model.*but is 0"),
+    ],
+)
 @pytest.mark.parametrize(
     "call", [steady_state, lambda p, **o: simulate(p, np.array(REST), np.array([0.0, 1.0]), **o)]
 )
-def test_an_impact_loss_is_refused(call):
-    with pytest.raises(ValueError, match=r"`e` must be between 1 and 1 in the smoothed model.*but is 0\.9"):
-        call(parameters((*HUNG[0].x, 0.9)), model=Smoothed())
+def test_impacts_without_a_smoothed_counterpart_are_refused(call, terms, e, message):
+    with pytest.raises(ValueError, match=message):
+        call(parameters((*HUNG[0].x, e)), model=Smoothed(terms=terms))
 
 
 @pytest.mark.parametrize(

@@ -221,8 +221,10 @@ def smoothed_rates(
     does not hold.
     """
     equations = Linear(p) if terms is Terms.linear else Equations(p, terms)
-    # The law of impacts of (4) is another one: `Smoothed.check` refuses them there.
-    decay = 0.0 if terms is Terms.nonlinear else jnp.log(p.velocity_ratio) / (2.0 * tilt_width)
+    decay = jnp.log(p.velocity_ratio) / (2.0 * tilt_width)
+    if terms is Terms.nonlinear:
+        # The law of impacts of (4) is another one: `Smoothed.check` refuses them, but for a traced ratio.
+        decay = jnp.where(p.velocity_ratio == 1.0, 0.0, jnp.nan)
 
     def field(tau: Number, y: State, args: None) -> State:
         del args

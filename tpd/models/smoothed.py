@@ -41,6 +41,11 @@ class Smoothed(AbstractModel):
     `HUM` widths is reported at rest: the smoothed block hums there, and its slope means nothing.
     A transient from rest is more sensitive to the widths than the orbit it leads to, hence the
     small default.
+
+    An impact is smoothed as well, for linear and parametric terms. Its bias grows as e falls: in one scene
+    4e-4 of the amplitude at e = 0.5, 3e-3 at 0.2, 1e-2 at 0.1, 0.1 where the block all but stops at impacts.
+    Where k = 0 the derivative in k is off by tens of per cent: steps follow the motion, which does not feel
+    friction's layer.
     """
 
     HUM = 10.0
@@ -92,10 +97,10 @@ class Smoothed(AbstractModel):
     def check(self, p: Parameters) -> None:
         """Raise `ValueError` for impacts without a smoothed counterpart: those that leave no rate at all
         (e = 0), and with (4), whose law depends on psi, all that lose energy."""
+        least, told = 1e-3, " in the smoothed model: take `Piecewise`"
         if self.terms is Terms.nonlinear:
-            checks.within("e", p.velocity_ratio, 1.0, 1.0, " in the smoothed equations (4): take `Segmented`")
-        else:
-            checks.within("e", p.velocity_ratio, 1e-3, 1.0, " in the smoothed model: take `Piecewise`")
+            least, told = 1.0, " in the smoothed equations (4): take `Segmented`"
+        checks.within("e", p.velocity_ratio, least, 1.0, told)
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Integrate from `y0` at tau = 0, one forcing period after another, until they repeat."""
