@@ -293,5 +293,5 @@ def test_a_model_that_does_not_fit_is_one_sentence():
     ):
         with pytest.raises(ValueError, match=words):
             _followed(model, scene.ground_parameters(), None)
-    with pytest.raises(ValueError, match="in the smoothed model, which has no impact loss"):
+    with pytest.raises(ValueError, match="in the smoothed model under a pulse or a record"):
         tpd.transient(tpd.Scene(LOSING, SINE), model=tpd.Smoothed())

@@ -169,10 +169,6 @@ FILES = [
         "[search]\nmodel = 'orbits'\n[conditions]\nexactly = true\n",
         "`search.model` orbits goes with several conditions or with `search.method` sequential",
     ),
-    (
-        "[search]\nmodel = 'smoothed'\n[block]\nrestitution = 0.9\n",
-        "`search.model` smoothed has no impact loss",
-    ),
     ("[search]\nby_overturning = 1\n", "`search.by_overturning` must be true or false, but is 1"),
     (
         "[search]\nmethod = 'sequential'\ntolerance = 0.1\n",

@@ -21,6 +21,7 @@ from tpd.design.methods import Descent, Sequential
 from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
 from tpd.models.piecewise import Piecewise
+from tpd.models.smoothed import Smoothed
 
 EXACTLY = {"conditions": {"exactly": True}}
 BAND = {"conditions": {"band": [2.0, 3.0], "frequencies": 5}}
@@ -220,6 +221,8 @@ def test_where_impacts_lose_energy_friction_is_zero_and_the_model_is_exact(
     assert (job.scene.block.friction, job.scene.block.restitution) == (friction, restitution)
     assert config.tables(job)["search"].get("model") == model
     assert isinstance(job.method.model, Piecewise) is (model == "piecewise")
+    asked = config.job_of({"block": block, "search": {"model": "smoothed"}, **EXACTLY})
+    assert isinstance(asked.method.model, Smoothed)
 
 
 def test_a_whole_number_is_taken_where_any_number_is_meant():

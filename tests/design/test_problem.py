@@ -100,8 +100,22 @@ def test_starts_at_the_shaking_itself_are_rest_unless_they_are_states():
 def test_where_impacts_lose_energy_the_exact_model_is_searched():
     assert isinstance(problem(LOSSY, conditions=ALONE).method.model, tpd.Piecewise)
     assert isinstance(problem(LOSSY).point.method.model, tpd.Piecewise)
-    with pytest.raises(ValueError, match="`e` must be between 1 and 1 in the smoothed model"):
-        problem(LOSSY, method=tpd.Descent(model=tpd.Smoothed()))
+
+
+def test_the_smoothed_model_is_searched_where_it_has_the_impacts_of_every_condition():
+    losing, bouncing = (
+        tpd.Scene(dataclasses.replace(LOSSY.block, restitution=e), SCENE.motion) for e in (0.9, 1.0)
+    )
+    scattered = tpd.Conditions.scatter(4, 0, restitution=0.1)
+    for model in (tpd.Smoothed(), tpd.Smoothed(terms=tpd.Terms.parametric)):
+        asked = tpd.Descent(model=model)
+        assert problem(LOSSY, conditions=ALONE, method=asked).method is asked
+        assert problem(losing, conditions=scattered, method=asked).method is asked
+    asked = tpd.Descent(model=tpd.Smoothed(terms=tpd.Terms.nonlinear))
+    assert problem(bouncing, conditions=ALONE, method=asked).method is asked
+    for scene, conditions in ((LOSSY, ALONE), (losing, ALONE), (bouncing, scattered)):
+        with pytest.raises(ValueError, match=r"`e` must be between 1 and 1 in the smoothed equations \(4\)"):
+            problem(scene, conditions=conditions, method=asked)
 
 
 def test_no_bob_of_a_space_throws_the_block_back():

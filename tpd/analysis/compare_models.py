@@ -208,13 +208,9 @@ _MODELS = {
     "uplift": _Model("everything but the settled bob under a resting block", _at_rest),
     "one harmonic": _Model("all harmonics but one", _balanced, impact_loss=False),
     "exact": _Model("terms of second order in the angles", partial(_followed, Piecewise())),
-    "smoothed": _Model(
-        "terms of second order, and the sharpness of signs", partial(_followed, Smoothed()), impact_loss=False
-    ),
+    "smoothed": _Model("terms of second order, and the sharpness of signs", partial(_followed, Smoothed())),
     "parametric": _Model(
-        "as smoothed, but for s f nu phi sin(xi tau)",
-        partial(_followed, Smoothed(terms=Terms.parametric)),
-        impact_loss=False,
+        "as smoothed, but for s f nu phi sin(xi tau)", partial(_followed, Smoothed(terms=Terms.parametric))
     ),
     "smoothed nonlinear": _Model(
         "the sharpness of signs", partial(_followed, Smoothed(terms=Terms.nonlinear)), impact_loss=False

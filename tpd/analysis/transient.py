@@ -114,7 +114,7 @@ def transient(
         y0: start (phi, psi, phi', psi') in rad and rad/s; at rest by default.
         model: `Piecewise()`, the exact solution of the linear equations (default); `Segmented()`, the
             nonlinear equations (4) by compiled code, with the model's `rtol` and `rest_rate` and a solver of
-            its own; or `Smoothed()`, without impact loss, with the model's `terms`, `solver`, `rtol` and
+            its own; or `Smoothed()`, here without impact loss, with the model's `terms`, `solver`, `rtol` and
             `sharpness`.
         free: free motion after the ground motion, s.
         max_events: events allowed beyond one for each piece of the motion; of `Smoothed`, steps of the

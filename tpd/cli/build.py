@@ -186,11 +186,9 @@ def with_model(file: JobFile, scene: Scene) -> JobFile:
     """Choose the model of the search where it is not the first of its method.
 
     Raises:
-        ValueError: a model that the method or the block does not allow.
+        ValueError: a model that the method does not allow.
     """
-    model, lossless = file.search.model, scene.block.velocity_ratio == 1.0
-    if model == "smoothed" and not lossless:
-        raise ValueError("`search.model` smoothed has no impact loss, but the block has: take piecewise")
+    model = file.search.model
     if file.search.method != "descent" or file.size > 1:
         return file
     if model == "orbits":
@@ -199,7 +197,7 @@ def with_model(file: JobFile, scene: Scene) -> JobFile:
             "is given"
         )
     if model is None:
-        model = "smoothed" if lossless else "piecewise"
+        model = "smoothed" if scene.block.velocity_ratio == 1.0 else "piecewise"
     return replace(file, search=replace(file.search, model=model))
 
 

@@ -98,12 +98,8 @@ class Problem:
         if method.model is None:
             objective: AbstractObjective = Orbits(*common, rest_counts=starts.kind is StartKind.rest)
         else:
-            method.model.check(p)
-            if isinstance(method.model, Smoothed) and np.ptp(conditions.column("restitution")) > 0.0:
-                raise ValueError(
-                    "`restitution` cannot scatter in the smoothed model, which has no impact loss: take "
-                    "`Piecewise()`"
-                )
+            # A scattered restitution, or Housner's with a heavy bob, may be one that the model has not.
+            method.model.check(under_all(p, space.full(space.bounds[1])[None], conditions))
             objective = Followed(*common, model=method.model, starts=starts)
         worth = Worth() if worth is None else worth
         return Problem(scene, space, starts, method, objective, worth, seed)

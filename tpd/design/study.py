@@ -84,7 +84,7 @@ class Study:
     """Everything that a report shows beside the design; None where a part does not apply or was left out."""
 
     histories: tuple[TimeHistory, ...] | None = None
-    """First 24 periods from rest: exact, and smoothed where impacts lose no energy."""
+    """First 24 periods from rest: exact and smoothed."""
     responses: tuple[Response, ...] | None = None
     """Over frequency from rest: the bare block and, if there is one, the block with the pendulum. Only for
     the scene's own shaking."""
@@ -170,8 +170,7 @@ def time_histories(
     """Histories from rest: of the bare block and, if there is one, of the block with the pendulum; by the
     exact solution and, where it is asked for, by the smoothed model."""
     models: dict[str, AbstractModel] = {"exact": Piecewise()}
-    if smoothed and scene.block.velocity_ratio == 1.0:
-        # The smoothed model has no impact loss.
+    if smoothed:
         models["smoothed"] = Smoothed()
     cases = (None,) if pendulum is None else (None, pendulum)
     out = []

@@ -18,6 +18,7 @@ from jax.custom_derivatives import SymbolicZero
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
+from tpd.core import checks
 from tpd.core.equations import Equations, Linear, Terms
 from tpd.core.parameters import Number, Parameters, State
 from tpd.exact.derivatives import once, refused_in
@@ -92,8 +93,10 @@ def follow_smoothed(
     so are those of times, and second ones.
 
     Raises:
-        ValueError: a solver that is implicit or does not estimate its error.
+        ValueError: impact loss, or a solver that is implicit or does not estimate its error.
     """
+    told = " in the smoothed model under a pulse or a record, which has no impact loss"
+    checks.within("e", p.velocity_ratio, 1.0, 1.0, told)
     if not isinstance(model.solver, diffrax.AbstractERK):
         raise ValueError(
             "under a pulse or a record `model.solver` must be an explicit Runge-Kutta method that estimates "
@@ -159,7 +162,7 @@ def _results(model: Smoothed, ground: _Ground, max_steps: int) -> Any:
     lost, rocked = r.lost | falls, jnp.isfinite(r.seen.lifted)
     status = jnp.where(arrived, jnp.where(rocked, _ROCKED, _STOOD), _EVENT_BOUND)
     status = jnp.where(lost, _OVERTURNED, status)
-    # A velocity ratio that was traced has not been checked: impact loss has no smoothed counterpart.
+    # A velocity ratio that was traced has not been checked, and the loss is not in these equations.
     status = jnp.where(r.failed | ~finite | (p.velocity_ratio != 1.0), _FAILED, status)
     # A block that has stayed within the resolution hums there, and its slope means nothing.
     tilt = jnp.where(rocked | (status != _STOOD), r.seen.angles[0], 0.0)
