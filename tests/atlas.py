@@ -225,15 +225,39 @@ REGIMES = (
         "smoothing",
         "a bias in proportion to the sharpness",
         "too coarse a smoothing overturns a block that rocks; too sharp a one needs too many steps",
-        "ValueError outside 1e-6 to 1, and for impact loss; event_bound or failed",
+        "ValueError outside 1e-6 to 1; event_bound or failed",
         test_ids(
             "smoothed",
             "the_bias_falls_in_proportion_to_the_sharpness",
             "a_coarse_sharpness_overturns_a_block_that_rocks",
             "settings_out_of_range_are_refused",
-            "an_impact_loss_is_refused",
         )
         + test_ids("atlas", "the_sharpest_smoothing_is_right_or_told_to_be_too_much"),
+    ),
+    Regime(
+        "smoothed impacts",
+        "amplitude and gradient, with a bias in proportion to the sharpness, for e from 0.5 on; rest",
+        "the bias grows as e falls, to 1 % at e = 0.1; folds are displaced in proportion to the sharpness, "
+        "and next to an exact one the gradient is another; sticking is not recognised",
+        "ValueError for e = 0, and for all impact loss with nonlinear terms; not_settled or unstable next to "
+        "a fold, and where the block all but stops; event_bound for a traced e of 0",
+        test_ids(
+            "smoothed",
+            "impacts_are_near_the_exact_ones_in_amplitude_and_gradient",
+            "the_error_of_impacts_falls_in_proportion_to_the_sharpness",
+            "impacts_without_a_smoothed_counterpart_are_refused",
+        )
+        + test_ids(
+            "atlas",
+            "with_smoothed_impacts_rest_and_overturning_are_those_of_the_exact_model",
+            "smoothed_impacts_pass_the_onset_of_sticking_and_do_not_name_it",
+            "smoothed_impacts_of_a_block_that_all_but_stops_are_not_called_settled",
+            "with_smoothed_impacts_a_fold_is_beside_the_exact_one_in_proportion_to_the_width",
+            "from_a_grazing_orbit_smoothed_impacts_lead_to_the_one_that_attracts",
+            "the_bias_of_smoothed_impacts_grows_as_e_falls",
+            "a_traced_ratio_that_has_no_smoothed_impact_is_told",
+            "the_smoothed_equations_4_have_no_number_with_impacts",
+        ),
     ),
     Regime(
         "32-bit floats",

@@ -31,6 +31,7 @@ from tests.reference import (
     BARE,
     HUNG,
     OVERTURNING,
+    STILL,
     UNSTABLE,
     along,
     assert_overturned,
@@ -40,10 +41,11 @@ from tests.reference import (
     smoothed,
     solver,
 )
-from tpd import Block, Harmonic, Pendulum, Piecewise, Scene, Smoothed, Status, status_name
+from tpd import Block, Harmonic, Pendulum, Piecewise, Scene, Smoothed, Status, Terms, status_name
 from tpd.analysis.period_map import Orbit
 from tpd.analysis.steady_state import _verdict
 from tpd.analysis.symmetric_orbits import _answered, _Described, _Margins
+from tpd.core.equations import smoothed_rates
 from tpd.core.parameters import as_arrays
 from tpd.core.status import SETTLED
 from tpd.exact.arc import classify
@@ -597,6 +599,110 @@ def test_the_sharpest_smoothing_is_right_or_told_to_be_too_much():
         else:
             assert answer.status in ("event_bound", "not_settled", "failed")
             assert np.all(np.isnan(answer.slopes))
+
+
+# Smoothed impacts
+
+FOLDED, FOLD_F = (0.2, 0.1, 0.5, 0.2, 0.0, 0.3, 4.0, 0.8), 0.07207467768307578
+"""A scene with impacts, and the forcing at which its symmetric orbits fold, by `bifurcations`."""
+
+
+@pytest.mark.parametrize("e", [0.5, 0.8, 0.95])
+def test_with_smoothed_impacts_rest_and_overturning_are_those_of_the_exact_model(e):
+    still, large = (*STILL.x, e), (0.25, 0.1, 0.2, 0.1, 0.0, 1.6, 2.67, e)
+    answer = smoothed(still)
+    assert answer.status == exact(still).status == "rest"
+    assert answer.amplitude == 0.0
+    np.testing.assert_array_equal(answer.slopes[0], 0.0)
+    assert_overturned(exact(large))
+    assert_overturned(smoothed(large))
+
+
+def test_smoothed_impacts_pass_the_onset_of_sticking_and_do_not_name_it():
+    b, shares = lost(Kind.sticking), np.array([-1e-2, -1e-3, 1e-3, 1e-2])
+    state = among(HELD, "f", b.value * (1.0 + shares[2:3])).state[0, 0]
+    for share in shares:
+        x = moved(HELD, F, b.value * (1.0 + share))
+        found, expected = smoothed(x, state), exact(x, state)
+        assert found.status == "rocking"
+        assert expected.status == ("rocking" if share > 0 else "sticking")
+        assert found.amplitude == pytest.approx(expected.amplitude, rel=3e-3)
+        of = [NU, MU, LAM, ZETA, F]
+        scale = np.abs(expected.slopes[0, of]).max()
+        np.testing.assert_allclose(found.slopes[0, of], expected.slopes[0, of], rtol=0, atol=1e-2 * scale)
+
+
+def test_smoothed_impacts_of_a_block_that_all_but_stops_are_not_called_settled():
+    x = (0.2, 0.1, 0.4, 0.2, 0.0, 0.25, 4.0, 0.5)
+    answer = smoothed(x)
+    assert exact(x).status == "sticking"
+    assert answer.status in ("not_settled", "unstable")
+    assert np.all(np.isnan(answer.slopes))
+
+
+def smoothed_fold(coarser: float) -> float:
+    """The least forcing with rocking in `FOLDED`, by the smoothed model, closing in on it by halving; what is
+    met on the way has a gradient or a name."""
+    low, high = 0.8 * FOLD_F, 1.05 * FOLD_F
+    state = smoothed(moved(FOLDED, F, high), (0.02, 0.0, 0.0, 0.0), coarser).steady.state
+    met = set()
+    for _ in range(20):
+        f = 0.5 * (low + high)
+        answer = smoothed(moved(FOLDED, F, f), state, coarser)
+        met.add(answer.status)
+        assert np.all(np.isfinite(answer.slopes[0])) == (answer.status in SETTLED)
+        if answer.status == "rocking":
+            high, state = f, answer.steady.state
+        else:
+            low = f
+    assert {"rocking", "rest"} <= met <= {"rocking", "rest", "not_settled", "near_fold", "unstable"}
+    return high
+
+
+def test_with_smoothed_impacts_a_fold_is_beside_the_exact_one_in_proportion_to_the_width():
+    assert among(FOLDED, "f", FOLD_F * (1.0 + np.array([1e-9]))).status[0, 0] == "rocking"
+    assert among(FOLDED, "f", FOLD_F * (1.0 - np.array([1e-9]))).status[0, 0] == "no_orbit"
+    near, far = (smoothed_fold(coarser) / FOLD_F - 1.0 for coarser in (1.0, 4.0))
+    assert near == pytest.approx(-1.35e-3, rel=0.01)
+    assert far == pytest.approx(4.0 * near, rel=0.01)
+
+
+def test_from_a_grazing_orbit_smoothed_impacts_lead_to_the_one_that_attracts():
+    b = lost(Kind.grazing)
+    for distance in (1e-2, 1e-5, 1e-8):
+        f = b.value * (1.0 - distance)
+        o = among(TOUCHING, "f", np.array([f]))
+        assert o.status[0, 1] in ("unstable", "grazing")
+        answer = smoothed(moved(TOUCHING, F, f), o.state[0, 1])
+        assert answer.status == o.status[0, 0] == "rocking"
+        assert answer.amplitude == pytest.approx(o.amplitude[0, 0], rel=1e-4)
+        np.testing.assert_allclose(answer.slopes[0, :8], o.slopes[0, 0, 0, :8], rtol=5e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize(("e", "most"), [(0.5, 5e-4), (0.2, 4e-3), (0.1, 1.2e-2)])
+def test_the_bias_of_smoothed_impacts_grows_as_e_falls(e, most):
+    x = moved(FOLDED, E, e)
+    off = smoothed(x).amplitude / exact(x).amplitude - 1.0
+    assert 0.7 * most < off < most
+
+
+@pytest.mark.parametrize("e", [0.0, -0.1])
+def test_a_traced_ratio_that_has_no_smoothed_impact_is_told(e):
+    answer = smoothed(moved(FOLDED, E, e))
+    assert answer.status == "event_bound"
+    assert np.all(np.isnan(answer.slopes))
+
+
+def test_the_smoothed_equations_4_have_no_number_with_impacts():
+    y = jnp.array([1e-3, 0.1, 0.2, 0.0])
+
+    @jax.jit
+    def rates(e: jax.Array) -> jax.Array:
+        p = parameters((*HUNG[0].x, e))
+        return smoothed_rates(p, *Smoothed().widths(p), Terms.nonlinear)(jnp.zeros(()), y, None)
+
+    assert np.all(np.isfinite(rates(1.0)))
+    assert np.isnan(rates(0.9)[2])
 
 
 # Numbers of 32 bits, and scales

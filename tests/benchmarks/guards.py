@@ -227,11 +227,11 @@ GUARDS = (
         test_ids("smoothed", "settings_out_of_range_are_refused"),
     ),
     Guard(
-        "impact loss in a model without",
-        "Smoothed: e < 1 is refused",
+        "smoothed impacts",
+        "Smoothed: e < 1 is refused with nonlinear terms, and e = 0 with others",
         "models/smoothed:Smoothed.check",
         unchecked("e"),
-        test_ids("smoothed", "an_impact_loss_is_refused"),
+        test_ids("smoothed", "impacts_without_a_smoothed_counterpart_are_refused"),
     ),
     Guard(
         "32-bit floats",
