@@ -238,7 +238,8 @@ REGIMES = (
         "smoothed impacts",
         "amplitude and gradient, with a bias in proportion to the sharpness, for e from 0.5 on; rest",
         "the bias grows as e falls, to 1 % at e = 0.1; folds are displaced in proportion to the sharpness, "
-        "and next to an exact one the gradient is another; sticking is not recognised",
+        "and next to an exact one the gradient is another; sticking is not recognised; below a sharpness of "
+        "1e-4 steps may pass over impacts, and the motion gains",
         "ValueError for e = 0, and for all impact loss with nonlinear terms; not_settled or unstable next to "
         "a fold, and where the block all but stops; event_bound for a traced e of 0",
         test_ids(
@@ -255,6 +256,7 @@ REGIMES = (
             "with_smoothed_impacts_a_fold_is_beside_the_exact_one_in_proportion_to_the_width",
             "from_a_grazing_orbit_smoothed_impacts_lead_to_the_one_that_attracts",
             "the_bias_of_smoothed_impacts_grows_as_e_falls",
+            "smoothed_impacts_too_sharp_to_be_met_by_every_step_are_right_or_told",
             "a_traced_ratio_that_has_no_smoothed_impact_is_told",
             "the_smoothed_equations_4_have_no_number_with_impacts",
         ),

@@ -686,6 +686,19 @@ def test_the_bias_of_smoothed_impacts_grows_as_e_falls(e, most):
     assert 0.7 * most < off < most
 
 
+@pytest.mark.parametrize("case", HUNG[:2], ids=lambda case: case.name)
+@pytest.mark.parametrize("e", [0.5, 0.8])
+def test_smoothed_impacts_too_sharp_to_be_met_by_every_step_are_right_or_told(case, e):
+    # Steps that pass over an impact's layer lose no energy there.
+    for coarser in (0.01, 0.005):
+        answer = smoothed((*case.x, e), coarser=coarser)
+        if answer.status in SETTLED:
+            assert answer.amplitude == pytest.approx(exact((*case.x, e)).amplitude, rel=1e-4)
+        else:
+            assert answer.status in ("not_settled", "unstable", "event_bound", "overturned")
+            assert np.all(np.isnan(answer.slopes))
+
+
 @pytest.mark.parametrize("e", [0.0, -0.1])
 def test_a_traced_ratio_that_has_no_smoothed_impact_is_told(e):
     answer = smoothed(moved(FOLDED, E, e))

@@ -5,7 +5,8 @@
 Both smoothed signs together, and each alone, the other being next to sharp. Every error is that of the orbit
 near the exact one, so that no transient ends elsewhere; what happens from the scene's own start is counted
 apart, by solver. Prints Markdown tables, writes `results/bias.json` and draws `bias.png`; `--draw` draws and
-prints the stored results anew. Five minutes on one core.
+prints the stored results anew. `--impacts` measures scenes with impacts only and keeps the rest of what is
+stored; `bias-impacts.png` shows them. Eight minutes on one core.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 import datetime
 import json
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -39,6 +41,7 @@ from tpd.plot import style as canvas  # noqa: E402
 COMMAND = "python -m tests.benchmarks.bias"
 RESULTS = Path(__file__).with_name("results") / "bias.json"
 PICTURE = Path(__file__).parents[2] / "notebooks" / "pictures" / "bias.png"
+PICTURE_OF_IMPACTS = PICTURE.with_name("bias-impacts.png")
 
 DEFAULT = Smoothed().sharpness
 SHARP = 1e-5
@@ -66,6 +69,11 @@ SAME = 0.05
 """Relative distance of the amplitude up to which it is that of the same motion."""
 RULES = ((1.0, 1.0), (5.0, 5.0), (10.0, 1.0), (3.0, 1.0), (10.0, 0.1), (3.0, 0.1), (1.0, 0.1), (0.1, 0.1))
 """Other rules for the widths of tilt and rate, over the default's."""
+RATIOS = (1.0, 0.8, 0.5)
+"""Velocity ratios of impacts with which the scenes with a pendulum are measured."""
+STRUCK_SHARES = tuple(float(x) for x in np.geomspace(1e-5, 1e-1, 9))
+REPEATS = 3
+"""Runs of which the median time counts."""
 DRAWN = 56
 """Seeded scenes. In those that settle or overturn the motion from rest is compared with the exact one."""
 
@@ -143,6 +151,48 @@ def errors(solve: Callable, cases: tuple[Case, ...]) -> dict[str, Any]:
             columns = zip(FLOORS, zip(*rows, strict=True), strict=True)
             out[case.name][way] = {name: [float(v) for v in column] for name, column in columns}
     return out
+
+
+def impacts(solve: Callable) -> dict[str, Any]:
+    """Of scenes with a pendulum by e: relative errors of amplitude and gradient (of its largest component) of
+    the orbit near the exact one by width, those of the extrapolation 2 a(w/2) - a(w), and the warm times (s)
+    of value and gradient from the scene's own start; NaN where there is no such orbit."""
+    out: dict[str, Any] = {}
+    for e in RATIOS:
+        of = out[f"e = {e:g}"] = {}
+        for case in HUNG:
+            x = (*case.x, e)
+            truth = exact(x, case.y0)
+            state, size = np.asarray(truth.steady.state), np.abs(truth.slopes[0]).max()
+            rows = []
+            for share in STRUCK_SHARES:
+                (a, by), (b, by_half) = (_near(solve, x, state, w) for w in (share, 0.5 * share))
+                row = []
+                for c, slopes in ((a, by), (2.0 * b - a, 2.0 * by_half - by)):
+                    apart = np.abs(slopes - truth.slopes[0]).max() / size
+                    row += [abs(c / truth.amplitude - 1.0), float(apart)]
+                spent = [_seconds(solve, x, case.y0, w) for w in (share, 0.5 * share)]
+                rows.append((*row, spent[0], sum(spent)))
+            names = ("amplitude", "gradient", "amplitude, both", "gradient, both", "seconds", "seconds, both")
+            of[case.name] = {
+                n: [float(v) for v in c] for n, c in zip(names, zip(*rows, strict=True), strict=True)
+            }
+    return out
+
+
+def _near(solve: Callable, x: Any, state: Any, share: float) -> tuple[float, np.ndarray]:
+    """Amplitude and gradient of the orbit next to an exact one, NaN without."""
+    amplitude, slopes, status, _ = solve(x, state, (share, share))
+    return (amplitude, slopes) if status == "rocking" else (np.nan, np.full_like(slopes, np.nan))
+
+
+def _seconds(solve: Callable, x: Any, y0: Any, share: float) -> float:
+    spent = []
+    for _ in range(REPEATS):
+        begin = time.perf_counter()
+        solve(x, y0, (share, share))
+        spent.append(time.perf_counter() - begin)
+    return float(np.median(spent))
 
 
 def slope(way: str, quantity: str, error: Any) -> float:
@@ -236,6 +286,43 @@ def told(results: dict[str, Any]) -> None:
         table(("width", *of), [(f"{w:.0e}", *(_cell(of[c][i]) for c in of)) for i, w in enumerate(FAR)])
     print("\nOther rules:")
     told_rules(results["rules"])
+    told_impacts(results["impacts"])
+
+
+def told_impacts(held: dict[str, Any]) -> None:
+    """Print the errors of scenes with impacts, and whether extrapolation pays."""
+    print(f"\nImpacts, {held['date']}: largest error of {len(HUNG)} scenes, and of the extrapolated ones")
+    kinds = [f"{q}{b}" for q in FLOORS for b in ("", ", both")]
+    head = (
+        "impacts",
+        "width",
+        *kinds,
+        "scenes without it",
+        "time",
+        "time, both",
+        *(f"{q}, gain" for q in FLOORS),
+    )
+    rows = []
+    for e, of in held["errors"].items():
+        scenes = [{name: np.array(v, float) for name, v in s.items()} for s in of.values()]
+        for i, share in enumerate(held["widths"]):
+            column = {kind: np.array([s[kind][i] for s in scenes]) for kind in scenes[0]}
+            if np.isnan(column["amplitude, both"]).all():
+                continue
+            worst = (f"{np.nanmax(column[kind]):.1e}" for kind in kinds)
+            lost = int(np.isnan(column["amplitude, both"]).sum())
+            spent = (f"{1e3 * np.median(column[name]):.0f} ms" for name in ("seconds", "seconds, both"))
+            gains = (f"{np.nanmedian([_gain(s, q, i) for s in scenes]):.1g}" for q in FLOORS)
+            rows.append((e, f"{share:.0e}", *worst, lost, *spent, *gains))
+    table(head, rows)
+    print("Gain: least error of one width in at most the time of both over that of both (median).")
+
+
+def _gain(scene: dict[str, np.ndarray], quantity: str, i: int) -> float:
+    """The least error of one width, in at most the time of the i-th width and its half, over the error
+    extrapolated from these."""
+    least = np.nanmin(scene[quantity][scene["seconds"] <= scene["seconds, both"][i]])
+    return float(least / scene[f"{quantity}, both"][i])
 
 
 def told_rules(rows: list[dict[str, Any]]) -> None:
@@ -294,12 +381,45 @@ def draw(results: dict[str, Any], path: Path) -> None:
     place(path, canvas.png(axes[0].figure))
 
 
+def draw_impacts(held: dict[str, Any], path: Path) -> None:
+    """Errors over the width by e: a line a scene, thick their median, dashed that of what is extrapolated."""
+    axes = canvas.new_axes(2, (7.0, 7.4))
+    widths = np.array(held["widths"])
+    styles = zip(held["errors"].items(), (canvas.INK, canvas.BLUE, canvas.ORANGE), "osD", strict=True)
+    for (e, of), color, marker in styles:
+        for ax, quantity in zip(axes, FLOORS, strict=True):
+            lines = np.array([s[quantity] for s in of.values()], float)
+            both = np.array([s[f"{quantity}, both"] for s in of.values()], float)
+            for line in lines:
+                ax.plot(widths, line, color=color, lw=0.5, alpha=0.4)
+            look = {"color": color, "marker": marker, "ms": 3.5}
+            ax.plot(widths, np.nanmedian(lines, axis=0), lw=2.0, label=e, **look)
+            ax.plot(widths, np.nanmedian(both, axis=0), lw=1.0, ls=(0, (4, 2)), mfc="white", **look)
+    for ax, quantity in zip(axes, FLOORS, strict=True):
+        ax.axvline(DEFAULT, color=canvas.GREY, lw=1.0, zorder=0)
+        where = {"transform": ax.get_xaxis_transform(), "color": "#555555", "fontsize": 8}
+        ax.text(1.15 * DEFAULT, 0.03, "default", **where)
+        ax.set(xscale="log", yscale="log", ylabel=f"relative error of the {quantity} (-)")
+        ax.grid(color="#e5e5e5", lw=0.6)
+    title = "velocity ratio of impacts (median of scenes;\ndashed: extrapolated from the width and its half)"
+    axes[0].legend(title=title, fontsize=8, title_fontsize=8, loc="upper left")
+    axes[-1].set_xlabel(r"smoothing width $\varepsilon$, a share of the expected tilt and of its rate (-)")
+    place(path, canvas.png(axes[0].figure))
+
+
 def main() -> None:
     """Measure, print and draw."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--draw", action="store_true", help="what is stored, without measuring")
-    if not options.parse_args().draw:
+    options.add_argument("--impacts", action="store_true", help="measure scenes with impacts only")
+    asked = options.parse_args()
+    if not asked.draw:
         solve = solver(diffrax.Tsit5())
+        about = {"date": str(datetime.date.today()), "versions": versions(), "widths": STRUCK_SHARES}
+        struck = {"impacts": about | {"errors": impacts(solve)}}
+    if asked.impacts:
+        place(RESULTS, compact(json.loads(as_json(json.loads(RESULTS.read_text()) | struck))))
+    elif not asked.draw:
         results = {
             "command": COMMAND,
             "date": str(datetime.date.today()),
@@ -310,11 +430,13 @@ def main() -> None:
             "rules": rules(solve),
             "far": FAR,
             "starts": starts(),
+            **struck,
         }
         place(RESULTS, compact(json.loads(as_json(results))))
     results = json.loads(RESULTS.read_text())
     told(results)
     draw(results, PICTURE)
+    draw_impacts(results["impacts"], PICTURE_OF_IMPACTS)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
     .venv/bin/python -m tests.benchmarks.pictures
 
-It writes precision-value.png and precision-gradient.png, with -all.png beside each, bias.png, growth.png and,
-where `results/proof.json` exists, proof.png into notebooks/pictures.
+It writes precision-value.png and precision-gradient.png, with -all.png beside each, bias.png,
+bias-impacts.png, growth.png and, where `results/proof.json` exists, proof.png into notebooks/pictures.
 """
 
 import json
@@ -23,6 +23,8 @@ def main() -> None:
     for benchmark in (bias, growth):
         benchmark.draw(json.loads(benchmark.RESULTS.read_text()), benchmark.PICTURE)
         print(f"drawn: {benchmark.PICTURE}")
+    bias.draw_impacts(json.loads(bias.RESULTS.read_text())["impacts"], bias.PICTURE_OF_IMPACTS)
+    print(f"drawn: {bias.PICTURE_OF_IMPACTS}")
     if proof.RESULTS.exists():
         proof.draw(proof.stored(), proof.PICTURE)
         print(f"drawn: {proof.PICTURE}")

@@ -55,7 +55,7 @@ class Smoothed(AbstractModel):
     sharpness: float = eqx.field(default=0.002, static=True, kw_only=True)
     """Smoothing width over the expected tilt; smaller is more accurate and slower. Below 3e-6 the solver no
     longer resolves derivatives in the layer, though the amplitude is right; below 1e-4 it may run out of
-    steps on a resting block."""
+    steps on a resting block, and steps may pass over impacts, so that a motion does not settle."""
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5, kw_only=True)
     """Integrates transients and trajectories; the settled period uses `Dopri8`."""
     rtol: float = eqx.field(default=1e-6, static=True, kw_only=True)
