@@ -234,6 +234,13 @@ GUARDS = (
         test_ids("smoothed", "impacts_without_a_smoothed_counterpart_are_refused"),
     ),
     Guard(
+        "smoothed impacts",
+        "smoothed_rates: no number with nonlinear terms and a traced e < 1",
+        "core/equations:smoothed_rates",
+        without_nan("decay"),
+        _atlas("the_smoothed_equations_4_have_no_number_with_impacts"),
+    ),
+    Guard(
         "32-bit floats",
         "every entry: 64 bits are asked for",
         "core/checks:require_x64",
