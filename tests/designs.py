@@ -22,7 +22,7 @@ from tpd.design.result import Design, DesignStatus, Search, SearchStatus
 from tpd.design.space import DesignSpace
 from tpd.design.study import Study, TimeHistory, UpliftRegion
 from tpd.design.survey import ON_THE_WAY, Survey
-from tpd.design.verified import Active, AtPoint, Bare, LossCase, Motions, Neighbours, Nonlinear, Verified
+from tpd.design.verified import Active, Bare, LossCase, Motions, Neighbours, Nonlinear, Verified
 from tpd.design.worth import Worth
 
 SCENE = tpd.paper_scene()
@@ -173,6 +173,8 @@ def search(**changes) -> Search:
         "ends": np.array([RATIOS, screened[4]]),
         "end_values": np.array([0.16, np.inf]),
         "statuses": (SearchStatus.stroke_limited, SearchStatus.infeasible),
+        "mismatch": np.array([[2e-6, 3e-5], [np.inf, 0.0]]),
+        "lost": np.array([0, 4]),
         "evaluations": 100,
         "nonlinear_evaluations": 7,
         "description": "60 designs screened",
@@ -275,7 +277,6 @@ def around(**changes) -> Design:
         "verified": (offered,),
         "bare": bare,
         "surveys": (survey("linear", n), survey("nonlinear", n)),
-        "at_point": at_point(),
         "limits": DEFAULT_LIMITS,
         "losses": (loss_case("friction"), loss_case("impacts", lost=20, tilt=0.1)),
     }
@@ -295,18 +296,6 @@ def survey(equations: str, conditions: int) -> Survey:
             ON_THE_WAY: np.array([-0.1, 0.4, -0.2, -0.9]),
         },
         equations=equations,
-    )
-
-
-def at_point() -> AtPoint:
-    """The best design at the shaking itself, which the paired runs around it refuse."""
-    return AtPoint(
-        pendulum=tpd.Pendulum(mass=3.2448, length=0.2, damping_ratio=0.1),
-        amplitude=0.01,
-        amplitude_without=0.0833,
-        model="smoothed",
-        model_amplitude=0.0101,
-        verified=verified(benefit=benefit(paired(lost=25)), reasons=(REASON,)),
     )
 
 

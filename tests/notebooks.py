@@ -17,7 +17,7 @@ import nbformat
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 LONG = {
     "00": (2,),
-    "01": (3, 6),
+    "01": (3, 6, 9),
     "02": (3, 5),
     "05": (2,),
     "06": (2,),

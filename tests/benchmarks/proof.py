@@ -250,7 +250,7 @@ def grid(objective: AbstractObjective) -> Run:
 OWN: dict[str, Callable[[AbstractObjective, int], Run]] = {
     "ours": ours,
     "optax: Adam": partial(ours, method=first_order("adam")),
-    "optax: L-BFGS": partial(ours, method=first_order("lbfgs")),
+    "optax: RMSprop": partial(ours, method=first_order("rmsprop")),
 }
 PEERS: dict[str, Callable[[AbstractObjective, int], Run | dict[str, Run]]] = {
     "differential evolution": evolution,

@@ -17,7 +17,7 @@ from tpd.core.bob import Bob
 from tpd.core.conditions import FACTORS, Conditions
 from tpd.core.scene import Block, Harmonic
 from tpd.design import criteria
-from tpd.design.methods import Descent, Sequential
+from tpd.design.methods import Descent
 from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
 from tpd.models.piecewise import Piecewise
@@ -44,7 +44,10 @@ JOBS = {
         "search": {"seed": 3, "by_overturning": True},
     },
     "starts": {**BAND, "starts": {"size": 6, "seed": 4, "worst": True}},
-    "descent for several": {**BAND, "search": {"method": "descent", "optimiser": "lbfgs", "tolerance": 0.05}},
+    "descent for several": {
+        **BAND,
+        "search": {"method": "descent", "optimiser": "rmsprop", "tolerance": 0.05},
+    },
     "sequential for one": {"search": {"method": "sequential", "searches": 2, "screening": 3, "steps": 4}},
     "models": {"search": {"model": "segmented"}},
     "exactly": {"conditions": {"exactly": True}},
@@ -121,8 +124,8 @@ def test_without_tables_the_job_is_that_of_the_papers_block():
     assert job.starts == Starts.any()
     assert job.risk == criteria.Risk.worst()
     assert job.limits == criteria.DEFAULT_LIMITS == config.job_of(BAND).limits
-    assert isinstance(job.method, Sequential)
-    assert (job.method.searches, job.method.screening, job.method.steps) == (64, 512, 40)
+    assert isinstance(job.method, Descent)
+    assert (job.method.searches, job.method.screening, job.method.steps) == (16, 512, 40)
     assert job.ensemble == Ensemble()
     assert job.worth == Worth()
     assert (job.seed, job.by_overturning) == (0, False)
@@ -131,11 +134,9 @@ def test_without_tables_the_job_is_that_of_the_papers_block():
 def test_exactly_is_the_papers_setting_one_motion_and_a_point_bob():
     job = config.job_of(EXACTLY)
     assert len(conditions(job)) == 1
-    assert job.starts == Starts.rest()
-    # The reserve is known of orbits only.
-    assert job.limits == (criteria.Stroke(),)
+    assert job.starts == Starts.any()
+    assert job.limits == (criteria.Stroke(), criteria.Reserve())
     assert isinstance(job.method, Descent)
-    assert (job.method.searches, job.method.screening, job.method.steps) == (8, 192, 30)
     with pytest.raises(ValueError, match=r"`conditions.exactly` goes with one motion: no band"):
         config.job_of({"conditions": {"exactly": True, "band": [2, 3]}})
 
@@ -152,12 +153,11 @@ def test_the_bob_is_a_body_in_the_cavity():
     assert criteria.Worsening(0.2) in without
 
 
-def test_several_conditions_are_searched_by_sequential_programming_from_any_start():
+def test_several_conditions_are_searched_by_descent_from_any_start():
     job = config.job_of(BAND)
     assert len(job.conditions) == 5
     assert job.starts == Starts.any()
-    assert isinstance(job.method, Sequential)
-    assert (job.method.searches, job.method.screening, job.method.steps) == (64, 512, 40)
+    assert isinstance(job.method, Descent)
 
 
 def test_conditions_are_each_frequency_with_each_amplitude_and_each_sample():
@@ -206,23 +206,22 @@ def test_starts_have_the_seed_of_the_search_unless_given(starts, expected):
 
 
 @pytest.mark.parametrize(
-    ("block", "friction", "restitution", "model"),
+    ("block", "friction", "restitution"),
     [
-        ({}, 0.05, None, "smoothed"),
-        ({"restitution": "housner"}, 0.0, "housner", "piecewise"),
-        ({"restitution": 0.9, "friction": 0.02}, 0.02, 0.9, "piecewise"),
-        ({"friction": 0.1, "restitution": 1}, 0.1, 1.0, "smoothed"),
+        ({}, 0.05, None),
+        ({"restitution": "housner"}, 0.0, "housner"),
+        ({"restitution": 0.9, "friction": 0.02}, 0.02, 0.9),
+        ({"friction": 0.1, "restitution": 1}, 0.1, 1.0),
     ],
 )
-def test_where_impacts_lose_energy_friction_is_zero_and_the_model_is_exact(
-    block, friction, restitution, model
-):
+def test_where_impacts_lose_energy_friction_is_zero(block, friction, restitution):
     job = config.job_of({"block": block, **EXACTLY})
     assert (job.scene.block.friction, job.scene.block.restitution) == (friction, restitution)
-    assert config.tables(job)["search"].get("model") == model
-    assert isinstance(job.method.model, Piecewise) is (model == "piecewise")
-    asked = config.job_of({"block": block, "search": {"model": "smoothed"}, **EXACTLY})
-    assert isinstance(asked.method.model, Smoothed)
+    assert job.method.model is None
+    for name, model in (("smoothed", Smoothed), ("piecewise", Piecewise), ("orbits", Piecewise)):
+        asked = config.job_of({"block": block, "search": {"model": name}, **EXACTLY})
+        assert isinstance(asked.method.model, model)
+        assert asked.starts == Starts.any()
 
 
 def test_a_whole_number_is_taken_where_any_number_is_meant():
@@ -241,10 +240,12 @@ def test_keys_without_effect_are_not_written():
     assert set(tables["bob"]) == {"shape", "density"}
     assert set(tables["starts"]) == {"kind"}
     assert "risk" not in tables
-    assert "reserve" not in tables["limits"]
     assert set(config.tables(config.job_of(BAND))["risk"]) == {"measure"}
     assert tables["search"]["optimiser"] == "adam"
-    assert not {"tolerance", "optimiser"} & set(config.tables(config.job_of(BAND))["search"])
+    sequential = config.tables(config.job_of({"search": {"method": "sequential"}}))
+    assert not {"tolerance", "optimiser"} & set(sequential["search"])
+    followed = config.tables(config.job_of({"search": {"model": "segmented"}}))
+    assert "reserve" not in followed["limits"]
 
 
 @pytest.mark.parametrize(
@@ -255,12 +256,12 @@ def test_keys_without_effect_are_not_written():
             {"risk": {"measure": "worst"}},
             ("risk", "share"),
         ),
-        (BAND | {"limits": {"reserve": 0.1}}, {"search": {"model": "piecewise"}}, ("limits", "reserve")),
+        (BAND | {"limits": {"reserve": 0.1}}, {"search": {"model": "segmented"}}, ("limits", "reserve")),
         ({"starts": {"size": 4}}, {"starts": {"kind": "rest"}}, ("starts", "size")),
-        ({**EXACTLY, "search": {"tolerance": 0.02}}, BAND, ("search", "tolerance")),
+        ({"search": {"tolerance": 0.02}}, {"search": {"method": "sequential"}}, ("search", "tolerance")),
         (EXACTLY, BAND, ("conditions", "exactly")),
         (
-            {"search": {"method": "descent", "optimiser": "lbfgs"}},
+            {"search": {"method": "descent", "optimiser": "rmsprop"}},
             {"search": {"method": "sequential"}},
             ("search", "optimiser"),
         ),

@@ -30,10 +30,10 @@ SAME = [
         ("--searches", "3", "--seed", "7", "--by-overturning", "--amplitudes", "1", "1.1"),
     ),
     (
-        "[search]\nmethod = 'descent'\noptimiser = 'lbfgs'\n[conditions]\nband = [2, 3]\n",
-        ("--method", "descent", "--optimiser", "lbfgs", "--band", "2", "3"),
+        "[search]\nmethod = 'descent'\noptimiser = 'rmsprop'\n[conditions]\nband = [2, 3]\n",
+        ("--method", "descent", "--optimiser", "rmsprop", "--band", "2", "3"),
     ),
-    ("[search]\nmethod = 'descent'\n", ("--method", "descent")),
+    ("[search]\nmethod = 'sequential'\n", ("--method", "sequential")),
     (
         "[conditions]\nband = [2.3, 2.7]\namplitudes = [0.8, 1, 1.2]\n[risk]\nmeasure = 'cvar'\n",
         ("--band", "2.3", "2.7", "--amplitudes", "0.8", "1", "1.2", "--measure", "cvar"),

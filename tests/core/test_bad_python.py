@@ -157,7 +157,7 @@ CALLS = {
     "optimise(Scene(block, made(Harmonic, amplitude=0)))": "`amplitude` must be above 0 in a search, but is ",
     "Descent(searches=-1)": "`searches` must be a whole number, 1 or more, but is -1",
     "Descent(model=Piecewise)": "`model` must be a model such as Smoothed(), but is <class",
-    "Descent(optimiser=3)": "`optimiser` must be a transformation of optax, or one of adam, lbfgs, but is 3",
+    "Descent(optimiser=3)": "`optimiser` must be a transformation of optax, or one of adam, rmsprop, but",
     "pareto(block)": "`scene` must be a Scene, but is Block(",
     "pareto(scene, points=1)": "`points` must be a whole number, 2 or more, but is 1",
     "Piecewise(max_periods=0)": "`max_periods` must be a whole number, 1 or more, but is 0",

@@ -95,20 +95,3 @@ def test_a_fingerprint_is_of_values():
     assert fingerprint_of({"b": 1, "a": np.arange(3)}) == fingerprint_of({"a": np.arange(3), "b": 1})
     assert fingerprint_of(1.0) != fingerprint_of(1.0 + 1e-15)
     assert fingerprint_of(tpd.limits.Stroke(0.5)) != fingerprint_of(tpd.limits.Tilt(0.5))
-
-
-def test_groups_of_another_search_have_numbers_of_their_own(ends, tmp_path):
-    """Two searches share one file; what either stores, the other does not find."""
-    path = tmp_path / "some.npz"
-    store = Checkpoint.of(path, "a")
-    other = store.shifted(1000)
-    other.put(0, ends)
-    store.put(1, ends._replace(x=ends.x + 1.0))
-    assert store.get(0) is None
-    assert other.get(1) is None
-    np.testing.assert_array_equal(other.get(0).x, ends.x)
-    again = Checkpoint.of(path, "a")
-    np.testing.assert_array_equal(again.shifted(1000).get(0).x, ends.x)
-    np.testing.assert_array_equal(again.get(1000).x, ends.x)
-    np.testing.assert_array_equal(again.get(1).x, ends.x + 1.0)
-    assert again.shifted(1000).get(1) is None

@@ -97,7 +97,8 @@ def evaluation(design: np.ndarray) -> Evaluation:
     reserve, reserve_slope = 0.1 + 0.2 * stroke, 0.2 * stroke_slope
     one = np.ones((1, 2))
     parts = (x[None] for x in (tilt, tilt_slope, tilt, tilt_slope, stroke, stroke_slope))
-    last = -one, 0.5 * one, reserve[None], reserve_slope[None], np.zeros((1, 2), int), design[None]
+    none = np.zeros((1, 2), int), np.full((1, 2, 2), np.nan)
+    last = -one, 0.5 * one, reserve[None], reserve_slope[None], *none, design[None]
     return Evaluation(*parts, *last)
 
 

@@ -6,7 +6,7 @@ import pytest
 
 import tpd
 from tests.design.minimax import CB2, half_plane, linearisations
-from tpd.design.descent import descend, smoothed_merit
+from tpd.design.descent import OPTIMISERS, descend, named, smoothed_merit
 from tpd.design.sequential import minimise
 from tpd.design.subproblem import Linearisation
 
@@ -40,10 +40,10 @@ def test_the_smoothed_merit_has_these_slopes_and_tends_to_the_risk(cap):
         np.testing.assert_allclose(slope[:, i], (up - down) / 2e-6, rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("optimiser", ["adam", "lbfgs"])
+@pytest.mark.parametrize("optimiser", OPTIMISERS)
 @pytest.mark.parametrize(("problem", "least"), [(FREE, 1.9522245), (LIMITED, 3.125)])
 def test_a_known_minimax_is_approached_at_more_cost(optimiser, problem, least):
-    found = descend(optimiser, problem, STARTS, 1.0, WORST, steps=160)
+    found = descend(named(optimiser, 160), problem, STARTS, 1.0, WORST, steps=160)
     surely = minimise(problem, STARTS, 1.0, WORST, steps=40)
     np.testing.assert_allclose(surely.merit, least, rtol=1e-5)
     np.testing.assert_allclose(found.merit, least, rtol=0.01)
@@ -61,7 +61,11 @@ def test_an_optimiser_of_the_user_descends():
     assert found.evaluations == 4 * 161
 
 
-@pytest.mark.parametrize("optimiser", ["adam", "lbfgs", optax.sgd(0.01, momentum=0.9)], ids=type)
+@pytest.mark.parametrize(
+    "optimiser",
+    [named("adam", 30), named("rmsprop", 30), optax.sgd(0.01, momentum=0.9)],
+    ids=["adam", "rmsprop", "sgd"],
+)
 def test_a_batch_gives_every_start_what_it_gets_alone(optimiser):
     together = descend(optimiser, LIMITED, STARTS, 1.0, WORST, steps=30)
     for i in range(len(STARTS)):
@@ -70,7 +74,9 @@ def test_a_batch_gives_every_start_what_it_gets_alone(optimiser):
         np.testing.assert_allclose(alone.path_merit[:, 0], together.path_merit[:, i], rtol=1e-9)
 
 
-@pytest.mark.parametrize("optimiser", ["adam", "lbfgs", optax.sgd(0.05)], ids=type)
+@pytest.mark.parametrize(
+    "optimiser", [named("adam", 60), named("rmsprop", 60), optax.sgd(0.05)], ids=["adam", "rmsprop", "sgd"]
+)
 def test_a_start_where_nothing_is_known_goes_back_to_the_best_it_has_seen(optimiser):
     """Beyond x = 0.6 nothing is known, and there the minimum lies. A descent ends at that edge, well below
     its start (8.0), though not at the edge's best place (2.97): nothing leads it along."""
@@ -92,7 +98,7 @@ def test_a_start_where_nothing_is_known_goes_back_to_the_best_it_has_seen(optimi
 def test_progress_counts_every_step_and_starts_are_clipped():
     steps = []
     found = descend(
-        "adam", FREE, np.array([[1.4, -0.2]]), 1.0, WORST, steps=5, after=lambda *e: steps.append(e)
+        named("adam", 5), FREE, np.array([[1.4, -0.2]]), 1.0, WORST, steps=5, after=lambda *e: steps.append(e)
     )
     assert steps == [(i, 5) for i in range(1, 6)]
     np.testing.assert_array_equal(found.path[0], [[1.0, 0.0]])

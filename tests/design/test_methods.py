@@ -1,12 +1,13 @@
-"""Methods: bad settings, names, and a descent that is finished by sequential programming."""
+"""Methods: bad settings, names, the path of a descent, and what is compared."""
 
 import numpy as np
 import optax
 import pytest
 
 import tpd
-from tests.design.test_descent import LIMITED, STARTS, WORST
+from tests.design.test_descent import LIMITED, STARTS
 from tpd.design.methods import describe
+from tpd.design.objective import AbstractObjective
 
 
 @pytest.mark.parametrize(
@@ -16,7 +17,7 @@ from tpd.design.methods import describe
         (lambda: tpd.Sequential(screening=-1), "`screening` must be a whole number, 1 or more, but is -1"),
         (lambda: tpd.Sequential(steps=0), "`steps` must be a whole number, 1 or more, but is 0"),
         (lambda: tpd.Descent(tolerance=0.0), "`tolerance` must be positive"),
-        (lambda: tpd.Descent("newton"), "`optimiser` must be one of adam, lbfgs, but is 'newton'"),
+        (lambda: tpd.Descent("newton"), "`optimiser` must be one of adam, rmsprop, but is 'newton'"),
         (lambda: tpd.Descent(optax.lbfgs()), "`optimiser` must make its steps from gradients alone"),
     ],
 )
@@ -26,7 +27,7 @@ def test_bad_settings_are_refused(make, message):
 
 
 @pytest.mark.parametrize(
-    ("optimiser", "name"), [("adam", "adam"), ("lbfgs", "lbfgs"), (optax.sgd(0.05), "custom")]
+    ("optimiser", "name"), [("adam", "adam"), ("rmsprop", "rmsprop"), (optax.sgd(0.05), "custom")]
 )
 def test_optimisers_have_names(optimiser, name):
     method = tpd.Descent(optimiser, searches=3)
@@ -35,28 +36,50 @@ def test_optimisers_have_names(optimiser, name):
         "method": "descent",
         "model": "orbits",
         "searches": 3,
-        "screening": 192,
-        "steps": 30,
+        "screening": 512,
+        "steps": 40,
         "optimiser": name,
         "tolerance": 0.01,
     }
     assert describe(tpd.Sequential(model=tpd.Piecewise()))["model"].startswith("Piecewise(")
 
 
-@pytest.mark.parametrize("optimiser", ["adam", "lbfgs", optax.sgd(0.05)], ids=type)
-def test_a_descent_is_finished_by_sequential_programming(optimiser):
-    steps = []
-    method = tpd.Descent(optimiser, steps=20)
-    ended = method.search(LIMITED, STARTS, 1.0, WORST, after=lambda *e: steps.append(e))
-    np.testing.assert_allclose(ended.merit, 3.125, rtol=1e-3)
-    assert steps[0] == (1, 30)
-    assert all(a < b for a, b in zip([s for s, _ in steps], [s for s, _ in steps[1:]], strict=False))
+class Minimax(AbstractObjective):
+    """A known minimax of three functions in place of orbits."""
+
+    risk, conditions = tpd.Risk.worst(), tpd.Conditions.amplitudes(1.0, 1.1, 1.2)
+    at = staticmethod(LIMITED)
+    evaluate = holds_reserve = None
+
+    def __init__(self):
+        """Nothing that an objective over motions has."""
+
+
+GENTLE = optax.chain(optax.clip(1.0), optax.sgd(optax.cosine_decay_schedule(0.03, 120)))
+
+
+@pytest.mark.parametrize(("optimiser", "near"), [("adam", 0.03), (GENTLE, 0.3)], ids=["adam", "sgd"])
+def test_a_descent_reports_its_path_and_what_it_spent(optimiser, near):
+    steps, problem = [], Minimax()
+    method = tpd.Descent(optimiser, steps=120)
+    ended = method.search(problem, STARTS, after=lambda *e: steps.append(e))
+    np.testing.assert_allclose(ended.merit, 3.125, rtol=near)
+    assert steps == [(i, 120) for i in range(1, 121)]
     assert len(ended.path) == len(ended.path_merit) == len(ended.path_spent)
     assert np.all(np.diff(ended.path_spent) > 0)
     assert np.all(np.diff(ended.path_merit, axis=0) <= 0.0)
     np.testing.assert_array_equal(ended.path[0], STARTS)
     np.testing.assert_array_equal(ended.path[-1], ended.x)
-    known = LIMITED(STARTS)
-    again = method.search(LIMITED, STARTS, 1.0, WORST, known=known)
+    again = method.search(problem, STARTS, known=LIMITED(STARTS))
     np.testing.assert_array_equal(again.x, ended.x)
     assert again.evaluations == ended.evaluations - len(STARTS)
+
+
+def test_methods_say_whether_they_compare_orbits():
+    """Smoothed linear signs follow the orbits, `Piecewise()` is these with a descent; else starts matter."""
+    nonlinear, parametric = (tpd.Smoothed(terms=tpd.Terms[name]) for name in ("nonlinear", "parametric"))
+    for model in (None, tpd.Smoothed(), tpd.Piecewise()):
+        assert tpd.Descent(model=model).on_orbits
+        assert tpd.Sequential(model=model).on_orbits is (model is None)
+    for model in (nonlinear, parametric, tpd.Segmented()):
+        assert not tpd.Descent(model=model).on_orbits

@@ -1,9 +1,6 @@
 """The main job: answers with one condition and with several, interruption, checkpoints, statuses."""
 
 import dataclasses
-import importlib
-import threading
-import types
 
 import numpy as np
 import optax
@@ -101,12 +98,15 @@ def test_a_refusal_by_the_nonlinear_equations_makes_it_wanted(one):
     assert not wanted(DesignStatus.refused, refused, many)
 
 
-def test_the_model_and_the_exact_solution_agree_on_the_best_end_and_the_bare_block(one):
-    for looked_at in (one.verified[0], one.bare):
-        model = "segmented" if looked_at is one.bare else "smoothed"
-        assert looked_at.searched.model == model
-    smoothed, exact = one.verified[0].searched.amplitude, one.verified[0].exact.amplitude
-    np.testing.assert_allclose(smoothed, exact, rtol=0.01)
+def test_the_exact_solution_confirms_the_ends_of_the_descents(one):
+    """The first three are ends on smoothed signs, the others of the search by the nonlinear equations."""
+    smoothed, others = one.search.mismatch[:3], one.search.mismatch[3:]
+    assert np.all(smoothed[:, 0] < 1e-3)
+    assert np.all(smoothed[:, 1] < 0.05)
+    assert np.any(smoothed > 0.0)
+    assert np.all(others == 0.0)
+    assert one.verified[0].searched is None
+    assert one.bare.searched.model == "segmented"
 
 
 def test_every_search_has_a_path_and_a_status(one):
@@ -274,7 +274,6 @@ def test_the_answer_comes_from_the_survey(several):
     known = np.abs(last.designs - several.verified[0].design).max(axis=1)
     assert last.helps[np.argmin(known)]
     assert known.min() < 1e-12
-    assert several.at_point is None, "it is not asked for"
     assert [case.name for case in several.losses] == ["friction", "impacts", "friction and impacts"]
 
 
@@ -301,7 +300,7 @@ def test_the_same_seed_gives_the_same_answer_and_another_another(several):
     assert not np.array_equal(other[0].search.ends, other[1].search.ends)
 
 
-@pytest.mark.parametrize("optimiser", ["adam", "lbfgs"])
+@pytest.mark.parametrize("optimiser", ["adam", "rmsprop"])
 def test_optax_comes_near_the_same_answer(several, optimiser):
     method = tpd.Descent(optimiser, searches=8, screening=64, steps=40)
     other = tpd.optimise(SCENE, WIDE, **(SEVERAL | {"method": method}))
@@ -461,48 +460,6 @@ BUDGET = {
 }
 
 
-@pytest.fixture
-def first(monkeypatch):
-    """The search at the shaking itself, of a stub that notes when it is carried out."""
-    events = []
-    module = importlib.import_module("tpd.design.optimise")
-    thread = threading.Thread(target=lambda: None)
-    thread.start()
-    monkeypatch.setattr(module, "_prepared", lambda _: thread)
-    monkeypatch.setattr(module, "search_at_point", lambda *_: events.append("searched"))
-    made = object.__new__(module._First)
-    made._problem, made._rest = types.SimpleNamespace(point="point"), ()
-    made._found, made._ready, made._interrupted = [], None, False
-    return made, events, monkeypatch, module
-
-
-def test_the_first_search_is_carried_out_once_early_or_late(first):
-    made, events, *_ = first
-    made.begin()
-    assert events == ["searched"]
-    assert made.result() is None
-    assert events == ["searched"]
-
-
-def test_a_first_search_that_was_not_begun_is_carried_out_when_asked_for(first):
-    made, events, *_ = first
-    assert events == []
-    assert made.result() is None
-    assert events == ["searched"]
-
-
-def test_an_interruption_of_the_first_search_comes_when_its_result_is_asked_for(first):
-    made, _, monkeypatch, module = first
-
-    def stop(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(module, "search_at_point", stop)
-    made.begin()
-    with pytest.raises(KeyboardInterrupt):
-        made.result()
-
-
 @pytest.mark.slow
 def test_by_default_a_chimney_gets_a_pendulum_that_is_worth_hanging():
     design = tpd.optimise(CHIMNEY, ROOM, **BUDGET)
@@ -513,7 +470,6 @@ def test_by_default_a_chimney_gets_a_pendulum_that_is_worth_hanging():
     assert winner.benefit.value >= design.worth.at_least
     assert winner.benefit.low > 0.0
     assert winner.strikes <= design.worth.strikes
-    assert design.at_point is not None
     assert len(design.losses) == 3
     assert design.surveys[-1].keeps.any()
 

@@ -7,7 +7,7 @@ from tpd.design.worth import Worth
 
 def test_by_default_a_tenth_is_asked_for():
     worth = Worth()
-    assert (worth.at_least, worth.worse, worth.strikes, worth.runs) == (0.1, 0.05, 0.01, 256)
+    assert (worth.at_least, worth.worse, worth.strikes, worth.runs) == (0.1, 0.05, 0.01, None)
 
 
 @pytest.mark.parametrize("name", ["at_least", "worse", "strikes"])

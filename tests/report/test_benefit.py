@@ -91,24 +91,8 @@ def test_conditions_that_get_worse_are_marked():
 def test_without_paired_runs_and_for_one_condition_there_is_less_to_show():
     assert benefit.paired_runs(designs.refused()) == []
     assert len(benefit.paired_runs(designs.single())) == 2
-    for part in (benefit.losses, benefit.at_point, benefit.limiting):
+    for part in (benefit.losses, benefit.limiting):
         assert part(designs.single()) == []
-
-
-def test_the_best_at_the_shaking_itself_stands_beside_the_best_around_it():
-    table, against = benefit.at_point(designs.around())
-    found = rows(table)
-    assert found["bob"] == ("3.245 kg", "1.622 kg")
-    assert found["length"] == ("0.2 m", "0.12 m")
-    assert found["tilt at the shaking itself (rad)"] == ("0.01", "0.05")
-    assert found["verdict"] == ("refused", "worth hanging")
-    # 25 of 40 runs overturn in place of 20, the others at half the tilt: no more and no less.
-    assert found["benefit around it"][0].startswith("0% less tilt (95 % interval -")
-    assert "smoothed model" in table.caption
-    assert "0.0101 rad, the exact solution 0.01 rad" in table.caption
-    assert against.text == f"Against the best at the shaking itself: {designs.REASON}."
-    sound = dataclasses.replace(designs.at_point(), verified=designs.verified())
-    assert len(benefit.at_point(designs.around(at_point=sound))) == 1
 
 
 def test_losses_have_a_row_each():

@@ -70,7 +70,7 @@ def test_the_content_is_sorted_complete_and_exact():
     design, study = CASES["one condition"]
     content = written(design, study)
     assert list(content) == sorted(content)
-    assert content["version"] == 3
+    assert content["version"] == 4
     assert content["pendulum"] == dataclasses.asdict(designs.HUNG)
     assert content["parameters"]["mu"] == pytest.approx(0.1)
     assert content["seed"] == 3
@@ -106,8 +106,8 @@ def test_what_is_asked_of_the_benefit_and_what_paired_runs_say_stand_beside_each
     assert [case["name"] for case in content["losses"]] == ["friction", "impacts"]
     assert content["losses"][1]["benefit"]["value"] == 0.0
     assert content["losses"][1]["overturned"][0] == 0.5
-    assert content["at_point"]["pendulum"]["mass"] == 3.2448
-    assert content["at_point"]["verified"]["reasons"][0]["limit"] == "stroke"
+    assert content["search"]["mismatch"] == [[2e-6, 3e-5], ["infinite", 0.0]]
+    assert content["search"]["lost"] == [0, 4]
 
 
 def test_surveys_are_counts_and_best_designs():

@@ -84,13 +84,6 @@ def severity(outcomes: Outcomes, slenderness: float) -> np.ndarray:
     return np.where(outcomes.undecided, np.nan, np.minimum(np.where(np.isnan(tilt), np.inf, tilt), 1.0))
 
 
-def fall_of(verdict: Verdict, slenderness: float) -> float:
-    """Share by which the mean severity falls over paired runs, as in `Benefit.value`; NaN if none has an
-    answer."""
-    hung, bare = (severity(x, slenderness)[verdict.known] for x in (verdict.hung, verdict.bare))
-    return float(_fall(hung.mean(), bare.mean())) if len(hung) else np.nan
-
-
 def benefit_of(
     verdict: Verdict, slenderness: float, condition: np.ndarray, share: float = 0.05, seed: int = 0
 ) -> Benefit:

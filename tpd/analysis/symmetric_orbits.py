@@ -17,7 +17,15 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.core import checks
-from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, characteristic, felt_by_block, is_neutral, quartic_roots
+from tpd.core.eigenvalues import (
+    GRAZING,
+    NEAR_FOLD,
+    characteristic,
+    determinants,
+    felt_by_block,
+    is_neutral,
+    quartic_roots,
+)
 from tpd.core.parameters import Number, Parameters, State, as_arrays, check_parameters
 from tpd.core.status import Status
 from tpd.exact.batch_branches import computed_once, where_needed
@@ -184,13 +192,9 @@ def _stability(p: Parameters, half: Half, orbit: Orbit) -> tuple[Array, tuple[Nu
     """Eigenvalues of the mirrored half-period map, and its determinants (fold, symmetry, torus). A bob
     without mass (mu = 0) cannot be felt and is left out: two eigenvalues are zero then."""
     m = felt_by_block(p, half_map(half, orbit))
-    c1, c2, c3, c4 = computed_once(*characteristic(*computed_once(m)))
-    fold, symmetry = 1.0 + c1 + c2 + c3 + c4, 1.0 - c1 + c2 - c3 + c4
-    # The sums y = g_i g_j + g_k g_l are the roots of the quartic's resolvent cubic; it is taken at 1 + c4.
-    y = 1.0 + c4
-    torus = ((y - c2) * y + c1 * c3 - 4.0 * c4) * y - (c3**2 + c1**2 * c4 - 4.0 * c2 * c4)
-    real, imag = quartic_roots((c1, c2, c3, c4))
-    return real + 1j * imag, (fold, symmetry, torus)
+    coefficients = computed_once(*characteristic(*computed_once(m)))
+    real, imag = quartic_roots(coefficients)
+    return real + 1j * imag, determinants(coefficients)
 
 
 def _friction_pull(half: Half) -> Number:

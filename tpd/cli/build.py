@@ -182,31 +182,12 @@ def worth_of(file: JobFile) -> Worth:
         return Worth(**msgspec.structs.asdict(file.worth))
 
 
-def with_model(file: JobFile, scene: Scene) -> JobFile:
-    """Choose the model of the search where it is not the first of its method.
-
-    Raises:
-        ValueError: a model that the method does not allow.
-    """
-    model = file.search.model
-    if file.search.method != "descent" or file.size > 1:
-        return file
-    if model == "orbits":
-        raise ValueError(
-            "`search.model` orbits goes with several conditions or with `search.method` sequential: neither "
-            "is given"
-        )
-    if model is None:
-        model = "smoothed" if scene.block.velocity_ratio == 1.0 else "piecewise"
-    return replace(file, search=replace(file.search, model=model))
-
-
 def method_of(file: JobFile) -> Method:
     """Method of the search."""
     asked = file.search
     numbers = {name: getattr(asked, name) for name in ("searches", "screening", "steps")}
     given: dict[str, Any] = {name: number for name, number in numbers.items() if number is not None}
-    if asked.model not in (None, "orbits"):
+    if asked.model not in (None, "orbits") or (asked.model and asked.method == "descent"):
         given["model"] = _model(asked.model)
     with naming("search"):
         if asked.method == "sequential":
@@ -215,11 +196,12 @@ def method_of(file: JobFile) -> Method:
 
 
 def _model(name: str | None) -> AbstractModel:
-    """Model for a search, which gives up a motion that has not settled within 200 periods."""
+    """Model for a search, which gives up a motion that has not settled within 200 periods; with descent the
+    exact one stands for all orbits."""
     match name:
         case "smoothed":
             return Smoothed(max_periods=200)
-        case "piecewise":
+        case "piecewise" | "orbits":
             return Piecewise(max_periods=200, lyapunov_periods=0)
         case _:
             return Segmented(max_periods=200)

@@ -44,8 +44,8 @@ def _has_several(file: JobFile) -> bool:
 
 
 def _is_over_orbits(file: JobFile) -> bool:
-    alone = file.search.method == "descent" and file.size == 1
-    return file.search.model in (None, "orbits") and not alone
+    followed = ("segmented",) if _is_descent(file) else ("smoothed", "piecewise", "segmented")
+    return file.search.model not in followed
 
 
 _ONLY_WITH: dict[tuple[str, str], tuple[str, _Holds]] = {
@@ -160,11 +160,10 @@ def chosen(given: Mapping[str, Any]) -> JobFile:
         ValueError: an unknown table or key, or a value of the wrong type or out of range.
     """
     file = typed(given)
-    method = file.search.method or ("descent" if file.size == 1 else "sequential")
-    # A model follows motions from a start; orbits in closed form need none.
-    named = file.search.model not in (None, "orbits")
-    follows = named or (method == "descent" and file.size == 1 and file.search.model is None)
-    default = "rest" if follows else "any"
+    method = file.search.method or "descent"
+    file = replace(file, search=replace(file.search, method=method))
+    # A model follows motions from a start; orbits need none.
+    default = "any" if _is_over_orbits(file) else "rest"
     kind = file.starts.kind or ("sampled" if "size" in given.get("starts", {}) else default)
     optimiser = file.search.optimiser or ("adam" if method == "descent" else None)
     search = replace(file.search, method=method, optimiser=optimiser)
@@ -204,7 +203,6 @@ def job_of(given: Mapping[str, Any]) -> Job:
     build.refuse_mixture(given)
     _refuse_without_effect(file)
     scene = build.scene_of(file)
-    file = build.with_model(file, scene)
     method, space = build.method_of(file), build.space_of(file)
     conditions = build.conditions_of(file, scene)
     build.check_moves(file, scene, conditions or Conditions.exactly(), space)

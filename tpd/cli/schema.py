@@ -146,7 +146,7 @@ class StartsTable(Table, frozen=True, kw_only=True):
         Literal["rest", "any", "sampled"] | None,
         _says(
             "rest: from rest; any: whichever start, over all symmetric orbits; sampled: a seeded set, "
-            "followed by events (default rest with the method descent, any with sequential)"
+            "followed by events (default any over orbits, rest where a model follows motions)"
         ),
     ] = None
     size: Annotated[Count, _says("number of starts")] = 12
@@ -197,26 +197,22 @@ class SearchTable(Table, frozen=True, kw_only=True):
 
     method: Annotated[
         Literal["descent", "sequential"] | None,
-        _says("method of the search (default descent for one condition, sequential for several)"),
+        _says("method of the search (default descent)"),
     ] = None
     optimiser: Annotated[
-        Literal["adam", "lbfgs"] | None,
+        Literal["adam", "rmsprop"] | None,
         _says("optimiser of optax that the method descent takes (default adam)"),
     ] = None
     model: Annotated[
         Literal["smoothed", "piecewise", "segmented", "orbits"] | None,
         _says(
-            "model that is searched with (default orbits, the symmetric orbits in closed form; with descent "
-            "under one condition smoothed, or piecewise where impacts lose energy)"
+            "model that is searched with (default smoothed with descent: signs smoothed, orbits followed by "
+            "diffrax; else orbits, the symmetric orbits in closed form)"
         ),
     ] = None
-    searches: Annotated[Count | None, _says("number of searches (default descent 8, sequential 64)")] = None
-    screening: Annotated[
-        Count | None, _says("designs solved before the searches (default descent 192, sequential 512)")
-    ] = None
-    steps: Annotated[Count | None, _says("most steps of each search (default descent 30, sequential 40)")] = (
-        None
-    )
+    searches: Annotated[Count | None, _says("number of searches (default descent 16, sequential 64)")] = None
+    screening: Annotated[Count | None, _says("designs solved before the searches (default 512)")] = None
+    steps: Annotated[Count | None, _says("most steps of each search (default 40)")] = None
     tolerance: Annotated[
         Positive,
         _says("largest relative difference between the model of the method descent and the exact amplitude"),
@@ -235,7 +231,9 @@ class WorthTable(Table, frozen=True, kw_only=True):
         0.05
     )
     strikes: Annotated[Fraction, _says("largest share of the runs in which the bob may strike a wall")] = 0.01
-    runs: Annotated[Count, _says("most runs with the pendulum and without")] = 256
+    runs: Annotated[
+        Count | None, _says("most runs with the pendulum and without (default all of the ensemble)")
+    ] = None
 
 
 class EnsembleTable(Table, frozen=True, kw_only=True):

@@ -105,6 +105,17 @@ class _Roots(NamedTuple):
 
 
 @jax.jit
+def determinants(coefficients: tuple[Number, ...]) -> tuple[Number, Number, Number]:
+    """det(I - G), det(I + G) and the product of 1 - g_i g_j over all pairs of eigenvalues, from the
+    coefficients of G's characteristic polynomial: they vanish at a fold, a loss of symmetry, and a torus."""
+    c1, c2, c3, c4 = coefficients
+    fold, symmetry = 1.0 + c1 + c2 + c3 + c4, 1.0 - c1 + c2 - c3 + c4
+    # The sums y = g_i g_j + g_k g_l are the roots of the quartic's resolvent cubic; it is taken at 1 + c4.
+    y = 1.0 + c4
+    torus = ((y - c2) * y + c1 * c3 - 4.0 * c4) * y - (c3**2 + c1**2 * c4 - 4.0 * c2 * c4)
+    return fold, symmetry, torus
+
+
 def quartic_roots(coefficients: tuple[Number, ...]) -> tuple[Float[Array, "4"], Float[Array, "4"]]:
     """Real and imaginary parts of the roots of z^4 + c1 z^3 + c2 z^2 + c3 z + c4, in no order.
 

@@ -41,7 +41,8 @@ class PairedRuns:
         progress: Progress | None,
     ) -> None:
         self.scene, self.conditions, self.worth, self.progress = scene, conditions, worth, progress
-        self.ensemble = replace(ensemble, size=min(ensemble.size, worth.runs))
+        most = ensemble.size if worth.runs is None else worth.runs
+        self.ensemble = replace(ensemble, size=min(ensemble.size, most))
         self._bare: Outcomes | None = None
 
     @property

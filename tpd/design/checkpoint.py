@@ -57,10 +57,6 @@ class Checkpoint:
             )
         return Checkpoint(path, fingerprint, stored)
 
-    def shifted(self, by: int) -> Checkpoint:
-        """This file for groups that are numbered from `by` on: those of another search."""
-        return _Shifted(self, by)
-
     def get(self, group: int) -> Ends | None:
         """Ends of a group of searches, or None."""
         values = {n.split("/")[1]: v for n, v in self.stored.items() if n.split("/")[0] == str(group)}
@@ -89,22 +85,6 @@ def save(path: Path, fingerprint: str, stored: dict[str, np.ndarray]) -> None:
     whole: dict[str, Any] = {"problem": np.array(fingerprint), **stored}
     np.savez_compressed(content, **whole)
     files.place(path, files.sealed(content.getvalue()))
-
-
-class _Shifted(Checkpoint):
-    """A checkpoint whose groups have other numbers in the file."""
-
-    def __init__(self, whole: Checkpoint, by: int) -> None:
-        super().__init__(whole.path, whole.fingerprint, whole.stored)
-        self.whole, self.by = whole, by
-
-    def get(self, group: int) -> Ends | None:
-        """See `Checkpoint.get`."""
-        return self.whole.get(group + self.by)
-
-    def put(self, group: int, ends: Ends) -> None:
-        """See `Checkpoint.put`."""
-        self.whole.put(group + self.by, ends)
 
 
 def fingerprint_of(problem: Any) -> str:

@@ -21,7 +21,7 @@ from jaxtyping import Array
 from tpd.analysis.attractors import Starts
 from tpd.analysis.steady_state import answered
 from tpd.closed_form import uplift
-from tpd.core.batch import in_chunks, prepare
+from tpd.core.batch import in_chunks
 from tpd.core.conditions import Conditions, under, under_all
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.status import Status
@@ -36,7 +36,6 @@ from tpd.design.objective import (
     Evaluation,
     Orbits,
 )
-from tpd.design.subproblem import prepare_steps
 from tpd.models.base import AbstractModel, Settled
 from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
@@ -96,6 +95,7 @@ class Followed(AbstractObjective):
             reserve=nothing[0] if bound is None else bound.reserve,
             reserve_slope=nothing[1] if bound is None else bound.reserve_slope,
             kind=_pick(kind, tallest),
+            root=np.full((*merit.shape, 2), np.nan),
             design=designs,
             lost=gone.mean(axis=-1),
             unsettled=(kind == UNSTABLE).mean(axis=-1),
@@ -106,17 +106,6 @@ class Followed(AbstractObjective):
         other = super().over(conditions)
         orbits = None if self.orbits is None else self.orbits.over(conditions)
         return replace(other, orbits=orbits)
-
-    def prepare(self) -> None:
-        """See `AbstractObjective`. Motions by events are compiled by one evaluation."""
-        low, high = self.space.bounds
-        middle = self.space.full(0.5 * (low + high))[None]
-        if isinstance(self.model, Piecewise):
-            self.evaluate(middle)
-        else:
-            y0, rows = self.starts.states(float(self.p.nu))[:1], self.conditions.factor_rows()[:1]
-            prepare(_of_start(self.model), (self.p, middle, rows, y0), chunk=_chunk(self.model))
-        prepare_steps(self.linearised(self.blank(1)))
 
     def _runs(self, designs: np.ndarray, progress: Count | None) -> tuple:
         """Results of `_differentiated` for every start, leading axes (m, n, starts)."""

@@ -13,13 +13,15 @@ import numpy as np
 import optax
 
 from tpd.core import checks
-from tpd.design.descent import descend
+from tpd.core.equations import Terms
+from tpd.design.descent import OPTIMISERS, descend, named
+from tpd.design.objective import AbstractObjective, Orbits
+from tpd.design.one_shot import OneShot
 from tpd.design.sequential import Ends, minimise
 from tpd.design.subproblem import Linearisation
 from tpd.models.base import AbstractModel
-
-OPTIMISERS = ("adam", "lbfgs")
-"""Optimisers of optax that have a name."""
+from tpd.models.piecewise import Piecewise
+from tpd.models.smoothed import Smoothed
 
 
 @dataclass(frozen=True)
@@ -46,18 +48,26 @@ class Method(ABC):
         if self.model is not None and not isinstance(self.model, AbstractModel):
             raise ValueError(f"`model` must be a model such as Smoothed(), but is {self.model!r}")
 
+    @property
+    def on_orbits(self) -> bool:
+        """Whether the search compares all symmetric orbits, not the motions that starts reach."""
+        return self.model is None
+
+    def prepare(self, objective: Orbits) -> None:
+        """Begin to compile what a search needs beside the orbits; by default that is nothing."""
+        del objective
+
     @abstractmethod
     def search(
         self,
-        evaluate: Callable[[np.ndarray], Linearisation],
+        objective: AbstractObjective,
         units: np.ndarray,
-        cap: float,
-        risk: Callable[[np.ndarray], np.ndarray],
         *,
         known: Linearisation | None = None,
         after: Callable[[int, int], None] | None = None,
     ) -> Ends:
-        """Search from all designs `units` (m, d), in shares of the bounds; see `minimise`."""
+        """Search from all designs `units` (m, d), in shares of the bounds; `known` is what the objective
+        gives there, if it has been asked before. See `minimise`."""
 
 
 @dataclass(frozen=True)
@@ -74,40 +84,43 @@ class Sequential(Method):
 
     def search(
         self,
-        evaluate: Callable[[np.ndarray], Linearisation],
+        objective: AbstractObjective,
         units: np.ndarray,
-        cap: float,
-        risk: Callable[[np.ndarray], np.ndarray],
         *,
         known: Linearisation | None = None,
         after: Callable[[int, int], None] | None = None,
     ) -> Ends:
         """See `Method.search`."""
-        return minimise(evaluate, units, cap, risk, known=known, steps=self.steps, after=after)
+        risk = objective.risk
+        cap = risk.cap(len(objective.conditions))
+        return minimise(objective.at, units, cap, risk.of, known=known, steps=self.steps, after=after)
 
 
 @dataclass(frozen=True)
 class Descent(Method):
-    """Descent by an optimiser of optax on the gradients of a model, and a few steps of sequential programming
-    at the end: a first-order method comes near an optimum but rattles at an active limit."""
+    """Descent by an optimiser of optax on the gradients of a model. By default signs and impacts are smoothed
+    and diffrax integrates the equations (25): design and orbit converge together, see `tpd.design.one_shot`,
+    and the exact solution validates every end. A first-order method comes near an optimum; what the runs say
+    of the designs there decides."""
 
     name: ClassVar[str] = "descent"
     optimiser: str | optax.GradientTransformation = "adam"
-    """"adam", "lbfgs", or any transformation of optax, whose steps are in shares of the bounds."""
+    """"adam", "rmsprop", or any transformation of optax, whose steps are in shares of the bounds."""
     model: AbstractModel | None = field(default=None, kw_only=True)
-    """None: smoothed signs by diffrax with one condition (the exact model where impacts lose energy), and
-    every symmetric orbit with several."""
-    searches: int = field(default=8, kw_only=True)
-    screening: int = field(default=192, kw_only=True)
-    steps: int = field(default=30, kw_only=True)
+    """`Smoothed()` follows the symmetric orbits with smoothed signs and impacts, the default; `Piecewise()`
+    is these orbits themselves, with exact gradients. Any other model follows motions from given starts."""
+    searches: int = field(default=16, kw_only=True)
+    screening: int = field(default=512, kw_only=True)
+    steps: int = field(default=40, kw_only=True)
     tolerance: float = field(default=0.01, kw_only=True)
-    """Largest relative difference between the amplitudes of the model and of the exact solution."""
+    """Largest relative difference between the amplitudes of the model and of the exact solution: an end
+    beyond it is not offered."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         checks.positive("tolerance", self.tolerance)
         if isinstance(self.optimiser, str):
-            checks.one_of("optimiser", self.optimiser, OPTIMISERS)
+            checks.one_of("optimiser", self.optimiser, tuple(OPTIMISERS))
         elif not isinstance(self.optimiser, optax.GradientTransformation):
             raise ValueError(
                 f"`optimiser` must be a transformation of optax, or one of {', '.join(OPTIMISERS)}, but is "
@@ -115,6 +128,17 @@ class Descent(Method):
             )
         else:
             self.taken(1)
+
+    @property
+    def on_orbits(self) -> bool:
+        """Smoothed signs follow the exact orbits, and `Piecewise()` stands for these themselves."""
+        linear = isinstance(self.model, Smoothed) and self.model.terms is Terms.linear
+        return self.model is None or linear or isinstance(self.model, Piecewise)
+
+    def prepare(self, objective: Orbits) -> None:
+        """See `Method.prepare`."""
+        if isinstance(self.model, Smoothed):
+            OneShot(objective, self.model).prepare()
 
     @property
     def optimiser_name(self) -> str:
@@ -140,57 +164,28 @@ class Descent(Method):
         except TypeError as error:
             raise ValueError(
                 "`optimiser` must make its steps from gradients alone: give an optimiser without a line "
-                'search, or "lbfgs"'
+                "search"
             ) from error
         return np.array(steps)
 
     def search(
         self,
-        evaluate: Callable[[np.ndarray], Linearisation],
+        objective: AbstractObjective,
         units: np.ndarray,
-        cap: float,
-        risk: Callable[[np.ndarray], np.ndarray],
         *,
         known: Linearisation | None = None,
         after: Callable[[int, int], None] | None = None,
     ) -> Ends:
-        """See `Method.search`."""
-        # Half as many steps again: a first-order method is near, and Newton-like steps converge at once.
-        finish = (self.steps + 1) // 2
-        total = self.steps + finish
-        first = descend(
-            self.optimiser,
-            evaluate,
-            units,
-            cap,
-            risk,
-            known=known,
-            steps=self.steps,
-            after=None if after is None else lambda done, _: after(done, total),
-        )
-        last = minimise(
-            evaluate,
-            first.x,
-            cap,
-            risk,
-            known=first.local,
-            steps=finish,
-            radius=0.04,
-            after=None if after is None else lambda done, _: after(self.steps + done, total),
-        )
-        return joined(first, last)
-
-
-def joined(first: Ends, last: Ends) -> Ends:
-    """A search that went on from where another had ended."""
-    # The last design of the first part is the first of the second: it is counted once.
-    spent = np.concatenate([first.path_spent, first.evaluations + last.path_spent[1:]])
-    return last._replace(
-        steps=first.steps + last.steps,
-        path=np.concatenate([first.path, last.path[1:]]),
-        path_merit=np.concatenate([first.path_merit, last.path_merit[1:]]),
-        path_spent=spent,
-    )
+        """See `Method.search`. Where orbits are followed by smoothed signs, the ends are those of the exact
+        solution, with the differences between both."""
+        optimiser = named(self.optimiser, self.steps) if isinstance(self.optimiser, str) else self.optimiser
+        risk, walk, evaluate = objective.risk, None, objective.at
+        if isinstance(self.model, Smoothed) and isinstance(objective, Orbits):
+            walk = OneShot(objective, self.model)
+            known, evaluate = objective.linearised(walk.begin(objective.space.unscaled(units))), walk.at
+        cap = risk.cap(len(objective.conditions))
+        found = descend(optimiser, evaluate, units, cap, risk.of, known=known, steps=self.steps, after=after)
+        return found if walk is None else walk.validated(found)
 
 
 def describe(method: Method) -> dict[str, object]:

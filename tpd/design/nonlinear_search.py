@@ -64,8 +64,7 @@ def nonlinear_search(
         if progress is not None:
             progress("nonlinear search", done, of)
 
-    cap = o.risk.cap(len(o.conditions))
-    ends = _METHOD.search(followed.at, units[chosen], cap, o.risk.of, known=local.at(chosen), after=stepped)
+    ends = _METHOD.search(followed, units[chosen], known=local.at(chosen), after=stepped)
     on.groups, on.count = [ends], len(chosen)
     on.description = f"{len(units)} designs by the nonlinear equations"
     return on

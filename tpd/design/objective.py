@@ -66,6 +66,9 @@ class Evaluation(NamedTuple):
     reserve_slope: np.ndarray
     kind: np.ndarray
     """Index into `KINDS`."""
+    root: np.ndarray
+    """Time from the upper turn to the crossing, and phase of the turn, of the orbit that counts, (m, n, 2);
+    NaN where motions are followed."""
     design: np.ndarray
     """(m, 3)"""
     lost: np.ndarray | float = 0.0
@@ -114,10 +117,6 @@ class AbstractObjective(ABC):
     def evaluate(self, designs: np.ndarray, progress: Count | None = None) -> Evaluation:
         """Designs (mu, lam, zeta), shape (m, 3), under all conditions."""
 
-    @abstractmethod
-    def prepare(self) -> None:
-        """Compile what a search needs, so that this can happen beside other work."""
-
     def over(self: Same, conditions: Conditions) -> Same:
         """This objective under other conditions of the scene."""
         p, g = self.p, self.geometry
@@ -165,9 +164,9 @@ class AbstractObjective(ABC):
         """Evaluation of `m` designs with ones in place of sizes, for limits that are asked with others."""
         n = len(self.conditions)
         one, slope = np.ones((m, n)), np.zeros((m, n, 3))
-        kind = np.zeros((m, n), int)
+        kind, root = np.zeros((m, n), int), np.full((m, n, 2), np.nan)
         sizes = one, slope, one, slope, one, slope
-        return Evaluation(*sizes, one, one, one, slope, kind, np.ones((m, 3)))
+        return Evaluation(*sizes, one, one, one, slope, kind, root, np.ones((m, 3)))
 
     def linearised(self, e: Evaluation) -> Linearisation:
         """Merits, tightened constraints and their derivatives along the searched shares of the bounds."""
@@ -224,7 +223,7 @@ class Orbits(AbstractObjective):
         return Evaluation(*(x.reshape(m, n, *x.shape[1:]) for x in out), design=designs)
 
     def prepare(self) -> None:
-        """See `AbstractObjective`; this only begins to compile, and `evaluate` waits for it."""
+        """Begin to compile beside other work; `evaluate` waits for it."""
         prepare(_orbits, self._batch(np.zeros((1, 3))), chunk=self._chunk, wait=False)
 
     @property
@@ -246,11 +245,12 @@ def _orbits(args: tuple[Parameters, Array, Array, Array]) -> tuple:
         o, lift = symmetric_orbits(q), uplift(q)
         reserve = jnp.minimum(jnp.minimum(o.margins.fold, o.margins.symmetry), o.margins.torus)
         out = o.amplitude / q.nu, o.stroke, reserve, jnp.asarray(lift.margin), jnp.asarray(lift.stroke)
-        return out, (out, o.status, jnp.max(jnp.abs(o.multipliers), axis=-1))
+        root = jnp.stack([o.crossing, o.phase], axis=-1)
+        return out, (out, o.status, jnp.max(jnp.abs(o.multipliers), axis=-1), root)
 
     # Forward mode: three directions against some ten answers, and a derivative that is missing in one answer
     # stays out of the others.
-    slopes, (values, status, multipliers) = jax.jacfwd(sizes, has_aux=True)(design)
+    slopes, (values, status, multipliers, root) = jax.jacfwd(sizes, has_aux=True)(design)
     kinds = _kinds(status)
     # Orbits come sorted by amplitude, the largest first: of equal kinds the largest counts.
     best = jnp.argmin(kinds)
@@ -270,7 +270,7 @@ def _orbits(args: tuple[Parameters, Array, Array, Array]) -> tuple:
     merit = _merit(kind, tilt, margin)
     merit_slope = jnp.where(moves, tilt_slope, -margin_slope)
     both = merit, merit_slope, tilt, tilt_slope, stroke, chosen(1, slopes[4])
-    return *both, margin, multiplier, reserve, chosen(2, jnp.zeros(3)), kind
+    return *both, margin, multiplier, reserve, chosen(2, jnp.zeros(3)), kind, root[best]
 
 
 def _kinds(status: Status) -> Array:

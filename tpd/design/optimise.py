@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from threading import Thread
 from typing import Any, overload
 
 import numpy as np
@@ -18,7 +17,6 @@ from tpd.core.progress import Progress, shown
 from tpd.core.scene import Block, Scene
 from tpd.core.threads import aside
 from tpd.design.active import nearest
-from tpd.design.at_point import PointSearch, at_point_of, designs_met, search_at_point
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DEFAULT_LIMITS, Limit, Risk, check_limits
 from tpd.design.elasticity import elasticities_of
@@ -36,11 +34,13 @@ from tpd.design.space import DesignSpace
 from tpd.design.steps import pendulum_of
 from tpd.design.subproblem import prepare_steps
 from tpd.design.survey import Survey, survey
-from tpd.design.verified import AtPoint, LossCase
+from tpd.design.verified import LossCase
 from tpd.design.verify import Verification
 from tpd.design.worth import Worth
 from tpd.models.compiled_linear import load_compiled
 
+_PATHS = 48
+"""Designs of the paths that are followed from rest."""
 SURVEYED = 24
 """Most conditions under which designs are followed from rest in a survey."""
 _FINISHING = Sequential(steps=12)
@@ -56,7 +56,6 @@ class Found:
     status: DesignStatus = DesignStatus.interrupted
     second: Multistart | None = None
     surveys: tuple[Survey, ...] = ()
-    at_point: AtPoint | None = None
     losses: tuple[LossCase, ...] = ()
     elasticities: dict[str, float] = field(default_factory=dict)
 
@@ -90,14 +89,13 @@ def optimise(
 
     Under ground motions, `conditions=Conditions.records(...)`, see
     `tpd.design.ground.optimise.optimise_on_motions`; what follows is about harmonics. By default their
-    conditions are a neighbourhood of the scene's own shaking: ±5 % in frequency and +10 % in amplitude. The
-    search begins at the shaking itself: signs are smoothed, diffrax integrates the equations (25), and optax
-    descends on the gradient of the steady amplitude; the exact solution validates its answer. Sequential
-    programming on exact orbits goes on under all conditions. Designs that both met, and others, are followed
-    from rest by the linear and the nonlinear equations, and the best are verified one after the other until
-    one passes: paired runs of the nonlinear equations must show the least benefit that `worth` asks for, and
-    no harm. The one that passes is judged once by fresh runs, of another seed, which the answer quotes. With
-    `Conditions.exactly()` there is the search at the shaking itself alone.
+    conditions are a neighbourhood of the scene's own shaking: ±5 % in frequency and +10 % in amplitude. Signs
+    and impacts are smoothed, diffrax integrates the equations (25), and optax descends on the gradients of
+    the steady amplitudes under all conditions, from the best of many screened designs; the exact solution
+    validates every end. Designs that the descents met, and others, are followed from rest by the linear and
+    the nonlinear equations, and the best are verified one after the other until one passes: paired runs of
+    the nonlinear equations must show the least benefit that `worth` asks for, and no harm. The one that
+    passes is judged once by fresh runs, of another seed, which the answer quotes.
 
     Args:
         scene: block and base motion, SI; under ground motions a block alone will do.
@@ -189,10 +187,8 @@ def solve(
 ) -> Design:
     """Search and verify a problem whose inputs are complete; see `optimise`."""
     store = Checkpoint.of(checkpoint, problem.identity)
-    first = _First(problem, ensemble, store, progress)
     if _lifts(problem):
-        # It needs no orbits: their program is compiled or loaded meanwhile.
-        first.begin()
+        _prepare(problem)
     problem = problem.against_bare()
     scene, objective = problem.scene, problem.objective
     verification = Verification(
@@ -204,48 +200,11 @@ def solve(
         if verification.rests and verification.bare_rests_nonlinearly():
             found.status = DesignStatus.no_uplift
         else:
-            point = first.result()
             found.search, found.verification = _searched(problem, search, verification, store)
-            _verify(problem, found, point, progress)
+            _verify(problem, found, progress)
     except KeyboardInterrupt:
         found.search.interrupted = True
     return _design(problem, ensemble, found)
-
-
-class _First:
-    """The search at the shaking itself, where the problem has one."""
-
-    def __init__(
-        self, problem: Problem, ensemble: Ensemble, store: Checkpoint, progress: Progress | None
-    ) -> None:
-        self._problem, self._rest = problem, (ensemble, store, progress)
-        self._found: list[PointSearch | None] = []
-        self._ready: Thread | None = None
-        self._interrupted = False
-
-    def begin(self) -> None:
-        """Search at once; an interruption is raised by `result`."""
-        self._ready = _prepared(self._problem)
-        try:
-            self._found = [self._search()]
-        except KeyboardInterrupt:
-            self._interrupted = True
-
-    def result(self) -> PointSearch | None:
-        """The search, carried out unless it has been.
-
-        Raises:
-            KeyboardInterrupt: it was interrupted.
-        """
-        if self._interrupted:
-            raise KeyboardInterrupt
-        if self._ready is not None:
-            self._ready.join()
-        return self._found[0] if self._found else self._search()
-
-    def _search(self) -> PointSearch | None:
-        point = self._problem.point
-        return None if point is None else search_at_point(point, *self._rest)
 
 
 def _lifts(problem: Problem) -> bool:
@@ -254,26 +213,23 @@ def _lifts(problem: Problem) -> bool:
     return not np.all(margins(o, np.array([[0.0, float(o.p.lam), float(o.p.zeta)]])) > 0.0)
 
 
-def _prepared(problem: Problem) -> Thread:
-    """Thread that compiles for the search at the shaking itself and for the verification. The program of the
-    orbits is begun as well."""
-    o, point = problem.objective, problem.point
+def _prepare(problem: Problem) -> None:
+    """Begin to compile what the search and the verification need."""
+    o, method = problem.objective, problem.method
 
     def others() -> None:
         # In the order in which they are needed, and not at once: only one thread at a time can trace.
         load_compiled()
-        if point is not None:
-            point.objective.prepare()
         prepare_steps(o.linearised(o.blank(1)))
 
-    ready = aside(others)
     if isinstance(o, Orbits):
         # Traced here first: in a command the compiled code of events is loaded, or made by other processes.
         o.prepare()
-    return ready
+        method.prepare(o)
+    aside(others)
 
 
-def _verify(problem: Problem, found: Found, point: PointSearch | None, progress: Progress | None) -> None:
+def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
     """Verify what was searched, and add what belongs to an offered design."""
     verification = found.verification
     if len(verification.objective.conditions) == 1:
@@ -282,7 +238,7 @@ def _verify(problem: Problem, found: Found, point: PointSearch | None, progress:
         # The best that there is, and no survey: whoever interrupts wants the answer soon.
         found.status = verification.best_of(found.search)
     else:
-        _verify_several(problem, found, point, progress)
+        _verify_several(problem, found, progress)
     verification = found.verification
     if found.status is DesignStatus.found:
         found.status = verification.judge()
@@ -313,19 +269,21 @@ def _verify_alone(problem: Problem, found: Found, progress: Progress | None) -> 
         found.status = DesignStatus.found
 
 
-def _verify_several(
-    problem: Problem, found: Found, point: PointSearch | None, progress: Progress | None
-) -> None:
+def _verify_several(problem: Problem, found: Found, progress: Progress | None) -> None:
     """Several conditions: follow many designs from rest, and verify the best of them."""
     search, verification = found.search, found.verification
     objective = verification.objective
-    met = designs_met(search, point)
+    # Ends, and the best designs on the paths.
+    met = np.concatenate(
+        [
+            search.designs[search.order(feasible=False)],
+            search.with_paths(np.inf, _PATHS).designs[search.ended :],
+        ]
+    )
     few = objective.over(objective.conditions.subset(SURVEYED, problem.seed))
     after = None if progress is None else stage(progress, "survey")
     found.surveys = survey(few, met, verification.ensemble.periods, problem.seed, after)
     found.status = verification.best_of_survey(search, found.surveys[-1])
-    if point is not None:
-        found.at_point = at_point_of(point, verification, search)
 
 
 def _searched(
@@ -379,7 +337,6 @@ def _design(problem: Problem, ensemble: Ensemble, found: Found) -> Design:
         nearest=nearest(found.second or search, found.surveys) if none else None,
         search=_history(search, found.second),
         surveys=found.surveys,
-        at_point=found.at_point,
         losses=found.losses,
         elasticities=found.elasticities,
         settings=describe(problem.method),
@@ -398,6 +355,8 @@ def _history(search: Multistart, second: Multistart | None) -> Search:
         ends=np.concatenate([first.ends, last.ends]),
         end_values=np.concatenate([first.end_values, last.end_values]),
         statuses=(*first.statuses, *last.statuses),
+        mismatch=np.concatenate([first.mismatch, last.mismatch]),
+        lost=np.concatenate([first.lost, last.lost]),
         nonlinear_evaluations=last.evaluations,
         description=f"{first.description}; then from {last.description}",
     )

@@ -14,17 +14,18 @@ from tpd.core.conditions import Conditions, under_all
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.scene import Harmonic, Scene
 from tpd.design.checkpoint import fingerprint_of
-from tpd.design.criteria import DEFAULT_LIMITS, Limit, Mass, Reserve, Risk, Worsening, check_limits, limit_of
+from tpd.design.criteria import Limit, Mass, Risk, limit_of
 from tpd.design.followed import Followed
 from tpd.design.inputs import check_cavity, check_moves, check_types, limits_for
-from tpd.design.methods import Descent, Method, Sequential, describe
+from tpd.design.methods import Descent, Method, describe
 from tpd.design.objective import AbstractObjective, Orbits, geometry_of
 from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
-from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 
+_SMOOTH = 0.1
+"""Least velocity ratio of impacts under which descents smooth them."""
 FOLLOWED_PERIODS = 500
 """Most forcing periods that a start is followed for its motion, so that slow decay has derivatives as
 well."""
@@ -42,8 +43,6 @@ class Problem:
     objective: AbstractObjective
     worth: Worth
     seed: int
-    point: Problem | None = None
-    """The search for the scene's own shaking alone, which comes first where no conditions are given."""
     many: int = 128
     """Conditions from which on the searches over orbits begin under a sample of them."""
     sampled: int = 64
@@ -75,31 +74,32 @@ class Problem:
                 "`conditions=tpd.Conditions.records(...)`"
             )
         check_types(scene, space, conditions, starts, risk, method)
-        if conditions is None:
-            return _around(scene, space, starts, risk, limits, method, seed, worth)
+        conditions = Conditions.around(scene) if conditions is None else conditions
         space = DesignSpace() if space is None else space
         check_moves(scene, conditions, space)
         p = as_arrays(scene.parameters())
-        _check_heaviest(p, space, conditions)
-        method = _with_model(_default_method(conditions) if method is None else method, p, conditions)
-        limits = limits_for(limits, method.model is not None)
+        # Housner's restitution is least with the heaviest bob.
+        heaviest = under_all(p, space.full(space.bounds[1])[None], conditions)
+        method = _with_model(Descent() if method is None else method, heaviest)
+        if method.model is not None:
+            method.model.check(heaviest)
+        limits = limits_for(limits, not method.on_orbits)
         check_cavity(scene.block, limits)
         space = _narrowed(space, scene, limits)
         # The method decides: a closed form knows all orbits, a model must begin somewhere.
         starts = _default_starts(method) if starts is None else starts
         # Whichever start is a question to all orbits at once; a model follows one motion at a time.
-        if method.model is not None and starts.kind is StartKind.any:
+        if not method.on_orbits and starts.kind is StartKind.any:
             raise ValueError(
                 "`starts` must be states where a method has a model to follow them by, but is Starts.any(): "
                 "take `Starts.rest()`, or take `method=Sequential()`, which knows every orbit"
             )
         risk = Risk.worst() if risk is None else risk
         common = p, conditions, space, risk, limits, geometry_of(scene, conditions)
-        if method.model is None:
+        if method.on_orbits:
             objective: AbstractObjective = Orbits(*common, rest_counts=starts.kind is StartKind.rest)
         else:
-            # A scattered restitution, or Housner's with a heavy bob, may be one that the model has not.
-            method.model.check(under_all(p, space.full(space.bounds[1])[None], conditions))
+            assert method.model is not None
             objective = Followed(*common, model=method.model, starts=starts)
         worth = Worth() if worth is None else worth
         return Problem(scene, space, starts, method, objective, worth, seed)
@@ -130,59 +130,18 @@ class Problem:
         return Followed(*common, model=model, starts=self.starts, orbits=o)
 
 
-def _around(
-    scene: Scene,
-    space: DesignSpace | None,
-    starts: Starts | None,
-    risk: Risk | None,
-    limits: Iterable[Limit] | None,
-    method: Method | None,
-    seed: int,
-    worth: Worth | None,
-) -> Problem:
-    """Problem over the neighbourhood of the scene's own shaking, with the problem at the shaking itself.
-
-    A method that follows a model belongs to the shaking itself, one on orbits to the neighbourhood.
-    """
-    limits = DEFAULT_LIMITS if limits is None else check_limits(limits)
-    # At one shaking there is no other condition to compare with, and a model does not know the reserve.
-    fewer = tuple(x for x in limits if not isinstance(x, (Worsening, Reserve)))
-    at_point = isinstance(method, Descent) or (method is not None and method.model is not None)
-    first, second = (method, None) if at_point else (None, method)
-    rest = Starts.rest() if starts is not None and starts.kind is StartKind.any else starts
-    point = Problem.of(scene, space, Conditions.exactly(), rest, risk, fewer, first, seed, worth)
-    whole = Problem.of(scene, space, Conditions.around(scene), starts, risk, limits, second, seed, worth)
-    return replace(whole, point=point)
-
-
-def _check_heaviest(p: Parameters, space: DesignSpace, conditions: Conditions) -> None:
-    """Raise `ValueError` where Housner's restitution has no value for the heaviest bob of the space."""
-    if p.e is None:
-        # `Parameters` checks plain numbers only, and a search traces them.
-        under_all(p, space.full(space.bounds[1])[None], conditions)
-
-
-def _default_method(conditions: Conditions) -> Method:
-    """Descent on smoothed signs for one condition, sequential programming on orbits for several."""
-    return Descent() if len(conditions) == 1 else Sequential()
-
-
-def _with_model(method: Method, p: Parameters, conditions: Conditions) -> Method:
-    """The method with the model that `Descent` takes by default: with one condition the smoothed signs, or
-    the exact model where impacts lose energy, which smoothed signs cannot represent."""
-    if not isinstance(method, Descent) or method.model is not None or len(conditions) > 1:
+def _with_model(method: Method, p: Parameters) -> Method:
+    """The method with the model that `Descent` takes by default: smoothed signs, or the exact orbits where
+    impacts take so much that smoothed ones are more than a per cent off."""
+    if not isinstance(method, Descent) or method.model is not None:
         return method
-    # tanh has no place for the jump of the rate at an impact.
-    lossless = float(p.velocity_ratio) == 1.0
-    model: AbstractModel = (
-        Smoothed(max_periods=200) if lossless else Piecewise(max_periods=200, lyapunov_periods=0)
-    )
-    return replace(method, model=model)
+    smooth = bool(np.all(np.asarray(p.velocity_ratio) >= _SMOOTH))
+    return replace(method, model=Smoothed(rtol=1e-7) if smooth else Piecewise())
 
 
 def _default_starts(method: Method) -> Starts:
     """Rest for a model that follows motions, whichever start for the orbits."""
-    return Starts.any() if method.model is None else Starts.rest()
+    return Starts.any() if method.on_orbits else Starts.rest()
 
 
 def _narrowed(space: DesignSpace, scene: Scene, limits: tuple[Limit, ...]) -> DesignSpace:

@@ -17,7 +17,7 @@ from tpd.core.scene import Pendulum, Scene
 from tpd.design.criteria import Limit, Risk, stroke_limit
 from tpd.design.reasons import Reason
 from tpd.design.space import DesignSpace
-from tpd.design.verified import AtPoint, Bare, LossCase, Verified
+from tpd.design.verified import Bare, LossCase, Verified
 from tpd.design.worth import Worth
 
 if TYPE_CHECKING:
@@ -64,6 +64,7 @@ class SearchStatus(enum.Enum):
     at_bound = "reached the edge of the design space"
     stroke_limited = "reached the stroke limit"
     steps_exhausted = "was still improving when the steps ran out"
+    contradicted = "ended on an orbit that the exact solution does not confirm"
     infeasible = "met no design within the limits"
     interrupted = "had not ended when the search was interrupted"
 
@@ -87,6 +88,11 @@ class Search:
     end_values: np.ndarray
     """Their risks, infinite where a limit is broken."""
     statuses: tuple[SearchStatus, ...]
+    mismatch: np.ndarray
+    """Largest relative differences of tilts, and of their slopes, between the model that was searched with
+    and the exact solution at the ends, (searches, 2); zero where the search was on the exact solution."""
+    lost: np.ndarray
+    """Orbits that this model lost on the way of each search, (searches,): the exact one went on there."""
     evaluations: int
     """Designs evaluated, screening included."""
     nonlinear_evaluations: int
@@ -128,8 +134,6 @@ class Design(Printed):
     search: Search
     surveys: tuple[Survey, ...] = ()
     """Designs followed from rest under several conditions: by the linear equations, then by the nonlinear."""
-    at_point: AtPoint | None = None
-    """Best design for the scene's own shaking alone; None where that was not asked for."""
     losses: tuple[LossCase, ...] = ()
     """The offered design under other models of the block's losses."""
     elasticities: dict[str, float]

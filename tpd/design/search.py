@@ -15,7 +15,7 @@ from tpd.core.status import names_of
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import stroke_limit
 from tpd.design.followed import Followed
-from tpd.design.methods import Method
+from tpd.design.methods import Descent, Method
 from tpd.design.objective import REST, AbstractObjective, Count, Evaluation, Orbits, margins
 from tpd.design.result import Search, SearchStatus
 from tpd.design.screening import best_apart, first_apart, screened_designs
@@ -93,9 +93,7 @@ class Multistart:
             if self.progress is not None:
                 self.progress("searching", group * steps + step, groups * steps)
 
-        objective = self.objective
-        cap = objective.risk.cap(len(objective.conditions))
-        return self.method.search(objective.at, units, cap, objective.risk.of, known=known, after=after)
+        return self.method.search(self.objective, units, known=known, after=after)
 
     def carry_on(
         self, objective: AbstractObjective, checkpoint: Checkpoint, words: str, method: Method, together: int
@@ -196,7 +194,13 @@ class Multistart:
         if not self.groups:
             return np.zeros(0)
         value = np.concatenate([self.objective.risk.of(g.local.value) for g in self.groups])
-        return np.where(self.excess.max(axis=1, initial=0.0) <= 0.0, value, np.inf)
+        return np.where((self.excess.max(axis=1, initial=0.0) <= 0.0) & ~self.contradicted, value, np.inf)
+
+    @property
+    def contradicted(self) -> np.ndarray:
+        """Whether the exact solution contradicts the model that was searched with, at each end."""
+        most = self.method.tolerance if isinstance(self.method, Descent) else np.inf
+        return ~(self.column(lambda g: g.mismatch)[:, 0] <= most)
 
     @property
     def excess(self) -> np.ndarray:
@@ -207,6 +211,10 @@ class Multistart:
     def column(self, get: Callable[[Ends], np.ndarray]) -> np.ndarray:
         """One quantity of all searches."""
         return np.concatenate([get(g) for g in self.groups])
+
+    def _of_ends(self, get: Callable[[Ends], np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+        """One quantity of all searches that have ended, if any."""
+        return self.column(get) if self.groups else np.zeros(shape)
 
     @property
     def history(self) -> Search:
@@ -222,6 +230,8 @@ class Multistart:
             ends=self.designs,
             end_values=self.values,
             statuses=self.statuses(),
+            mismatch=self._of_ends(lambda g: g.mismatch, (0, 2)),
+            lost=self._of_ends(lambda g: g.lost, (0,)),
             evaluations=self.evaluations,
             nonlinear_evaluations=0,
             description=self.description,
@@ -239,6 +249,8 @@ class Multistart:
         limited = np.isfinite(stroke_limit(self.objective.limits))
         if g.open[i] and not g.steps[i]:
             return SearchStatus.interrupted
+        if isinstance(self.method, Descent) and not g.mismatch[i, 0] <= self.method.tolerance:
+            return SearchStatus.contradicted
         if limit.max(initial=0.0) > 0.0:
             return SearchStatus.infeasible
         if g.open[i]:
@@ -271,7 +283,9 @@ def _exact(objective: Followed, designs: np.ndarray, after: Count | None) -> Eva
     tallest = np.where(lost.all(axis=-1), np.inf, tallest)
     zero, one = np.zeros((m, n, 3)), np.ones((m, n))
     sizes = merit, zero, tallest, zero, stroke, zero
-    return Evaluation(*sizes, margin, 0.0 * one, one, zero, kind, designs, lost=lost.mean(axis=-1))
+    return Evaluation(
+        *sizes, margin, 0.0 * one, one, zero, kind, zero[..., :2], designs, lost=lost.mean(axis=-1)
+    )
 
 
 def _motions(objective: Followed, designs: np.ndarray, after: Count | None) -> tuple[np.ndarray, ...]:

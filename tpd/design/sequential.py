@@ -53,6 +53,11 @@ class Ends(NamedTuple):
     """Their merits, (steps + 1, m)."""
     path_spent: np.ndarray
     """Designs evaluated by then, (steps + 1,)."""
+    mismatch: np.ndarray
+    """Largest relative differences of tilts, and of their slopes, between the model of the search and the
+    exact solution, (m, 2); zero where the search was on the exact solution."""
+    lost: np.ndarray
+    """Orbits that the model of the search lost on the way, (m,)."""
 
     @property
     def evaluations(self) -> int:
@@ -193,6 +198,8 @@ class _Run:
             path=path,
             path_merit=merits,
             path_spent=spent,
+            mismatch=np.zeros((len(self.x), 2)),
+            lost=np.zeros(len(self.x), int),
         )
 
 

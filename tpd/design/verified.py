@@ -10,7 +10,6 @@ import numpy as np
 from tpd.analysis.benefit import Benefit
 from tpd.analysis.outcomes import Outcomes, Share
 from tpd.analysis.paired import Verdict
-from tpd.core.scene import Pendulum
 from tpd.design.reasons import Reason
 
 if TYPE_CHECKING:
@@ -143,22 +142,6 @@ class LossCase:
     overturned_bare: Share
     at_rest: Share
     at_rest_bare: Share
-
-
-@dataclass(frozen=True, kw_only=True)
-class AtPoint:
-    """The best design for the scene's own shaking alone, and its worth under all conditions."""
-
-    pendulum: Pendulum
-    amplitude: float
-    """Settled |phi| from rest under the scene's own shaking, rad, by the exact solution."""
-    amplitude_without: float
-    model: str
-    """Model of the search, and of `model_amplitude`."""
-    model_amplitude: float
-    """This amplitude by the model of the search."""
-    verified: Verified
-    """Under all conditions, with the reasons against it."""
 
 
 @dataclass(frozen=True, kw_only=True)

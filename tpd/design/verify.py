@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from tpd.analysis.benefit import fall_of
+from tpd.analysis.benefit import severity
 from tpd.design.by_runs import TRIALS, PairedRuns, strikes_of
 from tpd.design.criteria import Room, limit_of
 from tpd.design.reasons import ReasonKind
@@ -27,10 +29,44 @@ of designs that are verified one after the other, in shares of the bounds."""
 _TRIED, _SPARE = 16, (0.04, 0.08)
 """Designs of a survey that are tried by paired runs before the verification, and shares of the room to spare
 for which there are as many designs again."""
-_TRIALS = ((48, None), (160, 10))
+_ROUNDS = ((64, None), (192, 12))
 """Rounds of trials: runs of each design, and of how many of the best of the round before; None is all."""
+_LAST, _MANY, _SAFE = 8, 512, 0.7
+"""Designs that go through the last trials together, until one passes; their runs; and the share of the
+allowed strikes that they may have: it leaves room for luck in the runs that judge."""
 _RUNS = 4096
 """Runs from rest spent on choosing the designs to verify."""
+
+
+class Trial(NamedTuple):
+    """Paired runs that a design has had in trials, added up."""
+
+    runs: int = 0
+    strikes: float = 0.0
+    """Number of runs in which the bob strikes."""
+    with_it: float = 0.0
+    """Sum of the severities with the pendulum."""
+    without: float = 0.0
+    harms: bool = False
+
+    def and_(self, runs: int, share: float, with_it: float, without: float, *, harms: bool) -> Trial:
+        """With more runs, of which a share strikes."""
+        more = self.runs + runs, self.strikes + runs * share
+        return Trial(*more, self.with_it + with_it, self.without + without, self.harms or harms)
+
+    @property
+    def fall(self) -> float:
+        """Share by which the mean severity falls."""
+        return 1.0 - self.with_it / self.without if self.without else 0.0
+
+    def rank(self, allowed: float) -> tuple[bool, float]:
+        """Order after a few runs: last what harms, and what strikes more than luck can explain."""
+        most = allowed * self.runs
+        return self.harms or self.strikes > most + math.sqrt(most), -self.fall
+
+    def passes(self, allowed: float) -> bool:
+        """Whether a design does no harm and strikes so little that it will where others runs judge."""
+        return not self.harms and self.strikes <= _SAFE * allowed * self.runs
 
 
 class Verification(Steps):
@@ -98,7 +134,7 @@ class Verification(Steps):
         return DesignStatus.refused if judged.reasons else DesignStatus.found
 
     def by_trials(self, found: Survey, helps: np.ndarray) -> np.ndarray:
-        """The most promising designs of a survey in the order of a few paired runs each, then the others.
+        """The most promising designs of a survey in the order of trials by paired runs, then the others.
 
         From rest many designs are alike; what tells them apart is how they serve from other starts. The runs
         are others than those that verify, so that luck in them does not help a design there."""
@@ -109,41 +145,39 @@ class Verification(Steps):
             for spare in _SPARE:
                 tried += first_apart(units, helps[way[helps] < -spare], _TRIED)
         tried = list(dict.fromkeys(tried))
-        worth: dict[int, tuple[bool, float]] = {}
-        for runs, most in _TRIALS:
-            # Few runs tell the bad designs; more of them are for the rest.
-            worth |= self._tried(found, tried[:most], runs)
-            tried = [*sorted(tried[:most], key=worth.__getitem__), *tried[most or len(tried) :]]
-        # Last those that strike or harm, in whichever round it was found.
-        tried.sort(key=lambda i: worth[i][0])
-        return np.array([*tried, *(i for i in helps if i not in worth)], dtype=int)
+        trials = {i: Trial() for i in tried}
+        # Few runs tell the bad designs; more of them are for the rest.
+        for runs, most in _ROUNDS:
+            self._try(found, trials, tried[:most], runs)
+            tried = sorted(tried[:most], key=lambda i: trials[i].rank(self.worth.strikes))
+        passed: list[int] = []
+        for begin in range(0, len(tried), _LAST):
+            # Those that come near to the allowed strikes would not pass where other runs judge.
+            self._try(found, trials, tried[begin : begin + _LAST], _MANY)
+            passed += [i for i in tried[begin : begin + _LAST] if trials[i].passes(self.worth.strikes)]
+            if passed:
+                break
+        passed.sort(key=lambda i: -trials[i].fall)
+        others = [i for i in tried if i not in passed]
+        return np.array([*passed, *others, *(i for i in helps if i not in tried)], dtype=int)
 
-    def _tried(self, found: Survey, tried: list[int], runs: int) -> dict[int, tuple[bool, float]]:
-        """Strikes or harm, and the negative benefit, of each of some designs over so many paired runs."""
+    def _try(self, found: Survey, trials: dict[int, Trial], tried: list[int], runs: int) -> None:
+        """Put some designs to so many more paired runs."""
         ensemble = replace(self.ensemble, size=runs, seed=self.ensemble.seed + TRIALS)
         paired = PairedRuns(self.scene, self.objective.conditions, ensemble, self.worth, None)
-        room, worth = limit_of(self.objective.limits, Room), {}
-        bob = room.bob if isinstance(room, Room) else None
+        room, slenderness = limit_of(self.objective.limits, Room), float(self.scene.block.slenderness)
         for done, i in enumerate(tried):
             if self.progress is not None:
                 self.progress("trial runs", done + 1, len(tried))
             mu, lam, zeta = found.designs[i]
             hung = self.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
             pair = paired.with_it(hung)
-            strikes = 0.0 if bob is None else strikes_of(pair, hung, self.scene.block, bob)
-            gain = fall_of(pair, float(self.scene.block.slenderness))
-            worth[i] = (strikes > self.worth.strikes or pair.harms, -gain)
-        return worth
-
-    def confirmed(self, search: Multistart) -> Verified | None:
-        """The best end of a search on a model that the exact solution confirms, not verified any further."""
-        order = search.order()
-        helps = order[search.values[order] < self.needed]
-        for i in first_apart(search.units, helps, VERIFIED):
-            v = self.by_events(self.begun(search, i, self.from_rest(search.designs[i])))
-            if not v.reasons:
-                return v
-        return None
+            known = pair.known
+            strikes = 0.0
+            if isinstance(room, Room):
+                strikes = strikes_of(pair, hung, self.scene.block, room.bob)
+            with_it, without = (float(severity(x, slenderness)[known].sum()) for x in (pair.hung, pair.bare))
+            trials[i] = trials[i].and_(int(known.sum()), strikes, with_it, without, harms=pair.harms)
 
     def at_once(self, search: Multistart, design: np.ndarray) -> Verified:
         """A design (3,) of another search, verified under the conditions of this one."""

@@ -15,7 +15,7 @@ from tpd.design.reasons import GRAVE, Reason, ReasonKind, Step
 from tpd.design.result import Design, DesignStatus
 from tpd.design.study import Study, Surveyed
 from tpd.design.survey import ON_THE_WAY, Survey
-from tpd.design.verified import AtPoint, Verified
+from tpd.design.verified import Verified
 from tpd.report.blocks import Block, Cell, Note, Table, danger, information, warning
 
 _NAMES = {
@@ -210,59 +210,6 @@ def losses(design: Design) -> list[Block]:
         "least known data of a block."
     )
     return [Table(head, rows, caption)]
-
-
-def at_point(design: Design) -> list[Block]:
-    """Best design for the scene's own shaking alone beside the best around it, and what the difference
-    costs."""
-    point, around = design.at_point, design.best
-    if point is None:
-        return []
-    rows: list[tuple[Cell, ...]] = [
-        ("bob", f"{number(point.pendulum.mass)} kg", None if around is None else _of(design, around, "mass")),
-        (
-            "length",
-            f"{number(point.pendulum.length)} m",
-            None if around is None else _of(design, around, "length"),
-        ),
-        ("tilt at the shaking itself (rad)", *_tilts(design, point, around)),
-        ("benefit around it", _benefit(point.verified), None if around is None else _benefit(around)),
-        ("verdict", _verdict(point.verified), None if around is None else _verdict(around)),
-    ]
-    head = ("", "best at the shaking itself", "best around it")
-    caption = (
-        f"The first was searched with the {point.model} model at the scene's own shaking: it gives "
-        f"{number(point.model_amplitude)} rad, the exact solution {number(point.amplitude)} rad. Without a "
-        f"pendulum: {_tilt(point.amplitude_without)}. Both are verified under all conditions; what passed is "
-        "judged by fresh runs, and a design that did not pass is quoted by the runs that refused it."
-    )
-    # A sentence in a cell would make the whole table as wide as the sentence.
-    against = information(f"Against the best at the shaking itself: {_first(point.verified)}.")
-    return [Table(head, tuple(rows), caption), *([against] if point.verified.reasons else [])]
-
-
-def _of(design: Design, v: Verified, quantity: str) -> str:
-    return f"{number(getattr(_pendulum(design, v), quantity))} {'kg' if quantity == 'mass' else 'm'}"
-
-
-def _tilts(design: Design, point: AtPoint, around: Verified | None) -> tuple[Cell, Cell]:
-    if around is None:
-        return _tilt(point.amplitude), None
-    own = [design.conditions.column(name) for name in ("frequency", "amplitude")]
-    nearest = int(np.argmin(np.abs(own[0] - 1.0) + np.abs(own[1] - 1.0)))
-    return _tilt(point.amplitude), _tilt(float(around.exact.amplitude[nearest]))
-
-
-def _tilt(x: float) -> str:
-    return number(x) if math.isfinite(x) else "overturns"
-
-
-def _benefit(v: Verified) -> str:
-    return "not asked" if v.benefit is None else str(v.benefit)
-
-
-def _verdict(v: Verified) -> str:
-    return "refused" if v.reasons else "worth hanging"
 
 
 def limiting(design: Design, study: Study | None = None) -> list[Block]:

@@ -16,7 +16,7 @@ import numpy as np
 from tpd.core import files
 from tpd.core.formatting import number
 from tpd.design.objective import KINDS
-from tpd.design.result import Design
+from tpd.design.result import Design, SearchStatus
 from tpd.design.study import Study
 from tpd.design.verified import Bare, Motions, Verified
 from tpd.report import benefit, earthquakes, pictures, scene_words, tables, words
@@ -61,7 +61,6 @@ def content(
         "Before anything else": notes(design, study),
         "The answer": _answer(design, study),
         "With and without": [*_figures(design, study, "benefit.png"), *benefit.paired_runs(design)],
-        "At the shaking itself and around it": benefit.at_point(design),
         "Other losses of energy": benefit.losses(design),
         "What limits the design": benefit.limiting(design, study),
         "The block and its motion": _figures(design, study, "drawing.png", "animation.gif"),
@@ -258,10 +257,27 @@ def _search(design: Design, study: Study) -> list[Block]:
         said += f", {search.nonlinear_evaluations} by the nonlinear equations"
     said += f", from {search.description}, seed {design.seed}"
     out: list[Block] = [information(f"Method {design.method.name}: {said}. Searches: {ends or 'none'}.")]
+    out += _confirmed(design)
     out += _figures(design, study, "search.png")
     if study.front is not None:
         out += [*_figures(design, study, "front.png"), tables.front(study.front, design.scene.block.mass)]
     return out
+
+
+def _confirmed(design: Design) -> list[Block]:
+    """How the ends of descents on a model compare with the exact solution."""
+    mismatch, lost = design.search.mismatch, int(np.sum(design.search.lost))
+    if not np.any(mismatch):
+        return []
+    told = zip(mismatch[:, 0], design.search.statuses, strict=False)
+    good = [np.isfinite(x) and status is not SearchStatus.contradicted for x, status in told]
+    tilt, slope = (float(x) for x in np.max(mismatch[: len(good)][good], axis=0, initial=0.0))
+    said = (
+        f"The exact solution confirms {sum(good)} of {len(mismatch)} ends: their tilts differ from "
+        f"those of the smoothed signs by at most {tilt:.1e} and the slopes of these by at most {slope:.1e}, "
+        f"relative. An end that it contradicts is not offered. Orbits lost on the way: {lost}."
+    )
+    return [information(said)]
 
 
 def _models(design: Design, study: Study) -> list[Block]:

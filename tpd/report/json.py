@@ -50,7 +50,6 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any]) -> str:
         "nearest": design.nearest,
         "search": design.search,
         "surveys": [_survey(found) for found in design.surveys],
-        "at_point": design.at_point,
         "losses": design.losses,
         "elasticities": design.elasticities,
         "study": {name: getattr(study, name) for name in _STUDY} | {"usage": dict(study.usage)},

@@ -1,0 +1,96 @@
+"""One step of an orbit by half a forcing period: sizes, slopes and stability against the exact orbit."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import tpd
+from tpd.core.conditions import FACTORS, under
+from tpd.core.parameters import Parameters, as_arrays
+from tpd.design.one_shot import _turn
+from tpd.models.half_period import half_period
+from tpd.models.smoothed import Smoothed
+
+NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
+SCENES = np.array(
+    [
+        (0.13, 0.0346, 0.1043, 0.598, 0.0, 0.2356, 4.7, 0.5),
+        (0.13, 0.0346, 0.1043, 0.598, 0.0, 0.2356, 4.7, 0.95),
+        (0.2, 0.1, 0.5, 0.2, 0.0, 0.3, 4.0, 0.8),
+        (0.25, 0.1, 0.8, 0.1, 0.05, 0.5, 3.5, 1.0),
+    ]
+)
+ONE = jnp.ones(len(FACTORS))
+MODEL = Smoothed(rtol=1e-9)
+STEP = jax.jit(half_period(MODEL))
+
+
+def exact(p, design):
+    """Amplitude and stroke of the largest orbit with their slopes, and the orbits."""
+
+    def sizes(x):
+        o = tpd.symmetric_orbits(under(p, x, ONE))
+        return jnp.stack([o.amplitude[0], o.stroke[0]]), o
+
+    slopes, orbits = jax.jit(jax.jacfwd(sizes, has_aux=True))(design)
+    return sizes(design)[0], slopes, orbits
+
+
+def parameters(scene):
+    """Parameters as arrays, and the design."""
+    p = as_arrays(Parameters(**dict(zip(NAMES, scene, strict=True))))
+    return p, jnp.asarray(scene[1:4])
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=lambda x: f"e={x[-1]:g} k={x[4]:g}")
+def test_a_few_steps_give_the_exact_orbit_and_its_slopes(scene):
+    p, design = parameters(scene)
+    sizes, slopes, orbits = exact(p, design)
+    turn = _turn((p, design, ONE, jnp.stack([orbits.crossing[0], orbits.phase[0]])))
+    np.testing.assert_allclose(turn[0], sizes[0], rtol=1e-12)
+    residuals = []
+    for _ in range(3):
+        step = STEP((p, design, ONE, turn))
+        turn = step.turn
+        residuals.append(float(step.residual))
+    # Newton's method: the exact orbit is a layer's width away, and the square of that after a step.
+    assert residuals[0] < 1e-3
+    assert residuals[2] < 1e-9
+    assert bool(step.solved)
+    np.testing.assert_allclose([step.turn[0], step.stroke], sizes, rtol=5e-4)
+    for mine, other in ((step.slope[0], slopes[0]), (step.stroke_slope, slopes[1])):
+        assert np.max(np.abs(mine - other)) < 2e-3 * np.max(np.abs(other))
+    m = orbits.margins
+    least = min(float(x[0]) for x in (m.fold, m.symmetry, m.torus))
+    assert float(step.reserve) == pytest.approx(least, rel=5e-3)
+    assert float(step.multiplier) == pytest.approx(float(np.abs(orbits.multipliers[0]).max()), rel=5e-3)
+
+
+def test_the_slope_is_that_of_the_smoothed_orbit():
+    """Central differences of converged orbits: no error of the smoothing is in them."""
+    p, design = parameters(SCENES[2])
+    _, _, orbits = exact(p, design)
+    begin = _turn((p, design, ONE, jnp.stack([orbits.crossing[0], orbits.phase[0]])))
+
+    def settled(x):
+        turn = begin
+        for _ in range(4):
+            step = STEP((p, x, ONE, turn))
+            turn = step.turn
+        return step
+
+    here = settled(design)
+    for i in range(3):
+        moved = 1e-4 * design[i] * jnp.eye(3)[i]
+        up, down = settled(design + moved), settled(design - moved)
+        quotient = (up.turn - down.turn) / (2.0 * moved[i])
+        np.testing.assert_allclose(here.slope[:, i], quotient, rtol=1e-5, atol=1e-5)
+
+
+def test_what_is_no_orbit_is_said():
+    """A wild start keeps the bound on the steps, and neither hangs nor passes for an orbit."""
+    p, design = parameters(SCENES[2])
+    for turn in ([0.1, 40.0, 0.3, -90.0], [np.nan, 0.0, 0.0, 0.0], [50.0, 0.0, 0.0, 0.0]):
+        step = STEP((p, design, ONE, jnp.array(turn)))
+        assert not bool(step.solved) or float(step.residual) > 1.0
