@@ -11,8 +11,8 @@ from tests.design.conftest import SCENE, WIDE
 from tests.design.test_objective import GOOD, orbits
 from tests.reference import exact
 from tpd.core.conditions import under
-from tpd.design.followed import SMOOTHED_BACK_OFF, Followed
-from tpd.design.objective import BACK_OFF, NONE, ROCKING
+from tpd.design.followed import Followed
+from tpd.design.objective import NONE, ROCKING
 
 GENTLE = tpd.Conditions.band(SCENE, 2.2, 2.8, 2) * tpd.Conditions.amplitudes(0.85)
 LIMITS = (tpd.limits.Stroke(0.5), tpd.limits.RelativeStroke(0.8), tpd.limits.Reserve(0.05))
@@ -95,17 +95,16 @@ def test_where_every_start_overturns_the_slope_leads_out():
 
 
 @pytest.mark.parametrize(
-    ("model", "rtol", "back_off"),
+    ("model", "rtol"),
     [
-        (tpd.Piecewise(max_periods=200, lyapunov_periods=0), 1e-9, BACK_OFF),
-        (tpd.Smoothed(max_periods=200), 3e-3, SMOOTHED_BACK_OFF),
+        (tpd.Piecewise(max_periods=200, lyapunov_periods=0), 1e-9),
+        (tpd.Smoothed(max_periods=200), 3e-3),
     ],
     ids=["piecewise", "smoothed"],
 )
-def test_from_rest_the_motion_is_that_of_the_steady_state(model, rtol, back_off):
+def test_from_rest_the_motion_is_that_of_the_steady_state(model, rtol):
     design = np.array([[0.05, 0.2, 0.1]])
     objective = followed(model, tpd.Starts.rest(), tpd.Conditions(), closed=False)
-    assert objective.back_off == back_off
     e = objective.evaluate(design)
     p = SCENE.parameters(SCENE.pendulum(mass_ratio=0.05, length_ratio=0.2, damping_ratio=0.1))
     s = tpd.steady_state(p)

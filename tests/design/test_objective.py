@@ -9,7 +9,7 @@ import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
 from tests.reference import orbits_of
 from tpd.core.parameters import as_arrays
-from tpd.design.objective import KINDS, REST, ROCKING, Orbits, geometry_of, margins
+from tpd.design.objective import BACK_OFF, KINDS, REST, ROCKING, Orbits, geometry_of, margins
 
 GOOD = np.array([[0.15, 0.26, 0.35]])
 UNIT = WIDE.scaled(GOOD)
@@ -69,7 +69,7 @@ def test_constraints_have_names_and_are_tightened_for_a_search(objective):
     assert value.shape == (1, n * len(names))
     assert slope.shape == (*value.shape, 3)
     np.testing.assert_array_equal(value[0, :n], e.stroke[0] / 0.5 - 1.0)
-    np.testing.assert_array_equal(objective.linearised(e).limit, value + objective.back_off)
+    np.testing.assert_array_equal(objective.linearised(e).limit, value + BACK_OFF)
 
 
 def test_without_limits_there_are_no_constraints():

@@ -18,13 +18,12 @@ from tpd.core.scene import Block, Harmonic, Scene, paper_scene
 from tpd.design.criteria import KINDS, Limit, Reserve, Risk, Room, Worsening
 from tpd.design.inputs import check_moves as refuse_still
 from tpd.design.inputs import check_scatter
-from tpd.design.methods import Descent, Method, Sequential
+from tpd.design.methods import SMOOTHED, Descent, Method, Sequential
 from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.models.segmented import Segmented
-from tpd.models.smoothed import Smoothed
 
 _MOST_CONDITIONS = 100_000
 """Beyond it the arrays of a search do not fit into the memory of a usual computer."""
@@ -200,7 +199,7 @@ def _model(name: str | None) -> AbstractModel:
     exact one stands for all orbits."""
     match name:
         case "smoothed":
-            return Smoothed(max_periods=200)
+            return SMOOTHED
         case "piecewise" | "orbits":
             return Piecewise(max_periods=200, lyapunov_periods=0)
         case _:

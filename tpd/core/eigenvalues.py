@@ -104,7 +104,6 @@ class _Roots(NamedTuple):
     imag: tuple[Number, ...]
 
 
-@jax.jit
 def determinants(coefficients: tuple[Number, ...]) -> tuple[Number, Number, Number]:
     """det(I - G), det(I + G) and the product of 1 - g_i g_j over all pairs of eigenvalues, from the
     coefficients of G's characteristic polynomial: they vanish at a fold, a loss of symmetry, and a torus."""
@@ -116,6 +115,7 @@ def determinants(coefficients: tuple[Number, ...]) -> tuple[Number, Number, Numb
     return fold, symmetry, torus
 
 
+@jax.jit
 def quartic_roots(coefficients: tuple[Number, ...]) -> tuple[Float[Array, "4"], Float[Array, "4"]]:
     """Real and imaginary parts of the roots of z^4 + c1 z^3 + c2 z^2 + c3 z + c4, in no order.
 

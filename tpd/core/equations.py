@@ -216,9 +216,8 @@ def smoothed_rates(
 
         loss = ln(e) phi' |phi'| (1 - tanh(phi/w)^2) / (2 w)
 
-    goes on phi'', and (2/lam) loss on psi'': the smoothed counterpart of the impact, exact for w -> 0, and
-    nothing for e = 1 or without a crossing. With (4) the law of the impact depends on psi, and this form
-    does not hold.
+    goes on phi'', and (2/lam) loss on psi'': the smoothed counterpart of the impact, exact for w -> 0, where
+    nothing is lost without a crossing. With (4) the law of impacts depends on psi: this form does not hold.
     """
     equations = Linear(p) if terms is Terms.linear else Equations(p, terms)
     decay = jnp.log(p.velocity_ratio) / (2.0 * tilt_width)
@@ -231,7 +230,8 @@ def smoothed_rates(
         step, drag = jnp.tanh(y[0] / tilt_width), jnp.tanh(y[2] / rate_width)
         # The loss is an impulse: it does not pass through the mass matrix, which has acted already.
         loss = decay * y[2] * jnp.abs(y[2]) * (1.0 - step**2)
-        jump = jnp.stack([0.0 * loss, 0.0 * loss, loss, 2.0 / p.lam * loss])
+        none = jnp.zeros_like(loss)
+        jump = jnp.stack([none, none, loss, 2.0 / p.lam * loss])
         return equations.rates(y, step, drag, jnp.sin(p.xi * tau)) + jump
 
     return field

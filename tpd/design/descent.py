@@ -34,7 +34,7 @@ _WIDTHS = (1e-1, 1e-4)
 """First and last width of the smoothing, in units of the merit."""
 _SHARPER = 0.1
 """The width of the penalty over that of the measure: there may be hundreds of limits with room to spare."""
-_STEEP = 1e-2
+STEEP = 1e-2
 """First-order gain at which a descent counts as not ended: merit per whole width of the bounds."""
 
 
@@ -80,7 +80,7 @@ def descend(
     path, merits, spent = (np.stack(part) for part in zip(*book.path, strict=True))
     return ended._replace(
         steps=np.full(len(starts), steps),
-        open=ended.stationarity > _STEEP,
+        open=ended.stationarity > STEEP,
         path=path,
         path_merit=merits,
         path_spent=spent,

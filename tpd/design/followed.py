@@ -1,10 +1,9 @@
 """Objective over the motions that are reached from given starts, by any model.
 
 Every start is followed under every condition, and the motion that it settles into is differentiated exactly.
-With the smoothed model and one start at rest this is the objective of the main job. With the nonlinear
-equations it is the objective of the search after a refusal. With the exact piecewise model and a seeded set
-of starts it is the objective over basins of attraction. A start that changes basins makes the merit jump: the
-last one finishes a search that closed forms have led near a good design."""
+With the nonlinear equations it is the objective of the search after a refusal. With the exact piecewise model
+and a seeded set of starts it is the objective over basins of attraction. A start that changes basins makes
+the merit jump: the last one finishes a search that closed forms have led near a good design."""
 
 from __future__ import annotations
 
@@ -26,7 +25,6 @@ from tpd.core.conditions import Conditions, under, under_all
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.status import Status
 from tpd.design.objective import (
-    BACK_OFF,
     NONE,
     REST,
     ROCKING,
@@ -41,10 +39,6 @@ from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 
-SMOOTHED_BACK_OFF = 5e-4
-"""Share of every limit that a search with smoothed signs leaves unused: several times the difference of its
-amplitudes from the exact ones."""
-
 
 @dataclass(frozen=True)
 class Followed(AbstractObjective):
@@ -54,11 +48,6 @@ class Followed(AbstractObjective):
     starts: Starts
     orbits: Orbits | None = None
     """Closed form that states the reserve, if it is a limit: the reserve of the largest symmetric orbit."""
-
-    @property
-    def back_off(self) -> float:
-        """More than in closed form where signs are smoothed: the limit is one on the exact motion."""
-        return SMOOTHED_BACK_OFF if isinstance(self.model, Smoothed) else BACK_OFF
 
     @property
     def holds_reserve(self) -> bool:

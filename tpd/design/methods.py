@@ -23,6 +23,9 @@ from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 
+SMOOTHED = Smoothed(rtol=1e-7)
+"""Model of a descent by default: the error control ignores derivatives, so it is tighter than for motions."""
+
 
 @dataclass(frozen=True)
 class Method(ABC):

@@ -104,11 +104,6 @@ class AbstractObjective(ABC):
     geometry: Geometry
 
     @property
-    def back_off(self) -> float:
-        """Share of every limit that a search leaves unused."""
-        return BACK_OFF
-
-    @property
     @abstractmethod
     def holds_reserve(self) -> bool:
         """Whether `Evaluation.reserve` and its derivative are known, so that `Reserve` can be a limit."""
@@ -175,7 +170,7 @@ class AbstractObjective(ABC):
         scale, d = (high - low)[None, None, :], low.size
         limit, limit_slope = self.constraints(e)
         merit_slope, limit_slope = e.merit_slope[..., :d] * scale, limit_slope[..., :d] * scale
-        return Linearisation(e.merit, merit_slope, limit + self.back_off, limit_slope)
+        return Linearisation(e.merit, merit_slope, limit + BACK_OFF, limit_slope)
 
     def at(self, unit: np.ndarray) -> Linearisation:
         """Linearisation at designs in shares of the bounds, (m, d)."""

@@ -16,7 +16,8 @@ from jaxtyping import Array
 from tpd.core.batch import in_chunks, prepare
 from tpd.core.conditions import under
 from tpd.core.parameters import Parameters, as_arrays
-from tpd.design.objective import ROCKING, UNSTABLE, Evaluation, Orbits
+from tpd.design.descent import STEEP
+from tpd.design.objective import ROCKING, Evaluation, Orbits, margins
 from tpd.design.sequential import Ends, minimise
 from tpd.design.subproblem import Linearisation
 from tpd.exact.modes import Plant
@@ -30,8 +31,12 @@ _CHUNK = 32
 """Orbits that take a step at once, on each core: all of them wait for the slowest."""
 _OF_PAIRS = Evaluation._fields[: Evaluation._fields.index("design")]
 """Fields of an evaluation that belong to pairs of design and condition; they come first."""
-_ASTRAY = 0.3
-"""Residual, in units of nu, beyond which one Newton step says nothing: the orbit is lost."""
+_STEPS = 3
+"""Most steps of an orbit at one design: the first serves where the design has moved little."""
+_NEAR, _ASTRAY = 0.01, 0.5
+"""Residual, in units of nu, below which a step is the last, and beyond which the orbit is lost."""
+_SAME = 0.01
+"""Relative difference of tilts beyond which two orbits are not the same."""
 
 
 class OneShot:
@@ -39,12 +44,6 @@ class OneShot:
 
     def __init__(self, objective: Orbits, model: Smoothed) -> None:
         self.objective, self.model = objective, model
-        self.turns = np.zeros((0, len(objective.conditions), 4))
-        self.slopes = np.zeros((*self.turns.shape, 3))
-        self.designs = np.zeros((0, 3))
-        self.follows = np.zeros((0, len(objective.conditions)), bool)
-        self.lost = np.zeros(0, int)
-        """Orbits that each search lost on the way."""
 
     def at(self, unit: np.ndarray) -> Linearisation:
         """Linearisation at designs in shares of the bounds, (m, d), the next of each search."""
@@ -54,50 +53,59 @@ class OneShot:
         """Take the exact orbits of designs (m, 3), and return the exact evaluation."""
         e = self.objective.evaluate(designs)
         self.turns, self.slopes = np.zeros((*e.kind.shape, 4)), np.zeros((*e.kind.shape, 4, 3))
-        self.designs, self.follows = designs, e.kind == ROCKING
+        self.designs, self.follows = designs, np.zeros(e.kind.shape, bool)
+        # Orbits that each search loses on the way.
         self.lost = np.zeros(len(designs), int)
-        self._take(e, np.arange(len(designs)), self.follows)
+        self._take(e, np.arange(len(designs)), e.kind == ROCKING)
+        # A step at the same design: its derivatives say where the orbit of the next one is.
+        self._step(designs)
         return e
 
     def evaluate(self, designs: np.ndarray) -> Evaluation:
-        """Next designs (m, 3) of the searches, by one step of their orbits."""
+        """Next designs (m, 3) of the searches, by a step of their orbits."""
         e = self._step(designs)
-        # Where no orbit is followed the exact solution says whether there is one by now.
+        # Where no orbit is followed the exact solution answers, and says whether there is one by now.
         asked = np.flatnonzero(~self.follows.all(axis=1))
         if len(asked):
-            exact, alone = self.objective.evaluate(designs[asked]), ~self.follows[asked]
+            exact, mine = self.objective.evaluate(designs[asked]), e.at(asked)
+            # Another orbit may count by now: it attracts and is larger, or the one that is followed does not.
+            other = (exact.kind != mine.kind) | (np.abs(exact.tilt - mine.tilt) > _SAME * exact.tilt)
+            other |= ~self.follows[asked]
             for name in _OF_PAIRS:
-                mine, other = getattr(e, name), getattr(exact, name)
-                rows = alone.reshape(*alone.shape, *(1,) * (mine.ndim - 2))
-                mine[asked] = np.where(rows, other, mine[asked])
-            self._take(exact, asked, alone & (exact.kind == ROCKING))
+                rows = other.reshape(*other.shape, *(1,) * (getattr(mine, name).ndim - 2))
+                getattr(e, name)[asked] = np.where(rows, getattr(exact, name), getattr(mine, name))
+            self.follows[asked] &= ~other
+            self._take(exact, asked, other & (exact.kind == ROCKING))
         return e
 
     def _step(self, designs: np.ndarray) -> Evaluation:
-        """Half a period of every orbit that is followed; what is not is left blank."""
+        """Half a period of every orbit that is followed; what is not, or is lost, is left blank."""
         o, m = self.objective, len(designs)
-        rows = np.nonzero(self.follows)
-        e = Evaluation(*map(np.array, o.blank(m)))._replace(design=designs)
-        if not len(rows[0]):
-            return e
-        factors = o.conditions.factor_rows()
+        e = Evaluation(*map(np.array, o.blank(m)))._replace(design=designs, margin=margins(o, designs))
         # The derivatives of the last step say where the orbit of the next design is, to first order.
-        moved = (designs - self.designs)[rows[0]]
-        turns = self.turns[rows] + np.einsum("iud,id->iu", self.slopes[rows], moved)
-        batch = o.p, designs[rows[0]], factors[rows[1]], turns
-        step = in_chunks(half_period(self.model), batch, chunk=_CHUNK)
-        keeps = step.solved & (step.residual < _ASTRAY) & (step.turn[:, 0] > 0.0)
-        np.add.at(self.lost, rows[0], ~keeps)
-        self.turns[rows], self.slopes[rows], self.designs = step.turn, step.slope, designs
-        self.follows[rows] = keeps
-        nu = o.geometry.slenderness[rows[1]]
-        tilt, slope = step.turn[:, 0] / nu, step.slope[:, 0] / nu[:, None]
-        attracts = step.multiplier < 1.0
-        e.kind[rows] = np.where(attracts, ROCKING, UNSTABLE)
-        e.merit[rows] = np.where(attracts, tilt, 1.0 + tilt)
-        e.merit_slope[rows], e.tilt[rows], e.tilt_slope[rows] = slope, tilt, slope
-        e.stroke[rows], e.stroke_slope[rows] = step.stroke, step.stroke_slope
-        e.multiplier[rows], e.reserve[rows] = step.multiplier, step.reserve
+        self.turns = self.turns + np.einsum("mnud,md->mnu", self.slopes, designs - self.designs)
+        self.designs, todo, before = designs, self.follows.copy(), self.follows.copy()
+        for _ in range(_STEPS):
+            rows = np.nonzero(todo)
+            if not len(rows[0]):
+                break
+            batch = o.p, designs[rows[0]], o.conditions.factor_rows()[rows[1]], self.turns[rows]
+            step = in_chunks(half_period(self.model), batch, chunk=_CHUNK)
+            nu = o.geometry.slenderness[rows[1]]
+            self.turns[rows], self.slopes[rows] = step.turn, step.slope
+            e.tilt[rows], e.tilt_slope[rows] = step.turn[:, 0] / nu, step.slope[:, 0] / nu[:, None]
+            e.merit[rows], e.merit_slope[rows] = e.tilt[rows], e.tilt_slope[rows]
+            e.stroke[rows], e.stroke_slope[rows] = step.stroke, step.stroke_slope
+            e.multiplier[rows], e.reserve[rows] = step.multiplier, step.reserve
+            # One step is enough where the design has moved little: its error is the square of the residual.
+            lost = ~step.solved | (step.residual > _ASTRAY) | (step.turn[:, 0] <= 0.0)
+            self.follows[rows] = ~lost
+            todo[rows] = ~lost & (step.residual > _NEAR)
+        # What has not come near an orbit, or repels by now, is the exact solution's to answer.
+        rests = (e.margin > 0.0) & o.rest_counts
+        self.follows &= ~todo & ~rests & (e.multiplier < 1.0)
+        self.lost += (before & ~self.follows & ~rests).sum(axis=1)
+        self.turns[~self.follows], self.slopes[~self.follows] = 0.0, 0.0
         return e
 
     def _take(self, e: Evaluation, lanes: np.ndarray, new: np.ndarray) -> None:
@@ -108,7 +116,6 @@ class OneShot:
         o = self.objective
         batch = o.p, e.design[rows[0]], o.conditions.factor_rows()[rows[1]], e.root[rows]
         self.turns[lanes[rows[0]], rows[1]] = in_chunks(_turn, batch, chunk=_CHUNK)
-        # The first step is at the same design: it needs no derivatives.
         self.slopes[lanes[rows[0]], rows[1]] = 0.0
         self.follows[lanes[rows[0]], rows[1]] = True
 
@@ -118,21 +125,24 @@ class OneShot:
         designs, cap = o.space.unscaled(found.x), o.risk.cap(len(o.conditions))
         exact = o.evaluate(designs)
         # Two steps at the same design: the derivatives of the second are those of a converged orbit.
-        self.evaluate(designs)
-        own = self.evaluate(designs)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            apart = np.abs(own.tilt - exact.tilt) / exact.tilt
-            steep = np.abs(exact.tilt_slope).max(axis=(1, 2))
-            turned = np.abs(own.tilt_slope - exact.tilt_slope).max(axis=(1, 2)) / steep
-        # Where none is followed both are the exact answer. An orbit of another kind is another orbit.
-        apart = np.where(own.kind == exact.kind, np.nan_to_num(apart), np.inf).max(axis=1)
+        self._step(designs)
+        own = self._step(designs)
+        # Where none is followed there is nothing to compare. An orbit of another kind is another orbit.
+        apart = np.where(exact.kind == ROCKING, np.abs(own.tilt - exact.tilt) / exact.tilt, np.inf)
+        steep = np.abs(exact.tilt_slope).max(axis=(1, 2))[:, None, None]
+        turned = (np.abs(own.tilt_slope - exact.tilt_slope) / np.where(steep > 0.0, steep, 1.0)).max(axis=2)
+        apart, turned = (
+            np.where(self.follows.any(axis=1), np.where(self.follows, x, 0.0).max(axis=1), np.nan)
+            for x in (apart, turned)
+        )
         ends = minimise(o.at, found.x, cap, o.risk.of, known=o.linearised(exact), steps=0)
         return found._replace(
             local=ends.local,
             merit=ends.merit,
             stationarity=ends.stationarity,
             weights=ends.weights,
-            mismatch=np.stack([apart, np.nan_to_num(turned)], axis=1),
+            open=ends.stationarity > STEEP,
+            mismatch=np.stack([apart, turned], axis=1),
             lost=self.lost.copy(),
         )
 

@@ -15,6 +15,7 @@ from tpd.core.scene import Scene
 from tpd.design.criteria import Limit, Risk
 from tpd.design.inputs import check_types
 from tpd.design.methods import Method, Sequential
+from tpd.design.objective import BACK_OFF
 from tpd.design.problem import Problem
 from tpd.design.search import Multistart, stage
 from tpd.design.sequential import minimise
@@ -63,7 +64,7 @@ def pareto(
     checks.count("points", points, least=2)
     method = Sequential(searches=8, steps=30) if method is None else method
     check_types(scene, space, conditions, starts, risk, method)
-    if starts is not None and starts.kind is StartKind.sampled and method.model is None:
+    if starts is not None and starts.kind is StartKind.sampled and method.on_orbits:
         raise ValueError(
             "`starts` of a front must be Starts.rest() or Starts.any() where every orbit is known, but is a "
             "sampled set: give `method` a model to follow it by"
@@ -92,7 +93,7 @@ def _front(problem: Problem, points: int, progress: Progress | None) -> Front:
         steps=method.steps,
         after=None if progress is None else stage(progress, "front"),
     )
-    excess = found.local.limit.max(axis=1, initial=-1.0) - objective.back_off
+    excess = found.local.limit.max(axis=1, initial=-1.0) - BACK_OFF
     value = np.where(excess <= 0.0, objective.risk.of(found.local.value), np.inf)
     value, x = _monotone(value.reshape(points, -1), found.x.reshape(points, -1, found.x.shape[1]))
     evaluations = len(search.screened) + found.evaluations

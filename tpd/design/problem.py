@@ -17,14 +17,13 @@ from tpd.design.checkpoint import fingerprint_of
 from tpd.design.criteria import Limit, Mass, Risk, limit_of
 from tpd.design.followed import Followed
 from tpd.design.inputs import check_cavity, check_moves, check_types, limits_for
-from tpd.design.methods import Descent, Method, describe
+from tpd.design.methods import SMOOTHED, Descent, Method, describe
 from tpd.design.objective import AbstractObjective, Orbits, geometry_of
 from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
 from tpd.models.piecewise import Piecewise
-from tpd.models.smoothed import Smoothed
 
-_SMOOTH = 0.1
+_SMOOTH = 0.2
 """Least velocity ratio of impacts under which descents smooth them."""
 FOLLOWED_PERIODS = 500
 """Most forcing periods that a start is followed for its motion, so that slow decay has derivatives as
@@ -136,7 +135,7 @@ def _with_model(method: Method, p: Parameters) -> Method:
     if not isinstance(method, Descent) or method.model is not None:
         return method
     smooth = bool(np.all(np.asarray(p.velocity_ratio) >= _SMOOTH))
-    return replace(method, model=Smoothed(rtol=1e-7) if smooth else Piecewise())
+    return replace(method, model=SMOOTHED if smooth else Piecewise())
 
 
 def _default_starts(method: Method) -> Starts:

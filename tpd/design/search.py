@@ -16,7 +16,7 @@ from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import stroke_limit
 from tpd.design.followed import Followed
 from tpd.design.methods import Descent, Method
-from tpd.design.objective import REST, AbstractObjective, Count, Evaluation, Orbits, margins
+from tpd.design.objective import BACK_OFF, REST, AbstractObjective, Count, Evaluation, Orbits, margins
 from tpd.design.result import Search, SearchStatus
 from tpd.design.screening import best_apart, first_apart, screened_designs
 from tpd.design.sequential import Ends, minimise
@@ -194,27 +194,25 @@ class Multistart:
         if not self.groups:
             return np.zeros(0)
         value = np.concatenate([self.objective.risk.of(g.local.value) for g in self.groups])
-        return np.where((self.excess.max(axis=1, initial=0.0) <= 0.0) & ~self.contradicted, value, np.inf)
+        # Their values are exact: where all are contradicted, they are still the best that is known.
+        bad = self.contradicted & ~self.contradicted.all()
+        return np.where((self.excess.max(axis=1, initial=0.0) <= 0.0) & ~bad, value, np.inf)
 
     @property
     def contradicted(self) -> np.ndarray:
         """Whether the exact solution contradicts the model that was searched with, at each end."""
         most = self.method.tolerance if isinstance(self.method, Descent) else np.inf
-        return ~(self.column(lambda g: g.mismatch)[:, 0] <= most)
+        return self.column(lambda g: g.mismatch)[:, 0] > most
 
     @property
     def excess(self) -> np.ndarray:
         """Excess of every limit at the ends, (searches, l): at most 0 where it is kept. The search itself
         works with tightened constraints."""
-        return self.column(lambda g: g.local.limit) - self.objective.back_off
+        return self.column(lambda g: g.local.limit) - BACK_OFF
 
     def column(self, get: Callable[[Ends], np.ndarray]) -> np.ndarray:
         """One quantity of all searches."""
         return np.concatenate([get(g) for g in self.groups])
-
-    def _of_ends(self, get: Callable[[Ends], np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
-        """One quantity of all searches that have ended, if any."""
-        return self.column(get) if self.groups else np.zeros(shape)
 
     @property
     def history(self) -> Search:
@@ -230,8 +228,8 @@ class Multistart:
             ends=self.designs,
             end_values=self.values,
             statuses=self.statuses(),
-            mismatch=self._of_ends(lambda g: g.mismatch, (0, 2)),
-            lost=self._of_ends(lambda g: g.lost, (0,)),
+            mismatch=np.concatenate([np.zeros((0, 2)), *(g.mismatch for g in self.groups)]),
+            lost=np.concatenate([np.zeros(0, int), *(g.lost for g in self.groups)]),
             evaluations=self.evaluations,
             nonlinear_evaluations=0,
             description=self.description,
@@ -243,13 +241,12 @@ class Multistart:
         return (*out, *(SearchStatus.interrupted,) * (self.count - len(out)))
 
     def _status(self, g: Ends, i: int) -> SearchStatus:
-        back_off, n = self.objective.back_off, len(self.objective.conditions)
-        limit = g.local.limit[i] - back_off
+        n, limit = len(self.objective.conditions), g.local.limit[i] - BACK_OFF
         inside = (g.x[i] > AT_BOUND) & (g.x[i] < 1.0 - AT_BOUND)
         limited = np.isfinite(stroke_limit(self.objective.limits))
         if g.open[i] and not g.steps[i]:
             return SearchStatus.interrupted
-        if isinstance(self.method, Descent) and not g.mismatch[i, 0] <= self.method.tolerance:
+        if isinstance(self.method, Descent) and g.mismatch[i, 0] > self.method.tolerance:
             return SearchStatus.contradicted
         if limit.max(initial=0.0) > 0.0:
             return SearchStatus.infeasible

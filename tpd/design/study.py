@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from tpd.analysis.attractors import Starts
+from tpd.analysis.attractors import StartKind
 from tpd.analysis.benefit import Benefit
 from tpd.analysis.compare_models import QUICK, Check, check
 from tpd.analysis.response import Response, frequencies, settled_response
@@ -143,8 +143,8 @@ def study(
     own = is_own_shaking(design.conditions)
     # A response over frequency belongs to conditions that differ in the motion of the base alone.
     varied = set(design.conditions.factors) <= {"amplitude", "frequency"}
-    # Elasticities are derivatives of the motion from rest. They say nothing about other starts.
-    from_rest = own and design.starts == Starts.rest()
+    # Elasticities are derivatives of the motion from rest. They say nothing about a set of other starts.
+    from_rest = own and design.starts.kind is not StartKind.sampled
     return Study(
         histories=part("the time histories", True, time_histories, scene, hung),
         responses=part("the response over frequency", varied, _responses, design, progress),

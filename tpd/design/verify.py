@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from tpd.analysis.benefit import severity
+from tpd.analysis.paired import SIGNIFICANT, chance_of
 from tpd.design.by_runs import TRIALS, PairedRuns, strikes_of
 from tpd.design.criteria import Room, limit_of
-from tpd.design.reasons import ReasonKind
 from tpd.design.result import DesignStatus
 from tpd.design.screening import first_apart
 from tpd.design.search import Multistart
@@ -23,14 +23,15 @@ VERIFIED = 6
 """Most designs that are verified, the best first."""
 SURVEYED = 10
 """Most designs of a survey that are verified."""
-_MORE_ROOM, _APART = 0.05, 0.02
-"""After a strike: share of the room by which the next design keeps further from the walls; and least distance
-of designs that are verified one after the other, in shares of the bounds."""
+_APART = 0.02
+"""Least distance of designs that are verified one after the other, in shares of the bounds."""
 _TRIED, _SPARE = 16, (0.04, 0.08)
 """Designs of a survey that are tried by paired runs before the verification, and shares of the room to spare
 for which there are as many designs again."""
-_ROUNDS = ((64, None), (192, 12))
+_ROUNDS: tuple[tuple[int, int | None], ...] = ((64, None), (192, 12))
 """Rounds of trials: runs of each design, and of how many of the best of the round before; None is all."""
+_APART_SEEDS = 7919
+"""Between the seeds of the rounds, so that none has the runs that verify or judge."""
 _LAST, _MANY, _SAFE = 8, 512, 0.7
 """Designs that go through the last trials together, until one passes; their runs; and the share of the
 allowed strikes that they may have: it leaves room for luck in the runs that judge."""
@@ -41,32 +42,38 @@ _RUNS = 4096
 class Trial(NamedTuple):
     """Paired runs that a design has had in trials, added up."""
 
-    runs: int = 0
+    runs: float = 0.0
     strikes: float = 0.0
-    """Number of runs in which the bob strikes."""
+    """Runs in which the bob strikes, if those that fall strike as often as those that stand."""
     with_it: float = 0.0
     """Sum of the severities with the pendulum."""
     without: float = 0.0
-    harms: bool = False
+    worse: float = 0.0
+    """Runs that overturn with the pendulum only."""
+    better: float = 0.0
 
-    def and_(self, runs: int, share: float, with_it: float, without: float, *, harms: bool) -> Trial:
-        """With more runs, of which a share strikes."""
-        more = self.runs + runs, self.strikes + runs * share
-        return Trial(*more, self.with_it + with_it, self.without + without, self.harms or harms)
+    def and_(self, more: Trial) -> Trial:
+        """With more runs."""
+        return Trial(*(a + b for a, b in zip(self, more, strict=True)))
 
     @property
     def fall(self) -> float:
         """Share by which the mean severity falls."""
         return 1.0 - self.with_it / self.without if self.without else 0.0
 
+    @property
+    def harms(self) -> bool:
+        """Whether significantly more runs overturn with the pendulum than without."""
+        return self.worse > self.better and chance_of(int(self.worse), int(self.better)) < SIGNIFICANT
+
     def rank(self, allowed: float) -> tuple[bool, float]:
         """Order after a few runs: last what harms, and what strikes more than luck can explain."""
         most = allowed * self.runs
-        return self.harms or self.strikes > most + math.sqrt(most), -self.fall
+        return bool(self.harms or self.strikes > most + math.sqrt(most)), -self.fall
 
     def passes(self, allowed: float) -> bool:
-        """Whether a design does no harm and strikes so little that it will where others runs judge."""
-        return not self.harms and self.strikes <= _SAFE * allowed * self.runs
+        """Whether a design does no harm, and strikes so little that it will where other runs judge."""
+        return bool(self.runs > 0 and not self.harms and self.strikes <= _SAFE * allowed * self.runs)
 
 
 class Verification(Steps):
@@ -106,7 +113,7 @@ class Verification(Steps):
             helps = self.by_trials(found, helps)
         units = self.objective.space.scaled(found.designs)
         # Without any that helps the best one is verified all the same: its reasons are the answer.
-        left, way = list(helps if len(helps) else fits[:1]), found.excess.get(ON_THE_WAY)
+        left = list(helps if len(helps) else fits[:1])
         for done in range(SURVEYED):
             if not left:
                 break
@@ -117,14 +124,7 @@ class Verification(Steps):
             self.verified.append(v)
             if not v.reasons:
                 return DesignStatus.found
-            # Runs that begin elsewhere swing further than those from rest: the next one needs more room.
-            strikes = way is not None and any(r.kind is ReasonKind.strikes for r in v.reasons)
-            room = way[i] - _MORE_ROOM if strikes and way is not None else np.inf
-            left = [
-                j
-                for j in left[1:]
-                if np.linalg.norm(units[j] - units[i]) > _APART and (way is None or way[j] <= room)
-            ]
+            left = [j for j in left[1:] if np.linalg.norm(units[j] - units[i]) > _APART]
         # What was verified has reasons of its own, also where single motions from rest show no improvement.
         return DesignStatus.refused
 
@@ -146,24 +146,30 @@ class Verification(Steps):
                 tried += first_apart(units, helps[way[helps] < -spare], _TRIED)
         tried = list(dict.fromkeys(tried))
         trials = {i: Trial() for i in tried}
+
+        def ranked(rows: list[int]) -> list[int]:
+            return sorted(rows, key=lambda i: trials[i].rank(self.worth.strikes))
+
         # Few runs tell the bad designs; more of them are for the rest.
-        for runs, most in _ROUNDS:
-            self._try(found, trials, tried[:most], runs)
-            tried = sorted(tried[:most], key=lambda i: trials[i].rank(self.worth.strikes))
+        for turn, (runs, most) in enumerate(_ROUNDS):
+            self._try(found, trials, tried[:most], runs, turn)
+            tried = [*ranked(tried[:most]), *tried[most or len(tried) :]]
         passed: list[int] = []
-        for begin in range(0, len(tried), _LAST):
+        for begin in range(0, min(len(tried), _ROUNDS[-1][1] or len(tried)), _LAST):
             # Those that come near to the allowed strikes would not pass where other runs judge.
-            self._try(found, trials, tried[begin : begin + _LAST], _MANY)
-            passed += [i for i in tried[begin : begin + _LAST] if trials[i].passes(self.worth.strikes)]
+            last = tried[begin : begin + _LAST]
+            self._try(found, trials, last, _MANY, len(_ROUNDS))
+            passed += [i for i in last if trials[i].passes(self.worth.strikes)]
             if passed:
                 break
+        others = ranked([i for i in tried if i not in passed])
         passed.sort(key=lambda i: -trials[i].fall)
-        others = [i for i in tried if i not in passed]
-        return np.array([*passed, *others, *(i for i in helps if i not in tried)], dtype=int)
+        return np.array([*passed, *others, *(i for i in helps if i not in trials)], dtype=int)
 
-    def _try(self, found: Survey, trials: dict[int, Trial], tried: list[int], runs: int) -> None:
-        """Put some designs to so many more paired runs."""
-        ensemble = replace(self.ensemble, size=runs, seed=self.ensemble.seed + TRIALS)
+    def _try(self, found: Survey, trials: dict[int, Trial], tried: list[int], runs: int, turn: int) -> None:
+        """Put some designs to so many more paired runs, others in every turn."""
+        seed = self.ensemble.seed + TRIALS + _APART_SEEDS * turn
+        ensemble = replace(self.ensemble, size=min(runs, self.ensemble.size), seed=seed)
         paired = PairedRuns(self.scene, self.objective.conditions, ensemble, self.worth, None)
         room, slenderness = limit_of(self.objective.limits, Room), float(self.scene.block.slenderness)
         for done, i in enumerate(tried):
@@ -172,12 +178,13 @@ class Verification(Steps):
             mu, lam, zeta = found.designs[i]
             hung = self.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
             pair = paired.with_it(hung)
-            known = pair.known
-            strikes = 0.0
+            known, strikes = pair.known, 0.0
             if isinstance(room, Room):
                 strikes = strikes_of(pair, hung, self.scene.block, room.bob)
             with_it, without = (float(severity(x, slenderness)[known].sum()) for x in (pair.hung, pair.bare))
-            trials[i] = trials[i].and_(int(known.sum()), strikes, with_it, without, harms=pair.harms)
+            count = float(known.sum())
+            more = Trial(count, strikes * count, with_it, without, pair.worse, pair.better)
+            trials[i] = trials[i].and_(more)
 
     def at_once(self, search: Multistart, design: np.ndarray) -> Verified:
         """A design (3,) of another search, verified under the conditions of this one."""

@@ -1,0 +1,115 @@
+"""What each part of the search brings: benefit on fresh runs with other methods in its place.
+
+    .venv/bin/python -m tests.benchmarks.ablation [--scenes NAME ...] [--seeds 0 1 2] [--methods NAME ...]
+
+The scenes are those of `tests.benchmarks.worth`, and the chimney of the README. Every answer is judged by
+4096 paired runs of the nonlinear equations that no choice has seen. The table stands in
+`tests/benchmarks/results/ablation.md`, the numbers in `ablation.json` beside it.
+"""
+
+import argparse
+import json
+import time
+import tomllib
+from importlib.metadata import version
+from pathlib import Path
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+
+import tpd  # noqa: E402
+from tests.benchmarks.worth import SCENES, problem_of  # noqa: E402
+from tpd.cli.config import job_of  # noqa: E402
+from tpd.cli.new import template  # noqa: E402
+from tpd.design.by_runs import PairedRuns, strikes_of  # noqa: E402
+from tpd.design.criteria import Room, limit_of  # noqa: E402
+from tpd.design.worth import Worth  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results"
+RUNS, SEED = 4096, 9000
+"""Fresh paired runs, and their seed."""
+README = "chimney of the README"
+METHODS = {
+    "smoothed": tpd.Descent(),
+    "exact": tpd.Descent(model=tpd.Piecewise()),
+    "rmsprop": tpd.Descent("rmsprop"),
+    "sequential": tpd.Sequential(),
+    "no search": tpd.Sequential(searches=1, screening=1, steps=1),
+}
+"""Methods in the order of the table; the first is the default, the last leaves the survey alone."""
+
+
+def scene_of(name):
+    """Scene and design space."""
+    if name != README:
+        return problem_of(*SCENES[name])
+    job = job_of(tomllib.loads(template("chimney")))
+    return job.scene, job.space
+
+
+def judged(design):
+    """Benefit over fresh runs with its interval, and the share that strikes."""
+    runs = PairedRuns(design.scene, design.conditions, tpd.Ensemble(size=RUNS, seed=SEED), Worth(), None)
+    found, benefit = runs.of(design.pendulum)
+    room = limit_of(design.limits, Room)
+    strikes = strikes_of(found, design.pendulum, design.scene.block, room.bob)
+    return {
+        "benefit": round(benefit.value, 4),
+        "interval": [round(benefit.low, 4), round(benefit.high, 4)],
+        "strikes": round(strikes, 4),
+    }
+
+
+def answer(name, seed, method):
+    """One row."""
+    scene, space = scene_of(name)
+    began = time.perf_counter()
+    design = tpd.optimise(scene, space, seed=seed, method=METHODS[method])
+    row = {"scene": name, "seed": seed, "method": method, "seconds": round(time.perf_counter() - began, 1)}
+    row |= {"status": design.status.name, "designs": design.search.evaluations}
+    if design.pendulum is None:
+        return row
+    p, quoted = design.pendulum, design.winner.benefit
+    row |= {"kg": round(p.mass, 2), "m": round(p.length, 4), "zeta": round(p.damping_ratio, 4)}
+    row |= {"quoted": [round(x, 4) for x in (quoted.value, quoted.low, quoted.high)]}
+    return row | judged(design)
+
+
+def table(rows):
+    """The rows as a table of Markdown."""
+    out = ["| scene | method | " + " | ".join(f"seed {s}" for s in sorted({r["seed"] for r in rows})) + " |"]
+    out.append("|---" * (out[0].count("|") - 1) + "|")
+    rows = sorted(rows, key=lambda r: r["seed"])
+    for name, method in dict.fromkeys((r["scene"], r["method"]) for r in rows):
+        cells = []
+        for r in (r for r in rows if (r["scene"], r["method"]) == (name, method)):
+            said = r["status"] if "benefit" not in r else f"{r['benefit']:.1%}, strikes {r['strikes']:.2%}"
+            cells.append(f"{said}, {r['seconds']:.0f} s")
+        out.append(f"| {name} | {method} | " + " | ".join(cells) + " |")
+    return "\n".join(out)
+
+
+def main():
+    """Measure, print and store."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenes", nargs="+", default=[README, *SCENES])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2])
+    parser.add_argument("--methods", nargs="+", default=list(METHODS), choices=list(METHODS))
+    options = parser.parse_args()
+    rows = []
+    for name in options.scenes:
+        for seed in options.seeds:
+            for method in options.methods:
+                rows.append(answer(name, seed, method))
+                print(json.dumps(rows[-1]), flush=True)
+    made = f"tpd {version('tpd')}, jax {version('jax')}, {RUNS} fresh paired runs of seed {SEED}."
+    (RESULTS / "ablation.json").write_text(json.dumps({"made": made, "rows": rows}, indent=1) + "\n")
+    (RESULTS / "ablation.md").write_text(
+        f"# What each part of the search brings\n\n{made}\n\n{table(rows)}\n"
+    )
+    print(table(rows))
+
+
+if __name__ == "__main__":
+    main()
