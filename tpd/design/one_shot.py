@@ -122,19 +122,18 @@ class OneShot:
     def validated(self, found: Ends) -> Ends:
         """The ends of the searches by the exact solution, and the differences of the orbits followed."""
         o = self.objective
-        designs, cap = o.space.unscaled(found.x), o.risk.cap(len(o.conditions))
+        designs, cap, lost = o.space.unscaled(found.x), o.risk.cap(len(o.conditions)), self.lost.copy()
         exact = o.evaluate(designs)
-        # Two steps at the same design: the derivatives of the second are those of a converged orbit.
+        # Two steps at the exact orbits: the derivatives of the second are those of the smoothed orbits there.
+        self.designs, self.follows = designs, np.zeros_like(self.follows)
+        self._take(exact, np.arange(len(designs)), exact.kind == ROCKING)
         self._step(designs)
         own = self._step(designs)
-        # Where none is followed there is nothing to compare. An orbit of another kind is another orbit.
-        apart = np.where(exact.kind == ROCKING, np.abs(own.tilt - exact.tilt) / exact.tilt, np.inf)
-        steep = np.abs(exact.tilt_slope).max(axis=(1, 2))[:, None, None]
-        turned = (np.abs(own.tilt_slope - exact.tilt_slope) / np.where(steep > 0.0, steep, 1.0)).max(axis=2)
-        apart, turned = (
-            np.where(self.follows.any(axis=1), np.where(self.follows, x, 0.0).max(axis=1), np.nan)
-            for x in (apart, turned)
-        )
+        # What the descent took for the merit: of another orbit, or of one that is lost, it is another.
+        apart = np.abs(found.local.value - exact.merit) / np.maximum(np.abs(exact.merit), 1e-12)
+        steep = np.maximum(np.abs(exact.tilt_slope).max(axis=(1, 2)), 1e-12)[:, None, None]
+        turned = (np.abs(own.tilt_slope - exact.tilt_slope) / steep).max(axis=2)
+        turned = np.where(self.follows, turned, 0.0)
         ends = minimise(o.at, found.x, cap, o.risk.of, known=o.linearised(exact), steps=0)
         return found._replace(
             local=ends.local,
@@ -142,8 +141,8 @@ class OneShot:
             stationarity=ends.stationarity,
             weights=ends.weights,
             open=ends.stationarity > STEEP,
-            mismatch=np.stack([apart, turned], axis=1),
-            lost=self.lost.copy(),
+            mismatch=np.stack([apart.max(axis=1), turned.max(axis=1)], axis=1),
+            lost=lost,
         )
 
     def prepare(self) -> None:

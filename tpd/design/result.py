@@ -89,8 +89,8 @@ class Search:
     """Their risks, infinite where a limit is broken."""
     statuses: tuple[SearchStatus, ...]
     mismatch: np.ndarray
-    """Largest relative differences of tilts, and of their slopes, between the model that was searched with
-    and the exact solution at the ends, (searches, 2); zero where the search was on the exact solution."""
+    """Largest relative differences of merits (tilts, mostly) and of slopes between the model of the search
+    and the exact solution at the ends, (searches, 2); zero where the search was on the exact one."""
     lost: np.ndarray
     """Orbits that this model lost on the way of each search, (searches,): the exact one went on there."""
     evaluations: int
