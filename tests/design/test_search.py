@@ -139,3 +139,21 @@ def test_an_interruption_while_going_on_leaves_what_has_not_begun(search):
     assert len(on.units) == begun + len(on.pending)
     assert on.statuses()[begun:] == (SearchStatus.interrupted,) * len(on.pending)
     assert len(BAND) == on.column(lambda g: g.local.value).shape[1]
+
+
+def test_an_end_that_the_exact_solution_contradicts_is_left_out_unless_all_are(search):
+    """Ends of a descent whose tolerance is a hundredth: two lie beyond it, one by an orbit of another kind."""
+    g = search.groups[1]
+    one = Multistart(search.objective, tpd.Descent(searches=4), 0, None)
+    mismatch = np.array([[1e-6, 1e-4], [0.02, 0.0], [0.009, 0.3], [np.inf, 0.0]])
+    one.groups, one.count = [g._replace(mismatch=mismatch)], 4
+    assert one.contradicted.tolist() == [False, True, False, True]
+    assert [status is SearchStatus.contradicted for status in one.statuses()] == [False, True, False, True]
+    assert np.isinf(one.values[[1, 3]]).all()
+    kept = Multistart(search.objective, METHOD, 0, None)
+    kept.groups = [g]
+    np.testing.assert_array_equal(one.values[[0, 2]], kept.values[[0, 2]])
+    np.testing.assert_array_equal(one.history.mismatch, mismatch)
+    # Where all are, their exact values are still the best that is known.
+    one.groups = [g._replace(mismatch=np.full((4, 2), 0.5))]
+    np.testing.assert_array_equal(one.values, kept.values)

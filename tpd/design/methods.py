@@ -56,10 +56,6 @@ class Method(ABC):
         """Whether the search compares all symmetric orbits, not the motions that starts reach."""
         return self.model is None
 
-    def prepare(self, objective: Orbits) -> None:
-        """Begin to compile what a search needs beside the orbits; by default that is nothing."""
-        del objective
-
     @abstractmethod
     def search(
         self,
@@ -137,11 +133,6 @@ class Descent(Method):
         """Smoothed signs follow the exact orbits, and `Piecewise()` stands for these themselves."""
         linear = isinstance(self.model, Smoothed) and self.model.terms is Terms.linear
         return self.model is None or linear or isinstance(self.model, Piecewise)
-
-    def prepare(self, objective: Orbits) -> None:
-        """See `Method.prepare`."""
-        if isinstance(self.model, Smoothed):
-            OneShot(objective, self.model).prepare()
 
     @property
     def optimiser_name(self) -> str:

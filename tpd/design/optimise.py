@@ -27,6 +27,7 @@ from tpd.design.inputs import check_cavity
 from tpd.design.methods import Method, Sequential, describe
 from tpd.design.nonlinear_search import nonlinear_search, wanted
 from tpd.design.objective import Orbits, margins
+from tpd.design.one_shot import OneShot
 from tpd.design.problem import Problem
 from tpd.design.result import Design, DesignStatus, Search
 from tpd.design.search import GROUP, Multistart, sampled_orbits, stage
@@ -38,6 +39,7 @@ from tpd.design.verified import LossCase
 from tpd.design.verify import Verification
 from tpd.design.worth import Worth
 from tpd.models.compiled_linear import load_compiled
+from tpd.models.smoothed import Smoothed
 
 _PATHS = 48
 """Designs of the paths that are followed from rest."""
@@ -215,7 +217,7 @@ def _lifts(problem: Problem) -> bool:
 
 def _prepare(problem: Problem) -> None:
     """Begin to compile what the search and the verification need."""
-    o, method = problem.objective, problem.method
+    o, model = problem.objective, problem.method.model
 
     def others() -> None:
         # In the order in which they are needed, and not at once: only one thread at a time can trace.
@@ -225,7 +227,8 @@ def _prepare(problem: Problem) -> None:
     if isinstance(o, Orbits):
         # Traced here first: in a command the compiled code of events is loaded, or made by other processes.
         o.prepare()
-        method.prepare(o)
+        if isinstance(model, Smoothed):
+            OneShot(o, model).prepare()
     aside(others)
 
 
@@ -273,13 +276,9 @@ def _verify_several(problem: Problem, found: Found, progress: Progress | None) -
     """Several conditions: follow many designs from rest, and verify the best of them."""
     search, verification = found.search, found.verification
     objective = verification.objective
-    # Ends, and the best designs on the paths.
-    met = np.concatenate(
-        [
-            search.designs[search.order(feasible=False)],
-            search.with_paths(np.inf, _PATHS).designs[search.ended :],
-        ]
-    )
+    # Ends that the exact solution confirms, and the best designs on the paths.
+    ends, passed = search.order(feasible=False), search.with_paths(np.inf, _PATHS).designs[search.ended :]
+    met = np.concatenate([search.designs[ends[~search.contradicted[ends]]], passed])
     few = objective.over(objective.conditions.subset(SURVEYED, problem.seed))
     after = None if progress is None else stage(progress, "survey")
     found.surveys = survey(few, met, verification.ensemble.periods, problem.seed, after)

@@ -131,7 +131,7 @@ class Problem:
 
 def _with_model(method: Method, p: Parameters) -> Method:
     """The method with the model that `Descent` takes by default: smoothed signs, or the exact orbits where
-    impacts take so much that smoothed ones are more than a per cent off."""
+    impacts take so much that the bias of smoothed ones comes near to the tolerance of the ends."""
     if not isinstance(method, Descent) or method.model is not None:
         return method
     smooth = bool(np.all(np.asarray(p.velocity_ratio) >= _SMOOTH))

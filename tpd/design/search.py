@@ -201,8 +201,11 @@ class Multistart:
     @property
     def contradicted(self) -> np.ndarray:
         """Whether the exact solution contradicts the model that was searched with, at each end."""
+        return self.column(self._contradicts)
+
+    def _contradicts(self, g: Ends) -> np.ndarray:
         most = self.method.tolerance if isinstance(self.method, Descent) else np.inf
-        return self.column(lambda g: g.mismatch)[:, 0] > most
+        return g.mismatch[:, 0] > most
 
     @property
     def excess(self) -> np.ndarray:
@@ -246,7 +249,7 @@ class Multistart:
         limited = np.isfinite(stroke_limit(self.objective.limits))
         if g.open[i] and not g.steps[i]:
             return SearchStatus.interrupted
-        if isinstance(self.method, Descent) and g.mismatch[i, 0] > self.method.tolerance:
+        if self._contradicts(g)[i]:
             return SearchStatus.contradicted
         if limit.max(initial=0.0) > 0.0:
             return SearchStatus.infeasible
@@ -278,10 +281,16 @@ def _exact(objective: Followed, designs: np.ndarray, after: Count | None) -> Eva
     kind = np.where(lost.any(axis=-1), REST + 1, np.where(rests.all(axis=-1), REST, 0))
     tallest = np.where(lost, -np.inf, tilt).max(axis=-1)
     tallest = np.where(lost.all(axis=-1), np.inf, tallest)
-    zero, one = np.zeros((m, n, 3)), np.ones((m, n))
-    sizes = merit, zero, tallest, zero, stroke, zero
-    return Evaluation(
-        *sizes, margin, 0.0 * one, one, zero, kind, zero[..., :2], designs, lost=lost.mean(axis=-1)
+    blank = objective.blank(m)
+    return blank._replace(
+        merit=merit,
+        tilt=tallest,
+        stroke=stroke,
+        margin=margin,
+        multiplier=np.zeros((m, n)),
+        kind=kind,
+        design=designs,
+        lost=lost.mean(axis=-1),
     )
 
 

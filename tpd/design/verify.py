@@ -32,7 +32,7 @@ _ROUNDS: tuple[tuple[int, int | None], ...] = ((64, None), (192, 12))
 """Rounds of trials: runs of each design, and of how many of the best of the round before; None is all."""
 _APART_SEEDS = 7919
 """Between the seeds of the rounds, so that none has the runs that verify or judge."""
-_LAST, _MANY, _SAFE = 8, 512, 0.7
+_LAST, _MANY, _SAFE = 8, 512, 0.5
 """Designs that go through the last trials together, until one passes; their runs; and the share of the
 allowed strikes that they may have: it leaves room for luck in the runs that judge."""
 _RUNS = 4096
