@@ -146,7 +146,9 @@ CALLS = {
     'optimise(scene, risk="worst")': "`risk` must be a Risk, but is 'worst'",
     "optimise(scene, limits=limits.Stroke(0.5))": "`limits` must be a list of objects of `tpd.limits`, but i",
     "optimise(scene, limits=[limits.Stroke])": "`limits` must hold objects of `tpd.limits`, but has <class",
-    "optimise(scene, limits=[limits.Reserve()], method=Descent(model=Smoothed(terms='nonlinear')))": "`limits` must not hold",
+    "optimise(scene, limits=[limits.Reserve()], method=Descent(model=Smoothed(terms='nonlinear')))": (
+        "`limits` must not hold Reserve"
+    ),
     'optimise(scene, method="adam")': "`method` must be a Method, but is 'adam'",
     "optimise(scene, method=Descent)": "`method` must be a Method that is made, `Descent(...)`",
     "optimise(scene, ensemble=512)": "`ensemble` must be a Ensemble, but is 512",

@@ -12,7 +12,7 @@ from tests.design.conftest import ORBIT_LIMITS as LIMITS
 from tests.design.test_objective import orbits
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.result import SearchStatus
-from tpd.design.search import GROUP, Multistart, sampled_orbits
+from tpd.design.search import GROUP, Multistart
 
 NONE = Checkpoint(None, "", {})
 
@@ -110,7 +110,8 @@ def test_a_search_that_has_not_begun_has_nothing():
 
 
 def test_a_search_goes_on_under_other_conditions(search):
-    few = sampled_orbits(orbits(limits=LIMITS), 2, 0)
+    every = orbits(limits=LIMITS)
+    few = every.over(every.conditions.subset(2, 0))
     assert len(few.conditions) == 2
     whole = orbits(limits=LIMITS)
     on = search.carry_on(whole, NONE, "again", METHOD, 3)
@@ -142,7 +143,7 @@ def test_an_interruption_while_going_on_leaves_what_has_not_begun(search):
 
 
 def test_an_end_that_the_exact_solution_contradicts_is_left_out_unless_all_are(search):
-    """Ends of a descent whose tolerance is a hundredth: two lie beyond it, one by an orbit of another kind."""
+    """Ends of a descent whose tolerance is a hundredth: two lie beyond it, one by another kind of orbit."""
     g = search.groups[1]
     one = Multistart(search.objective, tpd.Descent(searches=4), 0, None)
     mismatch = np.array([[1e-6, 1e-4], [0.02, 0.0], [0.009, 0.3], [np.inf, 0.0]])

@@ -79,7 +79,7 @@ def test_rows_go_together():
 def test_designs_that_keep_to_the_limits_come_first_and_then_the_best():
     found = made([[0.1, 0.1], [0.3, 0.3], [0.2, 0.2], [0.05, 0.05]], stroke=[0.5, -0.3, -0.1, 0.1]).ordered()
     np.testing.assert_allclose(found.severity[:, 0], [0.2, 0.3, 0.05, 0.1])
-    both = found.joined(made([[0.25, 0.25]], stroke=[-1.0]))
+    both = found.joined(made([[0.25, 0.25]], stroke=[-1.0])).ordered()
     np.testing.assert_allclose(both.severity[:, 0], [0.2, 0.25, 0.3, 0.05, 0.1])
     np.testing.assert_allclose(both.excess["stroke"], [-0.1, -1.0, -0.3, 0.1, 0.5])
     assert both.equations == "linear"

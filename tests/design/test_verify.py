@@ -10,13 +10,16 @@ from tests import designs as designs_by_hand
 from tests.design.conftest import ANY_WORTH, BAND, FEW_STEPS, SCENE
 from tests.design.test_followed import followed
 from tests.design.test_objective import GOOD, orbits
+from tpd.analysis.ensemble import outcomes
+from tpd.design import verify
 from tpd.design.active import nearest
+from tpd.design.by_runs import JUDGES
 from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import DesignStatus
 from tpd.design.steps import pendulum_of
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Neighbours, Nonlinear
-from tpd.design.verify import Trial, Verification
+from tpd.design.verify import Verification
 
 RUNS = tpd.Ensemble(size=16, periods=30)
 ALONE = tpd.Conditions()
@@ -302,6 +305,7 @@ def surveyed(search, designs, severity, room=None) -> Survey:
     )
 
 
+AFRESH = Reason(step=Step.benefit, kind=ReasonKind.too_little_benefit)
 SPREAD = [[0.05 + 0.03 * i, 0.2 + 0.2 * i, 0.1 + 0.05 * i] for i in range(4)]
 
 
@@ -309,9 +313,6 @@ class Scripted(Refusing):
     """Refuses designs by a reason of a kind, without following them."""
 
     kind = ReasonKind.too_little_benefit
-
-    def by_trials(self, found, helps):
-        return helps
 
     def at_once(self, search, design):
         refused = len(self.verified) < self.refusals
@@ -339,40 +340,55 @@ def test_the_designs_of_a_survey_are_verified_until_one_passes(search):
     assert len(stern.verified) == 4
 
 
-def test_trials_grow_and_what_strikes_or_harms_comes_last(search, monkeypatch):
-    """Fourteen designs, the first the best. All but 5, 9 and 10 strike in a per cent of many runs, which
-    other runs might refuse; 0 strikes in a tenth, and 1 does harm."""
-    designs = [[0.05 + 0.02 * i, 0.2 + 0.1 * i, 0.1 + 0.05 * i] for i in range(14)]
-    rounds = []
+class Unlucky(Scripted):
+    """Passes by the runs that choose; the first designs are refused by those that judge."""
 
-    def tried(self, found, trials, rows, runs, turn):
-        rounds.append((runs, list(rows)))
-        for i in rows:
-            strikes = 0.1 if i == 0 else 0.0 if i in (5, 9, 10) else 0.01
-            harm = runs if i == 1 else 0
-            trials[i] = trials[i].and_(Trial(runs, strikes * runs, 0.3 * runs + i, 0.5 * runs, harm))
+    unlucky = 0
 
-    made = Verification(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
-    monkeypatch.setattr(Verification, "_try", tried)
-    order = made.by_trials(surveyed(search, designs, np.linspace(0.1, 0.4, 14)), np.arange(14))
-    assert [(runs, len(rows)) for runs, rows in rounds] == [(64, 14), (192, 12), (512, 8)]
-    assert set(range(14)) - set(rounds[1][1]) == {0, 1}
-    assert order[:2].tolist() == [5, 9]
-    assert order[-2:].tolist() == [0, 1]
-    assert sorted(order.tolist()) == list(range(14))
+    def by_fresh_runs(self, v):
+        reasons = (AFRESH,) if len(self.verified) <= self.unlucky else ()
+        return dataclasses.replace(v, chosen_by=v.benefit, reasons=reasons)
 
 
-def test_a_trial_adds_up():
-    trial = Trial().and_(Trial(100, 2.0, 20.0, 40.0, 3, 1)).and_(Trial(300, 0.0, 40.0, 80.0, 0, 2))
-    assert (trial.runs, trial.strikes, trial.fall) == (400, 2.0, 0.5)
-    assert trial.rank(0.01) == (False, -0.5)
-    assert trial.rank(0.0) == (True, -0.5)
-    assert trial.passes(0.01)
-    assert not trial.passes(0.005)
-    assert not trial.harms
-    assert not trial.and_(Trial(worse=9)).passes(0.01)
-    assert Trial().fall == 0.0
-    assert not Trial().passes(0.01), "nothing is known"
+@pytest.mark.parametrize(
+    ("unlucky", "count", "status"), [(0, 1, "found"), (2, 3, "found"), (9, 3, "refused")]
+)
+def test_after_a_refusal_by_fresh_runs_the_next_design_is_judged_but_no_more_than_three(
+    search, unlucky, count, status
+):
+    stern = Unlucky(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
+    stern.refusals, stern.unlucky = 0, unlucky
+    assert stern.best_of_survey(search, surveyed(search, SPREAD, [0.1, 0.2, 0.3, 0.4])).name == status
+    assert [v.mass_ratio for v in stern.verified] == [pytest.approx(x[0]) for x in SPREAD[:count]]
+    assert [bool(v.reasons) for v in stern.verified] == [True] * min(unlucky, count) + [False] * (
+        unlucky < count
+    )
+
+
+def test_trial_runs_are_those_of_no_other_step(search, monkeypatch):
+    """Each design has seeds of its own; without walls no run strikes, and what breaks no limit is asked."""
+    made, seeds = Verification(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None), []
+
+    def scripted(found, space, run, still, follow, strikes, rests, seed, progress):
+        for i in range(3):
+            tried = run(found.designs[0], i)
+            assert 0.0 <= tried.severity <= 1.0
+            assert len(tried.reach) == 0
+        # The first design has too little reserve.
+        assert still(found.designs).tolist() == [False, True, True, True]
+        assert follow(found.designs[:1]).equations == "nonlinear"
+        assert strikes == ANY_WORTH.strikes
+        assert rests <= made.runs.bare.at_rest.value
+        return found
+
+    def counted(*args, ensemble, **settings):
+        seeds.append(ensemble.seed)
+        return outcomes(*args, ensemble=ensemble, **settings)
+
+    monkeypatch.setattr(verify, "refine", scripted)
+    monkeypatch.setattr(verify, "outcomes", counted)
+    made.refined(surveyed(search, SPREAD, [0.1, 0.2, 0.3, 0.4]), search.objective, 0)
+    assert len({*seeds, RUNS.seed, RUNS.seed + JUDGES}) == 5
 
 
 def test_neighbours_of_a_refused_design_are_passed_over(search):
@@ -411,9 +427,6 @@ class Lucky(Refusing):
 
     def by_fresh_runs(self, v):
         return dataclasses.replace(super().by_fresh_runs(v), reasons=self.said)
-
-
-AFRESH = Reason(step=Step.benefit, kind=ReasonKind.too_little_benefit)
 
 
 @pytest.mark.parametrize(("said", "status"), [((), DesignStatus.found), ((AFRESH,), DesignStatus.refused)])

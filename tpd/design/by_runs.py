@@ -52,13 +52,9 @@ class PairedRuns:
             self._bare = outcomes(self.scene, **self._runs)
         return self._bare
 
-    def with_it(self, pendulum: Pendulum) -> Verdict:
-        """Paired runs with a pendulum."""
-        return verdict(self.scene, pendulum, bare=self.bare, **self._runs)
-
     def of(self, pendulum: Pendulum) -> tuple[Verdict, Benefit]:
         """Paired runs with a pendulum, and its benefit."""
-        found = self.with_it(pendulum)
+        found = verdict(self.scene, pendulum, bare=self.bare, **self._runs)
         condition = self.ensemble.dealt(len(self.conditions))
         share, seed = self.worth.worse, self.ensemble.seed
         return found, benefit_of(found, float(self.scene.block.slenderness), condition, share, seed)
@@ -108,15 +104,21 @@ def loss_models(scene: Scene) -> dict[str, Block]:
     }
 
 
-def strikes_of(found: Verdict, pendulum: Pendulum, block: Block, bob: Bob) -> float:
-    """Share of the runs with the pendulum that are known to stand in which the bob reaches a wall, on the way
-    or settled; the largest bob angle and the largest tilt are added, which is never too little."""
-    stands = ~(found.hung.lost | found.hung.undecided)
+def reach_of(found: Outcomes, pendulum: Pendulum, block: Block, bob: Bob) -> np.ndarray:
+    """How far the bob comes, on the way or settled, over the distance of the wall, in each run that is known
+    to stand; the largest bob angle and the largest tilt are added, which is never too little."""
+    stands = ~(found.lost | found.undecided)
     if not stands.any():
-        return 0.0
-    angle = (found.hung.peak_stroke + found.hung.peak)[stands]
-    reach = bob.reach(pendulum.mass, pendulum.length, angle)
-    return float(np.mean(np.asarray(reach) > 0.5 * float(block.room)))
+        # A function of no angles would be compiled again.
+        return np.zeros(0)
+    angle = (found.peak_stroke + found.peak)[stands]
+    return np.asarray(bob.reach(pendulum.mass, pendulum.length, angle)) / (0.5 * float(block.room))
+
+
+def strikes_of(found: Verdict, pendulum: Pendulum, block: Block, bob: Bob) -> float:
+    """Share of the runs with the pendulum that are known to stand in which the bob reaches a wall."""
+    reach = reach_of(found.hung, pendulum, block, bob)
+    return float(np.mean(reach > 1.0)) if len(reach) else 0.0
 
 
 def reasons_by_runs(

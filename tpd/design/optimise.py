@@ -30,7 +30,7 @@ from tpd.design.objective import Orbits, margins
 from tpd.design.one_shot import OneShot
 from tpd.design.problem import Problem
 from tpd.design.result import Design, DesignStatus, Search
-from tpd.design.search import GROUP, Multistart, sampled_orbits, stage
+from tpd.design.search import GROUP, Multistart, stage
 from tpd.design.space import DesignSpace
 from tpd.design.steps import pendulum_of
 from tpd.design.subproblem import prepare_steps
@@ -243,7 +243,7 @@ def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
     else:
         _verify_several(problem, found, progress)
     verification = found.verification
-    if found.status is DesignStatus.found:
+    if found.status is DesignStatus.found and verification.verified[-1].chosen_by is None:
         found.status = verification.judge()
     if found.status is DesignStatus.found and not found.search.interrupted:
         winner = verification.verified[-1]
@@ -281,8 +281,11 @@ def _verify_several(problem: Problem, found: Found, progress: Progress | None) -
     met = np.concatenate([search.designs[ends[~search.contradicted[ends]]], passed])
     few = objective.over(objective.conditions.subset(SURVEYED, problem.seed))
     after = None if progress is None else stage(progress, "survey")
-    found.surveys = survey(few, met, verification.ensemble.periods, problem.seed, after)
-    found.status = verification.best_of_survey(search, found.surveys[-1])
+    wide, fine = survey(few, met, verification.ensemble.periods, problem.seed, after)
+    if not verification.by_overturning:
+        fine = verification.refined(fine, few, problem.seed)
+    found.surveys = wide, fine
+    found.status = verification.best_of_survey(search, fine)
 
 
 def _searched(
@@ -293,7 +296,7 @@ def _searched(
     objective, n = problem.objective, len(problem.objective.conditions)
     sampled = isinstance(objective, Orbits) and n >= problem.many
     if sampled and isinstance(objective, Orbits):
-        fewer = sampled_orbits(objective, problem.sampled, problem.seed)
+        fewer = objective.over(objective.conditions.subset(problem.sampled, problem.seed))
         search = Multistart(fewer, problem.method, problem.seed, search.progress)
     search.run(store)
     if sampled:

@@ -16,7 +16,7 @@ from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import stroke_limit
 from tpd.design.followed import Followed
 from tpd.design.methods import Descent, Method
-from tpd.design.objective import BACK_OFF, REST, AbstractObjective, Count, Evaluation, Orbits, margins
+from tpd.design.objective import BACK_OFF, REST, AbstractObjective, Count, Evaluation, margins
 from tpd.design.result import Search, SearchStatus
 from tpd.design.screening import best_apart, first_apart, screened_designs
 from tpd.design.sequential import Ends, minimise
@@ -136,7 +136,6 @@ class Multistart:
     def with_paths(self, most: float, count: int = _CARRIED) -> Multistart:
         """This search and, after its ends, the best designs of a merit below `most` that its paths passed
         apart from the ends, as if a search had ended there as well."""
-        on = copy(self)
         units = np.concatenate([g.path.reshape(-1, g.path.shape[-1]) for g in self.groups])
         # The paths' merits hold the penalty: a design beyond a limit is far down the order.
         merit = np.concatenate([g.path_merit.ravel() for g in self.groups])
@@ -145,9 +144,7 @@ class Multistart:
         first = np.concatenate([np.arange(ends), ends + order[merit[order] < most]])
         every = np.concatenate([self.units, units])
         taken = first_apart(every, first, ends + count, _AWAY, ends)[ends:]
-        if taken:
-            on.groups, on.passed = [*self.groups, self._without_steps(every[taken])], len(taken)
-        return on
+        return self.with_designs(every[taken]) if taken else self
 
     def with_designs(self, units: np.ndarray) -> Multistart:
         """This search and, after its ends, other designs (m, d), as if a search had ended there as well."""
@@ -304,8 +301,3 @@ def _motions(objective: Followed, designs: np.ndarray, after: Count | None) -> t
     settled = settle_all(every, y0, model=Piecewise(max_periods=_SCREENED_PERIODS), progress=after)
     tilt = np.asarray(settled.amplitude) / np.asarray(every.nu)
     return names_of(settled.status), tilt, np.asarray(settled.stroke)
-
-
-def sampled_orbits(objective: Orbits, most: int, seed: int) -> Orbits:
-    """The objective under at most so many of its conditions, see `Conditions.subset`."""
-    return objective.over(objective.conditions.subset(most, seed))

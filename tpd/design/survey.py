@@ -134,13 +134,13 @@ class Survey:
         return replace(self, designs=self.designs[rows], severity=self.severity[rows], excess=excess)
 
     def joined(self, other: Survey) -> Survey:
-        """Both surveys in one, ordered."""
+        """Both surveys in one."""
         return replace(
             self,
             designs=np.concatenate([self.designs, other.designs]),
             severity=np.concatenate([self.severity, other.severity]),
             excess={k: np.concatenate([x, other.excess[k]]) for k, x in self.excess.items()},
-        ).ordered()
+        )
 
 
 def survey(
@@ -189,7 +189,7 @@ def _refined(found: Survey, space: DesignSpace, follow: Callable[[np.ndarray], S
         centres = units[first_apart(units, np.arange(len(units)), _CENTRES)]
         around = centres[:, None] + rng.uniform(-width, width, (len(centres), _AROUND, centres.shape[1]))
         inside = np.clip(around.reshape(-1, centres.shape[1]), 0.0, 1.0)
-        found = found.joined(follow(space.unscaled(inside)))
+        found = found.joined(follow(space.unscaled(inside))).ordered()
     return found
 
 
@@ -236,13 +236,13 @@ def followed(
         designs=designs,
         severity=severity[1:],
         bare=severity[0],
-        excess=_excess(objective, designs, *still),
+        excess=excess(objective, designs, *still),
         equations=equations,
         risk=objective.risk,
     )
 
 
-def _excess(
+def excess(
     objective: AbstractObjective,
     designs: np.ndarray,
     amplitude: np.ndarray,

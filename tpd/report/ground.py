@@ -325,19 +325,12 @@ def _search(design: GroundDesign) -> list[Block]:
         f"whole space, the others where the surface promised most. {int(found.feasible.sum())} keep to the "
         f"limits, {int(found.spares.sum())} with {SPARE:.0%} of each to spare, as the search asks for."
     )
-    if design.method.derivatives:
-        counts += f" Derivatives in {_known(design)} of them entered the surface; the others were chaotic."
     return [
         information(counts),
         *_figure(
             design, "search.png", "Trend of the demand over mass and length ratio, and the designs followed"
         ),
     ]
-
-
-def _known(design: GroundDesign) -> int:
-    assert design.searched is not None
-    return int(np.isfinite(design.searched.slope).all(axis=1).sum())
 
 
 def _assumptions(design: GroundDesign) -> Iterator[str]:

@@ -10,7 +10,7 @@ from tpd.design.ground import objective as module
 from tpd.design.ground import search
 from tpd.design.ground.demand import CappedTilt, Exceedance
 from tpd.design.ground.objective import GroundObjective
-from tpd.design.ground.search import GroundSearch, Searcher, _weights
+from tpd.design.ground.search import GroundSearch, Searcher
 
 LIMITS = (tpd.limits.Stroke(), tpd.limits.Room())
 DESIGN = np.array([[0.12, 0.4, 0.5]])
@@ -89,27 +89,6 @@ def test_sizes_are_quantiles_of_the_standing_runs(objective):
     above = np.mean(found.swing[0, stands] / 0.5 > sizes[0, 0])
     assert above <= 0.1
     assert sizes[0, 2] == pytest.approx(tpd.limits.Bob().half_height(960.0) / (0.5 * 0.4 * 2.7))
-
-
-def test_weights_are_the_derivative_of_the_risk():
-    values = np.random.default_rng(0).random((3, 10))
-    for risk in (tpd.Risk.worst(), tpd.Risk.expected(), tpd.Risk.cvar(0.25)):
-        weights = _weights(risk, values)
-        np.testing.assert_allclose(np.sum(weights * values, axis=1), risk.of(values), rtol=1e-12)
-
-
-def test_slopes_of_a_risk_are_those_of_differences_where_motions_are_calm(records):
-    conditions = tpd.Conditions.records(records[:3], (1.03,))
-    one = GroundObjective(BLOCK, conditions, LIMITS, 0.1)
-    space = tpd.DesignSpace(damping_ratio=(0.05, 1.0))
-    s = Searcher(one, CappedTilt(), tpd.Risk.expected(), space, GroundSearch(derivatives=True), 0)
-    unit = space.scaled(DESIGN)
-    here = s.evaluate(DESIGN)
-    for j in range(3):
-        shift = 1e-6 * np.eye(3)[j]
-        after, before = (s.evaluate(space.unscaled(unit + x)).value[0] for x in (shift, -shift))
-        assert here.slope[0, j] == pytest.approx((after - before) / 2e-6, rel=1e-3, abs=1e-6)
-    assert np.all(here.slope_error[0] > 0.0)
 
 
 @pytest.mark.mends("a run that met too many events was taken for an overturning")

@@ -1,7 +1,6 @@
-"""Intensity from which each motion overturns a block with a pendulum, and its derivatives in the design.
+"""Intensity from which each motion overturns a block with a pendulum.
 
-As `tpd.critical_scale`, for many designs and motions at once: the first crossing of a scan, bisected, and the
-derivative by the implicit function theorem, since the growing coordinate of the last arc vanishes there.
+As `tpd.critical_scale`, for many designs and motions at once: the first crossing of a scan, bisected.
 """
 
 from __future__ import annotations
@@ -25,16 +24,11 @@ class Crossings(NamedTuple):
     intensity: np.ndarray
     """(m, n); infinite where no factor of the scan overturns the block, and where there is no answer up to
     which factor it stands, the largest up to which it is known to stand."""
-    slope: np.ndarray
-    """Derivatives in (mu, lam, zeta), (m, n, 3); NaN where there is no crossing, where none is known, or
-    where they were not asked for."""
     undecided: np.ndarray
     """Whether a run below the first overturning of the scan has no answer, (m, n)."""
 
 
-def crossings(
-    objective: GroundObjective, designs: np.ndarray, scan: float, highest: float, *, slopes: bool = False
-) -> Crossings:
+def crossings(objective: GroundObjective, designs: np.ndarray, scan: float, highest: float) -> Crossings:
     """Follow a scan up to the first intensity that overturns the block, by the linear equations.
 
     Args:
@@ -42,7 +36,6 @@ def crossings(
         designs: (mu, lam, zeta), shape (m, 3).
         scan: relative step of the scan.
         highest: its end, over the intensity that lifts the bare block.
-        slopes: whether to compute derivatives.
     """
     c, m = objective.conditions, len(designs)
     others = np.stack([v for k, v in sorted(c.factors.items()) if k != "amplitude"] or [np.zeros(len(c))])
@@ -50,19 +43,12 @@ def crossings(
     _, first, back = np.unique(
         np.vstack([np.asarray(c.which)[None], others]), axis=1, return_index=True, return_inverse=True
     )
-    rows, by_mass = objective.rows(designs)
+    rows, _ = objective.rows(designs)
     every = (np.arange(m)[:, None] * len(c) + first).ravel()
     x, which = rows[every], np.tile(np.asarray(c.which)[first], m)
     x[:, 5] /= np.tile(c.column("amplitude")[first], m)
-    follow = _Follow(objective, x, which)
-    found, undecided = _first(follow, scan, highest)
-    slope = np.full((len(x), 3), np.nan)
-    known = np.isfinite(found) & ~undecided
-    if slopes and known.any():
-        chain = np.stack([c.column(k)[first] for k in ("mass", "length", "damping")], axis=1)
-        slope = follow.slopes(np.where(known, found, np.inf), by_mass[every]) * np.tile(chain, (m, 1))
-    back = np.ravel(back)
-    return Crossings(*(a.reshape(m, -1, *a.shape[1:])[:, back] for a in (found, slope, undecided)))
+    found = _first(_Follow(objective, x, which), scan, highest)
+    return Crossings(*(a.reshape(m, -1)[:, np.ravel(back)] for a in found))
 
 
 class _Follow:
@@ -85,21 +71,6 @@ class _Follow:
         every = np.repeat(rows, intensity.size // max(rows.size, 1))
         found, _ = follow_all(*self.at(every, intensity.ravel()), brief=True)
         return found.status.reshape(intensity.shape)
-
-    def slopes(self, found: np.ndarray, by_mass: np.ndarray) -> np.ndarray:
-        """Derivatives of the crossings in (mu, lam, zeta)."""
-        from tpd.models.compiled_shaken import follow_all
-
-        slope = np.full((len(found), 3), np.nan)
-        rows = np.flatnonzero(np.isfinite(found))
-        _, by = follow_all(*self.at(rows, found[rows]), slopes=True)
-        assert by is not None
-        growing = by[:, 7]
-        # The velocity ratio may depend on the mass ratio.
-        growing[:, 1] += growing[:, 8] * by_mass[rows]
-        by_intensity = growing[:, 5] * self.x[rows, 5]
-        slope[rows] = -growing[:, 1:4] / by_intensity[:, None]
-        return slope
 
 
 def _first(follow: _Follow, scan: float, highest: float) -> tuple[np.ndarray, np.ndarray]:

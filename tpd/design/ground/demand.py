@@ -1,7 +1,7 @@
 """Demands of ground motions on a block: one number for every motion, which a search makes small.
 
-A demand has a derivative also where a motion overturns the block, as far as something there tells how far it
-is from standing.
+A demand that every run has by itself has a derivative also where a motion overturns the block, as far as
+something there tells how far it is from standing.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy.special import ndtr
 
 from tpd.core import checks
 
@@ -71,10 +72,9 @@ class Demand(ABC):
     """Number for every condition, from 0 on, that a search makes small."""
 
     @abstractmethod
-    def follow(
-        self, objective: GroundObjective, designs: np.ndarray, *, slopes: bool = False
-    ) -> tuple[Runs, Demands]:
-        """Follow designs (mu, lam, zeta), shape (m, 3): the runs under all conditions, and the demands."""
+    def follow(self, objective: GroundObjective, designs: np.ndarray) -> tuple[Runs, np.ndarray]:
+        """Follow designs (mu, lam, zeta), shape (m, 3): the runs under all n conditions, and the demand on
+        each, (m, n), NaN where nothing is known of a run."""
 
 
 @dataclass(frozen=True)
@@ -85,12 +85,10 @@ class RunDemand(Demand):
     def of(self, runs: Runs) -> Demands:
         """The demand on every run."""
 
-    def follow(
-        self, objective: GroundObjective, designs: np.ndarray, *, slopes: bool = False
-    ) -> tuple[Runs, Demands]:
+    def follow(self, objective: GroundObjective, designs: np.ndarray) -> tuple[Runs, np.ndarray]:
         """See `Demand`."""
-        runs = objective.evaluate(designs, slopes=slopes)
-        return runs, self.of(runs)
+        runs = objective.evaluate(designs)
+        return runs, self.of(runs).value
 
 
 @dataclass(frozen=True)
@@ -139,7 +137,7 @@ class Exceedance(RunDemand):
         # In the logarithm, because tilts of single motions range over decades.
         x = np.log(tilt / self.level) / self.width
         density = np.exp(-0.5 * x**2) / math.sqrt(2.0 * math.pi)
-        value = np.where(inside, _normal(x), np.where(np.isfinite(runs.tilt), 0.0, 1.0))
+        value = np.where(inside, ndtr(x), np.where(np.isfinite(runs.tilt), 0.0, 1.0))
         by_tilt = np.where(inside, density / (self.width * tilt), 0.0)
         slope = np.where(inside[..., None], by_tilt[..., None] * runs.tilt_slope, 0.0)
         unknown = np.isnan(runs.tilt)
@@ -166,20 +164,15 @@ class CriticalIntensity(Demand):
         checks.within("scan", self.scan, 1e-4, 0.5)
         checks.within("highest", self.highest, 1.0, 1e3)
 
-    def follow(
-        self, objective: GroundObjective, designs: np.ndarray, *, slopes: bool = False
-    ) -> tuple[Runs, Demands]:
+    def follow(self, objective: GroundObjective, designs: np.ndarray) -> tuple[Runs, np.ndarray]:
         """See `Demand`."""
         from tpd.design.ground.crossing import crossings
 
         # The runs at the intensities of the conditions are for the limits.
         runs = objective.evaluate(designs)
-        found = crossings(objective, designs, self.scan, self.highest, slopes=slopes)
+        found = crossings(objective, designs, self.scan, self.highest)
         # What is known to stand up to a factor only counts as overturning there, and is named.
-        runs = runs._replace(undecided=runs.undecided | found.undecided)
-        value = 1.0 / found.intensity
-        known = np.isfinite(found.intensity) & ~found.undecided
-        return runs, Demands(value, np.where(known[..., None], -(value**2)[..., None] * found.slope, 0.0))
+        return runs._replace(undecided=runs.undecided | found.undecided), 1.0 / found.intensity
 
 
 class Share(NamedTuple):
@@ -228,8 +221,3 @@ def share_beyond(
     value = float(np.sum(w * beyond))
     errors = np.std(each, axis=0, ddof=1) / math.sqrt(n), math.sqrt(value * (1.0 - value) / n)
     return Share(value, each.mean(axis=0), errors[1], errors[0])
-
-
-def _normal(x: np.ndarray) -> np.ndarray:
-    """Normal distribution function."""
-    return 0.5 * np.vectorize(math.erfc, otypes=[float])(-x / math.sqrt(2.0))

@@ -16,8 +16,8 @@ from tpd.design.ground.groups import Role
 from tpd.design.ground.judgement import Benefit, Judged, benefit_of
 from tpd.design.ground.parts import Parts
 from tpd.design.ground.search import Evaluated, GroundSearch
-from tpd.design.ground.surface import Surface
 from tpd.design.space import DesignSpace
+from tpd.design.surface import Surface
 
 LEAST_EARTHQUAKES = 5
 """Earthquakes that a design must be tuned to, and as many that it must be judged on, for a verdict: of fewer

@@ -203,7 +203,7 @@ def solve(problem: GroundProblem, store: Store, report: Progress | None) -> Grou
     """Search, and judge the best design; see `optimise_on_motions`."""
     objective, demand, risk = problem.objective, problem.demand, problem.risk
     bare, demands = demand.follow(objective, np.array([[0.0, 1.0, 0.3]]))
-    demanded = float(risk_of_known(risk, demands.value)[0])
+    demanded = float(risk_of_known(risk, demands)[0])
     search = Searcher(
         objective,
         demand,
@@ -226,7 +226,7 @@ def solve(problem: GroundProblem, store: Store, report: Progress | None) -> Grou
         return _answer(problem, search, demanded, _none_feasible(found, search.names), None)
     if not found.value[best] < demanded - _SLIGHT:
         _, again = demand.follow(objective, found.designs[best][None])
-        hangs = _hangs(risk, again.value[0], demands.value[0])
+        hangs = _hangs(risk, again[0], demands[0])
         verdict = _unknown(hangs) if hangs else _no_improvement(found, search.names, best, demanded)
         return _answer(problem, search, demanded, verdict, best)
     judged = tuple(_judged(problem, found.designs[best], group, report) for group in problem.groups)

@@ -1,13 +1,12 @@
 """Search for the design of least demand on ground motions.
 
-Designs spread over the whole space come first. A response surface through their values and derivatives then
-says which design is worth following next (expected improvement of the trend; D. R. Jones, M. Schonlau and
-W. J. Welch, J. Global Optim. 13, 1998), and which of all is the best: that of least trend, not the luckiest.
+Designs spread over the whole space come first. A response surface through their values then
+says which design is worth following next, and which of all is the best: that of least trend, not the
+luckiest.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -16,27 +15,15 @@ import numpy as np
 
 from tpd.core import checks, sampling
 from tpd.design.criteria import Risk
-from tpd.design.ground.demand import Demand, Demands
+from tpd.design.ground.demand import Demand
 from tpd.design.ground.objective import GroundObjective
-from tpd.design.ground.surface import Observations, Surface, fit
 from tpd.design.space import DesignSpace
+from tpd.design.surface import Observations, Surface, candidates, fit, improvement, likely
 
-_CANDIDATES = 1500
-_NEAR = 500
-"""Designs that are compared on the surface: anywhere in the space, and near the best ones."""
-_WIDTHS = (0.03, 0.5)
-"""Widths of the candidates about the best, in shares of the space."""
 _LEAST_SIZE = 1e-6
-_TRIED = 8
-"""Designs after which derivatives are given up if they are chaotic."""
-TOO_STEEP = 3.0
-"""Derivative of a demand along the whole space, beyond which a run is chaotic: no demand goes through its
-range several times."""
 SPARE = 0.05
 """Share of every limit that the search leaves free: other earthquakes and other blocks take more room than
 those that a design is tuned to, by which it would lie on its limits."""
-_CHAOTIC = 0.05
-"""Weight of the chaotic runs beyond which the derivatives of a risk are not used."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,14 +38,10 @@ class GroundSearch:
     """Designs spread over the space."""
     steps: int = 32
     """Designs that follow one by one."""
-    derivatives: bool = False
-    """Whether derivatives enter the surface. They say nothing of the runs that a step takes beyond the edge,
-    and a mean changes mostly by these: a search without them finds better designs."""
 
     def __post_init__(self) -> None:
         checks.count("starts", self.starts, least=4)
         checks.count("steps", self.steps, least=0)
-        checks.flag("derivatives", self.derivatives)
 
 
 class Evaluated(NamedTuple):
@@ -68,10 +51,6 @@ class Evaluated(NamedTuple):
     """(mu, lam, zeta), (m, 3)"""
     value: np.ndarray
     """Risk of the demands, (m,)."""
-    slope: np.ndarray
-    """Derivatives along the shares of the space, chaotic runs left out, (m, d)."""
-    slope_error: np.ndarray
-    """Standard errors over the motions, (m, d)."""
     sizes: np.ndarray
     """Limited quantities over their limits, (m, sizes)."""
     overturned: np.ndarray
@@ -153,40 +132,14 @@ class Searcher:
                 self.store.put(i, one)
         self.found = one if self.found is None else self.found.with_one(one)
 
-    @property
-    def _asks_derivatives(self) -> bool:
-        """Whether derivatives are worth their time: not where the first designs had hardly any."""
-        # Derivatives take as long as the values once more.
-        e = self.found
-        if e is None or len(e.value) < _TRIED:
-            return self.method.derivatives
-        return self.method.derivatives and float(np.mean(np.isfinite(e.slope[:_TRIED]))) > 0.2
-
     def evaluate(self, designs: np.ndarray) -> Evaluated:
         """Follow designs through all motions."""
-        runs, found = self.demand.follow(self.objective, designs, slopes=self._asks_derivatives)
+        runs, found = self.demand.follow(self.objective, designs)
         self.names, sizes = self.objective.sizes(runs, designs)
-        slope, error = self._slopes(found)
         undecided = runs.undecided.sum(axis=1)
         share = runs.overturned.sum(axis=1) / np.maximum(runs.overturned.shape[1] - undecided, 1)
-        value = risk_of_known(self.risk, found.value)
-        return Evaluated(designs, value, slope, error, sizes, share, undecided)
-
-    def _slopes(self, found: Demands) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of the risk along the shares of the space, and their standard errors over the motions;
-        NaN where chaotic runs have too much weight."""
-        low, high = self.space.bounds
-        each = found.slope[..., : low.size] * (high - low)
-        n, weights = found.value.shape[1], _weights(self.risk, found.value)[..., None]
-        # The derivative of a chaotic run is exact, but it holds for a step that is no design's.
-        sound = np.all(np.isfinite(each) & (np.abs(each) <= TOO_STEEP), axis=-1, keepdims=True)
-        kept = weights * np.where(sound, each, 0.0)
-        slope = kept.sum(axis=1)
-        error = np.sqrt(n / max(n - 1, 1) * np.sum((kept - slope[:, None] / n) ** 2, axis=1))
-        # Of a run without an answer the weight is not known.
-        known = np.isfinite(found.value).all(axis=1, keepdims=True)
-        used = known & (np.sum(weights * ~sound, axis=1) <= _CHAOTIC)
-        return np.where(used, slope, np.nan), np.where(used, error, np.nan)
+        value = risk_of_known(self.risk, found)
+        return Evaluated(designs, value, sizes, share, undecided)
 
     def _fit(self, full: bool) -> None:
         """Fit the surfaces of demand and limits to all that was followed."""
@@ -197,11 +150,9 @@ class Searcher:
         if len(e.value) < 4:
             return
         at = self.space.scaled(e.designs)
-        use = self.method.derivatives
-        # Sizes are positive and range over decades: their logarithms are smooth.
-        seen = Observations(at, e.value, e.slope if use else None, e.slope_error if use else None)
         steps = 150 if full else 15
-        self.surface = fit(seen, self.seed, self.surface, steps)
+        self.surface = fit(Observations(at, e.value), self.seed, self.surface, steps)
+        # Sizes are positive and range over decades: their logarithms are smooth.
         before = self.limits or [None] * e.sizes.shape[1]
         over = np.maximum(e.sizes, _LEAST_SIZE) / (1.0 - SPARE)
         self.limits = [
@@ -221,53 +172,19 @@ class Searcher:
             return rng.random(d)
         trend, _ = surface.at(self.space.scaled(e.designs))
         ranked = np.argsort(np.where(e.spares, trend, np.inf))[:4]
-        # The surface is searched everywhere, and more closely where the best designs lie.
-        near = self.space.scaled(e.designs[rng.choice(ranked, _NEAR)])
-        # Of all widths, since nobody knows beforehand how far the best designs lie apart.
-        low, high = np.log(_WIDTHS)
-        width = np.exp(rng.uniform(low, high, (_NEAR, 1)))
-        near = np.clip(near + width * rng.standard_normal((_NEAR, d)), 0.0, 1.0)
-        x = np.concatenate([rng.random((_CANDIDATES, d)), near])
-        mean, deviation = surface.at(x)
+        x = candidates(rng, self.space.scaled(e.designs[ranked]))
         # Limits are kept with a probability, as their surfaces see it.
-        likely = np.ones(len(x))
-        for limit in self.limits:
-            middle, width = limit.at(x)
-            likely *= _cdf(-middle / np.maximum(width, 1e-9))
+        keeps = likely(self.limits, x)
         if not e.spares.any():
             # Nothing to improve on yet.
-            return x[np.argmax(likely)]
+            return x[np.argmax(keeps)]
         if i >= last:
             # At last the least of the trend itself.
-            return x[np.argmin(np.where(likely > 0.5, mean, np.inf))]
-        return x[np.argmax(likely * _improvement(float(trend[ranked[0]]) - mean, deviation))]
+            return x[np.argmin(np.where(keeps > 0.5, surface.at(x)[0], np.inf))]
+        return x[np.argmax(keeps * improvement(surface, x, float(trend[ranked[0]])))]
 
 
 def risk_of_known(risk: Risk, values: np.ndarray) -> np.ndarray:
     """Risk of every row of demands over its runs with an answer; NaN where no run has one."""
     known = ~np.isnan(values)
     return np.array([float(risk.of(v[k])) if k.any() else np.nan for v, k in zip(values, known, strict=True)])
-
-
-def _weights(risk: Risk, values: np.ndarray) -> np.ndarray:
-    """Weights of the runs in a risk measure, its derivatives in the values; (m, n)."""
-    n, cap = values.shape[-1], risk.cap(values.shape[-1])
-    # The measure is linear between changes of the order of its values.
-    order = np.argsort(-values, axis=-1, kind="stable")
-    weights = np.zeros_like(values)
-    np.put_along_axis(
-        weights, order, np.broadcast_to(np.clip(1.0 - cap * np.arange(n), 0.0, cap), values.shape), -1
-    )
-    return weights
-
-
-def _improvement(gain: np.ndarray, deviation: np.ndarray) -> np.ndarray:
-    """Expected improvement where the trend is `gain` below the best, give or take a deviation."""
-    s = np.maximum(deviation, 1e-12)
-    z = gain / s
-    return gain * _cdf(z) + s * np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi)
-
-
-def _cdf(x: np.ndarray) -> np.ndarray:
-    """Normal distribution function."""
-    return 0.5 * np.vectorize(math.erfc, otypes=[float])(-x / math.sqrt(2.0))

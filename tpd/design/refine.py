@@ -1,0 +1,202 @@
+"""Refinement: which designs are the best by runs of the nonlinear equations from many starts.
+
+From rest many designs are alike; what tells them apart is how they serve from other starts. A few hundred
+runs of one design leave its mean tilt unknown by several points, so that the best of many by such a mean is
+the luckiest. Here every design has runs of its own, and a surface through all of them averages the luck out:
+it says which designs to try next, and which is the best. How far the bob swings differs little from run to
+run: a surface through a quantile of it, and the tail that all designs near the wall share, say which designs
+strike a wall in too many runs, long before a design has runs enough to count its strikes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from tpd.design.screening import first_apart
+from tpd.design.space import DesignSpace
+from tpd.design.surface import Observations, Surface, candidates, fit, improvement, likely
+from tpd.design.survey import ON_THE_WAY, Survey
+
+RUNS = 128
+"""Runs of each design."""
+_TRIED, _SPARE = 16, (0.0, 0.04, 0.08)
+"""Designs of a survey that are tried first, as many for each of some shares of the room that they spare: runs
+that begin elsewhere swing further than those from rest."""
+_ROUNDS, _BATCH, _ASKED, _WEIGHED = 5, 8, 24, 600
+"""Rounds of further designs, how many each has, how many are followed from rest to choose them, and how many
+are asked for the limits that need no run before."""
+_APART, _WIDER = 0.03, 0.2
+"""Least distance of designs of a round, in shares of the part of the space that is searched: that of the
+designs that help, wider by a share on each side."""
+_BULK = 0.9
+"""Share of the runs below the quantile whose surface is fitted."""
+_SHARED = 16
+"""Designs that share a tail: those of which this quantile is nearest to the wall."""
+_SAFE = 0.6
+"""Share of the allowed strikes that a design may have: it leaves room for luck in the runs that judge."""
+_FIRST, _LATER = 150, 40
+"""Steps of the fit of a surface in the first round, and later."""
+_LEAST = 1e-3
+
+
+class Tried(NamedTuple):
+    """Runs of one design from many starts."""
+
+    severity: float
+    """Mean of the settled tilts over nu, 1 where the block overturns."""
+    rests: float
+    """Share of the runs that end at rest."""
+    reach: np.ndarray
+    """How far the bob comes in each run that stands, over the distance of the wall; empty without walls."""
+
+
+class Refinement:
+    """Designs tried so far, and the surfaces through them."""
+
+    def __init__(
+        self, space: DesignSpace, around: np.ndarray, strikes: float, rests: float, seed: int
+    ) -> None:
+        self.space, self.level, self.rests, self.seed = space, 1.0 - _SAFE * strikes, rests, seed
+        # Where designs help is a small part of the space; the surfaces are for this part.
+        units = space.scaled(around)
+        low, high = units.min(axis=0), units.max(axis=0)
+        self.low = np.maximum(low - _WIDER * (high - low), 0.0)
+        self.width = np.maximum(np.minimum(high + _WIDER * (high - low), 1.0) - self.low, _LEAST)
+        self.at, self.helps, self.tried = np.zeros((0, len(low))), np.zeros(0, bool), list[Tried]()
+        self.surface: Surface | None = None
+        self.limits = list[Surface]()
+
+    def scaled(self, designs: np.ndarray) -> np.ndarray:
+        """Places of designs (m, 3) in the part of the space that is searched, (m, d)."""
+        return (self.space.scaled(designs) - self.low) / self.width
+
+    def unscaled(self, x: np.ndarray) -> np.ndarray:
+        """Designs (m, 3) of places (m, d)."""
+        return self.space.unscaled(np.clip(self.low + x * self.width, 0.0, 1.0))
+
+    def add(self, designs: np.ndarray, helps: np.ndarray, tried: list[Tried]) -> None:
+        """Add designs (m, 3), whether each helps from rest, and their runs; fit the surfaces again."""
+        known = [np.isfinite(t.severity) for t in tried]
+        self.at = np.concatenate([self.at, self.scaled(designs)[known]])
+        self.helps = np.concatenate([self.helps, helps[known]])
+        self.tried += [t for t, good in zip(tried, known, strict=True) if good]
+        if not self.tried:
+            return
+
+        def fitted(values: np.ndarray, before: Surface | None) -> Surface:
+            # The numbers of a surface change little from one round to the next.
+            return fit(Observations(self.at, values), self.seed, before, _FIRST if before is None else _LATER)
+
+        self.surface = fitted(np.array([t.severity for t in self.tried]), self.surface)
+        limited = [self._beyond()] if any(len(t.reach) for t in self.tried) else []
+        if self.rests > 0.0:
+            limited.append(self.rests - np.array([t.rests for t in self.tried]))
+        before = self.limits if len(self.limits) == len(limited) else [None] * len(limited)
+        self.limits = [fitted(x, b) for x, b in zip(limited, before, strict=True)]
+
+    def _beyond(self) -> np.ndarray:
+        """Logarithm of the reach that all but the allowed runs keep within, over that of the wall, (m,)."""
+        reach = [np.log(np.maximum(t.reach, _LEAST)) for t in self.tried]
+        # Where no run stands nothing is known of the bob, and the tilt says enough.
+        bulk = np.array([np.quantile(x, _BULK) if len(x) else 0.0 for x in reach])
+        # The tail beyond the bulk is the same for designs alike, and one design has few runs in it.
+        tails = [reach[i] - bulk[i] for i in np.argsort(np.abs(bulk)) if len(reach[i])][:_SHARED]
+        return bulk + np.quantile(np.concatenate(tails), self.level)
+
+    def keeps(self, x: np.ndarray) -> np.ndarray:
+        """Probability that designs at places (m, d) strike in no more runs than is safe, and rest in no fewer
+        than the bare block."""
+        return likely(self.limits, x)
+
+    def rank(self, x: np.ndarray) -> np.ndarray:
+        """Order of designs at places (m, d): those that keep to the limits first, then by the trend of their
+        tilt."""
+        if self.surface is None:
+            return np.arange(len(x))
+        keeps = self.keeps(x)
+        return np.lexsort((self.surface.at(x)[0], np.where(keeps >= 0.5, 0.0, 1.0 - keeps)))
+
+    def next(self, turn: int, last: bool, still: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """Designs (m, 3) worth trying, the best first, that keep to the limits `still`, which need no run."""
+        ranked = self.rank(self.at)
+        best = self.at[ranked[self.helps[ranked]][:4]]
+        if not len(best) or self.surface is None:
+            # No run has an answer.
+            return self.unscaled(best)
+        x = candidates(np.random.default_rng([self.seed, 12, turn]), best)
+        keeps = self.keeps(x)
+        if last:
+            # At last the least of the trend itself.
+            order = self.rank(x)
+        elif self.keeps(best[:1])[0] >= 0.5:
+            trend = float(self.surface.at(best)[0][0])
+            order = np.argsort(-keeps * improvement(self.surface, x, trend), kind="stable")
+        else:
+            # Nothing to improve on yet.
+            order = np.argsort(-keeps, kind="stable")
+        order = order[:_WEIGHED]
+        order = order[still(self.unscaled(x[order]))]
+        return self.unscaled(x[first_apart(x, order, _ASKED, _APART)])
+
+
+def refine(
+    found: Survey,
+    space: DesignSpace,
+    run: Callable[[np.ndarray, int], Tried],
+    still: Callable[[np.ndarray], np.ndarray],
+    follow: Callable[[np.ndarray], Survey],
+    strikes: float,
+    rests: float,
+    seed: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> Survey:
+    """A survey with further designs, the best by runs from many starts first.
+
+    Args:
+        found: designs followed from rest.
+        space: bounds of the search.
+        run: runs of one design (3,), the i-th that is tried.
+        still: which of some designs (m, 3) keep to the limits that need no run.
+        follow: survey of further designs (m, 3), from rest.
+        strikes: share of the runs in which the bob may strike a wall.
+        rests: share of the runs that must end at rest.
+        seed: of the designs that are compared.
+        progress: called with (designs tried, of how many at most).
+    """
+    helps, units = np.flatnonzero(found.helps), space.scaled(found.designs)
+    way = found.excess.get(ON_THE_WAY, np.full(len(units), -np.inf))
+    first = list[int]()
+    for spare in _SPARE:
+        first += first_apart(units, helps[way[helps] <= -spare], _TRIED)
+    if not first:
+        return found
+    first, count = list(dict.fromkeys(first)), 0
+    here, total = Refinement(space, found.designs[helps], strikes, rests, seed), len(first) + _ROUNDS * _BATCH
+
+    def attempt(some: Survey) -> None:
+        nonlocal count
+        tried = []
+        for design in some.designs:
+            if progress is not None:
+                progress(count + 1, total)
+            tried.append(run(design, count))
+            count += 1
+        here.add(some.designs, some.helps, tried)
+
+    attempt(found.at(np.array(first)))
+    for turn in range(_ROUNDS):
+        designs = here.next(turn, turn == _ROUNDS - 1, still)
+        if len(designs):
+            # Limits on a motion from rest are asked of that motion.
+            more = follow(designs)
+            found = found.joined(more)
+            # A design that does not help from rest says where to try no more.
+            attempt(more.at(np.argsort(~more.helps, kind="stable")[:_BATCH]))
+    at = here.scaled(found.designs)
+    known = np.array([np.any(np.all(np.isclose(here.at, x, atol=1e-12), axis=1)) for x in at], dtype=bool)
+    ranked = here.rank(at)
+    # Designs that had runs before those that had none: of these the surface only guesses.
+    return found.at(ranked[np.lexsort((~known[ranked], ~found.helps[ranked]))])
