@@ -119,8 +119,9 @@ def test_a_survey_of_which_nothing_helps_stays_as_it_is():
 
 
 def test_runs_without_an_answer_say_nothing():
-    found = refined(lambda design, i: Tried(np.nan, 0.0, np.zeros(0)))
-    assert len(found.designs) >= 40
+    first = made(spread(40))
+    found = refined(lambda design, i: Tried(np.nan, 0.0, np.zeros(0)), first)
+    assert {tuple(x) for x in first.designs} == {tuple(x) for x in found.designs}
     half = Noisy()
     found = refined(
         lambda design, i: half(design, i) if i % 2 == 0 else half(design, i)._replace(severity=np.nan)
@@ -129,14 +130,9 @@ def test_runs_without_an_answer_say_nothing():
 
 
 def test_where_the_bare_block_rests_more_often_designs_give_way():
-    here = Refinement(SPACE, spread(10), 0.01, 0.5, 0)
-    designs = spread(30)
-    rests = SPACE.scaled(designs)[:, 0] / 0.4
-    tried = [
-        Tried(float(tilt(SPACE.scaled(d[None]))[0]), r, np.zeros(0))
-        for d, r in zip(designs, rests, strict=True)
-    ]
-    here.add(designs, np.ones(30, bool), tried)
+    here, designs = Refinement(SPACE, spread(10), 0.01, 0.5, 0), spread(30)
+    rests, severity = SPACE.scaled(designs)[:, 0] / 0.4, tilt(SPACE.scaled(designs))
+    here.add(made(designs), [Tried(*x, np.zeros(0)) for x in zip(severity, rests, strict=True)])
     keeps = here.keeps(here.scaled(designs)) > 0.5
     assert np.mean(keeps == (rests > 0.5)) > 0.9
     ranked = here.rank(here.scaled(designs))
@@ -148,7 +144,19 @@ def test_a_design_in_which_nothing_stands_has_no_reach():
     run = Noisy(walls=True)
     tried = [run(d, i) for i, d in enumerate(designs)]
     tried[3] = Tried(1.0, 0.0, np.zeros(0))
-    here.add(designs, np.ones(12, bool), tried)
-    assert len(here.limits) == 1
-    assert np.isfinite(here.limits[0].seen.value).all()
+    here.add(made(designs), tried)
+    assert set(here.limits) == {"walls"}
+    assert len(here.limits["walls"].seen.value) == 11
     assert here.next(0, False, everything).shape[1] == 3
+
+
+@pytest.mark.parametrize("damping", [(0.05, 0.55), 0.3], ids=["three ratios", "a fixed damping"])
+@pytest.mark.parametrize("count", [1, 2])
+def test_from_one_design_that_helps_the_search_still_goes_on(damping, count):
+    space = tpd.DesignSpace(mass_ratio=(0.01, 0.21), length_ratio=(0.1, 1.1), damping_ratio=damping)
+    first, run = made(space.unscaled(space.scaled(spread(count)))), Noisy()
+    found = refine(first, space, run, everything, made, 0.0, 0.0, 0)
+    tried = space.scaled(np.array(run.designs))
+    assert len(tried) > 8
+    assert np.ptp(tried, axis=0).min() > 0.02
+    assert tilt(SPACE.scaled(found.designs[:1])[0]) < tilt(SPACE.scaled(first.designs)).min()

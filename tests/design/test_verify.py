@@ -1,6 +1,8 @@
 """The verification: every step's reasons, from motions that are given to it."""
 
+import contextlib
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,9 +13,10 @@ from tests.design.conftest import ANY_WORTH, BAND, FEW_STEPS, SCENE
 from tests.design.test_followed import followed
 from tests.design.test_objective import GOOD, orbits
 from tpd.analysis.ensemble import outcomes
-from tpd.design import verify
+from tpd.design import optimise, verify
 from tpd.design.active import nearest
 from tpd.design.by_runs import JUDGES
+from tpd.design.problem import Problem
 from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import DesignStatus
 from tpd.design.steps import pendulum_of
@@ -350,45 +353,88 @@ class Unlucky(Scripted):
         return dataclasses.replace(v, chosen_by=v.benefit, reasons=reasons)
 
 
-@pytest.mark.parametrize(
-    ("unlucky", "count", "status"), [(0, 1, "found"), (2, 3, "found"), (9, 3, "refused")]
-)
+UNLUCKY = [(0, 1, "found"), (2, 3, "found"), (9, 3, "refused")]
+
+
+def verified_by(stern, search, monkeypatch):
+    """What becomes of four designs that a survey has found."""
+    stern.refusals, stern.fresh = 0, SimpleNamespace(under_other_losses=lambda pendulum: ())
+    both = (surveyed(search, SPREAD, [0.1, 0.2, 0.3, 0.4]),) * 2
+    if not stern.by_overturning:
+        monkeypatch.setattr(verify, "refine", lambda found, *_: found)
+    monkeypatch.setattr(optimise, "survey", lambda *_: both)
+    monkeypatch.setattr(optimise, "elasticities_of", lambda *_: {})
+    found, o = optimise.Found(search, stern), search.objective
+    problem = Problem(SCENE, o.space, tpd.Starts.any(), FEW_STEPS, o, ANY_WORTH, 0)
+    with contextlib.suppress(KeyboardInterrupt):
+        optimise._verify(problem, found, None)
+    return found
+
+
+@pytest.mark.parametrize(("unlucky", "count", "status"), UNLUCKY)
 def test_after_a_refusal_by_fresh_runs_the_next_design_is_judged_but_no_more_than_three(
-    search, unlucky, count, status
+    search, monkeypatch, unlucky, count, status
 ):
     stern = Unlucky(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
-    stern.refusals, stern.unlucky = 0, unlucky
-    assert stern.best_of_survey(search, surveyed(search, SPREAD, [0.1, 0.2, 0.3, 0.4])).name == status
+    stern.unlucky = unlucky
+    assert verified_by(stern, search, monkeypatch).status.name == status
     assert [v.mass_ratio for v in stern.verified] == [pytest.approx(x[0]) for x in SPREAD[:count]]
-    assert [bool(v.reasons) for v in stern.verified] == [True] * min(unlucky, count) + [False] * (
-        unlucky < count
-    )
+    assert [bool(v.reasons) for v in stern.verified] == [i < unlucky for i in range(count)]
+
+
+def test_an_interruption_of_the_judgement_leaves_the_design_that_passed(search, monkeypatch):
+    class Interrupted(Unlucky):
+        def by_fresh_runs(self, v):
+            raise KeyboardInterrupt
+
+    stern = Interrupted(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
+    found = verified_by(stern, search, monkeypatch)
+    assert found.status is DesignStatus.found
+    assert len(found.surveys) == 2
+
+
+def test_what_overturns_least_is_asked_of_motions_from_rest_alone(search, monkeypatch):
+    stern = Unlucky(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, True, None)
+    monkeypatch.setattr(verify, "refine", None)
+    assert verified_by(stern, search, monkeypatch).status is DesignStatus.found
 
 
 def test_trial_runs_are_those_of_no_other_step(search, monkeypatch):
-    """Each design has seeds of its own; without walls no run strikes, and what breaks no limit is asked."""
-    made, seeds = Verification(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None), []
+    """Each design has seeds of its own, and an order of the conditions."""
+    made, asked = Verification(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None), []
 
     def scripted(found, space, run, still, follow, strikes, rests, seed, progress):
         for i in range(3):
             tried = run(found.designs[0], i)
             assert 0.0 <= tried.severity <= 1.0
-            assert len(tried.reach) == 0
+            assert len(tried.reach) == 0, "without walls"
         # The first design has too little reserve.
         assert still(found.designs).tolist() == [False, True, True, True]
         assert follow(found.designs[:1]).equations == "nonlinear"
         assert strikes == ANY_WORTH.strikes
-        assert rests <= made.runs.bare.at_rest.value
+        share = made.runs.bare.at_rest.value
+        assert rests == pytest.approx(share - 1.645 * np.sqrt(share * (1.0 - share) / 16))
         return found
 
-    def counted(*args, ensemble, **settings):
-        seeds.append(ensemble.seed)
-        return outcomes(*args, ensemble=ensemble, **settings)
+    def counted(scene, pendulum, *, ensemble, conditions, equations):
+        asked.append((ensemble.seed, tuple(conditions.factors["frequency"])))
+        assert (equations, ensemble.size, ensemble.periods) == ("nonlinear", RUNS.size, RUNS.periods)
+        return outcomes(scene, pendulum, ensemble=ensemble, conditions=conditions, equations=equations)
 
     monkeypatch.setattr(verify, "refine", scripted)
     monkeypatch.setattr(verify, "outcomes", counted)
+    monkeypatch.setattr(verify, "_FEW", 0)
     made.refined(surveyed(search, SPREAD, [0.1, 0.2, 0.3, 0.4]), search.objective, 0)
+    seeds, orders = zip(*asked, strict=True)
     assert len({*seeds, RUNS.seed, RUNS.seed + JUDGES}) == 5
+    assert {tuple(sorted(order)) for order in orders} == {tuple(sorted(BAND.factors["frequency"]))}
+    assert len(set(orders)) > 1
+    monkeypatch.setattr(verify, "_FEW", 128)
+    monkeypatch.setattr(verify, "refine", lambda *args: asked.append(args[6]) or args[0])
+    made.refined(surveyed(search, SPREAD, [0.1, 0.2, 0.3, 0.4]), search.objective, 0)
+    assert asked.pop() == 0.0, "of a few runs that rest no trial has any"
+    none = surveyed(search, SPREAD, [0.9, 0.9, 0.9, 0.9])
+    assert made.refined(none, search.objective, 0) is none, "no run where nothing helps"
 
 
 def test_neighbours_of_a_refused_design_are_passed_over(search):

@@ -202,5 +202,9 @@ def test_the_runs_that_judged_are_named_beside_those_that_chose():
     design = designs.around(verified=(winner,), losses=SOUND)
     assert "Over 40 fresh paired runs of the nonlinear equations: 66% less tilt" in benefit.headline(design)
     caption = benefit.paired_runs(design)[0].caption
-    assert "seed 2, which judged the design once and which no choice has seen" in caption
-    assert "(those that chose it, seed 0, gave 71% less tilt" in caption
+    assert "seed 2, which judged the design once and which no choice has seen; those" in caption
+    failed = dataclasses.replace(winner, reasons=(Reason(step=Step.judgement, kind=ReasonKind.strikes),))
+    design = designs.around(verified=(failed, winner), losses=SOUND)
+    caption = benefit.paired_runs(design)[0].caption
+    assert "by which 1 of the designs before it failed (more tries" in caption
+    assert "those that chose it, seed 0, gave 71% less tilt" in caption

@@ -108,9 +108,6 @@ def reach_of(found: Outcomes, pendulum: Pendulum, block: Block, bob: Bob) -> np.
     """How far the bob comes, on the way or settled, over the distance of the wall, in each run that is known
     to stand; the largest bob angle and the largest tilt are added, which is never too little."""
     stands = ~(found.lost | found.undecided)
-    if not stands.any():
-        # A function of no angles would be compiled again.
-        return np.zeros(0)
     angle = (found.peak_stroke + found.peak)[stands]
     return np.asarray(bob.reach(pendulum.mass, pendulum.length, angle)) / (0.5 * float(block.room))
 

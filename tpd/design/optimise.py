@@ -36,7 +36,7 @@ from tpd.design.steps import pendulum_of
 from tpd.design.subproblem import prepare_steps
 from tpd.design.survey import Survey, survey
 from tpd.design.verified import LossCase
-from tpd.design.verify import Verification
+from tpd.design.verify import JUDGED, Verification
 from tpd.design.worth import Worth
 from tpd.models.compiled_linear import load_compiled
 from tpd.models.smoothed import Smoothed
@@ -97,7 +97,8 @@ def optimise(
     validates every end. Designs that the descents met, and others, are followed from rest by the linear and
     the nonlinear equations, and the best are verified one after the other until one passes: paired runs of
     the nonlinear equations must show the least benefit that `worth` asks for, and no harm. The one that
-    passes is judged once by fresh runs, of another seed, which the answer quotes.
+    passes is judged by fresh runs, of another seed, which the answer quotes; under several conditions the
+    next is judged if they refuse it, three at most.
 
     Args:
         scene: block and base motion, SI; under ground motions a block alone will do.
@@ -126,10 +127,16 @@ def optimise(
         return _on_motions(scene, space, conditions, on_motions, (starts, ensemble, worth, by_overturning))
     block_and_motion, how = _of_harmonics(scene, method, on_motions)
     problem = Problem.of(block_and_motion, space, conditions, starts, risk, limits, how, seed, worth)
-    runs = _ensemble(Ensemble(seed=seed) if ensemble is None else ensemble, block_and_motion)
+    runs = Ensemble(seed=seed) if ensemble is None else ensemble
+    checks.instance("ensemble", runs, Ensemble)
+    if runs.restitution > 0.0:
+        check_restitution(block_and_motion)
     checks.flag("by_overturning", by_overturning)
+    if checkpoint is not None:
+        checks.instance("checkpoint", checkpoint, (Path, str))
     with shown(progress) as report:
-        return solve(problem, runs, by_overturning, _file(checkpoint), report)
+        file = None if checkpoint is None else Path(checkpoint)
+        return solve(problem, runs, by_overturning, file, report)
 
 
 def _on_motions(
@@ -162,22 +169,6 @@ def _of_harmonics(
     if isinstance(scene, Block) or isinstance(method, GroundSearch):
         raise ValueError("a block alone, and a `GroundSearch`, go with ground motions: `Conditions.records`")
     return scene, method
-
-
-def _ensemble(ensemble: Ensemble, scene: Scene) -> Ensemble:
-    """Runs that verify, checked."""
-    checks.instance("ensemble", ensemble, Ensemble)
-    if ensemble.restitution > 0.0:
-        check_restitution(scene)
-    return ensemble
-
-
-def _file(checkpoint: Path | str | None) -> Path | None:
-    """Path of a checkpoint, checked."""
-    if checkpoint is None:
-        return None
-    checks.instance("checkpoint", checkpoint, (Path, str))
-    return Path(checkpoint)
 
 
 def solve(
@@ -243,7 +234,7 @@ def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
     else:
         _verify_several(problem, found, progress)
     verification = found.verification
-    if found.status is DesignStatus.found and verification.verified[-1].chosen_by is None:
+    if found.status is DesignStatus.found and not found.surveys:
         found.status = verification.judge()
     if found.status is DesignStatus.found and not found.search.interrupted:
         winner = verification.verified[-1]
@@ -281,11 +272,16 @@ def _verify_several(problem: Problem, found: Found, progress: Progress | None) -
     met = np.concatenate([search.designs[ends[~search.contradicted[ends]]], passed])
     few = objective.over(objective.conditions.subset(SURVEYED, problem.seed))
     after = None if progress is None else stage(progress, "survey")
-    wide, fine = survey(few, met, verification.ensemble.periods, problem.seed, after)
+    found.surveys = wide, fine = survey(few, met, verification.ensemble.periods, problem.seed, after)
     if not verification.by_overturning:
-        fine = verification.refined(fine, few, problem.seed)
-    found.surveys = wide, fine
-    found.status = verification.best_of_survey(search, fine)
+        found.surveys = wide, fine = wide, verification.refined(fine, few, problem.seed)
+    for _ in range(JUDGED):
+        # An interruption leaves the design that has passed.
+        found.status = verification.best_of_survey(search, fine)
+        if found.status is DesignStatus.found:
+            found.status = verification.judge()
+        if found.status is not DesignStatus.refused or not verification.verified[-1].chosen_by:
+            break
 
 
 def _searched(

@@ -3,7 +3,8 @@
 From rest many designs are alike; what tells them apart is how they serve from other starts. A few hundred
 runs of one design leave its mean tilt unknown by several points, so that the best of many by such a mean is
 the luckiest. Here every design has runs of its own, and a surface through all of them averages the luck out:
-it says which designs to try next, and which is the best. How far the bob swings differs little from run to
+it says which designs to try next, and which is the best. Runs that all designs share would leave their own
+luck in every mean, and no surface could average it out. How far the bob swings differs little from run to
 run: a surface through a quantile of it, and the tail that all designs near the wall share, say which designs
 strike a wall in too many runs, long before a design has runs enough to count its strikes.
 """
@@ -20,7 +21,7 @@ from tpd.design.space import DesignSpace
 from tpd.design.surface import Observations, Surface, candidates, fit, improvement, likely
 from tpd.design.survey import ON_THE_WAY, Survey
 
-RUNS = 128
+RUNS = 256
 """Runs of each design."""
 _TRIED, _SPARE = 16, (0.0, 0.04, 0.08)
 """Designs of a survey that are tried first, as many for each of some shares of the room that they spare: runs
@@ -28,18 +29,18 @@ that begin elsewhere swing further than those from rest."""
 _ROUNDS, _BATCH, _ASKED, _WEIGHED = 5, 8, 24, 600
 """Rounds of further designs, how many each has, how many are followed from rest to choose them, and how many
 are asked for the limits that need no run before."""
-_APART, _WIDER = 0.03, 0.2
+_APART, _WIDER, _NARROW = 0.03, 0.2, 0.02
 """Least distance of designs of a round, in shares of the part of the space that is searched: that of the
-designs that help, wider by a share on each side."""
-_BULK = 0.9
-"""Share of the runs below the quantile whose surface is fitted."""
+designs that help, wider by a share on each side, at least by a share of the bounds."""
+_BULK, _ENOUGH = 0.9, 20
+"""Share of the runs below the quantile whose surface is fitted, and runs that must stand for one."""
 _SHARED = 16
 """Designs that share a tail: those of which this quantile is nearest to the wall."""
 _SAFE = 0.6
 """Share of the allowed strikes that a design may have: it leaves room for luck in the runs that judge."""
 _FIRST, _LATER = 150, 40
 """Steps of the fit of a surface in the first round, and later."""
-_LEAST = 1e-3
+_LEAST, _ALL = 1e-3, slice(None)
 
 
 class Tried(NamedTuple):
@@ -63,11 +64,12 @@ class Refinement:
         # Where designs help is a small part of the space; the surfaces are for this part.
         units = space.scaled(around)
         low, high = units.min(axis=0), units.max(axis=0)
-        self.low = np.maximum(low - _WIDER * (high - low), 0.0)
-        self.width = np.maximum(np.minimum(high + _WIDER * (high - low), 1.0) - self.low, _LEAST)
-        self.at, self.helps, self.tried = np.zeros((0, len(low))), np.zeros(0, bool), list[Tried]()
+        wider = np.maximum(_WIDER * (high - low), _NARROW)
+        self.low = np.maximum(low - wider, 0.0)
+        self.width = np.minimum(high + wider, 1.0) - self.low
+        self.at, self.excess, self.tried = np.zeros((0, len(low))), np.zeros(0), list[Tried]()
         self.surface: Surface | None = None
-        self.limits = list[Surface]()
+        self.limits = dict[str, Surface]()
 
     def scaled(self, designs: np.ndarray) -> np.ndarray:
         """Places of designs (m, 3) in the part of the space that is searched, (m, d)."""
@@ -77,39 +79,45 @@ class Refinement:
         """Designs (m, 3) of places (m, d)."""
         return self.space.unscaled(np.clip(self.low + x * self.width, 0.0, 1.0))
 
-    def add(self, designs: np.ndarray, helps: np.ndarray, tried: list[Tried]) -> None:
-        """Add designs (m, 3), whether each helps from rest, and their runs; fit the surfaces again."""
-        known = [np.isfinite(t.severity) for t in tried]
-        self.at = np.concatenate([self.at, self.scaled(designs)[known]])
-        self.helps = np.concatenate([self.helps, helps[known]])
+    def add(self, some: Survey, tried: list[Tried]) -> None:
+        """Add designs that were followed from rest and their runs, and fit the surfaces again."""
+        known = np.array([np.isfinite(t.severity) for t in tried])
+        worst = np.max([np.full(len(tried), -1.0), *some.excess.values()], axis=0)
+        self.at = np.concatenate([self.at, self.scaled(some.designs)[known]])
+        self.excess = np.concatenate([self.excess, np.minimum(worst, 1.0)[known]])
         self.tried += [t for t, good in zip(tried, known, strict=True) if good]
         if not self.tried:
             return
 
-        def fitted(values: np.ndarray, before: Surface | None) -> Surface:
+        def fitted(values: np.ndarray, before: Surface | None, rows: np.ndarray | slice = _ALL) -> Surface:
             # The numbers of a surface change little from one round to the next.
-            return fit(Observations(self.at, values), self.seed, before, _FIRST if before is None else _LATER)
+            steps = _FIRST if before is None else _LATER
+            return fit(Observations(self.at[rows], values[rows]), self.seed, before, steps)
 
         self.surface = fitted(np.array([t.severity for t in self.tried]), self.surface)
-        limited = [self._beyond()] if any(len(t.reach) for t in self.tried) else []
+        # Of a design with which hardly a run stands little is known of the bob, and the tilt says enough.
+        stands = np.flatnonzero([len(t.reach) >= _ENOUGH for t in self.tried])
+        if len(stands):
+            self.limits["walls"] = fitted(self._beyond(stands), self.limits.get("walls"), stands)
         if self.rests > 0.0:
-            limited.append(self.rests - np.array([t.rests for t in self.tried]))
-        before = self.limits if len(self.limits) == len(limited) else [None] * len(limited)
-        self.limits = [fitted(x, b) for x, b in zip(limited, before, strict=True)]
+            fewer = self.rests - np.array([t.rests for t in self.tried])
+            self.limits["rests"] = fitted(fewer, self.limits.get("rests"))
+        if np.any(self.excess > 0.0):
+            self.limits["from rest"] = fitted(self.excess, self.limits.get("from rest"))
 
-    def _beyond(self) -> np.ndarray:
+    def _beyond(self, stands: np.ndarray) -> np.ndarray:
         """Logarithm of the reach that all but the allowed runs keep within, over that of the wall, (m,)."""
-        reach = [np.log(np.maximum(t.reach, _LEAST)) for t in self.tried]
-        # Where no run stands nothing is known of the bob, and the tilt says enough.
-        bulk = np.array([np.quantile(x, _BULK) if len(x) else 0.0 for x in reach])
+        reach = {i: np.log(np.maximum(self.tried[i].reach, _LEAST)) for i in stands}
+        bulk = np.zeros(len(self.tried))
+        bulk[stands] = [np.quantile(reach[i], _BULK) for i in stands]
         # The tail beyond the bulk is the same for designs alike, and one design has few runs in it.
-        tails = [reach[i] - bulk[i] for i in np.argsort(np.abs(bulk)) if len(reach[i])][:_SHARED]
+        shared = stands[np.argsort(np.abs(bulk[stands]))][:_SHARED]
+        tails = [reach[i] - bulk[i] for i in shared]
         return bulk + np.quantile(np.concatenate(tails), self.level)
 
     def keeps(self, x: np.ndarray) -> np.ndarray:
-        """Probability that designs at places (m, d) strike in no more runs than is safe, and rest in no fewer
-        than the bare block."""
-        return likely(self.limits, x)
+        """Probability that designs at places (m, d) keep to what is asked for, as far as their trends say."""
+        return likely(list(self.limits.values()), x)
 
     def rank(self, x: np.ndarray) -> np.ndarray:
         """Order of designs at places (m, d): those that keep to the limits first, then by the trend of their
@@ -122,7 +130,7 @@ class Refinement:
     def next(self, turn: int, last: bool, still: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Designs (m, 3) worth trying, the best first, that keep to the limits `still`, which need no run."""
         ranked = self.rank(self.at)
-        best = self.at[ranked[self.helps[ranked]][:4]]
+        best = self.at[ranked[self.excess[ranked] <= 0.0][:4]]
         if not len(best) or self.surface is None:
             # No run has an answer.
             return self.unscaled(best)
@@ -184,7 +192,7 @@ def refine(
                 progress(count + 1, total)
             tried.append(run(design, count))
             count += 1
-        here.add(some.designs, some.helps, tried)
+        here.add(some, tried)
 
     attempt(found.at(np.array(first)))
     for turn in range(_ROUNDS):
@@ -193,10 +201,12 @@ def refine(
             # Limits on a motion from rest are asked of that motion.
             more = follow(designs)
             found = found.joined(more)
-            # A design that does not help from rest says where to try no more.
+            # Designs that help come first; one that breaks a limit from rest says where to try no more.
             attempt(more.at(np.argsort(~more.helps, kind="stable")[:_BATCH]))
+    if progress is not None:
+        progress(total, total)
     at = here.scaled(found.designs)
-    known = np.array([np.any(np.all(np.isclose(here.at, x, atol=1e-12), axis=1)) for x in at], dtype=bool)
+    known = np.array([np.any(np.all(np.abs(here.at - x) < 1e-12, axis=1)) for x in at], dtype=bool)
     ranked = here.rank(at)
     # Designs that had runs before those that had none: of these the surface only guesses.
     return found.at(ranked[np.lexsort((~known[ranked], ~found.helps[ranked]))])

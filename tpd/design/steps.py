@@ -4,7 +4,7 @@ In order: the exact solution by events from rest under every condition; a cross-
 searched with; shakings within 1 % of the worst condition; the nonlinear equations under the worst conditions
 and at limits; paired runs of the nonlinear equations, which choose by the benefit; and runs by the linear
 equations, for comparison. Each step gives typed reasons of refusal. The first step that refuses a design ends
-its verification, since every step costs more than the one before. The design that is chosen is judged once by
+its verification, since every step costs more than the one before. The design that is chosen is judged by
 fresh paired runs: the best of several by the same runs owes a part of its benefit to luck in them."""
 
 from __future__ import annotations

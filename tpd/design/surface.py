@@ -90,7 +90,7 @@ def fit(seen: Observations, seed: int = 0, before: Surface | None = None, steps:
     # Few numbers and a likelihood of half a millisecond: no gradient is needed.
     rng, width = np.random.default_rng([seed, len(seen.value)]), 0.8
     for _ in range(steps if len(seen.value) > 3 else 0):
-        # One is drawn more than is used, so that stored answers of older versions hold.
+        # One is drawn more than is used, so that answers are those of the tables.
         tried = np.clip(best.numbers + width * rng.standard_normal(d + 3)[:-1], low, high)
         other = _at(seen, tried, middle, spread)
         # One fifth of the steps should succeed (I. Rechenberg, Evolutionsstrategie, 1973).

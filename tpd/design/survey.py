@@ -46,7 +46,7 @@ Count = Callable[[int, int], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:
-    """Designs followed from rest: arrays of leading axis m, the best design first."""
+    """Designs followed from rest: arrays of leading axis m, the best first once ordered or refined."""
 
     designs: np.ndarray
     """(mu, lam, zeta), (m, 3)"""

@@ -8,6 +8,7 @@ import numpy as np
 
 from tpd.analysis.benefit import severity
 from tpd.analysis.ensemble import outcomes
+from tpd.core.conditions import Conditions
 from tpd.core.equations import Terms
 from tpd.design.by_runs import TRIALS, reach_of
 from tpd.design.criteria import Room, limit_of
@@ -22,12 +23,14 @@ from tpd.design.verified import Motions, Verified
 
 VERIFIED = 6
 """Most designs that are verified, the best first."""
-SURVEYED, _JUDGED = 10, 3
+SURVEYED, JUDGED = 10, 3
 """Most designs of a survey that are verified, and most of them that are judged."""
 _APART = 0.02
 """Least distance of designs that are verified one after the other, in shares of the bounds."""
 _APART_SEEDS = 7919
-"""Between the seeds of trial runs, so that none of them verifies or judges."""
+"""Between the seeds of trial runs, which are those of no other step."""
+_LUCK, _FEW = 1.645, 3
+"""Standard errors within which a share is put down to luck, and runs of a trial that are few."""
 _RUNS = 4096
 """Runs from rest spent on choosing the designs to verify."""
 
@@ -58,16 +61,8 @@ class Verification(Steps):
         return DesignStatus.found if passed else DesignStatus.refused
 
     def best_of_survey(self, search: Multistart, found: Survey) -> DesignStatus:
-        """Verify the designs of a survey that keep to the limits, in their order, until one passes, and judge
-        it; after a refusal go on with the next. The order is older than the runs that judge."""
-        for _ in range(_JUDGED):
-            status = self._first_of_survey(search, found)
-            if status is not DesignStatus.found or self.judge() is DesignStatus.found:
-                return status
-        return DesignStatus.refused
-
-    def _first_of_survey(self, search: Multistart, found: Survey) -> DesignStatus:
-        """Verify the designs of a survey that are no neighbours of those verified, until one passes."""
+        """Verify the designs of a survey that keep to the limits and are no neighbours of those verified, in
+        their order, until one passes."""
         fits = np.flatnonzero(found.keeps)
         if not len(fits):
             return DesignStatus.none_feasible
@@ -93,24 +88,28 @@ class Verification(Steps):
         return DesignStatus.refused
 
     def judge(self) -> DesignStatus:
-        """Judge the design that passed last, which is the chosen one, once by fresh runs."""
+        """Judge the design that passed last by fresh runs, which no choice has seen."""
         self.verified[-1] = judged = self.by_fresh_runs(self.verified[-1])
         return DesignStatus.refused if judged.reasons else DesignStatus.found
 
     def refined(self, found: Survey, objective: AbstractObjective, seed: int) -> Survey:
         """A survey by runs of the nonlinear equations from many starts, see `refine`; `objective` has the
-        conditions of the survey. The runs are others than those that verify, so that luck in them does not
-        help a design there."""
+        conditions of the survey. Luck in these runs is of no help where others verify."""
+        if not found.helps.any():
+            return found
         room, nu = limit_of(self.objective.limits, Room), float(self.scene.block.slenderness)
-        conditions, n = self.objective.conditions, len(objective.conditions)
+        conditions, n, size = self.objective.conditions, len(objective.conditions), self.runs.ensemble.size
         after = None if self.progress is None else stage(self.progress, "trial runs")
 
         def run(design: np.ndarray, i: int) -> Tried:
             mu, lam, zeta = design
             hung = self.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
             seed = self.ensemble.seed + TRIALS + _APART_SEEDS * (i + 1)
-            few = replace(self.ensemble, size=min(RUNS, self.ensemble.size), seed=seed)
-            o = outcomes(self.scene, hung, ensemble=few, conditions=conditions, equations=Terms.nonlinear)
+            few = replace(self.ensemble, size=min(RUNS, size), seed=seed)
+            # Of more conditions than runs every design has others.
+            order = np.random.default_rng([seed, 13]).permutation(len(conditions))
+            some = Conditions({name: x[order] for name, x in conditions.factors.items()})
+            o = outcomes(self.scene, hung, ensemble=few, conditions=some, equations=Terms.nonlinear)
             reach = np.zeros(0)
             if isinstance(room, Room):
                 reach = reach_of(o, hung, self.scene.block, room.bob)
@@ -125,8 +124,9 @@ class Verification(Steps):
             return followed(objective, designs, self.ensemble.periods, "nonlinear", None)
 
         share = float(self.runs.bare.at_rest.value)
-        # Less by luck in these runs is no harm yet.
-        rests = share - np.sqrt(share * (1.0 - share) / self.ensemble.size)
+        # Less by luck in these runs is no harm yet, and of a few runs that rest no trial has any.
+        rests = share - _LUCK * np.sqrt(share * (1.0 - share) / size)
+        rests = rests if rests > _FEW / RUNS else 0.0
         strikes = self.worth.strikes
         return refine(found, self.objective.space, run, still, follow, strikes, rests, seed, after)
 

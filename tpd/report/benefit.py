@@ -156,10 +156,11 @@ def _which(design: Design, best: Verified) -> str:
     """Which runs judged, and what those gave that chose the design."""
     if best.chosen_by is None:
         return ""
-    return (
-        f", which judged the design once and which no choice has seen (those that chose it, seed "
-        f"{design.ensemble.seed}, gave {best.chosen_by})"
-    )
+    failed = sum(any(r.step is Step.judgement for r in v.reasons) for v in design.verified if v is not best)
+    said = ", which judged the design once and which no choice has seen"
+    if failed:
+        said = f", by which {failed} of the designs before it failed (more tries, more luck)"
+    return f"{said}; those that chose it, seed {design.ensemble.seed}, gave {best.chosen_by}"
 
 
 def _linear_shares(best: Verified) -> dict[str, str]:

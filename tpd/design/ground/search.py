@@ -1,8 +1,7 @@
 """Search for the design of least demand on ground motions.
 
-Designs spread over the whole space come first. A response surface through their values then
-says which design is worth following next, and which of all is the best: that of least trend, not the
-luckiest.
+Designs spread over the whole space come first. A response surface through their values then says which design
+is worth following next, and which of all is the best: that of least trend, not the luckiest.
 """
 
 from __future__ import annotations
