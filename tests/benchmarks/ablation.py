@@ -85,15 +85,15 @@ def answer(name, seed, method):
 
 def table(rows):
     """The rows as a table of Markdown."""
-    out = ["| scene | method | " + " | ".join(f"seed {s}" for s in sorted({r["seed"] for r in rows})) + " |"]
+    seeds = sorted({r["seed"] for r in rows})
+    out = ["| scene | method | " + " | ".join(f"seed {s}" for s in seeds) + " |"]
     out.append("|---" * (out[0].count("|") - 1) + "|")
-    rows = sorted(rows, key=lambda r: r["seed"])
     for name, method in dict.fromkeys((r["scene"], r["method"]) for r in rows):
-        cells = []
+        cells = dict.fromkeys(seeds, "not asked")
         for r in (r for r in rows if (r["scene"], r["method"]) == (name, method)):
             said = r["status"] if "benefit" not in r else f"{r['benefit']:.1%}, strikes {r['strikes']:.2%}"
-            cells.append(f"{said}, {r['seconds']:.0f} s")
-        out.append(f"| {name} | {method} | " + " | ".join(cells) + " |")
+            cells[r["seed"]] = f"{said}, {r['seconds']:.0f} s"
+        out.append(f"| {name} | {method} | " + " | ".join(cells.values()) + " |")
     return "\n".join(out)
 
 
