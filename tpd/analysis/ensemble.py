@@ -2,8 +2,8 @@
 numbers of both are uncertain.
 
 One run decides little: rest, rocking and overturning exist side by side, and a per cent of the amplitude may
-change which of them is reached. Shares of a seeded set of runs are stable. Designs that are verified
-are put to the same runs (common random numbers) and compared run by run; see `tpd.analysis.paired`.
+change which of them is reached. Shares of a seeded set of runs are stable. Designs that are verified are
+put to the same runs (common random numbers) and compared run by run; see `tpd.analysis.paired`.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ import numpy as np
 
 from tpd.design.screening import first_apart
 from tpd.design.space import DesignSpace
-from tpd.design.surface import Observations, Surface, candidates, fit, improvement, likely
+from tpd.design.surface import Observations, Surface, candidates, fit, likely, promise
 from tpd.design.survey import ON_THE_WAY, Survey
 
 RUNS = 256
@@ -135,17 +135,9 @@ class Refinement:
             # No run has an answer.
             return self.unscaled(best)
         x = candidates(np.random.default_rng([self.seed, 12, turn]), best)
-        keeps = self.keeps(x)
-        if last:
-            # At last the least of the trend itself.
-            order = self.rank(x)
-        elif self.keeps(best[:1])[0] >= 0.5:
-            trend = float(self.surface.at(best)[0][0])
-            order = np.argsort(-keeps * improvement(self.surface, x, trend), kind="stable")
-        else:
-            # Nothing to improve on yet.
-            order = np.argsort(-keeps, kind="stable")
-        order = order[:_WEIGHED]
+        least = float(self.surface.at(best)[0][0]) if self.keeps(best[:1])[0] >= 0.5 else None
+        promised = promise(self.surface, list(self.limits.values()), x, least, last)
+        order = np.argsort(-promised, kind="stable")[:_WEIGHED]
         order = order[still(self.unscaled(x[order]))]
         return self.unscaled(x[first_apart(x, order, _ASKED, _APART)])
 

@@ -139,6 +139,20 @@ def likely(limits: Sequence[Surface], x: np.ndarray) -> np.ndarray:
     return out
 
 
+def promise(
+    surface: Surface, limits: Sequence[Surface], x: np.ndarray, best: float | None, last: bool
+) -> np.ndarray:
+    """How much places (m, d) promise, the more the better: by the improvement on the best value of the trend,
+    None where no design keeps to the limits yet; at `last` by the trend itself."""
+    keeps = likely(limits, x)
+    if best is None:
+        # Nothing to improve on yet.
+        return keeps
+    if last:
+        return np.where(keeps > 0.5, -surface.at(x)[0], -np.inf)
+    return keeps * improvement(surface, x, best)
+
+
 def improvement(surface: Surface, x: np.ndarray, best: float) -> np.ndarray:
     """Expected improvement of the trend at places (m, d) on a value of it."""
     mean, deviation = surface.at(x)

@@ -1,5 +1,6 @@
-"""Objective of a search on ground motions: designs followed through every motion. A search
-takes their values alone; exact derivatives are there for whoever asks."""
+"""Objective of a search on ground motions: designs followed through every motion.
+
+A search takes their values alone; exact derivatives are there for whoever asks."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from tpd.design.criteria import Risk
 from tpd.design.ground.demand import Demand
 from tpd.design.ground.objective import GroundObjective
 from tpd.design.space import DesignSpace
-from tpd.design.surface import Observations, Surface, candidates, fit, improvement, likely
+from tpd.design.surface import Observations, Surface, candidates, fit, promise
 
 _LEAST_SIZE = 1e-6
 SPARE = 0.05
@@ -172,15 +172,8 @@ class Searcher:
         trend, _ = surface.at(self.space.scaled(e.designs))
         ranked = np.argsort(np.where(e.spares, trend, np.inf))[:4]
         x = candidates(rng, self.space.scaled(e.designs[ranked]))
-        # Limits are kept with a probability, as their surfaces see it.
-        keeps = likely(self.limits, x)
-        if not e.spares.any():
-            # Nothing to improve on yet.
-            return x[np.argmax(keeps)]
-        if i >= last:
-            # At last the least of the trend itself.
-            return x[np.argmin(np.where(keeps > 0.5, surface.at(x)[0], np.inf))]
-        return x[np.argmax(keeps * improvement(surface, x, float(trend[ranked[0]])))]
+        least = float(trend[ranked[0]]) if e.spares.any() else None
+        return x[np.argmax(promise(surface, self.limits, x, least, i >= last))]
 
 
 def risk_of_known(risk: Risk, values: np.ndarray) -> np.ndarray:
