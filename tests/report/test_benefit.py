@@ -206,5 +206,5 @@ def test_the_runs_that_judged_are_named_beside_those_that_chose():
     failed = dataclasses.replace(winner, reasons=(Reason(step=Step.judgement, kind=ReasonKind.strikes),))
     design = designs.around(verified=(failed, winner), losses=SOUND)
     caption = benefit.paired_runs(design)[0].caption
-    assert "before it 1 failed by these runs, and each further try may pass by luck; those" in caption
+    assert "; 1 before it failed by these runs, and each further try may pass by luck; those" in caption
     assert "those that chose it, seed 0, gave 71% less tilt" in caption

@@ -159,7 +159,7 @@ def _which(design: Design, best: Verified) -> str:
     failed = sum(any(r.step is Step.judgement for r in v.reasons) for v in design.verified if v is not best)
     said = ", which judged the design once and which no choice has seen"
     if failed:
-        said = f"; of the designs before it {failed} failed by these runs, and each further try may pass by luck"
+        said = f"; {failed} before it failed by these runs, and each further try may pass by luck"
     return f"{said}; those that chose it, seed {design.ensemble.seed}, gave {best.chosen_by}"
 
 
