@@ -144,7 +144,7 @@ def verified(**changes) -> Verified:
         "strikes": 0.0,
         "stationarity": 1e-3,
         "active": (Active(kind="limit", name="stroke", condition="the scene's own shaking", weight=0.5),),
-        "source": "search",
+        "source": "survey",
         "reasons": (),
     }
     return Verified(**(values | changes))
@@ -176,7 +176,6 @@ def search(**changes) -> Search:
         "mismatch": np.array([[2e-6, 3e-5], [np.inf, 0.0]]),
         "lost": np.array([0, 4]),
         "evaluations": 100,
-        "nonlinear_evaluations": 7,
         "description": "60 designs screened",
     }
     return Search(**(values | changes))
@@ -262,7 +261,6 @@ def around(**changes) -> Design:
         margin=np.full(n, -0.2),
         nonlinear=(nonlinear(0), nonlinear(n - 1)),
         benefit=benefit(paired(), n),
-        source="survey",
     )
     bare = Bare(
         value=0.4,

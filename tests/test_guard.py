@@ -29,9 +29,9 @@ from tests.reference import BARE, HUNG, STILL, parameters  # noqa: E402
 from tpd import Piecewise, Risk, Segmented, Smoothed, symmetric_orbits  # noqa: E402
 from tpd.closed_form import one_harmonic  # noqa: E402
 from tpd.core.files import as_json, place, versions  # noqa: E402
+from tpd.design.ends import Linearisation  # noqa: E402
 from tpd.design.screening import with_design  # noqa: E402
 from tpd.design.sequential import minimise  # noqa: E402
-from tpd.design.subproblem import Linearisation  # noqa: E402
 from tpd.exact.orbit_candidates import ORBITS  # noqa: E402
 from tpd.exact.orbit_path import PATH_NODES  # noqa: E402
 from tpd.exact.orbit_roots import NODES, ROOTS  # noqa: E402

@@ -16,7 +16,10 @@ from tpd.core.status import names_of
 from tpd.models.batches import settle_all
 
 HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
-SPREADS = ("tilt", "tilt_rate", "swing", "swing_rate", "amplitude", "frequency", "friction", "damping")
+SPREADS = (
+    *("tilt", "tilt_rate", "swing", "swing_rate", "amplitude", "frequency", "friction", "damping"),
+    *("restitution", "slenderness", "mass", "length"),
+)
 STILL = tpd.Ensemble(
     size=8,
     any_phase=False,
@@ -77,6 +80,20 @@ def test_a_restitution_scatters_without_a_change_of_the_other_draws():
         outcomes(tpd.paper_scene(), ensemble=tpd.Ensemble(size=4, restitution=0.1))
 
 
+def test_block_and_installation_scatter_by_default_and_restitution_where_it_is_a_number():
+    e = tpd.Ensemble(size=256)
+    runs, lossy = plan(HUNG, e), plan(dataclasses.replace(HUNG, e=0.9), e)
+    for name, width in (("nu", 0.02), ("mu", 0.02), ("lam", 0.02), ("zeta", 0.2), ("k", 0.2)):
+        factor = np.asarray(getattr(runs.p, name)) / getattr(HUNG, name)
+        assert 1.0 - width <= factor.min() < 1.0 - 0.98 * width
+        assert 1.0 + 0.98 * width < factor.max() <= 1.0 + width
+    np.testing.assert_array_equal(runs.p.e, 1.0)
+    assert 0.882 <= np.min(lossy.p.e) < 0.883
+    found = outcomes(HUNG, ensemble=dataclasses.replace(e, size=4, periods=5))
+    np.testing.assert_allclose(found.lam, plan(HUNG, dataclasses.replace(e, size=4)).p.lam)
+    assert found.at(np.array([2])).mu.shape == (1,)
+
+
 def test_the_spread_is_even_and_within_its_bounds():
     e = tpd.Ensemble(size=256, amplitude=0.05, frequency=0.1, friction=0.3, tilt=0.2)
     runs = plan(HUNG, e)
@@ -127,7 +144,7 @@ def test_growing_shaking_lifts_resting_blocks_when_an_independent_code_says():
 @pytest.mark.parametrize(("seed", "lost"), [(5, 135), (6, 136)])
 def test_the_share_overturned_by_growing_shaking_is_that_of_an_independent_code(seed, lost):
     """Source: `BareCrowd` over 100 periods, with steps of 0.02 and of 0.01."""
-    ensemble = tpd.Ensemble(size=256, seed=seed, ramps=(2.0,))
+    ensemble = tpd.Ensemble(size=256, seed=seed, ramps=(2.0,), slenderness=0.0)
     found = np.sum(outcomes(tpd.paper_scene(), ensemble=ensemble).lost)
     # The motions are chaotic: rounding may decide a run.
     assert abs(found - lost) <= 1
@@ -273,8 +290,8 @@ def test_the_nonlinear_equations_are_put_to_the_same_runs(judged, nonlinear):
     assert judged.equations == "linear"
     assert nonlinear.table().startswith("nonlinear equations")
     assert str(nonlinear.bare).splitlines()[0].endswith("seed 0, nonlinear equations")
-    # The bare block's motions are chaotic: single runs differ, shares hardly.
-    assert abs(np.mean(nonlinear.bare.lost) - np.mean(judged.bare.lost)) < 0.1
+    # Chaotic motions: single runs differ, shares by two standard errors of 96 runs at most.
+    assert abs(np.mean(nonlinear.bare.lost) - np.mean(judged.bare.lost)) < 0.15
     assert nonlinear.worse < nonlinear.better
     assert not nonlinear.harms
     np.testing.assert_array_equal(nonlinear.hung.ramp, judged.hung.ramp)

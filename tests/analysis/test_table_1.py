@@ -22,7 +22,21 @@ BLOCK = tpd.Block(width=0.1, height=0.4, mass=16.224, restitution="housner")
 SCENE = tpd.Scene(BLOCK, tpd.Harmonic(amplitude=0.015, frequency=2.5))
 TOPPLES = math.atan(0.25)
 FALLEN = 1.3
-STILL = dict.fromkeys(("tilt", "tilt_rate", "swing", "swing_rate", "frequency", "friction", "damping"), 0.0)
+STILL = dict.fromkeys(
+    (
+        "tilt",
+        "tilt_rate",
+        "swing",
+        "swing_rate",
+        "frequency",
+        "friction",
+        "damping",
+        "slenderness",
+        "mass",
+        "length",
+    ),
+    0.0,
+)
 ENSEMBLE = tpd.Ensemble(size=48, seed=0, periods=50, ramps=(0.0, 2.0), any_phase=False, **STILL)
 BARE = (0.0, 0.4)
 MASSES = (0.05, 0.1, 0.2, 0.3, 0.4)

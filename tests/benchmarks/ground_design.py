@@ -1,8 +1,8 @@
-"""Design on ground motions: times, other optimisers, gradient of a share, benefit on motions held out, harm.
+"""Design on ground motions: times, other optimisers, benefit on motions held out, harm.
 
     .venv/bin/python -m tests.benchmarks.ground_design [PART ...]
 
-Parts: times, optimisers, share, benefit, harm, grid; all by default. The records are those of FEMA P695
+Parts: times, optimisers, benefit, harm, grid; all by default. The records are those of FEMA P695
 (`tpd[records]`), the other optimisers need `tpd[benchmarks]`. Tables stand in
 `tests/benchmarks/results/ground_design.md`, one section a part; the numbers of the grid in
 `results/worth_grid.json`, and its picture in `notebooks/pictures/worth_grid.png`; `benefit` draws
@@ -26,7 +26,7 @@ from scipy.optimize import differential_evolution, minimize
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
-from tpd.design.ground.demand import CappedTilt, share_beyond  # noqa: E402
+from tpd.design.ground.demand import CappedTilt  # noqa: E402
 from tpd.design.ground.groups import grouped  # noqa: E402
 from tpd.design.ground.judgement import judge  # noqa: E402
 from tpd.design.ground.objective import GroundObjective  # noqa: E402
@@ -123,7 +123,7 @@ class Counted:
         design = DEFAULT_SPACE.unscaled(inside[None])
         runs = self.objective.evaluate(design)
         excess = float(np.maximum(self.objective.sizes(runs, design)[1] - 1.0, 0.0).sum())
-        value = float(CappedTilt().of(runs).value.mean())
+        value = float(CappedTilt().of(runs).mean())
         out = float(np.abs(unit - inside).sum())
         self.seen.append((value if excess == 0.0 else np.inf, design[0]))
         return value + out + (1.0 + excess if excess > 0.0 else 0.0)
@@ -156,7 +156,7 @@ def evolution(function, seed):
 def value_of(objective, design):
     """Mean demand of a design, and of sixteen built within 2 % of it."""
     built = design * (1.0 + 0.02 * np.random.default_rng(0).uniform(-1.0, 1.0, (16, 3)))
-    demand = CappedTilt().of(objective.evaluate(np.concatenate([design[None], built]))).value.mean(axis=1)
+    demand = CappedTilt().of(objective.evaluate(np.concatenate([design[None], built]))).mean(axis=1)
     return float(demand[0]), float(demand[1:].mean())
 
 
@@ -211,38 +211,6 @@ def _scores(objective, outside, runs, least):
         f"{np.mean(built):.4f}",
         f"{np.mean(held):.4f}",
     )
-
-
-def share(runs=100_000, few=4_000):
-    """Derivative of the share of random pulses that tilt a column beyond a level, from the runs near the
-    level against a brute-force count with common random numbers."""
-    column, rng = block("column 6 m"), np.random.default_rng(0)
-    motions = [tpd.Pulse.ricker(acceleration=1.0, frequency=f) for f in np.geomspace(0.4, 2.0, 64)]
-    which = rng.integers(0, 64, runs)
-    factors = {"amplitude": np.exp(rng.normal(np.log(2.0), 0.4, runs))}
-    rows, design, level = [], np.array([0.1, 0.5, 0.3]), 0.3
-
-    def under(count):
-        c = tpd.Conditions(
-            {k: v[:count] for k, v in factors.items()}, ("",), {}, tuple(motions), which[:count], "pga_star"
-        )
-        return GroundObjective(column, c, (), 0.1, free=8.0)
-
-    part = under(few).evaluate(design[None], slopes=True)
-    estimate = share_beyond(part.tilt[0], np.nan_to_num(part.tilt_slope[0]), level)
-    whole = under(runs)
-    for j, (name, step) in enumerate(zip(("μ", "λ", "ζ"), (0.01, 0.05, 0.03), strict=True)):
-        after, before = (
-            whole.evaluate((design + s * step * np.eye(3)[j])[None]).tilt[0] > level for s in (1.0, -1.0)
-        )
-        change = after.astype(float) - before
-        brute, error = change.mean() / (2.0 * step), change.std() / np.sqrt(runs) / (2.0 * step)
-        off = (estimate.slope[j] - brute) / np.hypot(estimate.slope_error[j], error)
-        mine = f"{estimate.slope[j]:.4f} ± {1.96 * estimate.slope_error[j]:.4f}"
-        rows.append((name, mine, f"{brute:.4f} ± {1.96 * error:.4f}", f"{off:+.1f}"))
-    said = f"Share beyond a tilt of {level:g} ν: {estimate.value:.4f} of {few} runs."
-    head = ("", f"from {few} runs, 95 %", f"counted over 2 x {runs} runs, 95 %", "difference over its error")
-    return f"{said}\n\n{table(head, rows)}"
 
 
 def benefit():
@@ -386,7 +354,6 @@ def draw_grid(cells):
 PARTS = {
     "times": ("Times", times),
     "optimisers": ("Other optimisers", optimisers),
-    "share": ("Derivative of a share", share),
     "benefit": ("Benefit on motions held out", benefit),
     "harm": ("Harm", harm),
     "grid": ("Is a pendulum worth it", grid),
@@ -398,7 +365,6 @@ ABOUT = {
     "Within 1 %: of the lowest of all methods. Built within 2 %: mean demand of the answers as somebody\n"
     "builds them, each of the three numbers off by up to 2 %. Held out: the same on other motions. On\n"
     "records the lowest of many values is low by luck: it is the last two columns that a design is hung for.",
-    "share": "",
     "benefit": "Tuned to half of the far-field earthquakes at PGA/(g tan α) of 1.5, 2, 3 and 4, judged on\n"
     "the other half and on all near-field records; Housner's restitution, default limits; 95 % intervals.",
     "harm": "Heights from 1 to 20 m, slenderness 0.1 to 0.3, twenty random far-field records, three random\n"

@@ -34,11 +34,11 @@ from tests.benchmarks.proof_runs import (  # noqa: E402
     table,
 )
 from tpd.design.checkpoint import Checkpoint  # noqa: E402
+from tpd.design.ends import merit_of  # noqa: E402
 from tpd.design.methods import Method  # noqa: E402
 from tpd.design.objective import AbstractObjective  # noqa: E402
 from tpd.design.problem import Problem  # noqa: E402
 from tpd.design.search import Multistart  # noqa: E402
-from tpd.design.sequential import merit_of  # noqa: E402
 
 SEEDS = 10
 OURS = {"screening": 32, "searches": 4, "steps": 16}

@@ -164,7 +164,7 @@ FILES = [
     ("[search]\nseed = 9999999999\n", "must be a whole number from 0 to 2147483647, but is 9999999999"),
     ("[search]\nstarts = 8\n", "unknown key `starts` in [search]; allowed are method, optimiser, model"),
     ("[search]\nmethod = 3\n", "`search.method` must be one of descent, sequential, but is 3"),
-    ("[search]\nby_overturning = 1\n", "`search.by_overturning` must be true or false, but is 1"),
+    ("[ensemble]\nany_phase = 1\n", "`ensemble.any_phase` must be true or false, but is 1"),
     (
         "[search]\nmethod = 'sequential'\ntolerance = 0.1\n",
         "`search.tolerance` goes with `search.method` descent",
@@ -298,22 +298,22 @@ DESIGNS = [
     ("not json", "is not a design in JSON"),
     ("\xff", "is not a design in JSON"),
     ("[1]", "has no `job` and `pendulum`"),
-    ('{"job": {}, "pendulum": null}', "must be of version 4, but is of 1: run the job again"),
-    ('{"version": 5, "job": {}, "pendulum": null}', "must be of version 4, but is of 5"),
-    ('{"version": 4, "job": [], "pendulum": null}', "`job` must be a table, but is []"),
+    ('{"job": {}, "pendulum": null}', "must be of version 5, but is of 1: run the job again"),
+    ('{"version": 6, "job": {}, "pendulum": null}', "must be of version 5, but is of 6"),
+    ('{"version": 5, "job": [], "pendulum": null}', "`job` must be a table, but is []"),
     (
-        '{"version": 4, "job": {}, "pendulum": {"mass": 1.0}}',
+        '{"version": 5, "job": {}, "pendulum": {"mass": 1.0}}',
         "`pendulum` must have mass, length, damping_ratio, but has mass",
     ),
     (
-        '{"version": 4, "job": {}, "pendulum": {"mass": "1", "length": 1.0, "damping_ratio": 0.1}}',
+        '{"version": 5, "job": {}, "pendulum": {"mass": "1", "length": 1.0, "damping_ratio": 0.1}}',
         "[pendulum] `mass` must be a number, but is '1'",
     ),
     (
-        '{"version": 4, "job": {}, "pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1}}',
+        '{"version": 5, "job": {}, "pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1}}',
         "`length` must be positive and finite, but is -1",
     ),
-    ('{"version": 4, "job": {}, "pendulum": null}', "it has no `status`"),
+    ('{"version": 5, "job": {}, "pendulum": null}', "it has no `status`"),
 ]
 
 

@@ -41,7 +41,7 @@ JOBS = {
         "conditions": {"band": [2.0, 3.5], "amplitudes": [0.8, 1.0, 1.2], "samples": 16},
         "scatter": {"friction": 0.2, "length": 0.02},
         "risk": {"measure": "cvar", "share": 0.2},
-        "search": {"seed": 3, "by_overturning": True},
+        "search": {"seed": 3},
     },
     "starts": {**BAND, "starts": {"size": 6, "seed": 4, "worst": True}},
     "descent for several": {
@@ -89,18 +89,7 @@ def test_a_job_that_is_written_is_read_back_as_the_same_job(given):
 def test_the_objects_of_a_job_that_is_read_back_are_the_same(given):
     job = config.job_of(given)
     again = config.job_of(config.tables(job))
-    for name in (
-        "scene",
-        "space",
-        "starts",
-        "risk",
-        "limits",
-        "method",
-        "ensemble",
-        "worth",
-        "seed",
-        "by_overturning",
-    ):
+    for name in ("scene", "space", "starts", "risk", "limits", "method", "ensemble", "worth", "seed"):
         assert getattr(again, name) == getattr(job, name), name
     np.testing.assert_array_equal(conditions(again).factor_rows(), conditions(job).factor_rows())
 
@@ -128,7 +117,7 @@ def test_without_tables_the_job_is_that_of_the_papers_block():
     assert (job.method.searches, job.method.screening, job.method.steps) == (16, 512, 40)
     assert job.ensemble == Ensemble()
     assert job.worth == Worth()
-    assert (job.seed, job.by_overturning) == (0, False)
+    assert job.seed == 0
 
 
 def test_exactly_is_the_papers_setting_one_motion_and_a_point_bob():
@@ -171,7 +160,6 @@ def test_conditions_are_each_frequency_with_each_amplitude_and_each_sample():
     assert len(job.conditions) == 20 * 3 * 16
     np.testing.assert_array_equal(job.conditions.factor_rows(), expected.factor_rows())
     assert job.risk == criteria.Risk.cvar(0.2)
-    assert job.by_overturning
 
 
 def test_all_limits_hold_for_one_condition_too():

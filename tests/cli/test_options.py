@@ -26,8 +26,8 @@ SAME = [
     ("[conditions]\nexactly = true\n", ("--exactly",)),
     ("[worth]\nat_least = 0.2\n", ("--at-least", "0.2")),
     (
-        "[search]\nsearches = 3\nseed = 7\nby_overturning = true\n[conditions]\namplitudes = [1, 1.1]\n",
-        ("--searches", "3", "--seed", "7", "--by-overturning", "--amplitudes", "1", "1.1"),
+        "[search]\nsearches = 3\nseed = 7\n[conditions]\namplitudes = [1, 1.1]\n",
+        ("--searches", "3", "--seed", "7", "--amplitudes", "1", "1.1"),
     ),
     (
         "[search]\nmethod = 'descent'\noptimiser = 'rmsprop'\n[conditions]\nband = [2, 3]\n",

@@ -153,7 +153,6 @@ CALLS = {
     "optimise(scene, method=Descent)": "`method` must be a Method that is made, `Descent(...)`",
     "optimise(scene, ensemble=512)": "`ensemble` must be a Ensemble, but is 512",
     "optimise(scene, seed=1.5)": "`seed` must be a whole number, 0 or more, but is 1.5",
-    'optimise(scene, by_overturning="yes")': "`by_overturning` must be True or False, but is 'yes'",
     "optimise(scene, checkpoint=3)": "`checkpoint` must be a Path or str, but is 3",
     'optimise(scene, progress="bar")': "`progress` must be True or a function, but is 'bar'",
     "optimise(Scene(block, made(Harmonic, amplitude=0)))": "`amplitude` must be above 0 in a search, but is ",

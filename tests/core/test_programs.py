@@ -19,7 +19,7 @@ from tpd.core import programs
 from tpd.core.parameters import as_arrays
 from tpd.core.programs import Program
 from tpd.core.status import Status, names_of
-from tpd.design.subproblem import _solved
+from tpd.design.screening import _moved
 from tpd.models.piecewise import Piecewise
 
 ROOT = Path(__file__).parents[2]
@@ -125,11 +125,11 @@ def test_a_function_of_others_and_what_is_made_of_their_types_is_not_kept(folder
 
 
 def test_a_function_is_the_same_behind_a_check_of_types_and_another_behind_a_transformation():
-    known = programs._identity(_solved)
-    assert known == "tpd.design.subproblem._solved[]"
-    assert programs._identity(inspect.unwrap(_solved)) == known
-    assert programs._identity(jax.vmap(_solved)) is None
-    assert programs._identity(jax.vmap(inspect.unwrap(_solved))) is None
+    known = programs._identity(_moved)
+    assert known == "tpd.design.screening._moved[]"
+    assert programs._identity(inspect.unwrap(_moved)) == known
+    assert programs._identity(jax.vmap(_moved)) is None
+    assert programs._identity(jax.vmap(inspect.unwrap(_moved))) is None
 
 
 @pytest.mark.mends("a damaged program was compiled again without a word")

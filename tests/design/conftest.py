@@ -19,8 +19,7 @@ ONE = {
     "ensemble": tpd.Ensemble(size=32, periods=40),
     "seed": 1,
 }
-"""One condition, a small budget. By the nonlinear equations the best design of the linear ones overturns, or
-rocks more than the bare block: so the search goes on with them."""
+"""One condition, a small budget. The best designs from rest are fragile: their neighbours are verified."""
 WIDE = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=(0.05, 0.4))
 BAND = tpd.Conditions.band(SCENE, 2.0, 3.5, 5)
 SEVERAL = {

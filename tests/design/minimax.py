@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from tpd.design.subproblem import Linearisation
+from tpd.design.ends import Linearisation
 
 
 def linearisations(functions: Sequence[Callable], limits: Sequence[Callable] = ()) -> Callable:

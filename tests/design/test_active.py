@@ -1,7 +1,6 @@
 """Conditions, limits and bounds that hold a design."""
 
 import dataclasses
-from copy import copy
 
 import numpy as np
 import pytest
@@ -14,37 +13,33 @@ from tpd.design.active import active
 
 @pytest.fixture
 def end(search):
-    """A search of one end with weights and excesses that a test may change."""
-    out, g = copy(search), search.groups[1]
-    one = g._replace(
-        x=np.full((1, 3), 0.5),
-        local=g.local.at(slice(0, 1))._replace(limit=np.full((1, g.local.limit.shape[1]), -0.5)),
-        weights=(np.zeros((1, 5)), np.zeros((1, g.local.limit.shape[1]))),
+    """One end with weights and excesses that a test may change."""
+    one, limits = search.groups[1], search.groups[1].local.limit.shape[1]
+    local = one.local.at(slice(0, 1))._replace(limit=np.full((1, limits), -0.5))
+    return one._replace(
+        x=np.full((1, 3), 0.5), local=local, weights=(np.zeros((1, 5)), np.zeros((1, limits)))
     )
-    out.groups = [one]
-    return out
 
 
-def test_nothing_holds_a_design_in_the_middle(end):
-    assert active(end, 0, 1e-3) == ()
+def test_nothing_holds_a_design_in_the_middle(search, end):
+    assert active(search.objective, end, 1e-3) == ()
 
 
-def test_conditions_are_listed_by_their_weight(end):
-    end.groups[0].weights[0][0] = [0.3, 0.0, 0.01, 0.69, 0.0]
-    assert [str(a) for a in active(end, 0, 1e-3)] == [
+def test_conditions_are_listed_by_their_weight(search, end):
+    end.weights[0][0] = [0.3, 0.0, 0.01, 0.69, 0.0]
+    assert [str(a) for a in active(search.objective, end, 1e-3)] == [
         f"tilt at {BAND.label(3)} (0.69)",
         f"tilt at {BAND.label(0)} (0.30)",
     ]
-    end.objective = dataclasses.replace(end.objective, risk=tpd.Risk.expected())
-    assert active(end, 0, 1e-3) == (), "in a mean all weigh alike"
+    mean = dataclasses.replace(search.objective, risk=tpd.Risk.expected())
+    assert active(mean, end, 1e-3) == (), "in a mean all weigh alike"
 
 
-def test_limits_are_listed_by_weight_and_by_how_near_they_are(end):
-    g = end.groups[0]
-    g.weights[1][0, 6] = 2.0
-    g.local.limit[0, 3] = 1e-5 - 5e-4
-    g.local.limit[0, 4] = -2e-3
-    found = active(end, 0, 1e-3)
+def test_limits_are_listed_by_weight_and_by_how_near_they_are(search, end):
+    end.weights[1][0, 6] = 2.0
+    end.local.limit[0, 3] = 1e-5 - 5e-4
+    end.local.limit[0, 4] = -2e-3
+    found = active(search.objective, end, 1e-3)
     assert [(a.kind, a.name, a.condition) for a in found] == [
         ("limit", "reserve", BAND.label(1)),
         ("limit", "stroke", BAND.label(3)),
@@ -52,18 +47,15 @@ def test_limits_are_listed_by_weight_and_by_how_near_they_are(end):
     assert found[0].weight == 2.0
 
 
-def test_bounds_are_listed_with_their_values(end):
-    end.groups[0].x[0] = [1.0, 0.5, 0.0]
-    assert [str(a) for a in active(end, 0, 1e-3)] == [
+def test_bounds_are_listed_with_their_values(search, end):
+    end.x[0] = [1.0, 0.5, 0.0]
+    assert [str(a) for a in active(search.objective, end, 1e-3)] == [
         "upper bound of the mass ratio, 0.2",
         "lower bound of the damping ratio, 0.05",
     ]
 
 
-def test_without_limits_none_is_listed(search):
-    free = copy(search)
-    free.objective = orbits(limits=())
-    g = search.groups[1]
-    empty = g.local._replace(limit=g.local.limit[:, :0], limit_slope=g.local.limit_slope[:, :0])
-    free.groups = [g._replace(local=empty, weights=(g.weights[0], g.weights[1][:, :0]))]
-    assert "limit" not in {a.kind for a in active(free, 0, 1e-3)}
+def test_without_limits_none_is_listed(end):
+    empty = end.local._replace(limit=end.local.limit[:, :0], limit_slope=end.local.limit_slope[:, :0])
+    free = end._replace(local=empty, weights=(end.weights[0], end.weights[1][:, :0]))
+    assert active(orbits(limits=()), free, 1e-3) == ()

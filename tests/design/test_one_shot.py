@@ -7,9 +7,9 @@ import pytest
 import tpd
 from tests.design.test_objective import orbits
 from tpd.design.descent import descend, named
+from tpd.design.ends import merit_of
 from tpd.design.objective import NONE, REST, ROCKING
 from tpd.design.one_shot import OneShot
-from tpd.design.sequential import merit_of
 from tpd.models.smoothed import Smoothed
 
 DESIGNS = np.array([[0.05, 0.5, 0.1], [0.1, 0.7, 0.1], [0.15, 0.4, 0.1]])

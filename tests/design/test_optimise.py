@@ -8,13 +8,12 @@ import pytest
 
 import tpd
 from tests.design.conftest import ANY_WORTH, BAND, LIGHT, ONE, SCENE, SEVERAL, WIDE
-from tests.design.test_objective import orbits
 from tpd.core.conditions import FACTORS
-from tpd.design.nonlinear_search import wanted
 from tpd.design.optimise import solve
 from tpd.design.problem import Problem
 from tpd.design.reasons import ReasonKind, Step
 from tpd.design.result import DesignStatus, SearchStatus
+from tpd.design.survey import ON_THE_WAY
 
 CALM = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.001, frequency=2.5))
 """A shaking that lifts no block, and under which no orbit attracts."""
@@ -66,18 +65,13 @@ def test_it_lessens_the_rocking_of_the_papers_block(one):
     assert one.winner.exact.peak[0] >= 0.9 * one.amplitude, "the way there is no smaller than the end"
 
 
-def test_where_the_nonlinear_equations_refuse_the_search_goes_on_with_them(one):
-    first = one.verified[0]
-    assert first.source == "search"
-    assert {reason.step for reason in first.reasons} == {Step.nonlinear}
-    # The nonlinear optimum is fragile: shakings within 1 % overturn the block. A neighbour of it stands.
-    # How many are tried before it depends on the last digit.
-    optimum, *others, winner = one.verified[1:]
-    assert all(other.reasons for other in others)
-    assert optimum.source == "nonlinear search"
-    assert optimum.value == pytest.approx(0.24279, abs=2e-4)
-    assert {reason.step for reason in optimum.reasons} == {Step.neighbours}
-    assert winner.source == "path"
+def test_designs_followed_from_rest_are_verified_until_one_stands(one):
+    """The best of them are fragile: shakings within 1 % overturn the block. How many are tried before one
+    stands depends on the last digit."""
+    *others, winner = one.verified
+    assert {v.source for v in one.verified} == {"survey"}
+    assert {reason.step for v in others for reason in v.reasons} <= {Step.neighbours, Step.judgement}
+    assert others[0].reasons[0].step is Step.neighbours
     (asked,) = winner.nonlinear
     assert asked.status == "rocking"
     assert asked.stroke <= 1.5
@@ -85,34 +79,21 @@ def test_where_the_nonlinear_equations_refuse_the_search_goes_on_with_them(one):
     assert found.objections == ()
     assert found.top.amplitude == pytest.approx(asked.amplitude, rel=1e-5)
     assert found.top.stroke == pytest.approx(asked.stroke, rel=1e-5)
-    assert winner.value == pytest.approx(asked.amplitude / SCENE.block.slenderness, rel=1e-5)
-    assert optimum.value < winner.value < 1.05 * optimum.value
-    assert one.search.nonlinear_evaluations > 0
-
-
-def test_a_refusal_by_the_nonlinear_equations_makes_it_wanted(one):
-    refused = [one.verified[0]]
-    assert wanted(DesignStatus.refused, refused, orbits())
-    assert not wanted(DesignStatus.none_feasible, refused, orbits())
-    many = orbits(conditions=tpd.Conditions.scatter(33, friction=0.1))
-    assert not wanted(DesignStatus.refused, refused, many)
+    assert [len(x.bare) for x in one.surveys] == [1, 1]
+    assert winner.value < 1.05 * others[0].value
 
 
 def test_the_exact_solution_confirms_the_ends_of_the_descents(one):
-    """The first three are ends on smoothed signs, the others of the search by the nonlinear equations."""
-    smoothed, others = one.search.mismatch[:3], one.search.mismatch[3:]
-    assert np.all(smoothed[:, 0] < 1e-3)
-    assert np.all(smoothed[:, 1] < 0.05)
-    assert np.any(smoothed > 0.0)
-    assert np.all(others == 0.0)
-    assert one.verified[0].searched is None
-    assert one.bare.searched.model == "segmented"
+    assert np.all(one.search.mismatch[:, 0] < 1e-3)
+    assert np.all(one.search.mismatch[:, 1] < 0.05)
+    assert np.any(one.search.mismatch > 0.0)
+    assert one.verified[0].searched is one.bare.searched is None
 
 
 def test_every_search_has_a_path_and_a_status(one):
     history = one.search
     assert len(history.paths) == len(history.statuses) == len(history.ends) == len(history.end_values)
-    assert len(history.ends) == 3 + 8
+    assert len(history.ends) == 3
     assert history.screened.shape == (24, 3)
     assert all(path.shape[1] == 3 for path in history.paths)
     assert "3 designs" in history.description
@@ -124,9 +105,9 @@ def test_progress_covers_every_stage(one, stages):
     expected = {
         "screening",
         "searching",
+        "survey",
+        "trial runs",
         "verifying",
-        "nonlinear screening",
-        "nonlinear search",
         "paired runs",
         "ensemble",
         "elasticities",
@@ -153,11 +134,11 @@ def test_one_condition_is_the_same_however_it_is_given_and_what_is_verified_outl
     [
         "screening",
         "searching",
+        "survey",
+        "trial runs",
         "verifying",
         "paired runs",
         pytest.param("ensemble", marks=pytest.mark.slow),
-        "nonlinear screening",
-        "nonlinear search",
     ],
 )
 def test_an_interruption_never_offers_what_is_not_verified(one, searched, stage):
@@ -177,8 +158,7 @@ def test_an_interruption_never_offers_what_is_not_verified(one, searched, stage)
     assert not cut.status.is_sound
     assert "INTERRUPTED" in str(cut)
     searched = stage not in ("screening", "searching")
-    after = stage in ("paired runs", "ensemble")
-    assert len(cut.search.ends) == (3 if searched else 0) + (8 if after else 0)
+    assert len(cut.search.ends) == (3 if searched else 0)
     assert (set(cut.search.statuses) == {SearchStatus.interrupted}) is not searched
 
 
@@ -206,15 +186,13 @@ def test_a_block_that_rests_needs_no_pendulum():
 
 
 def test_where_no_design_keeps_to_the_limits_the_nearest_is_told():
-    """The nonlinear search, which follows the linear one, states the reserve as well: each excess belongs to
-    the limit that is named."""
     limits = (tpd.limits.Stroke(0.5), tpd.limits.Room(), tpd.limits.Reserve(0.05))
     design = tpd.optimise(SCENE, LIGHT, method=FEW, limits=limits, ensemble=RUNS, **EXACTLY)
     assert design.status is DesignStatus.none_feasible
     assert design.pendulum is None
     assert not np.isfinite(design.search.end_values).any()
     assert {reason.kind for reason in design.nearest.broken} == {ReasonKind.breaks_limit}
-    assert {reason.limit for reason in design.nearest.broken} <= {"stroke", "room", "thickness", "reserve"}
+    assert {reason.limit for reason in design.nearest.broken} <= {"stroke", "room", "thickness", ON_THE_WAY}
     values = [reason.value for reason in design.nearest.broken]
     assert values == sorted(values, reverse=True)
     assert values[-1] > 1.0
@@ -225,7 +203,7 @@ def test_where_every_pendulum_rocks_more_none_is_offered():
     space = tpd.DesignSpace(mass_ratio=(0.01, 0.012), length_ratio=(1.9, 2.0), damping_ratio=0.0)
     soft = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.03, frequency=1.5))
     design = tpd.optimise(soft, space, method=FEW, limits=(), ensemble=RUNS, **EXACTLY)
-    assert design.status in (DesignStatus.no_improvement, DesignStatus.refused)
+    assert design.status is DesignStatus.refused
     assert design.pendulum is None
 
 
@@ -248,7 +226,7 @@ def test_the_answer_is_better_than_anything_screened_and_within_its_limits(sever
     assert winner.benefit.value > 0.0
     assert winner.benefit.low > 0.0
     assert len(several.search.statuses) == 20
-    assert SearchStatus.converged in several.search.statuses
+    assert SearchStatus.at_bound in several.search.statuses
     # The block loses nothing at impacts: its restitution of 1 has no room above.
     assert set(several.elasticities) == {*FACTORS} - {"restitution"}
 
@@ -404,10 +382,10 @@ def test_an_interruption_while_finishing_leaves_what_the_sample_had_found(many):
     searched = []
 
     def stop(stage, done, total):
-        # The first search has two groups, the second one.
+        # The first search has two groups of 16 and 4 starts, the second one of 8 at most.
         if stage == "searching":
-            searched.append((done, total))
-            if total == searched[0][1] / 2:
+            searched.append(done == total)
+            if searched.count(True) == 1 and not searched[-1]:
                 raise KeyboardInterrupt
 
     cut = solve(many, RUNS, progress=stop)
@@ -481,7 +459,7 @@ def test_by_default_a_pendulum_that_is_not_worth_hanging_is_refused():
     space = dataclasses.replace(ROOM, mass_ratio=(0.004, 0.005))
     worth = tpd.design.worth.Worth(at_least=0.95)
     design = tpd.optimise(CHIMNEY, space, worth=worth, **BUDGET)
-    assert design.status in (DesignStatus.refused, DesignStatus.no_improvement)
+    assert design.status is DesignStatus.refused
     assert design.pendulum is None
     assert design.losses == ()
     kinds = {reason.kind for v in design.verified for reason in v.reasons}

@@ -76,12 +76,12 @@ def test_infinite_amplitudes_and_no_pendulum_are_read(damaged):
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"version": 3}, "must be of version 4, but is of 3: run the job again"),
+        ({"version": 4}, "must be of version 5, but is of 4: run the job again"),
         ({"job": ...}, "is not a design: it has no `job` and `pendulum`"),
         ({"worth": ...}, "is not the design of a report: it has no `worth`"),
         ({"seed": "3"}, "`seed` must be a whole number, but is '3'"),
         ({"seed": True}, "`seed` must be a whole number, but is True"),
-        ({"status": "good"}, "`status` must be one of found, refused, no_improvement, none_feasible"),
+        ({"status": "good"}, "`status` must be one of found, refused, none_feasible"),
         (
             {"amplitude_rad": "large"},
             '`amplitude_rad` must be a number, "infinite" or "nan", but is \'large\'',

@@ -21,7 +21,7 @@ def test_searches_run_in_groups_from_the_best_of_the_screening(search):
     assert [len(g.x) for g in search.groups] == [GROUP, 4]
     assert not search.interrupted
     assert search.screened.shape == (48, 3)
-    assert search.ended == 20
+    assert len(search.units) == 20
     begun = np.concatenate([g.path[0] for g in search.groups])
     # Half of the bests of the screening are among the designs from which searches begin.
     best = WIDE.scaled(search.screened[np.argsort(search.screened_value)[:1]])
@@ -41,16 +41,16 @@ def test_ends_are_ordered_by_risk_and_a_broken_limit_is_infinite(search):
     np.testing.assert_allclose(search.excess, search.objective.constraints(e)[0], atol=1e-9)
 
 
-def test_designs_on_the_paths_come_after_the_ends(search):
-    wider = search.with_paths(np.inf)
-    assert 0 < wider.passed <= 8
-    assert wider.ended == 20
-    assert len(wider.units) == 20 + wider.passed
-    assert search.passed == 0
-    np.testing.assert_array_equal(wider.units[:20], search.units)
-    for i in range(20, len(wider.units)):
-        assert np.linalg.norm(wider.units[:i] - wider.units[i], axis=1).min() > 0.02
-    assert search.with_paths(-1.0).passed == 0
+def test_designs_on_the_paths_lie_apart_from_each_other_and_from_the_ends(search):
+    passed = WIDE.scaled(search.on_the_way(8))
+    assert 0 < len(passed) <= 8
+    met = np.concatenate([search.units, passed])
+    for i in range(20, len(met)):
+        assert np.linalg.norm(met[:i] - met[i], axis=1).min() > 0.05
+    path = np.concatenate([g.path.reshape(-1, 3) for g in search.groups])
+    merit = np.concatenate([g.path_merit.ravel() for g in search.groups])
+    merits = [merit[np.isclose(path, x, atol=1e-9).all(axis=1)].min() for x in passed]
+    assert merits == sorted(merits)
 
 
 def test_the_history_is_that_of_the_search(search):
@@ -107,6 +107,7 @@ def test_a_search_that_has_not_begun_has_nothing():
     assert len(empty.order()) == len(empty.values) == 0
     assert empty.statuses() == (SearchStatus.interrupted,) * 20
     assert empty.history.paths == ()
+    assert empty.on_the_way(8).shape == (0, 3)
 
 
 def test_a_search_goes_on_under_other_conditions(search):

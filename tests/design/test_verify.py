@@ -14,11 +14,12 @@ from tests.design.test_followed import followed
 from tests.design.test_objective import GOOD, orbits
 from tpd.analysis.ensemble import outcomes
 from tpd.design import optimise, verify
-from tpd.design.active import nearest
+from tpd.design.active import nearest_of
 from tpd.design.by_runs import JUDGES
 from tpd.design.problem import Problem
 from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import DesignStatus
+from tpd.design.search import Multistart
 from tpd.design.steps import pendulum_of
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Neighbours, Nonlinear
@@ -29,8 +30,8 @@ ALONE = tpd.Conditions()
 LIGHT = np.array([0.01, 0.26, 0.35])
 
 
-def verification(objective, method=FEW_STEPS, **more) -> Verification:
-    return Verification(SCENE, objective, method, RUNS, ANY_WORTH, more.get("by_overturning", False), None)
+def verification(objective, method=FEW_STEPS) -> Verification:
+    return Verification(SCENE, objective, method, RUNS, ANY_WORTH, None)
 
 
 class Refusing(Verification):
@@ -46,12 +47,11 @@ class Refusing(Verification):
 
 @pytest.fixture(scope="module")
 def judged(search):
-    """A verification whose first design is refused, and what it says to the best end and to the paths."""
-    stern = Refusing(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
+    """A verification that refuses the best end of a search, and what it says to that and to other designs."""
+    stern = Refusing(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, None)
     first = stern.best_of(search)
-    begun = len(stern.verified)
-    second = stern.best_of_paths(search)
-    return stern, first, begun, second
+    met = np.concatenate([search.designs[search.order()], search.on_the_way(8)])
+    return stern, first, stern.best_of_survey(surveyed(met, np.linspace(0.1, 0.2, len(met))))
 
 
 @pytest.fixture(scope="module")
@@ -72,12 +72,11 @@ def with_exact(v, **changed):
     return dataclasses.replace(v, exact=dataclasses.replace(v.exact, **changed), reasons=())
 
 
-def test_after_a_refusal_other_ends_and_designs_on_the_paths_are_verified(judged, search):
-    stern, first, begun, second = judged
+def test_after_a_refusal_other_designs_are_verified(judged, search):
+    stern, first, second = judged
     assert first is DesignStatus.refused
-    assert begun == 1
     best, *others = stern.verified
-    assert best.source == "search"
+    assert [v.source for v in stern.verified] == ["search", *["survey"] * len(others)]
     assert best.value == pytest.approx(search.values.min(), rel=1e-9)
     assert best.reasons[0].step is Step.benefit
     assert second is DesignStatus.found
@@ -87,16 +86,6 @@ def test_after_a_refusal_other_ends_and_designs_on_the_paths_are_verified(judged
     assert best.value < winner.value < stern.bare.value
     assert winner.evaluation.stroke.max() <= 0.5
     assert len({tuple(x.design) for x in stern.verified}) == len(others) + 1
-
-
-def test_at_most_six_designs_are_verified(search):
-    stern = Refusing(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
-    stern.refusals = 100
-    assert stern.best_of(search) is DesignStatus.refused
-    assert stern.best_of_paths(search) is DesignStatus.refused
-    assert len(stern.verified) == 6
-    values = [x.value for x in stern.verified]
-    assert values[0] == min(values)
 
 
 def test_a_refusal_ends_the_verification_of_a_design(judged):
@@ -295,7 +284,7 @@ def test_the_order_of_the_steps_is_that_of_their_cost(judged, alone):
 # Survey
 
 
-def surveyed(search, designs, severity, room=None) -> Survey:
+def surveyed(designs, severity, room=None) -> Survey:
     m, excess = len(designs), {"stroke": np.full(len(designs), -0.5)}
     if room is not None:
         excess[ON_THE_WAY] = np.array(room)
@@ -317,7 +306,7 @@ class Scripted(Refusing):
 
     kind = ReasonKind.too_little_benefit
 
-    def at_once(self, search, design):
+    def at_once(self, design):
         refused = len(self.verified) < self.refusals
         reason = Reason(step=Step.benefit, kind=self.kind)
         mass, length, damping = design.tolist()
@@ -327,20 +316,23 @@ class Scripted(Refusing):
 
 
 def scripted(search, refusals, kind=ReasonKind.too_little_benefit) -> Scripted:
-    made = Scripted(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
+    made = Scripted(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, None)
     made.refusals, made.kind = refusals, kind
     return made
 
 
 def test_the_designs_of_a_survey_are_verified_until_one_passes(search):
     stern = scripted(search, 1)
-    found = surveyed(search, SPREAD, [0.1, 0.2, 0.3, 0.4])
-    assert stern.best_of_survey(search, found) is DesignStatus.found
+    found = surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4])
+    assert stern.best_of_survey(found) is DesignStatus.found
     assert [v.design.tolist() for v in stern.verified] == [pytest.approx(x) for x in SPREAD[:2]]
     assert {v.source for v in stern.verified} == {"survey"}
     stern = scripted(search, 100)
-    assert stern.best_of_survey(search, found) is DesignStatus.refused
+    assert stern.best_of_survey(found) is DesignStatus.refused
     assert len(stern.verified) == 4
+    many = [[0.02 + 0.01 * i, 0.2 + 0.1 * i, 0.1] for i in range(12)]
+    assert stern.best_of_survey(surveyed(many, [0.1] * 12)) is DesignStatus.refused
+    assert len(stern.verified) == verify.SURVEYED
 
 
 class Unlucky(Scripted):
@@ -359,9 +351,8 @@ UNLUCKY = [(0, 1, "found"), (2, 3, "found"), (9, 3, "refused")]
 def verified_by(stern, search, monkeypatch):
     """What becomes of four designs that a survey has found."""
     stern.refusals, stern.fresh = 0, SimpleNamespace(under_other_losses=lambda pendulum: ())
-    both = (surveyed(search, SPREAD, [0.1, 0.2, 0.3, 0.4]),) * 2
-    if not stern.by_overturning:
-        monkeypatch.setattr(verify, "refine", lambda found, *_: found)
+    both = (surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4]),) * 2
+    monkeypatch.setattr(verify, "refine", lambda found, *_: found)
     monkeypatch.setattr(optimise, "survey", lambda *_: both)
     monkeypatch.setattr(optimise, "elasticities_of", lambda *_: {})
     found, o = optimise.Found(search, stern), search.objective
@@ -375,7 +366,7 @@ def verified_by(stern, search, monkeypatch):
 def test_after_a_refusal_by_fresh_runs_the_next_design_is_judged_but_no_more_than_three(
     search, monkeypatch, unlucky, count, status
 ):
-    stern = Unlucky(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
+    stern = Unlucky(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, None)
     stern.unlucky = unlucky
     assert verified_by(stern, search, monkeypatch).status.name == status
     assert [v.mass_ratio for v in stern.verified] == [pytest.approx(x[0]) for x in SPREAD[:count]]
@@ -387,21 +378,15 @@ def test_an_interruption_of_the_judgement_leaves_the_design_that_passed(search, 
         def by_fresh_runs(self, v):
             raise KeyboardInterrupt
 
-    stern = Interrupted(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
+    stern = Interrupted(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, None)
     found = verified_by(stern, search, monkeypatch)
     assert found.status is DesignStatus.found
     assert len(found.surveys) == 2
 
 
-def test_what_overturns_least_is_asked_of_motions_from_rest_alone(search, monkeypatch):
-    stern = Unlucky(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, True, None)
-    monkeypatch.setattr(verify, "refine", None)
-    assert verified_by(stern, search, monkeypatch).status is DesignStatus.found
-
-
 def test_trial_runs_are_those_of_no_other_step(search, monkeypatch):
     """Each design has seeds of its own, and an order of the conditions."""
-    made, asked = Verification(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None), []
+    made, asked = Verification(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, None), []
 
     def scripted(found, space, run, still, follow, strikes, rests, seed, progress):
         for i in range(3):
@@ -424,23 +409,23 @@ def test_trial_runs_are_those_of_no_other_step(search, monkeypatch):
     monkeypatch.setattr(verify, "refine", scripted)
     monkeypatch.setattr(verify, "outcomes", counted)
     monkeypatch.setattr(verify, "_FEW", 0)
-    made.refined(surveyed(search, SPREAD, [0.1, 0.2, 0.3, 0.4]), search.objective, 0)
+    made.refined(surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4]), search.objective, 0)
     seeds, orders = zip(*asked, strict=True)
     assert len({*seeds, RUNS.seed, RUNS.seed + JUDGES}) == 5
     assert {tuple(sorted(order)) for order in orders} == {tuple(sorted(BAND.factors["frequency"]))}
     assert len(set(orders)) > 1
     monkeypatch.setattr(verify, "_FEW", 128)
     monkeypatch.setattr(verify, "refine", lambda *args: asked.append(args[6]) or args[0])
-    made.refined(surveyed(search, SPREAD, [0.1, 0.2, 0.3, 0.4]), search.objective, 0)
+    made.refined(surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4]), search.objective, 0)
     assert asked.pop() == 0.0, "of a few runs that rest no trial has any"
-    none = surveyed(search, SPREAD, [0.9, 0.9, 0.9, 0.9])
+    none = surveyed(SPREAD, [0.9, 0.9, 0.9, 0.9])
     assert made.refined(none, search.objective, 0) is none, "no run where nothing helps"
 
 
 def test_neighbours_of_a_refused_design_are_passed_over(search):
     near = [SPREAD[0], [x + 1e-4 for x in SPREAD[0]], SPREAD[1]]
     stern = scripted(search, 100)
-    stern.best_of_survey(search, surveyed(search, near, [0.1, 0.15, 0.2]))
+    stern.best_of_survey(surveyed(near, [0.1, 0.15, 0.2]))
     assert [v.mass_ratio for v in stern.verified] == [SPREAD[0][0], SPREAD[1][0]]
 
 
@@ -459,8 +444,8 @@ def test_a_design_of_a_survey_keeps_to_limits_that_no_motion_from_rest_shows(sea
 @pytest.mark.mends("the status was 'none rocks less' where the verified design was refused for its strikes")
 def test_where_no_design_of_a_survey_helps_the_best_one_says_why(search):
     stern = scripted(search, 100, ReasonKind.strikes)
-    found = surveyed(search, SPREAD[:2], [0.6, 0.7])
-    assert stern.best_of_survey(search, found) is DesignStatus.refused
+    found = surveyed(SPREAD[:2], [0.6, 0.7])
+    assert stern.best_of_survey(found) is DesignStatus.refused
     assert [reason.kind for reason in stern.verified[0].reasons] == [ReasonKind.strikes]
     assert len(stern.verified) == 1
 
@@ -472,17 +457,18 @@ class Lucky(Refusing):
     said: tuple[Reason, ...] = ()
 
     def by_fresh_runs(self, v):
+        self.chosen = v
         return dataclasses.replace(super().by_fresh_runs(v), reasons=self.said)
 
 
 @pytest.mark.parametrize(("said", "status"), [((), DesignStatus.found), ((AFRESH,), DesignStatus.refused)])
-def test_the_chosen_design_is_judged_once_by_runs_that_no_choice_has_seen(search, said, status):
-    stern = Lucky(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, False, None)
+def test_the_best_end_of_an_interrupted_search_is_judged_once_by_runs_that_no_choice_has_seen(
+    search, said, status
+):
+    stern = Lucky(SCENE, search.objective, FEW_STEPS, RUNS, ANY_WORTH, None)
     stern.said = said
-    assert stern.best_of(search) is DesignStatus.found
-    (chosen,) = stern.verified
-    assert stern.judge() is status
-    (judged,) = stern.verified
+    assert stern.best_of(search) is status
+    (judged,), chosen = stern.verified, stern.chosen
     assert judged.reasons == said
     assert [v.paired.hung.ensemble.seed for v in (chosen, judged)] == [RUNS.seed, RUNS.seed + 2]
     assert judged.chosen_by is chosen.benefit
@@ -502,52 +488,31 @@ def test_the_bob_hangs_above_the_floor(search):
         assert [r.limit for r in v.reasons if r.limit.startswith("rod")] == broken
 
 
-def test_where_no_design_of_a_survey_keeps_to_the_limits_none_is_verified(search):
+def test_where_no_design_of_a_survey_keeps_to_the_limits_none_is_verified_and_the_nearest_is_told(search):
     stern = scripted(search, 0)
-    found = surveyed(search, SPREAD[:2], [0.1, 0.1], room=[0.1, 0.2])
-    assert stern.best_of_survey(search, found) is DesignStatus.none_feasible
+    found = surveyed(SPREAD[:2], [0.1, 0.1], room=[0.1, 0.2])
+    found.excess["stroke"][0] = 0.3
+    assert stern.best_of_survey(found) is DesignStatus.none_feasible
     assert stern.verified == []
-    best = nearest(search, (found,))
-    assert [r.limit for r in best.broken] == [ON_THE_WAY]
-    assert best.broken[0].value == pytest.approx(1.1)
+    best = nearest_of(found)
+    assert best.design.tolist() == SPREAD[0]
+    assert {(r.step, r.kind) for r in best.broken} == {(Step.nonlinear, ReasonKind.breaks_limit)}
+    assert [r.limit for r in best.broken] == ["stroke", ON_THE_WAY], "the largest excess comes first"
+    assert [r.value for r in best.broken] == [pytest.approx(1.3), pytest.approx(1.1)]
 
 
-# What counts as an improvement, and what comes nearest
+# What differs by the model of the search, and what needs no design
 
 
-def test_a_model_must_show_more_than_its_error(alone, judged):
+def test_a_model_has_an_error_and_orbits_have_none(alone, search):
     assert alone.tolerance == 0.01
-    assert alone.needed == pytest.approx(0.99 * alone.bare.value)
-    stern = judged[0]
-    assert stern.needed == stern.bare.value
-    orbit_descent = verification(stern.objective, tpd.Descent())
-    assert orbit_descent.tolerance == 0.0, "a search over orbits has no error"
-    assert orbit_descent.needed == stern.bare.value
+    assert verification(search.objective, tpd.Descent()).tolerance == 0.0
 
 
-def test_a_search_without_ends_and_one_that_does_not_help(search):
-    from tpd.design.search import Multistart
-
+def test_a_search_without_ends_leaves_nothing_to_verify(search):
     checked = verification(search.objective)
     assert checked.best_of(Multistart(search.objective, FEW_STEPS, 0, None)) is DesignStatus.none_feasible
-    checked.bare = dataclasses.replace(checked.bare, value=0.01)
-    assert checked.best_of(search) is DesignStatus.no_improvement
     assert checked.verified == []
-
-
-def test_the_nearest_design_is_that_of_least_excess(search):
-    from tpd.design.checkpoint import Checkpoint
-    from tpd.design.search import Multistart
-
-    tight = orbits(limits=(tpd.limits.Stroke(0.5), tpd.limits.Room()))
-    assert nearest(search) is None, "it has designs within the limits"
-    out = Multistart(tight, tpd.Sequential(searches=4, screening=24, steps=4), 0, None)
-    out.run(Checkpoint(None, "", {}))
-    found = nearest(out)
-    excess = tight.constraints(tight.evaluate(out.designs))[0].max(axis=1)
-    np.testing.assert_array_equal(found.design, out.designs[np.argmin(excess)])
-    assert found.broken[0].value == pytest.approx(1.0 + excess.min(), rel=1e-6)
-    assert all(reason.kind is ReasonKind.breaks_limit for reason in found.broken)
 
 
 def test_rest_under_all_conditions():

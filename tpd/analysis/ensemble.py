@@ -29,14 +29,19 @@ from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 
-_SCATTERED = ("amplitude", "frequency", "friction", "damping", "restitution")
+_SCATTERED = (
+    *("amplitude", "frequency", "friction", "damping", "restitution"),
+    *("slenderness", "mass", "length"),
+)
 """Names, out of `FACTORS`, of what an ensemble scatters, in the order of its draws."""
+_RESTITUTION = 0.02
+"""Relative half width of e where nothing is said of it."""
 _SIZES = ("peak", "amplitude", "peak_stroke", "stroke")
 """Sizes of a run."""
 _CHUNKS = {Terms.linear: 2048, Terms.nonlinear: 128}
 """Runs in a chunk for a cluster: some tenths of a second of work."""
-_FIRST = 10
-"""Draws of one generator; later ones come from another, which leaves these as they are."""
+_DRAWS = 10, 1, 3
+"""Draws of each generator: a later one leaves those before it as they are."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,8 +79,14 @@ class Ensemble:
     """Relative half width of k."""
     damping: float = 0.2
     """Relative half width of zeta."""
-    restitution: float = 0.0
-    """Relative half width of e, which stays at most 1."""
+    restitution: float | None = None
+    """Relative half width of e, which stays at most 1; default 0.02 where e is a number below 1, else 0."""
+    slenderness: float = 0.02
+    """Relative half width of nu: the block as it was measured."""
+    mass: float = 0.02
+    """Relative half width of the bob's mass, as it was hung."""
+    length: float = 0.02
+    """Relative half width of the rod's length, as it was hung."""
 
     def __post_init__(self) -> None:
         checks.count("size", self.size)
@@ -97,7 +108,7 @@ class Ensemble:
     @property
     def half_widths(self) -> dict[str, float]:
         """Relative half widths of the scattered numbers by name."""
-        return {name: getattr(self, name) for name in _SCATTERED}
+        return {name: getattr(self, name) or 0.0 for name in _SCATTERED}
 
     def dealt(self, conditions: int) -> np.ndarray:
         """Index of the condition of every run, out of so many, shape (size,): dealt out evenly."""
@@ -105,11 +116,11 @@ class Ensemble:
         return np.random.default_rng([self.seed, 1]).permutation(self.size) % conditions
 
     def draws(self) -> np.ndarray:
-        """Places of the runs in the unit cube, shape (size, 11): the four components of the start, the phase,
+        """Places of the runs in the unit cube, shape (size, 14): the four components of the start, the phase,
         the growth, and the scattered numbers. The first row is the nominal run."""
-        unit = sampling.latin_hypercube(np.random.default_rng(self.seed), self.size, _FIRST)
-        later = sampling.latin_hypercube(np.random.default_rng([self.seed, 5]), self.size, 1)
-        unit = np.concatenate([unit, later], axis=1)
+        drawn = zip((self.seed, [self.seed, 5], [self.seed, 6]), _DRAWS, strict=True)
+        cubes = (sampling.latin_hypercube(np.random.default_rng(s), self.size, n) for s, n in drawn)
+        unit = np.hstack(list(cubes))
         unit[0] = 0.5
         unit[0, 4:6] = 0.0
         return unit
@@ -140,7 +151,10 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     # Tilts scale with nu: at |phi| = nu a block of any shape stands on its corner, about to fall.
     e, unit, nu = ensemble, ensemble.draws(), float(p.nu)
     reach = np.array([e.tilt * nu, e.swing, e.tilt_rate * nu, e.swing_rate])
-    scatter = sampling.factors(unit[:, 6:], e.half_widths)
+    widths = e.half_widths
+    if e.restitution is None and p.e is not None and 0.0 < float(p.e) < 1.0:
+        widths["restitution"] = _RESTITUTION
+    scatter = sampling.factors(unit[:, 6:], widths)
     conditions = Conditions() if conditions is None else conditions
     dealt = e.dealt(len(conditions))
     factor = np.stack([scatter.get(name, 1.0) * conditions.column(name)[dealt] for name in FACTORS])
@@ -187,7 +201,7 @@ def outcomes(
     terms = _terms(equations)
     ensemble = Ensemble() if ensemble is None else ensemble
     checks.instance("ensemble", ensemble, Ensemble)
-    if ensemble.restitution > 0.0 and isinstance(subject, Scene):
+    if ensemble.restitution and isinstance(subject, Scene):
         check_restitution(subject)
     if conditions is not None:
         checks.instance("conditions", conditions, Conditions)
@@ -201,7 +215,8 @@ def outcomes(
         else:
             chunk = _CHUNKS[terms]
             settled = cluster.map("runs", _settled_by_one, batch, shared, chunk=chunk, progress=report)
-    return _outcomes_of(ensemble, runs, settled, terms)
+    found = _outcomes_of(ensemble, runs, settled, terms)
+    return replace(found, lam=np.asarray(runs.p.lam), mu=np.asarray(runs.p.mu))
 
 
 def _settled_by_one(batch: dict[str, Any], terms: Terms, periods: int) -> dict[str, np.ndarray]:

@@ -62,6 +62,10 @@ class Outcomes(Printed):
     """Settled |psi|, or the largest of the last periods."""
     ramp: np.ndarray
     """Seconds (or units of tau) over which the shaking grew."""
+    mu: np.ndarray | None = None
+    """Mass ratio of the pendulum in every run, as it scatters."""
+    lam: np.ndarray | None = None
+    """Length ratio."""
     equations: str = "linear"
     """Equations by which the runs were followed, "linear" or "nonlinear"."""
 
@@ -85,8 +89,9 @@ class Outcomes(Printed):
 
     def at(self, rows: np.ndarray) -> Outcomes:
         """Some of the runs."""
-        names = "status", "peak", "amplitude", "peak_stroke", "stroke", "ramp"
-        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+        names = "status", "peak", "amplitude", "peak_stroke", "stroke", "ramp", "mu", "lam"
+        values = {name: getattr(self, name) for name in names}
+        return replace(self, **{name: x[rows] for name, x in values.items() if x is not None})
 
     def ended(self, falls: bool) -> Outcomes:
         """The runs with an end for each that has none: an overturning, or rest."""

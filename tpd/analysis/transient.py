@@ -37,18 +37,9 @@ class Transient(eqx.Module):
     NaN and `status` says why. NaN as well are those of a time that is infinite or that of the beginning, of
     the time of the overturning, and all second derivatives; counts have none.
 
-    By the nonlinear equations (`Segmented`) all derivatives are NaN, because nobody computes them, and
-    with smoothed signs (`Smoothed`) those of times. Every
+    By the nonlinear equations (`Segmented`) all derivatives are NaN, because nobody computes them. Every
     landing is an impact, and the block overturns at a tilt of a right angle, which it must reach before the
     end.
-
-    With smoothed signs (`Smoothed`) the derivatives are those of the smoothed motion. The width of a sign is
-    `sharpness` times nu (1 + mu)/(1 + 2 mu), the tilt at which the weight balances; what is within
-    ten widths counts as rest. A block that never leaves it stood, with a tilt of 0; uplift is the first time
-    at which it leaves it, and impacts are passages from one side of it to the other. The block overturns at
-    ten times the tilt at which weight, friction and the largest forcing balance (`Terms.nonlinear`: at a
-    right angle), or if the last arc leads there. The tilt errs by about the power 2/3 of the width under a
-    forcing that begins continuously, and by its square root where it begins with a jump. No event is grazed.
     """
 
     tilt: Number
@@ -106,19 +97,17 @@ def transient(
     With `Piecewise()` the linear equations (25) with the base acceleration in the place of the harmonic are
     solved exactly: a record is linear between its samples, and no event is missed. After the motion the block
     moves freely for `free` seconds; a last arc that leads beyond return overturns it however far it has come
-    by then. Other models check this one or make it smooth: see `Transient` for what their answers mean.
+    by then. See `Transient` for what the answers of the nonlinear equations mean.
 
     Args:
         scene: a block under a `Pulse` or a `Record`.
         pendulum: None is the bare block.
         y0: start (phi, psi, phi', psi') in rad and rad/s; at rest by default.
-        model: `Piecewise()`, the exact solution of the linear equations (default); `Segmented()`, the
+        model: `Piecewise()`, the exact solution of the linear equations (default); or `Segmented()`, the
             nonlinear equations (4) by compiled code, with the model's `rtol` and `rest_rate` and a solver of
-            its own; or `Smoothed()`, here without impact loss, with the model's `terms`, `solver`, `rtol` and
-            `sharpness`.
+            its own.
         free: free motion after the ground motion, s.
-        max_events: events allowed beyond one for each piece of the motion; of `Smoothed`, steps of the
-            solver.
+        max_events: events allowed beyond one for each piece of the motion.
 
     Raises:
         ValueError: bad input, or a model that cannot follow this block under such a motion.
@@ -194,14 +183,9 @@ def _followed(model: Any, p: Parameters, *motion: Any) -> Any:
         return follow(p, *motion)
     # Loaded where needed: the exact model does without diffrax.
     from tpd.models.segmented import Segmented
-    from tpd.models.smoothed import Smoothed
 
-    checks.instance("model", model, (Piecewise, Segmented, Smoothed))
+    checks.instance("model", model, (Piecewise, Segmented))
     model.check(p)
-    if isinstance(model, Smoothed):
-        from tpd.models.smoothed_ground import follow_smoothed
-
-        return follow_smoothed(model, p, *motion)
     if model.terms is not Terms.nonlinear:
         raise ValueError(
             "under a pulse or a record `terms` of `tpd.Segmented` must be `tpd.Terms.nonlinear`, but is "

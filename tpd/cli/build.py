@@ -150,7 +150,7 @@ def check_moves(file: JobFile, scene: Scene, conditions: Conditions, space: Desi
     with naming("scatter"):
         check_scatter(scene, file.widths, space)
     with naming("ensemble"):
-        if file.ensemble.restitution > 0.0:
+        if file.ensemble.restitution:
             check_restitution(scene)
     with naming("motion"):
         refuse_still(scene, conditions, space)

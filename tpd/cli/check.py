@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from typing import TYPE_CHECKING, Any
 
 from tpd.cli import common, stored
@@ -65,7 +64,6 @@ def run(options: argparse.Namespace) -> int:
     if pendulum is None:
         return _bare(job, options)
     from tpd.analysis.compare_models import MODELS, QUICK
-    from tpd.cli import build
     from tpd.design.suitability import suitability
 
     with common.bar() as bar:
@@ -73,7 +71,6 @@ def run(options: argparse.Namespace) -> int:
             job.scene,
             pendulum,
             asked=_asked(job),
-            bob=build.bob_of(job.file),
             models=QUICK if options.quick else MODELS,
             progress=bar,
         )
@@ -162,22 +159,10 @@ def _bare(job: Job, options: argparse.Namespace) -> int:
 
 
 def _around(found: Suitability, job: Job) -> list[str]:
-    """Lines on the shakings around the own one, on the room, and on the space of the job."""
+    """Lines on the motions from rest, and on the space of the job."""
     from tpd.core.formatting import number
 
-    lost, bare = found.lost
-    settled, way = found.reach
-    reaches = "No motion stands, so there is no reach of the bob."
-    if not math.isnan(settled):
-        to = f"{number(settled, 3)} m to the side once settled, {number(way, 3)} m on the way"
-        reaches = f"From rest the bob reaches at most {to}"
-        there = 0.5 * float(found.scene.block.room)
-        reaches += f"; there are {number(there, 3)} m." if math.isfinite(there) else "."
-    said = [
-        f"By the nonlinear equations from rest, of {found.around}: {lost} overturn the block with the "
-        f"pendulum, {bare} without; under {found.worse} it rocks more with it.",
-        reaches,
-    ]
+    said = [found.from_rest]
     v, space = found.verified, job.space
     bounds = space.mass_ratio, space.length_ratio, space.damping_ratio
     names, ends = ("mass", "length", "damping"), [b if isinstance(b, tuple) else (b, b) for b in bounds]

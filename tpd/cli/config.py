@@ -66,11 +66,6 @@ _ONLY_WITH: dict[tuple[str, str], tuple[str, _Holds]] = {
     ("risk", "share"): ("`risk.measure` cvar", lambda file: file.risk.measure == "cvar"),
     ("search", "optimiser"): ("`search.method` descent", _is_descent),
     ("search", "tolerance"): ("`search.method` descent", _is_descent),
-    # From rest under one condition a design overturns or does not, and its risk says so already.
-    ("search", "by_overturning"): (
-        f"{_SEVERAL}, or with starts other than rest",
-        lambda file: file.size > 1 or file.starts.kind != "rest",
-    ),
     ("limits", "reserve"): ("a search over orbits, `search.model` orbits", _is_over_orbits),
 }
 """Keys that have an effect only together with another one: this one in words, and whether a job has it."""
@@ -97,11 +92,6 @@ class Job:
     def seed(self) -> int:
         """Seed of the search."""
         return self.file.search.seed
-
-    @property
-    def by_overturning(self) -> bool:
-        """Whether designs that overturn under the fewest conditions are preferred."""
-        return self.file.search.by_overturning
 
 
 def read(path: Path) -> dict[str, Any]:

@@ -42,7 +42,6 @@ SEARCH = (
     Option("--searches", "search", "searches", "N"),
     Option("--at-least", "worth", "at_least", "X"),
     Option("--seed", "search", "seed", "N"),
-    Option("--by-overturning", "search", "by_overturning"),
 )
 STARTS = (
     Option(
@@ -198,7 +197,6 @@ def _design(job: Job, unfinished: Path, bar: Bar) -> Design:
         ensemble=job.ensemble,
         worth=job.worth,
         seed=job.seed,
-        by_overturning=job.by_overturning,
         checkpoint=unfinished,
         progress=bar,
     )

@@ -218,9 +218,6 @@ class SearchTable(Table, frozen=True, kw_only=True):
         _says("largest relative difference between the model of the method descent and the exact amplitude"),
     ] = 0.01
     seed: Annotated[Seed, _says("seed of the screening, the samples and the starts")] = 0
-    by_overturning: Annotated[
-        bool, _says("of the designs that help, prefer those that overturn under the fewest conditions")
-    ] = False
 
 
 class WorthTable(Table, frozen=True, kw_only=True):
@@ -254,7 +251,13 @@ class EnsembleTable(Table, frozen=True, kw_only=True):
     frequency: Annotated[HalfWidth, _says("relative half width of the base's frequency")] = 0.01
     friction: Annotated[HalfWidth, _says("relative half width of k")] = 0.2
     damping: Annotated[HalfWidth, _says("relative half width of zeta")] = 0.2
-    restitution: Annotated[HalfWidth, _says("relative half width of the restitution")] = 0.0
+    restitution: Annotated[
+        HalfWidth | None,
+        _says("relative half width of the restitution (default 0.02 where it is a number below 1, else 0)"),
+    ] = None
+    slenderness: Annotated[HalfWidth, _says("relative half width of the block's slenderness")] = 0.02
+    mass: Annotated[HalfWidth, _says("relative half width of the bob's mass")] = 0.02
+    length: Annotated[HalfWidth, _says("relative half width of the rod's length")] = 0.02
 
 
 class JobFile(Table, frozen=True, kw_only=True):

@@ -109,7 +109,10 @@ def reach_of(found: Outcomes, pendulum: Pendulum, block: Block, bob: Bob) -> np.
     to stand; the largest bob angle and the largest tilt are added, which is never too little."""
     stands = ~(found.lost | found.undecided)
     angle = (found.peak_stroke + found.peak)[stands]
-    return np.asarray(bob.reach(pendulum.mass, pendulum.length, angle)) / (0.5 * float(block.room))
+    # The pendulum of every run, as it was hung.
+    mass = pendulum.mass if found.mu is None else block.mass * found.mu[stands]
+    rod = pendulum.length if found.lam is None else block.half_height * found.lam[stands]
+    return np.asarray(bob.reach(mass, rod, angle)) / (0.5 * float(block.room))
 
 
 def strikes_of(found: Verdict, pendulum: Pendulum, block: Block, bob: Bob) -> float:

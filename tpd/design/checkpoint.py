@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
-from collections.abc import Mapping
-from dataclasses import asdict, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import jax
 import numpy as np
 
 from tpd.core import files
-from tpd.design.objective import BACK_OFF
-from tpd.design.sequential import Ends
-from tpd.design.subproblem import Linearisation
 
 _ARRAYS = b"PK\3\4"
 """How a file of NumPy's begins: an earlier version stored one without a checksum."""
 
+Same = TypeVar("Same")
+"""Type of what is stored."""
+
 
 class Checkpoint:
-    """Ends of searches by the number of their group, in a file if there is one."""
+    """Ends of searches, or designs that were followed, by their number; in a file if there is one."""
 
     def __init__(self, path: Path | None, fingerprint: str, stored: dict[str, np.ndarray]) -> None:
         self.path, self.fingerprint, self.stored = path, fingerprint, stored
@@ -57,51 +55,19 @@ class Checkpoint:
             )
         return Checkpoint(path, fingerprint, stored)
 
-    def get(self, group: int) -> Ends | None:
-        """Ends of a group of searches, or None."""
-        values = {n.split("/")[1]: v for n, v in self.stored.items() if n.split("/")[0] == str(group)}
-        if not values:
-            return None
-        local = Linearisation(*(values[f"local_{name}"] for name in Linearisation._fields))
-        rest = {n: values[n] for n in Ends._fields if n not in ("local", "weights")}
-        weights = values["weights_0"], values["weights_1"]
-        return Ends(local=local, weights=weights, **rest)
+    def get(self, i: int, like: Same) -> Same | None:
+        """Values stored under the number i, in the form of `like`, whose numbers do not matter; or None."""
+        leaves, form = jax.tree.flatten(like)
+        found = [self.stored.get(f"{i}/{k}") for k in range(len(leaves))]
+        return None if any(x is None for x in found) else jax.tree.unflatten(form, found)
 
-    def put(self, group: int, ends: Ends) -> None:
-        """Store the ends of a group; the file is complete at any moment."""
+    def put(self, i: int, value: Any) -> None:
+        """Store named tuples of arrays under the number i; the file is complete at any moment."""
         if self.path is None:
             return
-        values: dict[str, Any] = {f"local_{n}": v for n, v in ends.local._asdict().items()}
-        values |= {f"weights_{i}": v for i, v in enumerate(ends.weights)}
-        values |= {n: v for n, v in ends._asdict().items() if n not in ("local", "weights")}
-        self.stored |= {f"{group}/{name}": np.asarray(value) for name, value in values.items()}
-        save(self.path, self.fingerprint, self.stored)
-
-
-def save(path: Path, fingerprint: str, stored: dict[str, np.ndarray]) -> None:
-    """Write a file that `Checkpoint.of` reads."""
-    # Made in memory and placed as a whole: a crash leaves the former file.
-    content = io.BytesIO()
-    whole: dict[str, Any] = {"problem": np.array(fingerprint), **stored}
-    np.savez_compressed(content, **whole)
-    files.place(path, files.sealed(content.getvalue()))
-
-
-def fingerprint_of(problem: Any) -> str:
-    """Fingerprint of everything on which the ends of searches depend."""
-    # Fields and back-off are part of it: another version may have meant other searches.
-    version = Ends._fields, Linearisation._fields, BACK_OFF
-    return hashlib.sha256(_plain((problem, *version)).encode()).hexdigest()
-
-
-def _plain(value: Any) -> str:
-    """Text that two problems share only if they are equal."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return f"{type(value).__name__}{_plain(asdict(value))}"
-    if isinstance(value, Mapping):
-        return "{" + ",".join(f"{k}:{_plain(value[k])}" for k in sorted(value)) + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ",".join(map(_plain, value)) + "]"
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    return repr(value)
+        self.stored |= {f"{i}/{k}": np.asarray(x) for k, x in enumerate(jax.tree.leaves(value))}
+        # Made in memory and placed as a whole: a crash leaves the former file.
+        content = io.BytesIO()
+        whole: dict[str, Any] = {"problem": np.array(self.fingerprint), **self.stored}
+        np.savez_compressed(content, **whole)
+        files.place(self.path, files.sealed(content.getvalue()))

@@ -1,14 +1,13 @@
 """Descent by optax on a smoothed risk measure, by any gradient transformation.
 
-`minimise` solves the same problem by sequential programming. Here the capped weighted worst of n functions is
-smoothed as the subproblem there smooths it,
+`tpd.design.sequential` solves the same problem by sequential programming. Here the capped weighted worst of n
+functions is smoothed,
 
     min over s of  s + cap width sum softplus((v - s)/width),
 
 whose derivatives with respect to v are weights that sum to one; limits enter as a smoothed exact penalty. The
 width falls from step to step, because the worst case has kinks that a fixed width would round off. Steps are
-clipped to the bounds. The ends are measured by the linear models of `minimise`, so that both kinds of search
-report the same quantities."""
+clipped to the bounds."""
 
 from __future__ import annotations
 
@@ -22,8 +21,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float
 
-from tpd.design.sequential import Ends, merit_of, minimise
-from tpd.design.subproblem import PENALTY, Linearisation
+from tpd.design.ends import PENALTY, Book, Ends, Evaluate, Linearisation, Measure
 
 OPTIMISERS: dict[str, Callable[[Any], optax.GradientTransformation]] = {
     "adam": partial(optax.adam, b1=0.8, b2=0.95),
@@ -34,16 +32,14 @@ _WIDTHS = (1e-1, 1e-4)
 """First and last width of the smoothing, in units of the merit."""
 _SHARPER = 0.1
 """The width of the penalty over that of the measure: there may be hundreds of limits with room to spare."""
-STEEP = 1e-2
-"""First-order gain at which a descent counts as not ended: merit per whole width of the bounds."""
 
 
 def descend(
     optimiser: optax.GradientTransformation,
-    evaluate: Callable[[np.ndarray], Linearisation],
+    evaluate: Evaluate,
     starts: np.ndarray,
     cap: float,
-    risk: Callable[[np.ndarray], np.ndarray],
+    risk: Measure,
     *,
     known: Linearisation | None = None,
     steps: int = 40,
@@ -57,7 +53,7 @@ def descend(
         steps: number of steps.
         after: called with (steps done, of how many).
     """
-    book = _Book(evaluate, risk, np.clip(starts, 0.0, 1.0), known)
+    book = Book(evaluate, risk, np.clip(starts, 0.0, 1.0), known)
 
     @jax.jit
     @jax.vmap
@@ -75,16 +71,7 @@ def descend(
         at = book.tried(u)
         if after is not None:
             after(step + 1, steps)
-    # No step is taken here: this measures stationarity and weights as the other method does.
-    ended = minimise(evaluate, book.x, cap, risk, known=book.local, steps=0)
-    path, merits, spent = (np.stack(part) for part in zip(*book.path, strict=True))
-    return ended._replace(
-        steps=np.full(len(starts), steps),
-        open=ended.stationarity > STEEP,
-        path=path,
-        path_merit=merits,
-        path_spent=spent,
-    )
+    return book.ends(cap)
 
 
 def named(name: str, steps: int) -> optax.GradientTransformation:
@@ -92,36 +79,6 @@ def named(name: str, steps: int) -> optax.GradientTransformation:
     that."""
     schedule = optax.cosine_decay_schedule(0.06, max(steps, 1), alpha=0.02)
     return OPTIMISERS[name](schedule)
-
-
-class _Book:
-    """Best design of every start so far, its linearisation, and the path."""
-
-    def __init__(
-        self,
-        evaluate: Callable[[np.ndarray], Linearisation],
-        risk: Callable[[np.ndarray], np.ndarray],
-        starts: np.ndarray,
-        known: Linearisation | None,
-    ) -> None:
-        self.evaluate, self.risk = evaluate, risk
-        self.evaluations = len(starts) if known is None else 0
-        self.x = starts.copy()
-        self.local = evaluate(starts) if known is None else Linearisation(*(np.array(part) for part in known))
-        self.merit = merit_of(self.local, risk)
-        self.path = [(self.x.copy(), self.merit.copy(), self.evaluations)]
-
-    def tried(self, x: np.ndarray) -> Linearisation:
-        """Linearisation at one design of each start; the best designs are recorded."""
-        at = self.evaluate(x)
-        self.evaluations += len(x)
-        merit = merit_of(at, self.risk)
-        better = merit < self.merit
-        self.x[better], self.merit[better] = x[better], merit[better]
-        for old, fresh in zip(self.local, at, strict=True):
-            old[better] = fresh[better]
-        self.path.append((self.x.copy(), self.merit.copy(), self.evaluations))
-        return at
 
 
 def smoothed_merit(at: Linearisation, cap: float, width: float) -> tuple[np.ndarray, np.ndarray]:

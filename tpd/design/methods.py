@@ -15,10 +15,10 @@ import optax
 from tpd.core import checks
 from tpd.core.equations import Terms
 from tpd.design.descent import OPTIMISERS, descend, named
+from tpd.design.ends import Ends, Linearisation
 from tpd.design.objective import AbstractObjective, Orbits
 from tpd.design.one_shot import OneShot
-from tpd.design.sequential import Ends, minimise
-from tpd.design.subproblem import Linearisation
+from tpd.design.sequential import minimise
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
@@ -71,7 +71,7 @@ class Method(ABC):
 
 @dataclass(frozen=True)
 class Sequential(Method):
-    """Sequential programming on exact derivatives in a trust region, see `tpd.design.sequential`. It follows
+    """Sequential quadratic programming by SciPy on exact derivatives, see `tpd.design.sequential`. It follows
     kinks, where several conditions are equally bad, as surely as smooth valleys, and needs the fewest
     designs."""
 

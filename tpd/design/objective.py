@@ -25,8 +25,8 @@ from tpd.core.parameters import Parameters
 from tpd.core.scene import Scene
 from tpd.core.status import Status
 from tpd.design.criteria import Geometry, Limit, Reserve, Risk, Size, Worsening
+from tpd.design.ends import Linearisation
 from tpd.design.space import DesignSpace
-from tpd.design.subproblem import Linearisation
 
 Count = Callable[[int, int], None]
 """Called with (units done, of how many)."""
@@ -165,7 +165,7 @@ class AbstractObjective(ABC):
 
     def linearised(self, e: Evaluation) -> Linearisation:
         """Merits, tightened constraints and their derivatives along the searched shares of the bounds."""
-        # Shares of the bounds make one trust region fit all coordinates.
+        # Shares of the bounds: a step is as long along every coordinate.
         low, high = self.space.bounds
         scale, d = (high - low)[None, None, :], low.size
         limit, limit_slope = self.constraints(e)

@@ -16,10 +16,8 @@ from jaxtyping import Array
 from tpd.core.batch import in_chunks, prepare
 from tpd.core.conditions import under
 from tpd.core.parameters import Parameters, as_arrays
-from tpd.design.descent import STEEP
+from tpd.design.ends import Book, Ends, Linearisation
 from tpd.design.objective import ROCKING, Evaluation, Orbits, margins
-from tpd.design.sequential import Ends, minimise
-from tpd.design.subproblem import Linearisation
 from tpd.exact.modes import Plant
 from tpd.exact.orbit_equation import Half
 from tpd.exact.orbit_roots import Root
@@ -134,13 +132,13 @@ class OneShot:
         steep = np.maximum(np.abs(exact.tilt_slope).max(axis=(1, 2)), 1e-12)[:, None, None]
         turned = (np.abs(own.tilt_slope - exact.tilt_slope) / steep).max(axis=2)
         turned = np.where(self.follows, turned, 0.0)
-        ends = minimise(o.at, found.x, cap, o.risk.of, known=o.linearised(exact), steps=0)
+        ends = Book(o.at, o.risk.of, found.x, o.linearised(exact)).ends(cap)
         return found._replace(
             local=ends.local,
             merit=ends.merit,
             stationarity=ends.stationarity,
             weights=ends.weights,
-            open=ends.stationarity > STEEP,
+            open=ends.open,
             mismatch=np.stack([apart.max(axis=1), turned.max(axis=1)], axis=1),
             lost=lost,
         )

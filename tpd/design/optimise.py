@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, overload
 
@@ -16,7 +16,7 @@ from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.progress import Progress, shown
 from tpd.core.scene import Block, Scene
 from tpd.core.threads import aside
-from tpd.design.active import nearest
+from tpd.design.active import nearest_of
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DEFAULT_LIMITS, Limit, Risk, check_limits
 from tpd.design.elasticity import elasticities_of
@@ -25,15 +25,13 @@ from tpd.design.ground.optimise import optimise_on_motions
 from tpd.design.ground.search import GroundSearch
 from tpd.design.inputs import check_cavity
 from tpd.design.methods import Method, Sequential, describe
-from tpd.design.nonlinear_search import nonlinear_search, wanted
 from tpd.design.objective import Orbits, margins
 from tpd.design.one_shot import OneShot
 from tpd.design.problem import Problem
-from tpd.design.result import Design, DesignStatus, Search
+from tpd.design.result import Design, DesignStatus
 from tpd.design.search import GROUP, Multistart, stage
 from tpd.design.space import DesignSpace
 from tpd.design.steps import pendulum_of
-from tpd.design.subproblem import prepare_steps
 from tpd.design.survey import Survey, survey
 from tpd.design.verified import LossCase
 from tpd.design.verify import JUDGED, Verification
@@ -56,7 +54,6 @@ class Found:
     search: Multistart
     verification: Verification
     status: DesignStatus = DesignStatus.interrupted
-    second: Multistart | None = None
     surveys: tuple[Survey, ...] = ()
     losses: tuple[LossCase, ...] = ()
     elasticities: dict[str, float] = field(default_factory=dict)
@@ -82,7 +79,6 @@ def optimise(
     ensemble: Ensemble | None = None,
     worth: Worth | None = None,
     seed: int = 0,
-    by_overturning: bool = False,
     checkpoint: Path | str | None = None,
     progress: Progress | bool | None = None,
     **on_motions: Any,
@@ -97,8 +93,8 @@ def optimise(
     validates every end. Designs that the descents met, and others, are followed from rest by the linear and
     the nonlinear equations, and the best are verified one after the other until one passes: paired runs of
     the nonlinear equations must show the least benefit that `worth` asks for, and no harm. The one that
-    passes is judged by fresh runs, of another seed, which the answer quotes; under several conditions the
-    next is judged if they refuse it, three at most.
+    passes is judged by fresh runs, of another seed, which the answer quotes; the next is judged if they
+    refuse it, three at most.
 
     Args:
         scene: block and base motion, SI; under ground motions a block alone will do.
@@ -112,7 +108,6 @@ def optimise(
         worth: least benefit and largest harm of a design that is offered; default `Worth()`.
         ensemble: runs that verify; default `Ensemble(seed=seed)`, dealt out among the conditions.
         seed: of every random choice.
-        by_overturning: verify first the designs that overturn under the fewest conditions from rest.
         checkpoint: file for finished searches; searches of the same problem in it are not repeated.
         progress: True for a bar on stderr, or called with (stage, done, of how many).
         on_motions: `held_out`, `demand`, `allowed`, `scatter` and `at_least` under ground motions.
@@ -124,19 +119,18 @@ def optimise(
     if isinstance(conditions, Conditions) and conditions.motions:
         common: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "seed": seed}
         on_motions |= {**common, "checkpoint": checkpoint, "progress": progress}
-        return _on_motions(scene, space, conditions, on_motions, (starts, ensemble, worth, by_overturning))
+        return _on_motions(scene, space, conditions, on_motions, (starts, ensemble, worth))
     block_and_motion, how = _of_harmonics(scene, method, on_motions)
     problem = Problem.of(block_and_motion, space, conditions, starts, risk, limits, how, seed, worth)
     runs = Ensemble(seed=seed) if ensemble is None else ensemble
     checks.instance("ensemble", runs, Ensemble)
-    if runs.restitution > 0.0:
+    if runs.restitution:
         check_restitution(block_and_motion)
-    checks.flag("by_overturning", by_overturning)
     if checkpoint is not None:
         checks.instance("checkpoint", checkpoint, (Path, str))
     with shown(progress) as report:
         file = None if checkpoint is None else Path(checkpoint)
-        return solve(problem, runs, by_overturning, file, report)
+        return solve(problem, runs, file, report)
 
 
 def _on_motions(
@@ -147,9 +141,9 @@ def _on_motions(
     others: tuple[Any, ...],
 ) -> GroundDesign:
     """Design on ground motions, unless something is given that belongs to harmonics."""
-    for name, value in zip(("starts", "ensemble", "worth", "by_overturning"), others, strict=True):
+    for name, value in zip(("starts", "ensemble", "worth"), others, strict=True):
         # A setting without effect would let somebody believe in it.
-        if value is not None and value is not False:
+        if value is not None:
             raise ValueError(f"`{name}` is for harmonics, but the conditions are ground motions")
     if isinstance(scene, (Scene, Block)):
         # Limits may be an iterator, which can be read once.
@@ -174,7 +168,6 @@ def _of_harmonics(
 def solve(
     problem: Problem,
     ensemble: Ensemble,
-    by_overturning: bool = False,
     checkpoint: Path | None = None,
     progress: Progress | None = None,
 ) -> Design:
@@ -184,9 +177,7 @@ def solve(
         _prepare(problem)
     problem = problem.against_bare()
     scene, objective = problem.scene, problem.objective
-    verification = Verification(
-        scene, objective, problem.method, ensemble, problem.worth, by_overturning, progress
-    )
+    verification = Verification(scene, objective, problem.method, ensemble, problem.worth, progress)
     search = Multistart(objective, problem.method, problem.seed, progress)
     found = Found(search, verification)
     try:
@@ -210,78 +201,43 @@ def _prepare(problem: Problem) -> None:
     """Begin to compile what the search and the verification need."""
     o, model = problem.objective, problem.method.model
 
-    def others() -> None:
-        # In the order in which they are needed, and not at once: only one thread at a time can trace.
-        load_compiled()
-        prepare_steps(o.linearised(o.blank(1)))
-
     if isinstance(o, Orbits):
         # Traced here first: in a command the compiled code of events is loaded, or made by other processes.
         o.prepare()
         if isinstance(model, Smoothed):
             OneShot(o, model).prepare()
-    aside(others)
+    # Not at once: only one thread at a time can trace.
+    aside(load_compiled)
 
 
 def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
-    """Verify what was searched, and add what belongs to an offered design."""
-    verification = found.verification
-    if len(verification.objective.conditions) == 1:
-        _verify_alone(problem, found, progress)
-    elif found.search.interrupted:
+    """Follow many designs from rest, verify the best of them, and add what belongs to an offered one."""
+    search, verification = found.search, found.verification
+    if search.interrupted:
         # The best that there is, and no survey: whoever interrupts wants the answer soon.
-        found.status = verification.best_of(found.search)
-    else:
-        _verify_several(problem, found, progress)
-    verification = found.verification
-    if found.status is DesignStatus.found and not found.surveys:
-        found.status = verification.judge()
-    if found.status is DesignStatus.found and not found.search.interrupted:
-        winner = verification.verified[-1]
-        found.losses = verification.fresh.under_other_losses(pendulum_of(problem.scene, winner))
-        found.elasticities = elasticities_of(verification.objective, winner, progress)
-
-
-def _verify_alone(problem: Problem, found: Found, progress: Progress | None) -> None:
-    """One condition: verify the best end; after a refusal search on the nonlinear equations, then verify the
-    designs on the paths."""
-    search, verification = found.search, found.verification
-    found.status = verification.best_of(search)
-    if search.interrupted or not wanted(found.status, verification.verified, search.objective):
-        if found.status is DesignStatus.refused:
-            found.status = verification.best_of_paths(search)
+        found.status = verification.best_of(search)
         return
-    second = found.second = nonlinear_search(search.objective, search, problem.seed, progress)
-    other = verification.on(second.objective, "nonlinear search")
-    after = other.best_of(second)
-    if after is DesignStatus.refused:
-        after = other.best_of_paths(second)
-    passed = after is DesignStatus.found or found.status is not DesignStatus.refused
-    if passed or verification.best_of_paths(search) is not DesignStatus.found:
-        found.status, found.verification = after, other
-    else:
-        found.status = DesignStatus.found
-
-
-def _verify_several(problem: Problem, found: Found, progress: Progress | None) -> None:
-    """Several conditions: follow many designs from rest, and verify the best of them."""
-    search, verification = found.search, found.verification
     objective = verification.objective
     # Ends that the exact solution confirms, and the best designs on the paths.
-    ends, passed = search.order(feasible=False), search.with_paths(np.inf, _PATHS).designs[search.ended :]
-    met = np.concatenate([search.designs[ends[~search.contradicted[ends]]], passed])
+    ends = search.order(feasible=False)
+    met = [search.designs[ends[~search.contradicted[ends]]], search.on_the_way(_PATHS)]
     few = objective.over(objective.conditions.subset(SURVEYED, problem.seed))
     after = None if progress is None else stage(progress, "survey")
-    found.surveys = wide, fine = survey(few, met, verification.ensemble.periods, problem.seed, after)
-    if not verification.by_overturning:
-        found.surveys = wide, fine = wide, verification.refined(fine, few, problem.seed)
+    found.surveys = wide, fine = survey(
+        few, np.concatenate(met), verification.ensemble.periods, problem.seed, after
+    )
+    found.surveys = wide, fine = wide, verification.refined(fine, few, problem.seed)
     for _ in range(JUDGED):
         # An interruption leaves the design that has passed.
-        found.status = verification.best_of_survey(search, fine)
+        found.status = verification.best_of_survey(fine)
         if found.status is DesignStatus.found:
             found.status = verification.judge()
         if found.status is not DesignStatus.refused or not verification.verified[-1].chosen_by:
             break
+    if found.status is DesignStatus.found:
+        winner = verification.verified[-1]
+        found.losses = verification.fresh.under_other_losses(pendulum_of(problem.scene, winner))
+        found.elasticities = elasticities_of(objective, winner, progress)
 
 
 def _searched(
@@ -305,7 +261,7 @@ def _searched(
         on = search.carry_on(finer, store, "over what starts reach", _FINISHING, 1)
         interrupted = on.interrupted
         if on.groups:
-            search, verification = on, verification.on(finer, "search")
+            search, verification = on, verification.on(finer)
         search.interrupted = interrupted
     return search, verification
 
@@ -332,29 +288,10 @@ def _design(problem: Problem, ensemble: Ensemble, found: Found) -> Design:
         pendulum=None if offered is None else pendulum_of(problem.scene, offered),
         verified=verified,
         bare=verification.bare,
-        nearest=nearest(found.second or search, found.surveys) if none else None,
-        search=_history(search, found.second),
+        nearest=nearest_of(found.surveys[-1]) if none else None,
+        search=search.history,
         surveys=found.surveys,
         losses=found.losses,
         elasticities=found.elasticities,
         settings=describe(problem.method),
-    )
-
-
-def _history(search: Multistart, second: Multistart | None) -> Search:
-    """History of the search, with the ends and paths of a nonlinear search beside the others."""
-    first = search.history
-    if second is None:
-        return first
-    last = second.history
-    return replace(
-        first,
-        paths=(*first.paths, *last.paths),
-        ends=np.concatenate([first.ends, last.ends]),
-        end_values=np.concatenate([first.end_values, last.end_values]),
-        statuses=(*first.statuses, *last.statuses),
-        mismatch=np.concatenate([first.mismatch, last.mismatch]),
-        lost=np.concatenate([first.lost, last.lost]),
-        nonlinear_evaluations=last.evaluations,
-        description=f"{first.description}; then from {last.description}",
     )

@@ -11,9 +11,9 @@ import numpy as np
 from tpd.analysis.attractors import StartKind, Starts
 from tpd.core import checks
 from tpd.core.conditions import Conditions, under_all
+from tpd.core.fingerprints import fingerprint, of_sources
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.scene import Harmonic, Scene
-from tpd.design.checkpoint import fingerprint_of
 from tpd.design.criteria import Limit, Mass, Risk, limit_of
 from tpd.design.followed import Followed
 from tpd.design.inputs import check_cavity, check_moves, check_types, limits_for
@@ -115,7 +115,9 @@ class Problem:
         steps = method.taken(method.steps) if isinstance(method, Descent) else ()
         criteria = o.risk, [(limit.name, limit) for limit in o.limits]
         settings = describe(method), np.round(steps, 12), self.seed, self.many, self.sampled
-        return fingerprint_of((self.scene, o.conditions, self.space, *criteria, self.starts, *settings))
+        return fingerprint(
+            of_sources(), self.scene, o.conditions, self.space, *criteria, self.starts, *settings
+        )
 
     @property
     def over_basins(self) -> Followed | None:

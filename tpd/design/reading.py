@@ -26,7 +26,7 @@ from tpd.design.result import DesignStatus
 from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
 
-VERSION = 4
+VERSION = 5
 """Version of the file of a design; it grows when a key changes its meaning or goes away."""
 GROUND_VERSION = 2
 """Version of the file of a design on ground motions."""

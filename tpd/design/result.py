@@ -36,10 +36,6 @@ class DesignStatus(enum.Enum):
         "paired runs of the nonlinear equations its benefit. That is no verdict of safety: read the shares."
     )
     refused = "NO PENDULUM WORTH HANGING: no design that the search found passes the verification."
-    no_improvement = (
-        "NO PENDULUM WORTH HANGING: by the model of the search, of the designs that it tried none that keeps "
-        "to the limits rocks less than the bare block under these conditions."
-    )
     none_feasible = (
         "NO PENDULUM WORTH HANGING: no design that was tried in this space keeps to the limits under all "
         "conditions."
@@ -95,8 +91,6 @@ class Search:
     """Orbits that this model lost on the way of each search, (searches,): the exact one went on there."""
     evaluations: int
     """Designs evaluated, screening included."""
-    nonlinear_evaluations: int
-    """Designs evaluated by the nonlinear equations, in the search on them."""
     description: str
     """From how many designs and in which stages, in words."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import copy
 
 import jax
 import numpy as np
@@ -14,13 +13,12 @@ from tpd.core.progress import Progress
 from tpd.core.status import names_of
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import stroke_limit
+from tpd.design.ends import BLANK, Book, Ends, Linearisation
 from tpd.design.followed import Followed
 from tpd.design.methods import Descent, Method
 from tpd.design.objective import BACK_OFF, REST, AbstractObjective, Count, Evaluation, margins
 from tpd.design.result import Search, SearchStatus
 from tpd.design.screening import best_apart, first_apart, screened_designs
-from tpd.design.sequential import Ends, minimise
-from tpd.design.subproblem import Linearisation
 from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
 
@@ -45,7 +43,7 @@ class Multistart:
         self.objective, self.method, self.seed, self.progress = objective, method, seed, progress
         self.count, self.groups, self.interrupted = method.searches, list[Ends](), False
         self.description = f"{method.searches} designs"
-        self.before, self.first, self.passed = 0, 0, 0
+        self.before, self.first = 0, 0
         self.screened, self.screened_value = np.zeros((0, 3)), np.zeros(0)
         self.feasible, self.overturned = np.zeros(0, bool), np.zeros(0, bool)
         self.pending = np.zeros((0, objective.space.bounds.shape[1]))
@@ -56,7 +54,7 @@ class Multistart:
             units, known = self.screen()
             groups = range(0, len(units), GROUP)
             for i, begin in enumerate(groups):
-                rows, ended = slice(begin, begin + GROUP), checkpoint.get(i)
+                rows, ended = slice(begin, begin + GROUP), checkpoint.get(i, BLANK)
                 if ended is None:
                     part = None if known is None else known.at(rows)
                     ended = self._search(units[rows], part, i, len(groups))
@@ -113,7 +111,7 @@ class Multistart:
                 on.count = self.count
                 raise KeyboardInterrupt
             for i, begin in enumerate(groups):
-                ended = checkpoint.get(on.first + i)
+                ended = checkpoint.get(on.first + i, BLANK)
                 if ended is None:
                     ended = on._search(self.units[best][begin : begin + together], None, i, len(groups))
                 on.groups.append(ended)
@@ -131,37 +129,23 @@ class Multistart:
     def evaluate_pending(self) -> None:
         """After an interruption: evaluate the designs from which a search had not begun."""
         if len(self.pending):
-            self.groups.append(self._without_steps(self.pending))
+            objective = self.objective
+            cap = objective.risk.cap(len(objective.conditions))
+            ends = Book(objective.at, objective.risk.of, self.pending).ends(cap)
+            self.groups.append(ends._replace(open=np.ones(len(self.pending), dtype=bool)))
 
-    def with_paths(self, most: float, count: int = _CARRIED) -> Multistart:
-        """This search and, after its ends, the best designs of a merit below `most` that its paths passed
-        apart from the ends, as if a search had ended there as well."""
-        units = np.concatenate([g.path.reshape(-1, g.path.shape[-1]) for g in self.groups])
+    def on_the_way(self, count: int) -> np.ndarray:
+        """Best designs (mu, lam, zeta), (count, 3) or fewer, that the paths passed apart from the ends."""
+        passed = np.concatenate(
+            [self.units[:0], *(g.path.reshape(-1, g.path.shape[-1]) for g in self.groups)]
+        )
         # The paths' merits hold the penalty: a design beyond a limit is far down the order.
-        merit = np.concatenate([g.path_merit.ravel() for g in self.groups])
-        order = np.argsort(merit, kind="stable")
+        merit = np.concatenate([np.zeros(0), *(g.path_merit.ravel() for g in self.groups)])
         ends = len(self.units)
-        first = np.concatenate([np.arange(ends), ends + order[merit[order] < most]])
-        every = np.concatenate([self.units, units])
+        first = np.concatenate([np.arange(ends), ends + np.argsort(merit, kind="stable")])
+        every = np.concatenate([self.units, passed])
         taken = first_apart(every, first, ends + count, _AWAY, ends)[ends:]
-        return self.with_designs(every[taken]) if taken else self
-
-    def with_designs(self, units: np.ndarray) -> Multistart:
-        """This search and, after its ends, other designs (m, d), as if a search had ended there as well."""
-        on = copy(self)
-        on.groups, on.passed = [*self.groups, self._without_steps(units)], len(units)
-        return on
-
-    def _without_steps(self, units: np.ndarray) -> Ends:
-        """Searches of no step: an evaluation in the form of an end."""
-        objective = self.objective
-        cap = objective.risk.cap(len(objective.conditions))
-        return minimise(objective.at, units, cap, objective.risk.of, steps=0)
-
-    @property
-    def ended(self) -> int:
-        """Searches that have ended; designs listed after them lie on paths."""
-        return len(self.units) - self.passed
+        return self.objective.space.unscaled(every[taken])
 
     @property
     def evaluations(self) -> int:
@@ -231,7 +215,6 @@ class Multistart:
             mismatch=np.concatenate([np.zeros((0, 2)), *(g.mismatch for g in self.groups)]),
             lost=np.concatenate([np.zeros(0, int), *(g.lost for g in self.groups)]),
             evaluations=self.evaluations,
-            nonlinear_evaluations=0,
             description=self.description,
         )
 

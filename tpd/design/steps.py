@@ -29,12 +29,13 @@ from tpd.core.status import SETTLED, names_of
 from tpd.design.active import active
 from tpd.design.by_runs import JUDGES, PairedRuns, reasons_by_runs, strikes_of
 from tpd.design.criteria import Room, limit_of
+from tpd.design.ends import Book
 from tpd.design.followed import Followed
 from tpd.design.methods import Descent, Method
 from tpd.design.motions import motions_from_rest, polished, searched_motions
 from tpd.design.objective import REST, AbstractObjective, Evaluation, margins
 from tpd.design.reasons import Reason, ReasonKind, Step
-from tpd.design.search import Multistart, stage
+from tpd.design.search import stage
 from tpd.design.verified import Bare, Motions, Neighbours, Nonlinear, Verified
 from tpd.design.worth import Worth
 from tpd.models.compiled_nonlinear import settle_nonlinear
@@ -65,11 +66,10 @@ class Steps:
         method: Method,
         ensemble: Ensemble,
         worth: Worth,
-        by_overturning: bool,
         progress: Progress | None,
     ) -> None:
         self.scene, self.objective, self.ensemble, self.progress = scene, objective, ensemble, progress
-        self.by_overturning, self.worth = by_overturning, worth
+        self.worth = worth
         self.runs = PairedRuns(scene, objective.conditions, ensemble, worth, progress)
         self.judges = replace(ensemble, seed=ensemble.seed + JUDGES)
         self.fresh = PairedRuns(scene, objective.conditions, self.judges, worth, progress)
@@ -90,12 +90,11 @@ class Steps:
         )
         self._neighbours_bare: dict[int, np.ndarray] = {}
         self.verified: list[Verified] = []
-        self.source = "search"
 
-    def on(self: Same, objective: AbstractObjective, source: str) -> Same:
+    def on(self: Same, objective: AbstractObjective) -> Same:
         """Verification of designs that were searched for on another objective."""
         other = copy(self)
-        other.objective, other.source, other.tolerance = objective, source, 0.0
+        other.objective, other.tolerance = objective, 0.0
         e = objective.evaluate(self.none[None])
         value, searched = float(objective.value(e)[0]), other._searched(self.none, e)
         other.bare = replace(self.bare, value=value, evaluation=e, searched=searched)
@@ -107,37 +106,40 @@ class Steps:
         e = self.bare.evaluation
         return bool(np.all(e.kind == REST) and not np.any(e.lost))
 
-    def judged(self, search: Multistart, i: int, motions: Motions) -> Verified:
-        """All steps for one design, up to the first that refuses it."""
-        v = self.begun(search, i, motions)
+    def at_once(self, design: np.ndarray) -> Verified:
+        """All steps for one design (mu, lam, zeta), up to the first that refuses it."""
+        v = self.begun(design)
         for step in self._steps:
             v = step(v)
             if v.reasons:
                 break
         return v
 
-    def begun(self, search: Multistart, i: int, motions: Motions) -> Verified:
+    def begun(self, design: np.ndarray) -> Verified:
         """A design before the first step."""
-        objective, design = self.objective, search.designs[i]
-        e = objective.evaluate(design[None])
+        o = self.objective
+        e = o.evaluate(design[None])
+        end = Book(o.at, o.risk.of, o.space.scaled(design[None]), o.linearised(e)).ends(
+            o.risk.cap(len(o.conditions))
+        )
         return Verified(
             mass_ratio=float(design[0]),
             length_ratio=float(design[1]),
             damping_ratio=float(design[2]),
-            value=float(objective.value(e)[0]),
+            value=float(o.value(e)[0]),
             evaluation=e,
-            exact=self._polished(design, motions),
+            exact=self._polished(design, self.from_rest(design)),
             searched=self._searched(design, e),
-            margin=margins(objective, design[None])[0],
+            margin=margins(o, design[None])[0],
             neighbours=None,
             nonlinear=(),
             verdict=None,
             paired=None,
             benefit=None,
             strikes=math.nan,
-            stationarity=float(search.column(lambda g: g.stationarity)[i]),
-            active=active(search, i, _AT_LIMIT),
-            source=self.source if i < search.ended else "path",
+            stationarity=float(end.stationarity[0]),
+            active=active(o, end, _AT_LIMIT),
+            source="search",
             reasons=(),
         )
 

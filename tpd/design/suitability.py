@@ -1,5 +1,5 @@
 """Whether a pendulum can be hung: what `optimise` asks of its designs, asked of one; and how it moves by all
-models and under shakings around its own."""
+models."""
 
 from __future__ import annotations
 
@@ -11,13 +11,10 @@ import numpy as np
 from tpd.analysis.attractors import Starts
 from tpd.analysis.compare_models import Check, check
 from tpd.analysis.ensemble import Ensemble
-from tpd.core.bob import Bob
-from tpd.core.conditions import Conditions, under_all
-from tpd.core.parameters import as_arrays
+from tpd.core.conditions import Conditions
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
-from tpd.core.status import names_of
-from tpd.design.active import broken_at, nearest_of
+from tpd.design.active import nearest_of
 from tpd.design.criteria import (
     DEFAULT_LIMITS,
     Limit,
@@ -34,53 +31,24 @@ from tpd.design.methods import Method
 from tpd.design.optimise import SURVEYED
 from tpd.design.problem import Problem
 from tpd.design.reasons import Reason, ReasonKind, Step
-from tpd.design.search import Multistart
 from tpd.design.space import DesignSpace
 from tpd.design.steps import HEIGHT
-from tpd.design.survey import ROOM, followed
+from tpd.design.survey import ON_THE_WAY, ROOM, Survey, followed
 from tpd.design.verified import Verified
 from tpd.design.verify import Verification
 from tpd.design.worth import Worth
-from tpd.models.compiled_nonlinear import settle_nonlinear
-
-_NEARBY = (-0.01, -0.005, 0.005, 0.01)
-"""Changes of the base motion's amplitude, and of its frequency."""
-_MOST = 64
-"""Most conditions of a job that are followed."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Motions:
-    """Motions from rest by the nonlinear equations, (n,); infinite where the block overturns."""
-
-    status: np.ndarray
-    amplitude: np.ndarray
-    """Settled |phi|, rad."""
-    settled: np.ndarray
-    """Bound on the settled angle between rod and block, rad."""
-    way: np.ndarray
-    """Bound on that angle from the start on, rad."""
-
-    @property
-    def overturned(self) -> int:
-        """Number of motions that overturn the block."""
-        return int(np.sum(self.status == "overturned"))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Suitability:
-    """A pendulum by all models, under the shakings around its own, and in the cavity of its block."""
+    """A pendulum by all models, from rest under the conditions of the question, and by paired runs."""
 
     scene: Scene
     pendulum: Pendulum
-    bob: Bob
     check: Check
-    shakings: Conditions
-    """The scene's own shaking first, then its neighbours, or the conditions of the question."""
-    several: bool
-    """Whether the shakings are these conditions."""
-    hung: Motions
-    bare: Motions
+    rest: Survey
+    """Motions from rest by the nonlinear equations under the conditions, a choice of them where there are
+    many; of one design."""
     verified: Verified
     """The pendulum by the steps that verify a design of `optimise`; its reasons are the verdict."""
     needed: bool
@@ -88,46 +56,18 @@ class Suitability:
     worth: Worth
 
     @property
-    def tried(self) -> int:
-        """Number of shakings beside the scene's own."""
-        return len(self.shakings) - 1
-
-    @property
-    def lost(self) -> tuple[int, int]:
-        """Shakings beside the own one that overturn the block: with the pendulum and without."""
-        # The own shaking is told by the comparison of models already.
-        own = (m.status[0] == "overturned" for m in (self.hung, self.bare))
-        with_it, without = (m.overturned - int(o) for m, o in zip((self.hung, self.bare), own, strict=True))
-        return with_it, without
-
-    @property
-    def worse(self) -> int:
-        """Shakings beside the own one under which the block stands bare, and with the pendulum rocks more."""
-        with_it, without = self.hung.amplitude[1:], self.bare.amplitude[1:]
-        # A block that rests up to round-off is no worse than any other.
-        return int(np.sum(np.isfinite(without) & (with_it > 1e-9) & (with_it > without)))
-
-    @property
-    def around(self) -> str:
-        """Phrase for the shakings."""
-        what = "conditions" if self.several else "shakings within 1 % in amplitude or frequency"
-        return f"{self.tried} {what}"
-
-    @property
-    def reach(self) -> tuple[float, float]:
-        """Largest distances (m) of the bob's surface from the block's axis, settled and on the way from
-        rest, of the motions that stand; NaN where none does."""
-        # A job's conditions need not hold the scene's own shaking.
-        rows = slice(1, None) if self.several else slice(0, 1)
-        length, mass = (self.shakings.column(name)[rows] for name in ("length", "mass"))
-        rod, heavy = self.pendulum.length * length, self.pendulum.mass * mass
-
-        def largest(angle: np.ndarray) -> float:
-            stands = np.isfinite(angle)
-            far = np.asarray(self.bob.reach(heavy, rod, np.where(stands, angle, 0.0)))
-            return float(np.max(far[stands], initial=-math.inf)) if stands.any() else math.nan
-
-        return largest(self.hung.settled[rows]), largest(self.hung.way[rows])
+    def from_rest(self) -> str:
+        """Sentences on the motions from rest."""
+        hung, bare, excess = self.rest.severity[0], self.rest.bare, self.rest.excess
+        said = (
+            f"By the nonlinear equations from rest, of {len(bare)} conditions: {np.sum(hung >= 1.0)} "
+            f"overturn the block with the pendulum, {np.sum(bare >= 1.0)} without; under "
+            f"{np.sum(hung > bare)} it rocks more with it."
+        )
+        if Room.name not in excess or np.all(hung >= 1.0):
+            return said
+        settled, way = (1.0 + float(excess[name][0]) for name in (Room.name, ON_THE_WAY))
+        return f"{said} The bob comes to {settled:.0%} of the wall's distance once settled, {way:.0%} before."
 
     @property
     def refusals(self) -> tuple[str, ...]:
@@ -214,8 +154,8 @@ class Question:
     def verification(self, problem: Problem, progress: Progress | None) -> Verification:
         """Verification of designs of a problem."""
         inputs = self.scene, problem.objective, problem.method, self.ensemble, problem.worth
-        made, finer = Verification(*inputs, False, progress), problem.over_basins
-        return made if finer is None else made.on(finer, "check")
+        made, finer = Verification(*inputs, progress), problem.over_basins
+        return made if finer is None else made.on(finer)
 
 
 def rests(asked: Question) -> bool:
@@ -229,10 +169,10 @@ def _rests(verification: Verification) -> bool:
 
 def judged(
     asked: Question, pendulum: Pendulum, progress: Progress | None = None
-) -> tuple[Verified, Verification]:
-    """A pendulum by the steps that verify a design of `optimise`, and what it is compared with: limits from
-    rest under every condition as in the survey, then the verification, then the fresh runs that judge once.
-    Where something else refuses it, its paired runs are counted all the same.
+) -> tuple[Verified, Verification, Survey]:
+    """A pendulum by the steps that verify a design of `optimise`, what it is compared with, and its motions
+    from rest: limits from rest under every condition as in the survey, then the verification, then the fresh
+    runs that judge once. Where something else refuses it, its paired runs are counted all the same.
 
     Raises:
         ValueError: bad input.
@@ -244,15 +184,16 @@ def judged(
     problem = asked.problem(design)
     verification = asked.verification(problem, progress)
     objective = verification.objective
-    search = Multistart(objective, problem.method, asked.seed, progress)
-    v = verification.at_once(search, design)
-    broken = [*_too_heavy(asked.limits, pendulum), *_limits_broken(verification, search, design, asked.seed)]
+    few = objective.over(objective.conditions.subset(SURVEYED, asked.seed))
+    rest = followed(few, design[None], asked.ensemble.periods, "nonlinear", None)
+    v = verification.at_once(design)
+    broken = *_too_heavy(asked.limits, pendulum), *nearest_of(rest).broken
     if not v.reasons and not broken:
         v = verification.by_fresh_runs(v)
     elif v.paired is None:
         counted = verification.by_runs(v)
         v = replace(counted, reasons=(*v.reasons, *counted.reasons))
-    return replace(v, source="check", reasons=(*broken, *v.reasons)), verification
+    return replace(v, source="check", reasons=(*broken, *v.reasons)), verification, rest
 
 
 def _holding(space: DesignSpace, design: np.ndarray) -> DesignSpace:
@@ -281,25 +222,11 @@ def _too_heavy(limits: tuple[Limit, ...], pendulum: Pendulum) -> list[Reason]:
     return [Reason(step=Step.exact, kind=ReasonKind.breaks_limit, limit=Mass.name, value=value)]
 
 
-def _limits_broken(
-    verification: Verification, search: Multistart, design: np.ndarray, seed: int
-) -> tuple[Reason, ...]:
-    """Limits that a search or its survey would drop the design for."""
-    objective = verification.objective
-    if len(objective.conditions) > 1:
-        few = objective.over(objective.conditions.subset(SURVEYED, seed))
-        found = followed(few, design[None], verification.ensemble.periods, "nonlinear", None)
-        return nearest_of(found).broken
-    wider = search.with_designs(objective.space.scaled(design[None]))
-    return tuple(broken_at(wider, wider.excess[-1]))
-
-
 def suitability(
     scene: Scene,
     pendulum: Pendulum,
     *,
     asked: Question | None = None,
-    bob: Bob | None = None,
     models: tuple[str, ...] | None = None,
     progress: Progress | None = None,
 ) -> Suitability:
@@ -309,7 +236,6 @@ def suitability(
         scene: the block and its shaking.
         pendulum: the one to be hung.
         asked: conditions, starts, limits and runs; by default those of `optimise`.
-        bob: the body at the end of the rod; default that of the limit on room, else a ball of steel.
         models: names of models, as in `tpd.check`.
         progress: called with ("checking", models done, of how many), and by the stages of the verification.
 
@@ -318,54 +244,15 @@ def suitability(
         RuntimeError: JAX is in 32-bit mode.
     """
     asked = Question(scene=scene) if asked is None else asked
-    room = limit_of(asked.limits, Room)
     check_cavity(scene.block, asked.limits)
     found = check(scene, pendulum, stroke=stroke_limit(asked.limits), models=models, progress=progress)
-    v, verification = judged(asked, pendulum, progress)
-    conditions = verification.objective.conditions
-    several = len(conditions) > 1
-    shakings = _with_own(conditions.subset(_MOST) if several else neighbours())
+    v, verification, rest = judged(asked, pendulum, progress)
     return Suitability(
         scene=scene,
         pendulum=pendulum,
-        bob=bob or (room.bob if isinstance(room, Room) else Bob()),
         check=found,
-        shakings=shakings,
-        several=several,
-        hung=motions(scene, pendulum, shakings),
-        bare=motions(scene, None, shakings),
+        rest=rest,
         verified=v,
         needed=not _rests(verification),
         worth=asked.worth,
-    )
-
-
-def neighbours() -> Conditions:
-    """Eight shakings within 1 % in amplitude or frequency."""
-    shakes = [(1.0 + d, 1.0) for d in _NEARBY] + [(1.0, 1.0 + d) for d in _NEARBY]
-    amplitude, frequency = np.array(shakes).T
-    return Conditions({"amplitude": amplitude, "frequency": frequency})
-
-
-def _with_own(conditions: Conditions) -> Conditions:
-    """The scene's own shaking, followed by the conditions."""
-    return Conditions({name: np.concatenate([[1.0], x]) for name, x in conditions.factors.items()})
-
-
-def motions(scene: Scene, pendulum: Pendulum | None, conditions: Conditions) -> Motions:
-    """Follow the block from rest by the nonlinear equations under every condition."""
-    p = as_arrays(scene.parameters(pendulum))
-    design = np.array([[p.mu, p.lam, p.zeta]])
-    settled = settle_nonlinear(under_all(p, design, conditions), np.zeros((len(conditions), 4)))
-    status = names_of(settled.status)
-
-    def column(*names: str) -> np.ndarray:
-        return np.where(status == "overturned", np.inf, sum(np.asarray(getattr(settled, n)) for n in names))
-
-    return Motions(
-        status=status,
-        amplitude=np.where(status == "rest", 0.0, column("amplitude")),
-        # Both largest angles need not occur at once: their sum is a bound.
-        settled=column("amplitude", "stroke"),
-        way=column("peak", "peak_stroke"),
     )

@@ -116,7 +116,7 @@ class Verified:
     """Decrease of the risk that is left, to first order, per unit of a step in shares of the bounds."""
     active: tuple[Active, ...]
     source: str
-    """"search", "path" (a search passed through the design), "survey" or "nonlinear search"."""
+    """"survey", "search" (the best end of a search that was interrupted) or "check"."""
     reasons: tuple[Reason, ...]
     """Why it is refused; empty if it is offered."""
     chosen_by: Benefit | None = None

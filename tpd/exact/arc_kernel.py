@@ -230,8 +230,9 @@ def _put_modes(q, a, b):
 
 
 @compiled
-def fill(q, nu, mu, lam, zeta, k, f, xi, rho, e):
-    """Fill a plant with the coefficients of these parameters."""
+def plant(x, q):
+    """Fill a plant with the coefficients of (nu, mu, lam, zeta, k, f, xi, rho, e)."""
+    nu, mu, lam, zeta, k, f, xi, rho, e = x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7], x[8]
     hinge, d = 2.0 * zeta * np.sqrt(lam * rho), 1.0 + mu * rho * nu * nu
     m11, m12, m21, m22 = 1.0 + mu * rho * (4.0 + nu * nu), -2.0 * mu * rho * lam, -2.0 * rho, lam * rho
     c1, c2, up = mu * lam * hinge, hinge, 1.0 + 2.0 * mu
@@ -247,12 +248,6 @@ def fill(q, nu, mu, lam, zeta, k, f, xi, rho, e):
     q.tilt_sin, q.tilt_cos, q.bob_sin, q.bob_cos = h[0], h[1], h[2], h[3]
     q.tilt_lag_sin, q.tilt_lag_cos, q.bob_lag_sin, q.bob_lag_cos = h[4], h[5], h[6], h[7]
     q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos = h[8], h[9], h[10], h[11]
-
-
-@compiled
-def plant(x, q):
-    """Fill a plant with the coefficients of (nu, mu, lam, zeta, k, f, xi, rho, e)."""
-    fill(q, x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7], x[8])
 
 
 @compiled

@@ -71,7 +71,7 @@ def _usable() -> bool:
         jax.ffi.register_ffi_target(_TARGET, jax.ffi.pycapsule(entry.CALL.address), platform="cpu")
         x = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 0.5, 0.7, 0.9])
         # Numbers of NumPy alone: the question may come while something is traced.
-        settings = np.array([0.0, 2.0, -1.0, 1.0, REST_RATE, 100.0, 0.0, 0.0, 0.0])
+        settings = np.array([2.0, -1.0, 1.0, REST_RATE, 100.0, 0.0, 0.0, 0.0])
         operands = settings, x, np.zeros(4), np.array([[1.0, 0.0, 0.0, 0.0]] * 2)
         cpu = jax.local_devices(backend="cpu")[0]
         with jax.default_device(cpu), jax.ensure_compile_time_eval(), jax.enable_x64(True):
@@ -98,7 +98,7 @@ def _shapes(slopes: bool) -> tuple[jax.ShapeDtypeStruct, jax.ShapeDtypeStruct]:
 
 def _settings(pieces: int, free: Any, max_events: int, inputs: float) -> Any:
     """A row of settings of a motion with a record of its own."""
-    numbers = 0.0, pieces, -1.0, free, REST_RATE, max_events, inputs, 0.0, 0.0
+    numbers = pieces, -1.0, free, REST_RATE, max_events, inputs, 0.0, 0.0
     return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in numbers])
 
 
@@ -158,8 +158,8 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
     inputs = 9.0 if isinstance(tangents[1], SymbolicZero) else 13.0
     # The largest angles are often met long before the end. A program that asks for them alone leaves the
     # second call out, on which nothing depends.
-    asked = settings.at[6].set(inputs)
-    out, by_angles = _called_with_slopes(asked.at[8].set(1.0), x, y, pieces)
+    asked = settings.at[5].set(inputs)
+    out, by_angles = _called_with_slopes(asked.at[7].set(1.0), x, y, pieces)
     by_end = _called_with_slopes(asked, x, y, pieces)[1]
     xs, ys, samples, times = (_zeros_of(t) for t in tangents)
     direction = jnp.concatenate([xs, ys])
@@ -170,14 +170,14 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
     # The state goes on for longer where the free time grows: angles move with their rates, and rates with
     # the accelerations.
     rates = jnp.concatenate([out[8:10], out[17:19], jnp.zeros(1)])
-    end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[3]
+    end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[2]
     # So do angles that are largest where the motion ends.
-    whole = settings[1] * x[6] + settings[3]
+    whole = settings[0] * x[6] + settings[2]
     last = jnp.abs(out[1:6:2] - whole) <= _AT_END * whole
     growing = jnp.stack([rates[0], rates[1], rates[1] - rates[0]])
     sides = jnp.sign(jnp.stack([out[6], out[7], out[7] - out[6]]))
-    angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[3]
-    at = at + jnp.concatenate([last, jnp.zeros(2)]) * times[3]
+    angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[2]
+    at = at + jnp.concatenate([last, jnp.zeros(2)]) * times[2]
     if not isinstance(tangents[2], SymbolicZero):
         # Derivatives in the samples of a record are not computed: not a number, and not zero.
         unknown = jnp.nan * jnp.sum(samples)
@@ -232,7 +232,6 @@ def follow_all(
     y0: np.ndarray | None = None,
     max_events: int = 200_000,
     slopes: bool = False,
-    ratio_by_mass: np.ndarray | None = None,
     brief: bool = False,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -247,8 +246,6 @@ def follow_all(
         y0: starts, shape (n, 4); at rest by default.
         max_events: events of a motion beyond one for each piece.
         slopes: whether to compute derivatives.
-        ratio_by_mass: derivatives of e in mu, shape (n,): then derivatives along designs alone are computed,
-            in less time.
         brief: whether the free motion may end as soon as it cannot tilt the block further: then only tilt,
             uplift and overturning hold.
         workers: threads; all cores by default.
@@ -257,8 +254,7 @@ def follow_all(
     Returns:
         The motions, and their derivatives of shape (n, 12, 13) if asked for: of the three angles, the state
         at the end, the growing coordinate, the times of the angles and that of the first uplift, in the nine
-        parameters and the four components of the start. Along designs the last axis begins with (mu, lam,
-        zeta); a block that stands has those of the angles and the times alone.
+        parameters and the four components of the start.
     """
     compiling.load("tpd.models.shaken_entry")
     from tpd.models import shaken_entry as entry
@@ -268,12 +264,9 @@ def follow_all(
     firsts = np.cumsum(lengths) - lengths
     pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in records]))
     settings = np.zeros((n, entry.SETTINGS))
-    settings[:, 1], settings[:, 2], settings[:, 3] = lengths[which], firsts[which], free
-    settings[:, 4], settings[:, 5], settings[:, 6] = REST_RATE, max_events, 13.0 if slopes else 0.0
-    settings[:, 7] = brief
-    if ratio_by_mass is not None:
-        settings[:, 0], settings[:, 6], settings[:, 8] = ratio_by_mass, 3.0, 2.0
-        slopes = True
+    settings[:, 0], settings[:, 1], settings[:, 2] = lengths[which], firsts[which], free
+    settings[:, 3], settings[:, 4], settings[:, 5] = REST_RATE, max_events, 13.0 if slopes else 0.0
+    settings[:, 6] = brief
     x = np.ascontiguousarray(parameters, dtype=float)
     starts = np.zeros((n, 4)) if y0 is None else np.ascontiguousarray(y0, dtype=float)
     out, by = np.zeros((n, entry.OUT)), np.zeros((n if slopes else 1, entry.ROWS, entry.INPUTS))

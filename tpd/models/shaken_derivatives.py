@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tpd.exact.arc_kernel import STEP, compiled, fill, instant, places, plant_along, state_at, struck
+from tpd.exact.arc_kernel import STEP, compiled, instant, places, plant_along, state_at, struck
 from tpd.exact.cubic_kernel import Cubic, cubic_at, forcing_of, launch_cubic
 from tpd.exact.event_kernel import reserve
 from tpd.exact.event_search import BOB, END, FIRST, RELATIVE
@@ -19,8 +19,6 @@ from tpd.models.shaken_kernel import BEST, LEGS, WHERE, WHOLE
 
 INPUTS = 13
 """Directions of derivatives: nine parameters and four components of a state."""
-DESIGN = 3
-"""Directions of a design alone: mu, lam and zeta."""
 PLANTS = 10
 """Complex plants: one for each parameter, and one for directions in which none changes."""
 GROWING, TIMES = places(9, 7)
@@ -29,22 +27,6 @@ UPLIFT, ROWS = places(13, 11)
 coordinate at the start of the last leg (row 7), the times of the three angles (from row 8 on), that of the
 first uplift (row 11), and how many there are. A time without a derivative leaves its row as it is."""
 _HELD = float(STICK)
-
-
-@compiled
-def _put_plants(x, inputs, ratio_by_mass, plants):
-    """Fill the complex plants of the directions; `ratio_by_mass` is the derivative of e in mu."""
-    if inputs != DESIGN:
-        for j in range(PLANTS):
-            plant_along(x, j, plants[j])
-        return
-    # A heavier bob changes Housner's restitution as well.
-    for j in range(DESIGN):
-        mu = complex(x[1], STEP if j == 0 else 0.0)
-        lam, zeta = complex(x[2], STEP if j == 1 else 0.0), complex(x[3], STEP if j == 2 else 0.0)
-        e = complex(x[8], STEP * ratio_by_mass if j == 0 else 0.0)
-        nu, k, f = complex(x[0], 0.0), complex(x[4], 0.0), complex(x[5], 0.0)
-        fill(plants[j], nu, mu, lam, zeta, k, f, complex(x[6], 0.0), complex(x[7], 0.0), e)
 
 
 @compiled
@@ -239,12 +221,12 @@ def _growing(q, c, n, leg, dy, j, shift):
 
 
 @compiled
-def differentiate(x, q, plants, c, n, legs, tally, inputs, ratio_by_mass, angles_only, by):
+def differentiate(x, q, plants, c, n, legs, tally, inputs, angles_only, by):
     """Put the derivatives of a followed motion into `by`, shape (8, inputs), and return the growing
-    coordinate of its last leg. `inputs` is 3 for a design, whose mass changes e by `ratio_by_mass`, 9 for the
-    parameters alone, or 13. If `angles_only`, those of the largest angles, their times and the first uplift:
-    what comes after the last of these is left out."""
-    _put_plants(x, inputs, ratio_by_mass, plants)
+    coordinate of its last leg. `inputs` is 9 for the parameters alone, or 13. If `angles_only`, those of the
+    largest angles, their times and the first uplift: what comes after the last of these is left out."""
+    for j in range(PLANTS):
+        plant_along(x, j, plants[j])
     a, slopes, known = np.empty((2, 4, 8)), np.empty((2, 4, 8, inputs)), np.zeros(2)
     dy, shift, moved, y = np.zeros((4, inputs)), np.zeros(inputs), np.zeros(inputs), np.zeros(6)
     for i in range(4):

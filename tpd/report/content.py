@@ -253,8 +253,6 @@ def _search(design: Design, study: Study) -> list[Block]:
     counts = Counter(s.value for s in search.statuses)
     ends = "; ".join(f"{n} {what}" for what, n in counts.items())
     said = f"{search.evaluations} designs"
-    if search.nonlinear_evaluations:
-        said += f", {search.nonlinear_evaluations} by the nonlinear equations"
     said += f", from {search.description}, seed {design.seed}"
     out: list[Block] = [information(f"Method {design.method.name}: {said}. Searches: {ends or 'none'}.")]
     out += _confirmed(design)

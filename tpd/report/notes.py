@@ -289,11 +289,6 @@ def _settled(winner: Verified) -> Iterator[Note]:
 def _starts(design: Design, winner: Verified) -> Iterator[Note]:
     """Starts, and conditions, in which the search's tilts do not tell the whole motion."""
     e = winner.evaluation
-    if winner.source == "path":
-        yield warning(
-            "The best design at which a search ended was refused, see below; a search passed through this "
-            "one. It is not the best of its neighbours, and a neighbour may be refused as well."
-        )
     if np.any(e.lost):
         yield warning(
             f"From {np.mean(e.lost):.1%} of the starts the block overturns with the pendulum, from "

@@ -88,7 +88,7 @@ def test_no_crossing_lies_above_the_end_of_the_scan(objective):
 def test_a_crossing_that_hangs_on_a_run_without_an_answer_is_named(objective, monkeypatch):
     known = crossings(objective, DESIGN, SCAN, HIGHEST)[0][0]
     lowest = known.min()
-    size = objective.rows(DESIGN)[0][:, 5] / objective.conditions.column("amplitude")
+    size = objective.rows(DESIGN)[:, 5] / objective.conditions.column("amplitude")
     assert np.allclose(size, size[0])
     unanswered(monkeypatch, lambda rows: np.abs(rows[:, 5] / size[0] - 0.9 * lowest) < 0.05 * lowest)
     runs, found = CriticalIntensity(scan=SCAN, highest=HIGHEST).follow(objective, DESIGN)

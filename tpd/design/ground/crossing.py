@@ -43,7 +43,7 @@ def crossings(objective: GroundObjective, designs: np.ndarray, scan: float, high
     _, first, back = np.unique(
         np.vstack([np.asarray(c.which)[None], others]), axis=1, return_index=True, return_inverse=True
     )
-    rows, _ = objective.rows(designs)
+    rows = objective.rows(designs)
     every = (np.arange(m)[:, None] * len(c) + first).ravel()
     x, which = rows[every], np.tile(np.asarray(c.which)[first], m)
     x[:, 5] /= np.tile(c.column("amplitude")[first], m)

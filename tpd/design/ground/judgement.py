@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, reduce
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
 from tpd.analysis.probit import Lognormal, fit_lognormal
 from tpd.core.conditions import Conditions
@@ -25,7 +26,6 @@ SCATTER = {"slenderness": 0.02, "friction": 0.2, "mass": 0.02, "length": 0.02, "
 """Relative half widths of what is uncertain in a judgement, and of the restitution where it is a number."""
 _RESTITUTION = 0.02
 _LEVEL = 0.95
-_GRID = 20_001
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def _judged(
     every = np.repeat(group.events, len(scales))
     known, known_linear = (~x.undecided.any(axis=0) for x in (nonlinear, linear))
     clusters = every[known]
-    fell, tilts = nonlinear.overturned[:, known], CappedTilt().of(nonlinear).value[:, known]
+    fell, tilts = nonlinear.overturned[:, known], CappedTilt().of(nonlinear)[:, known]
     changes = Changes(_change(fell), _change(tilts), tilts[0], clusters)
     both_known = known & known_linear
     differs = (linear.overturned != nonlinear.overturned)[:, both_known]
@@ -255,17 +255,6 @@ def paired(differences: np.ndarray, clusters: np.ndarray) -> Interval:
     # Within an earthquake the deviations add up, and only their sums are independent.
     sums = np.bincount(np.unique(clusters, return_inverse=True)[1], differences - mean)
     error = math.sqrt(groups / (groups - 1) * float(np.sum(sums**2))) / n
-    width = student(groups - 1) * error
+    width = float(stdtrit(groups - 1, 0.5 * (1.0 + _LEVEL))) * error
     # Shares and tilts over that of toppling lie between nought and one, so that changes end at one.
     return Interval(mean, max(-1.0, mean - width), min(1.0, mean + width))
-
-
-@lru_cache
-def student(freedom: int, level: float = _LEVEL) -> float:
-    """Half width of Student's distribution that holds the share `level`."""
-    # NumPy has no quantile of this distribution.
-    # With x = sqrt(n) tan(t) its density in t is the power n - 1 of cos t.
-    t = np.linspace(0.0, 0.5 * np.pi, _GRID)
-    middle = np.cos(0.5 * (t[1:] + t[:-1])) ** (freedom - 1)
-    held = np.concatenate([[0.0], np.cumsum(middle)])
-    return math.sqrt(freedom) * math.tan(float(np.interp(level, held / held[-1], t)))

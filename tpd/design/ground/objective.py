@@ -1,6 +1,4 @@
-"""Objective of a search on ground motions: designs followed through every motion.
-
-A search takes their values alone; exact derivatives are there for whoever asks."""
+"""Objective of a search on ground motions: designs followed through every motion."""
 
 from __future__ import annotations
 
@@ -78,26 +76,24 @@ class GroundObjective:
         """This objective under other conditions."""
         return replace(self, conditions=conditions)
 
-    def evaluate(self, designs: np.ndarray, *, slopes: bool = False, progress: Count | None = None) -> Runs:
+    def evaluate(self, designs: np.ndarray, progress: Count | None = None) -> Runs:
         """Follow designs (mu, lam, zeta), shape (m, 3), under all n conditions by the linear equations; a
         design with mu = 0 is the bare block."""
         from tpd.models.compiled_shaken import follow_all
 
-        x, ratio_by_mass = self.rows(designs)
         which, free = self._shared(len(designs))
         options: dict[str, Any] = {"max_events": min(_EVENTS, MAX_EVENTS), "progress": progress}
-        ratio = ratio_by_mass if slopes else None
-        found, by = follow_all(x, self.pieces, which, free, ratio_by_mass=ratio, **options)
-        return self._runs(found, by, designs)
+        found, _ = follow_all(self.rows(designs), self.pieces, which, free, **options)
+        return self._runs(found, len(designs))
 
     def check(self, designs: np.ndarray, progress: Count | None = None) -> Runs:
-        """As `evaluate` by the nonlinear equations, without derivatives."""
+        """As `evaluate` by the nonlinear equations."""
         from tpd.models.compiled_nonlinear import shake_nonlinear
 
         which, free = self._shared(len(designs))
         options: dict[str, Any] = {"max_events": MAX_EVENTS, "progress": progress}
-        found, _ = shake_nonlinear(self.rows(designs)[0], self.pieces, which, free, **options)
-        return self._runs(found, None, designs)
+        found, _ = shake_nonlinear(self.rows(designs), self.pieces, which, free, **options)
+        return self._runs(found, len(designs))
 
     def sizes(self, runs: Runs, designs: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
         """Names of the limited quantities, and these over their limits, shape (m, sizes): each is exceeded in
@@ -112,8 +108,8 @@ class GroundObjective:
         """Motion and free time (tau) of every run."""
         return np.tile(self._which, m), np.full(m * len(self.conditions), self.free * self.rate)
 
-    def rows(self, designs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Parameters (m n, 9) of the compiled code, and the derivatives of e in mu."""
+    def rows(self, designs: np.ndarray) -> np.ndarray:
+        """Parameters (m n, 9) of the compiled code."""
         m, motions, which = len(designs), self.conditions.motions, self._which
         # The factor on the amplitude is in units of the intensity, and is applied motion by motion.
         factors = {**self.conditions.factors, "amplitude": np.ones(len(which))}
@@ -125,21 +121,12 @@ class GroundObjective:
         # A quicker shaking passes its pieces sooner.
         quick = np.tile(self.conditions.column("frequency"), m)
         leaves: Any = (q.nu, q.mu, q.lam, q.zeta, q.k, q.f * size, np.tile(h[which], m) / quick, q.rho, q.e)
-        x = np.array(np.broadcast_arrays(*leaves), dtype=float).T.copy()
-        return x, self._ratio_by_mass(x)
+        return np.array(np.broadcast_arrays(*leaves), dtype=float).T.copy()
 
-    def _ratio_by_mass(self, x: np.ndarray) -> np.ndarray:
-        """Derivative of Housner's velocity ratio in mu; zero of one that is given."""
-        # The derivative of `tpd.core.parameters.housner` in mu, in closed form.
-        share = x[:, 7] * x[:, 0] ** 2
-        slope = -2.0 * share * (1.0 - share) / (1.0 + x[:, 1] * share) ** 2
-        return slope if self.p.e is None else np.zeros(len(x))
-
-    def _runs(self, found: Any, by: np.ndarray | None, designs: np.ndarray) -> Runs:
+    def _runs(self, found: Any, designs: int) -> Runs:
         from tpd.models.shaken_kernel import EVENT_BOUND, FAILED, OVERTURNED
 
-        n = len(self.conditions)
-        shape = len(designs), n
+        shape = designs, len(self.conditions)
         status, nu = found.status.reshape(shape).astype(int), self.geometry.slenderness[None, :]
         undecided, fell = (status == EVENT_BOUND) | (status == FAILED), status == OVERTURNED
         # What is not known must look neither like standing nor like a fall.
@@ -147,13 +134,5 @@ class GroundObjective:
             np.where(undecided, np.nan, np.where(fell, np.inf, x.reshape(shape)))
             for x in (found.tilt, found.swing, found.relative)
         )
-        tilt_slope = growing_slope = np.full((*shape, 3), np.nan)
         growing = np.abs(found.growing).reshape(shape) / nu
-        if by is not None:
-            c = self.conditions
-            chain = np.stack([c.column("mass"), c.column("length"), c.column("damping")], axis=1)
-            by = by[:, :, :3].reshape(*shape, -1, 3) * chain[None, :, None, :] / nu[..., None, None]
-            side = np.sign(found.growing).reshape(shape)[..., None]
-            tilt_slope = np.where((fell | undecided)[..., None], np.nan, by[:, :, 0])
-            growing_slope = np.where(fell[..., None], side * by[:, :, 7], np.nan)
-        return Runs(tilt / nu, swing, relative, fell, undecided, growing, tilt_slope, growing_slope)
+        return Runs(tilt / nu, swing, relative, fell, undecided, growing)

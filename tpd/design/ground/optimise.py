@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -13,9 +12,11 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.core.conditions import Conditions
+from tpd.core.fingerprints import fingerprint, of_sources
 from tpd.core.ground_motion import GroundMotion
 from tpd.core.progress import Progress, shown
 from tpd.core.scene import STANDARD_GRAVITY, Block, Pendulum, Scene
+from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import Limit, Mass, Risk, Room, Stroke, limit_of
 from tpd.design.ground.demand import CappedTilt, Demand
 from tpd.design.ground.design import GroundDesign, GroundStatus, GroundVerdict, verdict_of
@@ -25,7 +26,6 @@ from tpd.design.ground.objective import GroundObjective
 from tpd.design.ground.parts import parts_of
 from tpd.design.ground.search import Evaluated, GroundSearch, Searcher, risk_of_known
 from tpd.design.ground.sizes import check_ground_limits
-from tpd.design.ground.store import Store
 from tpd.design.space import DesignSpace
 
 DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
@@ -57,13 +57,9 @@ class GroundProblem:
         """Fingerprint of everything that a followed design depends on."""
         o = self.objective
         how = self.space, self.demand, self.risk, self.method, self.seed, o.conditions.intensity
-        words = o.block, o.gravity, o.limits, o.allowed, o.free, how
-        digest = hashlib.sha256(repr(words).encode())
-        for motion in o.conditions.motions:
-            digest.update(np.asarray(motion.pieces(), dtype=float).tobytes())
-            digest.update(repr((float(motion.pga), float(motion.piece))).encode())
-        digest.update(o.conditions.factor_rows().tobytes())
-        return digest.hexdigest()
+        pieces = [(np.asarray(m.pieces(), dtype=float), m.pga, m.piece) for m in o.conditions.motions]
+        what = o.block, o.gravity, o.limits, o.allowed, o.free, o.conditions.factor_rows()
+        return fingerprint(of_sources(), *what, *how, pieces)
 
 
 def optimise_on_motions(
@@ -117,8 +113,11 @@ def optimise_on_motions(
     problem = problem_of(
         subject, conditions, space, held_out, demand, risk, limits, allowed, method, scatter, at_least, seed
     )
+    if checkpoint is not None:
+        checks.instance("checkpoint", checkpoint, (Path, str))
+    file = None if checkpoint is None else Path(checkpoint)
     with shown(progress) as report:
-        return solve(problem, Store.of(checkpoint, problem.identity), report)
+        return solve(problem, Checkpoint.of(file, problem.identity), report)
 
 
 def problem_of(
@@ -199,7 +198,7 @@ def _within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) ->
     return narrowed_to(space, float(block.mass), limit.kg)
 
 
-def solve(problem: GroundProblem, store: Store, report: Progress | None) -> GroundDesign:
+def solve(problem: GroundProblem, store: Checkpoint, report: Progress | None) -> GroundDesign:
     """Search, and judge the best design; see `optimise_on_motions`."""
     objective, demand, risk = problem.objective, problem.demand, problem.risk
     bare, demands = demand.follow(objective, np.array([[0.0, 1.0, 0.3]]))

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from tpd.core import checks, sampling
+from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import Risk
 from tpd.design.ground.demand import Demand
 from tpd.design.ground.objective import GroundObjective
@@ -76,6 +77,9 @@ class Evaluated(NamedTuple):
         return Evaluated(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
 
 
+_BLANK = Evaluated(*[np.zeros(0)] * len(Evaluated._fields))
+
+
 @dataclass
 class Searcher:
     """One search, which can go on from what was followed before."""
@@ -86,8 +90,8 @@ class Searcher:
     space: DesignSpace
     method: GroundSearch
     seed: int
-    store: Any = None
-    """With `get(i)` and `put(i, evaluated)`: what was followed before an interruption."""
+    store: Checkpoint | None = None
+    """Designs that were followed before an interruption."""
     progress: Callable[[int, int], None] | None = None
     names: tuple[str, ...] = ()
     """Limited quantities."""
@@ -123,7 +127,7 @@ class Searcher:
 
     def _follow(self, i: int, unit: np.ndarray) -> None:
         """Follow the i-th design, unless it was followed before."""
-        one = None if self.store is None else self.store.get(i)
+        one = None if self.store is None else self.store.get(i, _BLANK)
         # Names of the limits come with the first design, even where it was stored.
         if one is None or not self.names:
             one = self.evaluate(self.space.unscaled(np.asarray(unit)[None]))
