@@ -110,6 +110,13 @@ class Ensemble:
         """Relative half widths of the scattered numbers by name."""
         return {name: getattr(self, name) or 0.0 for name in _SCATTERED}
 
+    def widths(self, restitution: Any) -> dict[str, float]:
+        """Relative half widths of the scattered numbers of a block with this e (None or a word where it
+        follows the block's shape, 1 without loss)."""
+        scatters = isinstance(restitution, (float, int)) and 0.0 < restitution < 1.0
+        own = _RESTITUTION if self.restitution is None and scatters else self.half_widths["restitution"]
+        return self.half_widths | {"restitution": own}
+
     def dealt(self, conditions: int) -> np.ndarray:
         """Index of the condition of every run, out of so many, shape (size,): dealt out evenly."""
         # A generator of its own, so that conditions leave the draws of the runs as they are.
@@ -151,10 +158,7 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     # Tilts scale with nu: at |phi| = nu a block of any shape stands on its corner, about to fall.
     e, unit, nu = ensemble, ensemble.draws(), float(p.nu)
     reach = np.array([e.tilt * nu, e.swing, e.tilt_rate * nu, e.swing_rate])
-    widths = e.half_widths
-    if e.restitution is None and p.e is not None and 0.0 < float(p.e) < 1.0:
-        widths["restitution"] = _RESTITUTION
-    scatter = sampling.factors(unit[:, 6:], widths)
+    scatter = sampling.factors(unit[:, 6:], e.widths(None if p.e is None else float(p.e)))
     conditions = Conditions() if conditions is None else conditions
     dealt = e.dealt(len(conditions))
     factor = np.stack([scatter.get(name, 1.0) * conditions.column(name)[dealt] for name in FACTORS])

@@ -140,7 +140,7 @@ def paired_runs(design: Design) -> list[Block]:
     head = ("", "with it", "without", "difference (95 %)", "linear, with / without")
     caption = (
         f"{best.benefit.runs} paired runs of the nonlinear equations, seed {best.paired.hung.ensemble.seed}"
-        f"{_which(design, best)}: starts, phases, growth of the shaking and uncertain quantities. Tilt: "
+        f"{_which(design, best)}: starts, phases, growth of the shaking; {_scatter(design)}. Tilt: "
         "settled, 100 % where the block overturns or tilts to ν or further, 0 at rest. The linear equations "
         "are for comparison: they err where the bob swings beyond 0.5 rad."
     )
@@ -161,6 +161,18 @@ def _which(design: Design, best: Verified) -> str:
     if failed:
         said = f"; {failed} before it failed by these runs, and each further try may pass by luck"
     return f"{said}; those that chose it, seed {design.ensemble.seed}, gave {best.chosen_by}"
+
+
+def _scatter(design: Design) -> str:
+    """Relative scatter of block, installation and shaking in the runs."""
+    widths, by_width = design.ensemble.widths(design.scene.block.restitution), dict[float, list[str]]()
+    for name, width in widths.items():
+        if width > 0.0:
+            by_width.setdefault(width, []).append(name)
+    said = "; ".join(
+        f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items())
+    )
+    return said or "no scatter"
 
 
 def _linear_shares(best: Verified) -> dict[str, str]:
