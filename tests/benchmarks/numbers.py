@@ -110,7 +110,7 @@ SCENES = {
     "a slimmer block, mu <= 0.1": (TOWER, LIGHT, DEFAULT_LIMITS),
     "a slimmer block, mu <= 0.1, stroke 1.5": (TOWER, LIGHT, WIDE),
 }
-"""Scene, space and limits. `tests.benchmarks.nonlinear` has the same with a grid of nonlinear solutions."""
+"""Scene, space and limits."""
 
 
 def grid_best(scene, space, limits, n=40):
