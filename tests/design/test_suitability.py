@@ -143,8 +143,8 @@ def test_what_optimise_refuses_is_refused():
     found = suitability(JOB.scene, STRIKING, models=("uplift",))
     assert any(said.startswith("does not fit: ") for said in found.refusals)
     assert kinds(found.verified) == ["strikes"]
-    assert found.verified.strikes == pytest.approx(124 / 478)
-    assert "the bob strikes a wall in 124 of the 478 that stand (25.9%, and 1.0% is allowed)" in found.counted
+    assert found.verified.strikes == pytest.approx(127 / 478)
+    assert "the bob strikes a wall in 127 of the 478 that stand (26.6%, and 1.0% is allowed)" in found.counted
     assert len(found.rest.bare) == 10
 
 

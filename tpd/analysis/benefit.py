@@ -77,10 +77,11 @@ class Benefit:
 
 
 def severity(outcomes: Outcomes, slenderness: float) -> np.ndarray:
-    """Settled tilt over nu of every run, between 0 and 1; 1 where the block overturns, NaN where a run has no
-    answer."""
+    """Settled tilt of every run over the nu that it has (`slenderness` where the runs do not tell), between 0
+    and 1; 1 where the block overturns, NaN where a run has no answer."""
+    nu = slenderness if outcomes.nu is None else outcomes.nu
     # A bound at 1 keeps means finite: an overturned block is as bad as one on its corner, and no worse.
-    tilt = np.where(outcomes.lost, np.inf, outcomes.amplitude) / slenderness
+    tilt = np.where(outcomes.lost, np.inf, outcomes.amplitude) / nu
     return np.where(outcomes.undecided, np.nan, np.minimum(np.where(np.isnan(tilt), np.inf, tilt), 1.0))
 
 

@@ -80,7 +80,8 @@ class Ensemble:
     damping: float = 0.2
     """Relative half width of zeta."""
     restitution: float | None = None
-    """Relative half width of e, which stays at most 1; default 0.02 where e is a number below 1, else 0."""
+    """Relative half width of e, which stays at most 1; default 0.02, or half of 1 - e
+    if that is less, where e is a number, else 0."""
     slenderness: float = 0.02
     """Relative half width of nu: the block as it was measured."""
     mass: float = 0.02
@@ -108,14 +109,17 @@ class Ensemble:
     @property
     def half_widths(self) -> dict[str, float]:
         """Relative half widths of the scattered numbers by name."""
-        return {name: getattr(self, name) or 0.0 for name in _SCATTERED}
+        widths = {name: getattr(self, name) for name in _SCATTERED}
+        return widths | {"restitution": 0.0 if self.restitution is None else self.restitution}
 
     def widths(self, restitution: Any) -> dict[str, float]:
         """Relative half widths of the scattered numbers of a block with this e (None or a word where it
-        follows the block's shape, 1 without loss)."""
-        scatters = isinstance(restitution, (float, int)) and 0.0 < restitution < 1.0
-        own = _RESTITUTION if self.restitution is None and scatters else self.half_widths["restitution"]
-        return self.half_widths | {"restitution": own}
+        follows the block's shape)."""
+        if self.restitution is not None or restitution is None or isinstance(restitution, str):
+            return self.half_widths
+        # At most half of the loss, so that no run has none.
+        e = float(restitution)
+        return self.half_widths | {"restitution": min(_RESTITUTION, 0.5 * (1.0 - e)) if e > 0.0 else 0.0}
 
     def dealt(self, conditions: int) -> np.ndarray:
         """Index of the condition of every run, out of so many, shape (size,): dealt out evenly."""
@@ -158,7 +162,7 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     # Tilts scale with nu: at |phi| = nu a block of any shape stands on its corner, about to fall.
     e, unit, nu = ensemble, ensemble.draws(), float(p.nu)
     reach = np.array([e.tilt * nu, e.swing, e.tilt_rate * nu, e.swing_rate])
-    scatter = sampling.factors(unit[:, 6:], e.widths(None if p.e is None else float(p.e)))
+    scatter = sampling.factors(unit[:, 6:], e.widths(p.e))
     conditions = Conditions() if conditions is None else conditions
     dealt = e.dealt(len(conditions))
     factor = np.stack([scatter.get(name, 1.0) * conditions.column(name)[dealt] for name in FACTORS])
@@ -220,7 +224,7 @@ def outcomes(
             chunk = _CHUNKS[terms]
             settled = cluster.map("runs", _settled_by_one, batch, shared, chunk=chunk, progress=report)
     found = _outcomes_of(ensemble, runs, settled, terms)
-    return replace(found, lam=np.asarray(runs.p.lam), mu=np.asarray(runs.p.mu))
+    return replace(found, **{name: np.asarray(getattr(runs.p, name)) for name in ("nu", "mu", "lam")})
 
 
 def _settled_by_one(batch: dict[str, Any], terms: Terms, periods: int) -> dict[str, np.ndarray]:

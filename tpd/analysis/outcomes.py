@@ -62,8 +62,10 @@ class Outcomes(Printed):
     """Settled |psi|, or the largest of the last periods."""
     ramp: np.ndarray
     """Seconds (or units of tau) over which the shaking grew."""
+    nu: np.ndarray | None = None
+    """Slenderness of the block in every run, as it scatters; None where it is not known."""
     mu: np.ndarray | None = None
-    """Mass ratio of the pendulum in every run, as it scatters."""
+    """Mass ratio of the pendulum."""
     lam: np.ndarray | None = None
     """Length ratio."""
     equations: str = "linear"
@@ -89,7 +91,7 @@ class Outcomes(Printed):
 
     def at(self, rows: np.ndarray) -> Outcomes:
         """Some of the runs."""
-        names = "status", "peak", "amplitude", "peak_stroke", "stroke", "ramp", "mu", "lam"
+        names = "status", "peak", "amplitude", "peak_stroke", "stroke", "ramp", "nu", "mu", "lam"
         values = {name: getattr(self, name) for name in names}
         return replace(self, **{name: x[rows] for name, x in values.items() if x is not None})
 

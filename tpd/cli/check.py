@@ -1,4 +1,4 @@
-"""`tpd check`: a design, or a pendulum of one's own, by all models, with its neighbours and its room."""
+"""`tpd check`: a design, or a pendulum of one's own, by all models and as `tpd optimise` asks its designs."""
 
 from __future__ import annotations
 

@@ -109,10 +109,13 @@ def reach_of(found: Outcomes, pendulum: Pendulum, block: Block, bob: Bob) -> np.
     to stand; the largest bob angle and the largest tilt are added, which is never too little."""
     stands = ~(found.lost | found.undecided)
     angle = (found.peak_stroke + found.peak)[stands]
-    # The pendulum of every run, as it was hung.
+    # Block and pendulum of every run, as they are; the walls come nearer with the block's width.
     mass = pendulum.mass if found.mu is None else block.mass * found.mu[stands]
     rod = pendulum.length if found.lam is None else block.half_height * found.lam[stands]
-    return np.asarray(bob.reach(mass, rod, angle)) / (0.5 * float(block.room))
+    wall = 0.5 * float(block.room)
+    if found.nu is not None:
+        wall = wall * found.nu[stands] / float(block.slenderness)
+    return np.asarray(bob.reach(mass, rod, angle)) / wall
 
 
 def strikes_of(found: Verdict, pendulum: Pendulum, block: Block, bob: Bob) -> float:

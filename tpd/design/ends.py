@@ -12,7 +12,8 @@ import numpy as np
 from scipy.optimize import linprog
 
 PENALTY = 10.0
-"""Weight C of a violated constraint in the merit: exact as long as no multiplier exceeds it."""
+"""Weight C of a violated constraint in the merit: exact as long as no multiplier exceeds it. SLSQP has one
+excess for all constraints, which is exact as long as the sum of the multipliers does not exceed it."""
 OPEN = 1e-2
 """First-order gain at which a search counts as not ended: merit per whole width of the bounds."""
 _SMALL = 1e-4
@@ -52,7 +53,8 @@ class Ends(NamedTuple):
     merit: np.ndarray
     """Measure plus penalty, (m,)."""
     stationarity: np.ndarray
-    """Linear decrease of the merit that is left, per unit of scaled step: 0 at a stationary point."""
+    """Linear decrease of the merit that is left, per unit of scaled step: 0 at a stationary point, NaN where
+    it is not known."""
     weights: tuple[np.ndarray, np.ndarray]
     """Weights there of the functions (m, n) and of the constraints (m, l): which of them hold the design."""
     steps: np.ndarray
@@ -120,7 +122,7 @@ class Book:
             stationarity=gain,
             weights=(on, by),
             steps=np.full(m, len(self.path) - 1),
-            open=gain > OPEN,
+            open=~(gain <= OPEN),
             path=path,
             path_merit=merits,
             path_spent=spent,
@@ -164,7 +166,9 @@ def _left(at: Linearisation, merit: float, x: np.ndarray, cap: float) -> tuple[f
     value, slope, limit, limit_slope = (part[0] for part in at)
     on, by = np.zeros(len(value)), np.zeros(len(limit))
     if not np.isfinite(merit):
-        return 0.0, on, by
+        return np.nan, on, by
+    # No derivative says which way leads on.
+    slope, limit_slope = (np.where(np.isfinite(x), x, 0.0) for x in (slope, limit_slope))
     # Constraints that no step within the box can break have no weight.
     near = np.flatnonzero(limit + _SMALL * np.abs(limit_slope).sum(axis=1) > 0.0)
     d, n, k = len(x), len(value), len(near)
@@ -180,6 +184,6 @@ def _left(at: Linearisation, merit: float, x: np.ndarray, cap: float) -> tuple[f
         bounds=[*box, level, *[(0.0, None)] * (n + k)],
     )
     if found.x is None:
-        return 0.0, on, by
+        return np.nan, on, by
     on[:], by[near] = np.split(-found.ineqlin.marginals, [n])
     return max(float(merit - found.fun), 0.0) / _SMALL, on, by

@@ -188,6 +188,9 @@ def solve(
             _verify(problem, found, progress)
     except KeyboardInterrupt:
         found.search.interrupted = True
+        # Whoever interrupts a survey has waited for the searches before it.
+        if found.search.groups and not found.verification.verified:
+            found.status = found.verification.best_of(found.search)
     return _design(problem, ensemble, found)
 
 

@@ -127,7 +127,7 @@ class Design(Printed):
     nearest: Nearest | None
     search: Search
     surveys: tuple[Survey, ...] = ()
-    """Designs followed from rest under several conditions: by the linear equations, then by the nonlinear."""
+    """Designs followed from rest: by the linear equations, then by the nonlinear."""
     losses: tuple[LossCase, ...] = ()
     """The offered design under other models of the block's losses."""
     elasticities: dict[str, float]

@@ -227,6 +227,8 @@ class Multistart:
         n, limit = len(self.objective.conditions), g.local.limit[i] - BACK_OFF
         inside = (g.x[i] > AT_BOUND) & (g.x[i] < 1.0 - AT_BOUND)
         limited = np.isfinite(stroke_limit(self.objective.limits))
+        if not np.isfinite(g.merit[i]):
+            return SearchStatus.infeasible
         if g.open[i] and not g.steps[i]:
             return SearchStatus.interrupted
         if self._contradicts(g)[i]:

@@ -6,7 +6,7 @@ the smooth programme
 
     min  s + cap sum v + C t,    f_i(x) - s <= v_i,    c_j(x) <= t,    v, t >= 0
 
-(R. T. Rockafellar and S. Uryasev, Journal of Risk 2, 2000; the maximum needs no v), so that a kink where
+(R. T. Rockafellar and S. Uryasev, Journal of Risk 2, 2000), so that a kink where
 several conditions are equally bad is met as surely as a smooth bottom. It always has a feasible point."""
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ from tpd.design.ends import PENALTY, Book, Ends, Evaluate, Linearisation, Measur
 
 _FAR = 10.0
 """Value of a function that is not finite, above the largest at the start."""
-_STEPS_RAN_OUT = 9
-"""Status of SLSQP's."""
+_ROUNDING = 1e-9
 
 
 def minimise(
@@ -45,7 +44,7 @@ def minimise(
         risk: the risk measure itself, of values (k, n).
         known: what `evaluate` gives at the starts, if it has been asked before.
         high: upper bounds of each start, (m, d); default 1.
-        steps: bound on the steps.
+        steps: bound on the steps, each of one design or, where it fails to descend, a few.
         tolerance: of the merit, below which a gain ends a descent.
         after: called with (starts done, of how many).
     """
@@ -54,18 +53,29 @@ def minimise(
     for i, start in enumerate(np.clip(starts, 0.0, high)):
         book = Book(evaluate, risk, start[None], None if known is None else known.at(slice(i, i + 1)))
         # From a start that is not finite nothing leads on.
-        goes_on = np.isfinite(book.merit[0]) and _descend(book, high[i], cap, steps, tolerance)
-        ends.append(book.ends(cap)._replace(open=np.array([goes_on])))
+        ended = np.isfinite(book.merit[0]) and _descend(book, high[i], cap, steps, tolerance)
+        found = book.ends(cap)
+        ends.append(found._replace(open=found.open & (not ended)))
         if after is not None:
             after(i + 1, len(starts))
     return joined(ends)
 
 
 def _descend(book: Book, high: np.ndarray, cap: float, steps: int, tolerance: float) -> bool:
-    """One descent, of which the book holds what it met; whether the steps ran out. The variables are
+    """One descent, of which the book holds what it met; whether it converged. The variables are
     z = (x, s, t, v)."""
-    first, here = book.x[0].copy(), Linearisation(*(part[0].copy() for part in book.local))
-    d, n, k = len(first), len(here.value), 0 if cap >= 1.0 else len(here.value)
+
+    def one(found: Linearisation) -> Linearisation:
+        only = Linearisation(*(part[0].copy() for part in found))
+        if cap * len(only.value) > 1.0 + _ROUNDING:
+            return only
+        # The mean is one smooth function.
+        return only._replace(value=only.value.mean(keepdims=True), slope=only.slope.mean(axis=0)[None])
+
+    first, here = book.x[0].copy(), one(book.local)
+    d, n = len(first), len(here.value)
+    # The maximum needs no v.
+    k = n if cap < 1.0 and n > 1 else 0
     far, met = here.value.max() + _FAR, (first, here)
 
     def at(z: np.ndarray) -> Linearisation:
@@ -73,7 +83,7 @@ def _descend(book: Book, high: np.ndarray, cap: float, steps: int, tolerance: fl
         nonlocal met
         x = np.clip(z[:d], 0.0, high)
         if not np.array_equal(x, met[0]):
-            met = x, Linearisation(*(part[0] for part in book.tried(x[None])))
+            met = x, one(book.tried(x[None]))
         return met[1]
 
     def room(z: np.ndarray) -> np.ndarray:
@@ -102,4 +112,4 @@ def _descend(book: Book, high: np.ndarray, cap: float, steps: int, tolerance: fl
         method="SLSQP",
         options={"maxiter": steps, "ftol": tolerance},
     )
-    return found.status == _STEPS_RAN_OUT
+    return bool(found.success)

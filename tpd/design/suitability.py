@@ -171,7 +171,7 @@ def judged(
     asked: Question, pendulum: Pendulum, progress: Progress | None = None
 ) -> tuple[Verified, Verification, Survey]:
     """A pendulum by the steps that verify a design of `optimise`, what it is compared with, and its motions
-    from rest: limits from rest under every condition as in the survey, then the verification, then the fresh
+    from rest: limits from rest under the conditions of a survey, then the verification, then the fresh
     runs that judge once. Where something else refuses it, its paired runs are counted all the same.
 
     Raises:

@@ -31,6 +31,13 @@ _LIMIT_NAMES = {
     ON_THE_WAY: "room for the bob on the way from rest",
     "relative_stroke": "relative stroke",
 }
+_SCATTERED = {
+    "mass": "the bob's mass",
+    "length": "the rod's length",
+    "damping": "the hinge's damping",
+    "amplitude": "amplitude of the shaking",
+}
+"""Names of what scatters, where one word is not enough."""
 _NO_SAFETY = "That is no verdict of safety: read the shares."
 _ROWS = 8
 """Most rows of a table of what limits relax."""
@@ -167,8 +174,8 @@ def _scatter(design: Design) -> str:
     """Relative scatter of block, installation and shaking in the runs."""
     widths, by_width = design.ensemble.widths(design.scene.block.restitution), dict[float, list[str]]()
     for name, width in widths.items():
-        if width > 0.0:
-            by_width.setdefault(width, []).append(name)
+        if width > 0.0 and not (name == "friction" and not design.scene.block.friction):
+            by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
     said = "; ".join(
         f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items())
     )

@@ -176,7 +176,7 @@ def _nonlinear(design: Design, winner: Verified) -> Iterator[Note]:
 def _in_paired_runs(winner: Verified, conditions: list[int]) -> tuple[str, bool]:
     """Mean tilts of the paired runs under some conditions in words, and whether they are worse or unknown."""
     if winner.benefit is not None:
-        # Paired runs scatter starts, phases and the shaking about each condition: a mean over neighbours.
+        # Paired runs scatter about each condition: a mean over neighbours.
         hung, bare = (x[conditions] for x in winner.benefit.by_condition)
         known = np.isfinite(hung) & np.isfinite(bare)
         if known.any():

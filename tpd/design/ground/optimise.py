@@ -58,7 +58,7 @@ class GroundProblem:
         o = self.objective
         how = self.space, self.demand, self.risk, self.method, self.seed, o.conditions.intensity
         pieces = [(np.asarray(m.pieces(), dtype=float), m.pga, m.piece) for m in o.conditions.motions]
-        what = o.block, o.gravity, o.limits, o.allowed, o.free, o.conditions.factor_rows()
+        what = o.block, o.gravity, o.limits, o.allowed, o.free, o.conditions.factor_rows(), o.conditions.which
         return fingerprint(of_sources(), *what, *how, pieces)
 
 

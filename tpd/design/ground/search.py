@@ -129,7 +129,7 @@ class Searcher:
         """Follow the i-th design, unless it was followed before."""
         one = None if self.store is None else self.store.get(i, _BLANK)
         # Names of the limits come with the first design, even where it was stored.
-        if one is None or not self.names:
+        if one is None or (i == 0 and not self.names):
             one = self.evaluate(self.space.unscaled(np.asarray(unit)[None]))
             if self.store is not None:
                 self.store.put(i, one)
