@@ -335,6 +335,15 @@ def test_the_designs_of_a_survey_are_verified_until_one_passes(search):
     assert len(stern.verified) == verify.SURVEYED
 
 
+@pytest.mark.parametrize(
+    ("room", "second"), [([-0.1, -0.105, -0.13, -0.2], 2), ([-0.1, -0.1, -0.1, -0.11], 1)], ids=["", "none"]
+)
+def test_after_strikes_the_next_design_keeps_further_from_the_walls_if_one_does(search, room, second):
+    stern = scripted(search, 1, ReasonKind.strikes)
+    assert stern.best_of_survey(surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4], room)) is DesignStatus.found
+    assert [v.design.tolist() for v in stern.verified] == [pytest.approx(SPREAD[i]) for i in (0, second)]
+
+
 class Unlucky(Scripted):
     """Passes by the runs that choose; the first designs are refused by those that judge."""
 

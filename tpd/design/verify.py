@@ -13,16 +13,19 @@ from tpd.core.equations import Terms
 from tpd.design.by_runs import TRIALS, reach_of
 from tpd.design.criteria import Room, limit_of
 from tpd.design.objective import AbstractObjective
+from tpd.design.reasons import ReasonKind
 from tpd.design.refine import RUNS, Tried, refine
 from tpd.design.result import DesignStatus
 from tpd.design.search import Multistart, stage
 from tpd.design.steps import Steps
-from tpd.design.survey import Survey, excess, followed
+from tpd.design.survey import ON_THE_WAY, Survey, excess, followed
 
 SURVEYED, JUDGED = 10, 3
 """Most designs of a survey that are verified, and most of them that are judged."""
 _APART = 0.02
 """Least distance of designs that are verified one after the other, in shares of the bounds."""
+_FURTHER = 0.02
+"""Share of the way to the walls that a design keeps further off than one whose bob struck them too often."""
 _APART_SEEDS = 7919
 """Between the seeds of trial runs, which are those of no other step."""
 _LUCK, _FEW = 1.645, 3
@@ -49,10 +52,15 @@ class Verification(Steps):
         helps = np.flatnonzero(found.helps)
         units = self.objective.space.scaled(found.designs)
         # Without any that helps the best one is verified all the same: its reasons are the answer.
-        left = list(helps if len(helps) else fits[:1])
+        left, way = list(helps if len(helps) else fits[:1]), found.excess.get(ON_THE_WAY)
         for done in range(len(self.verified), SURVEYED):
             near = self.objective.space.scaled(np.array([v.design for v in self.verified]).reshape(-1, 3))
             left = [j for j in left if np.all(np.linalg.norm(units[j] - near, axis=1) > _APART)]
+            struck = [v.design for v in self.verified if any(r.kind is ReasonKind.strikes for r in v.reasons)]
+            if way is not None and struck:
+                # Where the bob struck too often the next design keeps further from the walls, if one does.
+                reach = min(way[np.all(found.designs == x, axis=1)].min(initial=np.inf) for x in struck)
+                left = [j for j in left if way[j] <= reach - _FURTHER] or left
             if not left:
                 break
             i = left[0]
