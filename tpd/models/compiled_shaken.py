@@ -111,7 +111,7 @@ def _on_host(*operands: Any) -> tuple[np.ndarray, np.ndarray]:
     batch = wide[0].shape[:-1]
     rows = int(np.prod(batch))
     flat = [np.ascontiguousarray(x.reshape(rows, *x.shape[len(batch) :])) for x in wide]
-    slopes = bool(rows and flat[0][0, 6] > 0.0)
+    slopes = bool(rows and flat[0][0, 5] > 0.0)
     out, by = (np.zeros((rows, *s.shape)) for s in _shapes(slopes))
     if rows:
         entry.run(0, rows, *flat, out, by)
