@@ -336,7 +336,9 @@ def test_the_designs_of_a_survey_are_verified_until_one_passes(search):
 
 
 @pytest.mark.parametrize(
-    ("room", "second"), [([-0.1, -0.105, -0.13, -0.2], 2), ([-0.1, -0.1, -0.1, -0.11], 1)], ids=["", "none"]
+    ("room", "second"),
+    [([-0.1, -0.105, -0.13, -0.2], 2), ([-0.1, -0.1, -0.1, -0.11], 1)],
+    ids=["one does", "none does"],
 )
 def test_after_strikes_the_next_design_keeps_further_from_the_walls_if_one_does(search, room, second):
     stern = scripted(search, 1, ReasonKind.strikes)

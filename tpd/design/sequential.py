@@ -6,8 +6,8 @@ the smooth programme
 
     min  s + cap sum v + C t,    f_i(x) - s <= v_i,    c_j(x) <= t,    v, t >= 0
 
-(R. T. Rockafellar and S. Uryasev, Journal of Risk 2, 2000), so that a kink where
-several conditions are equally bad is met as surely as a smooth bottom. It always has a feasible point."""
+(R. T. Rockafellar and S. Uryasev, Journal of Risk 2, 2000), so that a kink where several conditions are
+equally bad is met as surely as a smooth bottom. It always has a feasible point."""
 
 from __future__ import annotations
 

@@ -215,7 +215,8 @@ def mujoco(
         ValueError: bad input, MuJoCo is not installed, or its impacts are not Housner's.
         RuntimeError: JAX is in 32-bit mode.
     """
-    return _verdict(MUJOCO, scene, pendulum, runs, seed, periods, FINE, sliding, workers, progress)
+    ensemble = _ensemble(runs, seed, periods)
+    return _verdict(MUJOCO, scene, pendulum, ensemble, FINE, sliding, workers, progress)
 
 
 def drake(
@@ -236,16 +237,20 @@ def drake(
     """
     from tpd.engines.drake_runs import DRAKE
 
-    return _verdict(DRAKE, scene, pendulum, runs, seed, periods, _DRAKE_FINE, sliding, workers, progress)
+    ensemble = _ensemble(runs, seed, periods)
+    return _verdict(DRAKE, scene, pendulum, ensemble, _DRAKE_FINE, sliding, workers, progress)
+
+
+def _ensemble(runs: int, seed: int, periods: int) -> Ensemble:
+    """Runs of an engine, whose impacts are Housner's, whatever e scatters to."""
+    return Ensemble(size=runs, seed=seed, periods=periods, restitution=0.0)
 
 
 def _verdict(
     engine: Engine,
     scene: Scene,
     pendulum: Pendulum | None,
-    runs: int,
-    seed: int,
-    periods: int,
+    ensemble: Ensemble,
     fine: int,
     sliding: float,
     workers: int | None,
@@ -256,12 +261,10 @@ def _verdict(
     checks.instance("scene", scene, Scene)
     checks.positive("sliding", sliding)
     version = engine.available()
-    # The engine's impacts are Housner's, whatever e scatters to.
-    ensemble = Ensemble(size=runs, seed=seed, periods=periods, restitution=0.0)
     with shown(progress) as report:
         case = _Case(engine, scene, ensemble, sliding, workers, report)
         e = case.restitution()
-        few = min(fine, runs)
+        runs, few = ensemble.size, min(fine, ensemble.size)
         coarse = _pair(pendulum, lambda hung: case.runs(hung, 1, runs))
         finer = _pair(pendulum, lambda hung: case.runs(hung, _FINER, few))
         equations = _pair(pendulum, case.equations)

@@ -111,7 +111,7 @@ def _on_host(*operands: Any) -> tuple[np.ndarray, np.ndarray]:
     batch = wide[0].shape[:-1]
     rows = int(np.prod(batch))
     flat = [np.ascontiguousarray(x.reshape(rows, *x.shape[len(batch) :])) for x in wide]
-    slopes = bool(rows and flat[0][0, 5] > 0.0)
+    slopes = bool(rows and flat[0][0, entry.DIRECTIONS] > 0.0)
     out, by = (np.zeros((rows, *s.shape)) for s in _shapes(slopes))
     if rows:
         entry.run(0, rows, *flat, out, by)
@@ -153,13 +153,16 @@ def _parts(out: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
+    compiling.load("tpd.models.shaken_entry")
+    from tpd.models import shaken_entry as entry
+
     x, y, pieces, settings = primals
     # Nine parameters, and four components of the start where that moves.
     inputs = 9.0 if isinstance(tangents[1], SymbolicZero) else 13.0
     # The largest angles are often met long before the end. A program that asks for them alone leaves the
     # second call out, on which nothing depends.
-    asked = settings.at[5].set(inputs)
-    out, by_angles = _called_with_slopes(asked.at[7].set(1.0), x, y, pieces)
+    asked = settings.at[entry.DIRECTIONS].set(inputs)
+    out, by_angles = _called_with_slopes(asked.at[entry.ANGLES].set(1.0), x, y, pieces)
     by_end = _called_with_slopes(asked, x, y, pieces)[1]
     xs, ys, samples, times = (_zeros_of(t) for t in tangents)
     direction = jnp.concatenate([xs, ys])
@@ -170,14 +173,14 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
     # The state goes on for longer where the free time grows: angles move with their rates, and rates with
     # the accelerations.
     rates = jnp.concatenate([out[8:10], out[17:19], jnp.zeros(1)])
-    end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[2]
+    end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[entry.FREE]
     # So do angles that are largest where the motion ends.
-    whole = settings[0] * x[6] + settings[2]
+    whole = settings[entry.PIECES] * x[6] + settings[entry.FREE]
     last = jnp.abs(out[1:6:2] - whole) <= _AT_END * whole
     growing = jnp.stack([rates[0], rates[1], rates[1] - rates[0]])
     sides = jnp.sign(jnp.stack([out[6], out[7], out[7] - out[6]]))
-    angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[2]
-    at = at + jnp.concatenate([last, jnp.zeros(2)]) * times[2]
+    angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[entry.FREE]
+    at = at + jnp.concatenate([last, jnp.zeros(2)]) * times[entry.FREE]
     if not isinstance(tangents[2], SymbolicZero):
         # Derivatives in the samples of a record are not computed: not a number, and not zero.
         unknown = jnp.nan * jnp.sum(samples)
@@ -264,9 +267,9 @@ def follow_all(
     firsts = np.cumsum(lengths) - lengths
     pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in records]))
     settings = np.zeros((n, entry.SETTINGS))
-    settings[:, 0], settings[:, 1], settings[:, 2] = lengths[which], firsts[which], free
-    settings[:, 3], settings[:, 4], settings[:, 5] = REST_RATE, max_events, 13.0 if slopes else 0.0
-    settings[:, 6] = brief
+    settings[:, entry.PIECES], settings[:, entry.FIRST] = lengths[which], firsts[which]
+    settings[:, entry.FREE], settings[:, entry.REST], settings[:, entry.MOST] = free, REST_RATE, max_events
+    settings[:, entry.DIRECTIONS], settings[:, entry.BRIEF] = 13.0 if slopes else 0.0, brief
     x = np.ascontiguousarray(parameters, dtype=float)
     starts = np.zeros((n, 4)) if y0 is None else np.ascontiguousarray(y0, dtype=float)
     out, by = np.zeros((n, entry.OUT)), np.zeros((n if slopes else 1, entry.ROWS, entry.INPUTS))

@@ -18,10 +18,11 @@ from tpd.models.shaken_kernel import LEG, LEGS, OUT, TALLY, follow, put_results,
 _PIECE, _STATE, _PARAMETERS, _OUT = map(np.int64, (4, 4, 9, OUT))
 """Columns of further tables; a piece has four coefficients."""
 SETTINGS = np.int64(8)
-"""Numbers in a row of settings: pieces of the motion; the row of its first, or -1 if every motion has its
-own; free time; rest rate; events allowed; how many directions have derivatives (0, 9 or 13); whether the
-free motion may end where it cannot tilt the block further; and whether the derivatives of the largest angles
-are enough."""
+PIECES, FIRST, FREE, REST, MOST, DIRECTIONS, BRIEF, ANGLES = range(8)
+"""Numbers in a row of settings, and their columns: pieces of the motion; the row of its first, or -1 if every
+motion has its own; free time; rest rate; events allowed; how many directions have derivatives (0, 9 or 13);
+whether the free motion may end where it cannot tilt the block further; and whether the derivatives of the
+largest angles are enough."""
 
 
 @part
@@ -36,7 +37,7 @@ def _run(a, first, last):
     plants, others = np.empty(1, PLANT), np.empty(PLANTS, COMPLEX_PLANT)
     tally, mode, y, none = np.empty(TALLY), np.zeros(4), np.empty(4), np.empty((0, LEG))
     for r in range(first, last):
-        n, begin, inputs, most = int(s[r, 0]), int(s[r, 1]), int(s[r, 5]), int(s[r, 4])
+        n, begin, inputs, most = int(s[r, PIECES]), int(s[r, FIRST]), int(s[r, DIRECTIONS]), int(s[r, MOST])
         # XLA gives every motion a copy of its record, the host one place for all.
         begin = r * n if begin < 0 else begin
         c = table(a[3], begin + n, _PIECE)[begin:]
@@ -45,19 +46,19 @@ def _run(a, first, last):
         while True:
             for i in range(4):
                 y[i], mode[i] = y0[r, i], 0.0
-            brief = s[r, 6] != 0.0
-            status = follow(x[r], plants[0], c, n, y, s[r, 2], s[r, 3], most, brief, tally, legs, mode)
+            brief, free, rest = s[r, BRIEF] != 0.0, s[r, FREE], s[r, REST]
+            status = follow(x[r], plants[0], c, n, y, free, rest, most, brief, tally, legs, mode)
             if inputs == 0 or tally[LEGS] <= len(legs):
                 break
             legs = np.empty((int(tally[LEGS]), LEG))
-        put_results(plants[0], n, s[r, 2], y, mode, tally, status, out[r])
+        put_results(plants[0], n, s[r, FREE], y, mode, tally, status, out[r])
         if inputs > 0:
             # Directions that are not asked for stay zero, and times without a derivative no numbers.
             by = carray(pointer(a[5]), (last, ROWS, INPUTS), np.float64)[r]
             for i in range(ROWS):
                 for j in range(INPUTS):
                     by[i, j] = math.nan if i >= TIMES and j < inputs else 0.0
-            angles = s[r, 7] != 0.0
+            angles = s[r, ANGLES] != 0.0
             out[r, 10] = differentiate(x[r], plants[0], others, c, n, legs, tally, inputs, angles, by)
 
 

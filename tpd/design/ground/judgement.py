@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
+from tpd.analysis.ensemble import Ensemble
 from tpd.analysis.probit import Lognormal, fit_lognormal
 from tpd.core.conditions import Conditions
 from tpd.core.scene import Block
@@ -22,9 +23,8 @@ from tpd.design.ground.demand import CappedTilt, Runs
 from tpd.design.ground.groups import Group, Role
 from tpd.design.ground.objective import GroundObjective
 
-SCATTER = {"slenderness": 0.02, "friction": 0.2, "mass": 0.02, "length": 0.02, "damping": 0.2}
-"""Relative half widths of what is uncertain in a judgement, and of the restitution where it is a number."""
-_RESTITUTION = 0.02
+_SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"
+"""Names of what is uncertain in a judgement: block and installation, as in the runs of an `Ensemble`."""
 _LEVEL = 0.95
 
 
@@ -127,9 +127,8 @@ class Judged:
 
 def scatter_of(block: Block) -> dict[str, float]:
     """Relative half widths of what is uncertain in a block and its pendulum."""
-    # Housner's restitution follows the slenderness, which scatters.
-    lossy = isinstance(block.restitution, float)
-    return {**SCATTER, **({"restitution": _RESTITUTION} if lossy else {})}
+    widths = Ensemble().widths(block.restitution)
+    return {name: widths[name] for name in _SCATTERED if widths[name] > 0.0}
 
 
 def judge(

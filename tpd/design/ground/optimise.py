@@ -110,31 +110,6 @@ def optimise_on_motions(
         ValueError: bad input, or a checkpoint of another problem.
         RuntimeError: JAX is in 32-bit mode.
     """
-    problem = problem_of(
-        subject, conditions, space, held_out, demand, risk, limits, allowed, method, scatter, at_least, seed
-    )
-    if checkpoint is not None:
-        checks.instance("checkpoint", checkpoint, (Path, str))
-    file = None if checkpoint is None else Path(checkpoint)
-    with shown(progress) as report:
-        return solve(problem, Checkpoint.of(file, problem.identity), report)
-
-
-def problem_of(
-    subject: Scene | Block,
-    conditions: Conditions,
-    space: DesignSpace | None,
-    held_out: float | Mapping[str, Sequence[GroundMotion]],
-    demand: Demand | None,
-    risk: Risk | None,
-    limits: Iterable[Limit] | None,
-    allowed: float,
-    method: GroundSearch | None,
-    scatter: Mapping[str, float] | None,
-    at_least: float,
-    seed: int,
-) -> GroundProblem:
-    """The problem, checked; None stands for the default everywhere."""
     checks.require_x64()
     checks.instance("subject", subject, (Scene, Block))
     checks.instance("conditions", conditions, Conditions)
@@ -157,7 +132,7 @@ def problem_of(
     groups = grouped(conditions.motions, held_out, seed)
     inside = _restricted(conditions, groups[0])
     objective = GroundObjective(block, inside, listed, allowed, gravity)
-    return GroundProblem(
+    problem = GroundProblem(
         objective=objective,
         space=_within_mass(DEFAULT_SPACE if space is None else space, block, listed),
         demand=CappedTilt() if demand is None else demand,
@@ -169,6 +144,11 @@ def problem_of(
         at_least=at_least,
         seed=seed,
     )
+    if checkpoint is not None:
+        checks.instance("checkpoint", checkpoint, (Path, str))
+    file = None if checkpoint is None else Path(checkpoint)
+    with shown(progress) as report:
+        return solve(problem, Checkpoint.of(file, problem.identity), report)
 
 
 def _restricted(conditions: Conditions, group: Group) -> Conditions:
