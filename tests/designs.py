@@ -17,12 +17,13 @@ from tpd.analysis.sensitivity import Elasticities
 from tpd.core.conditions import Conditions
 from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, Risk
 from tpd.design.earthquakes import Earthquakes
+from tpd.design.front import FrontPoint
 from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import Design, DesignStatus, Search, SearchStatus
 from tpd.design.space import DesignSpace
 from tpd.design.study import Study, TimeHistory, UpliftRegion
 from tpd.design.survey import ON_THE_WAY, Survey
-from tpd.design.verified import Active, Bare, LossCase, Motions, Neighbours, Nonlinear, Verified
+from tpd.design.verified import Active, Bare, LossCase, Motions, Nonlinear, Verified
 from tpd.design.worth import Worth
 
 SCENE = tpd.paper_scene()
@@ -52,8 +53,6 @@ class Evaluation(NamedTuple):
     reserve_slope: np.ndarray
     kind: np.ndarray
     design: np.ndarray
-    lost: np.ndarray
-    unsettled: np.ndarray
 
     @property
     def attracts(self) -> np.ndarray:
@@ -77,13 +76,11 @@ def evaluation(tilt, stroke, **changes) -> Evaluation:
         "reserve": 0.3 * one,
         "kind": np.zeros(tilt.shape, dtype=int),
         "design": np.array([RATIOS]),
-        "lost": 0.0 * one,
-        "unsettled": 0.0 * one,
     }
     return Evaluation(**({f"{name}_slope": slope for name in SIZES} | values | changes))
 
 
-def motions(model: str, amplitude, stroke=0.3, status="rocking", **changes) -> Motions:
+def motions(amplitude, stroke=0.3, status="rocking", **changes) -> Motions:
     amplitude = np.atleast_1d(np.asarray(amplitude, dtype=float))
     one = np.ones_like(amplitude)
     status = np.broadcast_to(np.asarray(status, dtype="<U16"), amplitude.shape)
@@ -97,7 +94,7 @@ def motions(model: str, amplitude, stroke=0.3, status="rocking", **changes) -> M
         "multiplier": 0.8 * one,
         "periods": np.ones(amplitude.shape, dtype=int),
     }
-    return Motions(model=model, **(values | changes))
+    return Motions(**(values | changes))
 
 
 def outcomes(lost: int, size: int = 40, tilt: float = 0.1, equations: str = "linear") -> Outcomes:
@@ -133,12 +130,9 @@ def verified(**changes) -> Verified:
         "damping_ratio": RATIOS[2],
         "value": 0.16,
         "evaluation": evaluation(0.16, 0.3),
-        "exact": motions("piecewise", 0.04),
-        "searched": motions("smoothed", 0.0401),
+        "exact": motions(0.04),
         "margin": np.array([-0.2]),
-        "neighbours": Neighbours(condition=0, tried=8, overturned=0, overturned_bare=1),
         "nonlinear": (nonlinear(),),
-        "verdict": Verdict(hung=outcomes(2), bare=outcomes(20)),
         "paired": paired(),
         "benefit": benefit(paired()),
         "strikes": 0.0,
@@ -200,9 +194,7 @@ def single(**changes) -> Design:
         "bare": Bare(
             value=0.3333,
             evaluation=evaluation(0.3333, 0.0),
-            exact=motions("piecewise", 0.0833335),
-            searched=motions("smoothed", 0.0833),
-            outcomes=outcomes(20),
+            exact=motions(0.0833335),
             paired=outcomes(20, equations="nonlinear"),
         ),
         "nearest": None,
@@ -222,10 +214,8 @@ def band(**changes) -> Design:
     offered = verified(
         value=0.3,
         evaluation=evaluation(tilt, np.linspace(0.45, 0.1, n), kind=kind),
-        exact=motions("piecewise", 0.2 * tilt, np.linspace(0.4, 0.1, n), ["rocking"] * (n - 1) + ["rest"]),
-        searched=None,
+        exact=motions(0.2 * tilt, np.linspace(0.4, 0.1, n), ["rocking"] * (n - 1) + ["rest"]),
         margin=np.linspace(-0.5, 0.1, n),
-        neighbours=None,
         nonlinear=(nonlinear(0), nonlinear(1)),
         benefit=benefit(paired(), n),
         active=(Active(kind="tilt", name="", condition="1.5 Hz", weight=1.0),),
@@ -233,9 +223,7 @@ def band(**changes) -> Design:
     bare = Bare(
         value=0.6,
         evaluation=evaluation(2.0 * tilt, 0.0),
-        exact=motions("piecewise", 0.4 * tilt, 0.0, **lost),
-        searched=None,
-        outcomes=outcomes(20),
+        exact=motions(0.4 * tilt, 0.0, **lost),
         paired=outcomes(20, equations="nonlinear"),
     )
     values = {
@@ -256,8 +244,7 @@ def around(**changes) -> Design:
     offered = verified(
         value=0.2,
         evaluation=evaluation(np.full(n, 0.2), 0.3),
-        exact=motions("piecewise", np.full(n, 0.05)),
-        searched=None,
+        exact=motions(np.full(n, 0.05)),
         margin=np.full(n, -0.2),
         nonlinear=(nonlinear(0), nonlinear(n - 1)),
         benefit=benefit(paired(), n),
@@ -265,9 +252,7 @@ def around(**changes) -> Design:
     bare = Bare(
         value=0.4,
         evaluation=evaluation(np.full(n, 0.4), 0.0),
-        exact=motions("piecewise", np.full(n, 0.1), 0.0),
-        searched=None,
-        outcomes=outcomes(20),
+        exact=motions(np.full(n, 0.1), 0.0),
         paired=outcomes(20, equations="nonlinear"),
     )
     values = {
@@ -313,7 +298,7 @@ def loss_case(name: str, lost: int = 2, tilt: float = 0.05) -> LossCase:
 
 def refused() -> Design:
     """A search whose only design was refused."""
-    bad = verified(reasons=(REASON,), verdict=None, neighbours=None, paired=None, benefit=None)
+    bad = verified(reasons=(REASON,), paired=None, benefit=None)
     return single(status=DesignStatus.refused, pendulum=None, verified=(bad,))
 
 
@@ -395,14 +380,11 @@ def answer(name: str) -> Answer:
     )
 
 
-@dataclasses.dataclass(frozen=True)
-class Front:
-    mass_ratio: np.ndarray
-    value: np.ndarray
-    design: np.ndarray
-    evaluations: int
-
-
-def front() -> Front:
-    mass = np.array([0.05, 0.1, 0.2])
-    return Front(mass, np.array([0.5, 0.3, -0.02]), np.tile(RATIOS, (3, 1)), 500)
+def front() -> tuple[FrontPoint, ...]:
+    """None is offered with the lightest bob; the last point is the answer."""
+    none = FrontPoint(0.8112, "refused", None, (np.nan,) * 3)
+    return (
+        none,
+        FrontPoint(1.2, "found", HUNG, (0.2, 0.1, 0.3)),
+        FrontPoint(1.6224, "found", HUNG, (0.5, 0.4, 0.6)),
+    )

@@ -742,7 +742,6 @@ calls = {
     "attractors": lambda: tpd.attractors(p, starts=tpd.Starts(size=4, seed=0)),
     "optimise": lambda: tpd.optimise(scene, tpd.DesignSpace()),
     "optimise over a band": lambda: tpd.optimise(scene, conditions=tpd.Conditions.band(scene, *band)),
-    "pareto": lambda: tpd.pareto(scene, conditions=tpd.Conditions.band(scene, *band)),
     "verdict": lambda: tpd.verdict(scene, pendulum, ensemble=tpd.Ensemble(seed=0)),
     "outcomes": lambda: outcomes(scene, pendulum, ensemble=tpd.Ensemble(seed=0)),
     "check": lambda: tpd.check(scene, pendulum, stroke=0.5),

@@ -63,13 +63,12 @@ if TYPE_CHECKING:
     from tpd.core.status import status_name as status_name
     from tpd.design import criteria as limits  # noqa: F401
     from tpd.design.criteria import Risk as Risk
-    from tpd.design.ground import demand as demands  # noqa: F401
+    from tpd.design.front import front as front
     from tpd.design.ground.search import GroundSearch as GroundSearch
     from tpd.design.many import optimise_all as optimise_all
     from tpd.design.methods import Descent as Descent
     from tpd.design.methods import Sequential as Sequential
     from tpd.design.optimise import optimise as optimise
-    from tpd.design.pareto import pareto as pareto
     from tpd.design.result import Design as Design
     from tpd.design.space import DesignSpace as DesignSpace
     from tpd.models.piecewise import Piecewise as Piecewise
@@ -104,11 +103,11 @@ _NAMES = {
     "core.scene": "Block Harmonic Pendulum Scene paper_scene",
     "core.status": "Status status_name",
     "design.criteria": "Risk",
+    "design.front": "front",
     "design.ground.search": "GroundSearch",
     "design.many": "optimise_all",
     "design.methods": "Descent Sequential",
     "design.optimise": "optimise",
-    "design.pareto": "pareto",
     "design.result": "Design",
     "design.space": "DesignSpace",
     "models.piecewise": "Piecewise",
@@ -119,7 +118,6 @@ _NAMES = {
 _HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}
 _MODULES = {
     "closed_form": "closed_form",
-    "demands": "design.ground.demand",
     "engines": "engines",
     "limits": "design.criteria",
     "records": "records",

@@ -26,7 +26,6 @@ from scipy.optimize import differential_evolution, minimize
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
-from tpd.design.ground.demand import CappedTilt  # noqa: E402
 from tpd.design.ground.groups import grouped  # noqa: E402
 from tpd.design.ground.judgement import judge  # noqa: E402
 from tpd.design.ground.objective import GroundObjective  # noqa: E402
@@ -123,7 +122,7 @@ class Counted:
         design = DEFAULT_SPACE.unscaled(inside[None])
         runs = self.objective.evaluate(design)
         excess = float(np.maximum(self.objective.sizes(runs, design)[1] - 1.0, 0.0).sum())
-        value = float(CappedTilt().of(runs).mean())
+        value = float(runs.severity.mean())
         out = float(np.abs(unit - inside).sum())
         self.seen.append((value if excess == 0.0 else np.inf, design[0]))
         return value + out + (1.0 + excess if excess > 0.0 else 0.0)
@@ -154,10 +153,10 @@ def evolution(function, seed):
 
 
 def value_of(objective, design):
-    """Mean demand of a design, and of sixteen built within 2 % of it."""
+    """Mean severity of a design, and of sixteen built within 2 % of it."""
     built = design * (1.0 + 0.02 * np.random.default_rng(0).uniform(-1.0, 1.0, (16, 3)))
-    demand = CappedTilt().of(objective.evaluate(np.concatenate([design[None], built]))).mean(axis=1)
-    return float(demand[0]), float(demand[1:].mean())
+    severity = objective.evaluate(np.concatenate([design[None], built])).severity.mean(axis=1)
+    return float(severity[0]), float(severity[1:].mean())
 
 
 def optimisers(seeds=10, few=64, many=400):
@@ -185,7 +184,7 @@ def optimisers(seeds=10, few=64, many=400):
 
 def _searched(objective, method, seed):
     """Lowest value within the limits, and the answer."""
-    search = Searcher(objective, CappedTilt(), tpd.Risk.expected(), DEFAULT_SPACE, method, seed)
+    search = Searcher(objective, tpd.Risk.expected(), DEFAULT_SPACE, method, seed)
     search.run()
     e = search.found
     return float(np.min(np.where(e.feasible, e.value, np.inf))), e.designs[search.best()]

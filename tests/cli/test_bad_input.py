@@ -86,10 +86,6 @@ OPTIONS = [
     (("--scatter", "friction=wide"), "`scatter.friction` must be a number from 0 to 0.5, but is 'wide'"),
     (("--scatter", "friction=0.6"), "`scatter.friction` must be a number from 0 to 0.5, but is 0.6"),
     (("--scatter", "colour=0.1"), "unknown key `colour` in [scatter]; allowed are amplitude, frequency"),
-    (("--from-starts", "0"), "`starts.size` must be a whole number from 1"),
-    (("--worst-start",), "`starts.worst` goes with sampled starts, `starts.size`, which this job does not"),
-    (("--from-rest", "--worst-start"), "`starts.worst` goes with sampled starts"),
-    (("--from-rest", "--from-starts", "3"), "argument --from-starts: not allowed with argument --from-rest"),
     (
         ("--width", "0.2"),
         "a block of your own must be whole, with a motion of its own, but `height` and `mass` in [block] and "
@@ -184,9 +180,10 @@ FILES = [
     ("[conditions]\namplitudes = 1.0\n", "`conditions.amplitudes` must be a list, not empty, each a number"),
     ("[conditions]\namplitudes = []\n", "`conditions.amplitudes` must be a list, not empty, each a number"),
     ("[scatter]\nfriction = -0.1\n", "`scatter.friction` must be a number from 0 to 0.5, but is -0.1"),
-    ("[starts]\nkind = 'some'\n", "`starts.kind` must be one of any, rest, sampled, but is 'some'"),
-    ("[starts]\nkind = 'rest'\nsize = 4\n", "`starts.size` goes with `starts.kind` sampled, which this job"),
-    ("[starts]\nseed = 4\n", "`starts.seed` goes with `starts.kind` sampled, which this job does not have"),
+    ("[starts]\nkind = 'some'\n", "`starts.kind` must be one of any, rest, but is 'some'"),
+    ("[starts]\nsize = 4\n", "unknown key `size` in [starts]; allowed are kind"),
+    ("[search]\nmodel = 'segmented'\n", "`search.model` must be one of piecewise, smoothed, but is 'segm"),
+    ("[search]\nmethod = 'sequential'\nmodel = 'smoothed'\n", "`search.model` goes with `search.method` des"),
     ("[risk]\nshare = 0.2\n", "`risk.share` goes with `risk.measure` cvar, which this job does not have"),
     ("[risk]\nmeasure = 'cvar'\nshare = 0\n", "`risk.share` must be a number from 1e-09 to 1, but is 0"),
     ("[limits]\nmultiplier = 1.5\n", "`limits.multiplier` must be a number from 1e-06 to 1, but is 1.5"),
@@ -226,10 +223,6 @@ FILES = [
     ),
     ("[limits]\nrelative_stroke = 2.0\n", "[limits] `relative_stroke` must be at most 1.5708, a right angle"),
     ("[limits]\ntilt = 1.5\n", "[limits] `tilt` must be at most 1, a block that stands on its corner"),
-    (
-        "[limits]\nreserve = 0.1\n[search]\nmodel = 'segmented'\n",
-        "`limits.reserve` goes with a search over orbits, `search.model` orbits",
-    ),
     ("[ensemble]\nrestitution = 0.1\n", "[ensemble] `restitution` can scatter where it is a number"),
     ("[ensemble]\nswing = 2.0\n", "[ensemble] `swing` must be at most 1.5708, a right angle in rad"),
     ("x = = 3\n", "is not valid TOML: Invalid value (at line 1, column 5)"),
@@ -298,22 +291,22 @@ DESIGNS = [
     ("not json", "is not a design in JSON"),
     ("\xff", "is not a design in JSON"),
     ("[1]", "has no `job` and `pendulum`"),
-    ('{"job": {}, "pendulum": null}', "must be of version 5, but is of 1: run the job again"),
-    ('{"version": 6, "job": {}, "pendulum": null}', "must be of version 5, but is of 6"),
-    ('{"version": 5, "job": [], "pendulum": null}', "`job` must be a table, but is []"),
+    ('{"job": {}, "pendulum": null}', "must be of version 6, but is of 1: run the job again"),
+    ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 6, but is of 7"),
+    ('{"version": 6, "job": [], "pendulum": null}', "`job` must be a table, but is []"),
     (
-        '{"version": 5, "job": {}, "pendulum": {"mass": 1.0}}',
+        '{"version": 6, "job": {}, "pendulum": {"mass": 1.0}}',
         "`pendulum` must have mass, length, damping_ratio, but has mass",
     ),
     (
-        '{"version": 5, "job": {}, "pendulum": {"mass": "1", "length": 1.0, "damping_ratio": 0.1}}',
+        '{"version": 6, "job": {}, "pendulum": {"mass": "1", "length": 1.0, "damping_ratio": 0.1}}',
         "[pendulum] `mass` must be a number, but is '1'",
     ),
     (
-        '{"version": 5, "job": {}, "pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1}}',
+        '{"version": 6, "job": {}, "pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1}}',
         "`length` must be positive and finite, but is -1",
     ),
-    ('{"version": 5, "job": {}, "pendulum": null}', "it has no `status`"),
+    ('{"version": 6, "job": {}, "pendulum": null}', "it has no `status`"),
 ]
 
 

@@ -43,13 +43,13 @@ JOBS = {
         "risk": {"measure": "cvar", "share": 0.2},
         "search": {"seed": 3},
     },
-    "starts": {**BAND, "starts": {"size": 6, "seed": 4, "worst": True}},
+    "starts": {**BAND, "starts": {"kind": "rest"}},
     "descent for several": {
         **BAND,
         "search": {"method": "descent", "optimiser": "rmsprop", "tolerance": 0.05},
     },
     "sequential for one": {"search": {"method": "sequential", "searches": 2, "screening": 3, "steps": 4}},
-    "models": {"search": {"model": "segmented"}},
+    "models": {"search": {"model": "piecewise"}},
     "exactly": {"conditions": {"exactly": True}},
     "bob": {
         "block": {"width": 0.2, "height": 0.8, "mass": 60.0, "cavity_width": 0.15},
@@ -184,12 +184,9 @@ def test_all_limits_hold_for_one_condition_too():
         ({}, Starts.any()),
         ({"kind": "rest"}, Starts.rest()),
         ({"kind": "any"}, Starts.any()),
-        ({"kind": "sampled"}, Starts(size=12, seed=5)),
-        ({"size": 4}, Starts(size=4, seed=5)),
-        ({"kind": "sampled", "size": 4, "seed": 1, "worst": True}, Starts(size=4, seed=1, worst=True)),
     ],
 )
-def test_starts_have_the_seed_of_the_search_unless_given(starts, expected):
+def test_starts(starts, expected):
     assert config.job_of({"starts": starts, "search": {"seed": 5}}).starts == expected
 
 
@@ -206,7 +203,7 @@ def test_where_impacts_lose_energy_friction_is_zero(block, friction, restitution
     job = config.job_of({"block": block, **EXACTLY})
     assert (job.scene.block.friction, job.scene.block.restitution) == (friction, restitution)
     assert job.method.model is None
-    for name, model in (("smoothed", Smoothed), ("piecewise", Piecewise), ("orbits", Piecewise)):
+    for name, model in (("smoothed", Smoothed), ("piecewise", Piecewise)):
         asked = config.job_of({"block": block, "search": {"model": name}, **EXACTLY})
         assert isinstance(asked.method.model, model)
         assert asked.starts == Starts.any()
@@ -232,8 +229,6 @@ def test_keys_without_effect_are_not_written():
     assert tables["search"]["optimiser"] == "adam"
     sequential = config.tables(config.job_of({"search": {"method": "sequential"}}))
     assert not {"tolerance", "optimiser"} & set(sequential["search"])
-    followed = config.tables(config.job_of({"search": {"model": "segmented"}}))
-    assert "reserve" not in followed["limits"]
 
 
 @pytest.mark.parametrize(
@@ -244,8 +239,7 @@ def test_keys_without_effect_are_not_written():
             {"risk": {"measure": "worst"}},
             ("risk", "share"),
         ),
-        (BAND | {"limits": {"reserve": 0.1}}, {"search": {"model": "segmented"}}, ("limits", "reserve")),
-        ({"starts": {"size": 4}}, {"starts": {"kind": "rest"}}, ("starts", "size")),
+        ({"search": {"model": "piecewise"}}, {"search": {"method": "sequential"}}, ("search", "model")),
         ({"search": {"tolerance": 0.02}}, {"search": {"method": "sequential"}}, ("search", "tolerance")),
         (EXACTLY, BAND, ("conditions", "exactly")),
         (
@@ -274,18 +268,16 @@ def test_what_is_pointless_in_the_file_itself_stays_an_error():
 def test_a_file_may_list_defaults_that_have_no_effect():
     listed = {
         "conditions": {"frequencies": 20, "samples": 64},
-        "starts": {"kind": "any", "size": 12, "worst": False},
+        "starts": {"kind": "any"},
         "risk": {"measure": "worst", "share": 0.1},
     }
     assert config.job_of(listed) == config.job_of({})
 
 
 def test_a_file_may_leave_to_the_options_what_makes_it_whole():
-    given = {"conditions": {"frequencies": 5}, "starts": {"worst": True}}
-    over = {"conditions": {"band": [2, 3]}, "starts": {"kind": "sampled", "size": 4}}
+    given, over = {"conditions": {"frequencies": 5}}, {"conditions": {"band": [2, 3]}}
     job = config.job_of(config.merged(given, over))
     assert len(job.conditions) == 5
-    assert job.starts == Starts(size=4, seed=0, worst=True)
 
 
 # The schema

@@ -41,7 +41,6 @@ SAME = [
     ("[scatter]\nfriction = 0.2\nlength = 0.02\n", ("--scatter", "friction=0.2", "length=0.02")),
     ("[conditions]\namplitudes = [1.2]\n", ("--amplitudes", "1.2")),
     ("[starts]\nkind = 'rest'\n[conditions]\nband = [2, 3]\n", ("--from-rest", "--band", "2", "3")),
-    ("[starts]\nsize = 4\nworst = true\n", ("--from-starts", "4", "--worst-start")),
     (
         "[risk]\nmeasure = 'expected'\n[conditions]\namplitudes = [1, 1.1]\n",
         ("--measure", "expected", "--amplitudes", "1", "1.1"),
@@ -79,7 +78,7 @@ def test_all_options_together_override_a_file_of_other_values(tmp_path):
 
 def test_a_written_job_is_a_file_for_the_command(tmp_path):
     path = tmp_path / "job.toml"
-    options = ("--band", "2", "3", "--scatter", "mass=0.1", "--damping", "0.1", "0.2", "--from-starts", "3")
+    options = ("--band", "2", "3", "--scatter", "mass=0.1", "--damping", "0.1", "0.2", "--from-rest")
     path.write_text(config.dump(job_of(*options)))
     assert job_of("--scene", str(path)) == job_of(*options)
 
@@ -138,7 +137,7 @@ def test_the_help_lists_the_commands_and_explains_the_exit_statuses(capsys):
 
 
 def test_every_declared_option_is_compared_with_a_file():
-    groups = (common.SCENE, optimise.DESIGN, optimise.CONDITIONS, optimise.SEARCH, optimise.STARTS)
+    groups = (common.SCENE, optimise.DESIGN, optimise.CONDITIONS, optimise.SEARCH)
     declared = [option.flag for group in groups for option in group]
     assert len(declared) == len(set(declared))
     assert {*declared, "--scatter"} == {word for _, options in SAME for word in options if word[:2] == "--"}

@@ -100,7 +100,6 @@ CALLS = {
     "Starts(swing=2.0)": "`swing` must be at most 1.5708, a right angle in rad, but is 2",
     "Starts(tilt=1.5)": "`tilt` must be at most 1, a block that stands on its corner, but is 1.5",
     'Starts(kind="rest")': "`kind` must be a StartKind, but is 'rest'",
-    'Starts(worst="yes")': "`worst` must be True or False, but is 'yes'",
     'Ensemble(ramps="x")': "`ramps` must be a number, but is 'x'",
     "Ensemble(ramps=())": "`ramps` must hold at least one duration, but is empty",
     "Ensemble(size=-1)": "`size` must be a whole number, 1 or more, but is -1",
@@ -146,9 +145,6 @@ CALLS = {
     'optimise(scene, risk="worst")': "`risk` must be a Risk, but is 'worst'",
     "optimise(scene, limits=limits.Stroke(0.5))": "`limits` must be a list of objects of `tpd.limits`, but i",
     "optimise(scene, limits=[limits.Stroke])": "`limits` must hold objects of `tpd.limits`, but has <class",
-    "optimise(scene, limits=[limits.Reserve()], method=Descent(model=Smoothed(terms='nonlinear')))": (
-        "`limits` must not hold Reserve"
-    ),
     'optimise(scene, method="adam")': "`method` must be a Method, but is 'adam'",
     "optimise(scene, method=Descent)": "`method` must be a Method that is made, `Descent(...)`",
     "optimise(scene, ensemble=512)": "`ensemble` must be a Ensemble, but is 512",
@@ -157,10 +153,8 @@ CALLS = {
     'optimise(scene, progress="bar")': "`progress` must be True or a function, but is 'bar'",
     "optimise(Scene(block, made(Harmonic, amplitude=0)))": "`amplitude` must be above 0 in a search, but is ",
     "Descent(searches=-1)": "`searches` must be a whole number, 1 or more, but is -1",
-    "Descent(model=Piecewise)": "`model` must be a model such as Smoothed(), but is <class",
+    "Descent(model=Piecewise)": "`model` must be Smoothed() with linear terms, or Piecewise(), whose symm",
     "Descent(optimiser=3)": "`optimiser` must be a transformation of optax, or one of adam, rmsprop, but",
-    "pareto(block)": "`scene` must be a Scene, but is Block(",
-    "pareto(scene, points=1)": "`points` must be a whole number, 2 or more, but is 1",
     "Piecewise(max_periods=0)": "`max_periods` must be a whole number, 1 or more, but is 0",
 }
 

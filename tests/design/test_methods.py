@@ -7,7 +7,7 @@ import pytest
 import tpd
 from tests.design.test_descent import LIMITED, STARTS
 from tpd.design.methods import describe
-from tpd.design.objective import AbstractObjective
+from tpd.design.objective import Orbits
 
 
 @pytest.mark.parametrize(
@@ -18,6 +18,8 @@ from tpd.design.objective import AbstractObjective
         (lambda: tpd.Sequential(steps=0), "`steps` must be a whole number, 1 or more, but is 0"),
         (lambda: tpd.Descent(tolerance=0.0), "`tolerance` must be positive"),
         (lambda: tpd.Descent("newton"), "`optimiser` must be one of adam, rmsprop, but is 'newton'"),
+        (lambda: tpd.Descent(model=tpd.Segmented()), r"`model` must be Smoothed\(\) with linear terms"),
+        (lambda: tpd.Descent(model=tpd.Smoothed(terms=tpd.Terms.parametric)), "`model` must be Smoothed"),
         (lambda: tpd.Descent(optax.lbfgs()), "`optimiser` must make its steps from gradients alone"),
     ],
 )
@@ -34,22 +36,20 @@ def test_optimisers_have_names(optimiser, name):
     assert method.optimiser_name == name
     assert describe(method) == {
         "method": "descent",
-        "model": "orbits",
         "searches": 3,
         "screening": 512,
         "steps": 40,
         "optimiser": name,
         "tolerance": 0.01,
+        "model": "None",
     }
-    assert describe(tpd.Sequential(model=tpd.Piecewise()))["model"].startswith("Piecewise(")
 
 
-class Minimax(AbstractObjective):
+class Minimax(Orbits):
     """A known minimax of three functions in place of orbits."""
 
     risk, conditions = tpd.Risk.worst(), tpd.Conditions.amplitudes(1.0, 1.1, 1.2)
     at = staticmethod(LIMITED)
-    evaluate = holds_reserve = None
 
     def __init__(self):
         """Nothing that an objective over motions has."""
@@ -73,13 +73,3 @@ def test_a_descent_reports_its_path_and_what_it_spent(optimiser, near):
     again = method.search(problem, STARTS, known=LIMITED(STARTS))
     np.testing.assert_array_equal(again.x, ended.x)
     assert again.evaluations == ended.evaluations - len(STARTS)
-
-
-def test_methods_say_whether_they_compare_orbits():
-    """Smoothed linear signs follow the orbits, `Piecewise()` is these with a descent; else starts matter."""
-    nonlinear, parametric = (tpd.Smoothed(terms=tpd.Terms[name]) for name in ("nonlinear", "parametric"))
-    for model in (None, tpd.Smoothed(), tpd.Piecewise()):
-        assert tpd.Descent(model=model).on_orbits
-        assert tpd.Sequential(model=model).on_orbits is (model is None)
-    for model in (nonlinear, parametric, tpd.Segmented()):
-        assert not tpd.Descent(model=model).on_orbits

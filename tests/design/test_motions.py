@@ -7,11 +7,10 @@ import pytest
 
 import tpd
 from tests.design.conftest import BAND, SCENE
-from tests.design.test_followed import followed
 from tests.design.test_objective import GOOD
 from tpd.core.parameters import as_arrays
 from tpd.core.status import SETTLED
-from tpd.design.motions import motions_from_rest, polished, searched_motions
+from tpd.design.motions import motions_from_rest, polished
 
 P = as_arrays(SCENE.parameters())
 
@@ -51,16 +50,3 @@ def test_an_overturning_block_has_no_amplitude():
         assert m.status.tolist() == ["rocking", "overturned"]
         assert m.amplitude[0] == pytest.approx(0.0833335, abs=1e-4)
         assert m.amplitude[1] == m.stroke[1] == m.peak[1] == np.inf
-
-
-def test_motions_of_a_model_are_read_from_its_evaluation():
-    objective = followed(tpd.Piecewise(max_periods=200), tpd.Starts.rest(), BAND, closed=False)
-    e = objective.evaluate(GOOD)
-    found = searched_motions(objective, e)
-    assert found.model == "piecewise"
-    np.testing.assert_allclose(found.amplitude, e.tilt[0] * SCENE.block.slenderness, rtol=1e-12)
-    exact = polished(P, GOOD[0], BAND, motions_from_rest(P, GOOD[0], BAND, 100))
-    rocks = exact.status == "rocking"
-    assert rocks.any()
-    np.testing.assert_allclose(found.amplitude[rocks], exact.amplitude[rocks], rtol=1e-8)
-    np.testing.assert_array_equal(found.status[rocks], "rocking")

@@ -9,6 +9,7 @@ import pytest
 import tpd
 from tests.design.conftest import ANY_WORTH, BAND, LIGHT, ONE, SCENE, SEVERAL, WIDE
 from tpd.core.conditions import FACTORS
+from tpd.design import optimise
 from tpd.design.optimise import solve
 from tpd.design.problem import Problem
 from tpd.design.reasons import ReasonKind, Step
@@ -25,8 +26,8 @@ EXACTLY = {"conditions": tpd.Conditions.exactly(), "worth": ANY_WORTH}
 def is_verified(design) -> bool:
     """Whether an offered design has gone through every step, and nothing speaks against it."""
     v = design.winner
-    runs = v.paired is not None and v.benefit is not None and v.verdict is not None
-    through = v.neighbours is not None and len(v.nonlinear) > 0 and runs
+    runs = v.paired is not None and v.benefit is not None
+    through = len(v.nonlinear) > 0 and runs
     return through and v.reasons == () and v is design.verified[-1]
 
 
@@ -60,18 +61,13 @@ def test_the_answer_is_exact_and_within_the_limits(one):
 def test_it_lessens_the_rocking_of_the_papers_block(one):
     assert one.amplitude_without == pytest.approx(0.0833335, abs=1e-6)
     assert one.amplitude < 0.95 * one.amplitude_without
-    neighbours = one.winner.neighbours
-    assert (neighbours.tried, neighbours.overturned) == (8, 0)
     assert one.winner.exact.peak[0] >= 0.9 * one.amplitude, "the way there is no smaller than the end"
 
 
 def test_designs_followed_from_rest_are_verified_until_one_stands(one):
-    """The best of them are fragile: shakings within 1 % overturn the block. How many are tried before one
-    stands depends on the last digit."""
-    *others, winner = one.verified
+    winner = one.verified[-1]
     assert {v.source for v in one.verified} == {"survey"}
-    assert {reason.step for v in others for reason in v.reasons} <= {Step.neighbours, Step.judgement}
-    assert others[0].reasons[0].step is Step.neighbours
+    assert all(v.reasons for v in one.verified[:-1])
     (asked,) = winner.nonlinear
     assert asked.status == "rocking"
     assert asked.stroke <= 1.5
@@ -80,14 +76,12 @@ def test_designs_followed_from_rest_are_verified_until_one_stands(one):
     assert found.top.amplitude == pytest.approx(asked.amplitude, rel=1e-5)
     assert found.top.stroke == pytest.approx(asked.stroke, rel=1e-5)
     assert [len(x.bare) for x in one.surveys] == [1, 1]
-    assert winner.value < 1.05 * others[0].value
 
 
 def test_the_exact_solution_confirms_the_ends_of_the_descents(one):
     assert np.all(one.search.mismatch[:, 0] < 1e-3)
     assert np.all(one.search.mismatch[:, 1] < 0.05)
     assert np.any(one.search.mismatch > 0.0)
-    assert one.verified[0].searched is one.bare.searched is None
 
 
 def test_every_search_has_a_path_and_a_status(one):
@@ -109,7 +103,6 @@ def test_progress_covers_every_stage(one, stages):
         "trial runs",
         "verifying",
         "paired runs",
-        "ensemble",
         "elasticities",
     }
     assert {name for name, _, _ in stages} == expected
@@ -331,95 +324,19 @@ def test_a_single_step_is_enough_to_answer():
     assert design.verified
 
 
-# Many conditions: under a sample of them first
-
-
-@pytest.fixture(scope="module")
-def many():
-    """Ten conditions that count as many: a sample of five is searched first."""
+def test_of_many_conditions_a_sample_is_searched_under(monkeypatch, tmp_path):
+    """The searches' ends are followed and verified under all of them."""
     conditions = tpd.Conditions.scatter(10, friction=0.2, length=0.05, frequency=0.1)
     method = tpd.Sequential(searches=20, screening=64, steps=15)
     problem = Problem.of(SCENE, WIDE, conditions, None, None, tpd.limits.POINT_BOB, method, 0, ANY_WORTH)
-    return dataclasses.replace(problem, many=10, sampled=5)
-
-
-@pytest.fixture(scope="module")
-def of_many(many, tmp_path_factory):
-    place = tmp_path_factory.mktemp("many") / "unfinished.npz"
-    return solve(many, RUNS, checkpoint=place), place
-
-
-def test_of_many_conditions_a_sample_is_searched_under_first(many, of_many):
-    design, place = of_many
-    ends = len(design.search.ends)
-    assert design.search.description == (
-        f"20 designs under 5 of the 10 conditions, {ends} finished under all of them"
-    )
+    monkeypatch.setattr(optimise, "SEARCHED", 5)
+    place, events = tmp_path / "unfinished.npz", []
+    design = solve(problem, RUNS, checkpoint=place)
+    assert design.search.description == "20 designs under 5 of the 10 conditions"
     assert design.verified[-1].evaluation.merit.shape == (1, 10)
-    whole = solve(dataclasses.replace(many, many=128), RUNS)
-    assert design.search.end_values.min() == pytest.approx(whole.search.end_values.min(), rel=1e-3)
-    events = []
-    again = solve(many, RUNS, checkpoint=place, progress=lambda *e: events.append(e[0]))
+    again = solve(problem, RUNS, checkpoint=place, progress=lambda *e: events.append(e[0]))
     assert "searching" not in events, "what had ended is not done again"
     assert same(again, design)
-
-
-@pytest.mark.parametrize("group", [1, 2])
-def test_an_interruption_under_the_sample_leaves_its_ends_under_all_conditions(many, group):
-    def stop(stage, done, total):
-        if stage == "searching" and done > (group - 1) * total / 2:
-            raise KeyboardInterrupt
-
-    cut = solve(many, RUNS, progress=stop)
-    assert cut.status is DesignStatus.interrupted
-    assert set(cut.search.statuses) == {SearchStatus.interrupted}
-    assert cut.search.description.endswith("not all finished under all of them")
-    assert (len(cut.search.ends) > 0) is (group == 2)
-    assert cut.pendulum is None or is_verified(cut)
-    for v in cut.verified:
-        assert v.evaluation.merit.shape == (1, 10)
-
-
-def test_an_interruption_while_finishing_leaves_what_the_sample_had_found(many):
-    searched = []
-
-    def stop(stage, done, total):
-        # The first search has two groups of 16 and 4 starts, the second one of 8 at most.
-        if stage == "searching":
-            searched.append(done == total)
-            if searched.count(True) == 1 and not searched[-1]:
-                raise KeyboardInterrupt
-
-    cut = solve(many, RUNS, progress=stop)
-    assert cut.status is DesignStatus.interrupted
-    assert cut.search.description.endswith("not all finished under all of them")
-    assert set(cut.search.statuses) == {SearchStatus.interrupted}
-    assert len(cut.search.ends) == len(cut.search.statuses) > 0
-    assert cut.pendulum is None or is_verified(cut)
-
-
-# Sampled starts
-
-
-def test_a_search_is_finished_over_what_starts_reach():
-    starts = tpd.Starts(size=6, seed=2)
-    design = tpd.optimise(
-        SCENE,
-        WIDE,
-        conditions=tpd.Conditions.band(SCENE, 2.2, 3.2, 2),
-        starts=starts,
-        method=tpd.Sequential(searches=4, screening=32, steps=6),
-        ensemble=tpd.Ensemble(size=32, periods=60),
-        limits=tpd.limits.POINT_BOB,
-        worth=ANY_WORTH,
-    )
-    assert design.starts is starts
-    assert design.search.description.endswith("finished over what starts reach")
-    assert np.isfinite(design.search.end_values).any()
-    assert design.status in (DesignStatus.found, DesignStatus.refused)
-    assert design.bare.searched.model == "piecewise"
-    if design.status is DesignStatus.found:
-        assert set(design.elasticities) in ({"mass", "length", "damping"}, set())
 
 
 # A neighbourhood, by default

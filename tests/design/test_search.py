@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.design.conftest import BAND, WIDE
 from tests.design.conftest import FEW_STEPS as METHOD
 from tests.design.conftest import ORBIT_LIMITS as LIMITS
+from tests.design.conftest import WIDE
 from tests.design.test_objective import orbits
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.result import SearchStatus
@@ -108,39 +108,6 @@ def test_a_search_that_has_not_begun_has_nothing():
     assert empty.statuses() == (SearchStatus.interrupted,) * 20
     assert empty.history.paths == ()
     assert empty.on_the_way(8).shape == (0, 3)
-
-
-def test_a_search_goes_on_under_other_conditions(search):
-    every = orbits(limits=LIMITS)
-    few = every.over(every.conditions.subset(2, 0))
-    assert len(few.conditions) == 2
-    whole = orbits(limits=LIMITS)
-    on = search.carry_on(whole, NONE, "again", METHOD, 3)
-    assert on.count == len(on.units) <= 8
-    assert on.description == f"20 designs, {on.count} finished again"
-    assert all(len(g.x) <= 3 for g in on.groups)
-    assert on.evaluations > search.evaluations
-    np.testing.assert_array_equal(on.screened, search.screened)
-    assert on.values.min() <= search.values.min()
-    assert on.pending.shape == (0, 3)
-
-
-def test_an_interruption_while_going_on_leaves_what_has_not_begun(search):
-    def stop(stage, done, total):
-        if done > total / 2:
-            raise KeyboardInterrupt
-
-    before = Multistart(search.objective, METHOD, 0, stop)
-    before.groups, before.screened = search.groups, search.screened
-    on = before.carry_on(orbits(limits=LIMITS), NONE, "again", METHOD, 4)
-    assert on.interrupted
-    assert on.description == "20 designs, not all finished again"
-    begun = len(on.units)
-    assert len(on.pending) > 0
-    on.evaluate_pending()
-    assert len(on.units) == begun + len(on.pending)
-    assert on.statuses()[begun:] == (SearchStatus.interrupted,) * len(on.pending)
-    assert len(BAND) == on.column(lambda g: g.local.value).shape[1]
 
 
 def test_an_end_that_the_exact_solution_contradicts_is_left_out_unless_all_are(search):

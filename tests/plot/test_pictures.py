@@ -109,16 +109,6 @@ def test_conditions_of_the_pendulum_are_in_si_units_where_there_is_one():
         plot_conditions(designs.single())
 
 
-def test_a_start_that_always_overturns_has_no_point():
-    design = designs.band()
-    lost = np.zeros((1, 8))
-    lost[0, 0] = 1.0
-    winner = dataclasses.replace(design.winner, evaluation=design.winner.evaluation._replace(lost=lost))
-    ax, below = plot_conditions(dataclasses.replace(design, verified=(winner,)))
-    for line in (lines(ax)["with the pendulum"], lines(below)["bob"]):
-        assert np.isnan(line.get_ydata()).tolist() == [True] + [False] * 7
-
-
 @pytest.mark.parametrize("case", [designs.single, designs.band, designs.refused])
 def test_one_picture_of_the_search_serves_all_designs(case):
     design, study = case(), designs.study()
@@ -154,18 +144,17 @@ def test_histories_of_tilts_share_their_scale_and_end_where_the_block_overturns(
     assert alone.get_xlim()[1] > 9.6
 
 
-def test_the_front_has_answer_and_bare_block_only_where_they_are_of_the_same_motions():
-    said = legend(plot_front(designs.front(), designs.band()))
-    assert said == {"best design of its mass", "bare block", "answer"}
-    ax = plot_front(designs.front(), designs.single())
-    assert legend(ax) == {"best design of its mass"}
+def test_the_front_has_every_answer_and_where_none_is_offered():
+    ax = plot_front(designs.front())
+    assert legend(ax) == {"best bob of at most its mass", "answer", "none is offered"}
     assert ax.get_ylim()[0] == 0.0
+    assert lines(ax)["answer"].get_xydata().tolist() == [[1.6224, 50.0]]
 
 
 def test_pictures_are_drawn_into_given_axes():
     ax = new_axes()
     assert plot_search(designs.single(), None, ax) is ax
-    assert plot_front(designs.front(), designs.band(), new_axes()).figure is not ax.figure
+    assert plot_front(designs.front(), new_axes()).figure is not ax.figure
     assert plot_response(designs.study().responses, 2.5, ax) is ax
 
 

@@ -70,8 +70,6 @@ class Starts:
     """Largest |psi|, rad."""
     swing_rate: float = 0.2
     """Largest |psi'|, rad per unit tau."""
-    worst: bool = False
-    """Whether a search counts the worst start rather than the mean over the starts."""
     kind: StartKind = StartKind.sampled
 
     def __post_init__(self) -> None:
@@ -81,7 +79,6 @@ class Starts:
             checks.not_negative(name, getattr(self, name))
         checks.at_most("tilt", self.tilt, 1.0, "a block that stands on its corner")
         checks.at_most("swing", self.swing, 0.5 * np.pi, "a right angle in rad")
-        checks.flag("worst", self.worst)
         checks.instance("kind", self.kind, StartKind)
 
     @staticmethod

@@ -15,15 +15,13 @@ from tpd.cli.schema import JobFile
 from tpd.core.bob import Bob
 from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.scene import Block, Harmonic, Scene, paper_scene
-from tpd.design.criteria import KINDS, Limit, Reserve, Risk, Room, Worsening
+from tpd.design.criteria import KINDS, Limit, Risk, Room, Worsening
 from tpd.design.inputs import check_moves as refuse_still
 from tpd.design.inputs import check_scatter
 from tpd.design.methods import SMOOTHED, Descent, Method, Sequential
 from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
-from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
-from tpd.models.segmented import Segmented
 
 _MOST_CONDITIONS = 100_000
 """Beyond it the arrays of a search do not fit into the memory of a usual computer."""
@@ -126,12 +124,8 @@ def starts_of(file: JobFile) -> Starts:
     match file.starts.kind:
         case "rest":
             return Starts.rest()
-        case "any":
-            return Starts.any()
         case _:
-            asked = file.starts
-            seed = file.search.seed if asked.seed is None else asked.seed
-            return Starts(size=asked.size, seed=seed, worst=asked.worst)
+            return Starts.any()
 
 
 def risk_of(file: JobFile) -> Risk:
@@ -156,9 +150,9 @@ def check_moves(file: JobFile, scene: Scene, conditions: Conditions, space: Desi
         refuse_still(scene, conditions, space)
 
 
-def limits_of(file: JobFile, *, over_orbits: bool) -> tuple[Limit, ...]:
-    """Limits, in the order of a report; only a search over orbits can state the reserve."""
-    asked = {kind: getattr(file.limits, kind.name) for kind in KINDS if over_orbits or kind is not Reserve}
+def limits_of(file: JobFile) -> tuple[Limit, ...]:
+    """Limits, in the order of a report."""
+    asked = {kind: getattr(file.limits, kind.name) for kind in KINDS}
     with naming("limits"):
         # The paper's setting, a single motion, has a bob without size and no other condition to compare with.
         left_out = (Room, Worsening) if file.conditions.exactly else ()
@@ -186,24 +180,12 @@ def method_of(file: JobFile) -> Method:
     asked = file.search
     numbers = {name: getattr(asked, name) for name in ("searches", "screening", "steps")}
     given: dict[str, Any] = {name: number for name, number in numbers.items() if number is not None}
-    if asked.model not in (None, "orbits") or (asked.model and asked.method == "descent"):
-        given["model"] = _model(asked.model)
     with naming("search"):
         if asked.method == "sequential":
             return Sequential(**given)
+        if asked.model is not None:
+            given["model"] = SMOOTHED if asked.model == "smoothed" else Piecewise()
         return Descent(optimiser=asked.optimiser or "adam", tolerance=asked.tolerance, **given)
-
-
-def _model(name: str | None) -> AbstractModel:
-    """Model for a search, which gives up a motion that has not settled within 200 periods; with descent the
-    exact one stands for all orbits."""
-    match name:
-        case "smoothed":
-            return SMOOTHED
-        case "piecewise" | "orbits":
-            return Piecewise(max_periods=200, lyapunov_periods=0)
-        case _:
-            return Segmented(max_periods=200)
 
 
 def with_defaults(file: JobFile, scene: Scene, method: Method) -> JobFile:

@@ -31,21 +31,12 @@ _Holds = Callable[[JobFile], bool]
 _SEVERAL = "several conditions, [conditions] or [scatter]"
 
 
-def _is_sampled(file: JobFile) -> bool:
-    return file.starts.kind == "sampled"
-
-
 def _is_descent(file: JobFile) -> bool:
     return file.search.method == "descent"
 
 
 def _has_several(file: JobFile) -> bool:
     return file.size > 1
-
-
-def _is_over_orbits(file: JobFile) -> bool:
-    followed = ("segmented",) if _is_descent(file) else ("smoothed", "piecewise", "segmented")
-    return file.search.model not in followed
 
 
 _ONLY_WITH: dict[tuple[str, str], tuple[str, _Holds]] = {
@@ -59,14 +50,11 @@ _ONLY_WITH: dict[tuple[str, str], tuple[str, _Holds]] = {
         lambda file: file.conditions.band is not None,
     ),
     ("conditions", "samples"): ("a width in [scatter]", lambda file: bool(file.widths)),
-    ("starts", "size"): ("`starts.kind` sampled", _is_sampled),
-    ("starts", "seed"): ("`starts.kind` sampled", _is_sampled),
-    ("starts", "worst"): ("sampled starts, `starts.size`", _is_sampled),
     ("risk", "measure"): (_SEVERAL, _has_several),
     ("risk", "share"): ("`risk.measure` cvar", lambda file: file.risk.measure == "cvar"),
     ("search", "optimiser"): ("`search.method` descent", _is_descent),
+    ("search", "model"): ("`search.method` descent", _is_descent),
     ("search", "tolerance"): ("`search.method` descent", _is_descent),
-    ("limits", "reserve"): ("a search over orbits, `search.model` orbits", _is_over_orbits),
 }
 """Keys that have an effect only together with another one: this one in words, and whether a job has it."""
 
@@ -144,20 +132,15 @@ def _checked(table: str, values: Any) -> dict[str, Any]:
 
 
 def chosen(given: Mapping[str, Any]) -> JobFile:
-    """Return the typed tables, with the kind of the starts, the method and the optimiser filled in.
+    """Return the typed tables, with the method and the optimiser filled in.
 
     Raises:
         ValueError: an unknown table or key, or a value of the wrong type or out of range.
     """
     file = typed(given)
     method = file.search.method or "descent"
-    file = replace(file, search=replace(file.search, method=method))
-    # A model follows motions from a start; orbits need none.
-    default = "any" if _is_over_orbits(file) else "rest"
-    kind = file.starts.kind or ("sampled" if "size" in given.get("starts", {}) else default)
     optimiser = file.search.optimiser or ("adam" if method == "descent" else None)
-    search = replace(file.search, method=method, optimiser=optimiser)
-    return replace(file, search=search, starts=replace(file.starts, kind=kind))
+    return replace(file, search=replace(file.search, method=method, optimiser=optimiser))
 
 
 def merged(given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -203,7 +186,7 @@ def job_of(given: Mapping[str, Any]) -> Job:
         conditions=conditions,
         starts=build.starts_of(file),
         risk=build.risk_of(file),
-        limits=build.limits_of(file, over_orbits=_is_over_orbits(file)),
+        limits=build.limits_of(file),
         method=method,
         ensemble=build.ensemble_of(file),
         worth=build.worth_of(file),

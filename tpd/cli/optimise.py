@@ -16,7 +16,8 @@ from tpd.cli.schema import keys
 if TYPE_CHECKING:
     from tpd.cli.config import Job
     from tpd.core.progress import Bar
-    from tpd.design.pareto import Front
+    from tpd.design.front import FrontPoint
+    from tpd.design.ground.design import GroundDesign
     from tpd.design.result import Design
 
 _UNFINISHED = "unfinished.npz"
@@ -35,15 +36,6 @@ CONDITIONS = (
     Option("--band", "conditions", "band", ("LO", "HI")),
     Option("--amplitudes", "conditions", "amplitudes", "X"),
     Option("--measure", "risk", "measure", "WORD"),
-)
-SEARCH = (
-    Option("--method", "search", "method", "WORD"),
-    Option("--optimiser", "search", "optimiser", "WORD"),
-    Option("--searches", "search", "searches", "N"),
-    Option("--at-least", "worth", "at_least", "X"),
-    Option("--seed", "search", "seed", "N"),
-)
-STARTS = (
     Option(
         "--from-rest",
         "starts",
@@ -51,20 +43,13 @@ STARTS = (
         value="rest",
         help="count the motion from rest, also where rocking attracts from other starts",
     ),
-    Option(
-        "--from-starts",
-        "starts",
-        "size",
-        "N",
-        also={"kind": "sampled"},
-        help="count the motions that N seeded starts settle into, followed by events",
-    ),
-    Option(
-        "--worst-start",
-        "starts",
-        "worst",
-        help="count the worst of these starts, in place of their mean by shares",
-    ),
+)
+SEARCH = (
+    Option("--method", "search", "method", "WORD"),
+    Option("--optimiser", "search", "optimiser", "WORD"),
+    Option("--searches", "search", "searches", "N"),
+    Option("--at-least", "worth", "at_least", "X"),
+    Option("--seed", "search", "seed", "N"),
 )
 
 
@@ -91,11 +76,6 @@ def add(commands: Any) -> None:
         metavar="NAME=WIDTH",
         help=f"uncertain quantities by their relative half widths: {', '.join(keys()['scatter'])}",
     )
-    kinds, worst = STARTS[:-1], STARTS[-1]
-    exclusive = many.add_mutually_exclusive_group()
-    for option in kinds:
-        option.add(exclusive)
-    worst.add(many)
     _add_group(optimise, "search", SEARCH)
     optimise.add_argument("--pareto", action="store_true", help="also find the least rocking for every mass")
     optimise.add_argument(
@@ -145,8 +125,8 @@ def run(options: argparse.Namespace) -> int:
 
     with common.bar() as bar, hinting(unfinished):
         design = _design(job, unfinished, bar)
-        front = _front(job, design, bar) if options.pareto else None
-        shown = study(design, front=front, records=records, sources=options.records, progress=bar)
+        points = front_of(design, bar) if options.pareto else ()
+        shown = study(design, front=points, records=records, sources=options.records, progress=bar)
     for part in shown.left_out:
         print(f"tpd: interrupted; the report goes without {part}", file=sys.stderr)
     if design.status.name == "interrupted" and not unfinished.exists():
@@ -202,25 +182,16 @@ def _design(job: Job, unfinished: Path, bar: Bar) -> Design:
     )
 
 
-def _front(job: Job, design: Design, bar: Bar) -> Front | None:
-    """Front of mass against rocking, if a pendulum is offered."""
+def front_of(design: Design | GroundDesign, bar: Bar) -> tuple[FrontPoint, ...]:
+    """Answers with lighter bobs, if a pendulum is offered."""
     if design.pendulum is None or design.status.name == "interrupted":
-        return None
-    from tpd.cli.build import limits_of
-    from tpd.design.pareto import pareto
+        return ()
+    from tpd.design.front import front
 
+    # An interruption here leaves the design whole; only the front is missing.
     with common.left_out("the front"):
-        return pareto(
-            job.scene,
-            job.space,
-            conditions=job.conditions,
-            risk=job.risk,
-            # The front is a search over orbits: it can state the reserve whatever the method of the job.
-            limits=limits_of(job.file, over_orbits=True),
-            seed=job.seed,
-            progress=bar,
-        )
-    return None
+        return front(design, progress=bar)
+    return ()
 
 
 def _exit_status(design: Design, unfinished: Path) -> int:

@@ -14,10 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from tpd.core.ground_motion import GroundMotion
-    from tpd.core.progress import Bar
     from tpd.core.scene import Scene
-    from tpd.design.ground.design import GroundDesign
-    from tpd.design.ground.front import FrontPoint
 
 _UNFINISHED = "unfinished.npz"
 _USED = {
@@ -66,13 +63,6 @@ def add(group: Any) -> None:
         "files, folders and sets of others (default 0.5)",
     )
     group.add_argument(
-        "--demand",
-        default="tilt",
-        choices=_DEMANDS,
-        help="what is made small under records: the mean tilt, the share of runs beyond 0.9 of "
-        "the slenderness, or the reciprocal of the intensity that overturns the block (default tilt)",
-    )
-    group.add_argument(
         "--allowed",
         type=float,
         default=0.1,
@@ -81,7 +71,6 @@ def add(group: Any) -> None:
     )
 
 
-_DEMANDS = {"tilt": "CappedTilt", "share": "Exceedance", "critical": "CriticalIntensity"}
 _INTENSITIES = ("pga_star", "pgv_star", "pga", "pgv", "scale")
 
 
@@ -90,7 +79,6 @@ def run(options: argparse.Namespace) -> int:
     common.use_64_bits(ground=True)
     from tpd.cli import optimise as harmonic
     from tpd.core.conditions import Conditions
-    from tpd.design.ground import demand as demands
     from tpd.design.optimise import optimise
     from tpd.report.ground import write
 
@@ -113,13 +101,12 @@ def run(options: argparse.Namespace) -> int:
             scene,
             conditions=conditions,
             held_out=held_out,
-            demand=getattr(demands, _DEMANDS[options.demand])(),
             allowed=options.allowed,
             checkpoint=unfinished,
             progress=bar,
             **arguments,
         )
-        points = _front(design, bar) if options.pareto else ()
+        points = harmonic.front_of(design, bar) if options.pareto else ()
     written = write(options.out, design, _command(options), list(options.records), points)
     print("\n" + (options.out / "report.txt").read_text(encoding="utf-8"))
     print("\n".join(f"written: {path}" for path in written))
@@ -128,20 +115,6 @@ def run(options: argparse.Namespace) -> int:
         return common.INTERRUPTED
     unfinished.unlink(missing_ok=True)
     return common.SOUND if design.status.is_sound else common.UNSOUND
-
-
-def _front(design: GroundDesign, bar: Bar) -> tuple[FrontPoint, ...]:
-    """Front of mass against intensity, where there is a best design."""
-    if design.best is None or design.status.name == "interrupted":
-        return ()
-    from tpd.design.ground.front import DEFAULT_SHARES, front
-
-    low, high = design.space.mass_ratio
-    # An interruption here leaves the design whole; only the front is missing.
-    most = [x for x in DEFAULT_SHARES if low < x <= high]
-    with common.left_out("the front"):
-        return front(design, most, progress=lambda done, total: bar("front", done, total)) if most else ()
-    return ()
 
 
 def _refuse_others(given: Mapping[str, Mapping[str, Any]], options: argparse.Namespace) -> None:
@@ -167,9 +140,9 @@ def _refuse_others(given: Mapping[str, Mapping[str, Any]], options: argparse.Nam
 
 def _flag(table: str, key: str) -> str:
     """Option that sets a key."""
-    from tpd.cli.optimise import CONDITIONS, DESIGN, SEARCH, STARTS
+    from tpd.cli.optimise import CONDITIONS, DESIGN, SEARCH
 
-    every = (*CONDITIONS, *DESIGN, *SEARCH, *STARTS, *common.SCENE)
+    every = (*CONDITIONS, *DESIGN, *SEARCH, *common.SCENE)
     return next((x.flag for x in every if (x.table, x.key) == (table, key)), f"--{table}")
 
 
@@ -190,7 +163,7 @@ def _arguments(given: Mapping[str, Mapping[str, Any]], scene: Scene) -> dict[str
     searched = config.chosen({"space": space})
     out: dict[str, Any] = {
         "space": build.space_of(searched),
-        "limits": tuple(x for x in build.limits_of(file, over_orbits=False) if isinstance(x, KINDS)),
+        "limits": tuple(x for x in build.limits_of(file) if isinstance(x, KINDS)),
         "seed": file.search.seed,
         "at_least": file.worth.at_least,
     }

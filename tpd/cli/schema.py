@@ -140,20 +140,12 @@ class ScatterTable(Table, frozen=True, kw_only=True):
 
 
 class StartsTable(Table, frozen=True, kw_only=True):
-    """Initial states from which the settled motion counts."""
+    """Initial states from which the settled motion counts in the search."""
 
     kind: Annotated[
-        Literal["rest", "any", "sampled"] | None,
-        _says(
-            "rest: from rest; any: whichever start, over all symmetric orbits; sampled: a seeded set, "
-            "followed by events (default any over orbits, rest where a model follows motions)"
-        ),
-    ] = None
-    size: Annotated[Count, _says("number of starts")] = 12
-    seed: Annotated[Seed | None, _says("seed of the starts (default: that of [search])")] = None
-    worst: Annotated[
-        bool, _says("whether the worst of the starts counts, in place of the mean by their shares")
-    ] = False
+        Literal["rest", "any"],
+        _says("any: the largest motion that attracts; rest: rest wherever it holds"),
+    ] = "any"
 
 
 class RiskTable(Table, frozen=True, kw_only=True):
@@ -204,10 +196,10 @@ class SearchTable(Table, frozen=True, kw_only=True):
         _says("optimiser of optax that the method descent takes (default adam)"),
     ] = None
     model: Annotated[
-        Literal["smoothed", "piecewise", "segmented", "orbits"] | None,
+        Literal["smoothed", "piecewise"] | None,
         _says(
-            "model that is searched with (default smoothed with descent: signs smoothed, orbits followed by "
-            "diffrax; else orbits, the symmetric orbits in closed form)"
+            "model whose gradients the method descent takes (default smoothed: signs and impacts smoothed, "
+            "orbits followed by diffrax; piecewise: the exact ones)"
         ),
     ] = None
     searches: Annotated[Count | None, _says("number of searches (default descent 16, sequential 64)")] = None

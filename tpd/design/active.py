@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tpd.design.ends import Ends
-from tpd.design.objective import BACK_OFF, AbstractObjective
+from tpd.design.objective import BACK_OFF, Orbits
 from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import Nearest
 from tpd.design.search import AT_BOUND
@@ -18,13 +18,13 @@ _LIGHT = 0.02
 """Weight below which a condition does not count as holding the design."""
 
 
-def active(objective: AbstractObjective, end: Ends, at_limit: float) -> tuple[Active, ...]:
+def active(objective: Orbits, end: Ends, at_limit: float) -> tuple[Active, ...]:
     """Active conditions, limits and bounds at one end; a limit counts as met within a share `at_limit` of
     it."""
     return (*_conditions(objective, end), *_limits(objective, end, at_limit), *_bounds(objective, end))
 
 
-def _conditions(objective: AbstractObjective, end: Ends) -> list[Active]:
+def _conditions(objective: Orbits, end: Ends) -> list[Active]:
     """Conditions by their weight in the gradient of the risk; none for the mean, where all weigh alike."""
     if objective.risk.share >= 1.0:
         return []
@@ -35,7 +35,7 @@ def _conditions(objective: AbstractObjective, end: Ends) -> list[Active]:
     return [Active(kind="tilt", name="tilt", condition=label(j), weight=float(weights[j])) for j in heavy]
 
 
-def _limits(objective: AbstractObjective, end: Ends, at_limit: float) -> list[Active]:
+def _limits(objective: Orbits, end: Ends, at_limit: float) -> list[Active]:
     """Limits that are met, each under the condition that holds the design most."""
     conditions = objective.conditions
     names, n = objective.constraint_names(), len(conditions)
@@ -54,7 +54,7 @@ def _limits(objective: AbstractObjective, end: Ends, at_limit: float) -> list[Ac
     ]
 
 
-def _bounds(objective: AbstractObjective, end: Ends) -> list[Active]:
+def _bounds(objective: Orbits, end: Ends) -> list[Active]:
     low, high = objective.space.bounds
     design, out = objective.space.unscaled(end.x)[0], []
     for value, least, most, name in zip(design, low, high, ("mass", "length", "damping"), strict=False):

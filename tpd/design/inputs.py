@@ -10,7 +10,7 @@ from tpd.analysis.attractors import Starts
 from tpd.core import checks
 from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.scene import Block, Scene, check_shaking
-from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, Limit, Reserve, Risk, Room, check_limits, limit_of
+from tpd.design.criteria import Limit, Risk, Room, limit_of
 from tpd.design.methods import Method
 from tpd.design.space import DesignSpace
 
@@ -73,23 +73,3 @@ def check_scatter(scene: Scene, names: Iterable[str], space: DesignSpace | None 
             raise ValueError(f"`{name}` cannot scatter by a share of itself: it is 0")
         if name == "restitution":
             check_restitution(scene)
-
-
-def limits_for(limits: Iterable[Limit] | None, follows: bool) -> tuple[Limit, ...]:
-    """The limits of a search, or the default ones; `follows` says that it follows motions by a model. The
-    named sets `DEFAULT_LIMITS` and `POINT_BOB` serve both kinds of search.
-
-    Raises:
-        ValueError: bad limits, or a reserve that such a search cannot state.
-    """
-    limits = DEFAULT_LIMITS if limits is None else limits
-    if limits is DEFAULT_LIMITS or limits is POINT_BOB:
-        # A motion that is followed does not know how far it is from where it stops attracting.
-        return tuple(x for x in limits if not (follows and isinstance(x, Reserve)))
-    listed = check_limits(limits)
-    if follows and any(isinstance(limit, Reserve) for limit in listed):
-        raise ValueError(
-            "`limits` must not hold Reserve where a method follows motions by a model, which does not know "
-            "it, but do: leave it out, or take `method=Sequential()`"
-        )
-    return listed

@@ -16,7 +16,7 @@ from tpd.core import checks
 from tpd.core.equations import Terms
 from tpd.design.descent import OPTIMISERS, descend, named
 from tpd.design.ends import Ends, Linearisation
-from tpd.design.objective import AbstractObjective, Orbits
+from tpd.design.objective import Orbits
 from tpd.design.one_shot import OneShot
 from tpd.design.sequential import minimise
 from tpd.models.base import AbstractModel
@@ -32,12 +32,10 @@ class Method(ABC):
     """A way to search from many designs at once.
 
     Raises:
-        ValueError: a count below one, or a model that is not an instance of a model.
+        ValueError: a count below one.
     """
 
     name: ClassVar[str]
-    model: AbstractModel | None
-    """Model whose motions are compared; None is every symmetric orbit, in closed form."""
     searches: int
     """Designs from which a search begins."""
     screening: int
@@ -48,18 +46,11 @@ class Method(ABC):
     def __post_init__(self) -> None:
         for name in ("searches", "screening", "steps"):
             checks.count(name, getattr(self, name))
-        if self.model is not None and not isinstance(self.model, AbstractModel):
-            raise ValueError(f"`model` must be a model such as Smoothed(), but is {self.model!r}")
-
-    @property
-    def on_orbits(self) -> bool:
-        """Whether the search compares all symmetric orbits, not the motions that starts reach."""
-        return self.model is None
 
     @abstractmethod
     def search(
         self,
-        objective: AbstractObjective,
+        objective: Orbits,
         units: np.ndarray,
         *,
         known: Linearisation | None = None,
@@ -76,14 +67,13 @@ class Sequential(Method):
     designs."""
 
     name: ClassVar[str] = "sequential"
-    model: AbstractModel | None = field(default=None, kw_only=True)
     searches: int = field(default=64, kw_only=True)
     screening: int = field(default=512, kw_only=True)
     steps: int = field(default=40, kw_only=True)
 
     def search(
         self,
-        objective: AbstractObjective,
+        objective: Orbits,
         units: np.ndarray,
         *,
         known: Linearisation | None = None,
@@ -107,7 +97,7 @@ class Descent(Method):
     """"adam", "rmsprop", or any transformation of optax, whose steps are in shares of the bounds."""
     model: AbstractModel | None = field(default=None, kw_only=True)
     """`Smoothed()` follows the symmetric orbits with smoothed signs and impacts, the default; `Piecewise()`
-    is these orbits themselves, with exact gradients. Any other model follows motions from given starts."""
+    is these orbits themselves, with exact gradients."""
     searches: int = field(default=16, kw_only=True)
     screening: int = field(default=512, kw_only=True)
     steps: int = field(default=40, kw_only=True)
@@ -118,6 +108,12 @@ class Descent(Method):
     def __post_init__(self) -> None:
         super().__post_init__()
         checks.positive("tolerance", self.tolerance)
+        smooth = isinstance(self.model, Smoothed) and self.model.terms is Terms.linear
+        if self.model is not None and not smooth and not isinstance(self.model, Piecewise):
+            raise ValueError(
+                "`model` must be Smoothed() with linear terms, or Piecewise(), whose symmetric orbits are "
+                f"known, but is {self.model!r}"
+            )
         if isinstance(self.optimiser, str):
             checks.one_of("optimiser", self.optimiser, tuple(OPTIMISERS))
         elif not isinstance(self.optimiser, optax.GradientTransformation):
@@ -127,12 +123,6 @@ class Descent(Method):
             )
         else:
             self.taken(1)
-
-    @property
-    def on_orbits(self) -> bool:
-        """Smoothed signs follow the exact orbits, and `Piecewise()` stands for these themselves."""
-        linear = isinstance(self.model, Smoothed) and self.model.terms is Terms.linear
-        return self.model is None or linear or isinstance(self.model, Piecewise)
 
     @property
     def optimiser_name(self) -> str:
@@ -164,7 +154,7 @@ class Descent(Method):
 
     def search(
         self,
-        objective: AbstractObjective,
+        objective: Orbits,
         units: np.ndarray,
         *,
         known: Linearisation | None = None,
@@ -174,7 +164,7 @@ class Descent(Method):
         solution, with the differences between both."""
         optimiser = named(self.optimiser, self.steps) if isinstance(self.optimiser, str) else self.optimiser
         risk, walk, evaluate = objective.risk, None, objective.at
-        if isinstance(self.model, Smoothed) and isinstance(objective, Orbits):
+        if isinstance(self.model, Smoothed):
             walk = OneShot(objective, self.model)
             known, evaluate = objective.linearised(walk.begin(objective.space.unscaled(units))), walk.at
         cap = risk.cap(len(objective.conditions))
@@ -184,14 +174,13 @@ class Descent(Method):
 
 def describe(method: Method) -> dict[str, object]:
     """Settings of a method as plain values, enough to repeat it."""
-    model = method.model
     settings: dict[str, object] = {
         "method": method.name,
-        "model": "orbits" if model is None else repr(model),
         "searches": method.searches,
         "screening": method.screening,
         "steps": method.steps,
     }
     if isinstance(method, Descent):
         settings |= {"optimiser": method.optimiser_name, "tolerance": method.tolerance}
+        settings |= {"model": repr(method.model)}
     return settings

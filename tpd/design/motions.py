@@ -8,8 +8,6 @@ from tpd.analysis.steady_state import steady_state
 from tpd.core.conditions import Conditions, under, under_all
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.status import names_of, status_name
-from tpd.design.followed import Followed
-from tpd.design.objective import KINDS, NONE, REST, Evaluation
 from tpd.design.verified import Motions
 from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
@@ -28,7 +26,6 @@ def motions_from_rest(p: Parameters, design: np.ndarray, conditions: Conditions,
         np.where(names == "overturned", np.inf, np.asarray(x)) for x in sizes
     )
     return Motions(
-        model="exact",
         status=names,
         amplitude=amplitude,
         stroke=stroke,
@@ -54,7 +51,6 @@ def polished(p: Parameters, design: np.ndarray, conditions: Conditions, motions:
     # Newton's method has no orbit to polish where the block overturns.
     lost = status == "overturned"
     return Motions(
-        model=motions.model,
         status=status,
         amplitude=np.where(lost, np.inf, amplitude),
         stroke=np.where(lost, np.inf, stroke),
@@ -62,22 +58,4 @@ def polished(p: Parameters, design: np.ndarray, conditions: Conditions, motions:
         peak_stroke=motions.peak_stroke,
         multiplier=multiplier,
         periods=periods,
-    )
-
-
-def searched_motions(objective: Followed, e: Evaluation) -> Motions:
-    """Motions of one design by the model that was searched with, from its evaluation."""
-    # The objective knows kinds rather than statuses: they are named alike for the cross-check.
-    names = {REST: "rest", NONE: "overturned"}
-    status = np.array([names.get(int(k), KINDS[int(k)]) for k in e.kind[0]])
-    unknown = np.full(len(status), np.nan)
-    return Motions(
-        model=type(objective.model).__name__.lower(),
-        status=status,
-        amplitude=e.tilt[0] * objective.geometry.slenderness,
-        stroke=e.stroke[0],
-        peak=unknown,
-        peak_stroke=unknown,
-        multiplier=e.multiplier[0],
-        periods=np.ones(len(status), int),
     )

@@ -1,16 +1,14 @@
 """Objectives of a search: the merit of a design under every condition, with exact derivatives.
 
-An objective evaluates designs under all conditions, applies the risk measure, and states the limits as
-constraints. `Orbits` asks for all symmetric period-one orbits in closed form, a hundred thousand designs a
-second, so that its answer holds whatever the start. `tpd.design.followed` follows motions from given starts
-by any model instead."""
+The objective evaluates designs under all conditions, applies the risk measure, and states the limits as
+constraints. It asks for all symmetric period-one orbits in closed form, a hundred thousand designs a second,
+so that its answer holds whatever the start."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -24,7 +22,7 @@ from tpd.core.conditions import Conditions, under
 from tpd.core.parameters import Parameters
 from tpd.core.scene import Scene
 from tpd.core.status import Status
-from tpd.design.criteria import Geometry, Limit, Reserve, Risk, Size, Worsening
+from tpd.design.criteria import Geometry, Limit, Risk, Size, Worsening
 from tpd.design.ends import Linearisation
 from tpd.design.space import DesignSpace
 
@@ -67,14 +65,10 @@ class Evaluation(NamedTuple):
     kind: np.ndarray
     """Index into `KINDS`."""
     root: np.ndarray
-    """Time from the upper turn to the crossing, and phase of the turn, of the orbit that counts, (m, n, 2);
-    NaN where motions are followed."""
+    """Time from the upper turn to the crossing, and phase of the turn, of the orbit that counts,
+    (m, n, 2)."""
     design: np.ndarray
     """(m, 3)"""
-    lost: np.ndarray | float = 0.0
-    """Share of the starts that overturn, where motions are followed: tilt and stroke are of the others."""
-    unsettled: np.ndarray | float = 0.0
-    """Share of the starts whose motion has no derivative: not settled, grazing or about to vanish."""
 
     @property
     def attracts(self) -> np.ndarray:
@@ -83,17 +77,13 @@ class Evaluation(NamedTuple):
 
     def at(self, rows: np.ndarray | list[int]) -> Evaluation:
         """Evaluation of some of the designs."""
-        lost, unsettled = (np.broadcast_to(x, self.kind.shape)[rows] for x in (self.lost, self.unsettled))
-        return Evaluation(*(x[rows] for x in self[:-2]), lost=lost, unsettled=unsettled)
-
-
-Same = TypeVar("Same", bound="AbstractObjective")
-"""Class of the objective that a method belongs to."""
+        return Evaluation(*(x[rows] for x in self))
 
 
 @dataclass(frozen=True)
-class AbstractObjective(ABC):
-    """Risk of the merits under all conditions, and limits."""
+class Orbits:
+    """Risk of the merits under all conditions, and limits: of the largest attracting symmetric period-one
+    orbit under every condition, or of rest."""
 
     p: Parameters
     """Parameters of the bare block."""
@@ -102,45 +92,53 @@ class AbstractObjective(ABC):
     risk: Risk
     limits: tuple[Limit, ...]
     geometry: Geometry
+    rest_counts: bool = False
+    """Whether rest counts wherever it holds, though rocking attracts as well from other starts."""
 
-    @property
-    @abstractmethod
-    def holds_reserve(self) -> bool:
-        """Whether `Evaluation.reserve` and its derivative are known, so that `Reserve` can be a limit."""
-
-    @abstractmethod
     def evaluate(self, designs: np.ndarray, progress: Count | None = None) -> Evaluation:
         """Designs (mu, lam, zeta), shape (m, 3), under all conditions."""
+        m, n = len(designs), len(self.conditions)
+        # Designs and conditions are pairs of one long batch: chunks stay full whatever the shape.
+        out = in_chunks(_orbits, self._batch(designs), chunk=self._chunk, progress=progress)
+        return Evaluation(*(x.reshape(m, n, *x.shape[1:]) for x in out), design=designs)
 
-    def over(self: Same, conditions: Conditions) -> Same:
+    def prepare(self) -> None:
+        """Begin to compile beside other work; `evaluate` waits for it."""
+        prepare(_orbits, self._batch(np.zeros((1, 3))), chunk=self._chunk, wait=False)
+
+    @property
+    def _chunk(self) -> int:
+        return _CHUNK[int(len(self.conditions) >= _CHUNK[0])]
+
+    def _batch(self, designs: np.ndarray) -> tuple:
+        factors = self.conditions.factor_rows()
+        pairs = np.repeat(designs, len(factors), axis=0), np.tile(factors, (len(designs), 1))
+        return self.p, *pairs, float(self.rest_counts)
+
+    def over(self, conditions: Conditions) -> Orbits:
         """This objective under other conditions of the scene."""
         p, g = self.p, self.geometry
         nominal = float(g.wall[0] / g.slenderness[0]) * float(p.nu)
         geometry = geometry_under(float(p.nu), g.half_height, g.block_mass, nominal, conditions)
         return replace(self, conditions=conditions, geometry=geometry).against_bare()
 
-    def against_bare(self: Same) -> Same:
+    def against_bare(self) -> Orbits:
         """This objective, with the tilts of the bare block known to limits that compare with them."""
         if not any(isinstance(limit, Worsening) for limit in self.limits):
             return self
         # A bob without mass: the same program answers for the bare block.
         none = np.array([[0.0, float(self.p.lam), float(self.p.zeta)]])
         e = self.evaluate(none)
-        tilt = np.where(e.attracts[0] & (np.broadcast_to(e.lost, e.kind.shape)[0] < 1.0), e.tilt[0], np.nan)
+        tilt = np.where(e.attracts[0], e.tilt[0], np.nan)
         return replace(self, geometry=replace(self.geometry, bare_tilt=tilt))
 
     def value(self, e: Evaluation) -> np.ndarray:
         """Risk of the merits, (m,)."""
         return self.risk.of(e.merit)
 
-    @property
-    def active_limits(self) -> tuple[Limit, ...]:
-        """Limits that this objective can state."""
-        return tuple(x for x in self.limits if self.holds_reserve or not isinstance(x, Reserve))
-
     def sizes(self, e: Evaluation) -> list[Size]:
         """Limited quantities over their limits."""
-        return [size for limit in self.active_limits for size in limit.sizes(e, self.geometry)]
+        return [size for limit in self.limits for size in limit.sizes(e, self.geometry)]
 
     def constraints(self, e: Evaluation) -> tuple[np.ndarray, np.ndarray]:
         """Constraints (<= 0), shape (m, l), and their derivatives; l is n times the number of sizes."""
@@ -196,39 +194,6 @@ def geometry_of(scene: Scene, conditions: Conditions) -> Geometry:
     """Geometry of a scene's block under all conditions."""
     block = scene.block
     return geometry_under(block.slenderness, block.half_height, block.mass, 0.5 * block.room, conditions)
-
-
-@dataclass(frozen=True)
-class Orbits(AbstractObjective):
-    """The largest attracting symmetric period-one orbit under every condition, or rest."""
-
-    rest_counts: bool = False
-    """Whether rest counts wherever it holds, though rocking attracts as well from other starts."""
-
-    @property
-    def holds_reserve(self) -> bool:
-        """The closed form gives the reserve and its derivative."""
-        return True
-
-    def evaluate(self, designs: np.ndarray, progress: Count | None = None) -> Evaluation:
-        """See `AbstractObjective`."""
-        m, n = len(designs), len(self.conditions)
-        # Designs and conditions are pairs of one long batch: chunks stay full whatever the shape.
-        out = in_chunks(_orbits, self._batch(designs), chunk=self._chunk, progress=progress)
-        return Evaluation(*(x.reshape(m, n, *x.shape[1:]) for x in out), design=designs)
-
-    def prepare(self) -> None:
-        """Begin to compile beside other work; `evaluate` waits for it."""
-        prepare(_orbits, self._batch(np.zeros((1, 3))), chunk=self._chunk, wait=False)
-
-    @property
-    def _chunk(self) -> int:
-        return _CHUNK[int(len(self.conditions) >= _CHUNK[0])]
-
-    def _batch(self, designs: np.ndarray) -> tuple:
-        factors = self.conditions.factor_rows()
-        pairs = np.repeat(designs, len(factors), axis=0), np.tile(factors, (len(designs), 1))
-        return self.p, *pairs, float(self.rest_counts)
 
 
 def _orbits(args: tuple[Parameters, Array, Array, Array]) -> tuple:
@@ -287,7 +252,7 @@ def _finite(x: Array) -> Array:
     return jnp.where(jnp.isfinite(x), x, 0.0)
 
 
-def margins(objective: AbstractObjective, designs: np.ndarray) -> np.ndarray:
+def margins(objective: Orbits, designs: np.ndarray) -> np.ndarray:
     """Uplift margins of designs (m, 3) under all conditions, (m, n), in closed form."""
     rows = objective.conditions.factor_rows()
     # One condition after the other: all at once would take n times the memory.

@@ -24,12 +24,12 @@ from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.optimise import optimise_on_motions
 from tpd.design.ground.search import GroundSearch
 from tpd.design.inputs import check_cavity
-from tpd.design.methods import Method, Sequential, describe
-from tpd.design.objective import Orbits, margins
+from tpd.design.methods import Descent, Method, describe
+from tpd.design.objective import margins
 from tpd.design.one_shot import OneShot
 from tpd.design.problem import Problem
 from tpd.design.result import Design, DesignStatus
-from tpd.design.search import GROUP, Multistart, stage
+from tpd.design.search import Multistart, stage
 from tpd.design.space import DesignSpace
 from tpd.design.steps import pendulum_of
 from tpd.design.survey import Survey, survey
@@ -43,8 +43,8 @@ _PATHS = 48
 """Designs of the paths that are followed from rest."""
 SURVEYED = 24
 """Most conditions under which designs are followed from rest in a survey."""
-_FINISHING = Sequential(steps=12)
-"""Searches over what sampled starts reach, at a thousand times the cost of orbits."""
+SEARCHED = 64
+"""Most conditions under which the searches descend: their ends are followed and verified under others."""
 
 
 @dataclass
@@ -100,8 +100,8 @@ def optimise(
         scene: block and base motion, SI; under ground motions a block alone will do.
         space: bounds of the search; default `DesignSpace()`.
         conditions: default `Conditions.around(scene)`.
-        starts: initial states whose motions count; default `Starts.rest()` for a method with a model, else
-            `Starts.any()`.
+        starts: default `Starts.any()`, the largest motion that attracts; with `Starts.rest()` rest counts
+            wherever it holds.
         risk: default `Risk.worst()`.
         limits: objects of `tpd.limits`; default `limits.DEFAULT_LIMITS`; `limits.POINT_BOB` has no walls.
         method: `Descent(...)` or `Sequential(...)`.
@@ -110,7 +110,7 @@ def optimise(
         seed: of every random choice.
         checkpoint: file for finished searches; searches of the same problem in it are not repeated.
         progress: True for a bar on stderr, or called with (stage, done, of how many).
-        on_motions: `held_out`, `demand`, `allowed`, `scatter` and `at_least` under ground motions.
+        on_motions: `held_out`, `allowed`, `scatter` and `at_least` under ground motions.
 
     Raises:
         ValueError: bad input, or a checkpoint of another problem.
@@ -177,14 +177,17 @@ def solve(
         _prepare(problem)
     problem = problem.against_bare()
     scene, objective = problem.scene, problem.objective
-    verification = Verification(scene, objective, problem.method, ensemble, problem.worth, progress)
-    search = Multistart(objective, problem.method, problem.seed, progress)
+    verification = Verification(scene, objective, ensemble, problem.worth, progress)
+    few = objective.over(objective.conditions.subset(SEARCHED, problem.seed))
+    search = Multistart(few, problem.method, problem.seed, progress)
+    if len(few.conditions) < len(objective.conditions):
+        search.description += f" under {len(few.conditions)} of the {len(objective.conditions)} conditions"
     found = Found(search, verification)
     try:
         if verification.rests and verification.bare_rests_nonlinearly():
             found.status = DesignStatus.no_uplift
         else:
-            found.search, found.verification = _searched(problem, search, verification, store)
+            search.run(store)
             _verify(problem, found, progress)
     except KeyboardInterrupt:
         found.search.interrupted = True
@@ -202,13 +205,11 @@ def _lifts(problem: Problem) -> bool:
 
 def _prepare(problem: Problem) -> None:
     """Begin to compile what the search and the verification need."""
-    o, model = problem.objective, problem.method.model
-
-    if isinstance(o, Orbits):
-        # Traced here first: in a command the compiled code of events is loaded, or made by other processes.
-        o.prepare()
-        if isinstance(model, Smoothed):
-            OneShot(o, model).prepare()
+    o, method = problem.objective, problem.method
+    # Traced here first: in a command the compiled code of events is loaded, or made by other processes.
+    o.prepare()
+    if isinstance(method, Descent) and isinstance(method.model, Smoothed):
+        OneShot(o, method.model).prepare()
     # Not at once: only one thread at a time can trace.
     aside(load_compiled)
 
@@ -241,32 +242,6 @@ def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
         winner = verification.verified[-1]
         found.losses = verification.fresh.under_other_losses(pendulum_of(problem.scene, winner))
         found.elasticities = elasticities_of(objective, winner, progress)
-
-
-def _searched(
-    problem: Problem, search: Multistart, verification: Verification, store: Checkpoint
-) -> tuple[Multistart, Verification]:
-    """Run the search in its stages: under a sample of many conditions first, then under all of them, then
-    over the motions that sampled starts reach."""
-    objective, n = problem.objective, len(problem.objective.conditions)
-    sampled = isinstance(objective, Orbits) and n >= problem.many
-    if sampled and isinstance(objective, Orbits):
-        fewer = objective.over(objective.conditions.subset(problem.sampled, problem.seed))
-        search = Multistart(fewer, problem.method, problem.seed, search.progress)
-    search.run(store)
-    if sampled:
-        search.description += f" under {problem.sampled} of the {n} conditions"
-        search = search.carry_on(objective, store, "under all of them", problem.method, GROUP)
-        if search.interrupted:
-            search.evaluate_pending()
-    finer = problem.over_basins
-    if finer is not None and len(search.units) and not search.interrupted:
-        on = search.carry_on(finer, store, "over what starts reach", _FINISHING, 1)
-        interrupted = on.interrupted
-        if on.groups:
-            search, verification = on, verification.on(finer)
-        search.interrupted = interrupted
-    return search, verification
 
 
 def _design(problem: Problem, ensemble: Ensemble, found: Found) -> Design:

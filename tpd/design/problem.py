@@ -14,20 +14,16 @@ from tpd.core.conditions import Conditions, under_all
 from tpd.core.fingerprints import fingerprint, of_sources
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.scene import Harmonic, Scene
-from tpd.design.criteria import Limit, Mass, Risk, limit_of
-from tpd.design.followed import Followed
-from tpd.design.inputs import check_cavity, check_moves, check_types, limits_for
+from tpd.design.criteria import DEFAULT_LIMITS, Limit, Mass, Risk, check_limits, limit_of
+from tpd.design.inputs import check_cavity, check_moves, check_types
 from tpd.design.methods import SMOOTHED, Descent, Method, describe
-from tpd.design.objective import AbstractObjective, Orbits, geometry_of
+from tpd.design.objective import Orbits, geometry_of
 from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
 from tpd.models.piecewise import Piecewise
 
 _SMOOTH = 0.2
 """Least velocity ratio of impacts under which descents smooth them."""
-FOLLOWED_PERIODS = 500
-"""Most forcing periods that a start is followed for its motion, so that slow decay has derivatives as
-well."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +35,9 @@ class Problem:
     """Within the limit on the bob's mass, if there is one."""
     starts: Starts
     method: Method
-    objective: AbstractObjective
+    objective: Orbits
     worth: Worth
     seed: int
-    many: int = 128
-    """Conditions from which on the searches over orbits begin under a sample of them."""
-    sampled: int = 64
-    """Conditions in that sample."""
 
     @staticmethod
     def of(
@@ -80,26 +72,20 @@ class Problem:
         # Housner's restitution is least with the heaviest bob.
         heaviest = under_all(p, space.full(space.bounds[1])[None], conditions)
         method = _with_model(Descent() if method is None else method, heaviest)
-        if method.model is not None:
+        if isinstance(method, Descent) and method.model is not None:
             method.model.check(heaviest)
-        limits = limits_for(limits, not method.on_orbits)
+        limits = check_limits(DEFAULT_LIMITS if limits is None else limits)
         check_cavity(scene.block, limits)
         space = _narrowed(space, scene, limits)
-        # The method decides: a closed form knows all orbits, a model must begin somewhere.
-        starts = _default_starts(method) if starts is None else starts
-        # Whichever start is a question to all orbits at once; a model follows one motion at a time.
-        if not method.on_orbits and starts.kind is StartKind.any:
+        starts = Starts.any() if starts is None else starts
+        if starts.kind is StartKind.sampled:
             raise ValueError(
-                "`starts` must be states where a method has a model to follow them by, but is Starts.any(): "
-                "take `Starts.rest()`, or take `method=Sequential()`, which knows every orbit"
+                "`starts` of a design must be Starts.any() or Starts.rest(), but is a sampled set: its runs "
+                "begin where `ensemble` says"
             )
         risk = Risk.worst() if risk is None else risk
         common = p, conditions, space, risk, limits, geometry_of(scene, conditions)
-        if method.on_orbits:
-            objective: AbstractObjective = Orbits(*common, rest_counts=starts.kind is StartKind.rest)
-        else:
-            assert method.model is not None
-            objective = Followed(*common, model=method.model, starts=starts)
+        objective = Orbits(*common, rest_counts=starts.kind is StartKind.rest)
         worth = Worth() if worth is None else worth
         return Problem(scene, space, starts, method, objective, worth, seed)
 
@@ -114,21 +100,10 @@ class Problem:
         o, method = self.objective, self.method
         steps = method.taken(method.steps) if isinstance(method, Descent) else ()
         criteria = o.risk, [(limit.name, limit) for limit in o.limits]
-        settings = describe(method), np.round(steps, 12), self.seed, self.many, self.sampled
+        settings = describe(method), np.round(steps, 12), self.seed
         return fingerprint(
             of_sources(), self.scene, o.conditions, self.space, *criteria, self.starts, *settings
         )
-
-    @property
-    def over_basins(self) -> Followed | None:
-        """Objective over the motions that sampled starts reach, if a search over orbits is to be finished on
-        it."""
-        o = self.objective
-        if not isinstance(o, Orbits) or self.starts.kind is not StartKind.sampled:
-            return None
-        model = Piecewise(max_periods=FOLLOWED_PERIODS, lyapunov_periods=0)
-        common = o.p, o.conditions, o.space, o.risk, o.limits, o.geometry
-        return Followed(*common, model=model, starts=self.starts, orbits=o)
 
 
 def _with_model(method: Method, p: Parameters) -> Method:
@@ -138,11 +113,6 @@ def _with_model(method: Method, p: Parameters) -> Method:
         return method
     smooth = bool(np.all(np.asarray(p.velocity_ratio) >= _SMOOTH))
     return replace(method, model=SMOOTHED if smooth else Piecewise())
-
-
-def _default_starts(method: Method) -> Starts:
-    """Rest for a model that follows motions, whichever start for the orbits."""
-    return Starts.any() if method.on_orbits else Starts.rest()
 
 
 def _narrowed(space: DesignSpace, scene: Scene, limits: tuple[Limit, ...]) -> DesignSpace:

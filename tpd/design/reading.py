@@ -26,9 +26,9 @@ from tpd.design.result import DesignStatus
 from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
 
-VERSION = 5
+VERSION = 6
 """Version of the file of a design; it grows when a key changes its meaning or goes away."""
-GROUND_VERSION = 2
+GROUND_VERSION = 3
 """Version of the file of a design on ground motions."""
 _TYPES = {dict: "a table", str: "a text", int: "a whole number"}
 
@@ -105,7 +105,7 @@ def read(path: str | Path) -> StoredDesign | StoredGroundDesign:
     """
     file, content = _content(Path(path))
     # Both kinds count their versions for themselves.
-    ground = "demand" in content and "job" not in content
+    ground = "groups" in content and "job" not in content
     expected = GROUND_VERSION if ground else VERSION
     version = content.get("version", 1)
     if version != expected:
@@ -137,7 +137,7 @@ def _content(path: Path) -> tuple[Path, dict[str, Any]]:
     # A file of another encoding is no JSON either, and a deep nest no design.
     except (ValueError, RecursionError):
         raise ValueError(f"{file} is not a design in JSON") from None
-    if not isinstance(content, dict) or not ("pendulum" in content and {"job", "demand"} & set(content)):
+    if not isinstance(content, dict) or not ("pendulum" in content and {"job", "groups"} & set(content)):
         raise ValueError(f"{file} is not a design: it has no `job` and `pendulum`")
     return file, content
 

@@ -19,7 +19,7 @@ from tpd.core.programs import Program
 from tpd.core.quantities import with_design
 from tpd.core.sampling import latin_hypercube
 from tpd.design.criteria import stroke_limit
-from tpd.design.objective import AbstractObjective, margins
+from tpd.design.objective import Orbits, margins
 from tpd.design.space import DesignSpace
 
 _CLOSED = 4096
@@ -31,7 +31,7 @@ _APART = (0.1, 0.03, 0.0)
 enough."""
 
 
-def screened_designs(objective: AbstractObjective, count: int, seed: int) -> np.ndarray:
+def screened_designs(objective: Orbits, count: int, seed: int) -> np.ndarray:
     """Seeded designs (mu, lam, zeta), shape (count, 3): three quarters by `starting_designs`, one quarter of
     the largest uplift margin under all conditions."""
     space = objective.space

@@ -30,7 +30,6 @@ def minimise(
     risk: Measure,
     *,
     known: Linearisation | None = None,
-    high: np.ndarray | None = None,
     steps: int = 40,
     tolerance: float = 1e-6,
     after: Callable[[int, int], None] | None = None,
@@ -43,17 +42,15 @@ def minimise(
         cap: largest weight of one function; 1 for the maximum, 1/n for the mean.
         risk: the risk measure itself, of values (k, n).
         known: what `evaluate` gives at the starts, if it has been asked before.
-        high: upper bounds of each start, (m, d); default 1.
         steps: bound on the steps, each of one design or, where it fails to descend, a few.
         tolerance: of the merit, below which a gain ends a descent.
         after: called with (starts done, of how many).
     """
-    high = np.ones_like(starts) if high is None else high
     ends = []
-    for i, start in enumerate(np.clip(starts, 0.0, high)):
+    for i, start in enumerate(np.clip(starts, 0.0, 1.0)):
         book = Book(evaluate, risk, start[None], None if known is None else known.at(slice(i, i + 1)))
         # From a start that is not finite nothing leads on.
-        ended = np.isfinite(book.merit[0]) and _descend(book, high[i], cap, steps, tolerance)
+        ended = np.isfinite(book.merit[0]) and _descend(book, cap, steps, tolerance)
         found = book.ends(cap)
         ends.append(found._replace(open=found.open & (not ended)))
         if after is not None:
@@ -61,7 +58,7 @@ def minimise(
     return joined(ends)
 
 
-def _descend(book: Book, high: np.ndarray, cap: float, steps: int, tolerance: float) -> bool:
+def _descend(book: Book, cap: float, steps: int, tolerance: float) -> bool:
     """One descent, of which the book holds what it met; whether it converged. The variables are
     z = (x, s, t, v)."""
 
@@ -81,7 +78,7 @@ def _descend(book: Book, high: np.ndarray, cap: float, steps: int, tolerance: fl
     def at(z: np.ndarray) -> Linearisation:
         # SLSQP asks for values and slopes one after the other, and may leave its bounds by rounding.
         nonlocal met
-        x = np.clip(z[:d], 0.0, high)
+        x = np.clip(z[:d], 0.0, 1.0)
         if not np.array_equal(x, met[0]):
             met = x, one(book.tried(x[None]))
         return met[1]
@@ -107,7 +104,7 @@ def _descend(book: Book, high: np.ndarray, cap: float, steps: int, tolerance: fl
         lambda z: float(cost @ z),
         np.r_[first, level, here.limit.max(initial=0.0), over],
         jac=lambda _: cost,
-        bounds=Bounds(low, np.r_[high, np.full(2 + k, np.inf)]),
+        bounds=Bounds(low, np.r_[np.ones(d), np.full(2 + k, np.inf)]),
         constraints={"type": "ineq", "fun": room, "jac": slopes},
         method="SLSQP",
         options={"maxiter": steps, "ftol": tolerance},

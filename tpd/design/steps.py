@@ -1,28 +1,22 @@
 """Steps of the verification of one design.
 
-In order: the exact solution by events from rest under every condition; a cross-check of the model that was
-searched with; shakings within 1 % of the worst condition; the nonlinear equations under the worst conditions
-and at limits; paired runs of the nonlinear equations, which choose by the benefit; and runs by the linear
-equations, for comparison. Each step gives typed reasons of refusal. The first step that refuses a design ends
-its verification, since every step costs more than the one before. The design that is chosen is judged by
-fresh paired runs: the best of several by the same runs owes a part of its benefit to luck in them."""
+In order: the exact solution by events from rest under every condition; the nonlinear equations under the
+worst conditions and at limits; and paired runs of the nonlinear equations, which choose by the benefit. Each
+step gives typed reasons of refusal. The first step that refuses a design ends its verification. The design
+that is chosen is judged by fresh paired runs: the best of several by the same runs owes a part of its benefit
+to luck in them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from copy import copy
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
-from tpd.analysis.attractors import StartKind, Starts
-from tpd.analysis.ensemble import Ensemble, outcomes
-from tpd.analysis.outcomes import Outcomes
-from tpd.analysis.paired import SIGNIFICANT, chance_of, verdict
+from tpd.analysis.ensemble import Ensemble
+from tpd.analysis.paired import SIGNIFICANT, chance_of
 from tpd.core.conditions import Conditions, under_all
-from tpd.core.parameters import as_arrays
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import SETTLED, names_of
@@ -30,16 +24,12 @@ from tpd.design.active import active
 from tpd.design.by_runs import JUDGES, PairedRuns, reasons_by_runs, strikes_of
 from tpd.design.criteria import Room, limit_of
 from tpd.design.ends import Book
-from tpd.design.followed import Followed
-from tpd.design.methods import Descent, Method
-from tpd.design.motions import motions_from_rest, polished, searched_motions
-from tpd.design.objective import REST, AbstractObjective, Evaluation, margins
+from tpd.design.motions import motions_from_rest, polished
+from tpd.design.objective import REST, Evaluation, Orbits, margins
 from tpd.design.reasons import Reason, ReasonKind, Step
-from tpd.design.search import stage
-from tpd.design.verified import Bare, Motions, Neighbours, Nonlinear, Verified
+from tpd.design.verified import Bare, Motions, Nonlinear, Verified
 from tpd.design.worth import Worth
 from tpd.models.compiled_nonlinear import settle_nonlinear
-from tpd.models.smoothed import Smoothed
 
 _ASKED, _NEAR = 4, 2
 """Conditions under which the nonlinear equations are asked: the worst, and those nearest to a limit."""
@@ -49,11 +39,6 @@ _ROUNDING = 1e-9
 """Share by which a limit may be passed by rounding."""
 HEIGHT = "rod and bob within the height"
 """Name of the limit that the height of the block sets, beside those of its cavity."""
-_NEARBY = (-0.01, -0.005, 0.005, 0.01)
-"""Changes of the base motion's amplitude, and of its frequency, that a design must stand."""
-
-Same = TypeVar("Same", bound="Steps")
-"""Class of the verification that a method belongs to."""
 
 
 class Steps:
@@ -62,8 +47,7 @@ class Steps:
     def __init__(
         self,
         scene: Scene,
-        objective: AbstractObjective,
-        method: Method,
+        objective: Orbits,
         ensemble: Ensemble,
         worth: Worth,
         progress: Progress | None,
@@ -73,10 +57,6 @@ class Steps:
         self.runs = PairedRuns(scene, objective.conditions, ensemble, worth, progress)
         self.judges = replace(ensemble, seed=ensemble.seed + JUDGES)
         self.fresh = PairedRuns(scene, objective.conditions, self.judges, worth, progress)
-        followed = isinstance(objective, Followed)
-        self.tolerance = method.tolerance if followed and isinstance(method, Descent) else 0.0
-        """Share by which amplitudes of the search's model and of the exact solution may differ; 0 where the
-        search knows the exact orbits."""
         p = objective.p
         self.none = np.array([0.0, float(p.lam), float(p.zeta)])
         # A bob without mass: the same program answers for the bare block, and nothing else is compiled.
@@ -85,26 +65,14 @@ class Steps:
             value=float(objective.value(evaluation)[0]),
             evaluation=evaluation,
             exact=self._polished(self.none, self.from_rest(self.none)),
-            searched=self._searched(self.none, evaluation),
-            outcomes=None,
         )
-        self._neighbours_bare: dict[int, np.ndarray] = {}
         self.verified: list[Verified] = []
-
-    def on(self: Same, objective: AbstractObjective) -> Same:
-        """Verification of designs that were searched for on another objective."""
-        other = copy(self)
-        other.objective, other.tolerance = objective, 0.0
-        e = objective.evaluate(self.none[None])
-        value, searched = float(objective.value(e)[0]), other._searched(self.none, e)
-        other.bare = replace(self.bare, value=value, evaluation=e, searched=searched)
-        return other
 
     @property
     def rests(self) -> bool:
         """Whether the bare block settles at rest under all conditions, by the linear equations."""
         e = self.bare.evaluation
-        return bool(np.all(e.kind == REST) and not np.any(e.lost))
+        return bool(np.all(e.kind == REST))
 
     def at_once(self, design: np.ndarray) -> Verified:
         """All steps for one design (mu, lam, zeta), up to the first that refuses it."""
@@ -129,11 +97,8 @@ class Steps:
             value=float(o.value(e)[0]),
             evaluation=e,
             exact=self._polished(design, self.from_rest(design)),
-            searched=self._searched(design, e),
             margin=margins(o, design[None])[0],
-            neighbours=None,
             nonlinear=(),
-            verdict=None,
             paired=None,
             benefit=None,
             strikes=math.nan,
@@ -147,14 +112,14 @@ class Steps:
     def _steps(self) -> tuple[Callable[[Verified], Verified], ...]:
         """Steps for one condition or for several, where paired runs stand for single ones."""
         if len(self.objective.conditions) > 1:
-            return self.by_events, self.by_runs, self.by_neighbours, self.by_nonlinear, self.by_ensemble
-        return self.by_events, self.by_neighbours, self.by_nonlinear, self.by_runs, self.by_ensemble
+            return self.by_events, self.by_runs, self.by_nonlinear
+        return self.by_events, self.by_nonlinear, self.by_runs
 
     def by_events(self, v: Verified) -> Verified:
-        """Exact solution under every condition, and the cross-check of the search's model."""
+        """Exact solution under every condition, and limits that a motion from rest says nothing about."""
         reasons = []
         harms, worse, better = self.harm(v.exact)
-        n, label = len(v.exact.status), self.objective.conditions.label
+        n = len(v.exact.status)
         if harms:
             reasons.append(
                 Reason(
@@ -166,67 +131,7 @@ class Steps:
                 )
             )
         reasons += self._broken_in_closed_form(v.evaluation) + self._too_long(v.design)
-        if v.searched is None or not isinstance(self._model, Smoothed):
-            return replace(v, reasons=tuple(reasons))
-        for i in np.flatnonzero(~self._agree(v.searched, v.exact)):
-            reasons.append(
-                Reason(
-                    step=Step.cross_check,
-                    kind=ReasonKind.models_disagree,
-                    condition=label(int(i)),
-                    value=float(v.searched.amplitude[i]),
-                    reference=float(v.exact.amplitude[i]),
-                )
-            )
-        if not reasons:
-            e = _with_sizes(v.evaluation, v.exact.amplitude, v.exact.stroke, self.objective)
-            reasons += self._broken(e, Step.exact, np.isin(v.exact.status, SETTLED))
         return replace(v, reasons=tuple(reasons))
-
-    def _agree(self, searched: Motions, exact: Motions) -> np.ndarray:
-        """Whether the model and the exact solution settle alike, with amplitudes within the tolerance."""
-        a, b = searched.amplitude, exact.amplitude
-        settled = np.isin(searched.status, SETTLED) & np.isin(exact.status, SETTLED)
-        with np.errstate(invalid="ignore"):
-            near = np.abs(a - b) <= self.tolerance * np.maximum(a, b) + self._resolution
-        both_lost = (searched.status == "overturned") & (exact.status == "overturned")
-        return (settled & near) | both_lost
-
-    def by_neighbours(self, v: Verified) -> Verified:
-        """Eight shakings within 1 % of the worst condition; one settled motion does not say that it is
-        reached safely."""
-        worst = int(np.argmax(v.evaluation.merit[0]))
-        # Settled amplitudes change smoothly with the shaking; whether the way there overturns does not.
-        shakes = [(1.0 + d, 1.0) for d in _NEARBY] + [(1.0, 1.0 + d) for d in _NEARBY]
-        amplitude, frequency = np.array(shakes).T
-        near = Conditions({"amplitude": amplitude, "frequency": frequency})
-        here = Conditions({k: x[worst : worst + 1] for k, x in self.objective.conditions.factors.items()})
-
-        def overturned(design: np.ndarray) -> np.ndarray:
-            motions = motions_from_rest(self.objective.p, design, here * near, self.ensemble.periods)
-            return motions.status == "overturned"
-
-        if worst not in self._neighbours_bare:
-            self._neighbours_bare[worst] = overturned(self.none)
-        lost, bare = overturned(v.design), self._neighbours_bare[worst]
-        found = Neighbours(
-            condition=worst,
-            tried=len(shakes),
-            overturned=int(np.sum(lost)),
-            overturned_bare=int(np.sum(bare)),
-        )
-        # A design for one shaking must stand its neighbours. Over many conditions the worst one may overturn
-        # the block anyway, and eight runs could not show a difference: there the paired runs decide.
-        refused = found.overturned > 0 and len(self.objective.conditions) == 1
-        reason = Reason(
-            step=Step.neighbours,
-            kind=ReasonKind.overturns_more,
-            condition=self.objective.conditions.label(worst),
-            value=float(found.overturned),
-            reference=float(found.overturned_bare),
-            total=found.tried,
-        )
-        return replace(v, neighbours=found, reasons=(reason,) if refused else ())
 
     def by_nonlinear(self, v: Verified) -> Verified:
         """Nonlinear equations under the worst conditions and under those nearest to a limit, from rest."""
@@ -264,7 +169,7 @@ class Steps:
         n = len(self.objective.conditions)
         worst = [int(i) for i in np.argsort(-e.merit[0], kind="stable")[:_ASKED]]
         # How near an orbit is to where it stops attracting is no size that the nonlinear equations give.
-        limits = [x for x in self.objective.active_limits if x.of_motion]
+        limits = [x for x in self.objective.limits if x.of_motion]
         rows = [s.value[0] - 1.0 for x in limits for s in x.sizes(e, self.objective.geometry)]
         held = np.max([np.full(n, -np.inf), *rows], axis=0)
         near = [int(i) for i in np.argsort(-held, kind="stable") if i not in worst and held[i] > -_AT_LIMIT]
@@ -320,32 +225,6 @@ class Steps:
         self.bare = replace(self.bare, paired=found.bare)
         return replace(v, reasons=reasons_by_runs(v, self.worth, self.objective.conditions, step))
 
-    def by_ensemble(self, v: Verified) -> Verified:
-        """The ensemble by the linear equations, with the pendulum and without. It refuses nothing: beyond bob
-        angles of about 0.5 rad its shares are wrong, and the nonlinear runs have decided."""
-        conditions, pendulum = self.objective.conditions, pendulum_of(self.scene, v)
-        after = None if self.progress is None else stage(self.progress, "ensemble")
-        found = verdict(
-            self.scene,
-            pendulum,
-            ensemble=self.judges,
-            conditions=conditions,
-            bare=self.bare_outcomes(),
-            progress=after,
-        )
-        return replace(v, verdict=found)
-
-    def bare_outcomes(self) -> Outcomes:
-        """Ensemble of runs of the bare block, followed once."""
-        if self.bare.outcomes is None:
-            after = None if self.progress is None else stage(self.progress, "ensemble")
-            runs = outcomes(
-                self.scene, ensemble=self.judges, conditions=self.objective.conditions, progress=after
-            )
-            self.bare = replace(self.bare, outcomes=runs)
-        assert self.bare.outcomes is not None
-        return self.bare.outcomes
-
     def _broken(self, e: Evaluation, step: Step, known: np.ndarray) -> list[Reason]:
         """Limits on the motion that an evaluation of one design breaks under known conditions."""
         label = self.objective.conditions.label
@@ -357,7 +236,7 @@ class Steps:
                 limit=size.name,
                 value=float(size.value[0, i]),
             )
-            for limit in self.objective.active_limits
+            for limit in self.objective.limits
             if limit.of_motion
             for size in limit.sizes(e, self.objective.geometry)
             for i in np.flatnonzero(known & (size.value[0] > 1.0))
@@ -368,7 +247,7 @@ class Steps:
         under its worst condition. Ends of searches keep to them; other designs of a survey need not."""
         sizes = [
             (size.name, size.value[0])
-            for limit in self.objective.active_limits
+            for limit in self.objective.limits
             if not limit.of_motion
             for size in limit.sizes(e, self.objective.geometry)
         ]
@@ -411,37 +290,13 @@ class Steps:
     def _polished(self, design: np.ndarray, motions: Motions) -> Motions:
         return polished(self.objective.p, design, self.objective.conditions, motions)
 
-    def _searched(self, design: np.ndarray, e: Evaluation) -> Motions | None:
-        """Motions from rest by the model that was searched with; None for a search over exact orbits."""
-        objective = self.objective
-        if not isinstance(objective, Followed):
-            return None
-        if objective.starts.kind is StartKind.sampled:
-            # The evaluation is of all starts; the exact solution, with which this is compared, of rest.
-            objective = replace(objective, starts=Starts.rest(), orbits=None)
-            e = objective.evaluate(design[None])
-        return searched_motions(objective, e)
-
-    @property
-    def _model(self) -> object:
-        return self.objective.model if isinstance(self.objective, Followed) else None
-
-    @property
-    def _resolution(self) -> float:
-        """Amplitude (rad) that the search's model cannot tell from rest."""
-        if not isinstance(self.objective, Followed):
-            return 0.0
-        return float(self.objective.model.resolution(as_arrays(self.objective.p)))
-
 
 def pendulum_of(scene: Scene, v: Verified) -> Pendulum:
     """A verified design in SI."""
     return scene.pendulum(mass_ratio=v.mass_ratio, length_ratio=v.length_ratio, damping_ratio=v.damping_ratio)
 
 
-def _with_sizes(
-    e: Evaluation, amplitude: np.ndarray, stroke: np.ndarray, objective: AbstractObjective
-) -> Evaluation:
+def _with_sizes(e: Evaluation, amplitude: np.ndarray, stroke: np.ndarray, objective: Orbits) -> Evaluation:
     """An evaluation of one design with other settled angles (rad), shapes (n,)."""
     return e._replace(tilt=(amplitude / objective.geometry.slenderness)[None], stroke=stroke[None])
 

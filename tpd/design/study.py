@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from tpd.analysis.attractors import StartKind
 from tpd.analysis.benefit import Benefit
 from tpd.analysis.compare_models import QUICK, Check, check
 from tpd.analysis.response import Response, frequencies, settled_response
@@ -30,7 +29,7 @@ from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 
 if TYPE_CHECKING:
-    from tpd.design.pareto import Front
+    from tpd.design.front import FrontPoint
 
 _BAND = frequencies(1.0, 0.7, 1.5, 41)
 """Frequencies of a response, in shares of the scene's own."""
@@ -95,7 +94,7 @@ class Study:
     region: UpliftRegion | None = None
     usage: tuple[tuple[str, float], ...] = ()
     """Limited quantities of the best design over their limits, the largest of all conditions."""
-    front: Front | None = None
+    front: tuple[FrontPoint, ...] = ()
     surveyed: Mapping[int, Surveyed] = field(default_factory=dict)
     """Designs that the table of limits names, by their row in the first survey: motions from rest show
     neither overturning nor strikes from other starts."""
@@ -108,7 +107,7 @@ class Study:
 def study(
     design: Design,
     *,
-    front: Front | None = None,
+    front: tuple[FrontPoint, ...] = (),
     records: Sequence[GroundMotion] = (),
     sources: Sequence[str] = (),
     progress: Progress | None = None,
@@ -120,7 +119,7 @@ def study(
 
     Args:
         design: the answer of `optimise`.
-        front: the answer of `pareto`, to be shown as well.
+        front: the answer of `tpd.front`, to be shown as well.
         records: ground motions that the design is shaken by.
         sources: files, folders and sets that the records come from, for the report.
         progress: called with ("responding" or "checking", units done, units in all).
@@ -143,13 +142,11 @@ def study(
     own = is_own_shaking(design.conditions)
     # A response over frequency belongs to conditions that differ in the motion of the base alone.
     varied = set(design.conditions.factors) <= {"amplitude", "frequency"}
-    # Elasticities are derivatives of the motion from rest. They say nothing about a set of other starts.
-    from_rest = own and design.starts.kind is not StartKind.sampled
     return Study(
         histories=part("the time histories", True, time_histories, scene, hung),
         responses=part("the response over frequency", varied, _responses, design, progress),
         comparison=part("the comparison of models", hung is not None, _comparison, design, progress),
-        elasticities=part("the sensitivities", from_rest, elasticities, scene.parameters(hung)),
+        elasticities=part("the sensitivities", own, elasticities, scene.parameters(hung)),
         region=part("the uplift region", True, uplift_region, design),
         usage=usage(design),
         surveyed=part("the strikes of surveyed designs", True, surveyed, design, progress) or {},

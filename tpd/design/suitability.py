@@ -153,9 +153,7 @@ class Question:
 
     def verification(self, problem: Problem, progress: Progress | None) -> Verification:
         """Verification of designs of a problem."""
-        inputs = self.scene, problem.objective, problem.method, self.ensemble, problem.worth
-        made, finer = Verification(*inputs, progress), problem.over_basins
-        return made if finer is None else made.on(finer)
+        return Verification(self.scene, problem.objective, self.ensemble, problem.worth, progress)
 
 
 def rests(asked: Question) -> bool:

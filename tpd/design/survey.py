@@ -18,7 +18,7 @@ from tpd.core.conditions import under_all
 from tpd.core.sampling import latin_hypercube
 from tpd.core.status import names_of
 from tpd.design.criteria import Risk, Room, limit_of
-from tpd.design.objective import AbstractObjective, Orbits
+from tpd.design.objective import Orbits
 from tpd.design.screening import first_apart
 from tpd.design.space import DesignSpace
 from tpd.models.batches import settle_all
@@ -144,7 +144,7 @@ class Survey:
 
 
 def survey(
-    objective: AbstractObjective, met: np.ndarray, periods: int, seed: int, progress: Count | None = None
+    objective: Orbits, met: np.ndarray, periods: int, seed: int, progress: Count | None = None
 ) -> tuple[Survey, Survey]:
     """Follow designs that searches met, and others, from rest.
 
@@ -193,7 +193,7 @@ def _refined(found: Survey, space: DesignSpace, follow: Callable[[np.ndarray], S
     return found
 
 
-def fitting(objective: AbstractObjective, seed: int) -> np.ndarray:
+def fitting(objective: Orbits, seed: int) -> np.ndarray:
     """Seeded designs (m, 3) over the space, of which as many as possible fit between the walls at rest."""
     space, room = objective.space, limit_of(objective.limits, Room)
     rng = np.random.default_rng([seed, 9])
@@ -209,7 +209,7 @@ def fitting(objective: AbstractObjective, seed: int) -> np.ndarray:
 
 
 def followed(
-    objective: AbstractObjective, designs: np.ndarray, periods: int, equations: str, progress: Count | None
+    objective: Orbits, designs: np.ndarray, periods: int, equations: str, progress: Count | None
 ) -> Survey:
     """Survey of designs (m, 3), in their order, and of the bare block, from rest."""
     none = np.array([[0.0, float(objective.p.lam), float(objective.p.zeta)]])
@@ -243,7 +243,7 @@ def followed(
 
 
 def excess(
-    objective: AbstractObjective,
+    objective: Orbits,
     designs: np.ndarray,
     amplitude: np.ndarray,
     stroke: np.ndarray,
@@ -255,12 +255,12 @@ def excess(
     e = objective.blank(m)._replace(tilt=amplitude / g.slenderness, stroke=stroke, design=designs)
     out = {
         size.name: size.value.max(axis=1) - 1.0
-        for limit in objective.active_limits
+        for limit in objective.limits
         if limit.of_motion
         for size in limit.sizes(e, g)
     }
-    closed = [limit for limit in objective.active_limits if not limit.of_motion]
-    if closed and isinstance(objective, Orbits):
+    closed = [limit for limit in objective.limits if not limit.of_motion]
+    if closed:
         # A motion from rest does not show how near its orbit is to where it stops attracting.
         orbits = objective.evaluate(designs)
         for size in (size for limit in closed for size in limit.sizes(orbits, g)):

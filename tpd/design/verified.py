@@ -18,9 +18,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Motions:
-    """Settled motions under every condition by one model, from the stated start; arrays of shape (n,)."""
+    """Settled motions from rest under every condition by the exact solution; arrays of shape (n,)."""
 
-    model: str
     status: np.ndarray
     """Names of statuses."""
     amplitude: np.ndarray
@@ -28,24 +27,13 @@ class Motions:
     stroke: np.ndarray
     """|psi|, rad."""
     peak: np.ndarray
-    """Largest |phi| from the start on, rad; NaN where the model was not asked."""
+    """Largest |phi| from the start on, rad."""
     peak_stroke: np.ndarray
-    """Largest |psi| from the start on, rad; NaN where the model was not asked."""
+    """Largest |psi| from the start on, rad."""
     multiplier: np.ndarray
     """Largest modulus of the Floquet multipliers; NaN where unknown."""
     periods: np.ndarray
     """Forcing periods in one period of the motion."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Neighbours:
-    """Shakings within 1 % in amplitude and frequency of one condition, from rest, by the exact solution."""
-
-    condition: int
-    tried: int
-    overturned: int
-    """Shakings that overturn the block with the pendulum."""
-    overturned_bare: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,15 +84,10 @@ class Verified:
     """Under every condition by the search's objective, leading axis 1."""
     exact: Motions
     """By the exact solution of the linear equations."""
-    searched: Motions | None
-    """By the model of the search; None where it searched over exact orbits."""
     margin: np.ndarray
     """Uplift margin under every condition, shape (n,)."""
-    neighbours: Neighbours | None
-    """None where the verification ended before that step, as of the two below."""
     nonlinear: tuple[Nonlinear, ...]
-    verdict: Verdict | None
-    """Ensemble of runs of the linear equations with and without the pendulum."""
+    """Empty where the verification ended before that step."""
     paired: Verdict | None
     """Paired runs of the nonlinear equations, which decide: of a design that was chosen the fresh ones that
     judge it."""
@@ -151,8 +134,5 @@ class Bare:
     value: float
     evaluation: Evaluation
     exact: Motions
-    searched: Motions | None
-    outcomes: Outcomes | None
-    """Ensemble of runs; None where no design was put to it."""
     paired: Outcomes | None = None
     """Runs of the nonlinear equations."""

@@ -12,7 +12,7 @@ from tpd.core.conditions import Conditions
 from tpd.core.equations import Terms
 from tpd.design.by_runs import TRIALS, reach_of
 from tpd.design.criteria import Room, limit_of
-from tpd.design.objective import AbstractObjective
+from tpd.design.objective import Orbits
 from tpd.design.reasons import ReasonKind
 from tpd.design.refine import RUNS, Tried, refine
 from tpd.design.result import DesignStatus
@@ -77,7 +77,7 @@ class Verification(Steps):
         self.verified[-1] = judged = self.by_fresh_runs(self.verified[-1])
         return DesignStatus.refused if judged.reasons else DesignStatus.found
 
-    def refined(self, found: Survey, objective: AbstractObjective, seed: int) -> Survey:
+    def refined(self, found: Survey, objective: Orbits, seed: int) -> Survey:
         """A survey by runs of the nonlinear equations from many starts, see `refine`; `objective` has the
         conditions of the survey. Luck in these runs is of no help where others verify."""
         if not found.helps.any():

@@ -61,7 +61,7 @@ def _tilts(ax: Any, design: Design, x: np.ndarray, order: np.ndarray) -> None:
 def _known(of: Bare | Verified) -> np.ndarray:
     """Under which conditions there is a motion to settle into, (n,)."""
     e = of.evaluation
-    return e.attracts[0] & np.isfinite(e.tilt[0]) & (np.broadcast_to(e.lost, e.kind.shape)[0] < 1.0)
+    return e.attracts[0] & np.isfinite(e.tilt[0])
 
 
 def _values(design: Design, name: str) -> tuple[np.ndarray, str]:

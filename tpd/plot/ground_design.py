@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from tpd.design.ground.design import GroundDesign
-from tpd.design.ground.front import FrontPoint
 from tpd.design.ground.judgement import Judged
 from tpd.plot.style import BLUE, CASES, INK, LABELS, new_axes
 
@@ -75,9 +73,9 @@ def _panel(ax: Any, group: Judged) -> None:
 
 
 def plot_search(design: GroundDesign) -> Any:
-    """Draw the trend of the demand over mass and length ratio, at the damping of the best design, and the
+    """Draw the trend of the tilt over mass and length ratio, at the damping of the best design, and the
     designs that were followed, in a square those with runs without an answer; the darker, the larger the
-    demand."""
+    tilt."""
     ax = new_axes()
     found, surface = design.searched, design.surface
     assert found is not None
@@ -107,20 +105,4 @@ def _trend(ax: Any, design: GroundDesign) -> None:
     whole = np.column_stack([grid, np.full(len(grid), best[2])])
     trend = surface.at(space.scaled(whole))[0].reshape(60, 60)
     shades = ax.contourf(mu, lam, trend, levels=12, cmap="Greys", alpha=0.75)
-    ax.figure.colorbar(shades, label=f"trend of the demand at ζ = {best[2]:.2g} (-)")
-
-
-def plot_front(points: Sequence[FrontPoint], ax: Any = None) -> Any:
-    """Draw the median intensities that overturn the block over the largest mass of the bob."""
-    ax = new_axes() if ax is None else ax
-    most = [100.0 * p.most for p in points]
-    for i, style in enumerate(CASES):
-        values = [p.medians[i] if np.isfinite(p.medians[i]) else np.nan for p in points]
-        ax.plot(most, values, **{**style, "ms": 6})
-    ax.set(
-        xlabel="largest mass of the bob (% of the block)",
-        ylabel="median intensity that overturns (-)",
-        ylim=(0.0, None),
-    )
-    ax.legend(fontsize=8, frameon=False)
-    return ax
+    ax.figure.colorbar(shades, label=f"trend of the tilt over ν at ζ = {best[2]:.2g} (-)")

@@ -134,22 +134,19 @@ def _first(v: Verified) -> str:
 
 
 def paired_runs(design: Design) -> list[Block]:
-    """Sizes with the pendulum and without over paired runs of the nonlinear equations; linear ones beside."""
+    """Sizes with the pendulum and without over paired runs of the nonlinear equations."""
     best = design.best
     if best is None or best.benefit is None or best.paired is None:
         return []
-    linear = {} if best.verdict is None else _linear_shares(best)
     rows: list[tuple[Cell, ...]] = []
     for change in best.benefit.changes:
         interval = f"{change.difference:+.1%} ({change.low:+.1%} to {change.high:+.1%})"
-        cells = (_NAMES[change.name], f"{change.with_it:.1%}", f"{change.without:.1%}", interval)
-        rows.append((*cells, linear.get(change.name)))
-    head = ("", "with it", "without", "difference (95 %)", "linear, with / without")
+        rows.append((_NAMES[change.name], f"{change.with_it:.1%}", f"{change.without:.1%}", interval))
+    head = ("", "with it", "without", "difference (95 %)")
     caption = (
         f"{best.benefit.runs} paired runs of the nonlinear equations, seed {best.paired.hung.ensemble.seed}"
         f"{_which(design, best)}: starts, phases, growth of the shaking; {_scatter(design)}. Tilt: "
-        "settled, 100 % where the block overturns or tilts to ν or further, 0 at rest. The linear equations "
-        "are for comparison: they err where the bob swings beyond 0.5 rad."
+        "settled, 100 % where the block overturns or tilts to ν or further, 0 at rest."
     )
     chance = best.paired.chance_in_words
     out: list[Block] = [Table(head, tuple(rows), caption), information(chance)]
@@ -180,15 +177,6 @@ def _scatter(design: Design) -> str:
         f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items())
     )
     return said or "no scatter"
-
-
-def _linear_shares(best: Verified) -> dict[str, str]:
-    assert best.verdict is not None
-    pairs = {
-        "overturned": (best.verdict.hung.overturned, best.verdict.bare.overturned),
-        "at rest": (best.verdict.hung.at_rest, best.verdict.bare.at_rest),
-    }
-    return {name: f"{a.value:.1%} / {b.value:.1%}" for name, (a, b) in pairs.items()}
 
 
 def _by_condition(design: Design, best: Verified) -> list[Block]:
@@ -320,7 +308,6 @@ def _kind(reason: Reason) -> str:
         ReasonKind.breaks_limit: "they break a limit",
         ReasonKind.rocks_more: "the block rocks more",
         ReasonKind.does_not_settle: "the motion does not settle",
-        ReasonKind.models_disagree: "two models disagree",
         ReasonKind.too_little_benefit: "the benefit is too small",
         ReasonKind.rests_less: "the block rests less often",
         ReasonKind.worse_condition: "a condition gets worse",

@@ -18,7 +18,7 @@ from tpd.core.formatting import number
 from tpd.design.objective import KINDS
 from tpd.design.result import Design, SearchStatus
 from tpd.design.study import Study
-from tpd.design.verified import Bare, Motions, Verified
+from tpd.design.verified import Bare, Verified
 from tpd.report import benefit, earthquakes, pictures, scene_words, tables, words
 from tpd.report.blocks import (
     Block,
@@ -32,7 +32,7 @@ from tpd.report.blocks import (
     information,
     warning,
 )
-from tpd.report.notes import differences, disagree, notes
+from tpd.report.notes import notes
 
 _ROWS = 40
 """Most conditions in a table, evenly over all of them."""
@@ -141,8 +141,8 @@ def _captions(design: Design, study: Study) -> dict[str, tuple[str, str]]:
             "Lines: largest steady tilt of the motions that count. Near the top: it overturns from rest.",
         ),
         "front.png": (
-            "Least tilt against the mass of the bob",
-            "Value of each kilogramme: the least tilt of all designs that are no heavier.",
+            "Fall of the mean tilt against the mass of the bob",
+            "What each kilogramme pays: the benefit of an answer with a bob no heavier than that.",
         ),
     }
 
@@ -239,12 +239,9 @@ def _conditions(design: Design, study: Study) -> list[Block]:
 
 
 def _motion(design: Design, of: Verified | Bare, i: int) -> tuple[Cell, ...]:
-    """Tilt (rad) and kind of motion under a condition, share of starts that overturn, and end from rest."""
+    """Tilt (rad) and kind of motion under a condition, and end from rest."""
     e, nu = of.evaluation, design.scene.block.slenderness * design.conditions.column("slenderness")[i]
-    tilt, lost = float(e.tilt[0, i] * nu), float(np.broadcast_to(e.lost, e.kind.shape)[0, i])
-    kind = KINDS[int(e.kind[0, i])].replace("_", " ")
-    if lost:
-        kind = "overturned" if lost >= 1.0 else f"{kind}; {lost:.0%} overturn"
+    tilt, kind = float(e.tilt[0, i] * nu), KINDS[int(e.kind[0, i])].replace("_", " ")
     return tilt if math.isfinite(tilt) else None, kind, str(of.exact.status[i]).replace("_", " ")
 
 
@@ -257,8 +254,8 @@ def _search(design: Design, study: Study) -> list[Block]:
     out: list[Block] = [information(f"Method {design.method.name}: {said}. Searches: {ends or 'none'}.")]
     out += _confirmed(design)
     out += _figures(design, study, "search.png")
-    if study.front is not None:
-        out += [*_figures(design, study, "front.png"), tables.front(study.front, design.scene.block.mass)]
+    if study.front:
+        out += [*_figures(design, study, "front.png"), tables.front(study.front)]
     return out
 
 
@@ -280,33 +277,10 @@ def _confirmed(design: Design) -> list[Block]:
 
 def _models(design: Design, study: Study) -> list[Block]:
     out: list[Block] = []
-    best = "best design" if design.winner else "best found, not offered"
-    named = ((best, design.best), ("bare block", design.bare))
-    rows = [_crossed(design, name, of, of.searched) for name, of in named if of and of.searched]
-    if rows:
-        head = ("", "exact (rad)", "model", "(rad)", "difference", "stroke (rad)", "multiplier", "settles as")
-        caption = (
-            "Settled amplitudes from rest, by the exact solution and by the model of the search, under the "
-            "condition of the largest. The largest Floquet multiplier is below 1 where the motion attracts."
-        )
-        out.append(Table(head, tuple(rows), caption))
     out += tables.nonlinear(design)
     if study.comparison is not None:
         out += tables.comparison(study.comparison)
     return out
-
-
-def _crossed(design: Design, name: str, of: Verified | Bare, searched: Motions) -> tuple[Cell, ...]:
-    """One row of the cross-check of exact solution and search model."""
-    exact, i = of.exact, int(np.argmax(of.exact.amplitude))
-    difference = float(differences(exact, searched)[i])
-    stroke = float(exact.stroke[i]) if isinstance(of, Verified) else None
-    relative = f"{difference:.2%}" if math.isfinite(difference) else None
-    ends = str(exact.status[i]).replace("_", " ")
-    ends += f", period {exact.periods[i]}" if exact.periods[i] > 1 else ""
-    ends += ", MODELS DISAGREE" if disagree(design, of)[i] else ""
-    sizes = (float(exact.amplitude[i]), searched.model, float(searched.amplitude[i]))
-    return (name, *sizes, relative, stroke, float(exact.multiplier[i]), ends)
 
 
 def _refused(design: Design) -> list[Block]:
@@ -344,7 +318,7 @@ def _repeat(design: Design, study: Study, job_toml: str, directory: Path | None)
     out: list[Block] = []
     if directory is not None:
         again = directory.with_name(directory.name + "-again")
-        more = " --pareto" if study.front is not None else ""
+        more = " --pareto" if study.front else ""
         if study.earthquakes is not None:
             more += " --records " + shlex.join(study.earthquakes.sources)
         scene, to = shlex.quote(str(directory / "scene.toml")), shlex.quote(str(again))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,15 +12,15 @@ from tpd.core import files
 from tpd.core.formatting import number
 from tpd.core.scene import Pendulum, Scene
 from tpd.design.criteria import Room, limit_of
+from tpd.design.front import FrontPoint
 from tpd.design.ground.design import GroundDesign
-from tpd.design.ground.front import FrontPoint
 from tpd.design.ground.groups import Role, unnamed
 from tpd.design.ground.judgement import Judged
 from tpd.design.ground.optimise import settings
 from tpd.design.ground.search import SPARE
 from tpd.design.ground.sizes import THICKNESS
 from tpd.design.reading import GROUND_VERSION
-from tpd.report import scene_words, words
+from tpd.report import scene_words, tables, words
 from tpd.report.blocks import (
     Block,
     Cell,
@@ -157,7 +156,7 @@ def _unknown_in_search(design: GroundDesign) -> Iterator[Note]:
         yield warning(
             f"In the search {int(found.undecided.sum())} of {len(found.value) * len(design.conditions)} runs "
             f"have no answer (too many events), with {int((found.undecided > 0).sum())} of "
-            f"{len(found.value)} designs: their demand is that of the other runs."
+            f"{len(found.value)} designs: their tilt is that of the other runs."
         )
 
 
@@ -172,12 +171,12 @@ def _at_bounds(design: GroundDesign, best: np.ndarray) -> Iterator[Note]:
 
 def _answer(design: GroundDesign) -> list[Block]:
     hung, best = design.pendulum, design.best
-    demand = [("demand without a pendulum", number(design.bare), "mean over the motions it is tuned to")]
+    tilt = [("tilt/ν without a pendulum", number(design.bare), "over the motions it is tuned to")]
     if best is not None:
         trend = f"trend {number(design.trend[0])} ± {number(design.trend[1])}"
-        demand.insert(0, ("demand with the best design", number(design.value), trend))
+        tilt.insert(0, ("tilt/ν with the best design", number(design.value), trend))
     if hung is None or best is None:
-        rows: tuple[tuple[Cell, ...], ...] = (("pendulum", "none to offer", None), *demand)
+        rows: tuple[tuple[Cell, ...], ...] = (("pendulum", "none to offer", None), *tilt)
         if best is not None:
             rows += (("best design, not offered", "μ = {:.4g}, λ = {:.4g}, ζ = {:.3g}".format(*best), None),)
         return [Table(("", "value", "remark"), rows)]
@@ -186,10 +185,14 @@ def _answer(design: GroundDesign) -> list[Block]:
         ("mass of the bob", f"{number(float(hung.mass))} kg", f"μ = {number(best[0])}"),
         ("length of the pendulum", f"{number(float(hung.length))} m", f"λ = {number(best[1])}"),
         ("damping of the hinge", hinge, f"ζ = {number(best[2])} of critical"),
-        *demand,
+        *tilt,
         *_usage(design),
     )
-    return [Table(("", "value", "remark"), rows, f"Demand: {_demand(design)}.")]
+    caption = (
+        "Tilt: largest tilt over the slenderness of each run, an overturning as 1, by the linear equations; "
+        f"{design.risk.name} over all runs."
+    )
+    return [Table(("", "value", "remark"), rows, caption)]
 
 
 def _usage(design: GroundDesign) -> list[tuple[Cell, ...]]:
@@ -210,16 +213,6 @@ def _usage(design: GroundDesign) -> list[tuple[Cell, ...]]:
         )
         for name, x, y in zip(design.names, used, linear, strict=True)
     ]
-
-
-def _demand(design: GroundDesign) -> str:
-    kind = type(design.demand).__name__
-    what = {
-        "CappedTilt": "largest tilt over the slenderness of each run, an overturning as 1",
-        "Exceedance": "smoothed share of the runs beyond a tilt",
-        "CriticalIntensity": "reciprocal of the intensity from which each motion overturns the block",
-    }.get(kind, kind)
-    return f"{what}; {design.risk.name} over all runs"
 
 
 def _judged(design: GroundDesign) -> list[Block]:
@@ -247,7 +240,7 @@ def _judged(design: GroundDesign) -> list[Block]:
             information(
                 f"Over all motions that were held out: {b.overturned.words()} of the runs overturned; the "
                 f"mean tilt over the slenderness changes by {b.tilt.words(share=False)}, which is "
-                f"{b.saved:.0%} less ({design.at_least:.0%} were asked for)."
+                f"{b.saved.mean:.0%} less ({design.at_least:.0%} were asked for)."
             )
         )
     return out
@@ -289,30 +282,8 @@ def _parts(design: GroundDesign) -> list[Block]:
 def _front(points: tuple[FrontPoint, ...]) -> list[Block]:
     if not points:
         return []
-    rows = tuple(
-        (
-            f"{p.most:.0%}",
-            None if p.design is None else "μ = {:.3g}, λ = {:.3g}, ζ = {:.2g}".format(*p.design),
-            *(_median(x) for x in p.medians),
-            None if p.overturned is None else p.overturned.words(),
-        )
-        for p in points
-    )
-    head = ("bob at most", "best design", "median intensity without", "with it", "overturned, change (95 %)")
-    caption = (
-        "Nonlinear equations, on the motions of the search: the front compares masses, and claims nothing."
-    )
-    if unknown := sum(p.undecided for p in points):
-        caption += f" {unknown} runs without an answer are left out."
-    name = "Median intensity that overturns the block, over the largest mass of the bob"
-    return [Figure("front.png", name, f"{name}."), Table(head, rows, caption)]
-
-
-def _median(x: float) -> str | None:
-    # Zero: more than half of the runs overturn at the lowest stripe already; infinite: fewer at the highest.
-    if math.isnan(x):
-        return None
-    return number(x) if 0.0 < x < math.inf else "above the stripes" if x > 0.0 else "below the stripes"
+    name = "Fall of the mean tilt on motions held out, over the largest mass of the bob"
+    return [Figure("front.png", name, f"{name}."), tables.front(points)]
 
 
 def _search(design: GroundDesign) -> list[Block]:
@@ -328,7 +299,7 @@ def _search(design: GroundDesign) -> list[Block]:
     return [
         information(counts),
         *_figure(
-            design, "search.png", "Trend of the demand over mass and length ratio, and the designs followed"
+            design, "search.png", "Trend of the tilt over mass and length ratio, and the designs followed"
         ),
     ]
 
@@ -372,7 +343,7 @@ def as_json(
         "pendulum": hung,
         "hinge_damping_N_m_s_per_rad": None if hung is None else float(hung.hinge_damping(design.gravity)),
         "best": None if design.best is None else dict(zip(("mu", "lam", "zeta"), design.best, strict=True)),
-        "demand": {"best": design.value, "trend": design.trend, "bare": design.bare},
+        "value": {"best": design.value, "trend": design.trend, "bare": design.bare},
         "benefit": None if design.benefit is None else plain(design.benefit._asdict()),
         "groups": [_group(g) for g in design.judged],
         "usage": None if design.usage is None else dict(zip(design.names, design.usage, strict=True)),
@@ -407,7 +378,7 @@ def _group(g: Judged) -> dict[str, Any]:
 def _designs(design: GroundDesign) -> str:
     found = design.searched
     assert found is not None
-    head = ("mu", "lam", "zeta", "demand", "overturned", "undecided", *design.names)
+    head = ("mu", "lam", "zeta", "value", "overturned", "undecided", *design.names)
     columns = found.designs, found.value, found.overturned, found.undecided, found.sizes
     rows = ((*d, v, o, int(u), *s) for d, v, o, u, s in zip(*columns, strict=True))
     return files.as_csv(head, rows)
@@ -425,7 +396,8 @@ def _groups(design: GroundDesign) -> str:
 
 def _pictures(design: GroundDesign, points: tuple[FrontPoint, ...]) -> Iterator[tuple[str, bytes]]:
     from tpd.plot import drawing, style
-    from tpd.plot.ground_design import plot_front, plot_groups, plot_search
+    from tpd.plot.front import plot_front
+    from tpd.plot.ground_design import plot_groups, plot_search
 
     if points:
         yield "front.png", style.png(plot_front(points).figure)

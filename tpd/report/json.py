@@ -14,6 +14,7 @@ from tpd.analysis.paired import Verdict
 from tpd.core import files
 from tpd.core.conditions import Conditions
 from tpd.design.criteria import Limit
+from tpd.design.front import FrontPoint
 from tpd.design.objective import KINDS
 from tpd.design.reading import VERSION
 from tpd.design.reasons import Reason
@@ -75,8 +76,8 @@ def plain(x: Any) -> Any:
             return x.tolist()
         case Outcomes() | Verdict():
             return x.summary()
-        case Change():
-            return x._asdict()
+        case Change() | FrontPoint():
+            return plain(x._asdict())
         case Benefit():
             # A pair in a list would leave open which of the two is with the pendulum.
             with_it, without = x.by_condition
@@ -98,9 +99,8 @@ def plain(x: Any) -> Any:
 
 def _evaluation(e: Any) -> dict[str, Any]:
     """One design under all conditions, without derivatives."""
-    lost = np.broadcast_to(e.lost, e.kind.shape)[0].tolist()
     kinds = [KINDS[int(k)] for k in e.kind[0]]
-    return {n: getattr(e, n)[0].tolist() for n in _EVALUATION} | {"kind": kinds, "lost": lost}
+    return {n: getattr(e, n)[0].tolist() for n in _EVALUATION} | {"kind": kinds}
 
 
 def _survey(found: Survey) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from tpd.analysis.attractors import Starts
-from tpd.analysis.paired import SIGNIFICANT, Verdict, chance_of
+from tpd.analysis.paired import SIGNIFICANT, chance_of
 from tpd.analysis.response import Response
 from tpd.core.bob import Bob
 from tpd.core.scene import STANDARD_GRAVITY, Block, Pendulum
@@ -16,7 +16,7 @@ from tpd.core.status import SETTLED
 from tpd.design.criteria import Room, limit_of
 from tpd.design.result import Design, DesignStatus
 from tpd.design.study import Study
-from tpd.design.verified import Bare, Motions, Verified
+from tpd.design.verified import Verified
 from tpd.design.worth import Worth
 from tpd.report import earthquakes
 from tpd.report.blocks import Note, danger, information, warning
@@ -50,24 +50,6 @@ def notes(design: Design, study: Study) -> tuple[Note, ...]:
     return tuple(sorted(found, key=lambda note: note.severity.value))
 
 
-def differences(exact: Motions, searched: Motions) -> np.ndarray:
-    """Relative differences of the search's model from the exact amplitudes; 0 where neither rocks, infinite
-    or NaN where one of the two has no settled amplitude."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relative = searched.amplitude / exact.amplitude - 1.0
-    return np.where((searched.amplitude == 0.0) & (exact.amplitude == 0.0), 0.0, relative)
-
-
-def disagree(design: Design, of: Bare | Verified) -> np.ndarray:
-    """Under which conditions the smoothed model of a search and the exact solution give different motions,
-    (n,). Other models solve the same equations in the same way, or other equations."""
-    if of.searched is None or of.searched.model != "smoothed":
-        return np.zeros(len(design.conditions), dtype=bool)
-    settled = [np.isin(motions.status, SETTLED) for motions in (of.exact, of.searched)]
-    far = ~(np.abs(differences(of.exact, of.searched)) <= getattr(design.method, "tolerance", _TOLERANCE))
-    return (settled[0] != settled[1]) | (settled[0] & settled[1] & far)
-
-
 def _interruptions(design: Design, study: Study) -> Iterator[Note]:
     if design.status is DesignStatus.interrupted:
         yield warning("The search was interrupted; nothing below is the best of the design space.")
@@ -77,8 +59,6 @@ def _interruptions(design: Design, study: Study) -> Iterator[Note]:
 
 def _searched(design: Design) -> Iterator[Note]:
     """Notes on the search as a whole, with or without an answer."""
-    if disagree(design, design.bare).any():
-        yield warning("The models disagree on the bare block: take its amplitude as a rough one.")
     lost = design.search.screened_overturned
     if lost.any():
         yield information(
@@ -118,31 +98,17 @@ def _overturning(design: Design, winner: Verified) -> Iterator[Note]:
         )
 
 
-def _deciding(winner: Verified) -> Verdict | None:
-    """The runs that decide: those of the nonlinear equations or, where there are none, the linear ones."""
-    return winner.verdict if winner.paired is None else winner.paired
-
-
 def _overturns_less(lost: np.ndarray, bare: np.ndarray, winner: Verified) -> bool:
     """Whether significantly fewer conditions, or runs of the ensemble, overturn the block than without."""
-    pairs, runs = [(int(np.sum(lost & ~bare)), int(np.sum(bare & ~lost)))], _deciding(winner)
+    pairs, runs = [(int(np.sum(lost & ~bare)), int(np.sum(bare & ~lost)))], winner.paired
     if runs is not None:
         pairs.append((runs.worse, runs.better))
     return any(better > worse and chance_of(better, worse) < SIGNIFICANT for worse, better in pairs)
 
 
 def _repeated(winner: Verified) -> Iterator[Note]:
-    """Overturning in runs beside the one from rest: shakings nearby, and the ensemble."""
-    # Linear runs stand in tables only: beyond bob angles of half a radian their shares are wrong.
-    near, runs = winner.neighbours, _deciding(winner)
-    if near is not None and near.overturned:
-        # Fewer overturnings than without are no harm of the pendulum, but must be known.
-        say = danger if near.overturned >= near.overturned_bare else warning
-        yield say(
-            f"By the linear equations, of {near.tried} shakings within 1 % in amplitude or frequency, "
-            f"{near.overturned} overturn the "
-            f"block with this pendulum ({near.overturned_bare} without), from rest."
-        )
+    """Overturning in the paired runs."""
+    runs = winner.paired
     if runs is None:
         return
     if runs.harms:
@@ -289,16 +255,6 @@ def _settled(winner: Verified) -> Iterator[Note]:
 def _starts(design: Design, winner: Verified) -> Iterator[Note]:
     """Starts, and conditions, in which the search's tilts do not tell the whole motion."""
     e = winner.evaluation
-    if np.any(e.lost):
-        yield warning(
-            f"From {np.mean(e.lost):.1%} of the starts the block overturns with the pendulum, from "
-            f"{np.mean(design.bare.evaluation.lost):.1%} without: tilts are those of the others."
-        )
-    if np.any(e.unsettled):
-        yield warning(
-            f"From {np.mean(e.unsettled):.1%} of the starts the motion does not repeat, or is about to "
-            "vanish: it counts by its largest tilt, and the search had no derivative there."
-        )
     if design.starts == Starts.any() and not np.all(e.attracts):
         yield warning(
             f"Under {np.sum(~e.attracts)} of {e.attracts.size} conditions no symmetric motion attracts."

@@ -24,7 +24,7 @@ def names(design: Design, study: Study) -> tuple[str, ...]:
         "search.png": len(design.search.screened) > 0,
         "response.png": bool(study.responses),
         "motion.png": bool(study.histories),
-        "front.png": study.front is not None,
+        "front.png": bool(study.front),
         "drawing.png": whole,
         "animation.gif": whole and bool(study.histories),
     }
@@ -50,8 +50,8 @@ def draw(name: str, design: Design, study: Study) -> bytes:
             axes = response.plot_response(study.responses or (), scene.motion.frequency, toppling=levels)
         case "motion.png":
             axes = histories.plot_histories(motions, scene.block.slenderness, design.stroke_limit)[0]
-        case "front.png" if study.front is not None:
-            axes = front.plot_front(study.front, design)
+        case "front.png":
+            axes = front.plot_front(study.front)
         case "drawing.png":
             axes = _drawing(design)
         case "animation.gif":

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from tpd.analysis.compare_models import Check
 from tpd.analysis.outcomes import Outcomes
 from tpd.analysis.sensitivity import Elasticities
 from tpd.core.formatting import number
+from tpd.design.front import FrontPoint
 from tpd.design.result import Design
 from tpd.design.study import Study
 from tpd.report.blocks import Block, Cell, Table, danger, information, warning
-
-if TYPE_CHECKING:
-    from tpd.design.pareto import Front
 
 _MEANING = {
     "mu": "mass ratio μ, bob over block",
@@ -28,11 +26,11 @@ _MEANING = {
 
 
 def ensemble(design: Design) -> list[Block]:
-    """Shares and quantiles of many runs, with the best design and without a pendulum."""
-    verdict = None if design.best is None else design.best.verdict
+    """Shares and quantiles of the paired runs, with the best design and without a pendulum."""
+    verdict = None if design.best is None else design.best.paired
     if verdict is None:
         return []
-    # The best design may have been refused; its ensemble is shown all the same, if it came that far.
+    # The best design may have been refused; its runs are shown all the same, if it came that far.
     pair, runs = (verdict.hung, verdict.bare), verdict.hung.ensemble
     shares: list[tuple[Cell, ...]] = [("overturned", *(str(o.overturned) for o in pair))]
     for ramp in verdict.hung.by_ramp():
@@ -126,13 +124,16 @@ def _of_motion(found: Elasticities) -> list[Block]:
     return [information(text), Table(head, rows, caption)]
 
 
-def front(points: Front, block_mass: float) -> Table:
-    """Least risk for every mass."""
-    rows = tuple(
-        (float(mu), float(mu) * block_mass, float(value))
-        for mu, value in zip(points.mass_ratio, points.value, strict=True)
-    )
-    caption = (
-        "Least value of all designs that are no heavier: the risk over all symmetric orbits, a tilt over nu."
-    )
-    return Table(("largest mass ratio", "bob (kg)", "value"), rows, caption)
+def front(points: Sequence[FrontPoint]) -> Table:
+    """The answer for every largest mass of the bob."""
+    rows: list[tuple[Cell, ...]] = []
+    for p in points:
+        if p.pendulum is None:
+            rows.append((f"{number(p.most)} kg", p.status.replace("_", " "), None))
+            continue
+        hung = f"{number(p.pendulum.mass)} kg on {number(p.pendulum.length)} m, ζ = "
+        saved, low, high = p.saved
+        fall = None if math.isnan(saved) else f"{saved:.0%} ({low:.0%} to {high:.0%})"
+        rows.append((f"{number(p.most)} kg", f"{hung}{number(float(p.pendulum.damping_ratio))}", fall))
+    caption = "Every row is an answer of its own, verified by the same runs; the last is the design itself."
+    return Table(("bob at most", "answer", "less tilt (95 %)"), tuple(rows), caption)

@@ -30,12 +30,7 @@ def source_of_tilts(design: Design) -> str:
     """Motions that the search's tilts belong to, in words."""
     if design.starts == Starts.rest():
         return "the motion that a start from rest settles into"
-    if design.starts == Starts.any():
-        return "the largest attracting symmetric motion, whichever start leads to it"
-    start = f"{design.starts.size} starts (seed {design.starts.seed})"
-    if design.starts.worst:
-        return f"the largest motion that one of {start} settles into"
-    return f"the motions that {start} settle into, the mean over the starts"
+    return "the largest attracting symmetric motion, whichever start leads to it"
 
 
 def finite_max(values: np.ndarray) -> float:
@@ -71,13 +66,8 @@ def losses(block: Block) -> str:
 
 def risk(design: Design, value: float) -> str:
     """A value of the risk measure, which is a tilt over nu where every motion that counts rocks."""
-    sampled = design.starts not in (Starts.rest(), Starts.any())
-    mean = design.risk.share > 0.0 or (sampled and not design.starts.worst)
-    mixed = f"{value:.4f} times nu, rest counted as less its uplift margin"
-    if sampled and (mean or value > 1.0):
-        return f"{mixed}, a start that overturns as 2 less that margin"
-    if mean and value <= 0.0:
-        return mixed
+    if design.risk.share > 0.0 and value <= 0.0:
+        return f"{value:.4f} times nu, rest counted as less its uplift margin"
     if value <= 0.0:
         return f"none: at rest with {-value:.1%} of the lifting moment in reserve"
     if value > 1.0:

@@ -8,7 +8,6 @@ from tests.design.ground.conftest import BLOCK
 from tpd.core.intensity import intensity_of
 from tpd.design.ground import objective as module
 from tpd.design.ground import search
-from tpd.design.ground.demand import CappedTilt, Exceedance
 from tpd.design.ground.objective import GroundObjective
 from tpd.design.ground.search import GroundSearch, Searcher
 
@@ -70,9 +69,7 @@ def test_a_run_without_an_answer_is_neither_a_fall_nor_rest(objective, monkeypat
         assert not np.any(runs.overturned & runs.undecided)
         assert np.all(np.isnan(runs.tilt) == runs.undecided)
         np.testing.assert_array_equal(runs.tilt[~runs.undecided], known.tilt[~runs.undecided])
-    for demand in (CappedTilt(), CappedTilt(beyond=0.3), Exceedance()):
-        found = demand.of(few[0])
-        assert np.all(np.isnan(found) == few[0].undecided)
+    assert np.all(np.isnan(few[0].severity) == few[0].undecided)
     # Sizes are those of the runs that are known to stand.
     stands = np.isfinite(few[0].swing[0])
     _, sizes = objective.sizes(few[0], DESIGN)
@@ -82,10 +79,10 @@ def test_a_run_without_an_answer_is_neither_a_fall_nor_rest(objective, monkeypat
 def test_a_search_leaves_runs_without_an_answer_out(objective, monkeypatch):
     monkeypatch.setattr(module, "MAX_EVENTS", 200)
     space = tpd.DesignSpace(damping_ratio=(0.05, 1.0))
-    s = Searcher(objective, CappedTilt(), tpd.Risk.expected(), space, GroundSearch(starts=6, steps=2), 0)
+    s = Searcher(objective, tpd.Risk.expected(), space, GroundSearch(starts=6, steps=2), 0)
     s.run()
     runs = objective.evaluate(s.found.designs)
-    value = CappedTilt().of(runs)
+    value = runs.severity
     known = ~runs.undecided
     assert np.any(~known)
     np.testing.assert_array_equal(s.found.undecided, np.sum(~known, axis=1))
@@ -95,7 +92,7 @@ def test_a_search_leaves_runs_without_an_answer_out(objective, monkeypatch):
 
 def test_a_design_of_which_no_run_has_an_answer_is_never_the_best(objective):
     space = tpd.DesignSpace(damping_ratio=(0.05, 1.0))
-    s = Searcher(objective, CappedTilt(), tpd.Risk.expected(), space, GroundSearch(starts=6, steps=0), 0)
+    s = Searcher(objective, tpd.Risk.expected(), space, GroundSearch(starts=6, steps=0), 0)
     s.run()
     s.found.value[0] = np.nan
     s._fit(full=True)

@@ -1,4 +1,4 @@
-"""Demands, surface, groups and intervals: each alone."""
+"""Severity, surface, groups and intervals: each alone."""
 
 import math
 
@@ -9,27 +9,18 @@ from scipy import stats
 import tpd
 from tpd.analysis.probit import Lognormal
 from tpd.design.ground import design
-from tpd.design.ground.demand import CappedTilt, Exceedance, Runs
 from tpd.design.ground.groups import Role, events_of, grouped
 from tpd.design.ground.judgement import Changes, Interval, Judged, paired
+from tpd.design.ground.runs import Runs
 from tpd.design.ground.sizes import check_ground_limits
 from tpd.design.surface import Observations, fit
 
 
-def runs(tilt, growing=None):
-    """Runs of one design with these tilts."""
-    tilt = np.asarray(tilt, dtype=float)[None]
-    fell = np.isinf(tilt)
-    far = np.zeros_like(tilt) if growing is None else np.asarray(growing, dtype=float)[None]
-    return Runs(tilt, tilt, tilt, fell, np.zeros_like(fell), far)
-
-
-def test_an_overturning_counts_as_one_and_more_only_where_asked_for():
-    tilts, far = [0.4, np.inf, np.inf], [0.0, 0.1, 5.0]
-    assert CappedTilt().of(runs(tilts, growing=far)).tolist() == [[0.4, 1.0, 1.0]]
-    more = CappedTilt(beyond=0.5).of(runs(tilts, growing=far))[0]
-    assert 1.0 < more[1] < more[2] < 1.5
-    assert Exceedance().of(runs([0.0, np.inf])).tolist() == [[0.0, 1.0]]
+def test_an_overturning_counts_as_one_and_what_is_not_known_as_nothing():
+    tilt = np.array([[0.4, 1.2, np.inf, np.nan]])
+    np.testing.assert_array_equal(
+        Runs(tilt, tilt, tilt, np.isinf(tilt), np.isnan(tilt)).severity, [[0.4, 1.0, 1.0, np.nan]]
+    )
 
 
 def test_a_surface_finds_a_trend_below_noise():

@@ -11,8 +11,7 @@ import numpy as np
 from tpd.core.conditions import Conditions
 from tpd.core.scene import Block, Pendulum
 from tpd.design.criteria import Limit, Risk
-from tpd.design.ground.demand import Demand
-from tpd.design.ground.groups import Role
+from tpd.design.ground.groups import Group, Role
 from tpd.design.ground.judgement import Benefit, Judged, benefit_of
 from tpd.design.ground.parts import Parts
 from tpd.design.ground.search import Evaluated, GroundSearch
@@ -60,8 +59,8 @@ class GroundStatus(enum.Enum):
         "motions."
     )
     no_improvement = (
-        "NO PENDULUM WORTH HANGING: the best design that keeps to the limits puts no smaller demand on the "
-        "block than none."
+        "NO PENDULUM WORTH HANGING: the best design that keeps to the limits tilts the block no "
+        "less than none."
     )
     none_feasible = (
         "NO PENDULUM WORTH HANGING: no design that was followed keeps to the limits in the share of the runs "
@@ -155,12 +154,12 @@ def _known_verdict(judged: tuple[Judged, ...], at_least: float, allowed: float) 
             f"the mean tilt over the slenderness, {benefit.tilt.words(share=False)}, nor in the share that "
             f"overturns, {benefit.overturned.words()}"
         )
-    elif benefit.saved < at_least:
+    elif benefit.saved.mean < at_least:
         # A benefit that is sure may still be too small for the work of hanging it.
         status = GroundStatus.slight
         others.append(
             "on ground motions that the best design was not tuned to the mean tilt falls by "
-            f"{benefit.saved:.1%}, and {at_least:.1%} were asked for"
+            f"{benefit.saved.mean:.1%}, and {at_least:.1%} were asked for"
         )
     if harms or strikes:
         status = GroundStatus.harmful if harms else GroundStatus.strikes
@@ -189,7 +188,8 @@ class GroundDesign:
     space: DesignSpace
     conditions: Conditions
     """Conditions of the group that the design is tuned to."""
-    demand: Demand
+    groups: tuple[Group, ...]
+    """Motions that the design is tuned to, and those that are held out."""
     risk: Risk
     limits: tuple[Limit, ...]
     allowed: float
@@ -207,10 +207,11 @@ class GroundDesign:
     best: np.ndarray | None
     """(mu, lam, zeta) of the best design that was followed, offered or not."""
     value: float
-    """Risk of the best design, and of the bare block."""
+    """Risk of the severities of the runs with the best design, see `Runs`."""
     trend: tuple[float, float]
     """Risk of the best design as the response surface sees it, and its standard deviation."""
     bare: float
+    """Risk of the bare block."""
     searched: Evaluated | None
     surface: Surface | None
     names: tuple[str, ...]

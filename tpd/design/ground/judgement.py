@@ -19,9 +19,9 @@ from tpd.analysis.ensemble import Ensemble
 from tpd.analysis.probit import Lognormal, fit_lognormal
 from tpd.core.conditions import Conditions
 from tpd.core.scene import Block
-from tpd.design.ground.demand import CappedTilt, Runs
 from tpd.design.ground.groups import Group, Role
 from tpd.design.ground.objective import GroundObjective
+from tpd.design.ground.runs import Runs
 
 _SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"
 """Names of what is uncertain in a judgement: block and installation, as in the runs of an `Ensemble`."""
@@ -180,7 +180,7 @@ def _judged(
     every = np.repeat(group.events, len(scales))
     known, known_linear = (~x.undecided.any(axis=0) for x in (nonlinear, linear))
     clusters = every[known]
-    fell, tilts = nonlinear.overturned[:, known], CappedTilt().of(nonlinear)[:, known]
+    fell, tilts = nonlinear.overturned[:, known], nonlinear.severity[:, known]
     changes = Changes(_change(fell), _change(tilts), tilts[0], clusters)
     both_known = known & known_linear
     differs = (linear.overturned != nonlinear.overturned)[:, both_known]
@@ -220,7 +220,7 @@ class Benefit(NamedTuple):
     """Share of the runs that overturn."""
     tilt: Interval
     """Mean tilt over the slenderness, an overturning as 1."""
-    saved: float
+    saved: Interval
     """Share by which that mean falls."""
 
 
@@ -230,8 +230,9 @@ def benefit_of(judged: Sequence[Judged]) -> Benefit | None:
     if not held:
         return None
     whole = reduce(Changes.with_others, held)
-    saved = -float(whole.tilt.sum()) / max(float(whole.bare_tilt.sum()), 1e-12)
-    return Benefit(paired(whole.overturned, whole.clusters), paired(whole.tilt, whole.clusters), saved)
+    tilt, bare = paired(whole.tilt, whole.clusters), max(float(whole.bare_tilt.mean()), 1e-12)
+    saved = Interval(-tilt.mean / bare, -tilt.high / bare, -tilt.low / bare)
+    return Benefit(paired(whole.overturned, whole.clusters), tilt, saved)
 
 
 def _change(pair: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from tpd.core.intensity import intensity_of
 from tpd.core.parameters import Parameters
 from tpd.core.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.design.criteria import Geometry, Limit
-from tpd.design.ground.demand import Runs
+from tpd.design.ground.runs import Runs
 from tpd.design.ground.sizes import broken_share, quantile_sizes
 from tpd.design.objective import geometry_under
 
@@ -134,5 +134,4 @@ class GroundObjective:
             np.where(undecided, np.nan, np.where(fell, np.inf, x.reshape(shape)))
             for x in (found.tilt, found.swing, found.relative)
         )
-        growing = np.abs(found.growing).reshape(shape) / nu
-        return Runs(tilt / nu, swing, relative, fell, undecided, growing)
+        return Runs(tilt / nu, swing, relative, fell, undecided)

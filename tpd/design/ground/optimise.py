@@ -18,7 +18,6 @@ from tpd.core.progress import Progress, shown
 from tpd.core.scene import STANDARD_GRAVITY, Block, Pendulum, Scene
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import Limit, Mass, Risk, Room, Stroke, limit_of
-from tpd.design.ground.demand import CappedTilt, Demand
 from tpd.design.ground.design import GroundDesign, GroundStatus, GroundVerdict, verdict_of
 from tpd.design.ground.groups import Group, grouped
 from tpd.design.ground.judgement import Judged, judge, scatter_of
@@ -34,7 +33,7 @@ ALLOWED = 0.1
 AT_LEAST = 0.1
 HELD_OUT = 0.5
 _SLIGHT = 1e-3
-"""Improvement of the demand below which there is none."""
+"""Improvement of the risk below which there is none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +42,6 @@ class GroundProblem:
 
     objective: GroundObjective
     space: DesignSpace
-    demand: Demand
     risk: Risk
     method: GroundSearch
     groups: tuple[Group, ...]
@@ -56,7 +54,7 @@ class GroundProblem:
     def identity(self) -> str:
         """Fingerprint of everything that a followed design depends on."""
         o = self.objective
-        how = self.space, self.demand, self.risk, self.method, self.seed, o.conditions.intensity
+        how = self.space, self.risk, self.method, self.seed, o.conditions.intensity
         pieces = [(np.asarray(m.pieces(), dtype=float), m.pga, m.piece) for m in o.conditions.motions]
         what = o.block, o.gravity, o.limits, o.allowed, o.free, o.conditions.factor_rows(), o.conditions.which
         return fingerprint(of_sources(), *what, *how, pieces)
@@ -68,7 +66,6 @@ def optimise_on_motions(
     space: DesignSpace | None = None,
     *,
     held_out: float | Mapping[str, Sequence[GroundMotion]] = HELD_OUT,
-    demand: Demand | None = None,
     risk: Risk | None = None,
     limits: Iterable[Limit] | None = None,
     allowed: float = ALLOWED,
@@ -79,7 +76,7 @@ def optimise_on_motions(
     checkpoint: Path | str | None = None,
     progress: Progress | bool | None = None,
 ) -> GroundDesign:
-    """Pendulum of least demand under pulses and records, judged on motions that it was not tuned to.
+    """Pendulum of least rocking under pulses and records, judged on motions that it was not tuned to.
 
     The linear equations are followed exactly through every motion. Designs over the whole space are followed
     first, then those that a response surface through all of them proposes; the best is that of least trend
@@ -92,8 +89,7 @@ def optimise_on_motions(
         space: bounds of the search; default `DesignSpace(damping_ratio=(0.05, 1))`.
         held_out: share of the motions, whole earthquakes by a seeded choice, that the design is not tuned to;
             or groups of other motions by name.
-        demand: what is made small on every run; default `demands.CappedTilt()`.
-        risk: over all runs; default `Risk.expected()`.
+        risk: of the severities of all runs, see `Runs`; default `Risk.expected()`.
         limits: default the stroke and the room between the walls, both on the way and not only settled.
         allowed: share of the runs in which the block stands that may break a limit; the search keeps to it
             for each limit, with some to spare, and the judgement for all limits together.
@@ -118,7 +114,6 @@ def optimise_on_motions(
     checks.count("seed", seed, least=0)
     for name, value, kind in (
         ("space", space, DesignSpace),
-        ("demand", demand, Demand),
         ("risk", risk, Risk),
         ("method", method, GroundSearch),
     ):
@@ -135,7 +130,6 @@ def optimise_on_motions(
     problem = GroundProblem(
         objective=objective,
         space=_within_mass(DEFAULT_SPACE if space is None else space, block, listed),
-        demand=CappedTilt() if demand is None else demand,
         risk=Risk.expected() if risk is None else risk,
         method=GroundSearch() if method is None else method,
         groups=groups,
@@ -180,12 +174,11 @@ def _within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) ->
 
 def solve(problem: GroundProblem, store: Checkpoint, report: Progress | None) -> GroundDesign:
     """Search, and judge the best design; see `optimise_on_motions`."""
-    objective, demand, risk = problem.objective, problem.demand, problem.risk
-    bare, demands = demand.follow(objective, np.array([[0.0, 1.0, 0.3]]))
-    demanded = float(risk_of_known(risk, demands)[0])
+    objective, risk = problem.objective, problem.risk
+    bare = objective.evaluate(np.array([[0.0, 1.0, 0.3]]))
+    without = float(risk_of_known(risk, bare.severity)[0])
     search = Searcher(
         objective,
-        demand,
         risk,
         problem.space,
         problem.method,
@@ -195,22 +188,22 @@ def solve(problem: GroundProblem, store: Checkpoint, report: Progress | None) ->
     )
     # The closed form of uplift answers first: there may be nothing to search.
     if np.all(bare.tilt == 0.0):
-        return _answer(problem, search, demanded, GroundVerdict(GroundStatus.no_uplift, ()), None)
+        return _answer(problem, search, without, GroundVerdict(GroundStatus.no_uplift, ()), None)
     search.run()
     best, found = search.best(), search.found
     if search.interrupted:
-        return _answer(problem, search, demanded, GroundVerdict(GroundStatus.interrupted, ()), best)
+        return _answer(problem, search, without, GroundVerdict(GroundStatus.interrupted, ()), best)
     assert found is not None
     if best is None:
-        return _answer(problem, search, demanded, _none_feasible(found, search.names), None)
-    if not found.value[best] < demanded - _SLIGHT:
-        _, again = demand.follow(objective, found.designs[best][None])
-        hangs = _hangs(risk, again[0], demands[0])
-        verdict = _unknown(hangs) if hangs else _no_improvement(found, search.names, best, demanded)
-        return _answer(problem, search, demanded, verdict, best)
+        return _answer(problem, search, without, _none_feasible(found, search.names), None)
+    if not found.value[best] < without - _SLIGHT:
+        again = objective.evaluate(found.designs[best][None])
+        hangs = _hangs(risk, again.severity[0], bare.severity[0])
+        verdict = _unknown(hangs) if hangs else _no_improvement(found, search.names, best, without)
+        return _answer(problem, search, without, verdict, best)
     judged = tuple(_judged(problem, found.designs[best], group, report) for group in problem.groups)
     verdict = verdict_of(judged, problem.at_least, objective.allowed)
-    return _answer(problem, search, demanded, verdict, best, judged)
+    return _answer(problem, search, without, verdict, best, judged)
 
 
 def _none_feasible(found: Evaluated, names: tuple[str, ...]) -> GroundVerdict:
@@ -228,16 +221,16 @@ def _none_feasible(found: Evaluated, names: tuple[str, ...]) -> GroundVerdict:
 def _no_improvement(found: Evaluated, names: tuple[str, ...], best: int, bare: float) -> GroundVerdict:
     """Verdict where the best design within the limits is no better than none."""
     reason = (
-        f"of {int(found.feasible.sum())} designs that keep to the limits the best puts a demand of "
-        f"{found.value[best]:.4g} on the block, and without a pendulum it is {bare:.4g}"
+        f"of {int(found.feasible.sum())} designs that keep to the limits the best tilts the block by "
+        f"{found.value[best]:.4g} of its slenderness, and without a pendulum it is {bare:.4g}"
     )
     # It would be false to say that none is better where the limits alone stand against some.
     better = ~found.feasible & (found.value < bare - _SLIGHT)
     if better.any():
         near = int(np.argmin(np.where(better, found.sizes.max(axis=1), np.inf)))
         reason += (
-            f"; {int(better.sum())} designs that break a limit put less on it: {_over(found, names, near)} "
-            f"for a demand of {found.value[near]:.4g}"
+            f"; {int(better.sum())} designs that break a limit tilt it less: {_over(found, names, near)} "
+            f"for {found.value[near]:.4g}"
         )
     return GroundVerdict(GroundStatus.no_improvement, (reason + _left_out(found),))
 
@@ -314,7 +307,7 @@ def _answer(
         gravity=objective.gravity,
         space=problem.space,
         conditions=objective.conditions,
-        demand=problem.demand,
+        groups=problem.groups,
         risk=problem.risk,
         limits=objective.limits,
         allowed=objective.allowed,
@@ -347,7 +340,6 @@ def settings(design: GroundDesign) -> dict[str, Any]:
     """Inputs of a design as plain values, for its JSON."""
     return {
         "space": asdict(design.space),
-        "demand": {"kind": type(design.demand).__name__, **asdict(design.demand)},
         "risk": asdict(design.risk),
         "limits": {x.name: asdict(x) for x in design.limits},
         "allowed": design.allowed,

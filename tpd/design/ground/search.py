@@ -1,4 +1,4 @@
-"""Search for the design of least demand on ground motions.
+"""Search for the design of least rocking under ground motions.
 
 Designs spread over the whole space come first. A response surface through their values then says which design
 is worth following next, and which of all is the best: that of least trend, not the luckiest.
@@ -15,7 +15,6 @@ import numpy as np
 from tpd.core import checks, sampling
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import Risk
-from tpd.design.ground.demand import Demand
 from tpd.design.ground.objective import GroundObjective
 from tpd.design.space import DesignSpace
 from tpd.design.surface import Observations, Surface, candidates, fit, promise
@@ -50,7 +49,7 @@ class Evaluated(NamedTuple):
     designs: np.ndarray
     """(mu, lam, zeta), (m, 3)"""
     value: np.ndarray
-    """Risk of the demands, (m,)."""
+    """Risk of the severities, (m,)."""
     sizes: np.ndarray
     """Limited quantities over their limits, (m, sizes)."""
     overturned: np.ndarray
@@ -85,7 +84,6 @@ class Searcher:
     """One search, which can go on from what was followed before."""
 
     objective: GroundObjective
-    demand: Demand
     risk: Risk
     space: DesignSpace
     method: GroundSearch
@@ -137,15 +135,15 @@ class Searcher:
 
     def evaluate(self, designs: np.ndarray) -> Evaluated:
         """Follow designs through all motions."""
-        runs, found = self.demand.follow(self.objective, designs)
+        runs = self.objective.evaluate(designs)
         self.names, sizes = self.objective.sizes(runs, designs)
         undecided = runs.undecided.sum(axis=1)
         share = runs.overturned.sum(axis=1) / np.maximum(runs.overturned.shape[1] - undecided, 1)
-        value = risk_of_known(self.risk, found)
+        value = risk_of_known(self.risk, runs.severity)
         return Evaluated(designs, value, sizes, share, undecided)
 
     def _fit(self, full: bool) -> None:
-        """Fit the surfaces of demand and limits to all that was followed."""
+        """Fit the surfaces of risk and limits to all that was followed."""
         if self.found is None:
             return
         # A design of which no run has an answer says nothing.
@@ -181,6 +179,6 @@ class Searcher:
 
 
 def risk_of_known(risk: Risk, values: np.ndarray) -> np.ndarray:
-    """Risk of every row of demands over its runs with an answer; NaN where no run has one."""
+    """Risk of every row of severities over its runs with an answer; NaN where no run has one."""
     known = ~np.isnan(values)
     return np.array([float(risk.of(v[k])) if k.any() else np.nan for v, k in zip(values, known, strict=True)])

@@ -19,7 +19,7 @@ from tpd.design.criteria import (
     Tilt,
     check_limits,
 )
-from tpd.design.ground.demand import Runs
+from tpd.design.ground.runs import Runs
 
 KINDS = (Stroke, RelativeStroke, Tilt, Mass, Offset, Room)
 """Limits that ground motions can be asked for; the others are of settled motions."""

@@ -1,0 +1,98 @@
+"""Front of the bob's mass against the benefit: what a kilogramme pays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tpd.core.progress import Progress
+from tpd.core.scene import Pendulum, Scene
+from tpd.design.ground.design import GroundDesign
+from tpd.design.ground.groups import Role
+from tpd.design.optimise import optimise
+from tpd.design.result import Design
+
+_LEAST, _LIGHTER = 1.0 / 16.0, 3
+"""Share of the largest mass at which a front begins, and how many lighter bobs it has by default."""
+
+
+class FrontPoint(NamedTuple):
+    """Answer with a bob of at most a mass."""
+
+    most: float
+    """kg"""
+    status: str
+    """Name of the status."""
+    pendulum: Pendulum | None
+    """None where none is offered."""
+    saved: tuple[float, float, float]
+    """Share by which the mean tilt falls, and its interval of 95 %, on runs that no choice has seen; NaN
+    without a pendulum."""
+
+
+def front(
+    design: Design | GroundDesign,
+    most: Sequence[float] | None = None,
+    *,
+    method: Any = None,
+    progress: Progress | None = None,
+) -> tuple[FrontPoint, ...]:
+    """Answer the question of a design again with lighter bobs, each verified as the design itself.
+
+    Args:
+        design: an answer of `tpd.optimise`.
+        most: largest masses over the block's, increasing; by default three in equal ratios from a sixteenth
+            of the space's largest on. The design itself comes last.
+        method: of each search; default that of the design.
+        progress: called with ("front", bobs done, of how many).
+
+    Raises:
+        ValueError: masses that do not increase, or that are not within the design space.
+        KeyboardInterrupt: Ctrl-C.
+    """
+    block = design.block if isinstance(design, GroundDesign) else design.scene.block
+    low, high = design.space.mass_ratio
+    shares = np.geomspace(max(low, high * _LEAST), high, _LIGHTER + 2)[1:-1] if most is None else most
+    shares = np.asarray(shares, dtype=float)
+    if shares.ndim != 1 or np.any(np.diff(shares) <= 0.0) or not np.all((shares > low) & (shares < high)):
+        raise ValueError(
+            f"`most` must be increasing masses between {low:g} and {high:g} of the block's, but is "
+            f"{list(map(float, shares))}"
+        )
+    points = []
+    for i, share in enumerate(shares):
+        if progress is not None:
+            progress("front", i, len(shares))
+        space = replace(design.space, mass_ratio=(low, float(share)))
+        answer = _again(design, space=space, method=design.method if method is None else method)
+        if answer.status.name == "interrupted":
+            raise KeyboardInterrupt
+        points.append(_point(float(share * block.mass), answer))
+    return (*points, _point(float(high * block.mass), design))
+
+
+def _again(design: Design | GroundDesign, **changed: Any) -> Design | GroundDesign:
+    """The answer to the question of a design with some of its inputs changed."""
+    same: dict[str, Any] = {name: getattr(design, name) for name in ("risk", "limits", "seed")} | changed
+    if isinstance(design, GroundDesign):
+        same |= {name: getattr(design, name) for name in ("conditions", "allowed", "at_least", "scatter")}
+        held = {g.name: g.motions for g in design.groups if g.role is Role.held_out}
+        scene = Scene(design.block, design.conditions.motions[0], design.gravity)
+        return optimise(scene, held_out=held, **same)
+    same |= {name: getattr(design, name) for name in ("conditions", "starts", "ensemble", "worth")}
+    return optimise(design.scene, **same)
+
+
+def _point(most: float, answer: Design | GroundDesign) -> FrontPoint:
+    saved = np.nan, np.nan, np.nan
+    if isinstance(answer, GroundDesign):
+        if answer.pendulum is not None and answer.benefit is not None:
+            fall = answer.benefit.saved
+            saved = fall.mean, fall.low, fall.high
+    elif answer.winner is not None and answer.winner.benefit is not None:
+        fall = answer.winner.benefit
+        saved = fall.value, fall.low, fall.high
+    return FrontPoint(most, answer.status.name, answer.pendulum, saved)
