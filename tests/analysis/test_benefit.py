@@ -54,8 +54,9 @@ def test_every_size_of_known_runs():
         "at rest": (pytest.approx(0.2), pytest.approx(0.1)),
     }
     for c in found.changes:
-        assert c.low <= c.difference <= c.high
         assert c.difference == pytest.approx(c.with_it - c.without)
+        # Of a median and of the worst tenth there is no interval.
+        assert np.isnan(c.low) if c.name[:5] in ("media", "worst") else c.low <= c.difference <= c.high
     assert found.worse_conditions == ()
     assert not found.rests_less
     assert str(found).startswith("43% less tilt (95 % interval ")
@@ -70,10 +71,10 @@ def test_the_worst_severity_is_the_mean_of_the_worst_tenth():
 def test_the_interval_covers_the_true_benefit_nineteen_times_in_twenty():
     """Bare tilts around 0.5, hung ones at 0.7 of these with a scatter of their own."""
     rng, hits = np.random.default_rng(0), 0
-    for trial in range(200):
+    for _ in range(200):
         bare = rng.uniform(0.3, 0.7, 64)
         hung = 0.7 * bare + rng.uniform(-0.1, 0.1, 64)
-        found = compared(hung, bare, seed=trial)
+        found = compared(hung, bare)
         hits += found.low <= 0.3 <= found.high
     assert 0.9 <= hits / 200 <= 0.99
 
@@ -84,15 +85,6 @@ def test_pairs_are_drawn_together():
     found = compared(0.9 * bare, bare)
     assert found.low == pytest.approx(0.1, rel=1e-9)
     assert found.high == pytest.approx(0.1, rel=1e-9)
-
-
-def test_resamples_are_seeded():
-    rng = np.random.default_rng(2)
-    hung, bare = rng.uniform(0.0, 0.5, 40), rng.uniform(0.2, 0.7, 40)
-    ends = {seed: (x.low, x.high) for seed in (0, 1) for x in [compared(hung, bare, seed=seed)]}
-    again = compared(hung, bare, seed=0)
-    assert (again.low, again.high) == ends[0] != ends[1]
-    assert ends[0] == pytest.approx(ends[1], abs=0.03)
 
 
 @pytest.mark.parametrize(
@@ -110,7 +102,7 @@ def test_resamples_are_seeded():
 def test_runs_that_end_alike_have_a_benefit_that_is_a_number(hung, bare, value):
     found = compared(hung, bare)
     assert (found.value, found.low, found.high) == (value, value, value)
-    assert all(np.isfinite([c.with_it, c.without, c.low, c.high]).all() for c in found.changes)
+    assert all(np.isfinite([c.with_it, c.without]).all() for c in found.changes)
 
 
 @pytest.mark.mends("runs without an answer counted as overturned, or by the tilt of their last period")
@@ -149,7 +141,9 @@ def test_a_benefit_of_nothing_but_runs_without_an_answer_is_unknown():
 
 def test_one_run_is_answered():
     found = compared([0.2], [0.4])
-    assert (found.value, found.low, found.high, found.runs) == (0.5, 0.5, 0.5, 1)
+    assert (found.value, found.runs) == (0.5, 1)
+    assert np.isinf(found.low)
+    assert str(found) == "50% less tilt"
     assert found.worse_conditions == ()
 
 
@@ -192,7 +186,7 @@ def test_rests_less_where_significantly_fewer_runs_end_at_rest(fewer, more, said
 
 
 def test_a_harm_is_told_as_more_tilt():
-    worse = compared([0.4, 0.5, 0.6, 0.5], [0.4, 0.4, 0.4, 0.4])
+    worse = compared([0.5, 0.45, 0.55, 0.5], [0.4, 0.4, 0.4, 0.4])
     assert str(worse).startswith("25% more tilt (95 % interval ")
     assert worse.high <= 0.0
     assert "-" not in str(worse)

@@ -27,7 +27,7 @@ jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
 from tpd.design.ground.groups import grouped  # noqa: E402
-from tpd.design.ground.judgement import judge  # noqa: E402
+from tpd.design.ground.judgement import judge, scatter_of  # noqa: E402
 from tpd.design.ground.objective import GroundObjective  # noqa: E402
 from tpd.design.ground.optimise import DEFAULT_LIMITS, DEFAULT_SPACE  # noqa: E402
 from tpd.design.ground.search import GroundSearch, Searcher  # noqa: E402
@@ -225,7 +225,9 @@ def benefit():
         seen = {getattr(m, "event", "") for m in conditions.motions}
         other = grouped(conditions.motions, {"near": [m for m in near if m.event not in seen]}, 0)[1]
         objective = GroundObjective(block(name), found.conditions, found.limits, 0.1)
-        beside = judge(objective, found.best, other, STRIPES, scatter=found.scatter, seed=0)
+        beside = judge(
+            objective, found.best, other, STRIPES, scatter=scatter_of(found.block, found.ensemble), seed=0
+        )
         held = found.judged[1]
         if name == "statue 1.8 m":
             (PICTURES / "fragility.png").write_bytes(style.png(plot_groups(found)[0].figure))
@@ -272,7 +274,9 @@ def harm(count=200):
         third = [m for m in (*far, *near) if m.event not in seen]
         other = grouped(chosen, {"third": third}, 0)[1]
         objective = GroundObjective(column, found.conditions, limits, 0.1)
-        judged = judge(objective, found.best, other, scales, scatter=found.scatter, seed=i + 1)
+        judged = judge(
+            objective, found.best, other, scales, scatter=scatter_of(found.block, found.ensemble), seed=i + 1
+        )
         better += judged.difference.is_below or judged.tilt.is_below
         if judged.difference.is_above:
             worse.append((f"{height:.1f} m, ν = {nu:.2f}", _interval(judged.difference)))

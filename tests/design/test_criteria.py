@@ -8,9 +8,23 @@ import pytest
 from scipy.optimize import linprog
 
 import tpd
+from tests.design.conftest import WIDE
 from tpd.core.bob import Bob
-from tpd.design.criteria import DEFAULT_LIMITS, KINDS, Geometry, Limit, check_limits, limit_of, stroke_limit
+from tpd.design.checkpoint import Checkpoint
+from tpd.design.criteria import (
+    DEFAULT_LIMITS,
+    KINDS,
+    Geometry,
+    Limit,
+    Size,
+    check_limits,
+    limit_of,
+    stroke_limit,
+)
 from tpd.design.objective import Evaluation, geometry_of
+from tpd.design.problem import Problem
+from tpd.design.search import Multistart
+from tpd.report import words
 
 SCENE = tpd.paper_scene()
 FACTORS = {"mass": [0.9, 1.1], "length": [1.0, 1.02], "slenderness": [1.0, 0.97]}
@@ -80,11 +94,19 @@ def test_a_share_out_of_range_is_refused(share):
 # Limits
 
 
-class Unknown(Limit):
-    name = "unknown"
+@dataclasses.dataclass(frozen=True)
+class Lighter(Limit):
+    """A limit of a user's own: the mass in kg, which slopes with the mass ratio alone."""
+
+    kg: float = 1.0
+    name = "lighter"
+    of_motion = False
 
     def sizes(self, e, g):
-        return ()
+        mass = g.mass(e.design)
+        slope = np.zeros((*mass.shape, 3))
+        slope[..., 0] = mass / e.design[:, 0, None]
+        yield Size(self.name, mass / self.kg, slope / self.kg)
 
 
 def evaluation(design: np.ndarray) -> Evaluation:
@@ -211,6 +233,19 @@ def test_limits_are_listed_in_the_order_of_a_report_and_looked_up():
     assert {x.name for x in ONE_OF_EACH if not x.of_motion} == {"worsening", "multiplier", "reserve"}
 
 
+def test_a_limit_of_the_users_own_holds_a_search_and_has_words():
+    own = Lighter(1.0)
+    limits = check_limits((own, tpd.limits.Stroke(1.5)))
+    assert limits == (tpd.limits.Stroke(1.5), own)
+    assert words.limit(own) == "lighter kg = 1.0"
+    method = tpd.Sequential(searches=4, screening=32, steps=8)
+    found = Problem.of(SCENE, WIDE, tpd.Conditions.exactly(), None, None, limits, method, 0)
+    search = Multistart(found.objective, method, 0, None)
+    search.run(Checkpoint(None, "", {}))
+    heaviest = search.designs[search.order()][:, 0].max() * SCENE.block.mass
+    assert 0.9 < heaviest <= 1.0
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -218,7 +253,6 @@ def test_limits_are_listed_in_the_order_of_a_report_and_looked_up():
         (lambda: tpd.limits.Stroke(0.0), "`stroke` must be positive"),
         (lambda: tpd.limits.Offset(float("nan")), "`offset` must be positive"),
         (lambda: tpd.limits.Multiplier(1.5), r"`multiplier` must be between .* but is 1\.5"),
-        (lambda: check_limits((Unknown(),)), "`limits` must hold objects of `tpd.limits`, but has "),
         (lambda: check_limits((tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))), "but has two of Tilt"),
     ],
 )

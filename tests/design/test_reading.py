@@ -81,7 +81,7 @@ def test_infinite_amplitudes_and_no_pendulum_are_read(damaged):
         ({"worth": ...}, "is not the design of a report: it has no `worth`"),
         ({"seed": "3"}, "`seed` must be a whole number, but is '3'"),
         ({"seed": True}, "`seed` must be a whole number, but is True"),
-        ({"status": "good"}, "`status` must be one of found, refused, none_feasible"),
+        ({"status": "good"}, "`status` must be one of found, tuned_only, too_few"),
         (
             {"amplitude_rad": "large"},
             '`amplitude_rad` must be a number, "infinite" or "nan", but is \'large\'',

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from tpd.analysis.intervals import change, fall
 from tpd.analysis.outcomes import Outcomes
 from tpd.analysis.paired import SIGNIFICANT, Verdict, chance_of
 
-_RESAMPLES, _LEVEL = 2000, 0.95
-"""Resamples of the pairs, and the level of the interval that they give."""
 _ONE_SIDED = 1.645
 """Quantile of the normal distribution that a one-sided test at 5 % takes."""
 _LEAST = 0.02
@@ -24,14 +22,14 @@ _CHANGES = "mean severity", "median severity", "worst severity", "overturned", "
 
 
 class Change(NamedTuple):
-    """One size with the pendulum and without, and their difference with its 95 % interval."""
+    """One size with the pendulum and without, and of a mean their difference with its 95 % interval."""
 
     name: str
     with_it: float
     without: float
     low: float
     high: float
-    """Interval of the difference, with less without."""
+    """Interval of the difference, with less without; NaN of what is no mean."""
 
     @property
     def difference(self) -> float:
@@ -48,7 +46,7 @@ class Benefit:
     """Share by which the mean severity falls; negative where the pendulum does harm, 0 where none moves."""
     low: float
     high: float
-    """95 % interval, from resampled pairs."""
+    """95 % interval, see `tpd.analysis.intervals.fall`."""
     changes: tuple[Change, ...]
     """Mean, median and worst severity, and the shares overturned and at rest."""
     worse_conditions: tuple[int, ...]
@@ -70,10 +68,12 @@ class Benefit:
         if np.isnan(self.value):
             return "unknown"
         # A value that rounds to zero must not read "-0%".
-        value = round(self.value, 2) + 0.0
+        value, low, high = (0.0 + x for x in (round(self.value, 2), self.low, self.high))
         if value < 0.0:
-            return f"{-value:.0%} more tilt (95 % interval {0.0 - self.high:.0%} to {0.0 - self.low:.0%})"
-        return f"{value:.0%} less tilt (95 % interval {self.low:.0%} to {self.high:.0%})"
+            value, low, high = -value, 0.0 - high, 0.0 - low
+        # Of a single run nothing is known but the value.
+        around = f" (95 % interval {low:.0%} to {high:.0%})" if np.isfinite(low) else ""
+        return f"{value:.0%} {'more' if self.value < 0.0 and value else 'less'} tilt{around}"
 
 
 def severity(outcomes: Outcomes, slenderness: float) -> np.ndarray:
@@ -85,9 +85,7 @@ def severity(outcomes: Outcomes, slenderness: float) -> np.ndarray:
     return np.where(outcomes.undecided, np.nan, np.minimum(np.where(np.isnan(tilt), np.inf, tilt), 1.0))
 
 
-def benefit_of(
-    verdict: Verdict, slenderness: float, condition: np.ndarray, share: float = 0.05, seed: int = 0
-) -> Benefit:
+def benefit_of(verdict: Verdict, slenderness: float, condition: np.ndarray, share: float = 0.05) -> Benefit:
     """Benefit of paired runs; NaN where none of them has an answer.
 
     Args:
@@ -95,34 +93,31 @@ def benefit_of(
         slenderness: nu of the block.
         condition: index of the condition of every run, shape (runs,).
         share: by which a condition may be worse than without the pendulum.
-        seed: of the resampling.
     """
     known = verdict.known
     if not known.all():
-        ends = (benefit_of(x, slenderness, condition, share, seed) for x in verdict.ends)
+        ends = (benefit_of(x, slenderness, condition, share) for x in verdict.ends)
         answered = Verdict(hung=verdict.hung.at(known), bare=verdict.bare.at(known))
         if not known.any():
             return _unknown(condition, share, len(known), tuple(ends))
-        found = benefit_of(answered, slenderness, condition[known], share, seed)
+        found = benefit_of(answered, slenderness, condition[known], share)
         return replace(found, undecided=int(np.sum(~known)), ends=tuple(ends))
     hung, bare = severity(verdict.hung, slenderness), severity(verdict.bare, slenderness)
     n = len(hung)
-    # Pairs are drawn together, so that what both share cancels in the differences.
-    rows = np.random.default_rng([seed, 7]).integers(0, n, (_RESAMPLES, n))
-    tilts, lost = _Pairs(hung, bare, rows), _Pairs(1.0 * verdict.hung.lost, 1.0 * verdict.bare.lost, rows)
-    low, high = _interval(_fall(_mean(tilts.hung_again), _mean(tilts.bare_again)))
+    # Runs of one condition differ as those of different ones do: each is a cluster of its own.
+    found = fall(hung, bare, least=_LEAST)
     rest_with, rest_without = (o.status == "rest" for o in (verdict.hung, verdict.bare))
     fewer, more = int(np.sum(rest_without & ~rest_with)), int(np.sum(rest_with & ~rest_without))
     return Benefit(
-        value=float(_fall(hung.mean(), bare.mean())),
-        low=low,
-        high=high,
+        value=found.mean,
+        low=found.low,
+        high=found.high,
         changes=(
-            tilts.change(_CHANGES[0], _mean),
-            tilts.change(_CHANGES[1], _median),
-            tilts.change(_CHANGES[2], _worst),
-            lost.change(_CHANGES[3], _mean),
-            _Pairs(1.0 * rest_with, 1.0 * rest_without, rows).change(_CHANGES[4], _mean),
+            _mean_change(_CHANGES[0], hung, bare),
+            Change(_CHANGES[1], float(np.median(hung)), float(np.median(bare)), np.nan, np.nan),
+            Change(_CHANGES[2], _worst(hung), _worst(bare), np.nan, np.nan),
+            _mean_change(_CHANGES[3], verdict.hung.lost, verdict.bare.lost),
+            _mean_change(_CHANGES[4], rest_with, rest_without),
         ),
         worse_conditions=_worse(hung, bare, condition, share),
         by_condition=(_by_condition(hung, condition), _by_condition(bare, condition)),
@@ -150,43 +145,15 @@ def _unknown(condition: np.ndarray, share: float, runs: int, ends: tuple[Benefit
     )
 
 
-def _mean(x: np.ndarray) -> Any:
-    return x.mean(axis=-1)
+def _mean_change(name: str, hung: np.ndarray, bare: np.ndarray) -> Change:
+    by = change(hung, bare)
+    return Change(name, float(hung.mean()), float(bare.mean()), by.low, by.high)
 
 
-def _median(x: np.ndarray) -> Any:
-    return np.median(x, axis=-1)
-
-
-def _worst(x: np.ndarray) -> Any:
+def _worst(x: np.ndarray) -> float:
     """Mean of the worst tenth: the largest of all runs alone would say little."""
     # Of few runs at least one.
-    k = max(1, x.shape[-1] // 10)
-    return np.sort(x, axis=-1)[..., -k:].mean(axis=-1)
-
-
-def _fall(hung: Any, bare: Any) -> Any:
-    """Share by which severities fall, numbers or arrays; 0 where both are zero."""
-    # Relative to a bare block that hardly moves every tilt would be an endless harm.
-    return (np.asarray(bare) - hung) / np.maximum(bare, _LEAST)
-
-
-def _interval(values: np.ndarray) -> tuple[float, float]:
-    tail = 0.5 * (1.0 - _LEVEL)
-    low, high = np.quantile(values, [tail, 1.0 - tail], method="inverted_cdf")
-    return float(low), float(high)
-
-
-class _Pairs:
-    """A number of every run, with the pendulum and without, and as resampled: rows of pairs."""
-
-    def __init__(self, hung: np.ndarray, bare: np.ndarray, rows: np.ndarray) -> None:
-        self.hung, self.bare, self.hung_again, self.bare_again = hung, bare, hung[rows], bare[rows]
-
-    def change(self, name: str, of: Callable[[np.ndarray], Any]) -> Change:
-        """Change of a size of all runs."""
-        low, high = _interval(of(self.hung_again) - of(self.bare_again))
-        return Change(name, float(of(self.hung)), float(of(self.bare)), low, high)
+    return float(np.sort(x)[-max(1, len(x) // 10) :].mean())
 
 
 def _by_condition(values: np.ndarray, condition: np.ndarray) -> np.ndarray:

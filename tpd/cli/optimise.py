@@ -163,7 +163,7 @@ def claim(options: argparse.Namespace, unfinished: Path) -> None:
         unfinished.unlink(missing_ok=True)
 
 
-def _design(job: Job, unfinished: Path, bar: Bar) -> Design:
+def _design(job: Job, unfinished: Path, bar: Bar) -> Any:
     from tpd.design.optimise import optimise
 
     return optimise(

@@ -90,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
     # Bad files and values end here, before anything is written or claimed.
     held_out = _held_out(options.held_out, options)
     scene = ground.scene(options, motions[0])
-    arguments = _arguments(given, scene)
+    arguments = _arguments(given, scene, options.allowed)
     unfinished = options.out / _UNFINISHED
     harmonic.claim(options, unfinished)
     stripes = ", ".join(f"{x:g}" for x in options.scales)
@@ -101,7 +101,6 @@ def run(options: argparse.Namespace) -> int:
             scene,
             conditions=conditions,
             held_out=held_out,
-            allowed=options.allowed,
             checkpoint=unfinished,
             progress=bar,
             **arguments,
@@ -120,9 +119,9 @@ def run(options: argparse.Namespace) -> int:
 def _refuse_others(given: Mapping[str, Mapping[str, Any]], options: argparse.Namespace) -> None:
     """Refuse what would have no effect on records, and say where it stands: in the job, or an option."""
     from tpd.cli.options import given as by_options
-    from tpd.design.ground.sizes import KINDS
+    from tpd.design.criteria import KINDS
 
-    limits = {kind.name for kind in KINDS}
+    limits = {kind.name for kind in KINDS if kind.of_motion}
     for table, values in given.items():
         keys = limits if table == "limits" else _USED.get(table, ())
         for key, value in values.items():
@@ -146,14 +145,14 @@ def _flag(table: str, key: str) -> str:
     return next((x.flag for x in every if (x.table, x.key) == (table, key)), f"--{table}")
 
 
-def _arguments(given: Mapping[str, Mapping[str, Any]], scene: Scene) -> dict[str, Any]:
+def _arguments(given: Mapping[str, Mapping[str, Any]], scene: Scene, allowed: float) -> dict[str, Any]:
     """Arguments of `tpd.optimise` from the tables of a job; what is left out has the default of records."""
+    from tpd.analysis.ensemble import Ensemble
     from tpd.cli import build, config
-    from tpd.design.ground.judgement import scatter_of
     from tpd.design.ground.optimise import DEFAULT_SPACE
     from tpd.design.ground.search import GroundSearch
-    from tpd.design.ground.sizes import KINDS
     from tpd.design.inputs import check_scatter
+    from tpd.design.worth import Worth
 
     file = config.chosen({k: v for k, v in given.items() if k != "motion"})
     space = dict(given.get("space", {}))
@@ -161,17 +160,19 @@ def _arguments(given: Mapping[str, Mapping[str, Any]], scene: Scene) -> dict[str
     # A job of harmonics has one damping; under records it is searched unless the job names it.
     space.setdefault("damping_ratio", list(DEFAULT_SPACE.damping_ratio))  # type: ignore[arg-type]
     searched = config.chosen({"space": space})
+    with build.naming("worth"):
+        worth = Worth(at_least=file.worth.at_least, strikes=allowed)
     out: dict[str, Any] = {
         "space": build.space_of(searched),
-        "limits": tuple(x for x in build.limits_of(file) if isinstance(x, KINDS)),
+        "limits": tuple(x for x in build.limits_of(file) if x.of_motion),
         "seed": file.search.seed,
-        "at_least": file.worth.at_least,
+        "worth": worth,
     }
     if file.widths:
         with build.naming("scatter"):
             check_scatter(scene, file.widths, out["space"])
-        # Widths of the job take the place of those that are usual.
-        out["scatter"] = scatter_of(scene.block) | file.widths
+            widths: dict[str, Any] = file.widths
+            out["ensemble"] = Ensemble(**widths)
     if "risk" in given:
         out["risk"] = build.risk_of(file)
     if "searches" in given.get("search", {}):

@@ -56,8 +56,7 @@ class PairedRuns:
         """Paired runs with a pendulum, and its benefit."""
         found = verdict(self.scene, pendulum, bare=self.bare, **self._runs)
         condition = self.ensemble.dealt(len(self.conditions))
-        share, seed = self.worth.worse, self.ensemble.seed
-        return found, benefit_of(found, float(self.scene.block.slenderness), condition, share, seed)
+        return found, benefit_of(found, float(self.scene.block.slenderness), condition, self.worth.worse)
 
     def under_other_losses(self, pendulum: Pendulum) -> tuple[LossCase, ...]:
         """The pendulum where the block loses energy by friction alone, by impacts alone, and by both."""

@@ -1,7 +1,8 @@
 """Criteria of a design: the risk measure over the conditions, and the limits that it must keep.
 
 A limit is a size that must not exceed one under every condition. A search takes any list of limits: it reads
-their sizes and the derivatives of these with respect to (mu, lam, zeta). A new limit is one new class here.
+their sizes and the derivatives of these with respect to (mu, lam, zeta). A user's own limit is a subclass of
+`Limit` with a name and sizes.
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ __all__ = [
 if TYPE_CHECKING:
     from tpd.design.objective import Evaluation
 
+THICKNESS = "thickness"
+"""Name of a size that no motion changes."""
 _LEAST_TILT = 0.02
 """Tilt, in shares of nu, that a pendulum may leave where the bare block hardly rocks or rests."""
 
@@ -254,7 +257,7 @@ class Room(Limit):
         yield Size(self.name, reach / g.wall, slope / g.wall[:, None])
         high, most = self.bob.slimness * radius, THICKEST * rod
         bulk = (self.bob.slimness * growing - (high / rod)[..., None] * longer) / most[..., None]
-        yield Size("thickness", high / most, bulk)
+        yield Size(THICKNESS, high / most, bulk)
 
 
 @dataclass(frozen=True)
@@ -356,23 +359,27 @@ def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
         raise ValueError(f"`limits` must be a list of objects of `tpd.limits`, but is {checks.shown(limits)}")
     listed = tuple(limits)
     for limit in listed:
-        if not isinstance(limit, KINDS):
+        if not isinstance(limit, Limit):
             raise ValueError(f"`limits` must hold objects of `tpd.limits`, but has {checks.shown(limit)}")
-    for kind in KINDS:
-        if sum(isinstance(limit, kind) for limit in listed) > 1:
+    kinds = [type(limit) for limit in listed]
+    for kind in kinds:
+        if kinds.count(kind) > 1:
             raise ValueError(f"`limits` must hold one limit of a kind, but has two of {kind.__name__}")
-    return tuple(sorted(listed, key=lambda limit: KINDS.index(type(limit))))
+    # Limits of the user's own come last.
+    return tuple(sorted(listed, key=lambda x: KINDS.index(type(x)) if type(x) in KINDS else len(KINDS)))
 
 
 def _relative(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:
-    """Sum of the largest bob angle and the largest tilt, rad, and its derivatives."""
+    """Largest angle between bob and block, rad, and its derivatives: where it is not known by itself the sum
+    of the largest bob angle and the largest tilt. Both need not occur at once, so that the sum is safe."""
+    if e.relative is not None:
+        return e.relative, np.zeros((*e.relative.shape, 3))
     nu = g.slenderness[None, :]
     return e.stroke + e.tilt * nu, e.stroke_slope + e.tilt_slope * nu[..., None]
 
 
 def _reach(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:
     """Largest distance of the bob's centre from the block's axis, m, and its derivatives."""
-    # Both largest angles need not occur at once. Their sum is a bound, so that the limit is safe.
     angle, angle_slope = _relative(e, g)
     rod = g.rod(e.design)
     # Beyond a right angle the bob comes back towards the axis, but it has been a rod's length away.

@@ -76,14 +76,14 @@ def front(
 
 def _again(design: Design | GroundDesign, **changed: Any) -> Design | GroundDesign:
     """The answer to the question of a design with some of its inputs changed."""
-    same: dict[str, Any] = {name: getattr(design, name) for name in ("risk", "limits", "seed")} | changed
+    same: dict[str, Any] = {
+        name: getattr(design, name) for name in ("conditions", "risk", "limits", "ensemble", "worth", "seed")
+    } | changed
     if isinstance(design, GroundDesign):
-        same |= {name: getattr(design, name) for name in ("conditions", "allowed", "at_least", "scatter")}
         held = {g.name: g.motions for g in design.groups if g.role is Role.held_out}
         scene = Scene(design.block, design.conditions.motions[0], design.gravity)
         return optimise(scene, held_out=held, **same)
-    same |= {name: getattr(design, name) for name in ("conditions", "starts", "ensemble", "worth")}
-    return optimise(design.scene, **same)
+    return optimise(design.scene, starts=design.starts, **same)
 
 
 def _point(most: float, answer: Design | GroundDesign) -> FrontPoint:

@@ -13,11 +13,11 @@ from tpd.core.cluster import Cluster
 from tpd.core.formatting import Printed, counted
 from tpd.core.progress import shown_count
 from tpd.core.scene import Block, Scene
-from tpd.design.ground.design import GroundDesign, GroundStatus
+from tpd.design.ground.design import GroundDesign
 from tpd.design.optimise import optimise
 from tpd.design.result import Design, DesignStatus
 
-_STATUSES = tuple(dict.fromkeys(s.name for kind in (DesignStatus, GroundStatus) for s in kind))
+_STATUSES = tuple(DesignStatus.__members__)
 """Names of statuses; their places stand for them in files."""
 
 
@@ -26,7 +26,7 @@ class Designs(Printed):
     """Answers for n blocks, arrays of shape (n,); NaN where no pendulum is offered."""
 
     status: np.ndarray
-    """Names of `DesignStatus`, or of `GroundStatus` under ground motions."""
+    """Names of `DesignStatus`."""
     mass: np.ndarray
     """kg"""
     length: np.ndarray

@@ -69,6 +69,8 @@ class Evaluation(NamedTuple):
     (m, n, 2)."""
     design: np.ndarray
     """(m, 3)"""
+    relative: np.ndarray | None = None
+    """Largest |psi - phi|, rad, where it is known by itself."""
 
     @property
     def attracts(self) -> np.ndarray:
@@ -77,7 +79,7 @@ class Evaluation(NamedTuple):
 
     def at(self, rows: np.ndarray | list[int]) -> Evaluation:
         """Evaluation of some of the designs."""
-        return Evaluation(*(x[rows] for x in self))
+        return Evaluation(*(None if x is None else x[rows] for x in self))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -155,11 +157,7 @@ class Orbits:
 
     def blank(self, m: int) -> Evaluation:
         """Evaluation of `m` designs with ones in place of sizes, for limits that are asked with others."""
-        n = len(self.conditions)
-        one, slope = np.ones((m, n)), np.zeros((m, n, 3))
-        kind, root = np.zeros((m, n), int), np.full((m, n, 2), np.nan)
-        sizes = one, slope, one, slope, one, slope
-        return Evaluation(*sizes, one, one, one, slope, kind, root, np.ones((m, 3)))
+        return blank(m, len(self.conditions))
 
     def linearised(self, e: Evaluation) -> Linearisation:
         """Merits, tightened constraints and their derivatives along the searched shares of the bounds."""
@@ -173,6 +171,14 @@ class Orbits:
     def at(self, unit: np.ndarray) -> Linearisation:
         """Linearisation at designs in shares of the bounds, (m, d)."""
         return self.linearised(self.evaluate(self.space.unscaled(unit)))
+
+
+def blank(m: int, n: int) -> Evaluation:
+    """Evaluation of `m` designs under `n` conditions with ones in place of sizes."""
+    one, slope = np.ones((m, n)), np.zeros((m, n, 3))
+    kind, root = np.zeros((m, n), int), np.full((m, n, 2), np.nan)
+    sizes = one, slope, one, slope, one, slope
+    return Evaluation(*sizes, one, one, one, slope, kind, root, np.ones((m, 3)))
 
 
 def geometry_under(

@@ -79,7 +79,8 @@ class OneShot:
     def _step(self, designs: np.ndarray) -> Evaluation:
         """Half a period of every orbit that is followed; what is not, or is lost, is left blank."""
         o, m = self.objective, len(designs)
-        e = Evaluation(*map(np.array, o.blank(m)))._replace(design=designs, margin=margins(o, designs))
+        blank = (None if x is None else np.array(x) for x in o.blank(m))
+        e = Evaluation(*blank)._replace(design=designs, margin=margins(o, designs))  # type: ignore[arg-type]
         # The derivatives of the last step say where the orbit of the next design is, to first order.
         self.turns = self.turns + np.einsum("mnud,md->mnu", self.slopes, designs - self.designs)
         self.designs, todo, before = designs, self.follows.copy(), self.follows.copy()

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, overload
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from tpd.analysis.attractors import Starts
 from tpd.analysis.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.conditions import Conditions, check_restitution
+from tpd.core.ground_motion import GroundMotion
 from tpd.core.progress import Progress, shown
 from tpd.core.scene import Block, Scene
 from tpd.core.threads import aside
@@ -21,7 +21,7 @@ from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DEFAULT_LIMITS, Limit, Risk, check_limits
 from tpd.design.elasticity import elasticities_of
 from tpd.design.ground.design import GroundDesign
-from tpd.design.ground.optimise import optimise_on_motions
+from tpd.design.ground.optimise import HELD_OUT, optimise_on_motions
 from tpd.design.ground.search import GroundSearch
 from tpd.design.inputs import check_cavity
 from tpd.design.methods import Descent, Method, describe
@@ -59,14 +59,6 @@ class Found:
     elasticities: dict[str, float] = field(default_factory=dict)
 
 
-@overload
-def optimise(scene: Scene, space: DesignSpace | None = ..., **settings: Any) -> Design: ...
-
-
-@overload
-def optimise(scene: Block, space: DesignSpace | None = ..., **settings: Any) -> GroundDesign: ...
-
-
 def optimise(
     scene: Scene | Block,
     space: DesignSpace | None = None,
@@ -78,10 +70,10 @@ def optimise(
     method: Method | GroundSearch | None = None,
     ensemble: Ensemble | None = None,
     worth: Worth | None = None,
+    held_out: float | Mapping[str, Sequence[GroundMotion]] | None = None,
     seed: int = 0,
     checkpoint: Path | str | None = None,
     progress: Progress | bool | None = None,
-    **on_motions: Any,
 ) -> Design | GroundDesign:
     """Pendulum of least rocking under one or many conditions, verified.
 
@@ -107,62 +99,56 @@ def optimise(
         method: `Descent(...)` or `Sequential(...)`.
         worth: least benefit and largest harm of a design that is offered; default `Worth()`.
         ensemble: runs that verify; default `Ensemble(seed=seed)`, dealt out among the conditions.
+        held_out: ground motions that the design is not tuned to, a share or groups by name; default 0.5.
         seed: of every random choice.
         checkpoint: file for finished searches; searches of the same problem in it are not repeated.
         progress: True for a bar on stderr, or called with (stage, done, of how many).
-        on_motions: `held_out`, `allowed`, `scatter` and `at_least` under ground motions.
+
+    Returns:
+        A `Design`; under ground motions a `GroundDesign`.
 
     Raises:
         ValueError: bad input, or a checkpoint of another problem.
         RuntimeError: JAX is in 32-bit mode.
     """
+    # Limits may be an iterator, which can be read once.
+    limits = None if limits is None else check_limits(limits)
     if isinstance(conditions, Conditions) and conditions.motions:
-        common: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "seed": seed}
-        on_motions |= {**common, "checkpoint": checkpoint, "progress": progress}
-        return _on_motions(scene, space, conditions, on_motions, (starts, ensemble, worth))
-    block_and_motion, how = _of_harmonics(scene, method, on_motions)
-    problem = Problem.of(block_and_motion, space, conditions, starts, risk, limits, how, seed, worth)
+        if starts is not None:
+            raise ValueError("`starts` is for harmonics, but the conditions are ground motions")
+        if isinstance(method, Method):
+            raise ValueError("`method` must be a GroundSearch, but the conditions are ground motions")
+        if isinstance(scene, (Scene, Block)):
+            block = scene.block if isinstance(scene, Scene) else scene
+            check_cavity(block, DEFAULT_LIMITS if limits is None else limits)
+        return optimise_on_motions(
+            scene,
+            conditions,
+            space,
+            held_out=HELD_OUT if held_out is None else held_out,
+            risk=risk,
+            limits=limits,
+            method=method,
+            worth=worth,
+            ensemble=ensemble,
+            seed=seed,
+            checkpoint=checkpoint,
+            progress=progress,
+        )
+    if held_out is not None:
+        raise ValueError("`held_out` is for ground motions, but the conditions are harmonics")
+    if isinstance(scene, Block) or isinstance(method, GroundSearch):
+        raise ValueError("a block alone, and a `GroundSearch`, go with ground motions: `Conditions.records`")
+    problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed, worth)
     runs = Ensemble(seed=seed) if ensemble is None else ensemble
     checks.instance("ensemble", runs, Ensemble)
     if runs.restitution:
-        check_restitution(block_and_motion)
+        check_restitution(scene)
     if checkpoint is not None:
         checks.instance("checkpoint", checkpoint, (Path, str))
     with shown(progress) as report:
         file = None if checkpoint is None else Path(checkpoint)
         return solve(problem, runs, file, report)
-
-
-def _on_motions(
-    scene: Scene | Block,
-    space: DesignSpace | None,
-    conditions: Conditions,
-    settings: dict[str, Any],
-    others: tuple[Any, ...],
-) -> GroundDesign:
-    """Design on ground motions, unless something is given that belongs to harmonics."""
-    for name, value in zip(("starts", "ensemble", "worth"), others, strict=True):
-        # A setting without effect would let somebody believe in it.
-        if value is not None:
-            raise ValueError(f"`{name}` is for harmonics, but the conditions are ground motions")
-    if isinstance(scene, (Scene, Block)):
-        # Limits may be an iterator, which can be read once.
-        limits = None if settings["limits"] is None else check_limits(settings["limits"])
-        block = scene.block if isinstance(scene, Scene) else scene
-        check_cavity(block, DEFAULT_LIMITS if limits is None else limits)
-        settings = {**settings, "limits": limits}
-    return optimise_on_motions(scene, conditions, space, **settings)
-
-
-def _of_harmonics(
-    scene: Scene | Block, method: Method | GroundSearch | None, on_motions: dict[str, Any]
-) -> tuple[Scene, Method | None]:
-    """Scene and method, unless something is given that belongs to ground motions."""
-    for name in on_motions:
-        raise ValueError(f"`{name}` is for ground motions, but the conditions are harmonics")
-    if isinstance(scene, Block) or isinstance(method, GroundSearch):
-        raise ValueError("a block alone, and a `GroundSearch`, go with ground motions: `Conditions.records`")
-    return scene, method
 
 
 def solve(

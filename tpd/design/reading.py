@@ -21,7 +21,6 @@ from tpd.core.formatting import Printed
 from tpd.core.ground_motion import GroundMotion
 from tpd.core.scene import Block, Harmonic, Pendulum, Scene, paper_scene
 from tpd.design.criteria import KINDS, Limit, Risk, Room
-from tpd.design.ground.design import GroundStatus
 from tpd.design.result import DesignStatus
 from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
@@ -73,7 +72,7 @@ class StoredGroundDesign(Printed):
     gravity: float
     pendulum: Pendulum | None
     """None where no design is offered."""
-    status: GroundStatus
+    status: DesignStatus
     seed: int
     records: tuple[str, ...]
     """Files, folders and sets that the motions were read from."""
@@ -90,7 +89,7 @@ class StoredGroundDesign(Printed):
         return _words(self.status, self.pendulum, str(self.content.get("status_message", self.status.value)))
 
 
-def _words(status: DesignStatus | GroundStatus, hung: Pendulum | None, sentence: str = "") -> str:
+def _words(status: DesignStatus, hung: Pendulum | None, sentence: str = "") -> str:
     lines = [f"Stored design: {status.name}", sentence or status.value]
     if hung is not None:
         lines.append(f"  pendulum    {hung.mass:.4g} kg on {hung.length:.4g} m, ζ = {hung.damping_ratio:.4g}")
@@ -151,7 +150,7 @@ def _design(file: Path, content: dict[str, Any]) -> StoredDesign:
         path=file,
         scene=_scene(job),
         pendulum=_pendulum(content),
-        status=_status(content, DesignStatus),
+        status=_status(content),
         space=_made(DesignSpace, "job.space", _pairs(job.get("space", {}))),
         conditions=_conditions(_key(content, "conditions", dict)),
         risk=_made(Risk, "risk", _key(content, "risk", dict)),
@@ -179,7 +178,7 @@ def _ground(file: Path, content: dict[str, Any]) -> StoredGroundDesign:
         block=block,
         gravity=float(scene.gravity),
         pendulum=_pendulum(content),
-        status=_status(content, GroundStatus),
+        status=_status(content),
         seed=_key(content, "seed", int),
         records=tuple(records),
         versions=_key(content, "versions", dict),
@@ -230,11 +229,11 @@ def _pendulum(content: Mapping[str, Any]) -> Pendulum | None:
     return _made(Pendulum, "pendulum", _key(content, "pendulum", dict))
 
 
-def _status(content: Mapping[str, Any], kind: Any) -> Any:
+def _status(content: Mapping[str, Any]) -> DesignStatus:
     name = _key(content, "status", str)
-    if name not in kind.__members__:
-        raise ValueError(f"`status` must be one of {', '.join(kind.__members__)}, but is {name!r}")
-    return kind[name]
+    if name not in DesignStatus.__members__:
+        raise ValueError(f"`status` must be one of {', '.join(DesignStatus.__members__)}, but is {name!r}")
+    return DesignStatus[name]
 
 
 def _scene(job: Mapping[str, Any]) -> Scene:

@@ -32,23 +32,26 @@ class DesignStatus(enum.Enum):
     """Worth of the answer; the value is the sentence that a report opens with."""
 
     found = (
-        "A PENDULUM WAS FOUND: the exact solution of the linear equations confirms its settled motion, and "
-        "paired runs of the nonlinear equations its benefit. That is no verdict of safety: read the shares."
+        "A PENDULUM WAS FOUND: over runs by the nonlinear equations that no choice has seen the block rocks "
+        "less with it, and none shows significant harm. That is no verdict of safety: read the shares."
     )
+    tuned_only = (
+        "A PENDULUM WAS TUNED TO THESE MOTIONS ALONE: there is no other earthquake to judge it on, so that "
+        "nothing is claimed about the next."
+    )
+    too_few = "TOO FEW EARTHQUAKES TO JUDGE: nothing is claimed."
+    undecided = "UNDECIDED: runs have no answer, and the verdict hangs on how they would have ended."
     refused = "NO PENDULUM WORTH HANGING: no design that the search found passes the verification."
-    none_feasible = (
-        "NO PENDULUM WORTH HANGING: no design that was tried in this space keeps to the limits under all "
-        "conditions."
-    )
+    none_feasible = "NO PENDULUM WORTH HANGING: no design that was tried in this space keeps to the limits."
     no_uplift = (
-        "NO PENDULUM IS NEEDED FROM REST: under all conditions the bare block settles at rest. Pushed hard "
-        "enough it may rock or overturn all the same."
+        "NO PENDULUM IS NEEDED FROM REST: under all conditions the bare block stays or settles at rest. "
+        "Pushed hard enough it may rock or overturn all the same."
     )
     interrupted = "INTERRUPTED: what follows is the best that had been found by then, if anything."
 
     @property
     def is_sound(self) -> bool:
-        """Whether the answer may be used: a design found and verified, or none needed."""
+        """Whether the answer may be used: a design found and judged, or none needed."""
         return self in (DesignStatus.found, DesignStatus.no_uplift)
 
 

@@ -140,7 +140,9 @@ def paired_runs(design: Design) -> list[Block]:
         return []
     rows: list[tuple[Cell, ...]] = []
     for change in best.benefit.changes:
-        interval = f"{change.difference:+.1%} ({change.low:+.1%} to {change.high:+.1%})"
+        interval = f"{change.difference:+.1%}"
+        if np.isfinite(change.low):
+            interval += f" ({change.low:+.1%} to {change.high:+.1%})"
         rows.append((_NAMES[change.name], f"{change.with_it:.1%}", f"{change.without:.1%}", interval))
     head = ("", "with it", "without", "difference (95 %)")
     caption = (

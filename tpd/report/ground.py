@@ -11,14 +11,13 @@ import numpy as np
 from tpd.core import files
 from tpd.core.formatting import number
 from tpd.core.scene import Pendulum, Scene
-from tpd.design.criteria import Room, limit_of
+from tpd.design.criteria import THICKNESS, Room, limit_of
 from tpd.design.front import FrontPoint
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.groups import Role, unnamed
-from tpd.design.ground.judgement import Judged
+from tpd.design.ground.judgement import Judged, scatter_of
 from tpd.design.ground.optimise import settings
 from tpd.design.ground.search import SPARE
-from tpd.design.ground.sizes import THICKNESS
 from tpd.design.reading import GROUND_VERSION
 from tpd.report import scene_words, tables, words
 from tpd.report.blocks import (
@@ -83,7 +82,7 @@ def write(
 def content(design: GroundDesign, command: str = "", points: tuple[FrontPoint, ...] = ()) -> Report:
     """Build the report of a design on ground motions."""
     scene = _scene(design)
-    falls = any(g.overturns_more or g.strikes > design.allowed for g in design.judged)
+    falls = any(g.overturns_more or g.strikes > design.worth.strikes for g in design.judged)
     falls = falls or (design.benefit is not None and design.benefit.overturned.is_above)
     # Danger is for overturning and strikes alone.
     say = information if design.status.is_sound else danger if falls else warning
@@ -130,10 +129,11 @@ def notes(design: GroundDesign) -> Iterator[Note]:
         if g.tilt.is_above:
             more = g.tilt.words(share=False)
             yield warning(f"On {g.name} the mean tilt/ν is larger with the pendulum: {more}.")
-        if g.strikes > design.allowed:
+        if g.strikes > design.worth.strikes:
             yield danger(
                 f"On {g.name} with scattered blocks a limit is broken in {g.strikes:.1%} of the runs that "
-                f"stand ({g.linear_strikes:.1%} by the linear equations); {design.allowed:.1%} are allowed."
+                f"stand ({g.linear_strikes:.1%} by the linear equations); {design.worth.strikes:.1%} are "
+                "allowed."
             )
         if g.undecided:
             yield warning(
@@ -204,7 +204,7 @@ def _usage(design: GroundDesign) -> list[tuple[Cell, ...]]:
     linear = found.sizes[int(np.flatnonzero(np.all(found.designs == design.best, axis=1))[0])]
     used = linear if design.usage is None else design.usage
     which = "linear equations" if design.usage is None else "nonlinear equations"
-    share = f"{which}, all but {design.allowed:.0%} of the standing runs"
+    share = f"{which}, all but {design.worth.strikes:.0%} of the standing runs"
     return [
         (
             f"limit on the {name}",
@@ -220,7 +220,7 @@ def _judged(design: GroundDesign) -> list[Block]:
         return []
     head = ("group", "motions", "earthquakes", "overturned without", "with it", "difference (95 %)")
     more = ("tilt/ν, difference (95 %)", "linear equations", "verdicts changed")
-    strikes = f"limits broken ({design.allowed:.0%} allowed)", "no answer"
+    strikes = f"limits broken ({design.worth.strikes:.0%} allowed)", "no answer"
     rows = tuple(_row(g) for g in design.judged)
     caption = (
         "Runs of the nonlinear equations, each motion at each intensity, without and with the pendulum on "
@@ -240,7 +240,7 @@ def _judged(design: GroundDesign) -> list[Block]:
             information(
                 f"Over all motions that were held out: {b.overturned.words()} of the runs overturned; the "
                 f"mean tilt over the slenderness changes by {b.tilt.words(share=False)}, which is "
-                f"{b.saved.mean:.0%} less ({design.at_least:.0%} were asked for)."
+                f"{b.saved.mean:.0%} less ({design.worth.at_least:.0%} were asked for)."
             )
         )
     return out
@@ -305,7 +305,9 @@ def _search(design: GroundDesign) -> list[Block]:
 
 
 def _assumptions(design: GroundDesign) -> Iterator[str]:
-    scatter = ", ".join(f"{name} ±{width:.0%}" for name, width in design.scatter.items())
+    scatter = ", ".join(
+        f"{name} ±{width:.0%}" for name, width in scatter_of(design.block, design.ensemble).items()
+    )
     yield "A rigid block that rocks about its two lower edges: it neither slides nor bounces."
     yield f"Energy losses: {words.losses(design.block)}."
     yield "A point bob on a massless rod from the middle of the top, with a viscous hinge."
@@ -316,7 +318,7 @@ def _assumptions(design: GroundDesign) -> Iterator[str]:
     yield f"Judged with scatter of {scatter or 'nothing'}, each uniform."
     yield "Search by the linear equations, exact between the samples; verdict by the nonlinear equations."
     limits = "; ".join(map(words.limit, design.limits)) or "none"
-    yield f"Limits, for all but {design.allowed:.0%} of the standing runs: {limits}."
+    yield f"Limits, for all but {design.worth.strikes:.0%} of the standing runs: {limits}."
 
 
 def _repeat(design: GroundDesign, command: str) -> list[Block]:

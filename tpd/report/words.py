@@ -9,7 +9,7 @@ import numpy as np
 from tpd.analysis.attractors import Starts
 from tpd.core.formatting import number
 from tpd.core.scene import HOUSNER, Block
-from tpd.design.criteria import Limit, Mass, Room
+from tpd.design.criteria import KINDS, Limit, Mass, Room
 from tpd.design.result import Design
 
 
@@ -80,6 +80,9 @@ def limit(of: Limit) -> str:
     name = of.name.replace("_", " ")
     if isinstance(of, Room):
         return f"the bob, {of.bob}, keeps off the walls"
+    if type(of) not in KINDS:
+        # A limit of the user's own has any fields, in units of its own.
+        return " ".join([name, ", ".join(f"{k} = {v}" for k, v in vars(of).items())]).strip()
     (value,) = vars(of).values()
     return f"{name} {number(value)}{' kg' if isinstance(of, Mass) else _UNITS.get(of.name, '')}"
 

@@ -4,7 +4,7 @@ import pytest
 
 import tpd
 from tests.design.ground.conftest import BLOCK
-from tpd.design.ground.design import GroundStatus
+from tpd.design.result import DesignStatus
 
 
 def test_under_ground_motions_the_groups_stay(records):
@@ -13,5 +13,5 @@ def test_under_ground_motions_the_groups_stay(records):
     found = tpd.optimise(BLOCK, conditions=conditions, **settings)
     points = tpd.front(found, (0.05,))
     assert [p.most for p in points] == pytest.approx([0.05 * 8000.0, found.space.mass_ratio[1] * 8000.0])
-    assert points[0].status in GroundStatus.__members__
+    assert points[0].status in DesignStatus.__members__
     assert points[-1].status == found.status.name

@@ -8,13 +8,13 @@ import pytest
 
 import tpd
 from tests.design.ground.conftest import BLOCK
+from tpd.analysis.intervals import Interval
 from tpd.cli import main
 from tpd.design.front import FrontPoint
 from tpd.design.ground import design, objective
-from tpd.design.ground.design import GroundStatus
 from tpd.design.ground.groups import Role
-from tpd.design.ground.judgement import Interval
 from tpd.design.reading import StoredGroundDesign, read
+from tpd.design.result import DesignStatus
 from tpd.plot.ground_design import plot_groups, plot_search
 from tpd.report.blocks import Severity
 from tpd.report.ground import as_json, content, notes, write
@@ -36,14 +36,13 @@ def found(records):
 
 
 def test_a_design_is_judged_on_earthquakes_that_it_never_saw(found):
-    refused = GroundStatus.unproven, GroundStatus.harmful, GroundStatus.slight, GroundStatus.strikes
-    assert found.status in (GroundStatus.found, *refused)
+    assert found.status in (DesignStatus.found, DesignStatus.refused)
     tuned, held = found.judged
     assert (tuned.role, held.role) == (Role.tuned, Role.held_out)
     assert tuned.motions == held.motions == 10
     assert tuned.events == held.events == 5
     assert found.value < found.bare
-    assert (found.pendulum is None) == (found.status is not GroundStatus.found)
+    assert (found.pendulum is None) == (found.status is not DesignStatus.found)
     for g in found.judged:
         assert g.overturned[0] == pytest.approx(np.sum(g.counts[0]) / (10 * 3))
         assert g.difference.mean == pytest.approx(g.overturned[1] - g.overturned[0])
@@ -68,7 +67,7 @@ def test_the_same_seed_gives_the_same_answer_and_a_stored_search_goes_on(records
             raise KeyboardInterrupt
 
     cut = ask(records, seed=0, checkpoint=path, progress=interrupt)
-    assert cut.status is GroundStatus.interrupted
+    assert cut.status is DesignStatus.interrupted
     assert cut.pendulum is None
     done = []
     again = ask(records, seed=0, checkpoint=path, progress=lambda stage, i, n: done.append((stage, i)))
@@ -81,7 +80,7 @@ def test_the_same_seed_gives_the_same_answer_and_a_stored_search_goes_on(records
 
 def test_without_other_earthquakes_nothing_is_claimed(records):
     alone = ask(records[:4], held_out=0.0, seed=1)
-    assert alone.status in (GroundStatus.tuned_only, GroundStatus.harmful, GroundStatus.strikes)
+    assert alone.status in (DesignStatus.tuned_only, DesignStatus.refused)
     assert alone.benefit is None
     assert not alone.status.is_sound
 
@@ -95,8 +94,8 @@ def ricker(frequency: float) -> tpd.Record:
 
 @pytest.mark.mends("a pendulum was found although more runs than allowed broke a limit of the bob")
 def test_a_broken_allowance_refuses(records, found, monkeypatch):
-    assert found.status is GroundStatus.found
-    assert all(g.strikes <= found.allowed for g in found.judged)
+    assert found.status is DesignStatus.found
+    assert all(g.strikes <= found.worth.strikes for g in found.judged)
     # The same search, and in the judgement 62 % of the standing runs break a limit.
     monkeypatch.setattr(objective, "broken_share", lambda *given: 0.62)
     broken = ask(records, seed=0)
@@ -134,7 +133,7 @@ def test_a_refusal_names_the_limit_that_stands_against_the_designs_that_help(rec
     conditions = tpd.Conditions.records(records[:4], (2.0, 3.0))
     few, limits = tpd.GroundSearch(starts=8, steps=0), (tpd.limits.Stroke(0.15),)
     answer = tpd.optimise(BLOCK, SPACE, conditions=conditions, method=few, limits=limits, held_out=0.0)
-    assert answer.status is GroundStatus.no_improvement
+    assert answer.status is DesignStatus.refused
     searched = answer.searched
     assert np.any(searched.value[~searched.feasible] < answer.bare)
     verdict = content(answer).verdict
@@ -186,12 +185,12 @@ def test_a_verdict_that_hangs_on_runs_without_an_answer_is_refused(records, monk
 def test_a_few_runs_without_an_answer_leave_a_verdict_that_does_not_hang_on_them(found):
     """Each group with its runs ended either way is the group itself: the verdict holds."""
     judged = tuple(dataclasses.replace(g, undecided=1, ends=(g, g)) for g in found.judged)
-    assert design.verdict_of(judged, found.at_least, found.allowed).status is found.status
+    assert design.verdict_of(judged, found.worth).status is found.status
     worse = dataclasses.replace(judged[1], ends=(dataclasses.replace(judged[1], strikes=0.5), judged[1]))
-    status, reasons = design.verdict_of((judged[0], worse), found.at_least, found.allowed)
-    assert status is GroundStatus.undecided
+    status, reasons = design.verdict_of((judged[0], worse), found.worth)
+    assert status is DesignStatus.undecided
     assert reasons == (
-        "2 of the 240 runs of the judgement have no answer, and the verdict hangs on them: `strikes` if they "
+        "2 of the 240 runs of the judgement have no answer, and the verdict hangs on them: `refused` if they "
         "end against the pendulum, and `found` if they end for it",
     )
 
@@ -199,7 +198,7 @@ def test_a_few_runs_without_an_answer_leave_a_verdict_that_does_not_hang_on_them
 def test_a_block_that_stands_needs_no_pendulum(records):
     calm = tpd.Conditions.records(records, (0.5, 0.8))
     answer = tpd.optimise(BLOCK, SPACE, conditions=calm, method=SHORT)
-    assert answer.status is GroundStatus.no_uplift
+    assert answer.status is DesignStatus.no_uplift
     assert answer.status.is_sound
     assert "NO PENDULUM IS NEEDED" in text(content(answer))
 
@@ -208,17 +207,17 @@ def test_walls_too_close_for_any_bob_are_said(records):
     narrow = tpd.Block(width=0.9, height=5.4, mass=8000.0, restitution=0.93, cavity_width=0.2)
     conditions = tpd.Conditions.records(records[:4], (2.0,))
     answer = tpd.optimise(narrow, SPACE, conditions=conditions, method=SHORT, held_out=0.0)
-    assert answer.status is GroundStatus.none_feasible
+    assert answer.status is DesignStatus.none_feasible
     assert answer.best is None
 
 
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"worth": tpd.limits.Worth()}, "`worth` is for harmonics"),
+        ({"worth": tpd.limits.Worth(runs=4)}, "`worth.runs` is for harmonics"),
+        ({"ensemble": tpd.Ensemble(size=4)}, "`ensemble.size` is for harmonics"),
         ({"starts": tpd.Starts.rest()}, "`starts` is for harmonics"),
         ({"limits": (tpd.limits.Reserve(),)}, "`limits` of ground motions"),
-        ({"allowed": 0.9}, "`allowed`"),
         ({"held_out": 1.5}, "`held_out`"),
         ({"seed": -1}, "`seed`"),
     ],
@@ -234,6 +233,9 @@ def test_harmonics_refuse_what_belongs_to_ground_motions():
         tpd.optimise(scene, held_out=0.5)
     with pytest.raises(ValueError, match="go with ground motions"):
         tpd.optimise(scene.block)
+    train = tpd.Conditions.records([tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0)])
+    with pytest.raises(ValueError, match="`method` must be a GroundSearch"):
+        tpd.optimise(BLOCK, conditions=train, method=tpd.Sequential())
     with pytest.raises(ValueError, match="go with ground motions"):
         tpd.optimise(scene, method=tpd.GroundSearch())
 
@@ -250,7 +252,7 @@ def test_the_report_says_what_was_found_and_how_to_repeat_it(found, tmp_path):
     assert data["status"] == found.status.name
     assert data["groups"][1]["role"] == "held_out"
     assert len(data["searched"]["value"]) == 14
-    point = FrontPoint(800.0, "unproven", None, (np.nan,) * 3)
+    point = FrontPoint(800.0, "refused", None, (np.nan,) * 3)
     assert "800 kg" in text(content(found, points=(point,)))
     assert as_json(found, "tpd optimise --records x", ["x"]) == (tmp_path / "design.json").read_text()
     again = read(tmp_path)

@@ -1,16 +1,14 @@
 """Severity, surface, groups and intervals: each alone."""
 
-import math
-
 import numpy as np
 import pytest
-from scipy import stats
 
 import tpd
+from tpd.analysis.intervals import Interval
 from tpd.analysis.probit import Lognormal
 from tpd.design.ground import design
 from tpd.design.ground.groups import Role, events_of, grouped
-from tpd.design.ground.judgement import Changes, Interval, Judged, paired
+from tpd.design.ground.judgement import Judged, Pairs
 from tpd.design.ground.runs import Runs
 from tpd.design.ground.sizes import check_ground_limits
 from tpd.design.surface import Observations, fit
@@ -56,34 +54,13 @@ def test_an_earthquake_is_on_one_side_only(records):
         grouped(records[:2], {"same": records[:2]}, 0)
 
 
-def test_interval_of_a_change_of_shares_ends_at_one():
-    few = paired(np.array([0.0, -1.0, 0.0, 0.0]), np.array([0, 0, 1, 1]))
-    assert (few.low, few.high) == (-1.0, 1.0)
-    assert few.mean == pytest.approx(-0.25)
-
-
-def test_intervals_are_those_of_clusters_and_student():
-    one = np.array([-1.0, 0.0, 1.0])
-    assert paired(0.1 * one, np.arange(3)).high == pytest.approx(0.1 * stats.t.ppf(0.975, 2) / np.sqrt(3.0))
-    rng = np.random.default_rng(3)
-    covered, clusters = 0, np.repeat(np.arange(8), 6)
-    for _ in range(400):
-        values = np.repeat(rng.standard_normal(8), 6) + rng.standard_normal(48)
-        interval = paired(values, clusters)
-        covered += interval.low <= 0.0 <= interval.high
-    assert 0.92 < covered / 400 < 0.98
-    assert math.isinf(paired(np.ones(3), np.zeros(3, int)).low)
-    same = paired(np.full(4, -0.5), np.array([0, 0, 1, 1]))
-    assert same.is_below
-    assert not same.is_above
-
-
 def test_the_verdict_follows_from_intervals_and_the_least_benefit():
-    def group(role, change, low, high):
-        interval = Interval(change, low, high)
+    def group(role, shift, low, high):
+        interval = Interval(shift, low, high)
         n, clusters = 12, np.repeat(np.arange(6), 2)
         spread = np.tile([0.01, -0.01], 6)
-        runs = Changes(np.full(n, change) + spread, np.full(n, change) + spread, np.full(n, 0.5), clusters)
+        pair = np.stack([np.full(n, 0.5), 0.5 + shift + spread])
+        runs = Pairs(pair, pair, clusters)
         none = Lognormal(1.0, 0.3, np.zeros((2, 2)), False)
         return Judged(
             name="",
@@ -93,7 +70,7 @@ def test_the_verdict_follows_from_intervals_and_the_least_benefit():
             stripes=np.array([1.0, 2.0]),
             counts=(np.zeros(2), np.zeros(2)),
             unknown=(np.zeros(2), np.zeros(2)),
-            overturned=(0.5, 0.5 + change),
+            overturned=(0.5, 0.5 + shift),
             difference=interval,
             linear=interval,
             tilt=interval,
@@ -106,17 +83,23 @@ def test_the_verdict_follows_from_intervals_and_the_least_benefit():
         )
 
     def verdict(groups, at_least):
-        return design.verdict_of(groups, at_least, 0.1).status
+        return design.verdict_of(groups, tpd.limits.Worth(at_least=at_least, strikes=0.1))
 
     tuned, held = Role.tuned, Role.held_out
     good, harm = group(held, -0.2, -0.3, -0.1), group(held, 0.2, 0.1, 0.3)
-    assert verdict((group(tuned, -0.2, -0.3, -0.1),), 0.1).name == "tuned_only"
-    assert verdict((group(tuned, -0.2, -0.3, -0.1), good), 0.1).name == "found"
-    assert verdict((group(tuned, -0.2, -0.3, -0.1), good), 0.5).name == "slight"
-    assert verdict((group(tuned, -0.2, -0.3, -0.1), good, harm), 0.1).name == "harmful"
-    assert verdict((group(tuned, 0.2, 0.1, 0.3), good), 0.1).name == "harmful"
+    assert verdict((group(tuned, -0.2, -0.3, -0.1),), 0.1).status.name == "tuned_only"
+    assert verdict((group(tuned, -0.2, -0.3, -0.1), good), 0.1).status.name == "found"
+    assert verdict((group(tuned, -0.2, -0.3, -0.1), good), 0.5).status.name == "refused"
+    assert verdict((group(tuned, -0.2, -0.3, -0.1), good, harm), 0.1).status.name == "refused"
+    assert verdict((group(tuned, 0.2, 0.1, 0.3), good), 0.1).status.name == "refused"
+    said = [
+        verdict((group(tuned, -0.2, -0.3, -0.1), x), least).reasons[0]
+        for x, least in ((good, 0.5), (harm, 0.1), (group(held, 0.0, -0.1, 0.1), 0.1))
+    ]
+    words = "were asked for", "overturns more often", "no benefit is significant"
+    assert all(x in reason for x, reason in zip(words, said, strict=True))
     nothing = group(held, 0.0, -0.1, 0.1)
-    assert verdict((group(tuned, -0.2, -0.3, -0.1), nothing), 0.1).name == "unproven"
+    assert verdict((group(tuned, -0.2, -0.3, -0.1), nothing), 0.1).status.name == "refused"
 
 
 def test_conditions_of_records_are_every_motion_at_every_scale(records):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import enum
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from tpd.analysis.ensemble import Ensemble
 from tpd.core.conditions import Conditions
 from tpd.core.scene import Block, Pendulum
 from tpd.design.criteria import Limit, Risk
@@ -15,91 +15,38 @@ from tpd.design.ground.groups import Group, Role
 from tpd.design.ground.judgement import Benefit, Judged, benefit_of
 from tpd.design.ground.parts import Parts
 from tpd.design.ground.search import Evaluated, GroundSearch
+from tpd.design.result import DesignStatus
 from tpd.design.space import DesignSpace
 from tpd.design.surface import Surface
+from tpd.design.worth import Worth
 
 LEAST_EARTHQUAKES = 5
 """Earthquakes that a design must be tuned to, and as many that it must be judged on, for a verdict: of fewer
 the spread between earthquakes is hardly known."""
 
 
-class GroundStatus(enum.Enum):
-    """Worth of the answer; the value is a sentence on it without numbers, see `GroundDesign.headline`."""
-
-    found = (
-        "A PENDULUM WAS FOUND: on ground motions that it was not tuned to the block rocks less with it, and "
-        "on no group of motions does it do significant harm. That is no verdict of safety: read the shares."
-    )
-    tuned_only = (
-        "A PENDULUM WAS TUNED TO THESE MOTIONS ALONE: there is no other earthquake to judge it on, so that "
-        "nothing is claimed about the next."
-    )
-    strikes = (
-        "NO PENDULUM WORTH HANGING: on at least one group of ground motions a limit is broken in more of the "
-        "runs than allowed."
-    )
-    too_few = (
-        f"TOO FEW EARTHQUAKES TO JUDGE: a design must be tuned to {LEAST_EARTHQUAKES} and judged on as many "
-        "others; nothing is claimed."
-    )
-    undecided = (
-        "UNDECIDED: some runs have no answer, and the verdict hangs on how they would have ended; nothing is "
-        "claimed."
-    )
-    unproven = (
-        "NO PENDULUM WORTH HANGING: on ground motions that the best design was not tuned to no benefit is "
-        "significant."
-    )
-    slight = (
-        "NO PENDULUM WORTH HANGING: on ground motions that the best design was not tuned to its benefit is "
-        "significant, but smaller than the least that was asked for."
-    )
-    harmful = (
-        "NO PENDULUM WORTH HANGING: the best design does significant harm on at least one group of ground "
-        "motions."
-    )
-    no_improvement = (
-        "NO PENDULUM WORTH HANGING: the best design that keeps to the limits tilts the block no "
-        "less than none."
-    )
-    none_feasible = (
-        "NO PENDULUM WORTH HANGING: no design that was followed keeps to the limits in the share of the runs "
-        "that was asked for."
-    )
-    no_uplift = "NO PENDULUM IS NEEDED: none of these ground motions lifts the bare block."
-    interrupted = "INTERRUPTED: what follows is the best that had been followed by then, and was not judged."
-
-    @property
-    def is_sound(self) -> bool:
-        """Whether the answer may be used: a design found and judged, or none needed."""
-        return self in (GroundStatus.found, GroundStatus.no_uplift)
-
-
 class GroundVerdict(NamedTuple):
     """Status of a design, and the reasons against it, the weightiest first."""
 
-    status: GroundStatus
+    status: DesignStatus
     reasons: tuple[str, ...]
 
 
-def verdict_of(judged: tuple[Judged, ...], at_least: float, allowed: float) -> GroundVerdict:
+def verdict_of(judged: tuple[Judged, ...], worth: Worth) -> GroundVerdict:
     """Verdict on a design that was judged on the group it is tuned to, and on others.
 
     Args:
         judged: the groups.
-        at_least: least share by which the mean tilt must fall on motions held out.
-        allowed: share of the standing runs that may break a limit.
+        worth: least share by which the mean tilt must fall on motions held out, and share of the standing
+            runs that may break a limit.
 
     Returns:
         A status that holds whichever way the runs without an answer would have ended, or `undecided`.
     """
-    found, unknown = _known_verdict(judged, at_least, allowed), sum(g.undecided for g in judged)
+    found, unknown = _known_verdict(judged, worth), sum(g.undecided for g in judged)
     if not unknown:
         return found
-    ends = [
-        _known_verdict(tuple(g.ends[i] if g.ends else g for g in judged), at_least, allowed).status
-        for i in (0, 1)
-    ]
+    ends = [_known_verdict(tuple(g.ends[i] if g.ends else g for g in judged), worth).status for i in (0, 1)]
     if ends == [found.status] * 2:
         return found
     total = sum(4 * g.motions * len(g.stripes) for g in judged)
@@ -107,10 +54,10 @@ def verdict_of(judged: tuple[Judged, ...], at_least: float, allowed: float) -> G
         f"{unknown} of the {total} runs of the judgement have no answer, and the verdict hangs on them: "
         f"`{ends[0].name}` if they end against the pendulum, and `{ends[1].name}` if they end for it"
     )
-    return GroundVerdict(GroundStatus.undecided, (hangs,))
+    return GroundVerdict(DesignStatus.undecided, (hangs,))
 
 
-def _known_verdict(judged: tuple[Judged, ...], at_least: float, allowed: float) -> GroundVerdict:
+def _known_verdict(judged: tuple[Judged, ...], worth: Worth) -> GroundVerdict:
     """Verdict by the runs that have an answer."""
     harms, strikes, others, benefit = [], [], [], benefit_of(judged)
     # Harm on any group counts, also on motions that the design is tuned to.
@@ -124,10 +71,10 @@ def _known_verdict(judged: tuple[Judged, ...], at_least: float, allowed: float) 
         if g.tilt.is_above:
             rise = g.tilt.words(share=False)
             harms.append(f"{on} the mean tilt over the slenderness rises with the best design, {rise}")
-        if g.strikes > allowed:
+        if g.strikes > worth.strikes:
             strikes.append(
                 f"{on} a limit is broken in {g.strikes:.1%} of the runs in which the block stands, and "
-                f"{allowed:.1%} are allowed"
+                f"{worth.strikes:.1%} are allowed"
             )
     if benefit is not None and not harms:
         if benefit.overturned.is_above:
@@ -138,31 +85,31 @@ def _known_verdict(judged: tuple[Judged, ...], at_least: float, allowed: float) 
             harms.append(
                 f"over all motions held out the mean tilt rises by {benefit.tilt.words(share=False)}"
             )
-    status, tuned, held = GroundStatus.found, *_earthquakes(judged)
+    status, tuned, held = DesignStatus.found, *_earthquakes(judged)
     if benefit is None:
-        status = GroundStatus.tuned_only
+        status = DesignStatus.tuned_only
     elif min(tuned, held) < LEAST_EARTHQUAKES:
-        status = GroundStatus.too_few
+        status = DesignStatus.too_few
         others.append(
             f"the best design is tuned to {tuned} and judged on {held}, and {LEAST_EARTHQUAKES} earthquakes "
             "on either side are the least for a judgement"
         )
     elif not (benefit.tilt.is_below or benefit.overturned.is_below):
-        status = GroundStatus.unproven
+        status = DesignStatus.refused
         others.append(
             "on ground motions that the best design was not tuned to no benefit is significant, neither in "
             f"the mean tilt over the slenderness, {benefit.tilt.words(share=False)}, nor in the share that "
             f"overturns, {benefit.overturned.words()}"
         )
-    elif benefit.saved.mean < at_least:
+    elif benefit.saved.mean < worth.at_least:
         # A benefit that is sure may still be too small for the work of hanging it.
-        status = GroundStatus.slight
+        status = DesignStatus.refused
         others.append(
             "on ground motions that the best design was not tuned to the mean tilt falls by "
-            f"{benefit.saved.mean:.1%}, and {at_least:.1%} were asked for"
+            f"{benefit.saved.mean:.1%}, and {worth.at_least:.1%} were asked for"
         )
     if harms or strikes:
-        status = GroundStatus.harmful if harms else GroundStatus.strikes
+        status = DesignStatus.refused
     return GroundVerdict(status, (*harms, *strikes, *others))
 
 
@@ -192,14 +139,13 @@ class GroundDesign:
     """Motions that the design is tuned to, and those that are held out."""
     risk: Risk
     limits: tuple[Limit, ...]
-    allowed: float
-    """Share of the runs in which the block stands that may break a limit."""
-    at_least: float
-    """Least share by which the mean tilt must fall on motions held out."""
+    worth: Worth
+    """Its `at_least` is asked of the motions held out, its `strikes` of every limit on every group."""
+    ensemble: Ensemble
+    """Its widths are those of block and installation in the judgement."""
     method: GroundSearch
     seed: int
-    scatter: dict[str, float]
-    status: GroundStatus
+    status: DesignStatus
     reasons: tuple[str, ...]
     """Reasons against the best design, or for want of one; empty where it is offered."""
     pendulum: Pendulum | None

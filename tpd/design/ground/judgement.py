@@ -1,7 +1,6 @@
 """Judgement of a design on groups of ground motions: paired with the bare block, run by run.
 
-Runs of one earthquake are no independent observations. Intervals are of means over runs with the variance
-between earthquakes (a cluster-robust variance) and Student's distribution.
+Runs of one earthquake are no independent observations: the clusters of `tpd.analysis.intervals`.
 """
 
 from __future__ import annotations
@@ -9,13 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
 from tpd.analysis.ensemble import Ensemble
+from tpd.analysis.intervals import Interval, change, fall
 from tpd.analysis.probit import Lognormal, fit_lognormal
 from tpd.core.conditions import Conditions
 from tpd.core.scene import Block
@@ -23,58 +21,18 @@ from tpd.design.ground.groups import Group, Role
 from tpd.design.ground.objective import GroundObjective
 from tpd.design.ground.runs import Runs
 
-_SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"
+SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"
 """Names of what is uncertain in a judgement: block and installation, as in the runs of an `Ensemble`."""
-_LEVEL = 0.95
 
 
-@dataclass(frozen=True)
-class Interval:
-    """A mean with its interval of 95 % confidence."""
-
-    mean: float
-    low: float
-    high: float
-
-    def words(self, share: bool = True) -> str:
-        """The mean and its interval, in per cent if it is a share."""
-        form = "{:+.1%}" if share else "{:+.3f}"
-        # Of a single earthquake nothing is known but the mean.
-        if math.isinf(self.low):
-            return f"{form.format(self.mean)} (unknown)"
-        return f"{form.format(self.mean)} ({form.format(self.low)} to {form.format(self.high)})"
-
-    @property
-    def is_below(self) -> bool:
-        """Whether the whole interval is below zero."""
-        return self.high < 0.0
-
-    @property
-    def is_above(self) -> bool:
-        """Whether the whole interval is above zero."""
-        return self.low > 0.0
-
-
-@dataclass(frozen=True)
-class Changes:
-    """Changes by the pendulum, run by run, arrays (runs,); nonlinear equations."""
+class Pairs(NamedTuple):
+    """Runs of the nonlinear equations without the pendulum and with it, shape (2, runs)."""
 
     overturned: np.ndarray
     tilt: np.ndarray
-    bare_tilt: np.ndarray
-    """Tilt over the slenderness of the bare block, an overturning as 1."""
+    """Tilt over the slenderness, an overturning as 1."""
     clusters: np.ndarray
-    """Number of the earthquake of every run."""
-
-    def with_others(self, other: Changes) -> Changes:
-        """These runs and those of other motions, whose earthquakes are numbered together with these."""
-        clusters = np.concatenate([self.clusters, other.clusters])
-        return Changes(
-            np.concatenate([self.overturned, other.overturned]),
-            np.concatenate([self.tilt, other.tilt]),
-            np.concatenate([self.bare_tilt, other.bare_tilt]),
-            clusters,
-        )
+    """Number of the earthquake of every run, the same in all groups of a design, shape (runs,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,8 +66,8 @@ class Judged:
     """Runs without an answer, bare and hung, by both sets of equations: shares and means leave them out."""
     fits: tuple[Lognormal, Lognormal]
     """Curves of overturning, bare and hung."""
-    runs: Changes
-    """Changes of the single runs."""
+    runs: Pairs
+    """The single runs."""
     ends: tuple[Judged, ...] = ()
     """The group with each run without an answer ended against the pendulum, and with each ended for it; empty
     where all runs have an answer."""
@@ -125,10 +83,10 @@ class Judged:
         return self.overturns_more or self.tilt.is_above
 
 
-def scatter_of(block: Block) -> dict[str, float]:
+def scatter_of(block: Block, ensemble: Ensemble | None = None) -> dict[str, float]:
     """Relative half widths of what is uncertain in a block and its pendulum."""
-    widths = Ensemble().widths(block.restitution)
-    return {name: widths[name] for name in _SCATTERED if widths[name] > 0.0}
+    widths = (Ensemble() if ensemble is None else ensemble).widths(block.restitution)
+    return {name: widths[name] for name in SCATTERED if widths[name] > 0.0}
 
 
 def judge(
@@ -181,7 +139,7 @@ def _judged(
     known, known_linear = (~x.undecided.any(axis=0) for x in (nonlinear, linear))
     clusters = every[known]
     fell, tilts = nonlinear.overturned[:, known], nonlinear.severity[:, known]
-    changes = Changes(_change(fell), _change(tilts), tilts[0], clusters)
+    fell_linear = linear.overturned[:, known_linear]
     both_known = known & known_linear
     differs = (linear.overturned != nonlinear.overturned)[:, both_known]
     per_stripe = [
@@ -196,15 +154,15 @@ def _judged(
         counts=(per_stripe[0], per_stripe[1]),
         unknown=(per_stripe[2], per_stripe[3]),
         overturned=(_mean(fell[0]), _mean(fell[1])),
-        difference=paired(changes.overturned, clusters),
-        linear=paired(_change(linear.overturned[:, known_linear]), every[known_linear]),
-        tilt=paired(changes.tilt, clusters),
+        difference=change(fell[1], fell[0], clusters),
+        linear=change(fell_linear[1], fell_linear[0], every[known_linear]),
+        tilt=change(tilts[1], tilts[0], clusters),
         strikes=objective.broken(nonlinear.at(slice(1, 2)), both[1:]),
         linear_strikes=objective.broken(linear.at(slice(1, 2)), both[1:]),
         changed=_mean(differs),
         undecided=int(linear.undecided.sum() + nonlinear.undecided.sum()),
         fits=(_fit(nonlinear, 0, scales, group.events), _fit(nonlinear, 1, scales, group.events)),
-        runs=changes,
+        runs=Pairs(fell, tilts, clusters),
     )
 
 
@@ -226,35 +184,14 @@ class Benefit(NamedTuple):
 
 def benefit_of(judged: Sequence[Judged]) -> Benefit | None:
     """Benefit over all groups that were held out; None without any pair of runs that has an answer."""
-    held = [g.runs for g in judged if g.role is Role.held_out and g.runs.tilt.size]
+    held = [g.runs for g in judged if g.role is Role.held_out and g.runs.clusters.size]
     if not held:
         return None
-    whole = reduce(Changes.with_others, held)
-    tilt, bare = paired(whole.tilt, whole.clusters), max(float(whole.bare_tilt.mean()), 1e-12)
-    saved = Interval(-tilt.mean / bare, -tilt.high / bare, -tilt.low / bare)
-    return Benefit(paired(whole.overturned, whole.clusters), tilt, saved)
-
-
-def _change(pair: np.ndarray) -> np.ndarray:
-    """Value of every run with the pendulum, minus that without."""
-    return pair[1].astype(float) - pair[0].astype(float)
+    fell, tilt, clusters = (np.concatenate(x, axis=-1) for x in zip(*held, strict=True))
+    both = change(fell[1], fell[0], clusters), change(tilt[1], tilt[0], clusters)
+    return Benefit(*both, fall(tilt[1], tilt[0], clusters))
 
 
 def _fit(runs: Runs, row: int, scales: Sequence[float], events: np.ndarray) -> Lognormal:
     hits = np.where(runs.undecided[row], np.nan, runs.overturned[row])
     return fit_lognormal(np.asarray(scales, dtype=float), hits.reshape(-1, len(scales)), events)
-
-
-def paired(differences: np.ndarray, clusters: np.ndarray) -> Interval:
-    """Mean of differences, and its interval with the variance between clusters. Of a single cluster nothing
-    is known: the interval is infinite; and without any difference the mean is NaN."""
-    n, mean, groups = len(differences), _mean(differences), len(np.unique(clusters))
-    # One earthquake has no spread between earthquakes.
-    if groups < 2:
-        return Interval(mean, -math.inf, math.inf)
-    # Within an earthquake the deviations add up, and only their sums are independent.
-    sums = np.bincount(np.unique(clusters, return_inverse=True)[1], differences - mean)
-    error = math.sqrt(groups / (groups - 1) * float(np.sum(sums**2))) / n
-    width = float(stdtrit(groups - 1, 0.5 * (1.0 + _LEVEL))) * error
-    # Shares and tilts over that of toppling lie between nought and one, so that changes end at one.
-    return Interval(mean, max(-1.0, mean - width), min(1.0, mean + width))

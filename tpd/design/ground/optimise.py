@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tpd.analysis.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.conditions import Conditions
 from tpd.core.fingerprints import fingerprint, of_sources
@@ -18,19 +19,21 @@ from tpd.core.progress import Progress, shown
 from tpd.core.scene import STANDARD_GRAVITY, Block, Pendulum, Scene
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import Limit, Mass, Risk, Room, Stroke, limit_of
-from tpd.design.ground.design import GroundDesign, GroundStatus, GroundVerdict, verdict_of
+from tpd.design.ground.design import GroundDesign, GroundVerdict, verdict_of
 from tpd.design.ground.groups import Group, grouped
-from tpd.design.ground.judgement import Judged, judge, scatter_of
+from tpd.design.ground.judgement import SCATTERED, Judged, judge, scatter_of
 from tpd.design.ground.objective import GroundObjective
 from tpd.design.ground.parts import parts_of
 from tpd.design.ground.search import Evaluated, GroundSearch, Searcher, risk_of_known
 from tpd.design.ground.sizes import check_ground_limits
+from tpd.design.result import DesignStatus
 from tpd.design.space import DesignSpace
+from tpd.design.worth import Worth
 
 DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
 DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Room())
-ALLOWED = 0.1
-AT_LEAST = 0.1
+WORTH = Worth(strikes=0.1)
+"""Share of the standing runs that may break a limit, and least benefit, unless others are asked for."""
 HELD_OUT = 0.5
 _SLIGHT = 1e-3
 """Improvement of the risk below which there is none."""
@@ -46,8 +49,8 @@ class GroundProblem:
     method: GroundSearch
     groups: tuple[Group, ...]
     scales: tuple[float, ...]
-    scatter: Mapping[str, float]
-    at_least: float
+    worth: Worth
+    ensemble: Ensemble
     seed: int
 
     @property
@@ -68,10 +71,9 @@ def optimise_on_motions(
     held_out: float | Mapping[str, Sequence[GroundMotion]] = HELD_OUT,
     risk: Risk | None = None,
     limits: Iterable[Limit] | None = None,
-    allowed: float = ALLOWED,
     method: GroundSearch | None = None,
-    scatter: Mapping[str, float] | None = None,
-    at_least: float = AT_LEAST,
+    worth: Worth | None = None,
+    ensemble: Ensemble | None = None,
     seed: int = 0,
     checkpoint: Path | str | None = None,
     progress: Progress | bool | None = None,
@@ -91,13 +93,12 @@ def optimise_on_motions(
             or groups of other motions by name.
         risk: of the severities of all runs, see `Runs`; default `Risk.expected()`.
         limits: default the stroke and the room between the walls, both on the way and not only settled.
-        allowed: share of the runs in which the block stands that may break a limit; the search keeps to it
-            for each limit, with some to spare, and the judgement for all limits together.
         method: how the space is searched.
-        scatter: relative half widths of what is uncertain in the judgement; default
-            `tpd.design.ground.judgement.scatter_of(block)`.
-        at_least: least share by which the mean tilt over all held-out motions must fall, an overturning
-            counted as the slenderness.
+        worth: `strikes` is the share of the runs in which the block stands that may break a limit; the
+            search keeps to it for each limit, with some to spare, and the judgement for all limits together.
+            `at_least` is the least share by which the mean tilt over all held-out motions must fall, an
+            overturning counted as the slenderness. Default `Worth(strikes=0.1)`.
+        ensemble: its widths of block and installation are those of the judgement.
         seed: of every random choice.
         checkpoint: file of the designs that have been followed; these are not followed again.
         progress: True for a bar on stderr, or called with (stage, done, of how many).
@@ -109,13 +110,13 @@ def optimise_on_motions(
     checks.require_x64()
     checks.instance("subject", subject, (Scene, Block))
     checks.instance("conditions", conditions, Conditions)
-    checks.within("allowed", allowed, 0.0, 0.5)
-    checks.within("at_least", at_least, 0.0, 1.0)
     checks.count("seed", seed, least=0)
     for name, value, kind in (
         ("space", space, DesignSpace),
         ("risk", risk, Risk),
         ("method", method, GroundSearch),
+        ("worth", worth, Worth),
+        ("ensemble", ensemble, Ensemble),
     ):
         if value is not None:
             checks.instance(name, value, kind)
@@ -126,7 +127,9 @@ def optimise_on_motions(
     listed = check_ground_limits(DEFAULT_LIMITS if limits is None else tuple(limits))
     groups = grouped(conditions.motions, held_out, seed)
     inside = _restricted(conditions, groups[0])
-    objective = GroundObjective(block, inside, listed, allowed, gravity)
+    worth, ensemble = WORTH if worth is None else worth, Ensemble() if ensemble is None else ensemble
+    _check_used(worth, ensemble)
+    objective = GroundObjective(block, inside, listed, worth.strikes, gravity)
     problem = GroundProblem(
         objective=objective,
         space=_within_mass(DEFAULT_SPACE if space is None else space, block, listed),
@@ -134,8 +137,8 @@ def optimise_on_motions(
         method=GroundSearch() if method is None else method,
         groups=groups,
         scales=tuple(float(x) for x in np.unique(conditions.scales)),
-        scatter=dict(scatter_of(block) if scatter is None else scatter),
-        at_least=at_least,
+        worth=worth,
+        ensemble=ensemble,
         seed=seed,
     )
     if checkpoint is not None:
@@ -143,6 +146,19 @@ def optimise_on_motions(
     file = None if checkpoint is None else Path(checkpoint)
     with shown(progress) as report:
         return solve(problem, Checkpoint.of(file, problem.identity), report)
+
+
+def _check_used(worth: Worth, ensemble: Ensemble) -> None:
+    """Raise `ValueError` for a setting that has no effect on ground motions."""
+    # A setting without effect would let somebody believe in it.
+    for given, usual, used in (
+        (worth, WORTH, ("at_least", "strikes")),
+        (ensemble, Ensemble(), SCATTERED),
+    ):
+        for f in fields(given):
+            if f.name not in used and getattr(given, f.name) != getattr(usual, f.name):
+                name = type(given).__name__.lower()
+                raise ValueError(f"`{name}.{f.name}` is for harmonics, but the conditions are ground motions")
 
 
 def _restricted(conditions: Conditions, group: Group) -> Conditions:
@@ -188,11 +204,11 @@ def solve(problem: GroundProblem, store: Checkpoint, report: Progress | None) ->
     )
     # The closed form of uplift answers first: there may be nothing to search.
     if np.all(bare.tilt == 0.0):
-        return _answer(problem, search, without, GroundVerdict(GroundStatus.no_uplift, ()), None)
+        return _answer(problem, search, without, GroundVerdict(DesignStatus.no_uplift, ()), None)
     search.run()
     best, found = search.best(), search.found
     if search.interrupted:
-        return _answer(problem, search, without, GroundVerdict(GroundStatus.interrupted, ()), best)
+        return _answer(problem, search, without, GroundVerdict(DesignStatus.interrupted, ()), best)
     assert found is not None
     if best is None:
         return _answer(problem, search, without, _none_feasible(found, search.names), None)
@@ -202,7 +218,7 @@ def solve(problem: GroundProblem, store: Checkpoint, report: Progress | None) ->
         verdict = _unknown(hangs) if hangs else _no_improvement(found, search.names, best, without)
         return _answer(problem, search, without, verdict, best)
     judged = tuple(_judged(problem, found.designs[best], group, report) for group in problem.groups)
-    verdict = verdict_of(judged, problem.at_least, objective.allowed)
+    verdict = verdict_of(judged, problem.worth)
     return _answer(problem, search, without, verdict, best, judged)
 
 
@@ -215,7 +231,7 @@ def _none_feasible(found: Evaluated, names: tuple[str, ...]) -> GroundVerdict:
     reason = (
         f"of {len(known)} designs that were followed none keeps to the limits: {_over(found, names, near)}"
     )
-    return GroundVerdict(GroundStatus.none_feasible, (reason + _left_out(found),))
+    return GroundVerdict(DesignStatus.none_feasible, (reason + _left_out(found),))
 
 
 def _no_improvement(found: Evaluated, names: tuple[str, ...], best: int, bare: float) -> GroundVerdict:
@@ -232,7 +248,7 @@ def _no_improvement(found: Evaluated, names: tuple[str, ...], best: int, bare: f
             f"; {int(better.sum())} designs that break a limit tilt it less: {_over(found, names, near)} "
             f"for {found.value[near]:.4g}"
         )
-    return GroundVerdict(GroundStatus.no_improvement, (reason + _left_out(found),))
+    return GroundVerdict(DesignStatus.refused, (reason + _left_out(found),))
 
 
 def _over(found: Evaluated, names: tuple[str, ...], i: int) -> str:
@@ -259,7 +275,7 @@ def _hangs(risk: Risk, with_it: np.ndarray, bare: np.ndarray) -> int:
 def _unknown(count: int) -> GroundVerdict:
     """Verdict where the search itself hangs on runs without an answer."""
     reason = f"{count} runs have no answer, and it hangs on them whether any design is better than none"
-    return GroundVerdict(GroundStatus.undecided, (reason,))
+    return GroundVerdict(DesignStatus.undecided, (reason,))
 
 
 def _judged(problem: GroundProblem, design: np.ndarray, group: Group, report: Progress | None) -> Judged:
@@ -269,7 +285,7 @@ def _judged(problem: GroundProblem, design: np.ndarray, group: Group, report: Pr
         design,
         group,
         problem.scales,
-        scatter=problem.scatter,
+        scatter=scatter_of(problem.objective.block, problem.ensemble),
         seed=problem.seed,
         progress=count,
     )
@@ -287,7 +303,7 @@ def _answer(
     design = None if best is None or found is None else found.designs[best]
     value, trend, parts, usage = np.nan, (np.nan, np.nan), None, None
     # A design without a verdict is shown, but not offered.
-    offered = verdict.status in (GroundStatus.found, GroundStatus.tuned_only)
+    offered = verdict.status in (DesignStatus.found, DesignStatus.tuned_only)
     pendulum = None
     if design is not None and found is not None and best is not None and search.surface is not None:
         value = float(found.value[best])
@@ -310,11 +326,10 @@ def _answer(
         groups=problem.groups,
         risk=problem.risk,
         limits=objective.limits,
-        allowed=objective.allowed,
-        at_least=problem.at_least,
+        worth=problem.worth,
+        ensemble=problem.ensemble,
         method=problem.method,
         seed=problem.seed,
-        scatter=dict(problem.scatter),
         status=verdict.status,
         reasons=verdict.reasons,
         pendulum=pendulum,
@@ -342,10 +357,10 @@ def settings(design: GroundDesign) -> dict[str, Any]:
         "space": asdict(design.space),
         "risk": asdict(design.risk),
         "limits": {x.name: asdict(x) for x in design.limits},
-        "allowed": design.allowed,
-        "at_least": design.at_least,
+        "allowed": design.worth.strikes,
+        "at_least": design.worth.at_least,
         "method": asdict(design.method),
-        "scatter": design.scatter,
+        "scatter": scatter_of(design.block, design.ensemble),
         "seed": design.seed,
         "intensity": design.conditions.intensity,
         "scales": [float(x) for x in np.unique(design.conditions.scales)],
