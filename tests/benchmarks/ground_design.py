@@ -364,8 +364,8 @@ PARTS = {
 ABOUT = {
     "times": "Design of (μ, λ, ζ) on 44 far-field records at 4 stripes: 32 designs over the space and 32\n"
     "more, judged on both near-field sets by both sets of equations, fragility drawn.",
-    "optimisers": "Ten seeds each. Lowest value: the least demand within the limits that a method has met.\n"
-    "Within 1 %: of the lowest of all methods. Built within 2 %: mean demand of the answers as somebody\n"
+    "optimisers": "Ten seeds each. Lowest value: the least mean tilt within the limits that a method met.\n"
+    "Within 1 %: of the lowest of all methods. Built within 2 %: mean tilt of the answers as somebody\n"
     "builds them, each of the three numbers off by up to 2 %. Held out: the same on other motions. On\n"
     "records the lowest of many values is low by luck: it is the last two columns that a design is hung for.",
     "benefit": "Tuned to half of the far-field earthquakes at PGA/(g tan α) of 1.5, 2, 3 and 4, judged on\n"

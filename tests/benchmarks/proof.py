@@ -36,7 +36,7 @@ from tests.benchmarks.proof_runs import (  # noqa: E402
 from tpd.design.checkpoint import Checkpoint  # noqa: E402
 from tpd.design.ends import merit_of  # noqa: E402
 from tpd.design.methods import Method  # noqa: E402
-from tpd.design.objective import AbstractObjective  # noqa: E402
+from tpd.design.objective import Orbits  # noqa: E402
 from tpd.design.problem import Problem  # noqa: E402
 from tpd.design.search import Multistart  # noqa: E402
 
@@ -66,7 +66,7 @@ def problem(
     *,
     stroke: float = 0.5,
     starts: tpd.Starts | None = None,
-) -> AbstractObjective:
+) -> Orbits:
     """Objective of one problem: all symmetric orbits, the risk of their tilts, and limits."""
     limits = tpd.limits.Stroke(stroke), tpd.limits.Reserve()
     method = tpd.Sequential(**OURS)
@@ -90,7 +90,7 @@ BEST = dict(zip(PROBLEMS, (0.273001, 0.298278, 0.285809, -0.129505), strict=True
 """Best values of all methods, peers included, on 2026-11-22."""
 
 
-def merits(objective: AbstractObjective, unit: np.ndarray) -> np.ndarray:
+def merits(objective: Orbits, unit: np.ndarray) -> np.ndarray:
     """Risk plus penalty of broken limits, (k,), at designs in shares of the bounds, (k, 3)."""
     return merit_of(objective.at(np.clip(unit, 0.0, 1.0)), objective.risk.of)
 
@@ -98,7 +98,7 @@ def merits(objective: AbstractObjective, unit: np.ndarray) -> np.ndarray:
 class Together:
     """Answers the designs of several threads in one call, once every thread has asked for one."""
 
-    def __init__(self, objective: AbstractObjective, threads: int) -> None:
+    def __init__(self, objective: Orbits, threads: int) -> None:
         self.objective, self.threads, self.asked = objective, threads, []
         self.turn = Condition()
 
@@ -128,9 +128,7 @@ class Together:
 class Ledger:
     """Values of designs in shares of the bounds, (k, 3), every one written down."""
 
-    def __init__(
-        self, objective: AbstractObjective, by: Callable[[np.ndarray], np.ndarray] | None = None
-    ) -> None:
+    def __init__(self, objective: Orbits, by: Callable[[np.ndarray], np.ndarray] | None = None) -> None:
         self.by = partial(merits, objective) if by is None else by
         self.values: list[float] = []
 
@@ -149,7 +147,7 @@ class Ledger:
         return Run(1 + np.arange(len(best)), best, time.perf_counter() - began)
 
 
-def ours(objective: AbstractObjective, seed: int, method: Method | None = None) -> Run:
+def ours(objective: Orbits, seed: int, method: Method | None = None) -> Run:
     """Screening, and searches from the best of it; by default by sequential programming."""
     began = time.perf_counter()
     search = Multistart(objective, tpd.Sequential(**OURS) if method is None else method, seed, None)
@@ -169,7 +167,7 @@ def first_order(optimiser: str) -> Method:
     return tpd.Descent(optimiser, **{**OURS, "steps": FIRST_ORDER_STEPS})
 
 
-def evolution(objective: AbstractObjective, seed: int) -> dict[str, Run]:
+def evolution(objective: Orbits, seed: int) -> dict[str, Run]:
     """SciPy's differential evolution as it comes; and what it had before it polished its result."""
     ledger, began, generations = Ledger(objective), time.perf_counter(), []
     differential_evolution(
@@ -185,7 +183,7 @@ def evolution(objective: AbstractObjective, seed: int) -> dict[str, Run]:
     return {"differential evolution": plain, "the same, polished": ledger.run(began)}
 
 
-def simplex(objective: AbstractObjective, seeds: int) -> list[Run]:
+def simplex(objective: Orbits, seeds: int) -> list[Run]:
     """Nelder and Mead's, from random designs again and again. It asks for one design at a time, and a call
     answers many conditions as fast as few: so all seeds go in step, each charged its share of the time."""
     together, began = Together(objective, seeds), time.perf_counter()
@@ -209,7 +207,7 @@ def simplex(objective: AbstractObjective, seeds: int) -> list[Run]:
     return [ledger.run(began)._replace(seconds=seconds) for ledger in ledgers]
 
 
-def adaptation(objective: AbstractObjective, seed: int) -> Run:
+def adaptation(objective: Orbits, seed: int) -> Run:
     """CMA-ES, restarted with twice the population."""
     import cma  # drawing what is stored does without this package
 
@@ -231,14 +229,14 @@ def adaptation(objective: AbstractObjective, seed: int) -> Run:
     return ledger.run(began)
 
 
-def chance(objective: AbstractObjective, seed: int) -> Run:
+def chance(objective: Orbits, seed: int) -> Run:
     """Random designs."""
     ledger, began = Ledger(objective), time.perf_counter()
     ledger(np.random.default_rng([seed, 3]).random((BUDGET, 3)))
     return ledger.run(began)
 
 
-def grid(objective: AbstractObjective) -> Run:
+def grid(objective: Orbits) -> Run:
     """Every design of a grid, in random order for the sake of the picture."""
     ledger, began = Ledger(objective), time.perf_counter()
     line = np.linspace(0.0, 1.0, GRID)
@@ -247,19 +245,19 @@ def grid(objective: AbstractObjective) -> Run:
     return ledger.run(began)
 
 
-OWN: dict[str, Callable[[AbstractObjective, int], Run]] = {
+OWN: dict[str, Callable[[Orbits, int], Run]] = {
     "ours": ours,
     "optax: Adam": partial(ours, method=first_order("adam")),
     "optax: RMSprop": partial(ours, method=first_order("rmsprop")),
 }
-PEERS: dict[str, Callable[[AbstractObjective, int], Run | dict[str, Run]]] = {
+PEERS: dict[str, Callable[[Orbits, int], Run | dict[str, Run]]] = {
     "differential evolution": evolution,
     "CMA-ES, restarted": adaptation,
     "random": chance,
 }
 
 
-def solved(objective: AbstractObjective, seeds: int, peers: bool = True) -> dict[str, list[Run]]:
+def solved(objective: Orbits, seeds: int, peers: bool = True) -> dict[str, list[Run]]:
     """Runs of all methods from all seeds."""
     objective.at(np.full((8, 3), 0.5))
     ours(objective, 0)

@@ -81,7 +81,7 @@ def test_every_template_goes_with_records(kind, asked, tmp_path, monkeypatch, ca
     assert asked["scene"].gravity == 9.79
     assert asked["scene"].block == job.scene.block
     assert asked["space"] == job.space
-    assert asked["at_least"] == job.worth.at_least
+    assert asked["worth"] == job.worth
     assert {x.name for x in asked["limits"]} == {x.name for x in job.limits} - {"worsening", "reserve"}
 
 
@@ -91,15 +91,15 @@ def test_the_scatter_of_a_job_is_that_of_the_blocks_that_judge(asked, tmp_path, 
     text = new.template("tower").replace("# [scatter]", "[scatter]").replace("# length = ", "length = ")
     (tmp_path / "tower.toml").write_text(text)
     assert main(["optimise", "--scene", "tower.toml", *RECORDS]) == 2
-    assert asked["scatter"]["length"] == 0.02
-    assert asked["scatter"]["damping"] == 0.2
+    assert asked["ensemble"].length == 0.02
+    assert asked["ensemble"].damping == 0.2
 
 
 @pytest.mark.parametrize(
     ("line", "options", "sentence"),
     [
         ("[conditions]\nband = [0.7, 0.9]", (), "`conditions.band` (in mine.toml) is for harmonics"),
-        ("[worth]\nstrikes = 0.02", (), "--allowed says how often the bob may break a limit"),
+        ("[worth]\nworse = 0.02", (), "records take `at_least` and `strikes`"),
         ("[ensemble]\nsize = 64", (), "the runs that judge are the records on scattered blocks"),
         ("[limits]\nreserve = 0.1", (), "records have limits on stroke, relative_stroke, tilt, mass"),
         ("", ("--exactly",), "`conditions.exactly` (--exactly) is for harmonics"),

@@ -25,6 +25,7 @@ SAME = [
     ("[bob]\nshape = 'cylinder'\n[block]\ncavity_width = 0.08\n", ("--bob", "cylinder", "--cavity", "0.08")),
     ("[conditions]\nexactly = true\n", ("--exactly",)),
     ("[worth]\nat_least = 0.2\n", ("--at-least", "0.2")),
+    ("[worth]\nstrikes = 0.05\n", ("--allowed", "0.05")),
     (
         "[search]\nsearches = 3\nseed = 7\n[conditions]\namplitudes = [1, 1.1]\n",
         ("--searches", "3", "--seed", "7", "--amplitudes", "1", "1.1"),
@@ -114,7 +115,7 @@ def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
     assert "--no-walls do not ask for room between the walls" in text
     assert "--exactly search for the motion itself alone with a point bob, as in the paper" in text
     assert "least share by which the mean tilt of all runs must fall (default 0.1)" in text
-    assert "seed of the screening, the samples and the starts (default 0)" in text
+    assert "seed of the screening and the samples (default 0)" in text
 
 
 def test_the_help_lists_the_commands_and_explains_the_exit_statuses(capsys):

@@ -109,6 +109,10 @@ class Lighter(Limit):
         yield Size(self.name, mass / self.kg, slope / self.kg)
 
 
+class Nameless(Lighter):
+    """No dataclass of its own, so that its numbers would not tell it apart."""
+
+
 def evaluation(design: np.ndarray) -> Evaluation:
     """Two conditions whose sizes are smooth functions of the design, with their derivatives."""
     mu, lam, zeta = design
@@ -250,6 +254,10 @@ def test_a_limit_of_the_users_own_holds_a_search_and_has_words():
     ("make", "message"),
     [
         (lambda: tpd.limits.Tilt(-1.0), "`tilt` must be positive"),
+        (
+            lambda: check_limits((Nameless(),)),
+            "`limits` must hold dataclasses with a `name`, but",
+        ),
         (lambda: tpd.limits.Stroke(0.0), "`stroke` must be positive"),
         (lambda: tpd.limits.Offset(float("nan")), "`offset` must be positive"),
         (lambda: tpd.limits.Multiplier(1.5), r"`multiplier` must be between .* but is 1\.5"),

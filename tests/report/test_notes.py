@@ -269,7 +269,7 @@ def test_the_edges_of_the_settled_motion_are_said():
 
 def test_whose_tilts_they_are_is_said_for_every_kind_of_start():
     said = {
-        "a start from rest settles into": Starts.rest(),
+        "rest wherever it holds": Starts.rest(),
         "whichever start leads to it": Starts.any(),
     }
     for words, starts in said.items():

@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
 from tpd.analysis.intervals import change, fall
 from tpd.analysis.outcomes import Outcomes
 from tpd.analysis.paired import SIGNIFICANT, Verdict, chance_of
 
-_ONE_SIDED = 1.645
-"""Quantile of the normal distribution that a one-sided test at 5 % takes."""
 _LEAST = 0.02
 """Severity that counts as none, so that next to a bare block at rest not every tilt is a worse one."""
 
@@ -110,8 +109,9 @@ def benefit_of(verdict: Verdict, slenderness: float, condition: np.ndarray, shar
     fewer, more = int(np.sum(rest_without & ~rest_with)), int(np.sum(rest_with & ~rest_without))
     return Benefit(
         value=found.mean,
-        low=found.low,
-        high=found.high,
+        # Of a single run nothing is known but the value.
+        low=found.low if np.isfinite(found.low) else np.nan,
+        high=found.high if np.isfinite(found.low) else np.nan,
         changes=(
             _mean_change(_CHANGES[0], hung, bare),
             Change(_CHANGES[1], float(np.median(hung)), float(np.median(bare)), np.nan, np.nan),
@@ -147,7 +147,8 @@ def _unknown(condition: np.ndarray, share: float, runs: int, ends: tuple[Benefit
 
 def _mean_change(name: str, hung: np.ndarray, bare: np.ndarray) -> Change:
     by = change(hung, bare)
-    return Change(name, float(hung.mean()), float(bare.mean()), by.low, by.high)
+    low, high = (x if np.isfinite(x) else np.nan for x in (by.low, by.high))
+    return Change(name, float(hung.mean()), float(bare.mean()), low, high)
 
 
 def _worst(x: np.ndarray) -> float:
@@ -170,7 +171,7 @@ def _worse(hung: np.ndarray, bare: np.ndarray, condition: np.ndarray, share: flo
         of = condition == i
         # One chaotic run decides nothing: the mean over the pairs of a condition must be clearly above.
         excess = hung[of] - (1.0 + share) * bare[of] - _LEAST * share
-        error = excess.std(ddof=1) / np.sqrt(of.sum()) if of.sum() > 1 else np.inf
-        if excess.mean() > _ONE_SIDED * error:
+        n = int(of.sum())
+        if n > 1 and excess.mean() > stdtrit(n - 1, 0.95) * excess.std(ddof=1) / np.sqrt(n):
             out.append(int(i))
     return tuple(out)

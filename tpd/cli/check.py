@@ -86,18 +86,7 @@ def _asked(job: Job) -> Question:
     """Question that `tpd optimise` would ask of the designs of a job."""
     from tpd.design.suitability import Question
 
-    return Question(
-        scene=job.scene,
-        space=job.space,
-        conditions=job.conditions,
-        starts=job.starts,
-        risk=job.risk,
-        limits=job.limits,
-        method=job.method,
-        ensemble=job.ensemble,
-        worth=job.worth,
-        seed=job.seed,
-    )
+    return Question(scene=job.scene, **job.settings)
 
 
 def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace) -> int:

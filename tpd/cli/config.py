@@ -81,6 +81,12 @@ class Job:
         """Seed of the search."""
         return self.file.search.seed
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Arguments of `tpd.optimise` beside the scene."""
+        names = "space", "conditions", "starts", "risk", "limits", "method", "ensemble", "worth", "seed"
+        return {name: getattr(self, name) for name in names}
+
 
 def read(path: Path) -> dict[str, Any]:
     """Return the tables of a job file, not yet checked.

@@ -41,7 +41,7 @@ CONDITIONS = (
         "starts",
         "kind",
         value="rest",
-        help="count the motion from rest, also where rocking attracts from other starts",
+        help="count rest wherever it holds, though rocking attracts from other starts",
     ),
 )
 SEARCH = (
@@ -49,6 +49,7 @@ SEARCH = (
     Option("--optimiser", "search", "optimiser", "WORD"),
     Option("--searches", "search", "searches", "N"),
     Option("--at-least", "worth", "at_least", "X"),
+    Option("--allowed", "worth", "strikes", "X"),
     Option("--seed", "search", "seed", "N"),
 )
 
@@ -77,7 +78,11 @@ def add(commands: Any) -> None:
         help=f"uncertain quantities by their relative half widths: {', '.join(keys()['scatter'])}",
     )
     _add_group(optimise, "search", SEARCH)
-    optimise.add_argument("--pareto", action="store_true", help="also find the least rocking for every mass")
+    optimise.add_argument(
+        "--pareto",
+        action="store_true",
+        help="answer it for three lighter bobs as well",
+    )
     optimise.add_argument(
         "--resume", action="store_true", help="go on with the searches that an interrupted run left in DIR"
     )
@@ -166,25 +171,12 @@ def claim(options: argparse.Namespace, unfinished: Path) -> None:
 def _design(job: Job, unfinished: Path, bar: Bar) -> Any:
     from tpd.design.optimise import optimise
 
-    return optimise(
-        job.scene,
-        job.space,
-        conditions=job.conditions,
-        starts=job.starts,
-        risk=job.risk,
-        limits=job.limits,
-        method=job.method,
-        ensemble=job.ensemble,
-        worth=job.worth,
-        seed=job.seed,
-        checkpoint=unfinished,
-        progress=bar,
-    )
+    return optimise(job.scene, **job.settings, checkpoint=unfinished, progress=bar)
 
 
 def front_of(design: Design | GroundDesign, bar: Bar) -> tuple[FrontPoint, ...]:
     """Answers with lighter bobs, if a pendulum is offered."""
-    if design.pendulum is None or design.status.name == "interrupted":
+    if design.pendulum is None or design.status.name != "found":
         return ()
     from tpd.design.front import front
 

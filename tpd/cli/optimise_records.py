@@ -27,7 +27,7 @@ _USED = {
     "project": None,
     "risk": None,
     "search": ("seed", "searches"),
-    "worth": ("at_least",),
+    "worth": ("at_least", "strikes"),
 }
 """Tables of a job, and keys of them, that a design on ground motions takes."""
 _INSTEAD = {
@@ -35,7 +35,7 @@ _INSTEAD = {
     "conditions": "the motions are the records, each as strong as --scales says",
     "starts": "every motion starts from rest",
     "limits": "records have limits on stroke, relative_stroke, tilt, mass, offset and room",
-    "worth": "records take `at_least`, --allowed says how often the bob may break a limit, and harm refuses",
+    "worth": "records take `at_least` and `strikes`, and significant harm refuses",
     "search": "the search on records takes `searches` and `seed`",
     "ensemble": "the runs that judge are the records on scattered blocks",
 }
@@ -62,13 +62,6 @@ def add(group: Any) -> None:
         help="share of the records (whole earthquakes) that the design is judged on and not tuned to, or "
         "files, folders and sets of others (default 0.5)",
     )
-    group.add_argument(
-        "--allowed",
-        type=float,
-        default=0.1,
-        metavar="X",
-        help="share of the standing runs that may break a limit of the bob on the way (default 0.1)",
-    )
 
 
 _INTENSITIES = ("pga_star", "pgv_star", "pga", "pgv", "scale")
@@ -90,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
     # Bad files and values end here, before anything is written or claimed.
     held_out = _held_out(options.held_out, options)
     scene = ground.scene(options, motions[0])
-    arguments = _arguments(given, scene, options.allowed)
+    arguments = _arguments(given, scene)
     unfinished = options.out / _UNFINISHED
     harmonic.claim(options, unfinished)
     stripes = ", ".join(f"{x:g}" for x in options.scales)
@@ -145,10 +138,11 @@ def _flag(table: str, key: str) -> str:
     return next((x.flag for x in every if (x.table, x.key) == (table, key)), f"--{table}")
 
 
-def _arguments(given: Mapping[str, Mapping[str, Any]], scene: Scene, allowed: float) -> dict[str, Any]:
+def _arguments(given: Mapping[str, Mapping[str, Any]], scene: Scene) -> dict[str, Any]:
     """Arguments of `tpd.optimise` from the tables of a job; what is left out has the default of records."""
     from tpd.analysis.ensemble import Ensemble
     from tpd.cli import build, config
+    from tpd.design.ground.judgement import SCATTERED
     from tpd.design.ground.optimise import DEFAULT_SPACE
     from tpd.design.ground.search import GroundSearch
     from tpd.design.inputs import check_scatter
@@ -160,18 +154,18 @@ def _arguments(given: Mapping[str, Mapping[str, Any]], scene: Scene, allowed: fl
     # A job of harmonics has one damping; under records it is searched unless the job names it.
     space.setdefault("damping_ratio", list(DEFAULT_SPACE.damping_ratio))  # type: ignore[arg-type]
     searched = config.chosen({"space": space})
-    with build.naming("worth"):
-        worth = Worth(at_least=file.worth.at_least, strikes=allowed)
     out: dict[str, Any] = {
         "space": build.space_of(searched),
         "limits": tuple(x for x in build.limits_of(file) if x.of_motion),
         "seed": file.search.seed,
-        "worth": worth,
+        "worth": Worth(at_least=file.worth.at_least, strikes=file.worth.strikes),
     }
     if file.widths:
         with build.naming("scatter"):
             check_scatter(scene, file.widths, out["space"])
             widths: dict[str, Any] = file.widths
+            for name in set(widths) - set(SCATTERED):
+                raise ValueError(f"`{name}` cannot scatter on records: --scales says how strong they are")
             out["ensemble"] = Ensemble(**widths)
     if "risk" in given:
         out["risk"] = build.risk_of(file)

@@ -209,7 +209,7 @@ class SearchTable(Table, frozen=True, kw_only=True):
         Positive,
         _says("largest relative difference between the model of the method descent and the exact amplitude"),
     ] = 0.01
-    seed: Annotated[Seed, _says("seed of the screening, the samples and the starts")] = 0
+    seed: Annotated[Seed, _says("seed of the screening and the samples")] = 0
 
 
 class WorthTable(Table, frozen=True, kw_only=True):
@@ -219,7 +219,13 @@ class WorthTable(Table, frozen=True, kw_only=True):
     worse: Annotated[Fraction, _says("largest share by which the mean tilt under one condition may rise")] = (
         0.05
     )
-    strikes: Annotated[Fraction, _says("largest share of the runs in which the bob may strike a wall")] = 0.01
+    strikes: Annotated[
+        Fraction | None,
+        _says(
+            "largest share of the standing runs in which the bob may strike a wall, or under records any "
+            "limit may be broken (default 0.01, under records 0.1)"
+        ),
+    ] = None
     runs: Annotated[
         Count | None, _says("most runs with the pendulum and without (default all of the ensemble)")
     ] = None

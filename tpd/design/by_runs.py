@@ -133,8 +133,8 @@ def reasons_by_runs(
     if found.harms:
         worse, better, n = float(found.worse), float(found.better), gain.runs
         out.append(Reason(step=step, kind=ReasonKind.overturns_more, value=worse, reference=better, total=n))
-    if v.strikes > worth.strikes:
-        out.append(Reason(step=step, kind=ReasonKind.strikes, value=v.strikes, reference=worth.strikes))
+    if v.strikes > worth.allowed:
+        out.append(Reason(step=step, kind=ReasonKind.strikes, value=v.strikes, reference=worth.allowed))
     if gain.rests_less:
         rest, bare = (float(np.sum(o.status == "rest")) for o in (found.hung, found.bare))
         out.append(Reason(step=step, kind=ReasonKind.rests_less, value=rest, reference=bare, total=gain.runs))

@@ -1,8 +1,9 @@
 """Criteria of a design: the risk measure over the conditions, and the limits that it must keep.
 
 A limit is a size that must not exceed one under every condition. A search takes any list of limits: it reads
-their sizes and the derivatives of these with respect to (mu, lam, zeta). A user's own limit is a subclass of
-`Limit` with a name and sizes.
+their sizes and the derivatives of these with respect to (mu, lam, zeta). A user's own limit is a frozen
+dataclass that is a subclass of `Limit`: with `name`, `sizes` and, if it needs more than the tilt, the bob's
+angle and the design, `of_motion = False`.
 """
 
 from __future__ import annotations
@@ -361,6 +362,13 @@ def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
     for limit in listed:
         if not isinstance(limit, Limit):
             raise ValueError(f"`limits` must hold objects of `tpd.limits`, but has {checks.shown(limit)}")
+        # Its numbers are what tells two searches apart, and its name what a report has.
+        if "__dataclass_fields__" not in vars(type(limit)) or not isinstance(
+            getattr(limit, "name", None), str
+        ):
+            raise ValueError(
+                f"`limits` must hold dataclasses with a `name`, but {type(limit).__name__} is none"
+            )
     kinds = [type(limit) for limit in listed]
     for kind in kinds:
         if kinds.count(kind) > 1:

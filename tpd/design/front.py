@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tpd.core import checks
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
 from tpd.design.ground.design import GroundDesign
@@ -53,6 +54,7 @@ def front(
         ValueError: masses that do not increase, or that are not within the design space.
         KeyboardInterrupt: Ctrl-C.
     """
+    checks.instance("design", design, (Design, GroundDesign))
     block = design.block if isinstance(design, GroundDesign) else design.scene.block
     low, high = design.space.mass_ratio
     shares = np.geomspace(max(low, high * _LEAST), high, _LIGHTER + 2)[1:-1] if most is None else most
@@ -60,7 +62,7 @@ def front(
     if shares.ndim != 1 or np.any(np.diff(shares) <= 0.0) or not np.all((shares > low) & (shares < high)):
         raise ValueError(
             f"`most` must be increasing masses between {low:g} and {high:g} of the block's, but is "
-            f"{list(map(float, shares))}"
+            f"{shares.tolist()}"
         )
     points = []
     for i, share in enumerate(shares):

@@ -1,4 +1,4 @@
-"""Methods of search: an optimiser, the model whose motions it compares, and its budget."""
+"""Methods of search: an optimiser, the model whose gradients it takes, and its budget."""
 
 from __future__ import annotations
 

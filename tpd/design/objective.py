@@ -1,4 +1,4 @@
-"""Objectives of a search: the merit of a design under every condition, with exact derivatives.
+"""Objective of a search: the merit of a design under every condition, with exact derivatives.
 
 The objective evaluates designs under all conditions, applies the risk measure, and states the limits as
 constraints. It asks for all symmetric period-one orbits in closed form, a hundred thousand designs a second,

@@ -56,7 +56,7 @@ class Reason:
     low: float = math.nan
     """Lower end of the 95 % interval of the size met, where it has one."""
     total: int = 0
-    """Conditions, shakings or runs tried, where counts are compared."""
+    """Conditions or runs tried, where counts are compared."""
     outcome: str = ""
     """Name of the status in which the motion ends."""
 
@@ -100,9 +100,10 @@ class Reason:
                     f"pendulum{at}"
                 )
             case ReasonKind.too_little_benefit:
+                sure = "unknown" if math.isnan(self.low) else f"{self.low:.1%}"
                 return (
-                    f"{by} the mean tilt {_fall(self.value)} (at least {self.low:.1%} with 95 % "
-                    f"confidence), and {self.reference:.1%} is asked for"
+                    f"{by} the mean tilt {_fall(self.value)} (at least {sure} with 95 % confidence), and "
+                    f"{self.reference:.1%} is asked for"
                 )
             case ReasonKind.rests_less:
                 return (

@@ -33,7 +33,8 @@ class DesignStatus(enum.Enum):
 
     found = (
         "A PENDULUM WAS FOUND: over runs by the nonlinear equations that no choice has seen the block rocks "
-        "less with it, and none shows significant harm. That is no verdict of safety: read the shares."
+        "less with it, and no group of runs shows significant harm. That is no verdict of safety: read the "
+        "shares."
     )
     tuned_only = (
         "A PENDULUM WAS TUNED TO THESE MOTIONS ALONE: there is no other earthquake to judge it on, so that "
@@ -95,7 +96,7 @@ class Search:
     evaluations: int
     """Designs evaluated, screening included."""
     description: str
-    """From how many designs and in which stages, in words."""
+    """From how many designs, in words."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,10 +1,10 @@
 """Steps of the verification of one design.
 
-In order: the exact solution by events from rest under every condition; the nonlinear equations under the
-worst conditions and at limits; and paired runs of the nonlinear equations, which choose by the benefit. Each
-step gives typed reasons of refusal. The first step that refuses a design ends its verification. The design
-that is chosen is judged by fresh paired runs: the best of several by the same runs owes a part of its benefit
-to luck in them."""
+The exact solution by events from rest under every condition; paired runs of the nonlinear equations, which
+choose by the benefit; and the nonlinear equations from rest under the worst conditions and at limits, under
+one condition before the paired runs. Each step gives typed reasons of refusal. The first step that refuses a
+design ends its verification. The design that is chosen is judged by fresh paired runs: the best of several by
+the same runs owes a part of its benefit to luck in them."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ class Steps:
         self.scene, self.objective, self.ensemble, self.progress = scene, objective, ensemble, progress
         self.worth = worth
         self.runs = PairedRuns(scene, objective.conditions, ensemble, worth, progress)
-        self.judges = replace(ensemble, seed=ensemble.seed + JUDGES)
-        self.fresh = PairedRuns(scene, objective.conditions, self.judges, worth, progress)
+        judges = replace(ensemble, seed=ensemble.seed + JUDGES)
+        self.fresh = PairedRuns(scene, objective.conditions, judges, worth, progress)
         p = objective.p
         self.none = np.array([0.0, float(p.lam), float(p.zeta)])
         # A bob without mass: the same program answers for the bare block, and nothing else is compiled.

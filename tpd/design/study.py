@@ -210,7 +210,7 @@ def surveyed(design: Design, progress: Progress | None = None) -> dict[int, Surv
         found, benefit = runs.of(hung)
         strikes = strikes_of(found, hung, scene.block, room.bob) if isinstance(room, Room) else np.nan
         overturned = found.hung.overturned.value
-        allowed = design.worth.strikes
+        allowed = design.worth.allowed
         out[i] = Surveyed(strikes=strikes, allowed=allowed, overturned=overturned, benefit=benefit)
     return out
 

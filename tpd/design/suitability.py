@@ -98,7 +98,7 @@ class Suitability:
         left = f"; {unknown} have no answer and are left out" if unknown else ""
         return (
             f"{said}; the bob strikes a wall in {v.strikes * stands:.0f} of the {stands} that stand "
-            f"({v.strikes:.1%}, and {self.worth.strikes:.1%} is allowed){left}."
+            f"({v.strikes:.1%}, and {self.worth.allowed:.1%} is allowed){left}."
         )
 
 

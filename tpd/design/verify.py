@@ -112,5 +112,5 @@ class Verification(Steps):
         # Less by luck in these runs is no harm yet, and of a few runs that rest no trial has any.
         rests = share - _LUCK * np.sqrt(share * (1.0 - share) / size)
         rests = rests if rests > _FEW / RUNS else 0.0
-        strikes = self.worth.strikes
+        strikes = self.worth.allowed
         return refine(found, self.objective.space, run, still, follow, strikes, rests, seed, after)

@@ -307,7 +307,7 @@ def _assumptions(design: Design) -> list[Block]:
         f"{number(scene.gravity)} m/s².",
         "A start at rest at t = 0, where the motion begins suddenly, unless a section says otherwise.",
         "Linear equations (25) of Collini et al. (2016), misprints corrected, solved exactly; nonlinear "
-        "equations (4) for verified designs only.",
+        "equations (4) in the survey from rest, the refinement and the verification.",
         "Limits: " + ("; ".join(map(words.limit, design.limits)) or "none") + ".",
     )
     return [Listing(items)]

@@ -61,7 +61,7 @@ def write(
         design: the answer.
         command: that repeats the run.
         sources: files, folders and sets that the motions come from.
-        points: front of the bob's mass against the intensity that overturns the block.
+        points: answers with lighter bobs, see `tpd.front`.
     """
     report = content(design, command, points)
     written = [
@@ -82,7 +82,7 @@ def write(
 def content(design: GroundDesign, command: str = "", points: tuple[FrontPoint, ...] = ()) -> Report:
     """Build the report of a design on ground motions."""
     scene = _scene(design)
-    falls = any(g.overturns_more or g.strikes > design.worth.strikes for g in design.judged)
+    falls = any(g.overturns_more or g.strikes > design.worth.broken for g in design.judged)
     falls = falls or (design.benefit is not None and design.benefit.overturned.is_above)
     # Danger is for overturning and strikes alone.
     say = information if design.status.is_sound else danger if falls else warning
@@ -129,10 +129,10 @@ def notes(design: GroundDesign) -> Iterator[Note]:
         if g.tilt.is_above:
             more = g.tilt.words(share=False)
             yield warning(f"On {g.name} the mean tilt/ν is larger with the pendulum: {more}.")
-        if g.strikes > design.worth.strikes:
+        if g.strikes > design.worth.broken:
             yield danger(
                 f"On {g.name} with scattered blocks a limit is broken in {g.strikes:.1%} of the runs that "
-                f"stand ({g.linear_strikes:.1%} by the linear equations); {design.worth.strikes:.1%} are "
+                f"stand ({g.linear_strikes:.1%} by the linear equations); {design.worth.broken:.1%} are "
                 "allowed."
             )
         if g.undecided:
@@ -204,7 +204,7 @@ def _usage(design: GroundDesign) -> list[tuple[Cell, ...]]:
     linear = found.sizes[int(np.flatnonzero(np.all(found.designs == design.best, axis=1))[0])]
     used = linear if design.usage is None else design.usage
     which = "linear equations" if design.usage is None else "nonlinear equations"
-    share = f"{which}, all but {design.worth.strikes:.0%} of the standing runs"
+    share = f"{which}, all but {design.worth.broken:.0%} of the standing runs"
     return [
         (
             f"limit on the {name}",
@@ -220,7 +220,7 @@ def _judged(design: GroundDesign) -> list[Block]:
         return []
     head = ("group", "motions", "earthquakes", "overturned without", "with it", "difference (95 %)")
     more = ("tilt/ν, difference (95 %)", "linear equations", "verdicts changed")
-    strikes = f"limits broken ({design.worth.strikes:.0%} allowed)", "no answer"
+    strikes = f"limits broken ({design.worth.broken:.0%} allowed)", "no answer"
     rows = tuple(_row(g) for g in design.judged)
     caption = (
         "Runs of the nonlinear equations, each motion at each intensity, without and with the pendulum on "
@@ -318,7 +318,7 @@ def _assumptions(design: GroundDesign) -> Iterator[str]:
     yield f"Judged with scatter of {scatter or 'nothing'}, each uniform."
     yield "Search by the linear equations, exact between the samples; verdict by the nonlinear equations."
     limits = "; ".join(map(words.limit, design.limits)) or "none"
-    yield f"Limits, for all but {design.worth.strikes:.0%} of the standing runs: {limits}."
+    yield f"Limits, for all but {design.worth.broken:.0%} of the standing runs: {limits}."
 
 
 def _repeat(design: GroundDesign, command: str) -> list[Block]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -43,7 +43,7 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any]) -> str:
         "stroke_rad": design.stroke,
         "parameters": {**vars(p), "rho": p.inertia_ratio, "e": p.velocity_ratio},
         "risk": design.risk,
-        "worth": design.worth,
+        "worth": replace(design.worth, strikes=design.worth.allowed),
         "limits": {limit.name: _limit(limit) for limit in design.limits},
         "conditions": design.conditions,
         "verified": design.verified,

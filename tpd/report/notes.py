@@ -34,7 +34,6 @@ _WIDTHS, _FEW = (0.01, 0.03, 0.1), 3
 """Relative half widths about a frequency whose neighbours are counted, and the fewest frequencies."""
 _FELT = 0.005
 """Share of the pendulum's frequency by which a body and a rod may change it without a word."""
-_TOLERANCE = 0.01
 """Relative difference of two models that agree, unless the method has its own."""
 
 
@@ -67,8 +66,8 @@ def _searched(design: Design) -> Iterator[Note]:
         )
     yield information(
         f"Tilts are those of {source_of_tilts(design)}, by the linear equations of Collini et al. (2016); "
-        "the nonlinear equations were solved for the designs that were verified only. Other starts may "
-        "settle elsewhere, and an earthquake is not a harmonic motion."
+        "the survey from rest, the refinement and the verification are by the nonlinear ones. Other starts "
+        "may settle elsewhere, and an earthquake is not a harmonic motion."
     )
 
 
@@ -180,10 +179,10 @@ def _room(design: Design, winner: Verified, pendulum: Pendulum, bob: Bob) -> Not
     """Room that the bob has as a body."""
     wide = 2.0 * float(bob.radius(pendulum.mass))
     # A job may allow any share: strikes are a danger all the same.
-    return (danger if winner.strikes > Worth().strikes else information)(
+    return (danger if winner.strikes > Worth().allowed else information)(
         f"The bob as {bob} is {wide:.3g} m wide and {bob.slimness * wide:.3g} m high. Between walls "
         f"{design.scene.block.room:.3g} m apart it strikes none in {1.0 - winner.strikes:.1%} of the paired "
-        f"runs that stand ({1.0 - design.worth.strikes:.1%} are asked for)."
+        f"runs that stand ({1.0 - design.worth.allowed:.1%} are asked for)."
     )
 
 

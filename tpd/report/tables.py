@@ -32,11 +32,10 @@ def ensemble(design: Design) -> list[Block]:
         return []
     # The best design may have been refused; its runs are shown all the same, if it came that far.
     pair, runs = (verdict.hung, verdict.bare), verdict.hung.ensemble
-    shares: list[tuple[Cell, ...]] = [("overturned", *(str(o.overturned) for o in pair))]
+    shares: list[tuple[Cell, ...]] = []
     for ramp in verdict.hung.by_ramp():
-        name = "– of sudden starts" if ramp == 0.0 else f"– growing for {ramp:g} s"
-        shares.append((name, *(f"{o.by_ramp()[ramp].value:.1%}" for o in pair)))
-    shares.append(("at rest in the end", *(str(o.at_rest) for o in pair)))
+        name = "overturned, of sudden starts" if ramp == 0.0 else f"overturned, growing for {ramp:g} s"
+        shares.append((name, *(str(o.by_ramp()[ramp]) for o in pair)))
     for name, quantity in (("largest tilt", "peak"), ("settled tilt", "amplitude")):
         quantiles = (_quantiles(o, quantity) for o in pair)
         shares.append((f"{name}: 50, 90, 99 % of the runs (rad)", *quantiles))
@@ -47,10 +46,7 @@ def ensemble(design: Design) -> list[Block]:
         "phases, growth of the shaking and uncertain quantities vary alike for both. Without an answer, and "
         f"left out: {with_it} runs with the pendulum, {without} without. In brackets: 95 % confidence."
     )
-    return [
-        information(verdict.chance_in_words),
-        Table(("", "with pendulum", "without"), tuple(shares), caption),
-    ]
+    return [Table(("", "with pendulum", "without"), tuple(shares), caption)]
 
 
 def _quantiles(o: Outcomes, quantity: str) -> str:

@@ -29,7 +29,7 @@ def toppling(slenderness: float, mass_ratio: float) -> float:
 def source_of_tilts(design: Design) -> str:
     """Motions that the search's tilts belong to, in words."""
     if design.starts == Starts.rest():
-        return "the motion that a start from rest settles into"
+        return "rest wherever it holds, else the largest attracting symmetric motion"
     return "the largest attracting symmetric motion, whichever start leads to it"
 
 

@@ -95,7 +95,7 @@ def ricker(frequency: float) -> tpd.Record:
 @pytest.mark.mends("a pendulum was found although more runs than allowed broke a limit of the bob")
 def test_a_broken_allowance_refuses(records, found, monkeypatch):
     assert found.status is DesignStatus.found
-    assert all(g.strikes <= found.worth.strikes for g in found.judged)
+    assert all(g.strikes <= found.worth.broken for g in found.judged)
     # The same search, and in the judgement 62 % of the standing runs break a limit.
     monkeypatch.setattr(objective, "broken_share", lambda *given: 0.62)
     broken = ask(records, seed=0)

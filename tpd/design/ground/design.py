@@ -71,10 +71,10 @@ def _known_verdict(judged: tuple[Judged, ...], worth: Worth) -> GroundVerdict:
         if g.tilt.is_above:
             rise = g.tilt.words(share=False)
             harms.append(f"{on} the mean tilt over the slenderness rises with the best design, {rise}")
-        if g.strikes > worth.strikes:
+        if g.strikes > worth.broken:
             strikes.append(
                 f"{on} a limit is broken in {g.strikes:.1%} of the runs in which the block stands, and "
-                f"{worth.strikes:.1%} are allowed"
+                f"{worth.broken:.1%} are allowed"
             )
     if benefit is not None and not harms:
         if benefit.overturned.is_above:

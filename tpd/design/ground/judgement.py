@@ -86,7 +86,8 @@ class Judged:
 def scatter_of(block: Block, ensemble: Ensemble | None = None) -> dict[str, float]:
     """Relative half widths of what is uncertain in a block and its pendulum."""
     widths = (Ensemble() if ensemble is None else ensemble).widths(block.restitution)
-    return {name: widths[name] for name in SCATTERED if widths[name] > 0.0}
+    absent = () if block.friction else ("friction",)
+    return {name: widths[name] for name in SCATTERED if widths[name] > 0.0 and name not in absent}
 
 
 def judge(

@@ -32,8 +32,6 @@ from tpd.design.worth import Worth
 
 DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
 DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Room())
-WORTH = Worth(strikes=0.1)
-"""Share of the standing runs that may break a limit, and least benefit, unless others are asked for."""
 HELD_OUT = 0.5
 _SLIGHT = 1e-3
 """Improvement of the risk below which there is none."""
@@ -97,7 +95,7 @@ def optimise_on_motions(
         worth: `strikes` is the share of the runs in which the block stands that may break a limit; the
             search keeps to it for each limit, with some to spare, and the judgement for all limits together.
             `at_least` is the least share by which the mean tilt over all held-out motions must fall, an
-            overturning counted as the slenderness. Default `Worth(strikes=0.1)`.
+            overturning counted as the slenderness. The default allows 0.1.
         ensemble: its widths of block and installation are those of the judgement.
         seed: of every random choice.
         checkpoint: file of the designs that have been followed; these are not followed again.
@@ -127,9 +125,11 @@ def optimise_on_motions(
     listed = check_ground_limits(DEFAULT_LIMITS if limits is None else tuple(limits))
     groups = grouped(conditions.motions, held_out, seed)
     inside = _restricted(conditions, groups[0])
-    worth, ensemble = WORTH if worth is None else worth, Ensemble() if ensemble is None else ensemble
+    worth, ensemble = Worth() if worth is None else worth, Ensemble() if ensemble is None else ensemble
     _check_used(worth, ensemble)
-    objective = GroundObjective(block, inside, listed, worth.strikes, gravity)
+    if ensemble.restitution and not isinstance(block.restitution, float):
+        raise ValueError("`restitution` of `ensemble` can scatter where the block has a number for it")
+    objective = GroundObjective(block, inside, listed, worth.broken, gravity)
     problem = GroundProblem(
         objective=objective,
         space=_within_mass(DEFAULT_SPACE if space is None else space, block, listed),
@@ -152,7 +152,7 @@ def _check_used(worth: Worth, ensemble: Ensemble) -> None:
     """Raise `ValueError` for a setting that has no effect on ground motions."""
     # A setting without effect would let somebody believe in it.
     for given, usual, used in (
-        (worth, WORTH, ("at_least", "strikes")),
+        (worth, Worth(), ("at_least", "strikes")),
         (ensemble, Ensemble(), SCATTERED),
     ):
         for f in fields(given):
@@ -266,10 +266,9 @@ def _left_out(found: Evaluated) -> str:
 def _hangs(risk: Risk, with_it: np.ndarray, bare: np.ndarray) -> int:
     """Runs without an answer on which it hangs that a design is no better than none; 0 if it does not."""
     unknown = int(np.isnan(with_it).sum() + np.isnan(bare).sum())
-    # At best its runs end at rest, and those of the bare block as badly as any.
-    most = max(1.0, float(np.nanmax(np.concatenate([with_it, bare, [0.0]]))))
+    # At best its runs end at rest, and those of the bare block overturn.
     least = float(risk.of(np.nan_to_num(with_it, nan=0.0)))
-    return unknown if least < float(risk.of(np.nan_to_num(bare, nan=most))) - _SLIGHT else 0
+    return unknown if least < float(risk.of(np.nan_to_num(bare, nan=1.0))) - _SLIGHT else 0
 
 
 def _unknown(count: int) -> GroundVerdict:
@@ -357,7 +356,7 @@ def settings(design: GroundDesign) -> dict[str, Any]:
         "space": asdict(design.space),
         "risk": asdict(design.risk),
         "limits": {x.name: asdict(x) for x in design.limits},
-        "allowed": design.worth.strikes,
+        "allowed": design.worth.broken,
         "at_least": design.worth.at_least,
         "method": asdict(design.method),
         "scatter": scatter_of(design.block, design.ensemble),
