@@ -18,14 +18,15 @@ def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
     ax = cast(Axes, new_axes() if ax is None else ax)
     most = np.array([p.most for p in points])
     saved, low, high = 100.0 * np.array([p.saved for p in points]).T
-    offered = np.array([p.pendulum is not None for p in points]) & np.isfinite(saved)
+    # Nothing is claimed of a pendulum that was not judged: it has neither a benefit nor a refusal.
+    offered, refused = np.isfinite(saved), np.array([p.pendulum is None for p in points])
     around = np.maximum([saved - low, high - saved], 0.0)[:, offered]
     style = {"color": BLUE, "marker": "o", "ms": 5, "lw": 1.2, "capsize": 3}
     ax.errorbar(most[offered], saved[offered], around, **style, label="best bob of at most its mass")
     if offered[-1]:
         ax.plot(most[-1], saved[-1], "*", ms=16, mfc=ORANGE, mec=INK, label="answer")
-    if not offered.all():
-        none = most[~offered]
+    if refused.any():
+        none = most[refused]
         ax.plot(none, np.zeros(len(none)), "x", ms=8, color=GREY, clip_on=False, label="none is offered")
     ax.set(xlabel=LABELS["pendulum_mass"] + ", at most", ylabel="fall of the mean tilt (%), 95 %")
     # Masses are compared by their distance from none at all, as the benefits are.
