@@ -112,6 +112,17 @@ def test_limits_that_keep_better_designs_out_are_named():
     assert without[-4:] == ("20.0%", "0 of 10", None, None)
 
 
+def test_a_limit_without_which_the_best_design_is_the_same_has_no_row():
+    design = designs.around()
+    wide = design.surveys[0]
+    excess = wide.excess | {"stroke": np.array([-0.1, -0.1, 0.2, -0.1])}
+    surveys = (dataclasses.replace(wide, excess=excess), *design.surveys[1:])
+    table = benefit.limiting(dataclasses.replace(design, surveys=surveys))[-1]
+    assert "The best design is the same without the limit on stroke." in table.caption
+    rest = ["without the limit on room", "without any limit"]
+    assert [row[0] for row in table.rows] == ["limits kept from rest", *rest]
+
+
 @pytest.mark.mends("the table of limits called a design sound that strikes a wall in a quarter of the runs")
 def test_designs_that_keep_the_limits_from_rest_are_shown_with_their_strikes():
     assert "all limits kept" not in rows(benefit.limiting(designs.around())[-1])

@@ -282,6 +282,13 @@ def test_conditions_without_a_motion_that_attracts_are_counted():
     assert "Under 8 of 8 conditions no symmetric motion attracts" in " ".join(texts(none))
 
 
+def test_a_pendulum_whose_settled_tilt_is_larger_is_said():
+    said = "The worst settled tilt, which the searches make small, is larger with this pendulum"
+    assert not any(said in t for t in texts(designs.single()))
+    (note,) = [n for n in notes(with_winner(value=0.4), Study()) if said in n.text]
+    assert note.severity is Severity.warning
+
+
 def test_interruptions_are_said():
     cut = designs.single(status=DesignStatus.interrupted, pendulum=None)
     assert "The search was interrupted; nothing below is the best of the design space." in texts(cut)

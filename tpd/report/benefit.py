@@ -228,7 +228,10 @@ def limiting(design: Design, study: Study | None = None) -> list[Block]:
         return []
     out = _refusals(design)
     wide, by_runs = design.surveys[0], {} if study is None else study.surveyed
-    rows = [_row(design, wide, name, i, by_runs) for name, i in wide.relaxed().items()]
+    best, *others = wide.relaxed().items()
+    # A row that repeats the first would only hide those that differ.
+    same = [name for name, i in others if i is not None and i == best[1]]
+    rows = [_row(design, wide, n, i, by_runs) for n, i in (best, *others) if n not in same]
     head = (
         "",
         "bob (kg)",
@@ -245,6 +248,8 @@ def limiting(design: Design, study: Study | None = None) -> list[Block]:
         f"Best of {len(wide.designs)} designs followed from rest by the {wide.equations} equations, and the "
         f"best where a limit is left out: what relaxing it would buy. Without a pendulum: {bare}."
     )
+    if same:
+        caption += f" The best design is the same {', '.join(same)}."
     if by_runs:
         runs = next(iter(by_runs.values()))
         caption += (

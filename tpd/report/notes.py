@@ -34,7 +34,6 @@ _WIDTHS, _FEW = (0.01, 0.03, 0.1), 3
 """Relative half widths about a frequency whose neighbours are counted, and the fewest frequencies."""
 _FELT = 0.005
 """Share of the pendulum's frequency by which a body and a rod may change it without a word."""
-"""Relative difference of two models that agree, unless the method has its own."""
 
 
 def notes(design: Design, study: Study) -> tuple[Note, ...]:
@@ -254,6 +253,11 @@ def _settled(winner: Verified) -> Iterator[Note]:
 def _starts(design: Design, winner: Verified) -> Iterator[Note]:
     """Starts, and conditions, in which the search's tilts do not tell the whole motion."""
     e = winner.evaluation
+    if winner.value > design.bare.value:
+        yield warning(
+            f"The {design.risk.name} settled tilt, which the searches make small, is larger with this "
+            "pendulum than without: runs from many starts chose it."
+        )
     if design.starts == Starts.any() and not np.all(e.attracts):
         yield warning(
             f"Under {np.sum(~e.attracts)} of {e.attracts.size} conditions no symmetric motion attracts."
