@@ -146,7 +146,7 @@ from tpd.analysis.ensemble import plan
 from tpd.core.conditions import under_all
 from tpd.core.parameters import as_arrays
 from tpd.core.status import Status, names_of
-from tpd.design.objective import margins
+from tpd.design.objective import blank, margins
 from tpd.design.problem import Problem
 block = Block(width=1.3, height=10.0, mass=16280.0, restitution="housner", cavity_width=0.9)
 scene = Scene(block, Harmonic(amplitude=0.081, frequency=0.85))
@@ -154,7 +154,7 @@ problem = Problem.of(scene, *[None] * 6, 0)
 o, p = problem.objective, scene.parameters()
 designs = problem.space.unscaled(np.full((5, len(problem.space.bounds[0])), 0.5))
 margins(o, designs)
-o.linearised(o.blank(2))
+o.linearised(blank(2, len(o.conditions)))
 every = as_arrays(under_all(p, designs, o.conditions))
 plan(p, Ensemble(size=8, friction=0.1), conditions=o.conditions)
 names_of(Status.rocking)

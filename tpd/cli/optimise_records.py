@@ -164,7 +164,7 @@ def _arguments(given: Mapping[str, Mapping[str, Any]], scene: Scene) -> dict[str
         with build.naming("scatter"):
             check_scatter(scene, file.widths, out["space"])
             widths: dict[str, Any] = file.widths
-            for name in set(widths) - set(SCATTERED):
+            for name in sorted(set(widths) - set(SCATTERED)):
                 raise ValueError(f"`{name}` cannot scatter on records: --scales says how strong they are")
             out["ensemble"] = Ensemble(**widths)
     if "risk" in given:

@@ -153,11 +153,7 @@ class Orbits:
 
     def constraint_names(self) -> list[str]:
         """Names of the limited quantities, each the name of n constraints, in the order of `constraints`."""
-        return [size.name for size in self.sizes(self.blank(1))]
-
-    def blank(self, m: int) -> Evaluation:
-        """Evaluation of `m` designs with ones in place of sizes, for limits that are asked with others."""
-        return blank(m, len(self.conditions))
+        return [size.name for size in self.sizes(blank(1, len(self.conditions)))]
 
     def linearised(self, e: Evaluation) -> Linearisation:
         """Merits, tightened constraints and their derivatives along the searched shares of the bounds."""

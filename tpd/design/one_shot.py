@@ -17,7 +17,7 @@ from tpd.core.batch import in_chunks, prepare
 from tpd.core.conditions import under
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.design.ends import Book, Ends, Linearisation
-from tpd.design.objective import ROCKING, Evaluation, Orbits, margins
+from tpd.design.objective import ROCKING, Evaluation, Orbits, blank, margins
 from tpd.exact.modes import Plant
 from tpd.exact.orbit_equation import Half
 from tpd.exact.orbit_roots import Root
@@ -79,8 +79,8 @@ class OneShot:
     def _step(self, designs: np.ndarray) -> Evaluation:
         """Half a period of every orbit that is followed; what is not, or is lost, is left blank."""
         o, m = self.objective, len(designs)
-        blank = (None if x is None else np.array(x) for x in o.blank(m))
-        e = Evaluation(*blank)._replace(design=designs, margin=margins(o, designs))  # type: ignore[arg-type]
+        own = {name: np.array(getattr(blank(m, len(o.conditions)), name)) for name in _OF_PAIRS}
+        e = Evaluation(**own | {"margin": margins(o, designs)}, design=designs)
         # The derivatives of the last step say where the orbit of the next design is, to first order.
         self.turns = self.turns + np.einsum("mnud,md->mnu", self.slopes, designs - self.designs)
         self.designs, todo, before = designs, self.follows.copy(), self.follows.copy()

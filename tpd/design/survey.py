@@ -18,7 +18,7 @@ from tpd.core.conditions import under_all
 from tpd.core.sampling import latin_hypercube
 from tpd.core.status import names_of
 from tpd.design.criteria import Risk, Room, limit_of
-from tpd.design.objective import Orbits
+from tpd.design.objective import Orbits, blank
 from tpd.design.screening import first_apart
 from tpd.design.space import DesignSpace
 from tpd.models.batches import settle_all
@@ -252,7 +252,7 @@ def excess(
 ) -> dict[str, np.ndarray]:
     """Largest excess of every limit on the motion, of angles (rad) under every condition, (m,)."""
     g, m = objective.geometry, len(designs)
-    e = objective.blank(m)._replace(tilt=amplitude / g.slenderness, stroke=stroke, design=designs)
+    e = blank(m, len(g.slenderness))._replace(tilt=amplitude / g.slenderness, stroke=stroke, design=designs)
     out = {
         size.name: size.value.max(axis=1) - 1.0
         for limit in objective.limits

@@ -26,8 +26,7 @@ def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
     if offered[-1]:
         ax.plot(most[-1], saved[-1], "*", ms=16, mfc=ORANGE, mec=INK, label="answer")
     if refused.any():
-        none = most[refused]
-        ax.plot(none, np.zeros(len(none)), "x", ms=8, color=GREY, clip_on=False, label="none is offered")
+        ax.plot(most[refused], 0.0 * most[refused], "x", ms=8, c=GREY, clip_on=False, label="none is offered")
     ax.set(xlabel=LABELS["pendulum_mass"] + ", at most", ylabel="fall of the mean tilt (%), 95 %")
     # Masses are compared by their distance from none at all, as the benefits are.
     ax.set_xlim(left=0.0)
