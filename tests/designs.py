@@ -53,6 +53,7 @@ class Evaluation(NamedTuple):
     reserve_slope: np.ndarray
     kind: np.ndarray
     design: np.ndarray
+    relative: np.ndarray | None = None
 
     @property
     def attracts(self) -> np.ndarray:

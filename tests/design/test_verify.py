@@ -326,7 +326,7 @@ def test_trial_runs_are_those_of_no_other_step(search, monkeypatch):
         # The first design has too little reserve.
         assert still(found.designs).tolist() == [False, True, True, True]
         assert follow(found.designs[:1]).equations == "nonlinear"
-        assert strikes == ANY_WORTH.strikes
+        assert strikes == ANY_WORTH.allowed
         share = made.runs.bare.at_rest.value
         assert rests == pytest.approx(share - 1.645 * np.sqrt(share * (1.0 - share) / 16))
         return found

@@ -7,7 +7,9 @@ from tpd.design.worth import Worth
 
 def test_by_default_a_tenth_is_asked_for():
     worth = Worth()
-    assert (worth.at_least, worth.worse, worth.strikes, worth.runs) == (0.1, 0.05, 0.01, None)
+    assert (worth.at_least, worth.worse, worth.strikes, worth.runs) == (0.1, 0.05, None, None)
+    assert (worth.allowed, worth.broken) == (0.01, 0.1)
+    assert Worth(strikes=0.3).allowed == Worth(strikes=0.3).broken == 0.3
 
 
 @pytest.mark.parametrize("name", ["at_least", "worse", "strikes"])
