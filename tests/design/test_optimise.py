@@ -68,6 +68,8 @@ def test_designs_followed_from_rest_are_verified_until_one_stands(one):
     winner = one.verified[-1]
     assert {v.source for v in one.verified} == {"survey"}
     assert all(v.reasons for v in one.verified[:-1])
+    assert not winner.reasons
+    assert winner.value < 0.9 * one.bare.value
     (asked,) = winner.nonlinear
     assert asked.status == "rocking"
     assert asked.stroke <= 1.5

@@ -146,9 +146,10 @@ def test_histories_of_tilts_share_their_scale_and_end_where_the_block_overturns(
 
 def test_the_front_has_every_answer_and_where_none_is_offered():
     ax = plot_front(designs.front())
-    assert legend(ax) == {"best bob of at most its mass", "answer", "none is offered"}
+    assert legend(ax) == {"offered", "answer", "none is offered up to here"}
     assert ax.get_ylim()[0] == 0.0
     assert lines(ax)["answer"].get_xydata().tolist() == [[1.6224, 50.0]]
+    assert lines(ax)["none is offered up to here"].get_xydata().tolist() == [[0.8112, 0.0]]
 
 
 def test_pictures_are_drawn_into_given_axes():

@@ -49,6 +49,7 @@ def test_the_answer_has_the_pendulum_in_si_units_and_what_holds_it():
     table, held = section(content(designs.single(), designs.study()), "The answer")
     assert row(table, "mass of the bob")[1] == "1.622 kg"
     assert row(table, "length of the pendulum")[1:] == ("0.12 m", "λ = 0.6")
+    assert row(table, "hinge to the bob's centre, to be built")[1] == "0.1153 m"
     assert row(table, "damping of the hinge")[1].endswith(" N m s/rad")
     # nu (1 + mu)/(1 + 2 mu) is 0.2292 rad.
     assert row(table, "rocking amplitude with it")[1:] == ("0.04 rad (2.29°)", "17.5% of toppling")

@@ -119,7 +119,7 @@ def test_a_ball_that_is_no_point_is_said():
     # 0.4 (0.03668/0.12)^2
     assert "a moment of inertia of its own, 3.7% of the point's" in note.text
     assert note.severity is Severity.warning
-    assert note.text.endswith("frequency by -1.8%; a rod 3.6% shorter makes up for it.")
+    assert note.text.endswith("frequency by -1.8%; a rod 3.9% shorter makes up for it.")
 
 
 def test_overturning_from_rest_is_counted_and_a_danger_where_the_bare_block_stands():

@@ -78,11 +78,7 @@ def add(commands: Any) -> None:
         help=f"uncertain quantities by their relative half widths: {', '.join(keys()['scatter'])}",
     )
     _add_group(optimise, "search", SEARCH)
-    optimise.add_argument(
-        "--pareto",
-        action="store_true",
-        help="answer it for three lighter bobs as well",
-    )
+    optimise.add_argument("--pareto", action="store_true", help="also find three lighter ones, each verified")
     optimise.add_argument(
         "--resume", action="store_true", help="go on with the searches that an interrupted run left in DIR"
     )

@@ -363,12 +363,8 @@ def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
         if not isinstance(limit, Limit):
             raise ValueError(f"`limits` must hold objects of `tpd.limits`, but has {checks.shown(limit)}")
         # Its numbers are what tells two searches apart, and its name what a report has.
-        if "__dataclass_fields__" not in vars(type(limit)) or not isinstance(
-            getattr(limit, "name", None), str
-        ):
-            raise ValueError(
-                f"`limits` must hold dataclasses with a `name`, but {type(limit).__name__} is none"
-            )
+        if "__dataclass_fields__" not in vars(type(limit)) or not hasattr(limit, "name"):
+            raise ValueError(f"`limits` must hold dataclasses with a `name`, but has {type(limit).__name__}")
     kinds = [type(limit) for limit in listed]
     for kind in kinds:
         if kinds.count(kind) > 1:

@@ -18,12 +18,12 @@ from tpd.core.scene import Block, Scene
 from tpd.core.threads import aside
 from tpd.design.active import nearest_of
 from tpd.design.checkpoint import Checkpoint
-from tpd.design.criteria import DEFAULT_LIMITS, Limit, Risk, check_limits
+from tpd.design.criteria import Limit, Risk
 from tpd.design.elasticity import elasticities_of
 from tpd.design.ground.design import GroundDesign
-from tpd.design.ground.optimise import HELD_OUT, optimise_on_motions
+from tpd.design.ground.optimise import ground_problem
+from tpd.design.ground.optimise import solve as solve_on_motions
 from tpd.design.ground.search import GroundSearch
-from tpd.design.inputs import check_cavity
 from tpd.design.methods import Descent, Method, describe
 from tpd.design.objective import margins
 from tpd.design.one_shot import OneShot
@@ -78,8 +78,8 @@ def optimise(
     """Pendulum of least rocking under one or many conditions, verified.
 
     Under ground motions, `conditions=Conditions.records(...)`, see
-    `tpd.design.ground.optimise.optimise_on_motions`; what follows is about harmonics. By default their
-    conditions are a neighbourhood of the scene's own shaking: ±5 % in frequency and +10 % in amplitude. Signs
+    `tpd.design.ground.optimise.ground_problem`; what follows is about harmonics. By default their conditions
+    are a neighbourhood of the scene's own shaking: ±5 % in frequency and +10 % in amplitude. Signs
     and impacts are smoothed, diffrax integrates the equations (25), and optax descends on the gradients of
     the steady amplitudes under all conditions, from the best of many screened designs; the exact solution
     validates every end. Designs that the descents met, and others, are followed from rest by the linear and
@@ -111,30 +111,26 @@ def optimise(
         ValueError: bad input, or a checkpoint of another problem.
         RuntimeError: JAX is in 32-bit mode.
     """
-    # Limits may be an iterator, which can be read once.
-    limits = None if limits is None else check_limits(limits)
+    if checkpoint is not None:
+        checks.instance("checkpoint", checkpoint, (Path, str))
+    file = None if checkpoint is None else Path(checkpoint)
     if isinstance(conditions, Conditions) and conditions.motions:
         if starts is not None:
             raise ValueError("`starts` is for harmonics, but the conditions are ground motions")
-        if isinstance(method, Method):
-            raise ValueError("`method` must be a GroundSearch, but the conditions are ground motions")
-        if isinstance(scene, (Scene, Block)):
-            block = scene.block if isinstance(scene, Scene) else scene
-            check_cavity(block, DEFAULT_LIMITS if limits is None else limits)
-        return optimise_on_motions(
+        shaken = ground_problem(
             scene,
             conditions,
             space,
-            held_out=HELD_OUT if held_out is None else held_out,
+            held_out=held_out,
             risk=risk,
             limits=limits,
             method=method,
             worth=worth,
             ensemble=ensemble,
             seed=seed,
-            checkpoint=checkpoint,
-            progress=progress,
         )
+        with shown(progress) as report:
+            return solve_on_motions(shaken, Checkpoint.of(file, shaken.identity), report)
     if held_out is not None:
         raise ValueError("`held_out` is for ground motions, but the conditions are harmonics")
     if isinstance(scene, Block) or isinstance(method, GroundSearch):
@@ -144,10 +140,7 @@ def optimise(
     checks.instance("ensemble", runs, Ensemble)
     if runs.restitution:
         check_restitution(scene)
-    if checkpoint is not None:
-        checks.instance("checkpoint", checkpoint, (Path, str))
     with shown(progress) as report:
-        file = None if checkpoint is None else Path(checkpoint)
         return solve(problem, runs, file, report)
 
 

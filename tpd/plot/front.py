@@ -13,21 +13,23 @@ from tpd.plot.style import BLUE, GREY, INK, LABELS, ORANGE, new_axes
 
 
 def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
-    """Draw by how much the mean tilt falls for every largest mass, with its interval; a cross below where
-    none is offered. The last point is the answer."""
+    """Draw by how much the mean tilt falls with every bob that is offered, over its own mass, with the
+    interval; a cross at the largest mass up to which none is offered. The last point is the answer."""
     ax = cast(Axes, new_axes() if ax is None else ax)
-    most = np.array([p.most for p in points])
+    # A bob may be lighter than it had to be.
+    mass = np.array([p.most if p.pendulum is None else float(p.pendulum.mass) for p in points])
     saved, low, high = 100.0 * np.array([p.saved for p in points]).T
     # Nothing is claimed of a pendulum that was not judged: it has neither a benefit nor a refusal.
     offered, refused = np.isfinite(saved), np.array([p.pendulum is None for p in points])
     around = np.maximum([saved - low, high - saved], 0.0)[:, offered]
     style = {"color": BLUE, "marker": "o", "ms": 5, "lw": 1.2, "capsize": 3}
-    ax.errorbar(most[offered], saved[offered], around, **style, label="best bob of at most its mass")
+    ax.errorbar(mass[offered], saved[offered], around, **style, label="offered")
     if offered[-1]:
-        ax.plot(most[-1], saved[-1], "*", ms=16, mfc=ORANGE, mec=INK, label="answer")
+        ax.plot(mass[-1], saved[-1], "*", ms=16, mfc=ORANGE, mec=INK, label="answer")
     if refused.any():
-        ax.plot(most[refused], 0.0 * most[refused], "x", ms=8, c=GREY, clip_on=False, label="none is offered")
-    ax.set(xlabel=LABELS["pendulum_mass"] + ", at most", ylabel="fall of the mean tilt (%), 95 %")
+        none = mass[refused]
+        ax.plot(none, 0.0 * none, "x", ms=8, c=GREY, clip_on=False, label="none is offered up to here")
+    ax.set(xlabel=LABELS["pendulum_mass"], ylabel="fall of the mean tilt (%), 95 %")
     # Masses are compared by their distance from none at all, as the benefits are.
     ax.set_xlim(left=0.0)
     ax.set_ylim(bottom=min([0.0, *low[offered]]))

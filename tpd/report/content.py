@@ -142,7 +142,7 @@ def _captions(design: Design, study: Study) -> dict[str, tuple[str, str]]:
         ),
         "front.png": (
             "Fall of the mean tilt against the mass of the bob",
-            "What each kilogramme pays: the benefit of an answer with a bob no heavier than that.",
+            "What each kilogramme pays: answers whose bob may be no heavier than a bound, over its own mass.",
         ),
     }
 
@@ -161,6 +161,7 @@ def _answer(design: Design, study: Study) -> list[Block]:
     rows: list[tuple[Cell, ...]] = [
         ("mass of the bob", f"{number(hung.mass)} kg", f"μ = {number(winner.mass_ratio, 5)}"),
         ("length of the pendulum", f"{number(hung.length)} m", f"λ = {number(winner.length_ratio, 5)}"),
+        words.rod(hung, words.bob_of(design.limits), design.scene.gravity),
         ("damping of the hinge", f"{hinge} N m s/rad", f"ζ = {number(hung.damping_ratio)} of critical"),
         *_sizes(design, winner, hung.length),
         *((f"limit on {_LIMITED[n]}", f"{x:.1%} used", None) for n, x in study.usage if n in _LIMITED),

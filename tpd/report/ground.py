@@ -184,6 +184,7 @@ def _answer(design: GroundDesign) -> list[Block]:
     rows = (
         ("mass of the bob", f"{number(float(hung.mass))} kg", f"μ = {number(best[0])}"),
         ("length of the pendulum", f"{number(float(hung.length))} m", f"λ = {number(best[1])}"),
+        words.rod(hung, words.bob_of(design.limits), design.gravity),
         ("damping of the hinge", hinge, f"ζ = {number(best[2])} of critical"),
         *tilt,
         *_usage(design),
@@ -282,7 +283,7 @@ def _parts(design: GroundDesign) -> list[Block]:
 def _front(points: tuple[FrontPoint, ...]) -> list[Block]:
     if not points:
         return []
-    name = "Fall of the mean tilt on motions held out, over the largest mass of the bob"
+    name = "Fall of the mean tilt on motions held out, over the mass of the bob"
     return [Figure("front.png", name, f"{name}."), tables.front(points)]
 
 

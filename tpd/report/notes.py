@@ -20,7 +20,7 @@ from tpd.design.verified import Verified
 from tpd.design.worth import Worth
 from tpd.report import earthquakes
 from tpd.report.blocks import Note, danger, information, warning
-from tpd.report.words import finite_max, source_of_tilts
+from tpd.report.words import bob_of, finite_max, source_of_tilts
 
 LARGE_PEAK = 0.7
 """Share of the tilt at which the block topples; a start from rest beyond it is called dangerous."""
@@ -42,7 +42,7 @@ def notes(design: Design, study: Study) -> tuple[Note, ...]:
     if design.winner is not None and design.pendulum is not None:
         found += [*_overturning(design, design.winner), *_repeated(design.winner)]
         found += [*_nonlinear(design, design.winner), *_strikes(design, design.winner, design.pendulum)]
-        found += thick(design.pendulum, _bob_of(design), design.scene.gravity)
+        found += thick(design.pendulum, bob_of(design.limits), design.scene.gravity)
         found += [*_settled(design.winner), *_starts(design, design.winner)]
     found += earthquakes.notes(study.earthquakes)
     return tuple(sorted(found, key=lambda note: note.severity.value))
@@ -168,12 +168,6 @@ def _strikes(design: Design, winner: Verified, pendulum: Pendulum) -> list[Note]
     return strikes(design.scene.block, pendulum, largest)[:1]
 
 
-def _bob_of(design: Design) -> Bob:
-    """The body of the limit on room, or a ball of steel."""
-    limit = limit_of(design.limits, Room)
-    return limit.bob if isinstance(limit, Room) else Bob()
-
-
 def _room(design: Design, winner: Verified, pendulum: Pendulum, bob: Bob) -> Note:
     """Room that the bob has as a body."""
     wide = 2.0 * float(bob.radius(pendulum.mass))
@@ -219,13 +213,15 @@ def thick(pendulum: Pendulum, bob: Bob | None = None, gravity: float = STANDARD_
     change = bob.frequency_change(mass, length, gravity)
     if abs(change) < _FELT:
         return []
-    other = "shorter" if change < 0.0 else "longer"
+    share = bob.rod(mass, length, gravity) / length - 1.0
+    way = "shorter" if share < 0.0 else "longer"
+    cure = f"a rod {abs(share):.1%} {way} makes" if math.isfinite(share) else "no rod makes"
     return [
         warning(
             f"The equations take a point on a massless rod. As {bob} the bob has a moment of inertia of its "
             f"own, {bob.inertia_share(mass, length):.1%} of the point's, and a rod for ten times its "
             f"weight {bob.rod_share(length, gravity):.1%} of its mass. Together they change the pendulum's "
-            f"frequency by {change:+.1%}; a rod {abs(2.0 * change):.1%} {other} makes up for it."
+            f"frequency by {change:+.1%}; {cure} up for it."
         )
     ]
 

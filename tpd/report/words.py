@@ -8,8 +8,8 @@ import numpy as np
 
 from tpd.analysis.attractors import Starts
 from tpd.core.formatting import number
-from tpd.core.scene import HOUSNER, Block
-from tpd.design.criteria import KINDS, Limit, Mass, Room
+from tpd.core.scene import HOUSNER, Block, Pendulum
+from tpd.design.criteria import KINDS, Bob, Limit, Mass, Room, limit_of
 from tpd.design.result import Design
 
 
@@ -45,6 +45,19 @@ def settled_stroke(design: Design) -> float:
     # From other starts than rest the search may know larger strokes than the one from rest.
     asked = 0.0 if design.starts == Starts.rest() else finite_max(design.winner.evaluation.stroke)
     return max(finite_max(design.winner.exact.stroke), asked)
+
+
+def bob_of(limits: tuple[Limit, ...]) -> Bob:
+    """The body of the limit on room, or a ball of steel."""
+    room = limit_of(limits, Room)
+    return room.bob if isinstance(room, Room) else Bob()
+
+
+def rod(pendulum: Pendulum, bob: Bob, gravity: float) -> tuple[str, str, str]:
+    """Row of a table: where a body hangs that swings as often as the point of the equations."""
+    at = bob.rod(float(pendulum.mass), float(pendulum.length), gravity)
+    built = f"{number(at)} m" if math.isfinite(at) else "none"
+    return "hinge to the bob's centre, to be built", built, "as a body with its rod, of the same frequency"
 
 
 def of_toppling(design: Design, tilt: float, mass_ratio: float) -> tuple[str, str | None]:

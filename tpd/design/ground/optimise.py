@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tpd.analysis.ensemble import Ensemble
 from tpd.core import checks
-from tpd.core.conditions import Conditions
+from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.fingerprints import fingerprint, of_sources
 from tpd.core.ground_motion import GroundMotion
-from tpd.core.progress import Progress, shown
+from tpd.core.progress import Progress
 from tpd.core.scene import STANDARD_GRAVITY, Block, Pendulum, Scene
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import Limit, Mass, Risk, Room, Stroke, limit_of
@@ -26,6 +25,7 @@ from tpd.design.ground.objective import GroundObjective
 from tpd.design.ground.parts import parts_of
 from tpd.design.ground.search import Evaluated, GroundSearch, Searcher, risk_of_known
 from tpd.design.ground.sizes import check_ground_limits
+from tpd.design.inputs import check_cavity
 from tpd.design.result import DesignStatus
 from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
@@ -61,22 +61,21 @@ class GroundProblem:
         return fingerprint(of_sources(), *what, *how, pieces)
 
 
-def optimise_on_motions(
+def ground_problem(
     subject: Scene | Block,
     conditions: Conditions,
-    space: DesignSpace | None = None,
+    space: DesignSpace | None,
     *,
-    held_out: float | Mapping[str, Sequence[GroundMotion]] = HELD_OUT,
-    risk: Risk | None = None,
-    limits: Iterable[Limit] | None = None,
-    method: GroundSearch | None = None,
-    worth: Worth | None = None,
-    ensemble: Ensemble | None = None,
-    seed: int = 0,
-    checkpoint: Path | str | None = None,
-    progress: Progress | bool | None = None,
-) -> GroundDesign:
-    """Pendulum of least rocking under pulses and records, judged on motions that it was not tuned to.
+    held_out: float | Mapping[str, Sequence[GroundMotion]] | None,
+    risk: Risk | None,
+    limits: Iterable[Limit] | None,
+    method: Any,
+    worth: Worth | None,
+    ensemble: Ensemble | None,
+    seed: int,
+) -> GroundProblem:
+    """Problem of a pendulum of least rocking under pulses and records, judged on motions that it was not
+    tuned to; None stands for the default everywhere.
 
     The linear equations are followed exactly through every motion. Designs over the whole space are followed
     first, then those that a response surface through all of them proposes; the best is that of least trend
@@ -88,26 +87,23 @@ def optimise_on_motions(
         conditions: from `Conditions.records`.
         space: bounds of the search; default `DesignSpace(damping_ratio=(0.05, 1))`.
         held_out: share of the motions, whole earthquakes by a seeded choice, that the design is not tuned to;
-            or groups of other motions by name.
+            or groups of other motions by name; default 0.5.
         risk: of the severities of all runs, see `Runs`; default `Risk.expected()`.
         limits: default the stroke and the room between the walls, both on the way and not only settled.
-        method: how the space is searched.
+        method: a `GroundSearch`.
         worth: `strikes` is the share of the runs in which the block stands that may break a limit; the
             search keeps to it for each limit, with some to spare, and the judgement for all limits together.
             `at_least` is the least share by which the mean tilt over all held-out motions must fall, an
-            overturning counted as the slenderness. The default allows 0.1.
+            overturning counted as the slenderness.
         ensemble: its widths of block and installation are those of the judgement.
         seed: of every random choice.
-        checkpoint: file of the designs that have been followed; these are not followed again.
-        progress: True for a bar on stderr, or called with (stage, done, of how many).
 
     Raises:
-        ValueError: bad input, or a checkpoint of another problem.
+        ValueError: bad input.
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    checks.instance("subject", subject, (Scene, Block))
-    checks.instance("conditions", conditions, Conditions)
+    checks.instance("scene", subject, (Scene, Block))
     checks.count("seed", seed, least=0)
     for name, value, kind in (
         ("space", space, DesignSpace),
@@ -118,20 +114,18 @@ def optimise_on_motions(
     ):
         if value is not None:
             checks.instance(name, value, kind)
-    if not conditions.motions:
-        raise ValueError("`conditions` must have ground motions, from `Conditions.records`, but have none")
     block = subject if isinstance(subject, Block) else subject.block
     gravity = STANDARD_GRAVITY if isinstance(subject, Block) else float(subject.gravity)
     listed = check_ground_limits(DEFAULT_LIMITS if limits is None else tuple(limits))
-    groups = grouped(conditions.motions, held_out, seed)
+    check_cavity(block, listed)
+    groups = grouped(conditions.motions, HELD_OUT if held_out is None else held_out, seed)
     inside = _restricted(conditions, groups[0])
     worth, ensemble = Worth() if worth is None else worth, Ensemble() if ensemble is None else ensemble
     _check_used(worth, ensemble)
-    if ensemble.restitution and not isinstance(block.restitution, float):
-        raise ValueError("`restitution` of `ensemble` can scatter where the block has a number for it")
-    objective = GroundObjective(block, inside, listed, worth.broken, gravity)
-    problem = GroundProblem(
-        objective=objective,
+    if ensemble.restitution:
+        check_restitution(Scene(block, conditions.motions[0], gravity))
+    return GroundProblem(
+        objective=GroundObjective(block, inside, listed, worth.broken, gravity),
         space=_within_mass(DEFAULT_SPACE if space is None else space, block, listed),
         risk=Risk.expected() if risk is None else risk,
         method=GroundSearch() if method is None else method,
@@ -141,11 +135,6 @@ def optimise_on_motions(
         ensemble=ensemble,
         seed=seed,
     )
-    if checkpoint is not None:
-        checks.instance("checkpoint", checkpoint, (Path, str))
-    file = None if checkpoint is None else Path(checkpoint)
-    with shown(progress) as report:
-        return solve(problem, Checkpoint.of(file, problem.identity), report)
 
 
 def _check_used(worth: Worth, ensemble: Ensemble) -> None:
@@ -189,7 +178,7 @@ def _within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) ->
 
 
 def solve(problem: GroundProblem, store: Checkpoint, report: Progress | None) -> GroundDesign:
-    """Search, and judge the best design; see `optimise_on_motions`."""
+    """Search, and judge the best design; see `ground_problem`."""
     objective, risk = problem.objective, problem.risk
     bare = objective.evaluate(np.array([[0.0, 1.0, 0.3]]))
     without = float(risk_of_known(risk, bare.severity)[0])
