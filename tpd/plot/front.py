@@ -22,7 +22,7 @@ def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
     # Nothing is claimed of a pendulum that was not judged: it has neither a benefit nor a refusal.
     offered, refused = np.isfinite(saved), np.array([p.pendulum is None for p in points])
     around = np.maximum([saved - low, high - saved], 0.0)[:, offered]
-    style = {"color": BLUE, "marker": "o", "ms": 5, "lw": 1.2, "capsize": 3}
+    style = {"color": BLUE, "marker": "o", "ms": 5, "ls": "", "elinewidth": 1.2, "capsize": 3}
     ax.errorbar(mass[offered], saved[offered], around, **style, label="offered")
     if offered[-1]:
         ax.plot(mass[-1], saved[-1], "*", ms=16, mfc=ORANGE, mec=INK, label="answer")
