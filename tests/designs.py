@@ -19,11 +19,11 @@ from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, Risk
 from tpd.design.earthquakes import Earthquakes
 from tpd.design.front import FrontPoint
 from tpd.design.reasons import Reason, ReasonKind, Step
-from tpd.design.result import Design, DesignStatus, Search, SearchStatus
+from tpd.design.result import DesignStatus, HarmonicDesign, Search, SearchStatus
 from tpd.design.space import DesignSpace
 from tpd.design.study import Study, TimeHistory, UpliftRegion
 from tpd.design.survey import ON_THE_WAY, Survey
-from tpd.design.verified import Active, Bare, LossCase, Motions, Nonlinear, Verified
+from tpd.design.verified import Active, Bare, LossCase, Motions, Verified
 from tpd.design.worth import Worth
 
 SCENE = tpd.paper_scene()
@@ -133,7 +133,7 @@ def verified(**changes) -> Verified:
         "evaluation": evaluation(0.16, 0.3),
         "exact": motions(0.04),
         "margin": np.array([-0.2]),
-        "nonlinear": (nonlinear(),),
+        "rest": survey("nonlinear", 1).at(np.array([0])),
         "paired": paired(),
         "benefit": benefit(paired()),
         "strikes": 0.0,
@@ -143,17 +143,6 @@ def verified(**changes) -> Verified:
         "reasons": (),
     }
     return Verified(**(values | changes))
-
-
-def nonlinear(condition: int = 0, status: str = "rocking", bare: str = "rocking") -> Nonlinear:
-    return Nonlinear(
-        condition=condition,
-        amplitude=0.041,
-        stroke=0.31,
-        status=status,
-        bare_amplitude=0.08,
-        bare_status=bare,
-    )
 
 
 def search(**changes) -> Search:
@@ -176,7 +165,7 @@ def search(**changes) -> Search:
     return Search(**(values | changes))
 
 
-def single(**changes) -> Design:
+def single(**changes) -> HarmonicDesign:
     """A design for the scene's own shaking."""
     values = {
         "scene": SCENE,
@@ -202,10 +191,10 @@ def single(**changes) -> Design:
         "search": search(),
         "elasticities": {},
     }
-    return Design(**(values | changes))
+    return HarmonicDesign(**(values | changes))
 
 
-def band(**changes) -> Design:
+def band(**changes) -> HarmonicDesign:
     """A design for eight frequencies, over all symmetric orbits; the bare block overturns at the lowest."""
     n, conditions = 8, Conditions.band(SCENE, 1.5, 4.0, 8)
     tilt, kind = np.linspace(0.3, 0.0, n), np.zeros((1, n), dtype=int)
@@ -217,7 +206,7 @@ def band(**changes) -> Design:
         evaluation=evaluation(tilt, np.linspace(0.45, 0.1, n), kind=kind),
         exact=motions(0.2 * tilt, np.linspace(0.4, 0.1, n), ["rocking"] * (n - 1) + ["rest"]),
         margin=np.linspace(-0.5, 0.1, n),
-        nonlinear=(nonlinear(0), nonlinear(1)),
+        rest=survey("nonlinear", n).at(np.array([0])),
         benefit=benefit(paired(), n),
         active=(Active(kind="tilt", name="", condition="1.5 Hz", weight=1.0),),
     )
@@ -238,7 +227,7 @@ def band(**changes) -> Design:
     return single(**(values | changes))
 
 
-def around(**changes) -> Design:
+def around(**changes) -> HarmonicDesign:
     """A design for the neighbourhood of the shaking, with everything that a default job has."""
     conditions = Conditions.around(SCENE)
     n = len(conditions)
@@ -247,7 +236,7 @@ def around(**changes) -> Design:
         evaluation=evaluation(np.full(n, 0.2), 0.3),
         exact=motions(np.full(n, 0.05)),
         margin=np.full(n, -0.2),
-        nonlinear=(nonlinear(0), nonlinear(n - 1)),
+        rest=survey("nonlinear", n).at(np.array([0])),
         benefit=benefit(paired(), n),
     )
     bare = Bare(
@@ -297,7 +286,7 @@ def loss_case(name: str, lost: int = 2, tilt: float = 0.05) -> LossCase:
     )
 
 
-def refused() -> Design:
+def refused() -> HarmonicDesign:
     """A search whose only design was refused."""
     bad = verified(reasons=(REASON,), paired=None, benefit=None)
     return single(status=DesignStatus.refused, pendulum=None, verified=(bad,))

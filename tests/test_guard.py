@@ -150,8 +150,8 @@ from tpd.design.objective import blank, margins
 from tpd.design.problem import Problem
 block = Block(width=1.3, height=10.0, mass=16280.0, restitution="housner", cavity_width=0.9)
 scene = Scene(block, Harmonic(amplitude=0.081, frequency=0.85))
-problem = Problem.of(scene, *[None] * 6, 0)
-o, p = problem.objective, scene.parameters()
+problem = Problem.of(scene)
+o, p = problem.orbits, scene.parameters()
 designs = problem.space.unscaled(np.full((5, len(problem.space.bounds[0])), 0.5))
 margins(o, designs)
 o.linearised(blank(2, len(o.conditions)))

@@ -93,7 +93,7 @@ def grid(name):
     best of these by the fresh runs."""
     scene, space = scene_of(name)
     began = time.perf_counter()
-    objective = Problem.of(scene, space, None, None, None, None, None, 0).against_bare().objective
+    objective = Problem.of(scene, space).objective
     room = limit_of(objective.limits, Room)
     found = within(objective, grid_of(space, GRID), 100)
     kept = found.designs[found.keeps]
@@ -103,13 +103,18 @@ def grid(name):
     )
 
     def by(runs, design):
-        hung, v, _ = judge(runs, scene, room.bob, design)
-        return (v.benefit.value if v.strikes <= 0.01 else -1.0), hung, v
+        hung, v, reasons = judge(runs, scene, room.bob, design)
+        return (v.benefit.value if v.strikes <= 0.01 else -1.0), hung, v, reasons
 
     first = np.argsort([-by(choosing, design)[0] for design in kept], kind="stable")[:CHOSEN]
-    _, hung, v = max((by(fresh, kept[i]) for i in first), key=lambda found: found[0])
+    judged = [by(fresh, kept[i]) for i in first]
     row = {"scene": name, "seed": 0, "method": "grid", "seconds": round(time.perf_counter() - began, 1)}
-    return row | {"status": "found", "designs": len(kept)} | record(hung, v)
+    row |= {"status": "none_feasible", "designs": len(kept)}
+    if not judged:
+        return row
+    # What nothing speaks against comes first.
+    _, hung, v, reasons = max(judged, key=lambda found: (not found[3], found[0]))
+    return row | {"status": "refused" if reasons else "found"} | record(hung, v, reasons)
 
 
 def table(rows):
@@ -120,7 +125,9 @@ def table(rows):
     for name, method in dict.fromkeys((r["scene"], r["method"]) for r in rows):
         cells = dict.fromkeys(seeds, "not asked")
         for r in (r for r in rows if (r["scene"], r["method"]) == (name, method)):
-            said = r["status"] if "benefit" not in r else f"{r['benefit']:.1%}, strikes {r['strikes']:.2%}"
+            said = (
+                r["status"] if r["status"] != "found" else f"{r['benefit']:.1%}, strikes {r['strikes']:.2%}"
+            )
             cells[r["seed"]] = f"{said}, {r['seconds']:.0f} s"
         out.append(f"| {name} | {method} | " + " | ".join(cells.values()) + " |")
     return "\n".join(out)

@@ -53,7 +53,7 @@ def band(seed: int, method: tpd.Sequential) -> Design:
 
 def search(seed: int, method: tpd.Sequential) -> Multistart:
     """Its search, without the verification."""
-    objective = Problem.of(SCENE, SPACE, BAND, None, None, LIMITS, method, seed).objective
+    objective = Problem.of(SCENE, SPACE, conditions=BAND, limits=LIMITS, method=method, seed=seed).objective
     out = Multistart(objective, method, seed, None)
     out.run(Checkpoint.of(None, None))
     return out

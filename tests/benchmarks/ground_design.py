@@ -226,7 +226,12 @@ def benefit():
         other = grouped(conditions.motions, {"near": [m for m in near if m.event not in seen]}, 0)[1]
         objective = GroundObjective(block(name), found.conditions, found.limits, 0.1)
         beside = judge(
-            objective, found.best, other, STRIPES, scatter=scatter_of(found.block, found.ensemble), seed=0
+            objective,
+            found.best,
+            other,
+            STRIPES,
+            scatter=scatter_of(found.scene.block, found.ensemble),
+            seed=0,
         )
         held = found.judged[1]
         if name == "statue 1.8 m":
@@ -275,7 +280,12 @@ def harm(count=200):
         other = grouped(chosen, {"third": third}, 0)[1]
         objective = GroundObjective(column, found.conditions, limits, 0.1)
         judged = judge(
-            objective, found.best, other, scales, scatter=scatter_of(found.block, found.ensemble), seed=i + 1
+            objective,
+            found.best,
+            other,
+            scales,
+            scatter=scatter_of(found.scene.block, found.ensemble),
+            seed=i + 1,
         )
         better += judged.difference.is_below or judged.tilt.is_below
         if judged.difference.is_above:

@@ -70,7 +70,8 @@ def problem(
     """Objective of one problem: all symmetric orbits, the risk of their tilts, and limits."""
     limits = tpd.limits.Stroke(stroke), tpd.limits.Reserve()
     method = tpd.Sequential(**OURS)
-    return Problem.of(scene, SPACE, conditions, starts, risk, limits, method, 0).objective
+    given = {"conditions": conditions, "starts": starts, "risk": risk, "limits": limits, "method": method}
+    return Problem.of(scene, SPACE, **given).objective
 
 
 WORST = tpd.Risk.worst()

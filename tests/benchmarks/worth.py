@@ -184,7 +184,7 @@ def answer(scene, space):
 def measured(kind, loss, sizes):
     """Record of one scene."""
     scene, space = problem_of(kind, loss)
-    problem = Problem.of(scene, space, None, None, None, None, None, 0)
+    problem = Problem.of(scene, space)
     objective, bob = problem.objective, limit_of(problem.objective.limits, Room).bob
     runs = PairedRuns(scene, objective.conditions, tpd.Ensemble(), Worth(), None)
     grid = brute_force(objective, scene, runs, sizes, bob)

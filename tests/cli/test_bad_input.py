@@ -291,22 +291,22 @@ DESIGNS = [
     ("not json", "is not a design in JSON"),
     ("\xff", "is not a design in JSON"),
     ("[1]", "has no `job` and `pendulum`"),
-    ('{"job": {}, "pendulum": null}', "must be of version 6, but is of 1: run the job again"),
-    ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 6, but is of 7"),
-    ('{"version": 6, "job": [], "pendulum": null}', "`job` must be a table, but is []"),
+    ('{"job": {}, "pendulum": null}', "must be of version 7, but is of 1: run the job again"),
+    ('{"version": 8, "job": {}, "pendulum": null}', "must be of version 7, but is of 8"),
+    ('{"version": 7, "job": [], "pendulum": null}', "`job` must be a table, but is []"),
     (
-        '{"version": 6, "job": {}, "pendulum": {"mass": 1.0}}',
+        '{"version": 7, "job": {}, "pendulum": {"mass": 1.0}}',
         "`pendulum` must have mass, length, damping_ratio, but has mass",
     ),
     (
-        '{"version": 6, "job": {}, "pendulum": {"mass": "1", "length": 1.0, "damping_ratio": 0.1}}',
+        '{"version": 7, "job": {}, "pendulum": {"mass": "1", "length": 1.0, "damping_ratio": 0.1}}',
         "[pendulum] `mass` must be a number, but is '1'",
     ),
     (
-        '{"version": 6, "job": {}, "pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1}}',
+        '{"version": 7, "job": {}, "pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1}}',
         "`length` must be positive and finite, but is -1",
     ),
-    ('{"version": 6, "job": {}, "pendulum": null}', "it has no `status`"),
+    ('{"version": 7, "job": {}, "pendulum": null}', "it has no `status`"),
 ]
 
 

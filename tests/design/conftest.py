@@ -63,7 +63,7 @@ ORBIT_LIMITS = (tpd.limits.Stroke(0.5), tpd.limits.Reserve(0.05))
 @pytest.fixture(scope="session")
 def search():
     """Multistart over the orbits under a band of frequencies; not verified."""
-    problem = Problem.of(SCENE, WIDE, BAND, None, None, ORBIT_LIMITS, FEW_STEPS, 0)
+    problem = Problem.of(SCENE, WIDE, conditions=BAND, limits=ORBIT_LIMITS, method=FEW_STEPS)
     out = Multistart(problem.objective, FEW_STEPS, 0, None)
     out.run(Checkpoint(None, "", {}))
     return out

@@ -243,7 +243,7 @@ def test_a_limit_of_the_users_own_holds_a_search_and_has_words():
     assert limits == (tpd.limits.Stroke(1.5), own)
     assert words.limit(own) == "lighter kg = 1.0"
     method = tpd.Sequential(searches=4, screening=32, steps=8)
-    found = Problem.of(SCENE, WIDE, tpd.Conditions.exactly(), None, None, limits, method, 0)
+    found = Problem.of(SCENE, WIDE, conditions=tpd.Conditions.exactly(), limits=limits, method=method)
     search = Multistart(found.objective, method, 0, None)
     search.run(Checkpoint(None, "", {}))
     heaviest = search.designs[search.order()][:, 0].max() * SCENE.block.mass

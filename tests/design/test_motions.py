@@ -10,7 +10,7 @@ from tests.design.conftest import BAND, SCENE
 from tests.design.test_objective import GOOD
 from tpd.core.parameters import as_arrays
 from tpd.core.status import SETTLED
-from tpd.design.motions import motions_from_rest, polished
+from tpd.design.steps import motions_from_rest, polished
 
 P = as_arrays(SCENE.parameters())
 

@@ -77,7 +77,7 @@ def test_infinite_amplitudes_and_no_pendulum_are_read(damaged):
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"version": 4}, "must be of version 6, but is of 4: run the job again"),
+        ({"version": 4}, "must be of version 7, but is of 4: run the job again"),
         ({"job": ...}, "is not a design: it has no `job` and `pendulum`"),
         ({"worth": ...}, "is not the design of a report: it has no `worth`"),
         ({"seed": "3"}, "`seed` must be a whole number, but is '3'"),

@@ -10,7 +10,7 @@ import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
 from tests.design.test_objective import GOOD, orbits
 from tpd.core.bob import THICKEST, Bob
-from tpd.design.motions import motions_from_rest as from_rest
+from tpd.design.steps import motions_from_rest as from_rest
 from tpd.design.survey import ON_THE_WAY, Survey, fitting, followed, survey
 
 BARE = np.array([0.4, 0.2])

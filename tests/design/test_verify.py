@@ -20,7 +20,6 @@ from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import DesignStatus
 from tpd.design.search import Multistart
 from tpd.design.survey import ON_THE_WAY, Survey
-from tpd.design.verified import Nonlinear
 from tpd.design.verify import Verification
 
 RUNS = tpd.Ensemble(size=16, periods=30)
@@ -28,8 +27,22 @@ ALONE = tpd.Conditions()
 LIGHT = np.array([0.01, 0.26, 0.35])
 
 
+def problem(objective) -> Problem:
+    """Question with the objective of a search."""
+    made = Problem.of(
+        SCENE,
+        objective.space,
+        conditions=objective.conditions,
+        limits=objective.limits,
+        method=FEW_STEPS,
+        ensemble=RUNS,
+        worth=ANY_WORTH,
+    )
+    return made
+
+
 def verification(objective) -> Verification:
-    return Verification(SCENE, objective, RUNS, ANY_WORTH, None)
+    return Verification(problem(objective), None)
 
 
 class Refusing(Verification):
@@ -46,7 +59,7 @@ class Refusing(Verification):
 @pytest.fixture(scope="module")
 def judged(search):
     """A verification that refuses the best end of a search, and what it says to that and to other designs."""
-    stern = Refusing(SCENE, search.objective, RUNS, ANY_WORTH, None)
+    stern = Refusing(problem(search.objective), None)
     first = stern.best_of(search)
     met = np.concatenate([search.designs[search.order()], search.on_the_way(8)])
     return stern, first, stern.best_of_survey(surveyed(met, np.linspace(0.1, 0.2, len(met))))
@@ -88,8 +101,8 @@ def test_a_refusal_ends_the_verification_of_a_design(judged):
     assert best.paired is not None
     assert best.benefit is not None
     assert best.reasons[0].step is Step.benefit
-    assert best.nonlinear == ()
-    assert len(winner.nonlinear) > 0
+    assert best.rest is not None
+    assert len(winner.rest.bare) == len(BAND)
 
 
 # Exact solution by events
@@ -115,69 +128,61 @@ def test_under_one_condition_one_overturning_is_enough(alone, v):
     assert (reason.value, reason.reference, reason.total) == (1.0, 0.0, 1)
 
 
-# Nonlinear equations
+# Nonlinear equations from rest
 
 
-def nonlinear(v, *rows):
-    keys = ("condition", "amplitude", "stroke", "status", "bare_amplitude", "bare_status")
-    asked = tuple(Nonlinear(**dict(zip(keys, row, strict=True))) for row in rows)
-    return dataclasses.replace(v, nonlinear=asked, reasons=())
-
-
-def test_of_several_conditions_single_motions_decide_on_limits_only(judged, v):
-    stern = judged[0]
-    gone = np.inf, np.inf, "overturned"
-    rows = (0, *gone, 0.1, "rocking"), (1, *gone, *gone[1:])
-    assert stern.nonlinear_reasons(nonlinear(v, *rows)) == (), "the paired runs have counted"
-    (reason,) = stern.nonlinear_reasons(nonlinear(v, *rows, (3, 0.1, 0.6, "rocking", 0.1, "rocking")))
-    assert (reason.kind, reason.limit, reason.condition) == (ReasonKind.breaks_limit, "stroke", BAND.label(3))
-    assert stern.nonlinear_reasons(nonlinear(v, (2, 0.01, 0.1, "not_settled", 0.1, "rocking"))) == ()
-
-
-def test_under_one_condition_the_motion_must_settle_and_be_smaller(alone, v):
-    v = dataclasses.replace(v, evaluation=alone.bare.evaluation)
-    cases = {
-        (0, 0.01, 0.1, "rocking", 0.08, "rocking"): (),
-        (0, 0.0, 0.1, "rest", 0.0, "rest"): (),
-        (0, 0.09, 0.1, "rocking", 0.08, "rocking"): (ReasonKind.rocks_more,),
-        (0, 0.08, 0.1, "rocking", 0.08, "rocking"): (ReasonKind.rocks_more,),
-        (0, 0.01, 0.1, "not_settled", 0.08, "rocking"): (ReasonKind.does_not_settle,),
-        (0, np.inf, np.inf, "overturned", 0.08, "rocking"): (ReasonKind.overturns,),
-        (0, np.inf, np.inf, "overturned", np.inf, "overturned"): (ReasonKind.does_not_settle,),
-        (0, 0.01, 0.6, "rocking", 0.08, "rocking"): (ReasonKind.breaks_limit,),
-        (0, 0.09, 0.6, "rocking", 0.08, "rocking"): (ReasonKind.rocks_more, ReasonKind.breaks_limit),
-    }
-    for row, kinds in cases.items():
-        reasons = alone.nonlinear_reasons(nonlinear(v, row))
-        assert tuple(reason.kind for reason in reasons) == kinds, row
-        assert all(reason.step is Step.nonlinear for reason in reasons)
-
-
-def test_nonlinear_equations_are_asked_about_the_room_as_well(v):
-    room = verification(orbits(limits=(tpd.limits.Offset(0.02), tpd.limits.Room())))
-    light = dataclasses.replace(v, evaluation=room.objective.evaluate(LIGHT[None]))
-    rest = 0.1, "rocking"
-    assert room.nonlinear_reasons(nonlinear(light, (1, 0.03, 0.35, "rocking", *rest))) == ()
-    (reason,) = room.nonlinear_reasons(nonlinear(light, (1, 0.06, 0.35, "rocking", *rest)))
-    assert str(reason) == (
-        f"by the nonlinear equations the design exceeds the limit on offset by 0.036 of it at {BAND.label(1)}"
+def by_rest(checked, v, severity, bare, monkeypatch, stroke=-0.5):
+    """Reasons against a design with these motions from rest."""
+    found = Survey(
+        designs=v.design[None],
+        severity=np.array([severity]),
+        bare=np.array(bare),
+        excess={"stroke": np.array([stroke])},
+        equations="nonlinear",
     )
-    heavy = dataclasses.replace(v, evaluation=room.objective.evaluate(GOOD))
-    reasons = room.nonlinear_reasons(nonlinear(heavy, (1, 0.03, 0.35, "rocking", *rest)))
-    assert [reason.limit for reason in reasons] == ["room", "thickness"]
+    monkeypatch.setattr(checked, "_from_rest", lambda design: found)
+    met = checked.by_rest(v)
+    assert met.rest is found
+    assert all(reason.step is Step.nonlinear for reason in met.reasons)
+    return met.reasons
 
 
-def test_the_worst_conditions_and_those_at_a_limit_are_asked():
-    wide = tpd.Conditions.band(SCENE, 2.0, 3.5, 12)
-    asking = verification(orbits(conditions=wide, limits=(tpd.limits.Stroke(0.5), tpd.limits.Reserve(0.05))))
-    e = asking.objective.evaluate(GOOD)
-    e = e._replace(stroke=np.full((1, 12), 0.3), merit=np.linspace(1.0, 0.1, 12)[None])
-    assert asking.conditions_asked(e) == [0, 1, 2, 3]
-    e.stroke[0, [2, 7, 8, 9]] = 0.5 - 1e-6 * np.array([1, 2, 1, 3])
-    assert asking.conditions_asked(e) == [0, 1, 2, 3, 8, 7]
-    # No size that the nonlinear equations give.
-    e = e._replace(stroke=np.full((1, 12), 0.3), reserve=np.full((1, 12), 0.05))
-    assert asking.conditions_asked(e) == [0, 1, 2, 3]
+def test_of_several_conditions_single_motions_decide_on_limits_only(judged, v, monkeypatch):
+    stern, lost = judged[0], ([1.0, 0.1, 1.0], [0.1, 0.1, 1.0])
+    assert by_rest(stern, v, *lost, monkeypatch) == (), "the paired runs count"
+    (reason,) = by_rest(stern, v, *lost, monkeypatch, stroke=0.2)
+    assert (reason.kind, reason.limit) == (ReasonKind.breaks_limit, "stroke")
+    assert reason.value == pytest.approx(1.2)
+
+
+def test_under_one_condition_the_block_must_rock_less(alone, v, monkeypatch):
+    cases = {
+        (0.01, 0.08, -0.5): (),
+        (0.0, 0.0, -0.5): (),
+        (0.09, 0.08, -0.5): (ReasonKind.rocks_more,),
+        (0.08, 0.08, -0.5): (ReasonKind.rocks_more,),
+        (1.0, 0.08, -0.5): (ReasonKind.overturns,),
+        (1.0, 1.0, -0.5): (ReasonKind.rocks_more,),
+        (0.01, 0.08, 0.2): (ReasonKind.breaks_limit,),
+        (0.09, 0.08, 0.2): (ReasonKind.breaks_limit, ReasonKind.rocks_more),
+    }
+    for (hung, bare, stroke), kinds in cases.items():
+        reasons = by_rest(alone, v, [hung], [bare], monkeypatch, stroke)
+        assert tuple(reason.kind for reason in reasons) == kinds
+
+
+def test_the_room_is_asked_for_from_rest_as_well(v):
+    room = verification(orbits(limits=(tpd.limits.Offset(0.02), tpd.limits.Room())))
+    heavy = dataclasses.replace(v, mass_ratio=GOOD[0, 0], length_ratio=GOOD[0, 1], damping_ratio=GOOD[0, 2])
+    assert {reason.limit for reason in room.by_rest(heavy).reasons} >= {"offset", "room", "thickness"}
+    light = dict(zip(("mass_ratio", "length_ratio", "damping_ratio"), LIGHT, strict=True))
+    assert "thickness" not in [r.limit for r in room.by_rest(dataclasses.replace(v, **light)).reasons]
+
+
+def test_of_many_conditions_a_choice_is_followed_from_rest():
+    wide = verification(orbits(conditions=tpd.Conditions.band(SCENE, 2.0, 3.5, 30)))
+    assert len(wide.few.conditions) == 24
+    assert len(wide.objective.conditions) == 30
 
 
 # Paired runs
@@ -190,14 +195,6 @@ def test_paired_runs_are_of_the_nonlinear_equations_and_shared_by_all_designs(ju
     assert first.paired.bare is last.paired.bare is stern.bare.paired
     assert first.benefit.runs == RUNS.size
     assert np.isnan(first.strikes), "there is no limit on the room"
-
-
-def test_the_order_of_the_steps_is_that_of_their_cost(judged, alone):
-    names = [[step.__name__ for step in x._steps] for x in (judged[0], alone)]
-    assert names == [
-        ["by_events", "by_runs", "by_nonlinear"],
-        ["by_events", "by_nonlinear", "by_runs"],
-    ]
 
 
 # Survey
@@ -235,7 +232,7 @@ class Scripted(Refusing):
 
 
 def scripted(search, refusals, kind=ReasonKind.too_little_benefit) -> Scripted:
-    made = Scripted(SCENE, search.objective, RUNS, ANY_WORTH, None)
+    made = Scripted(problem(search.objective), None)
     made.refusals, made.kind = refusals, kind
     return made
 
@@ -251,7 +248,7 @@ def test_the_designs_of_a_survey_are_verified_until_one_passes(search):
     assert len(stern.verified) == 4
     many = [[0.02 + 0.01 * i, 0.2 + 0.1 * i, 0.1] for i in range(12)]
     assert stern.best_of_survey(surveyed(many, [0.1] * 12)) is DesignStatus.refused
-    assert len(stern.verified) == verify.SURVEYED
+    assert len(stern.verified) == verify.VERIFIED
 
 
 @pytest.mark.parametrize(
@@ -285,10 +282,9 @@ def verified_by(stern, search, monkeypatch):
     monkeypatch.setattr(verify, "refine", lambda found, *_: found)
     monkeypatch.setattr(optimise, "survey", lambda *_: both)
     monkeypatch.setattr(optimise, "elasticities_of", lambda *_: {})
-    found, o = optimise.Found(search, stern), search.objective
-    problem = Problem(SCENE, o.space, tpd.Starts.any(), FEW_STEPS, o, ANY_WORTH, 0)
+    found = optimise.Found(search, stern)
     with contextlib.suppress(KeyboardInterrupt):
-        optimise._verify(problem, found, None)
+        optimise._verify(problem(search.objective), found, None)
     return found
 
 
@@ -296,7 +292,7 @@ def verified_by(stern, search, monkeypatch):
 def test_after_a_refusal_by_fresh_runs_the_next_design_is_judged_but_no_more_than_three(
     search, monkeypatch, unlucky, count, status
 ):
-    stern = Unlucky(SCENE, search.objective, RUNS, ANY_WORTH, None)
+    stern = Unlucky(problem(search.objective), None)
     stern.unlucky = unlucky
     assert verified_by(stern, search, monkeypatch).status.name == status
     assert [v.mass_ratio for v in stern.verified] == [pytest.approx(x[0]) for x in SPREAD[:count]]
@@ -308,7 +304,7 @@ def test_an_interruption_of_the_judgement_leaves_the_design_that_passed(search, 
         def by_fresh_runs(self, v):
             raise KeyboardInterrupt
 
-    stern = Interrupted(SCENE, search.objective, RUNS, ANY_WORTH, None)
+    stern = Interrupted(problem(search.objective), None)
     found = verified_by(stern, search, monkeypatch)
     assert found.status is DesignStatus.found
     assert len(found.surveys) == 2
@@ -316,7 +312,7 @@ def test_an_interruption_of_the_judgement_leaves_the_design_that_passed(search, 
 
 def test_trial_runs_are_those_of_no_other_step(search, monkeypatch):
     """Each design has seeds of its own, and an order of the conditions."""
-    made, asked = Verification(SCENE, search.objective, RUNS, ANY_WORTH, None), []
+    made, asked = Verification(problem(search.objective), None), []
 
     def scripted(found, space, run, still, follow, strikes, rests, seed, progress):
         for i in range(3):
@@ -339,17 +335,17 @@ def test_trial_runs_are_those_of_no_other_step(search, monkeypatch):
     monkeypatch.setattr(verify, "refine", scripted)
     monkeypatch.setattr(verify, "outcomes", counted)
     monkeypatch.setattr(verify, "_FEW", 0)
-    made.refined(surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4]), search.objective, 0)
+    made.refined(surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4]))
     seeds, orders = zip(*asked, strict=True)
     assert len({*seeds, RUNS.seed, RUNS.seed + JUDGES}) == 5
     assert {tuple(sorted(order)) for order in orders} == {tuple(sorted(BAND.factors["frequency"]))}
     assert len(set(orders)) > 1
     monkeypatch.setattr(verify, "_FEW", 128)
     monkeypatch.setattr(verify, "refine", lambda *args: asked.append(args[6]) or args[0])
-    made.refined(surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4]), search.objective, 0)
+    made.refined(surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4]))
     assert asked.pop() == 0.0, "of a few runs that rest no trial has any"
     none = surveyed(SPREAD, [0.9, 0.9, 0.9, 0.9])
-    assert made.refined(none, search.objective, 0) is none, "no run where nothing helps"
+    assert made.refined(none) is none, "no run where nothing helps"
 
 
 def test_neighbours_of_a_refused_design_are_passed_over(search):
@@ -395,7 +391,7 @@ class Lucky(Refusing):
 def test_the_best_end_of_an_interrupted_search_is_judged_once_by_runs_that_no_choice_has_seen(
     search, said, status
 ):
-    stern = Lucky(SCENE, search.objective, RUNS, ANY_WORTH, None)
+    stern = Lucky(problem(search.objective), None)
     stern.said = said
     assert stern.best_of(search) is status
     (judged,), chosen = stern.verified, stern.chosen
@@ -443,6 +439,5 @@ def test_a_search_without_ends_leaves_nothing_to_verify(search):
 def test_rest_under_all_conditions():
     # The shaking is below the friction: no orbit attracts either.
     calm = verification(orbits(conditions=tpd.Conditions.amplitudes(0.03, 0.06)))
-    assert calm.rests
-    assert calm.bare_rests_nonlinearly()
-    assert not verification(orbits()).rests
+    assert calm.bare_rests
+    assert not verification(orbits()).bare_rests

@@ -10,7 +10,7 @@ from tests import designs
 from tpd.analysis.sensitivity import Elasticities
 from tpd.core.bob import Bob
 from tpd.design.criteria import Mass, Risk, Room
-from tpd.design.result import Design, DesignStatus, Nearest
+from tpd.design.result import DesignStatus, HarmonicDesign, Nearest
 from tpd.design.study import Study
 from tpd.plot.style import new_axes
 from tpd.report import pictures, words
@@ -195,7 +195,7 @@ def test_limits_in_words():
     assert said == ["stroke 0.5 rad", "reserve 0.05"]
 
 
-def lost_at_one() -> Design:
+def lost_at_one() -> HarmonicDesign:
     """A band in which the block overturns from rest under the first condition, with the pendulum too."""
     design = designs.band()
     status = np.array(["overturned", *["rocking"] * 7])

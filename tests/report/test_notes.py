@@ -169,28 +169,15 @@ def test_the_runs_that_decide_are_those_of_the_nonlinear_equations():
     assert said.startswith("Of 40 runs of the nonlinear equations 50.0% (")
 
 
-def test_single_nonlinear_runs_are_counted_and_set_beside_the_paired_runs():
-    asked = (designs.nonlinear(0, "overturned"), designs.nonlinear(1, "overturned", "overturned"))
-    design = with_winner(designs.band, nonlinear=(*asked, designs.nonlinear(2)))
-    first = only(design, about="stands without at")
-    # Less tilt over the paired runs there: one run is no danger.
-    assert first.severity is Severity.warning
-    start = (
-        "By the nonlinear equations, one run from rest under each of 3 conditions, the block overturns with "
-    )
-    said = f"{start}the pendulum and stands without at 1 of them ({design.conditions.label(0)})."
-    assert first.text.startswith(said)
-    # Of the first condition are runs 0, 8, ... 32: one of five overturns in place of three.
-    assert "the mean tilt is 36% of the slenderness with it and 76% without" in first.text
-    second = only(design, about="the pendulum and without at")
-    assert second.severity is Severity.warning
-    assert second.text == f"{start}the pendulum and without at 1 ({design.conditions.label(1)})."
-    runs = designs.paired(lost=30)
-    harmful = with_winner(designs.band, nonlinear=asked[:1], benefit=designs.benefit(runs, 8))
-    assert only(harmful, about="stands without at").severity is Severity.danger
-    unknown = only(with_winner(designs.band, nonlinear=asked[:1], benefit=None), about="stands without at")
-    assert unknown.severity is Severity.danger
-    assert unknown.text.endswith("no paired runs were asked there.")
+def test_overturnings_from_rest_are_counted_and_more_of_them_are_a_danger():
+    rest = designs.survey("nonlinear", 8).at(np.array([0]))
+    severity = np.array([[1.0, 1.0, *[0.3] * 6]])
+    both = with_winner(designs.band, rest=dataclasses.replace(rest, severity=severity, bare=severity[0]))
+    note = only(both, about="of 8 conditions: 2 overturn the block with the pendulum, 2 without")
+    assert note.severity is Severity.warning
+    more = with_winner(designs.band, rest=dataclasses.replace(rest, severity=severity))
+    assert only(more, about="2 overturn the block with the pendulum, 0 without").severity is Severity.danger
+    assert "from rest, of" not in str(notes(with_winner(designs.band, rest=rest), designs.study()))
 
 
 NEAR = tuple(2.5 * (1.0 + 0.004 * np.arange(6, 13)))

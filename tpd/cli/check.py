@@ -11,7 +11,8 @@ from tpd.cli.options import Option
 if TYPE_CHECKING:
     from tpd.cli.config import Job
     from tpd.core.scene import Pendulum
-    from tpd.design.suitability import Question, Suitability
+    from tpd.design.problem import Problem
+    from tpd.design.suitability import Suitability
 
 
 def add(commands: Any) -> None:
@@ -53,7 +54,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Solve the design by all models and print the results; return the exit status."""
     common.use_64_bits()
-    from tpd.design.inputs import check_cavity
+    from tpd.design.question import check_cavity
 
     job, pendulum = _case(options)
     if options.engine is None:
@@ -82,11 +83,11 @@ def run(options: argparse.Namespace) -> int:
     return common.UNSOUND if found.refusals else common.SOUND
 
 
-def _asked(job: Job) -> Question:
-    """Question that `tpd optimise` would ask of the designs of a job."""
-    from tpd.design.suitability import Question
+def _asked(job: Job) -> Problem:
+    """Problem that `tpd optimise` would ask of the designs of a job."""
+    from tpd.design.problem import Problem
 
-    return Question(scene=job.scene, **job.settings)
+    return Problem.of(job.scene, **job.settings)
 
 
 def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace) -> int:
@@ -151,8 +152,8 @@ def _around(found: Suitability, job: Job) -> list[str]:
     """Lines on the motions from rest, and on the space of the job."""
     from tpd.core.formatting import number
 
-    said = [found.from_rest]
     v, space = found.verified, job.space
+    said = [] if v.rest is None else [v.rest.told]
     bounds = space.mass_ratio, space.length_ratio, space.damping_ratio
     names, ends = ("mass", "length", "damping"), [b if isinstance(b, tuple) else (b, b) for b in bounds]
     for name, x, (low, high) in zip(names, v.design, ends, strict=True):

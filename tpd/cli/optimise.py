@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from tpd.cli.config import Job
     from tpd.core.progress import Bar
     from tpd.design.front import FrontPoint
-    from tpd.design.ground.design import GroundDesign
     from tpd.design.result import Design
 
 _UNFINISHED = "unfinished.npz"
@@ -112,7 +111,7 @@ def run(options: argparse.Namespace) -> int:
         return optimise_records.run(options)
     common.use_64_bits()
     from tpd.cli import config
-    from tpd.design.inputs import check_cavity
+    from tpd.design.question import check_cavity
 
     # The job is checked as a whole before anything is written or compiled.
     job = config.job_of(common.tables(options))
@@ -170,7 +169,7 @@ def _design(job: Job, unfinished: Path, bar: Bar) -> Any:
     return optimise(job.scene, **job.settings, checkpoint=unfinished, progress=bar)
 
 
-def front_of(design: Design | GroundDesign, bar: Bar) -> tuple[FrontPoint, ...]:
+def front_of(design: Design, bar: Bar) -> tuple[FrontPoint, ...]:
     """Answers with lighter bobs, if a pendulum is offered."""
     if design.pendulum is None or design.status.name != "found":
         return ()

@@ -145,7 +145,7 @@ def _arguments(given: Mapping[str, Mapping[str, Any]], scene: Scene) -> dict[str
     from tpd.design.ground.judgement import SCATTERED
     from tpd.design.ground.optimise import DEFAULT_SPACE
     from tpd.design.ground.search import GroundSearch
-    from tpd.design.inputs import check_scatter
+    from tpd.design.question import check_scatter
     from tpd.design.worth import Worth
 
     file = config.chosen({k: v for k, v in given.items() if k != "motion"})

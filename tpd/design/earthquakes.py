@@ -10,7 +10,7 @@ import numpy as np
 from tpd.analysis.ground_batch import Progress, follow_scaled
 from tpd.analysis.transient import FREE
 from tpd.core.ground_motion import GroundMotion
-from tpd.design.result import Design
+from tpd.design.result import HarmonicDesign
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class Earthquakes:
 
 
 def shaken(
-    design: Design,
+    design: HarmonicDesign,
     motions: Sequence[GroundMotion],
     sources: Sequence[str] = (),
     progress: Progress | None = None,

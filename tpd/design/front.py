@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tpd.analysis.intervals import Interval
 from tpd.core import checks
 from tpd.core.progress import Progress
-from tpd.core.scene import Pendulum, Scene
-from tpd.design.ground.design import GroundDesign
-from tpd.design.ground.groups import Role
+from tpd.core.scene import Pendulum
 from tpd.design.optimise import optimise
 from tpd.design.result import Design
 
@@ -35,7 +34,7 @@ class FrontPoint(NamedTuple):
 
 
 def front(
-    design: Design | GroundDesign,
+    design: Design,
     most: Sequence[float] | None = None,
     *,
     method: Any = None,
@@ -54,8 +53,8 @@ def front(
         ValueError: masses that do not increase, or that are not within the design space.
         KeyboardInterrupt: Ctrl-C.
     """
-    checks.instance("design", design, (Design, GroundDesign))
-    block = design.block if isinstance(design, GroundDesign) else design.scene.block
+    checks.instance("design", design, Design)
+    block = design.scene.block
     low, high = design.space.mass_ratio
     shares = np.geomspace(max(low, high * _LEAST), high, _LIGHTER + 2)[1:-1] if most is None else most
     shares = np.asarray(shares, dtype=float)
@@ -69,32 +68,13 @@ def front(
         if progress is not None:
             progress("front", i, len(shares))
         space = replace(design.space, mass_ratio=(low, float(share)))
-        answer = _again(design, space=space, method=design.method if method is None else method)
+        answer = optimise(**design.again(space=space, **({} if method is None else {"method": method})))
         if answer.status.name == "interrupted":
             raise KeyboardInterrupt
         points.append(_point(float(share * block.mass), answer))
     return (*points, _point(float(high * block.mass), design))
 
 
-def _again(design: Design | GroundDesign, **changed: Any) -> Design | GroundDesign:
-    """The answer to the question of a design with some of its inputs changed."""
-    same: dict[str, Any] = {
-        name: getattr(design, name) for name in ("conditions", "risk", "limits", "ensemble", "worth", "seed")
-    } | changed
-    if isinstance(design, GroundDesign):
-        held = {g.name: g.motions for g in design.groups if g.role is Role.held_out}
-        scene = Scene(design.block, design.conditions.motions[0], design.gravity)
-        return optimise(scene, held_out=held, **same)
-    return optimise(design.scene, starts=design.starts, **same)
-
-
-def _point(most: float, answer: Design | GroundDesign) -> FrontPoint:
-    saved = np.nan, np.nan, np.nan
-    if isinstance(answer, GroundDesign):
-        if answer.pendulum is not None and answer.benefit is not None:
-            fall = answer.benefit.saved
-            saved = fall.mean, fall.low, fall.high
-    elif answer.winner is not None and answer.winner.benefit is not None:
-        fall = answer.winner.benefit
-        saved = fall.value, fall.low, fall.high
-    return FrontPoint(most, answer.status.name, answer.pendulum, saved)
+def _point(most: float, answer: Design) -> FrontPoint:
+    saved = answer.saved or Interval(np.nan, np.nan, np.nan)
+    return FrontPoint(most, answer.status.name, answer.pendulum, (saved.mean, saved.low, saved.high))

@@ -13,7 +13,6 @@ from tpd.core.cluster import Cluster
 from tpd.core.formatting import Printed, counted
 from tpd.core.progress import shown_count
 from tpd.core.scene import Block, Scene
-from tpd.design.ground.design import GroundDesign
 from tpd.design.optimise import optimise
 from tpd.design.result import Design, DesignStatus
 
@@ -104,19 +103,9 @@ def _designed(which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, An
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
-def _row(design: Design | GroundDesign) -> dict[str, Any]:
+def _row(design: Design) -> dict[str, Any]:
     """Numbers of one answer."""
-    hung, none = design.pendulum, float("nan")
-    pendulum = (none, none, none) if hung is None else (hung.mass, hung.length, hung.damping_ratio)
-    mass, length, damping = map(float, pendulum)
-    if isinstance(design, GroundDesign):
-        value, bare = none if hung is None else design.value, design.bare
-    else:
-        value, bare = none if design.winner is None else design.winner.value, design.bare.value
-    sizes = {"mass": mass, "length": length, "damping_ratio": damping}
-    return {
-        "status": _STATUSES.index(design.status.name),
-        **sizes,
-        "value": float(value),
-        "bare": float(bare),
-    }
+    hung, (value, bare) = design.pendulum, design.risks
+    names = "mass", "length", "damping_ratio"
+    sizes = {name: float("nan") if hung is None else float(getattr(hung, name)) for name in names}
+    return {"status": _STATUSES.index(design.status.name), **sizes, "value": value, "bare": bare}

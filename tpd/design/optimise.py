@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 from tpd.analysis.attractors import Starts
 from tpd.analysis.ensemble import Ensemble
 from tpd.core import checks
-from tpd.core.conditions import Conditions, check_restitution
+from tpd.core.conditions import FACTORS, Conditions
 from tpd.core.ground_motion import GroundMotion
 from tpd.core.progress import Progress, shown
 from tpd.core.scene import Block, Scene
@@ -19,21 +20,19 @@ from tpd.core.threads import aside
 from tpd.design.active import nearest_of
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import Limit, Risk
-from tpd.design.elasticity import elasticities_of
-from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.optimise import ground_problem
 from tpd.design.ground.optimise import solve as solve_on_motions
 from tpd.design.ground.search import GroundSearch
 from tpd.design.methods import Descent, Method, describe
-from tpd.design.objective import margins
+from tpd.design.objective import Orbits, margins
 from tpd.design.one_shot import OneShot
 from tpd.design.problem import Problem
-from tpd.design.result import Design, DesignStatus
+from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.design.search import Multistart, stage
 from tpd.design.space import DesignSpace
 from tpd.design.steps import pendulum_of
 from tpd.design.survey import Survey, survey
-from tpd.design.verified import LossCase
+from tpd.design.verified import LossCase, Verified
 from tpd.design.verify import JUDGED, Verification
 from tpd.design.worth import Worth
 from tpd.models.compiled_linear import load_compiled
@@ -41,8 +40,6 @@ from tpd.models.smoothed import Smoothed
 
 _PATHS = 48
 """Designs of the paths that are followed from rest."""
-SURVEYED = 24
-"""Most conditions under which designs are followed from rest in a survey."""
 SEARCHED = 64
 """Most conditions under which the searches descend: their ends are followed and verified under others."""
 
@@ -74,7 +71,7 @@ def optimise(
     seed: int = 0,
     checkpoint: Path | str | None = None,
     progress: Progress | bool | None = None,
-) -> Design | GroundDesign:
+) -> Design:
     """Pendulum of least rocking under one or many conditions, verified.
 
     Under ground motions, `conditions=Conditions.records(...)`, see
@@ -105,7 +102,7 @@ def optimise(
         progress: True for a bar on stderr, or called with (stage, done, of how many).
 
     Returns:
-        A `Design`; under ground motions a `GroundDesign`.
+        A `HarmonicDesign`; under ground motions a `GroundDesign`.
 
     Raises:
         ValueError: bad input, or a checkpoint of another problem.
@@ -135,35 +132,37 @@ def optimise(
         raise ValueError("`held_out` is for ground motions, but the conditions are harmonics")
     if isinstance(scene, Block) or isinstance(method, GroundSearch):
         raise ValueError("a block alone, and a `GroundSearch`, go with ground motions: `Conditions.records`")
-    problem = Problem.of(scene, space, conditions, starts, risk, limits, method, seed, worth)
-    runs = Ensemble(seed=seed) if ensemble is None else ensemble
-    checks.instance("ensemble", runs, Ensemble)
-    if runs.restitution:
-        check_restitution(scene)
+    problem = Problem.of(
+        scene,
+        space,
+        conditions=conditions,
+        starts=starts,
+        risk=risk,
+        limits=limits,
+        method=method,
+        ensemble=ensemble,
+        worth=worth,
+        seed=seed,
+    )
     with shown(progress) as report:
-        return solve(problem, runs, file, report)
+        return solve(problem, file, report)
 
 
 def solve(
-    problem: Problem,
-    ensemble: Ensemble,
-    checkpoint: Path | None = None,
-    progress: Progress | None = None,
-) -> Design:
-    """Search and verify a problem whose inputs are complete; see `optimise`."""
+    problem: Problem, checkpoint: Path | None = None, progress: Progress | None = None
+) -> HarmonicDesign:
+    """Search and verify a problem; see `optimise`."""
     store = Checkpoint.of(checkpoint, problem.identity)
     if _lifts(problem):
         _prepare(problem)
-    problem = problem.against_bare()
-    scene, objective = problem.scene, problem.objective
-    verification = Verification(scene, objective, ensemble, problem.worth, progress)
+    objective, verification = problem.objective, Verification(problem, progress)
     few = objective.over(objective.conditions.subset(SEARCHED, problem.seed))
     search = Multistart(few, problem.method, problem.seed, progress)
     if len(few.conditions) < len(objective.conditions):
         search.description += f" under {len(few.conditions)} of the {len(objective.conditions)} conditions"
     found = Found(search, verification)
     try:
-        if verification.rests and verification.bare_rests_nonlinearly():
+        if verification.bare_rests:
             found.status = DesignStatus.no_uplift
         else:
             search.run(store)
@@ -173,18 +172,18 @@ def solve(
         # Whoever interrupts a survey has waited for the searches before it.
         if found.search.groups and not found.verification.verified:
             found.status = found.verification.best_of(found.search)
-    return _design(problem, ensemble, found)
+    return _design(problem, found)
 
 
 def _lifts(problem: Problem) -> bool:
     """Whether the bare block lifts under some condition. If under none, there may be nothing to search."""
-    o = problem.objective
+    o = problem.orbits
     return not np.all(margins(o, np.array([[0.0, float(o.p.lam), float(o.p.zeta)]])) > 0.0)
 
 
 def _prepare(problem: Problem) -> None:
     """Begin to compile what the search and the verification need."""
-    o, method = problem.objective, problem.method
+    o, method = problem.orbits, problem.method
     # Traced here first: in a command the compiled code of events is loaded, or made by other processes.
     o.prepare()
     if isinstance(method, Descent) and isinstance(method.model, Smoothed):
@@ -200,16 +199,14 @@ def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
         # The best that there is, and no survey: whoever interrupts wants the answer soon.
         found.status = verification.best_of(search)
         return
-    objective = verification.objective
     # Ends that the exact solution confirms, and the best designs on the paths.
     ends = search.order(feasible=False)
     met = [search.designs[ends[~search.contradicted[ends]]], search.on_the_way(_PATHS)]
-    few = objective.over(objective.conditions.subset(SURVEYED, problem.seed))
     after = None if progress is None else stage(progress, "survey")
     found.surveys = wide, fine = survey(
-        few, np.concatenate(met), verification.ensemble.periods, problem.seed, after
+        verification.few, np.concatenate(met), problem.ensemble.periods, problem.seed, after
     )
-    found.surveys = wide, fine = wide, verification.refined(fine, few, problem.seed)
+    found.surveys = wide, fine = wide, verification.refined(fine)
     for _ in range(JUDGED):
         # An interruption leaves the design that has passed.
         found.status = verification.best_of_survey(fine)
@@ -220,28 +217,35 @@ def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
     if found.status is DesignStatus.found:
         winner = verification.verified[-1]
         found.losses = verification.fresh.under_other_losses(pendulum_of(problem.scene, winner))
-        found.elasticities = elasticities_of(objective, winner, progress)
+        found.elasticities = elasticities_of(verification.objective, winner, progress)
 
 
-def _design(problem: Problem, ensemble: Ensemble, found: Found) -> Design:
+def elasticities_of(objective: Orbits, of: Verified, progress: Progress | None) -> dict[str, float]:
+    """d ln(value)/d ln(factor): by central differences of 0.1 %."""
+    step, out, e = 1e-3, {}, objective.p.e
+    # Above 1 there is no restitution, so that a difference to both sides needs room.
+    varies = e is not None and float(e) * (1.0 + step) <= 1.0
+    names = [x for x in FACTORS if x != "restitution" or varies]
+    for i, name in enumerate(names):
+        if progress is not None:
+            progress("elasticities", i + 1, len(names))
+        sides = []
+        for factor in (1.0 - step, 1.0 + step):
+            changed = objective.over(objective.conditions * Conditions({name: np.array([factor])}))
+            sides.append(float(changed.value(changed.evaluate(of.design[None]))[0]))
+        out[name] = (sides[1] - sides[0]) / (2.0 * step * abs(of.value)) if of.value else math.nan
+    return out
+
+
+def _design(problem: Problem, found: Found) -> HarmonicDesign:
     """The answer, from what was searched and verified."""
     search, verification = found.search, found.verification
-    verified, objective = tuple(verification.verified), verification.objective
+    verified = tuple(verification.verified)
     offered = verified[-1] if found.status is DesignStatus.found else None
-    status = DesignStatus.interrupted if search.interrupted else found.status
-    none = status is DesignStatus.none_feasible
-    return Design(
-        scene=problem.scene,
-        space=problem.space,
-        conditions=objective.conditions,
-        starts=problem.starts,
-        risk=objective.risk,
-        limits=objective.limits,
-        method=problem.method,
-        ensemble=ensemble,
-        worth=problem.worth,
-        seed=problem.seed,
-        status=status,
+    none = not search.interrupted and found.status is DesignStatus.none_feasible
+    return HarmonicDesign(
+        **problem.inputs,
+        status=DesignStatus.interrupted if search.interrupted else found.status,
         pendulum=None if offered is None else pendulum_of(problem.scene, offered),
         verified=verified,
         bare=verification.bare,

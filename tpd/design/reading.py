@@ -25,7 +25,7 @@ from tpd.design.result import DesignStatus
 from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
 
-VERSION = 6
+VERSION = 7
 """Version of the file of a design; it grows when a key changes its meaning or goes away."""
 GROUND_VERSION = 3
 """Version of the file of a design on ground motions."""

@@ -20,13 +20,12 @@ class ReasonKind(enum.Enum):
     """Why a design is refused."""
 
     overturns = enum.auto()
-    """The block overturns with the design where it stands without."""
+    """The block overturns, or the motion has no answer, with the design where it stands without."""
     overturns_more = enum.auto()
     """Significantly more conditions or runs overturn with the design than without."""
     breaks_limit = enum.auto()
     rocks_more = enum.auto()
     """The block rocks at least as much as without the design."""
-    does_not_settle = enum.auto()
     too_little_benefit = enum.auto()
     """The mean tilt falls by less than the least benefit, or not significantly."""
     rests_less = enum.auto()
@@ -50,15 +49,13 @@ class Reason:
     limit: str = ""
     """Name of the limit that is broken."""
     value: float = math.nan
-    """The size met: rad, a count, or a limited quantity over its limit."""
+    """The size met: a tilt over the slenderness, a count, or a limited quantity over its limit."""
     reference: float = math.nan
     """The size it is compared with."""
     low: float = math.nan
     """Lower end of the 95 % interval of the size met, where it has one."""
     total: int = 0
     """Conditions or runs tried, where counts are compared."""
-    outcome: str = ""
-    """Name of the status in which the motion ends."""
 
     @property
     def shortfall(self) -> float:
@@ -84,7 +81,9 @@ class Reason:
         by = f"by the {self.step.value}"
         match self.kind:
             case ReasonKind.overturns:
-                return f"{by} the block overturns{at}, and stands without the pendulum"
+                return (
+                    f"{by} the block overturns from rest, or has no answer, and stands without the pendulum"
+                )
             case ReasonKind.overturns_more:
                 return (
                     f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum "
@@ -96,8 +95,8 @@ class Reason:
                 )
             case ReasonKind.rocks_more:
                 return (
-                    f"{by} the block rocks {self.value:.4g} rad, and {self.reference:.4g} rad without the "
-                    f"pendulum{at}"
+                    f"{by} the block tilts from rest to {self.value:.1%} of the slenderness, and to "
+                    f"{self.reference:.1%} without the pendulum"
                 )
             case ReasonKind.too_little_benefit:
                 sure = "unknown" if math.isnan(self.low) else f"{self.low:.1%}"
@@ -125,8 +124,6 @@ class Reason:
                 return (
                     f"{by} {self.value:.0f} of {self.total} cases have no answer, and the verdict hangs on it"
                 )
-            case ReasonKind.does_not_settle:
-                return f"{by} the motion ends {self.outcome.replace('_', ' ')}{at}"
 
 
 GRAVE = (ReasonKind.overturns, ReasonKind.overturns_more, ReasonKind.strikes)

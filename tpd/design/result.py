@@ -4,26 +4,23 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tpd.analysis.attractors import Starts
-from tpd.analysis.ensemble import Ensemble
-from tpd.core.conditions import Conditions
+from tpd.analysis.intervals import Interval
 from tpd.core.formatting import Printed
-from tpd.core.scene import Pendulum, Scene
-from tpd.design.criteria import Limit, Risk, stroke_limit
+from tpd.core.scene import Pendulum
+from tpd.design.criteria import stroke_limit
+from tpd.design.question import Question
 from tpd.design.reasons import Reason
-from tpd.design.space import DesignSpace
 from tpd.design.verified import Bare, LossCase, Verified
-from tpd.design.worth import Worth
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tpd.design.methods import Method
     from tpd.design.reading import StoredDesign
     from tpd.design.survey import Survey
 
@@ -109,34 +106,12 @@ class Nearest:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Design(Printed):
-    """The answer of `optimise`: angles in rad, lengths in m, masses in kg. `print` shows a summary."""
+class Design(Question, Printed):
+    """The answer of `optimise`, with its question: lengths in m, masses in kg, angles in rad."""
 
-    scene: Scene
-    space: DesignSpace
-    conditions: Conditions
-    starts: Starts
-    risk: Risk
-    limits: tuple[Limit, ...]
-    method: Method
-    ensemble: Ensemble
-    worth: Worth
-    seed: int
     status: DesignStatus
     pendulum: Pendulum | None
     """None where no design is offered."""
-    verified: tuple[Verified, ...]
-    """Designs that were verified, in order; the last one is offered if it has no reason against it."""
-    bare: Bare
-    nearest: Nearest | None
-    search: Search
-    surveys: tuple[Survey, ...] = ()
-    """Designs followed from rest: by the linear equations, then by the nonlinear."""
-    losses: tuple[LossCase, ...] = ()
-    """The offered design under other models of the block's losses."""
-    elasticities: dict[str, float]
-    """d ln(value)/d ln(x) at the design, x one of `conditions.FACTORS`."""
-    settings: dict[str, object] = field(default_factory=dict)
 
     @staticmethod
     def read(path: str | Path) -> StoredDesign:
@@ -151,9 +126,58 @@ class Design(Printed):
         return read_design(path)
 
     @property
+    def saved(self) -> Interval | None:
+        """Share by which the mean tilt falls with the pendulum that is offered, on runs that no choice has
+        seen; None where none is offered, or nothing was judged on others."""
+        raise NotImplementedError
+
+    @property
+    def risks(self) -> tuple[float, float]:
+        """Risk with the design that is offered, NaN where none is, and without a pendulum."""
+        raise NotImplementedError
+
+    def again(self, **changed: Any) -> dict[str, Any]:
+        """Arguments of `tpd.optimise` that ask the question again, with some of them changed."""
+        return {f.name: getattr(self, f.name) for f in fields(Question)} | changed
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class HarmonicDesign(Design):
+    """The answer of `optimise` for harmonic shaking. `print` shows a summary."""
+
+    starts: Starts
+    verified: tuple[Verified, ...]
+    """Designs that were verified, in order; the last one is offered if it has no reason against it."""
+    bare: Bare
+    nearest: Nearest | None
+    search: Search
+    surveys: tuple[Survey, ...] = ()
+    """Designs followed from rest: by the linear equations, then by the nonlinear."""
+    losses: tuple[LossCase, ...] = ()
+    """The offered design under other models of the block's losses."""
+    elasticities: dict[str, float]
+    """d ln(value)/d ln(x) at the design, x one of `conditions.FACTORS`."""
+    settings: dict[str, object] = field(default_factory=dict)
+
+    @property
     def winner(self) -> Verified | None:
         """The design offered, if any."""
         return self.verified[-1] if self.pendulum is not None else None
+
+    @property
+    def saved(self) -> Interval | None:
+        """See `Design.saved`."""
+        gain = None if self.winner is None else self.winner.benefit
+        return None if gain is None else Interval(gain.value, gain.low, gain.high)
+
+    @property
+    def risks(self) -> tuple[float, float]:
+        """See `Design.risks`."""
+        return math.nan if self.winner is None else self.winner.value, self.bare.value
+
+    def again(self, **changed: Any) -> dict[str, Any]:
+        """See `Design.again`."""
+        return super().again(starts=self.starts, **changed)
 
     @property
     def best(self) -> Verified | None:

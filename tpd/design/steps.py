@@ -1,42 +1,44 @@
 """Steps of the verification of one design.
 
-The exact solution by events from rest under every condition; paired runs of the nonlinear equations, which
-choose by the benefit; and the nonlinear equations from rest under the worst conditions and at limits, under
-one condition before the paired runs. Each step gives typed reasons of refusal. The first step that refuses a
-design ends its verification. The design that is chosen is judged by fresh paired runs: the best of several by
-the same runs owes a part of its benefit to luck in them."""
+The exact solution by events from rest under every condition; the nonlinear equations from rest; and paired
+runs of these, which choose by the benefit. Each step gives typed reasons of refusal, and the first that
+refuses a design ends its verification. The design that is chosen is judged by fresh paired runs: the best of
+several by the same runs owes a part of its benefit to luck in them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from tpd.analysis.ensemble import Ensemble
 from tpd.analysis.paired import SIGNIFICANT, chance_of
-from tpd.core.conditions import Conditions, under_all
+from tpd.analysis.steady_state import steady_state
+from tpd.core.conditions import Conditions, under, under_all
+from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
-from tpd.core.status import SETTLED, names_of
-from tpd.design.active import active
+from tpd.core.status import names_of, status_name
+from tpd.design.active import active, nearest_of
 from tpd.design.by_runs import JUDGES, PairedRuns, reasons_by_runs, strikes_of
 from tpd.design.criteria import Room, limit_of
 from tpd.design.ends import Book
-from tpd.design.motions import motions_from_rest, polished
-from tpd.design.objective import REST, Evaluation, Orbits, margins
+from tpd.design.objective import REST, Evaluation, margins
+from tpd.design.problem import Problem
 from tpd.design.reasons import Reason, ReasonKind, Step
-from tpd.design.verified import Bare, Motions, Nonlinear, Verified
-from tpd.design.worth import Worth
-from tpd.models.compiled_nonlinear import settle_nonlinear
+from tpd.design.survey import Survey, followed
+from tpd.design.verified import Bare, Motions, Verified
+from tpd.models.batches import settle_all
+from tpd.models.piecewise import Piecewise
 
-_ASKED, _NEAR = 4, 2
-"""Conditions under which the nonlinear equations are asked: the worst, and those nearest to a limit."""
+SURVEYED = 24
+"""Most conditions under which designs are followed from rest by the nonlinear equations."""
 _AT_LIMIT = 1e-3
 """Share of a limit that is left where the limit counts as met."""
 _ROUNDING = 1e-9
 """Share by which a limit may be passed by rounding."""
+_POLISHED = 32
+"""Conditions up to which exact amplitudes are polished by Newton's method, to round-off."""
 HEIGHT = "rod and bob within the height"
 """Name of the limit that the height of the block sets, beside those of its cavity."""
 
@@ -44,19 +46,17 @@ HEIGHT = "rod and bob within the height"
 class Steps:
     """The bare block under all conditions, and designs compared with it."""
 
-    def __init__(
-        self,
-        scene: Scene,
-        objective: Orbits,
-        ensemble: Ensemble,
-        worth: Worth,
-        progress: Progress | None,
-    ) -> None:
-        self.scene, self.objective, self.ensemble, self.progress = scene, objective, ensemble, progress
-        self.worth = worth
-        self.runs = PairedRuns(scene, objective.conditions, ensemble, worth, progress)
-        judges = replace(ensemble, seed=ensemble.seed + JUDGES)
-        self.fresh = PairedRuns(scene, objective.conditions, judges, worth, progress)
+    def __init__(self, problem: Problem, progress: Progress | None) -> None:
+        self.scene, self.objective = problem.scene, problem.objective
+        self.ensemble, self.worth = problem.ensemble, problem.worth
+        self.seed, self.progress = problem.seed, progress
+        objective = problem.objective
+        self.few = objective.over(objective.conditions.subset(SURVEYED, problem.seed))
+        judges = replace(problem.ensemble, seed=problem.ensemble.seed + JUDGES)
+        self.runs, self.fresh = (
+            PairedRuns(problem.scene, problem.conditions, e, problem.worth, progress)
+            for e in (problem.ensemble, judges)
+        )
         p = objective.p
         self.none = np.array([0.0, float(p.lam), float(p.zeta)])
         # A bob without mass: the same program answers for the bare block, and nothing else is compiled.
@@ -69,15 +69,15 @@ class Steps:
         self.verified: list[Verified] = []
 
     @property
-    def rests(self) -> bool:
-        """Whether the bare block settles at rest under all conditions, by the linear equations."""
-        e = self.bare.evaluation
-        return bool(np.all(e.kind == REST))
+    def bare_rests(self) -> bool:
+        """Whether the bare block settles at rest, by the exact orbits under all conditions and by the
+        nonlinear equations from rest."""
+        return bool(np.all(self.bare.evaluation.kind == REST)) and not self._from_rest(self.none).bare.any()
 
     def at_once(self, design: np.ndarray) -> Verified:
         """All steps for one design (mu, lam, zeta), up to the first that refuses it."""
         v = self.begun(design)
-        for step in self._steps:
+        for step in (self.by_events, self.by_rest, self.by_runs):
             v = step(v)
             if v.reasons:
                 break
@@ -98,7 +98,7 @@ class Steps:
             evaluation=e,
             exact=self._polished(design, self.from_rest(design)),
             margin=margins(o, design[None])[0],
-            nonlinear=(),
+            rest=None,
             paired=None,
             benefit=None,
             strikes=math.nan,
@@ -107,13 +107,6 @@ class Steps:
             source="search",
             reasons=(),
         )
-
-    @property
-    def _steps(self) -> tuple[Callable[[Verified], Verified], ...]:
-        """Steps for one condition or for several, where paired runs stand for single ones."""
-        if len(self.objective.conditions) > 1:
-            return self.by_events, self.by_runs, self.by_nonlinear
-        return self.by_events, self.by_nonlinear, self.by_runs
 
     def by_events(self, v: Verified) -> Verified:
         """Exact solution under every condition, and limits that a motion from rest says nothing about."""
@@ -133,79 +126,19 @@ class Steps:
         reasons += self._broken_in_closed_form(v.evaluation) + self._too_long(v.design)
         return replace(v, reasons=tuple(reasons))
 
-    def by_nonlinear(self, v: Verified) -> Verified:
-        """Nonlinear equations under the worst conditions and under those nearest to a limit, from rest."""
-        v = replace(v, nonlinear=self._nonlinear(v.design, self.conditions_asked(v.evaluation)))
-        return replace(v, reasons=self.nonlinear_reasons(v))
+    def by_rest(self, v: Verified) -> Verified:
+        """Nonlinear equations from rest: limits on the motion and, under one condition, whether the block
+        moves less. Under several the paired runs say that."""
+        found = self._from_rest(v.design)
+        reasons, hung, bare = list(nearest_of(found).broken), found.severity[0], found.bare
+        if len(bare) == 1 and hung[0] > 0.0 and hung[0] >= bare[0]:
+            kind = ReasonKind.overturns if hung[0] >= 1.0 > bare[0] else ReasonKind.rocks_more
+            value, reference = float(hung[0]), float(bare[0])
+            reasons.append(Reason(step=Step.nonlinear, kind=kind, value=value, reference=reference))
+        return replace(v, rest=found, reasons=tuple(reasons))
 
-    def nonlinear_reasons(self, v: Verified) -> tuple[Reason, ...]:
-        """Reasons against a design by the nonlinear motions that were met."""
-        alone, label = len(self.objective.conditions) == 1, self.objective.conditions.label
-        reasons: list[Reason] = []
-        for a in v.nonlinear:
-            at = {"step": Step.nonlinear, "condition": label(a.condition)}
-            bare = a.bare_status, self.bare.exact.status[a.condition]
-            if alone and a.status == "overturned" and "overturned" not in bare:
-                reasons.append(Reason(kind=ReasonKind.overturns, **at))
-            elif alone and a.status not in SETTLED:
-                reasons.append(Reason(kind=ReasonKind.does_not_settle, outcome=a.status, **at))
-            elif alone and a.amplitude > 0.0 and a.amplitude >= a.bare_amplitude:
-                sizes = {"value": a.amplitude, "reference": a.bare_amplitude}
-                reasons.append(Reason(kind=ReasonKind.rocks_more, **sizes, **at))
-        return (*reasons, *self._broken_nonlinearly(v))
-
-    def _broken_nonlinearly(self, v: Verified) -> list[Reason]:
-        """Limits that the nonlinear motions break."""
-        n = len(self.objective.conditions)
-        amplitude, stroke, known = np.zeros(n), np.zeros(n), np.zeros(n, bool)
-        for a in v.nonlinear:
-            if a.status in SETTLED:
-                amplitude[a.condition], stroke[a.condition], known[a.condition] = a.amplitude, a.stroke, True
-        e = _with_sizes(v.evaluation, amplitude, stroke, self.objective)
-        return self._broken(e, Step.nonlinear, known)
-
-    def conditions_asked(self, e: Evaluation) -> list[int]:
-        """Conditions under which the nonlinear equations are asked: the worst, and those at a limit."""
-        n = len(self.objective.conditions)
-        worst = [int(i) for i in np.argsort(-e.merit[0], kind="stable")[:_ASKED]]
-        # How near an orbit is to where it stops attracting is no size that the nonlinear equations give.
-        limits = [x for x in self.objective.limits if x.of_motion]
-        rows = [s.value[0] - 1.0 for x in limits for s in x.sizes(e, self.objective.geometry)]
-        held = np.max([np.full(n, -np.inf), *rows], axis=0)
-        near = [int(i) for i in np.argsort(-held, kind="stable") if i not in worst and held[i] > -_AT_LIMIT]
-        return worst + near[:_NEAR]
-
-    def _nonlinear(self, design: np.ndarray, asked: list[int]) -> tuple[Nonlinear, ...]:
-        """Nonlinear motions from rest under some conditions, with the design and without."""
-        hung, bare = (self._nonlinear_motions(x, asked) for x in (design, self.none))
-        return tuple(
-            Nonlinear(
-                condition=i,
-                amplitude=with_it[0],
-                stroke=with_it[1],
-                status=with_it[2],
-                bare_amplitude=without[0],
-                bare_status=without[2],
-            )
-            for i, with_it, without in zip(asked, hung, bare, strict=True)
-        )
-
-    def _nonlinear_motions(self, design: np.ndarray, asked: list[int]) -> list[tuple[float, float, str]]:
-        """Amplitude and stroke (rad), and status, of a design (3,) under some conditions."""
-        factors = {name: x[asked] for name, x in self.objective.conditions.factors.items()}
-        q = under_all(self.objective.p, design[None], Conditions(factors))
-        n = int(np.size(q.nu))
-        settled = settle_nonlinear(q, np.zeros((n, 4)))
-        names = names_of(settled.status)
-        sizes = (np.where(names == "overturned", np.inf, x) for x in (settled.amplitude, settled.stroke))
-        amplitude, stroke = sizes
-        # Without factors there is one condition, the scene's own.
-        return [(float(a), float(s), str(name)) for a, s, name in zip(amplitude, stroke, names, strict=True)]
-
-    def bare_rests_nonlinearly(self) -> bool:
-        """Whether the bare block settles at rest by the nonlinear equations under the worst conditions."""
-        asked = self.conditions_asked(self.bare.evaluation)[:_ASKED]
-        return all(status == "rest" for _, _, status in self._nonlinear_motions(self.none, asked))
+    def _from_rest(self, design: np.ndarray) -> Survey:
+        return followed(self.few, design[None], self.ensemble.periods, "nonlinear", None)
 
     def by_runs(self, v: Verified) -> Verified:
         """Paired runs of the nonlinear equations: benefit, harm and room."""
@@ -224,23 +157,6 @@ class Steps:
         v = replace(v, paired=found, benefit=benefit, strikes=struck)
         self.bare = replace(self.bare, paired=found.bare)
         return replace(v, reasons=reasons_by_runs(v, self.worth, self.objective.conditions, step))
-
-    def _broken(self, e: Evaluation, step: Step, known: np.ndarray) -> list[Reason]:
-        """Limits on the motion that an evaluation of one design breaks under known conditions."""
-        label = self.objective.conditions.label
-        return [
-            Reason(
-                step=step,
-                kind=ReasonKind.breaks_limit,
-                condition=label(int(i)),
-                limit=size.name,
-                value=float(size.value[0, i]),
-            )
-            for limit in self.objective.limits
-            if limit.of_motion
-            for size in limit.sizes(e, self.objective.geometry)
-            for i in np.flatnonzero(known & (size.value[0] > 1.0))
-        ]
 
     def _broken_in_closed_form(self, e: Evaluation) -> list[Reason]:
         """Limits that a motion from rest says nothing about, such as a reserve, that one design breaks, each
@@ -296,13 +212,53 @@ def pendulum_of(scene: Scene, v: Verified) -> Pendulum:
     return scene.pendulum(mass_ratio=v.mass_ratio, length_ratio=v.length_ratio, damping_ratio=v.damping_ratio)
 
 
-def _with_sizes(e: Evaluation, amplitude: np.ndarray, stroke: np.ndarray, objective: Orbits) -> Evaluation:
-    """An evaluation of one design with other settled angles (rad), shapes (n,)."""
-    return e._replace(tilt=(amplitude / objective.geometry.slenderness)[None], stroke=stroke[None])
-
-
 def _significant(lost: np.ndarray, bare: np.ndarray) -> tuple[bool, int, int]:
     """Whether significantly more paired runs overturn with a design than without (McNemar's test), and how
     many do so with the one only and with the other only."""
     worse, better = int(np.sum(lost & ~bare)), int(np.sum(bare & ~lost))
     return worse > better and chance_of(worse, better) < SIGNIFICANT, worse, better
+
+
+def motions_from_rest(p: Parameters, design: np.ndarray, conditions: Conditions, periods: int) -> Motions:
+    """Motions as followed for at most `periods` forcing periods; without multipliers."""
+    q = under_all(p, design[None], conditions)
+    settled = settle_all(q, np.zeros((len(conditions), 4)), model=Piecewise(max_periods=periods))
+    names = names_of(settled.status)
+    sizes = settled.amplitude, settled.stroke, settled.peak, settled.peak_stroke
+    amplitude, stroke, peak, peak_stroke = (
+        np.where(names == "overturned", np.inf, np.asarray(x)) for x in sizes
+    )
+    return Motions(
+        status=names,
+        amplitude=amplitude,
+        stroke=stroke,
+        peak=peak,
+        peak_stroke=peak_stroke,
+        multiplier=np.full(len(names), np.nan),
+        periods=np.asarray(settled.periods),
+    )
+
+
+def polished(p: Parameters, design: np.ndarray, conditions: Conditions, motions: Motions) -> Motions:
+    """The motions with amplitudes to round-off and multipliers; as they are under many conditions."""
+    if len(conditions) > _POLISHED:
+        return motions
+
+    # One after the other: the program for a single motion is compiled for many other uses.
+    def one(row: np.ndarray) -> tuple:
+        s = steady_state(as_arrays(under(p, design, row)), model=Piecewise())
+        return status_name(s.status), float(s.amplitude), float(s.stroke), float(s.multiplier), int(s.periods)
+
+    columns = zip(*(one(row) for row in conditions.factor_rows()), strict=True)
+    status, amplitude, stroke, multiplier, periods = (np.array(x) for x in columns)
+    # Newton's method has no orbit to polish where the block overturns.
+    lost = status == "overturned"
+    return Motions(
+        status=status,
+        amplitude=np.where(lost, np.inf, amplitude),
+        stroke=np.where(lost, np.inf, stroke),
+        peak=motions.peak,
+        peak_stroke=motions.peak_stroke,
+        multiplier=multiplier,
+        periods=periods,
+    )

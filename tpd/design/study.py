@@ -23,7 +23,7 @@ from tpd.design.by_runs import JUDGES, PairedRuns, strikes_of
 from tpd.design.criteria import Room, limit_of
 from tpd.design.earthquakes import Earthquakes, shaken
 from tpd.design.objective import geometry_of
-from tpd.design.result import Design, DesignStatus
+from tpd.design.result import DesignStatus, HarmonicDesign
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
@@ -105,7 +105,7 @@ class Study:
 
 
 def study(
-    design: Design,
+    design: HarmonicDesign,
     *,
     front: tuple[FrontPoint, ...] = (),
     records: Sequence[GroundMotion] = (),
@@ -182,7 +182,7 @@ def time_histories(
     return tuple(out)
 
 
-def _responses(design: Design, progress: Progress | None) -> tuple[Response, ...]:
+def _responses(design: HarmonicDesign, progress: Progress | None) -> tuple[Response, ...]:
     values = design.scene.motion.frequency * _BAND
     cases = (None,) if design.pendulum is None else (None, design.pendulum)
     return tuple(
@@ -191,12 +191,12 @@ def _responses(design: Design, progress: Progress | None) -> tuple[Response, ...
     )
 
 
-def _comparison(design: Design, progress: Progress | None) -> Check:
+def _comparison(design: HarmonicDesign, progress: Progress | None) -> Check:
     limit = design.stroke_limit
     return check(design.scene, design.pendulum, stroke=limit, models=QUICK, progress=progress)
 
 
-def surveyed(design: Design, progress: Progress | None = None) -> dict[int, Surveyed]:
+def surveyed(design: HarmonicDesign, progress: Progress | None = None) -> dict[int, Surveyed]:
     """The designs that the table of limits names, by the paired runs that judge."""
     if not design.surveys:
         return {}
@@ -215,7 +215,7 @@ def surveyed(design: Design, progress: Progress | None = None) -> dict[int, Surv
     return out
 
 
-def uplift_region(design: Design) -> UpliftRegion:
+def uplift_region(design: HarmonicDesign) -> UpliftRegion:
     """Uplift margin over the mass and length ratios of the design space, at the best design's damping."""
     space, best = design.space, design.best
     zeta = float(np.mean(space.damping_ratio)) if best is None else best.damping_ratio
@@ -228,7 +228,7 @@ def uplift_region(design: Design) -> UpliftRegion:
     return UpliftRegion(mass_ratio=mu, length_ratio=lam, margin=least.reshape(_GRID, _GRID))
 
 
-def usage(design: Design) -> tuple[tuple[str, float], ...]:
+def usage(design: HarmonicDesign) -> tuple[tuple[str, float], ...]:
     """Limited quantities of the best design over their limits, the largest of all conditions."""
     if design.best is None:
         return ()

@@ -4,36 +4,19 @@ models."""
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tpd.analysis.attractors import Starts
 from tpd.analysis.compare_models import Check, check
-from tpd.analysis.ensemble import Ensemble
-from tpd.core.conditions import Conditions
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
-from tpd.design.active import nearest_of
-from tpd.design.criteria import (
-    DEFAULT_LIMITS,
-    Limit,
-    Mass,
-    Offset,
-    Risk,
-    Room,
-    Worsening,
-    limit_of,
-    stroke_limit,
-)
-from tpd.design.inputs import check_cavity
-from tpd.design.methods import Method
-from tpd.design.optimise import SURVEYED
+from tpd.design.criteria import Limit, Mass, Offset, Worsening, limit_of, stroke_limit
 from tpd.design.problem import Problem
 from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.space import DesignSpace
 from tpd.design.steps import HEIGHT
-from tpd.design.survey import ON_THE_WAY, ROOM, Survey, followed
+from tpd.design.survey import ROOM
 from tpd.design.verified import Verified
 from tpd.design.verify import Verification
 from tpd.design.worth import Worth
@@ -46,28 +29,11 @@ class Suitability:
     scene: Scene
     pendulum: Pendulum
     check: Check
-    rest: Survey
-    """Motions from rest by the nonlinear equations under the conditions, a choice of them where there are
-    many; of one design."""
     verified: Verified
     """The pendulum by the steps that verify a design of `optimise`; its reasons are the verdict."""
     needed: bool
     """Whether the bare block moves under some condition."""
     worth: Worth
-
-    @property
-    def from_rest(self) -> str:
-        """Sentences on the motions from rest."""
-        hung, bare, excess = self.rest.severity[0], self.rest.bare, self.rest.excess
-        said = (
-            f"By the nonlinear equations from rest, of {len(bare)} conditions: {np.sum(hung >= 1.0)} "
-            f"overturn the block with the pendulum, {np.sum(bare >= 1.0)} without; under "
-            f"{np.sum(hung > bare)} it rocks more with it."
-        )
-        if Room.name not in excess or np.all(hung >= 1.0):
-            return said
-        settled, way = (1.0 + float(excess[name][0]) for name in (Room.name, ON_THE_WAY))
-        return f"{said} The bob comes to {settled:.0%} of the wall's distance once settled, {way:.0%} before."
 
     @property
     def refusals(self) -> tuple[str, ...]:
@@ -123,75 +89,34 @@ def _sort(reason: Reason) -> str:
             return "DO NOT USE"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Question:
-    """Question that `optimise` asks of a design, in the same words: its arguments."""
-
-    scene: Scene
-    space: DesignSpace = field(default_factory=DesignSpace)
-    conditions: Conditions | None = None
-    """None is the neighbourhood of the scene's own shaking."""
-    starts: Starts | None = None
-    risk: Risk | None = None
-    limits: tuple[Limit, ...] = DEFAULT_LIMITS
-    method: Method | None = None
-    ensemble: Ensemble = field(default_factory=Ensemble)
-    worth: Worth = field(default_factory=Worth)
-    seed: int = 0
-
-    def problem(self, design: np.ndarray | None = None) -> Problem:
-        """Problem in whose space a design (mu, lam, zeta) lies.
-
-        Raises:
-            ValueError: bad input.
-        """
-        # The limit on the mass narrows a space, and a design beyond it would lie outside.
-        limits = tuple(x for x in self.limits if not isinstance(x, Mass))
-        space = self.space if design is None else _holding(self.space, design)
-        given = self.conditions, self.starts, self.risk, limits, self.method, self.seed, self.worth
-        return Problem.of(self.scene, space, *given).against_bare()
-
-    def verification(self, problem: Problem, progress: Progress | None) -> Verification:
-        """Verification of designs of a problem."""
-        return Verification(self.scene, problem.objective, self.ensemble, problem.worth, progress)
-
-
-def rests(asked: Question) -> bool:
+def rests(asked: Problem) -> bool:
     """Whether the bare block settles at rest under all conditions, so that no pendulum is needed."""
-    return _rests(asked.verification(asked.problem(), None))
-
-
-def _rests(verification: Verification) -> bool:
-    return verification.rests and verification.bare_rests_nonlinearly()
+    return Verification(asked, None).bare_rests
 
 
 def judged(
-    asked: Question, pendulum: Pendulum, progress: Progress | None = None
-) -> tuple[Verified, Verification, Survey]:
-    """A pendulum by the steps that verify a design of `optimise`, what it is compared with, and its motions
-    from rest: limits from rest under the conditions of a survey, then the verification, then the fresh
-    runs that judge once. Where something else refuses it, its paired runs are counted all the same.
+    asked: Problem, pendulum: Pendulum, progress: Progress | None = None
+) -> tuple[Verified, Verification]:
+    """A pendulum by the steps that verify a design of `optimise` and the fresh runs that judge once, and what
+    it is compared with. Where something refuses it, the other steps are told all the same.
 
     Raises:
-        ValueError: bad input.
         RuntimeError: JAX is in 32-bit mode.
     """
     block = asked.scene.block
     ratios = pendulum.mass / block.mass, pendulum.length / block.half_height, pendulum.damping_ratio
     design = np.array([float(x) for x in ratios])
-    problem = asked.problem(design)
-    verification = asked.verification(problem, progress)
-    objective = verification.objective
-    few = objective.over(objective.conditions.subset(SURVEYED, asked.seed))
-    rest = followed(few, design[None], asked.ensemble.periods, "nonlinear", None)
-    v = verification.at_once(design)
-    broken = *_too_heavy(asked.limits, pendulum), *nearest_of(rest).broken
-    if not v.reasons and not broken:
+    # A space that holds the design: it may lie outside of that of the search.
+    verification = Verification(replace(asked, space=_holding(asked.space, design)), progress)
+    v, heavy = verification.at_once(design), _too_heavy(asked.limits, pendulum)
+    if not v.reasons and not heavy:
         v = verification.by_fresh_runs(v)
-    elif v.paired is None:
+    if v.rest is None:
+        v = replace(v, rest=verification.by_rest(v).rest)
+    if v.paired is None:
         counted = verification.by_runs(v)
         v = replace(counted, reasons=(*v.reasons, *counted.reasons))
-    return replace(v, source="check", reasons=(*broken, *v.reasons)), verification, rest
+    return replace(v, source="check", reasons=(*heavy, *v.reasons)), verification
 
 
 def _holding(space: DesignSpace, design: np.ndarray) -> DesignSpace:
@@ -224,7 +149,7 @@ def suitability(
     scene: Scene,
     pendulum: Pendulum,
     *,
-    asked: Question | None = None,
+    asked: Problem | None = None,
     models: tuple[str, ...] | None = None,
     progress: Progress | None = None,
 ) -> Suitability:
@@ -233,7 +158,7 @@ def suitability(
     Args:
         scene: the block and its shaking.
         pendulum: the one to be hung.
-        asked: conditions, starts, limits and runs; by default those of `optimise`.
+        asked: question of `optimise` about the scene; by default with all its defaults.
         models: names of models, as in `tpd.check`.
         progress: called with ("checking", models done, of how many), and by the stages of the verification.
 
@@ -241,16 +166,14 @@ def suitability(
         ValueError: an unknown model, a block without a cavity, or a limit that is not positive.
         RuntimeError: JAX is in 32-bit mode.
     """
-    asked = Question(scene=scene) if asked is None else asked
-    check_cavity(scene.block, asked.limits)
+    asked = Problem.of(scene) if asked is None else asked
     found = check(scene, pendulum, stroke=stroke_limit(asked.limits), models=models, progress=progress)
-    v, verification, rest = judged(asked, pendulum, progress)
+    v, verification = judged(asked, pendulum, progress)
     return Suitability(
         scene=scene,
         pendulum=pendulum,
         check=found,
-        rest=rest,
         verified=v,
-        needed=not _rests(verification),
+        needed=not verification.bare_rests,
         worth=asked.worth,
     )

@@ -99,6 +99,20 @@ class Survey:
         # The worst condition alone would call all designs equal under one in which every block overturns.
         return np.asarray(0.5 * (self.risk.of(severity) + severity.mean(axis=-1)))
 
+    @property
+    def told(self) -> str:
+        """Sentences on the first design."""
+        hung, bare = self.severity[0], self.bare
+        said = (
+            f"By the {self.equations} equations from rest, of {len(bare)} conditions: {np.sum(hung >= 1.0)} "
+            f"overturn the block with the pendulum, {np.sum(bare >= 1.0)} without; under "
+            f"{np.sum(hung > bare)} it rocks more with it."
+        )
+        if Room.name not in self.excess or np.all(hung >= 1.0):
+            return said
+        settled, way = (1.0 + float(self.excess[name][0]) for name in (Room.name, ON_THE_WAY))
+        return f"{said} The bob comes to {settled:.0%} of the wall's distance once settled, {way:.0%} before."
+
     def best_without(self, *names: str) -> int | None:
         """The best design that keeps to all limits but those named, or None."""
         others = [x for name, x in self.excess.items() if name not in names]

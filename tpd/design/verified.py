@@ -14,6 +14,7 @@ from tpd.design.reasons import Reason
 
 if TYPE_CHECKING:
     from tpd.design.objective import Evaluation
+    from tpd.design.survey import Survey
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,18 +35,6 @@ class Motions:
     """Largest modulus of the Floquet multipliers; NaN where unknown."""
     periods: np.ndarray
     """Forcing periods in one period of the motion."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Nonlinear:
-    """A design under one condition by the nonlinear equations, from rest; angles in rad."""
-
-    condition: int
-    amplitude: float
-    stroke: float
-    status: str
-    bare_amplitude: float
-    bare_status: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,8 +75,9 @@ class Verified:
     """By the exact solution of the linear equations."""
     margin: np.ndarray
     """Uplift margin under every condition, shape (n,)."""
-    nonlinear: tuple[Nonlinear, ...]
-    """Empty where the verification ended before that step."""
+    rest: Survey | None
+    """Motions from rest by the nonlinear equations under the conditions, a choice of them where there are
+    many; of this design alone. None where the verification ended before that step."""
     paired: Verdict | None
     """Paired runs of the nonlinear equations, which decide: of a design that was chosen the fresh ones that
     judge it."""

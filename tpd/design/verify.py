@@ -12,7 +12,6 @@ from tpd.core.conditions import Conditions
 from tpd.core.equations import Terms
 from tpd.design.by_runs import TRIALS, reach_of
 from tpd.design.criteria import Room, limit_of
-from tpd.design.objective import Orbits
 from tpd.design.reasons import ReasonKind
 from tpd.design.refine import RUNS, Tried, refine
 from tpd.design.result import DesignStatus
@@ -20,7 +19,7 @@ from tpd.design.search import Multistart, stage
 from tpd.design.steps import Steps
 from tpd.design.survey import ON_THE_WAY, Survey, excess, followed
 
-SURVEYED, JUDGED = 10, 3
+VERIFIED, JUDGED = 10, 3
 """Most designs of a survey that are verified, and most of them that are judged."""
 _APART = 0.02
 """Least distance of designs that are verified one after the other, in shares of the bounds."""
@@ -53,7 +52,7 @@ class Verification(Steps):
         units = self.objective.space.scaled(found.designs)
         # Without any that helps the best one is verified all the same: its reasons are the answer.
         left, way = list(helps if len(helps) else fits[:1]), found.excess.get(ON_THE_WAY)
-        for done in range(len(self.verified), SURVEYED):
+        for done in range(len(self.verified), VERIFIED):
             near = self.objective.space.scaled(np.array([v.design for v in self.verified]).reshape(-1, 3))
             left = [j for j in left if np.all(np.linalg.norm(units[j] - near, axis=1) > _APART)]
             struck = [v.design for v in self.verified if any(r.kind is ReasonKind.strikes for r in v.reasons)]
@@ -65,7 +64,7 @@ class Verification(Steps):
                 break
             i = left[0]
             if self.progress is not None:
-                self.progress("verifying", done + 1, SURVEYED)
+                self.progress("verifying", done + 1, VERIFIED)
             self.verified.append(replace(self.at_once(found.designs[i]), source="survey"))
             if not self.verified[-1].reasons:
                 return DesignStatus.found
@@ -77,13 +76,13 @@ class Verification(Steps):
         self.verified[-1] = judged = self.by_fresh_runs(self.verified[-1])
         return DesignStatus.refused if judged.reasons else DesignStatus.found
 
-    def refined(self, found: Survey, objective: Orbits, seed: int) -> Survey:
-        """A survey by runs of the nonlinear equations from many starts, see `refine`; `objective` has the
-        conditions of the survey. Luck in these runs is of no help where others verify."""
+    def refined(self, found: Survey) -> Survey:
+        """A survey by runs of the nonlinear equations from many starts, see `refine`. Luck in these runs is
+        of no help where others verify."""
         if not found.helps.any():
             return found
         room, nu = limit_of(self.objective.limits, Room), float(self.scene.block.slenderness)
-        conditions, n, size = self.objective.conditions, len(objective.conditions), self.runs.ensemble.size
+        conditions, n, size = self.objective.conditions, len(self.few.conditions), self.runs.ensemble.size
         after = None if self.progress is None else stage(self.progress, "trial runs")
 
         def run(design: np.ndarray, i: int) -> Tried:
@@ -102,15 +101,15 @@ class Verification(Steps):
             return Tried(float(known.mean()) if len(known) else np.nan, float(o.at_rest.value), reach)
 
         def still(designs: np.ndarray) -> np.ndarray:
-            sizes = excess(objective, designs, *np.zeros((4, len(designs), n)))
+            sizes = excess(self.few, designs, *np.zeros((4, len(designs), n)))
             return np.max([np.zeros(len(designs)), *sizes.values()], axis=0) <= 0.0
 
         def follow(designs: np.ndarray) -> Survey:
-            return followed(objective, designs, self.ensemble.periods, "nonlinear", None)
+            return followed(self.few, designs, self.ensemble.periods, "nonlinear", None)
 
         share = float(self.runs.bare.at_rest.value)
         # Less by luck in these runs is no harm yet, and of a few runs that rest no trial has any.
         rests = share - _LUCK * np.sqrt(share * (1.0 - share) / size)
         rests = rests if rests > _FEW / RUNS else 0.0
         strikes = self.worth.allowed
-        return refine(found, self.objective.space, run, still, follow, strikes, rests, seed, after)
+        return refine(found, self.objective.space, run, still, follow, strikes, rests, self.seed, after)

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from tpd.analysis.benefit import Benefit
-from tpd.design.result import Design
+from tpd.design.result import HarmonicDesign
 from tpd.plot.style import BLUE, CASES, GREY, INK, new_axes
 
 _MOST = 24
 """Most conditions that have a row of their own, evenly over all of them."""
 
 
-def plot_benefit(design: Design, axes: Any = None) -> Any:
+def plot_benefit(design: HarmonicDesign, axes: Any = None) -> Any:
     """Draw mean tilts over nu, and shares overturned and at rest, of the paired runs of the best design.
 
     Raises:
@@ -52,7 +52,7 @@ _SHOWN = {
 """Changes over all runs, with their labels."""
 
 
-def _rows(design: Design, benefit: Benefit) -> list[tuple[str, float, float, bool]]:
+def _rows(design: HarmonicDesign, benefit: Benefit) -> list[tuple[str, float, float, bool]]:
     """Label, size with it, size without, and whether the row is over all runs."""
     changes = {change.name: change for change in benefit.changes}
     rows = [(label, changes[n].with_it, changes[n].without, True) for n, label in _SHOWN.items()]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.design.result import Design
+from tpd.design.result import HarmonicDesign
 from tpd.design.verified import Bare, Verified
 from tpd.plot.style import CASES, INK, LABELS, ORANGE, in_degrees, new_axes, overturned
 
@@ -14,7 +14,7 @@ _QUANTITIES = {"length": "pendulum_length", "mass": "pendulum_mass", "damping": 
 """Names of the pendulum's quantities, whose conditions have shorter ones."""
 
 
-def plot_conditions(design: Design, axes: Any = None) -> Any:
+def plot_conditions(design: HarmonicDesign, axes: Any = None) -> Any:
     """Draw the steady tilt with the pendulum and without, and the bob's angle; returns both axes.
 
     Raises:
@@ -42,7 +42,7 @@ def plot_conditions(design: Design, axes: Any = None) -> Any:
     return axes
 
 
-def _tilts(ax: Any, design: Design, x: np.ndarray, order: np.ndarray) -> None:
+def _tilts(ax: Any, design: HarmonicDesign, x: np.ndarray, order: np.ndarray) -> None:
     """Draw the tilts with and without the pendulum, and mark where the block overturns from rest."""
     nu = design.scene.block.slenderness * design.conditions.column("slenderness")
     cases: list[Bare | Verified] = [design.bare, *([design.best] if design.best else [])]
@@ -64,7 +64,7 @@ def _known(of: Bare | Verified) -> np.ndarray:
     return e.attracts[0] & np.isfinite(e.tilt[0])
 
 
-def _values(design: Design, name: str) -> tuple[np.ndarray, str]:
+def _values(design: HarmonicDesign, name: str) -> tuple[np.ndarray, str]:
     """Values of what differs, in SI units where it has any, and their label."""
     factors, quantity = design.conditions.column(name), _QUANTITIES.get(name, name)
     if name == "slenderness":

@@ -7,12 +7,12 @@ from typing import Any, cast
 import numpy as np
 from matplotlib.axes import Axes
 
-from tpd.design.result import Design
+from tpd.design.result import HarmonicDesign
 from tpd.design.study import UpliftRegion
 from tpd.plot.style import GREY, INK, LABELS, ORANGE, new_axes
 
 
-def plot_search(design: Design, region: UpliftRegion | None = None, ax: Axes | None = None) -> Axes:
+def plot_search(design: HarmonicDesign, region: UpliftRegion | None = None, ax: Axes | None = None) -> Axes:
     """Draw screened designs by their value, search paths and ends, refused designs and the answer.
 
     Args:
@@ -43,7 +43,7 @@ def plot_search(design: Design, region: UpliftRegion | None = None, ax: Axes | N
     return ax
 
 
-def _screened(design: Design, ax: Axes) -> None:
+def _screened(design: HarmonicDesign, ax: Axes) -> None:
     s = design.search
     within, beyond = (
         s.screened_feasible & ~s.screened_overturned,

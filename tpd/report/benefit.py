@@ -12,7 +12,7 @@ from tpd.core.formatting import number
 from tpd.core.scene import Pendulum
 from tpd.design.criteria import Room, limit_of
 from tpd.design.reasons import GRAVE, Reason, ReasonKind, Step
-from tpd.design.result import Design, DesignStatus
+from tpd.design.result import DesignStatus, HarmonicDesign
 from tpd.design.study import Study, Surveyed
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Verified
@@ -43,7 +43,7 @@ _ROWS = 8
 """Most rows of a table of what limits relax."""
 
 
-def headline(design: Design) -> str:
+def headline(design: HarmonicDesign) -> str:
     """Verdict in one paragraph: worth hanging by so much, or none worth hanging for this reason."""
     best, status = design.best, design.status
     if status is DesignStatus.found and best is not None and best.benefit is not None:
@@ -61,7 +61,7 @@ def headline(design: Design) -> str:
     return status.value
 
 
-def verdict(design: Design) -> Note:
+def verdict(design: HarmonicDesign) -> Note:
     """Headline; a danger where the block overturns more often, or the bob strikes a wall."""
     if design.status.is_sound:
         return information(headline(design))
@@ -70,7 +70,7 @@ def verdict(design: Design) -> Note:
     return (danger if grave else warning)(headline(design))
 
 
-def _missing(design: Design) -> str:
+def _missing(design: HarmonicDesign) -> str:
     """Questions of an engineer that the search has left out, in words; empty if there are none."""
     parts = []
     if len(design.conditions) == 1:
@@ -103,7 +103,7 @@ def _quoted(best: Verified) -> str:
     return f"Over {best.benefit.runs} {fresh}paired runs of the nonlinear equations: {best.benefit}"
 
 
-def _sign(design: Design) -> str:
+def _sign(design: HarmonicDesign) -> str:
     """Sentence that says first that the benefit hangs on how the block loses energy."""
     # Of the data of a block its losses are known least: what hangs on them comes before any number.
     against = [case for case in design.losses if case.benefit.low <= 0.0]
@@ -113,12 +113,12 @@ def _sign(design: Design) -> str:
     return f"THE BENEFIT HANGS ON THE LOSSES: it is not shown where the block loses energy by {names}."
 
 
-def _designation(design: Design, v: Verified) -> str:
+def _designation(design: HarmonicDesign, v: Verified) -> str:
     hung = _pendulum(design, v)
     return f"{number(hung.mass)} kg on {number(hung.length)} m, damping ratio {number(hung.damping_ratio)}"
 
 
-def _pendulum(design: Design, v: Verified) -> Pendulum:
+def _pendulum(design: HarmonicDesign, v: Verified) -> Pendulum:
     ratios = {"mass_ratio": v.mass_ratio, "length_ratio": v.length_ratio, "damping_ratio": v.damping_ratio}
     return design.scene.pendulum(**ratios)
 
@@ -133,7 +133,7 @@ def _first(v: Verified) -> str:
     return "; ".join([*map(str, first), *([f"and {more} more of these"] if more else [])]) or "nothing"
 
 
-def paired_runs(design: Design) -> list[Block]:
+def paired_runs(design: HarmonicDesign) -> list[Block]:
     """Sizes with the pendulum and without over paired runs of the nonlinear equations."""
     best = design.best
     if best is None or best.benefit is None or best.paired is None:
@@ -158,7 +158,7 @@ def paired_runs(design: Design) -> list[Block]:
     return [*out, *_by_condition(design, best)]
 
 
-def _which(design: Design, best: Verified) -> str:
+def _which(design: HarmonicDesign, best: Verified) -> str:
     """Which runs judged, and what those gave that chose the design."""
     if best.chosen_by is None:
         return ""
@@ -169,7 +169,7 @@ def _which(design: Design, best: Verified) -> str:
     return f"{said}; those that chose it, seed {design.ensemble.seed}, gave {best.chosen_by}"
 
 
-def _scatter(design: Design) -> str:
+def _scatter(design: HarmonicDesign) -> str:
     """Relative scatter of block, installation and shaking in the runs."""
     widths, by_width = design.ensemble.widths(design.scene.block.restitution), dict[float, list[str]]()
     for name, width in widths.items():
@@ -181,7 +181,7 @@ def _scatter(design: Design) -> str:
     return said or "no scatter"
 
 
-def _by_condition(design: Design, best: Verified) -> list[Block]:
+def _by_condition(design: HarmonicDesign, best: Verified) -> list[Block]:
     """Mean tilt under every condition; none where there are too many or one only."""
     assert best.benefit is not None
     n, (hung, bare) = len(design.conditions), best.benefit.by_condition
@@ -200,7 +200,7 @@ def _by_condition(design: Design, best: Verified) -> list[Block]:
     return [Table(("condition", "with it", "without", ""), tuple(rows), caption)]
 
 
-def losses(design: Design) -> list[Block]:
+def losses(design: HarmonicDesign) -> list[Block]:
     """The offered design where the block loses its energy in another way."""
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
@@ -222,7 +222,7 @@ def losses(design: Design) -> list[Block]:
     return [Table(head, rows, caption)]
 
 
-def limiting(design: Design, study: Study | None = None) -> list[Block]:
+def limiting(design: HarmonicDesign, study: Study | None = None) -> list[Block]:
     """Limits that keep better designs out, the best design without each, and counts of refusals."""
     if not design.surveys:
         return []
@@ -259,7 +259,7 @@ def limiting(design: Design, study: Study | None = None) -> list[Block]:
     return [*out, *_held(design), Table(head, tuple(rows[:_ROWS]), caption)]
 
 
-def _held(design: Design) -> list[Block]:
+def _held(design: HarmonicDesign) -> list[Block]:
     """Conditions, limits and bounds that hold the best design, with multipliers, if it is refused."""
     if design.pendulum is not None or design.best is None or not design.best.active:
         return []
@@ -268,7 +268,7 @@ def _held(design: Design) -> list[Block]:
 
 
 def _row(
-    design: Design, of: Survey, name: str, i: int | None, by_runs: Mapping[int, Surveyed]
+    design: HarmonicDesign, of: Survey, name: str, i: int | None, by_runs: Mapping[int, Surveyed]
 ) -> tuple[Cell, ...]:
     if i is None:
         return (name, *(None,) * 5, "no design", None, None)
@@ -285,7 +285,7 @@ def _row(
     return (name, *sizes, needs, *from_rest, strikes, f"{runs.overturned:.1%}")
 
 
-def _refusals(design: Design) -> list[Block]:
+def _refusals(design: HarmonicDesign) -> list[Block]:
     """Counts of designs that break each limit, or that do not help, and of reasons against those verified."""
     parts = []
     for found in design.surveys:
@@ -314,7 +314,6 @@ def _kind(reason: Reason) -> str:
         ReasonKind.overturns_more: "the block overturns more often",
         ReasonKind.breaks_limit: "they break a limit",
         ReasonKind.rocks_more: "the block rocks more",
-        ReasonKind.does_not_settle: "the motion does not settle",
         ReasonKind.too_little_benefit: "the benefit is too small",
         ReasonKind.rests_less: "the block rests less often",
         ReasonKind.worse_condition: "a condition gets worse",

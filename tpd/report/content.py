@@ -16,7 +16,7 @@ import numpy as np
 from tpd.core import files
 from tpd.core.formatting import number
 from tpd.design.objective import KINDS
-from tpd.design.result import Design, SearchStatus
+from tpd.design.result import HarmonicDesign, SearchStatus
 from tpd.design.study import Study
 from tpd.design.verified import Bare, Verified
 from tpd.report import benefit, earthquakes, pictures, scene_words, tables, words
@@ -39,7 +39,7 @@ _ROWS = 40
 
 
 def content(
-    design: Design,
+    design: HarmonicDesign,
     study: Study,
     job_toml: str = "",
     directory: Path | None = None,
@@ -93,7 +93,7 @@ _LIMITED = {
 """Limits whose use a report shows; the stroke has a row of its own, and a reserve has no share."""
 
 
-def _captions(design: Design, study: Study) -> dict[str, tuple[str, str]]:
+def _captions(design: HarmonicDesign, study: Study) -> dict[str, tuple[str, str]]:
     """Alternative text and caption of every picture."""
     hung, motion = design.pendulum is not None, design.scene.motion
     smoothed = any(h.model == "smoothed" for h in study.histories or ())
@@ -147,13 +147,13 @@ def _captions(design: Design, study: Study) -> dict[str, tuple[str, str]]:
     }
 
 
-def _figures(design: Design, study: Study, *names: str) -> list[Block]:
+def _figures(design: HarmonicDesign, study: Study, *names: str) -> list[Block]:
     """Figures of the pictures there are."""
     there = pictures.names(design, study)
     return [Figure(n, *_captions(design, study)[n], narrow=len(names) > 1) for n in names if n in there]
 
 
-def _answer(design: Design, study: Study) -> list[Block]:
+def _answer(design: HarmonicDesign, study: Study) -> list[Block]:
     hung, winner = design.pendulum, design.winner
     if hung is None or winner is None:
         return _no_answer(design)
@@ -176,7 +176,7 @@ def _answer(design: Design, study: Study) -> list[Block]:
     return [Table(("", "value", "relative"), tuple(rows), caption), information(f"Held by: {held}. {left}")]
 
 
-def _sizes(design: Design, winner: Verified, length: float) -> list[tuple[Cell, ...]]:
+def _sizes(design: HarmonicDesign, winner: Verified, length: float) -> list[tuple[Cell, ...]]:
     """Rows of angles: risk over several conditions, amplitudes, strokes and the way from rest."""
     exact, limit = winner.exact, design.stroke_limit
     stroke = words.settled_stroke(design)
@@ -202,7 +202,7 @@ def _sizes(design: Design, winner: Verified, length: float) -> list[tuple[Cell, 
     return [*rows, ("uplift margin, settled", f"{np.min(winner.margin):.1%}", "of the moment that lifts")]
 
 
-def _no_answer(design: Design) -> list[Block]:
+def _no_answer(design: HarmonicDesign) -> list[Block]:
     known = design.search.end_values[np.isfinite(design.search.end_values)]
     best = [("best that a search ended at", words.risk(design, float(known.min())))] if known.size else []
     rows = (
@@ -220,7 +220,7 @@ def _no_answer(design: Design) -> list[Block]:
     return out
 
 
-def _conditions(design: Design, study: Study) -> list[Block]:
+def _conditions(design: HarmonicDesign, study: Study) -> list[Block]:
     n, best = len(design.conditions), design.best
     if n == 1:
         return []
@@ -239,14 +239,14 @@ def _conditions(design: Design, study: Study) -> list[Block]:
     return [described, *_figures(design, study, "conditions.png"), Table(head, tuple(rows), caption)]
 
 
-def _motion(design: Design, of: Verified | Bare, i: int) -> tuple[Cell, ...]:
+def _motion(design: HarmonicDesign, of: Verified | Bare, i: int) -> tuple[Cell, ...]:
     """Tilt (rad) and kind of motion under a condition, and end from rest."""
     e, nu = of.evaluation, design.scene.block.slenderness * design.conditions.column("slenderness")[i]
     tilt, kind = float(e.tilt[0, i] * nu), KINDS[int(e.kind[0, i])].replace("_", " ")
     return tilt if math.isfinite(tilt) else None, kind, str(of.exact.status[i]).replace("_", " ")
 
 
-def _search(design: Design, study: Study) -> list[Block]:
+def _search(design: HarmonicDesign, study: Study) -> list[Block]:
     search = design.search
     counts = Counter(s.value for s in search.statuses)
     ends = "; ".join(f"{n} {what}" for what, n in counts.items())
@@ -260,7 +260,7 @@ def _search(design: Design, study: Study) -> list[Block]:
     return out
 
 
-def _confirmed(design: Design) -> list[Block]:
+def _confirmed(design: HarmonicDesign) -> list[Block]:
     """How the ends of descents on a model compare with the exact solution."""
     mismatch, lost = design.search.mismatch, int(np.sum(design.search.lost))
     if not np.any(mismatch):
@@ -276,15 +276,13 @@ def _confirmed(design: Design) -> list[Block]:
     return [information(said)]
 
 
-def _models(design: Design, study: Study) -> list[Block]:
-    out: list[Block] = []
-    out += tables.nonlinear(design)
-    if study.comparison is not None:
-        out += tables.comparison(study.comparison)
-    return out
+def _models(design: HarmonicDesign, study: Study) -> list[Block]:
+    rest = None if design.best is None else design.best.rest
+    out: list[Block] = [] if rest is None else [information(rest.told)]
+    return out if study.comparison is None else [*out, *tables.comparison(study.comparison)]
 
 
-def _refused(design: Design) -> list[Block]:
+def _refused(design: HarmonicDesign) -> list[Block]:
     rows = tuple(
         (v.source, v.mass_ratio, v.length_ratio, v.damping_ratio, v.value, "; ".join(map(str, v.reasons)))
         for v in design.verified
@@ -294,7 +292,7 @@ def _refused(design: Design) -> list[Block]:
     return [Table(("from", "μ", "λ", "ζ", "value", "reasons"), rows, caption)] if rows else []
 
 
-def _assumptions(design: Design) -> list[Block]:
+def _assumptions(design: HarmonicDesign) -> list[Block]:
     scene, own = design.scene, design.scene.block.radius_of_gyration
     inertia = "uniform rectangle" if own is None else f"radius of gyration {number(own)} m about the centroid"
     more = "" if len(design.conditions) == 1 else ", before the conditions change it"
@@ -314,7 +312,7 @@ def _assumptions(design: Design) -> list[Block]:
     return [Listing(items)]
 
 
-def _repeat(design: Design, study: Study, job_toml: str, directory: Path | None) -> list[Block]:
+def _repeat(design: HarmonicDesign, study: Study, job_toml: str, directory: Path | None) -> list[Block]:
     made = ", ".join(f"{name} {v}" for name, v in files.versions().items())
     out: list[Block] = []
     if directory is not None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tpd.core import files
-from tpd.design.result import Design, DesignStatus
+from tpd.design.result import DesignStatus, HarmonicDesign
 from tpd.design.study import Study
 from tpd.report import pictures
 from tpd.report.content import content
@@ -17,7 +17,7 @@ from tpd.report.text import text
 
 
 def write(
-    directory: Path, design: Design, study: Study, job_tables: dict[str, Any], job_toml: str
+    directory: Path, design: HarmonicDesign, study: Study, job_tables: dict[str, Any], job_toml: str
 ) -> list[Path]:
     """Write the whole report; each file appears complete or not at all. Returns the files.
 

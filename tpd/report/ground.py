@@ -10,13 +10,12 @@ import numpy as np
 
 from tpd.core import files
 from tpd.core.formatting import number
-from tpd.core.scene import Pendulum, Scene
+from tpd.core.scene import Pendulum
 from tpd.design.criteria import THICKNESS, Room, limit_of
 from tpd.design.front import FrontPoint
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.groups import Role, unnamed
 from tpd.design.ground.judgement import Judged, scatter_of
-from tpd.design.ground.optimise import settings
 from tpd.design.ground.search import SPARE
 from tpd.design.reading import GROUND_VERSION
 from tpd.report import scene_words, tables, words
@@ -81,7 +80,7 @@ def write(
 
 def content(design: GroundDesign, command: str = "", points: tuple[FrontPoint, ...] = ()) -> Report:
     """Build the report of a design on ground motions."""
-    scene = _scene(design)
+    scene = design.scene
     falls = any(g.overturns_more or g.strikes > design.worth.broken for g in design.judged)
     falls = falls or (design.benefit is not None and design.benefit.overturned.is_above)
     # Danger is for overturning and strikes alone.
@@ -105,7 +104,7 @@ def content(design: GroundDesign, command: str = "", points: tuple[FrontPoint, .
 
 def notes(design: GroundDesign) -> Iterator[Note]:
     """Notes that somebody who would build the design must read first."""
-    block, benefit = design.block, design.benefit
+    block, benefit = design.scene.block, design.benefit
     if block.restitution is None and not block.friction:
         yield warning(
             "The block loses no energy at all: no real block rocks like that. Give it a restitution."
@@ -180,11 +179,11 @@ def _answer(design: GroundDesign) -> list[Block]:
         if best is not None:
             rows += (("best design, not offered", "μ = {:.4g}, λ = {:.4g}, ζ = {:.3g}".format(*best), None),)
         return [Table(("", "value", "remark"), rows)]
-    hinge = f"{number(float(hung.hinge_damping(design.gravity)))} N m s/rad"
+    hinge = f"{number(float(hung.hinge_damping(design.scene.gravity)))} N m s/rad"
     rows = (
         ("mass of the bob", f"{number(float(hung.mass))} kg", f"μ = {number(best[0])}"),
         ("length of the pendulum", f"{number(float(hung.length))} m", f"λ = {number(best[1])}"),
-        words.rod(hung, words.bob_of(design.limits), design.gravity),
+        words.rod(hung, words.bob_of(design.limits), design.scene.gravity),
         ("damping of the hinge", hinge, f"ζ = {number(best[2])} of critical"),
         *tilt,
         *_usage(design),
@@ -307,10 +306,10 @@ def _search(design: GroundDesign) -> list[Block]:
 
 def _assumptions(design: GroundDesign) -> Iterator[str]:
     scatter = ", ".join(
-        f"{name} ±{width:.0%}" for name, width in scatter_of(design.block, design.ensemble).items()
+        f"{name} ±{width:.0%}" for name, width in scatter_of(design.scene.block, design.ensemble).items()
     )
     yield "A rigid block that rocks about its two lower edges: it neither slides nor bounces."
-    yield f"Energy losses: {words.losses(design.block)}."
+    yield f"Energy losses: {words.losses(design.scene.block)}."
     yield "A point bob on a massless rod from the middle of the top, with a viscous hinge."
     yield (
         "; ".join(design.conditions.description)
@@ -337,6 +336,7 @@ def as_json(
     """The design as sorted JSON."""
     found, hung = design.searched, design.pendulum
     # Everything that repeats the run, and all that was found.
+    gravity = design.scene.gravity
     entries = {
         "version": GROUND_VERSION,
         "status": design.status.name,
@@ -344,7 +344,7 @@ def as_json(
         "reasons": list(design.reasons),
         "notes": list(notes(design)),
         "pendulum": hung,
-        "hinge_damping_N_m_s_per_rad": None if hung is None else float(hung.hinge_damping(design.gravity)),
+        "hinge_damping_N_m_s_per_rad": None if hung is None else float(hung.hinge_damping(gravity)),
         "best": None if design.best is None else dict(zip(("mu", "lam", "zeta"), design.best, strict=True)),
         "value": {"best": design.value, "trend": design.trend, "bare": design.bare},
         "benefit": None if design.benefit is None else plain(design.benefit._asdict()),
@@ -353,9 +353,9 @@ def as_json(
         "parts": design.parts,
         "front": list(points),
         "searched": None if found is None else found._asdict(),
-        "block": design.block,
-        "gravity": design.gravity,
-        "settings": settings(design),
+        "block": design.scene.block,
+        "gravity": gravity,
+        "settings": design.settings,
         "records": sources or [],
         "seed": design.seed,
         "command": command,
@@ -412,7 +412,7 @@ def _pictures(design: GroundDesign, points: tuple[FrontPoint, ...]) -> Iterator[
     stroke = 0.0 if design.parts is None else design.parts.angle
     bob = room.bob if isinstance(room, Room) else None
     hung: Pendulum | None = design.pendulum
-    yield "drawing.png", style.png(drawing.plot_scene(_scene(design), hung, stroke=stroke, bob=bob).figure)
+    yield "drawing.png", style.png(drawing.plot_scene(design.scene, hung, stroke=stroke, bob=bob).figure)
 
 
 def _figure(design: GroundDesign, name: str, caption: str) -> list[Block]:
@@ -422,7 +422,3 @@ def _figure(design: GroundDesign, name: str, caption: str) -> list[Block]:
         "drawing.png": True,
     }
     return [Figure(name, caption, f"{caption}.")] if there[name] else []
-
-
-def _scene(design: GroundDesign) -> Scene:
-    return Scene(design.block, design.conditions.motions[0], design.gravity)

@@ -18,7 +18,7 @@ from tpd.design.front import FrontPoint
 from tpd.design.objective import KINDS
 from tpd.design.reading import VERSION
 from tpd.design.reasons import Reason
-from tpd.design.result import Design
+from tpd.design.result import HarmonicDesign
 from tpd.design.study import Study
 from tpd.design.survey import Survey
 from tpd.report.notes import notes
@@ -28,7 +28,7 @@ _STUDY = ("responses", "comparison", "elasticities", "front", "earthquakes", "le
 _EVALUATION = ("tilt", "stroke", "margin", "multiplier", "reserve")
 
 
-def as_json(design: Design, study: Study, job_tables: dict[str, Any]) -> str:
+def as_json(design: HarmonicDesign, study: Study, job_tables: dict[str, Any]) -> str:
     """The design as sorted JSON; infinite and unknown numbers are the words "infinite" and "nan"."""
     p, hung = design.scene.parameters(design.pendulum), design.pendulum
     entries = {
@@ -76,6 +76,8 @@ def plain(x: Any) -> Any:
             return x.tolist()
         case Outcomes() | Verdict():
             return x.summary()
+        case Survey():
+            return _surveyed(x, 0)
         case Change() | FrontPoint():
             return plain(x._asdict())
         case Benefit():

@@ -14,7 +14,7 @@ from tpd.core.bob import Bob
 from tpd.core.scene import STANDARD_GRAVITY, Block, Pendulum
 from tpd.core.status import SETTLED
 from tpd.design.criteria import Room, limit_of
-from tpd.design.result import Design, DesignStatus
+from tpd.design.result import DesignStatus, HarmonicDesign
 from tpd.design.study import Study
 from tpd.design.verified import Verified
 from tpd.design.worth import Worth
@@ -36,26 +36,26 @@ _FELT = 0.005
 """Share of the pendulum's frequency by which a body and a rod may change it without a word."""
 
 
-def notes(design: Design, study: Study) -> tuple[Note, ...]:
+def notes(design: HarmonicDesign, study: Study) -> tuple[Note, ...]:
     """All notes on a design: dangers first, else in the order of the generators below."""
     found = [*_interruptions(design, study), *_responses(design, study), *_searched(design)]
     if design.winner is not None and design.pendulum is not None:
         found += [*_overturning(design, design.winner), *_repeated(design.winner)]
-        found += [*_nonlinear(design, design.winner), *_strikes(design, design.winner, design.pendulum)]
+        found += [*_from_rest(design.winner), *_strikes(design, design.winner, design.pendulum)]
         found += thick(design.pendulum, bob_of(design.limits), design.scene.gravity)
         found += [*_settled(design.winner), *_starts(design, design.winner)]
     found += earthquakes.notes(study.earthquakes)
     return tuple(sorted(found, key=lambda note: note.severity.value))
 
 
-def _interruptions(design: Design, study: Study) -> Iterator[Note]:
+def _interruptions(design: HarmonicDesign, study: Study) -> Iterator[Note]:
     if design.status is DesignStatus.interrupted:
         yield warning("The search was interrupted; nothing below is the best of the design space.")
     for part in study.left_out:
         yield warning(f"This report goes without {part}: its computation was interrupted.")
 
 
-def _searched(design: Design) -> Iterator[Note]:
+def _searched(design: HarmonicDesign) -> Iterator[Note]:
     """Notes on the search as a whole, with or without an answer."""
     lost = design.search.screened_overturned
     if lost.any():
@@ -70,7 +70,7 @@ def _searched(design: Design) -> Iterator[Note]:
     )
 
 
-def _overturning(design: Design, winner: Verified) -> Iterator[Note]:
+def _overturning(design: HarmonicDesign, winner: Verified) -> Iterator[Note]:
     """Overturning from rest, with the pendulum and without."""
     lost, bare = (m.status == "overturned" for m in (winner.exact, design.bare.exact))
     harmed, saved = np.flatnonzero(lost & ~bare), int(np.sum(bare & ~lost))
@@ -118,39 +118,16 @@ def _repeated(winner: Verified) -> Iterator[Note]:
     )
 
 
-def _nonlinear(design: Design, winner: Verified) -> Iterator[Note]:
-    """Conditions under which the block overturns by the nonlinear equations though the design is offered."""
-    lost = [n for n in winner.nonlinear if n.status == "overturned"]
-    alone = [n for n in lost if n.bare_status != "overturned"]
-    both = [n for n in lost if n.bare_status == "overturned"]
-    asked = len(winner.nonlinear)
-    start = f"By the nonlinear equations, one run from rest under each of {asked} conditions, the block "
-    if alone:
-        names = ", ".join(design.conditions.label(n.condition) for n in alone)
-        said, worse = _in_paired_runs(winner, [n.condition for n in alone])
-        yield (danger if worse else warning)(
-            f"{start}overturns with the pendulum and stands without at {len(alone)} of them "
-            f"({names}). A single run near overturning says little: {said}."
-        )
-    if both:
-        names = ", ".join(design.conditions.label(n.condition) for n in both)
-        yield warning(f"{start}overturns with the pendulum and without at {len(both)} ({names}).")
+def _from_rest(winner: Verified) -> Iterator[Note]:
+    """Overturning from rest by the nonlinear equations though the design is offered."""
+    rest = winner.rest
+    if rest is not None and np.any(rest.severity >= 1.0):
+        worse = np.sum(rest.severity >= 1.0) > np.sum(rest.bare >= 1.0)
+        said = "A single run near overturning says little: the paired runs decide."
+        yield (danger if worse else warning)(f"{rest.told} {said}")
 
 
-def _in_paired_runs(winner: Verified, conditions: list[int]) -> tuple[str, bool]:
-    """Mean tilts of the paired runs under some conditions in words, and whether they are worse or unknown."""
-    if winner.benefit is not None:
-        # Paired runs scatter about each condition: a mean over neighbours.
-        hung, bare = (x[conditions] for x in winner.benefit.by_condition)
-        known = np.isfinite(hung) & np.isfinite(bare)
-        if known.any():
-            a, b = float(hung[known].mean()), float(bare[known].mean())
-            tilts = f"{a:.0%} of the slenderness with it and {b:.0%} without"
-            return f"over the paired runs there the mean tilt is {tilts}", a > b
-    return "no paired runs were asked there", True
-
-
-def _strikes(design: Design, winner: Verified, pendulum: Pendulum) -> list[Note]:
+def _strikes(design: HarmonicDesign, winner: Verified, pendulum: Pendulum) -> list[Note]:
     """At most one note: the first angle at which the bob as a body would strike the walls, or its room."""
     e, nu = winner.evaluation, design.scene.block.slenderness * design.conditions.column("slenderness")
     settled = winner.exact.stroke + winner.exact.amplitude
@@ -168,7 +145,7 @@ def _strikes(design: Design, winner: Verified, pendulum: Pendulum) -> list[Note]
     return strikes(design.scene.block, pendulum, largest)[:1]
 
 
-def _room(design: Design, winner: Verified, pendulum: Pendulum, bob: Bob) -> Note:
+def _room(design: HarmonicDesign, winner: Verified, pendulum: Pendulum, bob: Bob) -> Note:
     """Room that the bob has as a body."""
     wide = 2.0 * float(bob.radius(pendulum.mass))
     # A job may allow any share: strikes are a danger all the same.
@@ -246,7 +223,7 @@ def _settled(winner: Verified) -> Iterator[Note]:
         yield warning(f"The motion attracts slowly (Floquet multiplier {multiplier:.3f}).")
 
 
-def _starts(design: Design, winner: Verified) -> Iterator[Note]:
+def _starts(design: HarmonicDesign, winner: Verified) -> Iterator[Note]:
     """Starts, and conditions, in which the search's tilts do not tell the whole motion."""
     e = winner.evaluation
     if winner.value > design.bare.value:
@@ -260,7 +237,7 @@ def _starts(design: Design, winner: Verified) -> Iterator[Note]:
         )
 
 
-def _responses(design: Design, study: Study) -> Iterator[Note]:
+def _responses(design: HarmonicDesign, study: Study) -> Iterator[Note]:
     """Frequencies near the design's at which the block overturns or rocks more, each with its neighbours."""
     if study.responses is None or len(study.responses) < 2:
         return

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tpd.design.criteria import Room, limit_of
-from tpd.design.result import Design, DesignStatus
+from tpd.design.result import DesignStatus, HarmonicDesign
 from tpd.design.study import Study
 from tpd.report.responses import topplings
 from tpd.report.words import settled_stroke
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def names(design: Design, study: Study) -> tuple[str, ...]:
+def names(design: HarmonicDesign, study: Study) -> tuple[str, ...]:
     """Names of the pictures that there is data for."""
     # A drawing of a design that the search had only come to by an interruption would be taken for the answer.
     whole = design.status is not DesignStatus.interrupted
@@ -31,7 +31,7 @@ def names(design: Design, study: Study) -> tuple[str, ...]:
     return tuple(name for name, exists in there.items() if exists)
 
 
-def draw(name: str, design: Design, study: Study) -> bytes:
+def draw(name: str, design: HarmonicDesign, study: Study) -> bytes:
     """Content of one of the files in `names`."""
     # A report in words does not wait for Matplotlib.
     from tpd.plot import animation, benefit, conditions, front, histories, response, search
@@ -61,14 +61,14 @@ def draw(name: str, design: Design, study: Study) -> bytes:
     return png(axes.figure)
 
 
-def drawing_svg(design: Design) -> bytes:
+def drawing_svg(design: HarmonicDesign) -> bytes:
     """The drawing to scale as SVG, for those who go on drawing."""
     from tpd.plot.style import svg
 
     return svg(_drawing(design).figure)
 
 
-def _drawing(design: Design) -> Axes:
+def _drawing(design: HarmonicDesign) -> Axes:
     """Drawing to scale, the bob as the body that the limits ask room for."""
     from tpd.plot import drawing
 

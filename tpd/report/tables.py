@@ -1,4 +1,4 @@
-"""Tables of a report: ensemble, nonlinear equations, comparison of models, sensitivities and front."""
+"""Tables of a report: ensemble, comparison of models, sensitivities and front."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tpd.analysis.outcomes import Outcomes
 from tpd.analysis.sensitivity import Elasticities
 from tpd.core.formatting import number
 from tpd.design.front import FrontPoint
-from tpd.design.result import Design
+from tpd.design.result import HarmonicDesign
 from tpd.design.study import Study
 from tpd.report.blocks import Block, Cell, Table, danger, information, warning
 
@@ -25,7 +25,7 @@ _MEANING = {
 }
 
 
-def ensemble(design: Design) -> list[Block]:
+def ensemble(design: HarmonicDesign) -> list[Block]:
     """Shares and quantiles of the paired runs, with the best design and without a pendulum."""
     verdict = None if design.best is None else design.best.paired
     if verdict is None:
@@ -53,20 +53,6 @@ def _quantiles(o: Outcomes, quantity: str) -> str:
     return ", ".join("overturned" if math.isinf(x) else number(x) for x in o.quantiles(quantity))
 
 
-def nonlinear(design: Design) -> list[Block]:
-    """The best design by the nonlinear equations, under the conditions that were asked for."""
-    if design.best is None or not design.best.nonlinear:
-        return []
-    label = design.conditions.label
-    rows = tuple(
-        (label(x.condition), x.amplitude, x.stroke, x.status, x.bare_amplitude, x.bare_status)
-        for x in design.best.nonlinear
-    )
-    head = ("condition", "amplitude (rad)", "stroke (rad)", "ends", "bare (rad)", "bare ends")
-    caption = "By the nonlinear equations (4), from rest, under the worst conditions and those at a limit."
-    return [Table(head, rows, caption)]
-
-
 def comparison(check: Check) -> list[Block]:
     """A design by all models that were asked, and objections of the last one."""
     rows = tuple(
@@ -86,7 +72,7 @@ def comparison(check: Check) -> list[Block]:
     return [Table(head, rows, caption), *objections]
 
 
-def sensitivity(design: Design, study: Study) -> list[Block]:
+def sensitivity(design: HarmonicDesign, study: Study) -> list[Block]:
     """Elasticities: of the motion from rest for one condition, else of the risk; the strongest first."""
     if study.elasticities is not None:
         return _of_motion(study.elasticities)

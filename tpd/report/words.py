@@ -10,7 +10,7 @@ from tpd.analysis.attractors import Starts
 from tpd.core.formatting import number
 from tpd.core.scene import HOUSNER, Block, Pendulum
 from tpd.design.criteria import KINDS, Bob, Limit, Mass, Room, limit_of
-from tpd.design.result import Design
+from tpd.design.result import HarmonicDesign
 
 
 def angle(x: float) -> str:
@@ -26,7 +26,7 @@ def toppling(slenderness: float, mass_ratio: float) -> float:
     return slenderness * (1.0 + mass_ratio) / (1.0 + 2.0 * mass_ratio)
 
 
-def source_of_tilts(design: Design) -> str:
+def source_of_tilts(design: HarmonicDesign) -> str:
     """Motions that the search's tilts belong to, in words."""
     if design.starts == Starts.rest():
         return "rest wherever it holds, else the largest attracting symmetric motion"
@@ -38,7 +38,7 @@ def finite_max(values: np.ndarray) -> float:
     return float(np.max(values, where=np.isfinite(values), initial=0.0))
 
 
-def settled_stroke(design: Design) -> float:
+def settled_stroke(design: HarmonicDesign) -> float:
     """Largest settled |psi| (rad) of the conditions under which the block with the pendulum stands."""
     if design.winner is None:
         return 0.0
@@ -60,7 +60,7 @@ def rod(pendulum: Pendulum, bob: Bob, gravity: float) -> tuple[str, str, str]:
     return "hinge to the bob's centre, to be built", built, "as a body with its rod, of the same frequency"
 
 
-def of_toppling(design: Design, tilt: float, mass_ratio: float) -> tuple[str, str | None]:
+def of_toppling(design: HarmonicDesign, tilt: float, mass_ratio: float) -> tuple[str, str | None]:
     """A tilt (rad), and its share of the tilt at which the block topples."""
     # A tilt in radians means little to somebody who has not computed the slenderness.
     share = f"{tilt / toppling(design.scene.block.slenderness, mass_ratio):.1%} of toppling"
@@ -77,7 +77,7 @@ def losses(block: Block) -> str:
     return f"{impacts}; friction k = {block.friction:g}" if block.friction else impacts
 
 
-def risk(design: Design, value: float) -> str:
+def risk(design: HarmonicDesign, value: float) -> str:
     """A value of the risk measure, which is a tilt over nu where every motion that counts rocks."""
     if design.risk.share > 0.0 and value <= 0.0:
         return f"{value:.4f} times nu, rest counted as less its uplift margin"

@@ -153,7 +153,8 @@ def test_danger_is_for_overturning_and_strikes_alone(found):
     more = Interval(0.2, 0.1, 0.3)
     assert said() == said(tilt=more) == []
     lossless = dataclasses.replace(BLOCK, restitution=None)
-    assert [n.severity for n in notes(dataclasses.replace(found, block=lossless))] != [Severity.danger]
+    scene = dataclasses.replace(found.scene, block=lossless)
+    assert [n.severity for n in notes(dataclasses.replace(found, scene=scene))] != [Severity.danger]
     assert all("overturns more often" in x for x in said(difference=more))
     assert all("a limit is broken in 62.0%" in x for x in said(strikes=0.62))
     assert len(said(difference=more)) == len(said(strikes=0.62)) == 2
@@ -257,9 +258,13 @@ def test_the_report_says_what_was_found_and_how_to_repeat_it(found, tmp_path):
     assert as_json(found, "tpd optimise --records x", ["x"]) == (tmp_path / "design.json").read_text()
     again = read(tmp_path)
     assert isinstance(again, StoredGroundDesign)
-    assert (again.block, again.gravity, again.pendulum) == (found.block, found.gravity, found.pendulum)
+    assert (again.block, again.gravity, again.pendulum) == (
+        found.scene.block,
+        found.scene.gravity,
+        found.pendulum,
+    )
     assert (again.status, again.seed, again.records) == (found.status, found.seed, ("x",))
-    assert again.scene(tpd.records.el_centro()).block == found.block
+    assert again.scene(tpd.records.el_centro()).block == found.scene.block
     with pytest.raises(ValueError, match="is a design on ground motions, not for a harmonic"):
         tpd.Design.read(tmp_path)
 

@@ -9,8 +9,7 @@ from tpd.analysis.probit import Lognormal
 from tpd.design.ground import design
 from tpd.design.ground.groups import Role, events_of, grouped
 from tpd.design.ground.judgement import Judged, Pairs
-from tpd.design.ground.runs import Runs
-from tpd.design.ground.sizes import check_ground_limits
+from tpd.design.ground.objective import Runs, check_ground_limits
 from tpd.design.surface import Observations, fit
 
 

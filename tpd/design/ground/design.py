@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+import math
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.analysis.ensemble import Ensemble
-from tpd.core.conditions import Conditions
-from tpd.core.scene import Block, Pendulum
-from tpd.design.criteria import Limit, Risk
+from tpd.analysis.intervals import Interval
 from tpd.design.ground.groups import Group, Role
-from tpd.design.ground.judgement import Benefit, Judged, benefit_of
+from tpd.design.ground.judgement import Benefit, Judged, benefit_of, scatter_of
 from tpd.design.ground.parts import Parts
-from tpd.design.ground.search import Evaluated, GroundSearch
-from tpd.design.result import DesignStatus
-from tpd.design.space import DesignSpace
+from tpd.design.ground.search import Evaluated
+from tpd.design.result import Design, DesignStatus
 from tpd.design.surface import Surface
 from tpd.design.worth import Worth
 
@@ -126,30 +123,14 @@ def _earthquakes(judged: tuple[Judged, ...]) -> tuple[int, int]:
     return len(np.unique(np.concatenate(tuned))), len(np.unique(np.concatenate([*held, []])))
 
 
-@dataclass(frozen=True, kw_only=True)
-class GroundDesign:
-    """Answer of a search on ground motions, with all inputs."""
+@dataclass(frozen=True, kw_only=True, repr=False)
+class GroundDesign(Design):
+    """Answer of a search on ground motions, with its question."""
 
-    block: Block
-    gravity: float
-    space: DesignSpace
-    conditions: Conditions
-    """Conditions of the group that the design is tuned to."""
     groups: tuple[Group, ...]
     """Motions that the design is tuned to, and those that are held out."""
-    risk: Risk
-    limits: tuple[Limit, ...]
-    worth: Worth
-    """Its `at_least` is asked of the motions held out, its `strikes` of every limit on every group."""
-    ensemble: Ensemble
-    """Its widths are those of block and installation in the judgement."""
-    method: GroundSearch
-    seed: int
-    status: DesignStatus
     reasons: tuple[str, ...]
     """Reasons against the best design, or for want of one; empty where it is offered."""
-    pendulum: Pendulum | None
-    """The design that is offered; None where none is."""
     best: np.ndarray | None
     """(mu, lam, zeta) of the best design that was followed, offered or not."""
     value: float
@@ -179,6 +160,38 @@ class GroundDesign:
     def benefit(self) -> Benefit | None:
         """Benefit over all motions that were held out; None where nothing was judged on others."""
         return benefit_of(self.judged)
+
+    @property
+    def saved(self) -> Interval | None:
+        """See `Design.saved`."""
+        return None if self.pendulum is None or self.benefit is None else self.benefit.saved
+
+    @property
+    def risks(self) -> tuple[float, float]:
+        """See `Design.risks`."""
+        return math.nan if self.pendulum is None else self.value, self.bare
+
+    def again(self, **changed: Any) -> dict[str, Any]:
+        """See `Design.again`."""
+        held = {g.name: g.motions for g in self.groups if g.role is Role.held_out}
+        return super().again(held_out=held, **changed)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Inputs as plain values, for a file."""
+        return {
+            "space": asdict(self.space),
+            "risk": asdict(self.risk),
+            "limits": {x.name: asdict(x) for x in self.limits},
+            "allowed": self.worth.broken,
+            "at_least": self.worth.at_least,
+            "method": asdict(self.method),
+            "scatter": scatter_of(self.scene.block, self.ensemble),
+            "seed": self.seed,
+            "intensity": self.conditions.intensity,
+            "scales": [float(x) for x in np.unique(self.conditions.scales)],
+            "motions": [getattr(m, "name", "") for m in self.conditions.motions],
+        }
 
     @property
     def held_out(self) -> tuple[Judged, ...]:

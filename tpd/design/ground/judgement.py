@@ -18,8 +18,7 @@ from tpd.analysis.probit import Lognormal, fit_lognormal
 from tpd.core.conditions import Conditions
 from tpd.core.scene import Block
 from tpd.design.ground.groups import Group, Role
-from tpd.design.ground.objective import GroundObjective
-from tpd.design.ground.runs import Runs
+from tpd.design.ground.objective import GroundObjective, Runs
 
 SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"
 """Names of what is uncertain in a judgement: block and installation, as in the runs of an `Ensemble`."""

@@ -2,26 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tpd.analysis.transient import FREE, MAX_EVENTS
+from tpd.core import checks
 from tpd.core.conditions import Conditions, under_all
 from tpd.core.intensity import intensity_of
 from tpd.core.parameters import Parameters
 from tpd.core.scene import STANDARD_GRAVITY, Block, Scene
-from tpd.design.criteria import Geometry, Limit
-from tpd.design.ground.runs import Runs
-from tpd.design.ground.sizes import broken_share, quantile_sizes
-from tpd.design.objective import geometry_under
+from tpd.design.criteria import KINDS, THICKNESS, Geometry, Limit, Size, check_limits
+from tpd.design.objective import blank, geometry_under
 
 Count = Callable[[int, int], None]
 _EVENTS = 20_000
 """Events of a motion beyond one for each piece: a bob that swings for long meets no more."""
+
+
+class Runs(NamedTuple):
+    """Motions of m designs under n conditions: arrays (m, n). All sizes of an undecided run are NaN."""
+
+    tilt: np.ndarray
+    """Largest |phi| over the slenderness; infinite where the block overturns."""
+    swing: np.ndarray
+    """Largest |psi|, rad; infinite where the block overturns."""
+    relative: np.ndarray
+    """Largest |psi - phi|, rad; infinite where the block overturns."""
+    overturned: np.ndarray
+    undecided: np.ndarray
+    """Whether the bound on events or a failure of numbers ended the motion: it is neither a fall nor rest."""
+
+    @property
+    def severity(self) -> np.ndarray:
+        """Largest tilt over the slenderness, at most 1, and 1 where the block overturns, (m, n); NaN where
+        nothing is known of a run. A search makes its risk small."""
+        # Without a cap the few runs that come close to the edge would outweigh all others.
+        return np.minimum(self.tilt, 1.0)
+
+    def at(self, rows: slice) -> Runs:
+        """Runs of some of the designs."""
+        return Runs(*(x[rows] for x in self))
+
+    def ended(self, bare: bool, hung: bool) -> Runs:
+        """Runs of a bare block, in the first row, and of a hung one, with an end for each that has none: an
+        overturning where the argument of its row is true, else rest."""
+        falls = self.undecided & np.array([[bare], [hung]])
+        size = np.where(falls, np.inf, 0.0)
+        tilt, swing, relative = (
+            np.where(self.undecided, size, x) for x in (self.tilt, self.swing, self.relative)
+        )
+        none, fell = np.zeros_like(self.undecided), self.overturned | falls
+        return self._replace(tilt=tilt, swing=swing, relative=relative, overturned=fell, undecided=none)
 
 
 @dataclass(frozen=True)
@@ -135,3 +170,54 @@ class GroundObjective:
             for x in (found.tilt, found.swing, found.relative)
         )
         return Runs(tilt / nu, swing, relative, fell, undecided)
+
+
+def check_ground_limits(limits: tuple[Limit, ...]) -> tuple[Limit, ...]:
+    """The limits in the order of a report.
+
+    Raises:
+        ValueError: a limit of settled motions, or none at all.
+    """
+    listed = check_limits(limits)
+    for limit in listed:
+        if not limit.of_motion:
+            names = ", ".join(kind.__name__ for kind in KINDS if kind.of_motion)
+            raise ValueError(f"`limits` of ground motions must be of {names}, but has {checks.shown(limit)}")
+    return listed
+
+
+def quantile_sizes(
+    runs: Runs, designs: np.ndarray, limits: tuple[Limit, ...], g: Geometry, allowed: float
+) -> tuple[tuple[str, ...], np.ndarray]:
+    """Limited quantities over their limits, shape (m, sizes), each exceeded in the share `allowed` of the
+    runs in which the block stands; see `GroundObjective.sizes`."""
+    found = list(_sizes(runs, designs, limits, g))
+    columns = [[_quantile(v[np.isfinite(v)], allowed) for v in size.value] for size in found]
+    shape = len(found), len(designs)
+    return tuple(size.name for size in found), np.array(columns, dtype=float).reshape(shape).T
+
+
+def broken_share(runs: Runs, designs: np.ndarray, limits: tuple[Limit, ...], g: Geometry) -> float:
+    """Share of the runs of one design, in which the block is known to stand, whose motion breaks a limit."""
+    stands = ~(runs.overturned | runs.undecided)[0]
+    broken = np.zeros(len(stands), dtype=bool)
+    for size in _sizes(runs, designs, limits, g):
+        if size.name != THICKNESS:
+            broken |= size.value[0] > 1.0
+    return float(np.mean(broken[stands])) if stands.any() else 0.0
+
+
+def _sizes(runs: Runs, designs: np.ndarray, limits: tuple[Limit, ...], g: Geometry) -> Iterator[Size]:
+    """Limited quantities over their limits, (m, n); infinite where the block overturns, NaN where nothing
+    is known."""
+    m, n = runs.tilt.shape
+    e = blank(m, n)._replace(tilt=runs.tilt, stroke=runs.swing, relative=runs.relative, design=designs)
+    for size in (size for limit in limits for size in limit.sizes(e, g)):
+        # Sizes of runs that overturn must not enter a quantile of those that stand.
+        fell = runs.overturned & (size.name != THICKNESS)
+        yield size._replace(value=np.where(fell, np.inf, size.value))
+
+
+def _quantile(values: np.ndarray, allowed: float) -> float:
+    """Value that the allowed share of the runs exceed; 0 where the block stands in no run."""
+    return float(np.quantile(values, 1.0 - allowed, method="higher")) if len(values) else 0.0

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
-from functools import partial
+from dataclasses import dataclass, fields
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -15,17 +15,16 @@ from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.fingerprints import fingerprint, of_sources
 from tpd.core.ground_motion import GroundMotion
 from tpd.core.progress import Progress
-from tpd.core.scene import STANDARD_GRAVITY, Block, Pendulum, Scene
+from tpd.core.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.design.checkpoint import Checkpoint
-from tpd.design.criteria import Limit, Mass, Risk, Room, Stroke, limit_of
+from tpd.design.criteria import Limit, Risk, Room, Stroke
 from tpd.design.ground.design import GroundDesign, GroundVerdict, verdict_of
 from tpd.design.ground.groups import Group, grouped
 from tpd.design.ground.judgement import SCATTERED, Judged, judge, scatter_of
-from tpd.design.ground.objective import GroundObjective
+from tpd.design.ground.objective import GroundObjective, check_ground_limits
 from tpd.design.ground.parts import parts_of
 from tpd.design.ground.search import Evaluated, GroundSearch, Searcher, risk_of_known
-from tpd.design.ground.sizes import check_ground_limits
-from tpd.design.inputs import check_cavity
+from tpd.design.question import Question, check_cavity, check_given, within_mass
 from tpd.design.result import DesignStatus
 from tpd.design.space import DesignSpace
 from tpd.design.worth import Worth
@@ -38,18 +37,16 @@ _SLIGHT = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class GroundProblem:
-    """Inputs of a design on ground motions, complete and checked."""
+class GroundProblem(Question):
+    """A question about ground motions, with those that are held out."""
 
-    objective: GroundObjective
-    space: DesignSpace
-    risk: Risk
-    method: GroundSearch
     groups: tuple[Group, ...]
-    scales: tuple[float, ...]
-    worth: Worth
-    ensemble: Ensemble
-    seed: int
+
+    @cached_property
+    def objective(self) -> GroundObjective:
+        """Designs under the motions of the group that they are tuned to."""
+        gravity = float(self.scene.gravity)
+        return GroundObjective(self.scene.block, self.conditions, self.limits, self.worth.broken, gravity)
 
     @property
     def identity(self) -> str:
@@ -102,18 +99,10 @@ def ground_problem(
         ValueError: bad input.
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
+    check_given(seed, space=space, risk=risk, ensemble=ensemble, worth=worth)
     checks.instance("scene", subject, (Scene, Block))
-    checks.count("seed", seed, least=0)
-    for name, value, kind in (
-        ("space", space, DesignSpace),
-        ("risk", risk, Risk),
-        ("method", method, GroundSearch),
-        ("worth", worth, Worth),
-        ("ensemble", ensemble, Ensemble),
-    ):
-        if value is not None:
-            checks.instance(name, value, kind)
+    if method is not None:
+        checks.instance("method", method, GroundSearch)
     block = subject if isinstance(subject, Block) else subject.block
     gravity = STANDARD_GRAVITY if isinstance(subject, Block) else float(subject.gravity)
     listed = check_ground_limits(DEFAULT_LIMITS if limits is None else tuple(limits))
@@ -122,18 +111,20 @@ def ground_problem(
     inside = _restricted(conditions, groups[0])
     worth, ensemble = Worth() if worth is None else worth, Ensemble() if ensemble is None else ensemble
     _check_used(worth, ensemble)
+    scene = Scene(block, inside.motions[0], gravity)
     if ensemble.restitution:
-        check_restitution(Scene(block, conditions.motions[0], gravity))
+        check_restitution(scene)
     return GroundProblem(
-        objective=GroundObjective(block, inside, listed, worth.broken, gravity),
-        space=_within_mass(DEFAULT_SPACE if space is None else space, block, listed),
+        scene=scene,
+        space=within_mass(DEFAULT_SPACE if space is None else space, block, listed),
+        conditions=inside,
         risk=Risk.expected() if risk is None else risk,
+        limits=listed,
         method=GroundSearch() if method is None else method,
-        groups=groups,
-        scales=tuple(float(x) for x in np.unique(conditions.scales)),
-        worth=worth,
         ensemble=ensemble,
+        worth=worth,
         seed=seed,
+        groups=groups,
     )
 
 
@@ -166,15 +157,6 @@ def _restricted(conditions: Conditions, group: Group) -> Conditions:
         conditions.intensity,
         conditions.scales,
     )
-
-
-def _within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> DesignSpace:
-    limit = limit_of(limits, Mass)
-    if not isinstance(limit, Mass):
-        return space
-    from tpd.design.problem import narrowed_to
-
-    return narrowed_to(space, float(block.mass), limit.kg)
 
 
 def solve(problem: GroundProblem, store: Checkpoint, report: Progress | None) -> GroundDesign:
@@ -267,15 +249,14 @@ def _unknown(count: int) -> GroundVerdict:
 
 
 def _judged(problem: GroundProblem, design: np.ndarray, group: Group, report: Progress | None) -> Judged:
-    count = None if report is None else partial(report, f"judging: {group.name}")
     return judge(
         problem.objective,
         design,
         group,
-        problem.scales,
-        scatter=scatter_of(problem.objective.block, problem.ensemble),
+        [float(x) for x in np.unique(problem.conditions.scales)],
+        scatter=scatter_of(problem.scene.block, problem.ensemble),
         seed=problem.seed,
-        progress=count,
+        progress=None if report is None else partial(report, f"judging: {group.name}"),
     )
 
 
@@ -297,7 +278,8 @@ def _answer(
         value = float(found.value[best])
         mean, deviation = search.surface.at(problem.space.scaled(design[None]))
         trend = float(mean[0]), float(deviation[0])
-        hung = _pendulum(objective.block, design)
+        mu, lam, zeta = (float(x) for x in design)
+        hung = problem.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
         pendulum = hung if offered else None
         if judged:
             # What sizes a room is of the nonlinear equations.
@@ -307,17 +289,7 @@ def _answer(
                 parts_of(objective, hung, objective.evaluate(design[None]), nonlinear) if offered else None
             )
     return GroundDesign(
-        block=objective.block,
-        gravity=objective.gravity,
-        space=problem.space,
-        conditions=objective.conditions,
-        groups=problem.groups,
-        risk=problem.risk,
-        limits=objective.limits,
-        worth=problem.worth,
-        ensemble=problem.ensemble,
-        method=problem.method,
-        seed=problem.seed,
+        **problem.inputs,
         status=verdict.status,
         reasons=verdict.reasons,
         pendulum=pendulum,
@@ -332,25 +304,3 @@ def _answer(
         judged=judged,
         parts=parts,
     )
-
-
-def _pendulum(block: Block, design: np.ndarray) -> Pendulum:
-    mu, lam, zeta = (float(x) for x in design)
-    return Pendulum(mass=mu * float(block.mass), length=lam * float(block.half_height), damping_ratio=zeta)
-
-
-def settings(design: GroundDesign) -> dict[str, Any]:
-    """Inputs of a design as plain values, for its JSON."""
-    return {
-        "space": asdict(design.space),
-        "risk": asdict(design.risk),
-        "limits": {x.name: asdict(x) for x in design.limits},
-        "allowed": design.worth.broken,
-        "at_least": design.worth.at_least,
-        "method": asdict(design.method),
-        "scatter": scatter_of(design.block, design.ensemble),
-        "seed": design.seed,
-        "intensity": design.conditions.intensity,
-        "scales": [float(x) for x in np.unique(design.conditions.scales)],
-        "motions": [getattr(m, "name", "") for m in design.conditions.motions],
-    }

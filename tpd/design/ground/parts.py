@@ -8,8 +8,7 @@ import numpy as np
 
 from tpd.analysis.shaking_history import shaking_history
 from tpd.core.scene import Pendulum, Scene
-from tpd.design.ground.objective import GroundObjective
-from tpd.design.ground.runs import Runs
+from tpd.design.ground.objective import GroundObjective, Runs
 
 _MOTIONS = 24
 """Motions that are followed over time: those with the largest angles between rod and block."""
