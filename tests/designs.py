@@ -15,7 +15,7 @@ from tpd.analysis.paired import Verdict
 from tpd.analysis.response import Response
 from tpd.analysis.sensitivity import Elasticities
 from tpd.core.conditions import Conditions
-from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, Risk
+from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, Risk, Worth
 from tpd.design.earthquakes import Earthquakes
 from tpd.design.front import FrontPoint
 from tpd.design.reasons import Reason, ReasonKind, Step
@@ -24,7 +24,6 @@ from tpd.design.space import DesignSpace
 from tpd.design.study import Study, TimeHistory, UpliftRegion
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Active, Bare, LossCase, Motions, Verified
-from tpd.design.worth import Worth
 
 SCENE = tpd.paper_scene()
 HUNG = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)

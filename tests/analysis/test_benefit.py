@@ -176,13 +176,26 @@ def test_a_condition_without_runs_has_no_size():
 
 
 @pytest.mark.parametrize(
-    ("fewer", "more", "said"), [(5, 0, True), (4, 0, False), (8, 8, False), (2, 9, False)]
+    ("fewer", "more", "both", "said"),
+    [
+        (5, 0, 0, True),
+        (1, 0, 0, False),
+        (8, 8, 0, False),
+        (2, 9, 0, False),
+        (8, 0, 41, False),
+        (12, 0, 37, True),
+    ],
 )
-def test_rests_less_where_significantly_fewer_runs_end_at_rest(fewer, more, said):
-    """McNemar's test: five of five has a chance of 1/32."""
-    hung = np.array([0.1] * fewer + [0.0] * more + [0.1] * 10)
-    bare = np.array([0.0] * fewer + [0.1] * more + [0.1] * 10)
+def test_rests_less_where_significantly_fewer_runs_end_at_rest_than_nine_tenths(fewer, more, both, said):
+    hung = np.array([0.1] * fewer + [0.0] * (more + both) + [0.1] * 400)
+    bare = np.array([0.0] * fewer + [0.1] * more + [0.0] * both + [0.1] * 400)
     assert compared(hung, bare).rests_less is said
+
+
+@pytest.mark.mends("with runs enough a pendulum was refused that kept hardly a run from rest")
+def test_ten_times_the_runs_refuse_nothing_that_is_small():
+    hung, bare = np.array([0.1] * 60 + [0.0] * 940 + [0.1] * 4000), np.array([0.0] * 1000 + [0.1] * 4000)
+    assert not compared(hung, bare).rests_less
 
 
 def test_a_harm_is_told_as_more_tilt():

@@ -26,10 +26,13 @@ from tests.benchmarks.worth import SCENES, grid_of, judge, problem_of, record, w
 from tpd.cli.config import job_of  # noqa: E402
 from tpd.cli.new import template  # noqa: E402
 from tpd.design.by_runs import PairedRuns, strikes_of  # noqa: E402
-from tpd.design.criteria import Room, limit_of  # noqa: E402
+from tpd.design.criteria import (  # noqa: E402
+    Room,
+    Worth,
+    limit_of,
+)
 from tpd.design.problem import Problem  # noqa: E402
 from tpd.design.verify import Verification  # noqa: E402
-from tpd.design.worth import Worth  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results"
 RUNS, SEED = 4096, 9000

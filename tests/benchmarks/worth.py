@@ -29,11 +29,14 @@ from tpd import Conditions  # noqa: E402
 from tpd.cli.config import job_of  # noqa: E402
 from tpd.cli.new import template  # noqa: E402
 from tpd.design.by_runs import PairedRuns, reasons_by_runs, strikes_of  # noqa: E402
-from tpd.design.criteria import Room, limit_of  # noqa: E402
+from tpd.design.criteria import (  # noqa: E402
+    Room,
+    Worth,
+    limit_of,
+)
 from tpd.design.problem import Problem  # noqa: E402
 from tpd.design.screening import first_apart  # noqa: E402
 from tpd.design.survey import ON_THE_WAY, followed  # noqa: E402
-from tpd.design.worth import Worth  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results"
 JUDGED, APART = 12, 0.05

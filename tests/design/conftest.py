@@ -9,7 +9,7 @@ from tpd.design.search import Multistart
 
 SCENE = tpd.paper_scene()
 LIGHT = tpd.DesignSpace(mass_ratio=(0.01, 0.1))
-ANY_WORTH = tpd.design.worth.Worth(at_least=0.0, runs=32)
+ANY_WORTH = tpd.limits.Worth(at_least=0.0, runs=32)
 """Asks for no harm, and for a benefit that is not zero."""
 ONE = {
     "conditions": tpd.Conditions.exactly(),

@@ -386,7 +386,7 @@ def test_by_default_a_chimney_gets_a_pendulum_that_is_worth_hanging():
 @pytest.mark.slow
 def test_by_default_a_pendulum_that_is_not_worth_hanging_is_refused():
     space = dataclasses.replace(ROOM, mass_ratio=(0.004, 0.005))
-    worth = tpd.design.worth.Worth(at_least=0.95)
+    worth = tpd.limits.Worth(at_least=0.95)
     design = tpd.optimise(CHIMNEY, space, worth=worth, **BUDGET)
     assert design.status is DesignStatus.refused
     assert design.pendulum is None

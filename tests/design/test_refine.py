@@ -59,7 +59,8 @@ def everything(designs):
 
 def refined(run, first=None, still=everything, follow=made, **settings):
     settings = {"strikes": 0.01, "rests": 0.0, "seed": 0, **settings}
-    return refine(made(spread(40)) if first is None else first, SPACE, run, still, follow, **settings)
+    first = made(spread(40)) if first is None else first
+    return refine(first, SPACE, run, still, follow, **settings)[0]
 
 
 def test_the_trend_of_noisy_runs_leads_to_the_optimum():
@@ -155,7 +156,7 @@ def test_a_design_in_which_nothing_stands_has_no_reach():
 def test_from_one_design_that_helps_the_search_still_goes_on(damping, count):
     space = tpd.DesignSpace(mass_ratio=(0.01, 0.21), length_ratio=(0.1, 1.1), damping_ratio=damping)
     first, run = made(space.unscaled(space.scaled(spread(count)))), Noisy()
-    found = refine(first, space, run, everything, made, 0.0, 0.0, 0)
+    found, _ = refine(first, space, run, everything, made, 0.0, 0.0, 0)
     tried = space.scaled(np.array(run.designs))
     assert len(tried) > 8
     assert np.ptp(tried, axis=0).min() > 0.02

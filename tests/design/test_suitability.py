@@ -13,11 +13,11 @@ from tpd.cli.config import job_of
 from tpd.cli.new import template
 from tpd.core.conditions import Conditions
 from tpd.design import suitability as module
+from tpd.design.criteria import Worth
 from tpd.design.problem import Problem
 from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.suitability import Suitability, suitability
 from tpd.design.survey import ON_THE_WAY, Survey
-from tpd.design.worth import Worth
 
 TOWER = tpd.Scene(
     tpd.Block(width=2.0, height=9.0, mass=41500.0, radius_of_gyration=2.7, friction=0.02, cavity_width=1.6),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tpd.design.worth import Worth
+from tpd.design.criteria import Worth
 
 
 def test_by_default_a_tenth_is_asked_for():

@@ -10,12 +10,15 @@ from scipy.special import stdtrit
 
 from tpd.analysis.intervals import change, fall
 from tpd.analysis.outcomes import Outcomes
-from tpd.analysis.paired import SIGNIFICANT, Verdict, chance_of
+from tpd.analysis.paired import Verdict
 
 _LEAST = 0.02
 """Severity that counts as none, so that next to a bare block at rest not every tilt is a worse one."""
 
 
+FEWER = 0.1
+"""Share of the runs that end at rest without the pendulum which may rock with it: with runs enough any
+difference is significant."""
 _CHANGES = "mean severity", "median severity", "worst severity", "overturned", "at rest"
 """Names of the changes of a benefit."""
 
@@ -54,7 +57,7 @@ class Benefit:
     """Mean severity under every condition with the pendulum and without, NaN where no run has it."""
     share: float
     rests_less: bool
-    """Whether significantly fewer runs end at rest with the pendulum."""
+    """Whether significantly fewer runs end at rest with the pendulum, by more than the share `FEWER`."""
     runs: int
     """Paired runs with an answer, with the pendulum and without: all numbers are of these."""
     undecided: int = 0
@@ -105,8 +108,7 @@ def benefit_of(verdict: Verdict, slenderness: float, condition: np.ndarray, shar
     n = len(hung)
     # Runs of one condition differ as those of different ones do: each is a cluster of its own.
     found = fall(hung, bare, least=_LEAST)
-    rest_with, rest_without = (o.status == "rest" for o in (verdict.hung, verdict.bare))
-    fewer, more = int(np.sum(rest_without & ~rest_with)), int(np.sum(rest_with & ~rest_without))
+    rest_with, rest_without = ((o.status == "rest").astype(float) for o in (verdict.hung, verdict.bare))
     return Benefit(
         value=found.mean,
         # Of a single run nothing is known but the value.
@@ -122,7 +124,7 @@ def benefit_of(verdict: Verdict, slenderness: float, condition: np.ndarray, shar
         worse_conditions=_worse(hung, bare, condition, share),
         by_condition=(_by_condition(hung, condition), _by_condition(bare, condition)),
         share=share,
-        rests_less=fewer > more and chance_of(fewer, more) < SIGNIFICANT,
+        rests_less=_above((1.0 - FEWER) * rest_without - rest_with),
         runs=n,
     )
 
@@ -170,8 +172,12 @@ def _worse(hung: np.ndarray, bare: np.ndarray, condition: np.ndarray, share: flo
     for i in np.unique(condition):
         of = condition == i
         # One chaotic run decides nothing: the mean over the pairs of a condition must be clearly above.
-        excess = hung[of] - (1.0 + share) * bare[of] - _LEAST * share
-        n = int(of.sum())
-        if n > 1 and excess.mean() > stdtrit(n - 1, 0.95) * excess.std(ddof=1) / np.sqrt(n):
+        if _above(hung[of] - (1.0 + share) * bare[of] - _LEAST * share):
             out.append(int(i))
     return tuple(out)
+
+
+def _above(excess: np.ndarray) -> bool:
+    """Whether the mean over pairs is above zero, at 5 %."""
+    n = len(excess)
+    return n > 1 and bool(excess.mean() > stdtrit(n - 1, 0.95) * excess.std(ddof=1) / np.sqrt(n))

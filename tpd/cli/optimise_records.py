@@ -142,11 +142,11 @@ def _arguments(given: Mapping[str, Mapping[str, Any]], scene: Scene) -> dict[str
     """Arguments of `tpd.optimise` from the tables of a job; what is left out has the default of records."""
     from tpd.analysis.ensemble import Ensemble
     from tpd.cli import build, config
+    from tpd.design.criteria import Worth
     from tpd.design.ground.judgement import SCATTERED
     from tpd.design.ground.optimise import DEFAULT_SPACE
     from tpd.design.ground.search import GroundSearch
     from tpd.design.question import check_scatter
-    from tpd.design.worth import Worth
 
     file = config.chosen({k: v for k, v in given.items() if k != "motion"})
     space = dict(given.get("space", {}))

@@ -17,9 +17,9 @@ from tpd.core.bob import Bob
 from tpd.core.conditions import Conditions
 from tpd.core.progress import Progress
 from tpd.core.scene import HOUSNER, Block, Pendulum, Scene
+from tpd.design.criteria import Worth
 from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.verified import LossCase, Verified
-from tpd.design.worth import Worth
 
 TRIALS, JUDGES = 1, 2
 """Seeds of the runs that order designs, and of those that judge the chosen one, less that of the ensemble."""

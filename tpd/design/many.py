@@ -14,7 +14,7 @@ from tpd.core.formatting import Printed, counted
 from tpd.core.progress import shown_count
 from tpd.core.scene import Block, Scene
 from tpd.design.optimise import optimise
-from tpd.design.result import Design, DesignStatus
+from tpd.design.result import DesignStatus
 
 _STATUSES = tuple(DesignStatus.__members__)
 """Names of statuses; their places stand for them in files."""
@@ -99,13 +99,8 @@ def _designed(which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, An
         if found.status.name == DesignStatus.interrupted.name:
             # A search answers Ctrl-C by the best that it has; the others must not begin.
             raise KeyboardInterrupt
-        rows.append(_row(found))
+        hung, (value, bare) = found.pendulum, found.risks
+        names = "mass", "length", "damping_ratio"
+        sizes = {name: np.nan if hung is None else float(getattr(hung, name)) for name in names}
+        rows.append({"status": _STATUSES.index(found.status.name), **sizes, "value": value, "bare": bare})
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
-
-
-def _row(design: Design) -> dict[str, Any]:
-    """Numbers of one answer."""
-    hung, (value, bare) = design.pendulum, design.risks
-    names = "mass", "length", "damping_ratio"
-    sizes = {name: float("nan") if hung is None else float(getattr(hung, name)) for name in names}
-    return {"status": _STATUSES.index(design.status.name), **sizes, "value": value, "bare": bare}

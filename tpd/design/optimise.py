@@ -19,7 +19,7 @@ from tpd.core.scene import Block, Scene
 from tpd.core.threads import aside
 from tpd.design.active import nearest_of
 from tpd.design.checkpoint import Checkpoint
-from tpd.design.criteria import Limit, Risk
+from tpd.design.criteria import Limit, Risk, Worth
 from tpd.design.ground.optimise import ground_problem
 from tpd.design.ground.optimise import solve as solve_on_motions
 from tpd.design.ground.search import GroundSearch
@@ -34,7 +34,6 @@ from tpd.design.steps import pendulum_of
 from tpd.design.survey import Survey, survey
 from tpd.design.verified import LossCase, Verified
 from tpd.design.verify import JUDGED, Verification
-from tpd.design.worth import Worth
 from tpd.models.compiled_linear import load_compiled
 from tpd.models.smoothed import Smoothed
 

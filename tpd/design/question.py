@@ -13,9 +13,8 @@ from tpd.analysis.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.scene import Block, Scene, check_shaking
-from tpd.design.criteria import Limit, Mass, Risk, Room, limit_of
+from tpd.design.criteria import Limit, Mass, Risk, Room, Worth, limit_of
 from tpd.design.space import DesignSpace
-from tpd.design.worth import Worth
 
 _KINDS = {
     "space": DesignSpace,

@@ -29,7 +29,7 @@ class ReasonKind(enum.Enum):
     too_little_benefit = enum.auto()
     """The mean tilt falls by less than the least benefit, or not significantly."""
     rests_less = enum.auto()
-    """Significantly fewer runs end at rest with the design than without."""
+    """Fewer runs end at rest with the design than without, by significantly more than a tenth."""
     worse_condition = enum.auto()
     """Under a condition the mean tilt rises by significantly more than allowed."""
     strikes = enum.auto()

@@ -40,6 +40,8 @@ _SAFE = 0.6
 """Share of the allowed strikes that a design may have: it leaves room for luck in the runs that judge."""
 _FIRST, _LATER = 150, 40
 """Steps of the fit of a surface in the first round, and later."""
+_SURE = 0.8
+"""Least probability of keeping to the limits of a design that counts as keeping to them."""
 _LEAST, _ALL = 1e-3, slice(None)
 
 
@@ -115,6 +117,14 @@ class Refinement:
         tails = [reach[i] - bulk[i] for i in shared]
         return bulk + np.quantile(np.concatenate(tails), self.level)
 
+    def order(self, found: Survey) -> np.ndarray:
+        """Order of the designs of a survey, the best first: those that help and had runs before those that
+        had none, of which the surfaces only guess."""
+        at = self.scaled(found.designs)
+        known = np.array([np.any(np.all(np.abs(self.at - x) < 1e-12, axis=1)) for x in at], dtype=bool)
+        ranked = self.rank(at)
+        return ranked[np.lexsort((~known[ranked], ~found.helps[ranked]))]
+
     def keeps(self, x: np.ndarray) -> np.ndarray:
         """Probability that designs at places (m, d) keep to what is asked for, as far as their trends say."""
         return likely(list(self.limits.values()), x)
@@ -125,7 +135,7 @@ class Refinement:
         if self.surface is None:
             return np.arange(len(x))
         keeps = self.keeps(x)
-        return np.lexsort((self.surface.at(x)[0], np.where(keeps >= 0.5, 0.0, 1.0 - keeps)))
+        return np.lexsort((self.surface.at(x)[0], np.where(keeps >= _SURE, 0.0, 1.0 - keeps)))
 
     def next(self, turn: int, last: bool, still: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Designs (m, 3) worth trying, the best first, that keep to the limits `still`, which need no run."""
@@ -135,7 +145,7 @@ class Refinement:
             # No run has an answer.
             return self.unscaled(best)
         x = candidates(np.random.default_rng([self.seed, 12, turn]), best)
-        least = float(self.surface.at(best)[0][0]) if self.keeps(best[:1])[0] >= 0.5 else None
+        least = float(self.surface.at(best)[0][0]) if self.keeps(best[:1])[0] >= _SURE else None
         promised = promise(self.surface, list(self.limits.values()), x, least, last)
         order = np.argsort(-promised, kind="stable")[:_WEIGHED]
         order = order[still(self.unscaled(x[order]))]
@@ -152,8 +162,9 @@ def refine(
     rests: float,
     seed: int,
     progress: Callable[[int, int], None] | None = None,
-) -> Survey:
-    """A survey with further designs, the best by runs from many starts first.
+) -> tuple[Survey, Refinement | None]:
+    """A survey with further designs, the best by runs from many starts first; and the surfaces through these
+    runs, None where no design helps.
 
     Args:
         found: designs followed from rest.
@@ -172,7 +183,7 @@ def refine(
     for spare in _SPARE:
         first += first_apart(units, helps[way[helps] <= -spare], _TRIED)
     if not first:
-        return found
+        return found, None
     first, count = list(dict.fromkeys(first)), 0
     here, total = Refinement(space, found.designs[helps], strikes, rests, seed), len(first) + _ROUNDS * _BATCH
 
@@ -197,8 +208,4 @@ def refine(
             attempt(more.at(np.argsort(~more.helps, kind="stable")[:_BATCH]))
     if progress is not None:
         progress(total, total)
-    at = here.scaled(found.designs)
-    known = np.array([np.any(np.all(np.abs(here.at - x) < 1e-12, axis=1)) for x in at], dtype=bool)
-    ranked = here.rank(at)
-    # Designs that had runs before those that had none: of these the surface only guesses.
-    return found.at(ranked[np.lexsort((~known[ranked], ~found.helps[ranked]))])
+    return found.at(here.order(found)), here

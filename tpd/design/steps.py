@@ -72,7 +72,8 @@ class Steps:
     def bare_rests(self) -> bool:
         """Whether the bare block settles at rest, by the exact orbits under all conditions and by the
         nonlinear equations from rest."""
-        return bool(np.all(self.bare.evaluation.kind == REST)) and not self._from_rest(self.none).bare.any()
+        orbits = bool(np.all(self.bare.evaluation.kind == REST))
+        return orbits and not self._from_rest(self.none[None]).bare.any()
 
     def at_once(self, design: np.ndarray) -> Verified:
         """All steps for one design (mu, lam, zeta), up to the first that refuses it."""
@@ -129,7 +130,7 @@ class Steps:
     def by_rest(self, v: Verified) -> Verified:
         """Nonlinear equations from rest: limits on the motion and, under one condition, whether the block
         moves less. Under several the paired runs say that."""
-        found = self._from_rest(v.design)
+        found = self._from_rest(v.design[None])
         reasons, hung, bare = list(nearest_of(found).broken), found.severity[0], found.bare
         if len(bare) == 1 and hung[0] > 0.0 and hung[0] >= bare[0]:
             kind = ReasonKind.overturns if hung[0] >= 1.0 > bare[0] else ReasonKind.rocks_more
@@ -137,8 +138,8 @@ class Steps:
             reasons.append(Reason(step=Step.nonlinear, kind=kind, value=value, reference=reference))
         return replace(v, rest=found, reasons=tuple(reasons))
 
-    def _from_rest(self, design: np.ndarray) -> Survey:
-        return followed(self.few, design[None], self.ensemble.periods, "nonlinear", None)
+    def _from_rest(self, designs: np.ndarray) -> Survey:
+        return followed(self.few, designs, self.ensemble.periods, "nonlinear", None)
 
     def by_runs(self, v: Verified) -> Verified:
         """Paired runs of the nonlinear equations: benefit, harm and room."""

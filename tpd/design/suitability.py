@@ -11,7 +11,7 @@ import numpy as np
 from tpd.analysis.compare_models import Check, check
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
-from tpd.design.criteria import Limit, Mass, Offset, Worsening, limit_of, stroke_limit
+from tpd.design.criteria import Limit, Mass, Offset, Worsening, Worth, limit_of, stroke_limit
 from tpd.design.problem import Problem
 from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.space import DesignSpace
@@ -19,7 +19,6 @@ from tpd.design.steps import HEIGHT
 from tpd.design.survey import ROOM
 from tpd.design.verified import Verified
 from tpd.design.verify import Verification
-from tpd.design.worth import Worth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,11 +97,7 @@ def judged(
     asked: Problem, pendulum: Pendulum, progress: Progress | None = None
 ) -> tuple[Verified, Verification]:
     """A pendulum by the steps that verify a design of `optimise` and the fresh runs that judge once, and what
-    it is compared with. Where something refuses it, the other steps are told all the same.
-
-    Raises:
-        RuntimeError: JAX is in 32-bit mode.
-    """
+    it is compared with. Where something refuses it, the other steps are told all the same."""
     block = asked.scene.block
     ratios = pendulum.mass / block.mass, pendulum.length / block.half_height, pendulum.damping_ratio
     design = np.array([float(x) for x in ratios])

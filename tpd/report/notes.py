@@ -13,11 +13,10 @@ from tpd.analysis.response import Response
 from tpd.core.bob import Bob
 from tpd.core.scene import STANDARD_GRAVITY, Block, Pendulum
 from tpd.core.status import SETTLED
-from tpd.design.criteria import Room, limit_of
+from tpd.design.criteria import Room, Worth, limit_of
 from tpd.design.result import DesignStatus, HarmonicDesign
 from tpd.design.study import Study
 from tpd.design.verified import Verified
-from tpd.design.worth import Worth
 from tpd.report import earthquakes
 from tpd.report.blocks import Note, danger, information, warning
 from tpd.report.words import bob_of, finite_max, source_of_tilts

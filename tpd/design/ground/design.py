@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.analysis.intervals import Interval
+from tpd.design.criteria import Worth
 from tpd.design.ground.groups import Group, Role
 from tpd.design.ground.judgement import Benefit, Judged, benefit_of, scatter_of
 from tpd.design.ground.parts import Parts
 from tpd.design.ground.search import Evaluated
 from tpd.design.result import Design, DesignStatus
 from tpd.design.surface import Surface
-from tpd.design.worth import Worth
 
 LEAST_EARTHQUAKES = 5
 """Earthquakes that a design must be tuned to, and as many that it must be judged on, for a verdict: of fewer
