@@ -82,7 +82,7 @@ def test_a_run_writes_its_report(written):
 def test_the_exit_status_says_whether_a_design_is_offered(written):
     folder, done = written
     content = json.loads((folder / "first" / "design.json").read_text())
-    assert content["version"] == 6
+    assert content["version"] == 7
     assert (done.returncode == 0) is (content["pendulum"] is not None)
 
 
