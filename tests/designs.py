@@ -15,15 +15,13 @@ from tpd.analysis.paired import Verdict
 from tpd.analysis.response import Response
 from tpd.analysis.sensitivity import Elasticities
 from tpd.core.conditions import Conditions
-from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, Risk, Worth
+from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, DesignSpace, Risk, Worth
 from tpd.design.earthquakes import Earthquakes
 from tpd.design.front import FrontPoint
-from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import DesignStatus, HarmonicDesign, Search, SearchStatus
-from tpd.design.space import DesignSpace
 from tpd.design.study import Study, TimeHistory, UpliftRegion
 from tpd.design.survey import ON_THE_WAY, Survey
-from tpd.design.verified import Active, Bare, LossCase, Motions, Verified
+from tpd.design.verified import Active, Bare, LossCase, Motions, Reason, ReasonKind, Step, Verified
 
 SCENE = tpd.paper_scene()
 HUNG = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
@@ -287,7 +285,7 @@ def loss_case(name: str, lost: int = 2, tilt: float = 0.05) -> LossCase:
 
 def refused() -> HarmonicDesign:
     """A search whose only design was refused."""
-    bad = verified(reasons=(REASON,), paired=None, benefit=None)
+    bad = verified(reasons=(REASON,), rest=None, paired=None, benefit=None)
     return single(status=DesignStatus.refused, pendulum=None, verified=(bad,))
 
 

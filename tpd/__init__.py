@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from tpd.core.status import Status as Status
     from tpd.core.status import status_name as status_name
     from tpd.design import criteria as limits  # noqa: F401
+    from tpd.design.criteria import DesignSpace as DesignSpace
     from tpd.design.criteria import Risk as Risk
     from tpd.design.front import front as front
     from tpd.design.ground.search import GroundSearch as GroundSearch
@@ -70,7 +71,6 @@ if TYPE_CHECKING:
     from tpd.design.methods import Sequential as Sequential
     from tpd.design.optimise import optimise as optimise
     from tpd.design.result import Design as Design
-    from tpd.design.space import DesignSpace as DesignSpace
     from tpd.models.piecewise import Piecewise as Piecewise
     from tpd.models.segmented import Segmented as Segmented
     from tpd.models.smoothed import Smoothed as Smoothed
@@ -102,14 +102,13 @@ _NAMES = {
     "core.record": "Record",
     "core.scene": "Block Harmonic Pendulum Scene paper_scene",
     "core.status": "Status status_name",
-    "design.criteria": "Risk",
+    "design.criteria": "DesignSpace Risk",
     "design.front": "front",
     "design.ground.search": "GroundSearch",
     "design.many": "optimise_all",
     "design.methods": "Descent Sequential",
     "design.optimise": "optimise",
     "design.result": "Design",
-    "design.space": "DesignSpace",
     "models.piecewise": "Piecewise",
     "models.segmented": "Segmented",
     "models.smoothed": "Smoothed",

@@ -179,7 +179,7 @@ def test_a_condition_without_runs_has_no_size():
     ("fewer", "more", "both", "said"),
     [
         (5, 0, 0, True),
-        (1, 0, 0, False),
+        (4, 0, 0, False),
         (8, 8, 0, False),
         (2, 9, 0, False),
         (8, 0, 41, False),

@@ -56,6 +56,14 @@ def test_the_last_line_says_why_not(check):
     assert " strikes a wall in 17 of the 63 that stand " in " ".join(said)
 
 
+def test_a_limit_on_the_mass_below_the_least_bob_of_the_space_is_no_bad_input(tmp_path, capsys):
+    (tmp_path / "job.toml").write_text(CHIMNEY.replace("# mass = 800.0", "mass = 60.0"))
+    status = main(["check", "--scene", str(tmp_path / "job.toml"), "--quick", *OFFERED])
+    said = capsys.readouterr().out
+    assert status == 3
+    assert "exceeds the limit on mass" in " ".join(said.split())
+
+
 def test_without_walls_there_is_no_room_to_ask_for(check):
     status, said = check(*STRIKING, "--no-walls")
     assert status == 0

@@ -17,9 +17,8 @@ from tpd.core.bob import Bob
 from tpd.core.conditions import FACTORS, Conditions
 from tpd.core.scene import Block, Harmonic
 from tpd.design import criteria
-from tpd.design.criteria import Worth
+from tpd.design.criteria import DesignSpace, Worth
 from tpd.design.methods import Descent
-from tpd.design.space import DesignSpace
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 

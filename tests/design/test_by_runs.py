@@ -15,7 +15,7 @@ from tpd.closed_form import equivalent_friction
 from tpd.core.bob import Bob
 from tpd.design.by_runs import PairedRuns, loss_models, reasons_by_runs, strikes_of
 from tpd.design.criteria import Worth
-from tpd.design.reasons import ReasonKind, Step
+from tpd.design.verified import ReasonKind, Step
 
 NU = float(SCENE.block.slenderness)
 HUNG = tpd.Pendulum(mass=0.5, length=0.1, damping_ratio=0.1)

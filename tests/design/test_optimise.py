@@ -12,9 +12,9 @@ from tpd.core.conditions import FACTORS
 from tpd.design import optimise
 from tpd.design.optimise import solve
 from tpd.design.problem import Problem
-from tpd.design.reasons import ReasonKind, Step
 from tpd.design.result import DesignStatus, SearchStatus
 from tpd.design.survey import ON_THE_WAY
+from tpd.design.verified import ReasonKind, Step
 
 CALM = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.001, frequency=2.5))
 """A shaking that lifts no block, and under which no orbit attracts."""

@@ -2,9 +2,8 @@
 
 import pytest
 
-from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import DesignStatus
-from tpd.design.verified import Active
+from tpd.design.verified import Active, Reason, ReasonKind, Step
 
 SENTENCES = {
     ReasonKind.overturns: (
@@ -34,7 +33,7 @@ SENTENCES = {
     ReasonKind.rests_less: (
         {"step": Step.benefit, "value": 3.0, "reference": 19.0, "total": 64},
         "by the paired runs of the nonlinear equations the block ends at rest in 3 of 64 cases with the "
-        "pendulum, and in 19 without it",
+        "pendulum, and in 19 without it; 10% fewer are allowed",
     ),
     ReasonKind.worse_condition: (
         {"step": Step.benefit, "value": 0.3, "reference": 0.2, "total": 3},
@@ -64,7 +63,7 @@ def test_a_reason_makes_a_sentence(kind):
 MISSED = {
     ReasonKind.strikes: ({"value": 0.27, "reference": 0.01}, 0.26),
     ReasonKind.overturns_more: ({"value": 30.0, "reference": 10.0, "total": 40}, 0.5),
-    ReasonKind.rests_less: ({"value": 10.0, "reference": 30.0, "total": 40}, 0.5),
+    ReasonKind.rests_less: ({"value": 10.0, "reference": 30.0, "total": 40}, 0.425),
     ReasonKind.worse_condition: ({"value": 0.4, "reference": 0.3, "total": 2}, 0.1),
     ReasonKind.breaks_limit: ({"value": 1.2}, 0.2),
     ReasonKind.rocks_more: ({"value": 0.3, "reference": 0.2}, 0.5),

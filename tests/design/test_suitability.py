@@ -15,9 +15,9 @@ from tpd.core.conditions import Conditions
 from tpd.design import suitability as module
 from tpd.design.criteria import Worth
 from tpd.design.problem import Problem
-from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.suitability import Suitability, suitability
 from tpd.design.survey import ON_THE_WAY, Survey
+from tpd.design.verified import Reason, ReasonKind, Step
 
 TOWER = tpd.Scene(
     tpd.Block(width=2.0, height=9.0, mass=41500.0, radius_of_gyration=2.7, friction=0.02, cavity_width=1.6),
@@ -198,3 +198,15 @@ def test_a_block_without_a_cavity_has_no_pendulum_inside():
     solid = dataclasses.replace(JOB.scene, block=dataclasses.replace(JOB.scene.block, cavity_width=None))
     with pytest.raises(ValueError, match="`cavity_width`"):
         suitability(solid, OFFERED)
+
+
+@pytest.mark.mends("a step that was not reached kept its reasons for itself")
+def test_what_the_first_step_refuses_is_asked_from_rest_as_well(monkeypatch):
+    first = Reason(step=Step.exact, kind=ReasonKind.overturns_more, value=3.0, reference=0.0, total=10)
+    monkeypatch.setattr(
+        module.Verification, "by_events", lambda self, v: dataclasses.replace(v, reasons=(first,))
+    )
+    v, _ = module.judged(asked(limits=(tpd.limits.Stroke(0.1), tpd.limits.Room())), OFFERED)
+    assert v.reasons[0] is first
+    assert "stroke" in [reason.limit for reason in v.reasons]
+    assert v.benefit.runs == 64

@@ -12,14 +12,15 @@ from tests import designs as designs_by_hand
 from tests.design.conftest import ANY_WORTH, BAND, FEW_STEPS, SCENE
 from tests.design.test_objective import GOOD, orbits
 from tpd.analysis.ensemble import outcomes
-from tpd.design import optimise, verify
+from tpd.design import optimise, steps, verify
 from tpd.design.active import nearest_of
 from tpd.design.by_runs import JUDGES
 from tpd.design.problem import Problem
-from tpd.design.reasons import Reason, ReasonKind, Step
+from tpd.design.refine import Tried, refine
 from tpd.design.result import DesignStatus
 from tpd.design.search import Multistart
 from tpd.design.survey import ON_THE_WAY, Survey
+from tpd.design.verified import Reason, ReasonKind, Step
 from tpd.design.verify import Verification
 
 RUNS = tpd.Ensemble(size=16, periods=30)
@@ -131,16 +132,16 @@ def test_under_one_condition_one_overturning_is_enough(alone, v):
 # Nonlinear equations from rest
 
 
-def by_rest(checked, v, severity, bare, monkeypatch, stroke=-0.5):
+def by_rest(checked, v, severity, bare, monkeypatch, stroke=-0.5, **excess):
     """Reasons against a design with these motions from rest."""
     found = Survey(
         designs=v.design[None],
         severity=np.array([severity]),
         bare=np.array(bare),
-        excess={"stroke": np.array([stroke])},
+        excess={"stroke": np.array([stroke])} | {k: np.array([x]) for k, x in excess.items()},
         equations="nonlinear",
     )
-    monkeypatch.setattr(checked, "_from_rest", lambda design: found)
+    monkeypatch.setattr(steps, "followed", lambda *_, **how: found if how["rtol"] < 1e-7 else None)
     met = checked.by_rest(v)
     assert met.rest is found
     assert all(reason.step is Step.nonlinear for reason in met.reasons)
@@ -153,6 +154,7 @@ def test_of_several_conditions_single_motions_decide_on_limits_only(judged, v, m
     (reason,) = by_rest(stern, v, *lost, monkeypatch, stroke=0.2)
     assert (reason.kind, reason.limit) == (ReasonKind.breaks_limit, "stroke")
     assert reason.value == pytest.approx(1.2)
+    assert by_rest(stern, v, *lost, monkeypatch, stroke=1e-12, reserve=0.5) == (), "rounding, and no motion"
 
 
 def test_under_one_condition_the_block_must_rock_less(alone, v, monkeypatch):
@@ -269,6 +271,26 @@ def test_what_a_verification_finds_orders_what_is_verified_next(search):
     ((designs, severity),) = met
     assert designs == [SPREAD[0]]
     assert 0.0 < severity < 1.0
+
+
+def test_a_real_refinement_learns_of_a_design_that_it_had_tried(search):
+    found = surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4])
+    reach = np.full(40, 0.9)
+
+    def run(design, i):
+        return Tried(float(design[0]), 0.0, reach)
+
+    def none(designs):
+        return surveyed(designs, np.full(len(designs), 0.2))
+
+    space = search.objective.space
+    ordered, here = refine(found, space, run, lambda designs: np.ones(len(designs), bool), none, 0.01, 0.0, 0)
+    first = int(here.order(ordered)[0])
+    struck = Tried(0.9, 0.0, np.full(40, 1.5))
+    for _ in range(3):
+        here.add(ordered.at(np.array([first])), [struck])
+    assert int(here.order(ordered)[0]) != first
+    assert sorted(here.order(ordered)) == list(range(len(ordered.designs)))
 
 
 class Unlucky(Scripted):

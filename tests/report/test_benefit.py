@@ -8,9 +8,9 @@ import pytest
 import tpd
 from tests import designs
 from tpd.design.criteria import Room, Stroke
-from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import DesignStatus, Nearest
 from tpd.design.study import Study
+from tpd.design.verified import Reason, ReasonKind, Step
 from tpd.report import benefit
 from tpd.report.blocks import Note, Severity, Table
 from tpd.report.content import content

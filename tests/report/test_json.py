@@ -110,6 +110,12 @@ def test_what_is_asked_of_the_benefit_and_what_paired_runs_say_stand_beside_each
     assert content["search"]["lost"] == [0, 4]
 
 
+def test_motions_from_rest_are_those_of_the_design_and_of_the_bare_block():
+    rest = written(*CASES["a neighbourhood"])["verified"][-1]["rest"]
+    assert (rest["severity"], rest["bare"]) == ([0.3] * 10, [0.4] * 10)
+    assert written(*CASES["refused"])["verified"][-1]["rest"] is None
+
+
 def test_surveys_are_counts_and_best_designs():
     linear, nonlinear = written(*CASES["a neighbourhood"])["surveys"]
     assert (linear["equations"], nonlinear["equations"]) == ("linear", "nonlinear")

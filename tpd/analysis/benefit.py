@@ -10,7 +10,7 @@ from scipy.special import stdtrit
 
 from tpd.analysis.intervals import change, fall
 from tpd.analysis.outcomes import Outcomes
-from tpd.analysis.paired import Verdict
+from tpd.analysis.paired import SIGNIFICANT, Verdict, chance_of
 
 _LEAST = 0.02
 """Severity that counts as none, so that next to a bare block at rest not every tilt is a worse one."""
@@ -109,6 +109,7 @@ def benefit_of(verdict: Verdict, slenderness: float, condition: np.ndarray, shar
     # Runs of one condition differ as those of different ones do: each is a cluster of its own.
     found = fall(hung, bare, least=_LEAST)
     rest_with, rest_without = ((o.status == "rest").astype(float) for o in (verdict.hung, verdict.bare))
+    fewer, more = (int(np.sum(x > 0.0)) for x in (rest_without - rest_with, rest_with - rest_without))
     return Benefit(
         value=found.mean,
         # Of a single run nothing is known but the value.
@@ -124,7 +125,7 @@ def benefit_of(verdict: Verdict, slenderness: float, condition: np.ndarray, shar
         worse_conditions=_worse(hung, bare, condition, share),
         by_condition=(_by_condition(hung, condition), _by_condition(bare, condition)),
         share=share,
-        rests_less=_above((1.0 - FEWER) * rest_without - rest_with),
+        rests_less=_above((1.0 - FEWER) * rest_without - rest_with) and chance_of(fewer, more) < SIGNIFICANT,
         runs=n,
     )
 

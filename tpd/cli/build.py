@@ -15,11 +15,10 @@ from tpd.cli.schema import JobFile
 from tpd.core.bob import Bob
 from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.scene import Block, Harmonic, Scene, paper_scene
-from tpd.design.criteria import KINDS, Limit, Risk, Room, Worsening, Worth
+from tpd.design.criteria import KINDS, DesignSpace, Limit, Risk, Room, Worsening, Worth
 from tpd.design.methods import SMOOTHED, Descent, Method, Sequential
 from tpd.design.question import check_moves as refuse_still
 from tpd.design.question import check_scatter
-from tpd.design.space import DesignSpace
 from tpd.models.piecewise import Piecewise
 
 _MOST_CONDITIONS = 100_000

@@ -85,9 +85,14 @@ def run(options: argparse.Namespace) -> int:
 
 def _asked(job: Job) -> Problem:
     """Problem that `tpd optimise` would ask of the designs of a job."""
+    from dataclasses import replace
+
+    from tpd.design.criteria import Mass
     from tpd.design.problem import Problem
 
-    return Problem.of(job.scene, **job.settings)
+    # A limit on the mass narrows the space of a search; a pendulum of one's own may lie below it.
+    given: dict[str, Any] = job.settings | {"limits": [x for x in job.limits if not isinstance(x, Mass)]}
+    return replace(Problem.of(job.scene, **given), limits=job.limits)
 
 
 def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace) -> int:

@@ -22,9 +22,8 @@ from tpd.cli import build
 from tpd.cli.schema import JobFile, json_schema, keys
 from tpd.core.conditions import Conditions
 from tpd.core.scene import Scene
-from tpd.design.criteria import Limit, Risk, Worth
+from tpd.design.criteria import DesignSpace, Limit, Risk, Worth
 from tpd.design.methods import Method
-from tpd.design.space import DesignSpace
 
 _Holds = Callable[[JobFile], bool]
 _SEVERAL = "several conditions, [conditions] or [scatter]"

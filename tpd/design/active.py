@@ -6,11 +6,10 @@ import numpy as np
 
 from tpd.design.ends import Ends
 from tpd.design.objective import BACK_OFF, Orbits
-from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.result import Nearest
 from tpd.design.search import AT_BOUND
 from tpd.design.survey import Survey
-from tpd.design.verified import Active
+from tpd.design.verified import Active, Reason, ReasonKind, Step
 
 _MOST = 6
 """Most conditions that are listed."""

@@ -18,8 +18,7 @@ from tpd.core.conditions import Conditions
 from tpd.core.progress import Progress
 from tpd.core.scene import HOUSNER, Block, Pendulum, Scene
 from tpd.design.criteria import Worth
-from tpd.design.reasons import Reason, ReasonKind, Step
-from tpd.design.verified import LossCase, Verified
+from tpd.design.verified import LossCase, Reason, ReasonKind, Step, Verified
 
 TRIALS, JUDGES = 1, 2
 """Seeds of the runs that order designs, and of those that judge the chosen one, less that of the ensemble."""

@@ -22,9 +22,8 @@ from tpd.core.conditions import Conditions, under
 from tpd.core.parameters import Parameters
 from tpd.core.scene import Scene
 from tpd.core.status import Status
-from tpd.design.criteria import Geometry, Limit, Risk, Size, Worsening
+from tpd.design.criteria import DesignSpace, Geometry, Limit, Risk, Size, Worsening
 from tpd.design.ends import Linearisation
-from tpd.design.space import DesignSpace
 
 Count = Callable[[int, int], None]
 """Called with (units done, of how many)."""

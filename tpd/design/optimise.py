@@ -19,7 +19,7 @@ from tpd.core.scene import Block, Scene
 from tpd.core.threads import aside
 from tpd.design.active import nearest_of
 from tpd.design.checkpoint import Checkpoint
-from tpd.design.criteria import Limit, Risk, Worth
+from tpd.design.criteria import DesignSpace, Limit, Risk, Worth
 from tpd.design.ground.optimise import ground_problem
 from tpd.design.ground.optimise import solve as solve_on_motions
 from tpd.design.ground.search import GroundSearch
@@ -29,7 +29,6 @@ from tpd.design.one_shot import OneShot
 from tpd.design.problem import Problem
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.design.search import Multistart, stage
-from tpd.design.space import DesignSpace
 from tpd.design.steps import pendulum_of
 from tpd.design.survey import Survey, survey
 from tpd.design.verified import LossCase, Verified

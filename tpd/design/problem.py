@@ -15,11 +15,10 @@ from tpd.core.conditions import Conditions, check_restitution, under_all
 from tpd.core.fingerprints import fingerprint, of_sources
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.scene import Harmonic, Scene
-from tpd.design.criteria import DEFAULT_LIMITS, Limit, Risk, Worth, check_limits
+from tpd.design.criteria import DEFAULT_LIMITS, DesignSpace, Limit, Risk, Worth, check_limits
 from tpd.design.methods import SMOOTHED, Descent, Method, describe
 from tpd.design.objective import Orbits, geometry_of
 from tpd.design.question import Question, check_cavity, check_given, check_moves, within_mass
-from tpd.design.space import DesignSpace
 from tpd.models.piecewise import Piecewise
 
 _SMOOTH = 0.2

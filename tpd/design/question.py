@@ -13,8 +13,7 @@ from tpd.analysis.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.scene import Block, Scene, check_shaking
-from tpd.design.criteria import Limit, Mass, Risk, Room, Worth, limit_of
-from tpd.design.space import DesignSpace
+from tpd.design.criteria import DesignSpace, Limit, Mass, Risk, Room, Worth, limit_of
 
 _KINDS = {
     "space": DesignSpace,
@@ -26,7 +25,7 @@ _KINDS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Question:
     """Inputs of `tpd.optimise`, complete and checked."""
 
@@ -52,8 +51,8 @@ class Question:
 
 
 def check_given(seed: int, **given: Any) -> None:
-    """Raise unless JAX has 64 bits, the seed is one, and each input is of its class; None stands for a
-    default."""
+    """Raise unless JAX has 64 bits, the seed is a whole number, and each input is of its class; None stands
+    for a default."""
     checks.require_x64()
     checks.count("seed", seed, least=0)
     for name, value in given.items():

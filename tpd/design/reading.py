@@ -20,9 +20,8 @@ from tpd.core.conditions import Conditions
 from tpd.core.formatting import Printed
 from tpd.core.ground_motion import GroundMotion
 from tpd.core.scene import Block, Harmonic, Pendulum, Scene, paper_scene
-from tpd.design.criteria import KINDS, Limit, Risk, Room, Worth
+from tpd.design.criteria import KINDS, DesignSpace, Limit, Risk, Room, Worth
 from tpd.design.result import DesignStatus
-from tpd.design.space import DesignSpace
 
 VERSION = 7
 """Version of the file of a design; it grows when a key changes its meaning or goes away."""

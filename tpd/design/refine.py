@@ -6,7 +6,8 @@ the luckiest. Here every design has runs of its own, and a surface through all o
 it says which designs to try next, and which is the best. Runs that all designs share would leave their own
 luck in every mean, and no surface could average it out. How far the bob swings differs little from run to
 run: a surface through a quantile of it, and the tail that all designs near the wall share, say which designs
-strike a wall in too many runs, long before a design has runs enough to count its strikes.
+strike a wall in too many runs, long before a design has runs enough to count its strikes. The runs by which
+the verification has refused a design are added, though designs share them: they are few beside the trials.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tpd.design.criteria import DesignSpace
 from tpd.design.screening import first_apart
-from tpd.design.space import DesignSpace
 from tpd.design.surface import Observations, Surface, candidates, fit, likely, promise
 from tpd.design.survey import ON_THE_WAY, Survey
 

@@ -15,8 +15,7 @@ from tpd.core.formatting import Printed
 from tpd.core.scene import Pendulum
 from tpd.design.criteria import stroke_limit
 from tpd.design.question import Question
-from tpd.design.reasons import Reason
-from tpd.design.verified import Bare, LossCase, Verified
+from tpd.design.verified import Bare, LossCase, Reason, Verified
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -177,7 +176,7 @@ class HarmonicDesign(Design):
 
     def again(self, **changed: Any) -> dict[str, Any]:
         """See `Design.again`."""
-        return super().again(starts=self.starts, **changed)
+        return super().again(**{"starts": self.starts} | changed)
 
     @property
     def best(self) -> Verified | None:

@@ -18,9 +18,8 @@ from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.programs import Program
 from tpd.core.quantities import with_design
 from tpd.core.sampling import latin_hypercube
-from tpd.design.criteria import stroke_limit
+from tpd.design.criteria import DesignSpace, stroke_limit
 from tpd.design.objective import Orbits, margins
-from tpd.design.space import DesignSpace
 
 _CLOSED = 4096
 """Designs screened by the closed form of the uplift margin."""

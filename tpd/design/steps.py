@@ -25,14 +25,15 @@ from tpd.design.criteria import Room, limit_of
 from tpd.design.ends import Book
 from tpd.design.objective import REST, Evaluation, margins
 from tpd.design.problem import Problem
-from tpd.design.reasons import Reason, ReasonKind, Step
 from tpd.design.survey import Survey, followed
-from tpd.design.verified import Bare, Motions, Verified
+from tpd.design.verified import Bare, Motions, Reason, ReasonKind, Step, Verified
 from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
 
 SURVEYED = 24
 """Most conditions under which designs are followed from rest by the nonlinear equations."""
+_LONG, _FINE = 400, 1e-8
+"""Most forcing periods of a motion from rest that verifies, and relative tolerance of its steps."""
 _AT_LIMIT = 1e-3
 """Share of a limit that is left where the limit counts as met."""
 _ROUNDING = 1e-9
@@ -71,7 +72,7 @@ class Steps:
     @property
     def bare_rests(self) -> bool:
         """Whether the bare block settles at rest, by the exact orbits under all conditions and by the
-        nonlinear equations from rest."""
+        nonlinear equations from rest under these, or a choice of many."""
         orbits = bool(np.all(self.bare.evaluation.kind == REST))
         return orbits and not self._from_rest(self.none[None]).bare.any()
 
@@ -130,8 +131,13 @@ class Steps:
     def by_rest(self, v: Verified) -> Verified:
         """Nonlinear equations from rest: limits on the motion and, under one condition, whether the block
         moves less. Under several the paired runs say that."""
-        found = self._from_rest(v.design[None])
-        reasons, hung, bare = list(nearest_of(found).broken), found.severity[0], found.bare
+        # Longer and more exactly than a survey, which only chooses.
+        found = followed(self.few, v.design[None], _LONG, "nonlinear", rtol=_FINE)
+        hung, bare = found.severity[0], found.bare
+        # The first step has asked for the limits that a motion from rest says nothing about.
+        other = [limit.name for limit in self.objective.limits if not limit.of_motion]
+        broken = [r for r in nearest_of(found).broken if r.value > 1.0 + _ROUNDING]
+        reasons = [r for r in broken if r.limit not in other]
         if len(bare) == 1 and hung[0] > 0.0 and hung[0] >= bare[0]:
             kind = ReasonKind.overturns if hung[0] >= 1.0 > bare[0] else ReasonKind.rocks_more
             value, reference = float(hung[0]), float(bare[0])
@@ -139,7 +145,7 @@ class Steps:
         return replace(v, rest=found, reasons=tuple(reasons))
 
     def _from_rest(self, designs: np.ndarray) -> Survey:
-        return followed(self.few, designs, self.ensemble.periods, "nonlinear", None)
+        return followed(self.few, designs, self.ensemble.periods, "nonlinear")
 
     def by_runs(self, v: Verified) -> Verified:
         """Paired runs of the nonlinear equations: benefit, harm and room."""

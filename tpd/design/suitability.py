@@ -11,13 +11,11 @@ import numpy as np
 from tpd.analysis.compare_models import Check, check
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
-from tpd.design.criteria import Limit, Mass, Offset, Worsening, Worth, limit_of, stroke_limit
+from tpd.design.criteria import DesignSpace, Limit, Mass, Offset, Worsening, Worth, limit_of, stroke_limit
 from tpd.design.problem import Problem
-from tpd.design.reasons import Reason, ReasonKind, Step
-from tpd.design.space import DesignSpace
 from tpd.design.steps import HEIGHT
 from tpd.design.survey import ROOM
-from tpd.design.verified import Verified
+from tpd.design.verified import Reason, ReasonKind, Step, Verified
 from tpd.design.verify import Verification
 
 
@@ -107,7 +105,8 @@ def judged(
     if not v.reasons and not heavy:
         v = verification.by_fresh_runs(v)
     if v.rest is None:
-        v = replace(v, rest=verification.by_rest(v).rest)
+        rested = verification.by_rest(v)
+        v = replace(rested, reasons=(*v.reasons, *rested.reasons))
     if v.paired is None:
         counted = verification.by_runs(v)
         v = replace(counted, reasons=(*v.reasons, *counted.reasons))

@@ -17,10 +17,9 @@ from tpd.core.bob import THICKEST
 from tpd.core.conditions import under_all
 from tpd.core.sampling import latin_hypercube
 from tpd.core.status import names_of
-from tpd.design.criteria import Risk, Room, limit_of
+from tpd.design.criteria import DesignSpace, Risk, Room, limit_of
 from tpd.design.objective import Orbits, blank
 from tpd.design.screening import first_apart
-from tpd.design.space import DesignSpace
 from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
@@ -223,9 +222,15 @@ def fitting(objective: Orbits, seed: int) -> np.ndarray:
 
 
 def followed(
-    objective: Orbits, designs: np.ndarray, periods: int, equations: str, progress: Count | None
+    objective: Orbits,
+    designs: np.ndarray,
+    periods: int,
+    equations: str,
+    progress: Count | None = None,
+    rtol: float = _RTOL,
 ) -> Survey:
-    """Survey of designs (m, 3), in their order, and of the bare block, from rest."""
+    """Survey of designs (m, 3), in their order, and of the bare block, from rest; `rtol` is the relative
+    tolerance of a step of the nonlinear equations."""
     none = np.array([[0.0, float(objective.p.lam), float(objective.p.zeta)]])
     every, n = np.concatenate([none, designs]), len(objective.conditions)
     q, y0 = under_all(objective.p, every, objective.conditions), np.zeros((len(every) * n, 4))
@@ -233,7 +238,7 @@ def followed(
     if equations == "linear":
         settled = settle_all(q, y0, model=Piecewise(max_periods=periods), progress=after)
     else:
-        settled = settle_nonlinear(q, y0, periods=periods, rtol=_RTOL, progress=after)
+        settled = settle_nonlinear(q, y0, periods=periods, rtol=rtol, progress=after)
     names = names_of(settled.status).reshape(-1, n)
     lost = np.isin(names, (*LOST, *UNANSWERED))
     # What has no answer speaks against a pendulum, and not for it against the bare block.

@@ -2,19 +2,150 @@
 
 from __future__ import annotations
 
+import enum
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tpd.analysis.benefit import Benefit
+from tpd.analysis.benefit import FEWER, Benefit
 from tpd.analysis.outcomes import Outcomes, Share
 from tpd.analysis.paired import Verdict
-from tpd.design.reasons import Reason
 
 if TYPE_CHECKING:
     from tpd.design.objective import Evaluation
     from tpd.design.survey import Survey
+
+
+class Step(enum.Enum):
+    """Steps of the verification, in order."""
+
+    exact = "exact solution by events"
+    nonlinear = "nonlinear equations"
+    benefit = "paired runs of the nonlinear equations"
+    judgement = "fresh paired runs of the nonlinear equations"
+
+
+class ReasonKind(enum.Enum):
+    """Why a design is refused."""
+
+    overturns = enum.auto()
+    """The block overturns, or the motion has no answer, with the design where it stands without."""
+    overturns_more = enum.auto()
+    """Significantly more conditions or runs overturn with the design than without."""
+    breaks_limit = enum.auto()
+    rocks_more = enum.auto()
+    """The block rocks at least as much as without the design."""
+    too_little_benefit = enum.auto()
+    """The mean tilt falls by less than the least benefit, or not significantly."""
+    rests_less = enum.auto()
+    """Fewer runs end at rest with the design than without, by significantly more than a tenth."""
+    worse_condition = enum.auto()
+    """Under a condition the mean tilt rises by significantly more than allowed."""
+    strikes = enum.auto()
+    """The bob strikes a wall in more runs than allowed."""
+    undecided = enum.auto()
+    """Runs have no answer, and the verdict hangs on how they would have ended."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reason:
+    """One reason why a design is refused, as data; `str` makes a sentence of it."""
+
+    step: Step
+    kind: ReasonKind
+    condition: str = ""
+    """Label of the condition, if the reason belongs to one."""
+    limit: str = ""
+    """Name of the limit that is broken."""
+    value: float = math.nan
+    """The size met: a tilt over the slenderness, a count, or a limited quantity over its limit."""
+    reference: float = math.nan
+    """The size it is compared with."""
+    low: float = math.nan
+    """Lower end of the 95 % interval of the size met, where it has one."""
+    total: int = 0
+    """Conditions or runs tried, where counts are compared."""
+
+    @property
+    def shortfall(self) -> float:
+        """By how much the requirement is missed: a share of the runs, of the tilt or of the limit; 1 where
+        the motion itself is refused."""
+        match self.kind:
+            case ReasonKind.overturns_more:
+                return abs(self.value - self.reference) / max(self.total, 1)
+            case ReasonKind.rests_less:
+                return ((1.0 - FEWER) * self.reference - self.value) / max(self.total, 1)
+            case ReasonKind.strikes | ReasonKind.worse_condition:
+                return self.value - self.reference
+            case ReasonKind.too_little_benefit:
+                # A benefit above the least one is refused because it may be luck.
+                return max(self.reference - self.value, -self.low, 0.0)
+            case ReasonKind.breaks_limit:
+                return self.value - 1.0
+            case ReasonKind.rocks_more if self.reference > 0.0:
+                return self.value / self.reference - 1.0
+            case _:
+                return 1.0
+
+    def __str__(self) -> str:
+        at = f" at {self.condition}" if self.condition else ""
+        by = f"by the {self.step.value}"
+        match self.kind:
+            case ReasonKind.overturns:
+                return (
+                    f"{by} the block overturns from rest, or has no answer, and stands without the pendulum"
+                )
+            case ReasonKind.overturns_more:
+                return (
+                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum "
+                    f"only, and in {self.reference:.0f} without it only{at}"
+                )
+            case ReasonKind.breaks_limit:
+                return (
+                    f"{by} the design exceeds the limit on {self.limit} by {self.value - 1.0:.2g} of it{at}"
+                )
+            case ReasonKind.rocks_more:
+                return (
+                    f"{by} the block tilts from rest to {self.value:.1%} of the slenderness, and to "
+                    f"{self.reference:.1%} without the pendulum"
+                )
+            case ReasonKind.too_little_benefit:
+                sure = "unknown" if math.isnan(self.low) else f"{self.low:.1%}"
+                return (
+                    f"{by} the mean tilt {_fall(self.value)} (at least {sure} with 95 % confidence), and "
+                    f"{self.reference:.1%} is asked for"
+                )
+            case ReasonKind.rests_less:
+                return (
+                    f"{by} the block ends at rest in {self.value:.0f} of {self.total} cases with the "
+                    f"pendulum, and in {self.reference:.0f} without it; {FEWER:.0%} fewer are allowed"
+                )
+            case ReasonKind.worse_condition:
+                more = f", and {self.total - 1} other conditions are worse" if self.total > 1 else ""
+                return (
+                    f"{by} the mean tilt is {self.value:.1%} of the slenderness with the pendulum, and "
+                    f"{self.reference:.1%} without it{at}{more}"
+                )
+            case ReasonKind.strikes:
+                return (
+                    f"{by} the bob strikes a wall in {self.value:.1%} of the cases, and "
+                    f"{self.reference:.1%} is allowed"
+                )
+            case ReasonKind.undecided:
+                return (
+                    f"{by} {self.value:.0f} of {self.total} cases have no answer, and the verdict hangs on it"
+                )
+
+
+GRAVE = (ReasonKind.overturns, ReasonKind.overturns_more, ReasonKind.strikes)
+"""Reasons that are dangers: the block overturns, or the bob strikes it."""
+
+
+def _fall(share: float) -> str:
+    """Fall of a tilt in words; a negative one is a growth."""
+    return f"falls by {share:.1%}" if share >= 0.0 else f"grows by {-share:.1%}"
 
 
 @dataclass(frozen=True, kw_only=True)

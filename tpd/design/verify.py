@@ -27,7 +27,7 @@ _APART = 0.02
 _APART_SEEDS = 7919
 """Between the seeds of trial runs, which are those of no other step."""
 _FEW, _MORE = 3, 8
-"""Runs of a trial that are few, and how many times the runs of the bare block say in how many it rests."""
+"""Runs of a trial that are few, and how many times as many of the bare block tell its share at rest."""
 
 
 class Verification(Steps):

@@ -11,11 +11,10 @@ import numpy as np
 from tpd.core.formatting import number
 from tpd.core.scene import Pendulum
 from tpd.design.criteria import Room, limit_of
-from tpd.design.reasons import GRAVE, Reason, ReasonKind, Step
 from tpd.design.result import DesignStatus, HarmonicDesign
 from tpd.design.study import Study, Surveyed
 from tpd.design.survey import ON_THE_WAY, Survey
-from tpd.design.verified import Verified
+from tpd.design.verified import GRAVE, Reason, ReasonKind, Step, Verified
 from tpd.report.blocks import Block, Cell, Note, Table, danger, information, warning
 
 _NAMES = {

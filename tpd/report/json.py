@@ -17,10 +17,10 @@ from tpd.design.criteria import Limit
 from tpd.design.front import FrontPoint
 from tpd.design.objective import KINDS
 from tpd.design.reading import VERSION
-from tpd.design.reasons import Reason
 from tpd.design.result import HarmonicDesign
 from tpd.design.study import Study
 from tpd.design.survey import Survey
+from tpd.design.verified import Reason
 from tpd.report.notes import notes
 
 _STUDY = ("responses", "comparison", "elasticities", "front", "earthquakes", "left_out")
@@ -77,7 +77,8 @@ def plain(x: Any) -> Any:
         case Outcomes() | Verdict():
             return x.summary()
         case Survey():
-            return _surveyed(x, 0)
+            # Of one design.
+            return {"bare": x.bare.tolist(), **(_surveyed(x, 0) or {})}
         case Change() | FrontPoint():
             return plain(x._asdict())
         case Benefit():

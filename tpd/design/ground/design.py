@@ -174,7 +174,7 @@ class GroundDesign(Design):
     def again(self, **changed: Any) -> dict[str, Any]:
         """See `Design.again`."""
         held = {g.name: g.motions for g in self.groups if g.role is Role.held_out}
-        return super().again(held_out=held, **changed)
+        return super().again(**{"held_out": held} | changed)
 
     @property
     def settings(self) -> dict[str, Any]:

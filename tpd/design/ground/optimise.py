@@ -17,7 +17,7 @@ from tpd.core.ground_motion import GroundMotion
 from tpd.core.progress import Progress
 from tpd.core.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.design.checkpoint import Checkpoint
-from tpd.design.criteria import Limit, Risk, Room, Stroke, Worth
+from tpd.design.criteria import DesignSpace, Limit, Risk, Room, Stroke, Worth
 from tpd.design.ground.design import GroundDesign, GroundVerdict, verdict_of
 from tpd.design.ground.groups import Group, grouped
 from tpd.design.ground.judgement import SCATTERED, Judged, judge, scatter_of
@@ -26,7 +26,6 @@ from tpd.design.ground.parts import parts_of
 from tpd.design.ground.search import Evaluated, GroundSearch, Searcher, risk_of_known
 from tpd.design.question import Question, check_cavity, check_given, within_mass
 from tpd.design.result import DesignStatus
-from tpd.design.space import DesignSpace
 
 DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
 DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Room())

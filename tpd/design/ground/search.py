@@ -14,9 +14,8 @@ import numpy as np
 
 from tpd.core import checks, sampling
 from tpd.design.checkpoint import Checkpoint
-from tpd.design.criteria import Risk
+from tpd.design.criteria import DesignSpace, Risk
 from tpd.design.ground.objective import GroundObjective
-from tpd.design.space import DesignSpace
 from tpd.design.surface import Observations, Surface, candidates, fit, promise
 
 _LEAST_SIZE = 1e-6
