@@ -265,12 +265,16 @@ def test_what_a_verification_finds_orders_what_is_verified_next(search):
         assert of is found
         return np.array([0, 3, 1, 2] if met else [0, 1, 2, 3])
 
-    stern.refinement = SimpleNamespace(add=add, order=order)
+    count = []
+    stern.refinement = SimpleNamespace(add=add, order=order, refused=lambda: count.append(1))
     assert stern.best_of_survey(found) is DesignStatus.found
     assert [v.design.tolist() for v in stern.verified] == [pytest.approx(SPREAD[i]) for i in (0, 3)]
     ((designs, severity),) = met
     assert designs == [SPREAD[0]]
     assert 0.0 < severity < 1.0
+    assert len(count) == 1
+    stern.judge()
+    assert len(count) == 1 + bool(stern.verified[-1].reasons)
 
 
 def test_a_real_refinement_learns_of_a_design_that_it_had_tried(search):
@@ -291,6 +295,9 @@ def test_a_real_refinement_learns_of_a_design_that_it_had_tried(search):
         here.add(ordered.at(np.array([first])), [struck])
     assert int(here.order(ordered)[0]) != first
     assert sorted(here.order(ordered)) == list(range(len(ordered.designs)))
+    assert here.sure == 0.5
+    here.refused()
+    assert here.sure == pytest.approx(0.7), "the next must be surer"
 
 
 class Unlucky(Scripted):

@@ -151,7 +151,9 @@ def solve(
 ) -> HarmonicDesign:
     """Search and verify a problem; see `optimise`."""
     store = Checkpoint.of(checkpoint, problem.identity)
-    if _lifts(problem):
+    # If the bare block lifts under no condition there may be nothing to search.
+    p = problem.orbits.p
+    if not np.all(margins(problem.orbits, np.array([[0.0, float(p.lam), float(p.zeta)]])) > 0.0):
         _prepare(problem)
     objective, verification = problem.objective, Verification(problem, progress)
     few = objective.over(objective.conditions.subset(SEARCHED, problem.seed))
@@ -171,12 +173,6 @@ def solve(
         if found.search.groups and not found.verification.verified:
             found.status = found.verification.best_of(found.search)
     return _design(problem, found)
-
-
-def _lifts(problem: Problem) -> bool:
-    """Whether the bare block lifts under some condition. If under none, there may be nothing to search."""
-    o = problem.orbits
-    return not np.all(margins(o, np.array([[0.0, float(o.p.lam), float(o.p.zeta)]])) > 0.0)
 
 
 def _prepare(problem: Problem) -> None:

@@ -41,8 +41,9 @@ _SAFE = 0.6
 """Share of the allowed strikes that a design may have: it leaves room for luck in the runs that judge."""
 _FIRST, _LATER = 150, 40
 """Steps of the fit of a surface in the first round, and later."""
-_SURE = 0.8
-"""Least probability of keeping to the limits of a design that counts as keeping to them."""
+_SURE, _SURER = 0.5, 0.6
+"""Least probability of keeping to the limits of a design that counts as keeping to them, and the factor on
+the rest to one after each refusal."""
 _LEAST, _ALL = 1e-3, slice(None)
 
 
@@ -72,7 +73,7 @@ class Refinement:
         self.width = np.minimum(high + wider, 1.0) - self.low
         self.at, self.excess, self.tried = np.zeros((0, len(low))), np.zeros(0), list[Tried]()
         self.surface: Surface | None = None
-        self.limits = dict[str, Surface]()
+        self.limits, self.sure = dict[str, Surface](), _SURE
 
     def scaled(self, designs: np.ndarray) -> np.ndarray:
         """Places of designs (m, 3) in the part of the space that is searched, (m, d)."""
@@ -118,6 +119,10 @@ class Refinement:
         tails = [reach[i] - bulk[i] for i in shared]
         return bulk + np.quantile(np.concatenate(tails), self.level)
 
+    def refused(self) -> None:
+        """A design was refused that seemed to keep to the limits: the next must be surer."""
+        self.sure = 1.0 - _SURER * (1.0 - self.sure)
+
     def order(self, found: Survey) -> np.ndarray:
         """Order of the designs of a survey, the best first: those that help and had runs before those that
         had none, of which the surfaces only guess."""
@@ -136,7 +141,7 @@ class Refinement:
         if self.surface is None:
             return np.arange(len(x))
         keeps = self.keeps(x)
-        return np.lexsort((self.surface.at(x)[0], np.where(keeps >= _SURE, 0.0, 1.0 - keeps)))
+        return np.lexsort((self.surface.at(x)[0], np.where(keeps >= self.sure, 0.0, 1.0 - keeps)))
 
     def next(self, turn: int, last: bool, still: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Designs (m, 3) worth trying, the best first, that keep to the limits `still`, which need no run."""
@@ -146,7 +151,7 @@ class Refinement:
             # No run has an answer.
             return self.unscaled(best)
         x = candidates(np.random.default_rng([self.seed, 12, turn]), best)
-        least = float(self.surface.at(best)[0][0]) if self.keeps(best[:1])[0] >= _SURE else None
+        least = float(self.surface.at(best)[0][0]) if self.keeps(best[:1])[0] >= self.sure else None
         promised = promise(self.surface, list(self.limits.values()), x, least, last)
         order = np.argsort(-promised, kind="stable")[:_WEIGHED]
         order = order[still(self.unscaled(x[order]))]

@@ -70,6 +70,7 @@ class Verification(Steps):
                 # These runs say more of the design than its trials, and something of its neighbours.
                 ran = self._tried(v.paired.hung, pendulum_of(self.scene, v))
                 self.refinement.add(found.at(np.array(left[:1])), [ran])
+                self.refinement.refused()
                 left = [int(j) for j in self.refinement.order(found) if j in left]
         # What was verified has reasons of its own, also where single motions from rest show no improvement.
         return DesignStatus.refused
@@ -77,6 +78,8 @@ class Verification(Steps):
     def judge(self) -> DesignStatus:
         """Judge the design that passed last by fresh runs, which no choice has seen."""
         self.verified[-1] = judged = self.by_fresh_runs(self.verified[-1])
+        if judged.reasons and self.refinement is not None:
+            self.refinement.refused()
         return DesignStatus.refused if judged.reasons else DesignStatus.found
 
     def refined(self, found: Survey) -> Survey:

@@ -193,11 +193,6 @@ class GroundDesign(Design):
             "motions": [getattr(m, "name", "") for m in self.conditions.motions],
         }
 
-    @property
-    def held_out(self) -> tuple[Judged, ...]:
-        """Groups that the design was not tuned to."""
-        return tuple(g for g in self.judged if g.role is Role.held_out)
-
     def __str__(self) -> str:
         lines = [self.headline]
         if self.pendulum is not None:
