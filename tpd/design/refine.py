@@ -41,9 +41,8 @@ _SAFE = 0.6
 """Share of the allowed strikes that a design may have: it leaves room for luck in the runs that judge."""
 _FIRST, _LATER = 150, 40
 """Steps of the fit of a surface in the first round, and later."""
-_SURE, _SURER = 0.5, 0.6
-"""Least probability of keeping to the limits of a design that counts as keeping to them, and the factor on
-the rest to one after each refusal."""
+_SURE = 0.5
+"""Least probability of keeping to the limits of a design that counts as keeping to them."""
 _LEAST, _ALL = 1e-3, slice(None)
 
 
@@ -118,10 +117,6 @@ class Refinement:
         shared = stands[np.argsort(np.abs(bulk[stands]))][:_SHARED]
         tails = [reach[i] - bulk[i] for i in shared]
         return bulk + np.quantile(np.concatenate(tails), self.level)
-
-    def refused(self) -> None:
-        """A design was refused that seemed to keep to the limits: the next must be surer."""
-        self.sure = 1.0 - _SURER * (1.0 - self.sure)
 
     def order(self, found: Survey) -> np.ndarray:
         """Order of the designs of a survey, the best first: those that help and had runs before those that

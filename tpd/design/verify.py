@@ -18,12 +18,14 @@ from tpd.design.refine import RUNS, Refinement, Tried, refine
 from tpd.design.result import DesignStatus
 from tpd.design.search import Multistart, stage
 from tpd.design.steps import Steps, pendulum_of
-from tpd.design.survey import Survey, excess
+from tpd.design.survey import ON_THE_WAY, Survey, excess
 
 VERIFIED, JUDGED = 10, 3
 """Most designs of a survey that are verified, and most of them that are judged."""
 _APART = 0.02
 """Least distance of designs that are verified one after the other, in shares of the bounds."""
+_FURTHER, _SURER = 0.02, 0.6
+"""Share of the way to the walls by which the next design keeps further off, and factor on what is unsure."""
 _APART_SEEDS = 7919
 """Between the seeds of trial runs, which are those of no other step."""
 _FEW, _MORE = 3, 8
@@ -54,10 +56,15 @@ class Verification(Steps):
         helps = order[found.helps[order]]
         units = self.objective.space.scaled(found.designs)
         # Without any that helps the best one is verified all the same: its reasons are the answer.
-        left = list(helps if len(helps) else fits[:1])
+        left, way = list(helps if len(helps) else fits[:1]), found.excess.get(ON_THE_WAY)
         for done in range(len(self.verified), VERIFIED):
             near = self.objective.space.scaled(np.array([v.design for v in self.verified]).reshape(-1, 3))
             left = [j for j in left if np.all(np.linalg.norm(units[j] - near, axis=1) > _APART)]
+            struck = [v.design for v in self.verified if v.chosen_by and v.strikes > self.worth.allowed]
+            if struck and way is not None:
+                # No surface has the runs that judge: after strikes in these the next keeps further away.
+                reach = min(way[np.all(found.designs == x, axis=1)].min(initial=np.inf) for x in struck)
+                left = [j for j in left if way[j] <= reach - _FURTHER] or left
             if not left:
                 break
             if self.progress is not None:
@@ -70,7 +77,7 @@ class Verification(Steps):
                 # These runs say more of the design than its trials, and something of its neighbours.
                 ran = self._tried(v.paired.hung, pendulum_of(self.scene, v))
                 self.refinement.add(found.at(np.array(left[:1])), [ran])
-                self.refinement.refused()
+                self.refinement.sure = 1.0 - _SURER * (1.0 - self.refinement.sure)
                 left = [int(j) for j in self.refinement.order(found) if j in left]
         # What was verified has reasons of its own, also where single motions from rest show no improvement.
         return DesignStatus.refused
@@ -78,8 +85,6 @@ class Verification(Steps):
     def judge(self) -> DesignStatus:
         """Judge the design that passed last by fresh runs, which no choice has seen."""
         self.verified[-1] = judged = self.by_fresh_runs(self.verified[-1])
-        if judged.reasons and self.refinement is not None:
-            self.refinement.refused()
         return DesignStatus.refused if judged.reasons else DesignStatus.found
 
     def refined(self, found: Survey) -> Survey:
