@@ -41,7 +41,7 @@ def pytest_configure(config):
     """Compile the code of motions by events beside the first tests, once for both workers."""
     if config.option.numprocesses and not hasattr(config, "workerinput"):
         Path(COMPILED).mkdir(parents=True, exist_ok=True)
-        entries = *compiling.HARMONIC, "tpd.models.shaken_entry", *compiling.GROUND
+        entries = *compiling.HARMONIC, *compiling.GROUND
         compiling.compile_beside(Path(COMPILED), entries)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tpd.models import compiled_shaken
-from tpd.models.shaken_kernel import EVENT_BOUND
+from tpd.exact.follow import EVENT_BOUND
 
 
 def unanswered(

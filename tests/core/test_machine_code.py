@@ -10,7 +10,7 @@ import pytest
 from numba.core import caching
 
 from tests.damage import WAYS, damage
-from tpd.exact.arc_kernel import stored
+from tpd.exact.plant import stored
 
 
 def cubed(x):
@@ -52,7 +52,7 @@ def test_damaged_code_is_compiled_again_and_said(folder, end, way):
 
 SMALL = """
 import numba
-from tpd.exact.arc_kernel import stored
+from tpd.exact.plant import stored
 
 def cubed(x):
     return x * x * x

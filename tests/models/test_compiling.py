@@ -82,21 +82,17 @@ def imported(module, known):
 @pytest.mark.parametrize(
     ("module", "kinds"),
     [
-        ("tpd.models.linear_entry", ("linear_",)),
+        ("tpd.models.exact_entry", ("exact_",)),
         ("tpd.models.nonlinear_settling", ("nonlinear_",)),
-        ("tpd.models.shaken_entry", ("shaken_",)),
-        ("tpd.models.shaken_history", ("shaken_",)),
-        ("tpd.models.nonlinear_ground", ("nonlinear_", "shaken_kernel")),
+        ("tpd.models.nonlinear_ground", ("nonlinear_",)),
     ],
 )
 def test_stored_code_is_that_of_all_sources(module, kinds):
     others = imported(module, set()) - set(compiling.sources(*kinds))
-    # Of the last two `nonlinear_ground` has constants only.
-    constants = {"shaken_proof.py", "shaken_tally.py"} if module.endswith("nonlinear_ground") else set()
-    assert {path.name for path in others} <= {"compiling.py"} | constants
+    assert {path.name for path in others} <= {"compiling.py"}
 
 
-@pytest.mark.parametrize("module", [*compiling.HARMONIC, *compiling.GROUND, "tpd.models.shaken_entry"])
+@pytest.mark.parametrize("module", sorted({*compiling.HARMONIC, *compiling.GROUND}))
 def test_processes_that_compile_need_no_jax(module):
     lines = "\n".join(path.read_text() for path in imported(module, set()))
     assert not re.findall(r"^(?:import|from) (?:jax|equinox|diffrax)\b", lines, re.M)

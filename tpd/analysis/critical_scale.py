@@ -154,7 +154,7 @@ def _scanned(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """First crossing of a scan, all tongues, and the intervals without an answer."""
     from tpd.models.compiled_shaken import follow_all
-    from tpd.models.shaken_kernel import STOOD
+    from tpd.exact.follow import STOOD
 
     row = x.copy()
     row[6] = 2.0 * np.pi / row[6]
@@ -212,7 +212,7 @@ def _padded(intervals: np.ndarray) -> np.ndarray:
 
 def verdicts(status: np.ndarray) -> np.ndarray:
     """1 where a motion overturns the block, 0 where it does not, and NaN where there is no answer."""
-    from tpd.models.shaken_kernel import OVERTURNED, ROCKED, STOOD
+    from tpd.exact.follow import OVERTURNED, ROCKED, STOOD
 
     return np.select([status == OVERTURNED, (status == STOOD) | (status == ROCKED)], [1.0, 0.0], np.nan)
 

@@ -138,7 +138,7 @@ def _followed(
     batch: dict[str, np.ndarray], records: list[np.ndarray], nonlinear: bool, brief: bool, **how: Any
 ) -> dict[str, np.ndarray]:
     """Fields of `Outcomes` of motions: rows of parameters, index of the record and free time of each."""
-    from tpd.models.shaken_kernel import FAILED, OVERTURNED
+    from tpd.exact.follow import FAILED, OVERTURNED
 
     if nonlinear:
         from tpd.models.compiled_nonlinear import shake_nonlinear as follow_all

@@ -12,6 +12,7 @@ from tpd.core import checks
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import Status
 from tpd.exact.contact import SLIP
+from tpd.models.compiled_shaken import REST_RATE
 
 STRONG = 0.01
 """Rate over nu omega0 above which an impact is counted as one: slower ones are a rattle, and how many of them
@@ -96,9 +97,8 @@ def shaking_history(
     """
     from tpd.models import compiling
 
-    compiling.load("tpd.models.shaken_history")
-    from tpd.models.shaken_history import COLUMNS, history
-    from tpd.models.shaken_kernel import STATUSES
+    compiling.load("tpd.models.exact_entry")
+    from tpd.models import exact_entry as entry
 
     checks.instance("scene", scene, Scene)
     row = rows_of(scene.block, pendulum, [scene.motion], float(scene.gravity))[0]
@@ -109,11 +109,14 @@ def shaking_history(
     clock = np.ascontiguousarray(times, dtype=float)
     if clock.ndim != 1 or len(clock) < 2 or not np.all(np.diff(clock) > 0.0) or clock[0] < 0.0:
         raise ValueError("`times` must be a vector of increasing numbers from 0 on, but are not")
-    out = np.full((len(clock), COLUMNS), np.nan)
+    out = np.empty((len(clock), entry.STATES))
     start = np.zeros(4) if y0 is None else np.asarray(y0, dtype=float) / [1.0, 1.0, rate, rate]
     # No motion has more: each impact is one of its events.
-    impacts = np.full((len(pieces) + MAX_EVENTS, 2), np.nan)
-    status = history(row, start, pieces, free * rate, clock * rate, MAX_EVENTS, out, impacts)
+    impacts, status = np.empty((len(pieces) + MAX_EVENTS, 2)), np.empty(1)
+    sizes = {"periods": len(clock), "first": len(impacts), "pieces": len(pieces), "events": MAX_EVENTS}
+    limits = {"free": free * rate, "rest_rate": REST_RATE}
+    settings = np.array(entry.settings(task=entry.HISTORY, **sizes, **limits))
+    entry.run(0, 1, settings, row, start, pieces, clock * rate, out, impacts, status)
     impacts = impacts[np.isfinite(impacts[:, 0])] * [1.0 / rate, rate]
     # The equations mean nothing where the block lies down.
     gone = ~(np.abs(out[:, 0]) < 0.5 * np.pi)
@@ -127,7 +130,7 @@ def shaking_history(
         *_forces(scene, pendulum, base, out, rate),
         impacts,
         out[:, 7] == SLIP,
-        getattr(Status, STATUSES[status]),
+        getattr(Status, entry.STATUSES[int(status[0])]),
         None if pendulum is None else _on_bob(scene, pendulum, base, out, rate),
     )
 

@@ -207,7 +207,7 @@ def _start(y0: ArrayLike) -> Any:
 
 
 def _status(found: Any) -> Status:
-    from tpd.models.shaken_kernel import STATUSES
+    from tpd.exact.follow import STATUSES
 
     every = [getattr(Status, name) for name in STATUSES]
     status = jax.tree.map(lambda *x: jnp.stack(x)[found.status.astype(int)], *every)

@@ -54,13 +54,14 @@ def settle_all(
         batch = rows, starts, begins, ramps
         return in_chunks(_program(model), batch, workers=workers, progress=progress)
     # Loaded here, and not with the package: it loads Numba.
-    from tpd.models import linear_entry as entry
-    from tpd.models.period_kernel import STATUSES
+    from tpd.exact.repetition import STATUSES
+    from tpd.models import exact_entry as entry
 
     n = len(starts)
     floats, counts = np.empty((n, entry.FLOATS)), np.empty((n, entry.WHOLES))
-    settings = np.empty((n, entry.SETTINGS))
-    settings[:] = (entry.SETTLE, model.max_periods, model.max_events, model.tolerance, model.rest_rate, 0.0)
+    settings = np.zeros(n, entry.SETTINGS)
+    settings["task"], settings["periods"], settings["events"] = entry.SETTLE, model.max_periods, model.max_events
+    settings["tolerance"], settings["rest_rate"] = model.tolerance, model.rest_rate
     times = np.stack([begins, ramps], axis=1)
 
     def run(first: int, last: int) -> int:

@@ -49,13 +49,13 @@ programs.CALLED[_TARGET] = _load
 @lru_cache(maxsize=1)
 def _usable() -> bool:
     try:
-        compiling.load("tpd.models.linear_entry")
-        from tpd.models import linear_entry
+        compiling.load("tpd.models.exact_entry")
+        from tpd.models import exact_entry
 
-        jax.ffi.register_ffi_target(_TARGET, jax.ffi.pycapsule(linear_entry.CALL.address), platform="cpu")
+        jax.ffi.register_ffi_target(_TARGET, jax.ffi.pycapsule(exact_entry.CALL.address), platform="cpu")
         cpu = jax.local_devices(backend="cpu")[0]
         with jax.default_device(cpu), jax.ensure_compile_time_eval():
-            works = _trial(linear_entry)
+            works = _trial(exact_entry)
     except Exception as error:
         works, why = False, f"{type(error).__name__}: {error}"
     else:
@@ -72,7 +72,7 @@ def _usable() -> bool:
 def _trial(entry: Any) -> bool:
     """Whether a custom call and a call from the host give the same answer."""
     x = np.array([[0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 2.0, 0.7, 0.9]])
-    settings = np.array([[entry.SETTLE, 1.0, 100.0, 1e-6, 2e-7, 0.0]])
+    settings = np.array([entry.settings(task=entry.SETTLE, periods=1.0, events=100.0, rest_rate=2e-7)])
     operands = settings, x, np.zeros((1, 4)), np.zeros((1, 2))
     out, counts = np.empty((1, entry.FLOATS)), np.empty((1, entry.WHOLES))
     entry.run(0, 1, *operands, out, counts)
@@ -82,7 +82,7 @@ def _trial(entry: Any) -> bool:
 
 
 def _shape(*sizes: Any) -> jax.ShapeDtypeStruct:
-    return jax.ShapeDtypeStruct(sizes, np.float64)
+    return jax.ShapeDtypeStruct(tuple(int(size) for size in sizes), np.float64)
 
 
 def on_platform(kernel: Callable[..., Any], program: Callable[..., Any], *operands: Any) -> Any:
@@ -106,9 +106,18 @@ def _called(shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> Any:
     return jax.ffi.ffi_call(_TARGET, shapes, vmap_method="broadcast_all")(*wide)
 
 
-def _settings(what: int, *numbers: Any) -> Array:
-    """A row of settings."""
-    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in (what, *numbers)])
+def _settings(**values: Any) -> Array:
+    """A row of settings, see `tpd.models.exact_entry.FIELDS`."""
+    from tpd.models import exact_entry as entry
+
+    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in entry.settings(**values)])
+
+
+def _changed(settings: Array, name: str, value: float) -> Array:
+    """A row of settings with another value."""
+    from tpd.models import exact_entry as entry
+
+    return settings.at[entry.FIELDS.index(name)].set(value)
 
 
 def _mode_of(numbers: Array) -> Mode:
@@ -116,7 +125,7 @@ def _mode_of(numbers: Array) -> Mode:
 
 
 def _status_of(number: Array) -> Status:
-    from tpd.models.period_kernel import STATUSES
+    from tpd.exact.repetition import STATUSES
 
     every = [getattr(Status, name) for name in STATUSES]
     return jax.tree.map(lambda *x: jnp.stack(x)[number.astype(int)], *every)
@@ -126,9 +135,10 @@ def settle(
     p: Parameters, y0: State, periods: int, max_events: int, tolerance: float, rest_rate: float
 ) -> Settled:
     """Follow the motion from `y0` at tau = 0 until it repeats, rests or is lost; not differentiable."""
-    from tpd.models import linear_entry as entry
+    from tpd.models import exact_entry as entry
 
-    s = _settings(entry.SETTLE, periods, max_events, tolerance, rest_rate, 0.0)
+    limits = {"periods": periods, "events": max_events, "tolerance": tolerance, "rest_rate": rest_rate}
+    s = _settings(task=entry.SETTLE, **limits)
     x, y = jax.lax.stop_gradient(packed(p)), jax.lax.stop_gradient(y0)
     out, counts = _called((_shape(entry.FLOATS), _shape(entry.WHOLES)), s, x, y, jnp.zeros(2))
     status, own, elapsed = _status_of(counts[0]), counts[1].astype(int), counts[2].astype(int)
@@ -143,10 +153,10 @@ def _cycle(x: Array, y: Array, mode: Array, settings: Array) -> Array:
 
 
 def _cycle_from(first: float, x: Array, y: Array, mode: Array, settings: Array) -> Any:
-    from tpd.models import linear_entry as entry
+    from tpd.models import exact_entry as entry
 
     # Value alone, or with all directions: derivatives are computed where they are asked for only.
-    s = settings.at[5].set(first)
+    s = _changed(settings, "first", first)
     return _called((_shape(entry.CYCLE_OUT), _shape(entry.CYCLE_SIZES, entry.INPUTS)), s, x, y, mode)
 
 
@@ -162,10 +172,10 @@ def _cycle_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 
 def cycle(p: Parameters, settled: Settled, y: State, max_events: int, rest_rate: float) -> Cycle:
     """Run the orbit's periods from `y`; derivatives pass through every event."""
-    from tpd.models import linear_entry as entry
+    from tpd.models import exact_entry as entry
 
     m = settled.memory
-    s = _settings(entry.CYCLE, settled.periods, max_events, 0.0, rest_rate, 0.0)
+    s = _settings(task=entry.CYCLE, periods=settled.periods, events=max_events, rest_rate=rest_rate)
     mode = jnp.stack([jnp.asarray(v, dtype=jnp.float64) for v in (m.kind, m.tilt_sign, m.rate_sign)])
     out = _cycle(packed(p), y, mode, s)
     still = jax.lax.stop_gradient(out)
@@ -180,11 +190,11 @@ def _trajectory(x: Array, y: Array, times: Array, settings: Array) -> tuple[Arra
 
 
 def _trajectory_from(slopes: float, x: Array, y: Array, times: Array, settings: Array) -> Any:
-    from tpd.models import linear_entry as entry
+    from tpd.models import exact_entry as entry
 
     n = times.size
     shapes = _shape(n, 8), _shape(1), _shape(n if slopes else 1, 4, entry.INPUTS + 1)
-    return _called(shapes, settings.at[5].set(slopes), x, y, times)
+    return _called(shapes, _changed(settings, "slopes", slopes), x, y, times)
 
 
 _trajectory_with_slopes = once(partial(_trajectory_from, 1.0))
@@ -205,9 +215,9 @@ def trajectory(
     p: Parameters, y0: State, times: Float[Array, "times"], max_events: int, rest_rate: float
 ) -> tuple[Float[Array, "times 4"], Status]:
     """The states at `times`, from `y0` at `times[0]`."""
-    from tpd.models import linear_entry as entry
+    from tpd.models import exact_entry as entry
 
-    s = _settings(entry.TRAJECTORY, times.size, max_events, 0.0, rest_rate, 0.0)
+    s = _settings(task=entry.TRAJECTORY, periods=times.size, events=max_events, rest_rate=rest_rate)
     ys, status = _trajectory(packed(p), y0, times, s)
     return ys, _status_of(jax.lax.stop_gradient(status)[0])
 

@@ -51,7 +51,7 @@ class Followed(NamedTuple):
     growing: Any
     """Growing coordinate of the last arc at its start: 0 between overturning and falling back."""
     status: Any
-    """Index among `tpd.models.shaken_kernel.STATUSES`."""
+    """Index among `tpd.exact.follow.STATUSES`."""
     impacts: Any
     lifted: Any
     """Time of the first uplift; infinite without one."""
@@ -64,14 +64,14 @@ class Followed(NamedTuple):
 @lru_cache(maxsize=1)
 def _usable() -> bool:
     """Whether XLA can call the compiled code: it answers a trial as the host's call does."""
-    compiling.load("tpd.models.shaken_entry")
-    from tpd.models import shaken_entry as entry
+    compiling.load("tpd.models.exact_entry")
+    from tpd.models import exact_entry as entry
 
     try:
         jax.ffi.register_ffi_target(_TARGET, jax.ffi.pycapsule(entry.CALL.address), platform="cpu")
         x = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 0.5, 0.7, 0.9])
         # Numbers of NumPy alone: the question may come while something is traced.
-        settings = np.array([2.0, -1.0, 1.0, REST_RATE, 100.0, 0.0, 0.0, 0.0])
+        settings = np.array(_row(2, 1.0, 100))
         operands = settings, x, np.zeros(4), np.array([[1.0, 0.0, 0.0, 0.0]] * 2)
         cpu = jax.local_devices(backend="cpu")[0]
         with jax.default_device(cpu), jax.ensure_compile_time_eval(), jax.enable_x64(True):
@@ -89,29 +89,37 @@ def _usable() -> bool:
 
 
 def _shapes(slopes: bool) -> tuple[jax.ShapeDtypeStruct, jax.ShapeDtypeStruct]:
-    from tpd.models import shaken_entry as entry
+    from tpd.models import exact_entry as entry
 
-    inputs = entry.INPUTS if slopes else 1
-    shapes = (entry.OUT,), (entry.ROWS if slopes else 1, inputs)
+    inputs = int(entry.INPUTS) if slopes else 1
+    shapes = (int(entry.OUT),), (int(entry.SHAKEN) if slopes else 1, inputs)
     return jax.ShapeDtypeStruct(shapes[0], np.float64), jax.ShapeDtypeStruct(shapes[1], np.float64)
 
 
-def _settings(pieces: int, free: Any, max_events: int, inputs: float) -> Any:
+def _row(pieces: int, free: Any, max_events: int) -> list[Any]:
     """A row of settings of a motion with a record of its own."""
-    numbers = pieces, -1.0, free, REST_RATE, max_events, inputs, 0.0, 0.0
-    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in numbers])
+    from tpd.models import exact_entry as entry
+
+    limits = {"free": free, "rest_rate": REST_RATE, "events": max_events}
+    return entry.settings(task=entry.SHAKE, pieces=pieces, record=-1.0, **limits)
+
+
+def _settings(pieces: int, free: Any, max_events: int) -> Any:
+    """That row for JAX."""
+    compiling.load("tpd.models.exact_entry")
+    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in _row(pieces, free, max_events)])
 
 
 def _on_host(*operands: Any) -> tuple[np.ndarray, np.ndarray]:
     """Results of operands of any batch shape, computed here."""
-    compiling.load("tpd.models.shaken_entry")
-    from tpd.models import shaken_entry as entry
+    compiling.load("tpd.models.exact_entry")
+    from tpd.models import exact_entry as entry
 
     wide = [np.asarray(x, dtype=float) for x in operands]
     batch = wide[0].shape[:-1]
     rows = int(np.prod(batch))
     flat = [np.ascontiguousarray(x.reshape(rows, *x.shape[len(batch) :])) for x in wide]
-    slopes = bool(rows and flat[0][0, entry.DIRECTIONS] > 0.0)
+    slopes = bool(rows and flat[0][0, entry.FIELDS.index("slopes")] > 0.0)
     out, by = (np.zeros((rows, *s.shape)) for s in _shapes(slopes))
     if rows:
         entry.run(0, rows, *flat, out, by)
@@ -153,16 +161,16 @@ def _parts(out: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
-    compiling.load("tpd.models.shaken_entry")
-    from tpd.models import shaken_entry as entry
+    compiling.load("tpd.models.exact_entry")
+    from tpd.models import exact_entry as entry
 
     x, y, pieces, settings = primals
     # Nine parameters, and four components of the start where that moves.
     inputs = 9.0 if isinstance(tangents[1], SymbolicZero) else 13.0
     # The largest angles are often met long before the end. A program that asks for them alone leaves the
     # second call out, on which nothing depends.
-    asked = settings.at[entry.DIRECTIONS].set(inputs)
-    out, by_angles = _called_with_slopes(asked.at[entry.ANGLES].set(1.0), x, y, pieces)
+    asked = settings.at[entry.FIELDS.index("slopes")].set(inputs)
+    out, by_angles = _called_with_slopes(asked.at[entry.FIELDS.index("angles")].set(1.0), x, y, pieces)
     by_end = _called_with_slopes(asked, x, y, pieces)[1]
     xs, ys, samples, times = (_zeros_of(t) for t in tangents)
     direction = jnp.concatenate([xs, ys])
@@ -173,14 +181,14 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
     # The state goes on for longer where the free time grows: angles move with their rates, and rates with
     # the accelerations.
     rates = jnp.concatenate([out[8:10], out[17:19], jnp.zeros(1)])
-    end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[entry.FREE]
+    end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[entry.FIELDS.index("free")]
     # So do angles that are largest where the motion ends.
-    whole = settings[entry.PIECES] * x[6] + settings[entry.FREE]
+    whole = settings[entry.FIELDS.index("pieces")] * x[6] + settings[entry.FIELDS.index("free")]
     last = jnp.abs(out[1:6:2] - whole) <= _AT_END * whole
     growing = jnp.stack([rates[0], rates[1], rates[1] - rates[0]])
     sides = jnp.sign(jnp.stack([out[6], out[7], out[7] - out[6]]))
-    angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[entry.FREE]
-    at = at + jnp.concatenate([last, jnp.zeros(2)]) * times[entry.FREE]
+    angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[entry.FIELDS.index("free")]
+    at = at + jnp.concatenate([last, jnp.zeros(2)]) * times[entry.FIELDS.index("free")]
     if not isinstance(tangents[2], SymbolicZero):
         # Derivatives in the samples of a record are not computed: not a number, and not zero.
         unknown = jnp.nan * jnp.sum(samples)
@@ -204,7 +212,7 @@ def follow(p: Parameters, pieces: Array, free: Number, y0: State, max_events: in
     """
     # The compiled code takes the duration of a piece, and eta is minus the acceleration of the base.
     x = packed(p).at[6].set(2.0 * jnp.pi / jnp.asarray(p.xi, dtype=jnp.float64))
-    settings = _settings(pieces.shape[-2], free, max_events, 0.0)
+    settings = _settings(pieces.shape[-2], free, max_events)
     angles, end, times, out = _followed(x, y0, -jnp.asarray(pieces), settings)
     found = _results(angles, end, jax.lax.stop_gradient(out))
     return found._replace(times=times[:3], lifted=times[3], fell=times[4])
@@ -259,20 +267,20 @@ def follow_all(
         at the end, the growing coordinate, the times of the angles and that of the first uplift, in the nine
         parameters and the four components of the start.
     """
-    compiling.load("tpd.models.shaken_entry")
-    from tpd.models import shaken_entry as entry
+    compiling.load("tpd.models.exact_entry")
+    from tpd.models import exact_entry as entry
 
     n, lengths = len(parameters), np.array([len(r) for r in records])
     # All records lie one after another; a motion knows the row of its first piece.
     firsts = np.cumsum(lengths) - lengths
     pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in records]))
-    settings = np.zeros((n, entry.SETTINGS))
-    settings[:, entry.PIECES], settings[:, entry.FIRST] = lengths[which], firsts[which]
-    settings[:, entry.FREE], settings[:, entry.REST], settings[:, entry.MOST] = free, REST_RATE, max_events
-    settings[:, entry.DIRECTIONS], settings[:, entry.BRIEF] = 13.0 if slopes else 0.0, brief
+    settings = np.zeros(n, entry.SETTINGS)
+    settings["task"], settings["pieces"], settings["record"] = entry.SHAKE, lengths[which], firsts[which]
+    settings["free"], settings["rest_rate"], settings["events"] = free, REST_RATE, max_events
+    settings["slopes"], settings["brief"] = 13.0 if slopes else 0.0, brief
     x = np.ascontiguousarray(parameters, dtype=float)
     starts = np.zeros((n, 4)) if y0 is None else np.ascontiguousarray(y0, dtype=float)
-    out, by = np.zeros((n, entry.OUT)), np.zeros((n if slopes else 1, entry.ROWS, entry.INPUTS))
+    out, by = np.zeros((n, entry.OUT)), np.zeros((n if slopes else 1, entry.SHAKEN, entry.INPUTS))
 
     def run(first: int, last: int) -> int:
         entry.run(first, last, settings, x, starts, pieces, out, by)

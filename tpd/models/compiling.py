@@ -22,9 +22,9 @@ from typing import IO
 
 from tpd.core.files import fcntl
 
-HARMONIC = ("tpd.models.linear_entry", "tpd.models.nonlinear_settling")
+HARMONIC = ("tpd.models.exact_entry", "tpd.models.nonlinear_settling")
 """Modules with the compiled code of motions under a harmonic."""
-GROUND = ("tpd.models.shaken_history", "tpd.models.nonlinear_ground")
+GROUND = ("tpd.models.exact_entry", "tpd.models.nonlinear_ground")
 """Modules of motions under pulses and records, but for the one that each command compiles itself."""
 _COMMAND = """
 import sys, warnings
@@ -42,13 +42,13 @@ wait for the end of all processes that hold its pipe."""
 
 
 def sources(*kinds: str) -> list[Path]:
-    """Files that are compiled, or call what is: of `models`, those whose names begin with one of `kinds`, and
-    what all share."""
+    """Files that are compiled, or call what is: the engine, and of `models` those whose names begin with one of
+    `kinds`."""
     package = Path(__file__).parent.parent
-    exact, shared = package / "exact", ("period_kernel", "custom_call")
-    chosen = [*sorted(exact.glob("*_kernel.py")), exact / "mode_kinds.py", exact / "event_search.py"]
     models = sorted((package / "models").glob("*.py"))
-    return chosen + [f for f in models if f.name.startswith((*kinds, *shared))]
+    return sorted((package / "exact").glob("*.py")) + [
+        f for f in models if f.name.startswith((*kinds, "custom_call"))
+    ]
 
 
 @lru_cache(maxsize=8)
@@ -64,7 +64,7 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
         OSError: no process can be started.
     """
     # Numba's store belongs to one installation, or to the folder that the environment names.
-    version, folders = checksum("linear_", "nonlinear_", "shaken_"), os.environ.get("NUMBA_CACHE_DIR")
+    version, folders = checksum("exact_", "nonlinear_"), os.environ.get("NUMBA_CACHE_DIR")
     for module in modules:
         place = f"{version} {module} {Path(__file__)} {sys.version} {folders}"
         mark = folder / f"compiled-{zlib.crc32(place.encode()):08x}"

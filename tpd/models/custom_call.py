@@ -20,7 +20,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
-from tpd.exact.arc_kernel import compiled
+from tpd.exact.plant import compiled
 
 FRAME = 16
 """Numbers of 8 bytes in a frame of XLA's."""

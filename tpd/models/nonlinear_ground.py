@@ -9,9 +9,9 @@ from typing import Any
 import numba
 import numpy as np
 
-from tpd.exact.arc_kernel import compiled, stored
-from tpd.exact.cubic_kernel import cubic_at
-from tpd.exact.event_kernel import sign
+from tpd.exact.contact_kernel import sign
+from tpd.exact.follow import EVENT_BOUND, FAILED, OVERTURNED, ROCKED, STOOD
+from tpd.exact.plant import compiled, stored
 from tpd.models.compiling import checksum
 from tpd.models.nonlinear_kernel import (
     ARRIVED,
@@ -31,7 +31,6 @@ from tpd.models.nonlinear_kernel import (
     plant,
 )
 from tpd.models.nonlinear_series import ORDERS, ROWS
-from tpd.models.shaken_kernel import EVENT_BOUND, FAILED, OVERTURNED, ROCKED, STOOD
 
 COLUMNS = 14
 """Numbers of a result: largest |phi|, |psi| and |psi - phi|, their times, the state at the end, status,
@@ -44,9 +43,11 @@ _SIGNATURE = numba.int64(*_ROWS, numba.int64, numba.int64, *_LIMITS, _TABLE)
 
 @compiled
 def _put_forcing(c, n, i, h, growth):
-    """Put the coefficients of a piece into `growth`."""
-    e = cubic_at(c, n, i, h, 0.0)
-    growth[0], growth[1], growth[2], growth[3] = e.e0, e.e1, e.e2, e.e3
+    """Put the coefficients of a piece into `growth`: after the last nothing shakes the base."""
+    power = 1.0
+    for j in range(4):
+        growth[j] = c[i, j] / power if i < n else 0.0
+        power *= h
 
 
 @compiled
@@ -128,4 +129,4 @@ def _entry(version: int) -> Callable[..., Any]:
 
 
 # See `tpd.models.nonlinear_settling`.
-shake_rows = _entry(checksum("nonlinear_", "shaken_kernel"))
+shake_rows = _entry(checksum("nonlinear_"))

@@ -13,9 +13,9 @@ from collections import namedtuple
 
 import numpy as np
 
-from tpd.exact.arc_kernel import compiled, places
-from tpd.exact.event_kernel import put_mode
+from tpd.exact.contact_kernel import mode_of
 from tpd.exact.mode_kinds import REST, SLIP, STICK
+from tpd.exact.plant import compiled, places
 from tpd.models.nonlinear_series import (
     APART,
     DOWN,
@@ -102,7 +102,7 @@ def decide(q, phi, psi, rate, tilt, way, sine, mode):
     """Put the mode of a state into `mode`: `tilt` and `way` are the signs of phi and phi', zero included."""
     up = _excess(q, phi, psi, rate, 1.0 if tilt == 0.0 else tilt, sine)
     down = _excess(q, phi, psi, rate, -1.0, sine) if tilt == 0.0 else up
-    put_mode(up, down, q.k + SLACK * (q.k + q.weight), tilt, way, mode)
+    mode[0], mode[1], mode[2] = mode_of(up, down, q.k + SLACK * (q.k + q.weight), tilt, way)
 
 
 @compiled

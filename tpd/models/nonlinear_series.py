@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from tpd.exact.arc_kernel import compiled, places
+from tpd.exact.plant import compiled, places
 
 ORDERS = 32
 """Most coefficients of a series."""

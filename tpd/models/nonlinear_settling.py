@@ -13,25 +13,9 @@ from typing import Any
 import numba
 import numpy as np
 
-from tpd.exact.arc_kernel import compiled, part, stored
-from tpd.exact.event_kernel import sign
-from tpd.models.compiling import checksum
-from tpd.models.nonlinear_kernel import (
-    ARRIVED,
-    BROKEN,
-    LOST,
-    REST,
-    REST_RATE,
-    SIZES,
-    SLIP,
-    STICK,
-    advance,
-    decide,
-    plant,
-    sine_at,
-)
-from tpd.models.nonlinear_series import ORDERS, ROWS
-from tpd.models.period_kernel import (
+from tpd.exact.contact_kernel import sign
+from tpd.exact.plant import compiled, part, stored
+from tpd.exact.repetition import (
     AT_REST,
     EVENT_BOUND,
     FAILED,
@@ -49,6 +33,22 @@ from tpd.models.period_kernel import (
     settled,
     stayed,
 )
+from tpd.models.compiling import checksum
+from tpd.models.nonlinear_kernel import (
+    ARRIVED,
+    BROKEN,
+    LOST,
+    REST,
+    REST_RATE,
+    SIZES,
+    SLIP,
+    STICK,
+    advance,
+    decide,
+    plant,
+    sine_at,
+)
+from tpd.models.nonlinear_series import ORDERS, ROWS
 
 __all__ = ["FLOATS", "STATUSES", "WHOLES", "settle_rows"]
 
@@ -134,7 +134,8 @@ def _settle(x, y0, begin, ramp, periods, rtol, max_events, out):
         elif repeats > 0:
             # The bob of a block that never moved may repeat itself after several periods only.
             status = AT_REST if stayed(last, repeats) else ROCKING
-    status, own = settled(status, repeats, y, last, peaks, mode, out)
+    status, own = settled(status, repeats, y, last, peaks, out)
+    out[8], out[9], out[10] = mode[0], mode[1], mode[2]
     return status, own, elapsed
 
 

@@ -159,7 +159,7 @@ class GroundObjective:
         return np.array(np.broadcast_arrays(*leaves), dtype=float).T.copy()
 
     def _runs(self, found: Any, designs: int) -> Runs:
-        from tpd.models.shaken_kernel import EVENT_BOUND, FAILED, OVERTURNED
+        from tpd.exact.follow import EVENT_BOUND, FAILED, OVERTURNED
 
         shape = designs, len(self.conditions)
         status, nu = found.status.reshape(shape).astype(int), self.geometry.slenderness[None, :]

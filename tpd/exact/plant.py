@@ -1,9 +1,9 @@
-"""Closed-form arcs of the linear equations (25) in compiled scalar code, for real and for complex numbers.
+"""The plant of the linear equations (25) in compiled scalar code: all that does not change from arc to arc.
 
-The formulas are those of `tpd.exact.modes` and `tpd.exact.arc`, one number after another. Complex numbers
-give derivatives: an input with the imaginary part `STEP` yields results whose imaginary parts are `STEP`
-times their derivatives, exact to rounding, because nothing is subtracted (W. Squire and G. Trapp, SIAM Review
-40, 1998). Every function here is analytic; where one decides, it looks at real parts.
+The formulas are those of `tpd.exact.modes`, one number after another, for real and for complex numbers.
+Complex numbers give derivatives: an input with the imaginary part `STEP` yields results whose imaginary parts
+are `STEP` times their derivatives, exact to rounding, because nothing is subtracted (W. Squire and G. Trapp,
+SIAM Review 40, 1998). Every function here is analytic; where one decides, it looks at real parts.
 
 Numba takes 0.3 s to load: no module imports this one before it is needed.
 """
@@ -11,7 +11,6 @@ Numba takes 0.3 s to load: no module imports this one before it is needed.
 from __future__ import annotations
 
 import inspect
-from collections import namedtuple
 from collections.abc import Callable
 from typing import Any
 
@@ -19,42 +18,24 @@ import numba
 import numpy as np
 
 from tpd.core import machine_code
-from tpd.exact.mode_kinds import REST, SLIP
 
 STEP = 1e-100
 """Imaginary part of an input in whose direction a derivative is taken. Its square is nothing beside 1, even
 times a derivative of 1e90 of a chaotic motion, and its third power is still a normal number."""
-_SERIES = 1e-3
-"""|w t|^2 below which the pair's solutions are summed as power series."""
-_EARLY = 0.5
-"""Time, over that of a free solution, before which its remainder is summed as a power series."""
-_TERMS = 1.0 / (np.arange(1.0, 17.0) * np.arange(2.0, 18.0))
-"""1/((k + 1)(k + 2)) for k from 0 on."""
-
 _FIELDS = (
     "nu mu lam zeta k f xi e slack up weight bias m11 m12 m21 m22 c1 c2 s1 s2 p q held_p held_q "
     "a0 a1 a2 a3 al0 al1 al2 al3 b0 b1 b2 b3 bl0 bl1 bl2 bl3 "
     "tilt_sin tilt_cos bob_sin bob_cos tilt_lag_sin tilt_lag_cos bob_lag_sin bob_lag_cos "
     "swing_sin swing_cos swing_lag_sin swing_lag_cos"
 )
-"""Numbers that do not change from arc to arc; see `tpd.exact.modes.Plant`. a and b are the shapes of modes
-s1 and s2, al and bl their left vectors. A held block is let go where the moment on it exceeds what holds it
-by more than the slack: 0 under a harmonic."""
+"""Coefficients, see `tpd.exact.modes.Plant`: of the equations; the time scales of the slipping block and of
+the held one; a and b the shapes of modes s1 and s2, al and bl their left vectors; the answers of tilt, bob and
+the bob of a held block to sine and cosine, and to forcing that grows. `xi` is the frequency of a harmonic, or
+the duration of a piece of another forcing (`tpd.exact.arcs.Forcing`). A held block is let go where the moment
+on it exceeds what holds it by more than the slack: 0 under a harmonic."""
 PLANT = np.dtype([(name, np.float64) for name in _FIELDS.split()])
 COMPLEX_PLANT = np.dtype([(name, np.complex128) for name in _FIELDS.split()])
 # Records, because Numba passes a record on as one address, and a tuple as all its numbers.
-Signal = namedtuple("Signal", "constant on_s1 on_s2 on_u on_v along across gain_along gain_across")
-"""A quantity along an arc; see `tpd.exact.signal.Signal`."""
-Arc = namedtuple("Arc", "tilt bob s1 s2 p q xi phase")
-"""The two angles as signals, the time scales, and the forcing's phase at the start.
-
-Where xi is 0, the forcing is a cubic. Then a signal is its Taylor polynomial of degree 3 at the start of the
-arc, with the coefficients (constant, along, across, gain_across), plus what is left of the free solutions
-beyond degree 3: t and t^2 take the place of sine and cosine, and remainders that of the free solutions. The
-polynomial comes from the state, so that nothing cancels soon after a start: a tilt of 1e-12 is as exact as
-one of 0.1."""
-Instant = namedtuple("Instant", "e1 e2 u v sine cosine")
-"""The functions of time that signals are made of."""
 
 
 def places(stop: int, start: int = 0) -> tuple[Any, ...]:
@@ -260,159 +241,8 @@ def plant_along(x, j, q):
 
 
 @compiled
-def _forced(sine, cosine, lag_sine, lag_cosine, share, rate):
-    """Amplitudes of a response to (share + rate t) sin, and their increase."""
-    along, across = share * sine + rate * lag_sine, share * cosine + rate * lag_cosine
-    return along, across, rate * sine, rate * cosine
-
-
-@compiled
-def launch(q, kind, tilt, way, y0, y1, y2, y3, phase, share, rate):
-    """The arc that leaves a state in a mode, the forcing being (share + rate t) sin(phase + xi t)."""
-    zero, xi = 0.0 * phase * q.xi, q.xi
-    sine, cosine = np.sin(phase), np.cos(phase)
-    if kind != SLIP:
-        along, across, more, less = _forced(
-            q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos, share, rate
-        )
-        u = y1 - along * sine - across * cosine
-        v = y3 - (more - xi * across) * sine - (less + xi * along) * cosine
-        leaning = zero if kind == REST else y0 + zero
-        still = Signal(leaning, zero, zero, zero, zero, zero, zero, zero, zero)
-        bob = Signal(zero, zero, zero, u, v, along, across, more + zero, less + zero)
-        return Arc(still, bob, zero, zero, q.held_p + zero, q.held_q + zero, xi + zero, phase + zero)
-    # Free motion is what is left of the state: its parts along the real modes, and the rest of the pair.
-    centre = (tilt * q.weight + way * q.k) / q.up
-    ts, tc, tg, th = _forced(q.tilt_sin, q.tilt_cos, q.tilt_lag_sin, q.tilt_lag_cos, share, rate)
-    bs, bc, bg, bh = _forced(q.bob_sin, q.bob_cos, q.bob_lag_sin, q.bob_lag_cos, share, rate)
-    f0 = y0 - centre - ts * sine - tc * cosine
-    f1 = y1 - bs * sine - bc * cosine
-    f2 = y2 - (tg - xi * tc) * sine - (th + xi * ts) * cosine
-    f3 = y3 - (bg - xi * bc) * sine - (bh + xi * bs) * cosine
-    a = q.al0 * f0 + q.al1 * f1 + q.al2 * f2 + q.al3 * f3
-    b = q.bl0 * f0 + q.bl1 * f1 + q.bl2 * f2 + q.bl3 * f3
-    pair0, pair1 = f0 - a * q.a0 - b * q.b0, f1 - a * q.a1 - b * q.b1
-    pair2, pair3 = f2 - a * q.a2 - b * q.b2, f3 - a * q.a3 - b * q.b3
-    leaning = Signal(centre + zero, a * q.a0, b * q.b0, pair0, pair2, ts, tc, tg + zero, th + zero)
-    bob = Signal(zero, a * q.a1, b * q.b1, pair1, pair3, bs, bc, bg + zero, bh + zero)
-    return Arc(leaning, bob, q.s1 + zero, q.s2 + zero, q.p + zero, q.q + zero, xi + zero, phase + zero)
-
-
-@compiled
-def _pair(p, q, t):
-    """The pair's solutions u, v with (u, u') = (1, 0), (v, v') = (0, 1) at t = 0; see `tpd.exact.modes`."""
-    w2 = q - 0.25 * p * p
-    x2 = w2 * t * t
-    half = 0.5 * p
-    if abs(x2.real) < _SERIES:
-        decay = np.exp(-half * t)
-        c = decay * (1.0 - x2 / 2.0 * (1.0 - x2 / 12.0 * (1.0 - x2 / 30.0 * (1.0 - x2 / 56.0))))
-        v = decay * t * (1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0))))
-    elif w2.real < 0.0:
-        w = np.sqrt(-w2)
-        slow, fast = np.exp((w - half) * t), np.exp((-w - half) * t)
-        c, v = 0.5 * (slow + fast), 0.5 * (slow - fast) / w
-    else:
-        w, decay = np.sqrt(w2), np.exp(-half * t)
-        c, v = decay * np.cos(w * t), decay * np.sin(w * t) / w
-    return c + half * v, v
-
-
-@compiled
-def _beyond_cubic(x):
-    """e^x - 1 - x - x^2/2 - x^3/6."""
-    if abs(x.real) > _EARLY:
-        return np.exp(x) - (1.0 + x * (1.0 + x * (0.5 + x / 6.0)))
-    total = 1.0 + x / 16.0
-    for k in range(15, 4, -1):
-        total = 1.0 + x / k * total
-    x2 = x * x
-    return x2 * x2 / 24.0 * total
-
-
-@compiled
-def _pair_beyond_cubic(p, q, t):
-    """The pair's solutions u, v without the terms of their power series up to t^3."""
-    pt, qt = p * t, q * t
-    v2 = -0.5 * pt * t
-    v3 = -(qt * t * t + 2.0 * pt * v2) / 6.0
-    if max(abs(pt.real), np.sqrt(abs(qt.real * t.real))) > _EARLY:
-        u, v = _pair(p, q, t)
-        return u - (1.0 - 0.5 * qt * t - qt * v2 / 3.0), v - (t + v2 + v3)
-    u_rest, v_rest, before, last = -0.25 * qt * v3, 0.0 * v3, v2, v3
-    # From u' = -q v and v' = u - p v: every term of v from the two before it, and that of u from one of v.
-    for k in range(2, 15):
-        before, last = last, -_TERMS[k] * (qt * t * before + (k + 1.0) * pt * last)
-        v_rest += last
-        u_rest -= qt * last / (k + 3.0)
-    return u_rest, v_rest
-
-
-@compiled
-def exponentials(arc, now, t):
-    """e^(s1 t) and e^(s2 t) at an instant."""
-    if arc.xi != 0.0:
-        return now.e1, now.e2
-    x, y = arc.s1 * t, arc.s2 * t
-    return now.e1 + 1.0 + x * (1.0 + x * (0.5 + x / 6.0)), now.e2 + 1.0 + y * (1.0 + y * (0.5 + y / 6.0))
-
-
-@compiled
-def instant(arc, t):
-    """The functions of time at local time `t`."""
-    if arc.xi.real == 0.0:
-        u, v = _pair_beyond_cubic(arc.p, arc.q, t)
-        e1, e2 = _beyond_cubic(arc.s1 * t), _beyond_cubic(arc.s2 * t)
-        return Instant(e1, e2, u, v, t + 0.0 * arc.xi, t * t + 0.0 * arc.xi)
-    u, v = _pair(arc.p, arc.q, t)
-    e1, e2 = np.exp(arc.s1 * t), np.exp(arc.s2 * t)
-    turned = arc.phase + arc.xi * t
-    return Instant(e1, e2, u, v, np.sin(turned), np.cos(turned))
-
-
-@compiled
-def rate_of(arc, x):
-    """The derivative of a signal in time."""
-    zero, xi = 0.0 * arc.xi, arc.xi
-    onward = -arc.q * x.on_u - arc.p * x.on_v
-    if xi.real == 0.0:
-        free = arc.s1 * x.on_s1, arc.s2 * x.on_s2, x.on_v, onward
-        # The fourth derivative at the start: the forcing has none.
-        next_onward = -arc.q * x.on_v - arc.p * onward
-        r1, r2 = arc.s1 * arc.s1, arc.s2 * arc.s2
-        fourth = r1 * r1 * x.on_s1 + r2 * r2 * x.on_s2 - arc.q * onward - arc.p * next_onward
-        return Signal(x.along, *free, 2.0 * x.across, 3.0 * x.gain_across, zero, fourth / 6.0)
-    along, across = x.gain_along - xi * x.across, x.gain_across + xi * x.along
-    harmonic = along, across, -xi * x.gain_across, xi * x.gain_along
-    return Signal(zero, arc.s1 * x.on_s1, arc.s2 * x.on_s2, x.on_v, onward, *harmonic)
-
-
-@compiled
-def value_of(x, now, t):
-    """The value of a signal."""
-    free = x.on_s1 * now.e1 + x.on_s2 * now.e2 + x.on_u * now.u + x.on_v * now.v
-    forced = (x.along + x.gain_along * t) * now.sine + (x.across + x.gain_across * t) * now.cosine
-    return x.constant + free + forced
-
-
-@compiled
-def state_at(arc, now, t):
-    """(phi, psi, phi', psi', phi'', psi'') at an instant."""
-    tilt, bob = rate_of(arc, arc.tilt), rate_of(arc, arc.bob)
-    block = value_of(arc.tilt, now, t), value_of(tilt, now, t), value_of(rate_of(arc, tilt), now, t)
-    hung = value_of(arc.bob, now, t), value_of(bob, now, t), value_of(rate_of(arc, bob), now, t)
-    return block[0], hung[0], block[1], hung[1], block[2], hung[2]
-
-
-@compiled
-def moment(q, y0, y1, y3, sine):
-    """Moment on a block held still; see `tpd.core.equations.Linear.holding_moment`."""
-    return q.up * y0 - q.f * sine - (q.up - 1.0) * y1 + q.bias * y3
-
-
-@compiled
-def struck(q, rests, y2, y3):
-    """Rates of block and bob after an impact, or after the last of the impacts that end in rest."""
-    e = 0.0 * q.e if rests else q.e
-    change = (e - 1.0) * y2
-    return y2 + change, y3 + 2.0 / q.lam * change
+def put_plants(x, first, plants):
+    """Fill ten complex plants from place `first` on: one for each parameter, and one for all directions in
+    which no parameter changes."""
+    for j in range(first, 10):
+        plant_along(x, j, plants[j])

@@ -11,17 +11,16 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from tpd.exact.arc_kernel import Signal, compiled, exponentials, instant, places, rate_of, value_of
+from tpd.exact.arcs import Signal, exponentials, instant, rate_of, value_of
 from tpd.exact.mode_kinds import SLIP, STICK
+from tpd.exact.plant import compiled, places
 
-GONE, END, FIRST, SECOND, BOB, RELATIVE = places(4, -2)
-"""Ends of a leg: a tilt beyond return; its horizon; the first signal (a turn, or a release upwards), the
+CUT, STOP, GONE, END, FIRST, SECOND, BOB, RELATIVE = places(4, -4)
+"""Ends of a leg: a part of a long arc; a time at which a state is asked for; a tilt beyond return; its horizon; the first signal (a turn, or a release upwards), the
 second (a landing, or a release downwards); a turn of the bob, or of the bob against the block, which change
 nothing."""
 SIGNALS = 4
-"""Signals that may be watched; the rows of a table of them, less one for numbers of the search."""
+"""Signals that may be watched: a table of them has one more row, for numbers of the search."""
 _VALUE, _SLOPE, _BEND = places(3)
 """Rows of a watched signal."""
 SMALL = 1e-10
@@ -41,12 +40,6 @@ _TWICE = 1.0 / 24.0
 """It differs by at most _TWICE B d^4 s^2."""
 _CURVED = math.sqrt(3.0) / 216.0
 """The slope of the cubic differs from that of the signal by at most this times B d^3."""
-
-
-@compiled
-def room():
-    """Working memory of a search."""
-    return np.empty((SIGNALS + 1, 4, 9))
 
 
 @compiled
@@ -76,13 +69,13 @@ def _watch(w, i, x, arc):
     second = rate_of(arc, slope)
     fourth = rate_of(arc, rate_of(arc, second))
     for j in range(9):
-        w[i, 0, j], w[i, 1, j], w[i, 2, j], w[i, 3, j] = x[j], slope[j], second[j], fourth[j]
+        w.signals[i, 0, j], w.signals[i, 1, j], w.signals[i, 2, j], w.signals[i, 3, j] = x[j], slope[j], second[j], fourth[j]
     # The energy x^2 + x'^2/q of the pair only decreases.
-    w[i, 3, 3] = math.sqrt(fourth.on_u * fourth.on_u + fourth.on_v * fourth.on_v / arc.q)
-    w[i, 3, 4] = math.sqrt(fourth.along * fourth.along + fourth.across * fourth.across)
+    w.signals[i, 3, 3] = math.sqrt(fourth.on_u * fourth.on_u + fourth.on_v * fourth.on_v / arc.q)
+    w.signals[i, 3, 4] = math.sqrt(fourth.along * fourth.along + fourth.across * fourth.across)
     if arc.xi == 0.0:
         # The fourth derivative of a cubic is zero, and its polynomial is that of the free solutions.
-        w[i, 3, 4] = w[i, 3, 7] = w[i, 3, 8] = 0.0
+        w.signals[i, 3, 4] = w.signals[i, 3, 7] = w.signals[i, 3, 8] = 0.0
 
 
 @compiled
@@ -111,21 +104,21 @@ def turn_over(w, i):
     """Watch a signal with the other sign."""
     for j in range(3):
         for k in range(9):
-            w[i, j, k] = -w[i, j, k]
+            w.signals[i, j, k] = -w.signals[i, j, k]
 
 
 @compiled
 def watch_block(q, arc, mode, forcing, w):
     """Prepare the signals of the block, with the forcing over its full size as a signal; see
     `tpd.exact.arc.ending`. Return whether the second is watched."""
-    if mode[0] == SLIP:
-        _watch(w, FIRST, _scaled(mode[2], rate_of(arc, arc.tilt)), arc)
-        if mode[1] * mode[2] >= 0.0:
+    if mode.kind == SLIP:
+        _watch(w, FIRST, _scaled(mode.way, rate_of(arc, arc.tilt)), arc)
+        if mode.tilt * mode.way >= 0.0:
             return False
-        _watch(w, SECOND, _scaled(mode[1], arc.tilt), arc)
+        _watch(w, SECOND, _scaled(mode.tilt, arc.tilt), arc)
         return True
-    pull, stuck = _excess(q, arc, forcing), mode[0] == STICK
-    level = q.up * arc.tilt.constant - (mode[1] * q.weight if stuck else 0.0)
+    pull, stuck = _excess(q, arc, forcing), mode.kind == STICK
+    level = q.up * arc.tilt.constant - (mode.tilt * q.weight if stuck else 0.0)
     hold = q.k + (0.0 if stuck else q.weight) + q.slack
     below = _scaled(-1.0, pull)
     _watch(w, FIRST, Signal(hold - level + below.constant, *below[1:]), arc)
@@ -137,20 +130,20 @@ def watch_block(q, arc, mode, forcing, w):
 def _look(w, i, now, t, j):
     """Value (j = 0), slope (1) or curvature (2) of a watched signal."""
     # No view of a row: Numba would count its references, which takes longer than the arithmetic.
-    free = w[i, j, 1] * now.e1 + w[i, j, 2] * now.e2 + w[i, j, 3] * now.u + w[i, j, 4] * now.v
-    along, across = w[i, j, 5] + w[i, j, 7] * t, w[i, j, 6] + w[i, j, 8] * t
-    return w[i, j, 0] + free + along * now.sine + across * now.cosine
+    free = w.signals[i, j, 1] * now.e1 + w.signals[i, j, 2] * now.e2 + w.signals[i, j, 3] * now.u + w.signals[i, j, 4] * now.v
+    along, across = w.signals[i, j, 5] + w.signals[i, j, 7] * t, w.signals[i, j, 6] + w.signals[i, j, 8] * t
+    return w.signals[i, j, 0] + free + along * now.sine + across * now.cosine
 
 
 @compiled
 def _bound(w, i, e1, e2, t):
     """Bound on the fourth derivative of a signal over a window that ends at `t`, with the larger exponentials
     in it."""
-    forced = w[i, 3, 4]
-    if w[i, 3, 7] != 0.0 or w[i, 3, 8] != 0.0:
+    forced = w.signals[i, 3, 4]
+    if w.signals[i, 3, 7] != 0.0 or w.signals[i, 3, 8] != 0.0:
         # The amplitude is a convex function of time, so that it is largest at an end.
-        forced = max(forced, math.hypot(w[i, 3, 5] + w[i, 3, 7] * t, w[i, 3, 6] + w[i, 3, 8] * t))
-    return abs(w[i, 3, 1]) * e1 + abs(w[i, 3, 2]) * e2 + w[i, 3, 3] + forced
+        forced = max(forced, math.hypot(w.signals[i, 3, 5] + w.signals[i, 3, 7] * t, w.signals[i, 3, 6] + w.signals[i, 3, 8] * t))
+    return abs(w.signals[i, 3, 1]) * e1 + abs(w.signals[i, 3, 2]) * e2 + w.signals[i, 3, 3] + forced
 
 
 _CLEAR, _ONE, _UNKNOWN = range(3)
@@ -214,22 +207,22 @@ def _root(arc, w, i, lo, hi, guess):
 
 
 @compiled
-def _begun(arc, w, count, second, now, t, end, least, g, v):
+def _begun(arc, w, now, t, end, g, v):
     """Put values and slopes of the signals at the start of an arc into `g` and `v`. A signal that begins at
     zero has just vanished: the motion goes on a little before it may vanish again, unless the forcing is a
     cubic, whose signals are exact there. Return the time."""
     again = False
-    for i in range(count):
-        if i != SECOND or second:
+    for i in range(w.count):
+        if i != SECOND or w.second:
             g[i], v[i] = _look(w, i, now, t, _VALUE), _look(w, i, now, t, _SLOPE)
             again = again or (g[i] < _AT_ZERO and v[i] <= 0.0 and arc.xi != 0.0)
             if g[i] < _AT_ZERO and v[i] > 0.0:
                 g[i] = max(g[i], 0.0)
     if again:
-        t = min(t + least, end)
+        t = min(t + w.least, end)
         now = instant(arc, t)
-        for i in range(count):
-            if i != SECOND or second:
+        for i in range(w.count):
+            if i != SECOND or w.second:
                 rose = g[i] < _AT_ZERO and v[i] > 0.0
                 g[i], v[i] = _look(w, i, now, t, _VALUE), _look(w, i, now, t, _SLOPE)
                 g[i] = max(g[i], 0.0) if rose else g[i]
@@ -237,10 +230,10 @@ def _begun(arc, w, count, second, now, t, end, least, g, v):
 
 
 @compiled
-def _at_once(count, second, since, t, g, v):
+def _at_once(w, since, t, g, v):
     """The event that a motion is past already, and its time, not before `since`; END if there is none."""
-    for i in range(count):
-        if (i != SECOND or second) and g[i] <= 0.0:
+    for i in range(w.count):
+        if (i != SECOND or w.second) and g[i] <= 0.0:
             if v[i] < 0.0:
                 at = t - g[i] / v[i]
                 return i, (at if at >= since else t)
@@ -250,29 +243,29 @@ def _at_once(count, second, since, t, g, v):
 
 
 @compiled
-def next_event(arc, w, count, second, now, t, end, least, longest, window, limit, looks):
-    """The first event of an arc after `t`, the instant `now`, and until `end`, its time, and how many looks
-    at the signals are left. No event is END; a tilt beyond `limit` is GONE. `count` rows of `w` are signals,
-    but the second only if `second`. The first window is `window`, the others are at most `longest`."""
-    g, v, h, z = w[SIGNALS, 0], w[SIGNALS, 1], w[SIGNALS, 2], w[SIGNALS, 3]
+def next_event(arc, w, now, t, end):
+    """The first event of an arc after `t`, the instant `now`, and until `end`, and its time. No event is END; a
+    tilt beyond the limit is GONE. The working memory `w` has the signals, see `tpd.exact.motion.ROOM`."""
+    g, v, h, z = w.signals[SIGNALS, 0], w.signals[SIGNALS, 1], w.signals[SIGNALS, 2], w.signals[SIGNALS, 3]
     since = t
-    t = _begun(arc, w, count, second, now, t, end, least, g, v)
-    which, at = _at_once(count, second, since, t, g, v)
+    t = _begun(arc, w, now, t, end, g, v)
+    which, at = _at_once(w, since, t, g, v)
     if which != END:
-        return which, at, looks
-    d, e2 = window, 1.0
-    while t < end and looks > 0:
+        return which, at
+    d, e2 = w.window, 1.0
+    while t < end and w.looks > 0:
         d = min(d, end - t)
         to = end if d == end - t else t + d
-        now, looks = instant(arc, to), looks - 1
+        now = instant(arc, to)
+        w.looks -= 1
         first, soonest, proved = END, to, True
         up, down = exponentials(arc, now, to)
-        for i in range(count):
-            if i == SECOND and not second:
+        for i in range(w.count):
+            if i == SECOND and not w.second:
                 continue
             h[i], z[i] = _look(w, i, now, to, _VALUE), _look(w, i, now, to, _SLOPE)
             found = _judged(g[i], v[i], h[i], z[i], d, _bound(w, i, up, e2, to))
-            if found == _UNKNOWN and d <= least:
+            if found == _UNKNOWN and d <= w.least:
                 # Rounding decides, but a signal that is exact where it began has left to the wrong side.
                 found = _ONE if h[i] <= 0.0 and (g[i] > 0.0 or arc.xi == 0.0) else _CLEAR
             if found == _UNKNOWN:
@@ -289,10 +282,10 @@ def next_event(arc, w, count, second, now, t, end, least, longest, window, limit
             d *= 0.5
             continue
         if first != END:
-            return first, soonest, looks
-        if not abs(value_of(arc.tilt, now, to)) < limit:
-            return GONE, to, looks
-        t, e2, d = to, down, min(2.0 * d, longest)
-        for i in range(count):
+            return first, soonest
+        if not abs(value_of(arc.tilt, now, to)) < w.limit:
+            return GONE, to
+        t, e2, d = to, down, min(2.0 * d, w.longest)
+        for i in range(w.count):
             g[i], v[i] = h[i], z[i]
-    return END, end, looks
+    return END, end

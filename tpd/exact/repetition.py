@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from tpd.exact.arc_kernel import compiled
+from tpd.exact.plant import compiled
 
 LONGEST = 8
 """Longest motion recognised as periodic, in forcing periods."""
@@ -82,8 +82,8 @@ def stayed(last, periods):
 
 
 @compiled
-def settled(status, repeats, y, last, peaks, mode, out):
-    """Put the results of a motion into `out`; return its status and its periods."""
+def settled(status, repeats, y, last, peaks, out):
+    """Put the results of a motion into `out`, but for the mode; return its status and its periods."""
     own = repeats if repeats > 0 else LONGEST
     amplitude, stroke, stuck = 0.0, 0.0, 0.0
     for j in range(own):
@@ -99,6 +99,4 @@ def settled(status, repeats, y, last, peaks, mode, out):
     out[4], out[5], out[6], out[7] = amplitude, stroke, peaks[0], peaks[1]
     for i in range(4):
         out[i] = y[i]
-    for i in range(3):
-        out[8 + i] = mode[i]
     return status, max(repeats, 1)

@@ -1,0 +1,313 @@
+"""Closed-form arcs of the linear equations (25) in compiled scalar code, for real and for complex numbers.
+
+The base moves in pieces. A piece of a harmonic is a forcing period, one like the other without end. A piece of
+a pulse or a record is a cubic in time; a record is linear between its samples, so that its pieces are exact.
+An arc leaves a state within a piece, in a mode of the contact. With M u'' + C u' + K u = b eta it is the sum
+of the free motion and of a particular solution: the answer to a sine, or, as K = diag(-(1 + 2 mu), 1) is never
+singular, a cubic with the coefficients
+
+    K u_j = b e_j - (j + 1) C u_{j+1} - (j + 2)(j + 1) M u_{j+2}    for eta = sum e_j t^j.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+from tpd.exact.mode_kinds import REST, SLIP
+from tpd.exact.plant import compiled
+
+_SERIES = 1e-3
+"""|w t|^2 below which the pair's solutions are summed as power series."""
+_EARLY = 0.5
+"""Time, over that of a free solution, before which its remainder is summed as a power series."""
+_TERMS = 1.0 / (np.arange(1.0, 17.0) * np.arange(2.0, 18.0))
+"""1/((k + 1)(k + 2)) for k from 0 on."""
+_YES, _NONE = np.bool_(True), np.int64(0)
+
+Forcing = namedtuple("Forcing", "harmonic share rate pieces cubics")
+"""eta, minus the base acceleration over g, as a share of the size f in the plant.
+
+If `harmonic`, (share + rate t) sin(xi t) in every piece, with t from its start. Otherwise as many cubics as
+there are `pieces`, and no forcing after the last: row i of `cubics` has the coefficients of piece i in the
+share of its duration, which is the plant's xi."""
+Load = namedtuple("Load", "xi phase e0 e1 e2 e3")
+"""eta from a moment on: (e0 + e1 t) sin(phase + xi t), or e0 + e1 t + e2 t^2 + e3 t^3 where xi is 0."""
+Signal = namedtuple("Signal", "constant on_s1 on_s2 on_u on_v along across gain_along gain_across")
+"""A quantity along an arc: a constant, a combination of the free motion's four solutions, and the answer to
+the forcing, (along + gain_along t) sin + (across + gain_across t) cos."""
+Arc = namedtuple("Arc", "tilt bob s1 s2 p q xi phase")
+"""The two angles as signals, the time scales, and the forcing's phase at the start.
+
+Where xi is 0, the forcing is a cubic. Then a signal is its Taylor polynomial of degree 3 at the start of the
+arc, with the coefficients (constant, along, across, gain_across), plus what is left of the free solutions
+beyond degree 3: t and t^2 take the place of sine and cosine, and remainders that of the free solutions. The
+polynomial comes from the state, so that nothing cancels soon after a start: a tilt of 1e-12 is as exact as
+one of 0.1."""
+Instant = namedtuple("Instant", "e1 e2 u v sine cosine")
+"""The functions of time that signals are made of."""
+
+
+@compiled
+def steady(cubics):
+    """Harmonic forcing of full size; `cubics` has no rows."""
+    return Forcing(_YES, 1.0, 0.0, _NONE, cubics)
+
+
+@compiled
+def span_of(q, f):
+    """Duration of a piece."""
+    return 2.0 * np.pi / q.xi if f.harmonic else q.xi + 0.0
+
+
+@compiled
+def load_at(q, f, i, s):
+    """Forcing from the local time `s` of piece i on."""
+    zero, h = 0.0 * (q.xi * s), q.xi
+    if f.harmonic:
+        return Load(h + zero, h * s, f.share + f.rate * s + zero, f.rate + zero, zero, zero)
+    if i >= f.pieces:
+        return Load(zero, zero, zero, zero, zero, zero)
+    c = f.cubics
+    a, b, g = c[i, 1] / h, c[i, 2] / (h * h), c[i, 3] / (h * h * h)
+    e0, e1 = c[i, 0] + s * (a + s * (b + s * g)), a + s * (2.0 * b + 3.0 * s * g)
+    return Load(zero, zero, e0, e1, b + 3.0 * s * g, g + zero)
+
+
+@compiled
+def forcing_at(e, t):
+    """eta and its slope."""
+    if e.xi.real != 0.0:
+        size, sine, cosine = e.e0 + e.e1 * t, np.sin(e.phase + e.xi * t), np.cos(e.phase + e.xi * t)
+        return size * sine, e.e1 * sine + size * e.xi * cosine
+    return e.e0 + t * (e.e1 + t * (e.e2 + t * e.e3)), e.e1 + t * (2.0 * e.e2 + 3.0 * t * e.e3)
+
+
+@compiled
+def forcing_signal(e):
+    """eta as a signal along an arc."""
+    if e.xi != 0.0:
+        return Signal(0.0, 0.0, 0.0, 0.0, 0.0, e.e0, 0.0, e.e1, 0.0)
+    return Signal(e.e0, 0.0, 0.0, 0.0, 0.0, e.e1, e.e2, 0.0, e.e3)
+
+
+@compiled
+def _forced(sine, cosine, lag_sine, lag_cosine, share, rate):
+    """Amplitudes of an answer to (share + rate t) sin, and their increase."""
+    along, across = share * sine + rate * lag_sine, share * cosine + rate * lag_cosine
+    return along, across, rate * sine, rate * cosine
+
+
+@compiled
+def _beginning(answer, e):
+    """Value and slope at the start of an arc of the answer to a sine."""
+    along, across, more, less = answer
+    sine, cosine = np.sin(e.phase), np.cos(e.phase)
+    value = along * sine + across * cosine
+    return value, (more - e.xi * across) * sine + (less + e.xi * along) * cosine
+
+
+@compiled
+def _held(q, e):
+    """Value and slope at the start of an arc of the bob's particular solution under a held block."""
+    # From the highest power down.
+    p3 = q.f * e.e3
+    p2 = q.f * e.e2 - 3.0 * q.c2 * p3
+    p1 = q.f * e.e1 - 2.0 * q.c2 * p2 - 6.0 * q.m22 * p3
+    return q.f * e.e0 - q.c2 * p1 - 2.0 * q.m22 * p2, p1
+
+
+@compiled
+def _onward(q, e, j, a1, b1, a2, b2):
+    """Coefficients of tilt and bob at one power of time, from those at the two powers above; the static answer
+    to eta is eta for both."""
+    r, m = q.f * e, (j + 1.0) * (j + 2.0)
+    turn = (j + 1.0) * (a1 - b1)
+    tilt = r + (q.c1 * turn + m * (q.m11 * a2 + q.m12 * b2)) / q.up
+    return tilt, r + q.c2 * turn - m * (q.m21 * a2 + q.m22 * b2)
+
+
+@compiled
+def _answer_to_cubic(q, e):
+    """Values and slopes (phi, phi', psi, psi') of the particular solution at the start of an arc."""
+    zero = 0.0 * (q.f + e.e0)
+    a3, b3 = _onward(q, e.e3, 3.0, zero, zero, zero, zero)
+    a2, b2 = _onward(q, e.e2, 2.0, a3, b3, zero, zero)
+    a1, b1 = _onward(q, e.e1, 1.0, a2, b2, a3, b3)
+    a0, b0 = _onward(q, e.e0, 0.0, a1, b1, a2, b2)
+    return a0, a1, b0, b1
+
+
+@compiled
+def accelerations(q, kind, centre, y0, y1, y2, y3, eta):
+    """phi'' and psi'' of a state whose tilt counts from `centre`; `eta` is the forcing over its full size."""
+    slip = y2 - y3
+    r2 = q.f * eta - y1 + q.c2 * slip
+    if kind != SLIP:
+        return 0.0 * r2, (q.f * eta - y1 - q.c2 * y3) / q.m22
+    r1 = q.up * (y0 - centre - q.f * eta) - q.c1 * slip
+    by = 1.0 / (q.m11 * q.m22 - q.m12 * q.m21)
+    return by * (q.m22 * r1 - q.m12 * r2), by * (q.m11 * r2 - q.m21 * r1)
+
+
+@compiled
+def launch(q, kind, tilt, way, y0, y1, y2, y3, e):
+    """The arc that leaves the state (y0, y1, y2, y3) in a mode (its kind, the signs of phi and phi') under the
+    forcing `e`."""
+    zero = 0.0 * (q.f + e.phase + e.e0 + y0)
+    balance = (tilt * q.weight + way * q.k) / q.up
+    if e.xi.real != 0.0:
+        # The particular solution oscillates about the balance of weight and friction.
+        if kind == SLIP:
+            own = _forced(q.tilt_sin, q.tilt_cos, q.tilt_lag_sin, q.tilt_lag_cos, e.e0, e.e1)
+            hung = _forced(q.bob_sin, q.bob_cos, q.bob_lag_sin, q.bob_lag_cos, e.e0, e.e1)
+        else:
+            own = zero, zero, zero, zero
+            hung = _forced(q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos, e.e0, e.e1)
+        (tv, ts), (bv, bs) = _beginning(own, e), _beginning(hung, e)
+        tilt_now, tilt_rate, bob_now, bob_rate = balance + tv, ts + zero, bv + zero, bs + zero
+        t0, t1, t2, t3, t4 = balance + zero, own[0] + zero, own[1] + zero, own[2] + zero, own[3] + zero
+        b0, b1, b2, b3, b4 = zero, hung[0] + zero, hung[1] + zero, hung[2] + zero, hung[3] + zero
+    else:
+        # Taylor polynomials: accelerations and their slopes by the equations and by their derivative in time.
+        up, swing = accelerations(q, kind, balance, y0, y1, y2, y3, e.e0)
+        faster, swinging = accelerations(q, kind, 0.0 * balance, y2, y3, up, swing, e.e1)
+        t0, t1, t2, t3, t4 = y0 + zero, y2 + zero, up / 2.0 + zero, zero, faster / 6.0 + zero
+        b0, b1, b2, b3, b4 = y1 + zero, y3 + zero, swing / 2.0 + zero, zero, swinging / 6.0 + zero
+        if kind == SLIP:
+            tilt_now, tilt_rate, bob_now, bob_rate = _answer_to_cubic(q, e)
+            tilt_now, tilt_rate = balance + tilt_now + zero, tilt_rate + zero
+            bob_now, bob_rate = bob_now + zero, bob_rate + zero
+        else:
+            bob_now, bob_rate = _held(q, e)
+            tilt_now, tilt_rate, bob_now, bob_rate = zero, zero, bob_now + zero, bob_rate + zero
+    # Free motion is what is left of the state.
+    f0, f1, f2, f3 = y0 - tilt_now, y1 - bob_now, y2 - tilt_rate, y3 - bob_rate
+    if kind != SLIP:
+        still = zero if kind == REST else y0 + zero
+        leaning = Signal(still, zero, zero, zero, zero, zero, zero, zero, zero)
+        bob = Signal(b0, zero, zero, f1, f3, b1, b2, b3, b4)
+        return Arc(leaning, bob, zero, zero, q.held_p + zero, q.held_q + zero, e.xi + zero, e.phase + zero)
+    # Its parts along the real modes, and the rest of the pair.
+    a = q.al0 * f0 + q.al1 * f1 + q.al2 * f2 + q.al3 * f3
+    b = q.bl0 * f0 + q.bl1 * f1 + q.bl2 * f2 + q.bl3 * f3
+    u0, u1 = f0 - a * q.a0 - b * q.b0, f1 - a * q.a1 - b * q.b1
+    v0, v1 = f2 - a * q.a2 - b * q.b2, f3 - a * q.a3 - b * q.b3
+    leaning = Signal(t0, a * q.a0, b * q.b0, u0, v0, t1, t2, t3, t4)
+    bob = Signal(b0, a * q.a1, b * q.b1, u1, v1, b1, b2, b3, b4)
+    return Arc(leaning, bob, q.s1 + zero, q.s2 + zero, q.p + zero, q.q + zero, e.xi + zero, e.phase + zero)
+
+
+@compiled
+def pair(p, q, t):
+    """The pair's solutions u, v with (u, u') = (1, 0), (v, v') = (0, 1) at t = 0; see `tpd.exact.modes`."""
+    w2 = q - 0.25 * p * p
+    x2 = w2 * t * t
+    half = 0.5 * p
+    if abs(x2.real) < _SERIES:
+        decay = np.exp(-half * t)
+        c = decay * (1.0 - x2 / 2.0 * (1.0 - x2 / 12.0 * (1.0 - x2 / 30.0 * (1.0 - x2 / 56.0))))
+        v = decay * t * (1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0))))
+    elif w2.real < 0.0:
+        w = np.sqrt(-w2)
+        slow, fast = np.exp((w - half) * t), np.exp((-w - half) * t)
+        c, v = 0.5 * (slow + fast), 0.5 * (slow - fast) / w
+    else:
+        w, decay = np.sqrt(w2), np.exp(-half * t)
+        c, v = decay * np.cos(w * t), decay * np.sin(w * t) / w
+    return c + half * v, v
+
+
+@compiled
+def _beyond_cubic(x):
+    """e^x - 1 - x - x^2/2 - x^3/6."""
+    if abs(x.real) > _EARLY:
+        return np.exp(x) - (1.0 + x * (1.0 + x * (0.5 + x / 6.0)))
+    total = 1.0 + x / 16.0
+    for k in range(15, 4, -1):
+        total = 1.0 + x / k * total
+    x2 = x * x
+    return x2 * x2 / 24.0 * total
+
+
+@compiled
+def _pair_beyond_cubic(p, q, t):
+    """The pair's solutions u, v without the terms of their power series up to t^3."""
+    pt, qt = p * t, q * t
+    v2 = -0.5 * pt * t
+    v3 = -(qt * t * t + 2.0 * pt * v2) / 6.0
+    if max(abs(pt.real), np.sqrt(abs(qt.real * t.real))) > _EARLY:
+        u, v = pair(p, q, t)
+        return u - (1.0 - 0.5 * qt * t - qt * v2 / 3.0), v - (t + v2 + v3)
+    u_rest, v_rest, before, last = -0.25 * qt * v3, 0.0 * v3, v2, v3
+    # From u' = -q v and v' = u - p v: every term of v from the two before it, and that of u from one of v.
+    for k in range(2, 15):
+        before, last = last, -_TERMS[k] * (qt * t * before + (k + 1.0) * pt * last)
+        v_rest += last
+        u_rest -= qt * last / (k + 3.0)
+    return u_rest, v_rest
+
+
+@compiled
+def exponentials(arc, now, t):
+    """e^(s1 t) and e^(s2 t) at an instant."""
+    if arc.xi != 0.0:
+        return now.e1, now.e2
+    x, y = arc.s1 * t, arc.s2 * t
+    return now.e1 + 1.0 + x * (1.0 + x * (0.5 + x / 6.0)), now.e2 + 1.0 + y * (1.0 + y * (0.5 + y / 6.0))
+
+
+@compiled
+def instant(arc, t):
+    """The functions of time at local time `t`."""
+    if arc.xi.real == 0.0:
+        u, v = _pair_beyond_cubic(arc.p, arc.q, t)
+        e1, e2 = _beyond_cubic(arc.s1 * t), _beyond_cubic(arc.s2 * t)
+        return Instant(e1, e2, u, v, t + 0.0 * arc.xi, t * t + 0.0 * arc.xi)
+    u, v = pair(arc.p, arc.q, t)
+    e1, e2 = np.exp(arc.s1 * t), np.exp(arc.s2 * t)
+    turned = arc.phase + arc.xi * t
+    return Instant(e1, e2, u, v, np.sin(turned), np.cos(turned))
+
+
+@compiled
+def beginning(arc):
+    """The functions of time at the start of an arc."""
+    if arc.xi == 0.0:
+        return Instant(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return Instant(1.0, 1.0, 1.0, 0.0, np.sin(arc.phase), np.cos(arc.phase))
+
+
+@compiled
+def rate_of(arc, x):
+    """The derivative of a signal in time."""
+    zero, xi = 0.0 * arc.xi, arc.xi
+    onward = -arc.q * x.on_u - arc.p * x.on_v
+    if xi.real == 0.0:
+        free = arc.s1 * x.on_s1, arc.s2 * x.on_s2, x.on_v, onward
+        # The fourth derivative at the start: the forcing has none.
+        next_onward = -arc.q * x.on_v - arc.p * onward
+        r1, r2 = arc.s1 * arc.s1, arc.s2 * arc.s2
+        fourth = r1 * r1 * x.on_s1 + r2 * r2 * x.on_s2 - arc.q * onward - arc.p * next_onward
+        return Signal(x.along, *free, 2.0 * x.across, 3.0 * x.gain_across, zero, fourth / 6.0)
+    along, across = x.gain_along - xi * x.across, x.gain_across + xi * x.along
+    harmonic = along, across, -xi * x.gain_across, xi * x.gain_along
+    return Signal(zero, arc.s1 * x.on_s1, arc.s2 * x.on_s2, x.on_v, onward, *harmonic)
+
+
+@compiled
+def value_of(x, now, t):
+    """The value of a signal."""
+    free = x.on_s1 * now.e1 + x.on_s2 * now.e2 + x.on_u * now.u + x.on_v * now.v
+    forced = (x.along + x.gain_along * t) * now.sine + (x.across + x.gain_across * t) * now.cosine
+    return x.constant + free + forced
+
+
+@compiled
+def state_at(arc, now, t):
+    """(phi, psi, phi', psi', phi'', psi'') at an instant."""
+    tilt, bob = rate_of(arc, arc.tilt), rate_of(arc, arc.bob)
+    block = value_of(arc.tilt, now, t), value_of(tilt, now, t), value_of(rate_of(arc, tilt), now, t)
+    hung = value_of(arc.bob, now, t), value_of(bob, now, t), value_of(rate_of(arc, bob), now, t)
+    return block[0], hung[0], block[1], hung[1], block[2], hung[2]

@@ -1,0 +1,108 @@
+"""The block's contact with its base in compiled scalar code: what holds it, its impacts and its modes.
+
+The rules are those of `tpd.exact.contact`, which has them in JAX.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tpd.exact.events import FIRST
+from tpd.exact.mode_kinds import REST, SLIP, STICK
+from tpd.exact.plant import compiled
+
+
+@compiled
+def moment(q, y0, y1, y3, eta):
+    """Moment on a block held still; see `tpd.core.equations.Linear.holding_moment`."""
+    return q.up * y0 - q.f * eta - (q.up - 1.0) * y1 + q.bias * y3
+
+
+@compiled
+def struck(q, rests, y2, y3):
+    """Rates of block and bob after an impact, or after the last of the impacts that end in rest."""
+    e = 0.0 * q.e if rests else q.e
+    change = (e - 1.0) * y2
+    return y2 + change, y3 + 2.0 / q.lam * change
+
+
+@compiled
+def sign(x):
+    """Sign of a number, 0 of zero."""
+    return 0.0 if x == 0.0 else math.copysign(1.0, x)
+
+
+@compiled
+def beyond_return(q):
+    """Tilt (rad) from which the block does not return; see `tpd.core.equations.Linear`."""
+    return 10.0 * (q.weight + q.k + q.f * q.up) / q.up
+
+
+@compiled
+def mode_of(up, down, friction, tilt, way):
+    """Kind and signs of the mode of a state; see `tpd.exact.contact.decide` for the arguments."""
+    lifts = 1.0 if up > friction else (-1.0 if down < -friction else 0.0)
+    goes = way if way != 0.0 else lifts
+    held = STICK if tilt != 0.0 else REST
+    return (SLIP if goes != 0.0 else held), (tilt if tilt != 0.0 else goes), goes
+
+
+@compiled
+def decide(q, y, tilt, way, eta, mode):
+    """Put the mode of a state into `mode`; `tilt` and `way` are the signs of phi and phi', zero included."""
+    held, side = moment(q, y[0], y[1], y[3], eta), (1.0 if tilt == 0.0 else tilt)
+    other = -1.0 if tilt == 0.0 else tilt
+    up, down = held - side * q.weight, held - other * q.weight
+    mode.kind, mode.tilt, mode.way = mode_of(up, down, q.k + q.slack, tilt, way)
+
+
+@compiled
+def held_on_base(q, psi, rate, eta):
+    """Whether weight and friction would hold the block at phi = 0 if it did not move."""
+    return abs(moment(q, 0.0 * psi, psi, rate, eta)) <= q.weight + q.k
+
+
+@compiled
+def reserve(q, kind, tilt, which, y0, y1, y3, eta):
+    """Distance of the moment on a held block from the limit at which it is released upwards, or downwards."""
+    way = 1.0 if which == FIRST else -1.0
+    # Off its base the block has one weight to overcome, on its base one to either side.
+    level = tilt * q.weight if kind == STICK else way * q.weight
+    return q.k - way * (moment(q, y0, y1, y3, eta) - level)
+
+
+@compiled
+def meet(q, which, capture, eta, y, mode):
+    """Change the state and the mode at an event of the block; see `tpd.exact.arc.ends`. Return whether the
+    block came to rest there out of hops slower than `capture`."""
+    if mode.kind != SLIP:
+        side = 1.0 if which == FIRST else -1.0
+        mode.tilt = side if mode.kind == REST else mode.tilt
+        mode.kind, mode.way = SLIP, side
+        return False
+    if which == FIRST:
+        # A turn this low belongs to hops slower than the capture speed, whose height is of its square.
+        low = abs(y[0]) <= capture * capture
+        y[0], y[2] = 0.0 if low else y[0], 0.0
+        decide(q, y, 0.0 if low else mode.tilt, 0.0, eta, mode)
+        return low
+    rests = abs(y[2]) <= capture and held_on_base(q, y[1], y[3], eta)
+    y[0] = 0.0
+    y[2], y[3] = struck(q, rests, y[2], y[3])
+    if y[2] == 0.0:
+        decide(q, y, 0.0, 0.0, eta, mode)
+    else:
+        mode.kind, mode.tilt = SLIP, mode.way
+    return rests
+
+
+@compiled
+def transversality(q, rate, which, before, after, now, eta):
+    """See `tpd.exact.contact.transversality_of`; `rate` is the usual one of the motion, and `now` a state
+    with its accelerations."""
+    if before != SLIP or after != SLIP:
+        return math.inf
+    usual = rate * q.weight
+    if which == FIRST:
+        return abs(now[4]) / (rate * usual)
+    return math.inf if held_on_base(q, now[1], now[3], eta) else abs(now[2]) / usual

@@ -1,0 +1,324 @@
+"""The follower: a motion of the linear equations (25) from event to event, exact and with no event missed.
+
+A motion goes through the pieces of its forcing (`tpd.exact.arcs.Forcing`): forcing periods of a harmonic, or
+cubics in time. Between two events it is an arc in closed form. `tpd.exact.events` proves where an arc has no
+event; pieces of a record that are proved to have none are taken in one step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+
+from tpd.exact.arcs import (
+    Signal,
+    beginning,
+    forcing_at,
+    forcing_signal,
+    instant,
+    launch,
+    load_at,
+    rate_of,
+    span_of,
+    state_at,
+    value_of,
+)
+from tpd.exact.contact_kernel import beyond_return, decide, meet, sign, transversality
+from tpd.exact.events import (
+    BOB,
+    CUT,
+    END,
+    GONE,
+    LONGEST,
+    LOOKS,
+    RELATIVE,
+    SECOND,
+    SMALL,
+    next_event,
+    side_of,
+    turn_over,
+    watch_block,
+    watch_turns,
+)
+from tpd.exact.mode_kinds import REST, SLIP, STICK
+from tpd.exact.motion import FIRST_PIECE, clear, note, record, restart
+from tpd.exact.plant import compiled, plant
+from tpd.exact.whole_pieces import put_maps, whole_pieces
+
+ARRIVED, LOST, EXHAUSTED = range(3)
+"""Ends of a part of a motion."""
+STATUSES = ("stood", "rocked", "overturned", "event_bound", "failed")
+"""Names of the statuses of a motion through all pieces, in the order of their numbers."""
+STOOD, ROCKED, OVERTURNED, EVENT_BOUND, FAILED = range(5)
+Rules = namedtuple("Rules", "capture bob relative brief")
+"""Largest speed phi' of an impact that may end in rest; whether turns of the bob count, and its turns against
+the block; and whether a free motion may end as soon as it cannot tilt the block further."""
+_ROUNDING = 1e-15
+"""Share of a piece below which a remaining time is rounding."""
+_REACH = 8.0
+"""Longest arc under a cubic, over the quickest time scale of the motion."""
+_FOREVER = 1e6
+_SLACK = 4e-15
+"""Share of what holds a block by which the moment on it must exceed that: less is rounding, and records often
+balance a block to the last digit, so that it would be let go and held again and again."""
+_LOSSLESS = 1.0 - 1e-4
+"""Velocity ratio from which on a rattle takes so many impacts that it may exhaust the bound on events."""
+_LAST = 10
+"""Times the bound on events that the last try may take."""
+_COARSER, _QUICKEST = 20.0, 1e-4
+"""Factor of the speed that counts as rest from one try to the next, and its largest value over nu."""
+_STILL = 1e-12
+"""Rate of the bob below which the sign of its way is found a little ahead."""
+
+
+@compiled
+def allow(m, room, events):
+    """Allow a motion so many events."""
+    m.events, room.looks = events, LOOKS * events
+
+
+@compiled
+def forcing_now(q, f, s):
+    """eta at the local time `s` of the first piece."""
+    return forcing_at(load_at(q, f, FIRST_PIECE, s), 0.0)[0]
+
+
+@compiled
+def begin(q, f, m, i, s):
+    """Count the largest angles of a motion from the local time `s` of piece i on; see `Mode` for `held`."""
+    y = m.y
+    restart(m)
+    m.held, rate = (2.0 if m.kind != SLIP else 0.0), y[3]
+    if abs(rate) <= _STILL and f.harmonic:
+        # From rest the bob's first and second derivatives vanish: look a little ahead instead.
+        ahead = 1e-3 / q.xi
+        arc = launch(q, m.kind, m.tilt, m.way, y[0], y[1], y[2], y[3], load_at(q, f, i, s))
+        rate = value_of(rate_of(arc, arc.bob), instant(arc, ahead), ahead)
+    m.bob_way = -1.0 if rate < 0.0 else 1.0
+
+
+@compiled
+def _difference(a, b):
+    """Difference of two signals."""
+    free = a.constant - b.constant, a.on_s1 - b.on_s1, a.on_s2 - b.on_s2, a.on_u - b.on_u, a.on_v - b.on_v
+    forced = a.along - b.along, a.across - b.across
+    return Signal(*free, *forced, a.gain_along - b.gain_along, a.gain_across - b.gain_across)
+
+
+@compiled
+def _watch(q, m, room, arc, e, rules):
+    """Prepare all signals of an arc for the room."""
+    room.second, room.count = watch_block(q, arc, m, forcing_signal(e), room), BOB
+    if rules.bob:
+        # Under a cubic a signal is exact at its start: the bob goes where the arc takes it.
+        side = m.bob_way if e.xi != 0.0 else side_of(rate_of(arc, arc.bob))
+        watch_turns(room, BOB, side, arc.bob, arc)
+        room.count = RELATIVE
+        # Under a held block both angles of the bob turn at once.
+        if rules.relative and m.kind == SLIP:
+            relative = _difference(arc.bob, arc.tilt)
+            watch_turns(room, RELATIVE, side_of(rate_of(arc, relative)), relative, arc)
+            room.count = RELATIVE + 1
+
+
+@compiled
+def _settles(q, y, best):
+    """Whether a block that moves freely has too little energy to tilt further than it has. The energy
+
+        [m11 phi'^2 + 2 m12 phi' psi' + mu lam m22 psi'^2]/2 + weight |phi| - up phi^2/2 + mu lam psi^2/2
+
+    of block and bob never grows without a forcing."""
+    share = q.mu * q.lam
+    moving = q.m11 * y[2] * y[2] + 2.0 * q.m12 * y[2] * y[3] + share * q.m22 * y[3] * y[3]
+    level = q.weight - q.up * abs(y[0])
+    # Distance from the energy of the unstable equilibrium, times 2 up; the weight cancels where phi is small.
+    left = level * level - q.up * (moving + share * y[1] * y[1])
+    if level <= 0.0 or left <= 0.0:
+        return False
+    return (q.weight - math.sqrt(left)) / q.up <= max(best[0], best[1]) * (1.0 + 1e-12)
+
+
+@compiled
+def _dies_away(q, y, best, bob):
+    """Whether the bob of a resting block, left to itself, neither lifts it nor, if its turns count, swings as
+    far as before: the energy psi^2 + psi'^2/q never grows."""
+    # Angle and rate are bounded at once, whatever their phase.
+    most = math.sqrt(y[1] * y[1] + y[3] * y[3] / q.held_q)
+    pull = abs(q.up - 1.0) * most + abs(q.bias) * most * math.sqrt(q.held_q)
+    swing, relative = max(best[2], best[3]), max(best[4], best[5])
+    return pull < q.k + q.weight and (not bob or most < min(swing, relative))
+
+
+@compiled
+def _longest(q, f):
+    """Longest window of a room."""
+    quickest = max(q.s1, math.sqrt(q.q))
+    return LONGEST / (max(q.xi, quickest) if f.harmonic else quickest)
+
+
+@compiled
+def piece(q, f, m, legs, room, i, s, end, rules):
+    """Follow a motion through piece i from its local time `s` to `end`, event by event; change state, mode and
+    tally, and record the legs. Return how it ended."""
+    y, start = m.y, room.start
+    origin, freely = i * span_of(q, f), not f.harmonic and i >= f.pieces
+    room.limit, room.longest = beyond_return(q), _longest(q, f)
+    room.window = room.longest
+    if f.harmonic:
+        room.least, usual, reach = SMALL * end, q.xi, math.inf
+    else:
+        room.least = SMALL
+        # The block's own time scale is 1 in tau. The Taylor polynomial of an arc grows with the third power of
+        # time, and its rounding with it.
+        slowest = max(max(q.p, q.held_p), math.sqrt(max(q.q, q.held_q)))
+        usual, reach = 1.0, _REACH / max(max(q.s1, -q.s2), slowest)
+        if m.kind != SLIP:
+            # The base acceleration may jump where a piece begins.
+            decide(q, y, m.tilt if m.kind == STICK else 0.0, 0.0, load_at(q, f, i, s).e0, m)
+            if m.kind == SLIP and m.lifted == math.inf:
+                m.lifted = origin + s
+    while m.events > 0 and room.looks > 0:
+        m.events -= 1
+        e = load_at(q, f, i, s)
+        arc = launch(q, m.kind, m.tilt, m.way, y[0], y[1], y[2], y[3], e)
+        _watch(q, m, room, arc, e, rules)
+        for j in range(4):
+            start[j] = y[j]
+        whole = end - s <= reach
+        left = end - s if whole else reach
+        at, begun, here = 0.0, 0.0, beginning(arc)
+        while True:
+            if freely and m.kind == REST and _dies_away(q, start, m.best, rules.bob):
+                # Damping that dies out needs no look at every turn down to the smallest number.
+                which, at = END, left
+            else:
+                which, at = next_event(arc, room, here, at, left)
+            here = instant(arc, at)
+            now = state_at(arc, here, at)
+            # Hops get shorter one after the other.
+            room.window = min(room.longest, 4.0 * (at - begun) + room.least)
+            if which < BOB:
+                break
+            # The bob turns, which changes nothing: the same arc goes on.
+            note(m, now[0], now[1], origin + s + at)
+            record(m, legs, i, s + begun, at - begun, which, start)
+            if which == BOB:
+                m.bob_way = -m.bob_way
+            turn_over(room, which)
+            begun = at
+            for j in range(4):
+                start[j] = now[j]
+        for j in range(4):
+            y[j] = now[j]
+        n, tau = m.recorded, origin + s + at
+        if which != GONE:
+            note(m, y[0], y[1], tau)
+        record(m, legs, i, s + begun, at - begun, which if which != END or whole else CUT, start)
+        if which == GONE:
+            m.fell = tau
+            return LOST
+        if which == END:
+            if whole:
+                return ARRIVED if room.looks > 0 else EXHAUSTED
+            s += at
+            m.events += 1
+            continue
+        # Whether the block rests is known after the event only.
+        was, eta = m.kind, forcing_at(e, at)[0]
+        rests = meet(q, which, rules.capture, eta, y, m)
+        if rests and n < len(legs):
+            legs[n].rests = rests
+        if was == SLIP and which == SECOND:
+            m.impacts += 1
+        if was == REST and m.lifted == math.inf:
+            m.lifted = tau
+        m.crossing = min(m.crossing, transversality(q, usual, which, was, m.kind, now, eta))
+        if y[3] * now[3] < 0.0:
+            m.bob_way = -m.bob_way
+        m.held = 1.0 if m.held > 0.0 or m.kind != SLIP else 0.0
+        s += at
+        # Only a free motion may end early: a forcing brings energy.
+        if freely and rules.brief and _settles(q, y, m.best):
+            return ARRIVED
+        if end - s <= _ROUNDING * end:
+            # With the event earlier or later, the motion is a little further or not as far at the end: the
+            # derivatives need a last leg, though it has no length.
+            record(m, legs, i, s, 0.0, END, y)
+            return ARRIVED
+    return EXHAUSTED
+
+
+@compiled
+def _falls(q, f, m, legs, room):
+    """Whether the arc that a motion ends on leads beyond return without another event; record it if so."""
+    y = m.y
+    if m.kind != SLIP:
+        return False
+    e = load_at(q, f, f.pieces, 0.0)
+    arc = launch(q, m.kind, m.tilt, m.way, y[0], y[1], y[2], y[3], e)
+    room.second, room.count = watch_block(q, arc, m, forcing_signal(e), room), BOB
+    room.least, room.longest, room.limit, room.looks = SMALL, _longest(q, f), beyond_return(q), 64 * LOOKS
+    room.window = room.longest
+    which, at = next_event(arc, room, beginning(arc), 0.0, _FOREVER)
+    if which == GONE:
+        m.fell = at
+        record(m, legs, f.pieces, 0.0, at, which, y)
+    return which == GONE
+
+
+@compiled
+def _through(q, f, m, legs, room, free, events, rules):
+    """Follow a motion as `through` does, once."""
+    y, i = m.y, FIRST_PIECE
+    put_maps(q, room)
+    clear(m)
+    # One event for each piece is none of the block's: its end.
+    allow(m, room, f.pieces + 1 + events)
+    decide(q, y, sign(y[0]), sign(y[2]), forcing_now(q, f, 0.0), m)
+    begin(q, f, m, i, 0.0)
+    if m.kind == SLIP or y[0] != 0.0:
+        m.lifted = 0.0
+    ended = ARRIVED
+    while i < f.pieces and ended == ARRIVED:
+        i = whole_pieces(q, f, m, legs, room, i, rules.bob)
+        if i < f.pieces:
+            ended = piece(q, f, m, legs, room, i, 0.0, q.xi, rules)
+            i += 1
+    # A motion that cannot tilt the block further overturns it neither.
+    quiet = rules.brief and _settles(q, y, m.best)
+    if ended == ARRIVED and free > 0.0 and not quiet:
+        ended = piece(q, f, m, legs, room, f.pieces, 0.0, free, rules)
+    if ended == ARRIVED and not quiet and _falls(q, f, m, legs, room):
+        m.fell += f.pieces * q.xi + free
+        ended = LOST
+    for j in range(4):
+        if not math.isfinite(y[j]):
+            return FAILED
+    if ended != ARRIVED:
+        return OVERTURNED if ended == LOST else EVENT_BOUND
+    return STOOD if m.lifted == math.inf else ROCKED
+
+
+@compiled
+def through(x, q, f, m, legs, room, s):
+    """Follow a motion through all pieces of a pulse or a record, freely for the time that the settings `s` say, and
+    along its last arc until it meets an event or is beyond return: an overturning that has begun is never missed.
+
+    `x` is (nu, mu, lam, zeta, k, f, h, rho, e) with f the size of the base acceleration over that of gravity
+    and h the duration of a piece. If the settings say `brief`, only the tilt, the uplift and the overturning hold: turns of the
+    bob are not looked for, and the free motion ends as soon as it cannot tilt the block further. Return the
+    status."""
+    plant(x, q)
+    q.slack = _SLACK * (q.k + q.weight)
+    y0, y1, y2, y3 = m.y[0], m.y[1], m.y[2], m.y[3]
+    brief, max_events = s.brief != 0.0, int(s.events)
+    quick, most, bob = s.rest_rate, max_events, q.mu > 0.0 and not brief
+    while True:
+        status = _through(q, f, m, legs, room, s.free, most, Rules(quick * q.nu, bob, bob, brief))
+        # Hops that lose nothing never end. Where there are too many of them, quicker ones count as rest: they
+        # tilt the block by about the square of their speed. The last try has the events that it may take.
+        if status != EVENT_BOUND or q.e < _LOSSLESS or quick * _COARSER > _QUICKEST:
+            return status
+        quick *= _COARSER
+        most = max_events if quick * _COARSER <= _QUICKEST else _LAST * max_events
+        m.y[0], m.y[1], m.y[2], m.y[3] = y0, y1, y2, y3

@@ -1,0 +1,312 @@
+"""What is read from the legs of a followed motion: its derivatives, its states at given times, its impacts.
+
+Between events a leg has the closed form of its arc: complex numbers carry derivatives (see
+`tpd.exact.plant.STEP`). At an event one Newton step on its time carries the saltation matrix. Over whole
+pieces the state goes through an affine map; the map and its derivatives are computed once, so that a piece
+costs a few products of small matrices.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tpd.exact.arcs import Load, forcing_at, instant, launch, load_at, span_of, state_at
+from tpd.exact.contact_kernel import reserve, struck
+from tpd.exact.events import BOB, CUT, END, FIRST, GONE, RELATIVE, SECOND, STOP
+from tpd.exact.mode_kinds import REST, SLIP, STICK
+from tpd.exact.motion import WHOLE, angle_of, larger
+from tpd.exact.plant import COMPLEX_PLANT, STEP, compiled
+
+_KINDS = float(SLIP), float(STICK)
+"""Modes of the maps of whole pieces: one serves both kinds of held blocks."""
+INPUTS = np.int64(13)
+"""Directions of derivatives: nine parameters and four components of the start."""
+STATE = np.int64(9)
+"""First direction of the start."""
+END_STATE, ANGLES, GROWING, TIMES, UPLIFT, ROWS = map(np.int64, (0, 4, 10, 11, 17, 18))
+"""Rows of derivatives: of the state at the end; the six largest angles of a tally; under a pulse or a record
+also the growing coordinate at the start of the last leg, the times of the six angles, and that of the first
+uplift. A time without a derivative leaves its row as it is."""
+READER = np.dtype(
+    [
+        ("plants", COMPLEX_PLANT, (10,)),
+        ("dy", np.float64, (4, 14)),
+        ("shift", np.float64, (14,)),
+        ("now", np.float64, (6,)),
+        ("maps", np.float64, (2, 4, 8)),
+        ("slopes", np.float64, (2, 4, 8, 13)),
+        ("known", np.int64, (2,)),
+    ],
+    align=True,
+)
+"""A reader of legs: complex plants (one for each parameter, and one for the other directions); derivatives of the
+state, and of the local time, in all directions and that of the time of the start; the state where it is with
+its accelerations; the maps of whole pieces for the slipping and for the held block, their derivatives, and
+whether they are known."""
+
+
+@compiled
+def _late(q, f, leg, a, s, eta, rate):
+    """How much later a leg ends, in the direction of the derivative; `a` is its last state, and `s` the local
+    time of its beginning."""
+    # To first order: what is left of the event's signal, over its slope.
+    which = leg.which
+    if which == END:
+        # The horizon of a free motion does not depend on anything.
+        return (span_of(q, f) - s).imag if f.harmonic or leg.piece < f.pieces else -s.imag
+    if which == STOP:
+        return -(leg.piece * span_of(q, f) + s).imag
+    if which >= BOB or which == CUT:
+        return 0.0
+    if leg.kind != SLIP:
+        value = reserve(q, leg.kind, complex(leg.tilt, 0.0), which, a[0], a[1], a[3], eta)
+        side = 1.0 if which == FIRST else -1.0
+        pull = (1.0 - q.up.real) * a[3].real + q.bias.real * a[5].real
+        slope = -side * (pull - q.f.real * rate.real)
+        return -value.imag / slope if slope != 0.0 else 0.0
+    if which == FIRST:
+        return -a[2].imag / a[4].real if a[4].real != 0.0 else 0.0
+    return -a[0].imag / a[2].real if a[2].real != 0.0 else 0.0
+
+
+@compiled
+def _launched(q, f, leg, dy, j, s):
+    """The arc of a leg in direction j, and its forcing; `s` is the local time of its beginning."""
+    e = load_at(q, f, leg.piece, s)
+    y0, y1 = complex(leg.y[0], dy[0, j] * STEP), complex(leg.y[1], dy[1, j] * STEP)
+    y2, y3 = complex(leg.y[2], dy[2, j] * STEP), complex(leg.y[3], dy[3, j] * STEP)
+    return launch(q, leg.kind, complex(leg.tilt, 0.0), complex(leg.way, 0.0), y0, y1, y2, y3, e), e
+
+
+@compiled
+def along(r, f, leg, first, last):
+    """Take a reader, in the directions from `first` to before `last`, to the end of a leg, before its event."""
+    # The real state begins anew with every leg, so that errors of it do not add up.
+    t = complex(leg.lasted, 0.0)
+    for j in range(first, last):
+        q, s = r.plants[min(j, 9)], complex(leg.begun, r.shift[j] * STEP)
+        arc, e = _launched(q, f, leg, r.dy, j, s)
+        a = state_at(arc, instant(arc, t), t)
+        eta, rate = forcing_at(e, t)
+        late = _late(q, f, leg, a, s, eta, rate)
+        for i in range(4):
+            r.dy[i, j] = (a[i].imag + a[i + 2].real * late) / STEP
+        r.shift[j] += late / STEP
+        for i in range(6):
+            r.now[i] = a[i].real
+
+
+@compiled
+def past(r, leg, first, last):
+    """Take a reader, in the same directions, from the end of a leg past its event."""
+    # The next piece begins at its own zero of time.
+    if leg.which == END:
+        for j in range(first, last):
+            r.shift[j] = 0.0
+    if leg.kind != SLIP or (leg.which != FIRST and leg.which != SECOND):
+        return
+    for j in range(first, last):
+        if leg.which == FIRST:
+            # A hop that ends in rest takes its turn on the base.
+            r.dy[0, j], r.dy[2, j] = (0.0 if leg.rests else r.dy[0, j]), 0.0
+            continue
+        y2, y3 = complex(r.now[2], r.dy[2, j] * STEP), complex(r.now[3], r.dy[3, j] * STEP)
+        y2, y3 = struck(r.plants[min(j, 9)], leg.rests, y2, y3)
+        # At a landing the tilt is zero whatever the parameters.
+        r.dy[0, j], r.dy[2, j], r.dy[3, j] = 0.0, y2.imag / STEP, y3.imag / STEP
+
+
+@compiled
+def _put_maps(r, held, inputs):
+    """Put the map (state, coefficients of the forcing) -> state of a piece into a reader, with its
+    derivatives. The tilt counts from the centre of its motion."""
+    one, zero = complex(1.0, 0.0), complex(0.0, 0.0)
+    u, kind = np.zeros(8, np.complex128), _KINDS[held]
+    for j in range(inputs):
+        q = r.plants[min(j, 9)]
+        h = q.xi
+        for k in range(8):
+            # The forcing is given by its coefficients in the share of the piece.
+            for i in range(8):
+                u[i] = zero if i != k else one
+            e = Load(zero, zero, u[4], u[5] / h, u[6] / (h * h), u[7] / (h * h * h))
+            # No weight and no friction: both signs are zero.
+            arc = launch(q, kind, zero, zero, u[0], u[1], u[2], u[3], e)
+            end = state_at(arc, instant(arc, h), h)
+            for i in range(4):
+                r.maps[held, i, k], r.slopes[held, i, k, j] = end[i].real, end[i].imag / STEP
+
+
+@compiled
+def _along_whole(q, r, c, leg, inputs):
+    """Take a reader through whole pieces, the rows of `c`."""
+    held = 1 if leg.kind != SLIP else 0
+    if r.known[held] == 0:
+        _put_maps(r, held, inputs)
+        r.known[held] = 1
+    a, by, y, dy = r.maps[held], r.slopes[held], r.now, r.dy
+    old, x, moved = np.empty((4, inputs)), np.empty(8), np.zeros(inputs)
+    # The map is linear about the centre, which moves with weight and friction.
+    centre = 0.0 if held else (leg.tilt * q.weight + leg.way * q.k) / q.up
+    for j in range(inputs):
+        p = r.plants[min(j, 9)]
+        r.shift[j] = 0.0
+        if not held:
+            moved[j] = ((leg.tilt * p.weight + leg.way * p.k) / p.up).imag / STEP
+    for i in range(4):
+        y[i] = leg.y[i]
+    first, last = leg.piece, leg.piece + int(leg.lasted)
+    # A record has no square and no cube: half of the coefficients are left out.
+    terms = 6
+    for n in range(first, last):
+        terms = max(terms, 8 if c[n, 3] != 0.0 else (7 if c[n, 2] != 0.0 else 6))
+    for n in range(first, last):
+        for k in range(4):
+            x[k], x[4 + k] = y[k], c[n, k]
+            for j in range(inputs):
+                old[k, j] = dy[k, j]
+        x[0] -= centre
+        for j in range(inputs):
+            old[0, j] -= moved[j]
+        for i in range(4):
+            total = 0.0
+            for j in range(inputs):
+                dy[i, j] = 0.0
+            for k in range(terms):
+                size = x[k]
+                total += a[i, k] * size
+                for j in range(inputs):
+                    dy[i, j] += by[i, k, j] * size
+            for k in range(4):
+                size = a[i, k]
+                for j in range(inputs):
+                    dy[i, j] += size * old[k, j]
+            y[i] = total
+        y[0] += centre
+        for j in range(inputs):
+            dy[0, j] += moved[j]
+
+
+@compiled
+def _put_angles(r, f, m, n, leg, directions, by):
+    """Put the derivatives of the largest angles that were met at the end of leg n, and of their times, into
+    `by`."""
+    for k in range(6):
+        if m.where[k] != n:
+            continue
+        for j in range(directions[0], directions[1]):
+            by[ANGLES + k, j] = angle_of(r.dy[0, j], r.dy[1, j], k)
+        if n < 0 or f.harmonic:
+            continue
+        # Where the bob turns the leg ends at a fixed time: the turn itself is a little earlier or later.
+        turns, apart = k > 1 and (leg.which == BOB or leg.which == RELATIVE), 1.0 if k > 3 else 0.0
+        bend, pieces = r.now[5] - apart * r.now[4], leg.piece + (leg.lasted if leg.which == WHOLE else 0.0)
+        for j in range(directions[0], directions[1]):
+            late = -(r.dy[3, j] - apart * r.dy[2, j]) / bend if turns else 0.0
+            by[TIMES + k, j] = pieces * r.plants[min(j, 9)].xi.imag / STEP + r.shift[j] + late
+
+
+@compiled
+def _lifts_at(legs, count):
+    """The leg with which a block leaves its base for the first time; -1 if it never does, or has left it from
+    the beginning."""
+    if count > 0 and legs[0].kind == REST:
+        for n in range(1, count):
+            if legs[n].kind != REST:
+                return n
+    return -1
+
+
+@compiled
+def read(q, f, m, legs, r, directions, angles_only, by):
+    """Put the derivatives of a followed motion into `by`, of `ROWS` rows, in the `directions` from the first
+    to before the last of two, and return the growing coordinate of its last leg. The reader has its plants. If `angles_only`, what comes after the
+    last of the largest angles and the first uplift is left out."""
+    count, first, inputs = min(m.recorded, len(legs)), directions[0], directions[1]
+    r.known[0] = r.known[1] = 0
+    for j in range(inputs):
+        r.shift[j] = 0.0
+        for i in range(4):
+            r.dy[i, j] = 1.0 if j == STATE + i else 0.0
+    if count > 0:
+        _put_angles(r, f, m, -1, legs[0], directions, by)
+    growing, lifts, last = 0.0, -1 if f.harmonic else _lifts_at(legs, count), count
+    if angles_only:
+        last = lifts
+        for k in range(3):
+            last = max(last, m.where[larger(m, k)])
+        last = min(count, 1 + last)
+    for n in range(last):
+        leg = legs[n]
+        if n == lifts:
+            for j in range(first, inputs):
+                by[UPLIFT, j] = leg.piece * r.plants[min(j, 9)].xi.imag / STEP + r.shift[j]
+        if n == m.recorded - 1 and not f.harmonic:
+            # The last leg decides between overturning and falling back.
+            for j in range(first, inputs):
+                p = r.plants[min(j, 9)]
+                arc, _ = _launched(p, f, leg, r.dy, j, complex(leg.begun, r.shift[j] * STEP))
+                coordinate = arc.tilt.on_s1 / p.a0
+                by[GROWING, j], growing = coordinate.imag / STEP, coordinate.real
+        if leg.which == WHOLE:
+            _along_whole(q, r, f.cubics, leg, inputs)
+        else:
+            along(r, f, leg, first, inputs)
+        _put_angles(r, f, m, n, leg, directions, by)
+        if leg.which != WHOLE:
+            past(r, leg, first, inputs)
+    for i in range(4):
+        for j in range(first, inputs):
+            by[END_STATE + i, j] = r.dy[i, j]
+    return growing
+
+
+@compiled
+def put_impacts(q, legs, count, impacts):
+    """Put times and rates after them of all impacts into `impacts`, shape (most, 2), NaN where there are
+    fewer."""
+    k = 0
+    for n in range(count):
+        leg = legs[n]
+        if leg.kind == SLIP and leg.which == SECOND and k < len(impacts):
+            impacts[k, 0] = leg.piece * q.xi + leg.begun + leg.lasted
+            # The next leg begins with the state after the impact; after the last one the block rests.
+            impacts[k, 1] = legs[n + 1].y[2] if n + 1 < count else 0.0
+            k += 1
+    for i in range(k, len(impacts)):
+        impacts[i, 0] = impacts[i, 1] = np.nan
+
+
+@compiled
+def put_states(q, f, legs, count, times, out):
+    """Put what a motion is at increasing `times` into rows of `out`, NaN beyond its end: the state with its
+    accelerations (6), the forcing, the kind of the mode and the sign of the tilt."""
+    at, y, h = 0, np.empty(4), span_of(q, f)
+    for n in range(count):
+        leg = legs[n]
+        whole, lasts = leg.which == WHOLE, leg.lasted
+        if leg.which == GONE:
+            # To the last time: the arc goes on.
+            lasts = max(lasts, times[-1])
+        for i in range(4):
+            y[i] = leg.y[i]
+        # Whole pieces are gone through one by one, since a time may lie in any of them.
+        for k in range(int(lasts) if whole else 1):
+            start, duration = (0.0 if whole else leg.begun), (h if whole else lasts)
+            e = load_at(q, f, leg.piece + k, start)
+            arc = launch(q, leg.kind, leg.tilt, leg.way, y[0], y[1], y[2], y[3], e)
+            begun = (leg.piece + k) * h + start
+            while at < len(times) and times[at] <= begun + duration:
+                t = times[at] - begun
+                a = state_at(arc, instant(arc, t), t)
+                for i in range(6):
+                    out[at, i] = a[i]
+                out[at, 6], out[at, 7], out[at, 8] = q.f * forcing_at(e, t)[0], leg.kind, leg.tilt
+                at += 1
+            if whole:
+                a = state_at(arc, instant(arc, h), h)
+                for i in range(4):
+                    y[i] = a[i]
+    for k in range(at, len(times)):
+        for i in range(out.shape[1]):
+            out[k, i] = np.nan

@@ -1,0 +1,115 @@
+"""What a followed motion is made of in compiled scalar code: its state, what is counted, and its legs.
+
+A leg is a part of an arc that ends in an event, at its horizon or where the bob turns. Legs are all that
+derivatives, states at given times and orbits are read from (`tpd.exact.legs`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tpd.exact.events import SIGNALS
+from tpd.exact.plant import compiled
+
+LEG = np.dtype(
+    [
+        *((name, np.float64) for name in ("kind", "tilt", "way")),
+        ("piece", np.int64),
+        *((name, np.float64) for name in ("begun", "lasted")),
+        ("which", np.int64),
+        ("rests", np.bool_),
+        ("y", np.float64, (4,)),
+    ],
+    align=True,
+)
+"""A leg: the mode's kind and signs; its piece, its beginning there and its duration (the number of pieces if
+they are whole); what ended it, and whether that ended in rest; the state at its start."""
+WHOLE = np.int64(4)
+"""End of a leg that consists of whole pieces without an event."""
+MOTION = np.dtype(
+    [
+        ("y", np.float64, (4,)),
+        *((name, np.float64) for name in ("kind", "tilt", "way", "held")),
+        *((name, np.float64, (6,)) for name in ("best", "when")),
+        ("where", np.int64, (6,)),
+        *((name, np.int64) for name in ("impacts", "recorded", "events")),
+        *((name, np.float64) for name in ("lifted", "fell", "crossing", "bob_way")),
+    ],
+    align=True,
+)
+"""A motion that is followed: its state; the kind of its mode, the signs of phi and phi', and for how long the
+block was held since the count began (0 never, 1 for a part of the motion, 2 throughout); and what is counted: the
+largest phi, psi and psi - phi to either side, their times, and the legs at whose ends they were met (-1 is the
+beginning); impacts, legs and events that are left; the times of the first uplift and of the overturning; the
+least transversality; and the sign of psi'."""
+ROOM = np.dtype(
+    [
+        *((name, np.float64, (4,)) for name in ("start", "end")),
+        ("signals", np.float64, (SIGNALS + 1, 4, 9)),
+        *((name, np.int64) for name in ("count", "second", "looks")),
+        *((name, np.float64) for name in ("least", "longest", "window", "limit")),
+        ("maps", np.float64, (2, 4, 8)),
+        ("bounds", np.float64, (2, 2, 2)),
+        ("other", MOTION),
+    ],
+    align=True,
+)
+"""Working memory: the states at the start and at the end of a leg; for `tpd.exact.events` the signals, how many
+there are and whether the second is one, looks that are left, the shortest window, the longest and the first
+one, and the tilt beyond which a block does not return; for `tpd.exact.whole_pieces` maps and bounds; and
+another motion."""
+LEGS = 256
+"""Legs of a motion for which room is made at first."""
+NO, YES, FIRST_PIECE = np.bool_(False), np.bool_(True), np.int64(0)
+"""Numbers of NumPy: Numba would compile a function once more for each plain one."""
+
+
+@compiled
+def angle_of(phi, psi, k):
+    """Angle k of a tally, with its sign: phi, psi and psi - phi to the right (k even) and to the left."""
+    angle = phi if k < 2 else (psi if k < 4 else psi - phi)
+    return angle if k % 2 == 0 else -angle
+
+
+@compiled
+def clear(m):
+    """Begin to count anew."""
+    m.impacts, m.recorded, m.lifted, m.fell, m.crossing = 0, 0, math.inf, math.inf, math.inf
+
+
+@compiled
+def restart(m):
+    """Count the largest angles of a motion from its state on."""
+    for k in range(6):
+        m.best[k], m.where[k], m.when[k] = angle_of(m.y[0], m.y[1], k), -1, 0.0
+
+
+@compiled
+def note(m, phi, psi, tau):
+    """Take account of the angles at the end of the leg that is recorded next."""
+    for k in range(6):
+        angle = angle_of(phi, psi, k)
+        # The first leg of several with the same angle counts: a block that rests adds none.
+        if angle > m.best[k]:
+            m.best[k], m.where[k], m.when[k] = angle, m.recorded, tau
+
+
+@compiled
+def larger(m, k):
+    """Place of the larger of both sides of angle k: 0 for phi, 1 for psi, 2 for psi - phi."""
+    return 2 * k if m.best[2 * k] >= m.best[2 * k + 1] else 2 * k + 1
+
+
+@compiled
+def record(m, legs, piece, begun, lasted, which, y):
+    """Write down a leg that began in the state `y`, where there is room for it."""
+    n = m.recorded
+    if n < len(legs):
+        leg = legs[n]
+        leg.kind, leg.tilt, leg.way, leg.piece = m.kind, m.tilt, m.way, piece
+        leg.begun, leg.lasted, leg.which, leg.rests = begun, lasted, which, NO
+        for i in range(4):
+            leg.y[i] = y[i]
+    m.recorded = n + 1

@@ -1,0 +1,316 @@
+"""Periods of a motion of the linear equations under a harmonic, with derivatives, and the orbit that a motion
+approaches."""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+
+import numpy as np
+
+from tpd.exact.arcs import instant, launch, load_at, span_of, state_at, steady
+from tpd.exact.events import BOB, END
+from tpd.exact.follow import ARRIVED, Rules, allow, begin, piece
+from tpd.exact.legs import ANGLES, INPUTS, ROWS, STATE, read
+from tpd.exact.mode_kinds import REST, SLIP
+from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, NO, YES, clear, larger
+from tpd.exact.plant import compiled
+from tpd.exact.repetition import scales_of
+
+NEARBY, _NEXT_TO_NOTHING = 0.05, 1e-4
+"""Largest distances, in shares of the scales, from which a motion is taken to the orbit that it approaches:
+with its peaks behind it, and always."""
+_LINEAR = 0.1
+"""Share of its distance by which the last states of such a motion may differ from what the orbit's derivative
+says."""
+CONVERGED, _NEWTON = 1e-10, 6
+"""Residual of an orbit, and bound on the steps of Newton's method."""
+_SQUARES, _LONG = 16, 1000
+"""Squares of the derivative after which a contraction must have shown, and periods that are summed up."""
+_CLOSE = 1e-9
+"""Share of a period by which an event may come too late, near an orbit on which it is within the period."""
+Limits = namedtuple("Limits", "capture events periods")
+"""Largest speed of an impact that may end in rest, events allowed in a forcing period, and periods to follow."""
+Past = namedtuple("Past", "states sizes peaks")
+"""The last states of a motion, newest first; the largest tilt and swing of its last periods, and for how long
+the block was held; and the largest tilt and swing of all."""
+
+
+@compiled
+def largest(m, k):
+    """Largest |phi| (k = 0) or |psi| (1)."""
+    return m.best[larger(m, k)]
+
+
+@compiled
+def put_motion(y, mode, m):
+    """Put a state and a mode into a motion."""
+    for i in range(4):
+        m.y[i] = y[i]
+    m.kind, m.tilt, m.way = mode.kind, mode.tilt, mode.way
+
+
+@compiled
+def _same_mode(a, b):
+    """Whether two modes are the same, signs without meaning left aside."""
+    tilts, goes = a.kind == REST or a.tilt == b.tilt, a.kind != SLIP or a.way == b.way
+    return a.kind == b.kind and tilts and goes
+
+
+@compiled
+def follow_periods(q, f, m, legs, room, limits):
+    """Follow the periods of steady shaking that the limits say, and return how the motion ended."""
+    clear(m)
+    begin(q, f, m, FIRST_PIECE, 0.0)
+    rules, ended, n = Rules(limits.capture, YES, NO, NO), ARRIVED, 0
+    while n < limits.periods and ended == ARRIVED:
+        allow(m, room, limits.events)
+        ended = piece(q, f, m, legs, room, FIRST_PIECE, 0.0, span_of(q, f), rules)
+        n += 1
+    return ended
+
+
+@compiled
+def _meet_at_end(q, f, m, legs, room, mode0, limits):
+    """If a motion has followed its periods short of an event that comes at once, and began after that
+    event: take the event as well."""
+    n, period, again = m.recorded - 1, span_of(q, f), room.other
+    if n < 0 or n + 2 >= len(legs) or _same_mode(m, mode0):
+        return
+    # The last leg once more, a little further.
+    last, begun = legs[n : n + 1].copy(), legs[n].begun
+    put_motion(legs[n].y, legs[n], again)
+    clear(again)
+    begin(q, f, again, FIRST_PIECE, begun)
+    again.recorded = n
+    allow(again, room, limits.events)
+    rules = Rules(limits.capture, YES, NO, NO)
+    piece(q, f, again, legs, room, FIRST_PIECE, begun, (1.0 + _CLOSE) * period, rules)
+    k = min(again.recorded, len(legs)) - 1
+    if not (_same_mode(again, mode0) and k > n and legs[k].which == END):
+        legs[n] = last[0]
+        return
+    # Back to the end of the period along the new arc.
+    at = legs[k]
+    at.lasted, e = period - at.begun, load_at(q, f, FIRST_PIECE, at.begun)
+    arc = launch(q, at.kind, at.tilt, at.way, at.y[0], at.y[1], at.y[2], at.y[3], e)
+    m.crossing, m.recorded = min(m.crossing, again.crossing), k + 1
+    put_motion(state_at(arc, instant(arc, at.lasted), at.lasted), again, m)
+
+
+@compiled
+def cycle(q, m, legs, room, r, s, mode0, out, by):
+    """Follow the periods of the settings `s` from the state and mode of a motion. Put (end, amplitude, stroke,
+    mode, transversality, asymmetry, closed) into `out`, and the derivatives in the directions from s.first on
+    into `by`, shape (6, 13): those of (end, amplitude, stroke)."""
+    limits, f = Limits(s.rest_rate * q.nu, int(s.events), int(s.periods)), steady(np.empty((0, 4)))
+    slopes = s.first < INPUTS
+    put_motion(m.y, m, mode0)
+    ended = follow_periods(q, f, m, legs, room, limits)
+    # Most motions have a few legs a period; one that rattles is followed once more with room for all.
+    if slopes and m.recorded > len(legs) and ended == ARRIVED:
+        legs = np.empty(m.recorded, LEG)
+        put_motion(mode0.y, mode0, m)
+        ended = follow_periods(q, f, m, legs, room, limits)
+    # What ended before its period is no orbit, though it may end where it began.
+    sound = ended == ARRIVED
+    if sound and slopes:
+        _meet_at_end(q, f, m, legs, room, mode0, limits)
+    for i in range(4):
+        out[i] = m.y[i] if sound else math.nan
+    out[4], out[5], out[9] = largest(m, 0), largest(m, 1), m.crossing
+    out[6], out[7], out[8] = m.kind, m.tilt, m.way
+    out[10] = abs(max(m.best[0], 0.0) - max(m.best[1], 0.0)) / (out[4] if out[4] > 0.0 else 1.0)
+    out[11] = 1.0 if _same_mode(m, mode0) else 0.0
+    if slopes:
+        many = np.empty((ROWS, INPUTS))
+        for j in range(INPUTS):
+            for i in range(6):
+                by[i, j] = math.nan
+        if sound:
+            read(q, f, m, legs, r, (int(s.first), INPUTS), NO, many)
+            for j in range(int(s.first), INPUTS):
+                for i in range(4):
+                    by[i, j] = many[i, j]
+                by[4, j], by[5, j] = many[ANGLES + larger(m, 0), j], many[ANGLES + larger(m, 1), j]
+
+
+@compiled
+def finite(y):
+    """Whether a state has only finite numbers."""
+    return math.isfinite(y[0] + y[1] + y[2] + y[3])
+
+
+@compiled
+def _solve(a, b):
+    """Solve a x = b for a 4 x 4 matrix, in place, by elimination with pivots; False if it is singular."""
+    for c in range(4):
+        pivot = c
+        for r in range(c + 1, 4):
+            if abs(a[r, c]) > abs(a[pivot, c]):
+                pivot = r
+        if not abs(a[pivot, c]) > 1e-12:
+            return False
+        for k in range(4):
+            a[c, k], a[pivot, k] = a[pivot, k], a[c, k]
+        b[c], b[pivot] = b[pivot], b[c]
+        for r in range(c + 1, 4):
+            share = a[r, c] / a[c, c]
+            for k in range(c, 4):
+                a[r, k] -= share * a[c, k]
+            b[r] -= share * b[c]
+    for c in range(3, -1, -1):
+        for k in range(c + 1, 4):
+            b[c] -= a[c, k] * b[k]
+        b[c] /= a[c, c]
+    return True
+
+
+@compiled
+def _square(m):
+    """Square a 4 x 4 matrix in place; return its largest entry in size."""
+    old, largest = m.copy(), 0.0
+    for i in range(4):
+        for j in range(4):
+            m[i, j] = 0.0
+            for k in range(4):
+                m[i, j] += old[i, k] * old[k, j]
+            largest = max(largest, abs(m[i, j]))
+    return largest
+
+
+@compiled
+def _contracts(by, scales, unfelt):
+    """Whether the derivative of the map of a period, in rows 0 to 3 and columns 9 to 12, has no multiplier of
+    size 1 or more that the block feels."""
+    # Powers tell it without eigenvalues: those of a contraction vanish, however large the first ones are.
+    m = np.empty((4, 4))
+    for i in range(4):
+        for j in range(4):
+            felt = not unfelt or (i % 2 == 0 and j % 2 == 0)
+            m[i, j] = by[i, STATE + j] * scales[j] / scales[i] if felt else 0.0
+    for _ in range(_SQUARES):
+        largest = _square(m)
+        if not largest < 1e100:
+            return False
+        if largest < 0.1:
+            return True
+    return False
+
+
+@compiled
+def _approaches(by, past, known, periods, found, scales, apart):
+    """Whether a motion's last states, and those before, differ from an orbit's as its derivative says."""
+    if known <= 2 * periods:
+        return False
+    for n in range(2):
+        for i in range(4):
+            left = past[n * periods, i] - found[i]
+            for j in range(4):
+                left -= by[i, STATE + j] * (past[(n + 1) * periods, j] - found[j])
+            if not abs(left) < _LINEAR * apart * scales[i]:
+                return False
+    return True
+
+
+@compiled
+def _passed(by, best, scales, gap, apart, peaks):
+    """Whether the motion has its peaks behind it, on its way to an orbit from which its state differs by
+    `gap`; or else, where that is next to nothing, raise the peaks by what it reaches, to first order."""
+    onward, worst = np.empty(4), np.zeros(2)
+    for _ in range(_LONG):
+        for k in range(4):
+            size = best[k]
+            for i in range(4):
+                size += by[ANGLES + k, STATE + i] * gap[i]
+            worst[k // 2] = max(worst[k // 2], size)
+        left = 0.0
+        for i in range(4):
+            onward[i] = 0.0
+            for j in range(4):
+                onward[i] += by[i, STATE + j] * gap[j]
+            left = max(left, abs(onward[i]) / scales[i])
+        for i in range(4):
+            gap[i] = onward[i]
+        if left > 3.0 * apart:
+            return False
+        if left < 1e-8:
+            break
+    else:
+        return False
+    # What the first order leaves out is of the square of the distance.
+    margin = apart * apart if apart > _NEXT_TO_NOTHING else 0.0
+    for k in range(2):
+        if margin > 0.0 and worst[k] + margin * scales[k] > peaks[k]:
+            return False
+        peaks[k] = max(peaks[k], worst[k])
+    return True
+
+
+@compiled
+def _newton(q, f, m, legs, room, r, mode, limits, by):
+    """Find the orbit near the state of a motion by Newton's method on the map of so many periods, and leave
+    the motion at its start; False if none is found whose sequence of events is that of the motion from the
+    state."""
+    scales, matrix, move, found, events = scales_of(q), np.empty((4, 4)), np.empty(4), np.empty(4), 0
+    for step in range(_NEWTON):
+        for i in range(4):
+            found[i] = m.y[i]
+        put_motion(found, mode, m)
+        ended = follow_periods(q, f, m, legs, room, limits)
+        if ended != ARRIVED or m.recorded > len(legs) or not _same_mode(mode, m):
+            return False
+        # A number that stands for the sequence of events.
+        sequence = 0
+        for n in range(m.recorded):
+            if legs[n].which != BOB:
+                sequence = 31 * sequence + 5 * int(legs[n].kind) + legs[n].which + 7
+        if step > 0 and sequence != events:
+            return False
+        events, residual = sequence, 0.0
+        read(q, f, m, legs, r, (STATE, INPUTS), NO, by)
+        for i in range(4):
+            move[i] = m.y[i] - found[i]
+            if q.mu > 0.0 or i % 2 == 0:
+                residual = max(residual, abs(move[i]) / scales[i])
+            for j in range(4):
+                matrix[i, j] = (1.0 if i == j else 0.0) - by[i, STATE + j]
+        if residual < CONVERGED:
+            put_motion(found, mode, m)
+            return True
+        if not residual < NEARBY or not _solve(matrix, move):
+            return False
+        for i in range(4):
+            m.y[i] = found[i] + move[i]
+    return False
+
+
+@compiled
+def orbit_near(q, f, m, room, r, past, known, limits):
+    """Look for the orbit that a motion approaches, whose last states are `past`. If it attracts, and the motion
+    is near and moves as the orbit's derivative says, change the motion's state, put the orbit's sizes into
+    `past`, and return True."""
+    orbit, by, scales, gap = room.other, np.empty((ROWS, INPUTS)), scales_of(q), np.empty(4)
+    put_motion(m.y, m, orbit)
+    if not _newton(q, f, orbit, np.empty(LEGS, LEG), room, r, m, limits, by):
+        return False
+    # The derivative of an orbit at rest does not tell whether the decay of the bob lifts the block yet: there
+    # the motion is followed until that is proved away.
+    best = orbit.best
+    if max(best[0], best[1]) == 0.0:
+        return False
+    apart = 0.0
+    for i in range(4):
+        gap[i] = m.y[i] - orbit.y[i]
+        apart = max(apart, abs(gap[i]) / scales[i])
+    if not apart < NEARBY or not _contracts(by, scales, q.mu == 0.0):
+        return False
+    if not _approaches(by, past.states, known, limits.periods, orbit.y, scales, apart):
+        return False
+    if not _passed(by, best, scales, gap, apart, past.peaks):
+        return False
+    for n in range(limits.periods):
+        past.sizes[n, 0], past.sizes[n, 1] = largest(orbit, 0), largest(orbit, 1)
+    for i in range(4):
+        m.y[i] = orbit.y[i]
+    return True

@@ -1,0 +1,224 @@
+"""Whole pieces of a pulse or a record, taken in one step where it is proved that they have no event.
+
+Between two ends a signal is near the cubic through its values and slopes there: a bound on its fourth
+derivative says how near (see `tpd.exact.events`). Most pieces of a record are proved this way.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tpd.exact.arcs import accelerations, forcing_at, launch, load_at
+from tpd.exact.contact_kernel import beyond_return, moment
+from tpd.exact.events import AWAY
+from tpd.exact.mode_kinds import REST, SLIP, STICK
+from tpd.exact.motion import WHOLE, note, record
+from tpd.exact.plant import compiled, places
+
+_FOURTH, _FIFTH = places(2)
+"""Derivatives that are bounded."""
+_KINDS = float(SLIP), float(REST)
+"""Kinds of modes with a map of their own: one serves both kinds of held blocks."""
+
+
+@compiled
+def put_map(q, kind, h, out):
+    """Put the map (state, coefficients of the forcing in the share of a piece) -> change of the state over a
+    piece of duration h into `out`, shape (4, 8). The tilt counts from its centre.
+
+    It is a part of the exponential, less the identity, of a matrix for the state and the derivatives of the
+    forcing together: a low tilt, far from its centre, is not lost beside the distance from it. Unlike the
+    closed form of an arc it has no particular solution, which is large where the forcing is quicker than the
+    block and would cancel once in every piece.
+    """
+    n, x = np.zeros((8, 8)), np.zeros(5)
+    for j in range(5):
+        x[j] = 1.0
+        a, b = accelerations(q, kind, 0.0, x[0], x[1], x[2], x[3], x[4])
+        n[2, j], n[3, j], x[j] = h * a, h * b, 0.0
+    n[1, 3], n[4, 5], n[5, 6], n[6, 7] = h, 1.0, 1.0, 1.0
+    n[0, 2] = h if kind == SLIP else 0.0
+    # Halved until the series converges quickly, and squared as often.
+    largest = 1e-3
+    for i in range(8):
+        for j in range(8):
+            largest = max(largest, abs(n[i, j]))
+    halved = max(0, math.ceil(math.log2(largest)) + 4)
+    total, term, spare = np.zeros((8, 8)), np.empty((8, 8)), np.empty((8, 8))
+    for i in range(8):
+        for j in range(8):
+            n[i, j] /= 2.0**halved
+            total[i, j] = term[i, j] = n[i, j]
+    for i in range(2, 16):
+        _put_product(term, n, 1.0 / i, spare)
+        term, spare = spare, term
+        _add(total, term)
+    # (1 + E)^2 = 1 + 2 E + E^2.
+    for _ in range(halved):
+        _put_product(total, total, 1.0, spare)
+        _add(total, total)
+        _add(total, spare)
+    for i in range(4):
+        for j in range(8):
+            out[i, j] = total[i, j] * (2.0 if j == 6 else (6.0 if j == 7 else 1.0))
+
+
+@compiled
+def _put_product(a, b, factor, out):
+    """Put the product of two matrices times a factor into a third."""
+    for i in range(8):
+        for j in range(8):
+            total = 0.0
+            for k in range(8):
+                total += a[i, k] * b[k, j]
+            out[i, j] = factor * total
+
+
+@compiled
+def _add(a, b):
+    """Add a matrix to another."""
+    for i in range(8):
+        for j in range(8):
+            a[i, j] += b[i, j]
+
+
+@compiled
+def put_bounds(q, bounds):
+    """Put bounds on the fourth and fifth derivatives of the pair's two solutions into `bounds`, shape
+    (2, 2, 2), for the slipping block and the held one: the energy x^2 + x'^2/q only decreases."""
+    for held in range(2):
+        p, s = (q.held_p, q.held_q) if held else (q.p, q.q)
+        for i in range(2):
+            # Of the solution that begins at (1, 0), and of that which begins at (0, 1).
+            u, v = (1.0, 0.0) if i == 0 else (0.0, 1.0)
+            for power in range(5):
+                u, v = v, -s * u - p * v
+                if power > 2:
+                    bounds[held, power - 3, i] = math.sqrt(u * u + v * v / s)
+
+
+@compiled
+def _rough(arc, x, growth, order, bounds):
+    """Bound on the fourth or fifth derivative of a signal over a piece; that of the forcing is zero."""
+    # The growing exponential is largest at the end of the piece, the falling one at its start.
+    r1, r2 = arc.s1 * arc.s1, arc.s2 * arc.s2
+    r1, r2 = r1 * r1, r2 * r2
+    if order == _FIFTH:
+        r1, r2 = r1 * abs(arc.s1), r2 * abs(arc.s2)
+    pair = bounds[order, 0] * abs(x.on_u) + bounds[order, 1] * abs(x.on_v)
+    return pair + abs(x.on_s1) * r1 * growth + abs(x.on_s2) * r2
+
+
+@compiled
+def _positive(g0, v0, g1, v1, d, bound):
+    """Whether a signal with these values and slopes at the ends of a window stays positive in it."""
+    least = min(min(g0, g1), min(g0 + d * v0 / 3.0, g1 - d * v1 / 3.0))
+    # A bob that hangs still does not turn.
+    return least > bound * d * d * d * d * AWAY or (g0 == 0.0 and v0 == 0.0 and g1 == 0.0 and v1 == 0.0)
+
+
+@compiled
+def _stays(q, m, e, h, a, b, bound):
+    """Whether a held block stays where it is over a piece; `a` and `b` are the states at its ends, with their
+    accelerations."""
+    at, rate = forcing_at(e, 0.0)
+    to, onward = forcing_at(e, h)
+    stuck = m.kind == STICK
+    # Off its base the block has its weight to one side, on its base to both.
+    level, hold = (m.tilt * q.weight if stuck else 0.0), q.k + (0.0 if stuck else q.weight)
+    m, n = moment(q, a[0], a[1], a[3], at) - level, moment(q, b[0], b[1], b[3], to) - level
+    u = (1.0 - q.up) * a[3] + q.bias * a[5] - q.f * rate
+    v = (1.0 - q.up) * b[3] + q.bias * b[5] - q.f * onward
+    return _positive(hold - m, -u, hold - n, -v, h, bound) and _positive(hold + m, u, hold + n, v, h, bound)
+
+
+@compiled
+def _no_record(best, k, x0, x1, bend, fourth, h):
+    """Whether angle k, whose rate may change its sign in a piece, stays below the largest so far; `bend` is
+    the larger of its second derivatives at the ends."""
+    # Between its ends a signal is above both by h^2/8 of its largest second derivative at most, and the fourth
+    # one bounds how much larger that is than at the ends.
+    most = max(abs(x0), abs(x1)) + h * h / 8.0 * (bend + h * h / 8.0 * fourth)
+    return most < max(best[2 * k], best[2 * k + 1])
+
+
+@compiled
+def _bob_is_clear(best, held, h, a, b, fourths, fifths):
+    """Whether the bob neither turns in a piece, nor turns against the block, unless below its largest angles
+    so far: a strongly damped bob follows every sample of a record. The bounds are those of tilt and bob."""
+    g0, v0, g1, v1 = a[3] - a[2], a[5] - a[4], b[3] - b[2], b[5] - b[4]
+    bob, side = math.copysign(1.0, a[3]), math.copysign(1.0, g0)
+    clear = _positive(bob * a[3], bob * a[5], bob * b[3], bob * b[5], h, fifths[1])
+    if not clear and not _no_record(best, 1, a[1], b[1], max(abs(a[5]), abs(b[5])), fourths[1], h):
+        return False
+    if (held and clear) or _positive(side * g0, side * v0, side * g1, side * v1, h, fifths[0] + fifths[1]):
+        return True
+    bend = max(abs(v0), abs(v1))
+    return _no_record(best, 2, a[1] - a[0], b[1] - b[0], bend, fourths[0] + fourths[1], h)
+
+
+@compiled
+def _without_event(q, m, arc, e, a, b, growth, bounds, bob):
+    """Whether a whole piece is proved to have no event; `a` and `b` are the states at its ends, with their
+    accelerations, and `bob` says whether its turns count."""
+    h, held = q.xi, m.kind != SLIP
+    mine = bounds[1 if held else 0]
+    tilt4, tilt5 = _rough(arc, arc.tilt, growth, _FOURTH, mine), _rough(arc, arc.tilt, growth, _FIFTH, mine)
+    if bob or held:
+        bob4, bob5 = _rough(arc, arc.bob, growth, _FOURTH, mine), _rough(arc, arc.bob, growth, _FIFTH, mine)
+        if bob and not _bob_is_clear(m.best, held, h, a, b, (tilt4, bob4), (tilt5, bob5)):
+            return False
+        if held:
+            return _stays(q, m, e, h, a, b, abs(1.0 - q.up) * bob4 + abs(q.bias) * bob5)
+    tilt, way = m.tilt, m.way
+    if not _positive(way * a[2], way * a[4], way * b[2], way * b[4], h, tilt5):
+        return False
+    # A block that tilts further lands nowhere before it turns.
+    if tilt * way > 0.0:
+        return True
+    return _positive(tilt * a[0], tilt * a[2], tilt * b[0], tilt * b[2], h, tilt4)
+
+
+@compiled
+def put_maps(q, room):
+    """Prepare the working memory for the pieces of a plant: two maps serve a whole motion, because all pieces
+    have the same duration."""
+    put_bounds(q, room.bounds)
+    for held in range(2):
+        put_map(q, _KINDS[held], q.xi, room.maps[held])
+
+
+@compiled
+def whole_pieces(q, f, m, legs, room, i, bob):
+    """Follow a motion from the start of piece i as long as whole pieces are proved to have no event. Return
+    the piece at whose start it is then."""
+    h, first, limit, kind, y = q.xi, i, beyond_return(q), m.kind, m.y
+    start, end, held = room.start, room.end, kind != SLIP
+    for k in range(4):
+        start[k] = y[k]
+    # A held block stays where it is: its tilt needs no centre.
+    centre = 0.0 if held else (m.tilt * q.weight + m.way * q.k) / q.up
+    growth, by, c = math.exp(q.s1 * h), room.maps[1 if held else 0], f.cubics
+    while i < f.pieces:
+        # The arc serves the bounds alone; the state goes on by the map, which loses fewer digits.
+        e = load_at(q, f, i, 0.0)
+        arc = launch(q, kind, m.tilt, m.way, y[0], y[1], y[2], y[3], e)
+        for k in range(4):
+            change = by[k, 0] * (y[0] - centre) + by[k, 1] * y[1] + by[k, 2] * y[2] + by[k, 3] * y[3]
+            change += by[k, 4] * c[i, 0] + by[k, 5] * c[i, 1] + by[k, 6] * c[i, 2] + by[k, 7] * c[i, 3]
+            end[k] = y[k] + change
+        last = c[i, 0] + c[i, 1] + c[i, 2] + c[i, 3]
+        up, swing = accelerations(q, kind, centre, y[0], y[1], y[2], y[3], e.e0)
+        a = y[0], y[1], y[2], y[3], up, swing
+        up, swing = accelerations(q, kind, centre, end[0], end[1], end[2], end[3], last)
+        b = end[0], end[1], end[2], end[3], up, swing
+        if not (abs(b[0]) < limit and _without_event(q, m, arc, e, a, b, growth, room.bounds, bob)):
+            break
+        y[0], y[1], y[2], y[3] = b[0], b[1], b[2], b[3]
+        i += 1
+    if i > first:
+        note(m, y[0], y[1], i * h)
+        record(m, legs, first, 0.0, float(i - first), WHOLE, start)
+    return i

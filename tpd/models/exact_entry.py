@@ -1,0 +1,247 @@
+"""The entrance to the compiled code of the linear equations (25), for XLA and for the host."""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+from typing import Any
+
+import numba
+import numpy as np
+from numba.np.numpy_support import carray
+
+from tpd.exact.arcs import Forcing, Load, beginning, launch, state_at
+from tpd.exact.follow import FAILED, OVERTURNED, STATUSES, through
+from tpd.exact.legs import (
+    ANGLES,
+    GROWING,
+    INPUTS,
+    READER,
+    ROWS,
+    TIMES,
+    UPLIFT,
+    put_impacts,
+    put_states,
+    read,
+)
+from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, MOTION, NO, ROOM, larger
+from tpd.exact.near_orbits import cycle
+from tpd.exact.plant import PLANT, compiled, part, plant, put_plants, stored
+from tpd.exact.repetition import FLOATS, WHOLES
+from tpd.exact.settle import settle
+from tpd.exact.trajectory import trajectory
+from tpd.models.compiling import checksum
+from tpd.models.custom_call import api_version, cube, on_host, pointer, rows_of, table
+
+__all__ = ["CALL", "FLOATS", "INPUTS", "STATUSES", "WHOLES", "run"]
+
+SETTLE, CYCLE, TRAJECTORY, SHAKE, HISTORY = range(5)
+"""Tasks; the first number of every row of settings."""
+FIELDS = (
+    *("task", "periods", "events", "rest_rate", "tolerance", "first", "slopes"),
+    *("pieces", "record", "free", "brief", "angles"),
+)
+SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
+"""A row of settings: the task; periods to follow, or times; events allowed; largest speed, over nu, of an impact
+that may end in rest; repetition error that counts as settled; the first direction of derivatives that is asked
+for; how many directions have derivatives; pieces of the forcing, and the row of the first, or -1 if every
+motion has its own; time of free motion; whether it may end early and the bob does not count; and whether the
+derivatives of the largest angles are enough. The others do not count for a task."""
+CYCLE_OUT, CYCLE_SIZES, OUT, SHAKEN, STATES = map(np.int64, (12, 6, 19, 12, 9))
+"""Numbers in the results of a cycle, and quantities of it with derivatives (its end, amplitude and stroke).
+Numbers in the results of a motion through all pieces: largest |phi|, |psi| and |psi - phi| with their times;
+the state at the end; the growing coordinate of the last leg (with derivatives only); status; impacts; times of
+the first uplift and of the overturning; transversality; legs; and the accelerations at the end. Quantities of it
+with derivatives: the three angles, the end, the growing coordinate, the three times, that of the uplift. Numbers
+of a state in a history."""
+_USUAL = 20_000
+"""Events for which there is room at first."""
+
+
+def settings(**values: Any) -> list[Any]:
+    """A row of settings in the order of `FIELDS`; those that are not named are zero."""
+    return [values.pop(name, 0.0) for name in FIELDS]
+
+
+Own = namedtuple("Own", "plants motions rooms readers")
+"""Memory of records: a plant, a motion and a mode, a room, a reader. A record does not keep its memory: it is
+alive as long as these arrays are."""
+
+
+@compiled
+def _memory():
+    return Own(np.empty(1, PLANT), np.zeros(2, MOTION), np.zeros(1, ROOM), np.zeros(1, READER))
+
+
+@compiled
+def _keep(own):
+    """Keep the memory of records until here: Numba frees an array after its last use."""
+    return len(own.motions)
+
+
+@compiled
+def _settings(address, rows):
+    return carray(pointer(address), (rows,), SETTINGS)
+
+
+@part
+def _settle(a, first, last):
+    """Rows of `settle`: settings, parameters, starts, beginnings and ramps; results of numbers and of counts."""
+    s, x, y, t = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4), table(a[3], last, 2)
+    out, wholes, own = table(a[4], last, FLOATS), table(a[5], last, WHOLES), _memory()
+    q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
+    for n in range(first, last):
+        m.y[:] = y[n]
+        found = settle(x[n], q, m, room, r, s[n], t[n, 0], t[n, 1], out[n])
+        wholes[n, 0], wholes[n, 1], wholes[n, 2] = found
+    _keep(own)
+
+
+@part
+def _cycle(a, first, last):
+    """Rows of `cycle`: settings, parameters, starts and modes; results and derivatives."""
+    s, x, y, modes = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4), table(a[3], last, 3)
+    out, by, own = table(a[4], last, CYCLE_OUT), cube(a[5], last, CYCLE_SIZES, INPUTS), _memory()
+    q, m, room, r, legs = own.plants[0], own.motions[0], own.rooms[0], own.readers[0], np.empty(LEGS, LEG)
+    for n in range(first, last):
+        plant(x[n], q)
+        if s[n].first < INPUTS:
+            put_plants(x[n], min(int(s[n].first), 9), r.plants)
+        m.y[:] = y[n]
+        m.kind, m.tilt, m.way = modes[n, 0], modes[n, 1], modes[n, 2]
+        cycle(q, m, legs, room, r, s[n], own.motions[1], out[n], by[n])
+    _keep(own)
+
+
+@part
+def _trajectory(a, first, last):
+    """Rows of `trajectory`: settings, parameters, starts and times; states with their rates, statuses, and
+    derivatives."""
+    s, x, y = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4)
+    count, own = int(s[0].periods), _memory()
+    times, out, statuses = table(a[3], last, count), cube(a[4], last, count, 8), table(a[5], last, 1)
+    q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
+    for n in range(first, last):
+        by = carray(pointer(a[6]), (last, count if s[n].slopes != 0.0 else 1, 4, INPUTS + 1), np.float64)
+        m.y[:] = y[n]
+        statuses[n, 0] = trajectory(x[n], q, m, room, r, s[n], times[n], out[n], by[n])
+    _keep(own)
+
+
+@compiled
+def _put_results(q, m, status, out):
+    """Put the results of a motion through all pieces into `out`."""
+    y = m.y
+    for k in range(3):
+        best = larger(m, k)
+        out[2 * k], out[2 * k + 1] = (m.best[best] if status != OVERTURNED else math.inf), m.when[best]
+    for i in range(4):
+        out[6 + i] = y[i]
+    out[10], out[11], out[12], out[13], out[14] = 0.0, status, m.impacts, m.lifted, m.fell
+    out[15], out[16] = m.crossing, m.recorded
+    arc = launch(q, m.kind, m.tilt, m.way, y[0], y[1], y[2], y[3], Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    end = state_at(arc, beginning(arc), 0.0)
+    out[17], out[18] = end[4], end[5]
+
+
+@compiled
+def _put_slopes(m, many, inputs, by):
+    """Put the derivatives `many` of a motion through all pieces into `by`. Directions that are not asked for
+    stay zero, and times without a derivative no numbers."""
+    for j in range(INPUTS):
+        for i in range(SHAKEN):
+            by[i, j] = 0.0
+        if j < inputs:
+            for k in range(3):
+                best = larger(m, k)
+                by[k, j], by[8 + k, j] = many[ANGLES + best, j], many[TIMES + best, j]
+            for i in range(4):
+                by[3 + i, j] = many[i, j]
+            by[7, j], by[11, j] = many[GROWING, j], many[UPLIFT, j]
+
+
+@compiled
+def _usual_legs(s):
+    """Legs to make room for at first: few motions have so many, and those are followed once more."""
+    return 2 * (int(s.pieces) + min(int(s.events), _USUAL)) + 64
+
+
+@compiled
+def _pieces(address, s, n):
+    """The forcing of row n, from the table of all pieces at an address."""
+    count, begin = int(s.pieces), int(s.record)
+    # XLA gives every motion a copy of its record, the host one place for all.
+    begin = n * count if begin < 0 else begin
+    return Forcing(NO, 0.0, 0.0, count, table(address, begin + count, 4)[begin:])
+
+
+@part
+def _shake(a, first, last, history):
+    """Rows of `through`: settings, parameters, starts and pieces. If it is a `history`, also times; states,
+    impacts and statuses. If not, results and derivatives."""
+    s, x, y, own = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4), _memory()
+    none, many, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
+    q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
+    for n in range(first, last):
+        f, status = _pieces(a[3], s[n], n), FAILED
+        # Of memory that nothing is written to the system gives none.
+        legs = np.empty(_usual_legs(s[n]), LEG) if slopes or history else none
+        m.recorded = len(legs) + 1
+        while m.recorded > len(legs):
+            m.y[:] = y[n]
+            status = through(x[n], q, f, m, legs, room, s[n])
+            if not (slopes or history):
+                break
+            if m.recorded > len(legs):
+                legs = np.empty(m.recorded, LEG)
+                m.recorded += 1
+        if history:
+            count, most = int(s[n].periods), int(s[n].first)
+            put_states(q, f, legs, m.recorded, table(a[4], last, count)[n], cube(a[5], last, count, STATES)[n])
+            put_impacts(q, legs, m.recorded, cube(a[6], last, most, 2)[n])
+            table(a[7], last, 1)[n, 0] = status
+            continue
+        out = table(a[4], last, OUT)[n]
+        _put_results(q, m, status, out)
+        if slopes:
+            inputs = int(s[n].slopes)
+            many[:] = math.nan
+            put_plants(x[n], 0, r.plants)
+            out[10] = read(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, many)
+            _put_slopes(m, many, inputs, cube(a[5], last, SHAKEN, INPUTS)[n])
+    _keep(own)
+
+
+@part
+def _run(a, first, last):
+    """Rows of whatever the settings ask for."""
+    task = table(a[0], 1, 1)[0, 0]
+    if task == SETTLE:
+        _settle(a, first, last)
+    elif task == CYCLE:
+        _cycle(a, first, last)
+    elif task == TRAJECTORY:
+        _trajectory(a, first, last)
+    else:
+        _shake(a, first, last, task == HISTORY)
+
+
+def _entrance(version: int, api: int) -> Any:
+    def call(address):
+        """Answer a frame: 0 for success."""
+        a = np.zeros(8, np.int64)
+        first, last, by_host = rows_of(address, a, api)
+        # One call: Numba compiles all that is called once more for each other kind of argument.
+        if last > first:
+            _run(a, first, last)
+        return version if by_host else 0
+
+    # Numba's store looks at the file of the function alone, and would go on with machine code of another
+    # version of the kernel. Numbers from outside the function are part of its key.
+    return stored(call, numba.cfunc, "int64(int64)")
+
+
+CALL = _entrance(checksum("exact_"), api_version())
+"""The entrance, an FFI handler of XLA's."""
+run = on_host(CALL)
+"""Function that answers the host: first and last row, then the operands and results of a task."""
