@@ -8,17 +8,19 @@ import numba
 import numpy as np
 from numba.np.numpy_support import carray
 
-from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, part, stored
+from tpd.exact.arc_kernel import COMPLEX_PLANT, PLANT, part, plant, stored
+from tpd.exact.cycle_kernel import LINK, SURVEY, survey, traverse
+from tpd.exact.event_kernel import LEG, decide, sign
 from tpd.models.compiling import checksum
 from tpd.models.custom_call import api_version, cube, on_host, pointer, rows_of, table
 from tpd.models.linear_derivatives import INPUTS
-from tpd.models.linear_orbit import cycle
+from tpd.models.linear_orbit import cycle, follow
 from tpd.models.linear_settling import settle
 from tpd.models.linear_trajectory import trajectory
 from tpd.models.period_kernel import FLOATS, WHOLES
 
-SETTLE, CYCLE, TRAJECTORY = range(3)
-"""Tasks; the first number of every row of settings."""
+SETTLE, CYCLE, TRAJECTORY, LEGS, ARCS = range(5)
+"""Tasks; the first number of every row of settings. The last two are for the host alone."""
 SETTINGS, CYCLE_OUT, CYCLE_SIZES = np.int64(6), np.int64(12), np.int64(6)
 """Numbers in a row of settings and in the results of a cycle, and quantities of a cycle with derivatives: its
 end, amplitude and stroke."""
@@ -93,6 +95,39 @@ def _trajectory(a, first, last):
 
 
 @part
+def _legs(a, first, last):
+    """Rows of `follow`: settings (what, periods, max_events, room, rest_rate), parameters and starts; legs,
+    how many there are, for which there may not be room, and how the motion ended."""
+    s, x, start = table(a[0], last, SETTINGS), table(a[1], last, _PARAMETERS), table(a[2], last, _STATE)
+    legs, ends = cube(a[3], last, int(s[0, 3]), LEG), table(a[4], last, 2)
+    plants, mode, sizes, count = np.empty(1, PLANT), np.zeros(4), np.zeros(6), np.zeros(1, np.int64)
+    for n in range(first, last):
+        y = start[n].copy()
+        plant(x[n], plants[0])
+        decide(plants[0], y, sign(y[0]), sign(y[2]), 0.0, mode)
+        ends[n, 1] = follow(plants[0], y, mode, int(s[n, 1]), s[n, 4], int(s[n, 2]), legs[n], count, sizes)
+        ends[n, 0] = count[0]
+
+
+@part
+def _arcs(a, first, last):
+    """Rows of `traverse` over so many arcs: settings (what, arcs, whether to survey), complex parameters,
+    links, and complex arcs; ends, and findings about the arcs of the first row."""
+    s, x = table(a[0], 1, SETTINGS), carray(pointer(a[1]), (last, 9), np.complex128)
+    many = int(s[0, 1])
+    links, z = carray(pointer(a[2]), (many,), LINK), carray(pointer(a[3]), (last, many, 6), np.complex128)
+    out, found = carray(pointer(a[4]), (last, many, 5), np.complex128), carray(pointer(a[5]), (many,), SURVEY)
+    plants, others = np.empty(1, PLANT), np.empty(1, COMPLEX_PLANT)
+    for n in range(first, last):
+        plant(x[n], others[0])
+        for i in range(many):
+            traverse(others[0], links[i], z[n, i], out[n, i])
+    plant(x[first].real.copy(), plants[0])
+    for i in range(many if s[0, 2] != 0.0 else 0):
+        survey(plants[0], links[i], z[first, i].real.copy(), found[i])
+
+
+@part
 def _run(a, first, last):
     """Rows of whatever the settings ask for."""
     what = table(a[0], _ONE, _ONE)[0, 0]
@@ -100,6 +135,10 @@ def _run(a, first, last):
         _settle(a, first, last)
     elif what == CYCLE:
         _cycle(a, first, last)
+    elif what == LEGS:
+        _legs(a, first, last)
+    elif what == ARCS:
+        _arcs(a, first, last)
     else:
         _trajectory(a, first, last)
 
