@@ -51,6 +51,7 @@ from tpd.core.status import SETTLED
 from tpd.exact.arc import classify
 from tpd.exact.flow import advance, start
 from tpd.exact.mode_kinds import LANDING
+from tpd.exact.mode_kinds import REST as RESTING
 from tpd.exact.modes import Plant
 from tpd.models.base import Settled
 from tpd.models.multiple_shooting import Events, events
