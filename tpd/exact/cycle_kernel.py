@@ -84,16 +84,18 @@ def _watched(w, i):
 @compiled
 def survey(q, link, z, out):
     """Follow an arc, given as for `traverse` in real numbers, see `SURVEY`."""
-    w, turns, lasted, mode = room(), room(), z[5], np.array((link.kind, link.tilt, link.way))
-    arc = launch(q, link.kind, link.tilt, link.way, z[0], z[1], z[2], z[3], z[4], 1.0, 0.0)
+    w, turns, lasted, mode = room(), room(), z[5], np.empty(3)
+    mode[0], mode[1], mode[2] = link.kind, link.tilt, link.way
+    arc = launch(q, mode[0], mode[1], mode[2], z[0], z[1], z[2], z[3], z[4], 1.0, 0.0)
     second = watch_block(q, arc, mode, Signal(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), w)
     signals = _watched(w, FIRST), _watched(w, SECOND if second else FIRST), arc.bob
     longest, small = LONGEST / max(q.xi, max(q.s1, math.sqrt(q.q))), SMALL * lasted
-    sides, low, largest, dent = np.empty(3), np.full(3, math.inf), np.zeros(3), np.full(3, math.inf)
+    sides, low, largest, dent = np.empty(3), np.empty(3), np.zeros(3), np.empty(3)
     now, t, which, looks = instant(arc, 0.0), 0.0, BOB, _LOOKS
     for i in range(3):
         sides[i] = -1.0 if value_of(rate_of(arc, signals[i]), now, t) < 0.0 else 1.0
         watch_turns(turns, i, sides[i], signals[i], arc)
+        low[i] = dent[i] = math.inf
     y = state_at(arc, now, t)
     out.v0, out.v1, out.v2, out.v3, out.at = y[2], y[3], y[4], y[5], 0.0
     # Where all turns of a signal are known, so are its extremes: nothing peaks unseen between two looks.
@@ -108,7 +110,7 @@ def survey(q, link, z, out):
         if which < FIRST:
             break
         which, t, looks = next_event(
-            arc, turns, 3, second, now, t, lasted, small, longest, longest, math.inf, looks - 1
+            arc, turns, BOB + 1, second, now, t, lasted, small, longest, longest, math.inf, looks - 1
         )
         now = instant(arc, t)
         if which >= FIRST:

@@ -26,7 +26,7 @@ SETTINGS, CYCLE_OUT, CYCLE_SIZES = np.int64(6), np.int64(12), np.int64(6)
 end, amplitude and stroke."""
 _ONE, _BEGINNING, _MODE, _STATE, _RATES, _PARAMETERS = map(np.int64, (1, 2, 3, 4, 8, 9))
 """Columns of further tables: beginnings are with ramps, rates with the states that they are of."""
-_INPUTS = np.int64(INPUTS)
+_INPUTS, _LEG = np.int64(INPUTS), np.int64(LEG)
 
 
 @part
@@ -99,7 +99,7 @@ def _legs(a, first, last):
     """Rows of `follow`: settings (what, periods, max_events, room, rest_rate), parameters and starts; legs,
     how many there are, for which there may not be room, and how the motion ended."""
     s, x, start = table(a[0], last, SETTINGS), table(a[1], last, _PARAMETERS), table(a[2], last, _STATE)
-    legs, ends = cube(a[3], last, int(s[0, 3]), LEG), table(a[4], last, 2)
+    legs, ends = cube(a[3], last, int(s[0, 3]), _LEG), table(a[4], last, _BEGINNING)
     plants, mode, sizes, count = np.empty(1, PLANT), np.zeros(4), np.zeros(6), np.zeros(1, np.int64)
     for n in range(first, last):
         y = start[n].copy()
@@ -113,18 +113,22 @@ def _legs(a, first, last):
 def _arcs(a, first, last):
     """Rows of `traverse` over so many arcs: settings (what, arcs, whether to survey), complex parameters,
     links, and complex arcs; ends, and findings about the arcs of the first row."""
-    s, x = table(a[0], 1, SETTINGS), carray(pointer(a[1]), (last, 9), np.complex128)
+    s, x = table(a[0], _ONE, SETTINGS), carray(pointer(a[1]), (last, 9), np.complex128)
     many = int(s[0, 1])
     links, z = carray(pointer(a[2]), (many,), LINK), carray(pointer(a[3]), (last, many, 6), np.complex128)
     out, found = carray(pointer(a[4]), (last, many, 5), np.complex128), carray(pointer(a[5]), (many,), SURVEY)
-    plants, others = np.empty(1, PLANT), np.empty(1, COMPLEX_PLANT)
+    plants, others, numbers, arc = np.empty(1, PLANT), np.empty(1, COMPLEX_PLANT), np.empty(9), np.empty(6)
     for n in range(first, last):
         plant(x[n], others[0])
         for i in range(many):
             traverse(others[0], links[i], z[n, i], out[n, i])
-    plant(x[first].real.copy(), plants[0])
+    for j in range(9):
+        numbers[j] = x[first, j].real
+    plant(numbers, plants[0])
     for i in range(many if s[0, 2] != 0.0 else 0):
-        survey(plants[0], links[i], z[first, i].real.copy(), found[i])
+        for j in range(6):
+            arc[j] = z[first, i, j].real
+        survey(plants[0], links[i], arc, found[i])
 
 
 @part
