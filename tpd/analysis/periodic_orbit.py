@@ -192,7 +192,7 @@ def _answered(
     else:
         shapes = jax.ShapeDtypeStruct((many,), float), jax.ShapeDtypeStruct((many, 9), float)
         values, slopes = jax.pure_callback(solve, shapes, *given, vmap_method="sequential")
-    values = values if space is np else with_slopes(x, values, slopes)
+    values = values if space is np else with_slopes(x, jnp.asarray(values), jnp.asarray(slopes))
     amplitude, stroke, *margins, status, symmetric, count = map(jnp.asarray, (*values[:5], *values[17:_ALL]))
     arcs = jnp.asarray(values[_ALL:]).reshape(size, 10)
     kinds, endings = arcs[:, 6].astype(int), arcs[:, 9].astype(int)
