@@ -49,12 +49,12 @@ from tpd.core.equations import smoothed_rates
 from tpd.core.parameters import as_arrays
 from tpd.core.status import SETTLED
 from tpd.exact.arc import classify
-from tpd.exact.contact import REST as RESTING
-from tpd.exact.event_log import record
 from tpd.exact.flow import advance, start
+from tpd.exact.mode_kinds import LANDING
+from tpd.exact.mode_kinds import REST as RESTING
 from tpd.exact.modes import Plant
-from tpd.exact.multiple_shooting import LANDING
 from tpd.models.base import Settled
+from tpd.models.multiple_shooting import Events, events
 from tpd.models.settling import scale_of
 
 NU, MU, LAM, ZETA, K, F, XI, E = range(8)
@@ -307,21 +307,14 @@ def test_a_block_that_friction_holds_for_a_while_is_called_sticking():
     assert exact(moved(HELD, F, 0.33), start).status == "rocking"
 
 
-@jax.jit
-def _hops(x: jax.Array, y0: jax.Array, span: jax.Array, quiet: jax.Array) -> tuple:
-    log = record(Plant(parameters(x)), y0, span, room=256, capture_speed=quiet)
-    met = jnp.arange(log.ending.size) < log.met
-    return jnp.sum(met & (log.ending == LANDING)), log.last.kind, log.overflow
-
-
 def hops(x: Any, tilt: float, quiet: float) -> int:
     """Impacts of a block let go at a tilt until it is captured at rest, below a speed in units of nu."""
-    count, kind, overflow = _hops(
-        np.array(x), np.array([tilt, 0.0, 0.0, 0.0]), np.array(20.0), np.array(quiet * x[NU])
-    )
-    assert int(kind) == RESTING
-    assert not bool(overflow)
-    return int(count)
+    p = parameters(x)
+    numbers = np.array([*x[:7], p.inertia_ratio, p.velocity_ratio])
+    found = events(numbers, np.array([tilt, 0.0, 0.0, 0.0]), 4, 256, quiet)
+    assert isinstance(found, Events)
+    assert found.resting
+    return int(np.sum(found.endings == LANDING))
 
 
 def test_the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed():

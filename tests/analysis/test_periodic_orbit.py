@@ -366,6 +366,43 @@ def test_input_is_checked() -> None:
         periodic_orbit(p, np.zeros(4), rest_rate=0.0)
 
 
+def test_programs_answer_as_the_host_does() -> None:
+    scene = SCENES[4]
+    x, y0 = jnp.array(scene.x), np.array(scene.near)
+
+    def answer(x: jax.Array) -> PeriodicOrbit:
+        return periodic_orbit(parameters(x), y0, periods=scene.periods, max_events=16)
+
+    on_host = periodic_orbit(at(scene.x), y0, periods=scene.periods, max_events=16)
+    for one, other in zip(jax.tree.leaves(on_host), jax.tree.leaves(jax.jit(answer)(x)), strict=True):
+        assert one.dtype == other.dtype
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(jax.grad(lambda x: answer(x).stroke)(x), found(scene).slopes[1], rtol=1e-9)
+
+
+def test_derivatives_that_are_not_known_are_refused() -> None:
+    x, y0 = jnp.array(SCENES[0].x), np.array(SCENES[0].near)
+
+    def answer(x: jax.Array) -> PeriodicOrbit:
+        return periodic_orbit(parameters(x), y0, max_events=8)
+
+    assert np.all(np.isnan(jax.hessian(lambda x: answer(x).amplitude)(x)))
+    assert np.all(np.isnan(jax.jacfwd(lambda x: answer(x).margins.fold)(x)))
+    assert np.all(np.isnan(jax.jacfwd(lambda x: jnp.abs(answer(x).multipliers))(x)))
+
+
+def test_the_margin_of_grazing_is_the_least_rate_on_the_way() -> None:
+    """A block that all but turns in the air soon after a landing; and by states along that arc."""
+    x, y0 = (0.155, 0.06, 0.48, 0.151, 0.092, 0.364, 1.65, 0.017), (0.0125, -0.9238, 0.0121, -0.7916)
+    orbit, j = near(x, y0), 4
+    start = np.where(np.abs(orbit.sequence.states[j]) < 1e-12, 0.0, orbit.sequence.states[j])
+    begin, lasted = float(orbit.sequence.phases[j]) / x[6], float(orbit.sequence.durations[j])
+    rates = np.abs(along(x, start, begin + np.linspace(0.0, 1.0, 361) * lasted)[0][:, 2])
+    seen = np.min(rates[1:60]) / np.max(rates)
+    assert seen < 0.01
+    assert 0.999 * seen < float(orbit.margins.grazing) <= seen * (1.0 + 1e-9)
+
+
 @pytest.mark.slow
 def test_batches_and_reverse_mode() -> None:
     """`vmap` and `grad` of `periodic_orbit` itself, under `jit`."""

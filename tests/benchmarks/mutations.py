@@ -81,7 +81,8 @@ def _within_assignment(variable: str, mutation: Mutation) -> Mutation:
 
 
 def never(status: str) -> Mutation:
-    """`Status.where(condition, a, b)` no longer gives this status but the other one of the two."""
+    """`Status.where(condition, a, b)`, or `a if condition else b` with names, no longer gives this status but
+    the other one of the two."""
 
     def change(node: ast.AST) -> ast.AST:
         if isinstance(node, ast.Call) and _is_call(node, "where") and len(node.args) == 3:
@@ -90,6 +91,11 @@ def never(status: str) -> Mutation:
                 return no
             if isinstance(no, ast.Attribute) and no.attr == status:
                 return yes
+        if isinstance(node, ast.IfExp):
+            if isinstance(node.body, ast.Constant) and node.body.value == status:
+                return node.orelse
+            if isinstance(node.orelse, ast.Constant) and node.orelse.value == status:
+                return node.body
         return node
 
     return change

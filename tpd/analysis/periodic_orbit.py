@@ -1,61 +1,45 @@
 """Any periodic orbit of the exact model: period n, asymmetric, sticking, resting, with impacts.
 
 A simulation says in which order the events of one period come; the orbit with that order is then the
-solution of closed-form equations (`tpd.exact.multiple_shooting`), whether it attracts or repels. So an
+solution of closed-form equations (`tpd.models.multiple_shooting`), whether it attracts or repels. So an
 orbit can be followed where no simulation stays near it, and its derivatives follow from the implicit function
-theorem.
+theorem. All of it is computed on the host, in programs of JAX by a call back.
 """
 
 from __future__ import annotations
 
+from collections import namedtuple
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.flatten_util import ravel_pytree
+import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd.core import checks
-from tpd.core.eigenvalues import (
-    GRAZING,
-    NEAR_FOLD,
-    characteristic,
-    felt_by_block,
-    is_neutral,
-    quartic_roots,
-    rows_of,
-)
-from tpd.core.parameters import Number, Parameters, State, as_arrays, check_parameters
-from tpd.core.status import Status, is_moving
-from tpd.exact.contact import REST, SLIP
-from tpd.exact.derivatives import refused_in, with_slopes
-from tpd.exact.event_log import cut, record
-from tpd.exact.modes import Plant
-from tpd.exact.multiple_shooting import (
-    LANDING,
-    TURN,
-    Blocks,
-    Cycle,
-    Leg,
-    Polished,
-    Survey,
-    monodromy,
-    polish,
-    polished_cycle,
-    state_on,
-    survey,
-)
+from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, is_neutral
+from tpd.core.parameters import Parameters, as_arrays, check_parameters
+from tpd.core.status import Status
+from tpd.exact.derivatives import with_slopes
+from tpd.exact.mode_kinds import SLIP
+from tpd.models.multiple_shooting import Cycle, Orbit, polish, recorded, traverse
 
 MAX_EVENTS = 64
 """Most events in one period of an orbit, by default."""
 REST_RATE = 1e-6
 """Slowest impact that is followed, phi' in units of nu: a slower one ends a rattle."""
-_CONVERGED = 1e-6
-"""Share of its scale that the last Newton step may have gone."""
 _MIRRORED = 1e-8
 """Largest deviation from its mirror image, in shares of the scales, of a symmetric orbit."""
-_RATTLED = 1e-5
-"""Fastest impact that may end a rattle on a followed orbit, in units of nu."""
+_ALL = 20
+"""Numbers of an orbit that do not belong to an arc."""
+Start = Cycle | str
+"""Guess that Newton's method starts from, or the name of the status of a motion without an orbit."""
+_Numbers = namedtuple("_Numbers", "nu mu lam zeta k f xi inertia_ratio velocity_ratio")
+"""Parameters as plain numbers."""
 
 
 class Sequence(eqx.Module):
@@ -157,9 +141,7 @@ def periodic_orbit(
     checks.positive("rest_rate", rest_rate)
     checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
     y = jnp.asarray(y0, dtype=jnp.float64)
-    p, count = as_arrays(p), jnp.asarray(periods)
-    start = _recorded(p, y, count, max_events, rest_rate)
-    return _solve(p, start.legs, start.guess, count, start.outcome)
+    return _answered(p, partial(_recorded, max_events), max_events, periods, y, rest_rate)
 
 
 def continue_orbit(p: Parameters, orbit: PeriodicOrbit) -> PeriodicOrbit:
@@ -174,197 +156,136 @@ def continue_orbit(p: Parameters, orbit: PeriodicOrbit) -> PeriodicOrbit:
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    s = orbit.sequence
+    modes = s.kinds, s.tilt_signs, s.rate_signs, s.endings
+    numbers = s.states, s.durations, s.phases, s.count
+    return _answered(p, _carried_over, s.kinds.size, orbit.periods, *modes, *numbers)
+
+
+def _recorded(max_events: int, x: np.ndarray, periods: int, y0: np.ndarray, rest_rate: np.ndarray) -> Start:
+    """The arcs of one period of the motion from `y0`."""
+    return recorded(x, y0, periods, max_events, float(rest_rate))
+
+
+def _carried_over(x: np.ndarray, periods: int, *sequence: np.ndarray) -> Start:
+    """The arcs of another orbit: at another frequency they keep their phases rather than their times."""
+    *modes, states, durations, phases, count = sequence
+    if count == 0 or not np.all(np.isfinite([*x, *states.flat])):
+        return "no_orbit"
+    stretched = 2.0 * np.pi * periods / (x[6] * np.sum(durations)) * durations
+    unknowns = np.column_stack([states, stretched])[: int(count)]
+    return Cycle(np.stack(modes)[:, : int(count)], np.append(unknowns, phases[0]))
+
+
+def _answered(
+    p: Parameters, start: Callable[..., Start], size: int, periods: ArrayLike, *operands: ArrayLike
+) -> PeriodicOrbit:
+    """The orbit with the sequence of at most `size` arcs that `start` makes of the operands."""
     p = as_arrays(p)
-    start = _carried_over(p, orbit)
-    return _solve(p, start.legs, start.guess, orbit.periods, start.outcome)
-
-
-class _Start(eqx.Module):
-    """Sequence and guess that Newton's method starts from."""
-
-    legs: Leg
-    guess: Cycle
-    outcome: Status
-    """rocking, or why there is nothing to start from."""
-
-
-@eqx.filter_jit
-def _recorded(p: Parameters, y0: State, periods: Int[Array, ""], max_events: int, rest_rate: float) -> _Start:
-    """The events of one period of the motion from `y0`."""
-    p, y0 = stop_gradient(p), stop_gradient(y0)
-    span = periods * p.period
-    log = record(Plant(p), y0, 2.0 * span, room=2 * max_events + 2, capture_speed=rest_rate * p.nu)
-    found = cut(log, span, p.xi, max_events)
-    rests = (log.last.kind == REST) & ~jnp.any((log.time > span) & (jnp.arange(log.time.size) < log.met))
-    sound = jnp.all(jnp.isfinite(jnp.stack([*jax.tree.leaves(p), *y0])))
-    outcome = Status.where(found.closed, Status.rocking, Status.no_orbit)
-    outcome = Status.where(rests, Status.rest, Status.where(found.overflow, Status.event_bound, outcome))
-    outcome = Status.where(log.lost, Status.overturned, outcome)
-    return _Start(found.legs, found.cycle, Status.where(sound, outcome, Status.failed))
-
-
-@eqx.filter_jit
-def _carried_over(p: Parameters, orbit: PeriodicOrbit) -> _Start:
-    """The events of another orbit."""
-    s, xi = stop_gradient(orbit.sequence), stop_gradient(p.xi)
-    place = jnp.arange(s.kinds.size)
-    following = jnp.where(place + 1 < s.count, place + 1, 0)
-    signs = (s.kinds, s.tilt_signs, s.rate_signs, s.endings)
-    legs = Leg(*signs, s.kinds[following], s.rate_signs[following], place < s.count)
-    # At another frequency the events keep their phases rather than their times.
-    old = jnp.sum(s.durations)
-    stretch = 2.0 * jnp.pi * orbit.periods / (xi * jnp.where(old > 0, old, 1.0))
-    there = jnp.all(jnp.isfinite(s.states)) & (s.count > 0)
-    outcome = Status.where(there, Status.rocking, Status.no_orbit)
-    return _Start(legs, Cycle(s.states, s.durations * stretch, s.phases[0]), outcome)
-
-
-@eqx.filter_jit
-def _solve(p: Parameters, legs: Leg, guess: Cycle, periods: Int[Array, ""], outcome: Status) -> PeriodicOrbit:
-    """Polish a guess, and describe what it comes to."""
-    fixed = stop_gradient(p)
-    plant, span, scale = Plant(fixed), periods * fixed.period, _scale(fixed)
-    near = polish(plant, legs, guess, span, scale)
-    cycle = polished_cycle(plant, legs, near, span)
-    met, multipliers, margins = _inspect(fixed, plant, legs, cycle, near.blocks)
-    valid = (outcome == Status.rocking) & _holds(fixed, legs, met) & (near.moved < _CONVERGED)
-    status = Status.where(
-        outcome == Status.rocking, _verdict(fixed, legs, multipliers, margins, valid), outcome
-    )
-    usable = is_moving(status) | (status == Status.unstable) | (status == Status.neutral)
-    sizes, cycle = _differentiable(p, legs, near, met, periods, valid, usable)
-    count = jnp.where(valid, jnp.sum(legs.real), 0)
-    multipliers, margins = jax.tree.map(lambda x: jnp.where(valid, x, jnp.nan), (multipliers, margins))
-    real, imag = refused_in(p, jnp.real(multipliers)), refused_in(p, jnp.imag(multipliers))
+    numbers = p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.velocity_ratio
+    space, solve, many = checks.namespace(*numbers), partial(_solved, start, size), _ALL + 10 * size
+    x = space.stack([space.asarray(number, dtype=float) for number in numbers])
+    given = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, periods, *operands)]
+    # What is known, outside of programs and under `grad` there, needs no program of JAX.
+    if all(map(checks.is_concrete, given)):
+        values, slopes = solve(*given)
+    else:
+        shapes = jax.ShapeDtypeStruct((many,), float), jax.ShapeDtypeStruct((many, 9), float)
+        values, slopes = jax.pure_callback(solve, shapes, *given, vmap_method="sequential")
+    values = values if space is np else with_slopes(x, jnp.asarray(values), jnp.asarray(slopes))
+    amplitude, stroke, *margins, status, symmetric, count = map(jnp.asarray, (*values[:5], *values[17:_ALL]))
+    arcs = jnp.asarray(values[_ALL:]).reshape(size, 10)
+    kinds, endings = arcs[:, 6].astype(int), arcs[:, 9].astype(int)
     return PeriodicOrbit(
-        status,
-        jnp.where(status == Status.rest, 0.0, sizes[0]),
-        sizes[1],
-        sizes[2:],
-        periods,
-        valid & _mirrored(cycle, count, scale, span) & (periods % 2 == 1),
-        Sequence(*legs[:4], cycle.durations, cycle.phases(p.xi), cycle.states, count),
-        real + 1j * imag,
-        jax.tree.map(lambda x: refused_in(p, x), margins),
+        jax.tree.unflatten(jax.tree.structure(Status.rocking), [status.astype(jnp.int32)]),
+        amplitude,
+        stroke,
+        jnp.asarray(values[5:9]),
+        jnp.asarray(periods),
+        symmetric != 0.0,
+        Sequence(
+            kinds, arcs[:, 7], arcs[:, 8], endings, arcs[:, 5], arcs[:, 4], arcs[:, :4], count.astype(int)
+        ),
+        jnp.asarray(values[9:13] + 1j * values[13:17]),
+        CycleMargins(*margins),
     )
 
 
-def _differentiable(
-    p: Parameters,
-    legs: Leg,
-    near: Polished,
-    met: Survey,
-    periods: Int[Array, ""],
-    valid: Bool[Array, ""],
-    usable: Bool[Array, ""],
-) -> tuple[Float[Array, "6"], Cycle]:
-    """(amplitude, stroke, state) and the cycle, with their derivatives: nine directions in forward mode,
-    which forward and reverse mode combine."""
-    flat, unflatten = ravel_pytree(p)
-    unpack = ravel_pytree((jnp.zeros(6), near.cycle))[1]
-
-    def answer(x: Float[Array, "n"]) -> Float[Array, "m"]:
-        q = unflatten(x)
-        plant, span = Plant(q), periods * q.period
-        cycle = polished_cycle(plant, legs, near, span)
-        state, reach = _looked_up(plant, legs, cycle, met, span)
-        sizes = jnp.concatenate([jnp.stack([_largest(cycle, legs), reach]), state])
-        return ravel_pytree((sizes, cycle))[0]
-
-    def push(direction: Float[Array, "n"]) -> tuple[Array, Array]:
-        return jax.jvp(answer, (stop_gradient(flat),), (direction,))
-
-    values, slopes = jax.vmap(push, out_axes=(None, 1))(jnp.eye(flat.size))
-    first = jnp.arange(values.size) < 6
-    values = jnp.where(first & ~valid, jnp.nan, values)
-    slopes = jnp.where(usable, slopes, jnp.nan)
-    return unpack(with_slopes(flat, values, slopes))
-
-
-def _inspect(
-    p: Parameters, plant: Plant, legs: Leg, cycle: Cycle, blocks: Blocks
-) -> tuple[Survey, Array, CycleMargins]:
-    """Extremes, multipliers and margins of the orbit."""
-    phases = cycle.phases(plant.linear.xi)
-    met = jax.vmap(survey, (None, 0, 0, 0, 0))(plant, legs, cycle.states, phases, cycle.durations)
-    multipliers, fold = _stability(p, monodromy(plant, legs, cycle, blocks))
-    sines = jnp.sin(phases + plant.linear.xi * cycle.durations)
-    sticking = jnp.min(jax.vmap(_sticking, (None, 0, 0, 0))(plant, legs, met.last, sines))
-    return met, multipliers, CycleMargins(fold, jnp.min(met.dip), sticking)
+# Newton's method may run away.
+@np.errstate(all="ignore")
+def _solved(start: Callable[..., Start], size: int, *given: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of an orbit, on the host: amplitude, stroke, three margins, state, real and imaginary parts of
+    the multipliers, status, symmetric, count; and for each arc the six numbers of `Orbit.arcs`, its mode and
+    its ending. And their derivatives in the nine parameters."""
+    x, many, *operands = map(np.asarray, given)
+    p, periods, values = _Numbers(*x), int(many), np.zeros(_ALL + 10 * size)
+    values[:17], slopes = np.nan, np.full((len(values), 9), np.nan)
+    arcs, by = values[_ALL:].reshape(size, 10), slopes[_ALL:].reshape(size, 10, 9)
+    by[:, 6:], slopes[17:_ALL] = 0.0, 0.0
+    span, rate, symmetric, count = periods * 2.0 * np.pi / p.xi, max(p.xi, 1.0), False, 0
+    scale = np.array([p.nu, p.nu + p.f, p.nu * rate, (p.nu + p.f) * rate])
+    cycle = start(x, periods, *operands)
+    status, orbit = (cycle, None) if isinstance(cycle, str) else ("no_orbit", polish(x, cycle, span, scale))
+    if status == "rest":
+        values[0], slopes[0] = 0.0, 0.0
+    if orbit is not None:
+        count, kinds = len(orbit.links), orbit.links["kind"]
+        matrix = orbit.monodromy if np.all(np.isfinite(orbit.monodromy)) else np.zeros((4, 4))
+        if p.mu == 0.0:
+            # A bob without mass cannot be felt and is left out: two multipliers are zero then.
+            matrix[1::2], matrix[:, 1::2] = 0.0, 0.0
+        multipliers, fold = np.linalg.eigvals(matrix), np.linalg.det(np.eye(4) - matrix)
+        grazing, sticking = np.min(orbit.met["dip"]), np.min(orbit.met["sticking"])
+        status = _verdict(p, bool(np.any(kinds != SLIP)), multipliers, grazing)
+        symmetric = periods % 2 == 1 and _mirrored(orbit.arcs, scale, span)
+        sizes, by_sizes = _looked_up(x, orbit, span)
+        values[:17] = *sizes[:2], fold, grazing, sticking, *sizes[2:], *multipliers.real, *multipliers.imag
+        arcs[:count, :6], arcs[:count, 6:] = orbit.arcs, [[*link][:4] for link in orbit.links.tolist()]
+        if status not in ("near_fold", "grazing"):
+            slopes[:2], slopes[5:9], by[:] = by_sizes[:2], by_sizes[2:], 0.0
+            by[:count, :6] = orbit.by
+    values[17:_ALL] = jax.tree.leaves(getattr(Status, status))[0], symmetric, count
+    return values, slopes
 
 
-def _holds(p: Parameters, legs: Leg, met: Survey) -> Bool[Array, ""]:
-    """Whether all arcs keep to their signs, and what is said to end in rest is slow and low."""
-    rests, least = legs.real & (legs.onward == REST), _RATTLED * p.nu
-    fast = (legs.ending == LANDING) & (p.velocity_ratio * jnp.abs(met.last[:, 2]) > least)
-    return jnp.all(met.inside) & ~jnp.any(rests & (fast | (jnp.abs(met.last[:, 0]) > least**2)))
+def _verdict(p: Any, held: bool, multipliers: np.ndarray, grazing: float) -> str:
+    """Name of the status of an orbit, on which the block is `held` or not."""
+    largest = np.max(np.abs(multipliers))
+    status = "sticking" if held else "rocking"
+    status = status if largest < 1.0 else "unstable"
+    status = "neutral" if is_neutral(p, largest) else status
+    status = "grazing" if grazing < GRAZING else status
+    return "near_fold" if np.min(np.abs(1.0 - multipliers)) < 2.0 * NEAR_FOLD else status
 
 
-def _scale(p: Parameters) -> State:
-    """Sizes of the state's components."""
-    rate = jnp.maximum(p.xi, 1.0)
-    return jnp.stack([p.nu, p.nu + p.f, p.nu * rate, (p.nu + p.f) * rate])
+def _looked_up(x: np.ndarray, orbit: Orbit, span: float) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitude, largest |psi| and state at tau = 0 modulo the period, and their derivatives in the nine
+    parameters."""
+    arcs, by, xi = orbit.arcs, orbit.by, x[6]
+    begun = arcs[:, 4] / xi
+    whole = np.ceil(begun / span) * span
+    # A tilt is monotone on its arcs, hence largest where one begins.
+    i, j, k = np.argmin(whole - begun), np.argmax(orbit.met["reach"]), np.argmax(np.abs(arcs[:, 0]))
+    # Two arcs are cut short: where tau is 0, and at the largest |psi|, which is met at a share of the
+    # duration whose own derivative does not count, as 0 and 1 are events and in between the bob turns.
+    share, short, moved = orbit.met["at"][j] / arcs[j, 5], arcs[[i, j]], by[[i, j]]
+    short[:, 5] = whole[i] - begun[i], share * arcs[j, 5]
+    moved[0, 5], moved[1, 5] = -by[i, 4] / xi, share * by[j, 5]
+    moved[0, 5, 6] -= (whole[i] - begun[i]) / xi
+    links = orbit.links[[i, j]]
+    links["ending"] = -1.0
+    ends, slopes, _ = traverse(x + 1j * np.eye(9), links, short + 1j * np.moveaxis(moved, -1, 0))
+    sides = np.sign([arcs[k, 0], ends[1, 1]])
+    sizes = np.abs([arcs[k, 0], ends[1, 1]])
+    by_sizes = sides[:, None] * [by[k, 0], slopes[1, 1]]
+    return np.append(sizes, ends[0, :4]), np.vstack([by_sizes, slopes[0, :4]])
 
 
-def _largest(cycle: Cycle, legs: Leg) -> Array:
-    """The largest |phi|: a tilt is monotone on its arcs, hence largest where one begins."""
-    return jnp.max(jnp.where(legs.real, jnp.abs(cycle.states[:, 0]), 0.0))
-
-
-def _stability(p: Parameters, matrix: Float[Array, "4 4"]) -> tuple[Array, Array]:
-    """The multipliers and det(I - M). A bob without mass (mu = 0) cannot be felt and is left out: two
-    multipliers are zero then."""
-    matrix = jnp.where(jnp.all(jnp.isfinite(matrix)), matrix, jnp.zeros((4, 4)))
-    c1, c2, c3, c4 = characteristic(felt_by_block(p, rows_of(matrix)))
-    real, imag = quartic_roots((c1, c2, c3, c4))
-    return real + 1j * imag, jnp.asarray(1.0 + c1 + c2 + c3 + c4)
-
-
-def _sticking(plant: Plant, leg: Leg, end: State, sine: Number) -> Number:
-    """See `CycleMargins`."""
-    linear = plant.linear
-    moment = linear.holding_moment(end.at[2].set(0.0), sine)
-    excess = jnp.abs(moment - leg.tilt * linear.weight)
-    share = jnp.abs(excess - linear.friction) / jnp.maximum(excess + linear.friction, 1e-300)
-    return jnp.where(leg.real & (leg.ending == TURN), share, jnp.inf)
-
-
-def _verdict(
-    p: Parameters, legs: Leg, multipliers: Array, margins: CycleMargins, valid: Bool[Array, ""]
-) -> Status:
-    held = jnp.any(legs.real & (legs.kind != SLIP))
-    status = Status.where(held, Status.sticking, Status.rocking)
-    largest = jnp.max(jnp.abs(multipliers))
-    status = Status.where(largest < 1.0, status, Status.unstable)
-    status = Status.where(is_neutral(p, largest), Status.neutral, status)
-    status = Status.where(margins.grazing < GRAZING, Status.grazing, status)
-    near = jnp.min(jnp.abs(1.0 - multipliers)) < 2.0 * NEAR_FOLD
-    return Status.where(valid, Status.where(near, Status.near_fold, status), Status.no_orbit)
-
-
-def _looked_up(plant: Plant, legs: Leg, cycle: Cycle, met: Survey, span: Number) -> tuple[State, Array]:
-    """The state at tau = 0 modulo the period, and the largest |psi|."""
-    phases = cycle.phases(plant.linear.xi)
-    begun = phases / plant.linear.xi
-    late = stop_gradient(jnp.ceil(begun / span)) * span - begun
-    i, j = jnp.argmin(jnp.where(legs.real, late, jnp.inf)), jnp.argmax(met.reach)
-    times = jnp.stack([late[i], met.share[j] * cycle.durations[j]])
-    at = jnp.stack([i, j])
-
-    def state(leg: Leg, y: State, phase: Number, time: Number) -> State:
-        return state_on(leg.launch(plant, y, phase)[0], time)
-
-    ys = jax.vmap(state)(jax.tree.map(lambda x: x[at], legs), cycle.states[at], phases[at], times)
-    return ys[0], jnp.abs(ys[1, 1])
-
-
-def _mirrored(cycle: Cycle, count: Int[Array, ""], scale: State, span: Number) -> Bool[Array, ""]:
+def _mirrored(arcs: np.ndarray, scale: np.ndarray, span: float) -> bool:
     """Whether the second half of the arcs is the mirror image of the first."""
-    place = jnp.arange(cycle.durations.size)
-    half = count // 2
-    real = place < half
-    other = jnp.where(real, place + half, place)
-    apart = jnp.max(jnp.abs(cycle.states + cycle.states[other]) / scale[None], axis=1)
-    longer = jnp.abs(cycle.durations - cycle.durations[other]) / span
-    same = jnp.maximum(apart, longer) < _MIRRORED
-    return (count % 2 == 0) & jnp.all(same | ~real)
+    half = len(arcs) // 2
+    if len(arcs) % 2 == 1:
+        return False
+    apart = np.abs(arcs[:half, :4] + arcs[half:, :4]) / scale
+    longer = np.abs(arcs[:half, 5] - arcs[half:, 5]) / span
+    return bool(max(np.max(apart), np.max(longer)) < _MIRRORED)

@@ -10,7 +10,9 @@ import numba
 import numpy as np
 from numba.np.numpy_support import carray
 
-from tpd.exact.arcs import Forcing, Load, beginning, launch, state_at
+from tpd.exact.arcs import Forcing, Load, beginning, launch, state_at, steady
+from tpd.exact.contact_kernel import decide, sign
+from tpd.exact.cycle_kernel import LINK, SURVEY, survey, traverse
 from tpd.exact.follow import FAILED, OVERTURNED, STATUSES, through
 from tpd.exact.legs import (
     ANGLES,
@@ -25,7 +27,7 @@ from tpd.exact.legs import (
     read,
 )
 from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, MOTION, NO, ROOM, larger
-from tpd.exact.near_orbits import cycle
+from tpd.exact.near_orbits import Limits, cycle, follow_periods
 from tpd.exact.plant import PLANT, compiled, part, plant, put_plants, stored
 from tpd.exact.repetition import FLOATS, WHOLES
 from tpd.exact.settle import settle
@@ -35,8 +37,8 @@ from tpd.models.custom_call import api_version, cube, on_host, pointer, rows_of,
 
 __all__ = ["CALL", "FLOATS", "INPUTS", "STATUSES", "WHOLES", "run"]
 
-SETTLE, CYCLE, TRAJECTORY, SHAKE, HISTORY = range(5)
-"""Tasks; the first number of every row of settings."""
+SETTLE, CYCLE, TRAJECTORY, SHAKE, HISTORY, LEGS_OF, ARCS = range(7)
+"""Tasks; the first number of every row of settings. The last three are for the host alone."""
 FIELDS = (
     *("task", "periods", "events", "rest_rate", "tolerance", "first", "slopes"),
     *("pieces", "record", "free", "brief", "angles"),
@@ -64,13 +66,13 @@ def settings(**values: Any) -> list[Any]:
 
 
 Own = namedtuple("Own", "plants motions rooms readers")
-"""Memory of records: a plant, a motion and a mode, a room, a reader. A record does not keep its memory: it is
+"""Memory of records: a plant, a motion and a mode, two rooms, a reader. A record does not keep its memory: it is
 alive as long as these arrays are."""
 
 
 @compiled
 def _memory():
-    return Own(np.empty(1, PLANT), np.zeros(2, MOTION), np.zeros(1, ROOM), np.zeros(1, READER))
+    return Own(np.empty(1, PLANT), np.zeros(2, MOTION), np.zeros(2, ROOM), np.zeros(1, READER))
 
 
 @compiled
@@ -213,6 +215,46 @@ def _shake(a, first, last, history):
 
 
 @part
+def _legs(a, first, last):
+    """Rows of `follow_periods` from states at tau = 0: settings, parameters and starts; legs, how many there
+    are, for which there may not be room, and how the motion ended."""
+    s, x, start, own = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4), _memory()
+    legs, ends = carray(pointer(a[3]), (last, int(s[0].pieces)), LEG), table(a[4], last, 2)
+    q, m, room, f = own.plants[0], own.motions[0], own.rooms[0], steady(np.empty((0, 4)))
+    for n in range(first, last):
+        plant(x[n], q)
+        m.y[:] = start[n]
+        decide(q, m.y, sign(m.y[0]), sign(m.y[2]), 0.0, m)
+        limits = Limits(s[n].rest_rate * q.nu, int(s[n].events), int(s[n].periods))
+        ends[n, 1] = follow_periods(q, f, m, legs[n], room, limits)
+        ends[n, 0] = m.recorded
+    _keep(own)
+
+
+@part
+def _arcs(a, first, last):
+    """Rows of `traverse` over so many arcs: settings, complex parameters, links, and complex arcs; ends, and if
+    the settings ask for slopes, findings about the arcs of the first row."""
+    s, x, own = _settings(a[0], 1), carray(pointer(a[1]), (last, 9), np.complex128), _memory()
+    many = int(s[0].pieces)
+    links, z = carray(pointer(a[2]), (many,), LINK), carray(pointer(a[3]), (last, many, 6), np.complex128)
+    out, found = carray(pointer(a[4]), (last, many, 5), np.complex128), carray(pointer(a[5]), (many,), SURVEY)
+    q, numbers, arc, other = own.plants[0], np.empty(9), np.empty(6), own.readers[0].plants[0]
+    for n in range(first, last):
+        plant(x[n], other)
+        for i in range(many):
+            traverse(other, links[i], z[n, i], out[n, i])
+    for j in range(9):
+        numbers[j] = x[first, j].real
+    plant(numbers, q)
+    for i in range(many if s[0].slopes != 0.0 else 0):
+        for j in range(6):
+            arc[j] = z[first, i, j].real
+        survey(q, links[i], arc, own.rooms[0], own.rooms[1], found[i])
+    _keep(own)
+
+
+@part
 def _run(a, first, last):
     """Rows of whatever the settings ask for."""
     task = table(a[0], 1, 1)[0, 0]
@@ -222,6 +264,10 @@ def _run(a, first, last):
         _cycle(a, first, last)
     elif task == TRAJECTORY:
         _trajectory(a, first, last)
+    elif task == LEGS_OF:
+        _legs(a, first, last)
+    elif task == ARCS:
+        _arcs(a, first, last)
     else:
         _shake(a, first, last, task == HISTORY)
 

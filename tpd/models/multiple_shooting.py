@@ -1,0 +1,216 @@
+"""Periodic orbits of any sequence of events, by Newton's method on their closed-form arcs.
+
+A periodic motion is a cycle of arcs (slip, stick or rest, each with its signs), and every arc ends in an
+event: a turn (phi' = 0), a landing (phi = 0, with its impact) or a release (the moment on the held
+block reaches what holds it). With the sequence given, the unknowns are the states at the starts of the arcs,
+their durations, and the phase of the forcing at the first of them; the equations are the joints between the
+arcs, the events, and that the durations add up to whole forcing periods. No event is solved for by itself, so
+that nothing is divided by the rate at which it is met, and no error grows over more than one arc.
+
+Held arcs lose the tilt and its rate: the state that enters one has phi' = 0 exactly (phi = 0 as well at
+rest), and the projections that see to it are part of the equations and of their derivatives.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tpd.exact.mode_kinds import RELEASE, REST, SLIP
+from tpd.models import compiling
+
+_STEPS = 21
+"""Most steps of Newton's method."""
+_NEAR, _CONVERGED = 1e-9, 1e-6
+"""Shares of its scale below which a Newton step is the last but one, and that the last step may have gone."""
+
+
+class Events(NamedTuple):
+    """Events of a motion in order, and the arcs that follow them."""
+
+    times: np.ndarray
+    endings: np.ndarray
+    modes: np.ndarray
+    """Rows of kinds, signs of phi (0 at rest), and signs of phi' (0 on a held arc)."""
+    states: np.ndarray
+    resting: bool
+    """Whether the block rests at the end."""
+
+
+class Cycle(NamedTuple):
+    """Sequence of arcs, and a guess where they are."""
+
+    modes: np.ndarray
+    """Rows of kinds and signs, see `Events`, and of endings."""
+    unknowns: np.ndarray
+    """State at the start and duration, arc by arc, and the phase of the forcing at the first, rad."""
+
+
+class Orbit(NamedTuple):
+    """A cycle that Newton's method has arrived at."""
+
+    links: np.ndarray
+    """See `tpd.exact.cycle_kernel.LINK`."""
+    arcs: np.ndarray
+    """State and phase of the forcing at the start, and duration, of every arc: shape (arcs, 6)."""
+    by: np.ndarray
+    """Derivatives of `arcs` in the nine parameters, shape (arcs, 6, 9)."""
+    monodromy: np.ndarray
+    """Derivative of the map over the whole cycle, cut just after the start of its first arc."""
+    met: np.ndarray
+    """See `tpd.exact.cycle_kernel.SURVEY`."""
+
+
+def _run(task: str, rows: int, settings: dict[str, Any], *buffers: np.ndarray) -> None:
+    """Have the compiled code do a task."""
+    compiling.load("tpd.models.exact_entry")
+    from tpd.models import exact_entry as entry
+
+    entry.run(0, rows, np.array([entry.settings(task=getattr(entry, task), **settings)]), *buffers)
+
+
+def events(x: np.ndarray, y0: np.ndarray, periods: int, most: int, rest_rate: float) -> Events | str:
+    """The events of the motion from `y0` at tau = 0 over so many forcing periods, at most `most` in each, or
+    the name of the status of a motion that has more or is lost."""
+    from tpd.exact.events import END, FIRST, SECOND
+    from tpd.exact.follow import EXHAUSTED, LOST
+    from tpd.exact.motion import LEG
+
+    legs, ends = np.empty(0, LEG), np.array([[2.0 * most, 0.0]])
+    limits = {"periods": periods, "events": most, "rest_rate": rest_rate}
+    while ends[0, 0] > len(legs):
+        legs = np.empty(int(ends[0, 0]), LEG)
+        _run("LEGS_OF", 1, {**limits, "pieces": len(legs)}, x[None], y0[None], legs, ends)
+    legs = legs[: int(ends[0, 0])]
+    if not np.all(np.isfinite([*x, *y0, *legs["lasted"], *legs["y"].flat])):
+        return "failed"
+    if ends[0, 1] in (LOST, EXHAUSTED):
+        return "overturned" if ends[0, 1] == LOST else "event_bound"
+    which = legs["which"]
+    # Turns of the bob divide arcs, and so do ends of forcing periods, at which time begins again.
+    whole = np.cumsum(which == END) - (which == END)
+    met = np.flatnonzero((which == FIRST) | (which == SECOND))
+    kinds, tilts, ways = (legs[name][met + 1] for name in ("kind", "tilt", "way"))
+    modes = np.stack([kinds, np.where(kinds == REST, 0.0, tilts), np.where(kinds == SLIP, ways, 0.0)])
+    times = legs["begun"] + legs["lasted"] + 2.0 * np.pi / x[6] * whole
+    endings = np.where(legs["kind"] == SLIP, which, RELEASE)
+    return Events(times[met], endings[met], modes, legs["y"][met + 1], bool(legs["kind"][-1] == REST))
+
+
+def recorded(x: np.ndarray, y0: np.ndarray, periods: int, max_events: int, rest_rate: float) -> Cycle | str:
+    """A cycle of so many forcing periods of the motion from `y0` at tau = 0, of at most `max_events` arcs; or
+    the name of the status of a motion that has none.
+
+    The cut lies in the middle of the longest arc, where no event can fall on the wrong side of it.
+    """
+    most, span = 2 * max_events + 2, periods * 2.0 * np.pi / x[6]
+    found = events(x, y0, 2 * periods, most, rest_rate)
+    if isinstance(found, str):
+        return found
+    times = found.times
+    if found.resting and not np.any(times > span):
+        return "rest"
+    # Two periods are recorded so that one whole period lies around any cut. An event at the cut itself would
+    # belong to both sides or to none by rounding; the middle of the longest arc is as far from all events as
+    # can be.
+    gaps = np.where(times[:-1] <= span, np.diff(times), 0.0)
+    before = int(np.argmax([*gaps, 0.0]))
+    middle = times[before] + 0.5 * gaps[before] if np.any(gaps) else np.inf
+    here = np.flatnonzero((times > middle) & (times <= middle + span))
+    if len(times) >= most or len(here) > max_events:
+        return "event_bound"
+    if len(here) == 0 or np.any(found.modes[:, before] != found.modes[:, here[-1]]):
+        return "no_orbit"
+    following = np.roll(here, -1)
+    durations = times[following] - times[here]
+    durations[-1] += span
+    unknowns = np.append(np.column_stack([found.states[here], durations]), x[6] * times[here[0]])
+    return Cycle(np.vstack([found.modes[:, here], found.endings[following]]), unknowns)
+
+
+def traverse(
+    x: np.ndarray, links: np.ndarray, arcs: np.ndarray, surveyed: bool = False
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """States after arcs and their events, and the values of the events' signals there, shape (arcs, 5); their
+    derivatives in the directions that are the imaginary parts of the rows of parameters (rows, 9) and arcs
+    (rows, arcs, 6), shape (arcs, 5, rows); and if `surveyed` what is met along the arcs."""
+    from tpd.exact.arc_kernel import STEP
+    from tpd.exact.cycle_kernel import SURVEY
+
+    out, met = np.empty((*arcs.shape[:2], 5), complex), np.empty(len(links), SURVEY)
+    rows = (np.ascontiguousarray(np.real(z) + STEP * 1j * np.imag(z)) for z in (x, arcs))
+    _run("ARCS", len(x), {"pieces": len(links), "slopes": float(surveyed)}, next(rows), links, next(rows), out, met)
+    return np.real(out[0]), np.moveaxis(np.imag(out), 0, -1) / STEP, met
+
+
+def polish(x: np.ndarray, cycle: Cycle, span: float, scale: np.ndarray) -> Orbit | None:
+    """The orbit near a cycle by Newton's method; None if it does not converge, or to arcs that are no motion.
+    `scale` has the sizes of a state's components."""
+    from tpd.exact.cycle_kernel import LINK
+
+    # Shooting over a whole period multiplies errors by the growth of every arc and divides them by the rate
+    # at which every event is met. Here durations and states of all arcs are unknowns at once, so that a step
+    # needs only the linear map of each arc by itself, and stays regular where an event is met at zero rate.
+    modes, unknowns = cycle
+    n, xi, directions, moved, steps = modes.shape[1], x[6], 1j * np.eye(15), np.inf, 0
+    links = np.vstack([modes, np.roll(modes[[0, 2]], -1, axis=1)]).T.copy().view(LINK)[:, 0]
+    sizes = np.append(np.tile([*scale, span], n), 1.0)
+    while True:
+        arcs = _arcs(unknowns, xi)
+        ends, blocks, _ = traverse(x + directions[:, 6:], links, arcs + directions[:, None, :6])
+        ends[:, :4] -= np.roll(arcs[:, :4], -1, axis=0)
+        jacobian = _jacobian(blocks, xi)
+        try:
+            step = np.linalg.solve(jacobian, np.append(ends, np.sum(arcs[:, 5]) - span))
+        except np.linalg.LinAlgError:
+            return None
+        unknowns, last, moved, steps = unknowns - step, moved, np.max(np.abs(step) / sizes), steps + 1
+        if last < _NEAR or steps == _STEPS:
+            break
+    if not moved < _CONVERGED:
+        return None
+    arcs = _arcs(unknowns, xi)
+    met = traverse(x[None], links, arcs[None], surveyed=True)[2]
+    if not np.all(met["inside"]):
+        return None
+    # The implicit function theorem: at the root dx = -J^-1 dR.
+    begun = (arcs[:, 4] - arcs[0, 4]) / xi
+    late = blocks[:, :, 6:]
+    late[:, :, 6] += blocks[:, :, 4] * begun[:, None]
+    late = np.vstack([late.reshape(5 * n, 9), np.eye(9)[6] * span / xi])
+    by = _arcs(-np.linalg.solve(jacobian, late), xi)
+    by[:, 4, 6] += begun
+    leaving = np.column_stack([met[f"v{i}"] for i in range(4)])
+    return Orbit(links, arcs, by, _monodromy(blocks, leaving), met)
+
+
+def _arcs(unknowns: np.ndarray, xi: float) -> np.ndarray:
+    """Arcs of an orbit from its unknowns, or derivatives of these at a fixed xi."""
+    each = unknowns[:-1].reshape(-1, 5, *unknowns.shape[1:])
+    states, durations = each[:, :4], each[:, 4:]
+    return np.concatenate([states, unknowns[-1] + xi * (np.cumsum(durations, 0) - durations), durations], 1)
+
+
+def _jacobian(blocks: np.ndarray, xi: float) -> np.ndarray:
+    """The derivative of the joints, the events and the sum of the durations in the unknowns."""
+    n = len(blocks)
+    here, within, matrix = np.arange(n), np.zeros((n, 5, n, 5)), np.zeros((5 * n + 1, 5 * n + 1))
+    within[here, :, here] = blocks[:, :, [0, 1, 2, 3, 5]]
+    within[here, :4, np.roll(here, -1), :4] -= np.eye(4)
+    # The phase at the start of an arc is that of the cycle plus xi times all earlier durations.
+    within[..., 4] += xi * np.tri(n, k=-1)[:, None] * blocks[:, :, 4, None]
+    matrix[:-1, :-1], matrix[:-1, -1] = within.reshape(5 * n, 5 * n), blocks[:, :, 4].ravel()
+    matrix[-1, 4:-1:5] = 1.0
+    return matrix
+
+
+def _monodromy(blocks: np.ndarray, leaving: np.ndarray) -> np.ndarray:
+    """The arcs' flows, and the saltation matrices and projections of their events, one after the other."""
+    # An event met late by dt shifts the state by dt times the difference of the rates before and after it.
+    # With dt = -(derivative of the event's signal)/(its rate) that is the saltation matrix of each link.
+    whole = np.eye(4)
+    for block, after in zip(blocks, np.roll(leaving, -1, axis=0), strict=True):
+        late = -block[4, :4] / block[4, 5]
+        whole = (block[:4, :4] + np.outer(block[:4, 5] - after, late)) @ whole
+    return whole
