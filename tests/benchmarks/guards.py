@@ -24,7 +24,6 @@ from tests.benchmarks.mutations import (
     constant,
     mutated,
     never,
-    nothing_false,
     nothing_true,
     unchecked,
     unrefused,
@@ -169,16 +168,6 @@ GUARDS = (
         ),
     ),
     Guard(
-        "overturning",
-        "exact flow: a tilt beyond ten times the balance is lost",
-        "exact/flow:leap",
-        nothing_false("tilt"),
-        _atlas(
-            _OVERTURNS,
-            "a_free_block_let_go_next_to_its_balance_falls_after_the_logarithm_of_the_distance",
-        ),
-    ),
-    Guard(
         "overturning, all but",
         "steady_state: unstable on the saddle between rocking and overturning",
         _STEADY,
@@ -192,7 +181,7 @@ GUARDS = (
         without_nan("slopes"),
         (
             *_atlas(_SADDLE),
-            *test_ids("compiled_linear", "a_slow_decay_is_not_settled_by_the_program_rather_than_aperiodic"),
+            *test_ids("compiled_linear", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"),
         ),
     ),
     Guard(
@@ -204,13 +193,6 @@ GUARDS = (
             "resonance_without_damping_to_the_last_digit_is_told",
             "huge_shaking_overturns_or_is_told_to_be_beyond_numbers[1e+300]",
         ),
-    ),
-    Guard(
-        "slow shaking",
-        "exact cycle: a period that runs out of steps has no end",
-        "models/piecewise:Piecewise.program_cycle",
-        without_nan("y"),
-        _atlas("a_period_too_long_to_be_followed_is_told"),
     ),
     Guard(
         "slow shaking",

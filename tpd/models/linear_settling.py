@@ -1,7 +1,7 @@
 """Compiled loop over forcing periods of the linear equations: when a motion repeats, rests or is lost.
 
-The rules are those of `tpd.models.settling` and `tpd.models.piecewise`. A motion that approaches its orbit
-slowly is taken there by Newton's method.
+The rules are those of `tpd.models.settling`. A motion that approaches its orbit slowly is taken there by
+Newton's method.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ _WORTH = 24
 @compiled
 def _bob_under_held(q, y, phase):
     """Largest moment of forcing, decaying and steady swing on a held block, and the bob's reach (rad), from
-    the state at a phase of steady forcing; see `tpd.exact.flow.held_at_rest`."""
+    the state at a phase of steady forcing."""
+    # R = -f sin - 2 mu psi + bias psi' for the steady swing, whose rate is xi (s cos - c sin).
     s, c, sine, cosine = q.swing_sin, q.swing_cos, math.sin(phase), math.cos(phase)
     two_mu = q.up - 1.0
     along, across = -q.f - two_mu * s - q.bias * q.xi * c, -two_mu * c + q.bias * q.xi * s
@@ -59,14 +60,17 @@ def _come_to_rest(q, y):
 @compiled
 def _rests(q, y, mode, sizes, phase, tolerance):
     """Whether the block rests, or is held leaning, for good under steady shaking, and the bob's reach; it
-    changes the mode and the state of one that rattles out. See `tpd.models.piecewise`."""
+    changes the mode and the state of one that rattles out."""
     pull, reach = _bob_under_held(q, y, phase)
     left = 1.0 - pull / (q.weight + q.k)
     if mode[0] == REST:
         return left >= 0.0, reach
     if mode[0] != STICK:
         return False, reach
-    # See `Piecewise._rattles_out`: hops that friction holds grow smaller without end.
+    # A rattle with e < 1 comes to rest within finite time, and each impact below `rest_rate` is captured at
+    # once. Hops under strong friction lack that limit: friction holds the block a little above its base
+    # until the moment has turned, so that one hop takes a good part of a period. Below the tolerance of a
+    # repetition they change nothing any more, and the block is at rest if the bob cannot lift it from there.
     low = max(max(sizes[0], sizes[1]), abs(y[0])) < tolerance * q.nu
     if low and (q.k > 0.0 or q.e < 1.0) and left > 0.0:
         mode[0], y[0] = REST, 0.0
