@@ -42,18 +42,17 @@ from tests.reference import (
     solver,
 )
 from tpd import Block, Harmonic, Pendulum, Piecewise, Scene, Smoothed, Status, Terms, status_name
-from tpd.analysis.period_map import Orbit
+from tpd.analysis.period_map import KNOWN, TRACED, Orbit
 from tpd.analysis.steady_state import _verdict
 from tpd.analysis.symmetric_orbits import _answered, _Described, _Margins
 from tpd.core.equations import smoothed_rates
 from tpd.core.parameters import as_arrays
-from tpd.core.status import SETTLED
+from tpd.core.status import SETTLED, index_of, status_of
 from tpd.exact.contact import REST as RESTING
 from tpd.exact.event_log import record
 from tpd.exact.modes import Plant
 from tpd.exact.multiple_shooting import LANDING
 from tpd.models import compiled_linear
-from tpd.models.base import Settled
 from tpd.models.settling import scale_of
 
 NU, MU, LAM, ZETA, K, F, XI, E = range(8)
@@ -248,21 +247,18 @@ def test_next_to_a_grazing_the_gradient_is_refused_by_name():
     assert among(TOUCHING, "f", np.array([b.value * (1.0 + 1e-6)])).status[0, 1] == "no_orbit"
 
 
-def judged(**what: float) -> str:
+def judged(on: Any, **what: float) -> str:
     """What `steady_state` calls a motion that repeats, of which all else is in order."""
     usual = {"transversality": 1.0, "residual": 0.0, "multiplier": 0.5, "to_fold": 0.5, "separation": np.nan}
-    given = {name: jnp.asarray(value) for name, value in {**usual, **what}.items()}
-    one, y = jnp.asarray(1), jnp.array([0.05, 0.1, 0.0, 0.2])
-    sizes = jnp.array([0.1, 0.2])
-    repeats = Settled(y, None, one, sizes[0], sizes[1], Status.rocking, one, sizes[0], sizes[1])
-    slopes = jnp.zeros((6, 9)), jnp.zeros((6, 4))
-    met = given["transversality"], sizes[0], jnp.asarray(True)
-    orbit = Orbit(y, given["residual"], y, sizes, *slopes, *met)
-    multiplier, to_fold, separation = (given[name] for name in ("multiplier", "to_fold", "separation"))
-    neutral = jnp.asarray(False)
-    return status_name(_verdict(repeats, orbit, multiplier, neutral, to_fold, separation, jnp.asarray(0.0)))
+    given = {name: on.xp.asarray(value) for name, value in {**usual, **what}.items()}
+    y, sizes = on.xp.asarray([0.05, 0.1, 0.0, 0.2]), on.xp.asarray([0.1, 0.2])
+    met = given["transversality"], sizes[0], on.xp.asarray(True)
+    orbit = Orbit(y, given["residual"], y, sizes, on.xp.zeros((6, 9)), on.xp.zeros((6, 4)), *met)
+    numbers = given["multiplier"], on.xp.asarray(False), given["to_fold"], given["separation"], 0.0
+    return status_name(status_of(np.asarray(_verdict(on, index_of("rocking"), orbit, *numbers))))
 
 
+@pytest.mark.parametrize("on", [KNOWN, TRACED], ids=["known", "traced"])
 @pytest.mark.parametrize(
     ("what", "status"),
     [
@@ -277,8 +273,8 @@ def judged(**what: float) -> str:
         ({"separation": 0.1}, "aperiodic"),
     ],
 )
-def test_the_verdict_has_a_name_for_each_loss(what, status):
-    assert judged(**what) == status
+def test_the_verdict_has_a_name_for_each_loss(on, what, status):
+    assert judged(on, **what) == status
 
 
 # Sticking and rattling

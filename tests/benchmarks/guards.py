@@ -85,14 +85,14 @@ GUARDS = (
         "steady_state: near_fold",
         _STEADY,
         never("near_fold"),
-        _atlas(_STATUS + "[what3-near_fold]"),
+        _atlas(_STATUS + "[traced-what3-near_fold]"),
     ),
     Guard(
         "breaking of symmetry",
         "steady_state: unstable where a multiplier exceeds 1",
         _STEADY,
         never("unstable"),
-        _atlas(_STATUS + "[what5-unstable]"),
+        _atlas(_STATUS + "[traced-what5-unstable]"),
     ),
     Guard(
         "breaking of symmetry",
@@ -113,7 +113,7 @@ GUARDS = (
         "steady_state: grazing where an event is met too gently",
         _STEADY,
         never("grazing"),
-        _atlas(_STATUS + "[what1-grazing]"),
+        _atlas(_STATUS + "[traced-what1-grazing]"),
     ),
     Guard(
         "onset of sticking",
@@ -138,7 +138,7 @@ GUARDS = (
         _STEADY,
         never("aperiodic"),
         _atlas(
-            _STATUS + "[what8-aperiodic]",
+            _STATUS + "[traced-what8-aperiodic]",
             "the_gradient_through_a_chaotic_simulation_grows_at_the_reported_rate",
         ),
     ),
@@ -154,7 +154,7 @@ GUARDS = (
         "steady_state: not_settled where Newton's method has not closed the orbit",
         _STEADY,
         never("not_settled"),
-        _atlas(_STATUS + "[what6-not_settled]"),
+        _atlas(_STATUS + "[traced-what6-not_settled]"),
     ),
     Guard(
         "overturning",

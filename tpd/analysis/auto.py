@@ -213,7 +213,7 @@ def _near(p: Parameters, y0: State, steady: Steady) -> Array:
 @eqx.filter_jit
 def _nonlinear(p: Parameters, settled: Settled) -> Steady:
     """The steady state of the nonlinear equations that a start has reached."""
-    return answered(p, Segmented(), settled)[0]
+    return answered(p, Segmented(), settled)
 
 
 def _same_motion(steady: Steady, reached: Settled) -> bool:

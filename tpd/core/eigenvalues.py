@@ -19,11 +19,11 @@ from __future__ import annotations
 
 import math
 from itertools import combinations, permutations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from tpd.core.parameters import Number, Parameters
 
@@ -43,17 +43,16 @@ UNDECIDED = 1e-11
 """Distance from 1 of the largest multiplier below which rounding decides whether an orbit attracts."""
 
 
-def conserves(p: Parameters) -> Bool[Array, ""]:
+def conserves(p: Any) -> Any:
     """Whether nothing takes energy from a rocking block: no friction, no impact loss, and no hinge damping
     that the block can feel. No motion attracts then."""
-    unfelt = (jnp.asarray(p.mu) == 0.0) | (jnp.asarray(p.zeta) == 0.0)
-    return (jnp.asarray(p.k) == 0.0) & (jnp.asarray(p.velocity_ratio) == 1.0) & unfelt
+    return (p.k == 0.0) & (p.velocity_ratio == 1.0) & ((p.mu == 0.0) | (p.zeta == 0.0))
 
 
-def is_neutral(p: Parameters, largest: Number) -> Bool[Array, ""]:
+def is_neutral(p: Any, largest: Any) -> Any:
     """Whether an orbit whose multiplier is `largest` in size neither attracts nor repels."""
     conserved = conserves(p) & (largest < 1.0 + CONSERVED)
-    return conserved | (jnp.abs(largest - 1.0) < UNDECIDED)
+    return conserved | (abs(largest - 1.0) < UNDECIDED)
 
 
 def product(left: Matrix, right: Matrix) -> Matrix:

@@ -23,6 +23,9 @@ from tpd.models import compiling
 from tpd.models.base import Cycle, Settled
 from tpd.models.calling import Compiled, shape
 
+NAMES = "nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e"
+"""Names of parameters in the order in which the compiled code takes them."""
+
 
 def _trial(entry: Any) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
     """A motion that is followed for one period."""
@@ -34,10 +37,19 @@ def _trial(entry: Any) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarr
 _called = Compiled("tpd.models.linear_entry", "tpd_linear_events", "the linear equations", _trial)
 
 
+def fields(p: Parameters) -> tuple[Any, ...]:
+    """Parameters in the order of `NAMES`, with inertia and velocity ratios of their own."""
+    return p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.velocity_ratio
+
+
 def packed(p: Parameters) -> Float[Array, "9"]:
-    """Parameters as the compiled code takes them, with inertia and velocity ratios of their own."""
-    numbers = (p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.velocity_ratio)
-    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in numbers])
+    """Parameters as the compiled code takes them."""
+    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in fields(p)])
+
+
+def unpacked(x: Array) -> Parameters:
+    """Traced parameters with inertia and velocity ratios of their own, from what `packed` gives."""
+    return Parameters(**dict(zip(NAMES, x, strict=True)))
 
 
 def _settings(what: int, *numbers: Any) -> Array:
@@ -67,6 +79,32 @@ def settle(
     status, own, elapsed = _status_of(counts[0]), counts[1].astype(int), counts[2].astype(int)
     sizes, peaks = (out[4], out[5]), (out[6], out[7])
     return Settled(out[:4], _mode_of(out[8:]), own, *sizes, status, elapsed, *peaks)
+
+
+def settle_here(
+    x: np.ndarray, y0: np.ndarray, limits: tuple[int, int, float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """`settle` of known numbers, at once: parameters as `packed` has them, and `limits` in the order of its
+    arguments. Floats and whole numbers in the order of `tpd.models.period_kernel`."""
+    entry = _called.entry()
+    s, floats, wholes = np.array([[entry.SETTLE, *limits, 0.0]]), np.empty(11), np.empty(3)
+    entry.run(0, 1, s, x, y0, np.zeros(2), floats, wholes)
+    return floats, wholes
+
+
+def cycle_here(
+    x: np.ndarray, y: np.ndarray, mode: np.ndarray, periods: int, max_events: int, rest_rate: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """`cycle` of known numbers, at once: its results (end, amplitude, stroke, mode of three numbers,
+    transversality, asymmetry, closed), and the derivatives of the first six, shape (6, 13)."""
+    entry = _called.entry()
+    s, out, by = (
+        np.array([[entry.CYCLE, periods, max_events, 0.0, rest_rate, 0.0]]),
+        np.empty(12),
+        np.empty((6, 13)),
+    )
+    entry.run(0, 1, s, x, y, mode, out, by)
+    return out, by
 
 
 @jax.custom_jvp

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from tpd.core import checks
@@ -47,14 +48,18 @@ class Piecewise(AbstractModel):
         """Residual of the period map that counts as round-off."""
         return 1e-14
 
-    def resolution(self, p: Parameters) -> Number:
+    def resolution(self, p: Any) -> Number:
         """Rest is exact here."""
-        return jnp.zeros_like(jnp.asarray(p.nu))
+        return 0.0 * p.nu
+
+    @property
+    def limits(self) -> tuple[int, int, float, float]:
+        """Bounds on following a motion, as the compiled code takes them."""
+        return self.max_periods, self.max_events, self.tolerance, self.rest_rate
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Follow the motion from `y0` at tau = 0 until it repeats or rests for good."""
-        limits = self.max_periods, self.max_events, self.tolerance, self.rest_rate
-        return compiled_linear.settle(p, y0, *limits)
+        return compiled_linear.settle(p, y0, *self.limits)
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Run the orbit's periods from `y`; derivatives pass through every event."""
