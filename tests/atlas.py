@@ -133,7 +133,7 @@ REGIMES = (
             "settled_state_returns_after_its_periods_and_not_before",
             "the_settled_state_has_the_gradient_of_differences",
         )
-        + test_ids("compiled_linear", "a_slow_decay_is_not_settled_by_the_program_rather_than_aperiodic"),
+        + test_ids("compiled_linear", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"),
     ),
     Regime(
         "overturning",

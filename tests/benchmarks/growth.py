@@ -37,6 +37,7 @@ from tpd import Piecewise, Smoothed, in_chunks, simulate, symmetric_orbits  # no
 from tpd.core.files import as_json, place, versions  # noqa: E402
 from tpd.core.parameters import as_arrays  # noqa: E402
 from tpd.models.batches import settle_all  # noqa: E402
+from tpd.models.compiled_linear import settle  # noqa: E402
 from tpd.plot import style as canvas  # noqa: E402
 
 COMMAND = "python -m tests.benchmarks.growth"
@@ -93,7 +94,7 @@ def periods(quick: bool) -> tuple[Growth, Growth]:
     """Following one motion by events, and `simulate` at 65 times."""
     p, model = as_arrays(parameters(HUNG[0].x)), Piecewise(tolerance=ENDLESS)
     counts = (8, 32, 128) if quick else (8, 32, 128, 512)
-    follow = jax.jit(lambda n: model.follow(p, model.lane(p, jnp.zeros(4)), n).record.peak)
+    follow = jax.jit(lambda n: settle(p, jnp.zeros(4), n, model.max_events, ENDLESS, model.rest_rate).peak)
     times = {n: jnp.linspace(0.0, 1.0, 65) * n * p.period for n in counts}
     by_events: dict[float, Work] = {n: lambda n=n: follow(jnp.asarray(n)) for n in counts}
     sampled: dict[float, Work] = {n: lambda t=t: simulate(p, jnp.zeros(4), t).ys for n, t in times.items()}

@@ -1,7 +1,6 @@
 """The exact piecewise solution, against closed forms, known answers and adaptive integration."""
 
 import dataclasses
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -30,9 +29,6 @@ from tpd.closed_form import uplift
 from tpd.core.equations import Linear
 from tpd.core.parameters import as_arrays
 from tpd.core.status import names_of
-from tpd.exact.arc import classify
-from tpd.exact.flow import advance, start
-from tpd.exact.modes import Plant
 from tpd.models.batches import settle_all
 
 SAMPLES = 201
@@ -202,44 +198,23 @@ def test_motion_does_not_depend_on_where_it_is_sampled():
     np.testing.assert_allclose(states(x, y0, sparse)[:21], dense[::10], rtol=0, atol=1e-12)
 
 
-@partial(jax.jit, static_argnames="watch")
-def reached(p, y0, horizons, *, watch):
-    """States at the horizons, and steps on the way there, of motions from one state each."""
-
-    def one(p, y0, horizon):
-        plant, zero = Plant(p), jnp.zeros(())
-        motion = start(plant, classify(plant, y0, zero), y0, zero)
-        motion, y = advance(plant, motion, horizon, capture_speed=0.0, max_steps=500, watch_bob=watch)
-        return y, motion.steps
-
-    return jax.vmap(one)(p, y0, horizons)
-
-
-LANES = 500
-"""Motions of every call of `reached`, so that one compilation serves them all."""
-
-
-def test_a_motion_reaches_every_horizon_in_a_few_steps():
+def test_a_motion_reaches_every_horizon_in_a_few_events():
     # After an event at t, t + (horizon - t) may round below the horizon: this once waited for ever.
-    p = as_arrays(parameters((0.25, 0.0, 0.2, 0.1, 0.05, 0.377, 2.67)))
-    p, y0 = jax.tree.map(lambda v: np.resize(v, LANES), p), np.tile([0.2999, 0.0, 0.0, 0.0], (LANES, 1))
-    horizons = np.random.default_rng(8).uniform(0.15, 0.35, LANES)
-    _, steps = reached(p, y0, horizons, watch=False)
-    assert jnp.max(steps) < 20
+    p = parameters((0.25, 0.0, 0.2, 0.1, 0.05, 0.377, 2.67))
+    y0, few = np.array([0.2999, 0.0, 0.0, 0.0]), Piecewise(max_events=20)
+    for horizon in np.random.default_rng(8).uniform(0.15, 0.35, 500):
+        assert simulate(p, y0, np.array([0.0, horizon]), model=few).status == Status.rocking
 
 
 def test_watching_the_bob_changes_nothing_about_the_motion():
     # From rest the bob's rate, and the rate of that, vanish: its direction is not their sign.
-    motions = [
-        Harmonic(amplitude=0.015, frequency=frequency) for frequency in (2.35, 2.6500000000000004, 3.7)
-    ]
-    scenes = [as_arrays(dataclasses.replace(paper_scene(), motion=m).parameters()) for m in motions]
-    p = jax.tree.map(lambda *v: np.resize(np.array(v), LANES), *scenes)
-    watched, unwatched = (
-        reached(p, np.zeros((LANES, 4)), 2.0 * np.pi / p.xi, watch=watch) for watch in (True, False)
-    )
-    np.testing.assert_allclose(watched[0], unwatched[0], rtol=0, atol=1e-13)
-    assert np.max(watched[1]) < 100
+    for frequency in (2.35, 2.6500000000000004, 3.7):
+        motion = Harmonic(amplitude=0.015, frequency=frequency)
+        p = as_arrays(dataclasses.replace(paper_scene(), motion=motion).parameters())
+        # Following until the motion repeats watches the bob, sampling does not.
+        watched = settle_all(p, np.zeros((1, 4)), model=Piecewise(max_periods=1, max_events=100)).y[0]
+        unwatched = simulate(p, np.zeros(4), np.array([0.0, float(p.period)])).ys[-1]
+        np.testing.assert_allclose(watched, unwatched, rtol=0, atol=1e-13)
 
 
 def test_an_impact_slows_the_block_and_kicks_the_bob_across_its_rod():

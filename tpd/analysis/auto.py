@@ -33,11 +33,10 @@ from tpd.analysis.steady_state import Steady, answered, steady_state
 from tpd.closed_form.harmonic_balance import neglected_harmonics, one_harmonic_branches
 from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
+from tpd.core.equations import Linear
 from tpd.core.parameters import Number, Parameters, State, as_arrays
 from tpd.core.status import SETTLED, Status, is_settled, status_name
 from tpd.exact.contact import impact_ratio
-from tpd.exact.flow import held_at_rest
-from tpd.exact.modes import Plant
 from tpd.models.base import AbstractChoice, Settled
 from tpd.models.compiled_nonlinear import settle_one
 from tpd.models.piecewise import Piecewise
@@ -148,11 +147,21 @@ class _Still(NamedTuple):
 @eqx.filter_jit
 def _still(p: Parameters, y0: State) -> _Still:
     """The block at its start, in closed form: no motion is followed."""
-    lane, lift = Piecewise().lane(p, y0), uplift(p)
-    record, (reserve, reach) = lane.record, held_at_rest(Plant(p), lane.motion)
-    stroke = jnp.where(p.zeta > 0, lift.stroke, reach)
-    steady = _closed(Status.rest, jnp.zeros(()), stroke, record.y)
-    return _Still(record.rests, reserve, lift.margin, _dropped_at_rest(p, reach * (p.mu > 0)), steady)
+    linear, lift = Linear(p), uplift(p)
+    # Under a block that does not move the bob is a damped oscillator, lam rho psi'' + c_p psi' + psi =
+    # f sin(xi tau). Its steady swing is psi = s sin(xi tau) + c cos(xi tau), and the rest of it decays.
+    response = linear.f / (1.0 - linear.m22 * p.xi**2 + 1j * linear.c2 * p.xi)
+    s, c = jnp.real(response), jnp.imag(response)
+    own = jnp.hypot(y0[1] - c, jnp.sqrt(linear.m22) * (y0[3] - p.xi * s))
+    # The block stays down if both swings, at their largest, leave something of what holds it.
+    pull = (linear.tilt - 1.0 + jnp.abs(linear.bias) / jnp.sqrt(linear.m22)) * own
+    reserve, reach = lift.margin - pull / (linear.weight + linear.friction), lift.stroke + own
+    rests = (y0[0] == 0.0) & (y0[2] == 0.0) & (reserve >= 0.0)
+    # An undamped bob keeps its own swing for ever.
+    decays = p.zeta > 0.0
+    state = jnp.where(decays, jnp.stack([0.0 * c, c, 0.0 * c, p.xi * s]), y0)
+    steady = _closed(Status.rest, jnp.zeros(()), jnp.where(decays, lift.stroke, reach), state)
+    return _Still(rests, reserve, lift.margin, _dropped_at_rest(p, reach * (p.mu > 0)), steady)
 
 
 @eqx.filter_jit
@@ -204,7 +213,7 @@ def _near(p: Parameters, y0: State, steady: Steady) -> Array:
 @eqx.filter_jit
 def _nonlinear(p: Parameters, settled: Settled) -> Steady:
     """The steady state of the nonlinear equations that a start has reached."""
-    return answered(p, Segmented(), settled)[0]
+    return answered(p, Segmented(), settled)
 
 
 def _same_motion(steady: Steady, reached: Settled) -> bool:

@@ -2,6 +2,9 @@
 
 The map runs `Settled.periods` forcing periods from tau = 0. One run in forward mode gives P and DP, hence
 the Newton step, the Floquet multipliers, and with dP/dp the derivative of the orbit.
+
+The rules are written once for numbers that are known, which Python decides at once, and for traced ones, of
+which JAX makes a program: `Numbers` holds what differs.
 """
 
 from __future__ import annotations
@@ -12,12 +15,12 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
-from tpd.core.eigenvalues import felt_by_block, rows_of
-from tpd.core.parameters import Number, Parameters, State
-from tpd.core.status import Status, is_settled
+from tpd.core.parameters import Parameters
+from tpd.core.status import index_of
 from tpd.models.base import AbstractModel, Settled
 from tpd.models.settling import scale_of
 
@@ -27,107 +30,164 @@ RESIDUAL = 1e-8
 """Largest residual of the period map, in shares of the scales, of what is called an orbit."""
 
 
-class Orbit(eqx.Module):
+class Numbers(NamedTuple):
+    """Operations on numbers of one kind: known ones, or traced ones."""
+
+    xp: Any
+    """`numpy` or `jax.numpy`."""
+    where: Callable[[Any, Any, Any], Any]
+    """(condition, a, b) to one of two trees of numbers; the condition is a single one."""
+    loop: Callable[..., Any]
+    """(going, step, first) to the last of what `step` makes of `first`, as long as `going`."""
+    solve: Callable[[Any, Any], Any]
+    """(matrix, right-hand sides) to the solution, not a finite one where the matrix is singular."""
+
+
+def _go(going: Callable[[Any], Any], step: Callable[[Any], Any], carry: Any) -> Any:
+    while going(carry):
+        carry = step(carry)
+    return carry
+
+
+def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    try:
+        return np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        return np.full_like(right, np.nan)
+
+
+KNOWN = Numbers(np, lambda condition, a, b: a if condition else b, _go, _solve)
+TRACED = Numbers(
+    jnp,
+    lambda condition, a, b: jax.tree.map(lambda x, y: jnp.where(condition, x, y), a, b),
+    jax.lax.while_loop,
+    jnp.linalg.solve,
+)
+
+
+class Begun(NamedTuple):
+    """Where a motion has settled, as `Settled`, with its status as a number: see `index_of`."""
+
+    y: Any
+    memory: Any
+    periods: Any
+    amplitude: Any
+    stroke: Any
+    status: Any
+    elapsed: Any
+
+
+class Orbit(NamedTuple):
     """A (nearly) periodic orbit with the derivatives of one run along it."""
 
-    y: State
-    residual: Number
-    end: State
-    sizes: Float[Array, "2"]
+    y: Any
+    residual: Any
+    end: Any
+    sizes: Any
     """Amplitude and stroke; of a motion that did not repeat the largest met so far."""
-    by_parameter: Float[Array, "6 n"]
-    """d(end, sizes)/dp at a fixed start."""
-    by_state: Float[Array, "6 4"]
-    """d(end, sizes)/dy at fixed parameters."""
-    transversality: Number
+    by_parameter: Any
+    """d(end, sizes)/dp at a fixed start, shape (6, n)."""
+    by_state: Any
+    """d(end, sizes)/dy at fixed parameters, shape (6, 4)."""
+    transversality: Any
     """See `Cycle`."""
-    asymmetry: Number
+    asymmetry: Any
     """See `Cycle`."""
-    closed: Bool[Array, ""]
+    closed: Any
     """See `Cycle`."""
 
-    @property
-    def error(self) -> Number:
+    def error(self, on: Numbers) -> Any:
         """The residual, raised by half of the largest allowed one if the orbit is not `closed`."""
-        return self.residual + jnp.where(self.closed, 0.0, 0.5 * RESIDUAL)
+        return self.residual + on.where(self.closed, 0.0, 0.5 * RESIDUAL)
+
+
+Along = Callable[[Any, Any], tuple[Orbit, Any]]
+"""(state, memory) to the run of a motion's periods from there, and the memory at its end."""
+
+
+def is_rocking(status: Any) -> Any:
+    """Whether the number of a status is that of an attracting motion of the block."""
+    return (status == index_of("rocking")) | (status == index_of("sticking"))
 
 
 class _Walk(NamedTuple):
     """Newton's method on its way to a periodic orbit; or, of a motion that did not repeat, the
     motion itself and how its neighbours part from it."""
 
-    y: State
+    y: Any
     memory: Any
     best: Orbit
-    direction: State
-    parted: Number
-    steps: Int[Array, ""]
-    cut: Bool[Array, ""]
+    direction: Any
+    parted: Any
+    steps: Any
+    cut: Any
     """Whether a motion that did not repeat could not be followed further."""
 
 
-def refine(p: Parameters, model: AbstractModel, settled: Settled) -> tuple[Orbit, Number]:
+def refine(on: Numbers, p: Any, model: AbstractModel, begun: Begun, along: Along) -> tuple[Orbit, Any]:
     """The periodic orbit near where following the motion ended. For a motion that did not repeat,
     its largest Lyapunov exponent (else NaN) instead."""
-    along = _linearised(p, model, settled)
-    repeats = settled.status != Status.not_settled
+    xp, where = on.xp, on.where
+    wanders = begun.status == index_of("not_settled")
+    repeats = xp.logical_not(wanders)
     # There is nothing to be said of a motion that is lost.
-    worthwhile = is_settled(settled.status) | ~repeats
-    scale = jnp.where(jnp.isfinite(scale_of(p)), scale_of(p), 1e300)
-    nothing = jax.tree.map(
-        lambda s: jnp.full(s.shape, jnp.inf, s.dtype), jax.eval_shape(along, settled.y, settled.memory)[0]
-    )
+    worthwhile = is_rocking(begun.status) | (begun.status == index_of("rest")) | wanders
+    scale = scale_of(p, xp=xp)
+    scale = xp.where(xp.isfinite(scale), scale, 1e300)
+    round_off, lyapunov_periods = model.round_off, model.lyapunov_periods
 
-    def going(w: _Walk) -> Array:
-        newton = (w.steps < _NEWTON_STEPS) & (w.best.error > model.round_off)
-        return worthwhile & ~w.cut & jnp.where(repeats, newton, w.steps < model.lyapunov_periods)
+    def going(w: _Walk) -> Any:
+        newton = (w.steps < _NEWTON_STEPS) & (w.best.error(on) > round_off)
+        return worthwhile & xp.logical_not(w.cut) & where(repeats, newton, w.steps < lyapunov_periods)
 
     def step(w: _Walk) -> _Walk:
         orbit, memory = along(w.y, w.memory)
-        sizes = jnp.where(repeats, orbit.sizes, jnp.maximum(orbit.sizes, w.best.sizes))
-        orbit = eqx.tree_at(lambda o: o.sizes, orbit, sizes)
+        sizes = where(repeats, orbit.sizes, xp.maximum(orbit.sizes, w.best.sizes))
+        orbit = orbit._replace(sizes=sizes)
         # y* = P(y*): Newton's step solves (I - DP) dy = P(y) - y.
-        move = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], orbit.end - w.y)
-        better = orbit.error < w.best.error
-        best = jax.tree.map(lambda a, b: jnp.where(better | ~repeats, a, b), orbit, w.best)
-        newton = jnp.where(jnp.all(jnp.isfinite(move)), w.y + move, w.y)
+        move = on.solve(xp.eye(4) - orbit.by_state[:4], orbit.end - w.y)
+        better = orbit.error(on) < w.best.error(on)
+        best = where(better | wanders, orbit, w.best)
+        newton = where(xp.all(xp.isfinite(move)), w.y + move, w.y)
         onward = orbit.by_state[:4] @ w.direction
-        size = jnp.sqrt(jnp.sum((onward / scale) ** 2)) + 1e-300
+        size = xp.sqrt(xp.sum((onward / scale) ** 2)) + 1e-300
         # By rounding a map that is integrated may miss an event that undoes itself soon: half of a step that
         # led away tries once more.
-        again = repeats & ~better & (w.best.error > RESIDUAL) & jnp.isfinite(w.best.error)
-        newton = jnp.where(again, 0.5 * (w.y + w.best.y), newton)
+        known = w.best.error(on)
+        again = repeats & xp.logical_not(better) & (known > RESIDUAL) & xp.isfinite(known)
+        newton = where(again, 0.5 * (w.y + w.best.y), newton)
         # That one began in the mode in which the best one ended.
-        memory = jax.tree.map(lambda a, b: jnp.where(again, a, b), w.memory, memory)
-        count = jnp.where(better | ~repeats | again, w.steps + 1, _NEWTON_STEPS)
+        memory = where(again, w.memory, memory)
+        count = where(better | again | wanders, w.steps + 1, _NEWTON_STEPS)
         # An orbit that meets an event at tau = 0, such as every conservative one, comes out on either side of
         # it by rounding. Begun before the event and ended after it, the run counts the event twice, the other
         # way round not at all: both leave the state right and its derivative wrong. A run that begins in the
         # mode in which the last one ended meets it once.
-        y = jnp.where(repeats, newton, orbit.end)
-        after = _Walk(y, memory, best, onward / size, w.parted + jnp.log(size), count, w.cut)
-        cut = ~repeats & ~jnp.all(jnp.isfinite(orbit.end))
-        return jax.tree.map(lambda a, b: jnp.where(cut, a, b), w._replace(cut=cut), after)
+        y = where(repeats, newton, orbit.end)
+        after = _Walk(y, memory, best, onward / size, w.parted + xp.log(size), count, w.cut)
+        cut = wanders & xp.logical_not(xp.all(xp.isfinite(orbit.end)))
+        return where(cut, w._replace(cut=cut), after)
 
-    sizes = jnp.stack([settled.amplitude, settled.stroke])
-    none = eqx.tree_at(lambda o: (o.y, o.sizes), nothing, (settled.y, sizes))
-    zero = jnp.zeros(())
-    no = jnp.zeros((), bool)
-    first = _Walk(settled.y, settled.memory, none, 0.5 * scale, zero, jnp.zeros((), int), no)
-    walk = jax.lax.while_loop(going, step, first)
-    measured = ~repeats & (walk.steps > 1)
-    exponent = walk.parted / (jnp.maximum(walk.steps, 1) * p.period)
-    return walk.best, jnp.where(measured, exponent, jnp.nan)
+    infinite, no = xp.full((6, 9), xp.inf), xp.zeros((), bool)
+    one, zero = infinite[0, 0], xp.zeros(())
+    sizes = xp.stack([begun.amplitude, begun.stroke])
+    # Nothing has been found yet: all that a run gives is infinite.
+    none = Orbit(
+        begun.y, one, infinite[0, :4], sizes, infinite, infinite[:, :4], one, one, xp.logical_not(no)
+    )
+    first = _Walk(begun.y, begun.memory, none, 0.5 * scale, zero, xp.zeros((), int), no)
+    walk = on.loop(going, step, first)
+    measured = wanders & (walk.steps > 1)
+    exponent = walk.parted / (xp.maximum(walk.steps, 1) * p.period)
+    return walk.best, where(measured, exponent, xp.nan)
 
 
-def _linearised(
-    p: Parameters, model: AbstractModel, settled: Settled
-) -> Callable[[State, Any], tuple[Orbit, Any]]:
-    """A function that runs the motion's periods from a state, with all derivatives."""
+def linearised(p: Parameters, model: AbstractModel, settled: Settled) -> Along:
+    """A function that runs the motion's periods from a state, with all derivatives; traced."""
     flat, unflatten = ravel_pytree(p)
     size, scale = flat.size, scale_of(p, bob=jnp.asarray((p.mu > 0) | (p.zeta > 0)))
 
-    def along(y: State, memory: Any) -> tuple[Orbit, Any]:
+    def along(y: Any, memory: Any) -> tuple[Orbit, Any]:
         x = jnp.concatenate([flat, y])
         now = eqx.tree_at(lambda s: s.memory, settled, memory, is_leaf=lambda leaf: leaf is None)
 
@@ -148,24 +208,29 @@ def _linearised(
     return along
 
 
-def multipliers(p: Parameters, jacobian: Float[Array, "4 4"]) -> tuple[Number, Number]:
+def multipliers(on: Numbers, mu: Any, jacobian: Any) -> tuple[Any, Any]:
     """The largest modulus of the Floquet multipliers that the block can feel (all, unless mu = 0), and
     the least distance of one from +1."""
-    felt = jnp.array(felt_by_block(p, rows_of(jacobian)))
-    finite = jnp.all(jnp.isfinite(felt))
-    values = jnp.linalg.eigvals(jnp.where(finite, felt, 0.0))
-    return jnp.where(finite, jnp.max(jnp.abs(values)), jnp.inf), jnp.min(jnp.abs(1.0 - values))
+    # A bob without mass (mu = 0) does not act on the block. With its rows and columns set to zero the
+    # multipliers of the block and two zeros are left.
+    xp, bob = on.xp, on.where(mu > 0.0, 1.0, 0.0)
+    feels = xp.stack([1.0 + 0.0 * bob, bob, 1.0 + 0.0 * bob, bob])
+    felt = jacobian * (feels[:, None] * feels[None])
+    finite = xp.all(xp.isfinite(felt))
+    values = xp.linalg.eigvals(on.where(finite, felt, xp.zeros((4, 4))))
+    return on.where(finite, xp.max(xp.abs(values)), xp.inf), xp.min(xp.abs(1.0 - values))
 
 
-def implicit(orbit: Orbit) -> tuple[Float[Array, "2"], Float[Array, "6 n"]]:
+def implicit(on: Numbers, orbit: Orbit) -> tuple[Any, Any]:
     """(amplitude, stroke) after one more Newton step, and the derivatives of (amplitude, stroke, state)
-    with the orbit following its parameters."""
+    with the orbit following its parameters, shape (6, n)."""
     # y*(p) = P(y*(p), p), hence dy*/dp = (I - DP)^-1 dP/dp, however long the transient was; amplitude and
     # stroke are functions of (y*, p) along the period. The residual is one more right-hand side, so that the
     # sizes gain the last Newton step for nothing. I - DP is singular at a fold: the caller refuses slopes
     # there.
-    right = jnp.concatenate([(orbit.end - orbit.y)[:, None], orbit.by_parameter[:4]], axis=1)
-    follow = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], right)
+    xp = on.xp
+    right = xp.concatenate([(orbit.end - orbit.y)[:, None], orbit.by_parameter[:4]], axis=1)
+    follow = on.solve(xp.eye(4) - orbit.by_state[:4], right)
     moves = orbit.by_state[4:] @ follow
-    slopes = jnp.concatenate([orbit.by_parameter[4:] + moves[:, 1:], follow[:, 1:]])
+    slopes = xp.concatenate([orbit.by_parameter[4:] + moves[:, 1:], follow[:, 1:]])
     return orbit.sizes + moves[:, 0], slopes

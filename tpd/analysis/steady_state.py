@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,15 +23,30 @@ from jax.flatten_util import ravel_pytree
 from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
-from tpd.analysis.period_map import RESIDUAL, Orbit, implicit, multipliers, refine
+from tpd.analysis.period_map import (
+    KNOWN,
+    RESIDUAL,
+    TRACED,
+    Along,
+    Begun,
+    Numbers,
+    Orbit,
+    implicit,
+    is_rocking,
+    linearised,
+    multipliers,
+    refine,
+)
 from tpd.core import checks
 from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, is_neutral
 from tpd.core.formatting import counted_periods, number
 from tpd.core.parameters import Number, Parameters, State, as_arrays, check_parameters
-from tpd.core.status import Status, is_moving, is_settled, status_name
+from tpd.core.status import Status, index_of, is_settled, status_name
 from tpd.exact.derivatives import refused, refused_in, with_slopes
 from tpd.models.base import AbstractChoice, AbstractModel, Settled
+from tpd.models.compiled_linear import cycle_here, fields, packed, settle_here, unpacked
 from tpd.models.piecewise import Piecewise
+from tpd.models.settling import scale_of
 
 _SYMMETRIC = 1e-6
 """Largest difference between the tilts to either side, over the amplitude, of a symmetric motion."""
@@ -141,12 +156,13 @@ def steady_state(
     if isinstance(model, AbstractChoice):
         steady = model.steady(p, start)
     else:
-        model.check(p)
-        steady = _steady_state(as_arrays(p), model, start)
+        # By its class: what equinox makes of a method of an object takes longer than the check.
+        model.__class__.check(model, p)  # pyright: ignore[reportArgumentType]
+        steady = _steady_state(p, model, start)
     if throw:
         settled = is_settled(steady.status)
         steady = eqx.tree_at(
-            lambda s: s.amplitude, steady, steady.status.error_if(steady.amplitude, ~settled)
+            lambda s: s.amplitude, steady, steady.status.error_if(jnp.asarray(steady.amplitude), ~settled)
         )
     return steady
 
@@ -228,126 +244,228 @@ def _or_zero(tangent: Array | None, primal: Any) -> Any:
 
 
 def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
-    # Value and slopes come out of one program and are joined here: forward and reverse mode, at any nesting,
-    # then cost one product with the slopes and never run through the loops that found the orbit.
-    if all(checks.is_concrete(x) for x in (*jax.tree.leaves(p), y0)):
-        return _solved(p, model, y0)[0]
-    steady, slopes = _solved(stop_gradient(p), model, stop_gradient(y0))
-    if all(checks.is_concrete(x) for x in jax.tree.leaves(p)):
-        return steady
-    # Not in what is compiled, so that the first gradient after a value has nothing to compile.
-    sizes = jnp.stack([steady.amplitude, steady.stroke])
-    answer = with_slopes(ravel_pytree(p)[0], jnp.concatenate([sizes, steady.state]), slopes)
-    numbers = steady.multiplier, steady.lyapunov, steady.estimate
-    unknown = (refused_in(p, jnp.asarray(x, dtype=jnp.float64)) for x in numbers)
-    return eqx.tree_at(
-        lambda s: (s.amplitude, s.stroke, s.state, s.multiplier, s.lyapunov, s.estimate),
-        steady,
-        (answer[0], answer[1], answer[2:], *unknown),
+    # Value and slopes come first and are joined here: forward and reverse mode, at any nesting, then cost one
+    # product with the slopes and never run through the loops that found the orbit.
+    known = all(map(checks.is_concrete, fields(p)))
+    x: Any = np.array(fields(p), dtype=float) if known else _still(p)
+    start = y0 if checks.is_concrete(y0) else stop_gradient(y0)
+    # In a plain call, and where one is differentiated, all numbers are known.
+    if type(model) is Piecewise and x.shape == (9,) and checks.is_concrete(x) and checks.is_concrete(start):
+        answer, slopes = _solved_here(np.asarray(x), model, np.ascontiguousarray(start, dtype=float))
+    else:
+        # `eqx.filter_jit` sorts the leaves in Python at every call. A model without numbers needs none of it.
+        answer, slopes = (_solved_with if jax.tree.leaves(model) else _solved_by)(x, model, start)
+    if not known:
+        # Not in what is compiled, so that the first gradient after a value has little to compile.
+        answer = answer._replace(**_joined(p, answer, slopes))
+    return _steady(answer)
+
+
+class _Answer(NamedTuple):
+    """Numbers of a `Steady`."""
+
+    amplitude: Any
+    stroke: Any
+    status: Any
+    periods: Any
+    multiplier: Any
+    symmetric: Any
+    lyapunov: Any
+    state: Any
+    elapsed: Any
+    estimate: Any = math.nan
+
+
+def _steady(answer: _Answer) -> Steady:
+    # From its leaves, because fields are annotated with arrays of JAX's, and known numbers are NumPy's.
+    return jax.tree.unflatten(_structure(), answer)
+
+
+@lru_cache(maxsize=1)
+def _structure() -> Any:
+    """Structure of the pytree of a `Steady`."""
+    none, count, no = jnp.zeros(()), jnp.zeros((), int), jnp.zeros((), bool)
+    return jax.tree.structure(
+        Steady(none, none, Status.failed, count, none, no, none, jnp.zeros(4), count, none)
     )
 
 
-def _solved(p: Parameters, model: AbstractModel, y0: State) -> tuple[Steady, Float[Array, "6 n"]]:
-    """The steady state, and the slopes of amplitude, stroke and state: NaN where there are none."""
-    # `eqx.filter_jit` sorts the leaves in Python at every call. A model without numbers needs none of that.
-    return (_solved_with if jax.tree.leaves(model) else _solved_by)(p, model, y0)
+@jax.jit
+def _still(p: Parameters) -> Float[Array, "9"]:
+    """The numbers of parameters, without what JAX needs for their derivatives. One program, as `_joined`."""
+    return stop_gradient(packed(p))
 
 
-def _solve(p: Parameters, model: AbstractModel, y0: State) -> tuple[Steady, Float[Array, "6 n"]]:
-    flat, unflatten = ravel_pytree(p)
-    sane = jnp.all(jnp.isfinite(flat)) & jnp.all(jnp.isfinite(y0))
+@jax.jit
+def _joined(p: Parameters, answer: _Answer, slopes: Float[Array, "6 9"]) -> dict[str, Array]:
+    """The numbers of an answer that depend on parameters, with their derivatives. One program, since JAX
+    would trace each operation by itself where a plain call is differentiated."""
+    x, sizes = packed(p), jnp.stack([answer.amplitude, answer.stroke])
+    sizes = with_slopes(x, jnp.concatenate([sizes, answer.state]), slopes)
+    names = "multiplier", "lyapunov", "estimate"
+    unknown = {name: refused_in(x, jnp.asarray(getattr(answer, name), dtype=jnp.float64)) for name in names}
+    return {"amplitude": sizes[0], "stroke": sizes[1], "state": sizes[2:], **unknown}
+
+
+def _solve(x: Float[Array, "9"], model: AbstractModel, y0: State) -> tuple[_Answer, Float[Array, "6 9"]]:
+    """The answer, and the slopes of amplitude, stroke and state: NaN where there are none. Traced."""
+    sane = jnp.all(jnp.isfinite(x)) & jnp.all(jnp.isfinite(y0))
     # A solver fed with NaN would try until its bound; it gets something harmless instead.
-    fixed = unflatten(jnp.where(sane, flat, 1.0))
+    fixed = unpacked(jnp.where(sane, x, 1.0))
     settled = model.settle(fixed, jnp.where(sane, y0, 0.0))
     settled = eqx.tree_at(lambda s: s.status, settled, Status.where(sane, settled.status, Status.failed))
-    return answered(fixed, model, settled)
+    return _answered(fixed, model, settled)
 
 
 _solved_by = jax.jit(_solve, static_argnums=1)
 _solved_with = eqx.filter_jit(_solve)
 
 
-def answered(fixed: Parameters, model: AbstractModel, settled: Settled) -> tuple[Steady, Float[Array, "6 n"]]:
-    """The steady state of a motion that has been followed, and the slopes of amplitude, stroke and state in
-    the leaves of `fixed`: NaN where there are none."""
-    orbit, separation = refine(fixed, model, settled)
-    multiplier, to_fold = multipliers(fixed, orbit.by_state[:4])
-    neutral = is_neutral(fixed, multiplier)
-    status = _verdict(settled, orbit, multiplier, neutral, to_fold, separation, model.resolution(fixed))
+def answered(p: Parameters, model: AbstractModel, settled: Settled) -> Steady:
+    """The steady state of a motion that has been followed; traced."""
+    return _steady(_answered(unpacked(packed(p)), model, settled)[0])
+
+
+def _answered(
+    fixed: Parameters, model: AbstractModel, settled: Settled
+) -> tuple[_Answer, Float[Array, "6 9"]]:
+    (status,) = jax.tree.leaves(settled.status)
+    sizes = settled.amplitude, settled.stroke
+    begun = Begun(settled.y, settled.memory, settled.periods, *sizes, status, settled.elapsed)
+    return _judged(TRACED, fixed, model, begun, linearised(fixed, model, settled))
+
+
+class _Known(NamedTuple):
+    """`Parameters` of plain floats."""
+
+    nu: float
+    mu: float
+    lam: float
+    zeta: float
+    k: float
+    f: float
+    xi: float
+    rho: float
+    velocity_ratio: float
+
+    @property
+    def period(self) -> float:
+        return 2.0 * math.pi / self.xi
+
+
+def _solved_here(x: np.ndarray, model: Piecewise, y0: np.ndarray) -> tuple[_Answer, np.ndarray]:
+    """`_solve` of known numbers by the compiled code: no program of JAX."""
+    from tpd.exact.repetition import STATUSES
+
+    sane = np.isfinite(x).all() and np.isfinite(y0).all()
+    x, y0 = (x, y0) if sane else (np.ones(9), np.zeros(4))
+    floats, (code, periods, elapsed) = settle_here(x, y0, model.limits)
+    status = index_of(STATUSES[int(code)] if sane else "failed")
+    begun = Begun(floats[:4], floats[8:], int(periods), floats[4], floats[5], status, int(elapsed))
+    fixed = _Known(*x.tolist())
+    scale = scale_of(fixed, bob=fixed.mu > 0.0 or fixed.zeta > 0.0, xp=np)
+
+    def along(y: np.ndarray, mode: np.ndarray) -> tuple[Orbit, np.ndarray]:
+        out, by = cycle_here(x, y, mode, begun.periods, model.max_events, model.rest_rate)
+        residual = np.abs((out[:4] - y) / scale).max()
+        met = out[9], out[10], out[11] != 0.0
+        return Orbit(y, residual, out[:4], out[4:6], by[:, :9], by[:, 9:], *met), out[6:9]
+
+    # What is not finite is told by the status.
+    with np.errstate(all="ignore"):
+        answer, slopes = _judged(KNOWN, fixed, model, begun, along)
+    # Scalars of NumPy, but for the status, whose message equinox looks up by an array.
+    answer = _Answer(*(np.asarray(x)[()] for x in answer))
+    return answer._replace(status=np.asarray(answer.status, dtype=np.int32)), slopes
+
+
+def _judged(on: Numbers, p: Any, model: AbstractModel, begun: Begun, along: Along) -> tuple[_Answer, Any]:
+    """The answer for a motion that has been followed, and the slopes of amplitude, stroke and state in the
+    parameters, NaN where there are none."""
+    where, xp = on.where, on.xp
+    orbit, separation = refine(on, p, model, begun, along)
+    multiplier, to_fold = multipliers(on, p.mu, orbit.by_state[:4])
+    neutral = is_neutral(p, multiplier)
+    status = _verdict(on, begun.status, orbit, multiplier, neutral, to_fold, separation, model.resolution(p))
     # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
     # unless it has more steps than that may take.
-    cut_short = (settled.status == Status.rest) & (fixed.zeta > 0.0) & ~jnp.isfinite(orbit.residual)
-    status = Status.where(cut_short, Status.event_bound, status)
+    endless = xp.logical_not(xp.isfinite(orbit.residual))
+    cut_short = (begun.status == index_of("rest")) & (p.zeta > 0.0) & endless
+    status = where(cut_short, index_of("event_bound"), status)
     # Without a finite derivative of the period map nothing can be said about stability.
-    status = Status.where((status == Status.unstable) & ~jnp.isfinite(multiplier), Status.failed, status)
-    sound = jnp.all(jnp.isfinite(orbit.y)) | (status == Status.overturned)
-    status = Status.where(sound, status, Status.failed)
+    unsaid = (status == index_of("unstable")) & xp.logical_not(xp.isfinite(multiplier))
+    status = where(unsaid, index_of("failed"), status)
+    sound = xp.all(xp.isfinite(orbit.y)) | (status == index_of("overturned"))
+    status = where(sound, status, index_of("failed"))
     # The tilt at which friction holds a block is a state next to which it is held as well.
-    multiplier = jnp.where(status == Status.held, 1.0, multiplier)
-    sizes, slopes = _answers(fixed, settled, orbit, status, multiplier)
-    periodic = is_settled(status) | _is_marginal(status)
-    periods, duration = settled.periods, settled.periods * fixed.period
-    lyapunov = jnp.where(periodic, jnp.log(multiplier) / duration, separation)
-    symmetric = periodic & (periods % 2 == 1) & (orbit.asymmetry < _SYMMETRIC)
-    followed = periodic | (status == Status.held) | _is_singular(status)
-    multiplier = jnp.where(followed, multiplier, jnp.nan)
-    steady = Steady(
-        sizes[0], sizes[1], status, periods, multiplier, symmetric, lyapunov, orbit.y, settled.elapsed
-    )
-    return steady, slopes
+    multiplier = where(status == index_of("held"), 1.0, multiplier)
+    sizes, slopes = _answers(on, p, begun, orbit, status, multiplier)
+    marginal, singular = _is_marginal(status), _is_singular(status)
+    periodic = is_rocking(status) | (status == index_of("rest")) | marginal
+    lyapunov = where(periodic, xp.log(multiplier) / (begun.periods * p.period), separation)
+    symmetric = periodic & (begun.periods % 2 == 1) & (orbit.asymmetry < _SYMMETRIC)
+    followed = periodic | (status == index_of("held")) | singular
+    multiplier = where(followed, multiplier, xp.nan)
+    about = status, begun.periods, multiplier, symmetric, lyapunov, orbit.y, begun.elapsed
+    return _Answer(sizes[0], sizes[1], *about), slopes
 
 
 def _answers(
-    fixed: Parameters, settled: Settled, orbit: Orbit, status: Status, multiplier: Number
-) -> tuple[Float[Array, "2"], Float[Array, "6 n"]]:
+    on: Numbers, p: Any, begun: Begun, orbit: Orbit, status: Any, multiplier: Any
+) -> tuple[Any, Any]:
     """(amplitude, stroke), and the slopes of these and the state where they exist."""
+    where, xp, rests = on.where, on.xp, status == index_of("rest")
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
-    ringing = (status == Status.rest) & (fixed.zeta == 0.0)
-    isolated = is_settled(status) & (multiplier < 1.0) & ~ringing
+    ringing = rests & (p.zeta == 0.0)
+    isolated = (is_rocking(status) | rests) & (multiplier < 1.0) & xp.logical_not(ringing)
     # On an isolated orbit the sizes gain one more Newton step. Elsewhere I - DP may be singular: then they
     # are those of the orbit as it was found, or, of a motion that did not repeat, the largest met.
-    last = jnp.where(status == Status.failed, jnp.nan, jnp.stack([settled.amplitude, settled.stroke]))
-    sizes, slopes = implicit(orbit)
+    unknown = xp.full(2, xp.nan)
+    last = where(status == index_of("failed"), unknown, xp.stack([begun.amplitude, begun.stroke]))
+    sizes, slopes = implicit(on, orbit)
     followed = _is_marginal(status) | _is_singular(status)
-    last = jnp.where(followed | (status == Status.aperiodic), orbit.sizes, last)
-    sizes = jnp.where(isolated, sizes, jnp.where(status == Status.overturned, jnp.inf, last))
-    slopes = jnp.where(isolated, slopes, jnp.nan)
-    rests = status == Status.rest
-    sizes = sizes.at[0].set(jnp.where(rests, 0.0, sizes[0]))
-    slopes = slopes.at[0].set(jnp.where(rests, 0.0, slopes[0]))
-    # The stroke of a bob that hangs still is at the corner of |psi|.
-    slopes = slopes.at[1].set(jnp.where(rests & (sizes[1] == 0.0), jnp.nan, slopes[1]))
-    return sizes, slopes
+    last = where(followed | (status == index_of("aperiodic")), orbit.sizes, last)
+    last = where(status == index_of("overturned"), xp.full(2, xp.inf), last)
+    sizes, slopes = where(isolated, (sizes, slopes), (last, xp.full((6, 9), xp.nan)))
+    still = rests & (sizes[1] == 0.0)
+    # A block at rest has no amplitude, whatever moves. The stroke of a bob that hangs still is at the corner
+    # of |psi|.
+    none = where(rests, xp.zeros(9), slopes[0])
+    slopes = xp.concatenate([xp.stack([none, where(still, xp.full(9, xp.nan), slopes[1])]), slopes[2:]])
+    return xp.stack([where(rests, 0.0, sizes[0]), sizes[1]]), slopes
 
 
-def _is_marginal(status: Status) -> Bool[Array, ""]:
+def _is_marginal(status: Any) -> Any:
     """Whether an orbit was found that does not attract."""
-    return (status == Status.unstable) | (status == Status.neutral)
+    return (status == index_of("unstable")) | (status == index_of("neutral"))
 
 
-def _is_singular(status: Status) -> Bool[Array, ""]:
+def _is_singular(status: Any) -> Any:
     """Whether an orbit was found whose gradient is refused."""
-    return (status == Status.near_fold) | (status == Status.grazing)
+    return (status == index_of("near_fold")) | (status == index_of("grazing"))
 
 
 def _verdict(
-    settled: Settled,
+    on: Numbers,
+    begun: Any,
     orbit: Orbit,
-    multiplier: Number,
-    neutral: Bool[Array, ""],
-    to_fold: Number,
-    separation: Number,
-    resolution: Number,
-) -> Status:
-    """The status of a motion, from what Newton's method on its period map has found."""
+    multiplier: Any,
+    neutral: Any,
+    to_fold: Any,
+    separation: Any,
+    resolution: Any,
+) -> Any:
+    """The number of the status of a motion, from that with which following it has ended, and from what
+    Newton's method on its period map has found."""
     # From the weakest statement to the strongest: each line overrules those above it. Stability comes first,
     # because its numbers mean nothing if an event was grazed, next to a fold, or off an orbit; and a motion
     # smaller than what the model can resolve is rest, whatever its multipliers.
-    moving = is_moving(settled.status)
-    status = Status.where(moving & (multiplier > 1.0), Status.unstable, settled.status)
-    status = Status.where(moving & neutral, Status.neutral, status)
-    status = Status.where(moving & (orbit.transversality < GRAZING), Status.grazing, status)
-    status = Status.where(moving & (to_fold < 2.0 * NEAR_FOLD), Status.near_fold, status)
-    status = Status.where(moving & ~(orbit.residual < RESIDUAL), Status.not_settled, status)
-    status = Status.where(separation > _APERIODIC, Status.aperiodic, status)
-    return Status.where(moving & (orbit.sizes[0] < resolution), Status.rest, status)
+    where, moving = on.where, is_rocking(begun)
+    status = where(moving & (multiplier > 1.0), index_of("unstable"), begun)
+    status = where(moving & neutral, index_of("neutral"), status)
+    status = where(moving & (orbit.transversality < GRAZING), index_of("grazing"), status)
+    status = where(moving & (to_fold < 2.0 * NEAR_FOLD), index_of("near_fold"), status)
+    open_ = on.xp.logical_not(orbit.residual < RESIDUAL)
+    status = where(moving & open_, index_of("not_settled"), status)
+    status = where(separation > _APERIODIC, index_of("aperiodic"), status)
+    return where(moving & (orbit.sizes[0] < resolution), index_of("rest"), status)

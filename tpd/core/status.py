@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -99,7 +100,7 @@ def status_name(status: Status) -> str:
 def names_of(status: Status) -> np.ndarray:
     """The names of a batch of statuses (not traced), an array of strings of its shape."""
     (index,) = jax.tree.leaves(status)
-    masks = [np.asarray(index) == _index(name) for name in _NAMES]
+    masks = [np.asarray(index) == index_of(name) for name in _NAMES]
     return np.select(masks, _NAMES, "")
 
 
@@ -121,9 +122,14 @@ def names_by_code(codes: np.ndarray) -> np.ndarray:
 
 
 @lru_cache
-def _index(name: str) -> int:
+def index_of(name: str) -> int:
     """Number that stands for a status."""
     return int(jax.tree.leaves(getattr(Status, name))[0])
+
+
+def status_of(index: Any) -> Status:
+    """The status that a number stands for, known or traced."""
+    return jax.tree.unflatten(jax.tree.structure(Status.failed), [index])
 
 
 def is_moving(status: Status) -> Array:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.batch import in_chunks
 from tpd.core.parameters import Parameters
-from tpd.models import compiled_linear
+from tpd.models import compiling
 from tpd.models.base import Settled
 from tpd.models.piecewise import Piecewise
 from tpd.models.rows import rows_of, settled_of, shared
@@ -50,10 +48,8 @@ def settle_all(
     checks.require_x64()
     model = Piecewise() if model is None else model
     starts, rows, begins, ramps = rows_of(p, y0, begin, ramp)
-    if not (model.kernel and compiled_linear.usable()):
-        batch = rows, starts, begins, ramps
-        return in_chunks(_program(model), batch, workers=workers, progress=progress)
     # Loaded here, and not with the package: it loads Numba.
+    compiling.load("tpd.models.exact_entry")
     from tpd.exact.repetition import STATUSES
     from tpd.models import exact_entry as entry
 
@@ -70,16 +66,3 @@ def settle_all(
 
     shared(run, n, workers, progress)
     return settled_of(floats, counts.astype(np.int64), STATUSES)
-
-
-@lru_cache(maxsize=8)
-def _program(model: Piecewise) -> Callable[[Any], Settled]:
-    """Function that follows one element by a program of JAX."""
-
-    def follow(element: tuple[Any, Any, Any, Any]) -> Settled:
-        x, y0, begin, ramp = element
-        names = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e")
-        p = Parameters(**{name: x[i] for i, name in enumerate(names)})
-        return model.follow(p, model.lane(p, y0, begin, ramp), model.max_periods).record.settled()
-
-    return follow

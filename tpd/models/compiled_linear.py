@@ -1,17 +1,13 @@
 """The linear equations (25) by compiled scalar code: the exact motions of `Piecewise`, one after another.
 
 A program of XLA executes a loop over many small numbers slowly, and takes long to compile. The code here is
-compiled once for a machine and stored. Under `jit`, `vmap` and derivatives it is an XLA custom call with
-derivatives of its own; on the host, `settle_all` follows batches on all cores. `Piecewise` has the same
-motions as programs of JAX, for other devices.
+compiled once for a machine and stored. It runs on the host's processor, under `jit`, `vmap` and derivatives
+as `tpd.models.calling` says, with derivatives of its own; `settle_all` follows batches on all cores.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable
-from functools import lru_cache, partial
-from threading import Lock
+from functools import partial
 from typing import Any
 
 import jax
@@ -19,105 +15,54 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from tpd.core import programs
 from tpd.core.parameters import Parameters, State
 from tpd.core.status import Status
 from tpd.exact.contact import Mode
 from tpd.exact.derivatives import once
 from tpd.models import compiling
 from tpd.models.base import Cycle, Settled
+from tpd.models.calling import Compiled, shape
 
-_TARGET = "tpd_linear_events"
-_asking = Lock()
-
-
-def usable() -> bool:
-    """Whether the compiled code is there and answers a trial as a frame of XLA's should be answered."""
-    # Two threads that ask at once must not both register it.
-    with _asking:
-        return _usable()
+NAMES = "nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e"
+"""Names of parameters in the order in which the compiled code takes them."""
 
 
-def _load() -> None:
-    if not usable():
-        raise RuntimeError("the compiled code of the linear equations cannot be used")
+def _trial(entry: Any) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
+    """A motion that is followed for one period."""
+    x = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 2.0, 0.7, 0.9])
+    settings = np.array(entry.settings(task=entry.SETTLE, periods=1.0, events=100.0, rest_rate=2e-7))
+    return (shape(entry.FLOATS), shape(entry.WHOLES)), (settings, x, np.zeros(4), np.zeros(2))
 
 
-programs.CALLED[_TARGET] = _load
+EXACT = Compiled("tpd.models.exact_entry", "tpd_exact", "the linear equations", _trial)
+"""The entrance to the compiled code of the linear equations."""
 
 
-@lru_cache(maxsize=1)
-def _usable() -> bool:
-    try:
-        compiling.load("tpd.models.exact_entry")
-        from tpd.models import exact_entry
-
-        jax.ffi.register_ffi_target(_TARGET, jax.ffi.pycapsule(exact_entry.CALL.address), platform="cpu")
-        cpu = jax.local_devices(backend="cpu")[0]
-        with jax.default_device(cpu), jax.ensure_compile_time_eval():
-            works = _trial(exact_entry)
-    except Exception as error:
-        works, why = False, f"{type(error).__name__}: {error}"
-    else:
-        why = "its answer to a trial is wrong"
-    if not works:
-        warnings.warn(
-            f"the compiled code of the linear equations cannot be used ({why}); programs of JAX take its "
-            "place, which compile and run longer",
-            stacklevel=2,
-        )
-    return works
-
-
-def _trial(entry: Any) -> bool:
-    """Whether a custom call and a call from the host give the same answer."""
-    x = np.array([[0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 2.0, 0.7, 0.9]])
-    settings = np.array([entry.settings(task=entry.SETTLE, periods=1.0, events=100.0, rest_rate=2e-7)])
-    operands = settings, x, np.zeros((1, 4)), np.zeros((1, 2))
-    out, counts = np.empty((1, entry.FLOATS)), np.empty((1, entry.WHOLES))
-    entry.run(0, 1, *operands, out, counts)
-    with jax.enable_x64(True):
-        found = jax.ffi.ffi_call(_TARGET, (_shape(1, entry.FLOATS), _shape(1, entry.WHOLES)))(*operands)
-    return all(np.array_equal(a, b) for a, b in zip(found, (out, counts), strict=True))
-
-
-def _shape(*sizes: Any) -> jax.ShapeDtypeStruct:
-    return jax.ShapeDtypeStruct(tuple(int(size) for size in sizes), np.float64)
-
-
-def on_platform(kernel: Callable[..., Any], program: Callable[..., Any], *operands: Any) -> Any:
-    """`kernel` of the operands where the processor is the device, `program` elsewhere."""
-    if not usable():
-        return program(*operands)
-    if all(device.platform == "cpu" for device in jax.devices()):
-        return kernel(*operands)
-    return jax.lax.platform_dependent(*operands, cpu=kernel, default=program)
+def fields(p: Parameters) -> tuple[Any, ...]:
+    """Parameters in the order of `NAMES`, with inertia and velocity ratios of their own."""
+    return p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.velocity_ratio
 
 
 def packed(p: Parameters) -> Float[Array, "9"]:
-    """Parameters as the compiled code takes them, with inertia and velocity ratios of their own."""
-    numbers = (p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.velocity_ratio)
-    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in numbers])
+    """Parameters as the compiled code takes them."""
+    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in fields(p)])
 
 
-def _called(shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> Any:
-    """Results of the custom call; a batch is a loop in compiled code."""
-    wide = [jnp.asarray(x, dtype=jnp.float64) for x in operands]
-    return jax.ffi.ffi_call(_TARGET, shapes, vmap_method="broadcast_all")(*wide)
+def unpacked(x: Array) -> Parameters:
+    """Traced parameters with inertia and velocity ratios of their own, from what `packed` gives."""
+    return Parameters(**dict(zip(NAMES, x, strict=True)))
 
 
-def _settings(**values: Any) -> Array:
+def settings_of(task: str, **values: Any) -> Array:
     """A row of settings, see `tpd.models.exact_entry.FIELDS`."""
-    from tpd.models import exact_entry as entry
+    entry = EXACT.entry()
+    row = entry.settings(task=getattr(entry, task), **values)
+    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in row])
 
-    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in entry.settings(**values)])
 
-
-def _changed(settings: Array, name: str, value: float) -> Array:
+def changed(settings: Array, name: str, value: float) -> Array:
     """A row of settings with another value."""
-    from tpd.models import exact_entry as entry
-
-    return settings.at[entry.FIELDS.index(name)].set(value)
+    return settings.at[EXACT.entry().FIELDS.index(name)].set(value)
 
 
 def _mode_of(numbers: Array) -> Mode:
@@ -135,15 +80,39 @@ def settle(
     p: Parameters, y0: State, periods: int, max_events: int, tolerance: float, rest_rate: float
 ) -> Settled:
     """Follow the motion from `y0` at tau = 0 until it repeats, rests or is lost; not differentiable."""
-    from tpd.models import exact_entry as entry
-
+    entry = EXACT.entry()
     limits = {"periods": periods, "events": max_events, "tolerance": tolerance, "rest_rate": rest_rate}
-    s = _settings(task=entry.SETTLE, **limits)
+    s = settings_of("SETTLE", **limits)
     x, y = jax.lax.stop_gradient(packed(p)), jax.lax.stop_gradient(y0)
-    out, counts = _called((_shape(entry.FLOATS), _shape(entry.WHOLES)), s, x, y, jnp.zeros(2))
+    out, counts = EXACT((shape(entry.FLOATS), shape(entry.WHOLES)), s, x, y, jnp.zeros(2))
     status, own, elapsed = _status_of(counts[0]), counts[1].astype(int), counts[2].astype(int)
     sizes, peaks = (out[4], out[5]), (out[6], out[7])
     return Settled(out[:4], _mode_of(out[8:]), own, *sizes, status, elapsed, *peaks)
+
+
+def settle_here(
+    x: np.ndarray, y0: np.ndarray, limits: tuple[int, int, float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """`settle` of known numbers, at once: parameters as `packed` has them, and `limits` in the order of its
+    arguments. Floats and whole numbers in the order of `tpd.exact.repetition`."""
+    entry = EXACT.entry()
+    periods, events, tolerance, rest_rate = limits
+    row = {"periods": periods, "events": events, "tolerance": tolerance, "rest_rate": rest_rate}
+    s, floats, wholes = np.array(entry.settings(task=entry.SETTLE, **row)), np.empty(11), np.empty(3)
+    entry.run(0, 1, s, x, y0, np.zeros(2), floats, wholes)
+    return floats, wholes
+
+
+def cycle_here(
+    x: np.ndarray, y: np.ndarray, mode: np.ndarray, periods: int, max_events: int, rest_rate: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """`cycle` of known numbers, at once: its results (end, amplitude, stroke, mode of three numbers,
+    transversality, asymmetry, closed), and the derivatives of the first six, shape (6, 13)."""
+    entry = EXACT.entry()
+    row = {"periods": periods, "events": max_events, "rest_rate": rest_rate}
+    s, out, by = np.array(entry.settings(task=entry.CYCLE, **row)), np.empty(12), np.empty((6, 13))
+    entry.run(0, 1, s, x, y, mode, out, by)
+    return out, by
 
 
 @jax.custom_jvp
@@ -153,11 +122,9 @@ def _cycle(x: Array, y: Array, mode: Array, settings: Array) -> Array:
 
 
 def _cycle_from(first: float, x: Array, y: Array, mode: Array, settings: Array) -> Any:
-    from tpd.models import exact_entry as entry
-
     # Value alone, or with all directions: derivatives are computed where they are asked for only.
-    s = _changed(settings, "first", first)
-    return _called((_shape(entry.CYCLE_OUT), _shape(entry.CYCLE_SIZES, entry.INPUTS)), s, x, y, mode)
+    entry, s = EXACT.entry(), changed(settings, "first", first)
+    return EXACT((shape(entry.CYCLE_OUT), shape(entry.CYCLE_SIZES, entry.INPUTS)), s, x, y, mode)
 
 
 _cycle_with_slopes = once(partial(_cycle_from, 0.0))
@@ -172,10 +139,8 @@ def _cycle_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 
 def cycle(p: Parameters, settled: Settled, y: State, max_events: int, rest_rate: float) -> Cycle:
     """Run the orbit's periods from `y`; derivatives pass through every event."""
-    from tpd.models import exact_entry as entry
-
     m = settled.memory
-    s = _settings(task=entry.CYCLE, periods=settled.periods, events=max_events, rest_rate=rest_rate)
+    s = settings_of("CYCLE", periods=settled.periods, events=max_events, rest_rate=rest_rate)
     mode = jnp.stack([jnp.asarray(v, dtype=jnp.float64) for v in (m.kind, m.tilt_sign, m.rate_sign)])
     out = _cycle(packed(p), y, mode, s)
     still = jax.lax.stop_gradient(out)
@@ -190,11 +155,10 @@ def _trajectory(x: Array, y: Array, times: Array, settings: Array) -> tuple[Arra
 
 
 def _trajectory_from(slopes: float, x: Array, y: Array, times: Array, settings: Array) -> Any:
-    from tpd.models import exact_entry as entry
-
+    entry = EXACT.entry()
     n = times.size
-    shapes = _shape(n, 8), _shape(1), _shape(n if slopes else 1, 4, entry.INPUTS + 1)
-    return _called(shapes, _changed(settings, "slopes", slopes), x, y, times)
+    shapes = shape(n, 8), shape(1), shape(n if slopes else 1, 4, entry.INPUTS + 1)
+    return EXACT(shapes, changed(settings, "slopes", slopes), x, y, times)
 
 
 _trajectory_with_slopes = once(partial(_trajectory_from, 1.0))
@@ -215,14 +179,12 @@ def trajectory(
     p: Parameters, y0: State, times: Float[Array, "times"], max_events: int, rest_rate: float
 ) -> tuple[Float[Array, "times 4"], Status]:
     """The states at `times`, from `y0` at `times[0]`."""
-    from tpd.models import exact_entry as entry
-
-    s = _settings(task=entry.TRAJECTORY, periods=times.size, events=max_events, rest_rate=rest_rate)
+    s = settings_of("TRAJECTORY", periods=times.size, events=max_events, rest_rate=rest_rate)
     ys, status = _trajectory(packed(p), y0, times, s)
     return ys, _status_of(jax.lax.stop_gradient(status)[0])
 
 
 def load_compiled() -> None:
     """Load the compiled code of both equations, or compile it where there is none on this machine."""
-    usable()
+    EXACT.direct()
     compiling.load("tpd.models.nonlinear_settling")

@@ -1,15 +1,13 @@
 """Motions of the linear equations under pulses and records: one under JAX's transformations, or batches.
 
-Under `jit`, `vmap` and derivatives the compiled code is an XLA custom call with derivatives of its own; on
-devices other than the processor JAX calls the host. Batches on the host share their records and all cores.
+The compiled code runs on the host's processor, under `jit`, `vmap` and derivatives as `tpd.models.calling`
+says, with derivatives of its own. Batches on the host share their records and all cores.
 """
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
-from threading import Lock
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -20,12 +18,10 @@ from jaxtyping import Array, Float
 
 from tpd.core.parameters import Number, Parameters, State
 from tpd.exact.derivatives import moved, once
-from tpd.models import compiling
-from tpd.models.compiled_linear import packed
+from tpd.models.calling import shape
+from tpd.models.compiled_linear import EXACT, changed, packed, settings_of
 from tpd.models.rows import shared
 
-_TARGET = "tpd_ground_motions"
-_asking = Lock()
 _AT_END = 1e-12
 """Relative distance of two times that are the same but for rounding."""
 REST_RATE = 2e-7
@@ -61,99 +57,23 @@ class Followed(NamedTuple):
     """Least rate at which the motion met an event, over the usual rate."""
 
 
-@lru_cache(maxsize=1)
-def _usable() -> bool:
-    """Whether XLA can call the compiled code: it answers a trial as the host's call does."""
-    compiling.load("tpd.models.exact_entry")
-    from tpd.models import exact_entry as entry
-
-    try:
-        jax.ffi.register_ffi_target(_TARGET, jax.ffi.pycapsule(entry.CALL.address), platform="cpu")
-        x = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 0.5, 0.7, 0.9])
-        # Numbers of NumPy alone: the question may come while something is traced.
-        settings = np.array(_row(2, 1.0, 100))
-        operands = settings, x, np.zeros(4), np.array([[1.0, 0.0, 0.0, 0.0]] * 2)
-        cpu = jax.local_devices(backend="cpu")[0]
-        with jax.default_device(cpu), jax.ensure_compile_time_eval(), jax.enable_x64(True):
-            found = jax.ffi.ffi_call(_TARGET, _shapes(False))(*operands)
-        works, why = np.array_equal(found[0], _on_host(*operands)[0]), "its answer to a trial is wrong"
-    except Exception as error:
-        works, why = False, f"{type(error).__name__}: {error}"
-    if not works:
-        warnings.warn(
-            f"JAX cannot call the compiled code of ground motions directly ({why}): it goes through Python, "
-            "which takes longer",
-            stacklevel=2,
-        )
-    return works
+def _shapes(entry: Any, inputs: float) -> tuple[jax.ShapeDtypeStruct, ...]:
+    """Shapes of the results, and of their derivatives if there are inputs for these."""
+    return shape(entry.OUT), shape(*((entry.SHAKEN, entry.INPUTS) if inputs else (1, 1)))
 
 
-def _shapes(slopes: bool) -> tuple[jax.ShapeDtypeStruct, jax.ShapeDtypeStruct]:
-    from tpd.models import exact_entry as entry
-
-    inputs = int(entry.INPUTS) if slopes else 1
-    shapes = (int(entry.OUT),), (int(entry.SHAKEN) if slopes else 1, inputs)
-    return jax.ShapeDtypeStruct(shapes[0], np.float64), jax.ShapeDtypeStruct(shapes[1], np.float64)
+def _followed_from(inputs: float, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
+    return EXACT(_shapes(EXACT.entry(), inputs), settings, x, y, pieces)
 
 
-def _row(pieces: int, free: Any, max_events: int) -> list[Any]:
-    """A row of settings of a motion with a record of its own."""
-    from tpd.models import exact_entry as entry
-
-    limits = {"free": free, "rest_rate": REST_RATE, "events": max_events}
-    return entry.settings(task=entry.SHAKE, pieces=pieces, record=-1.0, **limits)
-
-
-def _settings(pieces: int, free: Any, max_events: int) -> Any:
-    """That row for JAX."""
-    compiling.load("tpd.models.exact_entry")
-    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in _row(pieces, free, max_events)])
-
-
-def _on_host(*operands: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Results of operands of any batch shape, computed here."""
-    compiling.load("tpd.models.exact_entry")
-    from tpd.models import exact_entry as entry
-
-    wide = [np.asarray(x, dtype=float) for x in operands]
-    batch = wide[0].shape[:-1]
-    rows = int(np.prod(batch))
-    flat = [np.ascontiguousarray(x.reshape(rows, *x.shape[len(batch) :])) for x in wide]
-    slopes = bool(rows and flat[0][0, entry.FIELDS.index("slopes")] > 0.0)
-    out, by = (np.zeros((rows, *s.shape)) for s in _shapes(slopes))
-    if rows:
-        entry.run(0, rows, *flat, out, by)
-    return out.reshape(*batch, *out.shape[1:]), by.reshape(*batch, *by.shape[1:])
-
-
-def _called(slopes: bool, *operands: Any) -> Any:
-    """Results of the custom call; a batch is a loop in compiled code."""
-    wide = [jnp.asarray(x, dtype=jnp.float64) for x in operands]
-    with _asking:
-        direct = _usable()
-
-    def kernel(*a: Any) -> Any:
-        return jax.ffi.ffi_call(_TARGET, _shapes(slopes), vmap_method="broadcast_all")(*a)
-
-    def through_host(*a: Any) -> Any:
-        return jax.pure_callback(_on_host, _shapes(slopes), *a, vmap_method="broadcast_all")
-
-    # Elsewhere than on the processor the motion is followed on the host all the same.
-    if not direct:
-        return through_host(*wide)
-    if all(device.platform == "cpu" for device in jax.devices()):
-        return kernel(*wide)
-    return jax.lax.platform_dependent(*wide, cpu=kernel, default=through_host)
-
-
-_called_with_slopes = once(partial(_called, True))
+_followed_with_slopes = once(partial(_followed_from, 1.0))
 
 
 @jax.custom_jvp
 def _followed(x: Array, y: Array, pieces: Array, settings: Array) -> tuple[Array, Array, Array, Array]:
     """The three angles, the state at the end with the growing coordinate, the times of the angles, of the
     first uplift and of the overturning, and all results."""
-    return _parts(_called(False, settings, x, y, pieces)[0])
+    return _parts(_followed_from(0.0, settings, x, y, pieces)[0])
 
 
 def _parts(out: Array) -> tuple[Array, Array, Array, Array]:
@@ -161,17 +81,15 @@ def _parts(out: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
-    compiling.load("tpd.models.exact_entry")
-    from tpd.models import exact_entry as entry
-
+    column = EXACT.entry().FIELDS.index
     x, y, pieces, settings = primals
     # Nine parameters, and four components of the start where that moves.
     inputs = 9.0 if isinstance(tangents[1], SymbolicZero) else 13.0
     # The largest angles are often met long before the end. A program that asks for them alone leaves the
     # second call out, on which nothing depends.
-    asked = settings.at[entry.FIELDS.index("slopes")].set(inputs)
-    out, by_angles = _called_with_slopes(asked.at[entry.FIELDS.index("angles")].set(1.0), x, y, pieces)
-    by_end = _called_with_slopes(asked, x, y, pieces)[1]
+    asked = changed(settings, "slopes", inputs)
+    out, by_angles = _followed_with_slopes(changed(asked, "angles", 1.0), x, y, pieces)
+    by_end = _followed_with_slopes(asked, x, y, pieces)[1]
     xs, ys, samples, times = (_zeros_of(t) for t in tangents)
     direction = jnp.concatenate([xs, ys])
     angles, end = by_angles[:3] @ direction, by_end[3:8] @ direction
@@ -181,14 +99,14 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
     # The state goes on for longer where the free time grows: angles move with their rates, and rates with
     # the accelerations.
     rates = jnp.concatenate([out[8:10], out[17:19], jnp.zeros(1)])
-    end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[entry.FIELDS.index("free")]
+    end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[column("free")]
     # So do angles that are largest where the motion ends.
-    whole = settings[entry.FIELDS.index("pieces")] * x[6] + settings[entry.FIELDS.index("free")]
+    whole = settings[column("pieces")] * x[6] + settings[column("free")]
     last = jnp.abs(out[1:6:2] - whole) <= _AT_END * whole
     growing = jnp.stack([rates[0], rates[1], rates[1] - rates[0]])
     sides = jnp.sign(jnp.stack([out[6], out[7], out[7] - out[6]]))
-    angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[entry.FIELDS.index("free")]
-    at = at + jnp.concatenate([last, jnp.zeros(2)]) * times[entry.FIELDS.index("free")]
+    angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[column("free")]
+    at = at + jnp.concatenate([last, jnp.zeros(2)]) * times[column("free")]
     if not isinstance(tangents[2], SymbolicZero):
         # Derivatives in the samples of a record are not computed: not a number, and not zero.
         unknown = jnp.nan * jnp.sum(samples)
@@ -212,7 +130,8 @@ def follow(p: Parameters, pieces: Array, free: Number, y0: State, max_events: in
     """
     # The compiled code takes the duration of a piece, and eta is minus the acceleration of the base.
     x = packed(p).at[6].set(2.0 * jnp.pi / jnp.asarray(p.xi, dtype=jnp.float64))
-    settings = _settings(pieces.shape[-2], free, max_events)
+    limits = {"free": free, "rest_rate": REST_RATE, "events": max_events}
+    settings = settings_of("SHAKE", pieces=pieces.shape[-2], record=-1.0, **limits)
     angles, end, times, out = _followed(x, y0, -jnp.asarray(pieces), settings)
     found = _results(angles, end, jax.lax.stop_gradient(out))
     return found._replace(times=times[:3], lifted=times[3], fell=times[4])
@@ -267,9 +186,7 @@ def follow_all(
         at the end, the growing coordinate, the times of the angles and that of the first uplift, in the nine
         parameters and the four components of the start.
     """
-    compiling.load("tpd.models.exact_entry")
-    from tpd.models import exact_entry as entry
-
+    entry = EXACT.entry()
     n, lengths = len(parameters), np.array([len(r) for r in records])
     # All records lie one after another; a motion knows the row of its first piece.
     firsts = np.cumsum(lengths) - lengths

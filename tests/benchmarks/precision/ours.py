@@ -16,6 +16,7 @@ from tpd import Piecewise, Segmented, Smoothed, Status, Terms, in_chunks, steady
 from tpd.core.equations import smoothed_rates
 from tpd.core.parameters import as_arrays
 from tpd.models.base import AbstractModel
+from tpd.models.compiled_linear import settle
 
 SAMPLES = 4096
 """Of the last period, among which the largest tilt of a plain simulation is looked for."""
@@ -136,7 +137,7 @@ def _through(periods: int) -> Callable:
 
     def amplitude(x: jax.Array, y0: jax.Array) -> jax.Array:
         p = as_arrays(parameters(x))
-        begun = model.lane(jax.lax.stop_gradient(p), y0).record.settled()
+        begun = settle(p, y0, 0, model.max_events, model.tolerance, model.rest_rate)
         many = eqx.tree_at(lambda s: s.periods, begun, jnp.asarray(periods))
         transient = model.cycle(p, many, y0)
         last = eqx.tree_at(lambda s: (s.periods, s.memory), begun, (jnp.asarray(1), transient.memory))

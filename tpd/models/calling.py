@@ -1,0 +1,113 @@
+"""Compiled code called under JAX's transformations and from the host: the one way for all equations.
+
+The code runs on the host's processor. There XLA calls it directly, as a custom call. For another device, or
+where XLA cannot do that, JAX takes the numbers to the host and back. A batch of `vmap` is one call.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Callable
+from threading import Lock
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.core import programs
+from tpd.models import compiling
+
+Trial = Callable[[Any], tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]]
+"""Shapes of the results and operands of a motion that is tried, from the module with the entrance."""
+
+
+def shape(*sizes: Any) -> jax.ShapeDtypeStruct:
+    """Shape of an array of floats."""
+    return jax.ShapeDtypeStruct(tuple(int(size) for size in sizes), np.float64)
+
+
+class Compiled:
+    """The entrance `CALL` and `run` of a module with compiled code."""
+
+    def __init__(self, module: str, target: str, of: str, trial: Trial) -> None:
+        """Args:
+        module: name of the module.
+        target: name of the entrance in programs of XLA.
+        of: words that say whose motions are computed.
+        trial: gives a motion that tells whether XLA is answered as the host is.
+        """
+        self._module, self._target, self._of, self._trial = module, target, of, trial
+        self._asking = Lock()
+        self._works: bool | None = None
+        programs.CALLED[target] = self._load
+
+    def entry(self) -> Any:
+        """The module, loaded when it is needed: it loads Numba."""
+        compiling.load(self._module)
+        return sys.modules[self._module]
+
+    def _load(self) -> None:
+        if not self.direct():
+            raise RuntimeError(f"JAX cannot call the compiled code of {self._of}")
+
+    def direct(self) -> bool:
+        """Whether XLA can call the code: it answers a trial as the call from the host does."""
+        # Two threads that ask at once must not both register it.
+        with self._asking:
+            if self._works is None:
+                self._works = self._answers()
+            return self._works
+
+    def _answers(self) -> bool:
+        entry, why = self.entry(), "its answer to a trial is wrong"
+        try:
+            jax.ffi.register_ffi_target(self._target, jax.ffi.pycapsule(entry.CALL.address), platform="cpu")
+            shapes, operands = self._trial(entry)
+            cpu = jax.local_devices(backend="cpu")[0]
+            # The question may come while something is traced.
+            with jax.default_device(cpu), jax.ensure_compile_time_eval(), jax.enable_x64(True):
+                found = jax.ffi.ffi_call(self._target, shapes)(*operands)
+            known = self.on_host(shapes, *operands)
+            works = all(np.array_equal(a, b, equal_nan=True) for a, b in zip(found, known, strict=True))
+        except Exception as error:
+            works, why = False, f"{type(error).__name__}: {error}"
+        if not works:
+            warnings.warn(
+                f"JAX cannot call the compiled code of {self._of} directly ({why}): it goes through Python, "
+                "which takes longer",
+                stacklevel=2,
+            )
+        return works
+
+    def on_host(self, shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> tuple[np.ndarray, ...]:
+        """Results of known operands with any batch shape before their own, computed here."""
+        run = self.entry().run
+        wide = [np.asarray(x, dtype=float) for x in operands]
+        # Settings come first, one row for a motion.
+        batch = wide[0].shape[:-1]
+        rows = int(np.prod(batch))
+        flat = [np.ascontiguousarray(x.reshape(rows, *x.shape[len(batch) :])) for x in wide]
+        out = [np.zeros((rows, *s.shape)) for s in shapes]
+        if rows:
+            run(0, rows, *flat, *out)
+        return tuple(x.reshape(*batch, *x.shape[1:]) for x in out)
+
+    def __call__(self, shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> Any:
+        """Results of traced operands."""
+        wide = [jnp.asarray(x, dtype=jnp.float64) for x in operands]
+
+        def by_xla(*a: Any) -> Any:
+            return jax.ffi.ffi_call(self._target, shapes, vmap_method="broadcast_all")(*a)
+
+        def by_host(*a: Any) -> Any:
+            return jax.pure_callback(
+                lambda *b: self.on_host(shapes, *b), shapes, *a, vmap_method="broadcast_all"
+            )
+
+        if not self.direct():
+            return by_host(*wide)
+        if all(device.platform == "cpu" for device in jax.devices()):
+            return by_xla(*wide)
+        return jax.lax.platform_dependent(*wide, cpu=by_xla, default=by_host)
