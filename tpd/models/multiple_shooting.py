@@ -166,7 +166,8 @@ def polish(x: np.ndarray, cycle: Cycle, span: float, scale: np.ndarray) -> Orbit
         except np.linalg.LinAlgError:
             return None
         unknowns, last, moved, steps = unknowns - step, moved, np.max(np.abs(step) / sizes), steps + 1
-        if last < _NEAR or steps == _STEPS:
+        # Among hops of a rattle rounding keeps the steps from getting smaller than this.
+        if last < _NEAR or last <= moved < _CONVERGED or steps == _STEPS:
             break
     if not moved < _CONVERGED:
         return None
