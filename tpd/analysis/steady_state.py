@@ -386,7 +386,9 @@ def _judged(on: Numbers, p: Any, model: AbstractModel, begun: Begun, along: Alon
     orbit, separation = refine(on, p, model, begun, along)
     multiplier, to_fold = multipliers(on, p.mu, orbit.by_state[:4])
     neutral = is_neutral(p, multiplier)
-    status = _verdict(on, begun.status, orbit, multiplier, neutral, to_fold, separation, model.resolution(p))
+    # By its class, as the check.
+    smallest = model.__class__.resolution(model, p)
+    status = _verdict(on, begun.status, orbit, multiplier, neutral, to_fold, separation, smallest)
     # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
     # unless it has more steps than that may take.
     endless = xp.logical_not(xp.isfinite(orbit.residual))
