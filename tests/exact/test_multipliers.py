@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from tests.reference import differences, parameters
-from tpd.core.eigenvalues import characteristic, product, quartic_roots
+from tpd.core.eigenvalues import characteristic, quartic_roots
 from tpd.core.equations import Linear
 from tpd.exact.modes import Plant
 from tpd.exact.propagator import Factor, components, exponential, identity
@@ -88,9 +88,6 @@ def test_a_multiplier_of_twice_unity_is_not_missed():
 
 
 CHARACTERISTIC = jax.jit(lambda m: jnp.stack(characteristic(tuple(tuple(row) for row in m))))
-PRODUCT = jax.jit(
-    lambda a, b: jnp.array(product(tuple(tuple(row) for row in a), tuple(tuple(row) for row in b)))
-)
 
 
 def test_characteristic_polynomial_is_that_of_numpy():
@@ -99,12 +96,6 @@ def test_characteristic_polynomial_is_that_of_numpy():
         m = rng.normal(size=(4, 4))
         np.testing.assert_allclose(CHARACTERISTIC(m), np.poly(m)[1:], rtol=1e-11, atol=1e-12)
         assert CHARACTERISTIC(m)[3] == pytest.approx(np.linalg.det(m), rel=1e-12, abs=1e-14)
-
-
-def test_product_is_the_matrix_product():
-    rng = np.random.default_rng(14)
-    a, b = rng.normal(size=(2, 4, 4))
-    np.testing.assert_allclose(PRODUCT(a, b), a @ b, rtol=1e-13, atol=1e-14)
 
 
 def test_eigenvalues_of_a_matrix_from_end_to_end():

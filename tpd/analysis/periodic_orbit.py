@@ -16,15 +16,8 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd.core import checks
-from tpd.core.eigenvalues import (
-    GRAZING,
-    NEAR_FOLD,
-    characteristic,
-    felt_by_block,
-    is_neutral,
-    quartic_roots,
-    rows_of,
-)
+from tpd.core.eigenvalues import characteristic, felt_by_block, is_neutral, quartic_roots, rows_of
+from tpd.core.orbit_terms import GRAZING, NEAR_FOLD
 from tpd.core.parameters import Number, Parameters, State, as_arrays, check_parameters
 from tpd.core.status import Status, is_moving
 from tpd.exact.contact import REST, SLIP

@@ -299,22 +299,36 @@ def launch(q, kind, tilt, way, y0, y1, y2, y3, phase, share, rate):
 
 
 @compiled
-def _pair(p, q, t):
+def exponential(x):
+    """e^x. An imaginary part is so small that its square is nothing."""
+    return np.exp(x.real) * (1.0 + (x - x.real))
+
+
+@compiled
+def turned(x):
+    """Sine and cosine of x. An imaginary part is so small that its square is nothing."""
+    sine, cosine, rest = np.sin(x.real), np.cos(x.real), x - x.real
+    return sine + cosine * rest, cosine - sine * rest
+
+
+@compiled
+def pair(p, q, t):
     """The pair's solutions u, v with (u, u') = (1, 0), (v, v') = (0, 1) at t = 0; see `tpd.exact.modes`."""
     w2 = q - 0.25 * p * p
     x2 = w2 * t * t
     half = 0.5 * p
     if abs(x2.real) < _SERIES:
-        decay = np.exp(-half * t)
+        decay = exponential(-half * t)
         c = decay * (1.0 - x2 / 2.0 * (1.0 - x2 / 12.0 * (1.0 - x2 / 30.0 * (1.0 - x2 / 56.0))))
         v = decay * t * (1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0))))
     elif w2.real < 0.0:
         w = np.sqrt(-w2)
-        slow, fast = np.exp((w - half) * t), np.exp((-w - half) * t)
+        slow, fast = exponential((w - half) * t), exponential((-w - half) * t)
         c, v = 0.5 * (slow + fast), 0.5 * (slow - fast) / w
     else:
-        w, decay = np.sqrt(w2), np.exp(-half * t)
-        c, v = decay * np.cos(w * t), decay * np.sin(w * t) / w
+        w, decay = np.sqrt(w2), exponential(-half * t)
+        sine, cosine = turned(w * t)
+        c, v = decay * cosine, decay * sine / w
     return c + half * v, v
 
 
@@ -337,7 +351,7 @@ def _pair_beyond_cubic(p, q, t):
     v2 = -0.5 * pt * t
     v3 = -(qt * t * t + 2.0 * pt * v2) / 6.0
     if max(abs(pt.real), np.sqrt(abs(qt.real * t.real))) > _EARLY:
-        u, v = _pair(p, q, t)
+        u, v = pair(p, q, t)
         return u - (1.0 - 0.5 * qt * t - qt * v2 / 3.0), v - (t + v2 + v3)
     u_rest, v_rest, before, last = -0.25 * qt * v3, 0.0 * v3, v2, v3
     # From u' = -q v and v' = u - p v: every term of v from the two before it, and that of u from one of v.
@@ -364,10 +378,9 @@ def instant(arc, t):
         u, v = _pair_beyond_cubic(arc.p, arc.q, t)
         e1, e2 = _beyond_cubic(arc.s1 * t), _beyond_cubic(arc.s2 * t)
         return Instant(e1, e2, u, v, t + 0.0 * arc.xi, t * t + 0.0 * arc.xi)
-    u, v = _pair(arc.p, arc.q, t)
-    e1, e2 = np.exp(arc.s1 * t), np.exp(arc.s2 * t)
-    turned = arc.phase + arc.xi * t
-    return Instant(e1, e2, u, v, np.sin(turned), np.cos(turned))
+    u, v = pair(arc.p, arc.q, t)
+    sine, cosine = turned(arc.phase + arc.xi * t)
+    return Instant(exponential(arc.s1 * t), exponential(arc.s2 * t), u, v, sine, cosine)
 
 
 @compiled

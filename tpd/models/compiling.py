@@ -22,7 +22,7 @@ from typing import IO
 
 from tpd.core.files import fcntl
 
-HARMONIC = ("tpd.models.linear_entry", "tpd.models.nonlinear_settling")
+HARMONIC = ("tpd.models.orbit_entry", "tpd.models.linear_entry", "tpd.models.nonlinear_settling")
 """Modules with the compiled code of motions under a harmonic."""
 GROUND = ("tpd.models.shaken_history", "tpd.models.nonlinear_ground")
 """Modules of motions under pulses and records, but for the one that each command compiles itself."""
@@ -46,7 +46,8 @@ def sources(*kinds: str) -> list[Path]:
     what all share."""
     package = Path(__file__).parent.parent
     exact, shared = package / "exact", ("period_kernel", "custom_call")
-    chosen = [*sorted(exact.glob("*_kernel.py")), exact / "mode_kinds.py", exact / "event_search.py"]
+    constants = package / "core" / "orbit_terms.py", exact / "mode_kinds.py"
+    chosen = [*sorted(exact.glob("*_kernel.py")), exact / "event_search.py", *constants]
     models = sorted((package / "models").glob("*.py"))
     return chosen + [f for f in models if f.name.startswith((*kinds, *shared))]
 
@@ -64,7 +65,10 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
         OSError: no process can be started.
     """
     # Numba's store belongs to one installation, or to the folder that the environment names.
-    version, folders = checksum("linear_", "nonlinear_", "shaken_"), os.environ.get("NUMBA_CACHE_DIR")
+    version, folders = (
+        checksum("orbit_", "linear_", "nonlinear_", "shaken_"),
+        os.environ.get("NUMBA_CACHE_DIR"),
+    )
     for module in modules:
         place = f"{version} {module} {Path(__file__)} {sys.version} {folders}"
         mark = folder / f"compiled-{zlib.crc32(place.encode()):08x}"
