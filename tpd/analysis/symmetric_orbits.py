@@ -156,16 +156,12 @@ def _described(x: Float[Array | np.ndarray, "9"]) -> tuple[Any, dict[str, Any]]:
 def _described_jvp(primals: tuple, tangents: tuple) -> tuple[Any, Any]:
     (x,), (direction,) = primals, tangents
     numbers, leaves = _described(x)
-    entry, moves = compiled_orbits.load(), {}
-    columns = {name: [i] for i, name in enumerate(SIZES)}
-    columns["state"] = list(range(len(SIZES), int(entry.NUMBERS)))
+    columns, moves = {name: i for i, name in enumerate((*SIZES, "state"))}, {}
     for asked, names in _SIZES.items():
-        first, last = columns[names[0]][0], columns[names[-1]][-1] + 1
-        slopes = _SLOPES[asked](x, numbers)[..., first:last].swapaxes(-1, -2)
+        last = columns[names[-1]] + (4 if asked.state else 1)
+        slopes = _SLOPES[asked](x, numbers)[..., columns[names[0]] : last].swapaxes(-1, -2)
         change = moved(slopes, direction, x)
-        for name in names:
-            at = [i - first for i in columns[name]]
-            moves[name] = change[..., at[0] : at[-1] + 1] if name == "state" else change[..., at[0]]
+        moves |= {"state": change} if asked.state else {n: change[..., i] for i, n in enumerate(names)}
     unknown = moved(np.full(len(x), np.nan), direction, x)
     for name in _UNKNOWN:
         moves[name] = jnp.broadcast_to(unknown, leaves[name].shape)

@@ -264,12 +264,10 @@ def _directions(p: Parameters, q: Parameters, conditions: Conditions, m: int) ->
 
 def _uplift(q: Parameters, along: np.ndarray) -> tuple[Uplift, np.ndarray, np.ndarray]:
     """Margin and stroke of a block at rest, with their derivatives."""
-    slopes = []
+    design, slopes = np.stack([q.mu, q.lam, q.zeta]), []
     for i in range(3):
-        design = [
-            np.asarray(x) + 1j * _STEP * along[:, i, 1 + k] for k, x in enumerate((q.mu, q.lam, q.zeta))
-        ]
-        slopes.append([np.asarray(x).imag / _STEP for x in uplift(with_design(q, design))])
+        lift = uplift(with_design(q, design + 1j * _STEP * along[:, i, 1:4].T))
+        slopes.append([np.asarray(x).imag / _STEP for x in lift])
     margin, stroke = np.moveaxis(np.array(slopes), 0, -1)
     return uplift(q), margin, stroke
 

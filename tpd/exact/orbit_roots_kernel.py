@@ -33,7 +33,7 @@ _CLOSE, _REACHED, _SHARP = 1e-9, 1e-7, 1e-13
 """Share of a bracket by which rounding may lead a root out of it; the last step of Newton's method, in shares
 of h and rad, with which a root counts as reached; and after which there is no use in another."""
 _GOLDEN = 0.5 * (3.0 - math.sqrt(5.0))
-Parts = namedtuple("Parts", "s1 s2 u v")
+_Parts = namedtuple("_Parts", "s1 s2 u v")
 _Fixed = namedtuple(
     "_Fixed",
     "xi tilt_sin tilt_cos step slack balance per_fall tilt_whole rate_whole kick_whole thrown_whole "
@@ -79,7 +79,7 @@ def _phase(q, m, t, branch):
 
 @compiled
 def _parts(x):
-    return Parts(x.s1, x.s2, x.u, x.v)
+    return _Parts(x.s1, x.s2, x.u, x.v)
 
 
 @compiled
@@ -182,8 +182,8 @@ def _lowest(q, m, low, high):
 @compiled
 def _newton(q, m, t, gamma, most):
     """Newton's method on both conditions: (t, gamma), and the last step."""
-    # The two conditions stay regular in (t, gamma) where the branches meet and phi(t-) has a square root. Steps go on to rounding: close to the fold of two orbits each only halves the error, and
-    # derivatives lose digits there.
+    # The two conditions stay regular in (t, gamma) where the branches meet and phi(t-) has a square root. Steps
+    # go on to rounding: near the fold of two orbits each only halves the error, and derivatives lose digits.
     moved = math.inf
     for _ in range(most):
         x, before = solution_at(q, m, t, gamma), moved

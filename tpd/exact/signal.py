@@ -42,13 +42,6 @@ class Instant(NamedTuple):
     time: Number = 0.0
     """Needed under growing shaking only."""
 
-    def rate(self, rates: Rates) -> Instant:
-        """The derivative in time: `Signal.at` of it is the signal's derivative, for a signal without constant
-        under steady shaking."""
-        # One instant serves several signals. To differentiate it once costs less than to differentiate each.
-        forcing = Turn(-rates.xi * self.forcing.sine, rates.xi * self.forcing.cosine)
-        return Instant(self.flow.rate(rates), forcing)
-
 
 class Gain(NamedTuple):
     """Increase of a harmonic's two amplitudes per unit tau."""
@@ -110,10 +103,6 @@ class Signal(NamedTuple):
         """Derivative in time."""
         zero = jnp.zeros_like(self.constant)
         return Signal(zero, self.free.rate(rates), self.harmonic.rate(rates.xi))
-
-    def changing(self) -> Signal:
-        """The signal without its constant."""
-        return self._replace(constant=jnp.zeros_like(self.constant))
 
     def scaled(self, c: Number) -> Signal:
         """The product with a number."""

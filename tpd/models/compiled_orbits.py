@@ -162,7 +162,7 @@ class Vanishing(NamedTuple):
 
 
 def vanishing(u: np.ndarray, x: np.ndarray) -> Vanishing:
-    """What vanishes where orbits are lost, at u = (t, gamma, s) and the parameters `x`."""
+    """Numbers that vanish where orbits are lost, at u = (t, gamma, s) and the parameters `x`."""
     entry = load()
     values, by = np.empty((1, int(entry.VANISHING))), np.empty((1, int(entry.VANISHING), int(entry.MOVED)))
     entry.run(0, 1, _settings(entry.VANISH)[None], _wide(x), _wide(u), values, by)
