@@ -49,7 +49,7 @@ REGIMES = (
             "atlas",
             "at_a_fold_the_gradient_grows_as_the_inverse_root_over_six_decades",
             "next_to_a_fold_the_gradient_is_refused_by_name",
-            "an_orbit_about_to_be_lost_has_a_name_and_no_derivative",
+            "an_orbit_about_to_be_lost_has_a_name",
             "a_little_farther_from_a_fold_steady_state_and_orbits_have_the_same_large_gradient",
         )
         + test_ids("symmetric_orbits", "at_a_fold_there_is_no_gradient_and_beyond_it_no_orbit")

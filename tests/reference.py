@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -22,16 +21,13 @@ from tpd import (
     Parameters,
     Piecewise,
     Smoothed,
-    in_chunks,
     simulate,
     status_name,
     steady_state,
     symmetric_orbits,
 )
 from tpd.analysis.steady_state import Steady
-from tpd.analysis.sweep import CHUNK
-from tpd.analysis.symmetric_orbits import Orbits
-from tpd.core.parameters import as_arrays
+from tpd.analysis.symmetric_orbits import Orbits, all_symmetric_orbits
 from tpd.models.base import AbstractModel
 
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
@@ -201,13 +197,9 @@ def solver(model: AbstractModel | Callable[..., AbstractModel], size: int) -> Ca
 
 
 def orbits_of(p: Parameters) -> Orbits:
-    """`symmetric_orbits` of one design, or of many along a leading axis, by the program of sweeps and maps:
-    compiled once for all tests."""
-    # One structure for all, whatever was left out.
-    p = as_arrays(replace(p, rho=p.inertia_ratio, e=p.velocity_ratio))
+    """`symmetric_orbits` of one design, or of many along a leading axis."""
     many = any(jnp.ndim(x) for x in jax.tree.leaves(p))
-    orbits = in_chunks(symmetric_orbits, p if many else jax.tree.map(jnp.atleast_1d, p), chunk=CHUNK)
-    return orbits if many else jax.tree.map(lambda x: x[0], orbits)
+    return all_symmetric_orbits(p) if many else symmetric_orbits(p)
 
 
 MOST_TIMES = 361

@@ -32,9 +32,8 @@ from tpd.core.files import as_json, place, versions  # noqa: E402
 from tpd.design.ends import Linearisation  # noqa: E402
 from tpd.design.screening import with_design  # noqa: E402
 from tpd.design.sequential import minimise  # noqa: E402
-from tpd.exact.orbit_candidates import ORBITS  # noqa: E402
-from tpd.exact.orbit_path import PATH_NODES  # noqa: E402
-from tpd.exact.orbit_roots import NODES, ROOTS  # noqa: E402
+from tpd.exact.orbit_roots_kernel import BRACKETS, NODES  # noqa: E402
+from tpd.exact.symmetric_orbit_kernel import ORBITS  # noqa: E402
 
 STORED = Path(__file__).with_name("counts.json")
 COMMAND = "python -m tests.test_guard"
@@ -78,7 +77,7 @@ def program() -> dict[str, float]:
         return o.amplitude, (o.multipliers, o.status)
 
     size = equations(jax.make_jaxpr(jax.jacfwd(orbits, has_aux=True))(jnp.array([*HUNG[0].x, 1.0])).jaxpr)
-    turns = {"samples": NODES, "roots": ROOTS, "orbits": ORBITS, "samples of an arc": PATH_NODES}
+    turns = {"samples": int(NODES), "roots": int(BRACKETS), "orbits": int(ORBITS)}
     return {"equations": size, **{f"constant: {name}": value for name, value in turns.items()}}
 
 

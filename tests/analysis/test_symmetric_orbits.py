@@ -28,7 +28,7 @@ from tests.reference import (
 )
 from tpd import Status, simulate, status_name, symmetric_orbits
 from tpd.core.batch import in_chunks
-from tpd.exact.orbit_roots import NODES
+from tpd.exact.orbit_roots_kernel import NODES
 
 BATCH = 64
 """Of everything computed here, so that one compilation serves all tests."""

@@ -5,14 +5,9 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
-from tests.reference import differences, parameters
-from tpd.core.eigenvalues import characteristic, product, quartic_roots
-from tpd.core.equations import Linear
-from tpd.exact.modes import Plant
-from tpd.exact.propagator import Factor, components, exponential, identity
-from tpd.exact.trigonometry import Turn, turn
+from tpd.core.eigenvalues import characteristic, quartic_roots
+from tpd.exact.trigonometry import turn
 
 # The quartic
 
@@ -88,9 +83,6 @@ def test_a_multiplier_of_twice_unity_is_not_missed():
 
 
 CHARACTERISTIC = jax.jit(lambda m: jnp.stack(characteristic(tuple(tuple(row) for row in m))))
-PRODUCT = jax.jit(
-    lambda a, b: jnp.array(product(tuple(tuple(row) for row in a), tuple(tuple(row) for row in b)))
-)
 
 
 def test_characteristic_polynomial_is_that_of_numpy():
@@ -99,12 +91,6 @@ def test_characteristic_polynomial_is_that_of_numpy():
         m = rng.normal(size=(4, 4))
         np.testing.assert_allclose(CHARACTERISTIC(m), np.poly(m)[1:], rtol=1e-11, atol=1e-12)
         assert CHARACTERISTIC(m)[3] == pytest.approx(np.linalg.det(m), rel=1e-12, abs=1e-14)
-
-
-def test_product_is_the_matrix_product():
-    rng = np.random.default_rng(14)
-    a, b = rng.normal(size=(2, 4, 4))
-    np.testing.assert_allclose(PRODUCT(a, b), a @ b, rtol=1e-13, atol=1e-14)
 
 
 def test_eigenvalues_of_a_matrix_from_end_to_end():
@@ -161,117 +147,3 @@ def test_a_turn_has_unit_size_and_an_exact_derivative():
 def test_a_turn_by_nan_is_nan():
     for angle in (np.nan, np.inf, -np.inf):
         assert np.all(np.isnan(np.array(TURN(angle))))
-
-
-def test_turns_add_and_subtract():
-    a, b = turn(jnp.asarray(0.7)), turn(jnp.asarray(-2.1))
-    np.testing.assert_allclose(a.then(b), turn(jnp.asarray(-1.4)), rtol=0, atol=3e-16)
-    np.testing.assert_allclose(a.before(b), turn(jnp.asarray(-2.8)), rtol=0, atol=3e-16)
-    assert isinstance(a.then(b), Turn)
-
-
-# Functions of the state matrix
-
-
-def critical(mu, lam):
-    """The hinge damping at which the pair's two rates meet."""
-
-    def apart(zeta):
-        p, q = _pair(np.array([0.25, mu, lam, zeta, 0.05, 0.3, 2.5]))
-        return q - 0.25 * p**2
-
-    low, high = 0.1, 4.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if apart(middle) > 0 else (low, middle)
-    return low
-
-
-@jax.jit
-def _pair(x):
-    rates = Plant(parameters(x)).slip
-    return rates.p, rates.q
-
-
-def scenes():
-    """Swinging, creeping, and on both sides of critical damping as close as it gets."""
-    for mu, lam in ((0.0, 0.8), (1e-6, 0.8), (0.1, 0.3), (0.4, 1.4)):
-        edge = critical(mu, lam)
-        for zeta in (0.0, 0.1, edge * (1 - 1e-6), edge, edge * (1 + 1e-6), 3.0):
-            yield np.array([0.25, mu, lam, zeta, 0.05, 0.3, 2.5, 0.9])
-
-
-def state_matrix(x):
-    """d rates/d state, column by column."""
-    linear, zero = Linear(parameters(x)), jnp.zeros(())
-    return np.stack([np.asarray(linear.rates(unit, zero, zero, zero)) for unit in jnp.eye(4)], axis=1)
-
-
-def matrix_of(plant, g):
-    """g(A) from its functionals."""
-    return jnp.stack([jnp.stack([c.of(g) for c in components(plant, unit)]) for unit in jnp.eye(4)], axis=1)
-
-
-@jax.jit
-def functions(x, s, t):
-    """Matrices of what can be made of exp(A s) and exp(A t)."""
-    plant = Plant(parameters(x))
-    rates = plant.slip
-    one, first, second = identity(s), exponential(rates, s), exponential(rates, t)
-    closing = one.plus(first)
-    made: dict[str, Factor] = {
-        "identity": one,
-        "exponential": first,
-        "product": first.times(second, rates),
-        "inverse": closing.inverse(rates),
-        "rate": first.rate(rates),
-        "sum": first.scaled(2.0).plus(second.scaled(-3.0)),
-        "undone": closing.times(closing.inverse(rates), rates),
-    }
-    out = {name: matrix_of(plant, g) for name, g in made.items()}
-    v = jnp.array([0.3, -0.2, 0.5, 0.7])
-    shifted = jnp.stack([c.after(first, rates).of(second) for c in components(plant, v)])
-    less = jnp.stack([c.minus(0.5, c.after(first, rates)).of(second) for c in components(plant, v)])
-    return out, shifted, less
-
-
-@pytest.mark.parametrize(("s", "t"), [(0.3, 0.9), (1.3, -0.4), (1e-5, 2.0)])
-def test_functions_of_the_state_matrix_are_those_of_scipy(s, t):
-    v = np.array([0.3, -0.2, 0.5, 0.7])
-    for x in scenes():
-        a = state_matrix(x)
-        first, second = expm(a * s), expm(a * t)
-        expected = {
-            "identity": np.eye(4),
-            "exponential": first,
-            "product": expm(a * (s + t)),
-            "inverse": np.linalg.inv(np.eye(4) + first),
-            "rate": a @ first,
-            "sum": 2.0 * first - 3.0 * second,
-            "undone": np.eye(4),
-        }
-        found, shifted, less = functions(x, s, t)
-        for name, matrix in expected.items():
-            scale = np.abs(matrix).max()
-            np.testing.assert_allclose(found[name], matrix, rtol=0, atol=1e-10 * scale, err_msg=f"{name} {x}")
-        scale = np.abs(second @ first @ v).max() + np.abs(second @ v).max()
-        np.testing.assert_allclose(shifted, second @ first @ v, rtol=0, atol=1e-10 * scale)
-        np.testing.assert_allclose(less, second @ v - 0.5 * second @ first @ v, rtol=0, atol=1e-10 * scale)
-
-
-SLOPES = jax.jit(jax.jacfwd(lambda x: functions(x, 0.3, 0.9)[0]["inverse"]))
-
-
-@pytest.mark.parametrize("zeta", [0.1, "critical", 3.0])
-def test_functions_of_the_state_matrix_have_the_slopes_of_differences(zeta):
-    damping = critical(0.1, 0.3) if zeta == "critical" else zeta
-    x = np.array([0.25, 0.1, 0.3, damping, 0.05, 0.3, 2.5, 0.9])
-
-    def inverse(x):
-        return np.linalg.inv(np.eye(4) + expm(0.3 * state_matrix(x)))
-
-    for i in range(4):
-        expected = differences(inverse, x, i, share=0.01)
-        np.testing.assert_allclose(
-            SLOPES(x)[:, :, i], expected, rtol=0, atol=1e-7 * np.abs(expected).max() + 1e-9
-        )

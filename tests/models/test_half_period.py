@@ -8,7 +8,7 @@ import pytest
 import tpd
 from tpd.core.conditions import FACTORS, under
 from tpd.core.parameters import Parameters, as_arrays
-from tpd.design.one_shot import _turn
+from tpd.models import compiled_orbits
 from tpd.models.half_period import half_period
 from tpd.models.smoothed import Smoothed
 
@@ -37,6 +37,12 @@ def exact(p, design):
     return sizes(design)[0], slopes, orbits
 
 
+def turn_of(p, design):
+    """phi, psi, phase of the forcing and psi' at the upper turn of the largest orbit."""
+    o = compiled_orbits.solve_all(compiled_orbits.row_of(under(p, design, ONE))[None])[0, 0]
+    return jnp.array([o["sizes"][0], o["bob"], o["sizes"][1], o["bob_rate"]])
+
+
 def parameters(scene):
     """Parameters as arrays, and the design."""
     p = as_arrays(Parameters(**dict(zip(NAMES, scene, strict=True))))
@@ -47,7 +53,7 @@ def parameters(scene):
 def test_a_few_steps_give_the_exact_orbit_and_its_slopes(scene):
     p, design = parameters(scene)
     sizes, slopes, orbits = exact(p, design)
-    turn = _turn((p, design, ONE, jnp.stack([orbits.crossing[0], orbits.phase[0]])))
+    turn = turn_of(p, design)
     np.testing.assert_allclose(turn[0], sizes[0], rtol=1e-12)
     residuals = []
     for _ in range(3):
@@ -70,8 +76,7 @@ def test_a_few_steps_give_the_exact_orbit_and_its_slopes(scene):
 def test_the_slope_is_that_of_the_smoothed_orbit():
     """Central differences of converged orbits: no error of the smoothing is in them."""
     p, design = parameters(SCENES[2])
-    _, _, orbits = exact(p, design)
-    begin = _turn((p, design, ONE, jnp.stack([orbits.crossing[0], orbits.phase[0]])))
+    begin = turn_of(p, design)
 
     def settled(x):
         turn = begin

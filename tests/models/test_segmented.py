@@ -25,8 +25,8 @@ from tests.reference import (
 )
 from tests.reference import exact as linear
 from tpd import simulate, status_name, steady_state
-from tpd.core.eigenvalues import GRAZING
 from tpd.core.equations import Equations, Terms
+from tpd.core.orbit_terms import GRAZING
 from tpd.core.parameters import Parameters, as_arrays, housner
 from tpd.exact.contact import SLIP, Mode, bob_jump, impact_ratio
 from tpd.models.compiled_nonlinear import settle_one

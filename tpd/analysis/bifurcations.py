@@ -1,10 +1,9 @@
 """Bifurcations of the symmetric period-one orbits of a design as one parameter varies.
 
-At such a place one more function of crossing time, phase and parameter vanishes beside the two
-conditions of the orbit (`tpd.exact.test_functions`): a square system in closed form, which Newton's method
+At such a place one more function of crossing time, phase and parameter vanishes beside the two conditions of
+the orbit (`tpd.models.compiled_orbits.Vanishing`): a square system in closed form, which Newton's method
 solves to round-off. A sweep supplies the initial guesses, and the orbits that it finds on both sides have to
-agree with the bifurcation.
-"""
+agree with the bifurcation."""
 
 from __future__ import annotations
 
@@ -14,19 +13,15 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from tpd.analysis.sweep import Sweep, along, orbits_at, wrapped
 from tpd.core import checks
 from tpd.core.formatting import Printed
 from tpd.core.parameters import Parameters
-from tpd.core.programs import Program
-from tpd.core.quantities import UNITS, Axis, parameters
+from tpd.core.quantities import UNITS, Axis
 from tpd.core.scene import Pendulum, Scene
-from tpd.exact.test_functions import Survey, survey, vanishing
+from tpd.models.compiled_orbits import survey, vanishing
 
 _FINER = 16
 """Parts that a gap is divided into where no bifurcation was found next to it."""
@@ -235,7 +230,7 @@ def _located(search: _Search, gap: _Gap, kind: Kind) -> Bifurcation | None:
 
 def _dents(x: np.ndarray, u: np.ndarray) -> list[float]:
     """Times of the two peaks of phi' between the turns that are closest to zero."""
-    rates = np.asarray(_survey(jnp.asarray(u), jnp.asarray(x)).rates)
+    rates = survey(u, _row(x)).rates
     inner = rates[1:-1]
     peaks = np.nonzero((inner >= rates[:-2]) & (inner >= rates[2:]))[0] + 1
     nearest = sorted(peaks, key=lambda i: -rates[i])[:2]
@@ -295,43 +290,33 @@ _ROWS = {
 def _linear(axis: Axis, kind: Kind, u: np.ndarray, value: float) -> tuple[np.ndarray, ...]:
     """The residual for a kind, and its derivatives in u, and in the varied number and the axis' others."""
     m, rows, (x,) = len(u), _ROWS[kind], axis.at(np.array([value]))
-    padded = jnp.asarray(np.append(u, [1.0] * (3 - m)))
-    residual, by_u, by_x = (np.array(a)[rows] for a in _linearised(padded, jnp.asarray(x)))
-    return residual, by_u[:, :m], by_x @ axis.jacobian(value)
+    found = vanishing(np.append(u, [1.0] * (3 - m)), _row(x))
+    return found.values[rows], found.by_u[rows, :m], _row(found.by_x[rows].T).T @ axis.jacobian(value)
 
 
-@Program
-def _linearised(u: Float[Array, "3"], x: Float[Array, "9"]) -> tuple[Array, Array, Array]:
-    def twice(u: Array, x: Array) -> tuple[Array, Array]:
-        r = vanishing(u, parameters(x))
-        return r, r
-
-    (by_u, by_x), residual = jax.jacfwd(twice, argnums=(0, 1), has_aux=True)(u, x)
-    return residual, by_u, by_x
-
-
-@Program
-def _survey(u: Float[Array, "2"], x: Float[Array, "9"]) -> Survey:
-    return survey(u, parameters(x))
+def _row(x: np.ndarray) -> np.ndarray:
+    """A row in the order of NAMES as one of the compiled code, or the other way round: e and rho change
+    places."""
+    return np.concatenate([x[:7], x[:6:-1]])
 
 
 def _on_orbit(search: _Search, kind: Kind, point: _Point) -> Bifurcation | None:
     """The bifurcation at a point, or None where its path has not the signs of an orbit elsewhere."""
     u, x, axis = point.u, point.x, search.axis
-    way = _survey(jnp.asarray(u[:2]), jnp.asarray(x))
+    way = survey(u[:2], _row(x))
     touching = float(u[2]) if kind is Kind.grazing else math.nan
     times = [t for t in (u[0], touching) if not math.isnan(t)]
     # The quantity that vanishes at this point is zero to rounding only, so that its sign is not checked.
-    highest = float(way.rates.max()) - 1e-9 * x[6] * float(way.height) * (kind is Kind.grazing)
-    falling = max(highest, -1.0 if kind is Kind.sticking else float(way.leaving), float(way.arriving)) < 0
-    if not (float(way.height) > 0 and falling and min(times) > 0 and max(times) < np.pi / x[6]):
+    highest = float(way.rates.max()) - 1e-9 * x[6] * way.height * (kind is Kind.grazing)
+    falling = max(highest, -1.0 if kind is Kind.sticking else way.leaving, way.arriving) < 0
+    if not (way.height > 0 and falling and min(times) > 0 and max(times) < np.pi / x[6]):
         return None
     return Bifurcation(
         kind=kind,
         name=axis.name,
         value=point.value,
         error=point.moved,
-        amplitude=float(way.height),
+        amplitude=way.height,
         phase=math.remainder(float(u[1]), 2.0 * math.pi),
         crossing=float(u[0]),
         touching=touching,

@@ -11,11 +11,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from tpd.analysis.sweep import CHUNK
-from tpd.analysis.symmetric_orbits import Orbits, symmetric_orbits
+from tpd.analysis.symmetric_orbits import Orbits, all_symmetric_orbits
 from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
-from tpd.core.batch import in_chunks
 from tpd.core.cluster import Cluster
 from tpd.core.formatting import Printed, counted, span
 from tpd.core.parameters import Parameters
@@ -129,7 +127,7 @@ def design_map(
             answer = _answers(designs, y0, progress=report)
         else:
             chunk = _CHUNK_FOLLOWED if y0 is not None else _CHUNK
-            how = {"chunk": chunk, "whole": CHUNK, "progress": report}
+            how = {"chunk": chunk, "progress": report}
             answer = cluster.map("map", _answers_by_one, designs, (y0,), **how)
     answer["status"] = names_by_code(answer["status"])
     shaped = {n: v.reshape(len(ys), len(xs)) for n, v in answer.items()}
@@ -147,10 +145,10 @@ def _answers(designs: Parameters, y0: np.ndarray | None, **how: Any) -> dict[str
     still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
     # The bar is that of the longer part: of the motions, where there are any.
     if y0 is None:
-        orbits = in_chunks(symmetric_orbits, designs, chunk=CHUNK, **how)
+        orbits = all_symmetric_orbits(designs, **how)
         answer = _largest(orbits, still["margin"], still["stroke"])
     else:
-        orbits = in_chunks(symmetric_orbits, designs, chunk=CHUNK, workers=how.get("workers"))
+        orbits = all_symmetric_orbits(designs, workers=how.get("workers"))
         answer = _followed(designs, orbits, still["stroke"], y0, how)
     more = {"margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
     return {**answer, **more, "status": codes_of(answer["status"])}

@@ -21,7 +21,8 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd.core import checks
-from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, is_neutral
+from tpd.core.eigenvalues import is_neutral
+from tpd.core.orbit_terms import GRAZING, NEAR_FOLD
 from tpd.core.parameters import Parameters, as_arrays, check_parameters
 from tpd.core.status import Status
 from tpd.exact.derivatives import with_slopes

@@ -38,8 +38,9 @@ from tpd.analysis.period_map import (
     refine,
 )
 from tpd.core import checks
-from tpd.core.eigenvalues import GRAZING, NEAR_FOLD, is_neutral
+from tpd.core.eigenvalues import is_neutral
 from tpd.core.formatting import counted_periods, number
+from tpd.core.orbit_terms import GRAZING, NEAR_FOLD
 from tpd.core.parameters import Number, Parameters, State, as_arrays, check_parameters
 from tpd.core.status import Status, index_of, is_settled, status_name
 from tpd.exact.derivatives import refused, refused_in, with_slopes

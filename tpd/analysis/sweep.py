@@ -8,18 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from tpd.analysis.symmetric_orbits import Margins, Orbits, symmetric_orbits
+from tpd.analysis.symmetric_orbits import ORBITS, Margins, Orbits, all_symmetric_orbits
 from tpd.core import checks
-from tpd.core.batch import in_chunks
 from tpd.core.parameters import Parameters
 from tpd.core.quantities import Axis, parameters
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import names_of
-from tpd.exact.orbit_candidates import ORBITS
 
-CHUNK = 128
-"""Orbits solved at once: fewer than in large batches, which a sweep seldom fills. Maps take as many, so that
-both need one compiled program."""
 _APART = 1.0
 """Distance of two orbits, as the sum of shares of h, rad, and logarithms of the amplitude, beyond
 which they are never neighbours on a branch."""
@@ -96,7 +91,7 @@ def sweep(subject: Parameters | Scene, name: str, values: Any, *, pendulum: Pend
 
 def orbits_at(axis: Axis, values: np.ndarray) -> tuple[Orbits, np.ndarray]:
     """The orbits at any values, as NumPy arrays, and the names of their statuses."""
-    orbits = in_chunks(symmetric_orbits, parameters(list(axis.at(values).T)), chunk=CHUNK)
+    orbits = all_symmetric_orbits(parameters(list(axis.at(values).T)))
     return orbits, names_of(orbits.status)
 
 

@@ -1,41 +1,32 @@
 """Every symmetric period-one orbit of a design, stable and unstable, without start values.
 
 Most rocking attractors are such orbits: one swing to either side per forcing period, the second the
-mirror image of the first. They are the roots of one scalar equation (`tpd.exact.orbit_equation`), so that
+mirror image of the first. They are the roots of one scalar equation (`tpd.exact.half_period_kernel`), so that
 nothing is simulated; their derivatives follow from the implicit function theorem.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.lax import stop_gradient
+import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.core import checks
-from tpd.core.eigenvalues import (
-    GRAZING,
-    NEAR_FOLD,
-    characteristic,
-    determinants,
-    felt_by_block,
-    is_neutral,
-    quartic_roots,
-)
-from tpd.core.parameters import Number, Parameters, State, as_arrays, check_parameters
+from tpd.core.orbit_terms import SIZES, STATUSES
+from tpd.core.parameters import Number, Parameters, check_parameters
 from tpd.core.status import Status
-from tpd.exact.batch_branches import computed_once, where_needed
-from tpd.exact.derivatives import refused, refused_in
-from tpd.exact.modes import Plant
-from tpd.exact.orbit_candidates import candidates
-from tpd.exact.orbit_equation import Half
-from tpd.exact.orbit_path import Path
-from tpd.exact.orbit_roots import Root, differentiable
-from tpd.exact.symmetric_orbit import Orbit, half_map, instant, orbit_of, state_at
+from tpd.exact.derivatives import moved, once
+from tpd.models import compiled_orbits
+from tpd.models.compiled_orbits import Asked
+
+ORBITS = 3
+"""Most orbits of a design."""
 
 
 class Margins(eqx.Module):
@@ -69,20 +60,20 @@ class Orbits(eqx.Module):
 
     status: Status
     """rocking (attracting), unstable, neutral, near_fold, grazing or no_orbit."""
-    amplitude: Float[Array, "*orbits"]
+    amplitude: Float[Array | np.ndarray, "*orbits"]
     """Largest |phi|."""
-    stroke: Float[Array, "*orbits"]
+    stroke: Float[Array | np.ndarray, "*orbits"]
     """Largest |psi|."""
-    state: Float[Array, "*orbits 4"]
+    state: Float[Array | np.ndarray, "*orbits 4"]
     """(phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
-    phase: Float[Array, "*orbits"]
+    phase: Float[Array | np.ndarray, "*orbits"]
     """Phase xi tau of the forcing at the upper turn, in (-pi, pi]."""
-    crossing: Float[Array, "*orbits"]
+    crossing: Float[Array | np.ndarray, "*orbits"]
     """Dimensionless time from the upper turn to the crossing of phi = 0."""
-    multipliers: Complex[Array, "*orbits 4"]
+    multipliers: Complex[Array | np.ndarray, "*orbits 4"]
     """Floquet multipliers over one forcing period; attracting if all are below 1 in size."""
     margins: Margins
-    overflow: Bool[Array, ""]
+    overflow: Bool[Array | np.ndarray, "..."] | np.bool_
     """Whether there may be more: more roots than could be followed up, or a bob that swings freely more than
     300 times on one of the two arcs of a half period, whose path is not followed."""
 
@@ -90,114 +81,101 @@ class Orbits(eqx.Module):
 def symmetric_orbits(p: Parameters) -> Orbits:
     """All symmetric period-one orbits of (25) with true signs, section by section in closed form.
 
-    Works under `jit`, `vmap`, `grad` and `jacfwd`; see `in_chunks` for large batches. An orbit with
-    a stick phase, with more crossings, or that repeats later is not among them: `steady_state`
-    follows those.
+    Works under `jit`, `vmap`, `grad` and `jacfwd` as one call of compiled code; what is known is answered on
+    the host, and nothing is compiled. See `all_symmetric_orbits` and `in_chunks` for large batches. An orbit
+    with a stick phase, with more crossings, or that repeats later is not among them: `steady_state` follows
+    those.
 
     Raises:
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
     check_parameters(p)
-    return _symmetric_orbits(as_arrays(p))
+    return _orbits(_described(compiled_orbits.row_of(p))[1])
 
 
-@eqx.filter_jit
-def _symmetric_orbits(p: Parameters) -> Orbits:
-    half = Half(Plant(p))
-    found = candidates(jax.tree.map(stop_gradient, half))
-    found = jax.tree.map(stop_gradient, found)
-    # Where there is no orbit the arithmetic is done on a harmless root and thrown away.
-    safe = Root(
-        jnp.where(found.exists, found.root.t, 0.5 * stop_gradient(half.span)),
-        jnp.where(found.exists, found.root.gamma, 0.3),
-    )
+def all_symmetric_orbits(
+    p: Parameters, *, workers: int | None = None, progress: Callable[[int, int], None] | None = None
+) -> Orbits:
+    """`symmetric_orbits` of every element of a batch, on all cores: NumPy arrays with leading axes (n, 3),
+    without derivatives.
 
-    def step(_: None, slot: tuple[Root, Path, Array]) -> tuple[None, _Described]:
-        root, path, there = slot
-        return None, where_needed(there, _describe, p, half, root, path)
+    Args:
+        p: known parameters, of shape (n,) or single numbers for all.
+        workers: threads; default the number of cores.
+        progress: called with (designs done, of how many) now and then.
 
-    # One after the other: in a batch the designs, not the few orbits, are next to each other in memory.
-    _, described = jax.lax.scan(step, None, (safe, found.path, found.exists))
-    answers = jax.vmap(partial(_answered, p))(described, found.exists)
-    status, (amplitude, stroke, state, phase, crossing), multipliers, margins = answers
-    multipliers = refused_in(p, jnp.real(multipliers)) + 1j * refused_in(p, jnp.imag(multipliers))
-    sticking, grazing = refused_in(p, margins.sticking), refused_in(p, margins.grazing)
-    margins = Margins(margins.fold, margins.symmetry, margins.torus, sticking, grazing)
-    return Orbits(status, amplitude, stroke, state, phase, crossing, multipliers, margins, found.overflow)
+    Raises:
+        RuntimeError: JAX is in 32-bit mode.
+        ValueError: workers below one.
+    """
+    checks.require_x64()
+    orbits = compiled_orbits.solve_all(compiled_orbits.row_of(p), workers=workers, progress=progress)
+    return _orbits(_leaves(orbits.view(float).reshape(*orbits.shape, -1)))
 
 
-class _Margins(NamedTuple):
-    """See `Margins`."""
-
-    fold: Number
-    symmetry: Number
-    torus: Number
-    sticking: Number
-    grazing: Number
-
-
-class _Described(NamedTuple):
-    """Description of an orbit, before its status is known."""
-
-    amplitude: Number
-    stroke: Number
-    state: State
-    phase: Number
-    crossing: Number
-    halves: Array
-    """Multipliers over half a period."""
-    margins: _Margins
+_SIZES = {
+    Asked(): ("amplitude", "phase", "crossing"),
+    Asked(stroke=True): ("stroke",),
+    Asked(margins=True): ("fold", "symmetry", "torus"),
+    Asked(state=True): ("state",),
+}
+"""Names of differentiable sizes, by what the compiled code is asked for to differentiate them: a program
+computes those that it needs."""
+_UNKNOWN = ("multipliers", "sticking", "grazing")
+"""Names of numbers whose derivative is not known."""
 
 
-def _describe(p: Parameters, half: Half, root: Root, path: Path) -> _Described:
-    polished, height = computed_once(*differentiable(half, root))
-    orbit = orbit_of(half, polished)
-    multipliers, determinants = _stability(p, half, orbit)
-    sticking = path.leaving / (path.leaving - 2.0 * _friction_pull(half))
-    fall = path.least_fall / (half.plant.linear.xi * stop_gradient(height))
-    begun = jnp.mod(-polished.gamma, 2.0 * jnp.pi) / half.plant.linear.xi
-    late = path.bob.late
-    lasts = jnp.where(late, half.span - polished.t, polished.t)
-    bob = instant(half, orbit, path.bob.share * lasts, late)
-    arc = jax.tree.map(lambda a, b: jnp.where(late, b, a), orbit.first[1], orbit.second[1])
-    return _Described(
-        height,
-        jnp.abs(arc.at(bob)),
-        state_at(half, orbit, begun),
-        polished.gamma,
-        polished.t,
-        multipliers,
-        _Margins(*determinants, sticking, fall),
-    )
+def _leaves(numbers: Any) -> dict[str, Any]:
+    """Fields of `Orbits` and `Margins` by name, of orbits as numbers (..., 3, numbers of an orbit)."""
+    entry = compiled_orbits.load()
+    names = entry.ORBIT.names
+    start = {name: entry.ORBIT.fields[name][1] // 8 for name in names}
+    sizes = {name: numbers[..., i] for i, name in enumerate(SIZES)}
+    sizes["state"] = numbers[..., len(SIZES) : start["real"]]
+    real, imag = (numbers[..., start[name] : start[name] + 4] for name in ("real", "imag"))
+    index = np.array([jax.tree.leaves(getattr(Status, name))[0] for name in STATUSES])
+    codes = numbers[..., start["status"]].astype(int)
+    return sizes | {
+        "multipliers": (real + 1j * imag) ** 2,
+        "sticking": numbers[..., start["sticking"]],
+        "grazing": numbers[..., start["grazing"]],
+        "status": index[codes] if isinstance(codes, np.ndarray) else jnp.asarray(index)[codes],
+        "overflow": numbers[..., 0, start["overflow"]] > 0.0,
+    }
 
 
-def _answered(p: Parameters, of: _Described, there: Bool[Array, ""]) -> tuple:
-    """The fields of `Orbits`: nothing where there is no orbit, and no derivative where it has none."""
-    near = jnp.min(jnp.abs(1.0 - of.halves)) < NEAR_FOLD
-    grazes = of.margins.grazing < GRAZING
-    largest = jnp.max(jnp.abs(of.halves))
-    status = Status.where(largest < 1.0, Status.rocking, Status.unstable)
-    status = Status.where(is_neutral(p, largest), Status.neutral, status)
-    status = Status.where(grazes, Status.grazing, status)
-    status = Status.where(there, Status.where(near, Status.near_fold, status), Status.no_orbit)
-    usable = there & ~near & ~grazes
-    of = jax.tree.map(lambda x: jnp.where(there, x, jnp.nan), of)
-    numbers = tuple(refused(x, usable) for x in (of.amplitude, of.stroke, of.state, of.phase, of.crossing))
-    margins = {name: refused(getattr(of.margins, name), usable) for name in ("fold", "symmetry", "torus")}
-    return status, numbers, of.halves**2, of.margins._replace(**margins)
+@jax.custom_jvp
+def _described(x: Float[Array | np.ndarray, "9"]) -> tuple[Any, dict[str, Any]]:
+    """Orbits of a design as numbers, and their fields. Only the fields have derivatives."""
+    numbers = compiled_orbits.solved(x)
+    return numbers, _leaves(numbers)
 
 
-def _stability(p: Parameters, half: Half, orbit: Orbit) -> tuple[Array, tuple[Number, Number, Number]]:
-    """Eigenvalues of the mirrored half-period map, and its determinants (fold, symmetry, torus). A bob
-    without mass (mu = 0) cannot be felt and is left out: two eigenvalues are zero then."""
-    m = felt_by_block(p, half_map(half, orbit))
-    coefficients = computed_once(*characteristic(*computed_once(m)))
-    real, imag = quartic_roots(coefficients)
-    return real + 1j * imag, determinants(coefficients)
+@_described.defjvp
+def _described_jvp(primals: tuple, tangents: tuple) -> tuple[Any, Any]:
+    (x,), (direction,) = primals, tangents
+    numbers, leaves = _described(x)
+    columns, moves = {name: i for i, name in enumerate((*SIZES, "state"))}, {}
+    for asked, names in _SIZES.items():
+        last = columns[names[-1]] + (4 if asked.state else 1)
+        slopes = _SLOPES[asked](x, numbers)[..., columns[names[0]] : last].swapaxes(-1, -2)
+        change = moved(slopes, direction, x)
+        moves |= {"state": change} if asked.state else {n: change[..., i] for i, n in enumerate(names)}
+    unknown = moved(np.full(len(x), np.nan), direction, x)
+    for name in _UNKNOWN:
+        moves[name] = jnp.broadcast_to(unknown, leaves[name].shape)
+    moves["multipliers"] = (1.0 + 1.0j) * moves["multipliers"]
+    for name in ("status", "overflow"):
+        moves[name] = np.zeros(leaves[name].shape, jax.dtypes.float0)
+    return (numbers, leaves), (jnp.zeros_like(numbers), {name: moves[name] for name in leaves})
 
 
-def _friction_pull(half: Half) -> Number:
-    """Contribution of friction to phi'' while the tilt falls."""
-    linear = half.plant.linear
-    return linear.friction * linear.m22 / linear.determinant
+_SLOPES = {asked: once(partial(compiled_orbits.slopes, asked=asked)) for asked in _SIZES}
+
+
+def _orbits(of: dict[str, Any]) -> Orbits:
+    status = jax.tree.unflatten(jax.tree.structure(Status.no_orbit), [of["status"]])
+    sizes = (of[name] for name in ("amplitude", "stroke", "state", "phase", "crossing", "multipliers"))
+    margins = Margins(*(of[name] for name in ("fold", "symmetry", "torus", "sticking", "grazing")))
+    return Orbits(status, *sizes, margins, of["overflow"])

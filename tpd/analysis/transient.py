@@ -12,9 +12,9 @@ from jax.lax import stop_gradient
 from jaxtyping import ArrayLike, Float, Int
 
 from tpd.core import checks
-from tpd.core.eigenvalues import GRAZING
 from tpd.core.equations import Terms
 from tpd.core.ground_motion import GroundMotion
+from tpd.core.orbit_terms import GRAZING
 from tpd.core.parameters import Number, Parameters, Real
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import Status, status_name

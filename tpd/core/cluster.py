@@ -85,7 +85,6 @@ class Cluster:
         shared: tuple[Any, ...] = (),
         *,
         chunk: int,
-        whole: int = 1,
         progress: Callable[[int, int], None] | None = None,
     ) -> dict[str, np.ndarray]:
         """`task` of every chunk of a batch, put together.
@@ -96,8 +95,6 @@ class Cluster:
             batch: pytree of arrays with one leading axis; single numbers belong to every element.
             shared: further arguments of `task`, sent once to every worker.
             chunk: most elements of a chunk; a short batch has shorter ones.
-            whole: elements that are not separated, where a number depends on its place among them: the
-                batch of a program of XLA.
             progress: called with (elements done, of how many) after each chunk.
 
         Returns:
@@ -110,7 +107,7 @@ class Cluster:
                 error of the task itself is raised as it is.
         """
         part_of, length = _parts(batch)
-        chunk = _shortened(chunk, length, whole)
+        chunk = min(chunk, -(-length // _CHUNKS))
         source, text = _source(task)
         try:
             key = fingerprint(of_environment(), source, text, chunk, part_of(0, length), shared)
@@ -267,13 +264,6 @@ def _persistently(ask: Callable[[], Any]) -> None:
                 raise
         else:
             return
-
-
-def _shortened(chunk: int, length: int, whole: int) -> int:
-    """Elements of a chunk, so that a short batch has one for many workers as well."""
-    # By the batch alone, and not by the workers: so all digits are those of a batch that is not cut.
-    some = -(-length // (_CHUNKS * whole)) * whole
-    return min(chunk, some)
 
 
 def _parts(batch: Any) -> tuple[Callable[[int, int], Any], int]:

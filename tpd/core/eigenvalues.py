@@ -25,22 +25,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from tpd.core.orbit_terms import CONSERVED, UNDECIDED
 from tpd.core.parameters import Number, Parameters
 
 Matrix = tuple[tuple[Number, ...], ...]
 """Rows of a small matrix, entry by entry: XLA fuses a batch of products of entries, but not of `jnp.dot`."""
-
-NEAR_FOLD = 1e-6
-"""Smallest distance of a multiplier over half a period from 1 (over a whole period: twice that) at which the
-derivative of an orbit is given."""
-GRAZING = 1e-7
-"""Smallest rate at an event, as a share of its usual size, at which the derivative of an orbit is given."""
-
-CONSERVED = 1e-6
-"""Largest excess over 1 of the largest multiplier of an orbit that neither attracts nor repels where the
-equations conserve energy: a double multiplier is known to the root of rounding."""
-UNDECIDED = 1e-11
-"""Distance from 1 of the largest multiplier below which rounding decides whether an orbit attracts."""
 
 
 def conserves(p: Any) -> Any:
@@ -52,12 +41,6 @@ def conserves(p: Any) -> Any:
 def is_neutral(p: Any, largest: Any) -> Any:
     """Whether an orbit whose multiplier is `largest` in size neither attracts nor repels."""
     return (conserves(p) & (largest < 1.0 + CONSERVED)) | (abs(largest - 1.0) < UNDECIDED)
-
-
-def product(left: Matrix, right: Matrix) -> Matrix:
-    """Matrix product."""
-    inner, columns = range(len(right)), range(len(right[0]))
-    return tuple(tuple(sum(row[k] * right[k][j] for k in inner) for j in columns) for row in left)
 
 
 def rows_of(m: Float[Array, "n n"]) -> Matrix:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Inexact
 
 from tpd.core import checks
 
@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     State = Float[Array, "4"]
     Real = float
 else:
-    # Known numbers may be arrays of NumPy: see `checks.namespace`. To a checker of types these are JAX's.
-    Number = Float[Array, "..."] | Float[np.ndarray, "..."] | float
+    # Known numbers may be arrays of NumPy: see `checks.namespace`. To a checker of types these are JAX's. An
+    # imaginary part of theirs carries a derivative.
+    Number = Float[Array, "..."] | Inexact[np.ndarray, "..."] | float
     State = Float[Array, "4"] | Float[np.ndarray, "4"]
     # An array or a traced value passes as well, and `checks` refuses the rest in words of its own, before
     # and instead of a checker of types.

@@ -16,7 +16,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Shaped
 
 from tpd.core import checks
 from tpd.core.parameters import Parameters, housner, uniform_inertia_ratio
@@ -81,8 +81,9 @@ def parameters(x: Any) -> Parameters:
     return Parameters(**dict(zip(NAMES, x, strict=True)))
 
 
-def with_design(p: Parameters, design: Float[Array, "3"]) -> Parameters:
-    """Return the parameters with another pendulum (mu, lam, zeta), unchecked: also for traced values."""
+def with_design(p: Parameters, design: Shaped[Array | np.ndarray, "3 *n"]) -> Parameters:
+    """Return the parameters with another pendulum (mu, lam, zeta), unchecked: also for traced values, and for
+    numbers with imaginary parts."""
     return eqx.tree_at(lambda q: (q.mu, q.lam, q.zeta), p, (design[0], design[1], design[2]))
 
 

@@ -10,33 +10,36 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
-from tpd.analysis.symmetric_orbits import symmetric_orbits
 from tpd.closed_form import uplift
-from tpd.core.batch import in_chunks, prepare
-from tpd.core.conditions import Conditions, under
-from tpd.core.parameters import Parameters
+from tpd.closed_form.no_uplift import Uplift
+from tpd.core.conditions import Conditions, under, under_all
+from tpd.core.orbit_terms import SIZES
+from tpd.core.parameters import Parameters, housner
+from tpd.core.quantities import with_design
 from tpd.core.scene import Scene
-from tpd.core.status import Status
 from tpd.design.criteria import DesignSpace, Geometry, Limit, Risk, Size, Worsening
 from tpd.design.ends import Linearisation
+from tpd.models import compiled_orbits
+from tpd.models.compiled_orbits import Asked
 
 Count = Callable[[int, int], None]
 """Called with (units done, of how many)."""
 
-_CHUNK = (64, 128)
-"""Pairs of design and condition that are solved at once. Large chunks are quicker for each pair, but the last
-steps of a descent ask for few: with fewer conditions than the first number, the first, else the second."""
+_PAIRS = 16_384
+"""Pairs of design and condition that are solved at once, about."""
 BACK_OFF = 1e-5
 """Share of every limit that a search leaves unused. A descent may end so far beyond its constraints, by
 rounding or where a limit has no derivative, and the design still keeps the limit itself."""
 KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
 """Motions of a design under a condition, see `Evaluation.kind`."""
 ROCKING, NEAR, REST, UNSTABLE, NONE = range(5)
+_KIND_OF = np.array([ROCKING, UNSTABLE, UNSTABLE, NEAR, NEAR, NONE])
+"""Index into `KINDS` by the number of an orbit's status, see `tpd.core.orbit_terms`; the best
+of them is the smallest."""
+_RESERVE = ("fold", "symmetry", "torus")
+"""Sizes of an orbit that are positive where it attracts."""
 
 
 class Evaluation(NamedTuple):
@@ -63,9 +66,8 @@ class Evaluation(NamedTuple):
     reserve_slope: np.ndarray
     kind: np.ndarray
     """Index into `KINDS`."""
-    root: np.ndarray
-    """Time from the upper turn to the crossing, and phase of the turn, of the orbit that counts,
-    (m, n, 2)."""
+    turn: np.ndarray
+    """phi, psi, phase of the forcing and psi' at the upper turn of the orbit that counts, (m, n, 4)."""
     design: np.ndarray
     """(m, 3)"""
     relative: np.ndarray | None = None
@@ -79,6 +81,10 @@ class Evaluation(NamedTuple):
     def at(self, rows: np.ndarray | list[int]) -> Evaluation:
         """Evaluation of some of the designs."""
         return Evaluation(*(None if x is None else x[rows] for x in self))  # type: ignore[arg-type]
+
+
+OF_PAIRS = Evaluation._fields[: Evaluation._fields.index("design")]
+"""Fields of an evaluation that belong to pairs of design and condition; they come first."""
 
 
 @dataclass(frozen=True)
@@ -99,22 +105,14 @@ class Orbits:
     def evaluate(self, designs: np.ndarray, progress: Count | None = None) -> Evaluation:
         """Designs (mu, lam, zeta), shape (m, 3), under all conditions."""
         m, n = len(designs), len(self.conditions)
-        # Designs and conditions are pairs of one long batch: chunks stay full whatever the shape.
-        out = in_chunks(_orbits, self._batch(designs), chunk=self._chunk, progress=progress)
-        return Evaluation(*(x.reshape(m, n, *x.shape[1:]) for x in out), design=designs)
-
-    def prepare(self) -> None:
-        """Begin to compile beside other work; `evaluate` waits for it."""
-        prepare(_orbits, self._batch(np.zeros((1, 3))), chunk=self._chunk, wait=False)
-
-    @property
-    def _chunk(self) -> int:
-        return _CHUNK[int(len(self.conditions) >= _CHUNK[0])]
-
-    def _batch(self, designs: np.ndarray) -> tuple:
-        factors = self.conditions.factor_rows()
-        pairs = np.repeat(designs, len(factors), axis=0), np.tile(factors, (len(designs), 1))
-        return self.p, *pairs, float(self.rest_counts)
+        # All at once would take memory for every orbit of every pair.
+        size, parts = max(1, _PAIRS // n), []
+        for i in range(0, m, size):
+            parts.append(_evaluated(self.p, designs[i : i + size], self.conditions, self.rest_counts))
+            if progress is not None:
+                progress(min(i + size, m) * n, m * n)
+        joined = (np.concatenate(x) for x in zip(*(part[: len(OF_PAIRS)] for part in parts), strict=True))
+        return Evaluation(*joined, design=designs)
 
     def over(self, conditions: Conditions) -> Orbits:
         """This objective under other conditions of the scene."""
@@ -127,7 +125,6 @@ class Orbits:
         """This objective, with the tilts of the bare block known to limits that compare with them."""
         if not any(isinstance(limit, Worsening) for limit in self.limits):
             return self
-        # A bob without mass: the same program answers for the bare block.
         none = np.array([[0.0, float(self.p.lam), float(self.p.zeta)]])
         e = self.evaluate(none)
         tilt = np.where(e.attracts[0], e.tilt[0], np.nan)
@@ -171,9 +168,9 @@ class Orbits:
 def blank(m: int, n: int) -> Evaluation:
     """Evaluation of `m` designs under `n` conditions with ones in place of sizes."""
     one, slope = np.ones((m, n)), np.zeros((m, n, 3))
-    kind, root = np.zeros((m, n), int), np.full((m, n, 2), np.nan)
+    kind, turn = np.zeros((m, n), int), np.full((m, n, 4), np.nan)
     sizes = one, slope, one, slope, one, slope
-    return Evaluation(*sizes, one, one, one, slope, kind, root, np.ones((m, 3)))
+    return Evaluation(*sizes, one, one, one, slope, kind, turn, np.ones((m, 3)))
 
 
 def geometry_under(
@@ -197,60 +194,94 @@ def geometry_of(scene: Scene, conditions: Conditions) -> Geometry:
     return geometry_under(block.slenderness, block.half_height, block.mass, 0.5 * block.room, conditions)
 
 
-def _orbits(args: tuple[Parameters, Array, Array, Array]) -> tuple:
-    """`Evaluation` of one design under one condition."""
-    p, design, factors, rest_counts = args
+_STEP = 1e-100
+"""Imaginary part of a number in whose direction a derivative is taken."""
 
-    def sizes(x: Array) -> tuple[tuple, tuple]:
-        q = under(p, x, factors)
-        o, lift = symmetric_orbits(q), uplift(q)
-        reserve = jnp.minimum(jnp.minimum(o.margins.fold, o.margins.symmetry), o.margins.torus)
-        out = o.amplitude / q.nu, o.stroke, reserve, jnp.asarray(lift.margin), jnp.asarray(lift.stroke)
-        root = jnp.stack([o.crossing, o.phase], axis=-1)
-        return out, (out, o.status, jnp.max(jnp.abs(o.multipliers), axis=-1), root)
 
-    # Forward mode: three directions against some ten answers, and a derivative that is missing in one answer
-    # stays out of the others.
-    slopes, (values, status, multipliers, root) = jax.jacfwd(sizes, has_aux=True)(design)
-    kinds = _kinds(status)
+def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_counts: bool) -> Evaluation:
+    """Designs (m, 3) under all conditions."""
+    m, n = len(designs), len(conditions)
+    q = under_all(p, designs, conditions)
+    x, along = compiled_orbits.row_of(q), _directions(p, q, conditions, m)
+    orbits = compiled_orbits.solve_all(x)
+    kinds = _KIND_OF[orbits["status"].astype(int)]
     # Orbits come sorted by amplitude, the largest first: of equal kinds the largest counts.
-    best = jnp.argmin(kinds)
-    margin, still = values[3], values[4]
-    rests = (margin > 0.0) & ((kinds[best] > REST) | (rest_counts > 0.0))
-    kind = jnp.where(rests, REST, kinds[best])
+    best = np.argmin(kinds, axis=1)
+    one = np.take_along_axis(orbits, best[:, None], axis=1)
+    slope = compiled_orbits.slopes_all(x, one, along, Asked(stroke=True, margins=True))[:, 0]
+    sizes, o = dict(zip(SIZES, np.moveaxis(one["sizes"][:, 0], -1, 0), strict=False)), one[:, 0]
+    slopes = dict(zip(SIZES, np.moveaxis(slope, -1, 0), strict=False))
+    lift, margin_slope, still_slope = _uplift(q, along)
+    margin = np.asarray(lift.margin)
+    kind = kinds[np.arange(m * n), best]
+    kind = np.where((margin > 0.0) & ((kind > REST) | rest_counts), REST, kind)
     at_rest, moves = kind == REST, (kind != REST) & (kind != NONE)
 
-    def chosen(i: int, other: Array) -> Array:
-        return _finite(jnp.where(moves, slopes[i][best], other))
+    def chosen(slope: np.ndarray, other: np.ndarray | float) -> np.ndarray:
+        return _finite(np.where(moves[:, None], slope, other))
 
-    tilt = jnp.where(moves, values[0][best], jnp.where(at_rest, 0.0, jnp.inf))
-    tilt_slope, margin_slope = chosen(0, jnp.zeros(3)), _finite(slopes[3])
-    stroke = jnp.where(moves, values[1][best], still)
-    multiplier = jnp.where(moves, multipliers[best], jnp.where(at_rest, 0.0, jnp.inf))
-    reserve = jnp.where(moves, values[2][best], jnp.where(at_rest, 1.0, 0.0))
-    merit = _merit(kind, tilt, margin)
-    merit_slope = jnp.where(moves, tilt_slope, -margin_slope)
-    both = merit, merit_slope, tilt, tilt_slope, stroke, chosen(1, slopes[4])
-    return *both, margin, multiplier, reserve, chosen(2, jnp.zeros(3)), kind, root[best]
+    least = np.argmin([sizes[name] for name in _RESERVE], axis=0)[None]
+    reserve, reserve_slope = (
+        np.take_along_axis(np.array([of[name] for name in _RESERVE]), i, axis=0)[0]
+        for of, i in ((sizes, least), (slopes, least[..., None]))
+    )
+    nu = np.asarray(q.nu)
+    tilt = np.where(moves, sizes["amplitude"] / nu, np.where(at_rest, 0.0, np.inf))
+    tilt_slope = chosen(slopes["amplitude"] / nu[:, None], 0.0)
+    multiplier = np.max(o["real"] ** 2 + o["imag"] ** 2, axis=-1)
+    turn = np.stack([sizes["amplitude"], o["bob"], sizes["phase"], o["bob_rate"]], axis=-1)
+    out = Evaluation(
+        merit=_merit(kind, tilt, margin),
+        merit_slope=np.where(moves[:, None], tilt_slope, -_finite(margin_slope)),
+        tilt=tilt,
+        tilt_slope=tilt_slope,
+        stroke=np.where(moves, sizes["stroke"], lift.stroke),
+        stroke_slope=chosen(slopes["stroke"], still_slope),
+        margin=margin,
+        multiplier=np.where(moves, multiplier, np.where(at_rest, 0.0, np.inf)),
+        reserve=np.where(moves, reserve, np.where(at_rest, 1.0, 0.0)),
+        reserve_slope=chosen(reserve_slope, 0.0),
+        kind=kind,
+        turn=turn,
+        design=designs,
+    )
+    shaped = {name: getattr(out, name).reshape(m, n, *getattr(out, name).shape[1:]) for name in OF_PAIRS}
+    return out._replace(**shaped)
 
 
-def _kinds(status: Status) -> Array:
-    """Index into `KINDS` of each orbit, the best of them the smallest."""
-    near = (status == Status.near_fold) | (status == Status.grazing)
-    kinds = jnp.where(status == Status.rocking, ROCKING, jnp.where(near, NEAR, UNSTABLE))
-    return jnp.where(status == Status.no_orbit, NONE, kinds)
+def _directions(p: Parameters, q: Parameters, conditions: Conditions, m: int) -> np.ndarray:
+    """Derivatives of the parameters `q` of m designs under all conditions, as rows of compiled code, with
+    respect to (mu, lam, zeta) of the designs, (m n, 3, 9)."""
+    along = np.zeros((m * len(conditions), 3, 9))
+    for i, name in enumerate(("mass", "length", "damping")):
+        along[:, i, 1 + i] = np.tile(conditions.column(name), m)
+    if p.e is None:
+        # Housner's e follows the bob's mass.
+        moved = housner(np.asarray(q.nu), np.asarray(q.rho), np.asarray(q.mu) + 1j * _STEP)
+        along[:, 0, 8] = moved.imag / _STEP * along[:, 0, 1]
+    return along
 
 
-def _merit(kind: Array, tilt: Array, margin: Array) -> Array:
+def _uplift(q: Parameters, along: np.ndarray) -> tuple[Uplift, np.ndarray, np.ndarray]:
+    """Margin and stroke of a block at rest, with their derivatives."""
+    design, slopes = np.stack([q.mu, q.lam, q.zeta]), []
+    for i in range(3):
+        lift = uplift(with_design(q, design + 1j * _STEP * along[:, i, 1:4].T))
+        slopes.append([np.asarray(x).imag / _STEP for x in lift])
+    margin, stroke = np.moveaxis(np.array(slopes), 0, -1)
+    return uplift(q), margin, stroke
+
+
+def _merit(kind: np.ndarray, tilt: np.ndarray, margin: np.ndarray) -> np.ndarray:
     """Merit of an orbit, of rest, or of nothing that attracts: the worse, the larger."""
     # Above any attracting orbit, whose tilt is below one: a search must leave such designs, and the uplift
     # margin says which way leads to rest.
-    nothing = jnp.where(kind == UNSTABLE, 1.0 + tilt, 2.0 - margin)
-    return jnp.where(kind <= NEAR, tilt, jnp.where(kind == REST, -margin, nothing))
+    nothing = np.where(kind == UNSTABLE, 1.0 + tilt, 2.0 - margin)
+    return np.where(kind <= NEAR, tilt, np.where(kind == REST, -margin, nothing))
 
 
-def _finite(x: Array) -> Array:
-    return jnp.where(jnp.isfinite(x), x, 0.0)
+def _finite(x: np.ndarray) -> np.ndarray:
+    return np.where(np.isfinite(x), x, 0.0)
 
 
 def margins(objective: Orbits, designs: np.ndarray) -> np.ndarray:

@@ -9,26 +9,16 @@ where the block rests, and where an orbit was lost. It also validates the end of
 
 from __future__ import annotations
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from tpd.core.batch import in_chunks, prepare
-from tpd.core.conditions import under
-from tpd.core.parameters import Parameters, as_arrays
 from tpd.design.ends import Book, Ends, Linearisation
-from tpd.design.objective import ROCKING, Evaluation, Orbits, blank, margins
-from tpd.exact.modes import Plant
-from tpd.exact.orbit_equation import Half
-from tpd.exact.orbit_roots import Root
-from tpd.exact.symmetric_orbit import orbit_of, state_at
+from tpd.design.objective import OF_PAIRS, ROCKING, Evaluation, Orbits, blank, margins
 from tpd.models.half_period import half_period
 from tpd.models.smoothed import Smoothed
 
 _CHUNK = 32
 """Orbits that take a step at once, on each core: all of them wait for the slowest."""
-_OF_PAIRS = Evaluation._fields[: Evaluation._fields.index("design")]
-"""Fields of an evaluation that belong to pairs of design and condition; they come first."""
 _STEPS = 3
 """Most steps of an orbit at one design: the first serves where the design has moved little."""
 _NEAR, _ASTRAY = 0.01, 0.5
@@ -69,7 +59,7 @@ class OneShot:
             # Another orbit may count by now: it attracts and is larger, or the one that is followed does not.
             other = (exact.kind != mine.kind) | (np.abs(exact.tilt - mine.tilt) > _SAME * exact.tilt)
             other |= ~self.follows[asked]
-            for name in _OF_PAIRS:
+            for name in OF_PAIRS:
                 rows = other.reshape(*other.shape, *(1,) * (getattr(mine, name).ndim - 2))
                 getattr(e, name)[asked] = np.where(rows, getattr(exact, name), getattr(mine, name))
             self.follows[asked] &= ~other
@@ -79,7 +69,7 @@ class OneShot:
     def _step(self, designs: np.ndarray) -> Evaluation:
         """Half a period of every orbit that is followed; what is not, or is lost, is left blank."""
         o, m = self.objective, len(designs)
-        own = {name: np.array(getattr(blank(m, len(o.conditions)), name)) for name in _OF_PAIRS}
+        own = {name: np.array(getattr(blank(m, len(o.conditions)), name)) for name in OF_PAIRS}
         e = Evaluation(**own | {"margin": margins(o, designs)}, design=designs)
         # The derivatives of the last step say where the orbit of the next design is, to first order.
         self.turns = self.turns + np.einsum("mnud,md->mnu", self.slopes, designs - self.designs)
@@ -112,9 +102,7 @@ class OneShot:
         rows = np.nonzero(new)
         if not len(rows[0]):
             return
-        o = self.objective
-        batch = o.p, e.design[rows[0]], o.conditions.factor_rows()[rows[1]], e.root[rows]
-        self.turns[lanes[rows[0]], rows[1]] = in_chunks(_turn, batch, chunk=_CHUNK)
+        self.turns[lanes[rows[0]], rows[1]] = e.turn[rows]
         self.slopes[lanes[rows[0]], rows[1]] = 0.0
         self.follows[lanes[rows[0]], rows[1]] = True
 
@@ -149,11 +137,3 @@ class OneShot:
         o = self.objective
         batch = o.p, np.zeros((1, 3)), o.conditions.factor_rows()[:1], np.zeros((1, 4))
         prepare(half_period(self.model), batch, chunk=_CHUNK, wait=False)
-
-
-def _turn(args: tuple[Parameters, Array, Array, Array]) -> Array:
-    """phi, psi, phase of the forcing and psi' at the upper turn of an exact orbit, see `HalfPeriod.turn`."""
-    p, design, factors, (crossing, phase) = args
-    half = Half(Plant(as_arrays(under(p, design, factors))))
-    y = state_at(half, orbit_of(half, Root(crossing, phase)), jnp.zeros_like(phase))
-    return jnp.stack([y[0], y[1], phase, y[3]])

@@ -178,8 +178,6 @@ def solve(
 def _prepare(problem: Problem) -> None:
     """Begin to compile what the search and the verification need."""
     o, method = problem.orbits, problem.method
-    # Traced here first: in a command the compiled code of events is loaded, or made by other processes.
-    o.prepare()
     if isinstance(method, Descent) and isinstance(method.model, Smoothed):
         OneShot(o, method.model).prepare()
     # Not at once: only one thread at a time can trace.

@@ -79,7 +79,7 @@ def load_at(q, f, i, s):
 def forcing_at(e, t):
     """eta and its slope."""
     if e.xi.real != 0.0:
-        size, sine, cosine = e.e0 + e.e1 * t, np.sin(e.phase + e.xi * t), np.cos(e.phase + e.xi * t)
+        size, (sine, cosine) = e.e0 + e.e1 * t, turned(e.phase + e.xi * t)
         return size * sine, e.e1 * sine + size * e.xi * cosine
     return e.e0 + t * (e.e1 + t * (e.e2 + t * e.e3)), e.e1 + t * (2.0 * e.e2 + 3.0 * t * e.e3)
 
@@ -103,7 +103,7 @@ def _forced(sine, cosine, lag_sine, lag_cosine, share, rate):
 def _beginning(answer, e):
     """Value and slope at the start of an arc of the answer to a sine."""
     along, across, more, less = answer
-    sine, cosine = np.sin(e.phase), np.cos(e.phase)
+    sine, cosine = turned(e.phase)
     value = along * sine + across * cosine
     return value, (more - e.xi * across) * sine + (less + e.xi * along) * cosine
 
@@ -200,18 +200,31 @@ def launch(q, kind, tilt, way, y0, y1, y2, y3, e):
 
 
 @compiled
+def exponential(x):
+    """e^x. An imaginary part is so small that its square is nothing."""
+    return np.exp(x.real) * (1.0 + (x - x.real))
+
+
+@compiled
+def turned(x):
+    """Sine and cosine of x. An imaginary part is so small that its square is nothing."""
+    sine, cosine, rest = np.sin(x.real), np.cos(x.real), x - x.real
+    return sine + cosine * rest, cosine - sine * rest
+
+
+@compiled
 def pair(p, q, t):
     """The pair's solutions u, v with (u, u') = (1, 0), (v, v') = (0, 1) at t = 0; see `tpd.exact.modes`."""
     w2 = q - 0.25 * p * p
     x2 = w2 * t * t
     half = 0.5 * p
     if abs(x2.real) < _SERIES:
-        decay = np.exp(-half * t)
+        decay = exponential(-half * t)
         c = decay * (1.0 - x2 / 2.0 * (1.0 - x2 / 12.0 * (1.0 - x2 / 30.0 * (1.0 - x2 / 56.0))))
         v = decay * t * (1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0))))
     elif w2.real < 0.0:
         w = np.sqrt(-w2)
-        slow, fast = np.exp((w - half) * t), np.exp((-w - half) * t)
+        slow, fast = exponential((w - half) * t), exponential((-w - half) * t)
         c, v = 0.5 * (slow + fast), 0.5 * (slow - fast) / w
     else:
         w, decay = np.sqrt(w2), np.exp(-half * t)
@@ -266,9 +279,8 @@ def instant(arc, t):
         e1, e2 = _beyond_cubic(arc.s1 * t), _beyond_cubic(arc.s2 * t)
         return Instant(e1, e2, u, v, t + 0.0 * arc.xi, t * t + 0.0 * arc.xi)
     u, v = pair(arc.p, arc.q, t)
-    e1, e2 = np.exp(arc.s1 * t), np.exp(arc.s2 * t)
-    turned = arc.phase + arc.xi * t
-    return Instant(e1, e2, u, v, np.sin(turned), np.cos(turned))
+    sine, cosine = turned(arc.phase + arc.xi * t)
+    return Instant(exponential(arc.s1 * t), exponential(arc.s2 * t), u, v, sine, cosine)
 
 
 @compiled

@@ -7,6 +7,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.extend.core import Primitive
 from jax.flatten_util import ravel_pytree
 from jax.interpreters import ad, batching, mlir
@@ -48,7 +49,9 @@ def _with_slopes_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 
 
 def moved(
-    slopes: Float[Array, "*shape n"], direction: Float[Array, "n"], point: Float[Array, "n"]
+    slopes: Float[Array | np.ndarray, "*shape n"],
+    direction: Float[Array | np.ndarray, "n"],
+    point: Float[Array | np.ndarray, "n"],
 ) -> Float[Array, "*shape"]:
     """How much something with these slopes moves in a direction. A slope of NaN spoils no direction but its
     own, and in reverse mode no other quantity; derivatives as `point` moves are NaN."""
@@ -71,7 +74,7 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
     return computed
 
 
-def _scaled(factor: Array, direction: Array, point: Array, *, spared: bool = False) -> Array:
+def _scaled(factor: Any, direction: Any, point: Any, *, spared: bool = False) -> Array:
     """`factor * direction`, whose own derivative as `point` moves is NaN. If `spared`, a direction of
     zero is spoilt by no factor that is NaN; in reverse mode the same holds of a weight of zero."""
     arrays = jnp.broadcast_arrays(factor, direction, point)

@@ -17,7 +17,6 @@ from jaxtyping import Array, Float
 
 from tpd.core.equations import Linear
 from tpd.core.parameters import Number, Parameters, State
-from tpd.exact.batch_branches import computed_once
 from tpd.exact.trigonometry import Turn, turn
 
 
@@ -143,7 +142,7 @@ def roots(p: Parameters) -> tuple[Number, Number, Number, Number]:
         return s - value / stop_gradient(slope)
 
     s1, s2 = polish(s1), polish(stop_gradient(polish(stop_gradient(polish(s2)))))
-    return computed_once(s1, s2, a3 / a4 + s1 + s2, a0 / (a4 * s1 * s2))
+    return s1, s2, a3 / a4 + s1 + s2, a0 / (a4 * s1 * s2)
 
 
 class Eigenmode(NamedTuple):

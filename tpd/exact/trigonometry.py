@@ -26,17 +26,6 @@ class Turn(NamedTuple):
     cosine: Number
     sine: Number
 
-    def then(self, other: Turn) -> Turn:
-        """The turn by the sum of two angles."""
-        return Turn(
-            self.cosine * other.cosine - self.sine * other.sine,
-            self.sine * other.cosine + self.cosine * other.sine,
-        )
-
-    def before(self, other: Turn) -> Turn:
-        """The turn by the other angle less this one."""
-        return Turn(self.cosine, -self.sine).then(other)
-
 
 @jax.custom_jvp
 def kept(x: Number) -> Number:

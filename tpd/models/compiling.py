@@ -22,7 +22,7 @@ from typing import IO
 
 from tpd.core.files import fcntl
 
-HARMONIC = ("tpd.models.exact_entry", "tpd.models.nonlinear_settling")
+HARMONIC = ("tpd.models.orbit_entry", "tpd.models.exact_entry", "tpd.models.nonlinear_settling")
 """Modules with the compiled code of motions under a harmonic."""
 GROUND = ("tpd.models.exact_entry", "tpd.models.nonlinear_ground")
 """Modules of motions under pulses and records, but for the one that each command compiles itself."""
@@ -46,9 +46,8 @@ def sources(*kinds: str) -> list[Path]:
     `kinds`."""
     package = Path(__file__).parent.parent
     models = sorted((package / "models").glob("*.py"))
-    return sorted((package / "exact").glob("*.py")) + [
-        f for f in models if f.name.startswith((*kinds, "custom_call"))
-    ]
+    chosen = [f for f in models if f.name.startswith((*kinds, "custom_call"))]
+    return [*sorted((package / "exact").glob("*.py")), package / "core" / "orbit_terms.py", *chosen]
 
 
 @lru_cache(maxsize=8)
@@ -64,7 +63,7 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
         OSError: no process can be started.
     """
     # Numba's store belongs to one installation, or to the folder that the environment names.
-    version, folders = checksum("exact_", "nonlinear_"), os.environ.get("NUMBA_CACHE_DIR")
+    version, folders = checksum("exact_", "nonlinear_", "orbit_"), os.environ.get("NUMBA_CACHE_DIR")
     for module in modules:
         place = f"{version} {module} {Path(__file__)} {sys.version} {folders}"
         mark = folder / f"compiled-{zlib.crc32(place.encode()):08x}"

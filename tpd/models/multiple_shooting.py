@@ -135,8 +135,8 @@ def traverse(
     """States after arcs and their events, and the values of the events' signals there, shape (arcs, 5); their
     derivatives in the directions that are the imaginary parts of the rows of parameters (rows, 9) and arcs
     (rows, arcs, 6), shape (arcs, 5, rows); and if `surveyed` what is met along the arcs."""
-    from tpd.exact.plant import STEP
     from tpd.exact.cycle_kernel import SURVEY
+    from tpd.exact.plant import STEP
 
     out, met = np.empty((*arcs.shape[:2], 5), complex), np.empty(len(links), SURVEY)
     rows = (np.ascontiguousarray(np.real(z) + STEP * 1j * np.imag(z)) for z in (x, arcs))

@@ -18,14 +18,19 @@ from tpd.core.status import Status
 from tpd.exact.contact import Mode
 from tpd.models.base import Settled
 
-_CHUNK = 16
-"""Motions of one piece of work, at most."""
+_PIECE = 1, 16
+"""Motions of one piece of work, at least and at most."""
 
 
 def shared(
-    run: Callable[[int, int], int], n: int, workers: int | None, progress: Callable[[int, int], None] | None
+    run: Callable[[int, int], int],
+    n: int,
+    workers: int | None,
+    progress: Callable[[int, int], None] | None,
+    *,
+    piece: tuple[int, int] = _PIECE,
 ) -> None:
-    """Do all pieces of work on so many threads, by default on all cores.
+    """Do all pieces of work on so many threads, by default on all cores; `piece` bounds their size.
 
     Raises:
         ValueError: workers below one.
@@ -35,7 +40,12 @@ def shared(
     cores = (os.cpu_count() or 1) if workers is None else workers
     # Small pieces, because some motions take a hundred times as long as others. Each writes rows of its
     # own, so that the order in which they end is no matter.
-    size = max(1, min(_CHUNK, -(-n // (4 * cores))))
+    size = max(piece[0], min(piece[1], -(-n // (4 * cores))))
+    if size >= n:
+        run(0, n)
+        if progress is not None:
+            progress(n, n)
+        return
     done = 0
     with ThreadPoolExecutor(min(cores, n)) as crew:
         pieces = [crew.submit(run, i, min(i + size, n)) for i in range(0, n, size)]

@@ -1,0 +1,234 @@
+"""The half period of a symmetric period-one orbit as two arcs in closed form, in compiled scalar code.
+
+Such an orbit turns at phi > 0 (tau = 0 here, the forcing being sin(xi tau + gamma)), falls through phi = 0 at
+tau = t, and half a forcing period h = pi/xi after the turn is its own mirror image, y(h) = -y(0). Between its
+events the system is linear with constant loads, (16) to (18) of the paper. Its (19) fixes t at h/2, one
+condition too many once k > 0; here t is unknown. With K = 1 + 2 mu, w = (1 + mu) nu, M = [1 + exp(A h)]^-1,
+e1 the tilt, V = (e - 1) phi'(t-) the impact and V d the jump of the rates in it, d = (0, 0, 1, 2/lam), the
+mirror condition gives the two arcs, s being counted from the start of each:
+
+    y(s) = exp(A s) M {(2k/K) e1 - exp(A (h - t)) [(2w/K) e1 + V d]} + (w - k)/K e1 + harmonic(s)
+    y(t + s) = exp(A s) M {exp(A t) (2k/K) e1 + (2w/K) e1 + V d} - (w + k)/K e1 + harmonic(t + s)
+
+Turning, phi'(0) = 0, and crossing, phi(t-) = 0, are linear in (sin gamma, cos gamma) and are the two
+conditions for (t, gamma). All functions take real or complex numbers, see `tpd.exact.plant`.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+from tpd.exact.arcs import Arc, Instant, Signal, exponential, pair, turned
+from tpd.exact.plant import compiled
+
+_PARTS, _NUMBERS = (
+    "s1 s2 u v",
+    "span step slack balance per_fall tilt_whole rate_whole kick_whole thrown_whole",
+)
+_FUNCTIONALS = "tilt rate kick thrown bob bob_kick"
+
+
+def _half(kind: type) -> np.dtype:
+    part = np.dtype([(name, kind) for name in _PARTS.split()])
+    numbers = [(name, kind) for name in _NUMBERS.split()]
+    return np.dtype([*numbers, *((name, part) for name in _FUNCTIONALS.split())])
+
+
+HALF, COMPLEX_HALF = _half(np.float64), _half(np.complex128)
+"""Numbers that depend on the parameters alone: h; the jumps 2w/K and 2k/K of the balance tilt at the crossing
+and at a turn, and (w - k)/K; (e - 1) over the factor of phi'(t-) that closes the impact's loop; and functionals
+g -> (component of g(A) M x), of x = e1: phi, phi' and psi (tilt, rate, bob), and of x = d: the same (kick,
+thrown, bob_kick). Names that end in `whole` are of numbers for g = exp(A h)."""
+Flow = namedtuple("Flow", "e1 e2 u v")
+"""exp(A t) by what it does to the modes s1 and s2 and to the pair: u + v A there."""
+Phased = namedtuple("Phased", "c s u")
+"""A quantity c + s sin gamma + u cos gamma."""
+Conditions = namedtuple("Conditions", "turning crossing impact height")
+"""phi'(0), phi(t-), V and phi(0), each `Phased`."""
+Solution = namedtuple(
+    "Solution", "turning crossing height turning_t crossing_t height_t turning_g crossing_g height_g"
+)
+"""phi'(0), phi(t-), phi(0) and their derivatives with respect to t and gamma."""
+
+Motion = namedtuple("Motion", "first second start before after end")
+"""The arcs until the crossing and from there to the next turn, and the instants of the upper turn, before and
+after the impact, and of the end."""
+
+
+@compiled
+def flow(q, t):
+    """exp(A t)."""
+    u, v = pair(q.p, q.q, t)
+    return Flow(exponential(q.s1 * t), exponential(q.s2 * t), u, v)
+
+
+@compiled
+def rate_of_flow(q, g):
+    """A exp(A t)."""
+    return Flow(q.s1 * g.e1, q.s2 * g.e2, -q.q * g.v, g.u - q.p * g.v)
+
+
+@compiled
+def of(x, g):
+    """Value of a functional at a flow."""
+    return x.s1 * g.e1 + x.s2 * g.e2 + x.u * g.u + x.v * g.v
+
+
+@compiled
+def _after(q, s1, s2, u, v, g):
+    """The functional of these parts after a flow: f -> functional(f g)."""
+    return s1 * g.e1, s2 * g.e2, u * g.u + v * g.v, v * (g.u - q.p * g.v) - q.q * u * g.v
+
+
+@compiled
+def _put(q, x, closing, s1, s2, u, v):
+    """Put the functional of these parts after M into `x`."""
+    x.s1, x.s2, x.u, x.v = _after(q, s1, s2, u, v, closing)
+
+
+@compiled
+def put_half(q, m):
+    """Put what depends on the parameters alone into `m`."""
+    m.span = np.pi / q.xi
+    m.step, m.slack = 2.0 * q.weight / q.up, 2.0 * q.k / q.up
+    m.balance = 0.5 * (m.step - m.slack)
+    whole = flow(q, m.span)
+    # M on the pair: the inverse of a + b A, where A^2 = -q - p A.
+    a, b = 1.0 + whole.u, whole.v
+    norm = a * a - q.p * a * b + q.q * b * b
+    closing = Flow(1.0 / (1.0 + whole.e1), 1.0 / (1.0 + whole.e2), (a - q.p * b) / norm, -b / norm)
+    # The shares of e1 and d in both real modes; the pair has the rest of the component and of its rate.
+    jump = 2.0 / q.lam
+    x, y, d, z = q.al0, q.bl0, q.al2 + jump * q.al3, q.bl2 + jump * q.bl3
+    _put(q, m.tilt, closing, x * q.a0, y * q.b0, 1.0 - x * q.a0 - y * q.b0, -x * q.a2 - y * q.b2)
+    _put(q, m.kick, closing, d * q.a0, z * q.b0, -d * q.a0 - z * q.b0, 1.0 - d * q.a2 - z * q.b2)
+    _put(q, m.bob, closing, x * q.a1, y * q.b1, -x * q.a1 - y * q.b1, -x * q.a3 - y * q.b3)
+    _put(q, m.bob_kick, closing, d * q.a1, z * q.b1, -d * q.a1 - z * q.b1, jump - d * q.a3 - z * q.b3)
+    for x, r in ((m.tilt, m.rate), (m.kick, m.thrown)):
+        r.s1, r.s2, r.u, r.v = q.s1 * x.s1, q.s2 * x.s2, x.v, -q.q * x.u - q.p * x.v
+    m.tilt_whole, m.rate_whole = of(m.tilt, whole), of(m.rate, whole)
+    m.kick_whole, m.thrown_whole = of(m.kick, whole), of(m.thrown, whole)
+    # V depends on phi'(t-), which depends on V again through the mirror condition.
+    m.per_fall = (q.e - 1.0) / (1.0 + (q.e - 1.0) * m.thrown_whole)
+
+
+@compiled
+def at(x, sine, cosine):
+    """Value of a `Phased` quantity."""
+    return x.c + x.s * sine + x.u * cosine
+
+
+@compiled
+def conditions(q, m, f, g, sine, cosine):
+    """The conditions, with f = exp(A t), g = exp(A (h - t)), and sine and cosine of xi t."""
+    xi, s0, u0 = q.xi, q.tilt_sin, q.tilt_cos
+    s1, u1 = s0 * cosine - u0 * sine, s0 * sine + u0 * cosine
+    v = Phased(
+        m.per_fall * (m.slack * of(m.rate, f) - m.step * m.rate_whole),
+        -m.per_fall * xi * u1,
+        m.per_fall * xi * s1,
+    )
+    still_rate, still_tilt = m.rate.s1 + m.rate.s2 + m.rate.u, m.tilt.s1 + m.tilt.s2 + m.tilt.u
+    thrown, kick = of(m.thrown, g), of(m.kick, g)
+    turning = m.slack * still_rate - m.step * of(m.rate, g)
+    crossing = m.slack * of(m.tilt, f) - m.step * m.tilt_whole + m.balance
+    height = m.slack * still_tilt - m.step * of(m.tilt, g) + m.balance
+    return Conditions(
+        Phased(turning - thrown * v.c, -xi * u0 - thrown * v.s, xi * s0 - thrown * v.u),
+        Phased(crossing - m.kick_whole * v.c, s1 - m.kick_whole * v.s, u1 - m.kick_whole * v.u),
+        v,
+        Phased(height - kick * v.c, s0 - kick * v.s, u0 - kick * v.u),
+    )
+
+
+@compiled
+def conditions_at(q, m, t):
+    """The conditions for a crossing at `t`."""
+    sine, cosine = turned(q.xi * t)
+    return conditions(q, m, flow(q, t), flow(q, m.span - t), sine, cosine)
+
+
+@compiled
+def solution_at(q, m, t, gamma):
+    """Both conditions and the height at (t, gamma), with their derivatives there."""
+    f, g, (sine, cosine), (sg, cg) = flow(q, t), flow(q, m.span - t), turned(q.xi * t), turned(gamma)
+    x = conditions(q, m, f, g, sine, cosine)
+    xi, s0, u0 = q.xi, q.tilt_sin, q.tilt_cos
+    s1, u1 = s0 * cosine - u0 * sine, s0 * sine + u0 * cosine
+    # exp(A (h - t)) changes by -A exp(A (h - t)), and the harmonic at t by its rate.
+    df, dg = rate_of_flow(q, f), rate_of_flow(q, g)
+    harmonic_rate, harmonic_pull = xi * (s1 * cg - u1 * sg), -xi * xi * (s1 * sg + u1 * cg)
+    v, dv = at(x.impact, sg, cg), m.per_fall * (m.slack * of(m.rate, df) + harmonic_pull)
+    return Solution(
+        at(x.turning, sg, cg),
+        at(x.crossing, sg, cg),
+        at(x.height, sg, cg),
+        m.step * of(m.rate, dg) + of(m.thrown, dg) * v - of(m.thrown, g) * dv,
+        m.slack * of(m.rate, f) + harmonic_rate - m.kick_whole * dv,
+        m.step * of(m.tilt, dg) + of(m.kick, dg) * v - of(m.kick, g) * dv,
+        x.turning.s * cg - x.turning.u * sg,
+        x.crossing.s * cg - x.crossing.u * sg,
+        x.height.s * cg - x.height.u * sg,
+    )
+
+
+@compiled
+def _signal(q, unit, kick, still, moved, h, constant, along, across):
+    """Component (functionals `unit` of e1 and `kick` of d) of what stays and what is carried on by `h`, each
+    as factors of e1 and d, with its constant and its harmonic."""
+    a, b, zero = moved[0], moved[1], 0.0 * along
+    s1, s2, u, v = _after(
+        q,
+        a * unit.s1 + b * kick.s1,
+        a * unit.s2 + b * kick.s2,
+        a * unit.u + b * kick.u,
+        a * unit.v + b * kick.v,
+        h,
+    )
+    c, d = still
+    return Signal(
+        constant + zero,
+        s1 + c * unit.s1 + d * kick.s1,
+        s2 + c * unit.s2 + d * kick.s2,
+        u + c * unit.u + d * kick.u,
+        v + c * unit.v + d * kick.v,
+        along,
+        across,
+        zero,
+        zero,
+    )
+
+
+@compiled
+def motion(q, m, t, gamma):
+    """Both arcs of the solution (t, gamma), and the instants of its events."""
+    f, g, zero, (sine, cosine), (sg, cg) = (
+        flow(q, t),
+        flow(q, m.span - t),
+        0.0 * gamma,
+        turned(q.xi * t),
+        turned(gamma),
+    )
+    impact = at(conditions(q, m, f, g, sine, cosine).impact, sg, cg)
+    thrown, released = (m.step + zero, impact), (m.slack + zero, zero)
+    back = (-thrown[0], -thrown[1])
+    ts, tc, bs, bc = q.tilt_sin + zero, q.tilt_cos + zero, q.bob_sin + zero, q.bob_cos + zero
+    tilt = _signal(q, m.tilt, m.kick, released, back, g, m.balance, ts, tc)
+    bob = _signal(q, m.bob, m.bob_kick, released, back, g, zero, bs, bc)
+    first = Arc(tilt, bob, q.s1 + zero, q.s2 + zero, q.p + zero, q.q + zero, q.xi + zero, gamma + zero)
+    tilt = _signal(q, m.tilt, m.kick, thrown, released, f, m.balance - m.step, ts, tc)
+    bob = _signal(q, m.bob, m.bob_kick, thrown, released, f, zero, bs, bc)
+    second = Arc(tilt, bob, first.s1, first.s2, first.p, first.q, first.xi, gamma + q.xi * t)
+    # The forcing turns by xi t until the crossing, and by pi until the end.
+    one, s, c = 1.0 + zero, sg * cosine + cg * sine, cg * cosine - sg * sine
+    start, after = Instant(one, one, one, zero, sg, cg), Instant(one, one, one, zero, s, c)
+    return Motion(
+        first,
+        second,
+        start,
+        Instant(f[0], f[1], f[2], f[3], s, c),
+        after,
+        Instant(g[0], g[1], g[2], g[3], -sg, -cg),
+    )

@@ -1,0 +1,84 @@
+"""The entrance to the compiled code of symmetric orbits, for XLA and for the host."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numba.np.numpy_support import carray
+
+from tpd.exact.plant import part, stored
+from tpd.exact.symmetric_orbit_kernel import (
+    MOVED,
+    NUMBERS,
+    ORBIT,
+    ORBITS,
+    SAMPLES,
+    VANISHING,
+    WORK,
+    differentiate,
+    solve,
+    survey,
+    vanishing,
+)
+from tpd.models.compiling import checksum
+from tpd.models.custom_call import api_version, cube, on_host, pointer, rows_of, table
+
+SOLVE, DIFFERENTIATE, VANISH, SURVEY = range(4)
+"""Tasks; the first number of every row of settings."""
+SETTINGS, SURVEYED = np.int64(5), SAMPLES + 3
+_PARAMETERS, _PLACE = np.int64(9), np.int64(3)
+
+
+@part
+def _run(a, first, last):
+    """Rows of a task, each with its settings and parameters. The others are, operands first: orbits of
+    `solve`; orbits, directions and slopes of `differentiate`, whose settings are (what, number of directions,
+    stroke, margins, state); (t, gamma, s), numbers and derivatives of `vanishing`; (t, gamma, -) and numbers
+    of `survey`."""
+    s, x, work = table(a[0], last, SETTINGS), table(a[1], last, _PARAMETERS), np.empty(1, WORK)
+    what, count = s[0, 0], int(s[0, 1])
+    # A record does not keep its array alive: it is taken anew in every turn.
+    if what == SOLVE:
+        orbits = carray(pointer(a[2]), (last, ORBITS), ORBIT)
+        for n in range(first, last):
+            solve(x[n], work[0], orbits[n])
+    elif what == DIFFERENTIATE:
+        orbits, directions = (
+            carray(pointer(a[2]), (last, ORBITS), ORBIT),
+            cube(a[3], last, count, _PARAMETERS),
+        )
+        slopes = carray(pointer(a[4]), (last, ORBITS, count, NUMBERS), np.float64)
+        for n in range(first, last):
+            differentiate(x[n], orbits[n], directions[n], s[n, 2:], work[0], slopes[n])
+    elif what == VANISH:
+        u, out, by = (
+            table(a[2], last, _PLACE),
+            table(a[3], last, VANISHING),
+            cube(a[4], last, VANISHING, MOVED),
+        )
+        for n in range(first, last):
+            vanishing(x[n], u[n], work[0], out[n], by[n])
+    else:
+        u, out = table(a[2], last, _PLACE), table(a[3], last, SURVEYED)
+        for n in range(first, last):
+            survey(x[n], u[n], work[0], out[n])
+
+
+def _entrance(version: int, api: int) -> Any:
+    def call(address):
+        """Answer a frame: 0 for success."""
+        a = np.zeros(8, np.int64)
+        first, last, by_host = rows_of(address, a, api)
+        if last > first:
+            _run(a, first, last)
+        return version if by_host else 0
+
+    # Numbers from outside the function are part of the key of Numba's store, see `exact_entry`.
+    return stored(call, numba.cfunc, "int64(int64)")
+
+
+CALL = _entrance(checksum("orbit_"), api_version())
+"""The entrance, an FFI handler of XLA's."""
+run = on_host(CALL)
