@@ -50,9 +50,9 @@ from tpd.core.orbit_terms import STATUSES
 from tpd.core.parameters import as_arrays
 from tpd.core.status import SETTLED, index_of, status_of
 from tpd.exact.mode_kinds import LANDING
+from tpd.exact.symmetric_orbit_kernel import _status
 from tpd.models import compiled_linear
 from tpd.models.multiple_shooting import Events, events
-from tpd.exact.symmetric_orbit_kernel import _status
 from tpd.models.settling import scale_of
 
 NU, MU, LAM, ZETA, K, F, XI, E = range(8)

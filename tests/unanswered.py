@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tpd.models import compiled_shaken
 from tpd.exact.follow import EVENT_BOUND
+from tpd.models import compiled_shaken
 
 
 def unanswered(

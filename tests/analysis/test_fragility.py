@@ -13,8 +13,8 @@ from tpd.analysis.fragility import Fragility, _mcnemar
 from tpd.analysis.ground_batch import follow_scaled
 from tpd.analysis.probit import fit_lognormal
 from tpd.core.intensity import intensity_of, peak_velocity, spectral_acceleration
-from tpd.models import compiled_nonlinear
 from tpd.exact.follow import EVENT_BOUND
+from tpd.models import compiled_nonlinear
 from tpd.plot.shaking import plot_fragility
 
 GRAVITY = 9.80665

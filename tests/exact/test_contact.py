@@ -3,12 +3,12 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tpd.exact.arc import classify, held_on_base
 
 from tests.reference import HUNG, parameters
 from tpd import Terms
 from tpd.core.equations import Equations
 from tpd.core.parameters import housner
-from tpd.exact.arc import classify, held_on_base
 from tpd.exact.contact import (
     REST,
     SLIP,

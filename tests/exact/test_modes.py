@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from tpd.exact.arc import launch
 
 from tests.reference import differences, parameters
 from tpd.core.equations import Linear
-from tpd.exact.arc import launch
 from tpd.exact.contact import REST, SLIP, STICK, Mode
 from tpd.exact.modes import Plant, Rates, quartic, roots
 

@@ -12,8 +12,8 @@ from tests.ground_scenes import GRAVITY, el_centro
 from tests.ground_series import digits, follow
 from tpd.analysis.ground_batch import rows_of
 from tpd.analysis.shaking_history import shaking_history
-from tpd.models.compiled_shaken import Followed, follow_all
 from tpd.exact.follow import EVENT_BOUND, OVERTURNED, ROCKED, STOOD
+from tpd.models.compiled_shaken import Followed, follow_all
 
 SMALL = tpd.Block(width=0.5, height=2.5, mass=1000.0, friction=0.0, restitution=0.9)
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)

@@ -153,8 +153,8 @@ def _scanned(
     x: np.ndarray, c: np.ndarray, late: float, ends: np.ndarray, scan: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """First crossing of a scan, all tongues, and the intervals without an answer."""
-    from tpd.models.compiled_shaken import follow_all
     from tpd.exact.follow import STOOD
+    from tpd.models.compiled_shaken import follow_all
 
     row = x.copy()
     row[6] = 2.0 * np.pi / row[6]

@@ -345,8 +345,8 @@ class _Case:
 
     def equations(self, pendulum: Pendulum | None) -> EngineRuns:
         """All runs by the nonlinear equations."""
-        from tpd.models.compiled_nonlinear import settle_nonlinear, shake_nonlinear
         from tpd.exact.follow import EVENT_BOUND, FAILED, OVERTURNED
+        from tpd.models.compiled_nonlinear import settle_nonlinear, shake_nonlinear
 
         runs, n = self.plan(pendulum), self.ensemble.size
         if isinstance(self.scene.motion, GroundMotion):

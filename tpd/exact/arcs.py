@@ -1,10 +1,10 @@
 """Closed-form arcs of the linear equations (25) in compiled scalar code, for real and for complex numbers.
 
-The base moves in pieces. A piece of a harmonic is a forcing period, one like the other without end. A piece of
-a pulse or a record is a cubic in time; a record is linear between its samples, so that its pieces are exact.
-An arc leaves a state within a piece, in a mode of the contact. With M u'' + C u' + K u = b eta it is the sum
-of the free motion and of a particular solution: the answer to a sine, or, as K = diag(-(1 + 2 mu), 1) is never
-singular, a cubic with the coefficients
+The base moves in pieces. A piece of a harmonic is a forcing period, one like the other without end. A piece
+of a pulse or a record is a cubic in time; a record is linear between its samples, so that its pieces are
+exact. An arc leaves a state within a piece, in a mode of the contact. With M u'' + C u' + K u = b eta it is
+the sum of the free motion and of a particular solution: the answer to a sine, or, as K = diag(-(1 + 2 mu), 1)
+is never singular, a cubic with the coefficients
 
     K u_j = b e_j - (j + 1) C u_{j+1} - (j + 2)(j + 1) M u_{j+2}    for eta = sum e_j t^j.
 """
@@ -120,8 +120,8 @@ def _held(q, e):
 
 @compiled
 def _onward(q, e, j, a1, b1, a2, b2):
-    """Coefficients of tilt and bob at one power of time, from those at the two powers above; the static answer
-    to eta is eta for both."""
+    """Coefficients of tilt and bob at one power of time, from those at the two powers above; the static
+    answer to eta is eta for both."""
     r, m = q.f * e, (j + 1.0) * (j + 2.0)
     turn = (j + 1.0) * (a1 - b1)
     tilt = r + (q.c1 * turn + m * (q.m11 * a2 + q.m12 * b2)) / q.up
@@ -153,8 +153,8 @@ def accelerations(q, kind, centre, y0, y1, y2, y3, eta):
 
 @compiled
 def launch(q, kind, tilt, way, y0, y1, y2, y3, e):
-    """The arc that leaves the state (y0, y1, y2, y3) in a mode (its kind, the signs of phi and phi') under the
-    forcing `e`."""
+    """The arc that leaves the state (y0, y1, y2, y3) in a mode (its kind, the signs of phi and phi') under
+    the forcing `e`."""
     zero = 0.0 * (q.f + e.phase + e.e0 + y0)
     balance = (tilt * q.weight + way * q.k) / q.up
     if e.xi.real != 0.0:

@@ -80,7 +80,8 @@ def _watched(w, i):
 
 @compiled
 def survey(q, link, z, w, turns, out):
-    """Follow an arc, given as for `traverse` in real numbers, see `SURVEY`; `w` and `turns` are working memory."""
+    """Follow an arc, given as for `traverse` in real numbers, see `SURVEY`; `w` and `turns` are working
+    memory."""
     lasted, e = z[5], Load(q.xi + 0.0, z[4] + 0.0, 1.0, 0.0, 0.0, 0.0)
     arc = launch(q, link.kind, link.tilt, link.way, z[0], z[1], z[2], z[3], e)
     turns.second, turns.count = watch_block(q, arc, link, forcing_signal(e), w), BOB + 1

@@ -158,8 +158,8 @@ def _longest(q, f):
 
 @compiled
 def piece(q, f, m, legs, room, i, s, end, rules):
-    """Follow a motion through piece i from its local time `s` to `end`, event by event; change state, mode and
-    tally, and record the legs. Return how it ended."""
+    """Follow a motion through piece i from its local time `s` to `end`, event by event; change state, mode
+    and tally, and record the legs. Return how it ended."""
     y, start = m.y, room.start
     origin, freely = i * span_of(q, f), not f.harmonic and i >= f.pieces
     room.limit, room.longest = beyond_return(q), _longest(q, f)
@@ -168,8 +168,8 @@ def piece(q, f, m, legs, room, i, s, end, rules):
         room.least, usual, reach = SMALL * end, q.xi, math.inf
     else:
         room.least = SMALL
-        # The block's own time scale is 1 in tau. The Taylor polynomial of an arc grows with the third power of
-        # time, and its rounding with it.
+        # The block's own time scale is 1 in tau. The Taylor polynomial of an arc grows with the third power
+        # of time, and its rounding with it.
         slowest = max(max(q.p, q.held_p), math.sqrt(max(q.q, q.held_q)))
         usual, reach = 1.0, _REACH / max(max(q.s1, -q.s2), slowest)
         if m.kind != SLIP:
@@ -301,13 +301,14 @@ def _through(q, f, m, legs, room, free, events, rules):
 
 @compiled
 def through(x, q, f, m, legs, room, s):
-    """Follow a motion through all pieces of a pulse or a record, freely for the time that the settings `s` say, and
-    along its last arc until it meets an event or is beyond return: an overturning that has begun is never missed.
+    """Follow a motion through all pieces of a pulse or a record, freely for the time that the settings `s`
+    say, and along its last arc until it meets an event or is beyond return: an overturning that has begun is
+    never missed.
 
     `x` is (nu, mu, lam, zeta, k, f, h, rho, e) with f the size of the base acceleration over that of gravity
-    and h the duration of a piece. If the settings say `brief`, only the tilt, the uplift and the overturning hold: turns of the
-    bob are not looked for, and the free motion ends as soon as it cannot tilt the block further. Return the
-    status."""
+    and h the duration of a piece. If the settings say `brief`, only the tilt, the uplift and the overturning
+    hold: turns of the bob are not looked for, and the free motion ends as soon as it cannot tilt the block
+    further. Return the status."""
     plant(x, q)
     q.slack = _SLACK * (q.k + q.weight)
     y0, y1, y2, y3 = m.y[0], m.y[1], m.y[2], m.y[3]

@@ -30,7 +30,8 @@ _SQUARES, _LONG = 16, 1000
 _CLOSE = 1e-9
 """Share of a period by which an event may come too late, near an orbit on which it is within the period."""
 Limits = namedtuple("Limits", "capture events periods")
-"""Largest speed of an impact that may end in rest, events allowed in a forcing period, and periods to follow."""
+"""Largest speed of an impact that may end in rest, events allowed in a forcing period, and periods to
+follow."""
 Past = namedtuple("Past", "states sizes peaks")
 """The last states of a motion, newest first; the largest tilt and swing of its last periods, and for how long
 the block was held; and the largest tilt and swing of all."""
@@ -100,9 +101,9 @@ def _meet_at_end(q, f, m, legs, room, mode0, limits):
 
 @compiled
 def cycle(q, m, legs, room, r, s, mode0, out, by):
-    """Follow the periods of the settings `s` from the state and mode of a motion. Put (end, amplitude, stroke,
-    mode, transversality, asymmetry, closed) into `out`, and the derivatives in the directions from s.first on
-    into `by`, shape (6, 13): those of (end, amplitude, stroke)."""
+    """Follow the periods of the settings `s` from the state and mode of a motion. Put (end, amplitude,
+    stroke, mode, transversality, asymmetry, closed) into `out`, and the derivatives in the directions from
+    s.first on into `by`, shape (6, 13): those of (end, amplitude, stroke)."""
     limits, f = Limits(s.rest_rate * q.nu, int(s.events), int(s.periods)), steady(np.empty((0, 4)))
     slopes = s.first < INPUTS
     put_motion(m.y, m, mode0)
@@ -287,9 +288,9 @@ def _newton(q, f, m, legs, room, r, mode, limits, by):
 
 @compiled
 def orbit_near(q, f, m, room, r, past, known, limits):
-    """Look for the orbit that a motion approaches, whose last states are `past`. If it attracts, and the motion
-    is near and moves as the orbit's derivative says, change the motion's state, put the orbit's sizes into
-    `past`, and return True."""
+    """Look for the orbit that a motion approaches, whose last states are `past`. If it attracts, and the
+    motion is near and moves as the orbit's derivative says, change the motion's state, put the orbit's sizes
+    into `past`, and return True."""
     orbit, by, scales, gap = room.other, np.empty((ROWS, INPUTS)), scales_of(q), np.empty(4)
     put_motion(m.y, m, orbit)
     if not _newton(q, f, orbit, np.empty(LEGS, LEG), room, r, m, limits, by):

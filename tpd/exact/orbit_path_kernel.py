@@ -58,7 +58,8 @@ def _follow(q, m, arc, late, duration, w, path):
     start = state_at(arc, instant(arc, 0.0), 0.0)
     mode = w.other
     mode.kind, mode.tilt, mode.way = SLIP, (-1.0 if late else 1.0), -1.0
-    w.second, w.count = watch_block(q, arc, mode, Signal(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), w), _DENTS + 1
+    forcing = Signal(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    w.second, w.count = watch_block(q, arc, mode, forcing, w), _DENTS + 1
     # A bob that turns with the block has no rate but rounding there.
     swings = 1.0 if (start[3] if abs(start[3]) > 1e-12 else start[5]) > 0.0 else -1.0
     slows = 1.0 if start[4] > 0.0 else -1.0

@@ -29,10 +29,10 @@ _FIELDS = (
     "swing_sin swing_cos swing_lag_sin swing_lag_cos"
 )
 """Coefficients, see `tpd.exact.modes.Plant`: of the equations; the time scales of the slipping block and of
-the held one; a and b the shapes of modes s1 and s2, al and bl their left vectors; the answers of tilt, bob and
-the bob of a held block to sine and cosine, and to forcing that grows. `xi` is the frequency of a harmonic, or
-the duration of a piece of another forcing (`tpd.exact.arcs.Forcing`). A held block is let go where the moment
-on it exceeds what holds it by more than the slack: 0 under a harmonic."""
+the held one; a and b the shapes of modes s1 and s2, al and bl their left vectors; the answers of tilt, bob
+and the bob of a held block to sine and cosine, and to forcing that grows. `xi` is the frequency of a
+harmonic, or the duration of a piece of another forcing (`tpd.exact.arcs.Forcing`). A held block is let go
+where the moment on it exceeds what holds it by more than the slack: 0 under a harmonic."""
 PLANT = np.dtype([(name, np.float64) for name in _FIELDS.split()])
 COMPLEX_PLANT = np.dtype([(name, np.complex128) for name in _FIELDS.split()])
 # Records, because Numba passes a record on as one address, and a tuple as all its numbers.

@@ -70,10 +70,11 @@ def _rests(q, m, peak, phase, tolerance):
         return left >= 0.0, reach
     if mode.kind != STICK:
         return False, reach
-    # A rattle with e < 1 comes to rest within finite time, and each slow impact is captured at once. Hops under
-    # strong friction lack that limit: friction holds the block a little above its base until the moment has
-    # turned, so that one hop takes a good part of a period, each smaller than the last. Below the tolerance of
-    # a repetition they change nothing any more: the block counts as at rest if the bob cannot lift it.
+    # A rattle with e < 1 comes to rest within finite time, and each slow impact is captured at once. Hops
+    # under strong friction lack that limit: friction holds the block a little above its base until the moment
+    # has turned, so that one hop takes a good part of a period, each smaller than the last. Below the
+    # tolerance of a repetition they change nothing any more: the block counts as at rest if the bob cannot
+    # lift it.
     low = max(peak, abs(y[0])) < tolerance * q.nu
     if low and (q.k > 0.0 or q.e < 1.0) and left > 0.0:
         mode.kind, y[0] = REST, 0.0
@@ -144,12 +145,23 @@ def _one_period(q, f, m, legs, room, s, grown, limits):
 
 @compiled
 def settle(x, q, m, room, r, s, since, ramp, out):
-    """Follow one motion from its state at tau = `since` until it repeats, rests, is lost, or the periods of the
-    settings `s` have elapsed. The shaking grows over `ramp` periods. Put the results into `out`, and return
-    status, periods of the motion and periods elapsed."""
+    """Follow one motion from its state at tau = `since` until it repeats, rests, is lost, or the periods of
+    the settings `s` have elapsed. The shaking grows over `ramp` periods. Put the results into `out`, and
+    return status, periods of the motion and periods elapsed."""
     plant(x, q)
-    y, period, tolerance, capture, events = m.y, 2.0 * math.pi / q.xi, s.tolerance, s.rest_rate * q.nu, int(s.events)
-    limits, scales, cubics, legs = Limits(capture, events, 1), scales_of(q), np.empty((0, 4)), np.empty(0, LEG)
+    y, period, tolerance, capture, events = (
+        m.y,
+        2.0 * math.pi / q.xi,
+        s.tolerance,
+        s.rest_rate * q.nu,
+        int(s.events),
+    )
+    limits, scales, cubics, legs = (
+        Limits(capture, events, 1),
+        scales_of(q),
+        np.empty((0, 4)),
+        np.empty(0, LEG),
+    )
     past = Past(np.zeros((LONGEST, 4)), np.zeros((LONGEST, 3)), np.zeros(2))
     growth, before, last = np.zeros(2), np.zeros(2), past.sizes
     for i in range(4):

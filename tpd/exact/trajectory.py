@@ -19,8 +19,8 @@ _ROUNDING = 1e-10
 """Share of a period by which a time may lie before the period that it counts to, so that a time that rounding
 has put just before a period's end needs no leg of its own."""
 BEGINNING, _INPUTS, _NONE = np.int64(13), np.int64(14), np.int64(0)
-"""Direction of the time at which a motion begins, after those of the parameters and of the start; and how many
-directions there are."""
+"""Direction of the time at which a motion begins, after those of the parameters and of the start; and how
+many directions there are."""
 
 
 @compiled
@@ -31,8 +31,8 @@ def trajectory(x, q, m, room, r, s, times, out, by):
     plant(x, q)
     slopes, y, f = s.slopes != 0.0, m.y, steady(np.empty((0, 4)))
     period, rules, events = span_of(q, f), Rules(s.rest_rate * q.nu, YES, NO, NO), int(s.events)
-    # Times count from the beginning of their forcing period: the forcing repeats, and the phase of a late time
-    # is then that of an early one to the last digit of the count.
+    # Times count from the beginning of their forcing period: the forcing repeats, and the phase of a late
+    # time is then that of an early one to the last digit of the count.
     whole = math.floor(times[0] / period + _ROUNDING)
     t, status = times[0] - whole * period, ROCKING
     decide(q, y, sign(y[0]), sign(y[2]), forcing_now(q, f, t), m)

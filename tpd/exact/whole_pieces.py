@@ -138,8 +138,8 @@ def _stays(q, m, e, h, a, b, bound):
 def _no_record(best, k, x0, x1, bend, fourth, h):
     """Whether angle k, whose rate may change its sign in a piece, stays below the largest so far; `bend` is
     the larger of its second derivatives at the ends."""
-    # Between its ends a signal is above both by h^2/8 of its largest second derivative at most, and the fourth
-    # one bounds how much larger that is than at the ends.
+    # Between its ends a signal is above both by h^2/8 of its largest second derivative at most, and the
+    # fourth one bounds how much larger that is than at the ends.
     most = max(abs(x0), abs(x1)) + h * h / 8.0 * (bend + h * h / 8.0 * fourth)
     return most < max(best[2 * k], best[2 * k + 1])
 

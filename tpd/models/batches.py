@@ -55,8 +55,12 @@ def settle_all(
 
     n = len(starts)
     floats, counts = np.empty((n, entry.FLOATS)), np.empty((n, entry.WHOLES))
-    settings = np.zeros(n, entry.SETTINGS)
-    settings["task"], settings["periods"], settings["events"] = entry.SETTLE, model.max_periods, model.max_events
+    settings: Any = np.zeros(n, entry.SETTINGS)
+    settings["task"], settings["periods"], settings["events"] = (
+        entry.SETTLE,
+        model.max_periods,
+        model.max_events,
+    )
     settings["tolerance"], settings["rest_rate"] = model.tolerance, model.rest_rate
     times = np.stack([begins, ramps], axis=1)
 

@@ -191,7 +191,7 @@ def follow_all(
     # All records lie one after another; a motion knows the row of its first piece.
     firsts = np.cumsum(lengths) - lengths
     pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in records]))
-    settings = np.zeros(n, entry.SETTINGS)
+    settings: Any = np.zeros(n, entry.SETTINGS)
     settings["task"], settings["pieces"], settings["record"] = entry.SHAKE, lengths[which], firsts[which]
     settings["free"], settings["rest_rate"], settings["events"] = free, REST_RATE, max_events
     settings["slopes"], settings["brief"] = 13.0 if slopes else 0.0, brief

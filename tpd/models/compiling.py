@@ -42,8 +42,8 @@ wait for the end of all processes that hold its pipe."""
 
 
 def sources(*kinds: str) -> list[Path]:
-    """Files that are compiled, or call what is: the engine, and of `models` those whose names begin with one of
-    `kinds`."""
+    """Files that are compiled, or call what is: the engine, and of `models` those whose names begin with one
+    of `kinds`."""
     package = Path(__file__).parent.parent
     models = sorted((package / "models").glob("*.py"))
     chosen = [f for f in models if f.name.startswith((*kinds, "custom_call"))]

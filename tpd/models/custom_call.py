@@ -18,10 +18,11 @@ import numpy as np
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
-from numba.np.numpy_support import carray
+from numba.np.numpy_support import carray as _carray
 
 from tpd.exact.plant import compiled
 
+carray: Any = _carray
 FRAME = 16
 """Numbers of 8 bytes in a frame of XLA's."""
 

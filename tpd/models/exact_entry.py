@@ -8,7 +8,6 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.np.numpy_support import carray
 
 from tpd.exact.arcs import Forcing, Load, beginning, launch, state_at, steady
 from tpd.exact.contact_kernel import decide, sign
@@ -33,7 +32,7 @@ from tpd.exact.repetition import FLOATS, WHOLES
 from tpd.exact.settle import settle
 from tpd.exact.trajectory import trajectory
 from tpd.models.compiling import checksum
-from tpd.models.custom_call import api_version, cube, on_host, pointer, rows_of, table
+from tpd.models.custom_call import api_version, carray, cube, on_host, pointer, rows_of, table
 
 __all__ = ["CALL", "FLOATS", "INPUTS", "STATUSES", "WHOLES", "run"]
 
@@ -44,18 +43,18 @@ FIELDS = (
     *("pieces", "record", "free", "brief", "angles"),
 )
 SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
-"""A row of settings: the task; periods to follow, or times; events allowed; largest speed, over nu, of an impact
-that may end in rest; repetition error that counts as settled; the first direction of derivatives that is asked
-for; how many directions have derivatives; pieces of the forcing, and the row of the first, or -1 if every
-motion has its own; time of free motion; whether it may end early and the bob does not count; and whether the
-derivatives of the largest angles are enough. The others do not count for a task."""
+"""A row of settings: the task; periods to follow, or times; events allowed; largest speed, over nu, of an
+impact that may end in rest; repetition error that counts as settled; the first direction of derivatives that
+is asked for; how many directions have derivatives; pieces of the forcing, and the row of the first, or -1 if
+every motion has its own; time of free motion; whether it may end early and the bob does not count; and
+whether the derivatives of the largest angles are enough. The others do not count for a task."""
 CYCLE_OUT, CYCLE_SIZES, OUT, SHAKEN, STATES = map(np.int64, (12, 6, 19, 12, 9))
 """Numbers in the results of a cycle, and quantities of it with derivatives (its end, amplitude and stroke).
 Numbers in the results of a motion through all pieces: largest |phi|, |psi| and |psi - phi| with their times;
-the state at the end; the growing coordinate of the last leg (with derivatives only); status; impacts; times of
-the first uplift and of the overturning; transversality; legs; and the accelerations at the end. Quantities of it
-with derivatives: the three angles, the end, the growing coordinate, the three times, that of the uplift. Numbers
-of a state in a history."""
+the state at the end; the growing coordinate of the last leg (with derivatives only); status; impacts; times
+of the first uplift and of the overturning; transversality; legs; and the accelerations at the end. Quantities
+of it with derivatives: the three angles, the end, the growing coordinate, the three times, that of the
+uplift. Numbers of a state in a history."""
 _USUAL = 20_000
 """Events for which there is room at first."""
 
@@ -66,8 +65,8 @@ def settings(**values: Any) -> list[Any]:
 
 
 Own = namedtuple("Own", "plants motions rooms readers")
-"""Memory of records: a plant, a motion and a mode, two rooms, a reader. A record does not keep its memory: it is
-alive as long as these arrays are."""
+"""Memory of records: a plant, a motion and a mode, two rooms, a reader. A record does not keep its memory: it
+is alive as long as these arrays are."""
 
 
 @compiled
@@ -88,7 +87,8 @@ def _settings(address, rows):
 
 @part
 def _settle(a, first, last):
-    """Rows of `settle`: settings, parameters, starts, beginnings and ramps; results of numbers and of counts."""
+    """Rows of `settle`: settings, parameters, starts, beginnings and ramps; results of numbers and of
+    counts."""
     s, x, y, t = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4), table(a[3], last, 2)
     out, wholes, own = table(a[4], last, FLOATS), table(a[5], last, WHOLES), _memory()
     q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
@@ -199,7 +199,9 @@ def _shake(a, first, last, history):
                 m.recorded += 1
         if history:
             count, most = int(s[n].periods), int(s[n].first)
-            put_states(q, f, legs, m.recorded, table(a[4], last, count)[n], cube(a[5], last, count, STATES)[n])
+            put_states(
+                q, f, legs, m.recorded, table(a[4], last, count)[n], cube(a[5], last, count, STATES)[n]
+            )
             put_impacts(q, legs, m.recorded, cube(a[6], last, most, 2)[n])
             table(a[7], last, 1)[n, 0] = status
             continue
@@ -233,8 +235,8 @@ def _legs(a, first, last):
 
 @part
 def _arcs(a, first, last):
-    """Rows of `traverse` over so many arcs: settings, complex parameters, links, and complex arcs; ends, and if
-    the settings ask for slopes, findings about the arcs of the first row."""
+    """Rows of `traverse` over so many arcs: settings, complex parameters, links, and complex arcs; ends, and
+    if the settings ask for slopes, findings about the arcs of the first row."""
     s, x, own = _settings(a[0], 1), carray(pointer(a[1]), (last, 9), np.complex128), _memory()
     many = int(s[0].pieces)
     links, z = carray(pointer(a[2]), (many,), LINK), carray(pointer(a[3]), (last, many, 6), np.complex128)

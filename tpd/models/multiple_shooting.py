@@ -140,7 +140,16 @@ def traverse(
 
     out, met = np.empty((*arcs.shape[:2], 5), complex), np.empty(len(links), SURVEY)
     rows = (np.ascontiguousarray(np.real(z) + STEP * 1j * np.imag(z)) for z in (x, arcs))
-    _run("ARCS", len(x), {"pieces": len(links), "slopes": float(surveyed)}, next(rows), links, next(rows), out, met)
+    _run(
+        "ARCS",
+        len(x),
+        {"pieces": len(links), "slopes": float(surveyed)},
+        next(rows),
+        links,
+        next(rows),
+        out,
+        met,
+    )
     return np.real(out[0]), np.moveaxis(np.imag(out), 0, -1) / STEP, met
 
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.np.numpy_support import carray
 
 from tpd.exact.plant import part, stored
 from tpd.exact.symmetric_orbit_kernel import (
@@ -23,7 +22,7 @@ from tpd.exact.symmetric_orbit_kernel import (
     vanishing,
 )
 from tpd.models.compiling import checksum
-from tpd.models.custom_call import api_version, cube, on_host, pointer, rows_of, table
+from tpd.models.custom_call import api_version, carray, cube, on_host, pointer, rows_of, table
 
 SOLVE, DIFFERENTIATE, VANISH, SURVEY = range(4)
 """Tasks; the first number of every row of settings."""

@@ -49,8 +49,8 @@ def shared(
     done = 0
     with ThreadPoolExecutor(min(cores, n)) as crew:
         pieces = [crew.submit(run, i, min(i + size, n)) for i in range(0, n, size)]
-        for piece in as_completed(pieces):
-            done += piece.result()
+        for done_piece in as_completed(pieces):
+            done += done_piece.result()
             if progress is not None:
                 progress(done, n)
 
