@@ -105,7 +105,7 @@ def slopes_all(
     (n, m, d, sizes): NaN where there is none, or it is not asked for."""
     entry, (n, d) = load(), directions.shape[:2]
     # The kernel takes all orbits of a design: where none is asked for, the status says that there is none.
-    every = np.zeros((n, int(entry.ORBITS)), entry.ORBIT)
+    every: Any = np.zeros((n, int(entry.ORBITS)), entry.ORBIT)
     every["status"] = STATUSES.index("no_orbit")
     every[:, : orbits.shape[1]] = orbits
     x, along = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(directions, dtype=float)
@@ -187,7 +187,7 @@ def survey(u: np.ndarray, x: np.ndarray) -> Survey:
     """The way of the solution u = (t, gamma) with the parameters `x`, from turn to turn."""
     entry, out = load(), np.empty((1, int(load().SURVEYED)))
     entry.run(0, 1, _settings(entry.SURVEY)[None], _wide(x), _wide(np.append(u, 0.0)), out)
-    return Survey(*map(float, out[0, :3]), out[0, 3:])
+    return Survey(float(out[0, 0]), float(out[0, 1]), float(out[0, 2]), out[0, 3:])
 
 
 def _wide(x: np.ndarray) -> np.ndarray:
