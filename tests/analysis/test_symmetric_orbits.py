@@ -26,7 +26,7 @@ from tests.reference import (
     named,
     parameters,
 )
-from tpd import Status, simulate, status_name, symmetric_orbits
+from tpd import Parameters, Status, simulate, status_name, symmetric_orbits
 from tpd.core.batch import in_chunks
 from tpd.exact.orbit_roots_kernel import NODES
 
@@ -487,8 +487,11 @@ def test_slopes_are_those_of_differences(kind):
         # A short pendulum under slow shaking swings many times between two events.
         (0.26701, 0.43098, 0.01157, 0.01365, 0.02863, 0.39796, 0.4922, 0.97828),
         (0.26872, 0.39663, 0.01389, 0.00989, 0.04543, 0.58657, 0.36855, 1.0),
+        # A quick decay hides two extremes between two samples.
+        (0.387, 0.0094, 0.0955, 3.0448, 0.0, 0.1914, 0.3004, 1.0),
+        (0.0971, 0.9778, 0.5614, 0.4968, 0.0258, 0.518, 0.5396, 0.8802),
     ],
-    ids=["corner", "two peaks", "many peaks", "many peaks, no loss"],
+    ids=["corner", "two peaks", "many peaks", "many peaks, no loss", "quick decay", "heavy bob"],
 )
 def test_the_stroke_is_the_largest_of_all_peaks(x):
     o = solve([x])
@@ -499,6 +502,16 @@ def test_the_stroke_is_the_largest_of_all_peaks(x):
         bob = np.abs(np.asarray(simulate(parameters(x), o.state[0, j], times).ys)[:, 1])
         assert o.stroke[0, j] == pytest.approx(bob.max(), rel=1e-3)
         assert o.stroke[0, j] >= bob.max() - 1e-9
+
+
+def test_the_stroke_under_a_given_inertia_is_that_of_the_motion():
+    named = dict(zip(NAMES, (0.387, 0.0094, 0.0955, 3.0448, 0.0, 0.1914, 0.3004, 1.0), strict=True))
+    p = Parameters(**named, rho=0.75)
+    o = symmetric_orbits(p)
+    times = np.linspace(0.0, np.pi / p.xi, 4001)
+    bob = np.abs(np.asarray(simulate(p, o.state[0], times).ys)[:, 1])
+    assert float(o.stroke[0]) == pytest.approx(0.45528, abs=1e-5)
+    assert bob.max() * (1.0 - 1e-9) <= float(o.stroke[0]) <= bob.max() * (1.0 + 1e-5)
 
 
 def quick(count: int) -> np.ndarray:

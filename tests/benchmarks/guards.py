@@ -67,17 +67,17 @@ def _atlas(*names: str) -> tuple[str, ...]:
 
 
 _STATUS = "the_verdict_has_a_name_for_each_loss"
-_LOST = "an_orbit_about_to_be_lost_has_a_name_and_no_derivative"
+_LOST = "an_orbit_about_to_be_lost_has_a_name"
 _OVERTURNS = "an_overturning_has_a_status_and_no_gradient"
 _SADDLE = "starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name"
-_ORBITS, _STEADY = "analysis/symmetric_orbits:_answered", "analysis/steady_state:_verdict"
+_ORBITS, _STEADY = "exact/symmetric_orbit_kernel:_status", "analysis/steady_state:_verdict"
 _SETTLED = "models/settling:Record.settled"
 GUARDS = (
     Guard(
         "fold",
         "orbits: no derivative where a multiplier of the half map is within 1e-6 of 1",
         _ORBITS,
-        without_term("usable", "near"),
+        constant("NEAR_FOLD", -1.0),
         _atlas(_LOST + "[0.9999999-1.0-near_fold]"),
     ),
     Guard(
@@ -105,7 +105,7 @@ GUARDS = (
         "grazing",
         "orbits: no derivative where the fall all but halts",
         _ORBITS,
-        without_term("usable", "grazes"),
+        constant("GRAZING", -1.0),
         _atlas(_LOST + "[0.5-1e-08-grazing]"),
     ),
     Guard(

@@ -175,7 +175,7 @@ _SLOPES = {asked: once(partial(compiled_orbits.slopes, asked=asked)) for asked i
 
 
 def _orbits(of: dict[str, Any]) -> Orbits:
-    status = jax.tree.unflatten(jax.tree.structure(Status.no_orbit), [of["status"]])
-    names = "amplitude", "stroke", "state", "phase", "crossing", "multipliers", "overflow"
     margins = Margins(**{name: of[name] for name in ("fold", "symmetry", "torus", "sticking", "grazing")})
+    status = jax.tree.unflatten(jax.tree.structure(Status.no_orbit), [of["status"]])
+    names = ("amplitude", "stroke", "state", "phase", "crossing", "multipliers", "overflow")
     return Orbits(status=status, margins=margins, **{name: of[name] for name in names})

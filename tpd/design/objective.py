@@ -267,7 +267,7 @@ def _uplift(q: Parameters, along: np.ndarray) -> tuple[Uplift, np.ndarray, np.nd
     design, slopes = np.stack([q.mu, q.lam, q.zeta]), []
     for i in range(3):
         lift = uplift(with_design(q, design + 1j * _STEP * along[:, i, 1:4].T))
-        slopes.append([np.imag(np.asarray(x)) / _STEP for x in lift])
+        slopes.append([np.imag(x) / _STEP for x in lift])
     margin, stroke = np.moveaxis(np.array(slopes), 0, -1)
     return uplift(q), margin, stroke
 

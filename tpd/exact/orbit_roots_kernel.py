@@ -182,9 +182,8 @@ def _lowest(q, m, low, high):
 @compiled
 def _newton(q, m, t, gamma, most):
     """Newton's method on both conditions: (t, gamma), and the last step."""
-    # The two conditions stay regular in (t, gamma) where the branches meet and phi(t-) has a square root.
-    # Steps go on to rounding: near the fold of two orbits each only halves the error, and derivatives lose
-    # digits.
+    # The two conditions stay regular in (t, gamma) where branches meet and phi(t-) has a square root. Steps
+    # go on to rounding: near the fold of two orbits each only halves the error, and derivatives lose digits.
     moved = math.inf
     for _ in range(most):
         x, before = solution_at(q, m, t, gamma), moved

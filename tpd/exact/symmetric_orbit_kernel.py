@@ -9,6 +9,7 @@ the determinant of dr/d(t, gamma) vanishes."""
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -21,11 +22,11 @@ from tpd.exact.orbit_path_kernel import PATH, UNPROVED, WHOLE, put_path
 from tpd.exact.orbit_roots_kernel import BRACKET, BRACKETS, TABLE, put_brackets, root_in
 from tpd.exact.plant import COMPLEX_PLANT, PLANT, STEP, compiled, places, plant
 
-ORBITS = np.int64(3)
+ORBITS: Any = np.int64(3)
 """Most orbits of a design."""
 _ROCKING, _UNSTABLE, _NEUTRAL, _NEAR_FOLD, _GRAZES, _NO_ORBIT = range(len(STATUSES))
 _AMPLITUDE, _PHASE, _CROSSING, _STROKE, _FOLD, _SYMMETRY, _TORUS, _STATE = places(8)
-NUMBERS = np.int64(len(SIZES) + 4)
+NUMBERS: Any = np.int64(len(SIZES) + 4)
 """Numbers with derivatives: the sizes and the state."""
 VANISHING = np.int64(7)
 """Numbers of `vanishing`."""

@@ -187,8 +187,7 @@ def survey(u: np.ndarray, x: np.ndarray) -> Survey:
     """The way of the solution u = (t, gamma) with the parameters `x`, from turn to turn."""
     entry, out = load(), np.empty((1, int(load().SURVEYED)))
     entry.run(0, 1, _settings(entry.SURVEY)[None], _wide(x), _wide(np.append(u, 0.0)), out)
-    height, leaving, arriving = map(float, out[0, :3])
-    return Survey(height, leaving, arriving, out[0, 3:])
+    return Survey(float(out[0, 0]), float(out[0, 1]), float(out[0, 2]), out[0, 3:])
 
 
 def _wide(x: np.ndarray) -> np.ndarray:

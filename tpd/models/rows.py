@@ -48,9 +48,9 @@ def shared(
         return
     done = 0
     with ThreadPoolExecutor(min(cores, n)) as crew:
-        pieces = [crew.submit(run, i, min(i + size, n)) for i in range(0, n, size)]
-        for done_piece in as_completed(pieces):
-            done += done_piece.result()
+        parts = [crew.submit(run, i, min(i + size, n)) for i in range(0, n, size)]
+        for part in as_completed(parts):
+            done += part.result()
             if progress is not None:
                 progress(done, n)
 
