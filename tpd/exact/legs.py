@@ -1,4 +1,4 @@
-"""What is read from the legs of a followed motion: its derivatives, its states at given times, its impacts.
+"""Readings of the legs of a followed motion: its derivatives, its states at given times, its impacts.
 
 Between events a leg has the closed form of its arc: complex numbers carry derivatives (see
 `tpd.exact.plant.STEP`). At an event one Newton step on its time carries the saltation matrix. Over whole

@@ -1,4 +1,4 @@
-"""What a followed motion is made of in compiled scalar code: its state, what is counted, and its legs.
+"""A followed motion in compiled scalar code: its state, what is counted, and its legs.
 
 A leg is a part of an arc that ends in an event, at its horizon or where the bob turns. Legs are all that
 derivatives, states at given times and orbits are read from (`tpd.exact.legs`).
