@@ -38,9 +38,9 @@ def _half(kind: type) -> np.dtype:
 
 HALF, COMPLEX_HALF = _half(np.float64), _half(np.complex128)
 """Numbers that depend on the parameters alone: h; the jumps 2w/K and 2k/K of the balance tilt at the crossing
-and at a turn, and (w - k)/K; (e - 1) over the factor of phi'(t-) that closes the impact's loop; and
-components of g(A) M x as functionals of g: for x = e1 phi, phi' and psi (tilt, rate, bob), for x = d the same
-(kick, thrown, bob_kick). Names that end in `whole` are of numbers for g = exp(A h)."""
+and at a turn, and (w - k)/K; (e - 1) over the factor of phi'(t-) that closes the impact's loop; components
+of g(A) M x as functionals of g: of x = e1 phi, phi' and psi (tilt, rate, bob), of x = d the same (kick,
+thrown, bob_kick). Names that end in `whole` are of numbers for g = exp(A h)."""
 Flow = namedtuple("Flow", "e1 e2 u v")
 """exp(A t) by what it does to the modes s1 and s2 and to the pair: u + v A there."""
 Phased = namedtuple("Phased", "c s u")

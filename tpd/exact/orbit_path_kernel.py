@@ -28,7 +28,7 @@ from tpd.exact.plant import compiled
 
 BROKEN, WHOLE, UNPROVED = range(3)
 """Outcomes: no orbit; an orbit; or more events than `_LOOKS` looks at the motion can prove."""
-_LOOKS = 4096
+_LOOKS = 8192
 _ON_TIME = 1e-6
 """Share of h by which an event may differ from that of the conditions."""
 PATH = np.dtype(
