@@ -1,10 +1,10 @@
 """Closed-form arcs of the linear equations (25) in compiled scalar code, for real and for complex numbers.
 
-The base moves in pieces. A piece of a harmonic is a forcing period, one like the other without end. A piece of
-a pulse or a record is a cubic in time; a record is linear between its samples, so that its pieces are exact.
-An arc leaves a state within a piece, in a mode of the contact. With M u'' + C u' + K u = b eta it is the sum
-of the free motion and of a particular solution: the answer to a sine, or, as K = diag(-(1 + 2 mu), 1) is never
-singular, a cubic with the coefficients
+The base moves in pieces. A piece of a harmonic is a forcing period, one like the other without end. A piece
+of a pulse or a record is a cubic in time; a record is linear between its samples, so that its pieces are
+exact. An arc leaves a state within a piece, in a mode of the contact. With M u'' + C u' + K u = b eta it is
+the sum of the free motion and of a particular solution: the answer to a sine, or, as K = diag(-(1 + 2 mu), 1)
+is never singular, a cubic with the coefficients
 
     K u_j = b e_j - (j + 1) C u_{j+1} - (j + 2)(j + 1) M u_{j+2}    for eta = sum e_j t^j.
 """
@@ -120,8 +120,8 @@ def _held(q, e):
 
 @compiled
 def _onward(q, e, j, a1, b1, a2, b2):
-    """Coefficients of tilt and bob at one power of time, from those at the two powers above; the static answer
-    to eta is eta for both."""
+    """Coefficients of tilt and bob at one power of time, from those at the two powers above; the static
+    answer to eta is eta for both."""
     r, m = q.f * e, (j + 1.0) * (j + 2.0)
     turn = (j + 1.0) * (a1 - b1)
     tilt = r + (q.c1 * turn + m * (q.m11 * a2 + q.m12 * b2)) / q.up
@@ -153,8 +153,8 @@ def accelerations(q, kind, centre, y0, y1, y2, y3, eta):
 
 @compiled
 def launch(q, kind, tilt, way, y0, y1, y2, y3, e):
-    """The arc that leaves the state (y0, y1, y2, y3) in a mode (its kind, the signs of phi and phi') under the
-    forcing `e`."""
+    """The arc that leaves the state (y0, y1, y2, y3) in a mode (its kind, the signs of phi and phi') under
+    the forcing `e`."""
     zero = 0.0 * (q.f + e.phase + e.e0 + y0)
     balance = (tilt * q.weight + way * q.k) / q.up
     if e.xi.real != 0.0:
@@ -214,7 +214,12 @@ def turned(x):
 
 @compiled
 def pair(p, q, t):
-    """The pair's solutions u, v with (u, u') = (1, 0), (v, v') = (0, 1) at t = 0; see `tpd.exact.modes`."""
+    """The pair's solutions u, v of x'' + p x' + q x = 0 with (u, u') = (1, 0), (v, v') = (0, 1) at t = 0.
+
+    With w^2 = q - p^2/4, v = exp(-pt/2) sin(wt)/w and u = exp(-pt/2) cos(wt) + p/2 v.
+    """
+    # Where w^2 changes its sign cos and sin turn into cosh and sinh. Close to zero both divide by a small w,
+    # and their derivatives by its square: there the power series in w^2 is one function for both sides.
     w2 = q - 0.25 * p * p
     x2 = w2 * t * t
     half = 0.5 * p

@@ -16,9 +16,9 @@ from tpd.exact.mode_kinds import SLIP, STICK
 from tpd.exact.plant import compiled, places
 
 CUT, STOP, GONE, END, FIRST, SECOND, BOB, RELATIVE = places(4, -4)
-"""Ends of a leg: a part of a long arc; a time at which a state is asked for; a tilt beyond return; its horizon; the first signal (a turn, or a release upwards), the
-second (a landing, or a release downwards); a turn of the bob, or of the bob against the block, which change
-nothing."""
+"""Ends of a leg: a part of a long arc; a time at which a state is asked for; a tilt beyond return; its
+horizon; the first signal (a turn, or a release upwards), the second (a landing, or a release downwards); a turn of the
+bob, or of the bob against the block, which change nothing."""
 SIGNALS = 4
 """Signals that may be watched: a table of them has one more row, for numbers of the search."""
 _VALUE, _SLOPE, _BEND = places(3)
@@ -69,7 +69,12 @@ def _watch(w, i, x, arc):
     second = rate_of(arc, slope)
     fourth = rate_of(arc, rate_of(arc, second))
     for j in range(9):
-        w.signals[i, 0, j], w.signals[i, 1, j], w.signals[i, 2, j], w.signals[i, 3, j] = x[j], slope[j], second[j], fourth[j]
+        w.signals[i, 0, j], w.signals[i, 1, j], w.signals[i, 2, j], w.signals[i, 3, j] = (
+            x[j],
+            slope[j],
+            second[j],
+            fourth[j],
+        )
     # The energy x^2 + x'^2/q of the pair only decreases.
     w.signals[i, 3, 3] = math.sqrt(fourth.on_u * fourth.on_u + fourth.on_v * fourth.on_v / arc.q)
     w.signals[i, 3, 4] = math.sqrt(fourth.along * fourth.along + fourth.across * fourth.across)
@@ -109,8 +114,11 @@ def turn_over(w, i):
 
 @compiled
 def watch_block(q, arc, mode, forcing, w):
-    """Prepare the signals of the block, with the forcing over its full size as a signal; see
-    `tpd.exact.arc.ending`. Return whether the second is watched."""
+    """Prepare the signals of the block, with the forcing over its full size as a signal. Return whether the
+    second is watched. Both are positive within an arc. Slip: the rate, and the tilt on the way back to the
+    base. Held: the distances of the moment from both limits."""
+    # Moving outward phi cannot vanish before phi' does. So phi is watched on the way back only, and a tilt
+    # that begins at zero is not taken for an event.
     if mode.kind == SLIP:
         _watch(w, FIRST, _scaled(mode.way, rate_of(arc, arc.tilt)), arc)
         if mode.tilt * mode.way >= 0.0:
@@ -130,7 +138,12 @@ def watch_block(q, arc, mode, forcing, w):
 def _look(w, i, now, t, j):
     """Value (j = 0), slope (1) or curvature (2) of a watched signal."""
     # No view of a row: Numba would count its references, which takes longer than the arithmetic.
-    free = w.signals[i, j, 1] * now.e1 + w.signals[i, j, 2] * now.e2 + w.signals[i, j, 3] * now.u + w.signals[i, j, 4] * now.v
+    free = (
+        w.signals[i, j, 1] * now.e1
+        + w.signals[i, j, 2] * now.e2
+        + w.signals[i, j, 3] * now.u
+        + w.signals[i, j, 4] * now.v
+    )
     along, across = w.signals[i, j, 5] + w.signals[i, j, 7] * t, w.signals[i, j, 6] + w.signals[i, j, 8] * t
     return w.signals[i, j, 0] + free + along * now.sine + across * now.cosine
 
@@ -142,7 +155,12 @@ def _bound(w, i, e1, e2, t):
     forced = w.signals[i, 3, 4]
     if w.signals[i, 3, 7] != 0.0 or w.signals[i, 3, 8] != 0.0:
         # The amplitude is a convex function of time, so that it is largest at an end.
-        forced = max(forced, math.hypot(w.signals[i, 3, 5] + w.signals[i, 3, 7] * t, w.signals[i, 3, 6] + w.signals[i, 3, 8] * t))
+        forced = max(
+            forced,
+            math.hypot(
+                w.signals[i, 3, 5] + w.signals[i, 3, 7] * t, w.signals[i, 3, 6] + w.signals[i, 3, 8] * t
+            ),
+        )
     return abs(w.signals[i, 3, 1]) * e1 + abs(w.signals[i, 3, 2]) * e2 + w.signals[i, 3, 3] + forced
 
 
@@ -244,8 +262,8 @@ def _at_once(w, since, t, g, v):
 
 @compiled
 def next_event(arc, w, now, t, end):
-    """The first event of an arc after `t`, the instant `now`, and until `end`, and its time. No event is END; a
-    tilt beyond the limit is GONE. The working memory `w` has the signals, see `tpd.exact.motion.ROOM`."""
+    """The first event of an arc after `t`, the instant `now`, and until `end`, and its time. No event is END;
+    a tilt beyond the limit is GONE. The working memory `w` has the signals, see `tpd.exact.motion.ROOM`."""
     g, v, h, z = w.signals[SIGNALS, 0], w.signals[SIGNALS, 1], w.signals[SIGNALS, 2], w.signals[SIGNALS, 3]
     since = t
     t = _begun(arc, w, now, t, end, g, v)

@@ -1,4 +1,4 @@
-"""What is read from the legs of a followed motion: its derivatives, its states at given times, its impacts.
+"""Readings from the legs of a followed motion: its derivatives, its states at given times, its impacts.
 
 Between events a leg has the closed form of its arc: complex numbers carry derivatives (see
 `tpd.exact.plant.STEP`). At an event one Newton step on its time carries the saltation matrix. Over whole
@@ -39,9 +39,9 @@ READER = np.dtype(
     ],
     align=True,
 )
-"""A reader of legs: complex plants (one for each parameter, and one for the other directions); derivatives of the
-state, and of the local time, in all directions and that of the time of the start; the state where it is with
-its accelerations; the maps of whole pieces for the slipping and for the held block, their derivatives, and
+"""A reader of legs: complex plants (one for each parameter, and one for the other directions); derivatives of
+the state, and of the local time, in all directions and that of the time of the start; the state where it is
+with its accelerations; the maps of whole pieces for the slipping and for the held block, their derivatives, and
 whether they are known."""
 
 
@@ -80,7 +80,7 @@ def _launched(q, f, leg, dy, j, s):
 
 @compiled
 def along(r, f, leg, first, last):
-    """Take a reader, in the directions from `first` to before `last`, to the end of a leg, before its event."""
+    """Take a reader, in the directions from `first` to before `last`, to the end of a leg before its event."""
     # The real state begins anew with every leg, so that errors of it do not add up.
     t = complex(leg.lasted, 0.0)
     for j in range(first, last):
@@ -220,8 +220,8 @@ def _lifts_at(legs, count):
 @compiled
 def read(q, f, m, legs, r, directions, angles_only, by):
     """Put the derivatives of a followed motion into `by`, of `ROWS` rows, in the `directions` from the first
-    to before the last of two, and return the growing coordinate of its last leg. The reader has its plants. If `angles_only`, what comes after the
-    last of the largest angles and the first uplift is left out."""
+    to before the last of two, and return the growing coordinate of its last leg. The reader has its plants.
+    If `angles_only`, what comes after the last of the largest angles and the first uplift is left out."""
     count, first, inputs = min(m.recorded, len(legs)), directions[0], directions[1]
     r.known[0] = r.known[1] = 0
     for j in range(inputs):

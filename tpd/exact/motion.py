@@ -1,4 +1,4 @@
-"""What a followed motion is made of in compiled scalar code: its state, what is counted, and its legs.
+"""Records of a followed motion in compiled scalar code: its state, what is counted, and its legs.
 
 A leg is a part of an arc that ends in an event, at its horizon or where the bob turns. Legs are all that
 derivatives, states at given times and orbits are read from (`tpd.exact.legs`).
@@ -40,10 +40,10 @@ MOTION = np.dtype(
     align=True,
 )
 """A motion that is followed: its state; the kind of its mode, the signs of phi and phi', and for how long the
-block was held since the count began (0 never, 1 for a part of the motion, 2 throughout); and what is counted: the
-largest phi, psi and psi - phi to either side, their times, and the legs at whose ends they were met (-1 is the
-beginning); impacts, legs and events that are left; the times of the first uplift and of the overturning; the
-least transversality; and the sign of psi'."""
+block was held since the count began (0 never, 1 for a part of the motion, 2 throughout); and what is counted:
+the largest phi, psi and psi - phi to either side, their times, and the legs at whose ends they were met (-1 is
+the beginning); impacts, legs and events that are left; the times of the first uplift and of the overturning;
+the least transversality; and the sign of psi'."""
 ROOM = np.dtype(
     [
         *((name, np.float64, (4,)) for name in ("start", "end")),
@@ -56,8 +56,8 @@ ROOM = np.dtype(
     ],
     align=True,
 )
-"""Working memory: the states at the start and at the end of a leg; for `tpd.exact.events` the signals, how many
-there are and whether the second is one, looks that are left, the shortest window, the longest and the first
+"""Working memory: the states at the start and at the end of a leg; for `tpd.exact.events` the signals, how
+many there are and whether the second is one, looks that are left, the shortest window, the longest and the first
 one, and the tilt beyond which a block does not return; for `tpd.exact.whole_pieces` maps and bounds; and
 another motion."""
 LEGS = 256
