@@ -17,8 +17,8 @@ from tpd.exact.plant import compiled, places
 
 CUT, STOP, GONE, END, FIRST, SECOND, BOB, RELATIVE = places(4, -4)
 """Ends of a leg: a part of a long arc; a time at which a state is asked for; a tilt beyond return; its
-horizon; the first signal (a turn, or a release upwards), the second (a landing, or a release downwards); a turn of the
-bob, or of the bob against the block, which change nothing."""
+horizon; the first signal (a turn, or a release upwards), the second (a landing, or a release downwards); a
+turn of the bob, or of the bob against the block, which change nothing."""
 SIGNALS = 4
 """Signals that may be watched: a table of them has one more row, for numbers of the search."""
 _VALUE, _SLOPE, _BEND = places(3)

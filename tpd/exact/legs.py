@@ -41,8 +41,8 @@ READER = np.dtype(
 )
 """A reader of legs: complex plants (one for each parameter, and one for the other directions); derivatives of
 the state, and of the local time, in all directions and that of the time of the start; the state where it is
-with its accelerations; the maps of whole pieces for the slipping and for the held block, their derivatives, and
-whether they are known."""
+with its accelerations; the maps of whole pieces for the slipping and for the held block, their derivatives,
+and whether they are known."""
 
 
 @compiled
@@ -80,7 +80,8 @@ def _launched(q, f, leg, dy, j, s):
 
 @compiled
 def along(r, f, leg, first, last):
-    """Take a reader, in the directions from `first` to before `last`, to the end of a leg before its event."""
+    """Take a reader, in the directions from `first` to before `last`, to the end of a leg before its
+    event."""
     # The real state begins anew with every leg, so that errors of it do not add up.
     t = complex(leg.lasted, 0.0)
     for j in range(first, last):

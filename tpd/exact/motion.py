@@ -41,9 +41,9 @@ MOTION = np.dtype(
 )
 """A motion that is followed: its state; the kind of its mode, the signs of phi and phi', and for how long the
 block was held since the count began (0 never, 1 for a part of the motion, 2 throughout); and what is counted:
-the largest phi, psi and psi - phi to either side, their times, and the legs at whose ends they were met (-1 is
-the beginning); impacts, legs and events that are left; the times of the first uplift and of the overturning;
-the least transversality; and the sign of psi'."""
+the largest phi, psi and psi - phi to either side, their times, and the legs at whose ends they were met (-1
+is the beginning); impacts, legs and events that are left; the times of the first uplift and of the
+overturning; the least transversality; and the sign of psi'."""
 ROOM = np.dtype(
     [
         *((name, np.float64, (4,)) for name in ("start", "end")),
@@ -57,9 +57,9 @@ ROOM = np.dtype(
     align=True,
 )
 """Working memory: the states at the start and at the end of a leg; for `tpd.exact.events` the signals, how
-many there are and whether the second is one, looks that are left, the shortest window, the longest and the first
-one, and the tilt beyond which a block does not return; for `tpd.exact.whole_pieces` maps and bounds; and
-another motion."""
+many there are and whether the second is one, looks that are left, the shortest window, the longest and the
+first one, and the tilt beyond which a block does not return; for `tpd.exact.whole_pieces` maps and bounds;
+and another motion."""
 LEGS = 256
 """Legs of a motion for which room is made at first."""
 NO, YES, FIRST_PIECE = np.bool_(False), np.bool_(True), np.int64(0)

@@ -35,9 +35,9 @@ _FIELDS = (
 """Coefficients: of the equations, see `tpd.core.equations.Linear`; the time scales of the slipping block and
 of the held one; a and b the shapes of modes s1 and s2 over (phi, psi, phi', psi'), al and bl their left
 vectors, which project on them; the answers of tilt, bob and the bob of a held block to sin(xi t) as factors
-of sine and cosine, and `lag` what the answers to t sin(xi t) have besides t times these. `xi` is the frequency
-of a harmonic, or the duration of a piece of another forcing (`tpd.exact.arcs.Forcing`). A held block is let
-go where the moment on it exceeds what holds it by more than the slack: 0 under a harmonic."""
+of sine and cosine, and `lag` what the answers to t sin(xi t) have besides t times these. `xi` is the
+frequency of a harmonic, or the duration of a piece of another forcing (`tpd.exact.arcs.Forcing`). A held
+block is let go where the moment on it exceeds what holds it by more than the slack: 0 under a harmonic."""
 PLANT = np.dtype([(name, np.float64) for name in _FIELDS.split()])
 COMPLEX_PLANT = np.dtype([(name, np.complex128) for name in _FIELDS.split()])
 # Records, because Numba passes a record on as one address, and a tuple as all its numbers.
