@@ -13,7 +13,7 @@ cli.
 | (6), omega_0, rho | rate and inertia of the block | core/scene |
 | (7) to (11) | free rocking | closed_form/free_rocking |
 | (12) to (14) | forced bare block: mu = 0 | core/equations |
-| (16) to (18) | motion on one arc | exact/modes, exact/propagator, exact/arc |
+| (16) to (18) | motion on one arc | exact/plant, exact/arcs |
 | (19) | periodic orbit, exact here | exact/half_period_kernel, analysis/symmetric_orbits |
 | (20) to (24) | one-harmonic balance, bare block: mu = 0 | closed_form/harmonic_balance |
 | (25) | block and pendulum, linear | core/equations; solved in models/piecewise |

@@ -124,9 +124,9 @@ GUARDS = (
     ),
     Guard(
         "rattling to rest",
-        "arcs: an impact slower than the capture speed is rest",
-        "exact/arc:_after_landing",
-        nothing_true("capture_speed"),
+        "contact: an impact slower than the capture speed is rest",
+        "exact/contact_kernel:meet",
+        nothing_true("capture"),
         _atlas(
             "the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed",
             "what_capture_leaves_out_is_below_the_square_of_its_speed",

@@ -1,14 +1,16 @@
 """The decision between slip, stick and rest, and the impact, by hand."""
 
 import jax.numpy as jnp
+import numba
 import numpy as np
 import pytest
-from tpd.exact.arc import classify, held_on_base
 
+from tests.exact.plants import plants_of
 from tests.reference import HUNG, parameters
 from tpd import Terms
-from tpd.core.equations import Equations
+from tpd.core.equations import Equations, Linear
 from tpd.core.parameters import housner
+from tpd.exact import contact_kernel
 from tpd.exact.contact import (
     REST,
     SLIP,
@@ -21,12 +23,29 @@ from tpd.exact.contact import (
     impact_ratio,
     released,
 )
-from tpd.exact.modes import Plant
-from tpd.models.segmented import _classify
+from tpd.exact.motion import MOTION
+from tpd.models.segmented import _classify, _held_on_base
 
 
 def signs(mode):
     return int(mode.kind), float(mode.tilt_sign), float(mode.rate_sign)
+
+
+@numba.njit
+def compiled_decide(up, down, friction, tilt, rate):
+    return contact_kernel.mode_of(up, down, friction, tilt, rate)
+
+
+@numba.njit
+def compiled_mode(plants, y, tilt, way, eta, modes):
+    """Put the mode of a state into `modes`. Returns whether the block would be held at phi = 0."""
+    contact_kernel.decide(plants[0], y, tilt, way, eta, modes[0])
+    return contact_kernel.held_on_base(plants[0], y[1], y[3], eta)
+
+
+@numba.njit
+def compiled_impact(plants, rests, y2, y3):
+    return contact_kernel.struck(plants[0], rests, y2, y3)
 
 
 @pytest.mark.parametrize(
@@ -42,8 +61,9 @@ def signs(mode):
     ],
 )
 def test_a_block_is_held_while_friction_balances_the_excess(up, down, tilt, rate, expected):
-    numbers = (jnp.asarray(x) for x in (up, down, 0.05, tilt, rate))
-    assert signs(decide(*numbers)) == expected
+    numbers = up, down, 0.05, tilt, rate
+    assert signs(decide(*map(jnp.asarray, numbers))) == expected
+    assert compiled_decide(*numbers) == expected
 
 
 def test_a_released_block_goes_to_the_side_of_the_limit():
@@ -66,25 +86,33 @@ def test_signs_without_meaning_do_not_tell_modes_apart():
 
 
 def test_closed_form_and_segments_decide_alike():
-    p = parameters(HUNG[0].x)
-    plant, equations = Plant(p), Equations(p, Terms.linear)
+    p, plants, modes = parameters(HUNG[0].x), plants_of([HUNG[0].x]), np.zeros(1, MOTION)
+    equations = Equations(p, Terms.linear)
     rng = np.random.default_rng(5)
     states = rng.normal(size=(40, 4)) * [0.2, 0.5, 0.1, 0.5]
     states[::2, 0], states[::3, 2] = 0.0, 0.0
-    for tau, y in zip(rng.random(40) * p.period, jnp.asarray(states), strict=True):
-        sine = jnp.sin(p.xi * tau)
-        one = classify(plant, y, sine)
-        assert bool(one.equals(_classify(equations, y, jnp.asarray(tau))))
-        still = classify(plant, y.at[0].set(0.0).at[2].set(0.0), sine)
-        assert bool(held_on_base(plant, tuple(y), sine)) == (int(still.kind) == REST)
+    kinds = set()
+    for tau, y in zip(rng.random(40) * p.period, states, strict=True):
+        sine = np.sin(p.xi * tau)
+        held = compiled_mode(plants, y, np.sign(y[0]), np.sign(y[2]), sine, modes)
+        mode = modes[0]
+        ours = Mode(jnp.asarray(int(mode["kind"])), jnp.asarray(mode["tilt"]), jnp.asarray(mode["way"]))
+        assert bool(ours.equals(_classify(equations, jnp.asarray(y), jnp.asarray(tau))))
+        assert held == bool(_held_on_base(equations, jnp.asarray(y), sine))
+        kinds.add((int(ours.kind), held))
+    assert len(kinds) >= 4
 
 
 def test_an_impact_conserves_the_second_row_of_the_momentum():
-    p = parameters(HUNG[0].x)
-    linear = Plant(p).linear
+    x = (*HUNG[0].x, 0.7)
+    p, linear = parameters(x), Linear(parameters(x))
     jump = impact_jump(-0.3 * 0.7, p.lam)
     # The impulse acts on the first row alone.
     assert float(linear.m21 * jump[0] + linear.m22 * jump[1]) == pytest.approx(0.0, abs=1e-16)
+    for rests in (False, True):
+        e = captured_restitution(p.velocity_ratio, jnp.asarray(rests))
+        expected = np.array([0.7, -0.2]) + np.array(impact_jump((e - 1.0) * 0.7, p.lam))
+        np.testing.assert_allclose(compiled_impact(plants_of([x]), rests, 0.7, -0.2), expected, rtol=1e-15)
 
 
 def test_a_captured_rattle_is_the_sum_of_its_hops():

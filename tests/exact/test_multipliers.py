@@ -1,4 +1,4 @@
-"""Small closed-form algebra: multipliers, functions of the state matrix, sines; against NumPy and SciPy."""
+"""Multipliers in closed form: roots of a quartic and the characteristic polynomial, against NumPy."""
 
 import jax
 import jax.numpy as jnp
@@ -7,9 +7,6 @@ import numpy as np
 import pytest
 
 from tpd.core.eigenvalues import characteristic, quartic_roots
-from tpd.exact.trigonometry import turn
-
-# The quartic
 
 
 @jax.jit
@@ -98,52 +95,3 @@ def test_eigenvalues_of_a_matrix_from_end_to_end():
     for m in rng.normal(size=(100, 4, 4)):
         expected = np.linalg.eigvals(m)
         assert farthest(roots(CHARACTERISTIC(m))[0], expected) < 1e-9 * np.abs(expected).max()
-
-
-# Cosine and sine
-
-TURN = jax.jit(turn)
-ANGLES = np.concatenate(
-    [
-        np.random.default_rng(16).uniform(-1e6, 1e6, 200_000),
-        np.random.default_rng(17).uniform(-10.0, 10.0, 100_000),
-        np.arange(-4000, 4001) * (np.pi / 4),
-        np.nextafter(np.arange(-4000, 4001) * (np.pi / 4), np.inf),
-        np.round(np.linspace(-6e5, 6e5, 4001)) * (np.pi / 2),
-        [0.0, -0.0, 1e-300, 1e-20, 1e-8],
-    ]
-)
-
-
-def test_a_turn_is_right_to_the_last_digit():
-    found = TURN(ANGLES)
-    assert np.abs(np.asarray(found.cosine) - np.cos(ANGLES)).max() < 3e-16
-    assert np.abs(np.asarray(found.sine) - np.sin(ANGLES)).max() < 3e-16
-
-
-def test_a_turn_next_to_a_zero_is_right_to_the_last_digit_of_what_is_left():
-    # The nearest doubles to multiples of pi/2 are where reducing the angle loses digits.
-    multiples = np.concatenate([np.arange(1, 200), np.arange(1, 600_000, 7919)])
-    angles = multiples * (np.pi / 2)
-    found = TURN(angles)
-    with mpmath.workdps(60):
-        for n, angle, cosine, sine in zip(multiples, angles, found.cosine, found.sine, strict=True):
-            small, expected = (
-                (sine, mpmath.sin(float(angle))) if n % 2 == 0 else (cosine, mpmath.cos(float(angle)))
-            )
-            assert abs(float(small) - float(expected)) < 3e-16 * abs(float(expected)) + 2e-22
-
-
-def test_a_turn_has_unit_size_and_an_exact_derivative():
-    angles = ANGLES[:1000]
-    found, rate = jax.jvp(turn, (jnp.asarray(angles),), (jnp.full(angles.shape, 2.0),))
-    np.testing.assert_allclose(found.cosine**2 + found.sine**2, 1.0, rtol=0, atol=1e-15)
-    np.testing.assert_array_equal(rate.cosine, -2.0 * found.sine)
-    np.testing.assert_array_equal(rate.sine, 2.0 * found.cosine)
-    second = jax.grad(jax.grad(lambda x: turn(x).sine))(0.7)
-    assert second == pytest.approx(-np.sin(0.7), rel=1e-15)
-
-
-def test_a_turn_by_nan_is_nan():
-    for angle in (np.nan, np.inf, -np.inf):
-        assert np.all(np.isnan(np.array(TURN(angle))))

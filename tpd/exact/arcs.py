@@ -214,7 +214,12 @@ def turned(x):
 
 @compiled
 def pair(p, q, t):
-    """The pair's solutions u, v with (u, u') = (1, 0), (v, v') = (0, 1) at t = 0; see `tpd.exact.modes`."""
+    """The pair's solutions u, v of x'' + p x' + q x = 0 with (u, u') = (1, 0), (v, v') = (0, 1) at t = 0.
+
+    With w^2 = q - p^2/4, v = exp(-pt/2) sin(wt)/w and u = exp(-pt/2) cos(wt) + p/2 v.
+    """
+    # Where w^2 changes its sign cos and sin turn into cosh and sinh. Close to zero both divide by a small w,
+    # and their derivatives by its square: there the power series in w^2 is one function for both sides.
     w2 = q - 0.25 * p * p
     x2 = w2 * t * t
     half = 0.5 * p

@@ -73,8 +73,8 @@ def reserve(q, kind, tilt, which, y0, y1, y3, eta):
 
 @compiled
 def meet(q, which, capture, eta, y, mode):
-    """Change the state and the mode at an event of the block; see `tpd.exact.arc.ends`. Return whether the
-    block came to rest there out of hops slower than `capture`."""
+    """Change the state and the mode at an event of the block; see `tpd.exact.events.watch_block`. Return
+    whether the block came to rest there out of hops slower than `capture`: this is how a rattle ends."""
     if mode.kind != SLIP:
         side = 1.0 if which == FIRST else -1.0
         mode.tilt = side if mode.kind == REST else mode.tilt

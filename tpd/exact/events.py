@@ -109,8 +109,11 @@ def turn_over(w, i):
 
 @compiled
 def watch_block(q, arc, mode, forcing, w):
-    """Prepare the signals of the block, with the forcing over its full size as a signal; see
-    `tpd.exact.arc.ending`. Return whether the second is watched."""
+    """Prepare the signals of the block, with the forcing over its full size as a signal. Return whether the
+    second is watched. Both are positive within an arc. Slip: the rate, and the tilt on the way back to the
+    base. Held: the distances of the moment from both limits."""
+    # Moving outward phi cannot vanish before phi' does. So phi is watched on the way back only, and a tilt
+    # that begins at zero is not taken for an event.
     if mode.kind == SLIP:
         _watch(w, FIRST, _scaled(mode.way, rate_of(arc, arc.tilt)), arc)
         if mode.tilt * mode.way >= 0.0:

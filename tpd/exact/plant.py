@@ -1,9 +1,13 @@
 """The plant of the linear equations (25) in compiled scalar code: all that does not change from arc to arc.
 
-The formulas are those of `tpd.exact.modes`, one number after another, for real and for complex numbers.
-Complex numbers give derivatives: an input with the imaginary part `STEP` yields results whose imaginary parts
-are `STEP` times their derivatives, exact to rounding, because nothing is subtracted (W. Squire and G. Trapp,
-SIAM Review 40, 1998). Every function here is analytic; where one decides, it looks at real parts.
+The quartic det(M s^2 + C s + K) has one positive root s1, with which the block falls over, and one negative
+root s2 away from the others. The other two stay together as z^2 + p z + q, whether the bob swings (a complex
+pair) or creeps (two real roots): so p and q have derivatives at critical damping, where the two roots meet.
+
+All formulas are for real and for complex numbers. Complex numbers give derivatives: an input with the
+imaginary part `STEP` yields results whose imaginary parts are `STEP` times their derivatives, exact to
+rounding, because nothing is subtracted (W. Squire and G. Trapp, SIAM Review 40, 1998). Every function here is
+analytic; where one decides, it looks at real parts.
 
 Numba takes 0.3 s to load: no module imports this one before it is needed.
 """
@@ -28,11 +32,12 @@ _FIELDS = (
     "tilt_sin tilt_cos bob_sin bob_cos tilt_lag_sin tilt_lag_cos bob_lag_sin bob_lag_cos "
     "swing_sin swing_cos swing_lag_sin swing_lag_cos"
 )
-"""Coefficients, see `tpd.exact.modes.Plant`: of the equations; the time scales of the slipping block and of
-the held one; a and b the shapes of modes s1 and s2, al and bl their left vectors; the answers of tilt, bob
-and the bob of a held block to sine and cosine, and to forcing that grows. `xi` is the frequency of a
-harmonic, or the duration of a piece of another forcing (`tpd.exact.arcs.Forcing`). A held block is let go
-where the moment on it exceeds what holds it by more than the slack: 0 under a harmonic."""
+"""Coefficients: of the equations, see `tpd.core.equations.Linear`; the time scales of the slipping block and
+of the held one; a and b the shapes of modes s1 and s2 over (phi, psi, phi', psi'), al and bl their left
+vectors, which project on them; the answers of tilt, bob and the bob of a held block to sin(xi t) as factors
+of sine and cosine, and `lag` what the answers to t sin(xi t) have besides t times these. `xi` is the
+frequency of a harmonic, or the duration of a piece of another forcing (`tpd.exact.arcs.Forcing`). A held
+block is let go where the moment on it exceeds what holds it by more than the slack: 0 under a harmonic."""
 PLANT = np.dtype([(name, np.float64) for name in _FIELDS.split()])
 COMPLEX_PLANT = np.dtype([(name, np.complex128) for name in _FIELDS.split()])
 # Records, because Numba passes a record on as one address, and a tuple as all its numbers.
@@ -74,9 +79,10 @@ def part(function: Callable[..., Any]) -> Any:
 
 @compiled
 def _positive_root(a4, a3, a2, a1, a0):
-    """The one positive root of the quartic; see `tpd.exact.modes`."""
-    # The root lies between that without damping and that of a locked hinge. Above it the quartic is convex,
-    # so that Newton's method comes down to it without passing it.
+    """The one positive root of the quartic, whose coefficients change their sign once."""
+    # The even part vanishes at the root without damping, and the odd part at that of a locked hinge: the root
+    # lies between the two. Above it the quartic is convex, so that Newton's method comes down to it without
+    # passing it.
     free = np.sqrt(-2.0 * a0 / (a2 + np.sqrt(a2 * a2 - 4.0 * a4 * a0)))
     locked = np.sqrt(abs(a1) / a3) if a3 > 0.0 else 0.0
     s = max(free, locked)
@@ -90,7 +96,8 @@ def _positive_root(a4, a3, a2, a1, a0):
 @compiled
 def _isolated_root(b3, b2, b1, b0):
     """The real root of the cubic farthest from its mean, hence away from the other two."""
-    # Without its square term the cubic has roots at the cosine, cosh or sinh of a third of an angle.
+    # Without its square term the cubic has roots at the cosine, cosh or sinh of a third of an angle. The one
+    # taken lies on the side opposite to the sign of the cubic at the mean.
     mean = -b2 / (3.0 * b3)
     third = (b1 - b2 * b2 / (3.0 * b3)) / b3
     level = (((b3 * mean + b2) * mean + b1) * mean + b0) / b3
@@ -116,7 +123,9 @@ def _polished(s, a4, a3, a2, a1, a0):
 @compiled
 def _roots(a4, a3, a2, a1, a0):
     """s1, s2 and the pair's p and q."""
-    # The roots are found in real numbers. One step of Newton's method then takes the derivatives along.
+    # Only two real roots that never meet another one are solved for, and the pair is what they leave. The
+    # roots are found in real numbers. One step of Newton's method on the quartic then takes the derivatives
+    # along (implicit function theorem), and removes the rounding of the division by the first root.
     r4, r3, r2, r1, r0 = a4.real, a3.real, a2.real, a1.real, a0.real
     first = _positive_root(r4, r3, r2, r1, r0)
     b2 = r3 + first * r4
@@ -178,8 +187,9 @@ def _solved(matrix, r1r, r1i, r2r, r2i):
 
 @compiled
 def _responses(m11, m12, m21, m22, c1, c2, up, f, xi):
-    """Harmonic responses H(i xi) of tilt, bob and the bob of a held block, and dH/ds there; see
-    `tpd.exact.modes`."""
+    """Harmonic responses H(i xi) of tilt, bob and the bob of a held block, and dH/ds = -P^-1 P' H there: with
+    P = M s^2 + C s + K and r the factors of the forcing, H = P^-1 r. The answer to t exp(s t) is
+    (t H + dH/ds) exp(s t)."""
     # The imaginary unit of the frequency is not that of a derivative: hence pairs of numbers here.
     x2, zero = xi * xi, 0.0 * xi
     a, b, c, d = -up - x2 * m11, -x2 * m12, -x2 * m21, 1.0 - x2 * m22

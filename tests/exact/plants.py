@@ -1,0 +1,32 @@
+"""Plants of the compiled code, for vectors of parameters as in `tests.reference`."""
+
+import numba
+import numpy as np
+
+from tpd.exact.plant import COMPLEX_PLANT, PLANT, STEP, plant
+
+
+@numba.njit
+def _put(x, plants):
+    for i in range(len(x)):
+        plant(x[i], plants[i])
+
+
+def _numbers(x):
+    """Rows of (nu, mu, lam, zeta, k, f, xi, rho, e), of seven parameters or, with e, eight."""
+    e = x[:, 7] if x.shape[1] > 7 else np.ones(len(x))
+    return np.column_stack([x[:, :7], 0.75 / (1.0 + x[:, 0] ** 2), e])
+
+
+def plants_of(x):
+    """The plants of rows of parameters."""
+    plants = np.zeros(len(x), PLANT)
+    _put(_numbers(np.asarray(x, dtype=float)), plants)
+    return plants
+
+
+def slopes_of(x):
+    """Derivatives of a plant in each of its parameters, rho being tied to nu."""
+    plants = np.zeros(len(x), COMPLEX_PLANT)
+    _put(_numbers(x + 1j * STEP * np.eye(len(x))), plants)
+    return {name: plants[name].imag / STEP for name in COMPLEX_PLANT.names}
