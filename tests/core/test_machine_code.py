@@ -6,11 +6,13 @@ import sys
 import warnings
 
 import numba
+import numpy as np
 import pytest
-from numba.core import caching
+from numba.core import caching, codegen, compiler
 
 from tests.damage import WAYS, damage
-from tpd.exact.plant import stored
+from tpd.core import machine_code
+from tpd.exact.plant import compiled, stored
 
 
 def cubed(x):
@@ -52,7 +54,8 @@ def test_damaged_code_is_compiled_again_and_said(folder, end, way):
 
 SMALL = """
 import numba
-from tpd.exact.plant import stored
+from tpd.core import machine_code
+from tpd.exact.plant import compiled, stored
 
 def cubed(x):
     return x * x * x
@@ -132,3 +135,74 @@ def test_without_a_home_nothing_is_stored_in_the_working_folder(tmp_path, monkey
         warnings.simplefilter("error")
         assert hits() == 0
     assert not list(tmp_path.iterdir())
+
+
+def new_wave():
+    """A function of a number that calls others, new to Numba."""
+
+    @compiled
+    def grown(x):
+        room = np.zeros(3)
+        for i in range(3):
+            room[i] = np.exp(-x * i) / (1.0 + x)
+        return room
+
+    @compiled
+    def turned(x):
+        room = grown(x)
+        return np.sinh(room[1]) * x + room[2] if x > 0.5 else np.cos(room[1]) / x
+
+    def wave(x):
+        return turned(x) + np.sqrt(abs(turned(2.0 * x) - grown(x)[1]))
+
+    return wave
+
+
+REPLACED = (
+    (compiler.CompilerBase, "compile_extra"),
+    (compiler.Compiler, "define_pipelines"),
+    (codegen.CPUCodeLibrary, "_optimize_final_module"),
+    (codegen.CPUCodeLibrary, "_finalize_final_module"),
+    (codegen.JITCPUCodegen, "set_env"),
+)
+
+
+def functions():
+    return [owner.__dict__[name] for owner, name in REPLACED]
+
+
+def values(made):
+    return np.array([made.ctypes(x) for x in np.linspace(0.01, 3.0, 301)]).tobytes()
+
+
+def test_an_entry_alone_gives_the_same_bits():
+    before = functions()
+    plainly = values(numba.cfunc("float64(float64)", error_model="numpy")(new_wave()))
+    with machine_code.entry_alone():
+        assert all(now is not then for now, then in zip(functions(), before, strict=True))
+    assert functions() == before
+    # New parts: Numba keeps what it has made of the first ones.
+    again = new_wave()
+    with machine_code.entry_alone():
+        alone = numba.cfunc("float64(float64)", error_model="numpy")(again)
+    assert values(alone) == plainly
+    # The parts serve a later caller that is compiled as usual.
+    assert values(numba.cfunc("float64(float64)", error_model="numpy")(again)) == plainly
+
+
+def test_functions_of_numba_are_put_back_after_an_error():
+    before = functions()
+    with pytest.raises(ZeroDivisionError), machine_code.entry_alone():
+        raise ZeroDivisionError
+    assert functions() == before
+
+
+@pytest.mark.parametrize("way", ["another version", "another function"])
+def test_where_numba_is_another_it_compiles_as_usual(monkeypatch, way):
+    if way == "another version":
+        monkeypatch.setattr(numba, "__version__", "0.99.0")
+    else:
+        monkeypatch.delattr(codegen.JITCPUCodegen, "set_env")
+    before = compiler.Compiler.define_pipelines
+    with machine_code.entry_alone():
+        assert compiler.Compiler.define_pipelines is before

@@ -64,11 +64,12 @@ def stored(function: Callable[..., Any], compiler: Any, signature: Any, **option
     where a folder can be written to."""
     plain = inspect.unwrap(function)
     try:
-        with machine_code.whole(plain):
+        with machine_code.whole(plain), machine_code.entry_alone():
             return compiler(signature, cache=True, error_model="numpy", **options)(plain)
     except (RuntimeError, OSError):
         # Neither the package's folder nor the user's cache nor NUMBA_CACHE_DIR can be written to.
-        return compiler(signature, error_model="numpy", **options)(plain)
+        with machine_code.entry_alone():
+            return compiler(signature, error_model="numpy", **options)(plain)
 
 
 def part(function: Callable[..., Any]) -> Any:
