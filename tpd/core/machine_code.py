@@ -26,12 +26,14 @@ from tpd.core import files
 _STORED = (".nbi", ".nbc")
 """Ends of the names of Numba's files: an index, and the machine code."""
 _TESTED = (("0.68.1", "0.50.0"),)
-    """Versions of Numba and llvmlite whose inner functions `entry_alone` is known to fit.""" _UNUSED =
-    frozenset( ["WithLifting", "InlineClosureLikes", "RewriteDynamicRaises", "MakeFunctionToJitFunction",
-    "FindLiterallyCalls", "LiteralUnroll", "LiteralPropagationSubPipelinePass", "InlineOverloads",
-    "NopythonRewrites", "NoPythonSupportedFeatureValidation", "DumpParforDiagnostics"] ) """Passes of Numba
-    that change nothing in scalar code: those for closures, objects as contexts, computed messages of
-    exceptions, loops over unlike items, expressions of arrays, and parallel loops."""
+    """Versions of Numba and llvmlite whose inner functions `entry_alone` is known to fit."""
+_UNUSED = (
+    "WithLifting InlineClosureLikes RewriteDynamicRaises MakeFunctionToJitFunction FindLiterallyCalls "
+    "LiteralUnroll LiteralPropagationSubPipelinePass InlineOverloads NopythonRewrites "
+    "NoPythonSupportedFeatureValidation DumpParforDiagnostics"
+).split()
+"""Passes of Numba that change nothing in scalar code: those for closures, objects as contexts, computed
+messages of exceptions, loops over unlike items, expressions of arrays, and parallel loops."""
 
 
 @contextlib.contextmanager
