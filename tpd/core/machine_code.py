@@ -26,7 +26,7 @@ from tpd.core import files
 _STORED = (".nbi", ".nbc")
 """Ends of the names of Numba's files: an index, and the machine code."""
 _TESTED = (("0.68.1", "0.50.0"),)
-    """Versions of Numba and llvmlite whose inner functions `entry_alone` is known to fit."""
+"""Versions of Numba and llvmlite whose inner functions `entry_alone` is known to fit."""
 _UNUSED = (
     "WithLifting InlineClosureLikes RewriteDynamicRaises MakeFunctionToJitFunction FindLiterallyCalls "
     "LiteralUnroll LiteralPropagationSubPipelinePass InlineOverloads NopythonRewrites "
