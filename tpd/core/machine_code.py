@@ -31,7 +31,7 @@ _UNUSED = (
     "WithLifting InlineClosureLikes RewriteDynamicRaises MakeFunctionToJitFunction FindLiterallyCalls "
     "LiteralUnroll LiteralPropagationSubPipelinePass InlineOverloads NopythonRewrites "
     "NoPythonSupportedFeatureValidation DumpParforDiagnostics"
-).split()
+)
 """Passes of Numba that change nothing in scalar code: those for closures, objects as contexts, computed
 messages of exceptions, loops over unlike items, expressions of arrays, and parallel loops."""
 
@@ -101,7 +101,7 @@ def _replacements() -> list[tuple[type, str, Callable[..., Any]]]:
         # Numba's own functions are no scalar code.
         if not self.state.func_id.modname.startswith("numba."):
             for one in pipelines:
-                one.passes = [p for p in one.passes if p[0].__name__ not in _UNUSED]
+                one.passes = [p for p in one.passes if p[0].__name__ not in _UNUSED.split()]
         return pipelines
 
     return [
