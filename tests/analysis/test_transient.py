@@ -471,7 +471,8 @@ def test_less_is_followed_where_less_is_asked():
     full, _ = follow_all(np.array(rows), [c], which, np.full(40, 30.0))
     brief, _ = follow_all(np.array(rows), [c], which, np.full(40, 30.0), brief=True)
     assert np.array_equal(full.status, brief.status)
-    assert np.array_equal(full.tilt, brief.tilt)
+    # Turns of the bob are not looked for: other pieces are taken in one step, and rounding is another.
+    np.testing.assert_allclose(brief.tilt, full.tilt, rtol=1e-13)
 
 
 def test_too_many_events_have_a_name():

@@ -97,7 +97,7 @@ GUARDS = (
     Guard(
         "breaking of symmetry",
         "steady_state: symmetric only if it leans to neither side",
-        "analysis/steady_state:answered",
+        "analysis/steady_state:_judged",
         without_term("symmetric", "asymmetry"),
         _atlas("a_motion_that_leans_is_not_called_symmetric"),
     ),
@@ -197,7 +197,7 @@ GUARDS = (
     Guard(
         "slow shaking",
         "steady_state: event_bound where the period of a resting block was cut short",
-        "analysis/steady_state:answered",
+        "analysis/steady_state:_judged",
         never("event_bound"),
         _atlas("a_period_too_long_to_be_followed_is_told"),
     ),

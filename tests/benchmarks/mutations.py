@@ -63,8 +63,18 @@ def _mentions(node: ast.AST, name: str) -> bool:
     )
 
 
-def _is_call(node: ast.AST, function: str) -> bool:
-    return isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == function
+def _is_where(node: ast.AST) -> bool:
+    """Whether a node is a call `where(condition, a, b)`, of a module or of a local name."""
+    if not (isinstance(node, ast.Call) and len(node.args) == 3):
+        return False
+    return "where" in (getattr(node.func, "attr", ""), getattr(node.func, "id", ""))
+
+
+def _gives(node: ast.AST, status: str) -> bool:
+    """Whether a node is a status by its name: an attribute, a text, or a call with the text."""
+    if isinstance(node, ast.Call) and len(node.args) == 1:
+        node = node.args[0]
+    return status in (getattr(node, "attr", None), getattr(node, "value", None))
 
 
 def _within_assignment(variable: str, mutation: Mutation) -> Mutation:
@@ -72,7 +82,7 @@ def _within_assignment(variable: str, mutation: Mutation) -> Mutation:
 
     def change(node: ast.AST) -> ast.AST | None:
         if isinstance(node, ast.Assign) and any(
-            isinstance(t, ast.Name) and t.id == variable for t in node.targets
+            isinstance(n, ast.Name) and n.id == variable for t in node.targets for n in ast.walk(t)
         ):
             return _Each(mutation).visit(node)
         return node
@@ -81,21 +91,18 @@ def _within_assignment(variable: str, mutation: Mutation) -> Mutation:
 
 
 def never(status: str) -> Mutation:
-    """`Status.where(condition, a, b)`, or `a if condition else b` with names, no longer gives this status but
-    the other one of the two."""
+    """`where(condition, a, b)`, or `a if condition else b`, no longer gives this status but the other one of
+    the two."""
 
     def change(node: ast.AST) -> ast.AST:
-        if isinstance(node, ast.Call) and _is_call(node, "where") and len(node.args) == 3:
-            _, yes, no = node.args
-            if isinstance(yes, ast.Attribute) and yes.attr == status:
-                return no
-            if isinstance(no, ast.Attribute) and no.attr == status:
-                return yes
+        choices: tuple[ast.expr, ...] = ()
+        if isinstance(node, ast.Call) and _is_where(node):
+            choices = node.args[1], node.args[2]
         if isinstance(node, ast.IfExp):
-            if isinstance(node.body, ast.Constant) and node.body.value == status:
-                return node.orelse
-            if isinstance(node.orelse, ast.Constant) and node.orelse.value == status:
-                return node.body
+            choices = node.body, node.orelse
+        for this, other in (choices, choices[::-1]) if choices else ():
+            if _gives(this, status):
+                return other
         return node
 
     return change
@@ -116,12 +123,12 @@ def without_term(variable: str, term: str) -> Mutation:
 
 
 def without_nan(variable: str) -> Mutation:
-    """`jnp.where(condition, x, jnp.nan)` assigned to a variable becomes x."""
+    """`where(condition, x, y)` assigned to a variable, with NaN in y, becomes x."""
 
     def change(node: ast.AST) -> ast.AST:
-        if isinstance(node, ast.Call) and _is_call(node, "where") and len(node.args) == 3:
+        if isinstance(node, ast.Call) and _is_where(node):
             _, value, other = node.args
-            if isinstance(other, ast.Attribute) and other.attr == "nan":
+            if _mentions(other, "nan"):
                 return value
         return node
 

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from tpd.core.parameters import Parameters, State
+from tpd.core.parameters import Number, Parameters, State
 from tpd.core.status import Status
 from tpd.exact.contact import Mode
 from tpd.exact.derivatives import once
@@ -77,7 +77,7 @@ def _status_of(number: Array) -> Status:
 
 
 def settle(
-    p: Parameters, y0: State, periods: int, max_events: int, tolerance: float, rest_rate: float
+    p: Parameters, y0: State, periods: int, max_events: int, tolerance: float, rest_rate: Number
 ) -> Settled:
     """Follow the motion from `y0` at tau = 0 until it repeats, rests or is lost; not differentiable."""
     entry = EXACT.entry()
@@ -137,7 +137,7 @@ def _cycle_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     return out, jnp.concatenate([moved, jnp.zeros(out.size - moved.size)])
 
 
-def cycle(p: Parameters, settled: Settled, y: State, max_events: int, rest_rate: float) -> Cycle:
+def cycle(p: Parameters, settled: Settled, y: State, max_events: int, rest_rate: Number) -> Cycle:
     """Run the orbit's periods from `y`; derivatives pass through every event."""
     m = settled.memory
     s = settings_of("CYCLE", periods=settled.periods, events=max_events, rest_rate=rest_rate)
@@ -176,7 +176,7 @@ def _trajectory_jvp(primals: tuple, tangents: tuple) -> tuple:
 
 
 def trajectory(
-    p: Parameters, y0: State, times: Float[Array, "times"], max_events: int, rest_rate: float
+    p: Parameters, y0: State, times: Float[Array, "times"], max_events: int, rest_rate: Number
 ) -> tuple[Float[Array, "times 4"], Status]:
     """The states at `times`, from `y0` at `times[0]`."""
     s = settings_of("TRAJECTORY", periods=times.size, events=max_events, rest_rate=rest_rate)
