@@ -28,7 +28,9 @@ from tests.reference import (
 )
 from tpd import Parameters, Status, simulate, status_name, symmetric_orbits
 from tpd.core.batch import in_chunks
+from tpd.core.orbit_terms import STATUSES
 from tpd.exact.orbit_roots_kernel import NODES
+from tpd.models import compiled_orbits
 
 BATCH = 64
 """Of everything computed here, so that one compilation serves all tests."""
@@ -726,3 +728,13 @@ def test_critical_damping_of_the_bob_is_smoothly_passed():
     for i, step in enumerate(steps):
         np.testing.assert_allclose(o.slopes[i, 0], o.slopes[0, 0], rtol=0, atol=20 * abs(step) + 1e-9)
         assert gap(o.multipliers[i, 0], o.multipliers[0, 0]) < 100 * abs(step) + 1e-8
+
+
+@pytest.mark.parametrize("status", STATUSES)
+def test_only_an_orbit_that_is_neither_near_a_fold_nor_grazes_has_derivatives(status):
+    x = compiled_orbits.row_of(Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=3.0))[None]
+    orbits = compiled_orbits.solve_all(x)
+    assert STATUSES[int(orbits[0, 0]["status"])] == "rocking"
+    orbits["status"] = STATUSES.index(status)
+    slopes = compiled_orbits.slopes_all(x, orbits, np.eye(9)[None], compiled_orbits.Asked())[0, 0, :, 0]
+    assert np.all(np.isfinite(slopes) == (status in ("rocking", "unstable", "neutral")))

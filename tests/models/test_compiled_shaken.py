@@ -51,3 +51,21 @@ def test_a_wrong_answer_to_the_trial_is_said(monkeypatch):
     monkeypatch.setattr(compiled, "on_host", lambda *_: (np.zeros(3), np.zeros(3)))
     with pytest.warns(UserWarning, match="of the linear equations directly .its answer to a trial is wrong"):
         assert not compiled.direct()
+
+
+def test_pieces_longer_than_an_arc_may_be_have_the_derivatives_of_differences():
+    # Under a block that stays at rest the bob swings through pieces that take many arcs each.
+    x = np.array([0.3, 0.1, 0.4, 0.05, 0.1, 0.1, 25.0, 0.7, 0.9])
+    pieces = [np.array([[0.0, 0.5, 0.0, 0.0], [0.5, -1.0, 0.0, 0.0]])]
+
+    def swing(x):
+        found, slopes = compiled_shaken.follow_all(
+            x[None], pieces, np.zeros(1, int), np.zeros(1), slopes=True
+        )
+        return found.state[0, 1], slopes[0, 4, 6]
+
+    step = 1e-4
+    at = [swing(x + n * step * (np.arange(9) == 6))[0] for n in (-2, -1, 1, 2)]
+    expected = (8.0 * (at[2] - at[1]) - (at[3] - at[0])) / (12.0 * step)
+    assert abs(expected) > 1e-5
+    assert swing(x)[1] == pytest.approx(expected, rel=1e-6)

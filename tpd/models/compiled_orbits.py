@@ -7,21 +7,17 @@ Parameters are rows (nu, mu, lam, zeta, k, f, xi, rho, e) with inertia and veloc
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
-from threading import Lock
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
-from tpd.core import checks, programs
+from tpd.core import checks
 from tpd.core.orbit_terms import STATUSES
 from tpd.core.parameters import Parameters
-from tpd.models import compiling
+from tpd.models.calling import Compiled, shape
 from tpd.models.rows import shared
 
-_TARGET = "tpd_symmetric_orbits"
-_asking = Lock()
 _PIECE = 16, 256
 """Designs of one piece of work, at least and at most: each takes some 10 µs, and a thread is not worth
 less."""
@@ -40,25 +36,16 @@ _NOTHING = Asked()
 
 def load() -> Any:
     """The module with the compiled code, which is compiled where there is none on this machine."""
-    compiling.load("tpd.models.orbit_entry")
-    from tpd.models import orbit_entry
-
-    return orbit_entry
+    return _CODE.entry()
 
 
-@lru_cache(maxsize=1)
-def _registered() -> None:
-    jax.ffi.register_ffi_target(_TARGET, jax.ffi.pycapsule(load().CALL.address), platform="cpu")
+def _trial(entry: Any) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
+    """A way from turn to turn: of an orbit, places that mean nothing are left as they were."""
+    x = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 2.0, 0.7, 0.9])
+    return (shape(entry.SURVEYED),), (_settings(entry.SURVEY), x, np.array([0.7, 0.3, 0.0]))
 
 
-def register() -> None:
-    """Make the compiled code known to XLA."""
-    # Two threads that ask at once must not both register it.
-    with _asking:
-        _registered()
-
-
-programs.CALLED[_TARGET] = register
+_CODE = Compiled("tpd.models.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits", _trial)
 
 
 def row_of(p: Parameters) -> Any:
@@ -125,10 +112,8 @@ def solved(x: Any) -> Any:
     if checks.is_concrete(x):
         orbits = solve_all(np.asarray(x)[None], workers=1)
         return orbits.view(np.float64).reshape(orbits.shape[1], -1)
-    register()
     entry = load()
-    shape = int(entry.ORBITS), entry.ORBIT.itemsize // 8
-    return _called(shape, _settings(entry.SOLVE), x)
+    return _CODE((shape(entry.ORBITS, entry.ORBIT.itemsize // 8),), _settings(entry.SOLVE), x)[0]
 
 
 def slopes(x: Any, orbits: Any, asked: Asked) -> Any:
@@ -138,15 +123,8 @@ def slopes(x: Any, orbits: Any, asked: Asked) -> Any:
     if checks.is_concrete(x) and checks.is_concrete(orbits):
         known = np.ascontiguousarray(orbits).view(entry.ORBIT)[:, 0]
         return slopes_all(np.asarray(x)[None], known[None], along[None], asked, workers=1)[0]
-    register()
-    shape = int(entry.ORBITS), len(along), int(entry.NUMBERS)
-    return _called(shape, _settings(entry.DIFFERENTIATE, len(along), asked), x, orbits, along)
-
-
-def _called(shape: tuple[int, ...], *operands: Any) -> Any:
-    """Result of the custom call; a batch is a loop in compiled code."""
-    result = jax.ShapeDtypeStruct(shape, np.float64)
-    return jax.ffi.ffi_call(_TARGET, result, vmap_method="broadcast_all")(*operands)
+    settings = _settings(entry.DIFFERENTIATE, len(along), asked)
+    return _CODE((shape(entry.ORBITS, len(along), entry.NUMBERS),), settings, x, orbits, along)[0]
 
 
 class Vanishing(NamedTuple):
