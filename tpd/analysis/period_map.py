@@ -3,8 +3,7 @@
 The map runs `Settled.periods` forcing periods from tau = 0. One run in forward mode gives P and DP, hence
 the Newton step, the Floquet multipliers, and with dP/dp the derivative of the orbit.
 
-The rules are written once for numbers that are known, which Python decides at once, and for traced ones, of
-which JAX makes a program: `Numbers` holds what differs.
+`tpd.exact.steady` has the same for the exact motions, in compiled code.
 """
 
 from __future__ import annotations
@@ -15,10 +14,10 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from tpd.core.orbit_terms import RESIDUAL
 from tpd.core.parameters import Parameters
 from tpd.core.status import index_of
 from tpd.models.base import AbstractModel, Settled
@@ -26,55 +25,6 @@ from tpd.models.settling import scale_of
 
 _NEWTON_STEPS = 8
 """Bound on the steps of Newton's method; three or four usually do."""
-RESIDUAL = 1e-8
-"""Largest residual of the period map, in shares of the scales, of what is called an orbit."""
-
-
-class Numbers(NamedTuple):
-    """Operations on numbers of one kind: known ones, or traced ones."""
-
-    xp: Any
-    """`numpy` or `jax.numpy`."""
-    where: Callable[[Any, Any, Any], Any]
-    """(condition, a, b) to one of two trees of numbers; the condition is a single one."""
-    loop: Callable[..., Any]
-    """(going, step, first) to the last of what `step` makes of `first`, as long as `going`."""
-    solve: Callable[[Any, Any], Any]
-    """(matrix, right-hand sides) to the solution, not a finite one where the matrix is singular."""
-
-
-def _go(going: Callable[[Any], Any], step: Callable[[Any], Any], carry: Any) -> Any:
-    while going(carry):
-        carry = step(carry)
-    return carry
-
-
-def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    try:
-        return np.linalg.solve(matrix, right)
-    except np.linalg.LinAlgError:
-        return np.full_like(right, np.nan)
-
-
-KNOWN = Numbers(np, lambda condition, a, b: a if condition else b, _go, _solve)
-TRACED = Numbers(
-    jnp,
-    lambda condition, a, b: jax.tree.map(lambda x, y: jnp.where(condition, x, y), a, b),
-    jax.lax.while_loop,
-    jnp.linalg.solve,
-)
-
-
-class Begun(NamedTuple):
-    """Where a motion has settled, as `Settled`, with its status as a number: see `index_of`."""
-
-    y: Any
-    memory: Any
-    periods: Any
-    amplitude: Any
-    stroke: Any
-    status: Any
-    elapsed: Any
 
 
 class Orbit(NamedTuple):
@@ -96,18 +46,24 @@ class Orbit(NamedTuple):
     closed: Any
     """See `Cycle`."""
 
-    def error(self, on: Numbers) -> Any:
+    @property
+    def error(self) -> Any:
         """The residual, raised by half of the largest allowed one if the orbit is not `closed`."""
-        return self.residual + on.where(self.closed, 0.0, 0.5 * RESIDUAL)
+        return self.residual + jnp.where(self.closed, 0.0, 0.5 * RESIDUAL)
 
 
-Along = Callable[[Any, Any], tuple[Orbit, Any]]
+_Along = Callable[[Any, Any], tuple[Orbit, Any]]
 """(state, memory) to the run of a motion's periods from there, and the memory at its end."""
 
 
 def is_rocking(status: Any) -> Any:
     """Whether the number of a status is that of an attracting motion of the block."""
     return (status == index_of("rocking")) | (status == index_of("sticking"))
+
+
+def _where(condition: Any, a: Any, b: Any) -> Any:
+    """One of two trees of numbers."""
+    return jax.tree.map(lambda x, y: jnp.where(condition, x, y), a, b)
 
 
 class _Walk(NamedTuple):
@@ -124,65 +80,65 @@ class _Walk(NamedTuple):
     """Whether a motion that did not repeat could not be followed further."""
 
 
-def refine(on: Numbers, p: Any, model: AbstractModel, begun: Begun, along: Along) -> tuple[Orbit, Any]:
-    """The periodic orbit near where following the motion ended. For a motion that did not repeat,
-    its largest Lyapunov exponent (else NaN) instead."""
-    xp, where = on.xp, on.where
-    wanders = begun.status == index_of("not_settled")
-    repeats = xp.logical_not(wanders)
+def refine(p: Parameters, model: AbstractModel, begun: Settled, code: Any) -> tuple[Orbit, Any]:
+    """The periodic orbit near where following the motion ended, with `code` the number of its status. For a
+    motion that did not repeat, its largest Lyapunov exponent (else NaN) instead."""
+    along = _linearised(p, model, begun)
+    wanders = code == index_of("not_settled")
+    repeats = jnp.logical_not(wanders)
     # There is nothing to be said of a motion that is lost.
-    worthwhile = is_rocking(begun.status) | (begun.status == index_of("rest")) | wanders
-    scale = scale_of(p, xp=xp)
-    scale = xp.where(xp.isfinite(scale), scale, 1e300)
+    worthwhile = is_rocking(code) | (code == index_of("rest")) | wanders
+    scale = scale_of(p)
+    scale = jnp.where(jnp.isfinite(scale), scale, 1e300)
     round_off, lyapunov_periods = model.round_off, model.lyapunov_periods
 
     def going(w: _Walk) -> Any:
-        newton = (w.steps < _NEWTON_STEPS) & (w.best.error(on) > round_off)
-        return worthwhile & xp.logical_not(w.cut) & where(repeats, newton, w.steps < lyapunov_periods)
+        newton = (w.steps < _NEWTON_STEPS) & (w.best.error > round_off)
+        return worthwhile & jnp.logical_not(w.cut) & jnp.where(repeats, newton, w.steps < lyapunov_periods)
 
     def step(w: _Walk) -> _Walk:
         orbit, memory = along(w.y, w.memory)
-        sizes = where(repeats, orbit.sizes, xp.maximum(orbit.sizes, w.best.sizes))
+        sizes = jnp.where(repeats, orbit.sizes, jnp.maximum(orbit.sizes, w.best.sizes))
         orbit = orbit._replace(sizes=sizes)
         # y* = P(y*): Newton's step solves (I - DP) dy = P(y) - y.
-        move = on.solve(xp.eye(4) - orbit.by_state[:4], orbit.end - w.y)
-        better = orbit.error(on) < w.best.error(on)
-        best = where(better | wanders, orbit, w.best)
-        newton = where(xp.all(xp.isfinite(move)), w.y + move, w.y)
+        move = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], orbit.end - w.y)
+        better = orbit.error < w.best.error
+        best = _where(better | wanders, orbit, w.best)
+        newton = jnp.where(jnp.all(jnp.isfinite(move)), w.y + move, w.y)
         onward = orbit.by_state[:4] @ w.direction
-        size = xp.sqrt(xp.sum((onward / scale) ** 2)) + 1e-300
+        size = jnp.sqrt(jnp.sum((onward / scale) ** 2)) + 1e-300
         # By rounding a map that is integrated may miss an event that undoes itself soon: half of a step that
         # led away tries once more.
-        known = w.best.error(on)
-        again = repeats & xp.logical_not(better) & (known > RESIDUAL) & xp.isfinite(known)
-        newton = where(again, 0.5 * (w.y + w.best.y), newton)
+        known = w.best.error
+        again = repeats & jnp.logical_not(better) & (known > RESIDUAL) & jnp.isfinite(known)
+        newton = jnp.where(again, 0.5 * (w.y + w.best.y), newton)
         # That one began in the mode in which the best one ended.
-        memory = where(again, w.memory, memory)
-        count = where(better | again | wanders, w.steps + 1, _NEWTON_STEPS)
+        memory = _where(again, w.memory, memory)
+        count = jnp.where(better | again | wanders, w.steps + 1, _NEWTON_STEPS)
         # An orbit that meets an event at tau = 0, such as every conservative one, comes out on either side of
         # it by rounding. Begun before the event and ended after it, the run counts the event twice, the other
         # way round not at all: both leave the state right and its derivative wrong. A run that begins in the
         # mode in which the last one ended meets it once.
-        y = where(repeats, newton, orbit.end)
-        after = _Walk(y, memory, best, onward / size, w.parted + xp.log(size), count, w.cut)
-        cut = wanders & xp.logical_not(xp.all(xp.isfinite(orbit.end)))
-        return where(cut, w._replace(cut=cut), after)
+        y = jnp.where(repeats, newton, orbit.end)
+        after = _Walk(y, memory, best, onward / size, w.parted + jnp.log(size), count, w.cut)
+        cut = wanders & jnp.logical_not(jnp.all(jnp.isfinite(orbit.end)))
+        return _where(cut, w._replace(cut=cut), after)
 
-    infinite, no = xp.full((6, 9), xp.inf), xp.zeros((), bool)
-    one, zero = infinite[0, 0], xp.zeros(())
-    sizes = xp.stack([begun.amplitude, begun.stroke])
+    infinite, no = jnp.full((6, 9), jnp.inf), jnp.zeros((), bool)
+    one, zero = infinite[0, 0], jnp.zeros(())
+    sizes = jnp.stack([begun.amplitude, begun.stroke])
     # Nothing has been found yet: all that a run gives is infinite.
     none = Orbit(
-        begun.y, one, infinite[0, :4], sizes, infinite, infinite[:, :4], one, one, xp.logical_not(no)
+        begun.y, one, infinite[0, :4], sizes, infinite, infinite[:, :4], one, one, jnp.logical_not(no)
     )
-    first = _Walk(begun.y, begun.memory, none, 0.5 * scale, zero, xp.zeros((), int), no)
-    walk = on.loop(going, step, first)
+    first = _Walk(begun.y, begun.memory, none, 0.5 * scale, zero, jnp.zeros((), int), no)
+    walk = jax.lax.while_loop(going, step, first)
     measured = wanders & (walk.steps > 1)
-    exponent = walk.parted / (xp.maximum(walk.steps, 1) * p.period)
-    return walk.best, where(measured, exponent, xp.nan)
+    exponent = walk.parted / (jnp.maximum(walk.steps, 1) * p.period)
+    return walk.best, jnp.where(measured, exponent, jnp.nan)
 
 
-def linearised(p: Parameters, model: AbstractModel, settled: Settled) -> Along:
+def _linearised(p: Parameters, model: AbstractModel, settled: Settled) -> _Along:
     """A function that runs the motion's periods from a state, with all derivatives; traced."""
     flat, unflatten = ravel_pytree(p)
     size, scale = flat.size, scale_of(p, bob=jnp.asarray((p.mu > 0) | (p.zeta > 0)))
@@ -208,29 +164,28 @@ def linearised(p: Parameters, model: AbstractModel, settled: Settled) -> Along:
     return along
 
 
-def multipliers(on: Numbers, mu: Any, jacobian: Any) -> tuple[Any, Any]:
+def multipliers(mu: Any, jacobian: Any) -> tuple[Any, Any]:
     """The largest modulus of the Floquet multipliers that the block can feel (all, unless mu = 0), and
     the least distance of one from +1."""
     # A bob without mass (mu = 0) does not act on the block. With its rows and columns set to zero the
     # multipliers of the block and two zeros are left.
-    xp, bob = on.xp, on.where(mu > 0.0, 1.0, 0.0)
-    feels = xp.stack([1.0 + 0.0 * bob, bob, 1.0 + 0.0 * bob, bob])
+    bob = jnp.where(mu > 0.0, 1.0, 0.0)
+    feels = jnp.stack([1.0 + 0.0 * bob, bob, 1.0 + 0.0 * bob, bob])
     felt = jacobian * (feels[:, None] * feels[None])
-    finite = xp.all(xp.isfinite(felt))
-    values = xp.linalg.eigvals(on.where(finite, felt, xp.zeros((4, 4))))
-    return on.where(finite, xp.max(xp.abs(values)), xp.inf), xp.min(xp.abs(1.0 - values))
+    finite = jnp.all(jnp.isfinite(felt))
+    values = jnp.linalg.eigvals(_where(finite, felt, jnp.zeros((4, 4))))
+    return _where(finite, jnp.max(jnp.abs(values)), jnp.inf), jnp.min(jnp.abs(1.0 - values))
 
 
-def implicit(on: Numbers, orbit: Orbit) -> tuple[Any, Any]:
+def implicit(orbit: Orbit) -> tuple[Any, Any]:
     """(amplitude, stroke) after one more Newton step, and the derivatives of (amplitude, stroke, state)
     with the orbit following its parameters, shape (6, n)."""
     # y*(p) = P(y*(p), p), hence dy*/dp = (I - DP)^-1 dP/dp, however long the transient was; amplitude and
     # stroke are functions of (y*, p) along the period. The residual is one more right-hand side, so that the
     # sizes gain the last Newton step for nothing. I - DP is singular at a fold: the caller refuses slopes
     # there.
-    xp = on.xp
-    right = xp.concatenate([(orbit.end - orbit.y)[:, None], orbit.by_parameter[:4]], axis=1)
-    follow = on.solve(xp.eye(4) - orbit.by_state[:4], right)
+    right = jnp.concatenate([(orbit.end - orbit.y)[:, None], orbit.by_parameter[:4]], axis=1)
+    follow = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], right)
     moves = orbit.by_state[4:] @ follow
-    slopes = xp.concatenate([orbit.by_parameter[4:] + moves[:, 1:], follow[:, 1:]])
+    slopes = jnp.concatenate([orbit.by_parameter[4:] + moves[:, 1:], follow[:, 1:]])
     return orbit.sizes + moves[:, 0], slopes

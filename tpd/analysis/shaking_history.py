@@ -113,7 +113,7 @@ def shaking_history(
     start = np.zeros(4) if y0 is None else np.asarray(y0, dtype=float) / [1.0, 1.0, rate, rate]
     # No motion has more: each impact is one of its events.
     impacts, status = np.empty((len(pieces) + MAX_EVENTS, 2)), np.empty(1)
-    sizes = {"periods": len(clock), "first": len(impacts), "pieces": len(pieces), "events": MAX_EVENTS}
+    sizes = {"periods": len(clock), "impacts": len(impacts), "pieces": len(pieces), "events": MAX_EVENTS}
     limits = {"free": free * rate, "rest_rate": REST_RATE}
     settings = np.array(entry.settings(task=entry.HISTORY, **sizes, **limits))
     entry.run(0, 1, settings, row, start, pieces, clock * rate, out, impacts, status)

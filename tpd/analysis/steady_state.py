@@ -11,7 +11,7 @@ unit circle it does not exist.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -23,36 +23,17 @@ from jax.flatten_util import ravel_pytree
 from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
-from tpd.analysis.period_map import (
-    KNOWN,
-    RESIDUAL,
-    TRACED,
-    Along,
-    Begun,
-    Numbers,
-    Orbit,
-    implicit,
-    is_rocking,
-    linearised,
-    multipliers,
-    refine,
-)
+from tpd.analysis.period_map import Orbit, implicit, is_rocking, multipliers, refine
 from tpd.core import checks
 from tpd.core.eigenvalues import is_neutral
 from tpd.core.formatting import counted_periods, number
-from tpd.core.orbit_terms import GRAZING, NEAR_FOLD
+from tpd.core.orbit_terms import APERIODIC, GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC
 from tpd.core.parameters import Number, Parameters, State, as_arrays, check_parameters
 from tpd.core.status import Status, index_of, is_settled, status_name
-from tpd.exact.derivatives import refused, refused_in, with_slopes
+from tpd.exact.derivatives import joined, refused
 from tpd.models.base import AbstractChoice, AbstractModel, Settled
-from tpd.models.compiled_linear import cycle_here, fields, packed, settle_here, unpacked
+from tpd.models.compiled_linear import fields, packed, packed_of, solve, unpacked
 from tpd.models.piecewise import Piecewise
-from tpd.models.settling import scale_of
-
-_SYMMETRIC = 1e-6
-"""Largest difference between the tilts to either side, over the amplitude, of a symmetric motion."""
-_APERIODIC = 5e-3
-"""Lyapunov exponent, per unit tau, above which a motion that did not repeat is called aperiodic."""
 
 
 class Steady(eqx.Module):
@@ -247,19 +228,21 @@ def _or_zero(tangent: Array | None, primal: Any) -> Any:
 def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     # Value and slopes come first and are joined here: forward and reverse mode, at any nesting, then cost one
     # product with the slopes and never run through the loops that found the orbit.
-    known = all(map(checks.is_concrete, fields(p)))
-    x: Any = np.array(fields(p), dtype=float) if known else _still(p)
-    start = y0 if checks.is_concrete(y0) else stop_gradient(y0)
-    # In a plain call, and where one is differentiated, all numbers are known.
-    if type(model) is Piecewise and x.shape == (9,) and checks.is_concrete(x) and checks.is_concrete(start):
-        answer, slopes = _solved_here(np.asarray(x), model, np.ascontiguousarray(start, dtype=float))
+    values = fields(p)
+    known, *still = all(map(checks.is_concrete, values)), *map(_still, values)
+    start = _still(y0)
+    if type(model) is Piecewise:
+        answer, slopes = _by_engine(still, model, start)
     else:
+        x: Any = np.array(still, dtype=float) if all(map(checks.is_concrete, still)) else packed_of(still)
         # `eqx.filter_jit` sorts the leaves in Python at every call. A model without numbers needs none of it.
         answer, slopes = (_solved_with if jax.tree.leaves(model) else _solved_by)(x, model, start)
-    if not known:
-        # Not in what is compiled, so that the first gradient after a value has little to compile.
-        answer = answer._replace(**_joined(p, answer, slopes))
-    return _steady(answer)
+    return _steady(answer if known else _joined(values, answer, slopes))
+
+
+def _still(x: Any) -> Any:
+    """A number or an array, as it is where it is differentiated: known if it is known there."""
+    return x if checks.is_concrete(x) else stop_gradient(x)
 
 
 class _Answer(NamedTuple):
@@ -291,21 +274,43 @@ def _structure() -> Any:
     )
 
 
-@jax.jit
-def _still(p: Parameters) -> Float[Array, "9"]:
-    """The numbers of parameters, without what JAX needs for their derivatives. One program, as `_joined`."""
-    return stop_gradient(packed(p))
+_DEPENDING = "amplitude", "stroke", "state", "multiplier", "lyapunov", "estimate"
+"""Numbers of an answer that depend on parameters; the derivatives of the last three nobody has computed."""
 
 
-@jax.jit
-def _joined(p: Parameters, answer: _Answer, slopes: Float[Array, "6 9"]) -> dict[str, Array]:
-    """The numbers of an answer that depend on parameters, with their derivatives. One program, since JAX
-    would trace each operation by itself where a plain call is differentiated."""
-    x, sizes = packed(p), jnp.stack([answer.amplitude, answer.stroke])
-    sizes = with_slopes(x, jnp.concatenate([sizes, answer.state]), slopes)
-    names = "multiplier", "lyapunov", "estimate"
-    unknown = {name: refused_in(x, jnp.asarray(getattr(answer, name), dtype=jnp.float64)) for name in names}
-    return {"amplitude": sizes[0], "stroke": sizes[1], "state": sizes[2:], **unknown}
+def _joined(values: tuple, answer: _Answer, slopes: Any) -> _Answer:
+    """An answer whose numbers depend on parameters, with these slopes of amplitude, stroke and state."""
+    # What is a number where nothing is traced need not be differentiated in.
+    moving = [i for i, x in enumerate(values) if not checks.is_concrete(x)]
+    unknown = np.full(len(moving), np.nan)
+    by = [slopes[:, i] for i in moving]
+    numbers = tuple(getattr(answer, name) for name in _DEPENDING)
+    rows = *([s[k] for s in by] for k in range(2)), [s[2:] for s in by], unknown, unknown, unknown
+    found = joined(tuple(values[i] for i in moving), numbers, rows)
+    return answer._replace(**dict(zip(_DEPENDING, found, strict=True)))
+
+
+def _by_engine(x: list[Any], model: Piecewise, y0: Any) -> tuple[_Answer, Any]:
+    """`_solve` of exact motions by compiled code; of numbers without any program of JAX."""
+    known = all(map(checks.is_concrete, (*x, y0)))
+    xp: Any = np if known else jnp
+    wide = np.array(x, dtype=float) if known else packed_of(x)
+    start = np.ascontiguousarray(y0, dtype=float) if known else jnp.asarray(y0, dtype=jnp.float64)
+    out, slopes = solve(wide, start, model.limits, known=known)
+    code, periods, symmetric, elapsed = out[8:]
+    whole = int if known else partial(jnp.asarray, dtype=int)
+    status = xp.asarray(_statuses())[whole(code)]
+    about = whole(periods), out[6], symmetric == 1.0, out[7], out[2:6], whole(elapsed)
+    return _Answer(out[0], out[1], status, *about), slopes
+
+
+@lru_cache(maxsize=1)
+def _statuses() -> np.ndarray:
+    """Numbers of statuses by those of the compiled code."""
+    # Loaded here: it loads Numba.
+    from tpd.exact.steady import STATUSES
+
+    return np.array([index_of(name) for name in STATUSES], dtype=np.int32)
 
 
 def _solve(x: Float[Array, "9"], model: AbstractModel, y0: State) -> tuple[_Answer, Float[Array, "6 9"]]:
@@ -315,7 +320,7 @@ def _solve(x: Float[Array, "9"], model: AbstractModel, y0: State) -> tuple[_Answ
     fixed = unpacked(jnp.where(sane, x, 1.0))
     settled = model.settle(fixed, jnp.where(sane, y0, 0.0))
     settled = eqx.tree_at(lambda s: s.status, settled, Status.where(sane, settled.status, Status.failed))
-    return _answered(fixed, model, settled)
+    return _judged(fixed, model, settled)
 
 
 _solved_by = jax.jit(_solve, static_argnums=1)
@@ -324,118 +329,65 @@ _solved_with = eqx.filter_jit(_solve)
 
 def answered(p: Parameters, model: AbstractModel, settled: Settled) -> Steady:
     """The steady state of a motion that has been followed; traced."""
-    return _steady(_answered(unpacked(packed(p)), model, settled)[0])
+    return _steady(_judged(unpacked(packed(p)), model, settled)[0])
 
 
-def _answered(
-    fixed: Parameters, model: AbstractModel, settled: Settled
-) -> tuple[_Answer, Float[Array, "6 9"]]:
-    (status,) = jax.tree.leaves(settled.status)
-    sizes = settled.amplitude, settled.stroke
-    begun = Begun(settled.y, settled.memory, settled.periods, *sizes, status, settled.elapsed)
-    return _judged(TRACED, fixed, model, begun, linearised(fixed, model, settled))
-
-
-class _Known(NamedTuple):
-    """`Parameters` of plain floats."""
-
-    nu: float
-    mu: float
-    lam: float
-    zeta: float
-    k: float
-    f: float
-    xi: float
-    rho: float
-    velocity_ratio: float
-
-    @property
-    def period(self) -> float:
-        return 2.0 * math.pi / self.xi
-
-
-def _solved_here(x: np.ndarray, model: Piecewise, y0: np.ndarray) -> tuple[_Answer, np.ndarray]:
-    """`_solve` of known numbers by the compiled code: no program of JAX."""
-    from tpd.exact.repetition import STATUSES
-
-    sane = np.isfinite(x).all() and np.isfinite(y0).all()
-    x, y0 = (x, y0) if sane else (np.ones(9), np.zeros(4))
-    floats, (code, periods, elapsed) = settle_here(x, y0, model.limits)
-    status = index_of(STATUSES[int(code)] if sane else "failed")
-    begun = Begun(floats[:4], floats[8:], int(periods), floats[4], floats[5], status, int(elapsed))
-    fixed = _Known(*x.tolist())
-    scale = scale_of(fixed, bob=fixed.mu > 0.0 or fixed.zeta > 0.0, xp=np)
-
-    def along(y: np.ndarray, mode: np.ndarray) -> tuple[Orbit, np.ndarray]:
-        out, by = cycle_here(x, y, mode, begun.periods, model.max_events, model.rest_rate)
-        residual = np.abs((out[:4] - y) / scale).max()
-        met = out[9], out[10], out[11] != 0.0
-        return Orbit(y, residual, out[:4], out[4:6], by[:, :9], by[:, 9:], *met), out[6:9]
-
-    # What is not finite is told by the status.
-    with np.errstate(all="ignore"):
-        answer, slopes = _judged(KNOWN, fixed, model, begun, along)
-    # Scalars of NumPy, but for the status, whose message equinox looks up by an array.
-    answer = _Answer(*(np.asarray(x)[()] for x in answer))
-    return answer._replace(status=np.asarray(answer.status, dtype=np.int32)), slopes
-
-
-def _judged(on: Numbers, p: Any, model: AbstractModel, begun: Begun, along: Along) -> tuple[_Answer, Any]:
+def _judged(p: Parameters, model: AbstractModel, begun: Settled) -> tuple[_Answer, Array]:
     """The answer for a motion that has been followed, and the slopes of amplitude, stroke and state in the
     parameters, NaN where there are none."""
-    where, xp = on.where, on.xp
-    orbit, separation = refine(on, p, model, begun, along)
-    multiplier, to_fold = multipliers(on, p.mu, orbit.by_state[:4])
+    (code,) = jax.tree.leaves(begun.status)
+    orbit, separation = refine(p, model, begun, code)
+    multiplier, to_fold = multipliers(p.mu, orbit.by_state[:4])
     neutral = is_neutral(p, multiplier)
     # By its class, as the check.
     smallest = model.__class__.resolution(model, p)
-    status = _verdict(on, begun.status, orbit, multiplier, neutral, to_fold, separation, smallest)
+    status = _verdict(code, orbit, multiplier, neutral, to_fold, separation, smallest)
     # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
     # unless it has more steps than that may take.
-    endless = xp.logical_not(xp.isfinite(orbit.residual))
-    cut_short = (begun.status == index_of("rest")) & (p.zeta > 0.0) & endless
-    status = where(cut_short, index_of("event_bound"), status)
+    endless = jnp.logical_not(jnp.isfinite(orbit.residual))
+    cut_short = (code == index_of("rest")) & (p.zeta > 0.0) & endless
+    status = jnp.where(cut_short, index_of("event_bound"), status)
     # Without a finite derivative of the period map nothing can be said about stability.
-    unsaid = (status == index_of("unstable")) & xp.logical_not(xp.isfinite(multiplier))
-    status = where(unsaid, index_of("failed"), status)
-    sound = xp.all(xp.isfinite(orbit.y)) | (status == index_of("overturned"))
-    status = where(sound, status, index_of("failed"))
+    unsaid = (status == index_of("unstable")) & jnp.logical_not(jnp.isfinite(multiplier))
+    status = jnp.where(unsaid, index_of("failed"), status)
+    sound = jnp.all(jnp.isfinite(orbit.y)) | (status == index_of("overturned"))
+    status = jnp.where(sound, status, index_of("failed"))
     # The tilt at which friction holds a block is a state next to which it is held as well.
-    multiplier = where(status == index_of("held"), 1.0, multiplier)
-    sizes, slopes = _answers(on, p, begun, orbit, status, multiplier)
+    multiplier = jnp.where(status == index_of("held"), 1.0, multiplier)
+    sizes, slopes = _answers(p, begun, orbit, status, multiplier)
     marginal, singular = _is_marginal(status), _is_singular(status)
     periodic = is_rocking(status) | (status == index_of("rest")) | marginal
-    lyapunov = where(periodic, xp.log(multiplier) / (begun.periods * p.period), separation)
-    symmetric = periodic & (begun.periods % 2 == 1) & (orbit.asymmetry < _SYMMETRIC)
+    lyapunov = jnp.where(periodic, jnp.log(multiplier) / (begun.periods * p.period), separation)
+    symmetric = periodic & (begun.periods % 2 == 1) & (orbit.asymmetry < SYMMETRIC)
     followed = periodic | (status == index_of("held")) | singular
-    multiplier = where(followed, multiplier, xp.nan)
+    multiplier = jnp.where(followed, multiplier, jnp.nan)
     about = status, begun.periods, multiplier, symmetric, lyapunov, orbit.y, begun.elapsed
     return _Answer(sizes[0], sizes[1], *about), slopes
 
 
-def _answers(
-    on: Numbers, p: Any, begun: Begun, orbit: Orbit, status: Any, multiplier: Any
-) -> tuple[Any, Any]:
+def _answers(p: Any, begun: Settled, orbit: Orbit, status: Any, multiplier: Any) -> tuple[Any, Any]:
     """(amplitude, stroke), and the slopes of these and the state where they exist."""
-    where, xp, rests = on.where, on.xp, status == index_of("rest")
+    rests = status == index_of("rest")
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
     ringing = rests & (p.zeta == 0.0)
-    isolated = (is_rocking(status) | rests) & (multiplier < 1.0) & xp.logical_not(ringing)
+    isolated = (is_rocking(status) | rests) & (multiplier < 1.0) & jnp.logical_not(ringing)
     # On an isolated orbit the sizes gain one more Newton step. Elsewhere I - DP may be singular: then they
     # are those of the orbit as it was found, or, of a motion that did not repeat, the largest met.
-    unknown = xp.full(2, xp.nan)
-    last = where(status == index_of("failed"), unknown, xp.stack([begun.amplitude, begun.stroke]))
-    sizes, slopes = implicit(on, orbit)
+    unknown = jnp.full(2, jnp.nan)
+    last = jnp.where(status == index_of("failed"), unknown, jnp.stack([begun.amplitude, begun.stroke]))
+    sizes, slopes = implicit(orbit)
     followed = _is_marginal(status) | _is_singular(status)
-    last = where(followed | (status == index_of("aperiodic")), orbit.sizes, last)
-    last = where(status == index_of("overturned"), xp.full(2, xp.inf), last)
-    sizes, slopes = where(isolated, (sizes, slopes), (last, xp.full((6, 9), xp.nan)))
+    last = jnp.where(followed | (status == index_of("aperiodic")), orbit.sizes, last)
+    last = jnp.where(status == index_of("overturned"), jnp.full(2, jnp.inf), last)
+    sizes, slopes = jnp.where(isolated, sizes, last), jnp.where(isolated, slopes, jnp.nan)
     still = rests & (sizes[1] == 0.0)
     # A block at rest has no amplitude, whatever moves. The stroke of a bob that hangs still is at the corner
     # of |psi|.
-    none = where(rests, xp.zeros(9), slopes[0])
-    slopes = xp.concatenate([xp.stack([none, where(still, xp.full(9, xp.nan), slopes[1])]), slopes[2:]])
-    return xp.stack([where(rests, 0.0, sizes[0]), sizes[1]]), slopes
+    none = jnp.where(rests, jnp.zeros(9), slopes[0])
+    slopes = jnp.concatenate(
+        [jnp.stack([none, jnp.where(still, jnp.full(9, jnp.nan), slopes[1])]), slopes[2:]]
+    )
+    return jnp.stack([jnp.where(rests, 0.0, sizes[0]), sizes[1]]), slopes
 
 
 def _is_marginal(status: Any) -> Any:
@@ -449,7 +401,6 @@ def _is_singular(status: Any) -> Any:
 
 
 def _verdict(
-    on: Numbers,
     begun: Any,
     orbit: Orbit,
     multiplier: Any,
@@ -463,12 +414,12 @@ def _verdict(
     # From the weakest statement to the strongest: each line overrules those above it. Stability comes first,
     # because its numbers mean nothing if an event was grazed, next to a fold, or off an orbit; and a motion
     # smaller than what the model can resolve is rest, whatever its multipliers.
-    where, moving = on.where, is_rocking(begun)
-    status = where(moving & (multiplier > 1.0), index_of("unstable"), begun)
-    status = where(moving & neutral, index_of("neutral"), status)
-    status = where(moving & (orbit.transversality < GRAZING), index_of("grazing"), status)
-    status = where(moving & (to_fold < 2.0 * NEAR_FOLD), index_of("near_fold"), status)
-    open_ = on.xp.logical_not(orbit.residual < RESIDUAL)
-    status = where(moving & open_, index_of("not_settled"), status)
-    status = where(separation > _APERIODIC, index_of("aperiodic"), status)
-    return where(moving & (orbit.sizes[0] < resolution), index_of("rest"), status)
+    moving = is_rocking(begun)
+    status = jnp.where(moving & (multiplier > 1.0), index_of("unstable"), begun)
+    status = jnp.where(moving & neutral, index_of("neutral"), status)
+    status = jnp.where(moving & (orbit.transversality < GRAZING), index_of("grazing"), status)
+    status = jnp.where(moving & (to_fold < 2.0 * NEAR_FOLD), index_of("near_fold"), status)
+    open_ = jnp.logical_not(orbit.residual < RESIDUAL)
+    status = jnp.where(moving & open_, index_of("not_settled"), status)
+    status = jnp.where(separation > APERIODIC, index_of("aperiodic"), status)
+    return jnp.where(moving & (orbit.sizes[0] < resolution), index_of("rest"), status)

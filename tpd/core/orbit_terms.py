@@ -16,3 +16,9 @@ CONSERVED = 1e-6
 equations conserve energy: a double multiplier is known to the root of rounding."""
 UNDECIDED = 1e-11
 """Distance from 1 of the largest multiplier below which rounding decides whether an orbit attracts."""
+RESIDUAL = 1e-8
+"""Largest residual of the period map, in shares of the scales, of what is called an orbit."""
+SYMMETRIC = 1e-6
+"""Largest difference between the tilts to either side, over the amplitude, of a symmetric motion."""
+APERIODIC = 5e-3
+"""Lyapunov exponent, per unit tau, above which a motion that did not repeat is called aperiodic."""

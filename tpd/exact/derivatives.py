@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import jax
@@ -58,6 +59,45 @@ def moved(
     return jnp.sum(_scaled(slopes, direction, point, spared=True), axis=-1)
 
 
+def joined(values: tuple, numbers: tuple, slopes: tuple) -> tuple:
+    """`numbers`, each known to depend on the scalars `values` with slopes of its own, one for each of them in
+    the first axis."""
+    if not all(isinstance(x, (float, np.ndarray)) for x in jax.tree.leaves((numbers, slopes))):
+        return _joined(values, numbers, slopes)
+    # JAX makes zero derivatives of all that a function is given: where numbers are known, and a derivative is
+    # taken at once, they are kept from it.
+    known = jax.custom_jvp(lambda *values: numbers)
+    known.defjvp(lambda primals, tangents: (numbers, _moves(primals, tangents, numbers, slopes)))
+    return known(*values)
+
+
+@jax.custom_jvp
+def _joined(values: tuple, numbers: tuple, slopes: tuple) -> tuple:
+    del values, slopes
+    return numbers
+
+
+@_joined.defjvp
+def _joined_jvp(primals: tuple, tangents: tuple) -> tuple[tuple, tuple]:
+    values, numbers, slopes = primals
+    return numbers, _moves(values, tangents[0], numbers, slopes)
+
+
+def _moves(values: tuple, directions: tuple, numbers: tuple, slopes: tuple) -> tuple:
+    # Second derivatives are NaN, in whatever value they are taken.
+    point = sum(values)
+
+    def move(number: Any, by: Any) -> Array:
+        def wide(x: Any) -> Any:
+            return jnp.broadcast_to(x, jnp.shape(number)) if jnp.ndim(number) else x
+
+        scaled = partial(_scaled_p.bind, spared=True, spared_back=True)
+        parts = [scaled(b, wide(t), wide(point)) for b, t in zip(by, directions, strict=True)]
+        return sum(parts[1:], parts[0])
+
+    return tuple(map(move, numbers, slopes))
+
+
 def once(function: Callable[..., Any]) -> Callable[..., Any]:
     """`function` of arrays, whose derivatives are NaN: what it computes are derivatives already."""
 
@@ -81,12 +121,12 @@ def _scaled(factor: Any, direction: Any, point: Any, *, spared: bool = False) ->
     return _scaled_p.bind(*arrays, spared=spared, spared_back=True)
 
 
-def _product(factor: Array, x: Array, _: Array, *, spared: bool, spared_back: bool) -> Array:
+def _product(factor: Any, x: Any, _: Any, *, spared: bool, spared_back: bool) -> Array:
     del spared_back
     return jnp.where(x == 0.0, 0.0, factor * x) if spared else factor * x
 
 
-def _transposed(weight: Any, factor: Array, _: Any, point: Array, *, spared: bool, spared_back: bool) -> list:
+def _transposed(weight: Any, factor: Any, _: Any, point: Any, *, spared: bool, spared_back: bool) -> list:
     if isinstance(weight, ad.Zero):
         return [None, weight, None]
     return [None, _scaled_p.bind(factor, weight, point, spared=spared_back, spared_back=spared), None]

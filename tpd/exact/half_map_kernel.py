@@ -108,12 +108,12 @@ def put_roots(c, re, im):
     `tpd.core.eigenvalues`."""
     c1, c2, c3, c4 = c
     radius = max(max(abs(c1), math.sqrt(abs(c2))), max(abs(c3) ** (1.0 / 3.0), math.sqrt(math.sqrt(abs(c4)))))
-    radius = radius if radius > 0.0 else 1.0
     # No symmetry about the real axis, which the iteration would preserve.
     angles, shares = (0.4, 1.97, 3.54, 5.11), (1.0, 0.8, 0.5, 0.25)
     for i in range(4):
         re[i], im[i] = shares[i] * radius * math.cos(angles[i]), shares[i] * radius * math.sin(angles[i])
-    for _ in range(60):
+    # Without coefficients all roots are zero, which the guesses are already.
+    for _ in range(60 if radius > 0.0 else 0):
         moved = 0.0
         for i in range(4):
             z, value, slope, push = complex(re[i], im[i]), 1.0 + 0.0j, 0.0j, 0.0j

@@ -100,22 +100,21 @@ def _meet_at_end(q, f, m, legs, room, mode0, limits):
 
 
 @compiled
-def cycle(q, m, legs, room, r, s, mode0, out, by):
-    """Follow the periods of the settings `s` from the state and mode of a motion. Put (end, amplitude,
-    stroke, mode, transversality, asymmetry, closed) into `out`, and the derivatives in the directions from
-    s.first on into `by`, shape (6, 13): those of (end, amplitude, stroke)."""
-    limits, f = Limits(s.rest_rate * q.nu, int(s.events), int(s.periods)), steady(np.empty((0, 4)))
-    slopes = s.first < INPUTS
+def cycle(q, m, legs, room, r, limits, mode0, out, by):
+    """Follow periods from the state and mode of a motion, of which `mode0` gets a copy. Put (end, amplitude,
+    stroke, mode, transversality, asymmetry, closed) into `out`, and the derivatives of (end, amplitude,
+    stroke) into `by`, shape (6, 13)."""
+    f, many = steady(np.empty((0, 4))), np.empty((ROWS, INPUTS))
     put_motion(m.y, m, mode0)
     ended = follow_periods(q, f, m, legs, room, limits)
     # Most motions have a few legs a period; one that rattles is followed once more with room for all.
-    if slopes and m.recorded > len(legs) and ended == ARRIVED:
+    if m.recorded > len(legs) and ended == ARRIVED:
         legs = np.empty(m.recorded, LEG)
         put_motion(mode0.y, mode0, m)
         ended = follow_periods(q, f, m, legs, room, limits)
     # What ended before its period is no orbit, though it may end where it began.
     sound = ended == ARRIVED
-    if sound and slopes:
+    if sound:
         _meet_at_end(q, f, m, legs, room, mode0, limits)
     for i in range(4):
         out[i] = m.y[i] if sound else math.nan
@@ -123,17 +122,13 @@ def cycle(q, m, legs, room, r, s, mode0, out, by):
     out[6], out[7], out[8] = m.kind, m.tilt, m.way
     out[10] = abs(max(m.best[0], 0.0) - max(m.best[1], 0.0)) / (out[4] if out[4] > 0.0 else 1.0)
     out[11] = 1.0 if _same_mode(m, mode0) else 0.0
-    if slopes:
-        many = np.empty((ROWS, INPUTS))
-        for j in range(INPUTS):
-            for i in range(6):
-                by[i, j] = math.nan
-        if sound:
-            read(q, f, m, legs, r, (int(s.first), INPUTS), NO, many)
-            for j in range(int(s.first), INPUTS):
-                for i in range(4):
-                    by[i, j] = many[i, j]
-                by[4, j], by[5, j] = many[ANGLES + larger(m, 0), j], many[ANGLES + larger(m, 1), j]
+    if sound:
+        read(q, f, m, legs, r, (FIRST_PIECE, INPUTS), NO, many)
+    for j in range(INPUTS):
+        for i in range(4):
+            by[i, j] = many[i, j] if sound else math.nan
+        for k in range(2):
+            by[4 + k, j] = many[ANGLES + larger(m, k), j] if sound else math.nan
 
 
 @compiled
@@ -143,28 +138,34 @@ def finite(y):
 
 
 @compiled
-def _solve(a, b):
-    """Solve a x = b for a 4 x 4 matrix, in place, by elimination with pivots; False if it is singular."""
+def eliminate(a, b):
+    """Solve a x = b in place for a 4 x 4 matrix and several right-hand sides, shape (4, n), by elimination
+    with pivots; return the size of the smallest pivot, 0 if there is none or no number."""
+    least, n = math.inf, b.shape[1]
     for c in range(4):
         pivot = c
         for r in range(c + 1, 4):
             if abs(a[r, c]) > abs(a[pivot, c]):
                 pivot = r
-        if not abs(a[pivot, c]) > 1e-12:
-            return False
+        if not abs(a[pivot, c]) > 0.0:
+            return 0.0
+        least = min(least, abs(a[pivot, c]))
         for k in range(4):
             a[c, k], a[pivot, k] = a[pivot, k], a[c, k]
-        b[c], b[pivot] = b[pivot], b[c]
+        for k in range(n):
+            b[c, k], b[pivot, k] = b[pivot, k], b[c, k]
         for r in range(c + 1, 4):
             share = a[r, c] / a[c, c]
             for k in range(c, 4):
                 a[r, k] -= share * a[c, k]
-            b[r] -= share * b[c]
-    for c in range(3, -1, -1):
-        for k in range(c + 1, 4):
-            b[c] -= a[c, k] * b[k]
-        b[c] /= a[c, c]
-    return True
+            for k in range(n):
+                b[r, k] -= share * b[c, k]
+    for j in range(n):
+        for c in range(3, -1, -1):
+            for k in range(c + 1, 4):
+                b[c, j] -= a[c, k] * b[k, j]
+            b[c, j] /= a[c, c]
+    return least if math.isfinite(b[0, 0] + b[1, 0] + b[2, 0] + b[3, 0]) else 0.0
 
 
 @compiled
@@ -253,7 +254,7 @@ def _newton(q, f, m, legs, room, r, mode, limits, by):
     """Find the orbit near the state of a motion by Newton's method on the map of so many periods, and leave
     the motion at its start; False if none is found whose sequence of events is that of the motion from the
     state."""
-    scales, matrix, move, found, events = scales_of(q), np.empty((4, 4)), np.empty(4), np.empty(4), 0
+    scales, matrix, move, found, events = scales_of(q), np.empty((4, 4)), np.empty((4, 1)), np.empty(4), 0
     for step in range(_NEWTON):
         for i in range(4):
             found[i] = m.y[i]
@@ -271,18 +272,18 @@ def _newton(q, f, m, legs, room, r, mode, limits, by):
         events, residual = sequence, 0.0
         read(q, f, m, legs, r, (STATE, INPUTS), NO, by)
         for i in range(4):
-            move[i] = m.y[i] - found[i]
+            move[i, 0] = m.y[i] - found[i]
             if q.mu > 0.0 or i % 2 == 0:
-                residual = max(residual, abs(move[i]) / scales[i])
+                residual = max(residual, abs(move[i, 0]) / scales[i])
             for j in range(4):
                 matrix[i, j] = (1.0 if i == j else 0.0) - by[i, STATE + j]
         if residual < CONVERGED:
             put_motion(found, mode, m)
             return True
-        if not residual < NEARBY or not _solve(matrix, move):
+        if not residual < NEARBY or not eliminate(matrix, move) > 1e-12:
             return False
         for i in range(4):
-            m.y[i] = found[i] + move[i]
+            m.y[i] = found[i] + move[i, 0]
     return False
 
 

@@ -7,6 +7,7 @@ as `tpd.models.calling` says, with derivatives of its own; `settle_all` follows 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import partial
 from typing import Any
 
@@ -45,7 +46,12 @@ def fields(p: Parameters) -> tuple[Any, ...]:
 
 def packed(p: Parameters) -> Float[Array, "9"]:
     """Parameters as the compiled code takes them."""
-    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in fields(p)])
+    return packed_of(fields(p))
+
+
+def packed_of(values: Iterable[Any]) -> Float[Array, "n"]:
+    """Numbers, some of them traced, as one array."""
+    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in values])
 
 
 def unpacked(x: Array) -> Parameters:
@@ -57,7 +63,7 @@ def settings_of(task: str, **values: Any) -> Array:
     """A row of settings, see `tpd.models.exact_entry.FIELDS`."""
     entry = EXACT.entry()
     row = entry.settings(task=getattr(entry, task), **values)
-    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in row])
+    return packed_of(row)
 
 
 def changed(settings: Array, name: str, value: float) -> Array:
@@ -90,44 +96,38 @@ def settle(
     return Settled(out[:4], _mode_of(out[8:]), own, *sizes, status, elapsed, *peaks)
 
 
-def settle_here(
-    x: np.ndarray, y0: np.ndarray, limits: tuple[int, int, float, float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """`settle` of known numbers, at once: parameters as `packed` has them, and `limits` in the order of its
-    arguments. Floats and whole numbers in the order of `tpd.exact.repetition`."""
-    entry = EXACT.entry()
-    periods, events, tolerance, rest_rate = limits
-    row = {"periods": periods, "events": events, "tolerance": tolerance, "rest_rate": rest_rate}
-    s, floats, wholes = np.array(entry.settings(task=entry.SETTLE, **row)), np.empty(11), np.empty(3)
-    entry.run(0, 1, s, x, y0, np.zeros(2), floats, wholes)
-    return floats, wholes
+def solve(x: Any, y0: Any, limits: tuple[int, int, float, float, int], *, known: bool) -> tuple[Any, Any]:
+    """The steady state of a motion, its numbers in the order of `tpd.exact.steady.STEADY`, and the slopes of
+    amplitude, stroke and state in the parameters.
 
-
-def cycle_here(
-    x: np.ndarray, y: np.ndarray, mode: np.ndarray, periods: int, max_events: int, rest_rate: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """`cycle` of known numbers, at once: its results (end, amplitude, stroke, mode of three numbers,
-    transversality, asymmetry, closed), and the derivatives of the first six, shape (6, 13)."""
+    Args:
+        x, y0: parameters as `packed` has them, and the state at tau = 0.
+        limits: those of `Piecewise`.
+        known: whether these are numbers, so that no program of JAX is needed.
+    """
     entry = EXACT.entry()
-    row = {"periods": periods, "events": max_events, "rest_rate": rest_rate}
-    s, out, by = np.array(entry.settings(task=entry.CYCLE, **row)), np.empty(12), np.empty((6, 13))
-    entry.run(0, 1, s, x, y, mode, out, by)
+    names = "periods", "events", "tolerance", "rest_rate", "lyapunov"
+    row = np.array(entry.settings(task=entry.SOLVE, **dict(zip(names, limits, strict=True))))
+    n = entry.STEADY.itemsize // 8
+    if not known:
+        return EXACT((shape(n), shape(6, 9)), row, x, y0)
+    out, by = np.empty(n), np.empty((6, 9))
+    entry.run(0, 1, row, x, y0, out, by)
     return out, by
 
 
 @jax.custom_jvp
 def _cycle(x: Array, y: Array, mode: Array, settings: Array) -> Array:
     """The results of one run along a motion's periods."""
-    return _cycle_from(13.0, x, y, mode, settings)[0]
+    return _cycle_from(x, y, mode, settings)[0]
 
 
-def _cycle_from(first: float, x: Array, y: Array, mode: Array, settings: Array) -> Any:
-    # Value alone, or with all directions: derivatives are computed where they are asked for only.
-    entry, s = EXACT.entry(), changed(settings, "first", first)
-    return EXACT((shape(entry.CYCLE_OUT), shape(entry.CYCLE_SIZES, entry.INPUTS)), s, x, y, mode)
+def _cycle_from(x: Array, y: Array, mode: Array, settings: Array) -> Any:
+    entry = EXACT.entry()
+    return EXACT((shape(entry.CYCLE_OUT), shape(entry.CYCLE_SIZES, entry.INPUTS)), settings, x, y, mode)
 
 
-_cycle_with_slopes = once(partial(_cycle_from, 0.0))
+_cycle_with_slopes = once(_cycle_from)
 
 
 @_cycle.defjvp

@@ -30,31 +30,32 @@ from tpd.exact.near_orbits import Limits, cycle, follow_periods
 from tpd.exact.plant import PLANT, compiled, part, plant, put_plants, stored
 from tpd.exact.repetition import FLOATS, WHOLES
 from tpd.exact.settle import settle
+from tpd.exact.steady import CYCLE_OUT, CYCLE_SIZES, STEADY, steady_state
 from tpd.exact.trajectory import trajectory
 from tpd.models.compiling import checksum
 from tpd.models.custom_call import api_version, carray, cube, on_host, pointer, rows_of, table
 
-__all__ = ["CALL", "FLOATS", "INPUTS", "STATUSES", "WHOLES", "run"]
+__all__ = ["CALL", "FLOATS", "INPUTS", "STATUSES", "STEADY", "WHOLES", "run"]
 
-SETTLE, CYCLE, TRAJECTORY, SHAKE, HISTORY, LEGS_OF, ARCS = range(7)
-"""Tasks; the first number of every row of settings. The last three are for the host alone."""
+SETTLE, CYCLE, TRAJECTORY, SHAKE, HISTORY, LEGS_OF, ARCS, SOLVE = range(8)
+"""Tasks; the first number of every row of settings. Histories, legs and arcs are for the host alone."""
 FIELDS = (
-    *("task", "periods", "events", "rest_rate", "tolerance", "first", "slopes"),
+    *("task", "periods", "events", "rest_rate", "tolerance", "lyapunov", "impacts", "slopes"),
     *("pieces", "record", "free", "brief", "angles"),
 )
 SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
 """A row of settings: the task; periods to follow, or times; events allowed; largest speed, over nu, of an
-impact that may end in rest; repetition error that counts as settled; the first direction of derivatives that
-is asked for; how many directions have derivatives; pieces of the forcing, and the row of the first, or -1 if
-every motion has its own; time of free motion; whether it may end early and the bob does not count; and
-whether the derivatives of the largest angles are enough. The others do not count for a task."""
-CYCLE_OUT, CYCLE_SIZES, OUT, SHAKEN, STATES = map(np.int64, (12, 6, 19, 12, 9))
-"""Numbers in the results of a cycle, and quantities of it with derivatives (its end, amplitude and stroke).
-Numbers in the results of a motion through all pieces: largest |phi|, |psi| and |psi - phi| with their times;
-the state at the end; the growing coordinate of the last leg (with derivatives only); status; impacts; times
-of the first uplift and of the overturning; transversality; legs; and the accelerations at the end. Quantities
-of it with derivatives: the three angles, the end, the growing coordinate, the three times, that of the
-uplift. Numbers of a state in a history."""
+impact that may end in rest; repetition error that counts as settled; periods over which the separation of
+neighbours is measured; impacts for which there is room; how many directions have derivatives; pieces of the
+forcing, and the row of the first, or -1 if every motion has its own; time of free motion; whether it may end
+early and the bob does not count; and whether the derivatives of the largest angles are enough. The others do
+not count for a task."""
+OUT, SHAKEN, STATES = map(np.int64, (19, 12, 9))
+"""Numbers in the results of a motion through all pieces: largest |phi|, |psi| and |psi - phi| with their
+times; the state at the end; the growing coordinate of the last leg (with derivatives only); status; impacts;
+times of the first uplift and of the overturning; transversality; legs; and the accelerations at the end.
+Quantities of it with derivatives: the three angles, the end, the growing coordinate, the three times, that of
+the uplift. Numbers of a state in a history."""
 _USUAL = 20_000
 """Events for which there is room at first."""
 
@@ -64,14 +65,16 @@ def settings(**values: Any) -> list[Any]:
     return [values.pop(name, 0.0) for name in FIELDS]
 
 
-Own = namedtuple("Own", "plants motions rooms readers")
-"""Memory of records: a plant, a motion and a mode, two rooms, a reader. A record does not keep its memory: it
-is alive as long as these arrays are."""
+Own = namedtuple("Own", "plants motions rooms readers legs")
+"""Memory of records: a plant, a motion and a mode, two rooms, a reader, the usual legs. A record does not
+keep its memory: it is alive as long as these arrays are."""
 
 
 @compiled
 def _memory():
-    return Own(np.empty(1, PLANT), np.zeros(2, MOTION), np.zeros(2, ROOM), np.zeros(1, READER))
+    return Own(
+        np.empty(1, PLANT), np.zeros(2, MOTION), np.zeros(2, ROOM), np.zeros(1, READER), np.empty(LEGS, LEG)
+    )
 
 
 @compiled
@@ -104,14 +107,24 @@ def _cycle(a, first, last):
     """Rows of `cycle`: settings, parameters, starts and modes; results and derivatives."""
     s, x, y, modes = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4), table(a[3], last, 3)
     out, by, own = table(a[4], last, CYCLE_OUT), cube(a[5], last, CYCLE_SIZES, INPUTS), _memory()
-    q, m, room, r, legs = own.plants[0], own.motions[0], own.rooms[0], own.readers[0], np.empty(LEGS, LEG)
+    q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
     for n in range(first, last):
         plant(x[n], q)
-        if s[n].first < INPUTS:
-            put_plants(x[n], min(int(s[n].first), 9), r.plants)
+        put_plants(x[n], 0, r.plants)
         m.y[:] = y[n]
         m.kind, m.tilt, m.way = modes[n, 0], modes[n, 1], modes[n, 2]
-        cycle(q, m, legs, room, r, s[n], own.motions[1], out[n], by[n])
+        limits = Limits(s[n].rest_rate * q.nu, int(s[n].events), int(s[n].periods))
+        cycle(q, m, own.legs, room, r, limits, own.motions[1], out[n], by[n])
+    _keep(own)
+
+
+@part
+def _solve(a, first, last):
+    """Rows of `steady_state`: settings, parameters and starts; results and slopes."""
+    s, x, y, own = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4), _memory()
+    out, by = carray(pointer(a[3]), (last,), STEADY), cube(a[4], last, 6, 9)
+    for n in range(first, last):
+        steady_state(x[n], y[n], s[n], own, out[n], by[n])
     _keep(own)
 
 
@@ -198,7 +211,7 @@ def _shake(a, first, last, history):
                 legs = np.empty(m.recorded, LEG)
                 m.recorded += 1
         if history:
-            count, most = int(s[n].periods), int(s[n].first)
+            count, most = int(s[n].periods), int(s[n].impacts)
             put_states(
                 q, f, legs, m.recorded, table(a[4], last, count)[n], cube(a[5], last, count, STATES)[n]
             )
@@ -264,6 +277,8 @@ def _run(a, first, last):
         _settle(a, first, last)
     elif task == CYCLE:
         _cycle(a, first, last)
+    elif task == SOLVE:
+        _solve(a, first, last)
     elif task == TRAJECTORY:
         _trajectory(a, first, last)
     elif task == LEGS_OF:

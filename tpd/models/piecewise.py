@@ -53,13 +53,13 @@ class Piecewise(AbstractModel):
         return 0.0 * p.nu
 
     @property
-    def limits(self) -> tuple[int, int, float, float]:
-        """Bounds on following a motion, as the compiled code takes them."""
-        return self.max_periods, self.max_events, self.tolerance, self.rest_rate
+    def limits(self) -> tuple[int, int, float, float, int]:
+        """Bounds on following a motion, as `compiled_linear.solve` takes them."""
+        return self.max_periods, self.max_events, self.tolerance, self.rest_rate, self.lyapunov_periods
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Follow the motion from `y0` at tau = 0 until it repeats or rests for good."""
-        return compiled_linear.settle(p, y0, *self.limits)
+        return compiled_linear.settle(p, y0, *self.limits[:4])
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Run the orbit's periods from `y`; derivatives pass through every event."""

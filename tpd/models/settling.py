@@ -119,14 +119,13 @@ def blank(y0: State, memory: Any) -> Record:
     return Record(y0, memory, past, none, none, jnp.zeros(LONGEST, bool), count, no, no, no, count, *peaks)
 
 
-def scale_of(p: Any, *, bob: Any = None, xp: Any = jnp) -> Any:
+def scale_of(p: Any, *, bob: Any = None) -> Float[Array, "4"]:
     """Sizes of (phi, psi, phi', psi') against which a repetition is judged. A bob without mass
-    cannot move the block, so that its state is left out unless `bob` asks for it. Numbers of `xp`, NumPy
-    or JAX's version of it."""
-    rate = xp.maximum(p.xi, 1.0)
-    swing = xp.where(xp.asarray(p.mu) > 0 if bob is None else bob, p.nu + p.f, xp.inf)
+    cannot move the block, so that its state is left out unless `bob` asks for it."""
+    rate = jnp.maximum(p.xi, 1.0)
+    swing = jnp.where(jnp.asarray(p.mu) > 0 if bob is None else bob, p.nu + p.f, jnp.inf)
     # Errors of rates count over the forcing's rate, but at slow forcing over that of the block itself.
-    return xp.stack([p.nu * xp.ones(()), swing, p.nu * rate, swing * rate])
+    return jnp.stack([p.nu * jnp.ones(()), swing, p.nu * rate, swing * rate])
 
 
 def settle(
