@@ -296,12 +296,12 @@ def _by_engine(x: list[Any], model: Piecewise, y0: Any) -> tuple[_Answer, Any]:
     xp: Any = np if known else jnp
     wide = np.array(x, dtype=float) if known else packed_of(x)
     start = np.ascontiguousarray(y0, dtype=float) if known else jnp.asarray(y0, dtype=jnp.float64)
-    out, slopes = solve(wide, start, model.limits, known=known)
-    code, periods, symmetric, elapsed = out[8:]
+    out = solve(wide, start, model.limits, known=known)
+    code, periods, symmetric, elapsed = out[8:12]
     whole = int if known else partial(jnp.asarray, dtype=int)
     status = xp.asarray(_statuses())[whole(code)]
     about = whole(periods), out[6], symmetric == 1.0, out[7], out[2:6], whole(elapsed)
-    return _Answer(out[0], out[1], status, *about), slopes
+    return _Answer(out[0], out[1], status, *about), out[12:].reshape(6, 9)
 
 
 @lru_cache(maxsize=1)

@@ -21,8 +21,8 @@ _KINDS = float(SLIP), float(STICK)
 """Modes of the maps of whole pieces: one serves both kinds of held blocks."""
 INPUTS = np.int64(13)
 """Directions of derivatives: nine parameters and four components of the start."""
-STATE = np.int64(9)
-"""First direction of the start."""
+STATE, _BEGINNING = np.int64(9), np.int64(-1)
+"""First direction of the start; and the leg before the first one."""
 END_STATE, ANGLES, GROWING, TIMES, UPLIFT, ROWS = map(np.int64, (0, 4, 10, 11, 17, 18))
 """Rows of derivatives: of the state at the end; the six largest angles of a tally; under a pulse or a record
 also the growing coordinate at the start of the last leg, the times of the six angles, and that of the first
@@ -230,7 +230,7 @@ def read(q, f, m, legs, r, directions, angles_only, by):
         for i in range(4):
             r.dy[i, j] = 1.0 if j == STATE + i else 0.0
     if count > 0:
-        _put_angles(r, f, m, -1, legs[0], directions, by)
+        _put_angles(r, f, m, _BEGINNING, legs[0], directions, by)
     growing, lifts, last = 0.0, -1 if f.harmonic else _lifts_at(legs, count), count
     if angles_only:
         last = lifts

@@ -67,6 +67,14 @@ NO, YES, FIRST_PIECE = np.bool_(False), np.bool_(True), np.int64(0)
 
 
 @compiled
+def put(new, old):
+    """Put numbers in place of others."""
+    # A slice does the same, with messages of errors that take Numba a second to compile.
+    for i in range(len(new)):
+        old[i] = new[i]
+
+
+@compiled
 def angle_of(phi, psi, k):
     """Angle k of a tally, with its sign: phi, psi and psi - phi to the right (k even) and to the left."""
     angle = phi if k < 2 else (psi if k < 4 else psi - phi)

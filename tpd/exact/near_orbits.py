@@ -13,7 +13,7 @@ from tpd.exact.events import BOB, END
 from tpd.exact.follow import ARRIVED, Rules, allow, begin, piece
 from tpd.exact.legs import ANGLES, INPUTS, ROWS, STATE, read
 from tpd.exact.mode_kinds import REST, SLIP
-from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, NO, YES, clear, larger
+from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, NO, YES, clear, larger, put
 from tpd.exact.plant import compiled
 from tpd.exact.repetition import scales_of
 
@@ -32,6 +32,19 @@ _CLOSE = 1e-9
 Limits = namedtuple("Limits", "capture events periods")
 """Largest speed of an impact that may end in rest, events allowed in a forcing period, and periods to
 follow."""
+CYCLE = np.dtype(
+    [
+        ("end", np.float64, (4,)),
+        *((name, np.float64) for name in ("amplitude", "stroke", "kind", "tilt", "way")),
+        *((name, np.float64) for name in ("crossing", "asymmetry", "closed")),
+        ("by", np.float64, (6, 13)),
+    ],
+    align=True,
+)
+"""Some periods of a motion, see `tpd.models.base.Cycle`: the state at the end, no numbers if the motion was
+lost; the largest |phi| and |psi|; the mode at the end; the least transversality, the asymmetry, and whether
+the mode is that of the start; and the derivatives of (end, amplitude, stroke) in the parameters and the
+start."""
 Past = namedtuple("Past", "states sizes peaks")
 """The last states of a motion, newest first; the largest tilt and swing of its last periods, and for how long
 the block was held; and the largest tilt and swing of all."""
@@ -46,8 +59,7 @@ def largest(m, k):
 @compiled
 def put_motion(y, mode, m):
     """Put a state and a mode into a motion."""
-    for i in range(4):
-        m.y[i] = y[i]
+    put(y, m.y)
     m.kind, m.tilt, m.way = mode.kind, mode.tilt, mode.way
 
 
@@ -100,35 +112,32 @@ def _meet_at_end(q, f, m, legs, room, mode0, limits):
 
 
 @compiled
-def cycle(q, m, legs, room, r, limits, mode0, out, by):
-    """Follow periods from the state and mode of a motion, of which `mode0` gets a copy. Put (end, amplitude,
-    stroke, mode, transversality, asymmetry, closed) into `out`, and the derivatives of (end, amplitude,
-    stroke) into `by`, shape (6, 13)."""
+def cycle(q, m, legs, room, r, limits, start, c):
+    """Follow periods from the state and mode of a motion, of which `start` gets a copy, into the cycle
+    `c`."""
     f, many = steady(np.empty((0, 4))), np.empty((ROWS, INPUTS))
-    put_motion(m.y, m, mode0)
+    put_motion(m.y, m, start)
     ended = follow_periods(q, f, m, legs, room, limits)
     # Most motions have a few legs a period; one that rattles is followed once more with room for all.
     if m.recorded > len(legs) and ended == ARRIVED:
         legs = np.empty(m.recorded, LEG)
-        put_motion(mode0.y, mode0, m)
+        put_motion(start.y, start, m)
         ended = follow_periods(q, f, m, legs, room, limits)
     # What ended before its period is no orbit, though it may end where it began.
     sound = ended == ARRIVED
     if sound:
-        _meet_at_end(q, f, m, legs, room, mode0, limits)
-    for i in range(4):
-        out[i] = m.y[i] if sound else math.nan
-    out[4], out[5], out[9] = largest(m, 0), largest(m, 1), m.crossing
-    out[6], out[7], out[8] = m.kind, m.tilt, m.way
-    out[10] = abs(max(m.best[0], 0.0) - max(m.best[1], 0.0)) / (out[4] if out[4] > 0.0 else 1.0)
-    out[11] = 1.0 if _same_mode(m, mode0) else 0.0
-    if sound:
+        _meet_at_end(q, f, m, legs, room, start, limits)
         read(q, f, m, legs, r, (FIRST_PIECE, INPUTS), NO, many)
-    for j in range(INPUTS):
-        for i in range(4):
-            by[i, j] = many[i, j] if sound else math.nan
-        for k in range(2):
-            by[4 + k, j] = many[ANGLES + larger(m, k), j] if sound else math.nan
+    for i in range(4):
+        c.end[i] = m.y[i] if sound else math.nan
+    c.amplitude, c.stroke, c.crossing = largest(m, 0), largest(m, 1), m.crossing
+    c.kind, c.tilt, c.way = m.kind, m.tilt, m.way
+    c.asymmetry = abs(max(m.best[0], 0.0) - max(m.best[1], 0.0)) / (c.amplitude if c.amplitude > 0.0 else 1.0)
+    c.closed = 1.0 if _same_mode(m, start) else 0.0
+    for k in range(6):
+        row = k if k < 4 else ANGLES + larger(m, k - 4)
+        for j in range(INPUTS):
+            c.by[k, j] = many[row, j] if sound else math.nan
 
 
 @compiled

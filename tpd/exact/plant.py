@@ -252,8 +252,7 @@ def plant_along(x, j, q):
 
 
 @compiled
-def put_plants(x, first, plants):
-    """Fill ten complex plants from place `first` on: one for each parameter, and one for all directions in
-    which no parameter changes."""
-    for j in range(first, 10):
+def put_plants(x, plants):
+    """Fill ten complex plants: one for each parameter, and one for all directions in which none changes."""
+    for j in range(10):
         plant_along(x, j, plants[j])

@@ -13,6 +13,7 @@ import numpy as np
 from tpd.exact.arcs import Forcing, span_of, steady
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.follow import ARRIVED, LOST, Rules, allow, begin, forcing_now, piece
+from tpd.exact.legs import STATE
 from tpd.exact.mode_kinds import REST, STICK
 from tpd.exact.motion import FIRST_PIECE, LEG, NO, YES, clear
 from tpd.exact.near_orbits import CONVERGED, NEARBY, Limits, Past, finite, largest, orbit_near
@@ -218,7 +219,7 @@ def settle(x, q, m, room, r, s, since, ramp, out):
             tried = _slow_repetition(q, past.states, known, tolerance, before)
             if tried > 0:
                 wait = 2 * elapsed
-                plant_along(x, 9, r.plants[9])
+                plant_along(x, STATE, r.plants[STATE])
                 if orbit_near(q, steady(cubics), m, room, r, past, known, Limits(capture, events, tried)):
                     status, repeats = ROCKING, tried
                     # A block that leans and is held all the time does not rock.

@@ -38,7 +38,7 @@ def trajectory(x, q, m, room, r, s, times, out, by):
     decide(q, y, sign(y[0]), sign(y[2]), forcing_now(q, f, t), m)
     legs = np.empty(events + LEGS if slopes else 0, LEG)
     if slopes:
-        put_plants(x, _NONE, r.plants)
+        put_plants(x, r.plants)
         for j in range(_INPUTS):
             r.shift[j] = -whole * span_of(r.plants[min(j, 9)], f).imag / STEP
             for i in range(4):

@@ -96,9 +96,8 @@ def settle(
     return Settled(out[:4], _mode_of(out[8:]), own, *sizes, status, elapsed, *peaks)
 
 
-def solve(x: Any, y0: Any, limits: tuple[int, int, float, float, int], *, known: bool) -> tuple[Any, Any]:
-    """The steady state of a motion, its numbers in the order of `tpd.exact.steady.STEADY`, and the slopes of
-    amplitude, stroke and state in the parameters.
+def solve(x: Any, y0: Any, limits: tuple[int, int, float, float, int], *, known: bool) -> Any:
+    """The steady state of a motion: its numbers in the order of `tpd.exact.steady.STEADY`.
 
     Args:
         x, y0: parameters as `packed` has them, and the state at tau = 0.
@@ -107,13 +106,13 @@ def solve(x: Any, y0: Any, limits: tuple[int, int, float, float, int], *, known:
     """
     entry = EXACT.entry()
     names = "periods", "events", "tolerance", "rest_rate", "lyapunov"
-    row = np.array(entry.settings(task=entry.SOLVE, **dict(zip(names, limits, strict=True))))
+    row = np.array(entry.settings(task=entry.STEADY_STATE, **dict(zip(names, limits, strict=True))))
     n = entry.STEADY.itemsize // 8
     if not known:
-        return EXACT((shape(n), shape(6, 9)), row, x, y0)
-    out, by = np.empty(n), np.empty((6, 9))
-    entry.run(0, 1, row, x, y0, out, by)
-    return out, by
+        return EXACT((shape(n),), row, x, y0)[0]
+    out = np.empty(n)
+    entry.run(0, 1, row, x, y0, out)
+    return out
 
 
 @jax.custom_jvp
@@ -122,9 +121,10 @@ def _cycle(x: Array, y: Array, mode: Array, settings: Array) -> Array:
     return _cycle_from(x, y, mode, settings)[0]
 
 
-def _cycle_from(x: Array, y: Array, mode: Array, settings: Array) -> Any:
-    entry = EXACT.entry()
-    return EXACT((shape(entry.CYCLE_OUT), shape(entry.CYCLE_SIZES, entry.INPUTS)), settings, x, y, mode)
+def _cycle_from(x: Array, y: Array, mode: Array, settings: Array) -> tuple[Array, Array]:
+    size = EXACT.entry().CYCLE.itemsize // 8
+    out = EXACT((shape(size),), settings, x, y, mode)[0]
+    return out[:-78], out[-78:].reshape(6, 13)
 
 
 _cycle_with_slopes = once(_cycle_from)
@@ -140,7 +140,7 @@ def _cycle_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 def cycle(p: Parameters, settled: Settled, y: State, max_events: int, rest_rate: Number) -> Cycle:
     """Run the orbit's periods from `y`; derivatives pass through every event."""
     m = settled.memory
-    s = settings_of("CYCLE", periods=settled.periods, events=max_events, rest_rate=rest_rate)
+    s = settings_of("PERIODS", periods=settled.periods, events=max_events, rest_rate=rest_rate)
     mode = jnp.stack([jnp.asarray(v, dtype=jnp.float64) for v in (m.kind, m.tilt_sign, m.rate_sign)])
     out = _cycle(packed(p), y, mode, s)
     still = jax.lax.stop_gradient(out)

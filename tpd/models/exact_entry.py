@@ -25,19 +25,19 @@ from tpd.exact.legs import (
     put_states,
     read,
 )
-from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, MOTION, NO, ROOM, larger
-from tpd.exact.near_orbits import Limits, cycle, follow_periods
+from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, MOTION, NO, ROOM, larger, put
+from tpd.exact.near_orbits import CYCLE, Limits, cycle, follow_periods
 from tpd.exact.plant import PLANT, compiled, part, plant, put_plants, stored
 from tpd.exact.repetition import FLOATS, WHOLES
 from tpd.exact.settle import settle
-from tpd.exact.steady import CYCLE_OUT, CYCLE_SIZES, STEADY, steady_state
+from tpd.exact.steady import STEADY, steady_state
 from tpd.exact.trajectory import trajectory
 from tpd.models.compiling import checksum
 from tpd.models.custom_call import api_version, carray, cube, on_host, pointer, rows_of, table
 
-__all__ = ["CALL", "FLOATS", "INPUTS", "STATUSES", "STEADY", "WHOLES", "run"]
+__all__ = ["CALL", "CYCLE", "FLOATS", "INPUTS", "STATUSES", "STEADY", "WHOLES", "run"]
 
-SETTLE, CYCLE, TRAJECTORY, SHAKE, HISTORY, LEGS_OF, ARCS, SOLVE = range(8)
+SETTLE, PERIODS, TRAJECTORY, SHAKE, HISTORY, LEGS_OF, ARCS, STEADY_STATE = range(8)
 """Tasks; the first number of every row of settings. Histories, legs and arcs are for the host alone."""
 FIELDS = (
     *("task", "periods", "events", "rest_rate", "tolerance", "lyapunov", "impacts", "slopes"),
@@ -65,16 +65,15 @@ def settings(**values: Any) -> list[Any]:
     return [values.pop(name, 0.0) for name in FIELDS]
 
 
-Own = namedtuple("Own", "plants motions rooms readers legs")
-"""Memory of records: a plant, a motion and a mode, two rooms, a reader, the usual legs. A record does not
-keep its memory: it is alive as long as these arrays are."""
+Own = namedtuple("Own", "plants motions rooms readers cycles legs")
+"""Memory of records: a plant, a motion and its start, two rooms, a reader, two cycles, the usual legs. A
+record does not keep its memory: it is alive as long as these arrays are."""
 
 
 @compiled
 def _memory():
-    return Own(
-        np.empty(1, PLANT), np.zeros(2, MOTION), np.zeros(2, ROOM), np.zeros(1, READER), np.empty(LEGS, LEG)
-    )
+    plants, motions, rooms = np.empty(1, PLANT), np.zeros(2, MOTION), np.zeros(2, ROOM)
+    return Own(plants, motions, rooms, np.zeros(1, READER), np.empty(2, CYCLE), np.empty(LEGS, LEG))
 
 
 @compiled
@@ -96,7 +95,7 @@ def _settle(a, first, last):
     out, wholes, own = table(a[4], last, FLOATS), table(a[5], last, WHOLES), _memory()
     q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
     for n in range(first, last):
-        m.y[:] = y[n]
+        put(y[n], m.y)
         found = settle(x[n], q, m, room, r, s[n], t[n, 0], t[n, 1], out[n])
         wholes[n, 0], wholes[n, 1], wholes[n, 2] = found
     _keep(own)
@@ -104,27 +103,27 @@ def _settle(a, first, last):
 
 @part
 def _cycle(a, first, last):
-    """Rows of `cycle`: settings, parameters, starts and modes; results and derivatives."""
+    """Rows of `cycle`: settings, parameters, starts and modes; cycles."""
     s, x, y, modes = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4), table(a[3], last, 3)
-    out, by, own = table(a[4], last, CYCLE_OUT), cube(a[5], last, CYCLE_SIZES, INPUTS), _memory()
+    out, own = carray(pointer(a[4]), (last,), CYCLE), _memory()
     q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
     for n in range(first, last):
         plant(x[n], q)
-        put_plants(x[n], 0, r.plants)
-        m.y[:] = y[n]
+        put_plants(x[n], r.plants)
+        put(y[n], m.y)
         m.kind, m.tilt, m.way = modes[n, 0], modes[n, 1], modes[n, 2]
         limits = Limits(s[n].rest_rate * q.nu, int(s[n].events), int(s[n].periods))
-        cycle(q, m, own.legs, room, r, limits, own.motions[1], out[n], by[n])
+        cycle(q, m, own.legs, room, r, limits, own.motions[1], out[n])
     _keep(own)
 
 
 @part
-def _solve(a, first, last):
-    """Rows of `steady_state`: settings, parameters and starts; results and slopes."""
+def _steady(a, first, last):
+    """Rows of `steady_state`: settings, parameters and starts; steady states."""
     s, x, y, own = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4), _memory()
-    out, by = carray(pointer(a[3]), (last,), STEADY), cube(a[4], last, 6, 9)
+    out = carray(pointer(a[3]), (last,), STEADY)
     for n in range(first, last):
-        steady_state(x[n], y[n], s[n], own, out[n], by[n])
+        steady_state(x[n], y[n], s[n], own, out[n])
     _keep(own)
 
 
@@ -138,7 +137,7 @@ def _trajectory(a, first, last):
     q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
     for n in range(first, last):
         by = carray(pointer(a[6]), (last, count if s[n].slopes != 0.0 else 1, 4, INPUTS + 1), np.float64)
-        m.y[:] = y[n]
+        put(y[n], m.y)
         statuses[n, 0] = trajectory(x[n], q, m, room, r, s[n], times[n], out[n], by[n])
     _keep(own)
 
@@ -203,7 +202,7 @@ def _shake(a, first, last, history):
         legs = np.empty(_usual_legs(s[n]), LEG) if slopes or history else none
         m.recorded = len(legs) + 1
         while m.recorded > len(legs):
-            m.y[:] = y[n]
+            put(y[n], m.y)
             status = through(x[n], q, f, m, legs, room, s[n])
             if not (slopes or history):
                 break
@@ -222,8 +221,10 @@ def _shake(a, first, last, history):
         _put_results(q, m, status, out)
         if slopes:
             inputs = int(s[n].slopes)
-            many[:] = math.nan
-            put_plants(x[n], 0, r.plants)
+            for i in range(ROWS):
+                for j in range(INPUTS):
+                    many[i, j] = math.nan
+            put_plants(x[n], r.plants)
             out[10] = read(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, many)
             _put_slopes(m, many, inputs, cube(a[5], last, SHAKEN, INPUTS)[n])
     _keep(own)
@@ -238,7 +239,7 @@ def _legs(a, first, last):
     q, m, room, f = own.plants[0], own.motions[0], own.rooms[0], steady(np.empty((0, 4)))
     for n in range(first, last):
         plant(x[n], q)
-        m.y[:] = start[n]
+        put(start[n], m.y)
         decide(q, m.y, sign(m.y[0]), sign(m.y[2]), 0.0, m)
         limits = Limits(s[n].rest_rate * q.nu, int(s[n].events), int(s[n].periods))
         ends[n, 1] = follow_periods(q, f, m, legs[n], room, limits)
@@ -275,10 +276,10 @@ def _run(a, first, last):
     task = table(a[0], 1, 1)[0, 0]
     if task == SETTLE:
         _settle(a, first, last)
-    elif task == CYCLE:
+    elif task == PERIODS:
         _cycle(a, first, last)
-    elif task == SOLVE:
-        _solve(a, first, last)
+    elif task == STEADY_STATE:
+        _steady(a, first, last)
     elif task == TRAJECTORY:
         _trajectory(a, first, last)
     elif task == LEGS_OF:
