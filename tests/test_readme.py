@@ -17,9 +17,6 @@ ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
 GUIDE = ROOT / "notebooks" / "guide"
 PAGES = (README, *sorted(GUIDE.glob("*.md")), ROOT / "tests" / "benchmarks" / "README.md")
-MERGED = "optimise_over" not in tpd.__all__
-"""Whether the package has one optimiser: until then the guide is ahead of the package."""
-ahead = pytest.mark.skipif(not MERGED, reason="the package still has two optimisers")
 
 
 class Block(NamedTuple):
@@ -102,7 +99,6 @@ def test_commands_are_understood(command):
     assert parser().parse_args(command).command == command[0]
 
 
-@ahead
 @pytest.mark.parametrize("block", of("toml"), ids=str)
 def test_job_files_are_understood(block):
     from tpd.cli.config import job_of
@@ -148,6 +144,16 @@ def test_files_that_a_page_names_exist(page):
         assert (ROOT / name).exists(), name
 
 
+def test_names_of_the_table_of_equations_are_in_its_files():
+    rows = [row.split(" | ") for row in (GUIDE / "theory.md").read_text(encoding="utf-8").splitlines()]
+    rows = [row for row in rows if len(row) == 4 and "`tpd/" in row[2]]
+    assert len(rows) > 12
+    for _, _, files, names in rows:
+        text = "\n".join((ROOT / name).read_text(encoding="utf-8") for name in re.findall(FILE, files))
+        for name in re.findall(r"`(\w+?)_?…?`", names):
+            assert re.search(rf"^(def |class |){name}", text, flags=re.MULTILINE), name
+
+
 def test_files_of_the_docstring_s_table_exist():
     names = re.findall(r"\b((?:core|closed_form|exact|models|analysis)/\w+)\b", str(tpd.__doc__))
     assert len(names) > 10
@@ -161,7 +167,6 @@ def test_every_status_is_explained():
         assert f"`{name}`" in text
 
 
-@ahead
 def test_every_public_name_is_explained():
     text = (GUIDE / "api.md").read_text(encoding="utf-8")
     assert len(tpd.__all__) <= 49
