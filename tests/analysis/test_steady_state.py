@@ -193,9 +193,10 @@ def test_compiled_rules_are_those_of_every_model():
         )
         status = status_name(ours[1].status)
         found[status] += 1
-        assert status == status_name(theirs[1].status)
         if status in ("aperiodic", "not_settled"):
-            # Rounding chooses where such a motion is after many periods.
+            # Chaos is recognised in compiled code alone.
+            assert status_name(theirs[1].status) == "not_settled"
             continue
+        assert status == status_name(theirs[1].status)
         jax.tree.map(partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-11), ours, theirs)
     assert set(found) == {"rocking", "sticking", "rest", "held", "overturned", "aperiodic"}

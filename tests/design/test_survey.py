@@ -176,7 +176,7 @@ def test_the_nonlinear_survey_is_by_the_nonlinear_equations():
     mass, length, damping = GOOD[0]
     hung = SCENE.pendulum(mass_ratio=mass, length_ratio=length, damping_ratio=damping)
     for pendulum, severity in ((hung, found.severity), (None, found.bare)):
-        alone = tpd.steady_state(SCENE.parameters(pendulum), model=tpd.Segmented(lyapunov_periods=0))
+        alone = tpd.steady_state(SCENE.parameters(pendulum), model=tpd.Segmented())
         assert severity.item() == pytest.approx(float(alone.amplitude) / SCENE.block.slenderness, rel=1e-5)
     linear = followed(o, GOOD, 100, "linear", None)
     assert abs(linear.severity.item() - found.severity.item()) > 1e-3

@@ -34,7 +34,7 @@ class Orbit(NamedTuple):
     residual: Any
     end: Any
     sizes: Any
-    """Amplitude and stroke; of a motion that did not repeat the largest met so far."""
+    """Amplitude and stroke."""
     by_parameter: Any
     """d(end, sizes)/dp at a fixed start, shape (6, n)."""
     by_state: Any
@@ -67,75 +67,48 @@ def _where(condition: Any, a: Any, b: Any) -> Any:
 
 
 class _Walk(NamedTuple):
-    """Newton's method on its way to a periodic orbit; or, of a motion that did not repeat, the
-    motion itself and how its neighbours part from it."""
+    """Newton's method on its way to a periodic orbit."""
 
     y: Any
     memory: Any
     best: Orbit
-    direction: Any
-    parted: Any
     steps: Any
-    cut: Any
-    """Whether a motion that did not repeat could not be followed further."""
 
 
-def refine(p: Parameters, model: AbstractModel, begun: Settled, code: Any) -> tuple[Orbit, Any]:
-    """The periodic orbit near where following the motion ended, with `code` the number of its status. For a
-    motion that did not repeat, its largest Lyapunov exponent (else NaN) instead."""
+def refine(p: Parameters, model: AbstractModel, begun: Settled, code: Any) -> Orbit:
+    """The periodic orbit near where following the motion ended, with `code` the number of its status."""
     along = _linearised(p, model, begun)
-    wanders = code == index_of("not_settled")
-    repeats = jnp.logical_not(wanders)
-    # There is nothing to be said of a motion that is lost.
-    worthwhile = is_rocking(code) | (code == index_of("rest")) | wanders
-    scale = scale_of(p)
-    scale = jnp.where(jnp.isfinite(scale), scale, 1e300)
-    round_off, lyapunov_periods = model.round_off, model.lyapunov_periods
+    # There is nothing to be said of a motion that is lost, or does not repeat.
+    worthwhile = is_rocking(code) | (code == index_of("rest"))
 
     def going(w: _Walk) -> Any:
-        newton = (w.steps < _NEWTON_STEPS) & (w.best.error > round_off)
-        return worthwhile & jnp.logical_not(w.cut) & jnp.where(repeats, newton, w.steps < lyapunov_periods)
+        return worthwhile & (w.steps < _NEWTON_STEPS) & (w.best.error > model.round_off)
 
     def step(w: _Walk) -> _Walk:
         orbit, memory = along(w.y, w.memory)
-        sizes = jnp.where(repeats, orbit.sizes, jnp.maximum(orbit.sizes, w.best.sizes))
-        orbit = orbit._replace(sizes=sizes)
         # y* = P(y*): Newton's step solves (I - DP) dy = P(y) - y.
         move = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], orbit.end - w.y)
         better = orbit.error < w.best.error
-        best = _where(better | wanders, orbit, w.best)
+        best = _where(better, orbit, w.best)
         newton = jnp.where(jnp.all(jnp.isfinite(move)), w.y + move, w.y)
-        onward = orbit.by_state[:4] @ w.direction
-        size = jnp.sqrt(jnp.sum((onward / scale) ** 2)) + 1e-300
         # By rounding a map that is integrated may miss an event that undoes itself soon: half of a step that
         # led away tries once more.
-        known = w.best.error
-        again = repeats & jnp.logical_not(better) & (known > RESIDUAL) & jnp.isfinite(known)
+        again = ~better & (w.best.error > RESIDUAL) & jnp.isfinite(w.best.error)
         newton = jnp.where(again, 0.5 * (w.y + w.best.y), newton)
-        # That one began in the mode in which the best one ended.
+        # That one began in the mode in which the best one ended. An orbit that meets an event at tau = 0,
+        # such as every conservative one, comes out on either side of it by rounding. Begun before the event
+        # and ended after it, the run counts the event twice, the other way round not at all: both leave the
+        # state right and its derivative wrong. A run that begins in the mode in which the last one ended
+        # meets it once.
         memory = _where(again, w.memory, memory)
-        count = jnp.where(better | again | wanders, w.steps + 1, _NEWTON_STEPS)
-        # An orbit that meets an event at tau = 0, such as every conservative one, comes out on either side of
-        # it by rounding. Begun before the event and ended after it, the run counts the event twice, the other
-        # way round not at all: both leave the state right and its derivative wrong. A run that begins in the
-        # mode in which the last one ended meets it once.
-        y = jnp.where(repeats, newton, orbit.end)
-        after = _Walk(y, memory, best, onward / size, w.parted + jnp.log(size), count, w.cut)
-        cut = wanders & jnp.logical_not(jnp.all(jnp.isfinite(orbit.end)))
-        return _where(cut, w._replace(cut=cut), after)
+        return _Walk(newton, memory, best, jnp.where(better | again, w.steps + 1, _NEWTON_STEPS))
 
-    infinite, no = jnp.full((6, 9), jnp.inf), jnp.zeros((), bool)
-    one, zero = infinite[0, 0], jnp.zeros(())
-    sizes = jnp.stack([begun.amplitude, begun.stroke])
     # Nothing has been found yet: all that a run gives is infinite.
-    none = Orbit(
-        begun.y, one, infinite[0, :4], sizes, infinite, infinite[:, :4], one, one, jnp.logical_not(no)
-    )
-    first = _Walk(begun.y, begun.memory, none, 0.5 * scale, zero, jnp.zeros((), int), no)
-    walk = jax.lax.while_loop(going, step, first)
-    measured = wanders & (walk.steps > 1)
-    exponent = walk.parted / (jnp.maximum(walk.steps, 1) * p.period)
-    return walk.best, jnp.where(measured, exponent, jnp.nan)
+    infinite, sizes = jnp.full((6, 9), jnp.inf), jnp.stack([begun.amplitude, begun.stroke])
+    rest = infinite[0, 0], infinite[0, :4], sizes, infinite, infinite[:, :4], infinite[0, 0], infinite[0, 0]
+    none = Orbit(begun.y, *rest, jnp.ones((), bool))
+    first = _Walk(begun.y, begun.memory, none, jnp.zeros((), int))
+    return jax.lax.while_loop(going, step, first).best
 
 
 def _linearised(p: Parameters, model: AbstractModel, settled: Settled) -> _Along:

@@ -27,7 +27,7 @@ from tpd.analysis.period_map import Orbit, implicit, is_rocking, multipliers, re
 from tpd.core import checks
 from tpd.core.eigenvalues import is_neutral
 from tpd.core.formatting import counted_periods, number
-from tpd.core.orbit_terms import APERIODIC, GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC
+from tpd.core.orbit_terms import GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC
 from tpd.core.parameters import Number, Parameters, State, as_arrays, check_parameters
 from tpd.core.status import Status, index_of, is_settled, status_name
 from tpd.exact.derivatives import joined, refused
@@ -336,12 +336,12 @@ def _judged(p: Parameters, model: AbstractModel, begun: Settled) -> tuple[_Answe
     """The answer for a motion that has been followed, and the slopes of amplitude, stroke and state in the
     parameters, NaN where there are none."""
     (code,) = jax.tree.leaves(begun.status)
-    orbit, separation = refine(p, model, begun, code)
+    orbit = refine(p, model, begun, code)
     multiplier, to_fold = multipliers(p.mu, orbit.by_state[:4])
     neutral = is_neutral(p, multiplier)
     # By its class, as the check.
     smallest = model.__class__.resolution(model, p)
-    status = _verdict(code, orbit, multiplier, neutral, to_fold, separation, smallest)
+    status = _verdict(code, orbit, multiplier, neutral, to_fold, smallest)
     # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
     # unless it has more steps than that may take.
     endless = jnp.logical_not(jnp.isfinite(orbit.residual))
@@ -357,7 +357,7 @@ def _judged(p: Parameters, model: AbstractModel, begun: Settled) -> tuple[_Answe
     sizes, slopes = _answers(p, begun, orbit, status, multiplier)
     marginal, singular = _is_marginal(status), _is_singular(status)
     periodic = is_rocking(status) | (status == index_of("rest")) | marginal
-    lyapunov = jnp.where(periodic, jnp.log(multiplier) / (begun.periods * p.period), separation)
+    lyapunov = jnp.where(periodic, jnp.log(multiplier) / (begun.periods * p.period), jnp.nan)
     symmetric = periodic & (begun.periods % 2 == 1) & (orbit.asymmetry < SYMMETRIC)
     followed = periodic | (status == index_of("held")) | singular
     multiplier = jnp.where(followed, multiplier, jnp.nan)
@@ -372,12 +372,12 @@ def _answers(p: Any, begun: Settled, orbit: Orbit, status: Any, multiplier: Any)
     ringing = rests & (p.zeta == 0.0)
     isolated = (is_rocking(status) | rests) & (multiplier < 1.0) & jnp.logical_not(ringing)
     # On an isolated orbit the sizes gain one more Newton step. Elsewhere I - DP may be singular: then they
-    # are those of the orbit as it was found, or, of a motion that did not repeat, the largest met.
+    # are those of the orbit as it was found.
     unknown = jnp.full(2, jnp.nan)
     last = jnp.where(status == index_of("failed"), unknown, jnp.stack([begun.amplitude, begun.stroke]))
     sizes, slopes = implicit(orbit)
     followed = _is_marginal(status) | _is_singular(status)
-    last = jnp.where(followed | (status == index_of("aperiodic")), orbit.sizes, last)
+    last = jnp.where(followed, orbit.sizes, last)
     last = jnp.where(status == index_of("overturned"), jnp.full(2, jnp.inf), last)
     sizes, slopes = jnp.where(isolated, sizes, last), jnp.where(isolated, slopes, jnp.nan)
     still = rests & (sizes[1] == 0.0)
@@ -406,7 +406,6 @@ def _verdict(
     multiplier: Any,
     neutral: Any,
     to_fold: Any,
-    separation: Any,
     resolution: Any,
 ) -> Any:
     """The number of the status of a motion, from that with which following it has ended, and from what
@@ -421,5 +420,4 @@ def _verdict(
     status = jnp.where(moving & (to_fold < 2.0 * NEAR_FOLD), index_of("near_fold"), status)
     open_ = jnp.logical_not(orbit.residual < RESIDUAL)
     status = jnp.where(moving & open_, index_of("not_settled"), status)
-    status = jnp.where(separation > APERIODIC, index_of("aperiodic"), status)
     return jnp.where(moving & (orbit.sizes[0] < resolution), index_of("rest"), status)

@@ -62,9 +62,6 @@ class AbstractChoice(eqx.Module):
 class AbstractModel(eqx.Module):
     """A model of block and pendulum in dimensionless form."""
 
-    lyapunov_periods: eqx.AbstractVar[int]
-    """Periods over which the separation of neighbouring motions is measured; 0 for never."""
-
     @property
     @abstractmethod
     def round_off(self) -> float:

@@ -102,14 +102,12 @@ class Segmented(AbstractModel):
     """Bound on the segments of one forcing period."""
     max_steps: int = eqx.field(default=4096, static=True, kw_only=True)
     """Bound on the solver steps of one segment."""
-    lyapunov_periods: int = eqx.field(default=0, static=True, kw_only=True)
 
     def __check_init__(self) -> None:
         for name in ("rtol", "cycle_rtol", "tolerance", "rest_rate"):
             checks.positive(name, getattr(self, name))
         for name in ("max_periods", "max_events", "max_steps"):
             checks.count(name, getattr(self, name))
-        checks.count("lyapunov_periods", self.lyapunov_periods, least=0)
 
     @property
     def round_off(self) -> float:

@@ -69,7 +69,6 @@ class Smoothed(AbstractModel):
     """Bound on the solver steps of one forcing period."""
     samples: int = eqx.field(default=64, static=True, kw_only=True)
     """Samples of one settled period, among which turning points are bracketed."""
-    lyapunov_periods: int = eqx.field(default=0, static=True, kw_only=True)
     """The separation of neighbours is not measured by default: the exact model does it faster."""
 
     def __check_init__(self) -> None:
@@ -78,7 +77,6 @@ class Smoothed(AbstractModel):
             checks.positive(name, getattr(self, name))
         for name in ("max_periods", "max_steps", "samples"):
             checks.count(name, getattr(self, name))
-        checks.count("lyapunov_periods", self.lyapunov_periods, least=0)
 
     @property
     def round_off(self) -> float:
