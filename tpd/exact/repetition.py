@@ -9,6 +9,8 @@ import math
 
 import numpy as np
 
+from tpd.exact.arcs import Forcing, steady
+from tpd.exact.motion import FIRST_PIECE, YES
 from tpd.exact.plant import compiled
 
 LONGEST = 8
@@ -47,15 +49,13 @@ def repeats_after(q, y, past, known, scales, tolerance):
 
 
 @compiled
-def growth_in(growth, ramp, period, elapsed):
-    """Put the share of its full size that the shaking has when a period begins, and its increase per unit
-    tau, into `growth`; return the time from then at which it has its full size, 0 if it has."""
+def shaking_in(ramp, period, elapsed, since, cubics):
+    """The forcing of a period after so many others, followed from the time `since` in it on, and the time at
+    which it has its full size, 0 if it has; it grows over `ramp` periods. `cubics` has no rows."""
     grown = (ramp - elapsed) * period
-    if grown <= 1e-12 * period:
-        growth[0], growth[1] = 1.0, 0.0
-        return 0.0
-    growth[0], growth[1] = elapsed / ramp, 1.0 / (ramp * period)
-    return grown
+    if grown <= max(since, 1e-12 * period):
+        return steady(cubics), 0.0
+    return Forcing(YES, elapsed / ramp, 1.0 / (ramp * period), FIRST_PIECE, cubics), grown
 
 
 @compiled
