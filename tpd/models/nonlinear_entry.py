@@ -134,10 +134,10 @@ def _meet(q, m, which, at_once, capture, eta):
 
 
 @compiled
-def _note_turns(m, k, c, row, order, h, tau):
-    """Take account of the angle k of a tally where it turns within the time h from `tau` on. Of its two
-    sides only the larger one holds."""
-    angle, t = series.largest_turn(c, row, order, h, m.best[larger(m, k // 2)])
+def _note_turns(m, k, c, order, h, tau):
+    """Take account of the angle k of a tally, which is row k of a series, where it turns within the time h
+    from `tau` on. Of its two sides only the larger one holds."""
+    angle, t = series.largest_turn(c, k, order, h, m.best[larger(m, k // 2)])
     note_angle(m, k if angle > 0.0 else k + 1, abs(angle), tau + t)
 
 
@@ -158,9 +158,9 @@ def advance(q, f, m, w, i, s, end):
         series.put_state(c, order, h, y)
         # The block's tilt is largest at events, which are ends of steps. The bob turns within one.
         note(m, y[0], y[1], tau + h)
-        _note_turns(m, 2, c, series.PSI, order, h, tau)
+        _note_turns(m, series.PSI, c, order, h, tau)
         if w.relative:
-            _note_turns(m, 4, c, series.APART, order, h, tau)
+            _note_turns(m, series.APART, c, order, h, tau)
         # Exactly on the event.
         if which == _LANDING:
             y[0] = 0.0
@@ -216,7 +216,8 @@ def _settle(q, m, w, s, since, ramp, out):
     y, cubics, scales, events = m.y, np.empty((0, 4)), repetition.scales_of(q), int(s.events)
     w.period, w.rate, w.swing, w.relative = 2.0 * math.pi / q.xi, scales[2], scales[3], NO
     past, last, peaks = np.zeros((LONGEST, 4)), np.zeros((LONGEST, 3)), np.zeros(2)
-    past[0, :] = y
+    for j in range(4):
+        past[0, j] = y[j]
     clear(m)
     f, grown = repetition.shaking_in(ramp, w.period, 0.0, since, cubics)
     decide(q, y, sign(y[0]), sign(y[2]), forcing_now(q, f, since), m)
@@ -252,7 +253,7 @@ def _settle(q, m, w, s, since, ramp, out):
 def _through(q, f, m, w, s):
     """Follow one motion through all pieces of a ground motion, and freely for the time that the settings `s`
     say. Return its status."""
-    y, i, ended = m.y, 0, ARRIVED
+    y, i, ended = m.y, FIRST_PIECE, ARRIVED
     # Without a forcing period, the shorter of the bob's and the block's says which times are but rounding.
     w.period, w.relative = 2.0 * math.pi * min(1.0, math.sqrt(q.m22)), YES
     w.rate, w.swing = q.nu, (q.nu + q.f) * max(1.0, 1.0 / math.sqrt(q.m22))
@@ -287,7 +288,8 @@ def _run(a, first, last):
     q, m, w = plants[0], motions[0], works[0]
     for n in range(first, last):
         series.prepare(x[n], s[n], q, w)
-        m.y[:] = start[n]
+        for j in range(4):
+            m.y[j] = start[n, j]
         if s[n].task == SETTLE:
             t, out, wholes = table(a[3], last, 2), table(a[4], last, FLOATS), table(a[5], last, WHOLES)
             found = _settle(q, m, w, s[n], t[n, 0], t[n, 1], out[n])
