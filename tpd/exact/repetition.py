@@ -82,8 +82,8 @@ def stayed(last, periods):
 
 
 @compiled
-def settled(status, repeats, y, last, peaks, out):
-    """Put the results of a motion into `out`, but for the mode; return its status and its periods."""
+def settled(status, repeats, m, last, peaks, out):
+    """Put the results of a motion into `out`; return its status and its periods."""
     own = repeats if repeats > 0 else LONGEST
     amplitude, stroke, stuck = 0.0, 0.0, 0.0
     for j in range(own):
@@ -92,11 +92,12 @@ def settled(status, repeats, y, last, peaks, out):
     if status == ROCKING and stuck > 0.0:
         status = STICKING
     if status == AT_REST:
-        amplitude, stroke = abs(y[0]), last[0, 1]
-        status = HELD if y[0] != 0.0 else AT_REST
+        amplitude, stroke = abs(m.y[0]), last[0, 1]
+        status = HELD if m.y[0] != 0.0 else AT_REST
     if status == OVERTURNED:
         peaks[0] = peaks[1] = math.inf
-    out[4], out[5], out[6], out[7] = amplitude, stroke, peaks[0], peaks[1]
     for i in range(4):
-        out[i] = y[i]
+        out[i] = m.y[i]
+    out[4], out[5], out[6], out[7] = amplitude, stroke, peaks[0], peaks[1]
+    out[8], out[9], out[10] = m.kind, m.tilt, m.way
     return status, max(repeats, 1)

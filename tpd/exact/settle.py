@@ -225,6 +225,5 @@ def settle(x, q, m, room, r, s, since, ramp, out):
                         past.peaks[1] = max(reach, past.peaks[1])
     if status != OVERTURNED and not finite(y):
         status = FAILED
-    status, own = settled(status, repeats, y, last, past.peaks, out)
-    out[8], out[9], out[10] = m.kind, m.tilt, m.way
+    status, own = settled(status, repeats, m, last, past.peaks, out)
     return status, own, elapsed

@@ -244,8 +244,7 @@ def _settle(q, m, w, s, since, ramp, out):
         elif repeats > 0:
             # The bob of a block that never moved may repeat itself after several periods only.
             status = repetition.AT_REST if repetition.stayed(last, repeats) else repetition.ROCKING
-    status, own = repetition.settled(status, repeats, y, last, peaks, out)
-    out[8], out[9], out[10] = m.kind, m.tilt, m.way
+    status, own = repetition.settled(status, repeats, m, last, peaks, out)
     return status, own, elapsed
 
 
@@ -292,8 +291,8 @@ def _run(a, first, last):
             m.y[j] = start[n, j]
         if s[n].task == SETTLE:
             t, out, wholes = table(a[3], last, 2), table(a[4], last, FLOATS), table(a[5], last, WHOLES)
-            found = _settle(q, m, w, s[n], t[n, 0], t[n, 1], out[n])
-            wholes[n, 0], wholes[n, 1], wholes[n, 2] = found
+            counts = _settle(q, m, w, s[n], t[n, 0], t[n, 1], out[n])
+            wholes[n, 0], wholes[n, 1], wholes[n, 2] = counts
         else:
             out = table(a[4], last, OUT)[n]
             put_results(m, _through(q, pieces(a[3], s[n], n), m, w, s[n]), out)

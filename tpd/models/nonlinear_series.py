@@ -239,21 +239,15 @@ def put_state(c, order, t, y):
 
 
 @compiled
-def _bend(c, row, way, order, first, h):
-    """Bound on how much a signal bends down until h; `way` times the series divided by the power `first`."""
-    bend, power = 0.0, 1.0
+def _descended(c, row, way, order, first, t, h):
+    """First time from t on at which a signal, `way` times the series divided by the power `first`, vanishes,
+    and whether it does so before h; else how far it is proved to be positive."""
+    # Until h the signal bends down by no more than its falling terms do.
+    bend, tiny, power = 0.0, 0.0, 1.0
     for n in range(first + 2, order + 1):
         m = float(n - first)
         bend -= m * (m - 1.0) * min(way * c[row, n], 0.0) * power
         power *= h
-    return bend
-
-
-@compiled
-def _descended(c, row, way, order, first, t, h):
-    """First time from t on at which a signal vanishes, and whether it does so before h; else how far it is
-    proved to be positive."""
-    bend, tiny = _bend(c, row, way, order, first, h), 0.0
     # The steps grow short like Newton's before a root, and come from one side: no root is passed.
     for done in range(_PROVED):
         value, slope = way * c[row, order], 0.0
