@@ -232,17 +232,15 @@ def test_numba_is_not_loaded_before_it_is_needed():
 
 
 def test_where_nothing_can_be_stored_it_compiles_all_the_same(monkeypatch):
-    from tpd.models import nonlinear_settling
+    from tpd.models import nonlinear_entry
 
-    def njit(*_, cache=False, **__):
+    def cfunc(*_, cache=False, **__):
         if cache:
             raise RuntimeError("cannot cache function: no locator available")
-        return lambda function: function
+        return lambda function: (function, "compiled")
 
-    monkeypatch.setattr(nonlinear_settling.numba, "njit", njit)
-    no_rows = np.zeros((0, 11)), np.zeros((0, 3), dtype=int)
-    run = nonlinear_settling._entry(5)
-    assert run(None, None, None, None, 0, 0, 1, 1e-8, 10, *no_rows) == 5
+    monkeypatch.setattr(nonlinear_entry.numba, "cfunc", cfunc)
+    assert nonlinear_entry._entrance(5, 0)[1] == "compiled"
 
 
 @pytest.mark.mends("a block that never moves was called sticking where its bob repeats itself")

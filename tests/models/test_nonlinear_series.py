@@ -8,27 +8,30 @@ import pytest
 
 import tpd
 from tpd.core.equations import Equations
+from tpd.exact.arcs import Load
+from tpd.exact.mode_kinds import REST, SLIP, STICK
+from tpd.exact.motion import MOTION
+from tpd.exact.plant import PLANT, coefficients
 from tpd.models import nonlinear_series as series
 from tpd.models.compiled_linear import packed
-from tpd.models.nonlinear_kernel import plant
 from tpd.models.nonlinear_series import DOWN, ORDERS, PHI, PSI, ROWS, UP, R, V
 
 ORDER = 24
 
 
 @numba.njit(error_model="numpy")
-def solved(x, y, way, held, growth, t, rtol, c):
-    """Series about t of a block that slips to the side `way`, or is held: its order and its length."""
-    q = plant(x, x[6], 2.0 * math.pi / x[6], 1e-4)
-    inverse = np.full(3, 1.0 / rtol)
-    c[PHI, 0], c[PSI, 0], c[V, 0], c[R, 0] = y[0], y[1], y[2], y[3]
-    series.put_forcing(q, growth, t, ORDER, c)
-    tilt = math.copysign(1.0, y[0])
-    if held:
-        order = series.held_series(q, tilt if y[0] != 0.0 else 0.0, ORDER, 9.0, inverse, c)
-    else:
-        order = series.slipping_series(q, tilt, way, ORDER, 9.0, inverse, c)
-    return order, series.length_of(c, order, 9.0, inverse)
+def solved(x, y, held, growth, t, rtol, c):
+    """Series about t of a block that slips, or is held: its order and its length."""
+    plants, motions, works = np.zeros(1, PLANT), np.zeros(1, MOTION), np.zeros(1, series.WORK)
+    q, m, w = plants[0], motions[0], works[0]
+    coefficients(x, q)
+    m.y[:] = y
+    m.kind, m.tilt, m.way = (STICK if y[0] != 0.0 else REST) if held else SLIP, np.sign(y[0]), np.sign(y[2])
+    w.order, w.rtol, w.rate, w.swing, w.inverse[2] = ORDER, rtol, 10.0, 10.0, 1.0 / rtol
+    size = growth[0] + growth[1] * t
+    found = series.put(q, m, Load(x[6], x[6] * t, size, growth[1], 0.0, 0.0), 9.0, w)
+    c[:] = w.series
+    return found, len(plants) + len(motions) + len(works)
 
 
 @numba.njit(error_model="numpy")
@@ -37,8 +40,8 @@ def free_until(c, row, way, order, floor, h):
 
 
 @numba.njit(error_model="numpy")
-def largest_within(c, row, rate, order, h):
-    return series.largest_within(c, row, rate, order, h, series.value_at(c, row, order, h))
+def largest_turn(c, row, order, h):
+    return series.largest_turn(c, row, order, h, 0.0)
 
 
 def motions(count=20, seed=3):
@@ -72,9 +75,7 @@ def test_a_series_solves_the_equations(held, growth):
     for p, y, t in motions():
         y = y * [1.0, 1.0, 0.0, 1.0] if held else y
         c = np.zeros((ROWS, ORDERS))
-        order, h = solved(
-            np.asarray(packed(p)), y, math.copysign(1.0, y[2]), held, np.array([*growth, 0, 0]), t, 1e-13, c
-        )
+        (order, h), _ = solved(np.asarray(packed(p)), y, held, np.array(growth), t, 1e-13, c)
         assert 0.05 < h <= 9.0
         for share in (0.0, 0.6):
             state, slope = at(c, order, share * h)
@@ -92,8 +93,8 @@ def test_a_series_solves_the_equations(held, growth):
 def test_signals_of_a_held_block_are_those_of_the_moment_on_it(leans):
     for p, y, t in motions():
         y = y * [float(leans), 1.0, 0.0, 1.0]
-        c, ones = np.zeros((ROWS, ORDERS)), np.array([1.0, 0.0, 0.0, 0.0])
-        order, h = solved(np.asarray(packed(p)), y, 0.0, True, ones, t, 1e-13, c)
+        c = np.zeros((ROWS, ORDERS))
+        (order, h), _ = solved(np.asarray(packed(p)), y, True, np.array([1.0, 0.0]), t, 1e-13, c)
         state, slope = at(c, order, 0.5 * h)
         equations, sine = Equations(p, tpd.Terms.nonlinear), math.sin(p.xi * (t + 0.5 * h))
         for row, way in ((UP, 1.0), (DOWN, -1.0)):
@@ -147,14 +148,18 @@ def test_a_signal_that_begins_at_zero_has_the_sign_that_it_takes_on(coefficients
 
 
 def test_the_largest_angle_is_that_of_many_samples():
+    met = 0
     for p, y, t in motions():
         c = np.zeros((ROWS, ORDERS))
-        order, h = solved(
-            np.asarray(packed(p)), y, math.copysign(1.0, y[2]), False, np.array([1.0, 0, 0, 0]), t, 1e-9, c
+        (order, h), _ = solved(np.asarray(packed(p)), y, False, np.array([1.0, 0.0]), t, 1e-9, c)
+        angle, when = largest_turn(c, PSI, order, h)
+        values = np.polynomial.polynomial.polyval(
+            np.array([when, *np.linspace(0.0, h, 4001)]), c[PSI, : order + 1]
         )
-        size, when = largest_within(c, PSI, R, order, h)
-        sampled = np.abs(np.polynomial.polynomial.polyval(np.linspace(0.0, h, 4001), c[PSI, : order + 1]))
-        # A start that is larger than all that follows is in the tally already.
-        assert max(size, sampled[0]) == pytest.approx(sampled.max(), abs=1e-6)
-        assert size >= sampled[1:].max() - 1e-9 or sampled.argmax() == 0
+        # The ends of a step are in the tally already.
+        sampled, turns = np.abs(values[1:]), angle != 0.0
+        assert max(abs(angle), sampled[0], sampled[-1]) == pytest.approx(sampled.max(), abs=1e-6)
         assert 0.0 <= when <= h
+        assert not turns or values[0] == pytest.approx(angle)
+        met += turns
+    assert met >= 3

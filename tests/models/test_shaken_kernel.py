@@ -242,6 +242,8 @@ def test_shaking_that_just_balances_the_weight_has_an_answer(nonlinear):
             run = shake_nonlinear if nonlinear else follow_all
             found, _ = run(rows, pieces, np.arange(len(cases)), np.full(len(cases), 5.0))
             assert np.all(np.isin(found.status, (STOOD, ROCKED, OVERTURNED)))
+            # Nobody computes that of the nonlinear equations.
+            assert np.all(np.isnan(found.transversality) == nonlinear)
 
 
 @pytest.mark.mends("impacts without loss used up the bound on events")

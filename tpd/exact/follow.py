@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from collections import namedtuple
 
+import numpy as np
+
 from tpd.exact.arcs import (
     Signal,
     beginning,
@@ -41,7 +43,7 @@ from tpd.exact.events import (
     watch_turns,
 )
 from tpd.exact.mode_kinds import REST, SLIP, STICK
-from tpd.exact.motion import FIRST_PIECE, clear, note, record, restart
+from tpd.exact.motion import FIRST_PIECE, clear, larger, note, record, restart
 from tpd.exact.plant import compiled, plant
 from tpd.exact.whole_pieces import put_maps, whole_pieces
 
@@ -50,6 +52,10 @@ ARRIVED, LOST, EXHAUSTED = range(3)
 STATUSES = ("stood", "rocked", "overturned", "event_bound", "failed")
 """Names of the statuses of a motion through all pieces, in the order of their numbers."""
 STOOD, ROCKED, OVERTURNED, EVENT_BOUND, FAILED = range(5)
+OUT = np.int64(19)
+"""Numbers in the results of a motion through all pieces: largest |phi|, |psi| and |psi - phi| with their
+times; the state at the end; the growing coordinate of the last leg (with derivatives only); status; impacts;
+times of the first uplift and of the overturning; transversality; legs; and the accelerations at the end."""
 Rules = namedtuple("Rules", "capture bob relative brief")
 """Largest speed phi' of an impact that may end in rest; whether turns of the bob count, and its turns against
 the block; and whether a free motion may end as soon as it cannot tilt the block further."""
@@ -323,3 +329,15 @@ def through(x, q, f, m, legs, room, s):
         quick *= _COARSER
         most = max_events if quick * _COARSER <= _QUICKEST else _LAST * max_events
         m.y[0], m.y[1], m.y[2], m.y[3] = y0, y1, y2, y3
+
+
+@compiled
+def put_results(m, status, out):
+    """Put what was counted of a motion through all pieces, with its state and status, into `out`."""
+    for k in range(3):
+        best = larger(m, k)
+        out[2 * k], out[2 * k + 1] = (m.best[best] if status != OVERTURNED else math.inf), m.when[best]
+    for i in range(4):
+        out[6 + i] = m.y[i]
+    out[10], out[11], out[12], out[13], out[14] = 0.0, status, m.impacts, m.lifted, m.fell
+    out[15], out[16] = m.crossing, m.recorded

@@ -95,13 +95,18 @@ def restart(m):
 
 
 @compiled
+def note_angle(m, k, angle, tau):
+    """Take account of angle k at the end of the leg that is recorded next."""
+    # The first leg of several with the same angle counts: a block that rests adds none.
+    if angle > m.best[k]:
+        m.best[k], m.where[k], m.when[k] = angle, m.recorded, tau
+
+
+@compiled
 def note(m, phi, psi, tau):
-    """Take account of the angles at the end of the leg that is recorded next."""
+    """Take account of all angles there."""
     for k in range(6):
-        angle = angle_of(phi, psi, k)
-        # The first leg of several with the same angle counts: a block that rests adds none.
-        if angle > m.best[k]:
-            m.best[k], m.where[k], m.when[k] = angle, m.recorded, tau
+        note_angle(m, k, angle_of(phi, psi, k), tau)
 
 
 @compiled

@@ -222,19 +222,27 @@ def _put_modes(q, a, b):
 
 
 @compiled
+def coefficients(x, q):
+    """Put what the nonlinear equations have in common with the linear ones into a plant."""
+    nu, mu, lam, zeta, k, f, xi, rho, e = x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7], x[8]
+    hinge = 2.0 * zeta * np.sqrt(lam * rho)
+    q.nu, q.mu, q.lam, q.zeta, q.k, q.f, q.xi, q.e, q.slack = nu, mu, lam, zeta, k, f, xi, e, 0.0 * k
+    q.up, q.weight, q.bias = 1.0 + 2.0 * mu, (1.0 + mu) * nu, mu * hinge * (lam - 2.0)
+    q.m11, q.m12 = 1.0 + mu * rho * (4.0 + nu * nu), -2.0 * mu * rho * lam
+    q.m21, q.m22, q.c1, q.c2 = -2.0 * rho, lam * rho, mu * lam * hinge, hinge
+
+
+@compiled
 def plant(x, q):
     """Fill a plant with the coefficients of (nu, mu, lam, zeta, k, f, xi, rho, e)."""
-    nu, mu, lam, zeta, k, f, xi, rho, e = x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7], x[8]
-    hinge, d = 2.0 * zeta * np.sqrt(lam * rho), 1.0 + mu * rho * nu * nu
-    m11, m12, m21, m22 = 1.0 + mu * rho * (4.0 + nu * nu), -2.0 * mu * rho * lam, -2.0 * rho, lam * rho
-    c1, c2, up = mu * lam * hinge, hinge, 1.0 + 2.0 * mu
-    a4, a3 = lam * rho * d, hinge * (d + mu * rho * (2.0 - lam) * (2.0 - lam))
-    a2, a1, a0 = m11 - up * lam * rho, -hinge * (up - mu * lam), -up
-    q.nu, q.mu, q.lam, q.zeta, q.k, q.f, q.xi, q.e, q.slack = nu, mu, lam, zeta, k, f, xi, e, 0.0 * k
-    q.up, q.weight, q.bias = up, (1.0 + mu) * nu, mu * hinge * (lam - 2.0)
+    coefficients(x, q)
+    nu, mu, lam, f, xi, rho = x[0], x[1], x[2], x[5], x[6], x[7]
+    m11, m12, m21, m22, c1, c2, up = q.m11, q.m12, q.m21, q.m22, q.c1, q.c2, q.up
+    d = 1.0 + mu * rho * nu * nu
+    a4, a3 = lam * rho * d, c2 * (d + mu * rho * (2.0 - lam) * (2.0 - lam))
+    a2, a1, a0 = m11 - up * lam * rho, -c2 * (up - mu * lam), -up
     q.s1, q.s2, q.p, q.q = _roots(a4, a3, a2, a1, a0)
     q.held_p, q.held_q = c2 / m22, 1.0 / m22
-    q.m11, q.m12, q.m21, q.m22, q.c1, q.c2 = m11, m12, m21, m22, c1, c2
     _put_modes(q, _mode(q.s1, m11, m12, m21, m22, c1, c2, up), _mode(q.s2, m11, m12, m21, m22, c1, c2, up))
     h = _responses(m11, m12, m21, m22, c1, c2, up, f, xi)
     q.tilt_sin, q.tilt_cos, q.bob_sin, q.bob_cos = h[0], h[1], h[2], h[3]

@@ -9,6 +9,8 @@ import math
 
 import numpy as np
 
+from tpd.exact.arcs import Forcing, steady
+from tpd.exact.motion import FIRST_PIECE, YES
 from tpd.exact.plant import compiled
 
 LONGEST = 8
@@ -47,15 +49,13 @@ def repeats_after(q, y, past, known, scales, tolerance):
 
 
 @compiled
-def growth_in(growth, ramp, period, elapsed):
-    """Put the share of its full size that the shaking has when a period begins, and its increase per unit
-    tau, into `growth`; return the time from then at which it has its full size, 0 if it has."""
+def shaking_in(ramp, period, elapsed, since, cubics):
+    """The forcing of a period after so many others, followed from the time `since` in it on, and the time at
+    which it has its full size, 0 if it has; it grows over `ramp` periods. `cubics` has no rows."""
     grown = (ramp - elapsed) * period
-    if grown <= 1e-12 * period:
-        growth[0], growth[1] = 1.0, 0.0
-        return 0.0
-    growth[0], growth[1] = elapsed / ramp, 1.0 / (ramp * period)
-    return grown
+    if grown <= max(since, 1e-12 * period):
+        return steady(cubics), 0.0
+    return Forcing(YES, elapsed / ramp, 1.0 / (ramp * period), FIRST_PIECE, cubics), grown
 
 
 @compiled
@@ -82,8 +82,8 @@ def stayed(last, periods):
 
 
 @compiled
-def settled(status, repeats, y, last, peaks, out):
-    """Put the results of a motion into `out`, but for the mode; return its status and its periods."""
+def settled(status, repeats, m, last, peaks, out):
+    """Put the results of a motion into `out`; return its status and its periods."""
     own = repeats if repeats > 0 else LONGEST
     amplitude, stroke, stuck = 0.0, 0.0, 0.0
     for j in range(own):
@@ -92,11 +92,12 @@ def settled(status, repeats, y, last, peaks, out):
     if status == ROCKING and stuck > 0.0:
         status = STICKING
     if status == AT_REST:
-        amplitude, stroke = abs(y[0]), last[0, 1]
-        status = HELD if y[0] != 0.0 else AT_REST
+        amplitude, stroke = abs(m.y[0]), last[0, 1]
+        status = HELD if m.y[0] != 0.0 else AT_REST
     if status == OVERTURNED:
         peaks[0] = peaks[1] = math.inf
-    out[4], out[5], out[6], out[7] = amplitude, stroke, peaks[0], peaks[1]
     for i in range(4):
-        out[i] = y[i]
+        out[i] = m.y[i]
+    out[4], out[5], out[6], out[7] = amplitude, stroke, peaks[0], peaks[1]
+    out[8], out[9], out[10] = m.kind, m.tilt, m.way
     return status, max(repeats, 1)

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from tpd.exact.arcs import Forcing, span_of, steady
+from tpd.exact.arcs import span_of, steady
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.follow import ARRIVED, LOST, Rules, allow, begin, forcing_now, piece
 from tpd.exact.legs import STATE
@@ -26,11 +26,11 @@ from tpd.exact.repetition import (
     NOT_SETTLED,
     OVERTURNED,
     ROCKING,
-    growth_in,
     remember,
     repeats_after,
     scales_of,
     settled,
+    shaking_in,
     stayed,
 )
 
@@ -164,14 +164,11 @@ def settle(x, q, m, room, r, s, since, ramp, out):
         np.empty(0, LEG),
     )
     past = Past(np.zeros((LONGEST, 4)), np.zeros((LONGEST, 3)), np.zeros(2))
-    growth, before, last = np.zeros(2), np.zeros(2), past.sizes
+    before, last = np.zeros(2), past.sizes
     for i in range(4):
         past.states[0, i] = y[i]
     clear(m)
-    grown = growth_in(growth, ramp, period, 0.0)
-    if grown <= since:
-        growth[0], growth[1] = 1.0, 0.0
-    f = Forcing(YES, growth[0], growth[1], FIRST_PIECE, cubics)
+    f, grown = shaking_in(ramp, period, 0.0, since, cubics)
     decide(q, y, sign(y[0]), sign(y[2]), forcing_now(q, f, since), m)
     past.peaks[0], past.peaks[1] = abs(y[0]), abs(y[1])
     rests = False
@@ -188,8 +185,7 @@ def settle(x, q, m, room, r, s, since, ramp, out):
         y[0] = math.nan
     while elapsed < s.periods and status == NOT_SETTLED and finite(y):
         if elapsed > 0:
-            grown = growth_in(growth, ramp, period, float(elapsed))
-            f = Forcing(YES, growth[0], growth[1], FIRST_PIECE, cubics)
+            f, grown = shaking_in(ramp, period, float(elapsed), 0.0, cubics)
         ended = _one_period(q, f, m, legs, room, since if elapsed == 0 else 0.0, grown, limits)
         sound, elapsed = ended == ARRIVED and finite(y), elapsed + 1
         # Whether the shaking grew in this period, and whether it goes on growing in the next one.
@@ -230,6 +226,5 @@ def settle(x, q, m, room, r, s, since, ramp, out):
                         past.peaks[1] = max(reach, past.peaks[1])
     if status != OVERTURNED and not finite(y):
         status = FAILED
-    status, own = settled(status, repeats, y, last, past.peaks, out)
-    out[8], out[9], out[10] = m.kind, m.tilt, m.way
+    status, own = settled(status, repeats, m, last, past.peaks, out)
     return status, own, elapsed

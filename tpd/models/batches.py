@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
-from tpd.core import checks
 from tpd.core.parameters import Parameters
-from tpd.models import compiling
 from tpd.models.base import Settled
+from tpd.models.compiled_linear import EXACT
 from tpd.models.piecewise import Piecewise
-from tpd.models.rows import rows_of, settled_of, shared
+from tpd.models.rows import settle_rows
 
 
 def settle_all(
@@ -45,28 +42,7 @@ def settle_all(
         ValueError: an empty batch, leaves of different lengths, a number out of range, or workers below one.
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
     model = Piecewise() if model is None else model
-    starts, rows, begins, ramps = rows_of(p, y0, begin, ramp)
-    # Loaded here, and not with the package: it loads Numba.
-    compiling.load("tpd.models.exact_entry")
-    from tpd.exact.repetition import STATUSES
-    from tpd.models import exact_entry as entry
-
-    n = len(starts)
-    floats, counts = np.empty((n, entry.FLOATS)), np.empty((n, entry.WHOLES))
-    settings: Any = np.zeros(n, entry.SETTINGS)
-    settings["task"], settings["periods"], settings["events"] = (
-        entry.SETTLE,
-        model.max_periods,
-        model.max_events,
-    )
-    settings["tolerance"], settings["rest_rate"] = model.tolerance, model.rest_rate
-    times = np.stack([begins, ramps], axis=1)
-
-    def run(first: int, last: int) -> int:
-        entry.run(first, last, settings, rows, starts, times, floats, counts)
-        return last - first
-
-    shared(run, n, workers, progress)
-    return settled_of(floats, counts.astype(np.int64), STATUSES)
+    limits = {"periods": model.max_periods, "events": model.max_events, "tolerance": model.tolerance}
+    motions = p, y0, begin, ramp
+    return settle_rows(EXACT, motions, workers, progress, rest_rate=model.rest_rate, **limits)

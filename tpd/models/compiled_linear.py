@@ -20,7 +20,6 @@ from tpd.core.parameters import Number, Parameters, State
 from tpd.core.status import Status
 from tpd.exact.contact import Mode
 from tpd.exact.derivatives import once
-from tpd.models import compiling
 from tpd.models.base import Cycle, Settled
 from tpd.models.calling import Compiled, shape
 
@@ -31,12 +30,15 @@ NAMES = "nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e"
 def _trial(entry: Any) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
     """A motion that is followed for one period."""
     x = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 2.0, 0.7, 0.9])
-    settings = np.array(entry.settings(task=entry.SETTLE, periods=1.0, events=100.0, rest_rate=2e-7))
+    limits = {"periods": 1.0, "events": 100.0, "rest_rate": 2e-7, "rtol": 1e-8}
+    settings = np.array(entry.settings(task=entry.SETTLE, **limits))
     return (shape(entry.FLOATS), shape(entry.WHOLES)), (settings, x, np.zeros(4), np.zeros(2))
 
 
 EXACT = Compiled("tpd.models.exact_entry", "tpd_exact", "the linear equations", _trial)
 """The entrance to the compiled code of the linear equations."""
+NONLINEAR = Compiled("tpd.models.nonlinear_entry", "tpd_nonlinear", "the nonlinear equations", _trial)
+"""Entrance to that of the nonlinear equations, which has the tasks `SETTLE` and `SHAKE`."""
 
 
 def fields(p: Parameters) -> tuple[Any, ...]:
@@ -59,9 +61,9 @@ def unpacked(x: Array) -> Parameters:
     return Parameters(**dict(zip(NAMES, x, strict=True)))
 
 
-def settings_of(task: str, **values: Any) -> Array:
-    """A row of settings, see `tpd.models.exact_entry.FIELDS`."""
-    entry = EXACT.entry()
+def settings_of(task: str, of: Compiled = EXACT, **values: Any) -> Array:
+    """A row of settings, see `tpd.models.custom_call.FIELDS`."""
+    entry = of.entry()
     row = entry.settings(task=getattr(entry, task), **values)
     return packed_of(row)
 
@@ -187,4 +189,4 @@ def trajectory(
 def load_compiled() -> None:
     """Load the compiled code of both equations, or compile it where there is none on this machine."""
     EXACT.direct()
-    compiling.load("tpd.models.nonlinear_settling")
+    NONLINEAR.entry()

@@ -1,7 +1,7 @@
 """The nonlinear equations (4) for many motions at once, by a compiled event loop on all cores.
 
 `Segmented` solves the same equations with derivatives. Here are values alone, sooner, and no motion waits for
-another one of its batch. Numbers cross between JAX and the compiled code at the edges only.
+another one of its batch. The code is called as that of the linear equations is.
 """
 
 from __future__ import annotations
@@ -16,11 +16,16 @@ import numpy as np
 from tpd.core import checks
 from tpd.core.parameters import Parameters
 from tpd.exact.derivatives import refused_in
-from tpd.models import compiling
 from tpd.models.base import Settled
-from tpd.models.compiled_linear import packed
-from tpd.models.compiled_shaken import Followed
-from tpd.models.rows import rows_of, settled_of, shared
+from tpd.models.calling import shape
+from tpd.models.compiled_linear import NONLINEAR
+from tpd.models.compiled_shaken import Followed, follow_rows, operands, results
+from tpd.models.rows import settle_rows
+
+TOLERANCE = 1e-6
+"""Repetition error that counts as settled, see `tpd.exact.repetition.scales_of`."""
+REST_RATE = 1e-4
+"""An impact slower than this (phi' in units of nu) that the block can be held after is rest."""
 
 
 def settle_nonlinear(
@@ -48,25 +53,11 @@ def settle_nonlinear(
 
     Returns and raises as `settle_all`, and `ValueError` for a bound out of range.
     """
-    checks.require_x64()
     checks.positive("rtol", rtol)
     for name, value in (("periods", periods), ("max_events", max_events)):
         checks.count(name, value)
-    starts, rows, begins, ramps = rows_of(p, y0, begin, ramp)
-    # Loaded here, and not with the package: it loads Numba, and compiles.
-    compiling.load("tpd.models.nonlinear_settling")
-    from tpd.models.nonlinear_settling import FLOATS, STATUSES, WHOLES, settle_rows
-
-    n = len(starts)
-    floats, wholes = np.empty((n, FLOATS)), np.empty((n, WHOLES), dtype=np.int64)
-
-    def run(first: int, last: int) -> int:
-        limits = int(periods), float(rtol), int(max_events)
-        settle_rows(rows, starts, begins, ramps, first, last, *limits, floats, wholes)
-        return last - first
-
-    shared(run, n, workers, progress)
-    return settled_of(floats, wholes, STATUSES)
+    limits = {"periods": periods, "rtol": rtol, "events": max_events, "tolerance": TOLERANCE}
+    return settle_rows(NONLINEAR, (p, y0, begin, ramp), workers, progress, rest_rate=REST_RATE, **limits)
 
 
 def settle_one(p: Parameters, y0: Any = (0.0, 0.0, 0.0, 0.0)) -> Settled:
@@ -88,7 +79,7 @@ def shake_nonlinear(
     *,
     y0: np.ndarray | None = None,
     rtol: float = 1e-8,
-    rest_rate: float = 1e-4,
+    rest_rate: float = REST_RATE,
     max_events: int = 100_000,
     brief: bool = False,
     workers: int | None = None,
@@ -96,45 +87,15 @@ def shake_nonlinear(
 ) -> tuple[Followed, None]:
     """Follow n motions under ground motions by the nonlinear equations (4).
 
-    Arguments and result are those of `tpd.models.compiled_shaken.follow_all`, without derivatives; the
-    growing coordinate is none (NaN). Every landing is an impact. The block has overturned where its tilt
-    exceeds pi/2. `rtol` is the relative tolerance of a step, and an impact slower than `rest_rate` (phi' in
-    units of nu) that the block can be held after is rest. `brief` changes nothing.
+    Arguments and result are those of `tpd.models.compiled_shaken.follow_all`, without derivatives; growing
+    coordinate and transversality are none (NaN). Every landing is an impact. The block has overturned where
+    its tilt exceeds pi/2. `rtol` is the relative tolerance of a step, and an impact slower than `rest_rate`
+    (phi' in units of nu) that the block can be held after is rest. `brief` changes nothing.
     """
     del brief
-    starts = np.zeros((len(parameters), 4)) if y0 is None else y0
-    limits = float(rtol), float(rest_rate), int(max_events)
-    return _followed(_shaken(parameters, starts, records, which, free, limits, workers, progress)), None
-
-
-def _shaken(
-    parameters: np.ndarray,
-    starts: np.ndarray,
-    records: Sequence[np.ndarray],
-    which: np.ndarray,
-    free: np.ndarray,
-    limits: tuple[float, float, int],
-    workers: int | None,
-    progress: Callable[[int, int], None] | None,
-) -> np.ndarray:
-    """Results of n motions, see `tpd.models.nonlinear_ground.COLUMNS`; `limits` are relative tolerance, rate
-    of rest and bound on events."""
-    compiling.load("tpd.models.nonlinear_ground")
-    from tpd.models.nonlinear_ground import COLUMNS, shake_rows
-
-    n, lengths = len(parameters), np.array([len(r) for r in records])
-    firsts = np.cumsum(lengths) - lengths
-    pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in records]))
-    x, y = (np.ascontiguousarray(a, dtype=float) for a in (parameters, starts))
-    place = np.ascontiguousarray(firsts[which]), np.ascontiguousarray(lengths[which])
-    late, out = np.ascontiguousarray(free, dtype=float), np.zeros((n, COLUMNS))
-
-    def run(first: int, last: int) -> int:
-        shake_rows(x, y, pieces, *place, late, first, last, *limits, out)
-        return last - first
-
-    shared(run, n, workers, progress)
-    return out
+    limits = {"free": free, "rtol": rtol, "rest_rate": rest_rate, "events": max_events}
+    motions = parameters, y0, records, which
+    return follow_rows(NONLINEAR, motions, False, workers, progress, **limits)[0], None
 
 
 def follow_nonlinear(
@@ -145,35 +106,11 @@ def follow_nonlinear(
 
     `p` are parameters of `Scene.ground_parameters`.
     """
-    # Compiled here, if at all, and not within a program of XLA.
-    compiling.load("tpd.models.nonlinear_ground")
-    from tpd.models.nonlinear_ground import COLUMNS
-
-    limits = float(rtol), float(rest_rate), int(max_events)
-    x = packed(p).at[6].set(2.0 * jnp.pi / jnp.asarray(p.xi, dtype=jnp.float64))
-    operands = x, jnp.asarray(pieces), jnp.asarray(free, dtype=jnp.float64), jnp.asarray(y0)
-
-    def on_host(*operands: Any) -> np.ndarray:
-        # Copies: JAX's arrays are read-only, for which nothing is compiled.
-        wide = [np.array(a, dtype=float) for a in operands]
-        batch = wide[0].shape[:-1]
-        rows, records, late, starts = (a.reshape(-1, *a.shape[len(batch) :]) for a in wide)
-        found = _shaken(rows, starts, list(records), np.arange(len(rows)), late, limits, None, None)
-        return found.reshape(*batch, COLUMNS)
-
-    shape = jax.ShapeDtypeStruct((COLUMNS,), np.float64)
-    still = (jax.lax.stop_gradient(a) for a in operands)
-    out = jax.pure_callback(on_host, shape, *still, vmap_method="broadcast_all")
-    known = _followed(jax.lax.stop_gradient(out))
+    limits = {"free": free, "rtol": rtol, "rest_rate": rest_rate, "events": max_events}
+    given = operands(NONLINEAR, p, pieces, y0, **limits)
+    x, y, c, settings = (jax.lax.stop_gradient(a) for a in given)
+    (out,) = NONLINEAR((shape(NONLINEAR.entry().OUT),), settings, x, y, c)
+    known = results(out[..., 0:6:2], out[..., 6:11], out)
     # Angles, times and state depend on all of this in a way that nobody has computed.
     names = ("tilt", "swing", "relative", "times", "state", "lifted", "fell")
-    return known._replace(**{name: refused_in(operands, getattr(known, name)) for name in names})
-
-
-def _followed(out: Any) -> Followed:
-    """Motions from the numbers of the compiled code."""
-    # The status is a number in every case.
-    sure = 0.0 * out[..., 10] + 1.0
-    angles = out[..., 0], out[..., 1], out[..., 2]
-    counted = out[..., 10], out[..., 11], out[..., 12], out[..., 13]
-    return Followed(*angles, out[..., 3:6], out[..., 6:10], np.nan * sure, *counted, sure)
+    return known._replace(**{name: refused_in(given, getattr(known, name)) for name in names})

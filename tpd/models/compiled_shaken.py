@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 
 from tpd.core.parameters import Number, Parameters, State
 from tpd.exact.derivatives import moved, once
-from tpd.models.calling import shape
+from tpd.models.calling import Compiled, shape
 from tpd.models.compiled_linear import EXACT, changed, packed, settings_of
 from tpd.models.rows import shared
 
@@ -128,29 +128,24 @@ def follow(p: Parameters, pieces: Array, free: Number, y0: State, max_events: in
     the time of the first uplift, the state and the growing coordinate are exact, or NaN where there is none;
     that of the time of the overturning and those in the pieces are NaN.
     """
-    # The compiled code takes the duration of a piece, and eta is minus the acceleration of the base.
-    x = packed(p).at[6].set(2.0 * jnp.pi / jnp.asarray(p.xi, dtype=jnp.float64))
     limits = {"free": free, "rest_rate": REST_RATE, "events": max_events}
-    settings = settings_of("SHAKE", pieces=pieces.shape[-2], record=-1.0, **limits)
-    angles, end, times, out = _followed(x, y0, -jnp.asarray(pieces), settings)
-    found = _results(angles, end, jax.lax.stop_gradient(out))
+    angles, end, times, out = _followed(*operands(EXACT, p, pieces, y0, **limits))
+    found = results(angles, end, jax.lax.stop_gradient(out))
     return found._replace(times=times[:3], lifted=times[3], fell=times[4])
 
 
-def _results(angles: Any, end: Any, still: Any) -> Followed:
-    return Followed(
-        angles[..., 0],
-        angles[..., 1],
-        angles[..., 2],
-        still[..., 1:6:2],
-        end[..., :4],
-        end[..., 4],
-        still[..., 11],
-        still[..., 12],
-        still[..., 13],
-        still[..., 14],
-        still[..., 15],
-    )
+def operands(of: Compiled, p: Parameters, pieces: Any, y0: State, **limits: Any) -> tuple[Array, ...]:
+    """Parameters, start, pieces and settings of a motion as the compiled code takes them."""
+    # It takes the duration of a piece, and eta is minus the acceleration of the base.
+    x = packed(p).at[6].set(2.0 * jnp.pi / jnp.asarray(p.xi, dtype=jnp.float64))
+    settings = settings_of("SHAKE", of, pieces=pieces.shape[-2], record=-1.0, **limits)
+    return x, jnp.asarray(y0), -jnp.asarray(pieces), settings
+
+
+def results(angles: Any, end: Any, still: Any) -> Followed:
+    """Motions from what `_followed` gives; `still` are all results."""
+    sizes, counted = [angles[..., k] for k in range(3)], [still[..., k] for k in range(11, 16)]
+    return Followed._make((*sizes, still[..., 1:6:2], end[..., :4], end[..., 4], *counted))
 
 
 def follow_all(
@@ -186,22 +181,36 @@ def follow_all(
         at the end, the growing coordinate, the times of the angles and that of the first uplift, in the nine
         parameters and the four components of the start.
     """
-    entry = EXACT.entry()
+    limits = {"free": free, "rest_rate": REST_RATE, "events": max_events, "brief": brief}
+    return follow_rows(EXACT, (parameters, y0, records, which), slopes, workers, progress, **limits)
+
+
+def follow_rows(
+    compiled: Compiled,
+    motions: tuple[np.ndarray, np.ndarray | None, Sequence[np.ndarray], np.ndarray],
+    slopes: bool,
+    workers: int | None,
+    progress: Callable[[int, int], None] | None,
+    **limits: Any,
+) -> tuple[Followed, np.ndarray | None]:
+    """Follow motions (parameters, starts, records and the indices of theirs) as `follow_all` does; `limits`
+    are further settings of the compiled code."""
+    entry, (parameters, y0, records, which) = compiled.entry(), motions
     n, lengths = len(parameters), np.array([len(r) for r in records])
     # All records lie one after another; a motion knows the row of its first piece.
     firsts = np.cumsum(lengths) - lengths
     pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in records]))
     settings: Any = np.zeros(n, entry.SETTINGS)
-    settings["task"], settings["pieces"], settings["record"] = entry.SHAKE, lengths[which], firsts[which]
-    settings["free"], settings["rest_rate"], settings["events"] = free, REST_RATE, max_events
-    settings["slopes"], settings["brief"] = 13.0 if slopes else 0.0, brief
+    places = {"task": entry.SHAKE, "pieces": lengths[which], "record": firsts[which]}
+    for name, value in {**places, "slopes": 13.0 if slopes else 0.0, **limits}.items():
+        settings[name] = value
     x = np.ascontiguousarray(parameters, dtype=float)
     starts = np.zeros((n, 4)) if y0 is None else np.ascontiguousarray(y0, dtype=float)
-    out, by = np.zeros((n, entry.OUT)), np.zeros((n if slopes else 1, entry.SHAKEN, entry.INPUTS))
+    out, by = np.zeros((n, entry.OUT)), np.zeros((n, entry.SHAKEN, entry.INPUTS) if slopes else 1)
 
     def run(first: int, last: int) -> int:
         entry.run(first, last, settings, x, starts, pieces, out, by)
         return last - first
 
     shared(run, n, workers, progress)
-    return _results(out[:, 0:6:2], out[:, 6:11], out), by if slopes else None
+    return results(out[:, 0:6:2], out[:, 6:11], out), by if slopes else None

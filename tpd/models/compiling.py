@@ -22,9 +22,9 @@ from typing import IO
 
 from tpd.core.files import fcntl
 
-HARMONIC = ("tpd.models.orbit_entry", "tpd.models.exact_entry", "tpd.models.nonlinear_settling")
+HARMONIC = ("tpd.models.orbit_entry", "tpd.models.exact_entry", "tpd.models.nonlinear_entry")
 """Modules with the compiled code of motions under a harmonic."""
-GROUND = ("tpd.models.exact_entry", "tpd.models.nonlinear_ground")
+GROUND = ("tpd.models.exact_entry", "tpd.models.nonlinear_entry")
 """Modules of motions under pulses and records, but for the one that each command compiles itself."""
 _COMMAND = """
 import sys, warnings

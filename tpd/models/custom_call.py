@@ -20,11 +20,32 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray as _carray
 
+from tpd.exact.arcs import Forcing
+from tpd.exact.motion import NO
 from tpd.exact.plant import compiled
 
 carray: Any = _carray
 FRAME = 16
 """Numbers of 8 bytes in a frame of XLA's."""
+FIELDS = (
+    *("task", "periods", "events", "rest_rate", "tolerance", "rtol", "lyapunov", "impacts", "slopes"),
+    *("pieces", "record", "free", "brief", "angles"),
+)
+SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
+"""A row of settings of the linear and of the nonlinear equations: the task; periods to follow, or times;
+events allowed; largest speed, over nu, of an impact that may end in rest; repetition error that counts as
+settled; relative tolerance of a step; periods over which the separation of neighbours is measured; impacts for
+which there is room; how many directions have derivatives; pieces of the forcing, and the row of the first, or
+-1 if every motion has its own; time of free motion; whether it may end early and the bob does not count; and
+whether the derivatives of the largest angles are enough. The others do not count for a task."""
+
+
+def settings(**values: Any) -> list[Any]:
+    """A row of settings in the order of `FIELDS`; those that are not named are zero."""
+    row = [values.pop(name, 0.0) for name in FIELDS]
+    if values:
+        raise TypeError(f"there are no settings {', '.join(values)}")
+    return row
 
 
 def _declared_version() -> tuple[int, int]:
@@ -65,6 +86,21 @@ def table(address, rows, columns):
 def cube(address, rows, columns, depth):
     """Tables of floats at an address."""
     return carray(pointer(address), (rows, columns, depth), np.float64)
+
+
+@compiled
+def settings_at(address, rows):
+    """Rows of settings at an address."""
+    return carray(pointer(address), (rows,), SETTINGS)
+
+
+@compiled
+def pieces(address, s, n):
+    """Forcing of row n with the settings `s`, from the table of all pieces at an address."""
+    count, begin = int(s.pieces), int(s.record)
+    # XLA gives every motion a copy of its record, the host one place for all.
+    begin = n * count if begin < 0 else begin
+    return Forcing(NO, 0.0, 0.0, count, table(address, begin + count, 4)[begin:])
 
 
 @compiled

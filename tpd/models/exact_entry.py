@@ -9,10 +9,10 @@ from typing import Any
 import numba
 import numpy as np
 
-from tpd.exact.arcs import Forcing, Load, beginning, launch, state_at, steady
+from tpd.exact.arcs import Load, beginning, launch, state_at, steady
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.cycle_kernel import LINK, SURVEY, survey, traverse
-from tpd.exact.follow import FAILED, OVERTURNED, STATUSES, through
+from tpd.exact.follow import FAILED, OUT, put_results, through
 from tpd.exact.legs import (
     ANGLES,
     GROWING,
@@ -25,7 +25,7 @@ from tpd.exact.legs import (
     put_states,
     read,
 )
-from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, MOTION, NO, ROOM, larger, put
+from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, MOTION, ROOM, larger, put
 from tpd.exact.near_orbits import CYCLE, Limits, cycle, follow_periods
 from tpd.exact.plant import PLANT, compiled, part, plant, put_plants, stored
 from tpd.exact.repetition import FLOATS, WHOLES
@@ -33,38 +33,43 @@ from tpd.exact.settle import settle
 from tpd.exact.steady import STEADY, steady_state
 from tpd.exact.trajectory import trajectory
 from tpd.models.compiling import checksum
-from tpd.models.custom_call import api_version, carray, cube, on_host, pointer, rows_of, table
+from tpd.models.custom_call import (
+    api_version,
+    carray,
+    cube,
+    on_host,
+    pieces,
+    pointer,
+    rows_of,
+    settings,
+    settings_at,
+    table,
+)
 
-__all__ = ["CALL", "CYCLE", "FLOATS", "INPUTS", "STATUSES", "STEADY", "WHOLES", "run"]
+__all__ = [
+    *(
+        "CALL",
+        "CYCLE",
+        "FIELDS",
+        "FLOATS",
+        "INPUTS",
+        "OUT",
+        "SETTINGS",
+        "STATUSES",
+        "STEADY",
+        "WHOLES",
+        "run",
+    ),
+    "settings",
+]
 
 SETTLE, PERIODS, TRAJECTORY, SHAKE, HISTORY, LEGS_OF, ARCS, STEADY_STATE = range(8)
 """Tasks; the first number of every row of settings. Histories, legs and arcs are for the host alone."""
-FIELDS = (
-    *("task", "periods", "events", "rest_rate", "tolerance", "lyapunov", "impacts", "slopes"),
-    *("pieces", "record", "free", "brief", "angles"),
-)
-SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
-"""A row of settings: the task; periods to follow, or times; events allowed; largest speed, over nu, of an
-impact that may end in rest; repetition error that counts as settled; periods over which the separation of
-neighbours is measured; impacts for which there is room; how many directions have derivatives; pieces of the
-forcing, and the row of the first, or -1 if every motion has its own; time of free motion; whether it may end
-early and the bob does not count; and whether the derivatives of the largest angles are enough. The others do
-not count for a task."""
-OUT, SHAKEN, STATES = map(np.int64, (19, 12, 9))
-"""Numbers in the results of a motion through all pieces: largest |phi|, |psi| and |psi - phi| with their
-times; the state at the end; the growing coordinate of the last leg (with derivatives only); status; impacts;
-times of the first uplift and of the overturning; transversality; legs; and the accelerations at the end.
-Quantities of it with derivatives: the three angles, the end, the growing coordinate, the three times, that of
-the uplift. Numbers of a state in a history."""
+SHAKEN, STATES = map(np.int64, (12, 9))
+"""Quantities with derivatives of a motion through all pieces: the three angles, the end, the growing
+coordinate, the three times, that of the uplift. Numbers of a state in a history."""
 _USUAL = 20_000
 """Events for which there is room at first."""
-
-
-def settings(**values: Any) -> list[Any]:
-    """A row of settings in the order of `FIELDS`; those that are not named are zero."""
-    return [values.pop(name, 0.0) for name in FIELDS]
-
-
 Own = namedtuple("Own", "plants motions rooms readers cycles legs")
 """Memory of records: a plant, a motion and its start, two rooms, a reader, two cycles, the usual legs. A
 record does not keep its memory: it is alive as long as these arrays are."""
@@ -82,16 +87,11 @@ def _keep(own):
     return len(own.motions)
 
 
-@compiled
-def _settings(address, rows):
-    return carray(pointer(address), (rows,), SETTINGS)
-
-
 @part
 def _settle(a, first, last):
     """Rows of `settle`: settings, parameters, starts, beginnings and ramps; results of numbers and of
     counts."""
-    s, x, y, t = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4), table(a[3], last, 2)
+    s, x, y, t = settings_at(a[0], last), table(a[1], last, 9), table(a[2], last, 4), table(a[3], last, 2)
     out, wholes, own = table(a[4], last, FLOATS), table(a[5], last, WHOLES), _memory()
     q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
     for n in range(first, last):
@@ -104,7 +104,7 @@ def _settle(a, first, last):
 @part
 def _cycle(a, first, last):
     """Rows of `cycle`: settings, parameters, starts and modes; cycles."""
-    s, x, y, modes = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4), table(a[3], last, 3)
+    s, x, y, modes = settings_at(a[0], last), table(a[1], last, 9), table(a[2], last, 4), table(a[3], last, 3)
     out, own = carray(pointer(a[4]), (last,), CYCLE), _memory()
     q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
     for n in range(first, last):
@@ -120,7 +120,7 @@ def _cycle(a, first, last):
 @part
 def _steady(a, first, last):
     """Rows of `steady_state`: settings, parameters and starts; steady states."""
-    s, x, y, own = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4), _memory()
+    s, x, y, own = settings_at(a[0], last), table(a[1], last, 9), table(a[2], last, 4), _memory()
     out = carray(pointer(a[3]), (last,), STEADY)
     for n in range(first, last):
         steady_state(x[n], y[n], s[n], own, out[n])
@@ -131,7 +131,7 @@ def _steady(a, first, last):
 def _trajectory(a, first, last):
     """Rows of `trajectory`: settings, parameters, starts and times; states with their rates, statuses, and
     derivatives."""
-    s, x, y = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4)
+    s, x, y = settings_at(a[0], last), table(a[1], last, 9), table(a[2], last, 4)
     count, own = int(s[0].periods), _memory()
     times, out, statuses = table(a[3], last, count), cube(a[4], last, count, 8), table(a[5], last, 1)
     q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
@@ -143,16 +143,9 @@ def _trajectory(a, first, last):
 
 
 @compiled
-def _put_results(q, m, status, out):
-    """Put the results of a motion through all pieces into `out`."""
+def _put_accelerations(q, m, out):
+    """Put the accelerations at the end of a motion into its results."""
     y = m.y
-    for k in range(3):
-        best = larger(m, k)
-        out[2 * k], out[2 * k + 1] = (m.best[best] if status != OVERTURNED else math.inf), m.when[best]
-    for i in range(4):
-        out[6 + i] = y[i]
-    out[10], out[11], out[12], out[13], out[14] = 0.0, status, m.impacts, m.lifted, m.fell
-    out[15], out[16] = m.crossing, m.recorded
     arc = launch(q, m.kind, m.tilt, m.way, y[0], y[1], y[2], y[3], Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     end = state_at(arc, beginning(arc), 0.0)
     out[17], out[18] = end[4], end[5]
@@ -180,24 +173,15 @@ def _usual_legs(s):
     return 2 * (int(s.pieces) + min(int(s.events), _USUAL)) + 64
 
 
-@compiled
-def _pieces(address, s, n):
-    """The forcing of row n, from the table of all pieces at an address."""
-    count, begin = int(s.pieces), int(s.record)
-    # XLA gives every motion a copy of its record, the host one place for all.
-    begin = n * count if begin < 0 else begin
-    return Forcing(NO, 0.0, 0.0, count, table(address, begin + count, 4)[begin:])
-
-
 @part
 def _shake(a, first, last, history):
     """Rows of `through`: settings, parameters, starts and pieces. If it is a `history`, also times; states,
     impacts and statuses. If not, results and derivatives."""
-    s, x, y, own = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4), _memory()
+    s, x, y, own = settings_at(a[0], last), table(a[1], last, 9), table(a[2], last, 4), _memory()
     none, many, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
     q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
     for n in range(first, last):
-        f, status = _pieces(a[3], s[n], n), FAILED
+        f, status = pieces(a[3], s[n], n), FAILED
         # Of memory that nothing is written to the system gives none.
         legs = np.empty(_usual_legs(s[n]), LEG) if slopes or history else none
         m.recorded = len(legs) + 1
@@ -218,7 +202,8 @@ def _shake(a, first, last, history):
             table(a[7], last, 1)[n, 0] = status
             continue
         out = table(a[4], last, OUT)[n]
-        _put_results(q, m, status, out)
+        put_results(m, status, out)
+        _put_accelerations(q, m, out)
         if slopes:
             inputs = int(s[n].slopes)
             for i in range(ROWS):
@@ -234,7 +219,7 @@ def _shake(a, first, last, history):
 def _legs(a, first, last):
     """Rows of `follow_periods` from states at tau = 0: settings, parameters and starts; legs, how many there
     are, for which there may not be room, and how the motion ended."""
-    s, x, start, own = _settings(a[0], last), table(a[1], last, 9), table(a[2], last, 4), _memory()
+    s, x, start, own = settings_at(a[0], last), table(a[1], last, 9), table(a[2], last, 4), _memory()
     legs, ends = carray(pointer(a[3]), (last, int(s[0].pieces)), LEG), table(a[4], last, 2)
     q, m, room, f = own.plants[0], own.motions[0], own.rooms[0], steady(np.empty((0, 4)))
     for n in range(first, last):
@@ -251,7 +236,7 @@ def _legs(a, first, last):
 def _arcs(a, first, last):
     """Rows of `traverse` over so many arcs: settings, complex parameters, links, and complex arcs; ends, and
     if the settings ask for slopes, findings about the arcs of the first row."""
-    s, x, own = _settings(a[0], 1), carray(pointer(a[1]), (last, 9), np.complex128), _memory()
+    s, x, own = settings_at(a[0], 1), carray(pointer(a[1]), (last, 9), np.complex128), _memory()
     many = int(s[0].pieces)
     links, z = carray(pointer(a[2]), (many,), LINK), carray(pointer(a[3]), (last, many, 6), np.complex128)
     out, found = carray(pointer(a[4]), (last, many, 5), np.complex128), carray(pointer(a[5]), (many,), SURVEY)

@@ -12,18 +12,33 @@ import math
 
 import numpy as np
 
-from tpd.exact.plant import compiled, places
+from tpd.exact.mode_kinds import REST, SLIP
+from tpd.exact.plant import coefficients, compiled, places
 
 ORDERS = 32
 """Most coefficients of a series."""
-PHI, V, PSI, R, FORCE, LEAN = places(6)
-"""Rows of the coefficients of phi, psi, their rates, the forcing times f, and the rate of phi - psi."""
-_A, _B, _SIN, _COS, _S, _C, _VV, _RR, _R1, _R2, _DET, _ACC, _SWING = places(19, 6)
+PHI, V, PSI, R, APART, LEAN, FORCE = places(7)
+"""Rows of the coefficients of phi, its rate, psi, its rate, psi - phi, its rate, and the forcing times f."""
+_A, _B, _SIN, _COS, _S, _C, _VV, _RR, _R1, _R2, _DET, _ACC, _SWING = places(20, 7)
 """Rows of the parts of (4): moments of weight and of forcing, sine and cosine of psi, S and C of the lever
 arms, squares of both rates, right-hand sides, determinant, accelerations."""
-UP, DOWN, APART = places(22, 19)
-"""Rows of the signals that release a held block, and of psi - phi."""
+UP, DOWN = places(22, 20)
+"""Rows of the signals that release a held block."""
 ROWS = 22
+WORK = np.dtype(
+    [
+        ("series", np.float64, (ROWS, ORDERS)),
+        ("inverse", np.float64, (3,)),
+        ("order", np.int64),
+        *((name, np.float64) for name in ("rtol", "capture", "rate", "swing", "period")),
+        ("relative", np.bool_),
+    ],
+    align=True,
+)
+"""Working memory and limits of a motion: a series; the inverses of the errors that are allowed of both rates
+and of the moment on a held block; the largest order; the relative tolerance of a step; the largest rate phi'
+of an impact that may end in rest; usual rates of block and bob; a time beside which others are but rounding;
+and whether the angle between rod and block counts."""
 _NONE = np.int64(0)
 _PROVED, _TINY = 60, 1e-15
 """Steps of a proof, and share of its size at which a signal has vanished."""
@@ -33,36 +48,30 @@ that shaking that just balances the weight does not let the block go again and a
 
 
 @compiled
-def order_for(rtol):
-    """Order at which a tolerance costs least: half as many as its digits in base e, and some for the work
-    that a step has beside its series."""
-    return max(4, min(ORDERS - 2, 4 + int(-0.5 * math.log(rtol))))
+def prepare(x, s, q, w):
+    """Put the coefficients of the parameters `x`, and limits of the settings `s`, into plant and memory."""
+    coefficients(x, q)
+    q.slack = SLACK * (q.k + q.weight)
+    w.rtol, w.capture, w.inverse[2] = s.rtol, s.rest_rate * q.nu, 1.0 / (s.rtol * (q.weight + q.k))
+    # A tolerance costs least with half as many orders as it has digits in base e, and some for the work that
+    # a step has beside its series.
+    w.order = max(4, min(ORDERS - 2, 4 + int(-0.5 * math.log(s.rtol))))
 
 
 @compiled
-def put_forcing(q, growth, t, order, c):
-    """Put the coefficients of the forcing times f, about the time t, into the series; see
-    `nonlinear_kernel.sine_at`."""
+def _put_forcing(q, e, order, c):
+    """Put the coefficients of the forcing `e`, see `tpd.exact.arcs.Load`, times f into the series."""
     force = c[FORCE]
-    if q.xi == 0.0:
-        e0, e1, e2, e3 = growth[0], growth[1], growth[2], growth[3]
+    if e.xi == 0.0:
         for n in range(4, order + 1):
             force[n] = 0.0
-        force[0], force[1] = (
-            q.f * (e0 + t * (e1 + t * (e2 + t * e3))),
-            q.f * (e1 + t * (2.0 * e2 + t * 3.0 * e3)),
-        )
-        force[2], force[3] = q.f * (e2 + 3.0 * t * e3), q.f * e3
+        force[0], force[1], force[2], force[3] = q.f * e.e0, q.f * e.e1, q.f * e.e2, q.f * e.e3
         return
-    share, rise = growth[0] + growth[1] * t, growth[1]
-    # Its growth is over, but for the rounding of the time.
-    if share >= 1.0 - 1e-12:
-        share, rise = 1.0, 0.0
-    sine, cosine, before = q.f * math.sin(q.xi * t), q.f * math.cos(q.xi * t), 0.0
+    sine, cosine, before = q.f * math.sin(e.phase), q.f * math.cos(e.phase), 0.0
     for n in range(order + 1):
-        force[n] = share * sine + rise * before
+        force[n] = e.e0 * sine + e.e1 * before
         before = sine
-        by = q.xi / (n + 1.0)
+        by = e.xi / (n + 1.0)
         sine, cosine = by * cosine, -by * sine
 
 
@@ -80,25 +89,18 @@ def _enough(c, n, power, former, inverse):
 
 
 @compiled
-def _begin(q, tilt, c):
-    """Put the sines and cosines at the beginning of a series into it."""
-    phi, psi, weight = c[PHI, 0], c[PSI, 0], tilt * q.weight
-    sp, cp, sq, cq = math.sin(phi), math.cos(phi), math.sin(psi), math.cos(psi)
+def _put_slipping(q, m, left, w):
+    """Put the series of a block that moves into the memory, and return its order: the largest, or one that
+    does for the time `left`."""
+    c, pull, rho, weight, lever = w.series, -0.5 * q.m12, -0.5 * q.m21, m.tilt * q.weight, m.tilt * q.nu
+    sp, cp, sq, cq = math.sin(c[PHI, 0]), math.cos(c[PHI, 0]), math.sin(c[PSI, 0]), math.cos(c[PSI, 0])
     sine, cosine = sp * cq - cp * sq, cp * cq + sp * sq
-    c[_A, 0], c[_B, 0] = q.tilt * sp - weight * cp, weight * sp + q.tilt * cp
+    c[_A, 0], c[_B, 0] = q.up * sp - weight * cp, weight * sp + q.up * cp
     c[_SIN, 0], c[_COS, 0] = sq, cq
-    c[_S, 0], c[_C, 0] = tilt * q.nu * sine + 2.0 * cosine, tilt * q.nu * cosine - 2.0 * sine
-
-
-@compiled
-def slipping_series(q, tilt, drag, order, left, inverse, c):
-    """Put the series of a block that moves into `c`, and return its order: at most `order`, fewer where they
-    do for the time `left`. `inverse` holds the inverses of the errors that are allowed of both rates and
-    of the moment on a held block."""
-    _begin(q, tilt, c)
-    still, whole, product = -drag * q.k, q.m11 * q.m22, q.pull * q.rho
+    c[_S, 0], c[_C, 0] = lever * sine + 2.0 * cosine, lever * cosine - 2.0 * sine
+    still, whole, product = -m.way * q.k, q.m11 * q.m22, pull * rho
     by_det, power, former = 0.0, 1.0, 1.0
-    for n in range(order):
+    for n in range(w.order):
         a1 = b1 = s1 = c1 = lean_s = lean_c = 0.0
         vv = rr = gb = gc = crr = cvv = sr1 = sr2 = ss = da = db = 0.0
         c[LEAN, n], c[_DET, n] = c[V, n] - c[R, n], 0.0
@@ -129,8 +131,8 @@ def slipping_series(q, tilt, drag, order, left, inverse, c):
         c[_VV, n], c[_RR, n], c[_DET, n] = vv, rr, -product * ss
         crr += c[_C, 0] * rr
         cvv += c[_C, 0] * vv
-        c[_R1, n] = c[_A, n] - gb - q.pull * crr - q.c1 * c[LEAN, n]
-        c[_R2, n] = gc - c[_SIN, n] + q.rho * cvv + q.c2 * c[LEAN, n]
+        c[_R1, n] = c[_A, n] - gb - pull * crr - q.c1 * c[LEAN, n]
+        c[_R2, n] = gc - c[_SIN, n] + rho * cvv + q.c2 * c[LEAN, n]
         if n == 0:
             c[_R1, 0] += still
             by_det = 1.0 / (whole - product * ss)
@@ -139,8 +141,8 @@ def slipping_series(q, tilt, drag, order, left, inverse, c):
             db += c[_DET, n] * c[_SWING, 0]
         sr1 += c[_S, 0] * c[_R1, n]
         sr2 += c[_S, 0] * c[_R2, n]
-        c[_ACC, n] = by_det * (q.m22 * c[_R1, n] + q.pull * sr2 - da)
-        c[_SWING, n] = by_det * (q.m11 * c[_R2, n] + q.rho * sr1 - db)
+        c[_ACC, n] = by_det * (q.m22 * c[_R1, n] + pull * sr2 - da)
+        c[_SWING, n] = by_det * (q.m11 * c[_R2, n] + rho * sr1 - db)
         by = 1.0 / (n + 1.0)
         c[PHI, n + 1], c[PSI, n + 1] = by * c[V, n], by * c[R, n]
         c[V, n + 1], c[R, n + 1] = by * c[_ACC, n], by * c[_SWING, n]
@@ -148,21 +150,21 @@ def slipping_series(q, tilt, drag, order, left, inverse, c):
         c[_S, n + 1], c[_C, n + 1] = by * lean_s, by * lean_c
         c[UP, n + 1] = c[DOWN, n + 1] = 0.0
         former, power = power, power * left
-        if n >= 3 and _enough(c, n + 1, power, former, inverse):
+        if n >= 3 and _enough(c, n + 1, power, former, w.inverse):
             return n + 1
-    return order
+    return w.order
 
 
 @compiled
-def held_series(q, side, order, left, inverse, c):
-    """Put the series of the bob under a held block into `c`, with the signals that are positive until the
-    block is let go; `side` is the sign of its tilt, 0 on its base. Further as `slipping_series`."""
+def _put_held(q, m, left, w):
+    """Put the series of the bob under a held block into the memory, with the signals that are positive until
+    the block is let go, and return its order."""
+    c = w.series
     sp, cp = math.sin(c[PHI, 0]), math.cos(c[PHI, 0])
-    up, down = (1.0 if side == 0.0 else side), (-1.0 if side == 0.0 else side)
+    up, down = (1.0, -1.0) if m.kind == REST else (m.tilt, m.tilt)
     c[_SIN, 0], c[_COS, 0] = math.sin(c[PSI, 0]), math.cos(c[PSI, 0])
-    hold = q.k + SLACK * (q.k + q.weight)
-    power, former = 1.0, 1.0
-    for n in range(order + 1):
+    hold, pull, power, former = q.k + q.slack, -0.5 * q.m12, 1.0, 1.0
+    for n in range(w.order + 1):
         gc = s1 = c1 = rr = sa = ca = srr = crr = 0.0
         for j in range(n + 1):
             i = n - j
@@ -181,31 +183,39 @@ def held_series(q, side, order, left, inverse, c):
         # sin(phi - psi) and cos(phi - psi) times the bob's acceleration and the square of its rate.
         along = sp * ca - cp * sa - cp * crr - sp * srr
         across = cp * ca + sp * sa + sp * crr - cp * srr
-        bob, one = q.c1 * c[R, n] + 2.0 * q.pull * across, 1.0 if n == 0 else 0.0
-        on_block = q.tilt * (one * sp - c[FORCE, n] * cp) + bob
-        of_side = q.pull * q.nu * along - q.weight * (one * cp + c[FORCE, n] * sp)
+        bob, one = q.c1 * c[R, n] + 2.0 * pull * across, 1.0 if n == 0 else 0.0
+        on_block = q.up * (one * sp - c[FORCE, n] * cp) + bob
+        of_side = pull * q.nu * along - q.weight * (one * cp + c[FORCE, n] * sp)
         c[UP, n] = one * hold - on_block - up * of_side
         c[DOWN, n] = one * hold + on_block + down * of_side
         by = 1.0 / (n + 1.0)
         c[PSI, n + 1], c[R, n + 1] = by * c[R, n], by * c[_SWING, n]
         c[_SIN, n + 1], c[_COS, n + 1] = by * s1, by * c1
-        if n >= 4 and _enough(c, n, power, former, inverse):
+        if n >= 4 and _enough(c, n, power, former, w.inverse):
             return n
         former, power = power, power * left
-    return order
+    return w.order
 
 
 @compiled
-def length_of(c, order, left, inverse):
-    """Time, at most `left`, for which a series is as exact as is allowed; NaN where it is not finite."""
-    least = math.inf
+def put(q, m, e, left, w):
+    """Put the series of a motion from its state on, under the forcing `e`, into the memory. Return its order,
+    and the time, at most `left`, for which it is as exact as is allowed; NaN where it is not finite."""
+    y, c, inverse, least = m.y, w.series, w.inverse, math.inf
+    c[PHI, 0], c[PSI, 0], c[V, 0], c[R, 0] = y[0], y[1], y[2], y[3]
+    inverse[0] = 1.0 / (w.rtol * max(0.1 * w.rate, abs(y[2])))
+    inverse[1] = 1.0 / (w.rtol * max(0.1 * w.swing, abs(y[3])))
+    _put_forcing(q, e, w.order, c)
+    order = _put_slipping(q, m, left, w) if m.kind == SLIP else _put_held(q, m, left, w)
+    for n in range(order + 1 if w.relative else 0):
+        c[APART, n], c[LEAN, n] = c[PSI, n] - c[PHI, n], c[R, n] - c[V, n]
     for n in range(order - 1, order + 1):
         term = _term(c, n, inverse)
         if not term < math.inf:
-            return math.nan
+            return order, math.nan
         if term > 0.0:
             least = min(least, -math.log(term) / n)
-    return min(left, math.exp(least))
+    return order, min(left, math.exp(least))
 
 
 @compiled
@@ -229,21 +239,15 @@ def put_state(c, order, t, y):
 
 
 @compiled
-def _bend(c, row, way, order, first, h):
-    """Bound on how much a signal bends down until h; `way` times the series divided by the power `first`."""
-    bend, power = 0.0, 1.0
+def _descended(c, row, way, order, first, t, h):
+    """First time from t on at which a signal, `way` times the series divided by the power `first`, vanishes,
+    and whether it does so before h; else how far it is proved to be positive."""
+    # Until h the signal bends down by no more than its falling terms do.
+    bend, tiny, power = 0.0, 0.0, 1.0
     for n in range(first + 2, order + 1):
         m = float(n - first)
         bend -= m * (m - 1.0) * min(way * c[row, n], 0.0) * power
         power *= h
-    return bend
-
-
-@compiled
-def _descended(c, row, way, order, first, t, h):
-    """First time from t on at which a signal vanishes, and whether it does so before h; else how far it is
-    proved to be positive."""
-    bend, tiny = _bend(c, row, way, order, first, h), 0.0
     # The steps grow short like Newton's before a root, and come from one side: no root is passed.
     for done in range(_PROVED):
         value, slope = way * c[row, order], 0.0
@@ -292,17 +296,23 @@ def free_until(c, row, way, order, floor, h):
 
 
 @compiled
-def largest_within(c, row, rate, order, h, last):
-    """Largest size of an angle within the time h, and its time; `rate` is the row of its derivative, and
-    `last` its value at h."""
-    best, at = abs(last), h
-    t, way = 0.0, math.copysign(1.0, c[rate, 0] if c[rate, 0] != 0.0 else c[rate, 1])
+def largest_turn(c, row, order, h, known):
+    """The largest angle, with its sign, at which an angle turns within the time h, and its time; 0 where a
+    bound shows that none is larger than `known`. The row after that of the angle is that of its rate."""
+    bound, power = 0.0, 1.0
+    for n in range(order + 1):
+        bound += abs(c[row, n]) * power
+        power *= h
+    best, at, t, rate = 0.0, 0.0, 0.0, row + 1
+    # Most steps are away from the largest angle.
+    if bound <= known:
+        return best, at
+    way = math.copysign(1.0, c[rate, 0] if c[rate, 0] != 0.0 else c[rate, 1])
     for _ in range(order):
-        # It is largest at the end, or where it turns.
         t, turns = _descended(c, rate, way, order, _NONE, t, h)
         if not turns:
             break
-        value, way = abs(value_at(c, row, order, t)), -way
-        if value > best:
+        value, way = value_at(c, row, order, t), -way
+        if abs(value) > abs(best):
             best, at = value, t
     return best, at

@@ -17,6 +17,7 @@ from tpd.core.parameters import Parameters
 from tpd.core.status import Status
 from tpd.exact.contact import Mode
 from tpd.models.base import Settled
+from tpd.models.calling import Compiled
 
 _PIECE = 1, 16
 """Motions of one piece of work, at least and at most."""
@@ -55,7 +56,7 @@ def shared(
                 progress(done, n)
 
 
-def rows_of(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray, ...]:
+def _rows_of(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray, ...]:
     """Starts (n, 4), parameters (n, 9), beginnings and ramps (n,)."""
     starts = np.array(y0, dtype=float, order="C")
     n = len(starts) if starts.ndim else 0
@@ -86,11 +87,34 @@ def _structure() -> Any:
     )
 
 
-def settled_of(floats: np.ndarray, wholes: np.ndarray, names: tuple[str, ...]) -> Settled:
-    """Results of a batch from columns of numbers."""
-    statuses = np.array([jax.tree.leaves(getattr(Status, name))[0] for name in names])
+def settle_rows(
+    compiled: Compiled,
+    motions: tuple[Parameters, Any, Any, Any],
+    workers: int | None,
+    progress: Callable[[int, int], None] | None,
+    **limits: Any,
+) -> Settled:
+    """Follow motions (parameters, starts, beginnings and ramps), as `tpd.models.batches.settle_all` has them,
+    until each repeats, rests or is lost; `limits` are settings of the compiled code."""
+    checks.require_x64()
+    starts, rows, begins, ramps = _rows_of(*motions)
+    # Loaded here, and not with the package: it loads Numba.
+    entry = compiled.entry()
+    from tpd.exact.repetition import STATUSES
+
+    n, times = len(starts), np.stack([begins, ramps], axis=1)
+    floats, counts = np.empty((n, entry.FLOATS)), np.empty((n, entry.WHOLES))
+    row = tuple(entry.settings(task=entry.SETTLE, **limits))
+    settings = np.full(n, np.array(row, entry.SETTINGS))
+
+    def run(first: int, last: int) -> int:
+        entry.run(first, last, settings, rows, starts, times, floats, counts)
+        return last - first
+
+    shared(run, n, workers, progress)
+    statuses = np.array([jax.tree.leaves(getattr(Status, name))[0] for name in STATUSES])
     amplitude, stroke, peak, peak_stroke, kind, *signs = floats.T[4:].copy()
-    memory, sizes = (kind.astype(int), *signs), (amplitude, stroke)
+    memory, sizes, wholes = (kind.astype(int), *signs), (amplitude, stroke), counts.astype(int)
     status, periods, elapsed = statuses[wholes[:, 0]], wholes[:, 1].copy(), wholes[:, 2].copy()
     # From its leaves, because fields are annotated with the shapes of a single motion.
     leaves = [floats[:, :4].copy(), *memory, periods, *sizes, status, elapsed, peak, peak_stroke]

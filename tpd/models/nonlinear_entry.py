@@ -1,0 +1,320 @@
+"""The nonlinear equations (4) in compiled scalar code: event by event, period by period, and the entrance.
+
+In a batch that is vectorised every motion waits for the one with the most events. Here each goes its own
+way: a Taylor series carries it until its error would be too large, or to the first event, which is a root of
+the series. Motion, forcing and coefficients are those of `tpd.exact`, the rules at events those of
+`tpd.exact.contact` and `tpd.models.segmented`, and those of repetition those of `tpd.models.settling`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+
+from tpd.exact import follow, repetition
+from tpd.exact.arcs import forcing_at, load_at, span_of, steady
+from tpd.exact.contact_kernel import mode_of, sign
+from tpd.exact.follow import ARRIVED, EXHAUSTED, LOST, OUT, forcing_now, put_results
+from tpd.exact.mode_kinds import REST, SLIP, STICK
+from tpd.exact.motion import FIRST_PIECE, MOTION, NO, YES, clear, larger, note, note_angle, restart
+from tpd.exact.near_orbits import finite, largest
+from tpd.exact.plant import PLANT, compiled, part, stored
+from tpd.exact.repetition import FLOATS, LONGEST, WHOLES
+from tpd.models import nonlinear_series as series
+from tpd.models.compiling import checksum
+from tpd.models.custom_call import (
+    SETTINGS,
+    api_version,
+    on_host,
+    pieces,
+    rows_of,
+    settings,
+    settings_at,
+    table,
+)
+
+__all__ = ["CALL", "FLOATS", "OUT", "SETTINGS", "WHOLES", "run", "settings"]
+
+SETTLE, SHAKE = range(2)
+"""Tasks; the first number of every row of settings. Operands and results are those of `exact_entry`."""
+STILL = 1e-3
+"""Share of its scale by which the bob's swing may change in a period under a block called at rest."""
+MAX_STEPS = 20_000
+"""Bound on the series of one piece of the forcing."""
+BROKEN = 3
+"""End of a part of a motion whose series is no number, besides those of `tpd.exact.follow`."""
+_NONE, _LANDING, _TURN, _UP, _DOWN = -1, 0, 1, 2, 3
+"""Events: of a slipping block the first two, of a held one its releases to either side."""
+
+
+@compiled
+def _excess(q, y, side, eta):
+    """Moment on a held block minus the moment of its weight."""
+    phi, psi, rate, pull, weight = y[0], y[1], y[3], -0.5 * q.m12, side * q.weight
+    sp, cp, lean = math.sin(phi), math.cos(phi), phi - psi
+    big_s = side * q.nu * math.sin(lean) + 2.0 * math.cos(lean)
+    big_c = side * q.nu * math.cos(lean) - 2.0 * math.sin(lean)
+    # Acceleration of the bob under a block that is held.
+    swing = (q.f * math.cos(psi) * eta - math.sin(psi) - q.c2 * rate) / q.m22
+    on_block = q.up * sp - weight * cp - q.f * eta * (weight * sp + q.up * cp)
+    bob = q.c1 * rate - pull * big_c * rate * rate + pull * big_s * swing
+    return on_block + bob
+
+
+@compiled
+def decide(q, y, tilt, way, eta, m):
+    """Put the mode of a state into `m`: `tilt` and `way` are the signs of phi and phi', zero included."""
+    up = _excess(q, y, 1.0 if tilt == 0.0 else tilt, eta)
+    down = _excess(q, y, -1.0, eta) if tilt == 0.0 else up
+    m.kind, m.tilt, m.way = mode_of(up, down, q.k + q.slack, tilt, way)
+
+
+@compiled
+def _first_event(q, m, order, h, c):
+    """First event within the time h, and its time; without one, how far it is proved that there is none."""
+    if m.kind != SLIP:
+        which, until = _NONE, h
+        for release in (_UP, _DOWN):
+            row = series.UP if release == _UP else series.DOWN
+            t, met = series.free_until(c, row, 1.0, order, q.k + q.weight, until)
+            if met or t < until:
+                which, until = (release if met else _NONE), t
+        return which, until
+    # Its acceleration is a difference of moments, and more uncertain than those that let it go.
+    until, turns = series.free_until(c, series.V, m.way, order, 10.0 * (q.k + q.weight) * h, h)
+    # Until it turns, the block comes down monotonously: it lands where its tilt has another sign by then.
+    if m.tilt != m.way and m.tilt * series.value_at(c, series.PHI, order, until) <= 0.0:
+        landing, met = series.free_until(c, series.PHI, m.tilt, order, 0.0, until)
+        # Next to a graze the proof may end before the landing: the next series goes on from there.
+        return (_LANDING if met or landing == until else _NONE), landing
+    return (_TURN if turns else _NONE), until
+
+
+@compiled
+def _land(q, m, capture, eta):
+    """Change rates and mode at the impact of a block that has come down."""
+    # The impulse acts through the new corner. Block and bob together keep their angular momentum about it
+    # but for the loss, and the bob keeps its velocity across the rod, which pulls along itself only.
+    y, bob, corner = m.y, -0.5 * q.mu * q.m21, m.tilt * q.nu
+    sq, cq, before = math.sin(y[1]), math.cos(y[1]), y[2]
+    old, new = 2.0 * sq + corner * cq, 2.0 * sq - corner * cq
+    loss = q.e * (1.0 + bob * q.nu * q.nu) + bob * q.nu * q.nu
+    inertia = 1.0 + bob * new * new
+    # At most what conserves energy, as in `contact.impact_ratio`.
+    ratio = min((loss + bob * new * old) / inertia, math.sqrt((1.0 + bob * old * old) / inertia))
+    after = before if q.e == 1.0 else before * ratio
+    if abs(after) <= capture:
+        decide(q, y, 0.0, 0.0, eta, m)
+        if m.kind == REST:
+            after = 0.0
+    if after != before:
+        y[3] += (2.0 * cq * (after - before) + corner * sq * (after + before)) / q.lam
+    y[2] = after
+    decide(q, y, 0.0, math.copysign(1.0, after) if after != 0.0 else 0.0, eta, m)
+
+
+@compiled
+def _meet(q, m, which, at_once, capture, eta):
+    """Change the state and the mode at an event; a series may begin with it `at_once`."""
+    if which == _LANDING:
+        m.impacts += 1
+        _land(q, m, capture, eta)
+    elif which == _TURN:
+        decide(q, m.y, m.tilt, 0.0, eta, m)
+        if at_once and m.kind == SLIP:
+            # It was let go at a moment that only touched the limit: it does not move.
+            m.kind = STICK if m.y[0] != 0.0 else REST
+    else:
+        side = 1.0 if which == _UP else -1.0
+        m.tilt = side if m.kind == REST else m.tilt
+        m.kind, m.way = SLIP, side
+
+
+@compiled
+def _note_turns(m, k, c, order, h, tau):
+    """Take account of the angle k of a tally, which is row k of a series, where it turns within the time h
+    from `tau` on. Of its two sides only the larger one holds."""
+    angle, t = series.largest_turn(c, k, order, h, m.best[larger(m, k // 2)])
+    note_angle(m, k if angle > 0.0 else k + 1, abs(angle), tau + t)
+
+
+@compiled
+def advance(q, f, m, w, i, s, end):
+    """Follow a motion through piece i of its forcing from the local time `s` to `end`, event by event; change
+    state, mode and tally. Return how it ended."""
+    y, c, origin = m.y, w.series, i * span_of(q, f)
+    for _ in range(MAX_STEPS):
+        left, tau = end - s, origin + s
+        if left <= 1e-14 * w.period:
+            return ARRIVED
+        order, h = series.put(q, m, load_at(q, f, i, s), left, w)
+        if not h >= min(left, 1e-13 * w.period):
+            return BROKEN
+        # No step is repeated: the length of a step follows from its series.
+        which, h = _first_event(q, m, order, h, c)
+        series.put_state(c, order, h, y)
+        # The block's tilt is largest at events, which are ends of steps. The bob turns within one.
+        note(m, y[0], y[1], tau + h)
+        _note_turns(m, series.PSI, c, order, h, tau)
+        if w.relative:
+            _note_turns(m, series.APART, c, order, h, tau)
+        # Exactly on the event.
+        if which == _LANDING:
+            y[0] = 0.0
+        elif which == _TURN:
+            y[2] = 0.0
+        s = end if h == left else s + h
+        if not abs(y[0]) < 0.5 * math.pi:
+            m.fell = origin + s
+            return LOST
+        if which != _NONE:
+            m.events -= 1
+            _meet(q, m, which, h == 0.0, w.capture, forcing_at(load_at(q, f, i, s), 0.0)[0])
+            m.held = 1.0 if m.held > 0.0 or m.kind != SLIP else 0.0
+            if m.kind == SLIP:
+                m.lifted = min(m.lifted, origin + s)
+            if m.events <= 0:
+                return EXHAUSTED
+    return EXHAUSTED
+
+
+@compiled
+def _stays(q, m, before):
+    """Whether the block has rested, or been held leaning, for a whole period in which the bob's swing hardly
+    changed."""
+    y = m.y
+    rests = m.kind == REST and largest(m, 0) == 0.0
+    leans = m.kind == STICK and y[0] == before[0]
+    angles = max(abs(y[0] - before[0]), abs(y[1] - before[1]))
+    rates = max(abs(y[2] - before[2]), abs(y[3] - before[3]))
+    change = max(angles, rates / q.xi) / (q.nu + q.f)
+    return (rests or leans) and (change < STILL or q.mu == 0.0)
+
+
+@compiled
+def _one_period(q, f, m, w, s, grown, events):
+    """Follow a motion from the local time `s` to the end of the forcing period; the shaking has its full size
+    `grown` from the beginning of the period on. Return how it ended."""
+    restart(m)
+    m.held, m.events = (2.0 if m.kind != SLIP else 0.0), events
+    if 0.0 < grown < w.period:
+        # The forcing has a kink where its growth ends, which a step must not cross.
+        ended = advance(q, f, m, w, FIRST_PIECE, s, grown)
+        if ended != ARRIVED:
+            return ended
+        f, s, m.events = steady(f.cubics), grown, events
+    return advance(q, f, m, w, FIRST_PIECE, s, w.period)
+
+
+@compiled
+def _settle(q, m, w, s, since, ramp, out):
+    """Follow one motion from its state at tau = `since` until it repeats, rests, is lost, or the periods of
+    the settings `s` have elapsed; see `tpd.exact.settle.settle`."""
+    y, cubics, scales, events = m.y, np.empty((0, 4)), repetition.scales_of(q), int(s.events)
+    w.period, w.rate, w.swing, w.relative = 2.0 * math.pi / q.xi, scales[2], scales[3], NO
+    past, last, peaks = np.zeros((LONGEST, 4)), np.zeros((LONGEST, 3)), np.zeros(2)
+    for j in range(4):
+        past[0, j] = y[j]
+    clear(m)
+    f, grown = repetition.shaking_in(ramp, w.period, 0.0, since, cubics)
+    decide(q, y, sign(y[0]), sign(y[2]), forcing_now(q, f, since), m)
+    # A start within a period has another phase than the ends of periods, with which these are compared.
+    known, status, repeats, elapsed = (1 if since == 0.0 else 0), repetition.NOT_SETTLED, 0, 0
+    while elapsed < s.periods and status == repetition.NOT_SETTLED:
+        if elapsed > 0:
+            f, grown = repetition.shaking_in(ramp, w.period, float(elapsed), 0.0, cubics)
+        ended = _one_period(q, f, m, w, since if elapsed == 0 else 0.0, grown, events)
+        elapsed += 1
+        peak, stroke = largest(m, 0), largest(m, 1)
+        peaks[0], peaks[1] = max(peaks[0], peak), max(peaks[1], stroke)
+        # Nothing that was met before the shaking became steady counts as a repetition, or as rest.
+        steadily = f.rate == 0.0 and ended == ARRIVED
+        repeats = repetition.repeats_after(q, y, past, known, scales, s.tolerance) if steadily else 0
+        rests = steadily and known > 0 and _stays(q, m, past[0])
+        known = repetition.remember(past, known if steadily else 0, last, y, peak, stroke, m.held)
+        if ended == BROKEN or not finite(y):
+            status = repetition.FAILED
+        elif ended != ARRIVED:
+            status = repetition.OVERTURNED if ended == LOST else repetition.EVENT_BOUND
+        elif rests:
+            status = repetition.AT_REST
+        elif repeats > 0:
+            # The bob of a block that never moved may repeat itself after several periods only.
+            status = repetition.AT_REST if repetition.stayed(last, repeats) else repetition.ROCKING
+    status, own = repetition.settled(status, repeats, m, last, peaks, out)
+    return status, own, elapsed
+
+
+@compiled
+def _through(q, f, m, w, s):
+    """Follow one motion through all pieces of a ground motion, and freely for the time that the settings `s`
+    say. Return its status."""
+    y, i, ended = m.y, FIRST_PIECE, ARRIVED
+    # Without a forcing period, the shorter of the bob's and the block's says which times are but rounding.
+    w.period, w.relative = 2.0 * math.pi * min(1.0, math.sqrt(q.m22)), YES
+    w.rate, w.swing = q.nu, (q.nu + q.f) * max(1.0, 1.0 / math.sqrt(q.m22))
+    clear(m)
+    restart(m)
+    m.events = int(s.events)
+    decide(q, y, sign(y[0]), sign(y[2]), forcing_now(q, f, 0.0), m)
+    if m.kind == SLIP or y[0] != 0.0:
+        m.lifted = 0.0
+    # The forcing has a kink at every sample, which a step must not cross.
+    while i <= f.pieces and ended == ARRIVED:
+        if m.kind != SLIP:
+            # The base acceleration may jump where a piece begins.
+            decide(q, y, 0.0 if m.kind == REST else m.tilt, 0.0, load_at(q, f, i, 0.0).e0, m)
+            if m.kind == SLIP:
+                m.lifted = min(m.lifted, i * span_of(q, f))
+        ended = advance(q, f, m, w, i, 0.0, span_of(q, f) if i < f.pieces else s.free)
+        i += 1
+    if ended == BROKEN or not finite(y):
+        return follow.FAILED
+    if ended != ARRIVED:
+        return follow.OVERTURNED if ended == LOST else follow.EVENT_BOUND
+    return follow.STOOD if m.lifted == math.inf else follow.ROCKED
+
+
+@part
+def _run(a, first, last):
+    """Rows of settings, parameters and starts. To settle: also beginnings and ramps; results of numbers and
+    of counts. Through a ground motion: also pieces; results, in which what is not computed is no number."""
+    s, x, start = settings_at(a[0], last), table(a[1], last, 9), table(a[2], last, 4)
+    plants, motions, works = np.empty(1, PLANT), np.zeros(1, MOTION), np.zeros(1, series.WORK)
+    q, m, w = plants[0], motions[0], works[0]
+    for n in range(first, last):
+        series.prepare(x[n], s[n], q, w)
+        for j in range(4):
+            m.y[j] = start[n, j]
+        if s[n].task == SETTLE:
+            t, out, wholes = table(a[3], last, 2), table(a[4], last, FLOATS), table(a[5], last, WHOLES)
+            counts = _settle(q, m, w, s[n], t[n, 0], t[n, 1], out[n])
+            wholes[n, 0], wholes[n, 1], wholes[n, 2] = counts
+        else:
+            out = table(a[4], last, OUT)[n]
+            put_results(m, _through(q, pieces(a[3], s[n], n), m, w, s[n]), out)
+            out[10] = out[15] = math.nan
+    # Records do not keep their memory, and Numba frees an array after its last use.
+    return len(plants) + len(motions) + len(works)
+
+
+def _entrance(version: int, api: int) -> Any:
+    def call(address):
+        """Answer a frame: 0 for success."""
+        a = np.zeros(8, np.int64)
+        first, last, by_host = rows_of(address, a, api)
+        if last > first:
+            _run(a, first, last)
+        return version if by_host else 0
+
+    # Numbers from outside the function are part of the key of Numba's store, see `exact_entry`.
+    return stored(call, numba.cfunc, "int64(int64)")
+
+
+CALL = _entrance(checksum("nonlinear_"), api_version())
+"""The entrance, an FFI handler of XLA's."""
+run = on_host(CALL)
+"""Function that answers the host: first and last row, then the operands and results of a task."""
