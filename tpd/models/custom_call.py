@@ -34,10 +34,10 @@ FIELDS = (
 SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
 """A row of settings of the linear and of the nonlinear equations: the task; periods to follow, or times;
 events allowed; largest speed, over nu, of an impact that may end in rest; repetition error that counts as
-settled; relative tolerance of a step; periods over which the separation of neighbours is measured; impacts for
-which there is room; how many directions have derivatives; pieces of the forcing, and the row of the first, or
--1 if every motion has its own; time of free motion; whether it may end early and the bob does not count; and
-whether the derivatives of the largest angles are enough. The others do not count for a task."""
+settled; relative tolerance of a step; periods over which the separation of neighbours is measured; impacts
+for which there is room; how many directions have derivatives; pieces of the forcing, and the row of the
+first, or -1 if every motion has its own; time of free motion; whether it may end early and the bob does not
+count; and whether the derivatives of the largest angles are enough. The others do not count for a task."""
 
 
 def settings(**values: Any) -> list[Any]:
