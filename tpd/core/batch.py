@@ -15,13 +15,14 @@ import numpy as np
 from jax.extend.core import jaxprs_in_params
 
 from tpd.core import checks, threads
-from tpd.core.programs import Program
 
 CHUNK = 256
 """Designs computed at once where all take the same work. Some hundred arrays of this length are alive at a
 time, about one megabyte: more designs at once are no faster, since they leave the cache."""
 UNEVEN = 4
 """Designs computed at once where each takes as many steps as it needs and waits for the slowest of them."""
+OPTIONS = (("xla_backend_optimization_level", 1), ("xla_cpu_use_fusion_emitters", False))
+"""Options of the compiler for processors: it takes half of its time with them, for code that is as fast."""
 _LOOPS = ("while", "ffi_call")
 """Primitives that take as long as an element needs; a custom call of compiled code is a loop as well."""
 
@@ -95,8 +96,12 @@ def prepare(
     """Compile `function` as `in_chunks` will call it. With `wait=False` this goes on in a thread, and the
     first call waits for it."""
     chunk = _chunk(function, batch) if chunk is None else chunk
-    program, part = _compiled(function), _parts(batch, chunk)[0](0)
-    (program.prepare if wait else program.begin)(part)
+    compiled, part = _compiled(function), _parts(batch, chunk)[0](0)
+    # Called, not compiled ahead: only a call leaves the program where the next one finds it.
+    if wait:
+        compiled(part)
+    else:
+        threads.aside(lambda: compiled(part))
 
 
 def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
@@ -140,5 +145,15 @@ def _loops(jaxpr: Any) -> int:
 
 
 @lru_cache(maxsize=32)
-def _compiled(function: Callable[[Any], Any]) -> Program:
-    return Program(function, mapped=True)
+def _compiled(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    return jax.jit(jax.vmap(function), compiler_options=dict(_options()))
+
+
+@lru_cache(maxsize=1)
+def _options() -> tuple[tuple[str, Any], ...]:
+    try:
+        jax.jit(lambda: 0.0, compiler_options=dict(OPTIONS))()
+    except jax.errors.JaxRuntimeError:
+        # Another version of the compiler does not know them.
+        return ()
+    return OPTIONS if jax.default_backend() == "cpu" else ()

@@ -55,15 +55,9 @@ def use_64_bits() -> Path | None:
         return None
     if given is None:
         jax.config.update("jax_compilation_cache_dir", str(cache))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
     _make_sure(cache)
-    from tpd.core import programs
-
-    folder = cache / "programs"
-    with contextlib.suppress(OSError):
-        programs.keep_in(folder)
-        return folder
-    return None
+    return cache
 
 
 def _own() -> Path | None:
