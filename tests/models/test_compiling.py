@@ -5,11 +5,13 @@ import os
 import re
 import subprocess
 import sys
+import warnings
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
+from tpd.core import files
 from tpd.models import compiling
 
 MODULE = "tpd.models.rows"
@@ -32,7 +34,7 @@ def test_another_process_waits_while_a_module_is_compiled():
 def test_where_there_are_no_locks_a_module_is_loaded_all_the_same(monkeypatch, tmp_path):
     (tmp_path / "lonely.py").write_text("LOADED = True")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(compiling, "fcntl", None)
+    monkeypatch.setattr(files, "fcntl", None)
     compiling.load("lonely")
     assert sys.modules.pop("lonely").LOADED
 
@@ -66,6 +68,34 @@ def test_what_a_process_that_compiles_says_is_said(monkeypatch, tmp_path):
     with pytest.warns(UserWarning, match="^it was damaged$"):
         compiling.load("lonely")
     del sys.modules["lonely"]
+
+
+@pytest.mark.mends("where Numba's store is not used, or an old one is, nothing said so")
+def test_a_store_of_others_starts_no_process_and_an_old_one_is_told(monkeypatch, tmp_path):
+    (tmp_path / "lonely.py").write_text("")
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "store"))
+    monkeypatch.setattr(compiling, "_running", running := {})
+    monkeypatch.setattr(files, "_SAID", set())
+    (tmp_path / "store").mkdir()
+    (tmp_path / "store").chmod(0o777)
+    for words in (1, 0):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            compiling.compile_beside(tmp_path, ("lonely",))
+        assert [f"others may write to {tmp_path / 'store'};" in str(w.message) for w in said] == [
+            True
+        ] * words
+    assert not running
+    (tmp_path / "store").chmod(0o755)
+    compiling.compile_beside(tmp_path, ("lonely",))
+    assert running.pop("lonely").wait() == 0
+    compiling.compile_beside(tmp_path, ("lonely",))
+    assert not running
+    monkeypatch.setattr(compiling, "checksum", lambda *_: 1)
+    with pytest.warns(UserWarning, match="is of another version: it is made anew"):
+        compiling.compile_beside(tmp_path, ("lonely",))
+    assert running.pop("lonely").wait() == 0
 
 
 def imported(module, known):

@@ -12,7 +12,6 @@ import json
 import os
 import sys
 import time
-import warnings
 import zlib
 from functools import lru_cache
 from pathlib import Path
@@ -43,31 +42,22 @@ def use_64_bits() -> Path | None:
 
     jax.config.update("jax_enable_x64", True)
     given = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
-    cache = _own() if given is None else Path(given)
-    if cache is None or not files.can_write(cache):
+    # Never a folder that is shared: compiled programs are executed as they are found. A user without a home
+    # has none: what begins with ~ stands for no folder.
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    cache = Path(caches, "tpd", "compiled") if given is None else Path(given).absolute()
+    try:
+        files.check_own(cache)
+    except OSError as error:
+        files.say_unkept(error)
         # JAX would say of each program that it cannot be stored.
         jax.config.update("jax_compilation_cache_dir", None)
-        warnings.warn(
-            "compiled programs cannot be stored, so that every run compiles its own: set XDG_CACHE_HOME to a "
-            "folder of your own",
-            stacklevel=2,
-        )
         return None
     if given is None:
         jax.config.update("jax_compilation_cache_dir", str(cache))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
     _make_sure(cache)
     return cache
-
-
-def _own() -> Path | None:
-    """Folder in the user's cache, never one that is shared: compiled programs are executed as they are
-    found. None where the user has no home."""
-    try:
-        cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tpd" / "compiled"
-    except RuntimeError:
-        return None
-    return cache if not cache.exists() or files.belongs(cache) else None
 
 
 @lru_cache
@@ -91,7 +81,8 @@ def _keep_whole(cache: Path) -> None:
             content = path.read_bytes()
             checksum = hashlib.sha256(content).hexdigest()
             if path.name in noted:
-                sound = noted[path.name] == checksum
+                # What others have written before they lost the right to is not executed.
+                sound = noted[path.name] == checksum and files.belongs(path)
             else:
                 # Of a process that was killed, or not of this package; or it is being written just now.
                 sound = _unpacks(content)

@@ -20,7 +20,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
 
-from tpd.core.files import fcntl
+from tpd.core import files
 
 HARMONIC = ("tpd.models.orbit_entry", "tpd.models.exact_entry", "tpd.models.nonlinear_settling")
 """Modules with the compiled code of motions under a harmonic."""
@@ -32,7 +32,7 @@ sys.excepthook = lambda *_: None
 warnings.showwarning = lambda text, kind, *_: kind is UserWarning and print(text, file=sys.stderr)
 from tpd.models.compiling import load
 load(sys.argv[2])
-open(sys.argv[1], "w").close()
+open(sys.argv[1], "w").write(sys.argv[3])
 """
 _running: dict[str, subprocess.Popen[bytes]] = {}
 """Processes by the module that they compile."""
@@ -62,19 +62,29 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
     Raises:
         OSError: no process can be started.
     """
-    # Numba's store belongs to one installation, or to the folder that the environment names.
-    version, folders = checksum("exact_", "nonlinear_", "orbit_"), os.environ.get("NUMBA_CACHE_DIR")
+    # Numba's store belongs to one installation, or is the folder that the environment names.
+    version, chosen = str(checksum("exact_", "nonlinear_", "orbit_")), os.environ.get("NUMBA_CACHE_DIR")
+    store = Path(chosen, "tpd").absolute() if chosen else Path(__file__).parent / "__pycache__"
+    try:
+        if chosen or os.access(store, os.W_OK):
+            files.check_own(store)
+    except OSError as error:
+        # What another process compiles would be of no use to this one.
+        return files.say_unkept(error)
     for module in modules:
-        place = f"{version} {module} {Path(__file__)} {sys.version} {folders}"
+        place = f"{module} {Path(__file__)} {sys.version} {chosen}"
         mark = folder / f"compiled-{zlib.crc32(place.encode()):08x}"
-        if mark.exists() or module in _running:
+        made = mark.read_text() if mark.exists() else ""
+        if made == version or module in _running:
             continue
+        if made:
+            warnings.warn(f"what is compiled in {store} is of another version: it is made anew", stacklevel=2)
         # A session of its own: Ctrl-C is for the command, and what is half compiled serves nobody.
         _said[module] = tempfile.TemporaryFile()  # noqa: SIM115
         atexit.register(_said[module].close)
         process = subprocess.Popen(
             # -P: the folder in which a command is given may hold another `tpd`, or anything.
-            [sys.executable, "-P", "-c", _COMMAND, str(mark), module],
+            [sys.executable, "-P", "-c", _COMMAND, str(mark), module, version],
             stdout=subprocess.DEVNULL,
             stderr=_said[module],
             start_new_session=True,
@@ -108,7 +118,7 @@ def _alone(module: str) -> Iterator[None]:
     """Hold the lock on a module's file, where the system has such locks."""
     with contextlib.ExitStack() as stack:
         spec = find_spec(module)
-        if fcntl is not None and spec is not None and spec.origin is not None:
+        if files.fcntl is not None and spec is not None and spec.origin is not None:
             with contextlib.suppress(OSError):
-                fcntl.flock(stack.enter_context(open(spec.origin, "rb")), fcntl.LOCK_EX)
+                files.fcntl.flock(stack.enter_context(open(spec.origin, "rb")), files.fcntl.LOCK_EX)
         yield
