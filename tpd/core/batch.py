@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
-from threading import Lock
+from threading import Lock, Thread
 from typing import Any
 
 import equinox as eqx
@@ -14,7 +15,7 @@ import jax
 import numpy as np
 from jax.extend.core import jaxprs_in_params
 
-from tpd.core import checks, threads
+from tpd.core import checks
 
 CHUNK = 256
 """Designs computed at once where all take the same work. Some hundred arrays of this length are alive at a
@@ -82,7 +83,9 @@ def in_chunks(
     lock, done = Lock(), 0
     # A lone worker needs no thread of its own: memory that new threads free stays with them.
     with contextlib.ExitStack() as stack:
-        each = stack.enter_context(threads.cores(cores)).map if cores > 1 else map
+        each: Any = map
+        if cores > 1:
+            each = stack.enter_context(ThreadPoolExecutor(cores, initializer=_x64_initializer())).map
         for count in each(run, range(0, length, chunk)):
             done += count
             if progress is not None:
@@ -101,7 +104,7 @@ def prepare(
     if wait:
         compiled(part)
     else:
-        threads.aside(lambda: compiled(part))
+        aside(lambda: compiled(part))
 
 
 def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
@@ -157,3 +160,34 @@ def _options() -> tuple[tuple[str, Any], ...]:
         # Another version of the compiler does not know them.
         return ()
     return OPTIONS if jax.default_backend() == "cpu" else ()
+
+
+def aside(work: Callable[[], object]) -> Thread:
+    """Start `work` in a thread of its own, to compile something while the other core is busy.
+
+    An error in it is dropped: the same work fails again, visibly, when its result is needed. The thread is no
+    daemon, so the interpreter waits for it: one that is stopped while XLA compiles aborts the process.
+    """
+    begin = _x64_initializer()
+
+    def run() -> None:
+        begin()
+        with contextlib.suppress(Exception):
+            work()
+
+    thread = Thread(target=run)
+    thread.start()
+    return thread
+
+
+def _x64_initializer() -> Callable[[], None]:
+    """Initialiser that gives a worker thread this thread's x64 setting: `jax.enable_x64` as a context manager
+    holds in its own thread only, and 32 bits would give wrong numbers without an error."""
+    wide = bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
+
+    def begin() -> None:
+        if bool(jax.config.jax_enable_x64) != wide:  # type: ignore[attr-defined]
+            # Entered and never left: the setting ends with the thread.
+            jax.enable_x64(wide).__enter__()
+
+    return begin

@@ -18,10 +18,6 @@ from pathlib import Path
 
 from tpd.core import files
 
-_CHECKSUMS = "checksums"
-"""File in JAX's cache with the checksums of its files."""
-_ZLIB = b"\x78"
-"""First byte of what zlib has compressed."""
 _YOUNG = 60.0
 """Seconds in which a file may still be written by another process."""
 
@@ -73,48 +69,39 @@ def _keep_whole(cache: Path) -> None:
     JAX executes what it finds. Of a file that it cannot read it says so at every start, and never writes it
     anew.
     """
-    noted, whole = _noted(cache / _CHECKSUMS)
-    checksums: dict[str, str] = {}
-    damaged = not whole
+    notes, checksums = cache / "checksums", {}
+    noted: dict[str, str] | None = {}
+    with contextlib.suppress(FileNotFoundError):
+        noted = json.loads(files.unsealed(notes.read_bytes()) or "null")
+    damaged = noted is None
     for path in cache.glob("*-cache"):
         with contextlib.suppress(OSError):
             content = path.read_bytes()
             checksum = hashlib.sha256(content).hexdigest()
-            if path.name in noted:
+            if noted and path.name in noted:
                 # What others have written before they lost the right to is not executed.
                 sound = noted[path.name] == checksum and files.belongs(path)
             else:
                 # Of a process that was killed, or not of this package; or it is being written just now.
                 sound = _unpacks(content)
-                if not sound and whole and abs(time.time() - path.stat().st_mtime) < _YOUNG:
+                if not sound and noted is not None and abs(time.time() - path.stat().st_mtime) < _YOUNG:
                     continue
             if sound:
                 checksums[path.name] = checksum
             else:
                 path.unlink()
                 damaged = True
-    if checksums != noted or not whole:
+    if checksums != noted:
         with contextlib.suppress(OSError):
-            files.place(cache / _CHECKSUMS, files.sealed(files.as_json(checksums).encode()))
+            files.place(notes, files.sealed(files.as_json(checksums).encode()))
     if damaged:
         files.say_damaged("programs", cache, "compiled")
 
 
-def _noted(path: Path) -> tuple[dict[str, str], bool]:
-    """Checksums by the names of files, and False where there were some that cannot be read."""
-    try:
-        data = files.unsealed(path.read_bytes())
-    except FileNotFoundError:
-        return {}, True
-    except OSError:
-        return {}, False
-    return ({}, False) if data is None else (json.loads(data), True)
-
-
 def _unpacks(content: bytes) -> bool:
     """Whether a file of JAX's cache is whole, as far as its compression tells."""
-    if content.strip(b"\0") and not content.startswith(_ZLIB):
-        # Of another compression nothing is known.
+    if content.strip(b"\0") and not content.startswith(b"\x78"):
+        # Not zlib's: of another compression nothing is known.
         return True
     with contextlib.suppress(zlib.error):
         zlib.decompress(content)
