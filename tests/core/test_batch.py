@@ -218,10 +218,10 @@ def test_what_is_prepared_is_not_traced_again():
         traced.append(x)
         return jnp.sin(x)
 
-    prepare(slow, X, chunk=16)
+    prepare(slow, X, chunk=16).join()
     assert len(traced) == 1
     np.testing.assert_allclose(in_chunks(slow, X, chunk=16), np.sin(X), rtol=1e-15)
-    prepare(slow, X, chunk=16)
+    prepare(slow, X, chunk=16).join()
     assert len(traced) == 1
 
 

@@ -116,3 +116,14 @@ def test_what_is_no_orbit_is_said():
     for turn in ([0.1, 40.0, 0.3, -90.0], [np.nan, 0.0, 0.0, 0.0], [50.0, 0.0, 0.0, 0.0]):
         step = stepped(p, design, jnp.array(turn))
         assert not bool(step.solved) or float(step.residual) > 1.0
+
+
+def test_one_orbit_that_cannot_be_solved_spoils_no_other():
+    p, design = parameters(SCENES[2])
+    turn = turn_of(p, design)
+    half = jax.tree.map(lambda x: np.stack([x] * 3), HALVES[MODEL]((p, design, ONE, turn)))
+    half.end[1, 1:] = -np.eye(8, 4)
+    half.end[2, 5, 0] = np.nan
+    step = newton(np.stack([turn] * 3), half)
+    assert list(step.solved) == [True, False, False]
+    np.testing.assert_array_equal(step.slope[0], stepped(p, design, turn).slope)

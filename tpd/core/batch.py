@@ -93,18 +93,12 @@ def in_chunks(
     return jax.tree.unflatten(structures[0], wholes)
 
 
-def prepare(
-    function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None, wait: bool = True
-) -> None:
-    """Compile `function` as `in_chunks` will call it. With `wait=False` this goes on in a thread, and the
-    first call waits for it."""
+def prepare(function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None) -> Thread:
+    """Begin to compile `function` as `in_chunks` will call it, in a thread: the first call waits for it."""
     chunk = _chunk(function, batch) if chunk is None else chunk
     compiled, part = _compiled(function), _parts(batch, chunk)[0](0)
     # Called, not compiled ahead: only a call leaves the program where the next one finds it.
-    if wait:
-        compiled(part)
-    else:
-        aside(lambda: compiled(part))
+    return aside(lambda: compiled(part))
 
 
 def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:

@@ -136,4 +136,4 @@ class OneShot:
         """Begin to compile the step; `evaluate` waits for it."""
         o = self.objective
         batch = o.p, np.zeros((1, 3)), o.conditions.factor_rows()[:1], np.zeros((1, 4))
-        prepare(half_period(self.model), batch, chunk=_CHUNK, wait=False)
+        prepare(half_period(self.model), batch, chunk=_CHUNK)
