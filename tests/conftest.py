@@ -25,13 +25,9 @@ os.environ["EQX_ON_ERROR"] = "nan"
 install_import_hook("tpd", "beartype.beartype")
 
 # After the hook, which checks what is imported from then on.
-programs = import_module("tpd.core.programs")
-# Where the commands keep programs, and here the tests as well: what is found there is not even traced.
-programs.keep_in(Path(COMPILED) / "programs")
-
-# The options with which it compiles hold for all programs here: most of the tests' time goes into compiling.
-# Whatever the main command compiles otherwise, it compiles with those of XLA.
-OPTIONS = " ".join(f"--{name}={str(value).lower()}" for name, value in programs._OPTIONS.items())
+# Those of `in_chunks`, for all programs here: most of the tests' time goes into compiling.
+batch = import_module("tpd.core.batch")
+OPTIONS = " ".join(f"--{name}={str(value).lower()}" for name, value in batch.OPTIONS)
 os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {OPTIONS}"
 
 compiling = import_module("tpd.models.compiling")

@@ -48,7 +48,7 @@ from tpd.analysis.steady_state import _verdict
 from tpd.core.equations import smoothed_rates
 from tpd.core.orbit_terms import STATUSES
 from tpd.core.parameters import as_arrays
-from tpd.core.status import SETTLED, index_of, status_of
+from tpd.core.status import SETTLED, index_of
 from tpd.exact.mode_kinds import LANDING
 from tpd.exact.symmetric_orbit_kernel import _status
 from tpd.models import compiled_linear
@@ -237,15 +237,15 @@ def test_next_to_a_grazing_the_gradient_is_refused_by_name():
     assert among(TOUCHING, "f", np.array([b.value * (1.0 + 1e-6)])).status[0, 1] == "no_orbit"
 
 
-def judged(on: Any, **what: float) -> str:
-    """What `steady_state` calls a motion that repeats, of which all else is in order."""
+def judged(on: Any, **what: float) -> Any:
+    """Number of what `steady_state` calls a motion that repeats, of which all else is in order."""
     usual = {"transversality": 1.0, "residual": 0.0, "multiplier": 0.5, "to_fold": 0.5, "separation": np.nan}
     given = {name: on.xp.asarray(value) for name, value in {**usual, **what}.items()}
     y, sizes = on.xp.asarray([0.05, 0.1, 0.0, 0.2]), on.xp.asarray([0.1, 0.2])
     met = given["transversality"], sizes[0], on.xp.asarray(True)
     orbit = Orbit(y, given["residual"], y, sizes, on.xp.zeros((6, 9)), on.xp.zeros((6, 4)), *met)
     numbers = given["multiplier"], on.xp.asarray(False), given["to_fold"], given["separation"], 0.0
-    return status_name(status_of(np.asarray(_verdict(on, index_of("rocking"), orbit, *numbers))))
+    return _verdict(on, index_of("rocking"), orbit, *numbers)
 
 
 @pytest.mark.parametrize("on", [KNOWN, TRACED], ids=["known", "traced"])
@@ -264,7 +264,7 @@ def judged(on: Any, **what: float) -> str:
     ],
 )
 def test_the_verdict_has_a_name_for_each_loss(on, what, status):
-    assert judged(on, **what) == status
+    assert judged(on, **what) == index_of(status)
 
 
 # Sticking and rattling

@@ -85,6 +85,6 @@ def test_a_warning_is_a_sentence_and_a_user_needs_no_home():
     assert done.returncode == 2
     lines = [line for line in done.stderr.splitlines() if "solving" not in line]
     assert [line[:35] for line in lines] == [
-        "tpd: compiled programs cannot be st",
+        "tpd: compiled code is not kept, so ",
         "tpd: give DESIGN, or a pendulum by ",
     ]

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from tpd import Parameters, Status, in_chunks, steady_state, symmetric_orbits
-from tpd.core import threads
-from tpd.core.batch import CHUNK, UNEVEN, prepare
+from tpd.core.batch import CHUNK, UNEVEN, aside, prepare
 from tpd.core.batch import _chunk as default_chunk
 
 LENGTH = 101
@@ -203,8 +202,8 @@ def test_every_thread_computes_in_the_floats_of_the_one_that_asks():
     assert np.abs(rough / exact - 1.0)[64:].max() > 1e-9
     seen = []
     with jax.enable_x64(False):
-        threads.aside(lambda: seen.append(jax.config.jax_enable_x64)).join()
-    threads.aside(lambda: seen.append(jax.config.jax_enable_x64)).join()
+        aside(lambda: seen.append(jax.config.jax_enable_x64)).join()
+    aside(lambda: seen.append(jax.config.jax_enable_x64)).join()
     assert seen == [False, True]
 
 
@@ -219,15 +218,15 @@ def test_what_is_prepared_is_not_traced_again():
         traced.append(x)
         return jnp.sin(x)
 
-    prepare(slow, X, chunk=16)
+    prepare(slow, X, chunk=16).join()
     assert len(traced) == 1
     np.testing.assert_allclose(in_chunks(slow, X, chunk=16), np.sin(X), rtol=1e-15)
-    prepare(slow, X, chunk=16)
+    prepare(slow, X, chunk=16).join()
     assert len(traced) == 1
 
 
 def test_the_interpreter_waits_for_what_goes_on_aside():
-    work = "import time; from tpd.core.threads import aside; aside(lambda: (time.sleep(1), print('done')))"
+    work = "import time; from tpd.core.batch import aside; aside(lambda: (time.sleep(1), print('done')))"
     ended = subprocess.run(
         [sys.executable, "-c", work + "; raise SystemExit(3)"], capture_output=True, text=True
     )

@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import warnings
 
 import numba
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 from numba.core import caching, codegen, compiler
 
 from tests.damage import WAYS, damage
+from tpd import core
 from tpd.core import machine_code
 from tpd.exact.plant import compiled, stored
 
@@ -111,8 +111,22 @@ def test_code_without_a_checksum_is_compiled_again_in_silence(folder):
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files here")
 def test_code_of_another_user_is_not_executed(folder, monkeypatch):
     assert [hits(), hits()] == [0, 1]
-    monkeypatch.setattr(os, "getuid", lambda: 4321)
-    assert hits() == 0
+    (path,) = files(folder, ".nbc")
+    mine = core.files.belongs
+    monkeypatch.setattr(core.files, "belongs", lambda p: p != path and mine(p))
+    with pytest.warns(UserWarning, match="were damaged, and are compiled again"):
+        assert hits() == 0
+
+
+@pytest.mark.mends("machine code in a folder of others was executed")
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files here")
+def test_code_in_a_folder_of_others_is_not_executed_and_that_is_said_once(folder, monkeypatch):
+    assert [hits(), hits()] == [0, 1]
+    folder.chmod(0o777)
+    monkeypatch.setattr(core.files, "_SAID", set())
+    with pytest.warns(UserWarning, match=f"every run compiles anew: others may write to {folder};") as said:
+        assert [hits(), hits()] == [0, 0]
+    assert len(said) == 1
 
 
 @pytest.mark.mends("a full disk stopped what the store was only to speed up")
@@ -121,7 +135,8 @@ def test_what_cannot_be_stored_is_compiled_all_the_same(folder, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(caching.IndexDataCacheFile, "save", full)
-    assert hits() == 0
+    with pytest.warns(UserWarning, match="No space left on device"):
+        assert hits() == 0
 
 
 @pytest.mark.mends("without a home Numba made a folder with the name ~ where the command was given")
@@ -131,8 +146,7 @@ def test_without_a_home_nothing_is_stored_in_the_working_folder(tmp_path, monkey
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(os.path, "expanduser", lambda path: path)
     monkeypatch.setattr(caching.InTreeCacheLocator, "from_function", lambda *_: None)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with pytest.warns(UserWarning, match="there is no home"):
         assert hits() == 0
     assert not list(tmp_path.iterdir())
 

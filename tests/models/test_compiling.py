@@ -1,71 +1,60 @@
-"""Compiled code is made by one process at a time."""
+"""Compiled code is made in other processes."""
 
 import ast
 import os
 import re
-import subprocess
 import sys
+import warnings
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
+from tpd.core import files
 from tpd.models import compiling
-
-MODULE = "tpd.models.rows"
-TRY = "import fcntl, sys; fcntl.flock(open(sys.argv[1]), fcntl.LOCK_EX | fcntl.LOCK_NB)"
-
-
-def another_process():
-    """Exit status of a process that asks for the lock without waiting for it."""
-    done = subprocess.run([sys.executable, "-c", TRY, find_spec(MODULE).origin], capture_output=True)
-    return done.returncode
-
-
-def test_another_process_waits_while_a_module_is_compiled():
-    pytest.importorskip("fcntl")
-    with compiling._alone(MODULE):
-        assert another_process() == 1
-    assert another_process() == 0
-
-
-def test_where_there_are_no_locks_a_module_is_loaded_all_the_same(monkeypatch, tmp_path):
-    (tmp_path / "lonely.py").write_text("LOADED = True")
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(compiling, "fcntl", None)
-    compiling.load("lonely")
-    assert sys.modules.pop("lonely").LOADED
-
-
-def test_it_waits_for_the_process_that_compiles_a_module_and_for_no_other(monkeypatch, tmp_path):
-    (tmp_path / "lonely.py").write_text("LOADED = True")
-    monkeypatch.syspath_prepend(tmp_path)
-    asked = []
-
-    class Process:
-        def __init__(self, name):
-            self.name = name
-
-        def wait(self):
-            asked.append(self.name)
-
-    monkeypatch.setattr(compiling, "_running", {name: Process(name) for name in ("lonely", "other")})
-    compiling.load("lonely")
-    assert sys.modules.pop("lonely").LOADED
-    assert asked == ["lonely"]
 
 
 @pytest.mark.mends("what the processes that compile have to say was lost")
-def test_what_a_process_that_compiles_says_is_said(monkeypatch, tmp_path):
-    lines = "import sys, warnings\nif 'pytest' not in sys.modules: warnings.warn('it was damaged')\n"
+def test_a_process_that_compiles_is_waited_for_and_what_it_says_is_said(monkeypatch, tmp_path):
+    lines = "import sys, time, warnings\n"
+    lines += "if 'pytest' not in sys.modules: time.sleep(1); warnings.warn('it was damaged')\n"
     (tmp_path / "lonely.py").write_text(lines)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
     monkeypatch.setattr(compiling, "_running", {})
     compiling.compile_beside(tmp_path, ("lonely",))
+    monkeypatch.setitem(compiling._running, "other", None)
     with pytest.warns(UserWarning, match="^it was damaged$"):
         compiling.load("lonely")
     del sys.modules["lonely"]
+
+
+@pytest.mark.mends("where Numba's store is not used, or an old one is, nothing said so")
+def test_a_store_of_others_starts_no_process_and_an_old_one_is_told(monkeypatch, tmp_path):
+    (tmp_path / "lonely.py").write_text("")
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "store"))
+    monkeypatch.setattr(compiling, "_running", running := {})
+    monkeypatch.setattr(files, "_SAID", set())
+    (tmp_path / "store").mkdir()
+    (tmp_path / "store").chmod(0o777)
+    for words in (1, 0):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            compiling.compile_beside(tmp_path, ("lonely",))
+        assert [f"others may write to {tmp_path / 'store'};" in str(w.message) for w in said] == [
+            True
+        ] * words
+    assert not running
+    (tmp_path / "store").chmod(0o755)
+    compiling.compile_beside(tmp_path, ("lonely",))
+    assert running.pop("lonely")[0].wait() == 0
+    compiling.compile_beside(tmp_path, ("lonely",))
+    assert not running
+    monkeypatch.setattr(compiling, "checksum", lambda *_: 1)
+    with pytest.warns(UserWarning, match="is of another version: it is made anew"):
+        compiling.compile_beside(tmp_path, ("lonely",))
+    assert running.pop("lonely")[0].wait() == 0
 
 
 def imported(module, known):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
-from threading import Lock
+from threading import Lock, Thread
 from typing import Any
 
 import equinox as eqx
@@ -14,14 +15,15 @@ import jax
 import numpy as np
 from jax.extend.core import jaxprs_in_params
 
-from tpd.core import checks, threads
-from tpd.core.programs import Program
+from tpd.core import checks
 
 CHUNK = 256
 """Designs computed at once where all take the same work. Some hundred arrays of this length are alive at a
 time, about one megabyte: more designs at once are no faster, since they leave the cache."""
 UNEVEN = 4
 """Designs computed at once where each takes as many steps as it needs and waits for the slowest of them."""
+OPTIONS = (("xla_backend_optimization_level", 1), ("xla_cpu_use_fusion_emitters", False))
+"""Options of the compiler for processors: it takes half of its time with them, for code that is as fast."""
 _LOOPS = ("while", "ffi_call")
 """Primitives that take as long as an element needs; a custom call of compiled code is a loop as well."""
 
@@ -81,7 +83,9 @@ def in_chunks(
     lock, done = Lock(), 0
     # A lone worker needs no thread of its own: memory that new threads free stays with them.
     with contextlib.ExitStack() as stack:
-        each = stack.enter_context(threads.cores(cores)).map if cores > 1 else map
+        each: Any = map
+        if cores > 1:
+            each = stack.enter_context(ThreadPoolExecutor(cores, initializer=_x64_initializer())).map
         for count in each(run, range(0, length, chunk)):
             done += count
             if progress is not None:
@@ -89,14 +93,12 @@ def in_chunks(
     return jax.tree.unflatten(structures[0], wholes)
 
 
-def prepare(
-    function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None, wait: bool = True
-) -> None:
-    """Compile `function` as `in_chunks` will call it. With `wait=False` this goes on in a thread, and the
-    first call waits for it."""
+def prepare(function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None) -> Thread:
+    """Begin to compile `function` as `in_chunks` will call it, in a thread: the first call waits for it."""
     chunk = _chunk(function, batch) if chunk is None else chunk
-    program, part = _compiled(function), _parts(batch, chunk)[0](0)
-    (program.prepare if wait else program.begin)(part)
+    compiled, part = _compiled(function), _parts(batch, chunk)[0](0)
+    # Called, not compiled ahead: only a call leaves the program where the next one finds it.
+    return aside(lambda: compiled(part))
 
 
 def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
@@ -140,5 +142,46 @@ def _loops(jaxpr: Any) -> int:
 
 
 @lru_cache(maxsize=32)
-def _compiled(function: Callable[[Any], Any]) -> Program:
-    return Program(function, mapped=True)
+def _compiled(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    return jax.jit(jax.vmap(function), compiler_options=dict(_options()))
+
+
+@lru_cache(maxsize=1)
+def _options() -> tuple[tuple[str, Any], ...]:
+    try:
+        jax.jit(lambda: 0.0, compiler_options=dict(OPTIONS))()
+    except jax.errors.JaxRuntimeError:
+        # Another version of the compiler does not know them.
+        return ()
+    return OPTIONS if jax.default_backend() == "cpu" else ()
+
+
+def aside(work: Callable[[], object]) -> Thread:
+    """Start `work` in a thread of its own, to compile something while the other core is busy.
+
+    An error in it is dropped: the same work fails again, visibly, when its result is needed. The thread is no
+    daemon, so the interpreter waits for it: one that is stopped while XLA compiles aborts the process.
+    """
+    begin = _x64_initializer()
+
+    def run() -> None:
+        begin()
+        with contextlib.suppress(Exception):
+            work()
+
+    thread = Thread(target=run)
+    thread.start()
+    return thread
+
+
+def _x64_initializer() -> Callable[[], None]:
+    """Initialiser that gives a worker thread this thread's x64 setting: `jax.enable_x64` as a context manager
+    holds in its own thread only, and 32 bits would give wrong numbers without an error."""
+    wide = bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
+
+    def begin() -> None:
+        if bool(jax.config.jax_enable_x64) != wide:  # type: ignore[attr-defined]
+            # Entered and never left: the setting ends with the thread.
+            jax.enable_x64(wide).__enter__()
+
+    return begin

@@ -18,7 +18,6 @@ the question is which multipliers are larger than 1. Complex numbers are written
 from __future__ import annotations
 
 import math
-from itertools import combinations, permutations
 from typing import Any, NamedTuple
 
 import jax
@@ -26,10 +25,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from tpd.core.orbit_terms import CONSERVED, UNDECIDED
-from tpd.core.parameters import Number, Parameters
-
-Matrix = tuple[tuple[Number, ...], ...]
-"""Rows of a small matrix, entry by entry: XLA fuses a batch of products of entries, but not of `jnp.dot`."""
+from tpd.core.parameters import Number
 
 
 def conserves(p: Any) -> Any:
@@ -43,57 +39,9 @@ def is_neutral(p: Any, largest: Any) -> Any:
     return (conserves(p) & (largest < 1.0 + CONSERVED)) | (abs(largest - 1.0) < UNDECIDED)
 
 
-def rows_of(m: Float[Array, "n n"]) -> Matrix:
-    """An array as a matrix written out."""
-    return tuple(tuple(m[i, j] for j in range(m.shape[1])) for i in range(m.shape[0]))
-
-
-def felt_by_block(p: Parameters, m: Matrix) -> Matrix:
-    """The derivative `m` of a map of states (phi, psi, phi', psi') as far as the block can feel it.
-
-    A bob without mass (mu = 0) does not act on the block. Its rows and columns are set to zero then, which
-    leaves the multipliers of the block and two zeros.
-    """
-    bob = jnp.where(jnp.asarray(p.mu) > 0, 1.0, 0.0)
-    return tuple(
-        tuple(x * (bob if i % 2 or j % 2 else 1.0) for j, x in enumerate(row)) for i, row in enumerate(m)
-    )
-
-
-def characteristic(m: Matrix) -> tuple[Number, ...]:
-    """Coefficients c1 to c4 of det(z - m) = z^4 + c1 z^3 + c2 z^2 + c3 z + c4: sums of the
-    principal minors, with alternating signs."""
-
-    def minor(rows: tuple[int, ...]) -> Number:
-        # Leibniz's formula: at most 24 products, and no pivot that a batch would have to choose.
-        total = 0.0
-        for order in permutations(range(len(rows))):
-            swaps = sum(order[i] > order[j] for i, j in combinations(range(len(rows)), 2))
-            term = -1.0 if swaps % 2 else 1.0
-            for i, j in enumerate(order):
-                term = term * m[rows[i]][rows[j]]
-            total = total + term
-        return total
-
-    return tuple(
-        (-1.0) ** size * sum(minor(rows) for rows in combinations(range(4), size)) for size in range(1, 5)
-    )
-
-
 class _Roots(NamedTuple):
     real: tuple[Number, ...]
     imag: tuple[Number, ...]
-
-
-def determinants(coefficients: tuple[Number, ...]) -> tuple[Number, Number, Number]:
-    """det(I - G), det(I + G) and the product of 1 - g_i g_j over all pairs of eigenvalues, from the
-    coefficients of G's characteristic polynomial: they vanish at a fold, a loss of symmetry, and a torus."""
-    c1, c2, c3, c4 = coefficients
-    fold, symmetry = 1.0 + c1 + c2 + c3 + c4, 1.0 - c1 + c2 - c3 + c4
-    # The sums y = g_i g_j + g_k g_l are the roots of the quartic's resolvent cubic; it is taken at 1 + c4.
-    y = 1.0 + c4
-    torus = ((y - c2) * y + c1 * c3 - 4.0 * c4) * y - (c3**2 + c1**2 * c4 - 4.0 * c2 * c4)
-    return fold, symmetry, torus
 
 
 @jax.jit

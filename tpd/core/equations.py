@@ -23,6 +23,7 @@ from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
+from jax.tree_util import Partial
 from jaxtyping import Array, Float
 
 from tpd.core.parameters import Number, Numbers, Parameters, State
@@ -225,13 +226,24 @@ def smoothed_rates(
         # The law of impacts of (4) is another one: `Smoothed.check` refuses them, but for a traced ratio.
         decay = jnp.where(p.velocity_ratio == 1.0, 0.0, jnp.nan)
 
-    def field(tau: Number, y: State, args: None) -> State:
-        del args
-        step, drag = jnp.tanh(y[0] / tilt_width), jnp.tanh(y[2] / rate_width)
-        # The loss is an impulse: it does not pass through the mass matrix, which has acted already.
-        loss = decay * y[2] * jnp.abs(y[2]) * (1.0 - step**2)
-        none = jnp.zeros_like(loss)
-        jump = jnp.stack([none, none, loss, 2.0 / p.lam * loss])
-        return equations.rates(y, step, drag, jnp.sin(p.xi * tau)) + jump
+    # A pytree of its coefficients: their derivatives are those of the field.
+    return Partial(_smoothed_rates, equations, p, decay, tilt_width, rate_width)
 
-    return field
+
+def _smoothed_rates(
+    of: Linear | Equations,
+    p: Parameters,
+    decay: Number,
+    tilt_width: Number,
+    rate_width: Number,
+    tau: Number,
+    y: State,
+    args: None,
+) -> State:
+    del args
+    step, drag = jnp.tanh(y[0] / tilt_width), jnp.tanh(y[2] / rate_width)
+    # The loss is an impulse: it does not pass through the mass matrix, which has acted already.
+    loss = decay * y[2] * jnp.abs(y[2]) * (1.0 - step**2)
+    none = jnp.zeros_like(loss)
+    jump = jnp.stack([none, none, loss, 2.0 / p.lam * loss])
+    return of.rates(y, step, drag, jnp.sin(p.xi * tau)) + jump

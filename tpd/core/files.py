@@ -11,6 +11,7 @@ import json
 import math
 import os
 import platform
+import stat
 import tempfile
 import time
 import warnings
@@ -28,6 +29,8 @@ except ImportError:  # Windows
 
 _PART = ".tpd-part-"
 """Begin of the names of files that are being written; what a killed run leaves of them counts as nothing."""
+_SAID: set[str] = set()
+"""Why compiled code is not kept, as far as it was said."""
 PACKAGES = ("jax", "jaxlib", "diffrax", "optax", "equinox", "numpy", "numba")
 
 
@@ -100,14 +103,40 @@ def put_aside(path: Path, what: str, then: str) -> None:
     say_damaged(f"{what} (now in {aside})", path, then)
 
 
-def can_write(folder: Path) -> bool:
-    """Whether files can be written to a folder, which is made where there is none."""
+def check_own(folder: Path) -> None:
+    """Check that compiled code can be kept in a folder and executed as it is found there. The folder is made
+    where there is none.
+
+    Raises:
+        OSError: it cannot be written to, is another user's, or somebody else may write to it or put another
+            one in its place.
+    """
+    other = "name other folders by NUMBA_CACHE_DIR and JAX_COMPILATION_CACHE_DIR"
+    if not folder.is_absolute():
+        raise OSError(f"there is no home for {folder}; {other}")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        for path in (folder.parent, folder):
+            path.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
-        return False
+            place = folder.resolve()
+    except OSError as error:
+        raise OSError(f"{folder} cannot be written to ({error.strerror}); {other}") from None
+    if not belongs(place):
+        raise OSError(f"{place} is another user's; {other}")
+    for path in (place, *place.parents) if hasattr(os, "getuid") else ():
+        about = path.stat()
+        # A group with the number of its owner has no other members.
+        others = stat.S_IWOTH | (stat.S_IWGRP if about.st_gid != about.st_uid else 0)
+        # Within a sticky folder others can neither rename nor remove what is not theirs.
+        if about.st_mode & others and (path == place or not about.st_mode & stat.S_ISVTX):
+            raise OSError(f"others may write to {path}; `chmod go-w {path}`, or {other}")
+
+
+def say_unkept(why: Exception) -> None:
+    """Warn, once a process, that compiled code is not kept, with the reason and what to do about it."""
+    if str(why) not in _SAID:
+        _SAID.add(str(why))
+        warnings.warn(f"compiled code is not kept, so that every run compiles anew: {why}", stacklevel=3)
 
 
 def belongs(path: Path) -> bool:

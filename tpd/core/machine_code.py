@@ -117,19 +117,19 @@ def _replacements() -> list[tuple[type, str, Callable[..., Any]]]:
 def whole(function: Callable[..., Any]) -> Iterator[None]:
     """Remove damaged machine code of a function before it is loaded, and seal what is stored at the end.
 
-    Of several processes that ask for the same function at once, one compiles it. What belongs to another
-    user is removed as well: it would be executed.
+    Of several processes that ask for the same function at once, one compiles it.
 
     Raises:
-        RuntimeError: there is no folder that can be written to.
-        OSError: what is damaged cannot be removed.
+        RuntimeError: Numba has no folder that can be written to.
+        OSError: the folder is no place for what is executed, or what is damaged cannot be removed.
     """
     folder, stem = _place(function)
+    files.check_own(folder)
     seal = folder / f"{stem}.sum"
-    for path in _stored(folder, stem, *_STORED, seal.suffix):
-        if not files.belongs(path):
-            path.unlink()
     was_sealed = seal.exists()
+    # What others have written before they lost the right to is not executed either.
+    if was_sealed and not files.belongs(seal):
+        seal.unlink()
     with files.held(seal) as file:
         file.seek(0)
         checksum = file.read()
@@ -151,7 +151,7 @@ def _place(function: Callable[..., Any]) -> tuple[Path, str]:
     chosen = config.CACHE_DIR  # type: ignore[attr-defined]
     if not chosen and beside is None and not _has_home():
         # Numba would make a folder with the name ~ where the command is given.
-        raise RuntimeError("no folder can be written to")
+        raise RuntimeError("there is no home; name a folder by NUMBA_CACHE_DIR")
     cache = caching.FunctionCache(function)
     return Path(cache.cache_path), cache._impl.filename_base
 
@@ -165,10 +165,12 @@ def _stored(folder: Path, stem: str, *ends: str) -> list[Path]:
 
 
 def _checksum(paths: list[Path]) -> bytes | None:
-    """Checksum of files with their names; None where one of them cannot be read."""
+    """Checksum of files with their names; None where one of them cannot be read, or is another user's."""
     digest = hashlib.sha256()
     for path in paths:
         try:
+            if not files.belongs(path):
+                return None
             data = path.read_bytes()
         except OSError:
             return None

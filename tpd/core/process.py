@@ -12,17 +12,12 @@ import json
 import os
 import sys
 import time
-import warnings
 import zlib
 from functools import lru_cache
 from pathlib import Path
 
 from tpd.core import files
 
-_CHECKSUMS = "checksums"
-"""File in JAX's cache with the checksums of its files."""
-_ZLIB = b"\x78"
-"""First byte of what zlib has compressed."""
 _YOUNG = 60.0
 """Seconds in which a file may still be written by another process."""
 
@@ -43,37 +38,22 @@ def use_64_bits() -> Path | None:
 
     jax.config.update("jax_enable_x64", True)
     given = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
-    cache = _own() if given is None else Path(given)
-    if cache is None or not files.can_write(cache):
+    # Never a folder that is shared: compiled programs are executed as they are found. A user without a home
+    # has none: what begins with ~ stands for no folder.
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    cache = Path(caches, "tpd", "compiled") if given is None else Path(given).absolute()
+    try:
+        files.check_own(cache)
+    except OSError as error:
+        files.say_unkept(error)
         # JAX would say of each program that it cannot be stored.
         jax.config.update("jax_compilation_cache_dir", None)
-        warnings.warn(
-            "compiled programs cannot be stored, so that every run compiles its own: set XDG_CACHE_HOME to a "
-            "folder of your own",
-            stacklevel=2,
-        )
         return None
     if given is None:
         jax.config.update("jax_compilation_cache_dir", str(cache))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
     _make_sure(cache)
-    from tpd.core import programs
-
-    folder = cache / "programs"
-    with contextlib.suppress(OSError):
-        programs.keep_in(folder)
-        return folder
-    return None
-
-
-def _own() -> Path | None:
-    """Folder in the user's cache, never one that is shared: compiled programs are executed as they are
-    found. None where the user has no home."""
-    try:
-        cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tpd" / "compiled"
-    except RuntimeError:
-        return None
-    return cache if not cache.exists() or files.belongs(cache) else None
+    return cache
 
 
 @lru_cache
@@ -89,47 +69,39 @@ def _keep_whole(cache: Path) -> None:
     JAX executes what it finds. Of a file that it cannot read it says so at every start, and never writes it
     anew.
     """
-    noted, whole = _noted(cache / _CHECKSUMS)
-    checksums: dict[str, str] = {}
-    damaged = not whole
+    notes, checksums = cache / "checksums", {}
+    noted: dict[str, str] | None = {}
+    with contextlib.suppress(FileNotFoundError):
+        noted = json.loads(files.unsealed(notes.read_bytes()) or "null")
+    damaged = noted is None
     for path in cache.glob("*-cache"):
         with contextlib.suppress(OSError):
             content = path.read_bytes()
             checksum = hashlib.sha256(content).hexdigest()
-            if path.name in noted:
-                sound = noted[path.name] == checksum
+            if noted and path.name in noted:
+                # What others have written before they lost the right to is not executed.
+                sound = noted[path.name] == checksum and files.belongs(path)
             else:
                 # Of a process that was killed, or not of this package; or it is being written just now.
                 sound = _unpacks(content)
-                if not sound and whole and abs(time.time() - path.stat().st_mtime) < _YOUNG:
+                if not sound and noted is not None and abs(time.time() - path.stat().st_mtime) < _YOUNG:
                     continue
             if sound:
                 checksums[path.name] = checksum
             else:
                 path.unlink()
                 damaged = True
-    if checksums != noted or not whole:
+    if checksums != noted:
         with contextlib.suppress(OSError):
-            files.place(cache / _CHECKSUMS, files.sealed(files.as_json(checksums).encode()))
+            files.place(notes, files.sealed(files.as_json(checksums).encode()))
     if damaged:
         files.say_damaged("programs", cache, "compiled")
 
 
-def _noted(path: Path) -> tuple[dict[str, str], bool]:
-    """Checksums by the names of files, and False where there were some that cannot be read."""
-    try:
-        data = files.unsealed(path.read_bytes())
-    except FileNotFoundError:
-        return {}, True
-    except OSError:
-        return {}, False
-    return ({}, False) if data is None else (json.loads(data), True)
-
-
 def _unpacks(content: bytes) -> bool:
     """Whether a file of JAX's cache is whole, as far as its compression tells."""
-    if content.strip(b"\0") and not content.startswith(_ZLIB):
-        # Of another compression nothing is known.
+    if content.strip(b"\0") and not content.startswith(b"\x78"):
+        # Not zlib's: of another compression nothing is known.
         return True
     with contextlib.suppress(zlib.error):
         zlib.decompress(content)

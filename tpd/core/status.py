@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -125,11 +124,6 @@ def names_by_code(codes: np.ndarray) -> np.ndarray:
 def index_of(name: str) -> int:
     """Number that stands for a status."""
     return int(jax.tree.leaves(getattr(Status, name))[0])
-
-
-def status_of(index: Any) -> Status:
-    """The status that a number stands for, known or traced."""
-    return jax.tree.unflatten(jax.tree.structure(Status.failed), [index])
 
 
 def is_moving(status: Status) -> Array:

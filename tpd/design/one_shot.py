@@ -14,7 +14,7 @@ import numpy as np
 from tpd.core.batch import in_chunks, prepare
 from tpd.design.ends import Book, Ends, Linearisation
 from tpd.design.objective import OF_PAIRS, ROCKING, Evaluation, Orbits, blank, margins
-from tpd.models.half_period import half_period
+from tpd.models.half_period import half_period, newton
 from tpd.models.smoothed import Smoothed
 
 _CHUNK = 32
@@ -79,7 +79,7 @@ class OneShot:
             if not len(rows[0]):
                 break
             batch = o.p, designs[rows[0]], o.conditions.factor_rows()[rows[1]], self.turns[rows]
-            step = in_chunks(half_period(self.model), batch, chunk=_CHUNK)
+            step = newton(batch[3], in_chunks(half_period(self.model), batch, chunk=_CHUNK))
             nu = o.geometry.slenderness[rows[1]]
             self.turns[rows], self.slopes[rows] = step.turn, step.slope
             e.tilt[rows], e.tilt_slope[rows] = step.turn[:, 0] / nu, step.slope[:, 0] / nu[:, None]
@@ -136,4 +136,4 @@ class OneShot:
         """Begin to compile the step; `evaluate` waits for it."""
         o = self.objective
         batch = o.p, np.zeros((1, 3)), o.conditions.factor_rows()[:1], np.zeros((1, 4))
-        prepare(half_period(self.model), batch, chunk=_CHUNK, wait=False)
+        prepare(half_period(self.model), batch, chunk=_CHUNK)

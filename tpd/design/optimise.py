@@ -12,11 +12,11 @@ import numpy as np
 from tpd.analysis.attractors import Starts
 from tpd.analysis.ensemble import Ensemble
 from tpd.core import checks
+from tpd.core.batch import aside
 from tpd.core.conditions import FACTORS, Conditions
 from tpd.core.ground_motion import GroundMotion
 from tpd.core.progress import Progress, shown
 from tpd.core.scene import Block, Scene
-from tpd.core.threads import aside
 from tpd.design.active import nearest_of
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Limit, Risk, Worth

@@ -15,7 +15,6 @@ from jaxtyping import Array, Int
 
 from tpd.closed_form import uplift
 from tpd.core.parameters import Parameters, as_arrays
-from tpd.core.programs import Program
 from tpd.core.quantities import with_design
 from tpd.core.sampling import latin_hypercube
 from tpd.design.criteria import DesignSpace, stroke_limit
@@ -55,10 +54,11 @@ def starting_designs(p: Parameters, space: DesignSpace, stroke: float, count: in
     target = rng.uniform(0.0, 0.2, size=half)
     fixed = space.full(low)[low.size :]
     given: Any = low, high, fixed, np.asarray(_AIM * stroke), spread, target
-    still = _MOVED(as_arrays(p), *given)
+    still = _moved(as_arrays(p), *given)
     return space.full(low + np.concatenate([spread, np.asarray(still)])[:count] * (high - low))
 
 
+@jax.jit
 def _moved(
     p: Parameters, low: Array, high: Array, fixed: Array, stroke: Array, unit: Array, target: Array
 ) -> Array:
@@ -81,9 +81,6 @@ def _moved(
         return jnp.where(moved, jnp.clip(onward, 0.0, 1.0), u), state
 
     return jax.lax.fori_loop(0, 100, step, (unit, adam.init(unit)))[0]
-
-
-_MOVED = Program(_moved)
 
 
 def best_apart(units: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:

@@ -21,7 +21,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from tpd.core import machine_code
+from tpd.core import files, machine_code
 
 STEP = 1e-100
 """Imaginary part of an input in whose direction a derivative is taken. Its square is nothing beside 1, even
@@ -66,8 +66,8 @@ def stored(function: Callable[..., Any], compiler: Any, signature: Any, **option
     try:
         with machine_code.whole(plain), machine_code.entry_alone():
             return compiler(signature, cache=True, error_model="numpy", **options)(plain)
-    except (RuntimeError, OSError):
-        # Neither the package's folder nor the user's cache nor NUMBA_CACHE_DIR can be written to.
+    except (RuntimeError, OSError) as error:
+        files.say_unkept(error)
         with machine_code.entry_alone():
             return compiler(signature, error_model="numpy", **options)(plain)
 

@@ -16,7 +16,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from tpd.core import programs
 from tpd.models import compiling
 
 Trial = Callable[[Any], tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]]
@@ -41,16 +40,11 @@ class Compiled:
         self._module, self._target, self._of, self._trial = module, target, of, trial
         self._asking = Lock()
         self._works: bool | None = None
-        programs.CALLED[target] = self._load
 
     def entry(self) -> Any:
         """The module, loaded when it is needed: it loads Numba."""
         compiling.load(self._module)
         return sys.modules[self._module]
-
-    def _load(self) -> None:
-        if not self.direct():
-            raise RuntimeError(f"JAX cannot call the compiled code of {self._of}")
 
     def direct(self) -> bool:
         """Whether XLA can call the code: it answers a trial as the call from the host does."""

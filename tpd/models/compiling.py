@@ -6,21 +6,18 @@ Numba compiles for some twenty seconds, in Python: in the same process it would 
 from __future__ import annotations
 
 import atexit
-import contextlib
 import os
 import subprocess
 import sys
 import tempfile
 import warnings
 import zlib
-from collections.abc import Iterator
 from functools import lru_cache
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
 
-from tpd.core.files import fcntl
+from tpd.core import files
 
 HARMONIC = ("tpd.models.orbit_entry", "tpd.models.exact_entry", "tpd.models.nonlinear_entry")
 """Modules with the compiled code of motions under a harmonic."""
@@ -32,13 +29,11 @@ sys.excepthook = lambda *_: None
 warnings.showwarning = lambda text, kind, *_: kind is UserWarning and print(text, file=sys.stderr)
 from tpd.models.compiling import load
 load(sys.argv[2])
-open(sys.argv[1], "w").close()
+open(sys.argv[1], "w").write(sys.argv[3])
 """
-_running: dict[str, subprocess.Popen[bytes]] = {}
-"""Processes by the module that they compile."""
-_said: dict[str, IO[bytes]] = {}
-"""Files with what these processes have to say, by the same. No pipes: who reads the errors of a command would
-wait for the end of all processes that hold its pipe."""
+_running: dict[str, tuple[subprocess.Popen[bytes], IO[bytes]]] = {}
+"""Processes by the module that they compile, with the files of what they have to say. No pipes: who reads the
+errors of a command would wait for the end of all processes that hold its pipe."""
 
 
 def sources(*kinds: str) -> list[Path]:
@@ -62,53 +57,46 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
     Raises:
         OSError: no process can be started.
     """
-    # Numba's store belongs to one installation, or to the folder that the environment names.
-    version, folders = checksum("exact_", "nonlinear_", "orbit_"), os.environ.get("NUMBA_CACHE_DIR")
+    # Numba's store belongs to one installation, or is the folder that the environment names.
+    version, chosen = str(checksum("exact_", "nonlinear_", "orbit_")), os.environ.get("NUMBA_CACHE_DIR")
+    store = Path(chosen, "tpd").absolute() if chosen else Path(__file__).parent / "__pycache__"
+    try:
+        if chosen or os.access(store, os.W_OK):
+            files.check_own(store)
+    except OSError as error:
+        # What another process compiles would be of no use to this one.
+        return files.say_unkept(error)
     for module in modules:
-        place = f"{version} {module} {Path(__file__)} {sys.version} {folders}"
+        place = f"{module} {Path(__file__)} {sys.version} {chosen}"
         mark = folder / f"compiled-{zlib.crc32(place.encode()):08x}"
-        if mark.exists() or module in _running:
+        made = mark.read_text() if mark.exists() else ""
+        if made == version or module in _running or module in sys.modules:
             continue
-        # A session of its own: Ctrl-C is for the command, and what is half compiled serves nobody.
-        _said[module] = tempfile.TemporaryFile()  # noqa: SIM115
-        atexit.register(_said[module].close)
+        if made:
+            warnings.warn(f"what is compiled in {store} is of another version: it is made anew", stacklevel=2)
+        said = tempfile.TemporaryFile()  # noqa: SIM115
+        atexit.register(said.close)
         process = subprocess.Popen(
             # -P: the folder in which a command is given may hold another `tpd`, or anything.
-            [sys.executable, "-P", "-c", _COMMAND, str(mark), module],
+            [sys.executable, "-P", "-c", _COMMAND, str(mark), module, version],
             stdout=subprocess.DEVNULL,
-            stderr=_said[module],
+            stderr=said,
+            # A session of its own: Ctrl-C is for the command, and what is half compiled serves nobody.
             start_new_session=True,
         )
-        _running[module] = process
         atexit.register(process.terminate)
+        _running[module] = process, said
 
 
 def load(module: str) -> None:
-    """Import a module with compiled code. Of several processes that ask at once, one compiles the code and
-    stores it for the others."""
-    if module not in sys.modules:
-        if module in _running:
-            _running[module].wait()
-            _repeat(module)
-        with _alone(module):
-            import_module(module)
-
-
-def _repeat(module: str) -> None:
-    """Say what the process that compiled a module has said, such as that stored code was damaged."""
-    if module in _said:
-        with _said.pop(module) as file:
-            file.seek(0)
-            for line in file.read().decode(errors="replace").splitlines():
-                warnings.warn(line, stacklevel=3)
-
-
-@contextlib.contextmanager
-def _alone(module: str) -> Iterator[None]:
-    """Hold the lock on a module's file, where the system has such locks."""
-    with contextlib.ExitStack() as stack:
-        spec = find_spec(module)
-        if fcntl is not None and spec is not None and spec.origin is not None:
-            with contextlib.suppress(OSError):
-                fcntl.flock(stack.enter_context(open(spec.origin, "rb")), fcntl.LOCK_EX)
-        yield
+    """Import a module with compiled code, made by another process if that was begun. What that had to say,
+    such as that stored code was damaged, is said."""
+    if module in sys.modules:
+        return
+    if module in _running:
+        process, said = _running.pop(module)
+        process.wait()
+        said.seek(0)
+        for line in said.read().decode(errors="replace").splitlines():
+            warnings.warn(line, stacklevel=2)
+    import_module(module)

@@ -3,36 +3,33 @@
 A symmetric orbit is described by the state at its upper turn, phi' = 0, and by the phase of the forcing
 there: four numbers u = (phi, psi, gamma, psi'). With P the state half a period later, -P must be the state
 again.
-One integration with tangents in the state y and in the design x gives P and its derivatives, and with them
-one Newton step of the orbit and the derivative of u by the implicit function theorem,
+One integration with tangents in the state y, the design x and the phase gives P and its derivatives, and with
+them one Newton step of the orbit and the derivative of u by the implicit function theorem,
 
     F(u, x) = P + y(u) = 0,     u <- u - F_u^-1 F,     du/dx = -F_u^-1 P_x.
 
-The first number of u is the amplitude, so no peak has to be looked for. The derivative with respect to gamma
-needs no tangent of its own: the same motion begun a little later arrives a little later,
-
-    xi P_gamma = f(P) - P_y f(y),     f the vector field.
-
-If a design moves little between two steps, orbit and design converge together; the residual |F| goes with
-every step as its own estimate of the error.
+The first number of u is the amplitude, so no peak has to be looked for. If a design moves little between two
+steps, orbit and design converge together; the residual |F| goes with every step as its own estimate of the
+error.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import NamedTuple
+from itertools import combinations
+from typing import Any, NamedTuple
 
 import diffrax
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.lax import stop_gradient
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from tpd.core.conditions import under
-from tpd.core.eigenvalues import characteristic, determinants, felt_by_block, quartic_roots, rows_of
 from tpd.core.equations import smoothed_rates
-from tpd.core.parameters import Number, Parameters, State, as_arrays
+from tpd.core.parameters import Number, Parameters, as_arrays
 from tpd.models.smoothed import Field, Smoothed
 
 _SAMPLES = 32
@@ -42,93 +39,139 @@ _STEPS = 256
 
 
 class HalfPeriod(NamedTuple):
-    """An orbit after one step, and its derivatives with respect to the design (mu, lam, zeta)."""
+    """The state after half a period, with derivatives, and what a Newton step needs beside them."""
 
-    turn: Float[Array, "4"]
+    end: Array
+    """The state at the end and its derivatives, (9, 4): in the four numbers of the first state, in the design
+    (mu, lam, zeta), and in the phase of the forcing."""
+    stroke: Array
+    """Largest |psi|, rad, and the same derivatives, (9,)."""
+    start: Array
+    """The first state."""
+    units: Array
+    """Sizes of the numbers of a state: nu for angles, xi nu for rates."""
+    felt: Array
+    """1 for the numbers of a state that act on the block; a bob without mass (mu = 0) does not."""
+    done: Array
+    """Whether the solver kept its bound on the steps."""
+
+
+class Step(NamedTuple):
+    """Orbits after one step, and their derivatives with respect to the design (mu, lam, zeta)."""
+
+    turn: np.ndarray
     """phi, the largest of the orbit, and psi (rad), phase of the forcing (rad) and psi' at the upper turn."""
-    slope: Float[Array, "4 3"]
-    """Its derivatives; the first row is that of the amplitude."""
-    stroke: Number
+    slope: np.ndarray
+    """Its derivatives, (4, 3); the first row is that of the amplitude."""
+    stroke: np.ndarray
     """Largest |psi|, rad."""
-    stroke_slope: Float[Array, "3"]
-    residual: Number
+    stroke_slope: np.ndarray
+    residual: np.ndarray
     """Largest difference from an orbit, over nu for angles and xi nu for rates."""
-    multiplier: Number
+    multiplier: np.ndarray
     """Largest modulus of the Floquet multipliers over a whole period."""
-    reserve: Number
+    reserve: np.ndarray
     """Distance from where the orbit stops attracting, as `tpd.Margins` has it: the least of fold, symmetry
     and torus."""
-    solved: Bool[Array, ""]
+    solved: np.ndarray
     """Whether the solver kept its bound on the steps and all numbers are finite."""
 
 
 @lru_cache(maxsize=8)
 def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Array]], HalfPeriod]:
-    """Function of (parameters of the bare block, design (3,), factors of the condition (8,), turn (4,))
-    that makes one step; pure JAX."""
+    """Function of (parameters of the bare block, design (3,), factors of the condition (8,), turn (4,)) that
+    follows half a period; pure JAX."""
 
-    def step(args: tuple[Parameters, Array, Array, Array]) -> HalfPeriod:
+    def run(args: tuple[Parameters, Array, Array, Array]) -> HalfPeriod:
         p, design, factors, turn = args
-        begin = jnp.stack([turn[0], turn[1], jnp.zeros_like(turn[0]), turn[3]])
+        q = as_arrays(under(p, design, factors))
+        start = jnp.stack([turn[0], turn[1], jnp.zeros_like(turn[0]), turn[3]])
+        times = 0.5 * q.period * jnp.linspace(0.0, 1.0, _SAMPLES + 1)
 
-        def field_at(x: Array) -> tuple[Parameters, Field]:
+        def motion_at(x: Array, phase: Array) -> tuple[Field, Array]:
+            """The field, and the time at which the motion begins."""
             q = as_arrays(under(p, x, factors))
-            return q, smoothed_rates(q, *model.widths(q), model.terms)
+            return smoothed_rates(q, *model.widths(q), model.terms), phase / q.xi
 
-        def run(y: State, x: Array) -> tuple:
-            q, field = field_at(x)
-            times = turn[2] / q.xi + 0.5 * q.period * jnp.linspace(0.0, 1.0, _SAMPLES + 1)
-            solution = diffrax.diffeqsolve(
-                diffrax.ODETerm(field),
-                model.solver,
-                times[0],
-                times[-1],
-                1e-3 * q.period,
-                y,
-                saveat=diffrax.SaveAt(ts=times),
-                stepsize_controller=diffrax.PIDController(rtol=model.rtol, atol=0.01 * model.rtol),
-                adjoint=diffrax.ForwardMode(),
-                max_steps=_STEPS,
-                throw=False,
-            )
-            ys: Array = solution.ys  # type: ignore[assignment]
-            done = solution.result == diffrax.RESULTS.successful
-            found = ys[-1], _largest_bob(field, times, ys)
-            return found, (found, done)
+        # Eight directions: the state's own four, the design's three, and the phase.
+        ways = jnp.eye(8)[:, 4:7], jnp.eye(8)[:, 7]
+        motion, turned = _along(motion_at, (design, turn[2]), ways)
 
-        # Forward mode: seven directions, and one solve carries all of them.
-        jacobians, ((end, stroke), done) = jax.jacfwd(run, argnums=(0, 1), has_aux=True)(begin, design)
-        ((by_y, by_x), (stroke_y, stroke_x)) = jacobians
-        q, field = field_at(design)
-        start = turn[2] / q.xi
-        flow, later = field(start, begin, None), field(start + 0.5 * q.period, end, None)
-        by_phase = (later - by_y @ flow) / q.xi
-        residual = end + begin
-        units = jnp.eye(4)
-        columns = [by_y[:, i] + units[i] for i in (0, 1, 3)]
-        jacobian = jnp.stack([columns[0], columns[1], by_phase, columns[2]], axis=1)
-        both = jnp.linalg.solve(jacobian, jnp.concatenate([residual[:, None], by_x], axis=1))
-        moved, slope = -both[:, 0], -both[:, 1:]
-        # The bob's largest angle does not change when the window over the orbit is moved.
-        stroke_u = jnp.stack([stroke_y[0], stroke_y[1], -(stroke_y @ flow) / q.xi, stroke_y[3]])
-        # G, the derivative of the mirrored half period: its eigenvalues say whether the orbit attracts.
-        coefficients = characteristic(felt_by_block(q, rows_of(-by_y)))
-        real, imag = quartic_roots(coefficients)
-        scale = q.nu * jnp.stack([jnp.ones_like(q.xi), jnp.ones_like(q.xi), q.xi, q.xi])
-        out = HalfPeriod(
-            turn=turn + moved,
-            slope=slope,
-            stroke=stroke + stroke_u @ moved,
-            stroke_slope=stroke_x + stroke_u @ slope,
-            residual=jnp.max(jnp.abs(residual) / scale),
-            multiplier=jnp.max(real**2 + imag**2),
-            reserve=jnp.min(jnp.stack(determinants(coefficients))),
-            solved=done,
+        def rates(time: Any, z: Any, args: Any) -> Array:
+            """Rates of the state and of its derivatives, (9, 4)."""
+            found = _along(lambda m, y: m[0](m[1] + time, y, args), (motion, z[0]), (turned, z[1:]))
+            return jnp.concatenate([found[0][None], found[1]])
+
+        # The derivatives are solved beside the state. `jax.jacfwd` of the solver gives the same numbers, but
+        # traces it three times more, and every process has to trace.
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(rates),
+            model.solver,
+            times[0],
+            times[-1],
+            1e-3 * q.period,
+            jnp.concatenate([start[None], jnp.eye(8, 4)]),
+            saveat=diffrax.SaveAt(ts=times),
+            # The steps are those of the state alone.
+            stepsize_controller=diffrax.PIDController(
+                rtol=model.rtol, atol=0.01 * model.rtol, norm=lambda z: jnp.sqrt(jnp.mean(z[0] ** 2))
+            ),
+            adjoint=diffrax.ForwardMode(),
+            max_steps=_STEPS,
+            throw=False,
         )
-        finite = jnp.stack([jnp.all(jnp.isfinite(x)) for x in out[:-1]])
-        return out._replace(solved=done & jnp.all(finite))
+        zs: Array = solution.ys  # type: ignore[assignment]
+        ways = turned, jnp.moveaxis(zs[:, 1:], 1, 0)
+        stroke = _along(lambda m, ys: _largest_bob(m[0], m[1] + times, ys), (motion, zs[:, 0]), ways)
+        bob = jnp.where(q.mu > 0.0, 1.0, 0.0)
+        return HalfPeriod(
+            end=zs[-1],
+            stroke=jnp.concatenate([stroke[0][None], stroke[1]]),
+            start=start,
+            units=q.nu * jnp.stack([jnp.ones_like(q.xi), jnp.ones_like(q.xi), q.xi, q.xi]),
+            felt=jnp.stack([jnp.ones_like(bob), bob, jnp.ones_like(bob), bob]),
+            done=solution.result == diffrax.RESULTS.successful,
+        )
 
-    return step
+    return run
+
+
+def _along(function: Callable[..., Any], at: Any, ways: Any) -> tuple[Any, Any]:
+    """A function of several arguments, and its derivatives in several directions."""
+    return jax.vmap(lambda *way: jax.jvp(function, at, way), out_axes=(None, 0))(*ways)
+
+
+@np.errstate(all="ignore")
+def newton(turn: np.ndarray, half: HalfPeriod) -> Step:
+    """The step of orbits (n, 4) from what half a period did to them."""
+    finite = np.all(np.isfinite(half.end), axis=(1, 2)) & np.all(np.isfinite(half.stroke), axis=1)
+    by = np.where(finite[:, None, None], half.end[:, 1:], 0.0)
+    # The numbers of u are no state: the phase stands in the place of phi', which is zero.
+    own = [0, 1, 7, 3]
+    jacobian = np.swapaxes(by[:, own] + np.eye(8, 4)[own], 1, 2)
+    # NumPy refuses a whole batch for one matrix that is singular; what is put here is marked below.
+    regular = finite & (np.abs(np.linalg.det(jacobian)) > 0.0)
+    jacobian = np.where(regular[:, None, None], jacobian, np.eye(4))
+    residual = half.end[:, 0] + half.start
+    moved = -np.linalg.solve(jacobian, residual[:, :, None])[:, :, 0]
+    slope = -np.linalg.solve(jacobian, np.swapaxes(by[:, 4:7], 1, 2))
+    stroke_u = half.stroke[:, 1:][:, own]
+    # The derivative of the mirrored half period: its eigenvalues say whether the orbit attracts.
+    g = np.linalg.eigvals(-by[:, :4] * (half.felt[:, :, None] * half.felt[:, None]))
+    pairs = np.stack([g[:, i] * g[:, j] for i, j in combinations(range(4), 2)], axis=1)
+    margins = [np.prod(1.0 - g, axis=1), np.prod(1.0 + g, axis=1), np.prod(1.0 - pairs, axis=1)]
+    step = Step(
+        turn=turn + moved,
+        slope=slope,
+        stroke=half.stroke[:, 0] + np.sum(stroke_u * moved, axis=1),
+        stroke_slope=half.stroke[:, 5:8] + np.einsum("ni,nij->nj", stroke_u, slope),
+        residual=np.max(np.abs(residual) / half.units, axis=1),
+        multiplier=np.max(np.abs(g), axis=1) ** 2,
+        reserve=np.min(np.real(margins), axis=0),
+        solved=half.done & regular,
+    )
+    sound = [np.isfinite(x).reshape(len(turn), -1).all(axis=1) for x in step[:-1]]
+    return step._replace(solved=step.solved & np.all(sound, axis=0))
 
 
 def _largest_bob(field: Field, times: Float[Array, "samples"], ys: Float[Array, "samples 4"]) -> Number:
