@@ -12,7 +12,7 @@ import numpy as np
 from tpd.exact.arcs import Load, beginning, launch, state_at, steady
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.cycle_kernel import LINK, SURVEY, survey, traverse
-from tpd.exact.follow import FAILED, OUT, put_results, through
+from tpd.exact.follow import FAILED, OUT, STATUSES, put_results, through
 from tpd.exact.legs import (
     ANGLES,
     GROWING,
@@ -34,6 +34,8 @@ from tpd.exact.steady import STEADY, steady_state
 from tpd.exact.trajectory import trajectory
 from tpd.models.compiling import checksum
 from tpd.models.custom_call import (
+    FIELDS,
+    SETTINGS,
     api_version,
     carray,
     cube,
@@ -46,22 +48,7 @@ from tpd.models.custom_call import (
     table,
 )
 
-__all__ = [
-    *(
-        "CALL",
-        "CYCLE",
-        "FIELDS",
-        "FLOATS",
-        "INPUTS",
-        "OUT",
-        "SETTINGS",
-        "STATUSES",
-        "STEADY",
-        "WHOLES",
-        "run",
-    ),
-    "settings",
-]
+__all__ = ["CALL", "CYCLE", "FIELDS", "FLOATS", "INPUTS", "OUT", "SETTINGS", "STATUSES", "STEADY", "settings"]
 
 SETTLE, PERIODS, TRAJECTORY, SHAKE, HISTORY, LEGS_OF, ARCS, STEADY_STATE = range(8)
 """Tasks; the first number of every row of settings. Histories, legs and arcs are for the host alone."""
