@@ -21,8 +21,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd.core import checks
-from tpd.core.eigenvalues import is_neutral
-from tpd.core.orbit_terms import GRAZING, NEAR_FOLD
+from tpd.core.orbit_terms import GRAZING, NEAR_FOLD, is_neutral
 from tpd.core.parameters import Parameters, as_arrays, check_parameters
 from tpd.core.status import Status
 from tpd.exact.derivatives import with_slopes
@@ -254,7 +253,7 @@ def _verdict(p: Any, held: bool, multipliers: np.ndarray, grazing: float) -> str
     largest = np.max(np.abs(multipliers))
     status = "sticking" if held else "rocking"
     status = status if largest < 1.0 else "unstable"
-    status = "neutral" if is_neutral(p, largest) else status
+    status = "neutral" if is_neutral(p.k, p.velocity_ratio, p.mu, p.zeta, largest) else status
     status = "grazing" if grazing < GRAZING else status
     return "near_fold" if np.min(np.abs(1.0 - multipliers)) < 2.0 * NEAR_FOLD else status
 

@@ -38,9 +38,8 @@ from tpd.analysis.period_map import (
     refine,
 )
 from tpd.core import checks
-from tpd.core.eigenvalues import is_neutral
 from tpd.core.formatting import counted_periods, number
-from tpd.core.orbit_terms import GRAZING, NEAR_FOLD
+from tpd.core.orbit_terms import GRAZING, NEAR_FOLD, is_neutral
 from tpd.core.parameters import Number, Parameters, State, as_arrays, check_parameters
 from tpd.core.status import Status, index_of, is_settled, status_name
 from tpd.exact.derivatives import refused, refused_in, with_slopes
@@ -386,7 +385,7 @@ def _judged(on: Numbers, p: Any, model: AbstractModel, begun: Begun, along: Alon
     where, xp = on.where, on.xp
     orbit, separation = refine(on, p, model, begun, along)
     multiplier, to_fold = multipliers(on, p.mu, orbit.by_state[:4])
-    neutral = is_neutral(p, multiplier)
+    neutral = is_neutral(p.k, p.velocity_ratio, p.mu, p.zeta, multiplier)
     # By its class, as the check.
     smallest = model.__class__.resolution(model, p)
     status = _verdict(on, begun.status, orbit, multiplier, neutral, to_fold, separation, smallest)

@@ -26,11 +26,11 @@ from typing import NamedTuple
 import diffrax
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float
 
 from tpd.core.conditions import under
-from tpd.core.eigenvalues import characteristic, determinants, felt_by_block, quartic_roots, rows_of
 from tpd.core.equations import smoothed_rates
 from tpd.core.parameters import Number, Parameters, State, as_arrays
 from tpd.models.smoothed import Field, Smoothed
@@ -112,8 +112,9 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
         # The bob's largest angle does not change when the window over the orbit is moved.
         stroke_u = jnp.stack([stroke_y[0], stroke_y[1], -(stroke_y @ flow) / q.xi, stroke_y[3]])
         # G, the derivative of the mirrored half period: its eigenvalues say whether the orbit attracts.
-        coefficients = characteristic(felt_by_block(q, rows_of(-by_y)))
-        real, imag = quartic_roots(coefficients)
+        # A bob without mass does not act on the block: what is left are the block's own and two zeros.
+        felt = jnp.where(q.mu > 0.0, jnp.ones(4), jnp.array([1.0, 0.0, 1.0, 0.0]))
+        half = -by_y * felt * felt[:, None]
         scale = q.nu * jnp.stack([jnp.ones_like(q.xi), jnp.ones_like(q.xi), q.xi, q.xi])
         out = HalfPeriod(
             turn=turn + moved,
@@ -121,14 +122,38 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
             stroke=stroke + stroke_u @ moved,
             stroke_slope=stroke_x + stroke_u @ slope,
             residual=jnp.max(jnp.abs(residual) / scale),
-            multiplier=jnp.max(real**2 + imag**2),
-            reserve=jnp.min(jnp.stack(determinants(coefficients))),
+            multiplier=_spectral_radius(half) ** 2,
+            reserve=_reserve(half),
             solved=done,
         )
         finite = jnp.stack([jnp.all(jnp.isfinite(x)) for x in out[:-1]])
         return out._replace(solved=done & jnp.all(finite))
 
     return step
+
+
+def _spectral_radius(m: Float[Array, "n n"]) -> Number:
+    """Largest modulus of the eigenvalues, as the limit of |m^k|^(1/k)."""
+
+    def square(_: Number, carry: tuple) -> tuple:
+        power, log, share = carry
+        size = jnp.maximum(jnp.max(jnp.abs(power)), 1e-300)
+        power = power / size
+        return power @ power, log + share * jnp.log(size), 0.5 * share
+
+    # The powers 2^k: rounding of one counts as little as its logarithm does, and double eigenvalues are no
+    # exception.
+    return jnp.exp(jax.lax.fori_loop(0, 50, square, (m, 0.0, 1.0))[1])
+
+
+def _reserve(half: Float[Array, "4 4"]) -> Number:
+    """The least of det(I - G), det(I + G) and the product of 1 - g_i g_j over all pairs of eigenvalues, which
+    are the eigenvalues of the matrix of all minors of two rows."""
+    (i, j), units = np.triu_indices(4, 1), jnp.eye(6)
+    minors = half[i][:, i] * half[j][:, j] - half[i][:, j] * half[j][:, i]
+    return jnp.min(
+        jnp.stack([jnp.linalg.det(x) for x in (units[:4, :4] - half, units[:4, :4] + half, units - minors)])
+    )
 
 
 def _largest_bob(field: Field, times: Float[Array, "samples"], ys: Float[Array, "samples 4"]) -> Number:
