@@ -9,7 +9,7 @@ import tpd
 from tpd.core.conditions import FACTORS, under
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.models import compiled_orbits
-from tpd.models.half_period import half_period
+from tpd.models.half_period import _reserve, _spectral_radius, half_period
 from tpd.models.smoothed import Smoothed
 
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
@@ -91,6 +91,19 @@ def test_the_slope_is_that_of_the_smoothed_orbit():
         up, down = settled(design + moved), settled(design - moved)
         quotient = (up.turn - down.turn) / (2.0 * moved[i])
         np.testing.assert_allclose(here.slope[:, i], quotient, rtol=1e-5, atol=1e-5)
+
+
+def test_stability_is_that_of_the_eigenvalues():
+    turned = np.array([[0.6, -0.5], [0.5, 0.6]])
+    double = np.kron(np.eye(2), turned) + np.kron([[0.0, 1.0], [0.0, 0.0]], np.eye(2))
+    bare = np.diag([1.3, 0.0, -0.2, 0.0])
+    for m in (*np.random.default_rng(5).normal(size=(20, 4, 4)), double, bare, np.zeros((4, 4))):
+        g = np.linalg.eigvals(m)
+        products = [np.prod([1.0 - g[i] * g[j] for i in range(4) for j in range(i)])]
+        least = np.min(np.real([np.prod(1.0 - g), np.prod(1.0 + g), *products]))
+        # NumPy knows the eigenvalues of `double` to the root of rounding.
+        assert float(_spectral_radius(jnp.asarray(m))) == pytest.approx(np.abs(g).max(), rel=1e-7, abs=1e-12)
+        assert float(_reserve(jnp.asarray(m))) == pytest.approx(least, rel=1e-6, abs=1e-12)
 
 
 def test_what_is_no_orbit_is_said():

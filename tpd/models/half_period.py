@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import diffrax
 import jax
@@ -114,7 +114,7 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
         # G, the derivative of the mirrored half period: its eigenvalues say whether the orbit attracts.
         # A bob without mass does not act on the block: what is left are the block's own and two zeros.
         felt = jnp.where(q.mu > 0.0, jnp.ones(4), jnp.array([1.0, 0.0, 1.0, 0.0]))
-        half = -by_y * felt * felt[:, None]
+        half = -by_y * jnp.outer(felt, felt)
         scale = q.nu * jnp.stack([jnp.ones_like(q.xi), jnp.ones_like(q.xi), q.xi, q.xi])
         out = HalfPeriod(
             turn=turn + moved,
@@ -135,7 +135,7 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
 def _spectral_radius(m: Float[Array, "n n"]) -> Number:
     """Largest modulus of the eigenvalues, as the limit of |m^k|^(1/k)."""
 
-    def square(_: Number, carry: tuple) -> tuple:
+    def square(_: Any, carry: tuple) -> tuple:
         power, log, share = carry
         size = jnp.maximum(jnp.max(jnp.abs(power)), 1e-300)
         power = power / size
