@@ -26,6 +26,7 @@ from tpd.core.parameters import Parameters, as_arrays, check_parameters
 from tpd.core.status import Status
 from tpd.exact.derivatives import with_slopes
 from tpd.exact.mode_kinds import SLIP
+from tpd.models.compiled_linear import NAMES
 from tpd.models.compiled_orbits import row_of
 from tpd.models.multiple_shooting import Cycle, Orbit, polish, recorded, traverse
 
@@ -39,7 +40,7 @@ _ALL = 20
 """Numbers of an orbit that do not belong to an arc."""
 Start = Cycle | str
 """Guess that Newton's method starts from, or the name of the status of a motion without an orbit."""
-_Numbers = namedtuple("_Numbers", "nu mu lam zeta k f xi inertia_ratio velocity_ratio")
+_Numbers = namedtuple("_Numbers", NAMES)
 """Parameters as plain numbers."""
 
 
@@ -223,9 +224,8 @@ def _solved(start: Callable[..., Start], size: int, *given: ArrayLike) -> tuple[
     span, rate, symmetric, count = periods * 2.0 * np.pi / p.xi, max(p.xi, 1.0), False, 0
     scale = np.array([p.nu, p.nu + p.f, p.nu * rate, (p.nu + p.f) * rate])
     cycle = start(x, periods, *operands)
-    status, orbit = (
-        (cycle, None) if isinstance(cycle, str) else ("no_orbit", polish(x, cycle, periods, scale))
-    )
+    status = cycle if isinstance(cycle, str) else "no_orbit"
+    orbit = None if isinstance(cycle, str) else polish(x, cycle, periods, scale)
     if status == "rest":
         values[0], slopes[0] = 0.0, 0.0
     if orbit is not None:
@@ -253,7 +253,7 @@ def _verdict(p: Any, held: bool, multipliers: np.ndarray, grazing: float) -> str
     largest = np.max(np.abs(multipliers))
     status = "sticking" if held else "rocking"
     status = status if largest < 1.0 else "unstable"
-    status = "neutral" if is_neutral(p.k, p.velocity_ratio, p.mu, p.zeta, largest) else status
+    status = "neutral" if is_neutral(p.k, p.e, p.mu, p.zeta, largest) else status
     status = "grazing" if grazing < GRAZING else status
     return "near_fold" if np.min(np.abs(1.0 - multipliers)) < 2.0 * NEAR_FOLD else status
 

@@ -46,8 +46,7 @@ def largest(m, k):
 @compiled
 def put_motion(y, mode, m):
     """Put a state and a mode into a motion."""
-    for i in range(4):
-        m.y[i] = y[i]
+    m.y[:] = y
     m.kind, m.tilt, m.way = mode.kind, mode.tilt, mode.way
 
 
@@ -125,9 +124,7 @@ def cycle(q, m, legs, room, r, s, mode0, out, by):
     out[11] = 1.0 if _same_mode(m, mode0) else 0.0
     if slopes:
         many = np.empty((ROWS, INPUTS))
-        for j in range(INPUTS):
-            for i in range(6):
-                by[i, j] = math.nan
+        by[:] = math.nan
         if sound:
             read(q, f, m, legs, r, (int(s.first), INPUTS), NO, many)
             for j in range(int(s.first), INPUTS):
@@ -231,8 +228,7 @@ def _passed(by, best, scales, gap, apart, peaks):
             for j in range(4):
                 onward[i] += by[i, STATE + j] * gap[j]
             left = max(left, abs(onward[i]) / scales[i])
-        for i in range(4):
-            gap[i] = onward[i]
+        gap[:] = onward
         if left > 3.0 * apart:
             return False
         if left < 1e-8:
@@ -255,8 +251,7 @@ def _newton(q, f, m, legs, room, r, mode, limits, by):
     state."""
     scales, matrix, move, found, events = scales_of(q), np.empty((4, 4)), np.empty(4), np.empty(4), 0
     for step in range(_NEWTON):
-        for i in range(4):
-            found[i] = m.y[i]
+        found[:] = m.y
         put_motion(found, mode, m)
         ended = follow_periods(q, f, m, legs, room, limits)
         if ended != ARRIVED or m.recorded > len(legs) or not _same_mode(mode, m):
@@ -312,6 +307,5 @@ def orbit_near(q, f, m, room, r, past, known, limits):
         return False
     for n in range(limits.periods):
         past.sizes[n, 0], past.sizes[n, 1] = largest(orbit, 0), largest(orbit, 1)
-    for i in range(4):
-        m.y[i] = orbit.y[i]
+    m.y[:] = orbit.y
     return True
