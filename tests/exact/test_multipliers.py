@@ -1,23 +1,35 @@
-"""Multipliers in closed form: roots of a quartic, against NumPy."""
+"""Multipliers in closed form: roots of a quartic and the characteristic polynomial, against NumPy."""
 
-import jax
 import mpmath
+import numba
 import numpy as np
 import pytest
 
-from tpd.core.eigenvalues import quartic_roots
+from tpd.exact import half_map_kernel
 
 
-@jax.jit
-@jax.vmap
-def _roots(c):
-    return quartic_roots(tuple(c))
+@numba.njit
+def _put_roots(c, z):
+    half_map_kernel.put_roots((c[0], c[1], c[2], c[3]), z)
+
+
+@numba.njit
+def characteristic(m):
+    """Coefficients c1 to c4 of det(z - m)."""
+    return np.array(half_map_kernel.characteristic(m))
+
+
+@numba.njit
+def determinants(m):
+    """det(I - m), det(I + m) and the product of 1 - m_i m_j over all pairs of eigenvalues."""
+    return half_map_kernel.determinants(half_map_kernel.characteristic(m))
 
 
 def roots(c):
-    """Of one or many quartics, coefficients c1 to c4."""
-    real, imag = _roots(np.atleast_2d(np.asarray(c, dtype=float)))
-    return np.asarray(real) + 1j * np.asarray(imag)
+    """Of a quartic, coefficients c1 to c4."""
+    found = np.empty(4, complex)
+    _put_roots(np.asarray(c, dtype=float), found)
+    return found
 
 
 def farthest(a, b):
@@ -28,7 +40,8 @@ def farthest(a, b):
 
 def test_roots_are_those_of_numpy():
     c = np.random.default_rng(11).normal(size=(500, 4)) * [4.0, 6.0, 4.0, 1.0]
-    for found, row in zip(roots(c), c, strict=True):
+    for row in c:
+        found = roots(row)
         expected = np.roots([1.0, *row])
         near = np.abs(expected[:, None] - expected)[~np.eye(4, dtype=bool)].min()
         assert farthest(found, expected) < 1e-13 * np.abs(expected).max() / min(near, 1.0)
@@ -36,7 +49,8 @@ def test_roots_are_those_of_numpy():
 
 def test_roots_come_in_conjugate_pairs():
     c = np.random.default_rng(12).normal(size=(500, 4))
-    for found in roots(c):
+    for row in c:
+        found = roots(row)
         assert farthest(found, found.conj()) < 1e-12
 
 
@@ -54,7 +68,7 @@ def test_roots_come_in_conjugate_pairs():
     ids=["double", "triple", "fourfold", "double pair", "two doubles", "zero", "no bob"],
 )
 def test_a_root_of_order_m_is_known_to_the_mth_root_of_rounding(expected, reach):
-    assert farthest(roots(np.poly(expected)[1:].real)[0], np.array(expected)) < reach
+    assert farthest(roots(np.poly(expected)[1:].real), np.array(expected)) < reach
 
 
 @pytest.mark.parametrize("spread", [1e2, 1e4, 1e6, 1e8])
@@ -66,7 +80,7 @@ def test_roots_of_very_different_size_are_each_known(spread):
             for r in expected:
                 c = [a - mpmath.mpf(float(r)) * b for a, b in zip([*c, 0], [0, *c], strict=True)]
             c = np.array([float(v) for v in c[1:]])
-        found = roots(c)[0]
+        found = roots(c)
         # The small ones feel the rounding of the coefficients, each of its own size.
         for r in expected:
             assert np.abs(found - r).min() < 1e-10 * abs(r)
@@ -74,5 +88,28 @@ def test_roots_of_very_different_size_are_each_known(spread):
 
 def test_a_multiplier_of_twice_unity_is_not_missed():
     for largest in (1.0 + 1e-9, 1.0 - 1e-9, 40.0):
-        found = roots(np.poly([largest, 0.3, 0.2 + 0.1j, 0.2 - 0.1j])[1:].real)[0]
+        found = roots(np.poly([largest, 0.3, 0.2 + 0.1j, 0.2 - 0.1j])[1:].real)
         assert np.abs(found).max() == pytest.approx(largest, rel=1e-14)
+
+
+def test_characteristic_polynomial_is_that_of_numpy():
+    rng = np.random.default_rng(13)
+    for _ in range(50):
+        m = rng.normal(size=(4, 4))
+        np.testing.assert_allclose(characteristic(m), np.poly(m)[1:], rtol=1e-11, atol=1e-12)
+        assert characteristic(m)[3] == pytest.approx(np.linalg.det(m), rel=1e-12, abs=1e-14)
+
+
+def test_determinants_are_products_over_the_eigenvalues():
+    for m in np.random.default_rng(16).normal(size=(50, 4, 4)):
+        g = np.linalg.eigvals(m)
+        pairs = [g[i] * g[j] for i in range(4) for j in range(i)]
+        expected = np.prod(1.0 - g), np.prod(1.0 + g), np.prod(1.0 - np.array(pairs))
+        np.testing.assert_allclose(determinants(m), np.real(expected), rtol=1e-9, atol=1e-10)
+
+
+def test_eigenvalues_of_a_matrix_from_end_to_end():
+    rng = np.random.default_rng(15)
+    for m in rng.normal(size=(100, 4, 4)):
+        expected = np.linalg.eigvals(m)
+        assert farthest(roots(characteristic(m)), expected) < 1e-9 * np.abs(expected).max()

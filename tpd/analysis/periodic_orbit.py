@@ -21,12 +21,13 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd.core import checks
-from tpd.core.eigenvalues import is_neutral
-from tpd.core.orbit_terms import GRAZING, NEAR_FOLD
+from tpd.core.orbit_terms import GRAZING, NEAR_FOLD, is_neutral
 from tpd.core.parameters import Parameters, as_arrays, check_parameters
 from tpd.core.status import Status
 from tpd.exact.derivatives import with_slopes
 from tpd.exact.mode_kinds import SLIP
+from tpd.models.compiled_linear import NAMES
+from tpd.models.compiled_orbits import row_of
 from tpd.models.multiple_shooting import Cycle, Orbit, polish, recorded, traverse
 
 MAX_EVENTS = 64
@@ -39,7 +40,7 @@ _ALL = 20
 """Numbers of an orbit that do not belong to an arc."""
 Start = Cycle | str
 """Guess that Newton's method starts from, or the name of the status of a motion without an orbit."""
-_Numbers = namedtuple("_Numbers", "nu mu lam zeta k f xi inertia_ratio velocity_ratio")
+_Numbers = namedtuple("_Numbers", NAMES)
 """Parameters as plain numbers."""
 
 
@@ -125,7 +126,7 @@ def periodic_orbit(
         p: dimensionless parameters; gradients with respect to them are exact.
         y0: (phi, psi, phi', psi') near the orbit at tau = 0, in rad and rad per unit tau.
         periods: forcing periods in one period of the orbit.
-        max_events: most events in one period; the cost grows with its cube.
+        max_events: most events in one period.
         rest_rate: an impact slower than this (phi' in units of nu) that the block can be held after
             counts as rest, which ends a rattle; the error is of the order of its square.
 
@@ -170,22 +171,19 @@ def _recorded(max_events: int, x: np.ndarray, periods: int, y0: np.ndarray, rest
 
 def _carried_over(x: np.ndarray, periods: int, *sequence: np.ndarray) -> Start:
     """The arcs of another orbit: at another frequency they keep their phases rather than their times."""
-    *modes, states, durations, phases, count = sequence
+    *modes, states, durations, phases, many = sequence
+    count = int(many)
     if count == 0 or not np.all(np.isfinite([*x, *states.flat])):
         return "no_orbit"
     stretched = 2.0 * np.pi * periods / (x[6] * np.sum(durations)) * durations
-    unknowns = np.column_stack([states, stretched])[: int(count)]
-    return Cycle(np.stack(modes)[:, : int(count)], np.append(unknowns, phases[0]))
+    return Cycle(np.stack(modes)[:, :count], np.column_stack([states, phases, stretched])[:count])
 
 
 def _answered(
     p: Parameters, start: Callable[..., Start], size: int, periods: ArrayLike, *operands: ArrayLike
 ) -> PeriodicOrbit:
     """The orbit with the sequence of at most `size` arcs that `start` makes of the operands."""
-    p = as_arrays(p)
-    numbers = p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.velocity_ratio
-    space, solve, many = checks.namespace(*numbers), partial(_solved, start, size), _ALL + 10 * size
-    x = space.stack([space.asarray(number, dtype=float) for number in numbers])
+    x, solve, many = row_of(as_arrays(p)), partial(_solved, start, size), _ALL + 10 * size
     given = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, periods, *operands)]
     # What is known, outside of programs and under `grad` there, needs no program of JAX.
     if all(map(checks.is_concrete, given)):
@@ -193,7 +191,7 @@ def _answered(
     else:
         shapes = jax.ShapeDtypeStruct((many,), float), jax.ShapeDtypeStruct((many, 9), float)
         values, slopes = jax.pure_callback(solve, shapes, *given, vmap_method="sequential")
-    values = values if space is np else with_slopes(x, jnp.asarray(values), jnp.asarray(slopes))
+    values = values if isinstance(x, np.ndarray) else with_slopes(x, jnp.asarray(values), jnp.asarray(slopes))
     amplitude, stroke, *margins, status, symmetric, count = map(jnp.asarray, (*values[:5], *values[17:_ALL]))
     arcs = jnp.asarray(values[_ALL:]).reshape(size, 10)
     kinds, endings = arcs[:, 6].astype(int), arcs[:, 9].astype(int)
@@ -226,7 +224,8 @@ def _solved(start: Callable[..., Start], size: int, *given: ArrayLike) -> tuple[
     span, rate, symmetric, count = periods * 2.0 * np.pi / p.xi, max(p.xi, 1.0), False, 0
     scale = np.array([p.nu, p.nu + p.f, p.nu * rate, (p.nu + p.f) * rate])
     cycle = start(x, periods, *operands)
-    status, orbit = (cycle, None) if isinstance(cycle, str) else ("no_orbit", polish(x, cycle, span, scale))
+    status = cycle if isinstance(cycle, str) else "no_orbit"
+    orbit = None if isinstance(cycle, str) else polish(x, cycle, periods, scale)
     if status == "rest":
         values[0], slopes[0] = 0.0, 0.0
     if orbit is not None:
@@ -254,7 +253,7 @@ def _verdict(p: Any, held: bool, multipliers: np.ndarray, grazing: float) -> str
     largest = np.max(np.abs(multipliers))
     status = "sticking" if held else "rocking"
     status = status if largest < 1.0 else "unstable"
-    status = "neutral" if is_neutral(p, largest) else status
+    status = "neutral" if is_neutral(p.k, p.e, p.mu, p.zeta, largest) else status
     status = "grazing" if grazing < GRAZING else status
     return "near_fold" if np.min(np.abs(1.0 - multipliers)) < 2.0 * NEAR_FOLD else status
 

@@ -25,9 +25,8 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from tpd.analysis.period_map import Orbit, implicit, is_rocking, multipliers, refine
 from tpd.core import checks
-from tpd.core.eigenvalues import is_neutral
 from tpd.core.formatting import counted_periods, number
-from tpd.core.orbit_terms import GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC
+from tpd.core.orbit_terms import GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC, is_neutral
 from tpd.core.parameters import Number, Parameters, State, as_arrays, check_parameters
 from tpd.core.status import Status, index_of, is_settled, status_name
 from tpd.exact.derivatives import joined, refused
@@ -338,7 +337,7 @@ def _judged(p: Parameters, model: AbstractModel, begun: Settled) -> tuple[_Answe
     (code,) = jax.tree.leaves(begun.status)
     orbit = refine(p, model, begun, code)
     multiplier, to_fold = multipliers(p.mu, orbit.by_state[:4])
-    neutral = is_neutral(p, multiplier)
+    neutral = is_neutral(p.k, p.velocity_ratio, p.mu, p.zeta, multiplier)
     # By its class, as the check.
     smallest = model.__class__.resolution(model, p)
     status = _verdict(code, orbit, multiplier, neutral, to_fold, smallest)

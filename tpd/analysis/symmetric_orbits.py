@@ -18,12 +18,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.core import checks
-from tpd.core.orbit_terms import SIZES, STATUSES
+from tpd.core.orbit_terms import ASKED, SIZES, STATUSES
 from tpd.core.parameters import Number, Parameters, check_parameters
 from tpd.core.status import Status
 from tpd.exact.derivatives import moved, once
 from tpd.models import compiled_orbits
-from tpd.models.compiled_orbits import Asked
 
 ORBITS = 3
 """Most orbits of a design."""
@@ -114,14 +113,6 @@ def all_symmetric_orbits(
     return _orbits(_leaves(orbits.view(float).reshape(*orbits.shape, -1)))
 
 
-_SIZES = {
-    Asked(): ("amplitude", "phase", "crossing"),
-    Asked(stroke=True): ("stroke",),
-    Asked(margins=True): ("fold", "symmetry", "torus"),
-    Asked(state=True): ("state",),
-}
-"""Names of differentiable sizes, by what the compiled code is asked for to differentiate them: a program
-computes those that it needs."""
 _UNKNOWN = ("multipliers", "sticking", "grazing")
 """Names of numbers whose derivative is not known."""
 
@@ -131,13 +122,11 @@ def _leaves(numbers: Any) -> dict[str, Any]:
     entry = compiled_orbits.load()
     names = entry.ORBIT.names
     start = {name: entry.ORBIT.fields[name][1] // 8 for name in names}
-    sizes = {name: numbers[..., i] for i, name in enumerate(SIZES)}
-    sizes["state"] = numbers[..., len(SIZES) : start["real"]]
-    real, imag = (numbers[..., start[name] : start[name] + 4] for name in ("real", "imag"))
+    multipliers = numbers[..., start["multipliers"] : start["multipliers"] + 8]
     index = np.array([jax.tree.leaves(getattr(Status, name))[0] for name in STATUSES])
     codes = numbers[..., start["status"]].astype(int)
-    return sizes | {
-        "multipliers": (real + 1j * imag) ** 2,
+    return {name: numbers[..., place] for name, place in SIZES.items()} | {
+        "multipliers": multipliers[..., 0::2] + 1j * multipliers[..., 1::2],
         "sticking": numbers[..., start["sticking"]],
         "grazing": numbers[..., start["grazing"]],
         "status": index[codes] if isinstance(codes, np.ndarray) else jnp.asarray(index)[codes],
@@ -156,12 +145,11 @@ def _described(x: Float[Array | np.ndarray, "9"]) -> tuple[Any, dict[str, Any]]:
 def _described_jvp(primals: tuple, tangents: tuple) -> tuple[Any, Any]:
     (x,), (direction,) = primals, tangents
     numbers, leaves = _described(x)
-    columns, moves = {name: i for i, name in enumerate((*SIZES, "state"))}, {}
-    for asked, names in _SIZES.items():
-        last = columns[names[-1]] + (4 if asked.state else 1)
-        slopes = _SLOPES[asked](x, numbers)[..., columns[names[0]] : last].swapaxes(-1, -2)
-        change = moved(slopes, direction, x)
-        moves |= {"state": change} if asked.state else {n: change[..., i] for i, n in enumerate(names)}
+    moves = {}
+    # A program computes those that it needs.
+    for asked, names in ASKED.items():
+        slopes = _SLOPES[asked](x, numbers).swapaxes(-1, -2)
+        moves |= {name: moved(slopes[:, SIZES[name]], direction, x) for name in names}
     unknown = moved(np.full(len(x), np.nan), direction, x)
     for name in _UNKNOWN:
         moves[name] = jnp.broadcast_to(unknown, leaves[name].shape)
@@ -171,7 +159,7 @@ def _described_jvp(primals: tuple, tangents: tuple) -> tuple[Any, Any]:
     return (numbers, leaves), (jnp.zeros_like(numbers), {name: moves[name] for name in leaves})
 
 
-_SLOPES = {asked: once(partial(compiled_orbits.slopes, asked=asked)) for asked in _SIZES}
+_SLOPES = {asked: once(partial(compiled_orbits.slopes, asked=asked)) for asked in ASKED}
 
 
 def _orbits(of: dict[str, Any]) -> Orbits:

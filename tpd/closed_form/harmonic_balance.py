@@ -23,7 +23,6 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.core import checks
-from tpd.core.eigenvalues import quartic_roots
 from tpd.core.equations import Linear
 from tpd.core.parameters import Number, Parameters, as_arrays, check_parameters
 
@@ -223,8 +222,8 @@ def _forcing_polynomials(of: _Balance, pull: Number) -> tuple[Array, Array, Arra
 
 def _two_largest(quartic: Float[Array, "5"]) -> tuple[Bool[Array, "2"], Float[Array, "2"]]:
     """Existence and value of the two largest positive roots, differentiable."""
-    c4, c3, c2, c1, c0 = quartic
-    real, imag = quartic_roots((c3 / c4, c2 / c4, c1 / c4, c0 / c4))
+    roots = jnp.roots(stop_gradient(quartic), strip_zeros=False)
+    real, imag = jnp.real(roots), jnp.imag(roots)
     there = (jnp.abs(imag) <= _REAL * jnp.abs(real)) & (real > 0)
     order = jnp.argsort(-jnp.where(there, real, 0.0))[:2]
     there, root = there[order], jnp.where(there, real, 1.0)[order]

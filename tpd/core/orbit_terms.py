@@ -1,10 +1,23 @@
 """Names and bounds of the symmetric orbits: their statuses, their sizes with derivatives, and where one is
 about to be lost, or is held to be neither attracting nor repelling. Compiled code needs them without JAX."""
 
+from __future__ import annotations
+
+from typing import Any
+
 STATUSES = ("rocking", "unstable", "neutral", "near_fold", "grazing", "no_orbit")
 """Names of the statuses in compiled code, by their numbers there."""
-SIZES = ("amplitude", "phase", "crossing", "stroke", "fold", "symmetry", "torus")
-"""Sizes with derivatives in compiled code, in this order; the four numbers of the state at tau = 0 follow."""
+SIZES = {
+    **{"amplitude": 0, "phase": 1, "crossing": 2, "stroke": 3, "fold": 4, "symmetry": 5, "torus": 6},
+    "state": slice(7, 11),
+}
+"""Places of the sizes with derivatives in compiled code."""
+ASKED = {
+    **{(0, 3): ("amplitude", "phase", "crossing"), (3, 4): ("stroke",)},
+    **{(4, 7): ("fold", "symmetry", "torus"), (7, 11): ("state",)},
+}
+"""Ranges of places that are computed together: those of a solution, of its path, of the map along it, and the
+state at tau = 0; with their names."""
 
 NEAR_FOLD = 1e-6
 """Smallest distance of a multiplier over half a period from 1 (over a whole period: twice that) at which the
@@ -22,3 +35,10 @@ SYMMETRIC = 1e-6
 """Largest difference between the tilts to either side, over the amplitude, of a symmetric motion."""
 APERIODIC = 5e-3
 """Lyapunov exponent, per unit tau, above which a motion that did not repeat is called aperiodic."""
+
+
+def is_neutral(k: Any, e: Any, mu: Any, zeta: Any, largest: Any) -> Any:
+    """Whether an orbit whose multiplier is `largest` in size neither attracts nor repels."""
+    # Nothing takes energy from the block: no friction, no impact loss, no hinge damping that it can feel.
+    conserves = (k == 0.0) & (e == 1.0) & ((mu == 0.0) | (zeta == 0.0))
+    return (conserves & (largest < 1.0 + CONSERVED)) | (abs(largest - 1.0) < UNDECIDED)

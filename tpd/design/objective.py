@@ -22,7 +22,6 @@ from tpd.core.scene import Scene
 from tpd.design.criteria import DesignSpace, Geometry, Limit, Risk, Size, Worsening
 from tpd.design.ends import Linearisation
 from tpd.models import compiled_orbits
-from tpd.models.compiled_orbits import Asked
 
 Count = Callable[[int, int], None]
 """Called with (units done, of how many)."""
@@ -208,9 +207,9 @@ def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_
     # Orbits come sorted by amplitude, the largest first: of equal kinds the largest counts.
     best = np.argmin(kinds, axis=1)
     one = np.take_along_axis(orbits, best[:, None], axis=1)
-    slope = compiled_orbits.slopes_all(x, one, along, Asked(stroke=True, margins=True))[:, 0]
-    sizes, o = dict(zip(SIZES, np.moveaxis(one["sizes"][:, 0], -1, 0), strict=False)), one[:, 0]
-    slopes = dict(zip(SIZES, np.moveaxis(slope, -1, 0), strict=False))
+    slope = compiled_orbits.slopes_all(x, one, along, (0, SIZES["torus"] + 1))[:, 0]
+    o = one[:, 0]
+    sizes, slopes = ({name: of[..., at] for name, at in SIZES.items()} for of in (o["sizes"], slope))
     lift, margin_slope, still_slope = _uplift(q, along)
     margin = np.asarray(lift.margin)
     kind = kinds[np.arange(m * n), best]
@@ -228,7 +227,7 @@ def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_
     nu = np.asarray(q.nu)
     tilt = np.where(moves, sizes["amplitude"] / nu, np.where(at_rest, 0.0, np.inf))
     tilt_slope = chosen(slopes["amplitude"] / nu[:, None], 0.0)
-    multiplier = np.max(o["real"] ** 2 + o["imag"] ** 2, axis=-1)
+    multiplier = np.max(np.abs(o["multipliers"]), axis=-1)
     turn = np.stack([sizes["amplitude"], o["bob"], sizes["phase"], o["bob_rate"]], axis=-1)
     out = Evaluation(
         merit=_merit(kind, tilt, margin),

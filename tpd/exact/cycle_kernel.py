@@ -34,10 +34,10 @@ from tpd.exact.events import (
 from tpd.exact.mode_kinds import LANDING, REST, SLIP, TURN
 from tpd.exact.plant import compiled
 
-_NAMES = "inside dip reach at sticking v0 v1 v2 v3"
 LINK = np.dtype([(name, np.float64) for name in ("kind", "tilt", "way", "ending", "onward", "ahead")])
 """Mode of an arc, the event at its end (-1 for none), and kind and sign of phi' of the next arc."""
-SURVEY = np.dtype([(name, np.float64) for name in _NAMES.split()])
+_NAMES = "inside", "dip", "reach", "at", "sticking", "v0", "v1", "v2", "v3"
+SURVEY = np.dtype([(name, np.float64) for name in _NAMES])
 """Findings about an arc: whether both signals stay positive, and what is said to end in rest is slow and low;
 the least dent of a signal over its largest value; the largest |psi| and its time; the margin of sticking of a
 turn at the end; the derivative of the state in time at the start."""
@@ -53,20 +53,20 @@ _RATTLED = 1e-5
 
 @compiled
 def traverse(q, link, z, out):
-    """Put the state after an arc and its event, and the value of the event's signal there, into `out`. Five
-    complex numbers, from six in `z`: the state, the forcing's phase, and the duration."""
+    """Put the state after an arc and its event, the forcing's phase there, and the value of the event's
+    signal into `out`. Six complex numbers, from six in `z`: the state, the phase, and the duration."""
     tilt, way, zero = complex(link.tilt, 0.0), complex(link.way, 0.0), complex(0.0, 0.0)
     e = Load(q.xi + zero, z[4] + zero, complex(1.0, 0.0), zero, zero, zero)
     arc = launch(q, link.kind, tilt, way, z[0], z[1], z[2], z[3], e)
     y = state_at(arc, instant(arc, z[5]), z[5])
-    out[0], out[1], out[2], out[3], out[4] = y[0], y[1], y[2], y[3], zero
+    out[0], out[1], out[2], out[3], out[4], out[5] = y[0], y[1], y[2], y[3], z[4] + q.xi * z[5], zero
     if link.kind != SLIP:
         which = FIRST if link.ahead > 0.0 else SECOND
-        out[4] = reserve(q, link.kind, tilt, which, y[0], y[1], y[3], forcing_at(e, z[5])[0])
+        out[5] = reserve(q, link.kind, tilt, which, y[0], y[1], y[3], forcing_at(e, z[5])[0])
     elif link.ending == TURN:
-        out[2], out[4] = zero, y[2]
+        out[2], out[5] = zero, y[2]
     elif link.ending == LANDING:
-        out[0], out[4] = zero, y[0]
+        out[0], out[5] = zero, y[0]
         out[2], out[3] = struck(q, link.onward == REST, y[2], y[3])
 
 

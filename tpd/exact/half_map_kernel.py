@@ -8,65 +8,59 @@ other side."""
 
 from __future__ import annotations
 
+import inspect
 import math
 
-from tpd.exact.arcs import state_at
+from numba.extending import register_jitable
+
+from tpd.core.orbit_terms import is_neutral
+from tpd.exact.arcs import Instant, state_at
 from tpd.exact.plant import compiled
 
-
-@compiled
-def _put_flow(q, f, matrix):
-    """Put the flow until an instant into a matrix."""
-    a, b = (q.a0, q.a1), (q.b0, q.b1)
-    al, bl = (q.al0, q.al1, q.al2, q.al3), (q.bl0, q.bl1, q.bl2, q.bl3)
-    for i in range(2):
-        for j in range(4):
-            # Component i of unit vector j: its shares of the real modes, and the rest with its rate.
-            x, y = al[j] * a[i], bl[j] * b[i]
-            u = (1.0 if j == i else 0.0) - x - y
-            v = (1.0 if j == i + 2 else 0.0) - q.s1 * x - q.s2 * y
-            matrix[i, j] = x * f.e1 + y * f.e2 + u * f.u + v * f.v
-            matrix[i + 2, j] = q.s1 * x * f.e1 + q.s2 * y * f.e2 + v * f.u - (q.q * u + q.p * v) * f.v
+neutral = register_jitable(inspect.unwrap(is_neutral))
+"""`is_neutral` in compiled code, without what checks its types in tests."""
 
 
 @compiled
-def put_half_map(q, m, t, way, matrices):
-    """Put G into the last of three matrices."""
-    early, late, g = matrices[0], matrices[1], matrices[2]
-    _put_flow(q, way.before, early)
-    _put_flow(q, way.end, late)
-    before, after = state_at(way.first, way.before, t), state_at(way.second, way.after, 0.0 * t)
+def _carried(q, f, y0, y1, y2, y3):
+    """A small difference of states after the flow until an instant."""
+    a = q.al0 * y0 + q.al1 * y1 + q.al2 * y2 + q.al3 * y3
+    b = q.bl0 * y0 + q.bl1 * y1 + q.bl2 * y2 + q.bl3 * y3
+    # The pair has the rest, with its rate.
+    u0, u1 = y0 - a * q.a0 - b * q.b0, y1 - a * q.a1 - b * q.b1
+    v0, v1 = y2 - a * q.a2 - b * q.b2, y3 - a * q.a3 - b * q.b3
+    a, b = a * f.e1, b * f.e2
+    tilt, bob = a * q.a0 + b * q.b0 + u0 * f.u + v0 * f.v, a * q.a1 + b * q.b1 + u1 * f.u + v1 * f.v
+    rate = a * q.a2 + b * q.b2 + v0 * f.u - (q.q * u0 + q.p * v0) * f.v
+    return tilt, bob, rate, a * q.a3 + b * q.b3 + v1 * f.u - (q.q * u1 + q.p * v1) * f.v
+
+
+@compiled
+def put_half_map(q, m, t, way, g):
+    """Put G into a matrix."""
+    zero, until = 0.0 * t, way.crossing
+    again = Instant(1.0 + zero, 1.0 + zero, 1.0 + zero, zero, until.sine, until.cosine)
+    before, after = state_at(way.first, until, t), state_at(way.second, again, zero)
     end = state_at(way.second, way.end, m.span - t)
     # Crossing: the rates jump by these shares of phi', and so do the rates of a neighbour.
-    lost, thrown = q.e - 1.0, 2.0 / q.lam * (q.e - 1.0)
-    by0, by1 = (after[2] - before[2]) / before[2], (after[3] - before[3]) / before[2]
-    by2 = (after[4] - (1.0 + lost) * before[4]) / before[2]
-    by3 = (after[5] - before[5] - thrown * before[4]) / before[2]
-    for j in range(4):
-        tilt, rate = early[0, j], early[2, j]
-        early[0, j] += by0 * tilt
-        early[1, j] += by1 * tilt
-        early[2, j] += by2 * tilt + lost * rate
-        early[3, j] += by3 * tilt + thrown * rate
+    lost, thrown, fall = q.e - 1.0, 2.0 / q.lam * (q.e - 1.0), before[2]
+    by0, by1 = (after[2] - fall) / fall, (after[3] - before[3]) / fall
+    by2, by3 = (after[4] - q.e * before[4]) / fall, (after[5] - before[5] - thrown * before[4]) / fall
     # Turning: friction, 2 k in the first column of M^-1, changes its sign.
     pushed = 2.0 * q.k / ((q.m11 * q.m22 - q.m12 * q.m21) * end[4])
-    for j in range(4):
-        for i in range(4):
-            g[i, j] = -(
-                late[i, 0] * early[0, j]
-                + late[i, 1] * early[1, j]
-                + late[i, 2] * early[2, j]
-                + late[i, 3] * early[3, j]
-            )
-        rate = g[2, j]
-        g[2, j] -= pushed * q.m22 * rate
-        g[3, j] += pushed * q.m21 * rate
     # A bob without mass cannot be felt: what is left are the multipliers of the block, and two zeros.
-    if q.mu.real == 0.0:
-        for i in range(4):
-            for j in range(4):
-                if i % 2 == 1 or j % 2 == 1:
-                    g[i, j] = 0.0
+    felt = 2 if q.mu.real == 0.0 else 1
+    for i in range(4):
+        for j in range(4):
+            g[i, j] = 0.0
+    for j in range(0, 4, felt):
+        y0, y1, y2, y3 = zero + (j == 0), zero + (j == 1), zero + (j == 2), zero + (j == 3)
+        y0, y1, y2, y3 = _carried(q, until, y0, y1, y2, y3)
+        y1, y2, y3 = y1 + by1 * y0, y2 + by2 * y0 + lost * y2, y3 + by3 * y0 + thrown * y2
+        y0, y1, y2, y3 = _carried(q, way.end, y0 + by0 * y0, y1, y2, y3)
+        g[0, j], g[2, j] = -y0, pushed * q.m22 * y2 - y2
+        if felt == 1:
+            g[1, j], g[3, j] = -y1, -pushed * q.m21 * y2 - y3
 
 
 @compiled
@@ -94,40 +88,51 @@ def characteristic(g):
 
 
 @compiled
-def determinants(c1, c2, c3, c4):
-    """det(I - G), det(I + G) and the product of 1 - g_i g_j over all pairs of eigenvalues: they vanish at a
-    fold, a loss of symmetry, and a torus; see `tpd.core.eigenvalues`."""
+def determinants(c):
+    """det(I - G), det(I + G) and the product of 1 - g_i g_j over all pairs of eigenvalues, from the
+    coefficients of G's characteristic polynomial: they vanish at a fold, a loss of symmetry, and a torus."""
+    c1, c2, c3, c4 = c
+    # The sums y = g_i g_j + g_k g_l are the roots of the quartic's resolvent cubic; it is taken at 1 + c4.
     y = 1.0 + c4
     torus = ((y - c2) * y + c1 * c3 - 4.0 * c4) * y - (c3 * c3 + c1 * c1 * c4 - 4.0 * c2 * c4)
     return 1.0 + c1 + c2 + c3 + c4, 1.0 - c1 + c2 - c3 + c4, torus
 
 
 @compiled
-def put_roots(c, re, im):
-    """Put the roots of z^4 + c1 z^3 + c2 z^2 + c3 z + c4 into `re` and `im`, by Aberth's iteration; see
-    `tpd.core.eigenvalues`."""
+def put_roots(c, z):
+    """Put the roots of z^4 + c1 z^3 + c2 z^2 + c3 z + c4 into `z`.
+
+    Aberth's iteration is Newton's for all roots at once, in which every root is repelled by the others: z_i
+    moves by p/(p' - p sum_j 1/(z_i - z_j)), so that no two end at the same simple root, and the error of none
+    is passed on to the next. At a double root it is linear, and the root has half the digits. Rounding of the
+    coefficients costs roots far below the largest most of their digits, which does no harm: the question is
+    which multipliers are larger than 1."""
     c1, c2, c3, c4 = c
+    # All roots lie within twice max |c_k|^(1/k) (Fujiwara's bound).
     radius = max(max(abs(c1), math.sqrt(abs(c2))), max(abs(c3) ** (1.0 / 3.0), math.sqrt(math.sqrt(abs(c4)))))
     # No symmetry about the real axis, which the iteration would preserve.
     angles, shares = (0.4, 1.97, 3.54, 5.11), (1.0, 0.8, 0.5, 0.25)
     for i in range(4):
-        re[i], im[i] = shares[i] * radius * math.cos(angles[i]), shares[i] * radius * math.sin(angles[i])
+        z[i] = shares[i] * radius * complex(math.cos(angles[i]), math.sin(angles[i]))
     # Without coefficients all roots are zero, which the guesses are already.
     for _ in range(60 if radius > 0.0 else 0):
         moved = 0.0
         for i in range(4):
-            z, value, slope, push = complex(re[i], im[i]), 1.0 + 0.0j, 0.0j, 0.0j
+            value, slope, push = 1.0 + 0.0j, 0.0j, 0.0j
             for coefficient in c:
-                slope, value = slope * z + value, value * z + coefficient
+                slope, value = slope * z[i] + value, value * z[i] + coefficient
             for j in range(4):
                 if j != i:
-                    # Two guesses that coincide do not repel each other: 0 instead of 0/0.
-                    a, b = re[i] - re[j], im[i] - im[j]
-                    push += complex(a, -b) / max(a * a + b * b, 1e-300)
-            below = slope - value * push
-            step = value * below.conjugate() / max(below.real * below.real + below.imag * below.imag, 1e-300)
-            re[i], im[i] = re[i] - step.real, im[i] - step.imag
+                    push += _inverse(z[i] - z[j])
+            step = value * _inverse(slope - value * push)
+            z[i] -= step
             moved = max(moved, abs(step.real) + abs(step.imag))
         # The bound is for multiple roots, whose last digits may never settle.
         if moved <= 1e-15 * radius:
             break
+
+
+@compiled
+def _inverse(z):
+    """1/z. Two guesses that coincide do not repel each other: 0 instead of 1/0."""
+    return z.conjugate() / max(z.real * z.real + z.imag * z.imag, 1e-300)

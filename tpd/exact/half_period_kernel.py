@@ -20,27 +20,20 @@ from collections import namedtuple
 
 import numpy as np
 
-from tpd.exact.arcs import Arc, Instant, Signal, exponential, pair, turned
+from tpd.exact.arcs import Arc, Instant, Signal, exponential, instant, pair, state_at, turned
 from tpd.exact.plant import compiled
 
-_PARTS, _NUMBERS = (
-    "s1 s2 u v",
-    "span step slack balance per_fall tilt_whole rate_whole kick_whole thrown_whole",
+Half = namedtuple(
+    "Half",
+    "xi tilt_sin tilt_cos span step slack balance per_fall tilt_whole rate_whole kick_whole thrown_whole "
+    "tilt rate kick thrown bob bob_kick",
 )
-_FUNCTIONALS = "tilt rate kick thrown bob bob_kick"
-
-
-def _half(kind: type) -> np.dtype:
-    part = np.dtype([(name, kind) for name in _PARTS.split()])
-    numbers = [(name, kind) for name in _NUMBERS.split()]
-    return np.dtype([*numbers, *((name, part) for name in _FUNCTIONALS.split())])
-
-
-HALF, COMPLEX_HALF = _half(np.float64), _half(np.complex128)
-"""Numbers that depend on the parameters alone: h; the jumps 2w/K and 2k/K of the balance tilt at the crossing
-and at a turn, and (w - k)/K; (e - 1) over the factor of phi'(t-) that closes the impact's loop; components
-of g(A) M x as functionals of g: of x = e1 phi, phi' and psi (tilt, rate, bob), of x = d the same (kick,
-thrown, bob_kick). Names that end in `whole` are of numbers for g = exp(A h)."""
+"""Numbers that depend on the parameters alone: three of the plant's; h; the jumps 2w/K and 2k/K of the
+balance tilt at the crossing and at a turn, and (w - k)/K; (e - 1) over the factor of phi'(t-) that closes the
+impact's loop; and functionals of g, `Part`: components of g(A) M x, of x = e1 phi, phi' and psi (tilt, rate,
+bob), of x = d the same (kick, thrown, bob_kick). Names that end in `whole` are of values at g = exp(A h)."""
+Part = namedtuple("Part", "s1 s2 u v")
+"""A functional of flows by its factors of what a flow does."""
 Flow = namedtuple("Flow", "e1 e2 u v")
 """exp(A t) by what it does to the modes s1 and s2 and to the pair: u + v A there."""
 Phased = namedtuple("Phased", "c s u")
@@ -51,10 +44,8 @@ Solution = namedtuple(
     "Solution", "turning crossing height turning_t crossing_t height_t turning_g crossing_g height_g"
 )
 """phi'(0), phi(t-), phi(0) and their derivatives with respect to t and gamma."""
-
-Motion = namedtuple("Motion", "first second start before after end")
-"""The arcs until the crossing and from there to the next turn, and the instants of the upper turn, before and
-after the impact, and of the end."""
+Motion = namedtuple("Motion", "first second crossing end")
+"""The arcs until the crossing and from there to the next turn, and the instants at their ends."""
 
 
 @compiled
@@ -77,41 +68,41 @@ def of(x, g):
 
 
 @compiled
-def _after(q, s1, s2, u, v, g):
-    """The functional of these parts after a flow: f -> functional(f g)."""
-    return s1 * g.e1, s2 * g.e2, u * g.u + v * g.v, v * (g.u - q.p * g.v) - q.q * u * g.v
+def _after(q, x, g):
+    """The functional `x` after a flow: f -> x(f g)."""
+    return Part(x.s1 * g.e1, x.s2 * g.e2, x.u * g.u + x.v * g.v, x.v * (g.u - q.p * g.v) - q.q * x.u * g.v)
 
 
 @compiled
-def _put(q, x, closing, s1, s2, u, v):
-    """Put the functional of these parts after M into `x`."""
-    x.s1, x.s2, x.u, x.v = _after(q, s1, s2, u, v, closing)
+def _rate_of(q, x):
+    """The functional of the rate of a component."""
+    return Part(q.s1 * x.s1, q.s2 * x.s2, x.v, -q.q * x.u - q.p * x.v)
 
 
 @compiled
-def put_half(q, m):
-    """Put what depends on the parameters alone into `m`."""
-    m.span = np.pi / q.xi
-    m.step, m.slack = 2.0 * q.weight / q.up, 2.0 * q.k / q.up
-    m.balance = 0.5 * (m.step - m.slack)
-    whole = flow(q, m.span)
+def half(q):
+    """All numbers that depend on the parameters alone."""
+    span, step, slack, jump = np.pi / q.xi, 2.0 * q.weight / q.up, 2.0 * q.k / q.up, 2.0 / q.lam
+    whole = flow(q, span)
     # M on the pair: the inverse of a + b A, where A^2 = -q - p A.
     a, b = 1.0 + whole.u, whole.v
     norm = a * a - q.p * a * b + q.q * b * b
     closing = Flow(1.0 / (1.0 + whole.e1), 1.0 / (1.0 + whole.e2), (a - q.p * b) / norm, -b / norm)
     # The shares of e1 and d in both real modes; the pair has the rest of the component and of its rate.
-    jump = 2.0 / q.lam
     x, y, d, z = q.al0, q.bl0, q.al2 + jump * q.al3, q.bl2 + jump * q.bl3
-    _put(q, m.tilt, closing, x * q.a0, y * q.b0, 1.0 - x * q.a0 - y * q.b0, -x * q.a2 - y * q.b2)
-    _put(q, m.kick, closing, d * q.a0, z * q.b0, -d * q.a0 - z * q.b0, 1.0 - d * q.a2 - z * q.b2)
-    _put(q, m.bob, closing, x * q.a1, y * q.b1, -x * q.a1 - y * q.b1, -x * q.a3 - y * q.b3)
-    _put(q, m.bob_kick, closing, d * q.a1, z * q.b1, -d * q.a1 - z * q.b1, jump - d * q.a3 - z * q.b3)
-    for x, r in ((m.tilt, m.rate), (m.kick, m.thrown)):
-        r.s1, r.s2, r.u, r.v = q.s1 * x.s1, q.s2 * x.s2, x.v, -q.q * x.u - q.p * x.v
-    m.tilt_whole, m.rate_whole = of(m.tilt, whole), of(m.rate, whole)
-    m.kick_whole, m.thrown_whole = of(m.kick, whole), of(m.thrown, whole)
+    of_tilt = Part(x * q.a0, y * q.b0, 1.0 - x * q.a0 - y * q.b0, -x * q.a2 - y * q.b2)
+    of_kick = Part(d * q.a0, z * q.b0, -d * q.a0 - z * q.b0, 1.0 - d * q.a2 - z * q.b2)
+    of_bob = Part(x * q.a1, y * q.b1, -x * q.a1 - y * q.b1, -x * q.a3 - y * q.b3)
+    of_bob_kick = Part(d * q.a1, z * q.b1, -d * q.a1 - z * q.b1, jump - d * q.a3 - z * q.b3)
+    tilt, kick = _after(q, of_tilt, closing), _after(q, of_kick, closing)
+    rate, thrown = _rate_of(q, tilt), _rate_of(q, kick)
+    thrown_whole = of(thrown, whole)
     # V depends on phi'(t-), which depends on V again through the mirror condition.
-    m.per_fall = (q.e - 1.0) / (1.0 + (q.e - 1.0) * m.thrown_whole)
+    per_fall = (q.e - 1.0) / (1.0 + (q.e - 1.0) * thrown_whole)
+    wholes = of(tilt, whole), of(rate, whole), of(kick, whole), thrown_whole
+    bob, bob_kick = _after(q, of_bob, closing), _after(q, of_bob_kick, closing)
+    given = q.xi, q.tilt_sin, q.tilt_cos, span, step, slack, 0.5 * (step - slack), per_fall
+    return Half(*given, *wholes, tilt, rate, kick, thrown, bob, bob_kick)
 
 
 @compiled
@@ -121,9 +112,9 @@ def at(x, sine, cosine):
 
 
 @compiled
-def conditions(q, m, f, g, sine, cosine):
+def conditions(m, f, g, sine, cosine):
     """The conditions, with f = exp(A t), g = exp(A (h - t)), and sine and cosine of xi t."""
-    xi, s0, u0 = q.xi, q.tilt_sin, q.tilt_cos
+    xi, s0, u0 = m.xi, m.tilt_sin, m.tilt_cos
     s1, u1 = s0 * cosine - u0 * sine, s0 * sine + u0 * cosine
     v = Phased(
         m.per_fall * (m.slack * of(m.rate, f) - m.step * m.rate_whole),
@@ -147,15 +138,15 @@ def conditions(q, m, f, g, sine, cosine):
 def conditions_at(q, m, t):
     """The conditions for a crossing at `t`."""
     sine, cosine = turned(q.xi * t)
-    return conditions(q, m, flow(q, t), flow(q, m.span - t), sine, cosine)
+    return conditions(m, flow(q, t), flow(q, m.span - t), sine, cosine)
 
 
 @compiled
 def solution_at(q, m, t, gamma):
     """Both conditions and the height at (t, gamma), with their derivatives there."""
     f, g, (sine, cosine), (sg, cg) = flow(q, t), flow(q, m.span - t), turned(q.xi * t), turned(gamma)
-    x = conditions(q, m, f, g, sine, cosine)
-    xi, s0, u0 = q.xi, q.tilt_sin, q.tilt_cos
+    x = conditions(m, f, g, sine, cosine)
+    xi, s0, u0 = m.xi, m.tilt_sin, m.tilt_cos
     s1, u1 = s0 * cosine - u0 * sine, s0 * sine + u0 * cosine
     # exp(A (h - t)) changes by -A exp(A (h - t)), and the harmonic at t by its rate.
     df, dg = rate_of_flow(q, f), rate_of_flow(q, g)
@@ -178,57 +169,36 @@ def solution_at(q, m, t, gamma):
 def _signal(q, unit, kick, still, moved, h, constant, along, across):
     """Component (functionals `unit` of e1 and `kick` of d) of what stays and what is carried on by `h`, each
     as factors of e1 and d, with its constant and its harmonic."""
-    a, b, zero = moved[0], moved[1], 0.0 * along
-    s1, s2, u, v = _after(
-        q,
-        a * unit.s1 + b * kick.s1,
-        a * unit.s2 + b * kick.s2,
-        a * unit.u + b * kick.u,
-        a * unit.v + b * kick.v,
-        h,
+    (c, d), (a, b), zero = still, moved, 0.0 * along
+    x = Part(
+        a * unit.s1 + b * kick.s1, a * unit.s2 + b * kick.s2, a * unit.u + b * kick.u, a * unit.v + b * kick.v
     )
-    c, d = still
-    return Signal(
-        constant + zero,
-        s1 + c * unit.s1 + d * kick.s1,
-        s2 + c * unit.s2 + d * kick.s2,
-        u + c * unit.u + d * kick.u,
-        v + c * unit.v + d * kick.v,
-        along,
-        across,
-        zero,
-        zero,
-    )
+    x = _after(q, x, h)
+    s1, s2 = x.s1 + c * unit.s1 + d * kick.s1, x.s2 + c * unit.s2 + d * kick.s2
+    u, v = x.u + c * unit.u + d * kick.u, x.v + c * unit.v + d * kick.v
+    return Signal(constant, s1, s2, u, v, along, across, zero, zero)
 
 
 @compiled
 def motion(q, m, t, gamma):
-    """Both arcs of the solution (t, gamma), and the instants of its events."""
-    f, g, zero, (sine, cosine), (sg, cg) = (
-        flow(q, t),
-        flow(q, m.span - t),
-        0.0 * gamma,
-        turned(q.xi * t),
-        turned(gamma),
-    )
-    impact = at(conditions(q, m, f, g, sine, cosine).impact, sg, cg)
-    thrown, released = (m.step + zero, impact), (m.slack + zero, zero)
-    back = (-thrown[0], -thrown[1])
-    ts, tc, bs, bc = q.tilt_sin + zero, q.tilt_cos + zero, q.bob_sin + zero, q.bob_cos + zero
-    tilt = _signal(q, m.tilt, m.kick, released, back, g, m.balance, ts, tc)
-    bob = _signal(q, m.bob, m.bob_kick, released, back, g, zero, bs, bc)
-    first = Arc(tilt, bob, q.s1 + zero, q.s2 + zero, q.p + zero, q.q + zero, q.xi + zero, gamma + zero)
-    tilt = _signal(q, m.tilt, m.kick, thrown, released, f, m.balance - m.step, ts, tc)
-    bob = _signal(q, m.bob, m.bob_kick, thrown, released, f, zero, bs, bc)
-    second = Arc(tilt, bob, first.s1, first.s2, first.p, first.q, first.xi, gamma + q.xi * t)
+    """Both arcs of the solution (t, gamma)."""
+    f, g, (sine, cosine), (sg, cg) = flow(q, t), flow(q, m.span - t), turned(q.xi * t), turned(gamma)
+    impact, zero = at(conditions(m, f, g, sine, cosine).impact, sg, cg), 0.0 * gamma
+    thrown, released, back = (m.step, impact), (m.slack, zero), (-m.step, -impact)
+    tilt = _signal(q, m.tilt, m.kick, released, back, g, m.balance, q.tilt_sin, q.tilt_cos)
+    bob = _signal(q, m.bob, m.bob_kick, released, back, g, zero, q.bob_sin, q.bob_cos)
+    first = Arc(tilt, bob, q.s1, q.s2, q.p, q.q, q.xi, gamma)
+    tilt = _signal(q, m.tilt, m.kick, thrown, released, f, m.balance - m.step, q.tilt_sin, q.tilt_cos)
+    bob = _signal(q, m.bob, m.bob_kick, thrown, released, f, zero, q.bob_sin, q.bob_cos)
+    second = Arc(tilt, bob, q.s1, q.s2, q.p, q.q, q.xi, gamma + q.xi * t)
     # The forcing turns by xi t until the crossing, and by pi until the end.
-    one, s, c = 1.0 + zero, sg * cosine + cg * sine, cg * cosine - sg * sine
-    start, after = Instant(one, one, one, zero, sg, cg), Instant(one, one, one, zero, s, c)
-    return Motion(
-        first,
-        second,
-        start,
-        Instant(f[0], f[1], f[2], f[3], s, c),
-        after,
-        Instant(g[0], g[1], g[2], g[3], -sg, -cg),
-    )
+    crossing = Instant(f.e1, f.e2, f.u, f.v, sg * cosine + cg * sine, cg * cosine - sg * sine)
+    return Motion(first, second, crossing, Instant(g.e1, g.e2, g.u, g.v, -sg, -cg))
+
+
+@compiled
+def state_after(way, t, s):
+    """(phi, psi, phi', psi', phi'', psi'') at the time `s` after the upper turn, at `t` just after the
+    impact."""
+    arc, time = (way.second, s - t) if s.real >= t.real else (way.first, s)
+    return state_at(arc, instant(arc, time), time)

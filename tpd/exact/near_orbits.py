@@ -241,8 +241,7 @@ def _passed(by, best, scales, gap, apart, peaks):
             for j in range(4):
                 onward[i] += by[i, STATE + j] * gap[j]
             left = max(left, abs(onward[i]) / scales[i])
-        for i in range(4):
-            gap[i] = onward[i]
+        put(onward, gap)
         if left > 3.0 * apart:
             return False
         if left < 1e-8:
@@ -265,8 +264,7 @@ def _newton(q, f, m, legs, room, r, mode, limits, by):
     state."""
     scales, matrix, move, found, events = scales_of(q), np.empty((4, 4)), np.empty((4, 1)), np.empty(4), 0
     for step in range(_NEWTON):
-        for i in range(4):
-            found[i] = m.y[i]
+        put(m.y, found)
         put_motion(found, mode, m)
         ended = follow_periods(q, f, m, legs, room, limits)
         if ended != ARRIVED or m.recorded > len(legs) or not _same_mode(mode, m):
@@ -322,6 +320,5 @@ def orbit_near(q, f, m, room, r, past, known, limits):
         return False
     for n in range(limits.periods):
         past.sizes[n, 0], past.sizes[n, 1] = largest(orbit, 0), largest(orbit, 1)
-    for i in range(4):
-        m.y[i] = orbit.y[i]
+    put(orbit.y, m.y)
     return True

@@ -33,13 +33,6 @@ _CLOSE, _REACHED, _SHARP = 1e-9, 1e-7, 1e-13
 """Share of a bracket by which rounding may lead a root out of it; the last step of Newton's method, in shares
 of h and rad, with which a root counts as reached; and after which there is no use in another."""
 _GOLDEN = 0.5 * (3.0 - math.sqrt(5.0))
-_Parts = namedtuple("_Parts", "s1 s2 u v")
-_Fixed = namedtuple(
-    "_Fixed",
-    "xi tilt_sin tilt_cos step slack balance per_fall tilt_whole rate_whole kick_whole thrown_whole "
-    "tilt rate kick thrown",
-)
-"""The numbers that `conditions` takes of a plant and a half, as values and not as a place in memory."""
 Branches = namedtuple("Branches", "middle apart inside size")
 """|turning|^2 phi(t-) = middle +- apart sqrt(inside) on the two branches of gamma; none where inside < 0."""
 
@@ -78,11 +71,6 @@ def _phase(q, m, t, branch):
 
 
 @compiled
-def _parts(x):
-    return _Parts(x.s1, x.s2, x.u, x.v)
-
-
-@compiled
 def _sample(q, m, table):
     """Put the samples of both branches into a table."""
     onward = flow(q, m.span / NODES)
@@ -95,18 +83,11 @@ def _sample(q, m, table):
             u * onward.u - q.q * v * onward.v,
             u * onward.v + v * (onward.u - q.p * onward.v),
         )
-    # What is stored may change what is read, for all that the compiler knows: values let it compute several
-    # samples at once.
-    x = _Fixed(
-        q.xi, q.tilt_sin, q.tilt_cos, m.step, m.slack, m.balance, m.per_fall,
-        m.tilt_whole, m.rate_whole, m.kick_whole, m.thrown_whole,
-        _parts(m.tilt), _parts(m.rate), _parts(m.kick), _parts(m.thrown),
-    )  # fmt: skip
     for i in range(NODES + 1):
         j = NODES - i
         f = Flow(table[_E1, i], table[_E2, i], table[_U, i], table[_V, i])
         g = Flow(table[_E1, j], table[_E2, j], table[_U, j], table[_V, j])
-        b = branches(conditions(x, x, f, g, _SINES[i], _COSINES[i]))
+        b = branches(conditions(m, f, g, _SINES[i], _COSINES[i]))
         root = b.apart * math.sqrt(max(b.inside, 0.0))
         table[_UPPER, i], table[_LOWER, i], table[_INSIDE, i] = b.middle + root, b.middle - root, b.inside
         # Free of the factor that changes from sample to sample.

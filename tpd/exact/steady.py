@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from tpd.core.orbit_terms import APERIODIC, CONSERVED, GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC, UNDECIDED
-from tpd.exact.half_map_kernel import characteristic, put_roots
+from tpd.core.orbit_terms import APERIODIC, GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC
+from tpd.exact.half_map_kernel import characteristic, neutral, put_roots
 from tpd.exact.legs import INPUTS, STATE
 from tpd.exact.motion import put
 from tpd.exact.near_orbits import Limits, cycle, eliminate, finite
@@ -145,25 +145,17 @@ def _separation(q, m, own, limits, periods, y):
 def _multipliers(q, by):
     """Largest modulus of the Floquet multipliers that the block can feel (all, unless mu = 0), and the least
     distance of one from +1."""
-    felt, re, im, largest, apart = np.empty((4, 4)), np.empty(4), np.empty(4), 0.0, math.inf
+    felt, roots, largest, apart = np.empty((4, 4)), np.empty(4, np.complex128), 0.0, math.inf
     for i in range(4):
         for j in range(4):
             unfelt = q.mu == 0.0 and (i % 2 == 1 or j % 2 == 1)
             felt[i, j] = 0.0 if unfelt else by[i, STATE + j]
             if not math.isfinite(felt[i, j]):
                 return math.inf, 1.0
-    put_roots(characteristic(felt), re, im)
+    put_roots(characteristic(felt), roots)
     for i in range(4):
-        largest, apart = max(largest, math.hypot(re[i], im[i])), min(apart, math.hypot(1.0 - re[i], im[i]))
+        largest, apart = max(largest, abs(roots[i])), min(apart, abs(1.0 - roots[i]))
     return largest, apart
-
-
-@compiled
-def _is_neutral(q, largest):
-    """Whether an orbit whose multiplier is `largest` in size neither attracts nor repels; see
-    `tpd.core.eigenvalues.is_neutral`."""
-    conserves = q.k == 0.0 and q.e == 1.0 and (q.mu == 0.0 or q.zeta == 0.0)
-    return (conserves and largest < 1.0 + CONSERVED) or abs(largest - 1.0) < UNDECIDED
 
 
 @compiled
@@ -231,7 +223,7 @@ def steady_state(x, y0, s, own, out):
     if moving:
         if multiplier > 1.0:
             status = UNSTABLE if math.isfinite(multiplier) else FAILED
-        if _is_neutral(q, multiplier):
+        if neutral(q.k, q.e, q.mu, q.zeta, multiplier):
             status = NEUTRAL
         if c.crossing < GRAZING:
             status = GRAZED

@@ -1,10 +1,10 @@
 """All symmetric period-one orbits of a design with their derivatives, in compiled scalar code.
 
 The orbits are the solutions (t, gamma) of two conditions in closed form (`tpd.exact.half_period_kernel`)
-whose paths keep to their signs. Their derivatives follow from the implicit function theorem: with x the
-parameters and r the conditions, d(t, gamma)/dx = -(dr/d(t, gamma))^-1 dr/dx, where parameters with imaginary
-parts give dr/dx and, with those of t and gamma, the derivatives of everything else. Two orbits merge where
-the determinant of dr/d(t, gamma) vanishes."""
+on whose paths the tilt falls all the way from turn to turn. Their derivatives follow from the implicit
+function theorem: with x the parameters and r the conditions, d(t, gamma)/dx = -(dr/d(t, gamma))^-1 dr/dx,
+where parameters with imaginary parts give dr/dx and, with those of t and gamma, the derivatives of everything
+else. Two orbits merge where the determinant of dr/d(t, gamma) vanishes."""
 
 from __future__ import annotations
 
@@ -13,12 +13,24 @@ from typing import Any
 
 import numpy as np
 
-from tpd.core.orbit_terms import CONSERVED, GRAZING, NEAR_FOLD, SIZES, STATUSES, UNDECIDED
-from tpd.exact.arcs import instant, state_at, value_of
-from tpd.exact.half_map_kernel import characteristic, determinants, put_half_map, put_roots
-from tpd.exact.half_period_kernel import COMPLEX_HALF, HALF, motion, put_half, solution_at
+from tpd.core.orbit_terms import GRAZING, NEAR_FOLD, SIZES, STATUSES
+from tpd.exact.arcs import instant, rate_of, state_at, value_of
+from tpd.exact.events import (
+    BOB,
+    FIRST,
+    LONGEST,
+    RELATIVE,
+    SECOND,
+    SMALL,
+    next_event,
+    turn_over,
+    watch_block,
+    watch_turns,
+)
+from tpd.exact.half_map_kernel import characteristic, determinants, neutral, put_half_map, put_roots
+from tpd.exact.half_period_kernel import half, motion, solution_at, state_after
+from tpd.exact.mode_kinds import SLIP
 from tpd.exact.motion import ROOM
-from tpd.exact.orbit_path_kernel import PATH, UNPROVED, WHOLE, put_path
 from tpd.exact.orbit_roots_kernel import BRACKET, BRACKETS, TABLE, put_brackets, root_in
 from tpd.exact.plant import COMPLEX_PLANT, PLANT, STEP, compiled, places, plant
 
@@ -26,8 +38,8 @@ ORBITS: Any = np.int64(3)
 """Most orbits of a design."""
 _ROCKING, _UNSTABLE, _NEUTRAL, _NEAR_FOLD, _GRAZES, _NO_ORBIT = range(len(STATUSES))
 _AMPLITUDE, _PHASE, _CROSSING, _STROKE, _FOLD, _SYMMETRY, _TORUS, _STATE = places(8)
-NUMBERS: Any = np.int64(len(SIZES) + 4)
-"""Numbers with derivatives: the sizes and the state."""
+NUMBERS: Any = np.int64(SIZES["state"].stop)
+"""Numbers with derivatives."""
 VANISHING = np.int64(7)
 """Numbers of `vanishing`."""
 MOVED = np.int64(12)
@@ -37,80 +49,41 @@ SAMPLES = np.int64(199)
 ORBIT = np.dtype(
     [
         ("sizes", np.float64, (int(NUMBERS),)),
-        ("real", np.float64, (4,)),
-        ("imag", np.float64, (4,)),
+        ("multipliers", np.complex128, (4,)),
         *(
             (name, np.float64)
-            for name in [
-                "status",
-                "sticking",
-                "grazing",
-                "bob",
-                "bob_rate",
-                "late",
-                "corner",
-                "time",
-                "overflow",
-            ]
+            for name in ["status", "sticking", "grazing", "bob", "bob_rate", "peak", "overflow"]
         ),
     ]
 )
-"""An orbit: its sizes, the multipliers over half a period, its status, the margins without derivatives, psi
-and psi' at the upper turn, where |psi| is largest (see `PATH`), and whether the design may have more
+"""An orbit: its sizes; the multipliers over a forcing period; its status; the margins without derivatives;
+psi and psi' at the upper turn; when |psi| is largest, from that turn on; and whether the design may have more
 orbits."""
-_PLACES = ORBITS + 1
+_NONE = np.full(1, np.nan, "f8").repeat(ORBIT.itemsize // 8).view(ORBIT)
+_NONE["status"] = _NO_ORBIT
 WORK = np.dtype(
     [
         ("plant", PLANT),
-        ("half", HALF),
         ("complex_plant", COMPLEX_PLANT),
-        ("complex_half", COMPLEX_HALF),
         ("table", np.float64, TABLE),
         ("brackets", BRACKET, (int(BRACKETS),)),
-        ("paths", PATH, (int(_PLACES),)),
+        ("orbit", ORBIT),
         ("room", ROOM),
-        ("matrices", np.float64, (3, 4, 4)),
-        ("complex_matrices", np.complex128, (3, 4, 4)),
+        ("map", np.float64, (4, 4)),
+        ("complex_map", np.complex128, (4, 4)),
         ("sizes", np.complex128, (int(NUMBERS),)),
         ("vanishing", np.complex128, (int(VANISHING),)),
         ("x", np.complex128, (9,)),
     ]
 )
 """Working memory."""
-
-
-@compiled
-def _put_stroke(t, way, orbit, sizes):
-    """Put the largest |psi| of an orbit whose path is known into the sizes."""
-    # Where the bob turns, psi does not change with the time of the turn: only the crossing's moves |psi|.
-    if orbit.corner != 0.0:
-        swing = state_at(way.first, way.before, t)[1]
-    else:
-        arc, time = (way.second if orbit.late != 0.0 else way.first), orbit.time + 0.0 * t
-        swing = value_of(arc.bob, instant(arc, time), time)
-    sizes[_STROKE] = swing if swing.real >= 0.0 else -swing
-
-
-@compiled
-def _put_state(q, m, t, gamma, way, sizes):
-    """Put the state at tau = 0 into the sizes."""
-    since, sign = (2.0 * math.pi * math.ceil(gamma.real / (2.0 * math.pi)) - gamma) / q.xi, 1.0
-    if since.real >= m.span.real:
-        since, sign = since - m.span, -1.0
-    arc, since = (way.second, since - t) if since.real >= t.real else (way.first, since)
-    now = state_at(arc, instant(arc, since), since)
-    for i in range(4):
-        sizes[_STATE + i] = sign * now[i]
-
-
-@compiled
-def _put_margins(q, m, t, way, matrices, sizes):
-    """Put what vanishes at a fold, a loss of symmetry, and a torus into the sizes; return the coefficients of
-    the characteristic polynomial of the half map."""
-    put_half_map(q, m, t, way, matrices)
-    c = characteristic(matrices[2])
-    sizes[_FOLD], sizes[_SYMMETRY], sizes[_TORUS] = determinants(c[0], c[1], c[2], c[3])
-    return c
+_BROKEN, _WHOLE, _UNPROVED = range(3)
+"""Outcomes of a path: no orbit; an orbit; or more events than `_LOOKS` looks at the motion can prove."""
+_LOOKS = 8192
+_ON_TIME = 1e-6
+"""Share of h by which an event may differ from that of the conditions."""
+_DENTS = RELATIVE
+"""Row of the signal phi'', whose changes of sign are extremes of the falling rate."""
 
 
 @compiled
@@ -121,154 +94,170 @@ def _status(q, largest, nearest, grazing):
         return _NEAR_FOLD
     if grazing < GRAZING:
         return _GRAZES
-    # Nothing takes energy from the block: no friction, no impact loss, no hinge damping that it can feel.
-    conserves = q.k == 0.0 and q.e == 1.0 and (q.mu == 0.0 or q.zeta == 0.0)
-    if (conserves and largest < 1.0 + CONSERVED) or abs(largest - 1.0) < UNDECIDED:
+    if neutral(q.k, q.e, q.mu, q.zeta, largest):
         return _NEUTRAL
     return _ROCKING if largest < 1.0 else _UNSTABLE
 
 
 @compiled
-def _describe(q, m, path, matrices, orbit):
-    """Put all about an orbit into `orbit`."""
-    t, gamma = path.t, path.gamma - 2.0 * math.pi * math.ceil((path.gamma - math.pi) / (2.0 * math.pi))
-    way, sizes = motion(q, m, t, gamma), orbit.sizes
-    orbit.late, orbit.corner, orbit.time = path.late, path.corner, path.time
-    sizes[_AMPLITUDE], sizes[_PHASE], sizes[_CROSSING] = path.height, gamma, t
-    _put_stroke(t, way, orbit, sizes)
-    _put_state(q, m, t, gamma, way, sizes)
-    c = _put_margins(q, m, t, way, matrices, sizes)
-    put_roots(c, orbit.real, orbit.imag)
-    largest, nearest = 0.0, math.inf
-    for i in range(4):
-        largest = max(largest, math.hypot(orbit.real[i], orbit.imag[i]))
-        nearest = min(nearest, math.hypot(1.0 - orbit.real[i], orbit.imag[i]))
-    # Friction's share of phi'' while the tilt falls: it points the other way just before the turn.
-    pull = q.k * q.m22 / (q.m11 * q.m22 - q.m12 * q.m21)
-    orbit.sticking = path.leaving / (path.leaving - 2.0 * pull)
-    orbit.grazing = path.least_fall / (q.xi * path.height)
-    orbit.status = _status(q, largest, nearest, orbit.grazing)
-    start = state_at(way.first, way.start, 0.0)
-    orbit.bob, orbit.bob_rate = start[1], start[3]
+def _put_path(q, m, t, gamma, way, w, orbit):
+    """Follow a solution from turn to turn, past all turns of the bob and of the falling rate, put what it
+    meets into `orbit`, and return whether it is one."""
+    sizes, mode, stroke, least_fall = orbit.sizes, w.other, -1.0, math.inf
+    sizes[_PHASE], sizes[_CROSSING] = gamma, t
+    for late in range(2):
+        arc, begun, lasts = (way.second, t, m.span - t) if late else (way.first, 0.0, t)
+        time, here = 0.0, instant(arc, 0.0)
+        now = state_at(arc, here, time)
+        if not late:
+            if not (now[0] > 0.0 and now[4] < 0.0):
+                return _BROKEN
+            sizes[_AMPLITUDE], orbit.bob, orbit.bob_rate = now[0], now[1], now[3]
+            # Friction's share of phi'' while the tilt falls: it points the other way just before the turn.
+            pull = q.k * q.m22 / (q.m11 * q.m22 - q.m12 * q.m21)
+            orbit.sticking = now[4] / (now[4] - 2.0 * pull)
+        # The impact may turn the bob: |psi| may be largest where an arc begins.
+        if abs(now[1]) > stroke:
+            stroke, orbit.peak = abs(now[1]), begun
+        mode.kind, mode.tilt, mode.way = SLIP, (-1.0 if late else 1.0), -1.0
+        # The signals of a block that slips do not depend on the forcing: any does.
+        w.second, w.count = watch_block(q, arc, mode, arc.tilt, w), _DENTS + 1
+        # A bob that turns with the block has no rate but rounding there.
+        watch_turns(w, BOB, 1.0 if (now[3] if abs(now[3]) > 1e-12 else now[5]) > 0.0 else -1.0, arc.bob, arc)
+        slows = 1.0 if now[4] > 0.0 else -1.0
+        watch_turns(w, _DENTS, slows, rate_of(arc, arc.tilt), arc)
+        w.longest, w.least, w.limit = LONGEST / max(q.xi, max(q.s1, math.sqrt(q.q))), SMALL * m.span, math.inf
+        w.window, w.looks, horizon = w.longest, _LOOKS, lasts + 2.0 * _ON_TIME * m.span
+        which = BOB
+        while which >= BOB:
+            which, time = next_event(arc, w, here, time, horizon)
+            here = instant(arc, time)
+            now = state_at(arc, here, time)
+            if which == BOB and abs(now[1]) > stroke:
+                stroke, orbit.peak = abs(now[1]), begun + time
+            if which == _DENTS:
+                # From less to more: where it fell faster before, this is its quickest moment and no dent.
+                if slows > 0.0:
+                    least_fall = min(least_fall, -now[2])
+                slows = -slows
+            if which >= BOB:
+                turn_over(w, which)
+        if w.looks <= 0:
+            return _UNPROVED
+        if which != (FIRST if late else SECOND) or not abs(time - lasts) < _ON_TIME * m.span:
+            return _BROKEN
+    sizes[_STROKE], orbit.grazing = stroke, least_fall / (q.xi * sizes[_AMPLITUDE])
+    return _WHOLE
 
 
 @compiled
-def _nothing(orbit):
-    """Put what is said where there is no orbit."""
-    for i in range(NUMBERS):
-        orbit.sizes[i] = math.nan
+def _put_state(q, m, t, gamma, way, sizes):
+    """Put the state at tau = 0 into the sizes."""
+    since, sign = (2.0 * math.pi * math.ceil(gamma.real / (2.0 * math.pi)) - gamma) / q.xi, 1.0
+    if since.real >= m.span.real:
+        since, sign = since - m.span, -1.0
+    now = state_after(way, t, since)
     for i in range(4):
-        orbit.real[i], orbit.imag[i] = math.nan, math.nan
-    orbit.sticking, orbit.grazing, orbit.bob, orbit.bob_rate = math.nan, math.nan, math.nan, math.nan
-    orbit.status = _NO_ORBIT
+        sizes[_STATE + i] = sign * now[i]
 
 
 @compiled
-def _found(q, m, work):
-    """Put the orbits of a design into the working memory, the largest first; return their number, and whether
-    there may be more."""
-    paths, count = work.paths, 0
-    found = put_brackets(q, m, work.table, work.brackets)
-    overflow = found > BRACKETS
-    for i in range(min(found, BRACKETS)):
-        t, gamma, reached = root_in(q, m, work.brackets[i])
-        if not reached:
-            continue
-        # The last place is for the one that is being looked at.
-        path = paths[ORBITS]
-        outcome = put_path(q, m, t, gamma, work.room, path)
-        overflow = overflow or outcome == UNPROVED
-        if outcome != WHOLE:
-            continue
-        rank, again = 0, False
-        for j in range(count):
-            rank += 1 if paths[j].height >= path.height else 0
-            # A root on the border of two intervals is in both.
-            again = again or abs(paths[j].t - t) + abs(paths[j].height - path.height) < 1e-13 * m.span
-        if again:
-            continue
-        overflow = overflow or count == ORBITS
-        if rank < ORBITS:
-            count = min(count + 1, ORBITS)
-            for j in range(count - 1, rank, -1):
-                paths[j] = paths[j - 1]
-            paths[rank] = path
-    return count, overflow
+def _put_margins(q, m, t, way, matrix, sizes):
+    """Put what vanishes at a fold, a loss of symmetry, and a torus into the sizes; return the coefficients of
+    the characteristic polynomial of the half map."""
+    put_half_map(q, m, t, way, matrix)
+    c = characteristic(matrix)
+    sizes[_FOLD], sizes[_SYMMETRY], sizes[_TORUS] = determinants(c)
+    return c
 
 
 @compiled
 def solve(x, work, orbits):
     """Put the orbits of a design into `orbits`, the largest first."""
-    q, m = work.plant, work.half
+    q, new = work.plant, work.orbit
     plant(x, q)
-    put_half(q, m)
-    count, overflow = _found(q, m, work)
+    m = half(q)
+    found, count = put_brackets(q, m, work.table, work.brackets), 0
+    overflow = found > BRACKETS
     for i in range(ORBITS):
-        if i < count:
-            _describe(q, m, work.paths[i], work.matrices, orbits[i])
-        else:
-            _nothing(orbits[i])
+        orbits[i] = _NONE[0]
+    for i in range(min(found, BRACKETS)):
+        t, gamma, reached = root_in(q, m, work.brackets[i])
+        if not reached:
+            continue
+        gamma -= 2.0 * math.pi * math.ceil((gamma - math.pi) / (2.0 * math.pi))
+        way = motion(q, m, t, gamma)
+        outcome = _put_path(q, m, t, gamma, way, work.room, new)
+        overflow = overflow or outcome == _UNPROVED
+        if outcome != _WHOLE:
+            continue
+        rank, again = 0, False
+        for j in range(count):
+            rank += 1 if orbits[j].sizes[_AMPLITUDE] >= new.sizes[_AMPLITUDE] else 0
+            apart = abs(orbits[j].sizes[_AMPLITUDE] - new.sizes[_AMPLITUDE])
+            # A root on the border of two intervals is in both.
+            again = again or abs(orbits[j].sizes[_CROSSING] - t) + apart < 1e-13 * m.span
+        overflow = overflow or (count == ORBITS and not again)
+        if again or rank == ORBITS:
+            continue
+        _put_state(q, m, t, gamma, way, new.sizes)
+        put_roots(_put_margins(q, m, t, way, work.map, new.sizes), new.multipliers)
+        largest, nearest = 0.0, math.inf
+        for j in range(4):
+            z = new.multipliers[j]
+            largest, nearest = max(largest, abs(z)), min(nearest, abs(1.0 - z))
+            new.multipliers[j] = z * z
+        new.status = _status(q, largest, nearest, new.grazing)
+        count = min(count + 1, ORBITS)
+        for j in range(count - 1, rank, -1):
+            orbits[j] = orbits[j - 1]
+        orbits[rank] = new
+    for i in range(ORBITS):
         orbits[i].overflow = 1.0 if overflow else 0.0
 
 
 @compiled
-def differentiate(x, orbits, directions, asked, work, slopes):
-    """Put the derivatives of the sizes of a design's orbits in each of the `directions` (d, 9) of the
-    parameters into `slopes` (orbits, d, sizes); those of stroke, margins and state only if `asked`, in this
-    order. There is none of an orbit near a fold, one that grazes, or of what is not asked for: NaN."""
-    z, n, sizes = work.complex_plant, work.complex_half, work.sizes
-    for j in range(len(directions)):
-        filled = False
+def differentiate(x, orbits, directions, first, last, work, slopes):
+    """Put the derivatives of the sizes from `first` to before `last` of a design's orbits in each of the
+    `directions` (d, 9) of the parameters into `slopes` (orbits, d, sizes). There is none of an orbit near a
+    fold, one that grazes, or of what is not asked for: NaN."""
+    q, sizes, any_has = work.complex_plant, work.sizes, False
+    slopes[:] = math.nan
+    for i in range(ORBITS):
+        any_has = any_has or orbits[i].status <= _NEUTRAL
+    for j in range(len(directions) if any_has else 0):
+        for k in range(9):
+            work.x[k] = complex(x[k], STEP * directions[j, k])
+        plant(work.x, q)
+        m = half(q)
         for i in range(ORBITS):
             orbit = orbits[i]
-            for k in range(NUMBERS):
-                sizes[k] = complex(0.0, math.nan)
-            if orbit.status == _ROCKING or orbit.status == _UNSTABLE or orbit.status == _NEUTRAL:
-                if not filled:
-                    for k in range(9):
-                        work.x[k] = complex(x[k], STEP * directions[j, k])
-                    plant(work.x, z)
-                    put_half(z, n)
-                    filled = True
-                _put_moved(z, n, orbit, asked, work.complex_matrices, sizes)
-            for k in range(NUMBERS):
+            if orbit.status > _NEUTRAL:
+                continue
+            t, gamma = complex(orbit.sizes[_CROSSING], 0.0), complex(orbit.sizes[_PHASE], 0.0)
+            r = solution_at(q, m, t, gamma)
+            a, b, c, d = r.turning_t.real, r.turning_g.real, r.crossing_t.real, r.crossing_g.real
+            by, turning, crossing = 1.0 / (a * d - b * c), r.turning.imag, r.crossing.imag
+            dt, dg = by * (b * crossing - d * turning), by * (c * turning - a * crossing)
+            t, gamma = complex(t.real, dt), complex(gamma.real, dg)
+            sizes[_AMPLITUDE] = r.height + complex(0.0, r.height_t.real * dt + r.height_g.real * dg)
+            sizes[_PHASE], sizes[_CROSSING] = gamma, t
+            if last > _STROKE:
+                way = motion(q, m, t, gamma)
+                if first <= _STROKE:
+                    # Where the bob turns, psi does not change with the time of the turn: only the crossing's
+                    # moves |psi|.
+                    arc, time = way.second, (complex(orbit.peak, 0.0) if orbit.peak != t.real else t) - t
+                    if orbit.peak < t.real:
+                        arc, time = way.first, complex(orbit.peak, 0.0)
+                    swing = value_of(arc.bob, instant(arc, time), time)
+                    sizes[_STROKE] = swing if swing.real >= 0.0 else -swing
+                if first <= _FOLD < last:
+                    _put_margins(q, m, t, way, work.complex_map, sizes)
+                if last > _STATE:
+                    _put_state(q, m, t, gamma, way, sizes)
+            for k in range(first, last):
                 slopes[i, j, k] = sizes[k].imag / STEP
-
-
-@compiled
-def _put_moved(z, n, orbit, asked, matrices, sizes):
-    """Put the sizes of an orbit with the derivatives of `differentiate` as imaginary parts into `sizes`."""
-    t, gamma = orbit.sizes[_CROSSING], orbit.sizes[_PHASE]
-    r = solution_at(z, n, complex(t, 0.0), complex(gamma, 0.0))
-    a, b, c, d = r.turning_t.real, r.turning_g.real, r.crossing_t.real, r.crossing_g.real
-    by, turning, crossing = 1.0 / (a * d - b * c), r.turning.imag, r.crossing.imag
-    dt, dg = by * (b * crossing - d * turning), by * (c * turning - a * crossing)
-    sizes[_AMPLITUDE] = r.height + complex(0.0, r.height_t.real * dt + r.height_g.real * dg)
-    sizes[_PHASE], sizes[_CROSSING] = complex(gamma, dg), complex(t, dt)
-    if asked[0] == 0.0 and asked[1] == 0.0 and asked[2] == 0.0:
-        return
-    way = motion(z, n, sizes[_CROSSING], sizes[_PHASE])
-    if asked[0] != 0.0:
-        _put_stroke(sizes[_CROSSING], way, orbit, sizes)
-    if asked[1] != 0.0:
-        _put_margins(z, n, sizes[_CROSSING], way, matrices, sizes)
-    if asked[2] != 0.0:
-        _put_state(z, n, sizes[_CROSSING], sizes[_PHASE], way, sizes)
-
-
-@compiled
-def _put_vanishing(q, m, t, gamma, s, matrices, out):
-    """Put the numbers of `vanishing` into `out`."""
-    x, way = solution_at(q, m, t, gamma), motion(q, m, t, gamma)
-    put_half_map(q, m, t, way, matrices)
-    c = characteristic(matrices[2])
-    arc, time = (way.second, s - t) if s.real > t.real else (way.first, s)
-    fall = state_at(arc, instant(arc, time), time)
-    out[0], out[1] = x.turning, x.crossing
-    out[2] = x.turning_t * x.crossing_g - x.turning_g * x.crossing_t
-    out[3] = determinants(c[0], c[1], c[2], c[3])[1]
-    out[4] = state_at(way.first, way.start, 0.0 * t)[4]
-    out[5], out[6] = fall[2], fall[4]
 
 
 @compiled
@@ -277,17 +266,24 @@ def vanishing(x, u, work, out, by):
     their derivatives into `by` (7, 12): phi'(0), phi(t), the determinant of the derivatives of both in (t,
     gamma) (two orbits merge), det(I + G) (symmetry is lost), phi''(0+) (sticking), phi'(s) and phi''(s)
     (grazing)."""
-    z, n = work.complex_plant, work.complex_half
+    q, numbers = work.complex_plant, work.vanishing
     for j in range(MOVED):
         for i in range(9):
             work.x[i] = complex(x[i], STEP if j == i + 3 else 0.0)
-        plant(work.x, z)
-        put_half(z, n)
+        plant(work.x, q)
+        m = half(q)
         t, gamma = complex(u[0], STEP if j == 0 else 0.0), complex(u[1], STEP if j == 1 else 0.0)
         s = complex(u[2], STEP if j == 2 else 0.0)
-        _put_vanishing(z, n, t, gamma, s, work.complex_matrices, work.vanishing)
+        r, way = solution_at(q, m, t, gamma), motion(q, m, t, gamma)
+        put_half_map(q, m, t, way, work.complex_map)
+        fall = state_after(way, t, s)
+        numbers[0], numbers[1] = r.turning, r.crossing
+        numbers[2] = r.turning_t * r.crossing_g - r.turning_g * r.crossing_t
+        numbers[3] = determinants(characteristic(work.complex_map))[1]
+        numbers[4] = state_after(way, t, 0.0 * t)[4]
+        numbers[5], numbers[6] = fall[2], fall[4]
         for i in range(VANISHING):
-            out[i], by[i, j] = work.vanishing[i].real, work.vanishing[i].imag / STEP
+            out[i], by[i, j] = numbers[i].real, numbers[i].imag / STEP
 
 
 @compiled
@@ -295,13 +291,11 @@ def survey(x, u, work, out):
     """Put phi at the turn, phi'' just after it, -phi'' just before the next turn, and phi' at `SAMPLES` equal
     steps between them into `out`, for a solution u = (t, gamma). It is an orbit if the first is > 0 and all
     the others are < 0."""
-    q, m = work.plant, work.half
+    q = work.plant
     plant(x, q)
-    put_half(q, m)
+    m = half(q)
     t, way = u[0], motion(q, m, u[0], u[1])
-    start, end = state_at(way.first, way.start, 0.0), state_at(way.second, way.end, m.span - t)
+    start, end = state_after(way, t, 0.0), state_after(way, t, m.span)
     out[0], out[1], out[2] = start[0], start[4], -end[4]
     for i in range(SAMPLES):
-        s = m.span * (i + 1.0) / (SAMPLES + 1.0)
-        arc, time = (way.second, s - t) if s > t else (way.first, s)
-        out[3 + i] = state_at(arc, instant(arc, time), time)[2]
+        out[3 + i] = state_after(way, t, m.span * (i + 1.0) / (SAMPLES + 1.0))[2]

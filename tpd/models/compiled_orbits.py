@@ -16,22 +16,12 @@ from tpd.core import checks
 from tpd.core.orbit_terms import STATUSES
 from tpd.core.parameters import Parameters
 from tpd.models.calling import Compiled, shape
+from tpd.models.compiled_linear import fields
 from tpd.models.rows import shared
 
 _PIECE = 16, 256
 """Designs of one piece of work, at least and at most: each takes some 10 µs, and a thread is not worth
 less."""
-
-
-class Asked(NamedTuple):
-    """Sizes whose derivatives are asked for, beside those of amplitude, phase and crossing."""
-
-    stroke: bool = False
-    margins: bool = False
-    state: bool = False
-
-
-_NOTHING = Asked()
 
 
 def load() -> Any:
@@ -51,19 +41,27 @@ _CODE = Compiled("tpd.models.orbit_entry", "tpd_symmetric_orbits", "symmetric or
 def row_of(p: Parameters) -> Any:
     """Parameters as the compiled code takes them: the last axis of an array, of NumPy's where all are
     known."""
-    numbers = (p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.velocity_ratio)
-    library = checks.namespace(*numbers)
+    library = checks.namespace(*fields(p))
     return library.stack(
-        library.broadcast_arrays(*(library.asarray(x, dtype=float) for x in numbers)), axis=-1
+        library.broadcast_arrays(*(library.asarray(x, dtype=float) for x in fields(p))), axis=-1
     )
 
 
-def _settings(what: int, directions: int = 0, asked: Asked = _NOTHING) -> np.ndarray:
+def _settings(what: int, directions: int = 0, asked: tuple[int, int] = (0, 0)) -> np.ndarray:
     return np.array([what, directions, *asked], dtype=float)
 
 
-def _spread(row: np.ndarray, n: int) -> np.ndarray:
-    return np.ascontiguousarray(np.broadcast_to(row, (n, *row.shape)))
+def _on_all_cores(
+    settings: np.ndarray, workers: int | None, progress: Callable[[int, int], None] | None, *rows: np.ndarray
+) -> None:
+    entry, n = load(), len(rows[0])
+    settings = np.ascontiguousarray(np.broadcast_to(settings, (n, len(settings))))
+
+    def run(first: int, last: int) -> int:
+        entry.run(first, last, settings, *rows)
+        return last - first
+
+    shared(run, n, workers, progress, piece=_PIECE)
 
 
 def solve_all(
@@ -74,57 +72,39 @@ def solve_all(
     Raises:
         ValueError: workers below one.
     """
-    entry, x, n = load(), np.ascontiguousarray(x, dtype=float), len(x)
-    settings, orbits = _spread(_settings(entry.SOLVE), n), np.empty((n, int(entry.ORBITS)), entry.ORBIT)
-
-    def run(first: int, last: int) -> int:
-        entry.run(first, last, settings, x, orbits)
-        return last - first
-
-    shared(run, n, workers, progress, piece=_PIECE)
+    entry, orbits = load(), np.empty((len(x), int(load().ORBITS)), load().ORBIT)
+    _on_all_cores(_settings(entry.SOLVE), workers, progress, np.ascontiguousarray(x, dtype=float), orbits)
     return orbits
 
 
 def slopes_all(
-    x: np.ndarray, orbits: np.ndarray, directions: np.ndarray, asked: Asked, *, workers: int | None = None
+    x: np.ndarray, orbits: np.ndarray, directions: np.ndarray, asked: tuple[int, int]
 ) -> np.ndarray:
     """Derivatives of the sizes of orbits (n, m) of designs `x` (n, 9) in `directions` (n, d, 9), an array
-    (n, m, d, sizes): NaN where there is none, or it is not asked for."""
+    (n, m, d, sizes): NaN where there is none, or it is outside of the range of places that is `asked` for."""
     entry, (n, d) = load(), directions.shape[:2]
     # The kernel takes all orbits of a design: where none is asked for, the status says that there is none.
     every: Any = np.zeros((n, int(entry.ORBITS)), entry.ORBIT)
     every["status"] = STATUSES.index("no_orbit")
     every[:, : orbits.shape[1]] = orbits
     x, along = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(directions, dtype=float)
-    settings = _spread(_settings(entry.DIFFERENTIATE, d, asked), n)
     slopes = np.empty((*every.shape, d, int(entry.NUMBERS)))
-
-    def run(first: int, last: int) -> int:
-        entry.run(first, last, settings, x, every, along, slopes)
-        return last - first
-
-    shared(run, n, workers, None, piece=_PIECE)
+    _on_all_cores(_settings(entry.DIFFERENTIATE, d, asked), None, None, x, every, along, slopes)
     return slopes[:, : orbits.shape[1]]
 
 
 def solved(x: Any) -> Any:
     """Orbits of the design `x` (9,), known or traced, as numbers (3, numbers of an orbit)."""
-    if checks.is_concrete(x):
-        orbits = solve_all(np.asarray(x)[None], workers=1)
-        return orbits.view(np.float64).reshape(orbits.shape[1], -1)
-    entry = load()
-    return _CODE((shape(entry.ORBITS, entry.ORBIT.itemsize // 8),), _settings(entry.SOLVE), x)[0]
+    entry, call = load(), _CODE.on_host if checks.is_concrete(x) else _CODE
+    return call((shape(entry.ORBITS, entry.ORBIT.itemsize // 8),), _settings(entry.SOLVE), x)[0]
 
 
-def slopes(x: Any, orbits: Any, asked: Asked) -> Any:
-    """Derivatives in all nine parameters of the sizes of the orbits that `solved` has given, (3, 9,
-    sizes)."""
-    entry, along = load(), np.eye(9)
-    if checks.is_concrete(x) and checks.is_concrete(orbits):
-        known = np.ascontiguousarray(orbits).view(entry.ORBIT)[:, 0]
-        return slopes_all(np.asarray(x)[None], known[None], along[None], asked, workers=1)[0]
-    settings = _settings(entry.DIFFERENTIATE, len(along), asked)
-    return _CODE((shape(entry.ORBITS, len(along), entry.NUMBERS),), settings, x, orbits, along)[0]
+def slopes(x: Any, orbits: Any, asked: tuple[int, int]) -> Any:
+    """Derivatives in all nine parameters of the sizes of the orbits that `solved` has given, (3, 9, sizes),
+    see `slopes_all`."""
+    entry, call = load(), _CODE.on_host if checks.namespace(x, orbits) is np else _CODE
+    settings = _settings(entry.DIFFERENTIATE, 9, asked)
+    return call((shape(entry.ORBITS, 9, entry.NUMBERS),), settings, x, orbits, np.eye(9))[0]
 
 
 class Vanishing(NamedTuple):
@@ -142,9 +122,9 @@ class Vanishing(NamedTuple):
 def vanishing(u: np.ndarray, x: np.ndarray) -> Vanishing:
     """Numbers that vanish where orbits are lost, at u = (t, gamma, s) and the parameters `x`."""
     entry = load()
-    values, by = np.empty((1, int(entry.VANISHING))), np.empty((1, int(entry.VANISHING), int(entry.MOVED)))
-    entry.run(0, 1, _settings(entry.VANISH)[None], _wide(x), _wide(u), values, by)
-    return Vanishing(values[0], by[0, :, :3], by[0, :, 3:])
+    shapes = shape(entry.VANISHING), shape(entry.VANISHING, entry.MOVED)
+    values, by = _CODE.on_host(shapes, _settings(entry.VANISH), x, u)
+    return Vanishing(values, by[:, :3], by[:, 3:])
 
 
 class Survey(NamedTuple):
@@ -163,10 +143,6 @@ class Survey(NamedTuple):
 
 def survey(u: np.ndarray, x: np.ndarray) -> Survey:
     """The way of the solution u = (t, gamma) with the parameters `x`, from turn to turn."""
-    entry, out = load(), np.empty((1, int(load().SURVEYED)))
-    entry.run(0, 1, _settings(entry.SURVEY)[None], _wide(x), _wide(np.append(u, 0.0)), out)
-    return Survey(float(out[0, 0]), float(out[0, 1]), float(out[0, 2]), out[0, 3:])
-
-
-def _wide(x: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(x, dtype=float)[None]
+    entry = load()
+    (out,) = _CODE.on_host((shape(entry.SURVEYED),), _settings(entry.SURVEY), x, np.append(u, 0.0))
+    return Survey(float(out[0]), float(out[1]), float(out[2]), out[3:])

@@ -226,7 +226,7 @@ def _arcs(a, first, last):
     s, x, own = settings_at(a[0], 1), carray(pointer(a[1]), (last, 9), np.complex128), _memory()
     many = int(s[0].pieces)
     links, z = carray(pointer(a[2]), (many,), LINK), carray(pointer(a[3]), (last, many, 6), np.complex128)
-    out, found = carray(pointer(a[4]), (last, many, 5), np.complex128), carray(pointer(a[5]), (many,), SURVEY)
+    out, found = carray(pointer(a[4]), (last, many, 6), np.complex128), carray(pointer(a[5]), (many,), SURVEY)
     q, numbers, arc, other = own.plants[0], np.empty(9), np.empty(6), own.readers[0].plants[0]
     for n in range(first, last):
         plant(x[n], other)

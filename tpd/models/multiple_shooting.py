@@ -2,10 +2,10 @@
 
 A periodic motion is a cycle of arcs (slip, stick or rest, each with its signs), and every arc ends in an
 event: a turn (phi' = 0), a landing (phi = 0, with its impact) or a release (the moment on the held
-block reaches what holds it). With the sequence given, the unknowns are the states at the starts of the arcs,
-their durations, and the phase of the forcing at the first of them; the equations are the joints between the
-arcs, the events, and that the durations add up to whole forcing periods. No event is solved for by itself, so
-that nothing is divided by the rate at which it is met, and no error grows over more than one arc.
+block reaches what holds it). With the sequence given, the unknowns are the states and the phases of the
+forcing at the starts of the arcs, and their durations; the equations are the joints between the arcs and the
+events. No event is solved for by itself, so that nothing is divided by the rate at which it is met, and no
+error grows over more than one arc.
 
 Held arcs lose the tilt and its rate: the state that enters one has phi' = 0 exactly (phi = 0 as well at
 rest), and the projections that see to it are part of the equations and of their derivatives.
@@ -16,6 +16,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from tpd.exact.mode_kinds import RELEASE, REST, SLIP
 from tpd.models import compiling
@@ -43,8 +44,8 @@ class Cycle(NamedTuple):
 
     modes: np.ndarray
     """Rows of kinds and signs, see `Events`, and of endings."""
-    unknowns: np.ndarray
-    """State at the start and duration, arc by arc, and the phase of the forcing at the first, rad."""
+    arcs: np.ndarray
+    """State and phase of the forcing (rad) at the start, and duration, of every arc: shape (arcs, 6)."""
 
 
 class Orbit(NamedTuple):
@@ -53,7 +54,7 @@ class Orbit(NamedTuple):
     links: np.ndarray
     """See `tpd.exact.cycle_kernel.LINK`."""
     arcs: np.ndarray
-    """State and phase of the forcing at the start, and duration, of every arc: shape (arcs, 6)."""
+    """See `Cycle`."""
     by: np.ndarray
     """Derivatives of `arcs` in the nine parameters, shape (arcs, 6, 9)."""
     monodromy: np.ndarray
@@ -125,94 +126,77 @@ def recorded(x: np.ndarray, y0: np.ndarray, periods: int, max_events: int, rest_
     following = np.roll(here, -1)
     durations = times[following] - times[here]
     durations[-1] += span
-    unknowns = np.append(np.column_stack([found.states[here], durations]), x[6] * times[here[0]])
-    return Cycle(np.vstack([found.modes[:, here], found.endings[following]]), unknowns)
+    arcs = np.column_stack([found.states[here], x[6] * times[here], durations])
+    return Cycle(np.vstack([found.modes[:, here], found.endings[following]]), arcs)
 
 
 def traverse(
     x: np.ndarray, links: np.ndarray, arcs: np.ndarray, surveyed: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States after arcs and their events, and the values of the events' signals there, shape (arcs, 5); their
-    derivatives in the directions that are the imaginary parts of the rows of parameters (rows, 9) and arcs
-    (rows, arcs, 6), shape (arcs, 5, rows); and if `surveyed` what is met along the arcs."""
+    """States after arcs and their events, phases of the forcing there, and values of the events' signals,
+    shape (arcs, 6); their derivatives in the directions that are the imaginary parts of the rows of
+    parameters (rows, 9) and arcs (rows, arcs, 6), shape (arcs, 6, rows); and if `surveyed` what is met along
+    the arcs."""
     from tpd.exact.cycle_kernel import SURVEY
     from tpd.exact.plant import STEP
 
-    out, met = np.empty((*arcs.shape[:2], 5), complex), np.empty(len(links), SURVEY)
-    rows = (np.ascontiguousarray(np.real(z) + STEP * 1j * np.imag(z)) for z in (x, arcs))
-    _run(
-        "ARCS",
-        len(x),
-        {"pieces": len(links), "slopes": float(surveyed)},
-        next(rows),
-        links,
-        next(rows),
-        out,
-        met,
-    )
+    out, met = np.empty(arcs.shape, complex), np.empty(len(links), SURVEY)
+    x, arcs = (np.ascontiguousarray(np.real(z) + STEP * 1j * np.imag(z)) for z in (x, arcs))
+    _run("ARCS", len(x), {"pieces": len(links), "slopes": float(surveyed)}, x, links, arcs, out, met)
     return np.real(out[0]), np.moveaxis(np.imag(out), 0, -1) / STEP, met
 
 
-def polish(x: np.ndarray, cycle: Cycle, span: float, scale: np.ndarray) -> Orbit | None:
+def polish(x: np.ndarray, cycle: Cycle, periods: int, scale: np.ndarray) -> Orbit | None:
     """The orbit near a cycle by Newton's method; None if it does not converge, or to arcs that are no motion.
     `scale` has the sizes of a state's components."""
     from tpd.exact.cycle_kernel import LINK
 
     # Shooting over a whole period multiplies errors by the growth of every arc and divides them by the rate
-    # at which every event is met. Here durations and states of all arcs are unknowns at once, so that a step
-    # needs only the linear map of each arc by itself, and stays regular where an event is met at zero rate.
-    modes, unknowns = cycle
-    n, xi, directions, moved, steps = modes.shape[1], x[6], 1j * np.eye(15), np.inf, 0
+    # at which every event is met. Here states, phases and durations of all arcs are unknowns at once, so that
+    # a step needs only the linear map of each arc by itself, and stays regular where an event is met at zero
+    # rate.
+    (modes, arcs), directions, moved, steps = cycle, 1j * np.eye(15), np.inf, 0
     links = np.vstack([modes, np.roll(modes[[0, 2]], -1, axis=1)]).T.copy().view(LINK)[:, 0]
-    sizes = np.append(np.tile([*scale, span], n), 1.0)
+    sizes = np.array([*scale, 1.0, 2.0 * np.pi * periods / x[6]])
     while True:
-        arcs = _arcs(unknowns, xi)
         ends, blocks, _ = traverse(x + directions[:, 6:], links, arcs + directions[:, None, :6])
-        ends[:, :4] -= np.roll(arcs[:, :4], -1, axis=0)
-        jacobian = _jacobian(blocks, xi)
-        try:
-            step = np.linalg.solve(jacobian, np.append(ends, np.sum(arcs[:, 5]) - span))
-        except np.linalg.LinAlgError:
+        ends[:, :5] -= np.roll(arcs[:, :5], -1, axis=0)
+        ends[-1, 4] -= 2.0 * np.pi * periods
+        # The step, and by the implicit function theorem the derivatives at the root: dx = -J^-1 dR.
+        both = _solved(blocks[:, :, :6], np.concatenate([ends[:, :, None], blocks[:, :, 6:]], axis=2))
+        if both is None:
             return None
-        unknowns, last, moved, steps = unknowns - step, moved, np.max(np.abs(step) / sizes), steps + 1
+        step, last, steps = both[:, :, 0], moved, steps + 1
+        arcs, moved = arcs - step, np.max(np.abs(step) / sizes)
         # Among hops of a rattle rounding keeps the steps from getting smaller than this.
         if last < _NEAR or last <= moved < _CONVERGED or steps == _STEPS:
             break
     if not moved < _CONVERGED:
         return None
-    arcs = _arcs(unknowns, xi)
     met = traverse(x[None], links, arcs[None], surveyed=True)[2]
     if not np.all(met["inside"]):
         return None
-    # The implicit function theorem: at the root dx = -J^-1 dR.
-    begun = (arcs[:, 4] - arcs[0, 4]) / xi
-    late = blocks[:, :, 6:]
-    late[:, :, 6] += blocks[:, :, 4] * begun[:, None]
-    late = np.vstack([late.reshape(5 * n, 9), np.eye(9)[6] * span / xi])
-    by = _arcs(-np.linalg.solve(jacobian, late), xi)
-    by[:, 4, 6] += begun
     leaving = np.column_stack([met[f"v{i}"] for i in range(4)])
-    return Orbit(links, arcs, by, _monodromy(blocks, leaving), met)
+    return Orbit(links, arcs, -both[:, :, 1:], _monodromy(blocks, leaving), met)
 
 
-def _arcs(unknowns: np.ndarray, xi: float) -> np.ndarray:
-    """Arcs of an orbit from its unknowns, or derivatives of these at a fixed xi."""
-    each = unknowns[:-1].reshape(-1, 5, *unknowns.shape[1:])
-    states, durations = each[:, :4], each[:, 4:]
-    return np.concatenate([states, unknowns[-1] + xi * (np.cumsum(durations, 0) - durations), durations], 1)
-
-
-def _jacobian(blocks: np.ndarray, xi: float) -> np.ndarray:
-    """The derivative of the joints, the events and the sum of the durations in the unknowns."""
-    n = len(blocks)
-    here, within, matrix = np.arange(n), np.zeros((n, 5, n, 5)), np.zeros((5 * n + 1, 5 * n + 1))
-    within[here, :, here] = blocks[:, :, [0, 1, 2, 3, 5]]
-    within[here, :4, np.roll(here, -1), :4] -= np.eye(4)
-    # The phase at the start of an arc is that of the cycle plus xi times all earlier durations.
-    within[..., 4] += xi * np.tri(n, k=-1)[:, None] * blocks[:, :, 4, None]
-    matrix[:-1, :-1], matrix[:-1, -1] = within.reshape(5 * n, 5 * n), blocks[:, :, 4].ravel()
-    matrix[-1, 4:-1:5] = 1.0
-    return matrix
+def _solved(blocks: np.ndarray, right: np.ndarray) -> np.ndarray | None:
+    """Solution (arcs, 6, columns) of the joints and events linearised, with the derivatives `blocks` of every
+    arc by itself; None if there is none."""
+    # With arcs from both ends of the cycle in turn, neighbours are at most two places apart: the matrix is a
+    # band. Elimination with pivots is as exact in it as in the whole matrix.
+    n, width = len(blocks), 17
+    place = 6 * np.minimum(2 * np.arange(n), 2 * np.arange(n)[::-1] + 1)[:, None] + np.arange(6)
+    band, ordered = np.zeros((2 * width + 1, 6 * n)), np.empty((6 * n, right.shape[2]))
+    rows, columns = place[:, :, None], place[:, None, :]
+    band[width + rows - columns, columns] = blocks
+    onward = np.roll(place[:, :5], -1, axis=0)
+    band[width + place[:, :5] - onward, onward] -= 1.0
+    ordered[place] = right
+    try:
+        return solve_banded((width, width), band, ordered, check_finite=False)[place]
+    except np.linalg.LinAlgError:
+        return None
 
 
 def _monodromy(blocks: np.ndarray, leaving: np.ndarray) -> np.ndarray:
@@ -221,6 +205,6 @@ def _monodromy(blocks: np.ndarray, leaving: np.ndarray) -> np.ndarray:
     # With dt = -(derivative of the event's signal)/(its rate) that is the saltation matrix of each link.
     whole = np.eye(4)
     for block, after in zip(blocks, np.roll(leaving, -1, axis=0), strict=True):
-        late = -block[4, :4] / block[4, 5]
+        late = -block[5, :4] / block[5, 5]
         whole = (block[:4, :4] + np.outer(block[:4, 5] - after, late)) @ whole
     return whole

@@ -26,17 +26,16 @@ from tpd.models.custom_call import api_version, carray, cube, on_host, pointer, 
 
 SOLVE, DIFFERENTIATE, VANISH, SURVEY = range(4)
 """Tasks; the first number of every row of settings."""
-SETTINGS, SURVEYED = np.int64(5), SAMPLES + 3
-_PARAMETERS, _PLACE = np.int64(9), np.int64(3)
+SETTINGS, SURVEYED = np.int64(4), SAMPLES + 3
 
 
 @part
 def _run(a, first, last):
     """Rows of a task, each with its settings and parameters. The others are, operands first: orbits of
     `solve`; orbits, directions and slopes of `differentiate`, whose settings are (what, number of directions,
-    stroke, margins, state); (t, gamma, s), numbers and derivatives of `vanishing`; (t, gamma, -) and numbers
-    of `survey`."""
-    s, x, work = table(a[0], last, SETTINGS), table(a[1], last, _PARAMETERS), np.empty(1, WORK)
+    first size, last but one); (t, gamma, s), numbers and derivatives of `vanishing`; the same and
+    numbers of `survey`."""
+    s, x, work = table(a[0], last, SETTINGS), table(a[1], last, 9), np.empty(1, WORK)
     what, count = s[0, 0], int(s[0, 1])
     # A record does not keep its array alive: it is taken anew in every turn.
     if what == SOLVE:
@@ -44,23 +43,16 @@ def _run(a, first, last):
         for n in range(first, last):
             solve(x[n], work[0], orbits[n])
     elif what == DIFFERENTIATE:
-        orbits, directions = (
-            carray(pointer(a[2]), (last, ORBITS), ORBIT),
-            cube(a[3], last, count, _PARAMETERS),
-        )
+        orbits, along = carray(pointer(a[2]), (last, ORBITS), ORBIT), cube(a[3], last, count, 9)
         slopes = carray(pointer(a[4]), (last, ORBITS, count, NUMBERS), np.float64)
         for n in range(first, last):
-            differentiate(x[n], orbits[n], directions[n], s[n, 2:], work[0], slopes[n])
+            differentiate(x[n], orbits[n], along[n], int(s[n, 2]), int(s[n, 3]), work[0], slopes[n])
     elif what == VANISH:
-        u, out, by = (
-            table(a[2], last, _PLACE),
-            table(a[3], last, VANISHING),
-            cube(a[4], last, VANISHING, MOVED),
-        )
+        u, out, by = table(a[2], last, 3), table(a[3], last, VANISHING), cube(a[4], last, VANISHING, MOVED)
         for n in range(first, last):
             vanishing(x[n], u[n], work[0], out[n], by[n])
     else:
-        u, out = table(a[2], last, _PLACE), table(a[3], last, SURVEYED)
+        u, out = table(a[2], last, 3), table(a[3], last, SURVEYED)
         for n in range(first, last):
             survey(x[n], u[n], work[0], out[n])
 
