@@ -204,14 +204,16 @@ def test_multipliers_are_those_of_the_return_map_wherever_cut(scene: Scene) -> N
     span = scene.periods * 2.0 * np.pi / scene.x[6]
     if scene.x[1] == 0.0:
         slopes = slopes * np.outer([1, 0, 1, 0], [1, 0, 1, 0])
+    # Rounding of the tilt moves hops of 1e-6 by 1e-10, and the multipliers of the rattle with them.
+    atol = 1e-7 if scene is RATTLING else 1e-8
     np.testing.assert_allclose(
-        spectrum(orbit.multipliers), spectrum(np.linalg.eigvals(slopes)), rtol=0, atol=1e-8
+        spectrum(orbit.multipliers), spectrum(np.linalg.eigvals(slopes)), rtol=0, atol=atol
     )
     other, _ = followed(scene, ys[137], 137 / 360 * span)
     if scene.x[1] == 0.0:
         other = other * np.outer([1, 0, 1, 0], [1, 0, 1, 0])
     np.testing.assert_allclose(
-        spectrum(orbit.multipliers), spectrum(np.linalg.eigvals(other)), rtol=0, atol=1e-8
+        spectrum(orbit.multipliers), spectrum(np.linalg.eigvals(other)), rtol=0, atol=atol
     )
 
 
