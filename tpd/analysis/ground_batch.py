@@ -38,13 +38,10 @@ def rows_of(
     block: Block, pendulum: Pendulum | None, motions: Sequence[GroundMotion], gravity: float
 ) -> np.ndarray:
     """Parameters of the compiled code for each of the motions at its own size, shape (motions, 9)."""
-    every = []
-    for motion in motions:
-        # Numbers of NumPy throughout: no program is compiled for them.
-        p = Scene(block, motion, gravity).ground_parameters(pendulum)
-        piece = 2.0 * np.pi / p.xi
-        every.append((p.nu, p.mu, p.lam, p.zeta, p.k, p.f, piece, p.inertia_ratio, p.velocity_ratio))
-    return np.array(every, dtype=float)
+    from tpd.models.compiled_shaken import row_of
+
+    # Numbers of NumPy throughout: no program is compiled for them.
+    return np.array([row_of(Scene(block, motion, gravity).ground_parameters(pendulum)) for motion in motions])
 
 
 def follow_scaled(

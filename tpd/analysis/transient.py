@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import ArrayLike, Float, Int
 
@@ -17,7 +19,7 @@ from tpd.core.ground_motion import GroundMotion
 from tpd.core.orbit_terms import GRAZING
 from tpd.core.parameters import Number, Parameters, Real
 from tpd.core.scene import Pendulum, Scene
-from tpd.core.status import Status, status_name
+from tpd.core.status import Status, index_of, status_name
 from tpd.exact.derivatives import refused
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
@@ -120,38 +122,49 @@ def transient(
     checks.not_negative("free", free)
     checks.count("max_events", max_events)
     p, rate = scene.ground_parameters(pendulum), scene.rate
+    start = np.zeros(4) if y0 is None else _start(y0)
+    bob = 0.0 if pendulum is None else 1.0
+    xp = checks.namespace(*jax.tree.leaves((p, rate, free, start)))
     # Rates are per unit tau inside, and per second outside.
-    speeds = jnp.stack([jnp.ones(()), jnp.ones(()), jnp.asarray(rate), jnp.asarray(rate)])
-    start = jnp.zeros(4) if y0 is None else _start(y0) / speeds
-    pieces = jnp.asarray(scene.motion.pieces())
-    found = _followed(model, p, pieces, free * rate, start, max_events)
-    return _answer(found, rate, speeds, 0.0 if pendulum is None else 1.0)
+    speeds = xp.stack([x * xp.ones(()) for x in (1.0, 1.0, rate, rate)])
+    pieces = xp.asarray(scene.motion.pieces())
+    found = _followed(model, p, pieces, free * rate, start / speeds, max_events, known=xp is np)
+    return _answer(found, rate, speeds, bob, xp)
 
 
-def _answer(found: Any, rate: Any, speeds: Any, bob: float) -> Transient:
-    """The motion in seconds; `bob` is 0 without a pendulum."""
-    status = _status(found)
-    sound = (status == Status.rocked) | (status == Status.stood)
+def _answer(found: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
+    """The motion in seconds; `bob` is 0 without a pendulum, and `xp` NumPy if all numbers are known."""
+    from tpd.exact.follow import ROCKED, STATUSES, STOOD
+
+    code = xp.asarray(found.status).astype(int)
+    # On one side of such a motion there is an event more: it has no derivative.
+    touched = (code == ROCKED) & (found.transversality < GRAZING)
+    sound = ((code == ROCKED) | (code == STOOD)) & ~touched
+    status = xp.where(touched, index_of("grazing"), xp.asarray([index_of(name) for name in STATUSES])[code])
     # The angles of a bare block's bob, which is too light to be felt, are nobody's.
-    hung = jnp.array([1.0, bob, bob])
-    times = _seconds(found.times, rate, sound[..., None] & (hung > 0.0))
-    swing, relative = (refused(bob * _seen(x, bob), sound) for x in (found.swing, found.relative))
+    hung = xp.array([1.0, bob, bob])
+    if xp is np:
+        seconds, kept = (lambda tau, usable: tau / rate), (lambda x, usable: x)
+    else:
+        seconds, kept = partial(_seconds, rate), refused
+    times = seconds(found.times, sound[..., None] & (hung > 0.0))
+    fallen = sound | (status == index_of("overturned"))
     return Transient(
-        tilt=refused(found.tilt, sound),
-        swing=swing,
-        relative=relative,
+        tilt=kept(found.tilt, sound),
+        swing=kept(found.swing if bob else xp.zeros_like(found.swing), sound),
+        relative=kept(found.relative if bob else xp.zeros_like(found.relative), sound),
         tilt_time=times[..., 0],
         swing_time=times[..., 1],
         relative_time=times[..., 2],
-        impacts=found.impacts.astype(int),
-        uplift_time=_seconds(found.lifted, rate, sound | (status == Status.overturned)),
-        overturning_time=_seconds(found.fell, rate, sound),
-        state=refused(found.state * speeds * jnp.array([1.0, bob, 1.0, bob]), sound),
-        status=status,
+        impacts=xp.asarray(found.impacts).astype(int),
+        uplift_time=seconds(found.lifted, fallen),
+        overturning_time=seconds(found.fell, sound),
+        state=kept(found.state * speeds * xp.array([1.0, bob, 1.0, bob]), sound),
+        status=jax.tree.unflatten(jax.tree.structure(Status.failed), [status.astype(np.int32)]),
     )
 
 
-def _seconds(tau: Any, rate: Any, usable: Any) -> Any:
+def _seconds(rate: Any, tau: Any, usable: Any) -> Any:
     """A time in seconds, infinite if it is not finite, with its derivative where that is usable and the time
     is not that of the beginning."""
     still = stop_gradient(tau)
@@ -171,46 +184,38 @@ def _finite_jvp(primals: tuple, tangents: tuple) -> tuple:
     return _finite(*primals), tangents[0]
 
 
-def _followed(model: Any, p: Parameters, *motion: Any) -> Any:
-    """The motion of a model, as `tpd.models.compiled_shaken.Followed`.
+def _followed(model: Any, p: Parameters, *motion: Any, known: bool) -> Any:
+    """The motion of a model, as `tpd.models.compiled_shaken.Followed`, at once if all numbers are known.
 
     Raises:
         ValueError: a model that does not follow such a motion.
     """
-    if isinstance(model, Piecewise):
-        from tpd.models.compiled_shaken import follow
+    from tpd.models.compiled_shaken import follow, follow_all, row_of
 
-        return follow(p, *motion)
-    # Loaded where needed: the exact model does without diffrax.
-    from tpd.models.segmented import Segmented
+    limits: dict[str, Any] = {}
+    if not isinstance(model, Piecewise):
+        # Loaded where needed: the exact model does without diffrax.
+        from tpd.models.segmented import Segmented
 
-    checks.instance("model", model, (Piecewise, Segmented))
-    model.check(p)
-    if model.terms is not Terms.nonlinear:
-        raise ValueError(
-            "under a pulse or a record `terms` of `tpd.Segmented` must be `tpd.Terms.nonlinear`, but is "
-            f"{str(model.terms)!r}: `tpd.Piecewise()` solves the linear equations"
-        )
-    from tpd.models.compiled_nonlinear import follow_nonlinear
+        checks.instance("model", model, (Piecewise, Segmented))
+        model.check(p)
+        if model.terms is not Terms.nonlinear:
+            raise ValueError(
+                "under a pulse or a record `terms` of `tpd.Segmented` must be `tpd.Terms.nonlinear`, but is "
+                f"{str(model.terms)!r}: `tpd.Piecewise()` solves the linear equations"
+            )
+        from tpd.models.compiled_nonlinear import follow_nonlinear as follow
+        from tpd.models.compiled_nonlinear import shake_nonlinear as follow_all
 
-    return follow_nonlinear(p, *motion, rtol=model.rtol, rest_rate=model.rest_rate)
-
-
-def _seen(angle: Any, bob: float) -> Any:
-    """An angle of the bob, or a number that a factor of zero does not spoil."""
-    return angle if bob else jnp.where(jnp.isfinite(angle), angle, 0.0)
+        limits = {"rtol": model.rtol, "rest_rate": model.rest_rate}
+    if not known:
+        return follow(p, *motion, **limits)
+    pieces, free, start, most = motion
+    one = np.zeros(1, int), np.array([free], dtype=float)
+    limits |= {"y0": np.array(start)[None], "max_events": most, "workers": 1}
+    return jax.tree.map(lambda x: x[0], follow_all(row_of(p)[None], [pieces], *one, **limits)[0])
 
 
 def _start(y0: ArrayLike) -> Any:
     checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
-    return jnp.asarray(y0, dtype=jnp.float64)
-
-
-def _status(found: Any) -> Status:
-    from tpd.exact.follow import STATUSES
-
-    every = [getattr(Status, name) for name in STATUSES]
-    status = jax.tree.map(lambda *x: jnp.stack(x)[found.status.astype(int)], *every)
-    # On one side of such a motion there is an event more: it has no derivative.
-    touched = (status == Status.rocked) & (found.transversality < GRAZING)
-    return Status.where(touched, Status.grazing, status)
+    return checks.namespace(*jax.tree.leaves(y0)).asarray(y0, dtype=np.float64)

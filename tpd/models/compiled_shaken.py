@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from tpd.core.parameters import Number, Parameters, State
 from tpd.exact.derivatives import moved, once
 from tpd.models.calling import Compiled, shape
-from tpd.models.compiled_linear import EXACT, changed, packed, settings_of
+from tpd.models.compiled_linear import EXACT, changed, fields, packed, settings_of
 from tpd.models.rows import shared
 
 _AT_END = 1e-12
@@ -146,6 +146,14 @@ def results(angles: Any, end: Any, still: Any) -> Followed:
     """Motions from what `_followed` gives; `still` are all results."""
     sizes, counted = [angles[..., k] for k in range(3)], [still[..., k] for k in range(11, 16)]
     return Followed._make((*sizes, still[..., 1:6:2], end[..., :4], end[..., 4], *counted))
+
+
+def row_of(p: Parameters) -> Float[np.ndarray, "9"]:
+    """Known parameters of `Scene.ground_parameters` as the compiled code takes them: with the duration of a
+    piece in the place of the frequency."""
+    x = np.array(fields(p), dtype=float)
+    x[6] = 2.0 * np.pi / x[6]
+    return x
 
 
 def follow_all(
