@@ -43,12 +43,13 @@ from tests.reference import (
     solver,
 )
 from tpd import Block, Harmonic, Pendulum, Piecewise, Scene, Smoothed, Status, Terms, status_name
-from tpd.analysis.period_map import KNOWN, TRACED, Orbit
+from tpd.analysis.period_map import Orbit
 from tpd.analysis.steady_state import _verdict
 from tpd.core.equations import smoothed_rates
 from tpd.core.orbit_terms import STATUSES
 from tpd.core.parameters import as_arrays
-from tpd.core.status import SETTLED, index_of
+from tpd.core.status import SETTLED, index_of, names_of
+from tpd.exact import repetition, steady
 from tpd.exact.mode_kinds import LANDING
 from tpd.exact.symmetric_orbit_kernel import _status
 from tpd.models import compiled_linear
@@ -237,18 +238,26 @@ def test_next_to_a_grazing_the_gradient_is_refused_by_name():
     assert among(TOUCHING, "f", np.array([b.value * (1.0 + 1e-6)])).status[0, 1] == "no_orbit"
 
 
-def judged(on: Any, **what: float) -> Any:
-    """Number of what `steady_state` calls a motion that repeats, of which all else is in order."""
-    usual = {"transversality": 1.0, "residual": 0.0, "multiplier": 0.5, "to_fold": 0.5, "separation": np.nan}
-    given = {name: on.xp.asarray(value) for name, value in {**usual, **what}.items()}
-    y, sizes = on.xp.asarray([0.05, 0.1, 0.0, 0.2]), on.xp.asarray([0.1, 0.2])
-    met = given["transversality"], sizes[0], on.xp.asarray(True)
-    orbit = Orbit(y, given["residual"], y, sizes, on.xp.zeros((6, 9)), on.xp.zeros((6, 4)), *met)
-    numbers = given["multiplier"], on.xp.asarray(False), given["to_fold"], given["separation"], 0.0
-    return _verdict(on, index_of("rocking"), orbit, *numbers)
+USUAL = {"transversality": 1.0, "residual": 0.0, "multiplier": 0.5, "to_fold": 0.5}
+"""Of a motion that repeats, when all is in order."""
 
 
-@pytest.mark.parametrize("on", [KNOWN, TRACED], ids=["known", "traced"])
+def by_compiled_rules(transversality, residual, multiplier, to_fold, separation=math.nan):
+    code = steady.verdict.py_func(
+        repetition.ROCKING, residual, separation, multiplier, to_fold, transversality, False
+    )
+    return steady.STATUSES[code]
+
+
+def by_traced_rules(transversality, residual, multiplier, to_fold):
+    y, sizes, one = np.array([0.05, 0.1, 0.0, 0.2]), np.array([0.1, 0.2]), np.asarray(1.0)
+    met = np.asarray(transversality), one, np.asarray(True)
+    orbit = Orbit(y, np.asarray(residual), y, sizes, np.zeros((6, 9)), np.zeros((6, 4)), *met)
+    code = _verdict(index_of("rocking"), orbit, np.asarray(multiplier), np.asarray(False), to_fold, 0.0)
+    return names_of(jax.tree.unflatten(jax.tree.structure(Status.failed), [code]))
+
+
+@pytest.mark.parametrize("rules", [by_compiled_rules, by_traced_rules], ids=["compiled", "traced"])
 @pytest.mark.parametrize(
     ("what", "status"),
     [
@@ -260,11 +269,14 @@ def judged(on: Any, **what: float) -> Any:
         ({"multiplier": 1.001}, "unstable"),
         ({"residual": 1e-7}, "not_settled"),
         ({"residual": np.nan}, "not_settled"),
-        ({"separation": 0.1}, "aperiodic"),
     ],
 )
-def test_the_verdict_has_a_name_for_each_loss(on, what, status):
-    assert judged(on, **what) == index_of(status)
+def test_the_verdict_has_a_name_for_each_loss(rules, what, status):
+    assert rules(**{**USUAL, **what}) == status
+
+
+def test_motions_that_part_from_their_neighbours_are_aperiodic():
+    assert by_compiled_rules(**USUAL, separation=0.1) == "aperiodic"
 
 
 # Sticking and rattling

@@ -70,7 +70,7 @@ _STATUS = "the_verdict_has_a_name_for_each_loss"
 _LOST = "an_orbit_about_to_be_lost_has_a_name"
 _OVERTURNS = "an_overturning_has_a_status_and_no_gradient"
 _SADDLE = "starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name"
-_ORBITS, _STEADY = "exact/symmetric_orbit_kernel:_status", "analysis/steady_state:_verdict"
+_ORBITS, _STEADY = "exact/symmetric_orbit_kernel:_status", "exact/steady:verdict"
 _SETTLED = "models/settling:Record.settled"
 GUARDS = (
     Guard(
@@ -84,20 +84,20 @@ GUARDS = (
         "fold",
         "steady_state: near_fold",
         _STEADY,
-        never("near_fold"),
-        _atlas(_STATUS + "[traced-what3-near_fold]"),
+        never("FOLD"),
+        _atlas(_STATUS + "[what3-near_fold-compiled]"),
     ),
     Guard(
         "breaking of symmetry",
         "steady_state: unstable where a multiplier exceeds 1",
         _STEADY,
-        never("unstable"),
-        _atlas(_STATUS + "[traced-what5-unstable]"),
+        never("UNSTABLE"),
+        _atlas(_STATUS + "[what5-unstable-compiled]"),
     ),
     Guard(
         "breaking of symmetry",
         "steady_state: symmetric only if it leans to neither side",
-        "analysis/steady_state:_judged",
+        "exact/steady:steady_state",
         without_term("symmetric", "asymmetry"),
         _atlas("a_motion_that_leans_is_not_called_symmetric"),
     ),
@@ -112,8 +112,8 @@ GUARDS = (
         "grazing",
         "steady_state: grazing where an event is met too gently",
         _STEADY,
-        never("grazing"),
-        _atlas(_STATUS + "[traced-what1-grazing]"),
+        never("GRAZED"),
+        _atlas(_STATUS + "[what1-grazing-compiled]"),
     ),
     Guard(
         "onset of sticking",
@@ -136,9 +136,9 @@ GUARDS = (
         "period three and chaos",
         "steady_state: aperiodic where neighbours part",
         _STEADY,
-        never("aperiodic"),
+        never("WANDERS"),
         _atlas(
-            _STATUS + "[traced-what8-aperiodic]",
+            "motions_that_part_from_their_neighbours_are_aperiodic",
             "the_gradient_through_a_chaotic_simulation_grows_at_the_reported_rate",
         ),
     ),
@@ -153,8 +153,8 @@ GUARDS = (
         "motion that does not repeat",
         "steady_state: not_settled where Newton's method has not closed the orbit",
         _STEADY,
-        never("not_settled"),
-        _atlas(_STATUS + "[traced-what6-not_settled]"),
+        never("NOT_SETTLED"),
+        _atlas(_STATUS + "[what6-not_settled-compiled]"),
     ),
     Guard(
         "overturning",
@@ -171,14 +171,14 @@ GUARDS = (
         "overturning, all but",
         "steady_state: unstable on the saddle between rocking and overturning",
         _STEADY,
-        never("unstable"),
+        never("UNSTABLE"),
         _atlas(_SADDLE),
     ),
     Guard(
         "no derivative without an orbit",
         "steady_state: derivatives only of what is settled and attracts",
-        "analysis/steady_state:_answers",
-        without_nan("slopes"),
+        "exact/steady:steady_state",
+        without_term("isolated", "rocks"),
         (
             *_atlas(_SADDLE),
             *test_ids("compiled_linear", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"),
@@ -197,8 +197,8 @@ GUARDS = (
     Guard(
         "slow shaking",
         "steady_state: event_bound where the period of a resting block was cut short",
-        "analysis/steady_state:_judged",
-        never("event_bound"),
+        "exact/steady:steady_state",
+        never("EVENT_BOUND"),
         _atlas("a_period_too_long_to_be_followed_is_told"),
     ),
     Guard(

@@ -71,10 +71,10 @@ def _is_where(node: ast.AST) -> bool:
 
 
 def _gives(node: ast.AST, status: str) -> bool:
-    """Whether a node is a status by its name: an attribute, a text, or a call with the text."""
+    """Whether a node is a status by its name: an attribute, a text, a call with the text, a number's name."""
     if isinstance(node, ast.Call) and len(node.args) == 1:
         node = node.args[0]
-    return status in (getattr(node, "attr", None), getattr(node, "value", None))
+    return status in (getattr(node, name, None) for name in ("attr", "value", "id"))
 
 
 def _within_assignment(variable: str, mutation: Mutation) -> Mutation:

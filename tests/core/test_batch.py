@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tpd import Parameters, Status, in_chunks, steady_state, symmetric_orbits
+from tpd import Parameters, Smoothed, Status, in_chunks, steady_state
 from tpd.core.batch import CHUNK, UNEVEN, aside, prepare
 from tpd.core.batch import _chunk as default_chunk
 
@@ -146,14 +146,14 @@ def test_elements_of_uneven_work_do_not_wait_for_a_whole_chunk_of_others():
     assert default_chunk(answer, X) == CHUNK
 
 
-def test_the_default_chunk_knows_steady_states_from_orbits():
+def test_the_default_chunk_knows_loops_of_programs_from_compiled_code():
     p = {"f": np.array([0.3, 0.4])}
 
     def with_forcing(f):
         return Parameters(nu=0.25, mu=0.1, lam=0.4, zeta=0.2, k=0.05, f=f, xi=3.0)
 
-    assert default_chunk(lambda x: steady_state(with_forcing(x["f"])), p) == UNEVEN
-    assert default_chunk(lambda x: symmetric_orbits(with_forcing(x["f"])), p) == CHUNK
+    assert default_chunk(lambda x: steady_state(with_forcing(x["f"]), model=Smoothed()), p) == UNEVEN
+    assert default_chunk(lambda x: steady_state(with_forcing(x["f"])), p) == CHUNK
 
 
 def test_an_error_of_the_function_is_not_swallowed():

@@ -298,7 +298,8 @@ def _by_engine(x: list[Any], model: Piecewise, y0: Any) -> tuple[_Answer, Any]:
     out = solve(wide, start, model.limits, known=known)
     code, periods, symmetric, elapsed = out[8:12]
     whole = int if known else partial(jnp.asarray, dtype=int)
-    status = xp.asarray(_statuses())[whole(code)]
+    # An array, by which equinox looks up the message of a status.
+    status = xp.asarray(xp.asarray(_statuses())[whole(code)])
     about = whole(periods), out[6], symmetric == 1.0, out[7], out[2:6], whole(elapsed)
     return _Answer(out[0], out[1], status, *about), out[12:].reshape(6, 9)
 

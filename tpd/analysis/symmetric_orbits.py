@@ -148,8 +148,8 @@ def _described_jvp(primals: tuple, tangents: tuple) -> tuple[Any, Any]:
     moves = {}
     # A program computes those that it needs.
     for asked, names in ASKED.items():
-        slopes = _SLOPES[asked](x, numbers).swapaxes(-1, -2)
-        moves |= {name: moved(slopes[:, SIZES[name]], direction, x) for name in names}
+        change = moved(_SLOPES[asked](x, numbers).swapaxes(-1, -2), direction, x)
+        moves |= {name: change[:, SIZES[name]] for name in names}
     unknown = moved(np.full(len(x), np.nan), direction, x)
     for name in _UNKNOWN:
         moves[name] = jnp.broadcast_to(unknown, leaves[name].shape)

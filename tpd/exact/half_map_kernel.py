@@ -13,12 +13,12 @@ import math
 
 from numba.extending import register_jitable
 
-from tpd.core.orbit_terms import is_neutral
+from tpd.core import orbit_terms
 from tpd.exact.arcs import Instant, state_at
 from tpd.exact.plant import compiled
 
-neutral = register_jitable(inspect.unwrap(is_neutral))
-"""`is_neutral` in compiled code, without what checks its types in tests."""
+is_neutral = register_jitable(inspect.unwrap(orbit_terms.is_neutral))
+"""`orbit_terms.is_neutral` in compiled code, without what checks its types in tests."""
 
 
 @compiled

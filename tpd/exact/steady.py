@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from tpd.core.orbit_terms import APERIODIC, GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC
-from tpd.exact.half_map_kernel import characteristic, neutral, put_roots
+from tpd.exact.half_map_kernel import characteristic, is_neutral, put_roots
 from tpd.exact.legs import INPUTS, STATE
 from tpd.exact.motion import put
 from tpd.exact.near_orbits import Limits, cycle, eliminate, finite
@@ -159,6 +159,21 @@ def _multipliers(q, by):
 
 
 @compiled
+def verdict(begun, residual, separation, multiplier, to_fold, crossing, neutral):
+    """Number of the status of a motion, from that with which following it has ended, and from what Newton's
+    method on its period map has found."""
+    # From the weakest statement to the strongest: each line overrules those above it. Stability comes first,
+    # because its numbers mean nothing if an event was grazed, next to a fold, or off an orbit.
+    moving = begun in (ROCKING, STICKING)
+    status = UNSTABLE if moving and multiplier > 1.0 else begun
+    status = NEUTRAL if moving and neutral else status
+    status = GRAZED if moving and crossing < GRAZING else status
+    status = FOLD if moving and to_fold < 2.0 * NEAR_FOLD else status
+    status = NOT_SETTLED if moving and not residual < RESIDUAL else status
+    return WANDERS if separation > APERIODIC else status
+
+
+@compiled
 def _put_isolated(c, y, out):
     """Put the sizes of an isolated orbit after one more Newton step into `out`, and all slopes."""
     # y*(p) = P(y*(p), p), hence dy*/dp = (I - DP)^-1 dP/dp, however long the transient was; both sizes are
@@ -203,12 +218,11 @@ def steady_state(x, y0, s, own, out):
         return
     begun, periods, out.elapsed = settle(x, q, m, own.rooms[0], own.readers[0], s, 0.0, 0.0, floats)
     put(m.y, y)
-    status, residual, separation, multiplier, to_fold = begun, math.inf, math.nan, math.inf, 1.0
-    moving = begun in (ROCKING, STICKING)
+    residual, separation, multiplier, to_fold = math.inf, math.nan, math.inf, 1.0
     c.amplitude, c.stroke, c.crossing, c.asymmetry = floats[4], floats[5], math.inf, math.inf
     limits = Limits(s.rest_rate * q.nu, int(s.events), periods)
     # There is nothing to be said of a motion that is lost.
-    if moving or begun in (AT_REST, NOT_SETTLED):
+    if begun in (ROCKING, STICKING, AT_REST, NOT_SETTLED):
         put_plants(x, own.readers[0].plants)
         for i in range(6):
             for j in range(INPUTS):
@@ -218,33 +232,24 @@ def steady_state(x, y0, s, own, out):
         else:
             residual = _find_orbit(q, m, own, limits, y)
         multiplier, to_fold = _multipliers(q, c.by)
-    # From the weakest statement to the strongest: each line overrules those above it. Stability comes first,
-    # because its numbers mean nothing if an event was grazed, next to a fold, or off an orbit.
-    if moving:
-        if multiplier > 1.0:
-            status = UNSTABLE if math.isfinite(multiplier) else FAILED
-        if neutral(q.k, q.e, q.mu, q.zeta, multiplier):
-            status = NEUTRAL
-        if c.crossing < GRAZING:
-            status = GRAZED
-        if to_fold < 2.0 * NEAR_FOLD:
-            status = FOLD
-        if not residual < RESIDUAL:
-            status = NOT_SETTLED
-    if separation > APERIODIC:
-        status = WANDERS
+    neutral = is_neutral(q.k, q.e, q.mu, q.zeta, multiplier)
+    status = verdict(begun, residual, separation, multiplier, to_fold, c.crossing, neutral)
     # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
     # unless it has more steps than that may take.
-    if begun == AT_REST and q.zeta > 0.0 and not math.isfinite(residual):
-        status = EVENT_BOUND
-    if not (finite(y) or status == OVERTURNED):
-        status = FAILED
+    endless = q.zeta > 0.0 and not math.isfinite(residual)
+    status = EVENT_BOUND if begun == AT_REST and endless else status
+    # Without a finite derivative of the period map nothing can be said about stability.
+    unsaid = status == UNSTABLE and not math.isfinite(multiplier)
+    status = FAILED if unsaid or not (finite(y) or status == OVERTURNED) else status
     # The tilt at which friction holds a block is a state next to which it is held as well.
     multiplier = 1.0 if status == HELD else multiplier
     rests, rocks = status == AT_REST, status in (ROCKING, STICKING)
     marginal, singular = status in (UNSTABLE, NEUTRAL), status in (FOLD, GRAZED)
     periodic, span = rocks or rests or marginal, periods * 2.0 * math.pi / q.xi
-    if (rocks or rests) and multiplier < 1.0 and not (rests and q.zeta == 0.0):
+    # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
+    ringing = rests and q.zeta == 0.0
+    isolated = (not ringing) & (rocks | rests)
+    if isolated:
         _put_isolated(c, y, out)
     elif marginal or singular or status == WANDERS:
         # I - DP may be singular: the sizes are those of the orbit as it was found, or, of a motion that did
@@ -263,8 +268,8 @@ def steady_state(x, y0, s, own, out):
     out.lyapunov = separation
     if periodic:
         out.lyapunov = math.log(multiplier) / span if multiplier > 0.0 else -math.inf
-    if periodic and periods % 2 == 1 and c.asymmetry < SYMMETRIC:
-        out.symmetric = 1.0
+    symmetric = periodic & (periods % 2 == 1) & (c.asymmetry < SYMMETRIC)
+    out.symmetric = 1.0 if symmetric else 0.0
     if periodic or status == HELD or singular:
         out.multiplier = multiplier
     out.status, out.periods = status, periods

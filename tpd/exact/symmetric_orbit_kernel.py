@@ -27,7 +27,7 @@ from tpd.exact.events import (
     watch_block,
     watch_turns,
 )
-from tpd.exact.half_map_kernel import characteristic, determinants, neutral, put_half_map, put_roots
+from tpd.exact.half_map_kernel import characteristic, determinants, is_neutral, put_half_map, put_roots
 from tpd.exact.half_period_kernel import half, motion, solution_at, state_after
 from tpd.exact.mode_kinds import SLIP
 from tpd.exact.motion import ROOM
@@ -94,7 +94,7 @@ def _status(q, largest, nearest, grazing):
         return _NEAR_FOLD
     if grazing < GRAZING:
         return _GRAZES
-    if neutral(q.k, q.e, q.mu, q.zeta, largest):
+    if is_neutral(q.k, q.e, q.mu, q.zeta, largest):
         return _NEUTRAL
     return _ROCKING if largest < 1.0 else _UNSTABLE
 

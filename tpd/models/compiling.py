@@ -91,12 +91,12 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
 def load(module: str) -> None:
     """Import a module with compiled code, made by another process if that was begun. What that had to say,
     such as that stored code was damaged, is said."""
-    if module in sys.modules:
-        return
-    if module in _running:
-        process, said = _running.pop(module)
+    begun = _running.pop(module, None)
+    if begun is not None:
+        process, said = begun
         process.wait()
         said.seek(0)
         for line in said.read().decode(errors="replace").splitlines():
             warnings.warn(line, stacklevel=2)
+    # Where another thread is importing it, this waits for that.
     import_module(module)
