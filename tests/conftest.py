@@ -2,6 +2,7 @@
 
 import gc
 import os
+import warnings
 from importlib import import_module
 from pathlib import Path
 
@@ -38,7 +39,10 @@ def pytest_configure(config):
     if config.option.numprocesses and not hasattr(config, "workerinput"):
         Path(COMPILED).mkdir(parents=True, exist_ok=True)
         entries = *compiling.HARMONIC, *compiling.GROUND
-        compiling.compile_beside(Path(COMPILED), entries)
+        with warnings.catch_warnings():
+            # Code that was edited is made anew, which need not be said.
+            warnings.simplefilter("ignore")
+            compiling.compile_beside(Path(COMPILED), entries)
 
 
 TESTS = Path(__file__).parent

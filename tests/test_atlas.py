@@ -242,7 +242,7 @@ USUAL = {"transversality": 1.0, "residual": 0.0, "multiplier": 0.5, "to_fold": 0
 """Of a motion that repeats, when all is in order."""
 
 
-def by_compiled_rules(transversality, residual, multiplier, to_fold, separation=math.nan):
+def by_compiled_rules(transversality, residual, multiplier, to_fold, separation=np.nan):
     code = steady.verdict.py_func(
         repetition.ROCKING, residual, separation, multiplier, to_fold, transversality, False
     )
