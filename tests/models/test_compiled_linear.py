@@ -133,6 +133,18 @@ def test_with_another_device_about_the_processor_still_runs_the_compiled_code(mo
     np.testing.assert_array_equal(ours, theirs)
 
 
+@pytest.mark.mends("a program of a batch of thousands waited for ever")
+def test_a_batch_of_thousands_is_one_call():
+    def amplitude(f):
+        return steady_state(Parameters(nu=0.25, mu=0.1, lam=0.5, zeta=0.1, k=0.05, f=f, xi=2.5)).amplitude
+
+    forcing = jnp.linspace(0.2, 0.3, 4096)
+    values, slopes = jax.jit(jax.vmap(jax.value_and_grad(amplitude)))(forcing)
+    for i in (0, 1700, 4095):
+        value, slope = jax.value_and_grad(amplitude)(float(forcing[i]))
+        assert (values[i], slopes[i]) == (value, slope)
+
+
 def test_without_the_custom_call_the_host_answers(monkeypatch):
     x, y = box(6, seed=10)
 
