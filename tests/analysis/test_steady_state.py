@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 
 from tests.reference import HUNG, REST, STILL, exact, parameters, smoothed
-from tpd import Parameters, Piecewise, Smoothed, Status, simulate, status_name, steady_state
+from tpd import (
+    Parameters,
+    Piecewise,
+    Smoothed,
+    Status,
+    simulate,
+    status_name,
+    steady_state,
+    symmetric_orbits,
+)
+from tpd.analysis.symmetric_orbits import all_symmetric_orbits
 from tpd.closed_form import uplift
 
 MODELS = [pytest.param(Piecewise(), exact, id="piecewise"), pytest.param(Smoothed(), smoothed, id="smoothed")]
@@ -200,3 +210,27 @@ def test_compiled_rules_are_those_of_every_model():
         assert status == status_name(theirs[1].status)
         jax.tree.map(partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-11), ours, theirs)
     assert set(found) == {"rocking", "sticking", "rest", "held", "overturned", "aperiodic"}
+
+
+@pytest.mark.mends("derivatives in a start were always zero")
+def test_numbers_of_any_type_and_starts_have_derivatives():
+    def settled(mu, k=0.0, y0=(0.0, 0.0, 0.0, 0.0), zeta=0.1):
+        p = Parameters(nu=0.25, mu=mu, lam=0.5, zeta=zeta, k=k, f=0.3, xi=2.5)
+        return steady_state(p, y0=jnp.asarray(y0))
+
+    slope = jax.grad(lambda mu: settled(mu).amplitude)
+    assert slope(jnp.float32(0.2)) == pytest.approx(float(slope(0.2)), rel=1e-5)
+    assert jax.jit(jax.grad(lambda mu, k: settled(mu, k).amplitude))(0.2, 0) == slope(0.2) != 0.0
+    in_start = jax.grad(lambda y0, k, zeta: settled(0.2, k, y0, zeta).stroke)
+    np.testing.assert_array_equal(in_start(jnp.zeros(4), 0.0, 0.1), 0.0)
+    # Nothing damps the bob of a block at rest: its reach is that of the start.
+    assert np.isnan(in_start(jnp.array([0.0, 0.05, 0.0, 0.0]), 1.0, 0.0)).all()
+
+
+def test_a_batch_without_vmap_is_refused_in_a_sentence():
+    p = Parameters(nu=0.25, mu=np.array([0.1, 0.2]), lam=0.5, zeta=0.1, k=0.05, f=0.3, xi=2.5)
+    for solve in (steady_state, symmetric_orbits):
+        with pytest.raises(ValueError, match="`p` must be single numbers"):
+            solve(p)
+    with pytest.raises(ValueError, match=r"must have shape \(n,\), but the batch has shape \(\)"):
+        all_symmetric_orbits(Parameters(nu=0.25, mu=0.1, lam=0.5, zeta=0.1, k=0.05, f=0.3, xi=2.5))

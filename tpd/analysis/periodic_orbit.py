@@ -3,7 +3,7 @@
 A simulation says in which order the events of one period come; the orbit with that order is then the
 solution of closed-form equations (`tpd.models.multiple_shooting`), whether it attracts or repels. So an
 orbit can be followed where no simulation stays near it, and its derivatives follow from the implicit function
-theorem. All of it is computed on the host, in programs of JAX by a call back.
+theorem. All of it is computed on the host; programs of JAX call back.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ class Steady(eqx.Module):
     """Whether the motion is its own mirror image half a period of it later."""
     lyapunov: Number
     """Rate, per unit tau, at which neighbouring motions separate (negative: approach). Of a periodic
-    motion exact; of one that does not repeat an estimate; NaN where neither applies."""
+    motion exact; of one that does not repeat an estimate, by `Piecewise` alone; NaN where neither applies."""
     state: Float[Array, "... 4"]
     """(phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
     elapsed: Int[Array, "..."]
@@ -228,6 +228,8 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     # Value and slopes come first and are joined here: forward and reverse mode, at any nesting, then cost one
     # product with the slopes and never run through the loops that found the orbit.
     values = fields(p)
+    if any(getattr(x, "ndim", 0) for x in values):
+        raise ValueError("`p` must be single numbers: `jax.vmap` and `tpd.in_chunks` take batches")
     known, *still = all(map(checks.is_concrete, values)), *map(_still, values)
     start = _still(y0)
     if type(model) is Piecewise:
@@ -236,7 +238,8 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
         x: Any = np.array(still, dtype=float) if all(map(checks.is_concrete, still)) else packed_of(still)
         # `eqx.filter_jit` sorts the leaves in Python at every call. A model without numbers needs none of it.
         answer, slopes = (_solved_with if jax.tree.leaves(model) else _solved_by)(x, model, start)
-    return _steady(answer if known else _joined(values, answer, slopes))
+    known &= checks.is_concrete(y0)
+    return _steady(answer if known else _joined((*values, *y0), answer, slopes))
 
 
 def _still(x: Any) -> Any:
@@ -279,13 +282,13 @@ _DEPENDING = "amplitude", "stroke", "state", "multiplier", "lyapunov", "estimate
 
 def _joined(values: tuple, answer: _Answer, slopes: Any) -> _Answer:
     """An answer whose numbers depend on parameters, with these slopes of amplitude, stroke and state."""
-    # What is a number where nothing is traced need not be differentiated in.
+    # What is known need not be differentiated in. An orbit that is settled does not move with the start.
     moving = [i for i, x in enumerate(values) if not checks.is_concrete(x)]
     unknown = np.full(len(moving), np.nan)
-    by = [slopes[:, i] for i in moving]
+    by = [slopes[:, i] if i < 9 else 0.0 * slopes[:, 0] for i in moving]
     numbers = tuple(getattr(answer, name) for name in _DEPENDING)
     rows = *([s[k] for s in by] for k in range(2)), [s[2:] for s in by], unknown, unknown, unknown
-    found = joined(tuple(values[i] for i in moving), numbers, rows)
+    found = joined(tuple(jnp.asarray(values[i], dtype=jnp.float64) for i in moving), numbers, rows)
     return answer._replace(**dict(zip(_DEPENDING, found, strict=True)))
 
 

@@ -86,11 +86,15 @@ def symmetric_orbits(p: Parameters) -> Orbits:
     those.
 
     Raises:
+        ValueError: bad input.
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
     check_parameters(p)
-    return _orbits(_described(compiled_orbits.row_of(p))[1])
+    x = compiled_orbits.row_of(p)
+    if x.ndim > 1:
+        raise ValueError("`p` must be single numbers: `jax.vmap` and `all_symmetric_orbits` take batches")
+    return _orbits(_described(x)[1])
 
 
 def all_symmetric_orbits(
@@ -100,7 +104,7 @@ def all_symmetric_orbits(
     without derivatives.
 
     Args:
-        p: known parameters, of shape (n,) or single numbers for all.
+        p: known parameters, at least one of shape (n,), single numbers for all.
         workers: threads; default the number of cores.
         progress: called with (designs done, of how many) now and then.
 

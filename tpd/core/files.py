@@ -115,25 +115,26 @@ def check_own(folder: Path) -> None:
     if not folder.is_absolute():
         raise OSError(f"there is no home for {folder}; {other}")
     try:
-        for path in (folder.parent, folder):
-            path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        for path in (*reversed(folder.parents), folder):
+            # Made one by one: of several at once only the last would have these rights.
+            path.mkdir(mode=0o700, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
-            place = folder.resolve()
+            home = folder.resolve()
     except OSError as error:
         raise OSError(f"{folder} cannot be written to ({error.strerror}); {other}") from None
-    if not belongs(place):
-        raise OSError(f"{place} is another user's; {other}")
-    for path in (place, *place.parents) if hasattr(os, "getuid") else ():
+    if not belongs(home):
+        raise OSError(f"{home} is another user's; {other}")
+    for path in (home, *home.parents) if hasattr(os, "getuid") else ():
         about = path.stat()
         # A group with the number of its owner has no other members.
         others = stat.S_IWOTH | (stat.S_IWGRP if about.st_gid != about.st_uid else 0)
         # Within a sticky folder others can neither rename nor remove what is not theirs.
-        if about.st_mode & others and (path == place or not about.st_mode & stat.S_ISVTX):
+        if about.st_mode & others and (path == home or not about.st_mode & stat.S_ISVTX):
             raise OSError(f"others may write to {path}; `chmod go-w {path}`, or {other}")
 
 
 def say_unkept(why: Exception) -> None:
-    """Warn, once a process, that compiled code is not kept, with the reason and what to do about it."""
+    """Warn, once for each reason, that compiled code is not kept, with the reason and what to do about it."""
     if str(why) not in _SAID:
         _SAID.add(str(why))
         warnings.warn(f"compiled code is not kept, so that every run compiles anew: {why}", stacklevel=3)

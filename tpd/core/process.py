@@ -28,7 +28,7 @@ def use_64_bits() -> Path | None:
     Compiled programs are kept for later runs, in the user's cache or where `JAX_COMPILATION_CACHE_DIR` says.
 
     Returns:
-        The folder in which they are kept; None where no folder can be written to.
+        The folder in which they are kept; None where there is none that is the user's alone.
     """
     if "equinox" not in sys.modules:
         # diffrax looks for times out of order. With this setting such a time is NaN; otherwise the program
@@ -71,16 +71,22 @@ def _keep_whole(cache: Path) -> None:
     """
     notes, checksums = cache / "checksums", {}
     noted: dict[str, str] | None = {}
-    with contextlib.suppress(FileNotFoundError):
+    try:
         noted = json.loads(files.unsealed(notes.read_bytes()) or "null")
+    except FileNotFoundError:
+        pass
+    except OSError:
+        noted = None
     damaged = noted is None
     for path in cache.glob("*-cache"):
         with contextlib.suppress(OSError):
             content = path.read_bytes()
             checksum = hashlib.sha256(content).hexdigest()
-            if noted and path.name in noted:
+            if not files.belongs(path):
                 # What others have written before they lost the right to is not executed.
-                sound = noted[path.name] == checksum and files.belongs(path)
+                sound = False
+            elif noted and path.name in noted:
+                sound = noted[path.name] == checksum
             else:
                 # Of a process that was killed, or not of this package; or it is being written just now.
                 sound = _unpacks(content)

@@ -70,8 +70,10 @@ def solve_all(
     """Orbits of the designs `x` (n, 9), on all cores: records (n, 3), the largest first.
 
     Raises:
-        ValueError: workers below one.
+        ValueError: workers below one, or no batch.
     """
+    if x.ndim != 2 or not len(x):
+        raise ValueError(f"numbers of `p` must have shape (n,), but the batch has shape {x.shape[:-1]}")
     entry, orbits = load(), np.empty((len(x), int(load().ORBITS)), load().ORBIT)
     _on_all_cores(_settings(entry.SOLVE), workers, progress, np.ascontiguousarray(x, dtype=float), orbits)
     return orbits

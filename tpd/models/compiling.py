@@ -22,7 +22,7 @@ from tpd.core import files
 HARMONIC = ("tpd.models.orbit_entry", "tpd.models.exact_entry", "tpd.models.nonlinear_entry")
 """Modules with the compiled code of motions under a harmonic."""
 GROUND = ("tpd.models.exact_entry", "tpd.models.nonlinear_entry")
-"""Modules of motions under pulses and records, but for the one that each command compiles itself."""
+"""Modules of motions under pulses and records."""
 _COMMAND = """
 import sys, warnings
 sys.excepthook = lambda *_: None
@@ -91,10 +91,11 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
 def load(module: str) -> None:
     """Import a module with compiled code, made by another process if that was begun. What that had to say,
     such as that stored code was damaged, is said."""
-    begun = _running.pop(module, None)
-    if begun is not None:
-        process, said = begun
-        process.wait()
+    if begun := _running.get(module):
+        begun[0].wait()
+    # Of several threads that wait, one repeats what was said.
+    if begun and _running.pop(module, None):
+        said = begun[1]
         said.seek(0)
         for line in said.read().decode(errors="replace").splitlines():
             warnings.warn(line, stacklevel=2)

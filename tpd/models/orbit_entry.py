@@ -33,7 +33,7 @@ SETTINGS, SURVEYED = np.int64(4), SAMPLES + 3
 def _run(a, first, last):
     """Rows of a task, each with its settings and parameters. The others are, operands first: orbits of
     `solve`; orbits, directions and slopes of `differentiate`, whose settings are (what, number of directions,
-    first size, last but one); (t, gamma, s), numbers and derivatives of `vanishing`; the same and
+    first size, the one after the last); (t, gamma, s), numbers and derivatives of `vanishing`; the same and
     numbers of `survey`."""
     s, x, work = table(a[0], last, SETTINGS), table(a[1], last, 9), np.empty(1, WORK)
     what, count = s[0, 0], int(s[0, 1])

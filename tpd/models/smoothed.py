@@ -69,7 +69,6 @@ class Smoothed(AbstractModel):
     """Bound on the solver steps of one forcing period."""
     samples: int = eqx.field(default=64, static=True, kw_only=True)
     """Samples of one settled period, among which turning points are bracketed."""
-    """The separation of neighbours is not measured by default: the exact model does it faster."""
 
     def __check_init__(self) -> None:
         checks.within("sharpness", self.sharpness, 1e-6, 1.0)
