@@ -134,4 +134,4 @@ def test_a_model_that_does_not_fit_is_one_sentence():
         (tpd.Segmented, "the class itself"),
     ):
         with pytest.raises(ValueError, match=words):
-            _followed(model, scene.ground_parameters(), None)
+            _followed(model, scene.ground_parameters(), None, known=False)
