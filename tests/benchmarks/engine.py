@@ -3,8 +3,8 @@
     .venv/bin/pip install --quiet --editable '.[benchmarks]' && .venv/bin/python -m tests.benchmarks.engine
 
 Prints Markdown tables: designs a second and how they grow with the batch, the ratios to SciPy and
-Numba, memory against the chunk size, and what share of the time is arithmetic. `--quick` stops at
-batches of 10^4. Takes about ten minutes on two cores; leave the machine alone meanwhile.
+Numba, and memory against the chunk size. `--quick` stops at batches of 10^4. Takes some six minutes on two
+slow cores; leave the machine alone meanwhile.
 """
 
 import argparse
@@ -23,11 +23,10 @@ import numpy as np
 
 jax.config.update("jax_enable_x64", True)
 
-from tests.benchmarks import arithmetic, peers  # noqa: E402
+from tests.benchmarks import peers  # noqa: E402
 from tests.benchmarks.tables import table, timed  # noqa: E402
 from tests.reference import HUNG, parameters  # noqa: E402
 from tpd import Piecewise, in_chunks, symmetric_orbits  # noqa: E402
-from tpd.core.batch import CHUNK  # noqa: E402
 from tpd.core.parameters import as_arrays  # noqa: E402
 from tpd.models.batches import settle_all  # noqa: E402
 
@@ -164,28 +163,6 @@ def resident(kind):
         return next(float(line.split()[1]) / 1e3 for line in file if line.startswith(kind))
 
 
-def shares():
-    """What the arithmetic of a chunk alone would cost, and what it does."""
-    x = batch(CHUNK)
-    run = jax.jit(jax.vmap(describe))
-    jax.block_until_ready(run(x))
-    seconds = timed(lambda: run(x), 15)
-    counts = arithmetic.count(jax.vmap(describe), x)
-    costs = arithmetic.costs()
-    rows = [
-        (
-            kind,
-            f"{counts[kind] / CHUNK:,.0f}",
-            f"{1e9 * costs[kind]:.2f}",
-            f"{1e6 * counts[kind] * costs[kind] / CHUNK:.2f}",
-        )
-        for kind in costs
-    ]
-    table(("operation", "per design", "ns each, in cache", "us per design"), rows)
-    share = 100.0 * sum(counts[kind] * costs[kind] for kind in costs) / seconds
-    print(f"\nOne core: {1e6 * seconds / CHUNK:.1f} us a design, of which arithmetic {share:.0f} %.")
-
-
 def main():
     """Print everything."""
     options = argparse.ArgumentParser(description=__doc__)
@@ -201,7 +178,6 @@ def main():
     sizes = (100, 1_000, 10_000) if quick else (100, 1_000, 10_000, 100_000, 1_000_000)
     orbits(sizes)
     settling(1_000 if quick else 10_000)
-    shares()
     memory(sizes[-1])
 
 

@@ -247,7 +247,7 @@ def steady_state(x, y0, s, own, out):
     marginal, singular = status in (UNSTABLE, NEUTRAL), status in (FOLD, GRAZED)
     periodic, span = rocks or rests or marginal, periods * 2.0 * math.pi / q.xi
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
-    ringing = rests and q.zeta == 0.0
+    ringing = rests and not (q.zeta > 0.0 and multiplier < 1.0)
     isolated = (not ringing) & (rocks | rests)
     if isolated:
         _put_isolated(c, y, out)
