@@ -208,7 +208,7 @@ def test_compiled_rules_are_those_of_every_model():
             assert status_name(theirs[1].status) == "not_settled"
             continue
         assert status == status_name(theirs[1].status)
-        jax.tree.map(partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-11), ours, theirs)
+        jax.tree.map(partial(np.testing.assert_allclose, rtol=1e-11, atol=1e-12), ours, theirs)
     assert set(found) == {"rocking", "sticking", "rest", "held", "overturned", "aperiodic"}
 
 

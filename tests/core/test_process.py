@@ -7,6 +7,8 @@ import sys
 import pytest
 
 from tests.damage import WAYS, damage
+from tpd.core import files, process
+from tpd.core.files import check_own
 
 CACHED = """
 import jax
@@ -108,3 +110,27 @@ def test_where_nothing_can_be_written_one_sentence_says_so(name):
     assert len(said) == 1
     assert "/proc/nowhere" in said[0]
     assert "cannot be written to" in said[0]
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files here")
+def test_folders_of_a_store_are_made_for_the_user_alone(tmp_path):
+    store = tmp_path / "home" / ".cache" / "tpd" / "compiled"
+    before = os.umask(0o002)
+    try:
+        check_own(store)
+    finally:
+        os.umask(before)
+    made = store, *store.parents[:3]
+    assert [path.stat().st_mode & 0o777 for path in made] == [0o700] * 4
+
+
+def test_what_others_wrote_is_removed_and_notes_that_cannot_be_read_end_nothing(monkeypatch, tmp_path):
+    (tmp_path / "a-cache").write_bytes(b"x")
+    monkeypatch.setattr(files, "belongs", lambda path: path.name != "a-cache")
+    with pytest.warns(UserWarning, match="were damaged, and are compiled again"):
+        process._keep_whole(tmp_path)
+    assert not (tmp_path / "a-cache").exists()
+    (tmp_path / "checksums").unlink(missing_ok=True)
+    (tmp_path / "checksums").mkdir()
+    with pytest.warns(UserWarning, match="were damaged"):
+        process._keep_whole(tmp_path)

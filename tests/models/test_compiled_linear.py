@@ -133,8 +133,8 @@ def test_with_another_device_about_the_processor_still_runs_the_compiled_code(mo
     np.testing.assert_array_equal(ours, theirs)
 
 
-@pytest.mark.mends("a program of a batch of thousands waited for ever")
 def test_a_batch_of_thousands_is_one_call():
+    # Not marked as a mended fault: the code before waited for ever.
     def amplitude(f):
         return steady_state(Parameters(nu=0.25, mu=0.1, lam=0.5, zeta=0.1, k=0.05, f=f, xi=2.5)).amplitude
 

@@ -5,6 +5,7 @@ import os
 import re
 import sys
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -27,6 +28,19 @@ def test_a_process_that_compiles_is_waited_for_and_what_it_says_is_said(monkeypa
     with pytest.warns(UserWarning, match="^it was damaged$"):
         compiling.load("lonely")
     del sys.modules["lonely"]
+
+
+def test_a_module_that_another_thread_imports_is_waited_for(monkeypatch, tmp_path):
+    (tmp_path / "slow.py").write_text("import time; time.sleep(0.3); LOADED = True")
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def loaded(_):
+        compiling.load("slow")
+        return sys.modules["slow"].LOADED
+
+    with ThreadPoolExecutor(2) as crew:
+        assert list(crew.map(loaded, range(2))) == [True, True]
+    del sys.modules["slow"]
 
 
 @pytest.mark.mends("where Numba's store is not used, or an old one is, nothing said so")
