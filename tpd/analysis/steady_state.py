@@ -43,9 +43,9 @@ class Steady(eqx.Module):
     their derivative is NaN and `status` says why. Stroke and state of a bob under a resting block have
     none either if zeta = 0: the bob rings for ever, and its reach depends on how the block came to rest.
     Nor has the stroke of a bob that hangs still, being at the corner of |psi|. The derivatives of
-    `multiplier`, `lyapunov` and `estimate` are always NaN, and so are all second ones. Those in the start are
-    zero, since a settled motion does not move with it, or NaN as the others are. At mu = 0 the stroke is that
-    of a bob too light to be felt. An overturned block has infinite amplitude and stroke.
+    `multiplier`, `lyapunov` and `estimate` are always NaN, and so are all second ones; those in the start are
+    zero where the others are numbers. At mu = 0 the stroke is that of a bob too light to be felt. An
+    overturned block has infinite amplitude and stroke.
     """
 
     amplitude: Number
