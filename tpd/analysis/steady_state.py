@@ -231,7 +231,7 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     values = fields(p)
     if any(getattr(x, "ndim", 0) for x in values):
         raise ValueError("`p` must be single numbers: `jax.vmap` and `tpd.in_chunks` take batches")
-    known, *still = all(map(checks.is_concrete, values)), *map(_still, values)
+    known, *still = all(map(checks.is_concrete, (*values, y0))), *map(_still, values)
     start = _still(y0)
     if type(model) is Piecewise:
         answer, slopes = _by_engine(still, model, start)
@@ -239,7 +239,6 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
         x: Any = np.array(still, dtype=float) if all(map(checks.is_concrete, still)) else packed_of(still)
         # `eqx.filter_jit` sorts the leaves in Python at every call. A model without numbers needs none of it.
         answer, slopes = (_solved_with if jax.tree.leaves(model) else _solved_by)(x, model, start)
-    known &= checks.is_concrete(y0)
     return _steady(answer if known else _joined((*values, *y0), answer, slopes))
 
 
