@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tpd.analysis.attractors import Starts
+from tpd.analysis.benefit import Change
 from tpd.analysis.intervals import Interval
+from tpd.core.conditions import Conditions
 from tpd.core.formatting import Printed
-from tpd.core.scene import Pendulum
+from tpd.core.scene import Pendulum, Scene
 from tpd.design.criteria import stroke_limit
 from tpd.design.question import Question
-from tpd.design.verified import Bare, LossCase, Reason, Verified
+from tpd.design.verified import GRAVE, Bare, LossCase, Reason, ReasonKind, Verified
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -104,6 +106,22 @@ class Nearest:
     broken: tuple[Reason, ...]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """One design and the bare block on one set of runs: all that a report says of shares is of these."""
+
+    runs: str
+    """Which runs they are."""
+    saved: Interval
+    """Share by which the mean tilt falls."""
+    changes: tuple[Change, ...]
+    strikes: float
+    """Share of the runs that stand in which the bob strikes a wall, on ground motions any limit is broken; NaN
+    where no room is asked for."""
+    undecided: int
+    """Pairs of runs without an answer, which are left out."""
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Design(Question, Printed):
     """The answer of `optimise`, with its question: lengths in m, masses in kg, angles in rad."""
@@ -135,6 +153,27 @@ class Design(Question, Printed):
         """Risk with the design that is offered, NaN where none is, and without a pendulum."""
         raise NotImplementedError
 
+    @property
+    def comparison(self) -> Comparison | None:
+        """The design that is offered or came nearest, on the runs that judged it; None if none came so far."""
+        raise NotImplementedError
+
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """Sentences against the design that came nearest; empty where one is offered."""
+        raise NotImplementedError
+
+    @property
+    def alike(self) -> np.ndarray | None:
+        """Least and largest (mu, lam, zeta), shape (2, 3), of designs that do as well as the one that is
+        offered, as far as the runs of the search can tell; None where that is not known."""
+        raise NotImplementedError
+
+    def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
+        """Fall of the mean tilt with the pendulum that is offered, in a changed scene, under further conditions
+        and on at most so many of the runs that judged."""
+        raise NotImplementedError
+
     def again(self, **changed: Any) -> dict[str, Any]:
         """Arguments of `tpd.optimise` that ask the question again, with some of them changed."""
         return {f.name: getattr(self, f.name) for f in fields(Question)} | changed
@@ -154,8 +193,8 @@ class HarmonicDesign(Design):
     """Designs followed from rest: by the linear equations, then by the nonlinear."""
     losses: tuple[LossCase, ...] = ()
     """The offered design under other models of the block's losses."""
-    elasticities: dict[str, float]
-    """d ln(value)/d ln(x) at the design, x one of `conditions.FACTORS`."""
+    range_alike: np.ndarray | None = None
+    """See `Design.alike`."""
     settings: dict[str, object] = field(default_factory=dict)
 
     @property
@@ -173,6 +212,44 @@ class HarmonicDesign(Design):
     def risks(self) -> tuple[float, float]:
         """See `Design.risks`."""
         return math.nan if self.winner is None else self.winner.value, self.bare.value
+
+    @property
+    def comparison(self) -> Comparison | None:
+        """See `Design.comparison`."""
+        v = self.best
+        if v is None or v.paired is None or v.benefit is None:
+            return None
+        gain, fresh = v.benefit, "" if v.chosen_by is None else "fresh "
+        seed = v.paired.hung.ensemble.seed
+        return Comparison(
+            runs=f"{gain.runs} {fresh}paired runs of the {v.paired.equations} equations, seed {seed}",
+            saved=Interval(gain.value, gain.low, gain.high),
+            changes=gain.changes,
+            strikes=v.strikes,
+            undecided=gain.undecided,
+        )
+
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """See `Design.refusals`: the gravest first, one of a kind."""
+        reasons = () if self.best is None else self.best.reasons
+        if self.status is DesignStatus.none_feasible and self.nearest is not None:
+            reasons = self.nearest.broken
+        kinds: dict[tuple[ReasonKind, str], Reason] = {}
+        for reason in reasons:
+            kinds.setdefault((reason.kind, reason.limit), reason)
+        return tuple(map(str, sorted(kinds.values(), key=lambda reason: reason.kind not in GRAVE)))
+
+    @property
+    def alike(self) -> np.ndarray | None:
+        """See `Design.alike`."""
+        return self.range_alike
+
+    def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
+        """See `Design.saved_under`."""
+        from tpd.design.build import saved_under_harmonic
+
+        return saved_under_harmonic(self, scene, more, runs)
 
     def again(self, **changed: Any) -> dict[str, Any]:
         """See `Design.again`."""

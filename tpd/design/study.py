@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -11,22 +11,18 @@ import numpy as np
 from tpd.analysis.benefit import Benefit
 from tpd.analysis.compare_models import QUICK, Check, check
 from tpd.analysis.response import Response, frequencies, settled_response
-from tpd.analysis.sensitivity import Elasticities, elasticities
 from tpd.analysis.steady_state import sampled, simulate
 from tpd.closed_form import uplift
 from tpd.core.conditions import Conditions, under
-from tpd.core.ground_motion import GroundMotion
 from tpd.core.parameters import as_arrays
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
+from tpd.design.build import Build, build_of, moved_of
 from tpd.design.by_runs import JUDGES, PairedRuns, strikes_of
 from tpd.design.criteria import Room, limit_of
-from tpd.design.earthquakes import Earthquakes, shaken
 from tpd.design.objective import geometry_of
-from tpd.design.result import DesignStatus, HarmonicDesign
-from tpd.models.base import AbstractModel
+from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.models.piecewise import Piecewise
-from tpd.models.smoothed import Smoothed
 
 if TYPE_CHECKING:
     from tpd.design.front import FrontPoint
@@ -43,7 +39,7 @@ class TimeHistory:
     """One motion from rest under the scene's own shaking, shapes (times,)."""
 
     model: str
-    """"exact" or "smoothed"."""
+    """"exact"."""
     with_pendulum: bool
     time: np.ndarray
     """s"""
@@ -80,17 +76,18 @@ class Surveyed:
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """Everything that a report shows beside the design; None where a part does not apply or was left out."""
+    """Everything that a report shows beside the design; None where a part does not apply or was left out. Of a
+    design on ground motions only what a pendulum needs to be built, and the front."""
 
+    build: Build | None = None
+    """None where no pendulum is offered."""
     histories: tuple[TimeHistory, ...] | None = None
-    """First 24 periods from rest: exact and smoothed."""
+    """First 24 periods from rest."""
     responses: tuple[Response, ...] | None = None
     """Over frequency from rest: the bare block and, if there is one, the block with the pendulum. Only for
     the scene's own shaking."""
     comparison: Check | None = None
     """The offered design by several models, under the scene's own shaking."""
-    elasticities: Elasticities | None = None
-    """Sensitivities of the motion from rest. Only for the scene's own shaking."""
     region: UpliftRegion | None = None
     usage: tuple[tuple[str, float], ...] = ()
     """Limited quantities of the best design over their limits, the largest of all conditions."""
@@ -98,19 +95,12 @@ class Study:
     surveyed: Mapping[int, Surveyed] = field(default_factory=dict)
     """Designs that the table of limits names, by their row in the first survey: motions from rest show
     neither overturning nor strikes from other starts."""
-    earthquakes: Earthquakes | None = None
-    """Records that the user named, at their own size."""
     left_out: tuple[str, ...] = ()
     """Parts that an interruption left out."""
 
 
 def study(
-    design: HarmonicDesign,
-    *,
-    front: tuple[FrontPoint, ...] = (),
-    records: Sequence[GroundMotion] = (),
-    sources: Sequence[str] = (),
-    progress: Progress | None = None,
+    design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progress | None = None
 ) -> Study:
     """Compute everything that a report shows beside the design, once.
 
@@ -120,65 +110,52 @@ def study(
     Args:
         design: the answer of `optimise`.
         front: the answer of `tpd.front`, to be shown as well.
-        records: ground motions that the design is shaken by.
-        sources: files, folders and sets that the records come from, for the report.
-        progress: called with ("responding" or "checking", units done, units in all).
+        progress: called with (stage, units done, units in all).
 
     Raises:
         RuntimeError: JAX is in 32-bit mode.
     """
+    harmonic = design if isinstance(design, HarmonicDesign) else None
+    used = () if harmonic is None else usage(harmonic)
     # After Ctrl-C the user wants the prompt back, not minutes of further work.
     if design.status is DesignStatus.interrupted:
-        return Study(front=front, usage=usage(design))
-    scene, hung, left_out = design.scene, design.pendulum, []
+        return Study(front=front, usage=used)
+    left_out: list[str] = []
 
-    def part(name: str, wanted: bool, compute: Callable[..., _Part], *inputs: Any) -> _Part | None:
+    def part(name: str, compute: Callable[..., _Part], *inputs: Any) -> _Part | None:
         try:
-            return compute(*inputs) if wanted else None
+            return compute(*inputs)
         except KeyboardInterrupt:
             left_out.append(name)
             return None
 
-    own = is_own_shaking(design.conditions)
-    # A response over frequency belongs to conditions that differ in the motion of the base alone.
-    varied = set(design.conditions.factors) <= {"amplitude", "frequency"}
-    return Study(
-        histories=part("the time histories", True, time_histories, scene, hung),
-        responses=part("the response over frequency", varied, _responses, design, progress),
-        comparison=part("the comparison of models", hung is not None, _comparison, design, progress),
-        elasticities=part("the sensitivities", own, elasticities, scene.parameters(hung)),
-        region=part("the uplift region", True, uplift_region, design),
-        usage=usage(design),
-        surveyed=part("the strikes of surveyed designs", True, surveyed, design, progress) or {},
-        front=front,
-        earthquakes=part("the earthquakes", bool(records), shaken, design, records, sources),
-        left_out=tuple(left_out),
-    )
+    moved = part("what the benefit hangs on", moved_of, design, progress) or ()
+    out = Study(build=part("the loads", build_of, design, moved), front=front, usage=used)
+    if harmonic is not None:
+        scene, hung = design.scene, design.pendulum
+        # A response over frequency belongs to conditions that differ in the motion of the base alone.
+        varied = set(design.conditions.factors) <= {"amplitude", "frequency"}
+        out = replace(
+            out,
+            histories=part("the time histories", time_histories, scene, hung),
+            responses=part("the response over frequency", _responses, harmonic, progress) if varied else None,
+            comparison=part("the comparison of models", _comparison, harmonic, progress) if hung else None,
+            region=part("the uplift region", uplift_region, harmonic),
+            surveyed=part("the strikes of surveyed designs", surveyed, harmonic, progress) or {},
+        )
+    return replace(out, left_out=tuple(left_out))
 
 
-def is_own_shaking(conditions: Conditions) -> bool:
-    """Whether the scene's own shaking is the only condition."""
-    return len(conditions) == 1 and all(np.all(v == 1.0) for v in conditions.factors.values())
-
-
-def time_histories(
-    scene: Scene, pendulum: Pendulum | None, *, smoothed: bool = True
-) -> tuple[TimeHistory, ...]:
-    """Histories from rest: of the bare block and, if there is one, of the block with the pendulum; by the
-    exact solution and, where it is asked for, by the smoothed model."""
-    models: dict[str, AbstractModel] = {"exact": Piecewise()}
-    if smoothed:
-        models["smoothed"] = Smoothed()
-    cases = (None,) if pendulum is None else (None, pendulum)
-    out = []
+def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory, ...]:
+    """Histories from rest by the exact solution: of the bare block and, if there is one, of the block with the
+    pendulum."""
+    cases, out = (None,) if pendulum is None else (None, pendulum), []
     for hung in cases:
         p = as_arrays(scene.parameters(hung))
-        # Both models are sampled at equal times: the picture shows where they part.
         tau = sampled(p)
+        tilt, bob = np.asarray(simulate(p, np.zeros(4), tau, model=Piecewise()).ys).T[:2]
         time = np.asarray(tau) / scene.rate
-        for name, model in models.items():
-            tilt, bob = np.asarray(simulate(p, np.zeros(4), tau, model=model).ys).T[:2]
-            out.append(TimeHistory(model=name, with_pendulum=hung is not None, time=time, tilt=tilt, bob=bob))
+        out.append(TimeHistory(model="exact", with_pendulum=hung is not None, time=time, tilt=tilt, bob=bob))
     return tuple(out)
 
 
