@@ -99,9 +99,7 @@ class Study:
     """Parts that an interruption left out."""
 
 
-def study(
-    design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progress | None = None
-) -> Study:
+def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progress | None = None) -> Study:
     """Compute everything that a report shows beside the design, once.
 
     Ctrl-C during one part leaves this part out and goes on with the next one. Of an interrupted design
