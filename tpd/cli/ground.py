@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tpd.cli import common
+from tpd.core.pulse_kinds import KINDS
 from tpd.formats.orientation import UNKNOWN, VERTICAL
 
 if TYPE_CHECKING:
     from tpd.core.ground_motion import GroundMotion, Pulse
     from tpd.core.scene import Pendulum, Scene
 
-PULSES = ("one-sine", "one-cosine", "ricker", "mavroeidis-papageorgiou")
+PULSES = tuple(name for name, kind in KINDS.items() if not kind.is_train)
 BUILT_IN = {"el-centro": "el_centro", "loma-prieta": "loma_prieta"}
 SETS = {
     "fema-p695": "far-field",
@@ -122,9 +123,9 @@ def pulse(options: argparse.Namespace) -> Pulse:
     # Its size follows from --pga and --scale.
     if options.pulse_frequency is None:
         raise ValueError("a pulse needs --pulse-frequency HZ")
-    last = options.pulse == PULSES[-1]
     # The other kinds have neither envelope nor phase.
-    shape = {"cycles": options.cycles, "phase": options.phase} if last else {}
+    has_envelope = KINDS[options.pulse].periods is None
+    shape = {"cycles": options.cycles, "phase": options.phase} if has_envelope else {}
     found = Pulse(kind=options.pulse, acceleration=1.0, frequency=options.pulse_frequency, **shape)
     return found.scaled_to(pga=STANDARD_GRAVITY)
 

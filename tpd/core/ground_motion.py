@@ -12,21 +12,13 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.core.parameters import Real
+from tpd.core.pulse_kinds import KINDS
 from tpd.core.pytrees import pytree
 from tpd.formats.units import STANDARD_GRAVITY
 
 _MOST_CYCLES = 8.0
 _LONGEST_TRAIN = 1000
 """Largest numbers of periods of an envelope, and of a train of sines."""
-_COUNTS = {
-    "sine-train": 128,
-    "one-sine": 256,
-    "one-cosine": 256,
-    "ricker": 1024,
-    "mavroeidis-papageorgiou": 1024,
-}
-"""Cubics that stand for a pulse, or for a period of a train: they are within 2e-9 of it (a train: 4e-8).
-Their error averages out: motions are within 1e-12 (`tests/analysis/test_transient.py` doubles the counts)."""
 
 
 class GroundMotion:
@@ -138,7 +130,7 @@ class Pulse(GroundMotion):
     """
 
     kind: str
-    """"one-sine", "one-cosine", "ricker", "mavroeidis-papageorgiou" or "sine-train"."""
+    """Name in `tpd.core.pulse_kinds.KINDS`, such as "ricker"."""
     acceleration: Real
     """Amplitude, m/s^2; of all kinds but "mavroeidis-papageorgiou" the largest acceleration."""
     frequency: Real
@@ -151,11 +143,11 @@ class Pulse(GroundMotion):
     def __post_init__(self) -> None:
         for name in ("acceleration", "frequency", "cycles", "phase"):
             object.__setattr__(self, name, checks.as_float(getattr(self, name)))
-        if self.kind not in _SHAPES:
-            raise ValueError(f"`kind` must be one of {', '.join(_SHAPES)}, but is {self.kind!r}")
+        if self.kind not in KINDS:
+            raise ValueError(f"`kind` must be one of {', '.join(KINDS)}, but is {self.kind!r}")
         checks.not_negative("acceleration", self.acceleration)
         checks.positive("frequency", self.frequency)
-        if self.kind == "sine-train":
+        if KINDS[self.kind].is_train:
             self._check_train()
         elif checks.is_concrete(self.cycles) and not 1.0 <= self.cycles <= _MOST_CYCLES:
             raise ValueError(f"`cycles` must lie within 1 and 8, but is {self.cycles:g}")
@@ -212,22 +204,29 @@ class Pulse(GroundMotion):
     @property
     def periods(self) -> Real:
         """Duration in periods."""
-        wide = dict.fromkeys(("mavroeidis-papageorgiou", "sine-train"), self.cycles)
-        return {"ricker": _RICKER, **wide}.get(self.kind, 1.0)
+        periods = KINDS[self.kind].periods
+        return self.cycles if periods is None else periods
 
     @property
     def _count(self) -> int:
         """Cubics that stand for the pulse."""
-        return _COUNTS[self.kind] * (int(self.cycles) if self.kind == "sine-train" else 1)
+        kind = KINDS[self.kind]
+        return kind.cubics * (int(self.cycles) if kind.is_train else 1)
+
+    @property
+    def _namespace(self) -> Any:
+        # A pulse without an envelope is made of known numbers also where its size is traced.
+        return np if KINDS[self.kind].periods else checks.namespace(self.cycles, self.phase)
 
     @property
     def pga(self) -> Real:
         """Largest acceleration, m/s^2."""
-        if self.kind != "mavroeidis-papageorgiou":
+        kind = KINDS[self.kind]
+        if kind.peaks_at_one:
             return self.acceleration
-        np_ = checks.namespace(self.cycles)
-        x = np_.linspace(-1.0, 1.0, 20001) * math.pi * self.cycles
-        return self.acceleration * np_.max(np_.abs(_mavroeidis(x, self.cycles, self.phase, np_)))
+        np_ = self._namespace
+        x = np_.linspace(-1.0, 1.0, 20001) * math.pi * self.periods
+        return self.acceleration * np_.max(np_.abs(kind.shape(x, self.cycles, self.phase, np_)))
 
     @property
     def piece(self) -> Real:
@@ -240,31 +239,10 @@ class Pulse(GroundMotion):
 
     def pieces(self) -> Any:
         """Acceleration over `pga`, as cubics; see `GroundMotion.pieces`."""
-        np_, n = checks.namespace(self.cycles), self._count
+        n = self._count
         # Through Gauss's points of every piece: the error is orthogonal to cubics and hardly moves a block.
         share = 0.5 + 0.5 * np.polynomial.legendre.leggauss(4)[0]
         x = ((np.arange(n)[:, None] + share) / n - 0.5) * 2.0 * math.pi * self.periods
         unit = replace(self, acceleration=1.0).pga
-        values = _SHAPES[self.kind](x, self.cycles, self.phase, np_) / unit
+        values = KINDS[self.kind].shape(x, self.cycles, self.phase, self._namespace) / unit
         return values @ np.linalg.inv(np.vander(share, increasing=True)).T
-
-
-_RICKER = 4.0
-"""Periods of a Ricker wavelet: pi^2 2^2 in the exponent leaves 6e-16 of the peak."""
-
-
-def _mavroeidis(x: Any, cycles: Any, phase: Any, np_: Any) -> Any:
-    """Acceleration over 2 pi frequency times the velocity; x = 2 pi frequency t."""
-    carrier, slope = np_.cos(x + phase), np_.sin(x + phase)
-    return -0.5 * (np_.sin(x / cycles) * carrier / cycles + (1.0 + np_.cos(x / cycles)) * slope)
-
-
-_SHAPES = {
-    # The middle of the pulse is at x = 0.
-    "one-sine": lambda x, cycles, phase, np_: -np.sin(x),
-    # A train begins at zero whatever the number of its periods.
-    "sine-train": lambda x, cycles, phase, np_: np.cos(np.pi * float(cycles)) * np.sin(x),
-    "one-cosine": lambda x, cycles, phase, np_: -np.cos(x),
-    "ricker": lambda x, cycles, phase, np_: (1.0 - 0.5 * x**2) * np.exp(-0.25 * x**2),
-    "mavroeidis-papageorgiou": _mavroeidis,
-}

@@ -240,6 +240,10 @@ class Limit(ABC):
 
     name: ClassVar[str]
     """Key in a job file, and in reports."""
+    label: ClassVar[str] = ""
+    """Words of a report for `name`; where empty, the name itself."""
+    unit: ClassVar[str] = ""
+    """Unit of the number in a report."""
     of_motion: ClassVar[bool] = True
     """Whether the limit follows from tilt, bob angle and design alone, so that any model can be asked."""
 
@@ -262,6 +266,7 @@ class Stroke(Limit):
 
     angle: float = 0.5
     name: ClassVar[str] = "stroke"
+    unit: ClassVar[str] = "rad"
 
     def __post_init__(self) -> None:
         _check_angle(self.name, self.angle)
@@ -278,6 +283,8 @@ class RelativeStroke(Limit):
 
     angle: float
     name: ClassVar[str] = "relative_stroke"
+    label: ClassVar[str] = "relative stroke"
+    unit: ClassVar[str] = "rad"
 
     def __post_init__(self) -> None:
         _check_angle(self.name, self.angle)
@@ -294,6 +301,7 @@ class Tilt(Limit):
 
     share: float
     name: ClassVar[str] = "tilt"
+    unit: ClassVar[str] = "of nu"
 
     def __post_init__(self) -> None:
         checks.positive(self.name, self.share)
@@ -310,6 +318,7 @@ class Mass(Limit):
 
     kg: float
     name: ClassVar[str] = "mass"
+    unit: ClassVar[str] = "kg"
 
     def __post_init__(self) -> None:
         checks.positive(self.name, self.kg)
@@ -325,6 +334,8 @@ class Offset(Limit):
 
     distance: float
     name: ClassVar[str] = "offset"
+    label: ClassVar[str] = "offset (bob from the axis)"
+    unit: ClassVar[str] = "m"
 
     def __post_init__(self) -> None:
         checks.positive(self.name, self.distance)
@@ -342,6 +353,7 @@ class Room(Limit):
 
     bob: Bob = field(default_factory=Bob)
     name: ClassVar[str] = "room"
+    label: ClassVar[str] = "room (bob to the wall)"
 
     def __post_init__(self) -> None:
         checks.instance("bob", self.bob, Bob)
@@ -370,6 +382,8 @@ class Worsening(Limit):
 
     share: float = 0.05
     name: ClassVar[str] = "worsening"
+    label: ClassVar[str] = "worsening (against the bare tilt)"
+    unit: ClassVar[str] = "of the bare tilt"
     of_motion: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
@@ -434,6 +448,10 @@ KINDS: tuple[type[Limit], ...] = (
     Reserve,
 )
 """All limits, in the order of a report."""
+LABELS = {kind.name: kind.label or kind.name for kind in KINDS} | {
+    THICKNESS: "thickness (bob within half the rod)"
+}
+"""Words of a report, by the names of limited sizes."""
 
 POINT_BOB: tuple[Limit, ...] = (Stroke(), Reserve())
 """Limits on a bob without size, as in the paper."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from tpd.core import files
 from tpd.core.formatting import number
+from tpd.design.criteria import LABELS
 from tpd.design.objective import KINDS
 from tpd.design.result import HarmonicDesign, SearchStatus
 from tpd.design.study import Study
@@ -81,15 +82,7 @@ def content(
     return Report(scene_words.title(design.scene, name, date), benefit.verdict(design), tuple(sections))
 
 
-_LIMITED = {
-    "relative_stroke": "relative stroke",
-    "tilt": "tilt",
-    "multiplier": "multiplier",
-    "offset": "offset (bob from the axis)",
-    "room": "room (bob to the wall)",
-    "thickness": "thickness (bob within half the rod)",
-    "worsening": "worsening (against the bare tilt)",
-}
+_LIMITED = {name: label for name, label in LABELS.items() if name not in ("stroke", "mass", "reserve")}
 """Limits whose use a report shows; the stroke has a row of its own, and a reserve has no share."""
 
 

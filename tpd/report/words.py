@@ -9,7 +9,7 @@ import numpy as np
 from tpd.analysis.attractors import Starts
 from tpd.core.formatting import number
 from tpd.core.scene import HOUSNER, Block, Pendulum
-from tpd.design.criteria import KINDS, Bob, Limit, Mass, Room, limit_of
+from tpd.design.criteria import KINDS, Bob, Limit, Room, limit_of
 from tpd.design.result import HarmonicDesign
 
 
@@ -97,13 +97,4 @@ def limit(of: Limit) -> str:
         # A limit of the user's own has any fields, in units of its own.
         return " ".join([name, ", ".join(f"{k} = {v}" for k, v in vars(of).items())]).strip()
     (value,) = vars(of).values()
-    return f"{name} {number(value)}{' kg' if isinstance(of, Mass) else _UNITS.get(of.name, '')}"
-
-
-_UNITS = {
-    "stroke": " rad",
-    "relative_stroke": " rad",
-    "tilt": " of nu",
-    "offset": " m",
-    "worsening": " of the bare tilt",
-}
+    return f"{name} {number(value)} {of.unit}".strip()
