@@ -108,6 +108,9 @@ class Build:
     """From the hinge to the lower end of the bob that hangs."""
     wall: float
     """From the axis of the block to the wall; NaN where no cavity is known."""
+    reach: float
+    """How far the bob comes from the axis in all but the allowed share of the runs that stand; NaN where no room
+    is asked for."""
     frequency: float
     """Own frequency without the damper in the block that stands, Hz."""
     damping: float
@@ -158,6 +161,7 @@ def build_of(design: Design, moved: tuple[Moved, ...] = ()) -> Build | None:
         rod_share=bob.rod_share(length, g),
         depth=rod + half,
         wall=math.nan if block.cavity_width is None else 0.5 * float(block.cavity_width),
+        reach=design.reach,
         frequency=math.sqrt(g / length) / (2.0 * math.pi),
         damping=float(hung.hinge_damping(g)),
         rebound=math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)) if zeta < 1.0 else 0.0,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +23,7 @@ from tpd.design.ground.optimise import ground_problem
 from tpd.design.ground.optimise import solve as solve_on_motions
 from tpd.design.ground.search import GroundSearch
 from tpd.design.methods import Descent, Method, describe
-from tpd.design.objective import Orbits, margins
+from tpd.design.objective import margins
 from tpd.design.one_shot import OneShot
 from tpd.design.problem import Problem
 from tpd.design.result import Design, DesignStatus, HarmonicDesign

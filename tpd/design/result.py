@@ -15,7 +15,7 @@ from tpd.analysis.intervals import Interval
 from tpd.core.conditions import Conditions
 from tpd.core.formatting import Printed
 from tpd.core.scene import Pendulum, Scene
-from tpd.design.criteria import stroke_limit
+from tpd.design.criteria import Room, limit_of, stroke_limit
 from tpd.design.question import Question
 from tpd.design.verified import GRAVE, Bare, LossCase, Reason, ReasonKind, Verified
 
@@ -169,6 +169,12 @@ class Design(Question, Printed):
         offered, as far as the runs of the search can tell; None where that is not known."""
         raise NotImplementedError
 
+    @property
+    def reach(self) -> float:
+        """How far (m) the bob of the best design comes from the block's axis in all but the allowed share of the
+        runs that stand; NaN where that is not known."""
+        raise NotImplementedError
+
     def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
         """Fall of the mean tilt with the pendulum that is offered, in a changed scene, under further conditions
         and on at most so many of the runs that judged."""
@@ -244,6 +250,23 @@ class HarmonicDesign(Design):
     def alike(self) -> np.ndarray | None:
         """See `Design.alike`."""
         return self.range_alike
+
+    @property
+    def reach(self) -> float:
+        """See `Design.reach`."""
+        from tpd.design.by_runs import reach_of
+
+        room, v = limit_of(self.limits, Room), self.best
+        if not isinstance(room, Room) or v is None or v.paired is None:
+            return math.nan
+        block = self.scene.block
+        hung = self.scene.pendulum(
+            mass_ratio=v.mass_ratio, length_ratio=v.length_ratio, damping_ratio=v.damping_ratio
+        )
+        found = reach_of(v.paired.hung, hung, block, room.bob)
+        if not found.size:
+            return math.nan
+        return float(np.quantile(found, 1.0 - self.worth.allowed, method="higher")) * 0.5 * float(block.room)
 
     def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
         """See `Design.saved_under`."""

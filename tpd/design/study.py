@@ -13,7 +13,7 @@ from tpd.analysis.compare_models import QUICK, Check, check
 from tpd.analysis.response import Response, frequencies, settled_response
 from tpd.analysis.steady_state import sampled, simulate
 from tpd.closed_form import uplift
-from tpd.core.conditions import Conditions, under
+from tpd.core.conditions import under
 from tpd.core.parameters import as_arrays
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene

@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.analysis.benefit import LEAST, Change
-from tpd.analysis.intervals import Interval, change, fall
+from tpd.analysis.intervals import Interval, fall
+from tpd.analysis.intervals import change as difference_of
 from tpd.core.conditions import Conditions
 from tpd.core.scene import Scene
-from tpd.design.criteria import Worth
+from tpd.design.criteria import Room, Worth
 from tpd.design.ground.groups import Group, Role
 from tpd.design.ground.judgement import Benefit, Judged, benefit_of, scatter_of
 from tpd.design.ground.objective import GroundObjective, objective_of
@@ -177,7 +178,7 @@ class GroundDesign(Design):
         where = "held out" if held[0].role is Role.held_out else "that it is tuned to"
         changes = []
         for name, x in (("mean severity", tilt), ("overturned", fell.astype(float))):
-            d = change(x[1], x[0], clusters)
+            d = difference_of(x[1], x[0], clusters)
             changes.append(Change(name, float(x[1].mean()), float(x[0].mean()), d.low, d.high))
         median = (float(np.median(x)) for x in (tilt[1], tilt[0]))
         changes.insert(1, Change("median severity", *median, math.nan, math.nan))
@@ -202,6 +203,12 @@ class GroundDesign(Design):
         good = found.designs[found.feasible & (trend <= self.trend[0] + self.trend[1])]
         both = np.concatenate([self.best[None], good])
         return np.stack([both.min(axis=0), both.max(axis=0)])
+
+    @property
+    def reach(self) -> float:
+        """See `Design.reach`."""
+        used = {} if self.usage is None else dict(zip(self.names, self.usage, strict=True))
+        return float(used.get(Room.name, math.nan)) * 0.5 * float(self.scene.block.room)
 
     def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
         """See `Design.saved_under`; the runs are all of them."""
