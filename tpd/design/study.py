@@ -13,8 +13,7 @@ from tpd.analysis.compare_models import QUICK, Check, check
 from tpd.analysis.response import Response, frequencies, settled_response
 from tpd.analysis.sensitivity import Elasticities, elasticities
 from tpd.analysis.steady_state import sampled, simulate
-from tpd.closed_form import uplift
-from tpd.core.conditions import Conditions, under
+from tpd.core.conditions import Conditions
 from tpd.core.ground_motion import GroundMotion
 from tpd.core.parameters import as_arrays
 from tpd.core.progress import Progress
@@ -24,17 +23,13 @@ from tpd.design.criteria import Room, limit_of
 from tpd.design.earthquakes import Earthquakes, shaken
 from tpd.design.objective import geometry_of
 from tpd.design.result import DesignStatus, HarmonicDesign
-from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
-from tpd.models.smoothed import Smoothed
 
 if TYPE_CHECKING:
     from tpd.design.front import FrontPoint
 
 _BAND = frequencies(1.0, 0.7, 1.5, 41)
 """Frequencies of a response, in shares of the scene's own."""
-_GRID = 96
-"""Points of the uplift region along each axis."""
 _Part = TypeVar("_Part")
 
 
@@ -42,8 +37,6 @@ _Part = TypeVar("_Part")
 class TimeHistory:
     """One motion from rest under the scene's own shaking, shapes (times,)."""
 
-    model: str
-    """"exact" or "smoothed"."""
     with_pendulum: bool
     time: np.ndarray
     """s"""
@@ -51,18 +44,6 @@ class TimeHistory:
     """phi, rad; NaN where the model has no answer, as after an overturning."""
     bob: np.ndarray
     """psi, rad."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class UpliftRegion:
-    """Uplift margin of the resting block over the (mu, lam) plane, the least of all conditions."""
-
-    mass_ratio: np.ndarray
-    """(n,)"""
-    length_ratio: np.ndarray
-    """(n,)"""
-    margin: np.ndarray
-    """(n, n), length ratios along the first axis."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +64,7 @@ class Study:
     """Everything that a report shows beside the design; None where a part does not apply or was left out."""
 
     histories: tuple[TimeHistory, ...] | None = None
-    """First 24 periods from rest: exact and smoothed."""
+    """First 24 periods from rest."""
     responses: tuple[Response, ...] | None = None
     """Over frequency from rest: the bare block and, if there is one, the block with the pendulum. Only for
     the scene's own shaking."""
@@ -91,7 +72,6 @@ class Study:
     """The offered design by several models, under the scene's own shaking."""
     elasticities: Elasticities | None = None
     """Sensitivities of the motion from rest. Only for the scene's own shaking."""
-    region: UpliftRegion | None = None
     usage: tuple[tuple[str, float], ...] = ()
     """Limited quantities of the best design over their limits, the largest of all conditions."""
     front: tuple[FrontPoint, ...] = ()
@@ -147,7 +127,6 @@ def study(
         responses=part("the response over frequency", varied, _responses, design, progress),
         comparison=part("the comparison of models", hung is not None, _comparison, design, progress),
         elasticities=part("the sensitivities", own, elasticities, scene.parameters(hung)),
-        region=part("the uplift region", True, uplift_region, design),
         usage=usage(design),
         surveyed=part("the strikes of surveyed designs", True, surveyed, design, progress) or {},
         front=front,
@@ -161,24 +140,15 @@ def is_own_shaking(conditions: Conditions) -> bool:
     return len(conditions) == 1 and all(np.all(v == 1.0) for v in conditions.factors.values())
 
 
-def time_histories(
-    scene: Scene, pendulum: Pendulum | None, *, smoothed: bool = True
-) -> tuple[TimeHistory, ...]:
-    """Histories from rest: of the bare block and, if there is one, of the block with the pendulum; by the
-    exact solution and, where it is asked for, by the smoothed model."""
-    models: dict[str, AbstractModel] = {"exact": Piecewise()}
-    if smoothed:
-        models["smoothed"] = Smoothed()
-    cases = (None,) if pendulum is None else (None, pendulum)
+def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory, ...]:
+    """Histories from rest by the exact solution: without the pendulum and, if there is one, with it."""
     out = []
-    for hung in cases:
+    for hung in (None,) if pendulum is None else (None, pendulum):
         p = as_arrays(scene.parameters(hung))
-        # Both models are sampled at equal times: the picture shows where they part.
         tau = sampled(p)
+        tilt, bob = np.asarray(simulate(p, np.zeros(4), tau, model=Piecewise()).ys).T[:2]
         time = np.asarray(tau) / scene.rate
-        for name, model in models.items():
-            tilt, bob = np.asarray(simulate(p, np.zeros(4), tau, model=model).ys).T[:2]
-            out.append(TimeHistory(model=name, with_pendulum=hung is not None, time=time, tilt=tilt, bob=bob))
+        out.append(TimeHistory(with_pendulum=hung is not None, time=time, tilt=tilt, bob=bob))
     return tuple(out)
 
 
@@ -213,19 +183,6 @@ def surveyed(design: HarmonicDesign, progress: Progress | None = None) -> dict[i
         allowed = design.worth.allowed
         out[i] = Surveyed(strikes=strikes, allowed=allowed, overturned=overturned, benefit=benefit)
     return out
-
-
-def uplift_region(design: HarmonicDesign) -> UpliftRegion:
-    """Uplift margin over the mass and length ratios of the design space, at the best design's damping."""
-    space, best = design.space, design.best
-    zeta = float(np.mean(space.damping_ratio)) if best is None else best.damping_ratio
-    mu, lam = np.linspace(*space.mass_ratio, _GRID), np.linspace(*space.length_ratio, _GRID)
-    plane = np.stack([*np.meshgrid(mu, lam), np.full((_GRID, _GRID), zeta)], axis=-1).reshape(-1, 3)
-    p = design.scene.parameters()
-    # One condition after the other: all at once would take n times the memory.
-    margins = (uplift(under(p, plane.T, row)).margin for row in design.conditions.factor_rows())
-    least = np.min([np.asarray(x) for x in margins], axis=0)
-    return UpliftRegion(mass_ratio=mu, length_ratio=lam, margin=least.reshape(_GRID, _GRID))
 
 
 def usage(design: HarmonicDesign) -> tuple[tuple[str, float], ...]:

@@ -60,15 +60,15 @@ def content(
         "Scene": scene_words.section(design.scene, name, date),
         "Before anything else": notes(design, study),
         "The answer": _answer(design, study),
-        "With and without": [*_figures(design, study, "benefit.png"), *benefit.paired_runs(design)],
+        "With and without": [*_figures(design, study, "benefit.svg"), *benefit.paired_runs(design)],
         "Other losses of energy": benefit.losses(design),
         "What limits the design": benefit.limiting(design, study),
-        "The block and its motion": _figures(design, study, "drawing.png", "animation.gif"),
+        "The block and its motion": _figures(design, study, "drawing.svg", "animation.gif"),
         "Over many runs": tables.ensemble(design),
         "In earthquakes": earthquakes.section(study.earthquakes),
         "Under every condition": _conditions(design, study),
-        "Over frequency": _figures(design, study, "response.png"),
-        "Over time": _figures(design, study, "motion.png"),
+        "Over frequency": _figures(design, study, "response.svg"),
+        "Over time": _figures(design, study, "motion.svg"),
         "Where it was searched": _search(design, study),
         "By several models": _models(design, study),
         "Designs refused": _refused(design),
@@ -93,64 +93,10 @@ _LIMITED = {
 """Limits whose use a report shows; the stroke has a row of its own, and a reserve has no share."""
 
 
-def _captions(design: HarmonicDesign, study: Study) -> dict[str, tuple[str, str]]:
-    """Alternative text and caption of every picture."""
-    hung, motion = design.pendulum is not None, design.scene.motion
-    smoothed = any(h.model == "smoothed" for h in study.histories or ())
-    models = "exact solution, broad, and smoothed model, dashed" if smoothed else "the exact solution"
-    resting = (
-        "Shaded: a block at rest stays at rest. "
-        if study.region is not None and np.any(study.region.margin > 0.0)
-        else ""
-    )
-    beside = "left without the pendulum, right with it" if hung else "without a pendulum"
-    return {
-        "drawing.png": (
-            f"The block on its base{' with the pendulum' if hung else ''}, to scale, with dimensions",
-            "To scale, dimensions in SI units; the file drawing.svg holds the same in lines."
-            f"{' Dashed: settled swing of the bob.' if hung else ''}",
-        ),
-        "animation.gif": (
-            f"Animation of the block on its moving base, {beside}",
-            f"First seconds from rest under the scene's own shaking, by the exact solution: {beside}.",
-        ),
-        "response.png": (
-            "Settled rocking amplitude against frequency, bare block (open) and with the pendulum (filled)",
-            f"Motion that the block settles into from rest at a base amplitude of {number(motion.amplitude)} "
-            "m. Triangles and crosses: it overturns. Dashed: the one frequency that the design is for.",
-        ),
-        "benefit.png": (
-            "Mean tilt with the pendulum (filled) and without (open), over all runs and under each condition",
-            "Paired runs of the nonlinear equations. Above the line: over all runs. A tilt of 1 is the "
-            "slenderness, where the block topples; overturned runs count as 1.",
-        ),
-        "motion.png": (
-            "Tilt of the block without and with the pendulum, and angle of the bob, against time from rest",
-            f"First 24 periods from rest under the scene's own shaking: {models}. "
-            + ("Where they part, the motion depends on details. " if smoothed else "")
-            + ("A block that stands here may overturn later. " if np.isinf(design.amplitude_without) else "")
-            + ("The stroke limit (dotted) holds for the settled motion only." if hung else ""),
-        ),
-        "search.png": (
-            "Mass ratio against length ratio: designs screened, search paths, their ends and the answer",
-            f"{resting}Triangles exceed a limit, crosses overturn the block or "
-            "do not settle; lines are the searches.",
-        ),
-        "conditions.png": (
-            "Tilt and bob angle over the quantity that the conditions differ in, with and without a pendulum",
-            "Lines: largest steady tilt of the motions that count. Near the top: it overturns from rest.",
-        ),
-        "front.png": (
-            "Fall of the mean tilt against the mass of the bob",
-            "What each kilogramme pays: answers whose bob may be no heavier than a bound, over its own mass.",
-        ),
-    }
-
-
 def _figures(design: HarmonicDesign, study: Study, *names: str) -> list[Block]:
     """Figures of the pictures there are."""
     there = pictures.names(design, study)
-    return [Figure(n, *_captions(design, study)[n], narrow=len(names) > 1) for n in names if n in there]
+    return [Figure(n, *pictures.CAPTIONS[n], narrow=len(names) > 1) for n in names if n in there]
 
 
 def _answer(design: HarmonicDesign, study: Study) -> list[Block]:
@@ -236,7 +182,7 @@ def _conditions(design: HarmonicDesign, study: Study) -> list[Block]:
     caption = f"Tilt, stroke and kind: of {source}. From rest: end of the motion followed by events."
     shown = " The design shown is the best found, which is not offered." if best and not design.winner else ""
     described = information("; ".join(design.conditions.description) + "." + shown)
-    return [described, *_figures(design, study, "conditions.png"), Table(head, tuple(rows), caption)]
+    return [described, *_figures(design, study, "conditions.svg"), Table(head, tuple(rows), caption)]
 
 
 def _motion(design: HarmonicDesign, of: Verified | Bare, i: int) -> tuple[Cell, ...]:
@@ -256,7 +202,7 @@ def _search(design: HarmonicDesign, study: Study) -> list[Block]:
     out += _confirmed(design)
     out += _figures(design, study, "search.png")
     if study.front:
-        out += [*_figures(design, study, "front.png"), tables.front(study.front)]
+        out += [*_figures(design, study, "front.svg"), tables.front(study.front)]
     return out
 
 

@@ -44,9 +44,6 @@ def write(
     for name in pictures.names(design, study):
         drawn[name] = pictures.draw(name, design, study)
         written.append(files.place(directory / name, drawn[name]))
-    # The page holds the PNG; the SVG is for drawings of one's own, where lines and words are edited.
-    if "drawing.png" in drawn:
-        written.append(files.place(directory / "drawing.svg", pictures.drawing_svg(design)))
     if design.status is not DesignStatus.interrupted:
         # Last, so that a page stands for a whole report.
         written.append(files.place(directory / "report.html", html(report, drawn)))

@@ -10,15 +10,15 @@ import numpy as np
 
 from tpd.core import files
 from tpd.core.formatting import number
-from tpd.core.scene import Pendulum
-from tpd.design.criteria import THICKNESS, Room, limit_of
+from tpd.design.criteria import THICKNESS
 from tpd.design.front import FrontPoint
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.groups import Role, unnamed
 from tpd.design.ground.judgement import Judged, scatter_of
 from tpd.design.ground.search import SPARE
 from tpd.design.reading import GROUND_VERSION
-from tpd.report import scene_words, tables, words
+from tpd.design.study import Study
+from tpd.report import pictures, scene_words, tables, words
 from tpd.report.blocks import (
     Block,
     Cell,
@@ -72,7 +72,8 @@ def write(
     if design.judged:
         written.append(files.place(directory / "groups.csv", _groups(design)))
     # Numbers are on disk before the pictures are drawn.
-    drawn = dict(_pictures(design, points))
+    study = Study(front=points)
+    drawn = {name: pictures.draw(name, design, study) for name in pictures.names(design, study)}
     written += [files.place(directory / name, png) for name, png in drawn.items()]
     written.append(files.place(directory / "report.html", html(report, drawn)))
     return written
@@ -93,7 +94,7 @@ def content(design: GroundDesign, command: str = "", points: tuple[FrontPoint, .
         "On ground motions": _judged(design),
         "Parts": _parts(design),
         "What a kilogramme pays": _front(points),
-        "The block": _figure(design, "drawing.png", "The block with its pendulum, to scale"),
+        "The block": _figure(design, "drawing.svg", "The block with its pendulum, to scale"),
         "Where it was searched": _search(design),
         "Assumptions": [Listing(tuple(_assumptions(design)))],
         "How to repeat it": _repeat(design, command),
@@ -231,7 +232,7 @@ def _judged(design: GroundDesign) -> list[Block]:
         "equations, bare and hung; all shares and means leave them out."
     )
     out: list[Block] = [
-        *_figure(design, "groups.png", "Share of motions that overturn the block"),
+        *_figure(design, "groups.svg", "Share of motions that overturn the block"),
         Table((*head, *more, *strikes), rows, caption),
     ]
     if design.benefit is not None:
@@ -283,7 +284,7 @@ def _front(points: tuple[FrontPoint, ...]) -> list[Block]:
     if not points:
         return []
     name = "Fall of the mean tilt on motions held out, over the mass of the bob"
-    return [Figure("front.png", name, f"{name}."), tables.front(points)]
+    return [Figure("front.svg", name, f"{name}."), tables.front(points)]
 
 
 def _search(design: GroundDesign) -> list[Block]:
@@ -397,28 +398,5 @@ def _groups(design: GroundDesign) -> str:
     return files.as_csv((*head, "undecided_bare", "undecided_hung"), rows)
 
 
-def _pictures(design: GroundDesign, points: tuple[FrontPoint, ...]) -> Iterator[tuple[str, bytes]]:
-    from tpd.plot import drawing, style
-    from tpd.plot.front import plot_front
-    from tpd.plot.ground_design import plot_groups, plot_search
-
-    if points:
-        yield "front.png", style.png(plot_front(points).figure)
-    if design.judged:
-        yield "groups.png", style.png(plot_groups(design)[0].figure)
-    if design.searched is not None:
-        yield "search.png", style.png(plot_search(design).figure)
-    room = limit_of(design.limits, Room)
-    stroke = 0.0 if design.parts is None else design.parts.angle
-    bob = room.bob if isinstance(room, Room) else None
-    hung: Pendulum | None = design.pendulum
-    yield "drawing.png", style.png(drawing.plot_scene(design.scene, hung, stroke=stroke, bob=bob).figure)
-
-
 def _figure(design: GroundDesign, name: str, caption: str) -> list[Block]:
-    there = {
-        "groups.png": bool(design.judged),
-        "search.png": design.searched is not None,
-        "drawing.png": True,
-    }
-    return [Figure(name, caption, f"{caption}.")] if there[name] else []
+    return [Figure(name, caption, f"{caption}.")] if name in pictures.names(design, Study()) else []

@@ -11,7 +11,7 @@ import jinja2
 
 from tpd.report.blocks import Report
 
-_KINDS = {b"\x89PNG": "image/png", b"GIF8": "image/gif"}
+_KINDS = {b"\x89PNG": "image/png", b"GIF8": "image/gif", b"<?xml": "image/svg+xml"}
 
 
 def html(report: Report, pictures: Mapping[str, bytes]) -> str:
@@ -19,7 +19,7 @@ def html(report: Report, pictures: Mapping[str, bytes]) -> str:
 
     Args:
         report: from `tpd.report.content.content`; everything in it is escaped.
-        pictures: contents of PNG or GIF files by name; figures without one are left out.
+        pictures: contents of PNG, SVG or GIF files by name; figures without one are left out.
 
     Raises:
         ValueError: a picture of another kind.
@@ -41,5 +41,5 @@ def _template() -> jinja2.Template:
 def _uri(image: bytes) -> str:
     kind = next((mime for start, mime in _KINDS.items() if image.startswith(start)), None)
     if kind is None:
-        raise ValueError("`pictures` must hold PNG or GIF files only")
+        raise ValueError("`pictures` must hold PNG, SVG or GIF files only")
     return f"data:{kind};base64,{base64.b64encode(image).decode()}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -148,6 +148,12 @@ class GroundDesign(Design):
     None where nothing was judged."""
     judged: tuple[Judged, ...]
     parts: Parts | None
+    pictures: ClassVar[dict[str, str]] = {**Design.pictures, "groups": "compare:plot_groups"}
+
+    @property
+    def swing(self) -> float:
+        """See `Design.swing`."""
+        return 0.0 if self.parts is None else self.parts.angle
 
     @property
     def headline(self) -> str:
