@@ -175,8 +175,7 @@ def _files(
 ) -> Iterator[tuple[str, str | bytes]]:
     from tpd.core import files
     from tpd.plot import style as canvas
-    from tpd.plot.branches import plot_branches
-    from tpd.plot.response import plot_response
+    from tpd.plot.response import plot_branches, plot_response
     from tpd.report.responses import response_csv, topplings
 
     name = next(iter(cases.values())).name
@@ -198,7 +197,7 @@ def _files(
         for file, responses in shown.items():
             if len(responses[BARE].frequency):
                 axes = plot_response(tuple(responses.values()), own, toppling=levels)
-                yield file, canvas.png(axes.figure)
+                yield file, canvas.png(axes[0].figure)
 
 
 def _rows(label: str, case: Branches) -> Iterator[tuple]:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from tpd.analysis.attractors import Starts
 from tpd.analysis.benefit import Change
 from tpd.analysis.intervals import Interval
+from tpd.core import checks
 from tpd.core.conditions import Conditions
-from tpd.core.formatting import Printed
+from tpd.core.formatting import Printed, picture
 from tpd.core.scene import Pendulum, Scene
 from tpd.design.criteria import Room, limit_of, stroke_limit
 from tpd.design.question import Question
@@ -129,6 +130,11 @@ class Design(Question, Printed):
     status: DesignStatus
     pendulum: Pendulum | None
     """None where no design is offered."""
+    pictures: ClassVar[dict[str, str]] = {
+        "landscape": "landscape:plot_landscape",
+        "drawing": "drawing:plot_design",
+    }
+    """Functions of `tpd.plot` by the words that `plot` takes."""
 
     @staticmethod
     def read(path: str | Path) -> StoredDesign:
@@ -141,6 +147,29 @@ class Design(Question, Printed):
         from tpd.design.reading import read_design
 
         return read_design(path)
+
+    def plot(self, what: str = "landscape", *, ax: Any = None) -> Any:
+        """Draw the design, and return the axes, an array where there are several.
+
+        Args:
+            what: "landscape", the tilt over mass and length ratio with the limits; "drawing", block and
+                pendulum to scale; under harmonic shaking "benefit", with and without the pendulum over paired
+                runs, and "conditions", over the one quantity that these differ in; under ground motions
+                "groups", the fragility of each.
+            ax: one for the landscape and the benefit, two for conditions, one for each group; none for the
+                drawing. Default those of a new figure.
+
+        Raises:
+            ValueError: another word, a design without what is to be drawn, or axes for the drawing.
+        """
+        checks.one_of("what", what, tuple(self.pictures))
+        return picture(self.pictures[what])(self, ax)
+
+    @property
+    def swing(self) -> float:
+        """Angle of the bob that its drawing shows, rad, 0 without a pendulum: the largest of the motions that
+        count in which the block stands, settled under harmonic shaking."""
+        raise NotImplementedError
 
     @property
     def saved(self) -> Interval | None:
@@ -202,6 +231,11 @@ class HarmonicDesign(Design):
     range_alike: np.ndarray | None = None
     """See `Design.alike`."""
     settings: dict[str, object] = field(default_factory=dict)
+    pictures: ClassVar[dict[str, str]] = {
+        **Design.pictures,
+        "benefit": "compare:plot_benefit",
+        "conditions": "compare:plot_conditions",
+    }
 
     @property
     def winner(self) -> Verified | None:
@@ -303,6 +337,16 @@ class HarmonicDesign(Design):
     def stroke(self) -> float:
         """Largest exact settled |psi| of all conditions, rad; 0 without a pendulum."""
         return 0.0 if self.winner is None else float(np.max(self.winner.exact.stroke))
+
+    @property
+    def swing(self) -> float:
+        """See `Design.swing`."""
+        if self.winner is None:
+            return 0.0
+        # From other starts than rest the search may know larger strokes than the one from rest.
+        asked = np.zeros(0) if self.starts == Starts.rest() else self.winner.evaluation.stroke[0]
+        strokes = np.concatenate([self.winner.exact.stroke, asked])
+        return float(np.max(strokes, where=np.isfinite(strokes), initial=0.0))
 
     @property
     def stroke_limit(self) -> float:

@@ -12,8 +12,6 @@ from tpd.analysis.benefit import Benefit
 from tpd.analysis.compare_models import QUICK, Check, check
 from tpd.analysis.response import Response, frequencies, settled_response
 from tpd.analysis.steady_state import sampled, simulate
-from tpd.closed_form import uplift
-from tpd.core.conditions import under
 from tpd.core.parameters import as_arrays
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
@@ -29,8 +27,6 @@ if TYPE_CHECKING:
 
 _BAND = frequencies(1.0, 0.7, 1.5, 41)
 """Frequencies of a response, in shares of the scene's own."""
-_GRID = 96
-"""Points of the uplift region along each axis."""
 _Part = TypeVar("_Part")
 
 
@@ -38,8 +34,6 @@ _Part = TypeVar("_Part")
 class TimeHistory:
     """One motion from rest under the scene's own shaking, shapes (times,)."""
 
-    model: str
-    """"exact"."""
     with_pendulum: bool
     time: np.ndarray
     """s"""
@@ -47,18 +41,6 @@ class TimeHistory:
     """phi, rad; NaN where the model has no answer, as after an overturning."""
     bob: np.ndarray
     """psi, rad."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class UpliftRegion:
-    """Uplift margin of the resting block over the (mu, lam) plane, the least of all conditions."""
-
-    mass_ratio: np.ndarray
-    """(n,)"""
-    length_ratio: np.ndarray
-    """(n,)"""
-    margin: np.ndarray
-    """(n, n), length ratios along the first axis."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +70,6 @@ class Study:
     the scene's own shaking."""
     comparison: Check | None = None
     """The offered design by several models, under the scene's own shaking."""
-    region: UpliftRegion | None = None
     usage: tuple[tuple[str, float], ...] = ()
     """Limited quantities of the best design over their limits, the largest of all conditions."""
     front: tuple[FrontPoint, ...] = ()
@@ -138,7 +119,6 @@ def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progr
             histories=part("the time histories", time_histories, scene, hung),
             responses=part("the response over frequency", _responses, harmonic, progress) if varied else None,
             comparison=part("the comparison of models", _comparison, harmonic, progress) if hung else None,
-            region=part("the uplift region", uplift_region, harmonic),
             surveyed=part("the strikes of surveyed designs", surveyed, harmonic, progress) or {},
         )
     return replace(out, left_out=tuple(left_out))
@@ -153,7 +133,7 @@ def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory
         tau = sampled(p)
         tilt, bob = np.asarray(simulate(p, np.zeros(4), tau, model=Piecewise()).ys).T[:2]
         time = np.asarray(tau) / scene.rate
-        out.append(TimeHistory(model="exact", with_pendulum=hung is not None, time=time, tilt=tilt, bob=bob))
+        out.append(TimeHistory(with_pendulum=hung is not None, time=time, tilt=tilt, bob=bob))
     return tuple(out)
 
 
@@ -188,19 +168,6 @@ def surveyed(design: HarmonicDesign, progress: Progress | None = None) -> dict[i
         allowed = design.worth.allowed
         out[i] = Surveyed(strikes=strikes, allowed=allowed, overturned=overturned, benefit=benefit)
     return out
-
-
-def uplift_region(design: HarmonicDesign) -> UpliftRegion:
-    """Uplift margin over the mass and length ratios of the design space, at the best design's damping."""
-    space, best = design.space, design.best
-    zeta = float(np.mean(space.damping_ratio)) if best is None else best.damping_ratio
-    mu, lam = np.linspace(*space.mass_ratio, _GRID), np.linspace(*space.length_ratio, _GRID)
-    plane = np.stack([*np.meshgrid(mu, lam), np.full((_GRID, _GRID), zeta)], axis=-1).reshape(-1, 3)
-    p = design.scene.parameters()
-    # One condition after the other: all at once would take n times the memory.
-    margins = (uplift(under(p, plane.T, row)).margin for row in design.conditions.factor_rows())
-    least = np.min([np.asarray(x) for x in margins], axis=0)
-    return UpliftRegion(mass_ratio=mu, length_ratio=lam, margin=least.reshape(_GRID, _GRID))
 
 
 def usage(design: HarmonicDesign) -> tuple[tuple[str, float], ...]:

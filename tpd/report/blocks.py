@@ -85,8 +85,6 @@ class Figure:
     name: str
     alt: str
     caption: str
-    narrow: bool = False
-    """Whether two of these fit side by side."""
     kind: ClassVar[str] = "figure"
 
     def __post_init__(self) -> None:

@@ -82,11 +82,11 @@ def content(
 
 def _figures(design: Design, study: Study) -> dict[str, list[Block]]:
     """The figure of every picture there is, by the stem of its name; an empty list where there is none."""
-    out: dict[str, list[Block]] = {stem: [] for stem in pictures.CAPTIONS}
-    for name in pictures.names(design, study):
-        stem = name.partition(".")[0]
-        out[stem] = [Figure(name, *pictures.CAPTIONS[stem], narrow=stem in ("drawing", "animation"))]
-    return out
+    there = pictures.names(design, study)
+    return {
+        name.partition(".")[0]: [Figure(name, *said)] if name in there else []
+        for name, said in pictures.CAPTIONS.items()
+    }
 
 
 def _front(points: Sequence[FrontPoint]) -> Table:

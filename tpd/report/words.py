@@ -28,6 +28,13 @@ def toppling(slenderness: float, mass_ratio: float) -> float:
     return slenderness * (1.0 + mass_ratio) / (1.0 + 2.0 * mass_ratio)
 
 
+def source_of_tilts(design: HarmonicDesign) -> str:
+    """Motions that the search's tilts belong to, in words."""
+    if design.starts == Starts.rest():
+        return "rest wherever it holds, else the largest attracting symmetric motion"
+    return "the largest attracting symmetric motion, whichever start leads to it"
+
+
 def finite_max(values: np.ndarray) -> float:
     """Largest finite one of `values`, or 0."""
     return float(np.max(values, where=np.isfinite(values), initial=0.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -151,9 +151,15 @@ class GroundDesign(Design):
     """These of the best design by the nonlinear equations, as `searched.sizes` has them by the linear ones;
     None where nothing was judged."""
     judged: tuple[Judged, ...]
-    swing: float
+    swing_met: float
     """Largest angle between rod and block (rad) of the best design on the motions that it is tuned to, by the
     nonlinear equations, where the block stands; NaN where nothing was judged."""
+    pictures: ClassVar[dict[str, str]] = {**Design.pictures, "groups": "compare:plot_groups"}
+
+    @property
+    def swing(self) -> float:
+        """See `Design.swing`."""
+        return self.swing_met if math.isfinite(self.swing_met) else 0.0
 
     @property
     def objective(self) -> GroundObjective:

@@ -296,5 +296,5 @@ def _answer(
         names=search.names,
         usage=usage,
         judged=judged,
-        swing=swing,
+        swing_met=swing,
     )
