@@ -204,7 +204,6 @@ def test_all_files_are_written_and_the_page_last(tmp_path):
             "search.png",
             "response.svg",
             "drawing.svg",
-            "drawing.svg",
             "report.html",
         )
     ]

@@ -83,10 +83,10 @@ class DesignMap(Printed):
             ImportError: without pandas.
         """
         x, y = np.meshgrid(self.x, self.y)
-        names = ("status", "amplitude", "stroke", "margin", "exact", "overflow")
-        return data_frame(
-            {self.x_name: x.ravel(), self.y_name: y.ravel()} | {n: getattr(self, n).ravel() for n in names}
-        )
+        names = {"amplitude": "amplitude_rad", "stroke": "stroke_rad", "margin": "uplift_margin"}
+        fields = ("status", "amplitude", "stroke", "margin", "exact", "overflow")
+        columns = {names.get(n, n): getattr(self, n).ravel() for n in fields}
+        return data_frame({self.x_name: x.ravel(), self.y_name: y.ravel()} | columns)
 
     def __str__(self) -> str:
         lines = ["Design map" if self.start is None else f"Design map from the start {self.start}"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -78,7 +78,7 @@ class Branches(Printed):
         at = [np.array(s.line(i)) for i in range(s.branches)]
         branch = np.repeat(np.arange(len(at)), [places.shape[1] for places in at])
         i, j = np.concatenate([np.zeros((2, 0), int), *at], axis=1)
-        sizes = {"amplitude": s.amplitude[i, j], "stroke": s.stroke[i, j], "phase": s.phase[i, j]}
+        sizes = {f"{n}_rad": getattr(s, n)[i, j] for n in ("amplitude", "stroke", "phase")}
         return data_frame({"branch": branch, self.name: s.value[i], "status": s.status[i, j], **sizes})
 
     def __str__(self) -> str:
@@ -177,6 +177,13 @@ class Response(Printed):
         cases = (self,) if without is None else (without, self)
         return picture("response:plot_response")(cases, own, axes=axes)
 
+    def between(self, low: float, high: float) -> Response:
+        """The part of this response from the value `low` to `high`; shares stay those of all runs."""
+        close = (self.frequency >= low) & (self.frequency <= high)
+        shares = None if self.overturning is None else self.overturning[:, close]
+        names = ("frequency", "amplitude", "stroke", "status")
+        return replace(self, overturning=shares, **{n: getattr(self, n)[close] for n in names})
+
     def to_dataframe(self) -> pd.DataFrame:
         """A row for every value: status, sizes in rad, share of the runs near it that overturn; with pandas.
 
@@ -185,7 +192,7 @@ class Response(Printed):
         """
         names = ("share_overturned", "share_low", "share_high")
         shares = {} if self.overturning is None else dict(zip(names, self.overturning, strict=True))
-        sizes = {"amplitude": self.amplitude, "stroke": self.stroke}
+        sizes = {"amplitude_rad": self.amplitude, "stroke_rad": self.stroke}
         return data_frame({self.name: self.frequency, "status": self.status, **sizes, **shares})
 
     def __str__(self) -> str:

@@ -154,10 +154,10 @@ class Design(Question, Printed):
         Args:
             what: "landscape", the tilt over mass and length ratio with the limits; "drawing", block and
                 pendulum to scale; under harmonic shaking "benefit", with and without the pendulum over paired
-                runs, and "conditions", over the one quantity that these differ in; under ground motions
-                "groups", the fragility of each.
-            ax: one for the landscape and the benefit, two for conditions, one for each group; none for the
-                drawing. Default those of a new figure.
+                runs, and "conditions", over the one quantity that these differ in, and "motion", from
+                rest; under ground motions "groups", the fragility of each.
+            ax: one for the landscape and the benefit, two for conditions and motion, one for each group; none
+                for the drawing. Default those of a new figure.
 
         Raises:
             ValueError: another word, a design without what is to be drawn, or axes for the drawing.
@@ -235,6 +235,7 @@ class HarmonicDesign(Design):
         **Design.pictures,
         "benefit": "compare:plot_benefit",
         "conditions": "compare:plot_conditions",
+        "motion": "motion:plot_start",
     }
 
     @property

@@ -211,8 +211,8 @@ def _detail(ax: Axes, scene: Scene, h: _Hung, side: float, scale: float) -> None
     _dimension(ax, (0.0, -h.rod), (0.0, 0.0), outward, f"{number(h.rod)} m", scale)
     _dimension(ax, (0.0, -h.depth), (0.0, 0.0), outward - 0.35 * inch, f"{number(h.depth, 3)} m", scale)
     if hollow and h.wall < side:
-        words = f"{number(2.0 * h.wall)} m"
-        _dimension(ax, (-h.wall, 0.09 * inch), (h.wall, 0.09 * inch), 0.12 * inch, words, scale)
+        between = f"{number(2.0 * h.wall)} m"
+        _dimension(ax, (-h.wall, 0.09 * inch), (h.wall, 0.09 * inch), 0.12 * inch, between, scale)
     mass, end = float(p.mass), h.rod * np.array([math.sin(h.angle), -math.cos(h.angle)])
     damper = f"{number(p.hinge_damping(scene.gravity), 3)} N m s/rad ({p.damping_ratio:.3g} of critical)"
     wide, high = (2.0 * float(x) for x in (h.body.radius(mass), h.body.half_height(mass)))

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from tpd.analysis.shaking_history import ShakingHistory
-from tpd.design.study import TimeHistory
+from tpd.design.result import HarmonicDesign
+from tpd.design.study import TimeHistory, time_histories
 from tpd.plot.style import INK, LINES, ORANGE, in_degrees, legend, new_axes
 
 
@@ -69,6 +70,13 @@ def plot_motions(
     axes[-1].set(xlabel="time (s)" if shaken else "time from a start at rest (s)", xlim=(0.0, last))
     legend(axes[0] if not shaken else tilts, **({"loc": "upper right", "ncols": 2} if shaken else {}))
     return axes
+
+
+def plot_start(design: HarmonicDesign, axes: Any = None) -> Any:
+    """Draw the first periods from rest of a design, see `plot_motions`."""
+    histories = time_histories(design.scene, design.pendulum)
+    nu, limit = float(design.scene.block.slenderness), design.stroke_limit
+    return plot_motions(histories, nu, stroke_limit=limit, axes=axes)
 
 
 def _columns(h: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from tpd.design.ground.design import GroundDesign
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.design.study import Study
@@ -64,18 +66,19 @@ def names(design: Design, study: Study) -> tuple[str, ...]:
     """Names of the pictures that there is data for."""
     # A drawing of a design that the search had only come to by an interruption would be taken for the answer.
     whole = design.status is not DesignStatus.interrupted
-    there = {"drawing.svg": whole, "front.svg": bool(study.front)}
+    there = {}
     if isinstance(design, GroundDesign):
         there |= {"groups.svg": bool(design.judged), "search.png": design.searched is not None}
     elif isinstance(design, HarmonicDesign):
         there |= {
             "benefit.svg": whole and design.best is not None and design.best.benefit is not None,
             "conditions.svg": len(design.conditions) > 1 and design.conditions.axis is not None,
-            "search.png": bool(design.surveys),
+            "search.png": len(design.search.screened) > 0,
             "response.svg": bool(study.responses),
             "motion.svg": bool(study.histories),
-            "animation.gif": whole and bool(study.histories),
         }
+    there |= {"front.svg": bool(study.front), "drawing.svg": whole}
+    there |= {"animation.gif": whole and bool(study.histories)}
     return tuple(name for name, exists in there.items() if exists)
 
 
@@ -89,6 +92,7 @@ def draw(name: str, design: Design, study: Study) -> bytes:
     from tpd.plot import animation, compare, motion, response
     from tpd.plot.style import png, svg
 
+    axes: Any
     scene, histories = design.scene, study.histories or ()
     what, _, kind = name.partition(".")
     match what:
