@@ -77,6 +77,7 @@ class GroundMotion:
 
     def acceleration_at(self, times: Any) -> np.ndarray:
         """Acceleration (m/s^2) at `times` in s; zero before and after the motion."""
+        checks.within("times", times, -np.inf, np.inf)
         c, share = np.asarray(self.pieces()), np.asarray(times, dtype=float) / float(self.piece)
         i = np.clip(np.floor(share).astype(int), 0, len(c) - 1)
         x = share - i
@@ -155,6 +156,8 @@ class Pulse(GroundMotion):
             raise ValueError(f"`kind` must be one of {', '.join(_SHAPES)}, but is {self.kind!r}")
         checks.not_negative("acceleration", self.acceleration)
         checks.positive("frequency", self.frequency)
+        for name in ("cycles", "phase"):
+            checks.within(name, getattr(self, name), -np.inf, np.inf)
         if self.kind == "sine-train":
             self._check_train()
         elif checks.is_concrete(self.cycles) and not 1.0 <= self.cycles <= _MOST_CYCLES:

@@ -16,11 +16,12 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
-from tpd.core.parameters import SLENDERNESS_LIMIT, Parameters, Real, housner, uniform_inertia_ratio
+from tpd.core.impacts import housner
+from tpd.core.parameters import SLENDERNESS_LIMIT, Parameters, Real, uniform_inertia_ratio
 from tpd.core.pytrees import pytree
 
 HOUSNER = "housner"
-"""Value of `Block.restitution` that ties e to block and bob by `tpd.core.parameters.housner`."""
+"""Value of `Block.restitution` that ties e to block and bob by `tpd.core.impacts.housner`."""
 FRICTION = 0.05
 """Default k of a block without impact loss: the value of the paper's section 3."""
 LEAST_SLENDERNESS = 0.01
@@ -379,7 +380,7 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
     nu = q["width"] / q["height"]
     rate = _rate(q["gravity"], rho, half_height)
     omega = 2.0 * math.pi * q["frequency"]
-    peak = q["peak"] if "peak" in q else q["amplitude"] * omega**2
+    peak = q["peak"] if "peak" in q else q["amplitude"] * omega * omega
     # The paper's (25) takes lam as l/b; its Table 1 lists l/(2b), half of it.
     return {
         "nu": nu,
