@@ -17,7 +17,7 @@ import numpy as np
 
 from tpd.analysis.outcomes import LOST, UNANSWERED, Outcomes
 from tpd.core import checks, sampling
-from tpd.core.cluster import Cluster
+from tpd.core.cluster import Cluster, check_where
 from tpd.core.conditions import FACTORS, Conditions, check_restitution, under
 from tpd.core.equations import Terms
 from tpd.core.parameters import Parameters
@@ -206,6 +206,7 @@ def outcomes(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    check_where(workers, cluster)
     terms = _terms(equations)
     ensemble = Ensemble() if ensemble is None else ensemble
     checks.instance("ensemble", ensemble, Ensemble)

@@ -10,7 +10,7 @@ from tpd.analysis.ground_batch import Progress, follow_rows, rows_of
 from tpd.analysis.transient import FREE
 from tpd.core import checks
 from tpd.core.cluster import Cluster
-from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
+from tpd.core.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
 from tpd.core.scene import Block, Scene
 
 
@@ -62,8 +62,11 @@ def rocking_spectrum(
     """
     checks.instance("block", block, Block)
     checks.instance("motion", motion, GroundMotion)
+    if periods is not None:
+        checks.numbers("periods", periods, (-1,), "a vector of numbers")
     times = np.linspace(1.0, 12.0, 200) if periods is None else np.asarray(periods, dtype=float)
     checks.positive("periods", times)
+    checks.within("free", free, 0.0, LONGEST_FREE, " s")
     scene = Scene(block, motion, gravity)
     hung = None
     if mass_ratio is not None:

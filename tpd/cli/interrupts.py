@@ -11,20 +11,20 @@ import os
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import tpd
+from tpd.core.progress import EVERY, SHOWN, TICK, is_silent, say
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C."""
 UNFINISHED = "unfinished.npz"
 """Name of the file in which an interrupted search leaves what had ended."""
 _RECEIVED = threading.Event()
-_CLEAR = "\r\x1b[K"
-"""Removes a bar from the last line of a terminal."""
 _SOON = 0.25
 """Seconds after which a command says what it does; bad input is refused earlier where JAX is imported."""
 _SHOW = warnings.showwarning
@@ -37,17 +37,28 @@ _PATIENCE = 1.5
 
 @contextlib.contextmanager
 def announced(does: str | None) -> Iterator[None]:
-    """Say on stderr what a command does, unless it ends before that."""
+    """Say on stderr what a command does, unless it ends before that, and then that it is at work where no bar
+    says so."""
     if does is None:
         yield
         return
-    timer = threading.Timer(_SOON, _say, (f"tpd {tpd.__version__}: {does}",))
-    timer.daemon = True
-    timer.start()
+    ended = threading.Event()
+    threading.Thread(target=_tell, args=(does, ended), daemon=True).start()
     try:
         yield
     finally:
-        timer.cancel()
+        ended.set()
+
+
+def _tell(does: str, ended: threading.Event) -> None:
+    begin = time.monotonic()
+    if not ended.wait(_SOON):
+        say(f"tpd {tpd.__version__}: {does}")
+    # On a terminal the next line of the command takes the place of this one.
+    text, end = ("at work", "\r") if sys.stderr.isatty() else (does, "\n")
+    while not ended.wait(TICK):
+        if not SHOWN and is_silent(1.0 if end == "\r" else EVERY):
+            say(f"tpd: {text}, {time.monotonic() - begin:.0f} s", end=end)
 
 
 @contextlib.contextmanager
@@ -62,7 +73,9 @@ def watched(out: Path | None) -> Iterator[None]:
     if not hasattr(os, "fork"):
         yield
         return
-    existed, (here, there) = out is not None and out.exists(), os.pipe()
+    existed, (here, there) = False, os.pipe()
+    with contextlib.suppress(OSError, ValueError):
+        existed = out is not None and out.exists()
     # Nothing runs in another thread yet.
     child = os.fork()
     if child == 0:
@@ -76,7 +89,7 @@ def watched(out: Path | None) -> Iterator[None]:
     with _forwarding(child) as pressed:
         status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     if pressed and status < 0:
-        _say("\n".join(filter(None, ("tpd: interrupted", leave(out, existed)))))
+        say("\n".join(filter(None, ("tpd: interrupted", leave(out, existed)))))
         status = INTERRUPTED
     raise SystemExit(status if status >= 0 else 128 - status)
 
@@ -140,19 +153,13 @@ def _again(lost: Any) -> None:
         sys.__unraisablehook__(lost)
 
 
-def _say(text: str) -> None:
-    # A terminal may show a bar in the last line; a pipe may be closed.
-    with contextlib.suppress(OSError, ValueError):
-        print((_CLEAR if sys.stderr.isatty() else "") + text, file=sys.stderr, flush=True)
-
-
 def warned(message: Warning | str, category: type[Warning], *where: Any, **how: Any) -> None:
     """Say a warning of this package in one sentence, in place of `warnings.showwarning`."""
     if category is UserWarning:
         # Python says it again wherever a library has touched the filters of warnings.
         if str(message) not in _SAID:
             _SAID.add(str(message))
-            _say(f"tpd: {message}")
+            say(f"tpd: {message}")
     else:
         _SHOW(message, category, *where, **how)
 

@@ -9,7 +9,7 @@ import numpy as np
 from tpd.core import checks
 from tpd.core.equations import Linear
 from tpd.core.impacts import linear_ratio
-from tpd.core.parameters import Number, Parameters
+from tpd.core.parameters import Number, Parameters, check_parameters
 
 
 def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
@@ -40,6 +40,7 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    check_parameters(p)
     checks.not_negative("amplitude", amplitude)
     linear = Linear(p)
     twice, tilt = 2.0 * linear.weight, linear.tilt

@@ -68,6 +68,18 @@ def instance(name: str, value: object, of: type | tuple[type, ...], hint: str = 
     raise ValueError(f"`{name}` must be a {names}, but is {shown(value)}{hint}")
 
 
+def optional(name: str, value: object, of: type | tuple[type, ...]) -> None:
+    """As `instance`, where None is allowed as well."""
+    if value is not None:
+        instance(name, value, of)
+
+
+def function(name: str, value: object) -> None:
+    """Raise `ValueError` unless `value` can be called, or is None."""
+    if value is not None and not callable(value):
+        raise ValueError(f"`{name}` must be a function, but is {shown(value)}")
+
+
 def flag(name: str, value: object) -> None:
     """Raise `ValueError` unless `value` is True or False."""
     if not isinstance(value, (bool, np.bool_)):

@@ -15,6 +15,9 @@ from tpd.core.parameters import Real
 from tpd.core.pytrees import pytree
 from tpd.formats.units import STANDARD_GRAVITY
 
+LONGEST_FREE = 1e5
+"""Longest free motion (s) that is followed after a ground motion."""
+
 _MOST_CYCLES = 8.0
 _LONGEST_TRAIN = 1000
 """Largest numbers of periods of an envelope, and of a train of sines."""

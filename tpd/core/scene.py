@@ -308,6 +308,8 @@ class Scene:
 
     def pendulum(self, *, mass_ratio: Real, length_ratio: Real, damping_ratio: Real) -> Pendulum:
         """Return the pendulum in SI units that has these mu, lam and zeta."""
+        for name, ratio in (("mass_ratio", mass_ratio), ("length_ratio", length_ratio)):
+            checks.not_negative(name, ratio)
         return Pendulum(
             mass=mass_ratio * self.block.mass,
             length=length_ratio * self.block.half_height,
