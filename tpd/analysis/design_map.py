@@ -14,7 +14,7 @@ import numpy as np
 from tpd.analysis.symmetric_orbits import Orbits, all_symmetric_orbits
 from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
-from tpd.core.cluster import Cluster
+from tpd.core.cluster import Cluster, check_where
 from tpd.core.formatting import Printed, counted, data_frame, picture, span
 from tpd.core.parameters import Parameters
 from tpd.core.progress import shown_count
@@ -142,6 +142,7 @@ def design_map(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    check_where(None, cluster)
     setup = Setup.of(subject, pendulum)
     (x_name, xs), (y_name, ys) = _line(setup, "x", x), _line(setup, "y", y)
     designs = _designs(setup, {x_name: xs, y_name: ys})

@@ -192,12 +192,18 @@ def fragility(
         ValueError: bad input.
     """
     checks.instance("block", block, Block)
+    checks.optional("pendulum", pendulum, Pendulum)
+    checks.numbers("scales", scales, (-1,), "a vector of numbers")
     stripes = np.asarray(scales, dtype=float)
     checks.positive("scales", stripes)
     if stripes.ndim != 1 or np.any(np.diff(stripes) <= 0.0):
         raise ValueError("`scales` must be a vector of increasing numbers, but are not")
-    if not states or any(not level >= 0.0 for level in states.values()):
+    checks.instance("states", states, Mapping)
+    named = all(isinstance(n, str) and isinstance(x, (int, float)) and x >= 0.0 for n, x in states.items())
+    if not (states and named):
         raise ValueError(f"`states` must name tilts over the slenderness from 0 on, but are {dict(states)}")
+    checks.flag("nonlinear", nonlinear)
+    checks.instance("motions", motions, Sequence)
     measure = intensity_of(intensity, block, gravity, period)
     for i, motion in enumerate(motions):
         checks.instance(f"motions[{i}]", motion, GroundMotion)

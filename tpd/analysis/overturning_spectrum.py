@@ -100,6 +100,10 @@ def overturning_spectrum(
     """
     checks.instance("block", block, Block)
     checks.instance("pulse", pulse, Pulse)
+    checks.optional("pendulum", pendulum, Pendulum)
+    for name, given in (("frequency_ratios", frequency_ratios), ("acceleration_ratios", acceleration_ratios)):
+        if given is not None:
+            checks.numbers(name, given, (-1,), "a vector of numbers")
     w = np.linspace(0.5, 10.0, 120) if frequency_ratios is None else np.asarray(frequency_ratios, dtype=float)
     a = np.linspace(0.5, 10.0, 120) if acceleration_ratios is None else np.asarray(acceleration_ratios, float)
     checks.positive("frequency_ratios", w)

@@ -12,7 +12,7 @@ from tpd.analysis.transient import FREE
 from tpd.core import checks
 from tpd.core.cluster import Cluster
 from tpd.core.formatting import data_frame, picture
-from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
+from tpd.core.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
 from tpd.core.scene import Block, Scene
 
 if TYPE_CHECKING:
@@ -81,8 +81,11 @@ def rocking_spectrum(
     """
     checks.instance("block", block, Block)
     checks.instance("motion", motion, GroundMotion)
+    if periods is not None:
+        checks.numbers("periods", periods, (-1,), "a vector of numbers")
     times = np.linspace(1.0, 12.0, 200) if periods is None else np.asarray(periods, dtype=float)
     checks.positive("periods", times)
+    checks.within("free", free, 0.0, LONGEST_FREE, " s")
     scene = Scene(block, motion, gravity)
     hung = None
     if mass_ratio is not None:

@@ -8,7 +8,8 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.core.equations import Linear
-from tpd.core.parameters import Number, Parameters
+from tpd.core.impacts import linear_ratio
+from tpd.core.parameters import Number, Parameters, check_parameters
 
 
 def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
@@ -39,13 +40,14 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    check_parameters(p)
     checks.not_negative("amplitude", amplitude)
     linear = Linear(p)
     twice, tilt = 2.0 * linear.weight, linear.tilt
     # Beyond this the weight would have done negative work, and k would be negative.
     if all(map(checks.is_concrete, (amplitude, twice, tilt))):
         _check_range(amplitude, np.asarray(twice) / np.asarray(tilt))
-    lost = 1.0 - p.velocity_ratio**2
+    lost = 1.0 - linear_ratio(p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio) ** 2
     return lost * (twice - tilt * checks.namespace(amplitude).asarray(amplitude)) / 4.0
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.cluster import Cluster
+from tpd.core.cluster import Cluster, check_where
 from tpd.core.formatting import Printed, counted, data_frame
 from tpd.core.progress import shown_count
 from tpd.core.scene import Block, Scene
@@ -73,10 +73,13 @@ def optimise_all(
         KeyboardInterrupt: Ctrl-C, after the search that it stops.
     """
     checks.require_x64()
+    check_where(None, cluster)
+    checks.instance("scenes", scenes, Sequence)
     if not scenes:
         raise ValueError("`scenes` must hold at least one scene, but is empty")
     for i, scene in enumerate(scenes):
-        checks.instance(f"scenes[{i}]", scene, Block if isinstance(scene, Block) else Scene)
+        # All blocks or all scenes: one set of conditions serves all of them.
+        checks.instance(f"scenes[{i}]", scene, Block if isinstance(scenes[0], Block) else Scene)
     alone = sorted({"checkpoint", "progress"} & set(settings))
     if alone:
         raise ValueError(f"`{alone[0]}` is of one search, and cannot be given for many")
