@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import tpd
 from tpd.analysis.critical_scale import _scanned
 from tpd.analysis.shaking_history import shaking_history
-from tpd.core.pulse_kinds import KINDS
+from tpd.core.ground_motion import PULSES
 from tpd.models.compiled_shaken import follow_all
 
 GRAVITY = 9.80665
@@ -214,7 +214,7 @@ def test_pulses_are_their_formulas():
 def test_twice_as_many_cubics_make_no_other_motion(kind, monkeypatch):
     pulse = tpd.Pulse(kind=kind, acceleration=4.0, frequency=1.5, cycles=2.0, phase=0.4)
     tilts = [float(tpd.transient(column(pulse), HUNG).tilt)]
-    monkeypatch.setitem(KINDS, kind, KINDS[kind]._replace(cubics=2 * KINDS[kind].cubics))
+    monkeypatch.setitem(PULSES, kind, PULSES[kind]._replace(cubics=2 * PULSES[kind].cubics))
     tilts.append(float(tpd.transient(column(pulse), HUNG).tilt))
     assert tilts[0] == pytest.approx(tilts[1], rel=2e-10)
     assert 0.01 < tilts[0] < 0.2

@@ -234,7 +234,7 @@ def benefit():
             seed=0,
         )
         held = found.judged[1]
-        if name == "statue 1.8 m":
+        if name == "column 4 m":
             (PICTURES / "fragility.png").write_bytes(style.png(plot_groups(found)[0].figure))
         rows.append(
             (
