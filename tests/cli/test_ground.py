@@ -6,12 +6,12 @@ import json
 
 import numpy as np
 import pytest
+from tpd.cli.optimise_records import _held_out
 
 import tpd
 from tests.unanswered import unanswered
 from tpd.analysis import transient as transient_module
 from tpd.cli import ground, main
-from tpd.cli.optimise_records import _held_out
 
 COLUMN = ["--width", "1", "--height", "6", "--mass", "9000", "--friction", "0", "--restitution", "0.9595"]
 HUNG = ["--pendulum-mass", "450", "--pendulum-length", "0.9"]

@@ -1,10 +1,12 @@
-"""Numbers as text for reports and figures."""
+"""Numbers as text for reports and figures, and ends of messages."""
 
 from __future__ import annotations
 
 import html
 import math
 from collections import Counter
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 import numpy as np
 
@@ -53,3 +55,12 @@ def span(values: np.ndarray, unit: str = "") -> str:
     if not finite.size:
         return "–"
     return f"{number(float(finite.min()))} to {number(float(finite.max()))} {unit}".rstrip()
+
+
+def meant(word: object, allowed: Iterable[str], *, listing: bool = True) -> str:
+    """Return the end of a message about an unknown word: the one that is close, or those that are allowed."""
+    known = list(allowed)
+    close = get_close_matches(word, known, 1) if isinstance(word, str) else []
+    if close:
+        return f"; did you mean `{close[0]}`?"
+    return f"; allowed are {', '.join(known)}" if listing else ""

@@ -17,7 +17,7 @@ from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.groups import Role, unnamed
 from tpd.design.ground.judgement import Judged, scatter_of
 from tpd.design.ground.search import SPARE
-from tpd.design.reading import GROUND_VERSION
+from tpd.design.reading import VERSION
 from tpd.report import scene_words, tables, words
 from tpd.report.blocks import (
     Block,
@@ -52,6 +52,7 @@ def write(
     command: str = "",
     sources: list[str] | None = None,
     points: tuple[FrontPoint, ...] = (),
+    tables: dict[str, Any] | None = None,
 ) -> list[Path]:
     """Write report, numbers and pictures; each file appears complete or not at all. Returns the files.
 
@@ -65,7 +66,7 @@ def write(
     report = content(design, command, points)
     written = [
         files.place(directory / "report.txt", text(report)),
-        files.place(directory / "design.json", as_json(design, command, sources, points)),
+        files.place(directory / "design.json", as_json(design, command, sources, points, tables)),
     ]
     if design.searched is not None:
         written.append(files.place(directory / "designs.csv", _designs(design)))
@@ -332,13 +333,14 @@ def as_json(
     command: str = "",
     sources: list[str] | None = None,
     points: tuple[FrontPoint, ...] = (),
+    tables: dict[str, Any] | None = None,
 ) -> str:
     """The design as sorted JSON."""
     found, hung = design.searched, design.pendulum
     # Everything that repeats the run, and all that was found.
     gravity = design.scene.gravity
     entries = {
-        "version": GROUND_VERSION,
+        "version": VERSION,
         "status": design.status.name,
         "status_message": design.headline,
         "reasons": list(design.reasons),
@@ -357,6 +359,7 @@ def as_json(
         "gravity": gravity,
         "settings": design.settings,
         "records": sources or [],
+        "job": tables,
         "seed": design.seed,
         "command": command,
         "versions": files.versions(),
