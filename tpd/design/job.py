@@ -28,6 +28,7 @@ from msgspec import Meta
 
 from tpd.analysis.attractors import StartKind, Starts
 from tpd.analysis.ensemble import Ensemble
+from tpd.core import checks
 from tpd.core.bob import Bob
 from tpd.core.conditions import FACTORS, MEASURES, Conditions, check_restitution
 from tpd.core.formatting import meant
@@ -364,8 +365,9 @@ class Job:
 
     def under(self, motion: Harmonic | GroundMotion) -> Scene:
         """The block on its site under another motion."""
+        block = self.block
         with naming("site"):
-            return Scene(self.block, motion, self.full["site"]["gravity"])
+            return Scene(block, motion, self.full["site"]["gravity"])
 
     @cached_property
     def scene(self) -> Scene:
@@ -515,13 +517,14 @@ class Job:
         # The paper's setting, a single motion, has a bob without size and no other condition to compare with.
         left_out = (Room, Worsening) if self.full["conditions"]["exactly"] else ()
         found: list[Limit] = []
+        bob = self.bob
         with naming("limits"):
             for kind in KINDS:
                 value = self.full["limits"][kind.name]
                 wanted = value is not None and value is not False and kind not in left_out
                 if not wanted or not (kind.of_motion or self.kind == "harmonic"):
                     continue
-                given = [self.bob] if kind is Room else [] if value is True else [value]
+                given = [bob] if kind is Room else [] if value is True else [value]
                 try:
                     found.append(kind(*given))
                 except TypeError:
@@ -600,7 +603,7 @@ class Job:
         return "\n".join(lines) + "\n"
 
 
-def read(path: Path) -> Tables:
+def read(path: Path) -> dict[str, Any]:
     """Return the tables of a job file, not yet checked; paths of records are relative to the file.
 
     Raises:
@@ -672,7 +675,7 @@ def allowed(schema: Mapping[str, Any]) -> str:
         pair = "prefixItems" in schema
         return "a pair of numbers" if pair else f"a list, each {allowed(schema['items'])}"
     nouns = {"number": "a number", "boolean": "true or false", "string": "a text"}
-    nouns["integer"] = f"a whole number of at most {schema.get('maximum')}"
+    nouns["integer"] = f"a whole number up to {schema.get('maximum')}"
     most = schema.get("maxLength")
     return nouns[schema["type"]] + ("" if most is None else f" in one line of at most {most} characters")
 
@@ -769,14 +772,21 @@ def job_of(given: Mapping[str, Any]) -> Job:
             if needed:
                 raise ValueError(f"`{table}.{key}` goes with {needed}, which this job does not have")
     job = Job(full=full)
+    with naming("search"):
+        checks.count("seed", job.seed, least=0)
+    # The block comes first: what is wrong with it is the reason for much else.
+    _ = job.block
     site = job.under(job.harmonic if job.kind == "harmonic" else _PAPER.motion)
     conditions = job.conditions if job.kind == "harmonic" else None
     if job.kind == "pulse":
         _ = job.motions
+    if job.kind == "records" and not full["motion"]["records"]:
+        raise ValueError("records need `motion.records` (--records FILE), which this job does not have")
     with naming("scatter"):
         check_scatter(site, _widths(full), job.space)
+    ensemble = job.ensemble
     with naming("ensemble"):
-        if job.ensemble.restitution:
+        if ensemble.restitution:
             check_restitution(site)
     if job.kind == "harmonic":
         with naming("motion"):

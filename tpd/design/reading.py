@@ -14,7 +14,7 @@ from typing import Any
 
 from tpd.core.formatting import Printed
 from tpd.core.scene import Pendulum
-from tpd.design.job import Job, Tables, job_of
+from tpd.design.job import Job, job_of
 from tpd.design.result import DesignStatus
 
 VERSION = 8
@@ -30,7 +30,7 @@ class StoredDesign(Printed):
     status: DesignStatus
     pendulum: Pendulum | None
     """None where no design is offered."""
-    tables: Tables
+    tables: dict[str, Any]
     """Tables of the job file that repeats the run."""
     versions: dict[str, str]
     """Versions of the packages that made the design, by name."""
@@ -44,10 +44,8 @@ class StoredDesign(Printed):
 
     def __str__(self) -> str:
         # The sentence of the report has the reasons for its verdict.
-        lines = [
-            f"Stored design: {self.status.name}",
-            str(self.content.get("status_message", self.status.value)),
-        ]
+        sentence = str(self.content.get("status_message", self.status.value))
+        lines = [f"Stored design: {self.status.name}", sentence]
         if (hung := self.pendulum) is not None:
             size = f"{hung.mass:.4g} kg on {hung.length:.4g} m, ζ = {hung.damping_ratio:.4g}"
             lines.append(f"  pendulum    {size}")
@@ -76,9 +74,9 @@ def read_design(path: str | Path) -> StoredDesign:
     try:
         found = StoredDesign(
             path=file,
-            status=_status(content),
-            pendulum=_pendulum(content),
             tables=_key(content, "job", dict),
+            pendulum=_pendulum(content),
+            status=_status(content),
             versions=_key(content, "versions", dict),
             content=content,
         )
