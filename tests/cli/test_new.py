@@ -27,10 +27,29 @@ def test_a_template_is_written_and_read_back_as_a_job(kind, tmp_path, monkeypatc
 
 @KINDS
 def test_every_key_that_is_commented_out_is_a_key_with_an_allowed_value(kind):
-    whole = re.sub(r"^# (?=\[|\w+ = )", "", new.template(kind), flags=re.MULTILINE)
-    assert whole.count("\n[") == new.template(kind).count("\n[") + 3
+    text = new.template(kind)
+    motion = text[text.index("[motion]") : text.index("[bob]")]
+    whole = text.replace(motion, re.sub("# .*", "", motion))
+    whole = re.sub(r"^# (?=\[|\w+ = )", "", whole, flags=re.MULTILINE)
+    assert whole.count("\n[") == text.count("\n[") + 3
     job = jobs.job_of(tomllib.loads(whole))
     assert len(job.conditions) == 18 * 16
+
+
+@KINDS
+def test_a_pulse_and_records_may_stand_in_place_of_the_harmonic(kind):
+    text = new.template(kind)
+    motion = text[text.index("[motion]") : text.index("[bob]")]
+    own = [line for line in motion.splitlines() if line.startswith("# ")]
+    assert [line.split()[1] for line in own] == [*PULSE, *SHAKEN]
+    for keys in (PULSE, SHAKEN):
+        chosen = "\n".join(line[2:] for line in own if line.split()[1] in keys)
+        job = jobs.job_of(tomllib.loads(text.replace(motion, f"[motion]\n{chosen}\n")))
+        assert job.kind == ("pulse" if keys is PULSE else "records")
+        assert len(job.conditions) == len(job.motions) * len(job.conditions.scales)
+
+
+PULSE, SHAKEN = ("pulse", "pulse_frequency", "pga"), ("records", "scales", "held_out")
 
 
 @KINDS
