@@ -20,6 +20,7 @@ from tpd.design import job as jobs
 from tpd.design.criteria import DesignSpace, Worth
 from tpd.design.ground.optimise import ground_problem
 from tpd.design.ground.search import GroundSearch
+from tpd.design.job_keys import SCHEMA, TABLES, json_schema
 from tpd.design.methods import Descent
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
@@ -428,14 +429,14 @@ def test_every_field_of_the_classes_is_a_key_with_its_default():
     tables = {"block": Block, "bob": Bob, "space": DesignSpace, "worth": Worth, "ensemble": Ensemble}
     for table, kind in tables.items():
         for f in dataclasses.fields(kind):
-            key = jobs.TABLES[table][f.name]
+            key = TABLES[table][f.name]
             assert f.default in (key.default, dataclasses.MISSING), f.name
-    assert set(jobs.TABLES["scatter"]) == set(FACTORS)
-    assert {f.name for f in dataclasses.fields(Descent)} < set(jobs.TABLES["search"])
+    assert set(TABLES["scatter"]) == set(FACTORS)
+    assert {f.name for f in dataclasses.fields(Descent)} < set(TABLES["search"])
 
 
 def test_every_limit_is_a_key_that_becomes_it():
-    assert list(jobs.TABLES["limits"]) == [kind.name for kind in criteria.KINDS]
+    assert list(TABLES["limits"]) == [kind.name for kind in criteria.KINDS]
     for kind in criteria.KINDS:
         given = True if kind is criteria.Room else 0.125
         (found,) = (x for x in jobs.job_of({"limits": {kind.name: given}}).limits if isinstance(x, kind))
@@ -445,18 +446,18 @@ def test_every_limit_is_a_key_that_becomes_it():
 
 
 def test_the_published_schema_is_up_to_date():
-    published = jobs.SCHEMA.read_text(encoding="utf-8")
-    assert published == jobs.json_schema(), "run: python -m tpd.design.job"
+    published = SCHEMA.read_text(encoding="utf-8")
+    assert published == json_schema(), "run: python -m tpd.design.job_keys"
 
 
 @pytest.mark.parametrize("given", JOBS.values(), ids=JOBS)
 def test_the_published_schema_takes_written_jobs(given):
-    validator = jsonschema.Draft202012Validator(json.loads(jobs.json_schema()))
+    validator = jsonschema.Draft202012Validator(json.loads(json_schema()))
     validator.validate(jobs.job_of(given).tables)
 
 
 def test_the_published_schema_refuses_what_the_reader_refuses():
-    validator = jsonschema.Draft202012Validator(json.loads(jobs.json_schema()))
+    validator = jsonschema.Draft202012Validator(json.loads(json_schema()))
     for given in (
         {"blok": {}},
         {"block": {"widht": 1.0}},
@@ -472,9 +473,9 @@ WRONG = [None, True, False, -1, 0, 3, 2**40, -0.5, 1e-12, 1e300, float("nan"), f
 WRONG += [[], [1.0], [2.0, 1.0], [1.0, 1.0, 1.0], ["a", "b"], [True, False], {}, {"a": 1}, [[1.0, 2.0]]]
 
 
-@pytest.mark.parametrize("table", list(jobs.TABLES))
+@pytest.mark.parametrize("table", list(TABLES))
 def test_whatever_a_key_is_the_answer_is_a_job_or_one_sentence(table):
-    for key in jobs.TABLES[table]:
+    for key in TABLES[table]:
         for value in WRONG:
             said = refusal({table: {key: value}})
             assert said is None or "\n" not in said

@@ -131,16 +131,16 @@ def _on_motions(job: Job, hung: Pendulum | None) -> int:
         print("does not help: the report offers no pendulum.")
         return common.UNSOUND
     # A limit on the mass narrows the space of a search; a pendulum of one's own may lie below it.
-    limits = [x for x in job.limits if not isinstance(x, Mass)]
+    asked: dict[str, Any] = job.settings | {"limits": [x for x in job.limits if not isinstance(x, Mass)]}
     with common.bar() as bar:
-        problem = ground_problem(job.scene, **(job.settings | {"limits": limits}))
+        problem = ground_problem(job.scene, **asked)
         groups, verdict = judged(problem, hung, bar)
     print("\n".join(["", *lines_of(groups), "", headline_of(verdict)]))
     most = limit_of(job.limits, Mass)
-    heavy = isinstance(most, Mass) and hung.mass > most.kg
-    if heavy:
+    if isinstance(most, Mass) and hung.mass > most.kg:
         print(f"does not fit: the bob exceeds the limit on mass, {most.kg:g} kg.")
-    return common.SOUND if verdict.status.is_sound and not heavy else common.UNSOUND
+        return common.UNSOUND
+    return common.SOUND if verdict.status.is_sound else common.UNSOUND
 
 
 def _bare(job: Job, options: argparse.Namespace) -> int:

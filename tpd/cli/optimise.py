@@ -156,7 +156,7 @@ def _write(out: Path, design: Any, shown: Any, job: Job) -> list[Path]:
         for part in shown.left_out:
             print(f"tpd: interrupted; the report goes without {part}", file=sys.stderr)
         return write(out, design, shown, job.tables, job.toml)
-    names = list(job.full["motion"]["records"] or ())
+    names: list[str] = list(job.full["motion"]["records"] or ())
     repeat = f"tpd optimise --scene {out / 'scene.toml'} --out {out}-again"
     written = ground.write(out, design, repeat, names, shown, job.tables)
     return [*written, files.place(out / "scene.toml", job.toml)]

@@ -30,7 +30,7 @@ class Parser(argparse.ArgumentParser):
         # An abbreviation that is unique today need not be so in the next version.
         super().__init__(**{"allow_abbrev": False, "formatter_class": _Help, **settings})
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # type: ignore[override]
         """Refuse unknown options here, where those that may be meant are known."""
         found, others = super().parse_known_args(args, namespace)
         if others:
