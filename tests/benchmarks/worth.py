@@ -26,7 +26,7 @@ jax.config.update("jax_enable_x64", True)
 import tpd  # noqa: E402
 from tests.benchmarks.tables import compact  # noqa: E402
 from tpd import Conditions  # noqa: E402
-from tpd.cli.config import job_of  # noqa: E402
+from tpd.design.job import job_of  # noqa: E402
 from tpd.cli.new import template  # noqa: E402
 from tpd.design.by_runs import PairedRuns, reasons_by_runs, strikes_of  # noqa: E402
 from tpd.design.criteria import (  # noqa: E402

@@ -6,8 +6,9 @@ import tomllib
 import pytest
 
 from tests import designs
-from tpd.cli import config, main
+from tpd.cli import main
 from tpd.cli.new import template
+from tpd.design import job as jobs
 from tpd.report.json import as_json
 
 CHIMNEY = template("chimney").replace("at_least = 0.1 ", "runs = 64\nat_least = 0.1 ")
@@ -72,7 +73,7 @@ def test_without_walls_there_is_no_room_to_ask_for(check):
 
 def test_a_design_s_directory_is_checked_as_the_options_are(check, tmp_path, capsys):
     _, expected = check(*OFFERED)
-    job = config.tables(config.job_of(tomllib.loads(CHIMNEY)))
+    job = jobs.job_of(tomllib.loads(CHIMNEY)).tables
     hung = {"mass": 540.0, "length": 0.515, "damping_ratio": 0.5981}
     (tmp_path / "design.json").write_text(report(job, hung))
     assert main(["check", str(tmp_path), "--quick"]) == 0

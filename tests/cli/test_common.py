@@ -10,7 +10,7 @@ MAP = ("--x", "mu", "0.01", "0.2", "--y", "lam", "0.1", "1.5")
 
 def pendulum(*command: str, varied: tuple[str, ...] = ()) -> Pendulum | None:
     """The pendulum of a command for the paper's block."""
-    return common.pendulum(parser().parse_args([*command]), paper_scene(), varied)
+    return common.pendulum(parser().parse_args([*command]), paper_scene().block, varied)
 
 
 def test_a_pendulum_is_given_in_si_units_or_in_ratios():

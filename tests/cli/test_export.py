@@ -10,7 +10,7 @@ from tests import designs
 from tpd.cli import main
 from tpd.report.json import as_json
 
-JOB = {"block": {"width": 0.1, "height": 0.4, "mass": 16.224, "friction": 0.05}}
+JOB = {"block": {"friction": 0.05}}
 
 
 @pytest.fixture
@@ -65,12 +65,18 @@ def test_bad_input_is_one_sentence(report, tmp_path, capsys):
     for words, sentence in (
         ((report, "--as", "mjcf"), "model.xml exists already: choose another name with --file"),
         ((report, "--as", "csv", "--mass-ratio", "0.1"), "report has a scene and a pendulum: give it alone"),
-        ((report, "--as", "csv", "--pulse", "ricker"), "a pulse needs --pulse-frequency HZ"),
+        (
+            (report, "--as", "csv", "--pulse", "ricker"),
+            "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_frequency`",
+        ),
         ((report, "--as", "opensees", "--sliding", "0"), "`sliding` must be positive"),
-        ((report, "--as", "csv", "--scale", "5"), "--scale needs --record FILE or --pulse KIND"),
-        ((report, "--as", "csv", "--dt", "0.01"), "--dt needs --record FILE or --pulse KIND"),
+        ((report, "--as", "csv", "--scale", "5"), "`motion.scales` goes with a pulse or records"),
+        ((report, "--as", "csv", "--dt", "0.01"), "records need `motion.records` (--records FILE)"),
         ((report, "--as", "csv", "--sliding", "0.5"), "--sliding is of a model of MuJoCo or OpenSees"),
-        (("--as", "csv", "--pulse", "ricker", "--amplitude", "1"), "--amplitude is of a harmonic"),
+        (
+            ("--as", "csv", "--pulse", "ricker", "--amplitude", "1"),
+            "[motion] has keys of a pulse (`pulse`) and of a harmonic motion (`amplitude`)",
+        ),
         ((report, "--as", "csv", "--file", "."), "--file must name a file, but . is a directory"),
         (("absent", "--as", "csv"), "cannot read absent: No such file or directory"),
     ):

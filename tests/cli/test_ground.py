@@ -1,6 +1,5 @@
 """`tpd shake`, `tpd spectrum` and `tpd fragility`: files, numbers and refusals."""
 
-import argparse
 import csv
 import json
 
@@ -10,8 +9,9 @@ import pytest
 import tpd
 from tests.unanswered import unanswered
 from tpd.analysis import transient as transient_module
-from tpd.cli import ground, main
-from tpd.cli.optimise_records import _held_out
+from tpd.cli import main
+from tpd.design.job import job_of
+from tpd.records.reading import read_motions
 
 COLUMN = ["--width", "1", "--height", "6", "--mass", "9000", "--friction", "0", "--restitution", "0.9595"]
 HUNG = ["--pendulum-mass", "450", "--pendulum-length", "0.9"]
@@ -186,11 +186,15 @@ def test_runs_without_an_answer_are_named(tmp_path, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["shake", *COLUMN], "give either --record FILE or --pulse KIND"),
-        (["shake", *COLUMN, "--pulse", "one-sine"], "a pulse needs --pulse-frequency HZ"),
+        (["shake", *COLUMN], "a block of your own must be whole, with a motion of its own"),
+        (["shake"], "give either --record FILE or --pulse KIND, or a job of one"),
+        (
+            ["shake", *COLUMN, "--pulse", "one-sine"],
+            "a pulse needs `motion.pulse` (--pulse KIND)",
+        ),
         (["shake", *COLUMN, "--record", "nothing.csv"], "nothing.csv"),
         (["shake", *COLUMN, *PULSE, "--scale", "-1"], "`acceleration` must be"),
-        (["shake", *COLUMN, *PULSE, "--pga", "0"], "`pga_g` must be positive"),
+        (["shake", *COLUMN, *PULSE, "--pga", "0"], "[motion] `pga` must be positive"),
         (["shake", "--width", "1", *PULSE], "a block of your own must be whole"),
         (["spectrum", *COLUMN, "--pulse", "ricker", "--points", "1"], "`--points` must be"),
         (["fragility", *COLUMN, "--records", "el-centro", "--scales", "2", "1"], "increasing numbers"),
@@ -241,9 +245,9 @@ def test_unit_and_step_of_files_that_state_none(tmp_path, capsys):
     path.write_text("".join(f"{a:.5f}\n" for a in 0.3 * np.sin(0.1 * np.arange(200))))
     words = ("fragility", *COLUMN, "--scales", "1", "2", "--records", str(path))
     assert run(tmp_path, *words)[0] == 2
-    assert "give --unit, such as --unit g" in capsys.readouterr().err
+    assert "give `motion.unit` (--unit), such as unit = 'g'" in capsys.readouterr().err
     assert run(tmp_path, *words, "--unit", "g")[0] == 2
-    assert "give --dt in s, such as --dt 0.01" in capsys.readouterr().err
+    assert "give `motion.dt` (--dt) in s, such as dt = 0.01" in capsys.readouterr().err
     assert seen(tmp_path, "--records", str(path), "--unit", "g", "--dt", "0.01") == 1
 
 
@@ -252,7 +256,7 @@ def test_channels_of_a_file_are_of_one_earthquake(tmp_path):
     path = tmp_path / "station.csv"
     rows_ = (f"{0.01 * i:.2f},{np.sin(0.1 * i):.4f},{np.cos(0.2 * i):.4f}\n" for i in range(50))
     path.write_text("time (s),NS (g),EW (g)\n" + "".join(rows_))
-    first, second = ground.motions([str(path)], baseline=None)
+    first, second = read_motions([str(path)])[0]
     assert first.event == second.event != ""
 
 
@@ -263,30 +267,33 @@ def test_held_out_folders_of_one_name_are_two_groups(tmp_path):
         folder.mkdir(parents=True)
         at2(folder / "RSN1_AA090.AT2", "090")
     words = [str(folder) for folder in folders]
-    found = _held_out(words, argparse.Namespace(dt=None, unit=None, event=None, baseline=None))
-    assert set(found) == set(words)
+    job = job_of({"motion": {"records": ["el-centro"], "held_out": words}})
+    assert set(job.held_out) == set(words)
 
 
 @pytest.mark.mends("folders within a folder were passed over without a word")
-def test_a_folder_in_a_folder_is_named(tmp_path, capsys):
+def test_a_folder_in_a_folder_is_named(tmp_path):
     (tmp_path / "quakes" / "inner").mkdir(parents=True)
     at2(tmp_path / "quakes" / "RSN1_AA090.AT2", "090")
-    assert len(ground.motions([str(tmp_path / "quakes")], baseline=None)) == 1
-    assert "left out: inner (a folder in a folder)" in capsys.readouterr().out
+    found, said = read_motions([str(tmp_path / "quakes")])
+    assert len(found) == 1
+    assert said[0] == "left out: inner (a folder in a folder)"
 
 
-def test_records_of_a_folder_are_of_one_earthquake(tmp_path, capsys):
+def test_records_of_a_folder_are_of_one_earthquake(tmp_path):
     folder = tmp_path / "quake"
     folder.mkdir()
     for name in ("ns", "ew"):
         rows_ = (f"{0.01 * i:.2f},{np.sin(0.1 * i * len(name) + len(name)):.4f}\n" for i in range(50))
         (folder / f"{name}.csv").write_text("time (s),acc (g)\n" + "".join(rows_))
     files = [str(path) for path in sorted(folder.iterdir())]
-    assert [m.event for m in ground.motions([str(folder)])] == ["quake", "quake"]
-    assert "2 records of the folder" in capsys.readouterr().out
-    assert [m.event for m in ground.motions(files, events=["A", "B"])] == ["A", "B"]
-    assert [m.event for m in ground.motions(files, events=["A"])] == ["A", "A"]
-    assert [m.event for m in ground.motions(files)] == ["", ""]
-    assert "2 name no earthquake" in capsys.readouterr().out
-    with pytest.raises(ValueError, match="--event must have one name"):
-        ground.motions(files, events=["A", "B", "C"])
+    found, said = read_motions([str(folder)])
+    assert [m.event for m in found] == ["quake", "quake"]
+    assert "2 records of the folder" in " ".join(said)
+    assert [m.event for m in read_motions(files, events=["A", "B"])[0]] == ["A", "B"]
+    assert [m.event for m in read_motions(files, events=["A"])[0]] == ["A", "A"]
+    found, said = read_motions(files)
+    assert [m.event for m in found] == ["", ""]
+    assert "2 name no earthquake" in " ".join(said)
+    with pytest.raises(ValueError, match="`event` must have one name"):
+        read_motions(files, events=["A", "B", "C"])

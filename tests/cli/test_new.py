@@ -5,7 +5,8 @@ import tomllib
 
 import pytest
 
-from tpd.cli import config, main, new
+from tpd.cli import main, new
+from tpd.design import job as jobs
 from tpd.design import optimise as search
 from tpd.report import scene_words
 
@@ -17,19 +18,38 @@ def test_a_template_is_written_and_read_back_as_a_job(kind, tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     assert main(["new", kind]) == 0
     assert capsys.readouterr().out.startswith(f"written: {kind}.toml\nnext: ")
-    job = config.job_of(config.read(tmp_path / f"{kind}.toml"))
-    assert config.job_of(tomllib.loads(config.dump(job))) == job
+    job = jobs.job_of(jobs.read(tmp_path / f"{kind}.toml"))
+    assert jobs.job_of(tomllib.loads(job.toml)) == job
     # None is the neighbourhood of the motion.
     assert job.conditions is None
-    assert job.file.project.name
+    assert job.name
 
 
 @KINDS
 def test_every_key_that_is_commented_out_is_a_key_with_an_allowed_value(kind):
-    whole = re.sub(r"^# (?=\[|\w+ = )", "", new.template(kind), flags=re.MULTILINE)
-    assert whole.count("\n[") == new.template(kind).count("\n[") + 3
-    job = config.job_of(tomllib.loads(whole))
+    text = new.template(kind)
+    motion = text[text.index("[motion]") : text.index("[bob]")]
+    whole = text.replace(motion, re.sub("# .*", "", motion))
+    whole = re.sub(r"^# (?=\[|\w+ = )", "", whole, flags=re.MULTILINE)
+    assert whole.count("\n[") == text.count("\n[") + 3
+    job = jobs.job_of(tomllib.loads(whole))
     assert len(job.conditions) == 18 * 16
+
+
+@KINDS
+def test_a_pulse_and_records_may_stand_in_place_of_the_harmonic(kind):
+    text = new.template(kind)
+    motion = text[text.index("[motion]") : text.index("[bob]")]
+    own = [line for line in motion.splitlines() if line.startswith("# ")]
+    assert [line.split()[1] for line in own] == [*PULSE, *SHAKEN]
+    for keys in (PULSE, SHAKEN):
+        chosen = "\n".join(line[2:] for line in own if line.split()[1] in keys)
+        job = jobs.job_of(tomllib.loads(text.replace(motion, f"[motion]\n{chosen}\n")))
+        assert job.kind == ("pulse" if keys is PULSE else "records")
+        assert len(job.conditions) == len(job.motions) * len(job.conditions.scales)
+
+
+PULSE, SHAKEN = ("pulse", "pulse_frequency", "pga"), ("records", "scales", "held_out")
 
 
 @KINDS
@@ -42,14 +62,14 @@ def test_every_key_of_a_template_has_its_reason(kind):
 
 @KINDS
 def test_the_block_of_a_template_lifts_and_its_comment_has_the_right_numbers(kind):
-    scene = config.job_of(tomllib.loads(new.template(kind))).scene
+    scene = jobs.job_of(tomllib.loads(new.template(kind))).scene
     f, limit = scene_words.acceleration(scene), scene_words.threshold(scene)
     assert f > limit
     assert f"with the frequency {f:.2f} g, above the {limit:.2f} g at which" in new.template(kind)
 
 
 def test_the_paper_s_template_is_the_paper_s_scene():
-    job = config.job_of(tomllib.loads(new.template("paper")))
+    job = jobs.job_of(tomllib.loads(new.template("paper")))
     assert scene_words.origin(job.scene).endswith("with the paper's motion and losses")
 
 
@@ -77,7 +97,7 @@ def test_every_template_goes_with_records(kind, asked, tmp_path, monkeypatch, ca
     (tmp_path / "mine.toml").write_text(text)
     assert main(["optimise", "--scene", "mine.toml", *RECORDS]) == 2
     assert capsys.readouterr().err.splitlines()[-1] == "tpd: the search begins"
-    job = config.job_of(config.read(tmp_path / "mine.toml"))
+    job = jobs.job_of(jobs.read(tmp_path / "mine.toml"))
     assert asked["scene"].gravity == 9.79
     assert asked["scene"].block == job.scene.block
     assert asked["space"] == job.space
@@ -98,12 +118,17 @@ def test_the_scatter_of_a_job_is_that_of_the_blocks_that_judge(asked, tmp_path, 
 @pytest.mark.parametrize(
     ("line", "options", "sentence"),
     [
-        ("[conditions]\nband = [0.7, 0.9]", (), "`conditions.band` (in mine.toml) is for harmonics"),
-        ("[worth]\nworse = 0.02", (), "records take `at_least` and `strikes`"),
-        ("[ensemble]\nsize = 64", (), "the runs that judge are the records on scattered blocks"),
-        ("[limits]\nreserve = 0.1", (), "records have limits on stroke, relative_stroke, tilt, mass"),
-        ("", ("--exactly",), "`conditions.exactly` (--exactly) is for harmonics"),
-        ("", ("--amplitude", "0.1", "--frequency", "1"), "`motion.amplitude` (--amplitude) is for harmonics"),
+        (
+            "",
+            ("--exactly",),
+            "`conditions.exactly` goes with a harmonic motion, which this job",
+        ),
+        (
+            "",
+            ("--amplitude", "0.1", "--frequency", "1"),
+            "[motion] has keys of a harmonic motion (`amplitude",
+        ),
+        ("", ("--searches", "3"), "`search.searches` goes with a harmonic motion"),
     ],
 )
 @pytest.mark.mends("what conflicts between a job and records was not said")
@@ -111,14 +136,19 @@ def test_what_has_no_effect_on_records_is_named(
     line, options, sentence, asked, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
-    table = line.partition("\n")[0]
-    text = new.template("tower")
-    text = text.replace(f"# {table}", table).replace(table, line, 1) if table else text
-    (tmp_path / "mine.toml").write_text(text)
+    (tmp_path / "mine.toml").write_text(new.template("tower") + line)
     assert main(["optimise", "--scene", "mine.toml", *RECORDS, *options]) == 2
     (error,) = capsys.readouterr().err.splitlines()
     assert sentence in error
-    assert error.endswith("; leave it out")
+    assert not asked
+
+
+def test_records_without_sizes_are_one_sentence(asked, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(new.template("tower"))
+    assert main(["optimise", "--scene", "mine.toml", "--records", "el-centro"]) == 2
+    (error,) = capsys.readouterr().err.splitlines()
+    assert error.startswith("tpd: a design on records needs `motion.scales` (--scales)")
     assert not asked
 
 

@@ -1,6 +1,5 @@
 """`tpd optimise` and `tpd check` as a whole, on small jobs: what is written, printed and returned."""
 
-import dataclasses
 import json
 import signal
 import subprocess
@@ -12,7 +11,8 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.cli import config, main
+from tpd.cli import main
+from tpd.design import job as jobs
 
 SMALL = """
 [block]
@@ -82,29 +82,27 @@ def test_a_run_writes_its_report(written):
 def test_the_exit_status_says_whether_a_design_is_offered(written):
     folder, done = written
     content = json.loads((folder / "first" / "design.json").read_text())
-    assert content["version"] == 7
+    assert content["version"] == 8
     assert (done.returncode == 0) is (content["pendulum"] is not None)
 
 
 def test_the_report_holds_the_job_with_the_options_over_the_file(written):
     folder, _ = written
     content = json.loads((folder / "first" / "design.json").read_text())
-    job = config.job_of(content["job"])
+    job = jobs.job_of(content["job"])
     assert job.seed == 3
-    assert config.job_of(tomllib.loads((folder / "first" / "scene.toml").read_text())) == job
+    assert jobs.job_of(tomllib.loads((folder / "first" / "scene.toml").read_text())) == job
 
 
 def test_the_report_is_read_back_bit_for_bit(written):
     folder, _ = written
     found = tpd.Design.read(folder / "first")
-    job = config.job_of(tomllib.loads((folder / "first" / "scene.toml").read_text()))
-    assert (found.scene, found.space, found.limits) == (job.scene, job.space, job.limits)
-    assert (found.risk, found.seed) == (job.risk, 3)
-    assert found.worth == dataclasses.replace(job.worth, strikes=0.01)
+    job = jobs.job_of(tomllib.loads((folder / "first" / "scene.toml").read_text()))
+    assert found.job == job
+    assert job.seed == 3
     content = json.loads((folder / "first" / "design.json").read_text())
     assert (found.pendulum and vars(found.pendulum)) == content["pendulum"]
     assert found.status.name == content["status"]
-    assert len(found.conditions) == len(content["bare"]["exact"]["amplitude"])
 
 
 def test_a_report_is_not_overwritten(written):

@@ -9,11 +9,11 @@ import pytest
 
 import tpd
 from tests import designs
-from tpd.cli.config import job_of
 from tpd.cli.new import template
 from tpd.core.conditions import Conditions
 from tpd.design import suitability as module
 from tpd.design.criteria import Worth
+from tpd.design.job import job_of
 from tpd.design.problem import Problem
 from tpd.design.suitability import Suitability, suitability
 from tpd.design.survey import ON_THE_WAY, Survey

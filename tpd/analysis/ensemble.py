@@ -54,7 +54,9 @@ class Ensemble:
     """
 
     size: int = 512
+    """Number of runs."""
     seed: int = 0
+    """Seed of the runs."""
     periods: int = 100
     """Largest number of forcing periods of a run; a run ends early where its motion repeats or is lost."""
     tilt: float = 0.05

@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from tpd.cli import common, stored
-from tpd.cli.options import Option
+from tpd.cli import common, optimise
 
 if TYPE_CHECKING:
-    from tpd.cli.config import Job
     from tpd.core.scene import Pendulum
+    from tpd.design.job import Job
     from tpd.design.problem import Problem
     from tpd.design.suitability import Suitability
 
@@ -24,13 +23,10 @@ def add(commands: Any) -> None:
         "ask of it what `tpd optimise` asks of its designs: the same conditions, starts, limits and runs. "
         "Exit status: 0 it helps and it fits; 2 bad input; 3 one of these fails, and the last line says "
         "which; 130 interrupted.",
+        epilog="\nExample: tpd check --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2 --quick",
     )
-    stored.add(command)
-    common.add_scene(command)
-    common.add_pendulum(command)
-    Option("--no-walls", "limits", "room", value=False, help="do not ask for room between the walls").add(
-        command
-    )
+    common.add_case(command, common.HARMONIC, common.PULSE, common.RECORDS)
+    optimise.NO_WALLS.add(command)
     command.add_argument(
         "--quick", action="store_true", help="leave out the smoothed models, which take long to compile"
     )
@@ -53,15 +49,20 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Solve the design by all models and print the results; return the exit status."""
-    common.use_64_bits()
+    job, pendulum = common.case(options)
     from tpd.design.question import check_cavity
 
-    job, pendulum = _case(options)
+    if pendulum is None and options.design is None:
+        raise ValueError("give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length")
     if options.engine is None:
-        check_cavity(job.scene.block, job.limits)
-    common.say(job.scene, pendulum)
+        check_cavity(job.block, job.limits)
+    elif job.kind != "harmonic":
+        raise ValueError("--engine follows harmonic motion, and the job has ground motions")
+    common.say(job.scene, pendulum, *optimise.shaken(job))
     if options.engine is not None:
         return _by_engine(job, pendulum, options)
+    if job.kind != "harmonic":
+        return _on_motions(job, pendulum)
     if pendulum is None:
         return _bare(job, options)
     from tpd.analysis.compare_models import MODELS, QUICK
@@ -120,21 +121,26 @@ def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace)
     return common.SOUND if sound else common.UNSOUND
 
 
-def _case(options: argparse.Namespace) -> tuple[Job, Pendulum | None]:
-    """Job and pendulum of a design or of the options.
+def _on_motions(job: Job, hung: Pendulum | None) -> int:
+    """Judge a pendulum under pulses and records as `tpd optimise` judges its best design."""
+    from tpd.design.criteria import Mass, limit_of
+    from tpd.design.ground.design import headline_of, lines_of
+    from tpd.design.ground.optimise import ground_problem, judged
 
-    Raises:
-        ValueError: neither a design nor a pendulum, both, or a value that is not allowed.
-    """
-    if options.design is not None:
-        return stored.read(options)
-    from tpd.cli import config
-
-    job = config.job_of(common.tables(options))
-    hung = common.pendulum(options, job.scene)
     if hung is None:
-        raise ValueError("give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length")
-    return job, hung
+        print("does not help: the report offers no pendulum.")
+        return common.UNSOUND
+    # A limit on the mass narrows the space of a search; a pendulum of one's own may lie below it.
+    asked: dict[str, Any] = job.settings | {"limits": [x for x in job.limits if not isinstance(x, Mass)]}
+    with common.bar() as bar:
+        problem = ground_problem(job.scene, **asked)
+        groups, verdict = judged(problem, hung, bar)
+    print("\n".join(["", *lines_of(groups), "", headline_of(verdict)]))
+    most = limit_of(job.limits, Mass)
+    if isinstance(most, Mass) and hung.mass > most.kg:
+        print(f"does not fit: the bob exceeds the limit on mass, {most.kg:g} kg.")
+        return common.UNSOUND
+    return common.SOUND if verdict.status.is_sound else common.UNSOUND
 
 
 def _bare(job: Job, options: argparse.Namespace) -> int:

@@ -1,13 +1,13 @@
-"""Shared by the commands: exit statuses, options of the scene and the pendulum, progress bar, results."""
+"""Shared by the commands: exit statuses, job, design and pendulum of the options, progress bar, results."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tpd.cli import interrupts
 from tpd.cli.options import Option, given
@@ -15,34 +15,116 @@ from tpd.cli.options import Option, given
 if TYPE_CHECKING:
     from tpd.core.cluster import Cluster
     from tpd.core.progress import Bar
-    from tpd.core.scene import Pendulum, Scene
+    from tpd.core.scene import Block, Pendulum, Scene
+    from tpd.design.job import Job
 
 SOUND, BAD_INPUT, UNSOUND, INTERRUPTED = 0, 2, 3, interrupts.INTERRUPTED
 """Exit statuses."""
 
-SCENE = (
+BLOCK = (
     Option("--width", "block", "width", "M"),
     Option("--height", "block", "height", "M"),
     Option("--mass", "block", "mass", "KG"),
     Option("--friction", "block", "friction", "K"),
     Option("--restitution", "block", "restitution", "E"),
     Option("--cavity", "block", "cavity_width", "M"),
+)
+HARMONIC = (
     Option("--amplitude", "motion", "amplitude", "M"),
     Option("--frequency", "motion", "frequency", "HZ"),
 )
-"""Options that describe block and base motion."""
+PULSE = (
+    Option("--pulse", "motion", "pulse", "KIND"),
+    Option("--pulse-frequency", "motion", "pulse_frequency", "HZ"),
+    Option("--cycles", "motion", "cycles", "N"),
+    Option("--phase", "motion", "phase", "RAD"),
+    Option("--pga", "motion", "pga", "G"),
+)
+READING = (
+    Option("--channel", "motion", "channel", "N"),
+    Option("--dt", "motion", "dt", "S"),
+    Option("--unit", "motion", "unit", "UNIT"),
+    Option("--baseline", "motion", "baseline", "WORD"),
+)
+RECORD = (
+    Option("--record", "motion", "records", "FILE", one=True, help="record of an accelerograph"),
+    *READING,
+    Option(
+        "--scale",
+        "motion",
+        "scales",
+        "X",
+        one=True,
+        also={"intensity": "scale"},
+        help="factor on a pulse or record",
+    ),
+)
+RECORDS = (
+    Option("--records", "motion", "records", "FILE"),
+    Option("--scales", "motion", "scales", "X"),
+    Option("--intensity", "motion", "intensity", "WORD"),
+    Option("--event", "motion", "event", "NAME"),
+    *READING,
+)
+"""Options that describe block and motion."""
+_PENDULUM = "pendulum_mass", "mass_ratio", "pendulum_length", "length_ratio", "pendulum_damping"
 
 
-def add_scene(command: argparse.ArgumentParser) -> None:
-    """Add the options that describe block and base motion."""
-    command.add_argument("--scene", type=Path, metavar="FILE", help="job file in TOML; options override it")
-    group = command.add_argument_group(
-        "scene",
-        "without any: the paper's block and motion; a block of your own needs width, height and mass, and "
-        "amplitude and frequency of its motion",
+class Case(NamedTuple):
+    """Job, and the pendulum that is given beside it."""
+
+    job: Job
+    pendulum: Pendulum | None
+
+
+def add_case(command: argparse.ArgumentParser, *motions: tuple[Option, ...]) -> None:
+    """Add the options that name a design, or describe a block, its motion and a pendulum."""
+    command.add_argument(
+        "design",
+        type=Path,
+        nargs="?",
+        metavar="DESIGN",
+        help="report directory, or its design.json: its job and its pendulum, in place of --scene",
     )
-    for option in SCENE:
+    add_scene(command, *motions)
+    group = command.add_argument_group("pendulum")
+    mass, length = group.add_mutually_exclusive_group(), group.add_mutually_exclusive_group()
+    mass.add_argument("--pendulum-mass", type=float, metavar="KG", help="mass of the bob, kg")
+    mass.add_argument("--mass-ratio", type=float, metavar="MU", help="mass of the bob over the block's")
+    length.add_argument("--pendulum-length", type=float, metavar="M", help="length of the pendulum, m")
+    length.add_argument(
+        "--length-ratio", type=float, metavar="LAM", help="length of the pendulum over the half height"
+    )
+    group.add_argument(
+        "--pendulum-damping", type=float, metavar="ZETA", help="damping ratio of the hinge (default 0.1)"
+    )
+
+
+def add_scene(command: argparse.ArgumentParser, *motions: tuple[Option, ...]) -> None:
+    """Add the options that describe a block and motions of these kinds."""
+    command.add_argument("--scene", type=Path, metavar="FILE", help="job file in TOML; options override it")
+    add_group(
+        command,
+        "block",
+        BLOCK,
+        "without any: the paper's; a block of your own needs width, height and mass, and a motion of its own",
+    )
+    add_group(
+        command,
+        "motion",
+        tuple(option for kind in motions for option in kind),
+        "a harmonic, a pulse or records, in place of that of FILE or DESIGN",
+    )
+
+
+def add_group(
+    command: argparse.ArgumentParser, title: str, options: Iterable[Option], text: str | None = None
+) -> argparse._ArgumentGroup:
+    """Add options as a group."""
+    group = command.add_argument_group(title, text)
+    for option in options:
         option.add(group)
+    return group
 
 
 def add_out(command: argparse.ArgumentParser, default: str) -> None:
@@ -88,52 +170,76 @@ def cluster(options: argparse.Namespace) -> Iterator[Cluster | None]:
             print(f"chunks: {folder} (the same command goes on from them; not needed once it is done)")
 
 
-def add_pendulum(command: argparse.ArgumentParser) -> None:
-    """Add the options that describe one pendulum."""
-    mass, length = command.add_mutually_exclusive_group(), command.add_mutually_exclusive_group()
-    mass.add_argument("--pendulum-mass", type=float, metavar="KG", help="mass of the bob, kg")
-    mass.add_argument("--mass-ratio", type=float, metavar="MU", help="mass of the bob over the block's")
-    length.add_argument("--pendulum-length", type=float, metavar="M", help="length of the pendulum, m")
-    length.add_argument(
-        "--length-ratio", type=float, metavar="LAM", help="length of the pendulum over the half height"
-    )
-    command.add_argument(
-        "--pendulum-damping", type=float, metavar="ZETA", help="damping ratio of the hinge (default 0.1)"
-    )
+def case(
+    options: argparse.Namespace, varied: tuple[str, ...] = (), over: dict[str, dict[str, Any]] | None = None
+) -> Case:
+    """Job and pendulum of the design that the options name, or of a job file and the options.
 
-
-def tables(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
-    """Tables of the job file that `--scene` names, if any, with those of the options in their place.
+    Args:
+        options: as parsed.
+        varied: quantities of the pendulum that need not be given.
+        over: further tables, in place of those of the options.
 
     Raises:
-        ValueError: the file cannot be read, or a value is not allowed.
+        ValueError: a file that cannot be read or is not the design of a report of this version, options that
+            describe another block or pendulum beside a design, or a value that is not allowed.
     """
-    from tpd.cli import config
+    folder = use_64_bits()
+    from tpd.design import job as jobs
+    from tpd.models import compiling
 
-    return config.merged({} if options.scene is None else config.read(options.scene), given(options))
+    stated = given(options) if over is None else over
+    name = getattr(options, "design", None)
+    if name is None:
+        job = jobs.job_of(jobs.merged({} if options.scene is None else jobs.read(options.scene), stated))
+        hung = pendulum(options, job.block, varied) if hasattr(options, "pendulum_mass") else None
+    else:
+        others = {"amplitude", "frequency"} & set(stated.get("motion", {})) or set(stated) - {"motion"}
+        if others or any(getattr(options, x, None) is not None for x in ("scene", *_PENDULUM)):
+            raise ValueError(f"{name} has a scene and a pendulum: give it alone, or the options without it")
+        from tpd.design.reading import read_design
+
+        found = read_design(name)
+        job, hung = jobs.job_of(jobs.merged(found.tables, stated)), found.pendulum
+    if folder is not None:
+        with contextlib.suppress(OSError):
+            what = compiling.HARMONIC if job.kind == "harmonic" else compiling.GROUND
+            compiling.compile_beside(folder, what)
+    return Case(job, hung)
 
 
-def say(scene: Scene, hung: Pendulum | None = None) -> None:
+def harmonic(options: argparse.Namespace, varied: tuple[str, ...] = ()) -> tuple[Scene, Pendulum | None]:
+    """Scene and pendulum of the options, for the commands about settled motions.
+
+    Raises:
+        ValueError: as `case`, or a motion that is not harmonic.
+    """
+    job, hung = case(options, varied)
+    if job.kind != "harmonic":
+        raise ValueError(
+            f"`tpd {options.command}` is about harmonic motion, and the job has "
+            f"{'a pulse' if job.kind == 'pulse' else 'records'}: give --amplitude and --frequency"
+        )
+    return job.scene, hung
+
+
+def say(scene: Scene, hung: Pendulum | None = None, motion: str = "", notes: Iterable[str] = ()) -> None:
     """Print block, motion, losses and pendulum, if any, before any work: whose block it is must not be a
-    surprise."""
+    surprise. A motion that is not harmonic is described by `motion`."""
     from tpd.report import scene_words
 
+    lines = (*scene_words.block_lines(scene), f"  motion  {motion}") if motion else scene_words.lines(scene)
     more = () if hung is None else (scene_words.pendulum(scene, hung),)
-    print("\n".join((*scene_words.lines(scene), *more)), flush=True)
+    print("\n".join((*notes, *lines, *more)), flush=True)
 
 
-def scene(options: argparse.Namespace) -> Scene:
-    """Scene of a job file and the options.
-
-    Raises:
-        ValueError: the file cannot be read, or a value is not allowed.
-    """
-    from tpd.cli import config
-
-    return config.scene_of(tables(options))
+def words(motion: Any) -> str:
+    """A pulse or record in words."""
+    name = getattr(motion, "name", "") or getattr(motion, "kind", "motion")
+    return f"{name}, {float(motion.pga):.4g} m/s^2 at most, {float(motion.duration):.4g} s"
 
 
-def pendulum(options: argparse.Namespace, of: Scene, varied: tuple[str, ...] = ()) -> Pendulum | None:
+def pendulum(options: argparse.Namespace, block: Block, varied: tuple[str, ...] = ()) -> Pendulum | None:
     """Pendulum of the options, or None without one; a quantity that is varied need not be given.
 
     Raises:
@@ -141,14 +247,14 @@ def pendulum(options: argparse.Namespace, of: Scene, varied: tuple[str, ...] = (
     """
     from tpd.core.scene import Pendulum
 
-    mass = _one(options.pendulum_mass, options.mass_ratio, of.block.mass)
-    length = _one(options.pendulum_length, options.length_ratio, of.block.half_height)
+    mass = _one(options.pendulum_mass, options.mass_ratio, block.mass)
+    length = _one(options.pendulum_length, options.length_ratio, block.half_height)
     damping = options.pendulum_damping
     # A quantity that is varied takes its values from the axis; the one set here is only a placeholder.
     if mass is None and {"pendulum_mass", "mu"} & set(varied):
-        mass = of.block.mass
+        mass = block.mass
     if length is None and {"pendulum_length", "lam"} & set(varied):
-        length = of.block.half_height
+        length = block.half_height
     # Any of the three options asks for a pendulum, so a lone damping ratio is a mistake and not a bare block.
     named = damping is not None or {"pendulum_damping", "zeta"} & set(varied)
     if mass is None and length is None and not named:
@@ -156,25 +262,24 @@ def pendulum(options: argparse.Namespace, of: Scene, varied: tuple[str, ...] = (
     if mass is None or length is None:
         missing = "--pendulum-mass or --mass-ratio" if mass is None else "--pendulum-length or --length-ratio"
         raise ValueError(f"half of the pendulum is missing: give {missing} as well")
-    _check_ratios(options, of)
+    _check_ratios(options, block)
     return Pendulum(mass=mass, length=length, damping_ratio=0.1 if damping is None else damping)
 
 
-def _check_ratios(options: argparse.Namespace, of: Scene) -> None:
+def _check_ratios(options: argparse.Namespace, block: Block) -> None:
     """Raise `ValueError` for a bob heavier than the block, a rod longer than it, or a damping in per cent."""
     from tpd.core import checks
     from tpd.core.scene import check_damping
 
-    block = of.block
     bounds = {
         "--pendulum-mass": (options.pendulum_mass, block.mass, "the mass of the block in kg"),
         "--mass-ratio": (options.mass_ratio, 1.0, "a bob as heavy as the block"),
         "--pendulum-length": (options.pendulum_length, block.height, "the height of the block in m"),
         "--length-ratio": (options.length_ratio, 2.0, "a rod as long as the block"),
     }
-    for flag, (value, most, words) in bounds.items():
+    for flag, (value, most, what) in bounds.items():
         if value is not None:
-            checks.at_most(flag, value, most, words)
+            checks.at_most(flag, value, most, what)
     if options.pendulum_damping is not None:
         check_damping("--pendulum-damping", options.pendulum_damping)
 
@@ -183,30 +288,33 @@ def _one(value: float | None, ratio: float | None, unit: float) -> float | None:
     return value if ratio is None else ratio * unit
 
 
-def inputs(of: Scene, hung: Pendulum | None) -> dict[str, Any]:
-    """Inputs of a response or a map, for its JSON."""
+def inputs(scene: Scene, hung: Pendulum | None) -> dict[str, Any]:
+    """Inputs of a command, for its JSON; samples of records are left out."""
     from dataclasses import asdict
 
     from tpd.core import files
 
+    stated = asdict(scene)
+    stated["motion"] = {name: x for name, x in stated["motion"].items() if getattr(x, "shape", ()) == ()}
     pendulum = None if hung is None else asdict(hung)
-    # Nothing in a response or a map is random.
-    return {"scene": asdict(of), "pendulum": pendulum, "versions": files.versions(), "seed": None}
+    # Nothing in these commands is random.
+    return {"scene": stated, "pendulum": pendulum, "versions": files.versions(), "seed": None}
 
 
-def use_64_bits(*, ground: bool = False) -> None:
-    """Set JAX up, see `tpd.core.process`; call this before JAX computes anything.
+def write(out: Path, content: Iterable[tuple[str, str | bytes]]) -> None:
+    """Write files into the directory of a command and print their names."""
+    from tpd.core import files
 
-    `ground` says whether pulses and records are followed, and not harmonics: other code is compiled ahead.
-    """
+    # Everything is drawn before the first file is written: an interruption leaves all files or none.
+    for name, data in list(content):
+        print(f"written: {files.place(out / name, data)}")
+
+
+def use_64_bits() -> Path | None:
+    """Set JAX up, see `tpd.core.process`; call this before JAX computes anything."""
     from tpd.core import process
 
-    folder = process.use_64_bits()
-    from tpd.models import compiling
-
-    if folder is not None:
-        with contextlib.suppress(OSError):
-            compiling.compile_beside(folder, compiling.GROUND if ground else compiling.HARMONIC)
+    return process.use_64_bits()
 
 
 def bar() -> Bar:

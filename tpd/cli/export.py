@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tpd.cli import common, ground, stored
+from tpd.cli import common
 from tpd.cli.options import given
 
 if TYPE_CHECKING:
@@ -25,13 +24,9 @@ def add(commands: Any) -> None:
         "program, or their motion from rest as CSV, bare and with the pendulum, under the harmonic of the "
         "report or the options, or the pulse or record that is given. A model in MJCF has no motion. Exit "
         "status: 0 done, 2 bad input, 130 interrupted.",
+        epilog="\nExample: tpd export --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2 --as mjcf",
     )
-    stored.add(command)
-    common.add_scene(command)
-    common.add_pendulum(command)
-    ground.add_record(command.add_argument_group("record, in place of the harmonic"))
-    ground.add_pulse(command.add_argument_group("pulse, in place of the harmonic"))
-    command.add_argument("--scale", type=float, metavar="X", help="factor on a record or pulse (default 1)")
+    common.add_case(command, common.HARMONIC, common.PULSE, common.RECORD)
     command.add_argument(
         "--as", dest="kind", required=True, choices=tuple(_FILES), help="mjcf: MuJoCo; csv: the histories"
     )
@@ -47,22 +42,28 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the file, and print what was exported; return the exit status."""
-    common.use_64_bits(ground=options.record is not None or options.pulse is not None)
+    common.use_64_bits()
     from tpd import engines
     from tpd.core import files
 
-    _check_options(options)
+    if options.kind == "csv" and options.sliding is not None:
+        raise ValueError("--sliding is of a model of MuJoCo or OpenSees, but --as is csv")
     file = Path(_FILES[options.kind]) if options.file is None else options.file
     # Before the work: a history may take seconds.
     if file.is_dir() or not file.name:
         raise ValueError(f"--file must name a file, but {file} is a directory")
     if file.exists() and not options.overwrite:
         raise ValueError(f"{file} exists already: choose another name with --file, or pass --overwrite")
-    scene, hung = _case(options)
-    if options.kind == "mjcf":
-        ground.say(scene, hung, "  motion  none: give it to the actuators")
-    else:
-        common.say(scene, hung) if _harmonic(scene) else ground.say(scene, hung, _words(scene))
+    tables = dict(given(options))
+    if options.kind == "mjcf" and options.design is None and "motion" not in tables:
+        # The model has no motion, but a job has.
+        tables["motion"] = {"pulse": "one-sine", "pulse_frequency": 1.0}
+    job, hung = common.case(options, over=tables)
+    is_harmonic = job.kind == "harmonic"
+    scene = job.scene if is_harmonic or options.kind == "mjcf" else job.under(job.shaking)
+    motion = "" if is_harmonic else common.words(scene.motion)
+    motion = "none: give it to the actuators" if options.kind == "mjcf" else motion
+    common.say(scene, hung, motion, () if is_harmonic else job.notes)
     if hung is None and options.design is not None:
         print("The report offers no pendulum: only the bare block is exported.")
     if options.kind == "csv":
@@ -77,71 +78,13 @@ def run(options: argparse.Namespace) -> int:
     return common.SOUND
 
 
-def _check_options(options: argparse.Namespace) -> None:
-    """Raise `ValueError` for an option that would have no effect."""
-    if options.record is None and options.pulse is None:
-        idle = {"--scale": options.scale, "--pga": options.pga}
-        idle |= {"--pulse-frequency": options.pulse_frequency, "--channel": options.channel}
-        idle |= {"--dt": options.dt, "--unit": options.unit, "--baseline": options.baseline}
-        words = "needs --record FILE or --pulse KIND"
-    else:
-        idle = {f"--{name}": value for name, value in given(options).get("motion", {}).items()}
-        words = "is of a harmonic: leave it out beside --record or --pulse"
-    for name, value in idle.items():
-        if value is not None:
-            raise ValueError(f"{name} {words}")
-    if options.kind == "csv" and options.sliding is not None:
-        raise ValueError("--sliding is of a model of MuJoCo or OpenSees, but --as is csv")
-
-
-def _case(options: argparse.Namespace) -> tuple[Scene, Pendulum | None]:
-    """Scene and pendulum of a report of either kind, or of the options.
-
-    Raises:
-        ValueError: both, a value that is not allowed, or a design on ground motions without a motion.
-    """
-    from tpd.core.ground_motion import Pulse
-
-    shaken = options.record is not None or options.pulse is not None
-    options.scale = 1.0 if options.scale is None else options.scale
-    motion: Any = ground.motion(options) if shaken else None
-    if motion is None and options.kind == "mjcf":
-        # The model has no motion, but a scene has.
-        motion = Pulse.one_sine(acceleration=1.0, frequency=1.0)
-    if options.design is None:
-        scene = common.scene(options) if motion is None else ground.scene(options, motion)
-        return scene, common.pendulum(options, scene)
-    stored.alone(options)
-    from tpd.design.reading import StoredDesign, read
-
-    # A design on ground motions has a block and a pendulum, but none of the many motions is its own.
-    found = read(options.design)
-    if isinstance(found, StoredDesign):
-        return (found.scene if motion is None else replace(found.scene, motion=motion)), found.pendulum
-    if motion is None:
-        raise ValueError(f"{found.path} holds no motion: give --record FILE or --pulse KIND")
-    return found.scene(motion), found.pendulum
-
-
-def _harmonic(scene: Scene) -> bool:
-    from tpd.core.scene import Harmonic
-
-    return isinstance(scene.motion, Harmonic)
-
-
-def _words(scene: Scene) -> str:
-    from tpd.cli import shake
-
-    return f"  motion  {shake.words(scene.motion)}"
-
-
 def _table(scene: Scene, hung: Pendulum | None) -> tuple[list[str], list[tuple]]:
     """Header and rows of the motion over time, bare and with the pendulum, from rest by the exact solution;
     numbers are left out once the block has fallen."""
     from tpd.analysis.shaking_history import shaking_history
     from tpd.design.study import time_histories
 
-    if _harmonic(scene):
+    if hasattr(scene.motion, "amplitude"):
         found = time_histories(scene, hung)
         # An exact displacement stands beside the acceleration; that of a record would be an integral.
         times, base = found[0].time, _harmonic_base(scene, found[0].time)

@@ -7,39 +7,30 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from tpd.cli import common, ground
+from tpd.cli import common
 
 if TYPE_CHECKING:
     from tpd.analysis.fragility import Fragility
     from tpd.core.scene import Pendulum, Scene
 
 _DESCRIPTION = (
-    "Scale every record to every stripe of an intensity and follow the block through all of them, bare and, "
-    "if one is given, with a pendulum on the same motions. Exit status: 0 done, 2 bad input, 130 interrupted."
+    "Scale every record to every stripe of an intensity (--scales; default 20 from 0.5 to 8) and follow the "
+    "block through all of them, bare and, if one is given, with a pendulum on the same motions. Exit status: "
+    "0 done, 2 bad input, 130 interrupted."
 )
 
 
 def add(commands: Any) -> None:
     """Add the command to the grammar of the command line."""
     fragility = commands.add_parser(
-        "fragility", help="fragility curves over records", description=_DESCRIPTION
+        "fragility",
+        help="fragility curves over records",
+        description=_DESCRIPTION,
+        epilog="\nExample: tpd fragility --scene tower.toml --records el-centro loma-prieta --scales 1 2 4",
     )
-    ground.add_block(fragility)
-    common.add_pendulum(fragility)
+    common.add_case(fragility, common.RECORDS, common.PULSE)
     fragility.add_argument(
-        "--records",
-        nargs="+",
-        required=True,
-        metavar="FILE",
-        help=f"files, folders, {', '.join((*ground.BUILT_IN, *ground.SETS))}",
-    )
-    ground.add_reading(fragility)
-    fragility.add_argument(
-        "--intensity", default="pga_star", help=f"{', '.join(ground.INTENSITIES)} (default pga_star)"
-    )
-    fragility.add_argument("--period", type=float, metavar="S", help="of --intensity sa")
-    fragility.add_argument(
-        "--scales", nargs="+", type=float, metavar="X", help="stripes (default 20 from 0.5 to 8)"
+        "--period", type=float, metavar="S", help="of --intensity sa, the spectral acceleration"
     )
     common.add_cluster(fragility)
     common.add_out(fragility, "tpd-fragility")
@@ -48,33 +39,32 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Follow all motions, write tables and pictures, and print the medians; return the exit status."""
-    common.use_64_bits(ground=True)
+    job, hung = common.case(options)
     import numpy as np
 
     from tpd.analysis.fragility import fragility
     from tpd.core import files
 
-    motions = ground.motions(options.records, options.baseline, **ground.reading(options))
-    scene = ground.scene(options, motions[0])
-    hung = ground.pendulum(options, scene)
+    if job.kind == "harmonic":
+        raise ValueError("give --records FILE, or a job of records: a harmonic has no end")
+    asked, scene = job.full["motion"], job.scene
     files.claim(options.out, overwrite=options.overwrite)
-    ground.say(scene, hung, f"  motion  {len(motions)} records")
-    stripes = np.linspace(0.5, 8.0, 20) if options.scales is None else np.array(options.scales)
+    common.say(scene, hung, f"{len(job.motions)} records", job.notes)
+    stripes = np.linspace(0.5, 8.0, 20) if asked["scales"] is None else np.array(asked["scales"])
     with common.bar() as bar, common.cluster(options) as cluster:
         found = fragility(
             scene.block,
-            motions,
+            job.motions,
             scales=stripes,
             pendulum=hung,
-            intensity=options.intensity,
+            intensity=asked["intensity"],
             period=options.period,
             gravity=float(scene.gravity),
             cluster=cluster,
             progress=lambda done, total: bar("following motions", done, total),
         )
     print(found)
-    for path, content in list(_files(scene, hung, found)):
-        print(f"written: {files.place(options.out / path, content)}")
+    common.write(options.out, _files(scene, hung, found))
     return common.SOUND
 
 
@@ -85,7 +75,7 @@ def _files(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tu
     header = ("state", "stripe", "motions", "bare", "hung", "p_value", "undecided_bare", "undecided_hung")
     yield "fragility.csv", files.as_csv(header, _rows(found))
     content = {
-        **ground.inputs(scene, hung),
+        **common.inputs(scene, hung),
         "intensity": found.intensity,
         "motions": list(found.motions),
         "earthquakes": found.earthquakes,

@@ -31,9 +31,9 @@ def add(commands: Any) -> None:
         "map",
         help="amplitude, stroke, status and uplift over any two parameters",
         description=_DESCRIPTION,
+        epilog="\nExample: tpd map --scene tower.toml --x mu 0.01 0.1 --y lam 0.1 0.9",
     )
-    common.add_scene(mapping)
-    common.add_pendulum(mapping)
+    common.add_case(mapping, common.HARMONIC)
     for axis in ("x", "y"):
         mapping.add_argument(
             f"--{axis}", nargs=3, required=True, metavar=("NAME", "LO", "HI"), help=f"the {axis} axis"
@@ -50,16 +50,16 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Solve the grid, write it and print the counts of the statuses; return the exit status."""
     common.use_64_bits()
-    import numpy as np
-
-    from tpd.analysis.design_map import design_map
     from tpd.core import checks, files
 
-    scene = common.scene(options)
     checks.count("--points", options.points, least=2)
     checks.within("--points", options.points, 2.0, _MOST_POINTS)
     x, y = (_axis(flag, given) for flag, given in (("--x", options.x), ("--y", options.y)))
-    hung = common.pendulum(options, scene, (x[0], y[0]))
+    scene, hung = common.harmonic(options, (x[0], y[0]))
+    import numpy as np
+
+    from tpd.analysis.design_map import design_map
+
     files.claim(options.out, overwrite=options.overwrite)
     with common.bar() as bar, common.cluster(options) as cluster:
         bar("mapping", 0, options.points**2)
@@ -77,9 +77,7 @@ def run(options: argparse.Namespace) -> int:
     print("\n".join(f"{count:8} {status.replace('_', ' ')}" for status, count in m.counts.items()))
     if not options.from_rest:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest says")
-    # Everything is drawn before the first file is written: an interruption leaves all files or none.
-    for path, content in list(_files(m, common.inputs(scene, hung))):
-        print(f"written: {files.place(options.out / path, content)}")
+    common.write(options.out, _files(m, common.inputs(scene, hung)))
     return common.SOUND
 
 

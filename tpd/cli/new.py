@@ -22,6 +22,7 @@ def add(commands: Any) -> None:
         description="Write a job file in TOML with a realistic scene of the kind asked for: every key that "
         "matters, with its unit and the reason for it. Change the numbers, then run `tpd optimise --scene "
         "FILE`. Exit status: 0 written, 2 bad input or an existing file.",
+        epilog="\nExample: tpd new tower --out mine.toml",
     )
     command.add_argument("kind", choices=KINDS, metavar="KIND", help=f"one of {', '.join(KINDS)}")
     command.add_argument("--out", type=Path, metavar="FILE", help="default KIND.toml; it must not exist")

@@ -9,26 +9,28 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tpd.cli import common, ground, optimise_records
-from tpd.cli.options import Option, SetWidths
-from tpd.cli.schema import keys
+from tpd.cli import common
+from tpd.cli.options import Option, SetWidths, keys
 
 if TYPE_CHECKING:
-    from tpd.cli.config import Job
     from tpd.core.progress import Bar
     from tpd.design.front import FrontPoint
+    from tpd.design.job import Job
     from tpd.design.result import Design
+    from tpd.design.study import Study
 
 _UNFINISHED = "unfinished.npz"
 """File of the output directory with the searches that have ended, while others have not."""
 
+NO_WALLS = Option("--no-walls", "limits", "room", value=False, help="do not ask for room between the walls")
+HELD_OUT = Option("--held-out", "motion", "held_out", "X")
 DESIGN = (
     Option("--mass-ratio", "space", "mass_ratio", ("LO", "HI")),
     Option("--length-ratio", "space", "length_ratio", ("LO", "HI")),
     Option("--damping", "space", "damping_ratio", "ZETA"),
     Option("--stroke", "limits", "stroke", "RAD"),
     Option("--bob", "bob", "shape", "WORD"),
-    Option("--no-walls", "limits", "room", value=False, help="do not ask for room between the walls"),
+    NO_WALLS,
 )
 CONDITIONS = (
     Option("--exactly", "conditions", "exactly"),
@@ -47,9 +49,12 @@ SEARCH = (
     Option("--method", "search", "method", "WORD"),
     Option("--optimiser", "search", "optimiser", "WORD"),
     Option("--searches", "search", "searches", "N"),
+    Option("--starts", "search", "starts", "N"),
+    Option("--steps", "search", "steps", "N"),
     Option("--at-least", "worth", "at_least", "X"),
     Option("--allowed", "worth", "strikes", "X"),
     Option("--seed", "search", "seed", "N"),
+    Option("--pareto", "search", "pareto", help="also find three lighter ones, each verified"),
 )
 
 
@@ -58,16 +63,17 @@ def add(commands: Any) -> None:
     optimise = commands.add_parser(
         "optimise",
         help="find the pendulum for a block",
-        description="Find the pendulum of least settled rocking, under one condition or many. Without "
-        "options: the block of Collini et al. (2016), from rest. A job file (--scene) can set everything "
-        "that the options set, and more: `tpd new tower` writes one to begin with.",
+        description="Find the pendulum of least rocking under a harmonic (one condition or many), pulses or "
+        "records. Without options: the block of Collini et al. (2016), from rest. A job file (--scene) can "
+        "set all that the options set, and more: `tpd new tower` writes one to begin with, and every report "
+        "has one, scene.toml, that repeats it.",
         epilog="Exit status: 0 a pendulum is offered, or the bare block needs none; 2 bad input, and one "
         "sentence says what is allowed; 3 no pendulum to rely on, and the first line of the report says why; "
-        "130 interrupted, and --resume goes on.",
+        "130 interrupted, and --resume goes on.\nExample: tpd optimise --scene tower.toml --out tower",
     )
-    common.add_scene(optimise)
-    _add_group(optimise, "design space and limits", DESIGN)
-    many = _add_group(optimise, "conditions", CONDITIONS)
+    common.add_scene(optimise, common.HARMONIC, common.PULSE, common.RECORDS, (HELD_OUT,))
+    common.add_group(optimise, "design space and limits", DESIGN)
+    many = common.add_group(optimise, "conditions", CONDITIONS)
     many.add_argument(
         "--scatter",
         nargs="+",
@@ -76,74 +82,81 @@ def add(commands: Any) -> None:
         metavar="NAME=WIDTH",
         help=f"uncertain quantities by their relative half widths: {', '.join(keys()['scatter'])}",
     )
-    _add_group(optimise, "search", SEARCH)
-    optimise.add_argument("--pareto", action="store_true", help="also find three lighter ones, each verified")
+    common.add_group(optimise, "search", SEARCH)
     optimise.add_argument(
         "--resume", action="store_true", help="go on with the searches that an interrupted run left in DIR"
     )
-    shaken = optimise.add_argument_group("ground motions")
-    shaken.add_argument(
-        "--records",
-        nargs="+",
-        default=(),
-        metavar="FILE",
-        help="shake the design by records as well: files, folders, "
-        f"{', '.join((*ground.BUILT_IN, *ground.SETS))}",
-    )
-    ground.add_reading(shaken, baseline=False)
-    optimise_records.add(shaken)
+    said = optimise.add_mutually_exclusive_group()
+    said.add_argument("--quiet", action="store_true", help="print the verdict and the path of the report")
+    said.add_argument("--json", action="store_true", help="print design.json alone, for a pipe")
+    said.add_argument("--verbose", action="store_true", help="print the whole report")
     common.add_out(optimise, "tpd-design")
     optimise.set_defaults(run=run, does="searching for the pendulum of least rocking, for {out}")
 
 
-def _add_group(
-    command: argparse.ArgumentParser, title: str, options: tuple[Option, ...]
-) -> argparse._ArgumentGroup:
-    group = command.add_argument_group(title)
-    for option in options:
-        option.add(group)
-    return group
-
-
 def run(options: argparse.Namespace) -> int:
-    """Search, verify, write the report and print it; return the exit status."""
-    if options.scales is not None:
-        return optimise_records.run(options)
-    common.use_64_bits()
-    from tpd.cli import config
-    from tpd.design.question import check_cavity
-
+    """Search, verify, write the report and print the answer; return the exit status."""
     # The job is checked as a whole before anything is written or compiled.
-    job = config.job_of(common.tables(options))
-    check_cavity(job.scene.block, job.limits)
-    records = ground.motions(options.records, **ground.reading(options)) if options.records else ()
-    unfinished = options.out / _UNFINISHED
-    claim(options, unfinished)
-    common.say(job.scene)
+    job, _ = common.case(options)
+    from tpd.design.optimise import optimise
+    from tpd.design.question import check_cavity
     from tpd.design.study import study
     from tpd.report.files import write
 
-    with common.bar() as bar, hinting(unfinished):
-        design = _design(job, unfinished, bar)
-        points = front_of(design, bar) if options.pareto else ()
-        shown = study(design, front=points, records=records, sources=options.records, progress=bar)
-    for part in shown.left_out:
-        print(f"tpd: interrupted; the report goes without {part}", file=sys.stderr)
-    if design.status.name == "interrupted" and not unfinished.exists():
+    check_cavity(job.block, job.limits)
+    # Records are read here: bad files end the command before anything is claimed.
+    scene, settings, unfinished = job.scene, job.settings, options.out / _UNFINISHED
+    _claim(options, unfinished)
+    if not (options.quiet or options.json):
+        common.say(scene, None, *shaken(job))
+    with common.bar() as bar, _hinting(unfinished):
+        design = optimise(scene, **settings, checkpoint=unfinished, progress=bar)
+        points = _front_of(design, bar) if job.pareto else ()
+        shown = study(design, front=points, progress=bar)
+    is_interrupted = design.status.name == "interrupted"
+    if is_interrupted and not unfinished.exists():
         # A report without an answer would only be in the way of the next run.
         print("tpd: interrupted before a search had ended: nothing is written", file=sys.stderr)
         return common.INTERRUPTED
     try:
-        written = write(options.out, design, shown, config.tables(job), config.dump(job))
+        write(options.out, design, shown, job.tables, job.toml)
     except KeyboardInterrupt:
         print(f"tpd: interrupted; {options.out} goes without some of its pictures", file=sys.stderr)
         return common.INTERRUPTED
-    print("\n" + (options.out / "report.txt").read_text(encoding="utf-8"))
-    print("\n".join(f"written: {path}" for path in written))
-    return _exit_status(design, unfinished)
+    _say(options, design, shown)
+    if is_interrupted:
+        print(_hint(unfinished), file=sys.stderr if options.json else sys.stdout)
+        return common.INTERRUPTED
+    unfinished.unlink(missing_ok=True)
+    return common.SOUND if design.status.is_sound else common.UNSOUND
 
 
-def claim(options: argparse.Namespace, unfinished: Path) -> None:
+def shaken(job: Job) -> tuple[str, tuple[str, ...]]:
+    """Words for a motion that is not harmonic, and notes on its records; empty for one that is."""
+    if job.conditions is None or not job.conditions.motions:
+        return "", ()
+    motions, stripes = job.conditions.motions, ", ".join(f"{x:g}" for x in job.conditions.scales)
+    what = common.words(motions[0]) if job.kind == "pulse" else f"{len(motions)} records"
+    return f"{what}, each at {job.conditions.intensity} {stripes}", job.notes
+
+
+def _say(options: argparse.Namespace, design: Design, shown: Study) -> None:
+    """Print the answer as the options ask for it."""
+    from tpd.report import answer
+
+    for part in shown.left_out:
+        print(f"tpd: interrupted; the report goes without {part}", file=sys.stderr)
+    if options.json:
+        print((options.out / "design.json").read_text(encoding="utf-8"), end="")
+    elif options.verbose:
+        print("\n" + (options.out / "report.txt").read_text(encoding="utf-8"), end="")
+    elif options.quiet:
+        print(f"{answer.verdict(design).text}\n{options.out}")
+    else:
+        print("\n" + answer.answer(design, shown, options.out))
+
+
+def _claim(options: argparse.Namespace, unfinished: Path) -> None:
     """Check, before any work, that results can be written, and that there is a search to resume."""
     from tpd.core import files
 
@@ -163,13 +176,7 @@ def claim(options: argparse.Namespace, unfinished: Path) -> None:
         unfinished.unlink(missing_ok=True)
 
 
-def _design(job: Job, unfinished: Path, bar: Bar) -> Any:
-    from tpd.design.optimise import optimise
-
-    return optimise(job.scene, **job.settings, checkpoint=unfinished, progress=bar)
-
-
-def front_of(design: Design, bar: Bar) -> tuple[FrontPoint, ...]:
+def _front_of(design: Design, bar: Bar) -> tuple[FrontPoint, ...]:
     """Answers with lighter bobs, if a pendulum is offered."""
     if design.pendulum is None or design.status.name != "found":
         return ()
@@ -181,25 +188,17 @@ def front_of(design: Design, bar: Bar) -> tuple[FrontPoint, ...]:
     return ()
 
 
-def _exit_status(design: Design, unfinished: Path) -> int:
-    if design.status.name == "interrupted":
-        print(hint(unfinished))
-        return common.INTERRUPTED
-    unfinished.unlink(missing_ok=True)
-    return common.SOUND if design.status.is_sound else common.UNSOUND
-
-
-def hint(unfinished: Path) -> str:
+def _hint(unfinished: Path) -> str:
     """Sentence that says how to go on."""
     return f"go on with the same command and --resume (finished searches are in {unfinished})"
 
 
 @contextlib.contextmanager
-def hinting(unfinished: Path) -> Iterator[None]:
+def _hinting(unfinished: Path) -> Iterator[None]:
     """Say after Ctrl-C how to go on: searches that have ended need not be repeated."""
     try:
         yield
     except KeyboardInterrupt:
         if unfinished.exists():
-            print(hint(unfinished))
+            print(_hint(unfinished))
         raise

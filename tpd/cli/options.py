@@ -1,15 +1,26 @@
 """Options of the command line that set keys of the job file. Each is declared once, by its table and key.
 
-Type, default and help text are those of the key in the schema.
+Type, default and help text are those of the key in `job.schema.json`: nothing here imports JAX.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import re
 from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import resources
 from typing import Any, NoReturn
 
-from tpd.cli.schema import keys
+
+class _Help(argparse.HelpFormatter):
+    """Help whose examples stand on lines of their own."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        said, _, example = text.partition("\nExample: ")
+        more = f"\n\nExample:\n  {example}" if example else ""
+        return super()._fill_text(said, width, indent) + more
 
 
 class Parser(argparse.ArgumentParser):
@@ -17,12 +28,49 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **settings: Any) -> None:
         # An abbreviation that is unique today need not be so in the next version.
-        super().__init__(**{"allow_abbrev": False, **settings})
+        super().__init__(**{"allow_abbrev": False, "formatter_class": _Help, **settings})
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # type: ignore[override]
+        """Refuse unknown options here, where those that may be meant are known."""
+        found, others = super().parse_known_args(args, namespace)
+        if others:
+            flag = next((word for word in others if word.startswith("--")), "")
+            self.error(
+                f"unrecognized arguments: {' '.join(others)}{_meant(flag, self._option_string_actions)}"
+            )
+        return found, others
 
     def error(self, message: str) -> NoReturn:
         """Print the sentence and leave with the exit status of bad input."""
         # argparse prints its whole usage first; the one sentence that matters would scroll away.
+        if chosen := re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message):
+            message += _meant(chosen[1], re.findall(r"[\w-]+", chosen[2]))
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def _meant(word: str, known: Any) -> str:
+    from tpd.core.formatting import meant
+
+    return meant(word, known, listing=False)
+
+
+@lru_cache(maxsize=1)
+def keys() -> dict[str, dict[str, dict[str, Any]]]:
+    """JSON schemas of all keys of a job file by table and name."""
+    written = resources.files("tpd.design").joinpath("job.schema.json").read_text(encoding="utf-8")
+    return {name: table["properties"] for name, table in json.loads(written)["properties"].items()}
+
+
+def _parts(key: dict[str, Any]) -> list[dict[str, Any]]:
+    """Alternatives of a key."""
+    return key.get("anyOf", [key])
+
+
+def _count(part: dict[str, Any]) -> int:
+    """Number of values; 0 stands for any number of them."""
+    if part.get("type") != "array":
+        return 1
+    return len(part.get("prefixItems", ()))
 
 
 @dataclass(frozen=True)
@@ -38,34 +86,44 @@ class Option:
     """Further keys of the table, and what the option sets them to."""
     help: str | None = None
     """In place of the text of the schema."""
+    one: bool = False
+    """Whether it takes one value of a key that is a list."""
 
     def add(self, parser: argparse._ActionsContainer) -> None:
         """Add the option to a parser."""
         key = keys()[self.table][self.key]
         # The default is read from the schema, so that a help text cannot drift from the code.
-        has_default = self.metavar is not None and key.default is not None
-        text = key.description + (f" (default {_shown(key.default)})" if has_default else "")
-        several = self.metavar is not None and key.counts != (1,)
-        count = key.counts[0] if len(key.counts) == 1 and key.counts[0] > 1 else "+"
+        default = key.get("default") if self.metavar is not None else None
+        text = _clause(key["description"]) + ("" if default is None else f" (default {_shown(default)})")
+        counts = {_count(part) for part in _parts(key)}
+        count = 0 if self.metavar is None else None
+        if self.metavar is not None and counts != {1} and not self.one:
+            count = max(counts) if min(counts) > 1 else "+"
         parser.add_argument(
             self.flag,
             action=_Set,
             option=self,
-            nargs=0 if self.metavar is None else count if several else None,
+            nargs=count,
             metavar=self.metavar,
-            help=self.help or text,
+            help=(self.help or text).replace("%", "%%"),
         )
 
     def sets(self, values: Any) -> dict[str, Any]:
         """Keys of the table, and their values, of what is written after the option."""
-        counts = keys()[self.table][self.key].counts
+        parts = _parts(keys()[self.table][self.key])
+        texts = any(part.get("items") == {"type": "string"} for part in parts)
         if self.metavar is None:
             value = self.value
+        elif parts == [{**parts[0], "type": "string"}]:
+            value = values
         elif isinstance(values, str):
-            value = plain(values)
+            value = [values if texts else plain(values)] if self.one else plain(values)
         else:
+            # A list of names has no numbers, but a lone number may stand in its place.
             read = [plain(text) for text in values]
-            value = read[0] if len(read) == 1 and 1 in counts else read
+            is_one = len(read) == 1 and any(_count(part) == 1 for part in parts)
+            is_one = is_one and not (texts and isinstance(read[0], str))
+            value = read[0] if is_one else list(values) if texts else read
         return {**self.also, self.key: value}
 
 
@@ -117,7 +175,13 @@ def plain(text: str) -> int | float | str:
     return text
 
 
+def _clause(text: str) -> str:
+    """First sentence of a description, without a capital and its full stop."""
+    first = re.split(r"(?<=[a-z0-9)])\. ", text)[0].removesuffix(".")
+    return first if first[1:2].isupper() else first[:1].lower() + first[1:]
+
+
 def _shown(default: Any) -> str:
     """A default as it would be written after the option."""
-    values = default if isinstance(default, tuple) else (default,)
+    values = default if isinstance(default, list) else [default]
     return " ".join(v if isinstance(v, str) else f"{v:g}" for v in values)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from tpd.cli import common, stored
+from tpd.cli import common
 
 if TYPE_CHECKING:
     from tpd.analysis.response import Branches, Response
@@ -32,10 +32,9 @@ def add(commands: Any) -> None:
         "response",
         help="amplitude and stroke against frequency",
         description=_DESCRIPTION,
+        epilog="\nExample: tpd response --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2",
     )
-    stored.add(response)
-    common.add_scene(response)
-    common.add_pendulum(response)
+    common.add_case(response, common.HARMONIC)
     response.add_argument("--from", dest="low", type=float, metavar="HZ", help="default 0.4 of the scene's")
     response.add_argument("--to", dest="high", type=float, metavar="HZ", help="default twice the scene's")
     response.add_argument("--points", type=int, default=400, metavar="N", help="of each branch (default 400)")
@@ -56,10 +55,9 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Follow the branches, write them and print where they are lost; return the exit status."""
-    common.use_64_bits()
+    scene, hung = common.harmonic(options)
     from tpd.core import checks, files
 
-    scene, hung = _case(options)
     name, low, high = _range(options, scene)
     if options.from_rest != 0:
         checks.count("--from-rest", options.from_rest, least=2)
@@ -70,20 +68,8 @@ def run(options: argparse.Namespace) -> int:
         settled = _settled(scene, hung, name, (low, high), options.from_rest, bar)
     print("\n".join(f"{label}: {case}" for label, case in cases.items()))
     print(_counted(settled, _own(scene, name)))
-    # Everything is drawn before the first file is written: an interruption leaves all files or none.
-    for path, content in list(_files(scene, hung, cases, settled)):
-        print(f"written: {files.place(options.out / path, content)}")
+    common.write(options.out, _files(scene, hung, cases, settled))
     return common.SOUND
-
-
-def _case(options: argparse.Namespace) -> tuple[Scene, Pendulum | None]:
-    """Scene and pendulum of a design or of the options."""
-    # A design has a scene and a pendulum; `stored.read` refuses options that describe others.
-    if options.design is not None:
-        job, hung = stored.read(options)
-        return job.scene, hung
-    scene = common.scene(options)
-    return scene, common.pendulum(options, scene)
 
 
 def _own(scene: Scene, name: str) -> float:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from tpd.cli import common, ground
+from tpd.cli import common
 
 if TYPE_CHECKING:
     from tpd.analysis.shaking_history import ShakingHistory
@@ -37,14 +37,13 @@ _OF_A_PENDULUM = ("swing", "swing_time", "relative", "relative_time")
 
 def add(commands: Any) -> None:
     """Add the command to the grammar of the command line."""
-    shake = commands.add_parser("shake", help="a block under one pulse or record", description=_DESCRIPTION)
-    ground.add_block(shake)
-    common.add_pendulum(shake)
-    ground.add_record(shake.add_argument_group("record"))
-    ground.add_pulse(shake.add_argument_group("pulse"))
-    shake.add_argument(
-        "--scale", type=float, default=1.0, metavar="X", help="factor on the motion (default 1)"
+    shake = commands.add_parser(
+        "shake",
+        help="a block under one pulse or record",
+        description=_DESCRIPTION,
+        epilog="\nExample: tpd shake --scene tower.toml --record el-centro --pga 0.3",
     )
+    common.add_case(shake, common.PULSE, common.RECORD)
     shake.add_argument(
         "--free", type=float, default=20.0, metavar="S", help="free motion after it (default 20)"
     )
@@ -54,18 +53,17 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Follow the block, write histories and pictures, and print what happened; return the exit status."""
-    common.use_64_bits(ground=True)
+    job, hung = common.case(options)
     from tpd.analysis.shaking_history import shaking_history
     from tpd.analysis.transient import transient
     from tpd.core import files
     from tpd.core.status import status_name
     from tpd.models.segmented import Segmented
 
-    motion = ground.motion(options)
-    scene = ground.scene(options, motion)
-    hung = ground.pendulum(options, scene)
+    motion = job.shaking
+    scene = job.under(motion)
     files.claim(options.out, overwrite=options.overwrite)
-    ground.say(scene, hung, f"  motion  {words(motion)}")
+    common.say(scene, hung, common.words(motion), job.notes)
     cases = {"bare block": None} if hung is None else {"bare block": None, "with the pendulum": hung}
     # The first of a pair decides: the linear equations are meant for small angles.
     models = Segmented(), None
@@ -76,8 +74,7 @@ def run(options: argparse.Namespace) -> int:
     histories = {name: shaking_history(scene, h, free=options.free) for name, h in cases.items()}
     for name, pair in found.items():
         print("\n".join(_table(name, pair, histories[name], _strong(scene))))
-    for path, content in list(_files(scene, hung, found, histories)):
-        print(f"written: {files.place(options.out / path, content)}")
+    common.write(options.out, _files(scene, hung, found, histories))
     # With a pendulum it is the pendulum's outcome that counts.
     last = status_name(list(found.values())[-1][0].status)
     return common.SOUND if last in ("stood", "rocked") else common.UNSOUND
@@ -118,12 +115,6 @@ def _table(name: str, pair: tuple[Transient, ...], history: ShakingHistory, stro
         yield "  The two sets of equations differ on overturning: the nonlinear ones count."
 
 
-def words(motion: Any) -> str:
-    """A ground motion in words."""
-    name = getattr(motion, "name", "") or getattr(motion, "kind", "motion")
-    return f"{name}, {float(motion.pga):.4g} m/s^2 at most, {float(motion.duration):.4g} s"
-
-
 def _files(
     scene: Scene,
     hung: Pendulum | None,
@@ -152,7 +143,7 @@ def _files(
         }
         for name, (nonlinear, linear) in found.items()
     }
-    yield "shake.json", files.as_json({**ground.inputs(scene, hung), "results": results})
+    yield "shake.json", files.as_json({**common.inputs(scene, hung), "results": results})
     axes = plot_motions(list(histories.values()), float(scene.block.slenderness))
     axes[0].set_title("linear equations, exact between the samples", fontsize=9)
     yield "histories.png", style.png(axes[0].figure)

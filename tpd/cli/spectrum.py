@@ -6,7 +6,8 @@ import argparse
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from tpd.cli import common, ground
+from tpd.cli import common
+from tpd.cli.options import given
 
 if TYPE_CHECKING:
     from tpd.analysis.overturning_spectrum import OverturningSpectrum
@@ -28,15 +29,12 @@ _CASES = ("for the bare block", "with the pendulum")
 def add(commands: Any) -> None:
     """Add the command to the grammar of the command line."""
     spectrum = commands.add_parser(
-        "spectrum", help="overturning and rocking spectra", description=_DESCRIPTION
+        "spectrum",
+        help="overturning and rocking spectra",
+        description=_DESCRIPTION,
+        epilog="\nExample: tpd spectrum --scene tower.toml --pulse ricker",
     )
-    ground.add_block(spectrum)
-    common.add_pendulum(spectrum)
-    ground.add_record(spectrum.add_argument_group("record"))
-    ground.add_pulse(spectrum.add_argument_group("pulse"))
-    spectrum.add_argument(
-        "--scale", type=float, default=1.0, metavar="X", help="factor on a record (default 1)"
-    )
+    common.add_case(spectrum, common.PULSE, common.RECORD)
     spectrum.add_argument(
         "--points", type=int, default=120, metavar="N", help="along each axis (default 120)"
     )
@@ -56,23 +54,21 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Follow all blocks, write table and picture; return the exit status."""
-    common.use_64_bits(ground=True)
+    motion = given(options).get("motion", {})
+    if "pulse" in motion:
+        # Every frequency is tried: that of the pulse is no matter.
+        motion.setdefault("pulse_frequency", 1.0)
+    job, hung = common.case(options)
     from tpd.core import checks, files
 
     checks.count("--points", options.points, least=2)
-    if options.pulse is not None and options.pulse_frequency is None:
-        # Every frequency is tried: that of the pulse is no matter.
-        options.pulse_frequency = 1.0
-    motion = ground.motion(options)
-    scene = ground.scene(options, motion)
-    hung = ground.pendulum(options, scene)
+    scene = job.under(job.shaking)
     files.claim(options.out, overwrite=options.overwrite)
-    ground.say(scene, hung, f"  motion  {options.pulse or options.record}")
+    common.say(scene, hung, common.words(scene.motion), job.notes)
     with common.bar() as bar, common.cluster(options) as cluster:
-        make = _overturning if options.pulse is not None else _rocking
+        make = _overturning if job.kind == "pulse" else _rocking
         written = list(make(options, scene, hung, bar, cluster))
-    for path, content in written:
-        print(f"written: {files.place(options.out / path, content)}")
+    common.write(options.out, written)
     return common.SOUND
 
 
@@ -107,7 +103,7 @@ def _overturning(
         "spectrum.json",
         files.as_json(
             {
-                **ground.inputs(scene, hung),
+                **common.inputs(scene, hung),
                 "survived": [float(x) for x in shares],
                 "undecided": lost,
             }
@@ -170,7 +166,7 @@ def _rocking(
     yield "spectrum.csv", files.as_csv(("period_s", "bare", "hung"), _tilts(found))
     yield (
         "spectrum.json",
-        files.as_json({**ground.inputs(scene, hung), "undecided": lost}),
+        files.as_json({**common.inputs(scene, hung), "undecided": lost}),
     )
     yield "spectrum.png", style.png(found.plot().figure)
 

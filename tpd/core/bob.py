@@ -33,8 +33,9 @@ class Bob:
     """
 
     shape: str = "ball"
+    """Ball or cylinder."""
     density: float = STEEL
-    """kg/m^3"""
+    """Density of the bob, kg/m^3."""
     aspect: float = 2.0
     """Height over diameter of a cylinder; without effect for a ball."""
 

@@ -12,6 +12,8 @@ import jax.core
 import jax.numpy as jnp
 import numpy as np
 
+from tpd.core.formatting import meant
+
 _SEEDS = 2**63 - 1
 """Largest number that begins a random sequence."""
 _MOST = 10_000_000
@@ -183,7 +185,8 @@ def at_most(name: str, value: object, most: object, of: str) -> None:
 def one_of(name: str, value: object, allowed: Sequence[str]) -> None:
     """Raise `ValueError` unless `value` is one of the words allowed."""
     if not isinstance(value, str) or value not in allowed:
-        raise ValueError(f"`{name}` must be one of {', '.join(allowed)}, but is {shown(value)}")
+        close = meant(value, allowed, listing=False)
+        raise ValueError(f"`{name}` must be one of {', '.join(allowed)}, but is {shown(value)}{close}")
 
 
 def interval(name: str, value: object, low: float, high: float) -> tuple[float, float]:

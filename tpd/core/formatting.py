@@ -5,7 +5,8 @@ from __future__ import annotations
 import html
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from difflib import get_close_matches
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -81,3 +82,12 @@ def span(values: np.ndarray, unit: str = "") -> str:
     if not finite.size:
         return "–"
     return f"{number(float(finite.min()))} to {number(float(finite.max()))} {unit}".rstrip()
+
+
+def meant(word: object, allowed: Iterable[str], *, listing: bool = True) -> str:
+    """Return the end of a message about an unknown word: the one that is close, or those that are allowed."""
+    known = list(allowed)
+    close = get_close_matches(word, known, 1) if isinstance(word, str) else []
+    if close:
+        return f"; did you mean `{close[0]}`?"
+    return f"; allowed are {', '.join(known)}" if listing else ""

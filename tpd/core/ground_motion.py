@@ -181,7 +181,7 @@ class Pulse(GroundMotion):
     acceleration: Real
     """Amplitude, m/s^2; of all kinds but "mavroeidis-papageorgiou" the largest acceleration."""
     frequency: Real
-    """Hz"""
+    """Frequency of the pulse, Hz."""
     cycles: Real = 1.0
     """Width of the envelope in periods: gamma of Mavroeidis and Papageorgiou; periods of a train."""
     phase: Real = 0.0
@@ -190,8 +190,7 @@ class Pulse(GroundMotion):
     def __post_init__(self) -> None:
         for name in ("acceleration", "frequency", "cycles", "phase"):
             object.__setattr__(self, name, checks.as_float(getattr(self, name)))
-        if self.kind not in PULSES:
-            raise ValueError(f"`kind` must be one of {', '.join(PULSES)}, but is {self.kind!r}")
+        checks.one_of("kind", self.kind, tuple(PULSES))
         checks.not_negative("acceleration", self.acceleration)
         checks.positive("frequency", self.frequency)
         for name in ("cycles", "phase"):

@@ -61,9 +61,9 @@ class Block:
     width: Real
     """Whole width of the base, m."""
     height: Real
-    """Whole height, m; the pendulum hangs from the middle of the top."""
+    """Whole height of the block, m; the pendulum hangs from the middle of the top."""
     mass: Real
-    """kg"""
+    """Mass of the block, kg."""
     friction: Real | None = None
     """k: dry friction moment of the rocking contact over M g b, dimensionless. None is 0.05 without a
     restitution, and 0 with one."""
@@ -203,9 +203,9 @@ class Harmonic:
     """
 
     amplitude: Real
-    """m"""
+    """Amplitude of the base motion, m."""
     frequency: Real
-    """Hz"""
+    """Frequency of the base motion, Hz."""
 
     def __post_init__(self) -> None:
         _convert_whole_numbers(self)
@@ -234,7 +234,7 @@ class Scene:
     motion: Any
     """A `Harmonic`, a `Pulse` or a `Record`."""
     gravity: Real = STANDARD_GRAVITY
-    """m/s^2"""
+    """Gravity, m/s^2."""
 
     def __post_init__(self) -> None:
         _convert_whole_numbers(self)

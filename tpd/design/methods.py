@@ -94,7 +94,7 @@ class Descent(Method):
 
     name: ClassVar[str] = "descent"
     optimiser: str | optax.GradientTransformation = "adam"
-    """"adam", "rmsprop", or any transformation of optax, whose steps are in shares of the bounds."""
+    """Optimiser: adam, rmsprop, or in Python a transformation of optax with steps in shares of the bounds."""
     model: AbstractModel | None = field(default=None, kw_only=True)
     """`Smoothed()` follows the symmetric orbits with smoothed signs and impacts, the default; `Piecewise()`
     is these orbits themselves, with exact gradients."""

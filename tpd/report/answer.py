@@ -18,8 +18,8 @@ from tpd.report import scene_words, words
 from tpd.report.blocks import Note, Severity, Table, danger, note
 from tpd.report.notes import notes
 
-MOST = 30
-"""Most lines on a terminal."""
+MOST = 25
+"""Most lines: the command has said block and motion in four before them, so that a terminal has thirty."""
 _WIDTH, _NAME = 100, 13
 """Columns of text, and of the names of rows."""
 _CHANGES = {
@@ -34,10 +34,11 @@ _USED = 0.95
 
 
 def answer(design: Design, study: Study, directory: Path | None = None) -> str:
-    """The answer of `optimise` in at most 30 lines: verdict, pendulum, what it brings, what limits it."""
+    """The answer of `optimise` in at most 25 lines: verdict, pendulum, what it brings, what limits it. Block and
+    motion are left out: the command says them before the search."""
     found = [verdict(design), *dangers(design, study)]
     lines = [line for one in found for line in _wrapped(marked(one))]
-    rows = list(pairs(design, study))
+    rows = [pair for pair in pairs(design, study) if pair[0] not in ("block", "motion")]
     places = {name for name, _ in rows}
     told = design.comparison
     for name, said in rows:
@@ -134,6 +135,7 @@ def pairs(design: Design, study: Study) -> Iterator[tuple[str, str]]:
     """Names and sentences of the answer, block and motion first."""
     yield "block", scene_words.block(design.scene)
     yield "motion", scene_words.shaking(design)
+    yield "conditions", "; ".join(design.conditions.description) or "this motion exactly"
     yield from _pendulum(design, study)
     told = design.comparison
     if told is not None and not math.isnan(told.strikes):

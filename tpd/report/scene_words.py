@@ -56,11 +56,11 @@ def block(scene: Scene) -> str:
 
 def shaking(design: Design) -> str:
     """What shakes the block in a design, in a sentence."""
-    said, scene = "; ".join(design.conditions.description), design.scene
+    scene = design.scene
     if design.conditions.motions:
-        return f"{said}, from rest"
+        return f"{len(design.conditions.motions)} ground motions, from rest"
     lifts = f"lifts above {number(threshold(scene), 3)} g"
-    return f"{_motion(scene)}, {number(acceleration(scene), 3)} g ({lifts}){f'; {said}' if said else ''}"
+    return f"{_motion(scene)}, {number(acceleration(scene), 3)} g ({lifts})"
 
 
 def block_lines(scene: Scene) -> tuple[str, str]:

@@ -114,6 +114,23 @@ def _known_verdict(judged: tuple[Judged, ...], worth: Worth) -> GroundVerdict:
     return GroundVerdict(status, (*harms, *strikes, *others))
 
 
+def headline_of(verdict: GroundVerdict) -> str:
+    """Sentence with a verdict and the reasons for it."""
+    if not verdict.reasons:
+        return verdict.status.value
+    return f"{verdict.status.value.partition(':')[0]}: {'; '.join(verdict.reasons)}."
+
+
+def lines_of(judged: tuple[Judged, ...]) -> list[str]:
+    """A line for every group, with its interval: a mean alone would claim too much."""
+    return [
+        f"  {g.name} ({g.motions} motions, {g.events} earthquakes): overturned {g.overturned[0]:.1%} "
+        f"without and {g.overturned[1]:.1%} with it, {g.difference.words()}"
+        + (f"; {g.undecided} runs without an answer" if g.undecided else "")
+        for g in judged
+    ]
+
+
 def _where(group: Judged) -> str:
     """Words for where a group's runs are."""
     if group.role is Role.tuned:
@@ -265,12 +282,4 @@ class GroundDesign(Design):
             p = self.pendulum
             damping = f"damping ratio {float(p.damping_ratio):.3g}"
             lines.append(f"  bob {float(p.mass):.4g} kg, rod {float(p.length):.4g} m, {damping}")
-        # Every group with its interval: a mean alone would claim too much.
-        for g in self.judged:
-            d = g.difference
-            lines.append(
-                f"  {g.name} ({g.motions} motions, {g.events} earthquakes): overturned {g.overturned[0]:.1%} "
-                f"without and {g.overturned[1]:.1%} with it, {d.words()}"
-                + (f"; {g.undecided} runs without an answer" if g.undecided else "")
-            )
-        return "\n".join(lines)
+        return "\n".join(lines + lines_of(self.judged))

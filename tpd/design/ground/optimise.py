@@ -15,7 +15,7 @@ from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.fingerprints import fingerprint, of_sources
 from tpd.core.ground_motion import GroundMotion
 from tpd.core.progress import Progress
-from tpd.core.scene import STANDARD_GRAVITY, Block, Scene
+from tpd.core.scene import STANDARD_GRAVITY, Block, Pendulum, Scene
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Limit, Risk, Room, Stroke, Worth
 from tpd.design.ground.design import GroundDesign, GroundVerdict, verdict_of
@@ -184,9 +184,8 @@ def solve(problem: GroundProblem, store: Checkpoint, report: Progress | None) ->
         hangs = _hangs(risk, again.severity[0], bare.severity[0])
         verdict = _unknown(hangs) if hangs else _no_improvement(found, search.names, best, without)
         return _answer(problem, search, without, verdict, best)
-    judged = tuple(_judged(problem, found.designs[best], group, report) for group in problem.groups)
-    verdict = verdict_of(judged, problem.worth)
-    return _answer(problem, search, without, verdict, best, judged)
+    groups = tuple(_judged(problem, found.designs[best], group, report) for group in problem.groups)
+    return _answer(problem, search, without, verdict_of(groups, problem.worth), best, groups)
 
 
 def _none_feasible(found: Evaluated, names: tuple[str, ...]) -> GroundVerdict:
@@ -242,6 +241,16 @@ def _unknown(count: int) -> GroundVerdict:
     """Verdict where the search itself hangs on runs without an answer."""
     reason = f"{count} runs have no answer, and it hangs on them whether any design is better than none"
     return GroundVerdict(DesignStatus.undecided, (reason,))
+
+
+def judged(
+    problem: GroundProblem, hung: Pendulum, report: Progress | None = None
+) -> tuple[tuple[Judged, ...], GroundVerdict]:
+    """Judge a pendulum of one's own on the groups of a problem, and return these and the verdict."""
+    block = problem.scene.block
+    design = np.array([hung.mass / block.mass, hung.length / block.half_height, hung.damping_ratio])
+    found = tuple(_judged(problem, design, group, report) for group in problem.groups)
+    return found, verdict_of(found, problem.worth)
 
 
 def _judged(problem: GroundProblem, design: np.ndarray, group: Group, report: Progress | None) -> Judged:

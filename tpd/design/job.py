@@ -1,0 +1,471 @@
+"""The job file: the arguments of `tpd.optimise` as tables of TOML, read and written."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from tpd.analysis.attractors import Starts
+from tpd.analysis.ensemble import Ensemble
+from tpd.core import checks
+from tpd.core.bob import Bob
+from tpd.core.conditions import Conditions, check_restitution
+from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse
+from tpd.core.intensity import intensity_of
+from tpd.core.scene import Block, Harmonic, Scene
+from tpd.design.criteria import (
+    KINDS,
+    DesignSpace,
+    Limit,
+    Risk,
+    Room,
+    Worsening,
+    Worth,
+)
+from tpd.design.ground.judgement import SCATTERED
+from tpd.design.ground.search import GroundSearch
+from tpd.design.job_keys import (
+    METHODS,
+    MODELS,
+    PAPER,
+    SHAPE,
+    Tables,
+    as_typed,
+    complete,
+    default_of,
+    is_around,
+    keys_of,
+    kinds_in,
+    lacks,
+    placed,
+    size_of,
+    widths_of,
+)
+from tpd.design.methods import Descent, Method
+from tpd.design.question import check_moves, check_scatter
+from tpd.records.reading import read_motions
+
+_MOST_CONDITIONS = 100_000
+"""Beyond it the arrays of a search do not fit into the memory of a usual computer."""
+
+
+@contextmanager
+def naming(table: str, **keys: str) -> Iterator[None]:
+    """Name the table in messages about its values; `keys` are names of a dataclass that the table has under
+    another name."""
+    try:
+        yield
+    except ValueError as error:
+        said = re.sub(r"`(\w+)`", lambda found: f"`{keys.get(found[1], found[1])}`", str(error))
+        raise ValueError(f"[{table}] {said}") from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """Arguments of `tpd.optimise` by the tables of a job file. Records are read when they are first asked
+    for."""
+
+    full: Tables
+    """All keys of all tables; None for what is left out and has no default."""
+
+    @property
+    def kind(self) -> str:
+        """Kind of the motion: harmonic, pulse or records."""
+        return self.full["motion"]["kind"]
+
+    @property
+    def name(self) -> str:
+        """Name of the project."""
+        return self.full["project"]["name"] or ""
+
+    @property
+    def seed(self) -> int:
+        """Seed of the search."""
+        return self.full["search"]["seed"]
+
+    @property
+    def pareto(self) -> bool:
+        """Whether lighter pendulums are asked for as well."""
+        return self.full["search"]["pareto"]
+
+    @cached_property
+    def block(self) -> Block:
+        """The block; the paper's has the cavity that it has in Python."""
+        given = dict(self.full["block"])
+        if given["cavity_width"] is None and all(given[x] == getattr(PAPER.block, x) for x in SHAPE):
+            given["cavity_width"] = PAPER.block.cavity_width
+        with naming("block"):
+            return Block(**given)
+
+    def under(self, motion: Harmonic | GroundMotion) -> Scene:
+        """The block on its site under another motion."""
+        block = self.block
+        with naming("site"):
+            return Scene(block, motion, self.full["site"]["gravity"])
+
+    @cached_property
+    def scene(self) -> Scene:
+        """Block, motion and gravity; the motion is the first of the records."""
+        return self.under(self.harmonic if self.kind == "harmonic" else self.motions[0])
+
+    @property
+    def harmonic(self) -> Harmonic:
+        """The harmonic motion."""
+        with naming("motion"):
+            return Harmonic(**{name: self.full["motion"][name] for name in keys_of(Harmonic)})
+
+    @property
+    def motions(self) -> tuple[GroundMotion, ...]:
+        """The pulse or the records."""
+        return self._read[0]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what was left out of the records, or assumed of them."""
+        return self._read[1]
+
+    @cached_property
+    def _read(self) -> tuple[tuple[GroundMotion, ...], tuple[str, ...]]:
+        asked = self.full["motion"]
+        if self.kind == "pulse":
+            return (self._pulse(),), ()
+        found, notes = self._records(asked["records"], asked["event"])
+        if asked["pga"] is not None:
+            with naming("motion", pga_g="pga"):
+                found = [motion.scaled_to(pga_g=asked["pga"]) for motion in found]
+        return tuple(found), tuple(notes)
+
+    def _pulse(self) -> Pulse:
+        """The pulse, of 1 g where its size is not given."""
+        asked = self.full["motion"]
+        if asked["pulse"] is None or asked["pulse_frequency"] is None:
+            raise ValueError(
+                "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_frequency` (--pulse-frequency "
+                "HZ)"
+            )
+        shape = {name: asked[name] for name in ("cycles", "phase")}
+        with naming("motion", kind="pulse", frequency="pulse_frequency", pga_g="pga"):
+            found = Pulse(
+                kind=asked["pulse"],
+                acceleration=STANDARD_GRAVITY,
+                frequency=asked["pulse_frequency"],
+                **shape,
+            )
+            return found.scaled_to(pga_g=1.0 if asked["pga"] is None else asked["pga"])
+
+    def _records(self, names: Sequence[str], events: Sequence[str] | None) -> Any:
+        how = {name: self.full["motion"][name] for name in ("channel", "dt", "unit", "baseline")}
+        try:
+            return read_motions(names, events=events, **how)
+        except ValueError as error:
+            said = re.sub(r", such as (\w+)=", r", such as \1 = ", str(error))
+            raise ValueError(re.sub(r"`(unit|dt|channel|baseline)`", r"`motion.\1` (--\1)", said)) from None
+
+    @property
+    def shaking(self) -> GroundMotion:
+        """The only pulse or record, at its only size.
+
+        Raises:
+            ValueError: a harmonic, several records, or several sizes.
+        """
+        asked = self.full["motion"]
+        if self.kind == "harmonic":
+            raise ValueError(
+                "give either --record FILE or --pulse KIND, or a job of one: a harmonic has no end"
+            )
+        if len(self.motions) > 1:
+            raise ValueError(
+                f"the job has {len(self.motions)} records, but one is needed: --record FILE, --channel N"
+            )
+        scales = asked["scales"] or (1.0,)
+        motion = next(iter(self.motions))
+        if len(scales) > 1:
+            raise ValueError(f"the job has {len(scales)} sizes of its motion: give one by --scale X")
+        if asked["scales"] is None or asked["intensity"] == "scale":
+            return motion.scaled(scales[0])
+        measure = intensity_of(asked["intensity"], self.block, self.full["site"]["gravity"], None)
+        return motion.scaled(scales[0] / measure.value(motion))
+
+    @cached_property
+    def conditions(self) -> Conditions | None:
+        """Each frequency with each amplitude and each sample, or each motion at each size; None for the
+        neighbourhood of a harmonic."""
+        asked, out = self.full["conditions"], Conditions()
+        if self.kind != "harmonic":
+            return self._shaken()
+        if is_around(self.full):
+            return None
+        if size_of(self.full) > _MOST_CONDITIONS:
+            raise ValueError(
+                f"a job must have at most {_MOST_CONDITIONS} conditions, but has {size_of(self.full)}"
+            )
+        with naming("conditions", factors="amplitudes", count="frequencies"):
+            if asked["band"] is not None:
+                low, high = asked["band"]
+                out = out * Conditions.band(self.scene, low, high, asked["frequencies"])
+            # A factor of one is the scene itself: multiplying by it would only lengthen the description.
+            if asked["amplitudes"] != (1.0,):
+                out = out * Conditions.amplitudes(*asked["amplitudes"])
+        with naming("scatter", size="samples"):
+            if widths := widths_of(self.full):
+                out = out * Conditions.scatter(asked["samples"], self.seed, **widths)
+        return out
+
+    def _shaken(self) -> Conditions:
+        asked = self.full["motion"]
+        if asked["scales"] is None:
+            raise ValueError(
+                "a design on records needs `motion.scales` (--scales), the sizes that every record is scaled "
+                "to; `tpd fragility` and `tpd shake` follow a design through records as they are"
+            )
+        with naming("motion"):
+            return Conditions.records(self.motions, asked["scales"], intensity=asked["intensity"])
+
+    @cached_property
+    def space(self) -> DesignSpace:
+        """Design space."""
+        with naming("space"):
+            return DesignSpace(**self.full["space"])
+
+    @cached_property
+    def starts(self) -> Starts:
+        """Initial states."""
+        return Starts.rest() if self.full["starts"]["kind"] == "rest" else Starts.any()
+
+    @cached_property
+    def risk(self) -> Risk:
+        """Risk measure."""
+        asked = self.full["risk"]
+        with naming("risk"):
+            return (
+                Risk.cvar(asked["share"]) if asked["measure"] == "cvar" else getattr(Risk, asked["measure"])()
+            )
+
+    @cached_property
+    def bob(self) -> Bob:
+        """The bob as a body."""
+        with naming("bob"):
+            return Bob(**self.full["bob"])
+
+    @cached_property
+    def limits(self) -> tuple[Limit, ...]:
+        """Limits, in the order of a report."""
+        # The paper's setting, a single motion, has a bob without size and no other condition to compare with.
+        left_out = (Room, Worsening) if self.full["conditions"]["exactly"] else ()
+        found: list[Limit] = []
+        bob = self.bob
+        with naming("limits"):
+            for kind in KINDS:
+                value = self.full["limits"][kind.name]
+                wanted = value is not None and value is not False and kind not in left_out
+                if not wanted or not (kind.of_motion or self.kind == "harmonic"):
+                    continue
+                given: list[Any] = [bob] if kind is Room else [] if value is True else [value]
+                try:
+                    found.append(kind(*given))
+                except TypeError:
+                    raise ValueError(f"`{kind.name}` must be a number or false, but is true") from None
+        return tuple(found)
+
+    @cached_property
+    def worth(self) -> Worth:
+        """Requirements on the benefit."""
+        with naming("worth"):
+            return Worth(**self.full["worth"])
+
+    @cached_property
+    def method(self) -> Method | GroundSearch:
+        """Method of the search."""
+        asked = self.full["search"]
+        kind: Any = GroundSearch if self.kind != "harmonic" else METHODS[asked["method"]]
+        given = {name: asked[name] for name in keys_of(kind) if asked[name] is not None}
+        if kind is Descent and asked["model"] is not None:
+            given["model"] = MODELS[asked["model"]]
+        with naming("search"):
+            return kind(**given)
+
+    @cached_property
+    def ensemble(self) -> Ensemble:
+        """Runs of the verification."""
+        with naming("ensemble"):
+            if self.kind == "harmonic":
+                return Ensemble(**self.full["ensemble"])
+        given: dict[str, Any] = {name: self.full["ensemble"][name] for name in SCATTERED} | widths_of(
+            self.full
+        )
+        with naming("scatter" if widths_of(self.full) else "ensemble"):
+            return Ensemble(**given)
+
+    @cached_property
+    def held_out(self) -> float | dict[str, list[GroundMotion]] | None:
+        """Share of the records, or groups of others by name; None under a harmonic."""
+        asked = self.full["motion"]["held_out"]
+        if self.kind == "harmonic" or asked is None:
+            return None if self.kind == "harmonic" else 0.0
+        if isinstance(asked, float):
+            return asked
+        names = [Path(word).name or word for word in asked]
+        # Two folders of one name have their whole paths.
+        names = [word if names.count(name) > 1 else name for word, name in zip(asked, names, strict=True)]
+        return {name: self._records([word], None)[0] for word, name in zip(asked, names, strict=True)}
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Arguments of `tpd.optimise` beside the scene."""
+        names = "space", "conditions", "risk", "limits", "method", "ensemble", "worth", "seed"
+        other = "starts" if self.kind == "harmonic" else "held_out"
+        return {name: getattr(self, name) for name in (*names, other)}
+
+    @property
+    def tables(self) -> Tables:
+        """All tables as plain values, without the keys that have no effect."""
+        out: Tables = {}
+        for table, values in self.full.items():
+            # TOML has no null: what is not set is left out.
+            effective = {
+                key: list(value) if isinstance(value, tuple) else value
+                for key, value in values.items()
+                if value is not None and not lacks(self.full, table, key)
+            }
+            if effective:
+                out[table] = effective
+        return out
+
+    @property
+    def toml(self) -> str:
+        """The job as a file that is read back as the same job."""
+        lines = ["# Repeat this run: tpd optimise --scene <this file> --out <new directory>"]
+        for table, values in self.tables.items():
+            # Lists, texts and numbers of TOML are written as those of JSON are.
+            lines += ["", f"[{table}]", *(f"{key} = {json.dumps(value)}" for key, value in values.items())]
+        return "\n".join(lines) + "\n"
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Return the tables of a job file, not yet checked; paths of records are relative to the file.
+
+    Raises:
+        ValueError: the file cannot be read, or is not TOML.
+    """
+    try:
+        found = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise ValueError(f"{path} is not a text file in UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{path} is not valid TOML: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{path} is not a job file: it nests too deeply") from None
+    if not found:
+        raise ValueError(f"{path} is empty: `tpd new` writes a job file to begin with")
+    return {table: placed(table, values, path.parent) for table, values in found.items()}
+
+
+def merged(given: Mapping[str, Any], over: Mapping[str, Any]) -> Tables:
+    """Return the tables `given` with the values of `over` in place of theirs.
+
+    A key that has no effect any more, because `over` chooses otherwise, is left out: a file with a share for
+    the measure cvar can be run with another measure, and a file about a harmonic with records.
+
+    Raises:
+        ValueError: an unknown table or key, or a value of the wrong type.
+    """
+    out = {table: dict(values) for table, values in as_typed(given).items()}
+    for table, values in over.items():
+        out.setdefault(table, {}).update(values)
+    chosen = list(kinds_in(as_typed(over).get("motion", {})))
+    if len(chosen) == 1:
+        out["motion"]["kind"] = chosen[0]
+    # What a key needs may be in the file, among the options, or the default: it is asked before and after.
+    is_switched = bool(chosen) and set(kinds_in(given.get("motion", {})) or ["harmonic"]) != set(chosen)
+    after = complete(out)
+    before = after if is_switched else complete(given)
+    for table, values in given.items():
+        for key in values:
+            is_idle = key not in over.get(table, {}) and lacks(after, table, key)
+            if is_idle and (is_switched or not lacks(before, table, key)):
+                del out[table][key]
+    return out
+
+
+def job_of(given: Mapping[str, Any]) -> Job:
+    """Return the job of the tables of a job file; what is left out has its default.
+
+    Raises:
+        ValueError: an unknown table or key, a bad value, a key that has no effect, or a block of which a
+            part is missing.
+    """
+    full = complete(given)
+    _refuse_mixture(given, full["motion"]["kind"])
+    for table, values in full.items():
+        for key, value in values.items():
+            # A silent key would let somebody believe in a limit or a seed that does nothing. A file may list
+            # defaults, and limits that it turns off.
+            is_usual = value == default_of(full["motion"]["kind"], table, key) or key == "kind"
+            is_off = table == "limits" and value is False
+            needed = "" if is_usual or is_off else lacks(full, table, key)
+            if needed:
+                raise ValueError(f"`{table}.{key}` goes with {needed}, which this job does not have")
+    job = Job(full=full)
+    with naming("search"):
+        checks.count("seed", job.seed, least=0)
+    # The block comes first: what is wrong with it is the reason for much else.
+    _ = job.block
+    site = job.under(job.harmonic if job.kind == "harmonic" else PAPER.motion)
+    conditions = job.conditions if job.kind == "harmonic" else None
+    if job.kind == "pulse":
+        _ = job.motions
+    if job.kind == "records" and not full["motion"]["records"]:
+        raise ValueError("records need `motion.records` (--records FILE), which this job does not have")
+    with naming("scatter"):
+        check_scatter(site, widths_of(full), job.space)
+    ensemble = job.ensemble
+    with naming("ensemble"):
+        if ensemble.restitution:
+            check_restitution(site)
+    if job.kind == "harmonic":
+        with naming("motion"):
+            check_moves(site, conditions or Conditions.exactly(), job.space)
+    _ = job.risk, job.limits, job.worth
+    # Defaults depend on other keys: written out, a job keeps its meaning in a later version.
+    numbers = {name: getattr(job.method, name) for name in keys_of(type(job.method))}
+    filled = {"block": ("friction", "cavity_width"), "search": tuple(numbers)}
+    found = {"block": vars(job.block), "search": numbers}
+    return Job(full={t: v | {k: found[t][k] for k in filled.get(t, ())} for t, v in full.items()})
+
+
+def _refuse_mixture(given: Mapping[str, Any], kind: str) -> None:
+    """Refuse a block or its motion that is partly given and partly the paper's.
+
+    Losses alone, or a motion alone, are variations of the paper's scene and are allowed.
+    """
+    block, motion = given.get("block", {}), given.get("motion", {})
+    own = [key for key in (*SHAPE, "radius_of_gyration") if key in block]
+    needed = {"block": (SHAPE, block), "motion": (keys_of(Harmonic) if kind == "harmonic" else (), motion)}
+    missing = {
+        table: absent
+        for table, (keys, there) in needed.items()
+        if (absent := [k for k in keys if k not in there])
+    }
+    if not own or not missing:
+        return
+    lacking = " and ".join(f"{_listed(keys)} in [{table}]" for table, keys in missing.items())
+    are = "is" if sum(map(len, missing.values())) == 1 else "are"
+    raise ValueError(
+        f"a block of your own must be whole, with a motion of its own, but {lacking} {are} missing beside "
+        f"{_listed(own)}; without any of these the block is the paper's"
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names in a row: `a`, `b` and `c`."""
+    quoted = [f"`{name}`" for name in names]
+    return " and ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
