@@ -8,7 +8,6 @@ import pytest
 
 import tpd
 from tests.design.conftest import ANY_WORTH, BAND, LIGHT, ONE, SCENE, SEVERAL, WIDE
-from tpd.core.conditions import FACTORS
 from tpd.design import optimise
 from tpd.design.optimise import solve
 from tpd.design.problem import Problem
@@ -40,7 +39,6 @@ def same(a, b) -> bool:
         and np.array_equal(a.search.ends, b.search.ends)
         and np.array_equal(a.search.screened, b.search.screened)
         and [v.reasons for v in a.verified] == [v.reasons for v in b.verified]
-        and a.elasticities == b.elasticities
     )
 
 
@@ -103,15 +101,14 @@ def test_progress_covers_every_stage(one, stages):
         "trial runs",
         "verifying",
         "paired runs",
-        "elasticities",
     }
     assert {name for name, _, _ in stages} == expected
     assert all(0 < done <= total for _, done, total in stages)
 
 
 def test_one_condition_is_the_same_however_it_is_given_and_what_is_verified_outlasts_an_interruption(one):
-    def stop(now, *_):
-        if now == "elasticities":
+    def stop(now, done, of):
+        if now == "paired runs" and done == of == 128:
             raise KeyboardInterrupt
 
     cut = tpd.optimise(SCENE, LIGHT, progress=stop, **(ONE | {"conditions": tpd.Conditions()}))
@@ -119,7 +116,7 @@ def test_one_condition_is_the_same_however_it_is_given_and_what_is_verified_outl
     assert not cut.status.is_sound
     assert "INTERRUPTED" in str(cut)
     assert is_verified(cut)
-    assert same(one, dataclasses.replace(cut, status=one.status, elasticities=one.elasticities))
+    assert same(one, dataclasses.replace(cut, status=one.status))
 
 
 @pytest.mark.parametrize(
@@ -222,8 +219,8 @@ def test_the_answer_is_better_than_anything_screened_and_within_its_limits(sever
     assert winner.benefit.low > 0.0
     assert len(several.search.statuses) == 20
     assert SearchStatus.at_bound in several.search.statuses
-    # The block loses nothing at impacts: its restitution of 1 has no room above.
-    assert set(several.elasticities) == {*FACTORS} - {"restitution"}
+    low, high = several.alike
+    assert np.all((low <= winner.design) & (winner.design <= high))
 
 
 @pytest.mark.mends("the benefit was quoted from the runs that had chosen the design")
@@ -250,16 +247,6 @@ def test_the_answer_comes_from_the_survey(several):
     assert last.helps[np.argmin(known)]
     assert known.min() < 1e-12
     assert [case.name for case in several.losses] == ["friction", "impacts", "friction and impacts"]
-
-
-def test_elasticities_are_relative_differences(several):
-    objective = Problem.of(SCENE, WIDE, conditions=BAND, method=SEVERAL["method"]).orbits
-    v = several.winner
-    for axis, name in ((0, "mass"), (1, "length"), (2, "damping")):
-        moved = v.design[None].repeat(2, axis=0)
-        moved[:, axis] *= [0.999, 1.001]
-        low, high = objective.value(objective.evaluate(moved))
-        assert several.elasticities[name] == pytest.approx((high - low) / (0.002 * v.value), rel=1e-6)
 
 
 def test_the_same_seed_gives_the_same_answer_and_another_another(several):

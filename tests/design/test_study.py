@@ -8,10 +8,9 @@ import tpd
 from tests import designs
 from tpd.analysis.response import settled_response
 from tpd.analysis.steady_state import sampled
-from tpd.core.conditions import Conditions
 from tpd.design.criteria import Offset, Stroke
 from tpd.design.result import DesignStatus
-from tpd.design.study import Study, is_own_shaking, study, time_histories, usage
+from tpd.design.study import Study, study, time_histories, usage
 from tpd.models.piecewise import Piecewise
 
 
@@ -21,11 +20,15 @@ def interrupting(stage, done, of):
 
 def test_an_interruption_leaves_one_part_out_and_goes_on_with_the_next():
     found = study(designs.single(), progress=interrupting)
-    assert found.left_out == ("the response over frequency", "the comparison of models")
+    assert found.left_out == (
+        "what the benefit hangs on",
+        "the response over frequency",
+        "the comparison of models",
+    )
+    assert found.build.moved == ()
     assert found.responses is None
     assert found.comparison is None
     assert [h.with_pendulum for h in found.histories] == [False, True]
-    assert found.elasticities.slopes
     assert found.usage[0] == ("stroke", 0.3 / 0.5)
 
 
@@ -33,7 +36,7 @@ def test_over_uncertain_blocks_there_is_no_response_and_the_front_is_passed_on()
     uncertain = tpd.Conditions.scatter(len(designs.band().conditions), friction=0.1)
     front, bare = designs.front(), designs.band(pendulum=None, conditions=uncertain)
     found = study(bare, front=front, progress=interrupting)
-    assert (found.responses, found.elasticities, found.comparison) == (None, None, None)
+    assert (found.responses, found.build, found.comparison) == (None, None, None)
     assert found.left_out == ()
     assert found.front is front
     assert {h.with_pendulum for h in found.histories} == {False}
@@ -78,10 +81,3 @@ def test_usage_is_the_largest_size_over_its_limit():
     assert sizes["stroke"] == pytest.approx(0.9)
     assert sizes["offset"] == pytest.approx(0.12 * np.sin(0.45 + 0.3 * 0.25) / 0.1)
     assert usage(designs.single(pendulum=None, verified=())) == ()
-
-
-def test_the_scenes_own_shaking_is_one_condition_without_factors():
-    assert is_own_shaking(Conditions())
-    assert is_own_shaking(Conditions.amplitudes(1.0))
-    assert not is_own_shaking(Conditions.amplitudes(1.2))
-    assert not is_own_shaking(Conditions.amplitudes(1.0, 1.2))

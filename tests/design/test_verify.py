@@ -329,7 +329,6 @@ def verified_by(stern, search, monkeypatch):
     both = (surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4]),) * 2
     monkeypatch.setattr(verify, "refine", lambda found, *_: (found, None))
     monkeypatch.setattr(optimise, "survey", lambda *_: both)
-    monkeypatch.setattr(optimise, "elasticities_of", lambda *_: {})
     found = optimise.Found(search, stern)
     with contextlib.suppress(KeyboardInterrupt):
         optimise._verify(problem(search.objective), found, None)

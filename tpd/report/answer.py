@@ -81,11 +81,11 @@ def verdict(design: Design) -> Note:
     told, status = design.comparison, design.status
     if status is DesignStatus.found and told is not None:
         return note(f"{_worth(design)}: {saved(told)}. {_sign(design)}No verdict of safety.")
-    head = status.value if design.refusals or ":" not in status.value else status.value.partition(":")[0]
-    return (danger if grave(design) else note)(head if status is not DesignStatus.refused else _NONE)
-
-
-_NONE = "NO PENDULUM WORTH HANGING was found."
+    said = status.value
+    # Why none keeps to the limits is in the words of that status; other reasons are those of the nearest.
+    if design.refusals and status is not DesignStatus.none_feasible:
+        said = f"{status.value.partition(':')[0]}: {design.refusals[0]}."
+    return (danger if grave(design) else note)(said)
 
 
 def _worth(design: Design) -> str:
@@ -140,7 +140,9 @@ def pairs(design: Design, study: Study) -> Iterator[tuple[str, str]]:
     told = design.comparison
     if told is not None and not math.isnan(told.strikes):
         yield "room", _room(design, study, told)
-    for said in design.refusals:
+    # The first line has the first reason.
+    told_first = design.status is not DesignStatus.none_feasible
+    for said in design.refusals[1:] if told_first else design.refusals:
         yield "against it", said
     if design.pendulum is not None:
         yield "held by", held(design, study)

@@ -2,7 +2,9 @@
 
 import dataclasses
 import json
+from importlib import resources
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -10,14 +12,19 @@ import tpd
 from tests.design.ground.conftest import BLOCK
 from tpd.analysis.intervals import Interval
 from tpd.cli import main
+from tpd.design.build import moved_of
 from tpd.design.front import FrontPoint
 from tpd.design.ground import design, objective
 from tpd.design.ground.groups import Role
-from tpd.design.reading import StoredGroundDesign, read
 from tpd.design.result import DesignStatus
+from tpd.design.study import Study, study
 from tpd.plot.compare import plot_groups
+from tpd.report.answer import verdict
 from tpd.report.blocks import Severity
-from tpd.report.ground import as_json, content, notes, write
+from tpd.report.content import content
+from tpd.report.files import write
+from tpd.report.json import as_json
+from tpd.report.notes import notes
 from tpd.report.text import text
 
 SHORT = tpd.GroundSearch(starts=8, steps=6)
@@ -101,7 +108,7 @@ def test_a_broken_allowance_refuses(records, found, monkeypatch):
     broken = ask(records, seed=0)
     assert broken.pendulum is None
     assert not broken.status.is_sound
-    report = content(broken)
+    report = content(broken, Study())
     assert "62.0%" in report.verdict.text
     assert "10.0% are allowed" in report.verdict.text
     assert report.verdict.severity is Severity.danger
@@ -122,7 +129,7 @@ def test_too_few_earthquakes_are_no_judgement():
     assert answer.benefit.tilt.is_below
     assert not answer.status.is_sound
     assert answer.pendulum is None
-    headline = text(content(answer)).splitlines()[0]
+    headline = verdict(answer).text
     assert headline.startswith("TOO FEW EARTHQUAKES TO JUDGE: the best design is tuned to 1 and judged on 2")
     assert f"{design.LEAST_EARTHQUAKES} earthquakes on either side" in headline
 
@@ -136,10 +143,10 @@ def test_a_refusal_names_the_limit_that_stands_against_the_designs_that_help(rec
     assert answer.status is DesignStatus.refused
     searched = answer.searched
     assert np.any(searched.value[~searched.feasible] < answer.bare)
-    verdict = content(answer).verdict
-    assert "2 designs that break a limit tilt it less" in verdict.text
-    assert "times the limit on the stroke" in verdict.text
-    assert verdict.severity is Severity.warning
+    said = verdict(answer)
+    assert "2 designs that break a limit tilt it less" in said.text
+    assert "times the limit on the stroke" in said.text
+    assert said.severity is Severity.note
 
 
 @pytest.mark.mends("a larger tilt and a block without losses were called a danger, and strikes were not")
@@ -147,14 +154,16 @@ def test_danger_is_for_overturning_and_strikes_alone(found):
     def said(**changes):
         judged = tuple(dataclasses.replace(g, **changes) for g in found.judged)
         return [
-            n.text for n in notes(dataclasses.replace(found, judged=judged)) if n.severity is Severity.danger
+            n.text
+            for n in notes(dataclasses.replace(found, judged=judged), Study())
+            if n.severity is Severity.danger
         ]
 
     more = Interval(0.2, 0.1, 0.3)
     assert said() == said(tilt=more) == []
     lossless = dataclasses.replace(BLOCK, restitution=None)
     scene = dataclasses.replace(found.scene, block=lossless)
-    assert [n.severity for n in notes(dataclasses.replace(found, scene=scene))] != [Severity.danger]
+    assert [n.severity for n in notes(dataclasses.replace(found, scene=scene), Study())] != [Severity.danger]
     assert all("overturns more often" in x for x in said(difference=more))
     assert all("a limit is broken in 62.0%" in x for x in said(strikes=0.62))
     assert len(said(difference=more)) == len(said(strikes=0.62)) == 2
@@ -166,10 +175,10 @@ def test_a_verdict_that_hangs_on_runs_without_an_answer_is_refused(records, monk
     answer = ask(records, seed=0)
     assert answer.status.name == "undecided"
     assert answer.pendulum is None
-    report = text(content(answer))
+    report = text(content(answer, Study()))
     assert report.startswith("UNDECIDED: ")
-    assert "have no answer" in report.splitlines()[0]
-    data = json.loads(as_json(answer))
+    assert "have no answer" in verdict(answer).text
+    data = json.loads(as_json(answer, Study(), {}))["details"]
     assert sum(data["searched"]["undecided"]) > 0
     for g, stored in zip(answer.judged, data["groups"], strict=True):
         bare, hung = g.unknown
@@ -201,7 +210,7 @@ def test_a_block_that_stands_needs_no_pendulum(records):
     answer = tpd.optimise(BLOCK, SPACE, conditions=calm, method=SHORT)
     assert answer.status is DesignStatus.no_uplift
     assert answer.status.is_sound
-    assert "NO PENDULUM IS NEEDED" in text(content(answer))
+    assert "NO PENDULUM IS NEEDED" in text(content(answer, Study()))
 
 
 def test_walls_too_close_for_any_bob_are_said(records):
@@ -242,31 +251,44 @@ def test_harmonics_refuse_what_belongs_to_ground_motions():
 
 
 def test_the_report_says_what_was_found_and_how_to_repeat_it(found, tmp_path):
-    written = write(tmp_path, found, "tpd optimise --records x", ["x"])
-    names = {path.name for path in written}
-    assert {"report.txt", "report.html", "design.json", "designs.csv", "groups.csv", "groups.svg"} <= names
+    point = FrontPoint(800.0, "refused", None, (np.nan,) * 3)
+    shown = study(found, front=(point,))
+    job = {"block": {"width": 0.9}}
+    names = {path.name for path in write(tmp_path, found, shown, job, "[block]\nwidth = 0.9\n")}
+    assert names == {
+        "report.txt",
+        "report.html",
+        "design.json",
+        "scene.toml",
+        "designs.csv",
+        "groups.csv",
+        "groups.svg",
+        "drawing.svg",
+        "front.svg",
+        "search.png",
+    }
     report = (tmp_path / "report.txt").read_text(encoding="utf-8")
-    assert report.startswith(found.headline)
-    assert "earthquakes" in report
-    assert "tpd optimise --records x" in report
+    assert report.startswith(verdict(found).text[:60])
+    told = found.comparison
+    assert " ".join(report.split()).count(told.runs) == 1
+    assert "earthquakes" in told.runs
+    assert "800 kg" in report
+    assert "ten swings take" in report
+    assert f"tpd optimise --scene {tmp_path}/scene.toml" in report
     data = json.loads((tmp_path / "design.json").read_text(encoding="utf-8"))
     assert data["status"] == found.status.name
-    assert data["groups"][1]["role"] == "held_out"
-    assert len(data["searched"]["value"]) == 14
-    point = FrontPoint(800.0, "refused", None, (np.nan,) * 3)
-    assert "800 kg" in text(content(found, points=(point,)))
-    assert as_json(found, "tpd optimise --records x", ["x"]) == (tmp_path / "design.json").read_text()
-    again = read(tmp_path)
-    assert isinstance(again, StoredGroundDesign)
-    assert (again.block, again.gravity, again.pendulum) == (
-        found.scene.block,
-        found.scene.gravity,
-        found.pendulum,
-    )
-    assert (again.status, again.seed, again.records) == (found.status, found.seed, ("x",))
-    assert again.scene(tpd.records.el_centro()).block == found.scene.block
-    with pytest.raises(ValueError, match="is a design on ground motions, not for a harmonic"):
-        tpd.Design.read(tmp_path)
+    assert data["details"]["groups"][1]["role"] == "held_out"
+    assert len(data["details"]["searched"]["value"]) == 14
+    schema = json.loads(resources.files("tpd.report").joinpath("design.schema.json").read_text())
+    jsonschema.validate(data, schema, cls=jsonschema.Draft202012Validator)
+
+
+def test_what_the_benefit_hangs_on_is_asked_of_the_motions_that_were_held_out(found):
+    same = found.saved_under(found.scene, tpd.Conditions({"mass": np.array([1.0])}), 1)
+    assert same == found.comparison.saved
+    held = next(g for g in found.judged if g.role is Role.held_out)
+    assert found.comparison.changes[-1].without == pytest.approx(held.overturned[0])
+    assert {m.name for m in moved_of(found)} >= {"restitution", "slenderness", "mass"}
 
 
 def test_the_command_designs_on_records_and_refuses_what_has_no_effect(tmp_path, capsys):
@@ -283,25 +305,15 @@ def test_the_command_designs_on_records_and_refuses_what_has_no_effect(tmp_path,
         "--cavity",
         "0.9",
     ]
-    records = [
-        "--records",
-        "el-centro",
-        "loma-prieta",
-        "--scales",
-        "2",
-        "4",
-        "--searches",
-        "4",
-        "--pareto",
-    ]
-    status = main(["optimise", *block, *records, "--out", str(out)])
+    records = ["--records", "el-centro", "loma-prieta", "--scales", "2", "4", "--starts", "4", "--pareto"]
+    # Two earthquakes are too few for a verdict.
+    assert main(["optimise", *block, *records, "--out", str(out)]) == 3
     printed = capsys.readouterr().out
-    assert status in (0, 3)
-    assert "On ground motions" in printed or "NO PENDULUM" in printed
+    assert "TOO FEW EARTHQUAKES TO JUDGE" in printed
     assert (out / "report.html").exists()
-    assert (out / "front.svg").exists() == ("What a kilogramme pays" in printed)
+    assert tpd.Design.read(out).status is DesignStatus.too_few
     assert not (out / "unfinished.npz").exists()
     assert main(["optimise", *block, *records, "--exactly", "--out", str(tmp_path / "other")]) == 2
-    assert "is for harmonics" in capsys.readouterr().err
+    assert "`conditions.exactly`" in capsys.readouterr().err
     assert main(["optimise", *block, "--scales", "2", "--out", str(tmp_path / "other")]) == 2
-    assert "--scales goes with --records" in capsys.readouterr().err
+    assert "`motion.scales`" in capsys.readouterr().err
