@@ -13,7 +13,6 @@ from tpd.analysis.fragility import Curve, Fragility
 from tpd.analysis.overturning_spectrum import OverturningSpectrum
 from tpd.analysis.probit import fit_lognormal
 from tpd.analysis.rocking_spectrum import RockingSpectrum
-from tpd.core.formatting import data_frame
 from tpd.design.front import Front
 from tpd.design.many import Designs
 
@@ -172,4 +171,4 @@ def test_without_pandas_a_table_says_what_to_install(monkeypatch):
     with pytest.raises(
         ImportError, match=r"`to_dataframe` needs pandas, which is not installed: `pip install tpd\[pandas\]`"
     ):
-        data_frame({})
+        ROCKING.to_dataframe()
