@@ -6,14 +6,13 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from tpd.core.parameters import as_arrays
 from tpd.design.ground.design import GroundDesign
 from tpd.design.objective import Orbits, geometry_of, margins
 from tpd.design.result import Design, HarmonicDesign
-from tpd.plot.style import INK, LABELS, ORANGE, legend, new_axes
+from tpd.plot.style import INK, LABELS, ORANGE, edge, legend, new_axes
 
 _GRID = 48
 """Points along each axis."""
@@ -157,26 +156,7 @@ def _edges(ax: Axes, mu: np.ndarray, lam: np.ndarray, excess: dict[str, np.ndarr
         beyond.set_linewidth(0.0)
     crossed = {name: x for name, x in excess.items() if x.min() < 0.0 < x.max()}
     for i, (name, x) in enumerate(crossed.items()):
-        _edge(ax, mu, lam, x, name, (i + 1.0) / (len(crossed) + 1.0), color=ORANGE, style="-")
-
-
-def _edge(
-    ax: Axes,
-    mu: np.ndarray,
-    lam: np.ndarray,
-    x: np.ndarray,
-    name: str,
-    share: float,
-    *,
-    color: str,
-    style: str,
-) -> None:
-    """The line where `x` is zero, with its name at a share of its length."""
-    edge = ax.contour(mu, lam, x, levels=[0.0], colors=[color], linewidths=1.3, linestyles=style)
-    longest = max(edge.allsegs[0], key=len)
-    # Lines run on beside each other: their names are apart because their shares differ.
-    text = ax.annotate(name, longest[int(share * (len(longest) - 1))], fontsize=8, ha="center", va="center")
-    text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
+        edge(ax, mu, lam, x, name, (i + 1.0) / (len(crossed) + 1.0))
 
 
 def _rest(ax: Axes, mu: np.ndarray, lam: np.ndarray, design: HarmonicDesign, designs: np.ndarray) -> None:
@@ -186,7 +166,7 @@ def _rest(ax: Axes, mu: np.ndarray, lam: np.ndarray, design: HarmonicDesign, des
     least = margins(Orbits(*common, geometry_of(scene, conditions)), designs).min(axis=1)
     least = least.reshape(len(lam), len(mu))
     if least.min() < 0.0 < least.max():
-        _edge(ax, mu, lam, least, "stays at rest", 0.5, color=INK, style="--")
+        edge(ax, mu, lam, least, "stays at rest", 0.5, color=INK, style="--")
 
 
 def _points(ax: Axes, designs: np.ndarray, marker: str, size: float, label: str, mfc: str) -> None:
