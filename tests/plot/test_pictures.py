@@ -169,6 +169,20 @@ def test_the_landscape_is_the_trend_of_what_was_followed_and_its_edges_are_those
     assert landscape._Smoother(seen.at, unit)(seen.tilt) == pytest.approx([0.2, 0.4], abs=1e-3)
 
 
+@pytest.mark.parametrize("count", [1, 2, 400])
+def test_few_designs_and_a_field_without_slope_are_drawn(count):
+    design = surveyed(lambda x: 1.0 + 0.0 * x[:, 0], lambda x: np.where(x[:, 1] > 0.5, np.nan, np.inf))
+    few = dataclasses.replace(design, surveys=(design.surveys[0].at(np.arange(count)),))
+    ax = few.plot()
+    ax.figure.canvas.draw()
+    # All of them break the limit: all is hatched.
+    (beyond,) = (c for c in ax.collections if getattr(c, "hatches", None) == ["//"])
+    assert np.ptp(beyond.get_paths()[0].vertices[:, 1]) == pytest.approx(np.ptp(design.space.length_ratio))
+    unit = few.space.scaled(np.array([[0.05, 0.7, 0.1], [0.15, 1.2, 0.1]]))
+    seen = landscape._seen(few)
+    assert landscape._Smoother(seen.at, unit)(seen.tilt) == pytest.approx([1.0, 1.0], abs=1e-6)
+
+
 def test_the_landscape_shows_where_a_block_stays_at_rest():
     design = surveyed(lambda x: x[:, 0], lambda x: 0.0 * x[:, 1] - 0.5)
     assert {t.get_text() for t in design.plot().texts} >= {"stays at rest"}

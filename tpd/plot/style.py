@@ -13,6 +13,8 @@ from matplotlib.patheffects import withStroke
 
 INK, GREY, BLUE, ORANGE = "#1a1a1a", "#9a9a9a", "#1f5fa8", "#d9822b"
 
+HALO = [withStroke(linewidth=2.5, foreground="white")]
+"""Path effects of words over a field."""
 CASES: tuple[dict[str, Any], ...] = (
     {"color": GREY, "marker": "s", "ls": "--", "ms": 5.0, "mfc": "white", "mec": INK, "lw": 1.2}
     | {"label": "bare block"},
@@ -70,7 +72,7 @@ def edge(
     longest = max(line.allsegs[0], key=len)
     # Lines run on beside each other: their names are apart because their shares differ.
     text = ax.annotate(name, longest[int(share * (len(longest) - 1))], fontsize=8, ha="center", va="center")
-    text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
+    text.set_path_effects(HALO)
 
 
 def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6), columns: int = 1) -> Any:
