@@ -63,7 +63,7 @@ class Branches(Printed, Tabular):
         """
         cases = {} if without is None else {"bare block": without}
         cases["with the pendulum" if self.hung else "bare block"] = self
-        return picture("response:plot_branches")(cases, axes=axes)
+        return picture("response:plot_branches")(cases, axes)
 
     def columns(self) -> dict[str, Any]:
         """A row for every orbit: branch, value of the name, status, and sizes in rad."""

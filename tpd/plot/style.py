@@ -13,7 +13,7 @@ from matplotlib.patheffects import withStroke
 
 INK, GREY, BLUE, ORANGE = "#1a1a1a", "#9a9a9a", "#1f5fa8", "#d9822b"
 
-HALO = [withStroke(linewidth=2.5, foreground="white")]
+HALO: list[Any] = [withStroke(linewidth=2.5, foreground="white")]
 """Path effects of words over a field."""
 CASES: tuple[dict[str, Any], ...] = (
     {"color": GREY, "marker": "s", "ls": "--", "ms": 5.0, "mfc": "white", "mec": INK, "lw": 1.2}
