@@ -94,19 +94,18 @@ class Fragility(Tabular):
     def columns(self) -> dict[str, Any]:
         """A row for every case, damage state and stripe: motions that reach it, with an answer and without,
         and the share on the fitted curve."""
-        cases = (("bare", self.bare), ("hung", self.hung or {}))
-        curves = [(case, curve) for case, of in cases for curve in of.values()]
-        each = {
-            name: [getattr(c, name) for _, c in curves] for name in ("counts", "total", "undecided", "shares")
-        }
-        each |= {
-            "stripe": [self.stripes for _ in curves],
-            "fit": [c.fit.probability(self.stripes) for _, c in curves],
-        }
+        curves = [*self.bare.values(), *(self.hung or {}).values()]
         n = len(self.stripes)
-        words = {"case": [case for case, _ in curves], "state": [c.state for _, c in curves]}
-        columns = {name: np.repeat(x, n) for name, x in words.items()}
-        return columns | {name: np.concatenate(x) for name, x in each.items()}
+        names = np.repeat(["bare", "hung"], len(self.bare) * n)[: len(curves) * n]
+        each = {
+            name: [getattr(c, name) for c in curves] for name in ("counts", "total", "undecided", "shares")
+        }
+        each |= {"fit": [c.fit.probability(self.stripes) for c in curves]}
+        rows = {
+            "stripe": np.tile(self.stripes, len(curves)),
+            "state": np.repeat([c.state for c in curves], n),
+        }
+        return {"case": names, **rows, **{name: np.concatenate(x) for name, x in each.items()}}
 
     def __str__(self) -> str:
         quakes = "one earthquake" if self.earthquakes == 1 else f"{self.earthquakes} earthquakes"

@@ -125,7 +125,7 @@ def _answer(design: HarmonicDesign, study: Study) -> list[Block]:
 def _sizes(design: HarmonicDesign, winner: Verified, length: float) -> list[tuple[Cell, ...]]:
     """Rows of angles: risk over several conditions, amplitudes, strokes and the way from rest."""
     exact, limit = winner.exact, design.stroke_limit
-    stroke = words.settled_stroke(design)
+    stroke = design.swing
     way = number(length * math.sin(min(stroke, 0.5 * math.pi)))
     used = f"{stroke / limit:.0%} of the limit" if limit < np.inf else None
     name = f"{design.risk.name} tilt"
