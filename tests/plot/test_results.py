@@ -91,6 +91,14 @@ def test_a_response_is_a_table_with_the_shares_of_runs_near_each_value(response)
     assert list(few.to_dataframe().columns) == names[:4]
 
 
+def test_a_part_of_a_response_keeps_its_shares(response):
+    part = response.between(1.5, 2.5)
+    at = (VALUES >= 1.5) & (VALUES <= 2.5)
+    assert part.frequency.tolist() == VALUES[at].tolist()
+    np.testing.assert_array_equal(part.overturning, response.overturning[:, at])
+    assert part.status.tolist() == response.status[at].tolist()
+
+
 def test_shares_are_those_of_runs_from_rest_near_each_value():
     """At the lowest frequencies the paper's block rests, at the strong ones next to its own it overturns."""
     strong = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.06, frequency=2.5))
