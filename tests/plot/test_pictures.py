@@ -53,11 +53,11 @@ def test_the_response_compares_two_curves_that_differ_in_grey_as_well():
     assert "(rad)" in ax.get_ylabel()
 
 
-def test_overturning_is_marked_at_the_toppling_tilt_and_differs_in_grey():
+def test_overturning_is_marked_above_all_amplitudes_and_differs_in_grey():
     status = ["overturned", "rocking", "overturned"]
     bare, hung = (designs.response(np.inf, 0.02, np.inf, status=status) for _ in range(2))
-    (ax,) = plot_response((bare, hung), 2.5, toppling=(0.25, 0.23))
-    for marker, level in (("^", 0.25), ("x", 0.23)):
+    (ax,) = plot_response((bare, hung), 2.5)
+    for marker, level in (("^", 0.027), ("x", 0.95 * 0.027)):
         (mark,) = near(ax, marker)
         assert mark.get_xdata() == pytest.approx([2.4, 2.6])
         assert mark.get_ydata() == pytest.approx([level] * 2)
@@ -66,7 +66,7 @@ def test_overturning_is_marked_at_the_toppling_tilt_and_differs_in_grey():
     assert drawn["with the pendulum"].get_markerfacecolor() != "white"
     low, high = ax.get_ylim()
     assert low == 0.0
-    assert high > 0.25
+    assert high > 0.027
     (degrees,) = ax.child_axes
     assert degrees.get_ylabel() == "degrees"
     ax.figure.canvas.draw()
@@ -167,6 +167,20 @@ def test_the_landscape_is_the_trend_of_what_was_followed_and_its_edges_are_those
     unit = design.space.scaled(np.array([[0.05, 0.7, 0.1], [0.15, 1.2, 0.1]]))
     seen = landscape._seen(design)
     assert landscape._Smoother(seen.at, unit)(seen.tilt) == pytest.approx([0.2, 0.4], abs=1e-3)
+
+
+@pytest.mark.parametrize("count", [1, 2, 400])
+def test_few_designs_and_a_field_without_slope_are_drawn(count):
+    design = surveyed(lambda x: 1.0 + 0.0 * x[:, 0], lambda x: np.where(x[:, 1] > 0.5, np.nan, np.inf))
+    few = dataclasses.replace(design, surveys=(design.surveys[0].at(np.arange(count)),))
+    ax = few.plot()
+    ax.figure.canvas.draw()
+    # All of them break the limit: all is hatched.
+    (beyond,) = (c for c in ax.collections if getattr(c, "hatches", None) == ["//"])
+    assert np.ptp(beyond.get_paths()[0].vertices[:, 1]) == pytest.approx(np.ptp(design.space.length_ratio))
+    unit = few.space.scaled(np.array([[0.05, 0.7, 0.1], [0.15, 1.2, 0.1]]))
+    seen = landscape._seen(few)
+    assert landscape._Smoother(seen.at, unit)(seen.tilt) == pytest.approx([1.0, 1.0], abs=1e-6)
 
 
 def test_the_landscape_shows_where_a_block_stays_at_rest():

@@ -13,7 +13,6 @@ from tpd.analysis.fragility import Curve, Fragility
 from tpd.analysis.overturning_spectrum import OverturningSpectrum
 from tpd.analysis.probit import fit_lognormal
 from tpd.analysis.rocking_spectrum import RockingSpectrum
-from tpd.core.formatting import data_frame
 from tpd.design.front import Front
 from tpd.design.many import Designs
 
@@ -90,6 +89,14 @@ def test_a_response_is_a_table_with_the_shares_of_runs_near_each_value(response)
     assert np.all((table["share_low"] <= table["share_overturned"]) & (table["share_high"] <= 1.0))
     few = dataclasses.replace(response, overturning=None)
     assert list(few.to_dataframe().columns) == names[:4]
+
+
+def test_a_part_of_a_response_keeps_its_shares(response):
+    part = response.between(1.5, 2.5)
+    at = (VALUES >= 1.5) & (VALUES <= 2.5)
+    assert part.frequency.tolist() == VALUES[at].tolist()
+    np.testing.assert_array_equal(part.overturning, response.overturning[:, at])
+    assert part.status.tolist() == response.status[at].tolist()
 
 
 def test_shares_are_those_of_runs_from_rest_near_each_value():
@@ -172,4 +179,4 @@ def test_without_pandas_a_table_says_what_to_install(monkeypatch):
     with pytest.raises(
         ImportError, match=r"`to_dataframe` needs pandas, which is not installed: `pip install tpd\[pandas\]`"
     ):
-        data_frame({})
+        ROCKING.to_dataframe()

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.special import bdtr
@@ -21,14 +21,10 @@ from tpd.analysis.probit import Lognormal, added_up, fit_lognormal, median_words
 from tpd.analysis.transient import FREE
 from tpd.core import checks
 from tpd.core.cluster import Cluster
-from tpd.core.formatting import data_frame, picture
+from tpd.core.formatting import Tabular, picture
 from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion, events_of, refuse_zeros
 from tpd.core.intensity import intensity_of
 from tpd.core.scene import Block, Pendulum
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 STATES: Mapping[str, float] = {"rocking": 0.0, "half": 0.5, "overturned": math.inf}
 """Damage states by default: the tilt over the slenderness that a motion exceeds. 0 is any uplift, infinity an
@@ -56,7 +52,7 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Fragility:
+class Fragility(Tabular):
     """Fragility of a block under a set of ground motions, bare and with a pendulum."""
 
     intensity: str
@@ -87,7 +83,7 @@ class Fragility:
     unanswered: tuple[int, int] | None = None
     """Runs that the nonlinear equations do not answer, bare and hung."""
 
-    def plot(self, state: str = "overturned", *, ax: Axes | None = None) -> Axes:
+    def plot(self, state: str = "overturned", *, ax: Any = None) -> Any:
         """Draw shares, curves and 95 % bands of one damage state, and return the axes.
 
         Raises:
@@ -95,26 +91,21 @@ class Fragility:
         """
         return picture("compare:plot_fragility")(self, state, ax=ax)
 
-    def to_dataframe(self) -> pd.DataFrame:
+    def columns(self) -> dict[str, Any]:
         """A row for every case, damage state and stripe: motions that reach it, with an answer and without,
-        and the share on the fitted curve; with pandas.
-
-        Raises:
-            ImportError: without pandas.
-        """
-        cases = (("bare", self.bare), ("hung", self.hung or {}))
-        curves = [(case, curve) for case, of in cases for curve in of.values()]
-        each = {
-            name: [getattr(c, name) for _, c in curves] for name in ("counts", "total", "undecided", "shares")
-        }
-        each |= {
-            "stripe": [self.stripes for _ in curves],
-            "fit": [c.fit.probability(self.stripes) for _, c in curves],
-        }
+        and the share on the fitted curve."""
+        curves = [*self.bare.values(), *(self.hung or {}).values()]
         n = len(self.stripes)
-        words = {"case": [case for case, _ in curves], "state": [c.state for _, c in curves]}
-        columns = {name: np.repeat(x, n) for name, x in words.items()}
-        return data_frame(columns | {name: np.concatenate(x) for name, x in each.items()})
+        names = np.repeat(["bare", "hung"], len(self.bare) * n)[: len(curves) * n]
+        each = {
+            name: [getattr(c, name) for c in curves] for name in ("counts", "total", "undecided", "shares")
+        }
+        each |= {"fit": [c.fit.probability(self.stripes) for c in curves]}
+        rows = {
+            "stripe": np.tile(self.stripes, len(curves)),
+            "state": np.repeat([c.state for c in curves], n),
+        }
+        return {"case": names, **rows, **{name: np.concatenate(x) for name, x in each.items()}}
 
     def __str__(self) -> str:
         quakes = "one earthquake" if self.earthquakes == 1 else f"{self.earthquakes} earthquakes"

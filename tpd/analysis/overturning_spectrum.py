@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,19 +11,16 @@ from tpd.analysis.ground_batch import Outcomes, Progress, follow_scaled
 from tpd.analysis.transient import FREE
 from tpd.core import checks
 from tpd.core.cluster import Cluster
-from tpd.core.formatting import data_frame, picture
+from tpd.core.formatting import Tabular, picture
 from tpd.core.ground_motion import STANDARD_GRAVITY, Pulse
 from tpd.core.scene import Block, Pendulum, Scene
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 UNDECIDED, STANDS, ROCKS, OVERTURNS = -1, 0, 1, 2
 """Outcomes of a cell; OVERTURNS + n is an overturning after n impacts."""
 
 
 @dataclass(frozen=True)
-class OverturningSpectrum:
+class OverturningSpectrum(Tabular):
     """Outcomes over frequency and size of a pulse."""
 
     pulse: Pulse
@@ -42,18 +39,11 @@ class OverturningSpectrum:
         """Draw what every pulse does, bare and with a pendulum side by side; returns the axes, an array."""
         return picture("maps:plot_overturning_spectrum")(self, axes)
 
-    def to_dataframe(self) -> pd.DataFrame:
-        """A row for every pulse: both ratios, and the outcomes by their numbers; with pandas.
-
-        Raises:
-            ImportError: without pandas.
-        """
+    def columns(self) -> dict[str, Any]:
+        """A row for every pulse: both ratios, and the outcomes by their numbers."""
         across, up = np.meshgrid(self.frequency_ratios, self.acceleration_ratios)
-        cells = zip(("bare", "hung"), self._cells, strict=False)
-        return data_frame(
-            {"frequency_ratio": across.ravel(), "acceleration_ratio": up.ravel()}
-            | {name: cell.ravel() for name, cell in cells}
-        )
+        cells = {name: c.ravel() for name, c in zip(("bare", "hung"), self._cells, strict=False)}
+        return {"frequency_ratio": across.ravel(), "acceleration_ratio": up.ravel(), **cells}
 
     def safe(self) -> np.ndarray:
         """Share of the cells with an answer in which the bare block, and that with a pendulum, does not

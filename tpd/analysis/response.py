@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -15,16 +15,13 @@ from tpd.analysis.steady_state import steady_state
 from tpd.analysis.sweep import Sweep, along
 from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
-from tpd.core.formatting import Printed, counted, data_frame, picture, span
+from tpd.core.formatting import Printed, Tabular, counted, picture, span
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.progress import Progress, shown
 from tpd.core.quantities import UNITS, Axis, parameters
 from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import names_of, status_name
 from tpd.models.batches import settle_all
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _TOWARDS = np.geomspace(1e-5, 0.5, 12)
 """Distances of further values from a bifurcation, in spacings of the sweep. At a fold the amplitude turns
@@ -38,7 +35,7 @@ to either side of a value within which they are counted."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Branches(Printed):
+class Branches(Printed, Tabular):
     """All symmetric period-one orbits, and the resting block, over one frequency, parameter or quantity."""
 
     sweep: Sweep
@@ -66,20 +63,16 @@ class Branches(Printed):
         """
         cases = {} if without is None else {"bare block": without}
         cases["with the pendulum" if self.hung else "bare block"] = self
-        return picture("response:plot_branches")(cases, axes=axes)
+        return picture("response:plot_branches")(cases, axes)
 
-    def to_dataframe(self) -> pd.DataFrame:
-        """A row for every orbit: branch, value of the name, status, and sizes in rad; with pandas.
-
-        Raises:
-            ImportError: without pandas.
-        """
+    def columns(self) -> dict[str, Any]:
+        """A row for every orbit: branch, value of the name, status, and sizes in rad."""
         s = self.sweep
         at = [np.array(s.line(i)) for i in range(s.branches)]
         branch = np.repeat(np.arange(len(at)), [places.shape[1] for places in at])
         i, j = np.concatenate([np.zeros((2, 0), int), *at], axis=1)
         sizes = {f"{n}_rad": getattr(s, n)[i, j] for n in ("amplitude", "stroke", "phase")}
-        return data_frame({"branch": branch, self.name: s.value[i], "status": s.status[i, j], **sizes})
+        return {"branch": branch, self.name: s.value[i], "status": s.status[i, j], **sizes}
 
     def __str__(self) -> str:
         s, unit = self.sweep, f" {UNITS.get(self.name, '')}".rstrip()
@@ -149,7 +142,7 @@ def frequencies(own: float, low: float, high: float, count: int) -> np.ndarray:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Response(Printed):
+class Response(Printed, Tabular):
     """Motions settled into from rest over a frequency, or another quantity `name`: arrays (n,)."""
 
     frequency: np.ndarray
@@ -184,16 +177,12 @@ class Response(Printed):
         names = ("frequency", "amplitude", "stroke", "status")
         return replace(self, overturning=shares, **{n: getattr(self, n)[close] for n in names})
 
-    def to_dataframe(self) -> pd.DataFrame:
-        """A row for every value: status, sizes in rad, share of the runs near it that overturn; with pandas.
-
-        Raises:
-            ImportError: without pandas.
-        """
+    def columns(self) -> dict[str, Any]:
+        """A row for every value: status, sizes in rad, share of the runs near it that overturn."""
         names = ("share_overturned", "share_low", "share_high")
         shares = {} if self.overturning is None else dict(zip(names, self.overturning, strict=True))
         sizes = {"amplitude_rad": self.amplitude, "stroke_rad": self.stroke}
-        return data_frame({self.name: self.frequency, "status": self.status, **sizes, **shares})
+        return {self.name: self.frequency, "status": self.status, **sizes, **shares}
 
     def __str__(self) -> str:
         unit = UNITS.get(self.name, "")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -11,17 +11,13 @@ from tpd.analysis.ground_batch import Progress, follow_rows, rows_of
 from tpd.analysis.transient import FREE
 from tpd.core import checks
 from tpd.core.cluster import Cluster
-from tpd.core.formatting import data_frame, picture
+from tpd.core.formatting import Tabular, picture
 from tpd.core.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
 from tpd.core.scene import Block, Scene
 
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
 
 @dataclass(frozen=True)
-class RockingSpectrum:
+class RockingSpectrum(Tabular):
     """Largest tilt over the slenderness, bare and with a pendulum of stated ratios."""
 
     periods: np.ndarray
@@ -31,18 +27,14 @@ class RockingSpectrum:
     hung: np.ndarray | None
     """Largest |phi|/nu with the pendulum; None without one."""
 
-    def plot(self, *, ax: Axes | None = None) -> Axes:
+    def plot(self, *, ax: Any = None) -> Any:
         """Draw the largest tilts, with marks where blocks overturn, and return the axes."""
         return picture("maps:plot_rocking_spectrum")(self, ax)
 
-    def to_dataframe(self) -> pd.DataFrame:
-        """A row for every block: 2 pi/p in s, and the largest tilts over the slenderness; with pandas.
-
-        Raises:
-            ImportError: without pandas.
-        """
+    def columns(self) -> dict[str, Any]:
+        """A row for every block: 2 pi/p in s, and the largest tilts over the slenderness."""
         hung = {} if self.hung is None else {"hung": self.hung}
-        return data_frame({"period": self.periods, "bare": self.bare} | hung)
+        return {"period": self.periods, "bare": self.bare} | hung
 
     def undecided(self) -> np.ndarray:
         """Number of blocks without an answer, bare and with a pendulum."""

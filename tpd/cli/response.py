@@ -158,7 +158,7 @@ def _files(
     from tpd.core import files
     from tpd.plot import style as canvas
     from tpd.plot.response import plot_branches, plot_response
-    from tpd.report.responses import response_csv, topplings
+    from tpd.report.responses import response_csv
 
     name = next(iter(cases.values())).name
     header = ("case", "branch", name, "status", "amplitude_rad", "stroke_rad", "phase_rad", "multiplier")
@@ -170,15 +170,15 @@ def _files(
         "over": name,
     }
     yield "response.json", files.as_json(content)
-    yield "branches.png", canvas.png(plot_branches(cases, settled=settled)[0].figure)
+    yield "branches.png", canvas.png(plot_branches(cases)[0].figure)
     if settled is not None:
         yield "response.csv", response_csv(tuple(settled.values()))
-        own, levels = _own(scene, name), topplings(scene, hung)
+        own = _own(scene, name)
         # Over the whole range the marks next to the own frequency hide each other.
         shown = {"response.png": settled, "response_near.png": _near(settled, own)}
         for file, responses in shown.items():
             if len(responses[BARE].frequency):
-                axes = plot_response(tuple(responses.values()), own, toppling=levels)
+                axes = plot_response(tuple(responses.values()), own)
                 yield file, canvas.png(axes[0].figure)
 
 

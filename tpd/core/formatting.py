@@ -50,19 +50,26 @@ def picture(name: str) -> Callable[..., Any]:
     return getattr(import_module(f"tpd.plot.{module}"), function)
 
 
-def data_frame(columns: dict[str, Any]) -> pd.DataFrame:
-    """Columns by name, each of shape (n,), as a data frame of pandas.
+class Tabular:
+    """Base of results that are tables: a subclass defines `columns`."""
 
-    Raises:
-        ImportError: without pandas.
-    """
-    try:
-        import pandas as pd
-    except ModuleNotFoundError:
-        raise ImportError(
-            "`to_dataframe` needs pandas, which is not installed: `pip install tpd[pandas]`"
-        ) from None
-    return pd.DataFrame(columns)
+    def columns(self) -> dict[str, Any]:
+        """Columns of the table by their names, each of shape (n,)."""
+        raise NotImplementedError
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The columns as a data frame of pandas.
+
+        Raises:
+            ImportError: without pandas.
+        """
+        try:
+            import pandas as pd
+        except ModuleNotFoundError:
+            raise ImportError(
+                "`to_dataframe` needs pandas, which is not installed: `pip install tpd[pandas]`"
+            ) from None
+        return pd.DataFrame(self.columns())
 
 
 def counted(names: np.ndarray) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from tpd.core.scene import Pendulum
 from tpd.design.optimise import optimise
 from tpd.design.result import Design
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 _LEAST, _LIGHTER = 1.0 / 16.0, 3
 """Share of the largest mass at which a front begins, and how many lighter bobs it has by default."""
 
@@ -28,7 +25,7 @@ class Front(tuple["FrontPoint", ...]):
 
     __slots__ = ()
 
-    def plot(self, *, ax: Axes | None = None) -> Axes:
+    def plot(self, *, ax: Any = None) -> Any:
         """Draw the fall of the mean tilt over the bob's mass, with intervals, and return the axes."""
         return picture("compare:plot_front")(self, ax)
 

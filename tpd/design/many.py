@@ -4,27 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tpd.core import checks
 from tpd.core.cluster import Cluster, check_where
-from tpd.core.formatting import Printed, counted, data_frame
+from tpd.core.formatting import Printed, Tabular, counted
 from tpd.core.progress import shown_count
 from tpd.core.scene import Block, Scene
 from tpd.design.optimise import optimise
 from tpd.design.result import DesignStatus
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _STATUSES = tuple(DesignStatus.__members__)
 """Names of statuses; their places stand for them in files."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Designs(Printed):
+class Designs(Printed, Tabular):
     """Answers for n blocks, arrays of shape (n,); NaN where no pendulum is offered."""
 
     status: np.ndarray
@@ -39,13 +36,9 @@ class Designs(Printed):
     bare: np.ndarray
     """Risk measure of the block without a pendulum."""
 
-    def to_dataframe(self) -> pd.DataFrame:
-        """A row for every block, with a column for every field; with pandas.
-
-        Raises:
-            ImportError: without pandas.
-        """
-        return data_frame({f.name: getattr(self, f.name) for f in fields(self)})
+    def columns(self) -> dict[str, Any]:
+        """A row for every block, with a column for every field."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def __str__(self) -> str:
         return f"Designs for {len(self.status)} blocks: {counted(self.status)}"

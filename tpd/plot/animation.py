@@ -20,22 +20,16 @@ from tpd.design.study import TimeHistory
 from tpd.plot.drawing import BODY, corners, rod
 from tpd.plot.style import BLUE, INK
 
-_RATE = 20
-"""Frames a second."""
-_SECONDS = 6.0
-"""Longest duration, s."""
-_LONG = 10.0
-"""Duration under a pulse or a record, s."""
+_RATE, _SECONDS, _LONG = 20, 6.0, 10.0
+"""Frames a second; longest duration under harmonic shaking, and that under a pulse or a record, s."""
 _PER_PERIOD = 8
 """Fewest frames in a forcing period; where real time has fewer, the motion is slowed."""
-_VISIBLE = 0.05
-"""rad; smaller tilts are magnified."""
-_MAGNIFIED = (1, 2, 5, 10, 20, 50, 100)
+_VISIBLE, _MAGNIFIED = 0.05, (1, 2, 5, 10, 20, 50, 100)
+"""Tilt (rad) below which tilts are magnified, and factors for that."""
 _TALL, _WIDE, _NARROW = 3.6, 4.2, 2.0
 """Largest height, largest and least width of one motion, inches."""
-_ABOVE, _BELOW, _LEAST = 0.35, 0.5, 3.6
-"""Room for words above and below, and the least width of the figure, inches."""
-_DPI = 80
+_ABOVE, _BELOW, _LEAST, _DPI = 0.35, 0.5, 3.6, 80
+"""Room for words above and below, and the least width of the figure, inches; dots an inch."""
 _COLOURS = 64
 """Shades of a film: a few inks, mixed where lines are smooth."""
 
@@ -84,29 +78,25 @@ def animate(
 
 def _pictures(figure: Figure, draw: Callable[[int], list[Artist]], frames: int) -> Iterator[Image.Image]:
     """Frames of a film. What stands still is drawn once, and the palette is chosen once: both take long."""
-    canvas = FigureCanvasAgg(figure)
+    canvas, palette = FigureCanvasAgg(figure), None
     moving = draw(0)
     for artist in moving:
         artist.set_animated(True)
     canvas.draw()
-    still, palette = canvas.copy_from_bbox(figure.bbox), None
+    still = canvas.copy_from_bbox(figure.bbox)
     for i in range(frames):
         draw(i)
         canvas.restore_region(still)
         for artist in moving:
             artist.draw(canvas.get_renderer())
         picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
-        palette = palette or _palette(picture)
+        if palette is None:
+            palette = picture.quantize(_COLOURS)
+            colours = np.array(palette.getpalette()).reshape(-1, 3)
+            # Among them pure white: nearly white ones would show on a white page.
+            colours[(colours > 246).all(axis=1)] = 255
+            palette.putpalette(colours.ravel().tolist())
         yield picture.quantize(palette=palette, dither=Image.Dither.NONE)
-
-
-def _palette(picture: Image.Image) -> Image.Image:
-    """A picture in few colours, among them pure white: nearly white ones would show on a white page."""
-    few = picture.quantize(_COLOURS)
-    colours = np.array(few.getpalette()).reshape(-1, 3)
-    colours[(colours > 246).all(axis=1)] = 255
-    few.putpalette(colours.ravel().tolist())
-    return few
 
 
 def reel(history: TimeHistory, pendulum: Pendulum | None, times: np.ndarray) -> Reel:
@@ -134,15 +124,19 @@ def _stage(
         base = scene.motion.amplitude * np.sin(scene.motion.rate * times)
     # All shapes are computed before the figure is made: the axes must hold every frame.
     films = [[_shapes(scene, r, i, larger, float(x)) for i, x in enumerate(base)] for r in reels]
-    low, high = _bounds(scene, np.concatenate([x for film in films for shapes in film for x in shapes]))
-    shape = (high[0] - low[0]) / (high[1] - low[1])
+    points = np.concatenate([x for film in films for shapes in film for x in shapes])
+    pad = 0.08 * scene.block.height
+    reach = scene.motion.amplitude if isinstance(scene.motion, Harmonic) else 0.0
+    side = max(float(np.abs(points[:, 0]).max()), 0.7 * scene.block.width + reach) + pad
+    low, high = min(float(points[:, 1].min()), 0.0) - pad, float(points[:, 1].max()) + pad
+    shape = 2.0 * side / (high - low)
     tall = min(_TALL, _WIDE / shape)
     whole, width = tall + _ABOVE + _BELOW, max(max(tall * shape, _NARROW) * len(reels), _LEAST)
     figure = Figure(figsize=(width, whole), dpi=_DPI)
     draws = []
     for i, (r, film) in enumerate(zip(reels, films, strict=True)):
         ax = figure.add_axes((i / len(reels), _BELOW / whole, 1.0 / len(reels), tall / whole))
-        ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        ax.set(xlim=(-side, side), ylim=(low, high), aspect="equal")
         ax.set_axis_off()
         # Axes would place a title of their own anew in every frame, and slowly.
         title = "without pendulum" if r.pendulum is None else "with the pendulum"
@@ -167,15 +161,6 @@ def _shapes(scene: Scene, r: Reel, i: int, larger: int, base: float) -> tuple[np
     if r.pendulum is None or r.lost[i]:
         return block, np.zeros((0, 2))
     return block, rod(block, r.pendulum.length, float(r.angle[i]))
-
-
-def _bounds(scene: Scene, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lower left and upper right corner of everything drawn, m, the middle of the base in the middle."""
-    pad = 0.08 * scene.block.height
-    reach = scene.motion.amplitude if isinstance(scene.motion, Harmonic) else 0.0
-    side = max(float(np.abs(points[:, 0]).max()), 0.7 * scene.block.width + reach) + pad
-    low = min(float(points[:, 1].min()), 0.0) - pad
-    return np.array([-side, low]), np.array([side, float(points[:, 1].max()) + pad])
 
 
 def _actor(

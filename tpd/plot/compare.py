@@ -105,8 +105,7 @@ def plot_conditions(design: HarmonicDesign, axes: Any = None) -> Any:
     x, xlabel = _values(design, name)
     _tilts(axes[0], design, x, order)
     if design.best is not None:
-        stroke = np.where(_known(design.best), design.best.evaluation.stroke[0], np.nan)
-        axes[1].plot(x[order], stroke[order], **CASES[1] | {"label": "bob"})
+        axes[1].plot(x[order], _known(design.best, "stroke")[order], **CASES[1] | {"label": "bob"})
     if np.isfinite(design.stroke_limit):
         axes[1].axhline(design.stroke_limit, color=ORANGE, lw=1.2, ls=":", label="stroke limit")
     axes[1].set(ylabel="largest bob angle (rad)", xlabel=xlabel)
@@ -121,26 +120,30 @@ def _tilts(ax: Any, design: HarmonicDesign, x: np.ndarray, order: np.ndarray) ->
     """Draw the tilts with and without the pendulum, and mark where the block overturns from rest."""
     nu = design.scene.block.slenderness * design.conditions.column("slenderness")
     cases: list[Bare | Verified] = [design.bare, *([design.best] if design.best else [])]
-    tilts = [np.where(_known(of), of.evaluation.tilt[0], np.nan) * nu for of in cases]
+    tilts = [_known(of, "tilt") * nu for of in cases]
     # The marks of overturning stand above all finite tilts, so the axis needs room there.
-    top = 1.3 * max((float(np.nanmax(t)) for t in tilts if np.isfinite(t).any()), default=1.0) or 1.0
-    for i, (of, tilt) in enumerate(zip(cases, tilts, strict=True)):
+    top = 1.3 * float(np.nanmax(tilts, initial=0.0)) or 1.0
+    for i, (of, tilt, style) in enumerate(zip(cases, tilts, CASES, strict=False)):
         refused = i == 1 and design.winner is None
-        label = "best found, not offered" if refused else CASES[i]["label"]
-        ax.plot(x[order], tilt[order], **CASES[i] | {"label": label})
+        label = "best found, not offered" if refused else style["label"]
+        ax.plot(x[order], tilt[order], **style | {"label": label})
         lost = x[of.exact.status == "overturned"]
         if len(lost):
-            marks = CASES[i] | {"ls": "", "marker": "^X"[i], "ms": 6.0}
-            label = f"{CASES[i]['label']}: overturns from rest"
-            ax.plot(lost, np.full(len(lost), top * (1.0 - 0.05 * i)), **marks | {"label": label})
+            marks = {
+                "ls": "",
+                "marker": "^X"[i],
+                "ms": 6.0,
+                "label": f"{style['label']}: overturns from rest",
+            }
+            ax.plot(lost, np.full(len(lost), top * (1.0 - 0.05 * i)), **style | marks)
     # A comparison of amplitudes begins at zero; a little less, so that resting designs are seen.
     ax.set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
 
 
-def _known(of: Bare | Verified) -> np.ndarray:
-    """Under which conditions there is a motion to settle into, (n,)."""
+def _known(of: Bare | Verified, size: str) -> np.ndarray:
+    """A size of the motions to settle into, NaN under conditions without one, (n,)."""
     e = of.evaluation
-    return e.attracts[0] & np.isfinite(e.tilt[0])
+    return np.where(e.attracts[0] & np.isfinite(e.tilt[0]), getattr(e, size)[0], np.nan)
 
 
 def _values(design: HarmonicDesign, name: str) -> tuple[np.ndarray, str]:

@@ -6,19 +6,20 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from tpd.core.parameters import as_arrays
 from tpd.design.ground.design import GroundDesign
 from tpd.design.objective import Orbits, geometry_of, margins
 from tpd.design.result import Design, HarmonicDesign
-from tpd.plot.style import INK, LABELS, ORANGE, legend, new_axes
+from tpd.plot.style import HALO, INK, LABELS, ORANGE, edge, legend, new_axes
 
 _GRID = 48
 """Points along each axis."""
 _NEIGHBOURS = 24
 """Designs within about two widths of the window of a trend: it is narrower where more were followed."""
+_LEAST = 0.02
+"""Least width of this window, in shares of the space."""
 _HATCH = "#bdbdbd"
 _FLOOR = 1e-3
 """Ridge of the fits, which keeps them finite where a window is all but empty."""
@@ -61,7 +62,9 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     field = smooth(seen.tilt) if surface is None else surface.at(unit)[0]
     _shade(ax, mu, lam, field.reshape(_GRID, _GRID), seen, float(best[2]))
     # Logarithms of the sizes: many go with a power of mass or length, and a fit that is linear holds further.
-    sizes = {name: np.log(np.clip(1.0 + x, 0.1, 10.0)) for name, x in seen.excess.items()}
+    sizes = {
+        name: np.log(np.clip(np.nan_to_num(1.0 + x, nan=10.0), 0.1, 10.0)) for name, x in seen.excess.items()
+    }
     edges = {name.replace("_", " "): smooth(x).reshape(_GRID, _GRID) for name, x in sizes.items()}
     _edges(ax, mu, lam, edges)
     if isinstance(design, HarmonicDesign):
@@ -122,9 +125,10 @@ class _Smoother:
     def __init__(self, at: np.ndarray, to: np.ndarray) -> None:
         apart = at[None] - to[:, None]
         squares, k = np.sum(apart**2, axis=-1), min(_NEIGHBOURS, len(at) - 1)
-        width = 0.5 * np.sqrt(np.partition(squares, k, axis=1)[:, k])[:, None] + 1e-9
+        width = np.maximum(0.5 * np.sqrt(np.partition(squares, k, axis=1)[:, k]), _LEAST)[:, None]
         basis = np.concatenate([np.ones((*apart.shape[:2], 1)), apart / width[..., None]], axis=-1)
-        weight = np.exp(-0.5 * squares / width**2)
+        # Far from all designs each counts a little: the trend is their mean there.
+        weight = np.exp(-0.5 * squares / width**2) + 1e-12
         left = np.einsum("nm,nmi,nmj->nij", weight, basis, basis)
         left = left + _FLOOR * np.eye(left.shape[-1]) * np.array([0.0, *[1.0] * at.shape[1]])
         # The first row of the inverse gives the trend at the place itself.
@@ -143,7 +147,8 @@ def _shade(ax: Axes, mu: np.ndarray, lam: np.ndarray, field: np.ndarray, seen: _
     style: dict[str, Any] = {"levels": levels, "extend": "max" if field.max() > levels[-1] else "neither"}
     shades = ax.contourf(mu, lam, field, cmap="Blues", **style)
     lines = ax.contour(mu, lam, field, levels=levels[::3], colors=INK, linewidths=0.4)
-    ax.clabel(lines, fmt="%.3g", fontsize=7)
+    for text in ax.clabel(lines, fmt="%.3g", fontsize=7):
+        text.set_path_effects(HALO)
     bar = cast(Any, ax.figure).colorbar(shades, ax=ax, label=f"{seen.words}, at ζ = {zeta:.2g} (-)")
     bar.ax.set_title(f"bare: {seen.bare:.2g}", fontsize=8)
 
@@ -157,26 +162,7 @@ def _edges(ax: Axes, mu: np.ndarray, lam: np.ndarray, excess: dict[str, np.ndarr
         beyond.set_linewidth(0.0)
     crossed = {name: x for name, x in excess.items() if x.min() < 0.0 < x.max()}
     for i, (name, x) in enumerate(crossed.items()):
-        _edge(ax, mu, lam, x, name, (i + 1.0) / (len(crossed) + 1.0), color=ORANGE, style="-")
-
-
-def _edge(
-    ax: Axes,
-    mu: np.ndarray,
-    lam: np.ndarray,
-    x: np.ndarray,
-    name: str,
-    share: float,
-    *,
-    color: str,
-    style: str,
-) -> None:
-    """The line where `x` is zero, with its name at a share of its length."""
-    edge = ax.contour(mu, lam, x, levels=[0.0], colors=[color], linewidths=1.3, linestyles=style)
-    longest = max(edge.allsegs[0], key=len)
-    # Lines run on beside each other: their names are apart because their shares differ.
-    text = ax.annotate(name, longest[int(share * (len(longest) - 1))], fontsize=8, ha="center", va="center")
-    text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
+        edge(ax, mu, lam, x, name, (i + 1.0) / (len(crossed) + 1.0))
 
 
 def _rest(ax: Axes, mu: np.ndarray, lam: np.ndarray, design: HarmonicDesign, designs: np.ndarray) -> None:
@@ -186,7 +172,7 @@ def _rest(ax: Axes, mu: np.ndarray, lam: np.ndarray, design: HarmonicDesign, des
     least = margins(Orbits(*common, geometry_of(scene, conditions)), designs).min(axis=1)
     least = least.reshape(len(lam), len(mu))
     if least.min() < 0.0 < least.max():
-        _edge(ax, mu, lam, least, "stays at rest", 0.5, color=INK, style="--")
+        edge(ax, mu, lam, least, "stays at rest", 0.5, color=INK, style="--")
 
 
 def _points(ax: Axes, designs: np.ndarray, marker: str, size: float, label: str, mfc: str) -> None:

@@ -7,15 +7,13 @@ from typing import Any, cast
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.patheffects import Normal, Stroke, TickedStroke
 
 from tpd.analysis.design_map import DesignMap
 from tpd.analysis.overturning_spectrum import OVERTURNS, ROCKS, STANDS, UNDECIDED, OverturningSpectrum
 from tpd.analysis.rocking_spectrum import RockingSpectrum
 from tpd.core import checks
-from tpd.plot.style import CASES, INK, LABELS, LINES, ORANGE, legend, new_axes
+from tpd.plot.style import CASES, INK, LABELS, LINES, edge, legend, new_axes
 
 _MOVING = ("rocking", "sticking", "near_fold", "grazing")
 """Statuses of periodic motions, which have an amplitude."""
@@ -57,7 +55,10 @@ def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = Non
     beyond = bool((values[shown] < low).any()), bool((values[shown] > high).any())
     extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get(beyond, "neither")
     cast(Any, ax.figure).colorbar(mesh, ax=ax, label=_QUANTITIES[quantity], extend=extend)
-    handles = _hatched(ax, m, coloured) + _edge(ax, m)
+    handles = _hatched(ax, m, coloured)
+    if m.margin.min() < 0.0 < m.margin.max():
+        # The bob has settled: a block at rest lifts on one side of the line and stays on the other.
+        edge(ax, m.x, m.y, m.margin, "uplift margin 0", 0.5)
     ax.set(xlabel=LABELS[m.x_name], ylabel=LABELS[m.y_name])
     if handles:
         place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 2}
@@ -86,17 +87,6 @@ def _hatched(ax: Axes, m: DesignMap, coloured: tuple[str, ...]) -> list[Any]:
             ax.contourf(m.x, m.y, here, levels=[0.5, 1.5], colors="none", hatches=[hatch])
         handles.append(Patch(facecolor="white", edgecolor=INK, hatch=hatch, lw=0.6, label=label))
     return handles
-
-
-def _edge(ax: Axes, m: DesignMap) -> list[Any]:
-    """The line of zero uplift margin, its ticks on the side where a block at rest stays there."""
-    if not (m.margin.min() < 0.0 < m.margin.max()):
-        return []
-    drawn = [Normal(), TickedStroke(angle=135, length=0.7, spacing=9.0)]
-    cased = [Stroke(linewidth=3.2, foreground="white"), *drawn]
-    ax.contour(m.x, m.y, m.margin, levels=[0.0], colors=[ORANGE], linewidths=1.4).set(path_effects=cased)
-    label = "ticked side: no uplift once the bob has settled"
-    return [Line2D([], [], color=ORANGE, lw=1.4, path_effects=drawn, label=label)]
 
 
 def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -> Any:

@@ -15,10 +15,7 @@ from tpd.core.status import SETTLED
 from tpd.plot.style import CASES, GREY, INK, LABELS, LINES, ORANGE, in_degrees, legend, new_axes
 
 _UNSTABLE = (0, (4, 2))
-_LOST: tuple[dict[str, Any], ...] = (
-    {"marker": "^", "ls": "", "ms": 5.5, "mfc": "white"},
-    {"marker": "x", "ls": "", "ms": 4.5},
-)
+_LOST = ({"marker": "^", "ms": 5.5, "mfc": "white"}, {"marker": "x", "ms": 4.5})
 """Marks where a motion from rest overturns, without a pendulum and with it."""
 _MARKERS = {
     Kind.fold: ("o", "fold"),
@@ -29,21 +26,13 @@ _MARKERS = {
 }
 
 
-def plot_response(
-    responses: Sequence[Response],
-    own: float | None = None,
-    *,
-    toppling: Sequence[float] | None = None,
-    axes: Any = None,
-) -> Any:
+def plot_response(responses: Sequence[Response], own: float | None = None, *, axes: Any = None) -> Any:
     """Draw the settled amplitude from rest, and below it the share of the runs from rest near each value that
     overturn, with its 95 % interval: next to overturning a single run is chance, a share is not.
 
     Args:
         responses: of the bare block and, if there is one, with the pendulum.
         own: value of the design, marked; Hz, or of what the responses vary.
-        toppling: tilts (rad) at which the block topples by itself, one for each response: there an
-            overturning is marked. By default the marks are near the top.
         axes: two, or one to leave the shares out; default those of a new figure.
 
     Returns:
@@ -53,15 +42,20 @@ def plot_response(
     if axes is None:
         axes = np.atleast_1d(new_axes(1 + shares, (7.0, 6.0 if shares else 4.4)))
     axes = np.atleast_1d(axes)
-    top = _top(responses, toppling)
+    settled = np.concatenate([r.amplitude[np.isin(r.status, SETTLED)] for r in responses])
+    # Marks of overturning stand above all amplitudes.
+    top = 1.35 * float(settled.max(initial=0.0)) or 1.0
     for i, r in enumerate(responses):
-        _amplitudes(axes[0], r, i, top, None if toppling is None else toppling[i])
+        _amplitudes(axes[0], r, i, top)
         if r.overturning is not None and len(axes) > 1:
             value, low, high = r.overturning
             axes[1].fill_between(r.frequency, low, high, color=CASES[i]["color"], alpha=0.2, lw=0)
             axes[1].plot(r.frequency, value, **CASES[i] | {"marker": "", "lw": 1.6})
+    if any((r.status == "overturned").any() for r in responses):
+        words: dict[str, Any] = {"fontsize": 8, "va": "bottom", "transform": axes[0].get_yaxis_transform()}
+        axes[0].text(0.01, 1.02 * top, "overturns from rest", **words)
     axes[0].set_ylabel(r"settled amplitude $\Phi$ from rest (rad)")
-    axes[0].set_ylim(0.0, 1.06 * top)
+    axes[0].set_ylim(0.0, 1.1 * top)
     in_degrees(axes[0])
     if len(axes) > 1:
         axes[1].set(ylabel="share that overturns (-)", ylim=(0.0, 1.0))
@@ -75,16 +69,15 @@ def plot_response(
     return axes
 
 
-def _amplitudes(ax: Any, r: Response, case: int, top: float, level: float | None) -> None:
-    """Settled amplitudes, and marks where the block overturns or does not settle."""
+def _amplitudes(ax: Any, r: Response, case: int, top: float) -> None:
+    """Settled amplitudes, and near the top marks where the block overturns or does not settle."""
     style, known, lost = CASES[case], np.isin(r.status, SETTLED), r.status == "overturned"
     # The axis begins at zero, and a block at rest has its mark there: it must not be cut in half.
     ax.plot(r.frequency, np.where(known, r.amplitude, np.nan), **style, clip_on=False)
     if lost.any():
-        height = top * (1.0 - 0.05 * case) if level is None else level
-        ax.plot(r.frequency[lost], np.full(lost.sum(), height), mec=style["mec"], zorder=4, **_LOST[case])
-        words = "overturns from rest " if case == 0 else ""
-        ax.text(0.01, height - 0.02 * top, words, fontsize=8, va="top", transform=ax.get_yaxis_transform())
+        height = top * (1.0 - 0.05 * case)
+        marks = {"ls": "", "mec": style["mec"], **_LOST[case]}
+        ax.plot(r.frequency[lost], np.full(lost.sum(), height), zorder=4, **marks)
     other = ~known & ~lost
     if other.any():
         marks = {"ls": "", "marker": "DP"[case], "mfc": "none", "ms": 5, "color": style["color"]}
@@ -92,24 +85,12 @@ def _amplitudes(ax: Any, r: Response, case: int, top: float, level: float | None
         ax.plot(r.frequency[other], np.minimum(r.amplitude[other], 0.85 * top), label=label, **marks)
 
 
-def _top(responses: Sequence[Response], toppling: Sequence[float] | None) -> float:
-    """Largest tilt (rad) that the axis has room for."""
-    sizes = [r.amplitude[np.isin(r.status, SETTLED)] for r in responses]
-    largest = max([float(x.max()) for x in sizes if x.size], default=1.0)
-    # Toppling tilts bound all that is drawn; without them the marks of overturning need room above.
-    return max(largest, *toppling) if toppling else 1.35 * largest or 1.0
-
-
-def plot_branches(
-    cases: Mapping[str, Branches], *, settled: Mapping[str, Response] | None = None, axes: Any = None
-) -> Any:
+def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
     """Draw amplitude, and with a pendulum stroke, of all branches: stable solid, unstable dashed, with marks
     where they fold, lose their symmetry, stick or graze.
 
     Args:
         cases: one or two by their labels, over the same name: the bare block and with a pendulum.
-        settled: motions from rest over frequency, by the same labels; drawn as small dots, and above all
-            branches as triangles and crosses where the block overturns or does not settle.
         axes: one, or two if a case has a pendulum; default those of a new figure.
 
     Returns:
@@ -120,20 +101,16 @@ def plot_branches(
     colours = [GREY, LINES[1]["color"]][-len(cases) :]
     styles = [{"color": c, "lw": 2.6 if c == GREY else 1.5} for c in colours]
     for (label, case), style in zip(cases.items(), styles, strict=True):
-        response = None if settled is None else settled.get(label)
         for ax, quantity in zip(axes, ("amplitude", "stroke"), strict=False):
             if quantity == "amplitude" or case.hung:
                 _lines(ax, case, quantity, style)
                 _marks(ax, case, quantity, style["color"])
-                if response is not None:
-                    _dots(ax, response, quantity, case.hung)
         axes[0].plot([], [], label=label, **style)
     axes[0].set(ylabel=r"largest tilt $|\varphi|$ (rad)")
     if hung:
         axes[1].set(ylabel=r"largest bob angle $|\psi|$ (rad)")
     for ax in axes:
-        # Room for what does not settle, above all branches.
-        ax.set_ylim(0.0, ax.get_ylim()[1] * (1.0 if settled is None else 1.12))
+        ax.set_ylim(bottom=0.0)
         in_degrees(ax)
         ax.margins(x=0.01)
     axes[-1].set(xlabel=LABELS[next(iter(cases.values())).name])
@@ -180,14 +157,3 @@ def _stroke(case: Branches, b: Bifurcation) -> float:
     if np.isnan(apart).all():
         return np.nan
     return float(s.stroke[rows].ravel()[np.nanargmin(apart)])
-
-
-def _dots(ax: Any, response: Response, quantity: str, hung: bool) -> None:
-    """Mark motions from rest; near the top where the block overturns or does not settle."""
-    known = np.isin(response.status, SETTLED)
-    marks: dict[str, Any] = {"ls": "", "marker": "os"[not hung], "ms": 3.0, "mec": INK, "zorder": 4}
-    filled = CASES[hung]["mfc"]
-    ax.plot(response.frequency[known], getattr(response, quantity)[known], mfc=filled, clip_on=False, **marks)
-    lost = response.frequency[~known]
-    level = np.full(len(lost), 0.98 - 0.04 * hung)
-    ax.plot(lost, level, mec=CASES[hung]["mec"], transform=ax.get_xaxis_transform(), **_LOST[hung])

@@ -9,9 +9,12 @@ import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 INK, GREY, BLUE, ORANGE = "#1a1a1a", "#9a9a9a", "#1f5fa8", "#d9822b"
 
+HALO: list[Any] = [withStroke(linewidth=2.5, foreground="white")]
+"""Path effects of words over a field."""
 CASES: tuple[dict[str, Any], ...] = (
     {"color": GREY, "marker": "s", "ls": "--", "ms": 5.0, "mfc": "white", "mec": INK, "lw": 1.2}
     | {"label": "bare block"},
@@ -59,6 +62,17 @@ def legend(ax: Any, columns: int = 2, **place: Any) -> None:
     if ax.get_legend_handles_labels()[0]:
         above = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": columns}
         ax.legend(fontsize=8, frameon=False, **(place or above))
+
+
+def edge(
+    ax: Any, x: Any, y: Any, z: Any, name: str, share: float, *, color: str = ORANGE, style: str = "-"
+) -> None:
+    """Draw the line where `z` is zero, with its name at a share of the length of its longest part."""
+    line = ax.contour(x, y, z, levels=[0.0], colors=[color], linewidths=1.4, linestyles=style)
+    longest = max(line.allsegs[0], key=len)
+    # Lines run on beside each other: their names are apart because their shares differ.
+    text = ax.annotate(name, longest[int(share * (len(longest) - 1))], fontsize=8, ha="center", va="center")
+    text.set_path_effects(HALO)
 
 
 def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6), columns: int = 1) -> Any:

@@ -7,7 +7,6 @@ from typing import Any
 from tpd.design.ground.design import GroundDesign
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.design.study import Study
-from tpd.report.responses import topplings
 
 CAPTIONS = {
     "drawing.svg": (
@@ -101,8 +100,7 @@ def draw(name: str, design: Design, study: Study) -> bytes:
         case "benefit" | "conditions" | "groups" | "drawing":
             axes = design.plot(what)
         case "response":
-            levels = topplings(scene, design.pendulum)
-            axes = response.plot_response(study.responses or (), scene.motion.frequency, toppling=levels)
+            axes = response.plot_response(study.responses or (), scene.motion.frequency)
         case "motion":
             limit = design.stroke_limit if isinstance(design, HarmonicDesign) else float("inf")
             axes = motion.plot_motions(histories, scene.block.slenderness, stroke_limit=limit)

@@ -8,9 +8,7 @@ from collections.abc import Sequence
 from tpd.analysis.response import Response
 from tpd.core import files
 from tpd.core.quantities import UNITS
-from tpd.core.scene import Pendulum, Scene
 from tpd.design.study import TimeHistory
-from tpd.report.words import toppling
 
 
 def response_csv(responses: Sequence[Response]) -> str:
@@ -52,9 +50,3 @@ def motion_csv(histories: Sequence[TimeHistory]) -> str:
     # An empty cell is read as missing by every program; a word such as "nan" is not.
     rows = zip(*(column.tolist() for column in columns), strict=True)
     return files.as_csv(header, ([x if math.isfinite(x) else "" for x in row] for row in rows))
-
-
-def topplings(scene: Scene, hung: Pendulum | None) -> list[float]:
-    """Tilts (rad) at which the block topples by itself: bare and, if there is one, with the pendulum."""
-    masses = [0.0] if hung is None else [0.0, float(hung.mass / scene.block.mass)]
-    return [toppling(float(scene.block.slenderness), mass) for mass in masses]

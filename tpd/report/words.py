@@ -40,15 +40,6 @@ def finite_max(values: np.ndarray) -> float:
     return float(np.max(values, where=np.isfinite(values), initial=0.0))
 
 
-def settled_stroke(design: HarmonicDesign) -> float:
-    """Largest settled |psi| (rad) of the conditions under which the block with the pendulum stands."""
-    if design.winner is None:
-        return 0.0
-    # From other starts than rest the search may know larger strokes than the one from rest.
-    asked = 0.0 if design.starts == Starts.rest() else finite_max(design.winner.evaluation.stroke)
-    return max(finite_max(design.winner.exact.stroke), asked)
-
-
 def bob_of(limits: tuple[Limit, ...]) -> Bob:
     """The body of the limit on room, or a ball of steel."""
     room = limit_of(limits, Room)
