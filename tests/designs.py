@@ -19,7 +19,7 @@ from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, DesignSpace, Risk, Wo
 from tpd.design.earthquakes import Earthquakes
 from tpd.design.front import FrontPoint
 from tpd.design.result import DesignStatus, HarmonicDesign, Search, SearchStatus
-from tpd.design.study import Study, TimeHistory, UpliftRegion
+from tpd.design.study import Study, TimeHistory
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Active, Bare, LossCase, Motions, Reason, ReasonKind, Step, Verified
 
@@ -298,14 +298,13 @@ def response(*amplitudes, frequency=(2.4, 2.45, 2.6), status="rocking") -> Respo
     )
 
 
-def history(with_pendulum: bool, model: str = "exact", size: float = 0.08, lost: bool = False) -> TimeHistory:
+def history(with_pendulum: bool, size: float = 0.08, lost: bool = False) -> TimeHistory:
     time = np.linspace(0.0, 9.6, 24 * 60 + 1)
     tilt = size * np.sin(2.0 * np.pi * 2.5 * time) * (1.0 - np.exp(-time))
     if lost:
         tilt = np.where(time > 3.0, np.nan, np.sign(tilt[1]) * 0.01 * np.exp(2.0 * time))
     bob = 0.3 * np.sin(2.0 * np.pi * 2.5 * time + 1.0)
     return TimeHistory(
-        model=model,
         with_pendulum=with_pendulum,
         time=time,
         tilt=tilt,
@@ -332,15 +331,13 @@ def earthquakes(**changes) -> Earthquakes:
 def study(**changes) -> Study:
     """Everything that a report of `single` shows."""
     frequency = tuple(2.5 * np.linspace(0.7, 1.5, 41))
-    mu, lam = np.linspace(0.01, 0.2, 30), np.linspace(0.1, 1.5, 30)
     ratio = np.array(frequency) / 2.5
     bare = response(
         *(0.08 / ratio), frequency=frequency, status=np.where(ratio < 0.75, "overturned", "rocking")
     )
     hung = response(*(0.04 / ratio), frequency=frequency, status=np.where(ratio > 1.4, "rest", "rocking"))
-    cases = [(with_, model) for with_ in (False, True) for model in ("exact", "smoothed")]
     values = {
-        "histories": tuple(history(with_, model, 0.04 if with_ else 0.08) for with_, model in cases),
+        "histories": (history(False, 0.08), history(True, 0.04)),
         "responses": (bare, hung),
         "comparison": Check(models=(answer("exact"), answer("nonlinear")), limit=0.5, bare=0.08),
         "elasticities": Elasticities(
@@ -349,7 +346,6 @@ def study(**changes) -> Study:
             at=dict.fromkeys(NAMES, 0.1),
             slopes=dict(zip(NAMES, np.linspace(-2.0, 1.0, 7).tolist(), strict=True)),
         ),
-        "region": UpliftRegion(mass_ratio=mu, length_ratio=lam, margin=lam[:, None] - 1.2 + 0.0 * mu),
         "usage": (("stroke", 0.6), ("offset", 0.8), ("reserve", -4.0)),
     }
     return Study(**(values | changes))

@@ -125,15 +125,17 @@ _MODULES = {
 __all__ = sorted([*_HOMES, *_MODULES])  # pyright: ignore[reportUnsupportedDunderAll]
 
 
-def __getattr__(name: str) -> Any:
-    if name in _MODULES:
-        value = import_module(f"tpd.{_MODULES[name]}")
-    elif name in _HOMES:
-        value = getattr(import_module(f"tpd.{_HOMES[name]}"), name)
-    else:
-        raise AttributeError(f"module 'tpd' has no attribute {name!r}")
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:
+    # Seen by a checker of types it would make every misspelt name one that is not known but allowed.
+    def __getattr__(name: str) -> Any:
+        if name in _MODULES:
+            value = import_module(f"tpd.{_MODULES[name]}")
+        elif name in _HOMES:
+            value = getattr(import_module(f"tpd.{_HOMES[name]}"), name)
+        else:
+            raise AttributeError(f"module 'tpd' has no attribute {name!r}")
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

@@ -18,7 +18,7 @@ from tpd import Parameters, Pendulum, design_map, paper_scene, status_name, stea
 from tpd.analysis.design_map import DesignMap
 from tpd.cli import main
 from tpd.closed_form.no_uplift import uplift
-from tpd.plot.design_map import plot_map
+from tpd.plot.maps import plot_map
 
 SCENE, HUNG = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
 BARE = Parameters(nu=0.2, mu=0.0, lam=0.4, zeta=0.2, k=0.05, f=0.1, xi=2.0)

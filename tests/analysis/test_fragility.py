@@ -15,7 +15,7 @@ from tpd.analysis.probit import fit_lognormal
 from tpd.core.intensity import intensity_of, peak_velocity, spectral_acceleration
 from tpd.exact.follow import EVENT_BOUND
 from tpd.models import compiled_nonlinear
-from tpd.plot.shaking import plot_fragility
+from tpd.plot.compare import plot_fragility
 
 GRAVITY = 9.80665
 STATUE = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.0, restitution="housner")

@@ -19,7 +19,7 @@ from tpd.analysis.sweep import sweep
 from tpd.cli import main
 from tpd.closed_form.no_uplift import uplift
 from tpd.core.quantities import Setup
-from tpd.plot.branches import plot_branches
+from tpd.plot.response import plot_branches
 
 SCENE, HUNG = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
 BARE = Parameters(nu=0.2, mu=0.0, lam=0.4, zeta=0.2, k=0.05, f=0.1, xi=2.0)

@@ -5,7 +5,7 @@ import pytest
 
 import tpd
 from tests.unanswered import unanswered
-from tpd.plot.shaking import plot_rocking_spectrum
+from tpd.plot.maps import plot_rocking_spectrum
 
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
 PULSE = tpd.Pulse.one_sine(acceleration=3.0, frequency=1.0)

@@ -32,7 +32,7 @@ from tpd.design.ground.objective import GroundObjective  # noqa: E402
 from tpd.design.ground.optimise import DEFAULT_LIMITS, DEFAULT_SPACE  # noqa: E402
 from tpd.design.ground.search import GroundSearch, Searcher  # noqa: E402
 from tpd.plot import style  # noqa: E402
-from tpd.plot.ground_design import plot_groups  # noqa: E402
+from tpd.plot.compare import plot_groups  # noqa: E402
 
 RESULT = Path(__file__).parent / "results" / "ground_design.md"
 GRID = RESULT.with_name("worth_grid.json")

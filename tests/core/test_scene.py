@@ -11,7 +11,7 @@ import pytest
 
 from tpd import Block, Harmonic, Parameters, Pendulum, Scene, paper_scene, steady_state
 from tpd.closed_form import uplift
-from tpd.core.parameters import housner
+from tpd.core.impacts import housner
 from tpd.core.scene import STANDARD_GRAVITY
 
 BLOCK = {"width": 0.1, "height": 0.4, "mass": 16.224}

@@ -131,7 +131,7 @@ def test_runs_without_an_answer_say_nothing():
 
 
 def test_where_the_bare_block_rests_more_often_designs_give_way():
-    here, designs = Refinement(SPACE, spread(10), 0.01, 0.5, 0), spread(30)
+    here, designs = Refinement(SPACE, spread(10), everything, strikes=0.01, rests=0.5, seed=0), spread(30)
     rests, severity = SPACE.scaled(designs)[:, 0] / 0.4, tilt(SPACE.scaled(designs))
     here.add(made(designs), [Tried(*x, np.zeros(0)) for x in zip(severity, rests, strict=True)])
     keeps = here.keeps(here.scaled(designs)) > 0.5
@@ -141,14 +141,14 @@ def test_where_the_bare_block_rests_more_often_designs_give_way():
 
 
 def test_a_design_in_which_nothing_stands_has_no_reach():
-    here, designs = Refinement(SPACE, spread(10), 0.01, 0.0, 0), spread(12)
+    here, designs = Refinement(SPACE, spread(10), everything, strikes=0.01, rests=0.0, seed=0), spread(12)
     run = Noisy(walls=True)
     tried = [run(d, i) for i, d in enumerate(designs)]
     tried[3] = Tried(1.0, 0.0, np.zeros(0))
     here.add(made(designs), tried)
     assert set(here.limits) == {"walls"}
     assert len(here.limits["walls"].seen.value) == 11
-    assert here.next(0, False, everything).shape[1] == 3
+    assert here.next(0, False).shape[1] == 3
 
 
 @pytest.mark.parametrize("damping", [(0.05, 0.55), 0.3], ids=["three ratios", "a fixed damping"])

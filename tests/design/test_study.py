@@ -1,7 +1,5 @@
 """Computations behind a report, on the paper's block."""
 
-import dataclasses
-
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -10,13 +8,11 @@ import tpd
 from tests import designs
 from tpd.analysis.response import settled_response
 from tpd.analysis.steady_state import sampled
-from tpd.closed_form import uplift
 from tpd.core.conditions import Conditions
 from tpd.design.criteria import Offset, Stroke
 from tpd.design.result import DesignStatus
-from tpd.design.study import Study, is_own_shaking, study, time_histories, uplift_region, usage
+from tpd.design.study import Study, is_own_shaking, study, time_histories, usage
 from tpd.models.piecewise import Piecewise
-from tpd.models.smoothed import Smoothed
 
 
 def interrupting(stage, done, of):
@@ -28,11 +24,8 @@ def test_an_interruption_leaves_one_part_out_and_goes_on_with_the_next():
     assert found.left_out == ("the response over frequency", "the comparison of models")
     assert found.responses is None
     assert found.comparison is None
-    assert [(h.with_pendulum, h.model) for h in found.histories] == [
-        (with_, model) for with_ in (False, True) for model in ("exact", "smoothed")
-    ]
+    assert [h.with_pendulum for h in found.histories] == [False, True]
     assert found.elasticities.slopes
-    assert found.region.margin.shape == (96, 96)
     assert found.usage[0] == ("stroke", 0.3 / 0.5)
 
 
@@ -68,36 +61,14 @@ def test_responses_are_those_around_the_scenes_frequency():
     assert bare.amplitude[25] == pytest.approx(float(one.amplitude[0]), rel=1e-9)
 
 
-@pytest.mark.parametrize(("model", "name"), [(Piecewise(), "exact"), (Smoothed(), "smoothed")])
-def test_time_histories_are_simulations_from_rest(model, name):
-    (found,) = (h for h in time_histories(designs.SCENE, None) if h.model == name)
+def test_time_histories_are_simulations_from_rest():
+    (found,) = time_histories(designs.SCENE, None)
     p = designs.SCENE.parameters()
-    tau = sampled(p)
-    ys = np.asarray(tpd.simulate(p, jnp.zeros(4), tau, model=model).ys)
+    ys = np.asarray(tpd.simulate(p, jnp.zeros(4), sampled(p), model=Piecewise()).ys)
     assert found.tilt == pytest.approx(ys[:, 0], abs=1e-12)
     assert found.bob == pytest.approx(ys[:, 1], abs=1e-12)
     assert found.time[-1] == pytest.approx(24.0 / 2.5)
-
-
-def test_where_impacts_lose_energy_there_are_both_histories_and_they_are_near():
-    block = tpd.Block(width=0.1, height=0.4, mass=16.224, restitution="housner")
-    exact, smoothed = time_histories(dataclasses.replace(designs.SCENE, block=block), None)
-    assert (exact.model, smoothed.model) == ("exact", "smoothed")
-    # Near overturning they part soon.
-    early = exact.time < 0.5
-    assert np.abs(exact.tilt[early]).max() > 0.2
-    assert smoothed.tilt[early] == pytest.approx(exact.tilt[early], abs=5e-3)
-
-
-def test_the_uplift_region_is_the_least_margin_of_all_conditions():
-    conditions = Conditions.amplitudes(0.5, 1.5)
-    found = uplift_region(designs.single(conditions=conditions))
-    i, j = 20, 70
-    mu, lam = found.mass_ratio[j], found.length_ratio[i]
-    p = dataclasses.replace(designs.SCENE.parameters(), mu=mu, lam=lam, zeta=0.1)
-    margins = [float(uplift(dataclasses.replace(p, f=p.f * factor)).margin) for factor in (0.5, 1.5)]
-    assert found.margin[i, j] == pytest.approx(min(margins), abs=1e-12)
-    assert found.margin[i, j] < max(margins)
+    assert [h.with_pendulum for h in time_histories(designs.SCENE, designs.HUNG)] == [False, True]
 
 
 def test_usage_is_the_largest_size_over_its_limit():

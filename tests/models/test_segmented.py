@@ -26,9 +26,10 @@ from tests.reference import (
 from tests.reference import exact as linear
 from tpd import simulate, status_name, steady_state
 from tpd.core.equations import Equations, Terms
+from tpd.core.impacts import bob_change, housner, velocity_ratio
 from tpd.core.orbit_terms import GRAZING
-from tpd.core.parameters import Parameters, as_arrays, housner
-from tpd.exact.contact import SLIP, Mode, bob_jump, impact_ratio
+from tpd.core.parameters import Parameters, as_arrays
+from tpd.exact.contact import SLIP, Mode
 from tpd.models.compiled_nonlinear import settle_one
 from tpd.models.segmented import _TURN, Segmented, _begin, _struck, _transversality
 from tpd.models.settling import scale_of
@@ -216,11 +217,11 @@ def struck(p, y, side, terms=Terms.nonlinear):
 
 def test_an_impact_takes_the_bob_s_angle_into_account_where_energy_is_lost():
     p = Parameters(nu=0.25, mu=0.2, lam=0.6, zeta=0.1, k=0.0, f=0.3, xi=2.5, e=None)
-    y, share = [1e-17, 0.6, -0.1, 0.4], 0.2 * p.inertia_ratio
-    angle = 1.0, np.sin(0.6), np.cos(0.6)
-    ratio = float(impact_ratio(p.velocity_ratio, 0.25, share, *angle))
+    y = [1e-17, 0.6, -0.1, 0.4]
+    law = p.velocity_ratio, 0.25, 0.2, 0.6, p.inertia_ratio, 1.0, np.sin(0.6), np.cos(0.6)
+    ratio = float(velocity_ratio(*law))
     assert abs(ratio - p.velocity_ratio) > 0.02
-    jump = float(bob_jump(ratio, 0.25, 0.6, *angle))
+    jump = float(bob_change(ratio, *law))
     expected = [0.0, 0.6, -0.1 * ratio, 0.4 - 0.1 * jump]
     np.testing.assert_allclose(struck(p, y, 1.0), expected, rtol=1e-14)
     # e as a number that is Housner's is the same law; the mirror image is the mirrored impact.

@@ -20,7 +20,8 @@ from tests.reference import (
     smoothed,
 )
 from tpd import Parameters, Segmented, Smoothed, Status, Terms, simulate, status_name, steady_state
-from tpd.core.parameters import housner, uniform_inertia_ratio
+from tpd.core.impacts import housner
+from tpd.core.parameters import uniform_inertia_ratio
 from tpd.models.smoothed import rocking_scale
 
 COARSER = 4.0

@@ -11,6 +11,7 @@ from PIL import Image
 import tpd
 from tests import designs
 from tpd.core.bob import Bob
+from tpd.core.formatting import number
 from tpd.plot.animation import animate, reel
 from tpd.plot.drawing import corners, plot_scene, rod
 
@@ -34,7 +35,7 @@ def test_the_drawing_is_to_scale_and_nothing_is_cut_off_or_covered(scene, pendul
     block = ax.patches[0].get_window_extent()
     assert block.height / block.width == pytest.approx(scene.block.height / scene.block.width, rel=0.02)
     # An annotation's own extent would count the line that leads to it.
-    words = [Text.get_window_extent(t) for t in ax.texts if t.get_text()]
+    words = [Text.get_window_extent(t) for view in figure.axes for t in view.texts if t.get_text()]
     for i, box in enumerate(words):
         assert figure.bbox.x0 <= box.x0
         assert box.x1 <= figure.bbox.x1
@@ -47,24 +48,60 @@ CAVE = dataclasses.replace(designs.SCENE, block=dataclasses.replace(designs.SCEN
 
 
 @pytest.mark.parametrize("bob", [Bob(), Bob(shape="cylinder", aspect=2.0), Bob(density=700.0)])
-def test_cavity_and_bob_are_drawn_to_scale_and_no_word_is_cut_off(bob):
-    ax = plot_scene(CAVE, designs.HUNG, stroke=0.3, bob=bob)
-    ax.figure.canvas.draw()
-    inch = ax.patches[0].get_window_extent().width / 0.1
-    shapes = [patch.get_window_extent() for patch in ax.patches]
-    # Block, cavity, the body at both ends of its swing, and at rest.
-    assert len(shapes) == 5
-    assert shapes[1].width / inch == pytest.approx(0.085, rel=0.02)
-    assert shapes[-1].width / inch == pytest.approx(2.0 * bob.radius(1.6224), rel=0.03)
-    assert shapes[-1].height / inch == pytest.approx(2.0 * bob.half_height(1.6224), rel=0.03)
-    right = max(shape.x1 for shape in shapes[2:4]) - 0.5 * (shapes[0].x0 + shapes[0].x1)
-    assert right / inch == pytest.approx(bob.reach(1.6224, 0.12, 0.3), rel=0.03)
-    words = [Text.get_window_extent(t) for t in ax.texts if t.get_text()]
-    assert max(box.x1 for box in words) <= ax.figure.bbox.x1
-    assert not any(box.overlaps(other) for i, box in enumerate(words) for other in words[i + 1 :])
-    said = " ".join(t.get_text() for t in ax.texts)
-    assert "cavity, 0.085 m wide" in said
+def test_the_pendulum_is_drawn_as_it_is_built(bob):
+    whole, detail = plot_scene(CAVE, designs.HUNG, stroke=0.2, bob=bob).figure.axes
+    whole.figure.canvas.draw()
+    rod = bob.rod(1.6224, 0.12, CAVE.gravity)
+    half, radius = float(bob.half_height(1.6224)), float(bob.radius(1.6224))
+    # Beam last but the body at both ends of its swing and at rest.
+    left, right, rest = (patch.get_xy() for patch in detail.patches[-3:])
+    assert np.ptp(rest[:, 0]) == pytest.approx(2.0 * radius, rel=2e-3)
+    assert rest[:, 1].min() == pytest.approx(-rod - half)
+    assert right[:, 0].max() == pytest.approx(bob.reach(1.6224, rod, 0.2), rel=2e-3)
+    assert -left[:, 0].min() == pytest.approx(right[:, 0].max(), rel=2e-3)
+    # The same body hangs in the block to its smaller scale.
+    assert np.ptp(whole.patches[-1].get_xy()[:, 1]) == pytest.approx(2.0 * half, rel=2e-3)
+    said = " ".join(t.get_text() for t in detail.texts)
+    assert f"{number(rod)} m as built\n(0.12 m in the equations)" in said
+    assert "0.085 m" in said
     assert f"bob, 1.622 kg: {bob.shape}" in said
+    depth = rod + radius
+    if bob.shape == "cylinder":
+        # Its lower edge is lowest where it hangs below the hinge.
+        angle = min(0.2, np.arctan2(radius, rod + half))
+        depth = (rod + half) * np.cos(angle) + radius * np.sin(angle)
+    assert f"depth below the hinge: {number(depth, 3)} m" in said
+
+
+def test_the_room_to_the_wall_is_stated_and_the_angle_at_which_it_ends():
+    bob, wide = Bob(), dataclasses.replace(CAVE, block=dataclasses.replace(CAVE.block, cavity_width=0.095))
+    rod, radius = bob.rod(1.6224, 0.12, CAVE.gravity), float(bob.radius(1.6224))
+    said = " ".join(
+        t.get_text() for t in plot_scene(wide, designs.HUNG, stroke=0.05, bob=bob).figure.axes[1].texts
+    )
+    assert f"{number(0.0475 - radius - rod * np.sin(0.05), 3)} m clear to the wall" in said
+    assert f"meets at ±{np.arcsin((0.0475 - radius) / rod):.3g} rad" in said
+    said = " ".join(
+        t.get_text() for t in plot_scene(wide, designs.HUNG, stroke=0.3, bob=bob).figure.axes[1].texts
+    )
+    assert "the bob strikes the wall" in said
+
+
+def test_a_body_that_swings_too_slowly_on_any_rod_is_not_called_built():
+    slow = tpd.Pendulum(mass=400.0, length=0.12, damping_ratio=0.1)
+    assert np.isnan(Bob().rod(400.0, 0.12, CAVE.gravity))
+    said = " ".join(t.get_text() for t in plot_scene(CHIMNEY, slow).figure.axes[1].texts)
+    assert "none swings as often as\n(0.12 m in the equations)" in said
+
+
+def test_a_design_draws_itself_with_its_own_body_and_swing():
+    design = designs.around()
+    detail = design.plot("drawing").figure.axes[1]
+    assert any("settled stroke ±0.3 rad" in t.get_text() for t in detail.texts)
+    with pytest.raises(ValueError, match="`ax` must be None for a drawing"):
+        design.plot("drawing", ax=detail)
+    with pytest.raises(ValueError, match="`what` must be one of landscape, drawing, benefit, conditions"):
+        design.plot("groups")
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3, -0.3, 0.5 * np.pi])

@@ -4,16 +4,18 @@ import dataclasses
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 
+import tpd
 from tests import designs
+from tpd.analysis.shaking_history import ShakingHistory
 from tpd.core.conditions import Conditions
 from tpd.design.criteria import Reserve
-from tpd.plot.conditions import plot_conditions
-from tpd.plot.front import plot_front
-from tpd.plot.histories import plot_histories
+from tpd.plot import landscape
+from tpd.plot.compare import plot_benefit, plot_conditions, plot_front
+from tpd.plot.motion import plot_motions
 from tpd.plot.response import plot_response
-from tpd.plot.search import plot_search
-from tpd.plot.style import new_axes
+from tpd.plot.style import ORANGE, new_axes
 
 
 def lines(ax) -> dict:
@@ -29,18 +31,23 @@ def assert_begins_at_zero(ax):
     assert -0.05 * high <= low <= 0.0
 
 
+def near(ax, marker: str) -> list:
+    """Lines of one marker that hold anything."""
+    return [line for line in ax.lines if line.get_marker() == marker and len(line.get_xdata())]
+
+
 def test_the_response_compares_two_curves_that_differ_in_grey_as_well():
     study = designs.study()
-    ax = plot_response(study.responses, 2.5)
+    (ax,) = plot_response(study.responses, 2.5)
     bare, hung = (lines(ax)[label] for label in ("bare block", "with the pendulum"))
     assert bare.get_marker() != hung.get_marker()
     assert bare.get_linestyle() != hung.get_linestyle()
     known = study.responses[0].status == "rocking"
     assert bare.get_ydata()[known] == pytest.approx(study.responses[0].amplitude[known])
     assert np.isnan(bare.get_ydata()[~known]).all()
-    lost = lines(ax)["bare block: overturns from rest"]
+    (lost,) = near(ax, "^")
     assert lost.get_xdata() == pytest.approx(study.responses[0].frequency[~known])
-    assert "with the pendulum: overturns from rest" not in lines(ax)
+    assert not near(ax, "x")
     assert_begins_at_zero(ax)
     assert ax.get_xlabel() == "frequency of the base motion (Hz)"
     assert "(rad)" in ax.get_ylabel()
@@ -49,17 +56,14 @@ def test_the_response_compares_two_curves_that_differ_in_grey_as_well():
 def test_overturning_is_marked_at_the_toppling_tilt_and_differs_in_grey():
     status = ["overturned", "rocking", "overturned"]
     bare, hung = (designs.response(np.inf, 0.02, np.inf, status=status) for _ in range(2))
-    ax = plot_response((bare, hung), 2.5, toppling=(0.25, 0.23))
-    drawn = lines(ax)
-    marks = [drawn[f"{name}: overturns from rest"] for name in ("bare block", "with the pendulum")]
-    for mark, level in zip(marks, (0.25, 0.23), strict=True):
+    (ax,) = plot_response((bare, hung), 2.5, toppling=(0.25, 0.23))
+    for marker, level in (("^", 0.25), ("x", 0.23)):
+        (mark,) = near(ax, marker)
         assert mark.get_xdata() == pytest.approx([2.4, 2.6])
         assert mark.get_ydata() == pytest.approx([level] * 2)
-    assert marks[0].get_marker() != marks[1].get_marker()
-    for empty in (marks[0], drawn["bare block"]):
-        assert empty.get_markerfacecolor() == "white"
-    for filled in (marks[1], drawn["with the pendulum"]):
-        assert filled.get_markerfacecolor() != "white"
+    drawn = lines(ax)
+    assert drawn["bare block"].get_markerfacecolor() == "white"
+    assert drawn["with the pendulum"].get_markerfacecolor() != "white"
     low, high = ax.get_ylim()
     assert low == 0.0
     assert high > 0.25
@@ -69,9 +73,22 @@ def test_overturning_is_marked_at_the_toppling_tilt_and_differs_in_grey():
     assert degrees.get_ylim() == pytest.approx(np.degrees(ax.get_ylim()))
 
 
+def test_shares_of_runs_that_overturn_stand_below_the_amplitudes():
+    values = np.array([[0.1, 0.5, 0.9], [0.0, 0.3, 0.7], [0.3, 0.7, 1.0]])
+    response = dataclasses.replace(designs.response(0.1, 0.2, 0.3), overturning=values)
+    above, below = plot_response((response,))
+    (line,) = below.lines
+    assert line.get_ydata().tolist() == [0.1, 0.5, 0.9]
+    corners = below.collections[0].get_paths()[0].vertices[:, 1]
+    assert (corners.min(), corners.max()) == (0.0, 1.0)
+    assert below.get_ylabel() == "share that overturns (-)"
+    assert not above.texts
+    assert len(plot_response((response,), axes=new_axes())) == 1
+
+
 def test_a_response_that_does_not_settle_is_marked():
     status = ["rocking", "aperiodic", "rocking"]
-    ax = plot_response((designs.response(0.01, 0.02, 0.01, status=status),), 2.5)
+    (ax,) = plot_response((designs.response(0.01, 0.02, 0.01, status=status),), 2.5)
     assert lines(ax)["bare block: not settled"].get_xdata() == pytest.approx([2.45])
 
 
@@ -109,39 +126,93 @@ def test_conditions_of_the_pendulum_are_in_si_units_where_there_is_one():
         plot_conditions(designs.single())
 
 
-@pytest.mark.parametrize("case", [designs.single, designs.band, designs.refused])
-def test_one_picture_of_the_search_serves_all_designs(case):
-    design, study = case(), designs.study()
-    ax = plot_search(design, study.region)
+@pytest.mark.parametrize("case", [designs.single, designs.around, designs.refused])
+def test_one_landscape_serves_all_designs(case):
+    design = case()
+    ax = design.plot()
     said = legend(ax)
-    assert {
-        "search paths",
-        "ends of searches",
-        "beyond a limit",
-        "no uplift once the bob has settled",
-    } <= said
+    assert "ways of the descents" in said
     assert ("answer" in said) is (design.winner is not None)
+    assert ("best found, not offered" in said) is (design.winner is None)
     assert ("refused" in said) is any(v.reasons for v in design.verified)
-    search = design.search
-    drawn = sum(len(c.get_offsets()) for c in ax.collections if len(c.get_offsets()) > 1)
-    assert drawn == len(search.screened)
-    if design.winner is not None:
-        (star,) = (line for line in ax.lines if line.get_label() == "answer")
-        assert (star.get_xdata()[0], star.get_ydata()[0]) == (0.1, 0.6)
-    bar = ax.figure.axes[-1]
-    assert bar.get_ylim()[0] == 0.0
+    star = lines(ax)["answer" if design.winner is not None else "best found, not offered"]
+    assert (star.get_xdata()[0], star.get_ydata()[0]) == (0.1, 0.6)
+    assert ax.get_xlabel() == r"mass ratio $\mu$ = m/M (-)"
+    assert ax.figure.axes[-1].get_ylabel().endswith("at ζ = 0.1 (-)")
 
 
-def test_histories_of_tilts_share_their_scale_and_end_where_the_block_overturns():
+def surveyed(tilt, excess):
+    """A design whose survey of 400 designs has tilts and excesses that are functions of them."""
+    design = designs.single()
+    u = np.random.default_rng(1).random((400, len(design.space.names)))
+    x = design.space.unscaled(u)
+    survey = dataclasses.replace(
+        designs.survey("linear", 1),
+        designs=x,
+        severity=tilt(x)[:, None],
+        bare=np.array([0.6]),
+        excess={"stroke": excess(x)},
+    )
+    return dataclasses.replace(design, surveys=(survey,))
+
+
+def test_the_landscape_is_the_trend_of_what_was_followed_and_its_edges_are_those_of_the_limits():
+    design = surveyed(lambda x: 0.1 + 2.0 * x[:, 0], lambda x: np.exp(x[:, 1] - 0.8) - 1.0)
+    ax = design.plot()
+    edge = next(c for c in ax.collections if [to_hex(e) for e in c.get_edgecolor()] == [ORANGE])
+    points = np.concatenate([path.vertices for path in edge.get_paths()])
+    assert points[:, 1] == pytest.approx(0.8, abs=1e-3)
+    assert np.ptp(points[:, 0]) == pytest.approx(np.ptp(design.space.mass_ratio), rel=0.01)
+    assert "stroke" in {t.get_text() for t in ax.texts}
+    unit = design.space.scaled(np.array([[0.05, 0.7, 0.1], [0.15, 1.2, 0.1]]))
+    seen = landscape._seen(design)
+    assert landscape._Smoother(seen.at, unit)(seen.tilt) == pytest.approx([0.2, 0.4], abs=1e-3)
+
+
+def test_the_landscape_shows_where_a_block_stays_at_rest():
+    design = surveyed(lambda x: x[:, 0], lambda x: 0.0 * x[:, 1] - 0.5)
+    assert {t.get_text() for t in design.plot().texts} >= {"stays at rest"}
+    gentle = dataclasses.replace(design, conditions=Conditions.amplitudes(0.01))
+    assert "stays at rest" not in {t.get_text() for t in gentle.plot().texts}
+
+
+def test_motions_share_their_axes_and_end_where_the_block_overturns():
     study = designs.study()
-    axes = plot_histories(study.histories, 0.25, 0.5)
-    assert len(axes) == 3
-    assert axes[0].get_ylim() == axes[1].get_ylim()
-    assert legend(axes[0]) == {"exact", "smoothed", "stroke limit (settled)"}
-    (alone,) = plot_histories((designs.history(False, lost=True),), 0.25)
-    assert [t.get_text() for t in alone.texts] == ["overturns"]
-    assert np.nanmax(np.abs(lines(alone)["exact"].get_ydata())) < 0.5
-    assert alone.get_xlim()[1] > 9.6
+    tilt, rod = plot_motions(study.histories, 0.25, stroke_limit=0.5)
+    assert legend(tilt) == {"bare block", "with the pendulum"}
+    assert legend(rod) == {"limit on the settled stroke"}
+    assert lines(tilt)["bare block"].get_ydata() == pytest.approx(study.histories[0].tilt)
+    assert np.sum([line.get_ydata()[0] == 0.5 for line in rod.lines]) == 1
+    (alone,) = plot_motions((designs.history(False, lost=True),), 0.25)
+    assert "overturns" in [t.get_text() for t in alone.texts]
+    assert np.nanmax(np.abs(lines(alone)["bare block"].get_ydata())) < 0.5
+    assert alone.get_xlim()[1] == pytest.approx(9.6)
+
+
+def test_motions_under_a_record_have_the_base_above_and_the_friction_below():
+    time, one = np.linspace(0.0, 1.0, 11), np.ones(11)
+    values = {"times": time, "base": one, "tilt": 0.01 * one, "horizontal": -one, "vertical": 4.0 * one}
+    rest = {"impacts": np.zeros((0, 2)), "rocking": one > 0.0, "status": tpd.Status.rest}
+    bare = ShakingHistory(swing=None, **values, **rest)
+    base, tilt, friction = plot_motions((bare,), 0.25)
+    assert base.lines[0].get_ydata().tolist() == one.tolist()
+    assert friction.lines[0].get_ydata() == pytest.approx(0.25 * one)
+    assert legend(tilt) == {"bare block"}
+    assert len(plot_motions((bare, dataclasses.replace(bare, swing=0.1 * one)), 0.25)) == 4
+
+
+def test_the_benefit_has_intervals_of_the_differences():
+    ax = plot_benefit(designs.single())
+    changes = {change.name: change for change in designs.single().best.benefit.changes}
+    mean = changes["mean severity"]
+    _, around = ax.collections
+    assert around.get_segments()[0][:, 0] == pytest.approx(
+        [mean.without + mean.low, mean.without + mean.high]
+    )
+    assert lines(ax)["bare block"].get_xdata()[0] == pytest.approx(mean.without)
+    assert lines(ax)["with the pendulum"].get_xdata()[0] == pytest.approx(mean.with_it)
+    with pytest.raises(ValueError, match="must have a design with paired runs"):
+        plot_benefit(designs.refused())
 
 
 def test_the_front_has_every_answer_and_where_none_is_offered():
@@ -154,9 +225,9 @@ def test_the_front_has_every_answer_and_where_none_is_offered():
 
 def test_pictures_are_drawn_into_given_axes():
     ax = new_axes()
-    assert plot_search(designs.single(), None, ax) is ax
+    assert designs.single().plot(ax=ax) is ax
     assert plot_front(designs.front(), new_axes()).figure is not ax.figure
-    assert plot_response(designs.study().responses, 2.5, ax) is ax
+    assert plot_response(designs.study().responses, 2.5, axes=ax)[0] is ax
 
 
 def test_without_a_stroke_limit_there_is_no_line_for_it():
@@ -165,5 +236,5 @@ def test_without_a_stroke_limit_there_is_no_line_for_it():
     assert all(np.isfinite(line.get_ydata()).all() for line in below.lines)
     _, empty = plot_conditions(designs.band(limits=(Reserve(),), pendulum=None, verified=()))
     assert empty.get_legend() is None
-    axes = plot_histories(designs.study().histories, 0.25)
-    assert legend(axes[0]) == {"exact", "smoothed"}
+    _, rod = plot_motions(designs.study().histories, 0.25)
+    assert rod.get_legend() is None

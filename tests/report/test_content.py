@@ -69,7 +69,7 @@ def test_over_conditions_the_answer_has_the_risk_and_the_largest_stroke():
 def test_every_condition_is_a_row_with_motions_of_the_search_and_from_rest():
     described, figure, table = section(content(designs.band(), BAND), "Under every condition")
     assert described.text == "8 frequencies from 1.5 to 4 Hz."
-    assert figure.name == "conditions.png"
+    assert figure.name == "conditions.svg"
     assert len(table.rows) == 8
     assert table.rows[0] == ("1.5 Hz", 0.15, "rocking", "overturned", 0.075, "rocking", "rocking", 0.45)
     assert table.rows[-1][5:7] == ("rest", "rest")
@@ -82,11 +82,11 @@ def test_figures_are_those_that_there_is_data_for():
         blocks = (b for s in content(design, study).sections for b in s.blocks)
         return {b.name for b in blocks if isinstance(b, Figure)}
 
-    always = {"benefit.png", "drawing.png", "animation.gif", "motion.png", "search.png"}
-    assert names(designs.single(), designs.study()) == always | {"response.png"}
-    assert names(designs.band(), BAND) == always | {"conditions.png"}
+    always = {"benefit.svg", "drawing.svg", "animation.gif", "motion.svg", "search.png"}
+    assert names(designs.single(), designs.study()) == always | {"response.svg"}
+    assert names(designs.band(), BAND) == always | {"conditions.svg"}
     front = dataclasses.replace(BAND, front=designs.front())
-    assert names(designs.band(), front) == always | {"conditions.png", "front.png"}
+    assert names(designs.band(), front) == always | {"conditions.svg", "front.svg"}
     assert names(designs.single(status=DesignStatus.interrupted, pendulum=None), Study()) == {"search.png"}
 
 
@@ -216,7 +216,7 @@ def test_the_drawing_shows_a_finite_stroke(monkeypatch):
     monkeypatch.setattr(
         "tpd.plot.drawing.plot_scene", lambda scene, hung, *, stroke, bob: drawn.append(stroke) or new_axes()
     )
-    pictures.draw("drawing.png", lost_at_one(), BAND)
+    pictures.draw("drawing.svg", lost_at_one(), BAND)
     assert drawn == [pytest.approx(0.46)]
 
 
@@ -244,8 +244,8 @@ def test_conditions_under_which_the_bare_block_rests_are_shown_without_a_pendulu
     (table,) = section(report, "The answer")
     assert row(table, "worst tilt without pendulum")[1].startswith("none: at rest with 10.0%")
     _, figure, conditions = section(report, "Under every condition")
-    assert figure.name == "conditions.png"
+    assert figure.name == "conditions.svg"
     assert conditions.head == ("condition", "bare tilt (rad)", "bare kind", "bare from rest")
     assert conditions.rows[0][1:] == (0.0, "rest", "rest")
-    assert pictures.draw("conditions.png", design, Study()).startswith(b"\x89PNG")
-    assert pictures.names(design, Study()) == ("conditions.png", "drawing.png")
+    assert pictures.draw("conditions.svg", design, Study()).startswith(b"<?xml")
+    assert pictures.names(design, Study()) == ("conditions.svg", "drawing.svg")

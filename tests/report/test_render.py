@@ -150,7 +150,7 @@ def test_rows_have_the_cells_of_their_head():
 def test_pictures_have_a_description_and_a_kind_that_pages_show():
     with pytest.raises(ValueError, match="`alt` must describe the picture"):
         Figure("a.png", alt="", caption="")
-    with pytest.raises(ValueError, match="must hold PNG or GIF files only"):
+    with pytest.raises(ValueError, match="must hold PNG, SVG or GIF files only"):
         html(of(), {"a.bmp": b"BM"})
 
 
@@ -200,10 +200,9 @@ def test_all_files_are_written_and_the_page_last(tmp_path):
             "design.json",
             "scene.toml",
             "response.csv",
-            "benefit.png",
+            "benefit.svg",
             "search.png",
-            "response.png",
-            "drawing.png",
+            "response.svg",
             "drawing.svg",
             "report.html",
         )

@@ -74,7 +74,7 @@ class Starts:
 
     def __post_init__(self) -> None:
         checks.count("size", self.size)
-        checks.count("seed", self.seed, least=0)
+        checks.seed("seed", self.seed)
         for name in ("tilt", "tilt_rate", "swing", "swing_rate"):
             checks.not_negative(name, getattr(self, name))
         checks.at_most("tilt", self.tilt, 1.0, "a block that stands on its corner")

@@ -34,9 +34,9 @@ from tpd.closed_form.harmonic_balance import neglected_harmonics, one_harmonic_b
 from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
 from tpd.core.equations import Linear
+from tpd.core.impacts import linear_ratio, velocity_ratio
 from tpd.core.parameters import Number, Parameters, State, as_arrays
 from tpd.core.status import SETTLED, Status, is_settled, status_name
-from tpd.exact.contact import impact_ratio
 from tpd.models.base import AbstractChoice, Settled
 from tpd.models.compiled_nonlinear import settle_one
 from tpd.models.piecewise import Piecewise
@@ -235,10 +235,10 @@ def _dropped_at_rest(p: Parameters, reach: Number) -> Number:
 def _dropped_at_impacts(p: Parameters, reach: Number) -> Number:
     """Largest change of the velocity ratio of an impact by a bob at +-`reach`."""
     e, sine, cosine = p.velocity_ratio, jnp.sin(reach), jnp.cos(reach)
-    share = p.mu * p.inertia_ratio
-    changes = [jnp.abs(impact_ratio(e, p.nu, share, side, sine, cosine) - e) for side in (1.0, -1.0)]
-    # Without loss the nonlinear equations have no jump at an impact.
-    return jnp.where(jnp.asarray(e) < 1.0, jnp.maximum(*changes), 0.0)
+    of = e, p.nu, p.mu, p.lam, p.inertia_ratio
+    return jnp.maximum(
+        *[jnp.abs(velocity_ratio(*of, side, sine, cosine) - linear_ratio(*of)) for side in (1.0, -1.0)]
+    )
 
 
 def dropped(p: Parameters, phi: Number, psi: Number, slope: Any) -> Number:

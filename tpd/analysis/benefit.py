@@ -12,7 +12,7 @@ from tpd.analysis.intervals import change, fall
 from tpd.analysis.outcomes import Outcomes
 from tpd.analysis.paired import SIGNIFICANT, Verdict, chance_of
 
-_LEAST = 0.02
+LEAST = 0.02
 """Severity that counts as none, so that next to a bare block at rest not every tilt is a worse one."""
 
 
@@ -107,7 +107,7 @@ def benefit_of(verdict: Verdict, slenderness: float, condition: np.ndarray, shar
     hung, bare = severity(verdict.hung, slenderness), severity(verdict.bare, slenderness)
     n = len(hung)
     # Runs of one condition differ as those of different ones do: each is a cluster of its own.
-    found = fall(hung, bare, least=_LEAST)
+    found = fall(hung, bare, least=LEAST)
     rest_with, rest_without = ((o.status == "rest").astype(float) for o in (verdict.hung, verdict.bare))
     fewer, more = (int(np.sum(x > 0.0)) for x in (rest_without - rest_with, rest_with - rest_without))
     return Benefit(
@@ -173,7 +173,7 @@ def _worse(hung: np.ndarray, bare: np.ndarray, condition: np.ndarray, share: flo
     for i in np.unique(condition):
         of = condition == i
         # One chaotic run decides nothing: the mean over the pairs of a condition must be clearly above.
-        if _above(hung[of] - (1.0 + share) * bare[of] - _LEAST * share):
+        if _above(hung[of] - (1.0 + share) * bare[of] - LEAST * share):
             out.append(int(i))
     return tuple(out)
 

@@ -106,6 +106,7 @@ def check(
     if not (isinstance(stroke, (int, float)) and stroke > 0):
         raise ValueError(f"`stroke` must be positive, but is {checks.shown(stroke)}")
     models = MODELS if models is None else models
+    checks.instance("models", models, (tuple, list))
     unknown = [name for name in models if name not in MODELS]
     if unknown:
         raise ValueError(f"`models` must be of {', '.join(MODELS)}, but has {', '.join(unknown)}")

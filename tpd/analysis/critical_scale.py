@@ -23,7 +23,7 @@ from jaxtyping import Array, Float
 
 from tpd.analysis.transient import FREE, MAX_EVENTS
 from tpd.core import checks
-from tpd.core.ground_motion import GroundMotion, refuse_zeros
+from tpd.core.ground_motion import LONGEST_FREE, GroundMotion, refuse_zeros
 from tpd.core.parameters import Number, Parameters
 from tpd.core.scene import Pendulum, Scene
 from tpd.exact.derivatives import refused
@@ -107,9 +107,9 @@ def critical_scale(
     checks.instance("motion", scene.motion, GroundMotion, ": a harmonic has no critical scale")
     refuse_zeros([scene.motion])
     checks.within("scan", scan, 1e-4, 0.5)
-    checks.not_negative("free", free)
+    checks.within("free", free, 0.0, LONGEST_FREE, " s")
     if highest is not None:
-        checks.positive("highest", highest)
+        checks.within("highest", highest, 1e-9, 1e9)
     p, pieces = scene.ground_parameters(pendulum), jnp.asarray(scene.motion.pieces())
     late = free * scene.rate
     lifts = (1.0 + p.mu) * p.nu + p.k

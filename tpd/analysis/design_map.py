@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -14,8 +14,8 @@ import numpy as np
 from tpd.analysis.symmetric_orbits import Orbits, all_symmetric_orbits
 from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
-from tpd.core.cluster import Cluster
-from tpd.core.formatting import Printed, counted, span
+from tpd.core.cluster import Cluster, check_where
+from tpd.core.formatting import Printed, counted, data_frame, picture, span
 from tpd.core.parameters import Parameters
 from tpd.core.progress import shown_count
 from tpd.core.quantities import NAMES, UNITS, Setup, parameters
@@ -23,6 +23,10 @@ from tpd.core.scene import Pendulum, Scene
 from tpd.core.status import codes_of, names_by_code, names_of
 from tpd.models.batches import settle_all
 from tpd.models.settling import scale_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
 
 _MATCH = 1e-3
 """Largest distance, in shares of the scales, between a followed motion and the orbit that it is on."""
@@ -63,6 +67,26 @@ class DesignMap(Printed):
         """Number of designs of each status, the most frequent first."""
         names, counts = np.unique(self.status, return_counts=True)
         return {str(names[i]): int(counts[i]) for i in np.argsort(-counts, kind="stable")}
+
+    def plot(self, quantity: str = "amplitude", *, ax: Axes | None = None) -> Axes:
+        """Draw amplitude, stroke or margin in colour, hatched where there is none, and return the axes.
+
+        Raises:
+            ValueError: another quantity.
+        """
+        return picture("maps:plot_map")(self, quantity, ax=ax)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for every design: both numbers, status, sizes in rad and uplift margin; with pandas.
+
+        Raises:
+            ImportError: without pandas.
+        """
+        x, y = np.meshgrid(self.x, self.y)
+        names = {"amplitude": "amplitude_rad", "stroke": "stroke_rad", "margin": "uplift_margin"}
+        fields = ("status", "amplitude", "stroke", "margin", "exact", "overflow")
+        columns = {names.get(n, n): getattr(self, n).ravel() for n in fields}
+        return data_frame({self.x_name: x.ravel(), self.y_name: y.ravel()} | columns)
 
     def __str__(self) -> str:
         lines = ["Design map" if self.start is None else f"Design map from the start {self.start}"]
@@ -118,6 +142,7 @@ def design_map(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    check_where(None, cluster)
     setup = Setup.of(subject, pendulum)
     (x_name, xs), (y_name, ys) = _line(setup, "x", x), _line(setup, "y", y)
     designs = _designs(setup, {x_name: xs, y_name: ys})

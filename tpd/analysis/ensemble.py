@@ -17,7 +17,7 @@ import numpy as np
 
 from tpd.analysis.outcomes import LOST, UNANSWERED, Outcomes
 from tpd.core import checks, sampling
-from tpd.core.cluster import Cluster
+from tpd.core.cluster import Cluster, check_where
 from tpd.core.conditions import FACTORS, Conditions, check_restitution, under
 from tpd.core.equations import Terms
 from tpd.core.parameters import Parameters
@@ -92,7 +92,7 @@ class Ensemble:
     def __post_init__(self) -> None:
         checks.count("size", self.size)
         checks.count("periods", self.periods)
-        checks.count("seed", self.seed, least=0)
+        checks.seed("seed", self.seed)
         for name in ("tilt", "tilt_rate", "swing", "swing_rate"):
             checks.not_negative(name, getattr(self, name))
         checks.at_most("tilt", self.tilt, 1.0, "a block that stands on its corner")
@@ -206,6 +206,7 @@ def outcomes(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    check_where(workers, cluster)
     terms = _terms(equations)
     ensemble = Ensemble() if ensemble is None else ensemble
     checks.instance("ensemble", ensemble, Ensemble)

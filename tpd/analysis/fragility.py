@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.special import bdtr
@@ -21,9 +21,14 @@ from tpd.analysis.probit import Lognormal, added_up, fit_lognormal, median_words
 from tpd.analysis.transient import FREE
 from tpd.core import checks
 from tpd.core.cluster import Cluster
+from tpd.core.formatting import data_frame, picture
 from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion, events_of, refuse_zeros
 from tpd.core.intensity import intensity_of
 from tpd.core.scene import Block, Pendulum
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
 
 STATES: Mapping[str, float] = {"rocking": 0.0, "half": 0.5, "overturned": math.inf}
 """Damage states by default: the tilt over the slenderness that a motion exceeds. 0 is any uplift, infinity an
@@ -81,6 +86,35 @@ class Fragility:
     those that both equations answer; NaN if there are none."""
     unanswered: tuple[int, int] | None = None
     """Runs that the nonlinear equations do not answer, bare and hung."""
+
+    def plot(self, state: str = "overturned", *, ax: Axes | None = None) -> Axes:
+        """Draw shares, curves and 95 % bands of one damage state, and return the axes.
+
+        Raises:
+            ValueError: a state that the fragility does not have.
+        """
+        return picture("compare:plot_fragility")(self, state, ax=ax)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for every case, damage state and stripe: motions that reach it, with an answer and without,
+        and the share on the fitted curve; with pandas.
+
+        Raises:
+            ImportError: without pandas.
+        """
+        cases = (("bare", self.bare), ("hung", self.hung or {}))
+        curves = [(case, curve) for case, of in cases for curve in of.values()]
+        each = {
+            name: [getattr(c, name) for _, c in curves] for name in ("counts", "total", "undecided", "shares")
+        }
+        each |= {
+            "stripe": [self.stripes for _ in curves],
+            "fit": [c.fit.probability(self.stripes) for _, c in curves],
+        }
+        n = len(self.stripes)
+        words = {"case": [case for case, _ in curves], "state": [c.state for _, c in curves]}
+        columns = {name: np.repeat(x, n) for name, x in words.items()}
+        return data_frame(columns | {name: np.concatenate(x) for name, x in each.items()})
 
     def __str__(self) -> str:
         quakes = "one earthquake" if self.earthquakes == 1 else f"{self.earthquakes} earthquakes"
@@ -158,12 +192,18 @@ def fragility(
         ValueError: bad input.
     """
     checks.instance("block", block, Block)
+    checks.optional("pendulum", pendulum, Pendulum)
+    checks.numbers("scales", scales, (-1,), "a vector of numbers")
     stripes = np.asarray(scales, dtype=float)
     checks.positive("scales", stripes)
     if stripes.ndim != 1 or np.any(np.diff(stripes) <= 0.0):
         raise ValueError("`scales` must be a vector of increasing numbers, but are not")
-    if not states or any(not level >= 0.0 for level in states.values()):
+    checks.instance("states", states, Mapping)
+    named = all(isinstance(n, str) and isinstance(x, (int, float)) and x >= 0.0 for n, x in states.items())
+    if not (states and named):
         raise ValueError(f"`states` must name tilts over the slenderness from 0 on, but are {dict(states)}")
+    checks.flag("nonlinear", nonlinear)
+    checks.instance("motions", motions, Sequence)
     measure = intensity_of(intensity, block, gravity, period)
     for i, motion in enumerate(motions):
         checks.instance(f"motions[{i}]", motion, GroundMotion)

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.cluster import Cluster
-from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
+from tpd.core.cluster import Cluster, check_where
+from tpd.core.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
 from tpd.core.scene import Block, Pendulum, Scene
 
 Progress = Callable[[int, int], None]
@@ -83,7 +83,7 @@ def follow_scaled(
             f"`factors` must have a row for each of {len(motions)} motions, but has {factors.shape}"
         )
     checks.not_negative("factors", factors)
-    checks.not_negative("free", free)
+    checks.within("free", free, 0.0, LONGEST_FREE, " s")
     # Rows of one record stand together, so that a thread finds its samples in the cache.
     which = np.repeat(np.arange(len(motions)), factors[0].size)
     x = rows_of(block, pendulum, motions, gravity)[which]
@@ -114,6 +114,7 @@ def follow_rows(
         records: pieces of each ground motion.
         nonlinear, brief, workers, cluster, progress: as in `follow_scaled`.
     """
+    check_where(workers, cluster, progress)
     if cluster is None:
         found = _followed(batch, records, nonlinear, brief, workers=workers, progress=progress)
     else:

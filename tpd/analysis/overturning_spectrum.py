@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,8 +11,12 @@ from tpd.analysis.ground_batch import Outcomes, Progress, follow_scaled
 from tpd.analysis.transient import FREE
 from tpd.core import checks
 from tpd.core.cluster import Cluster
+from tpd.core.formatting import data_frame, picture
 from tpd.core.ground_motion import STANDARD_GRAVITY, Pulse
 from tpd.core.scene import Block, Pendulum, Scene
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 UNDECIDED, STANDS, ROCKS, OVERTURNS = -1, 0, 1, 2
 """Outcomes of a cell; OVERTURNS + n is an overturning after n impacts."""
@@ -32,6 +37,23 @@ class OverturningSpectrum:
     """Outcome of the bare block, shape (accelerations, frequencies)."""
     hung: np.ndarray | None
     """Outcome with the pendulum, same shape; None without one."""
+
+    def plot(self, *, axes: Any = None) -> Any:
+        """Draw what every pulse does, bare and with a pendulum side by side; returns the axes, an array."""
+        return picture("maps:plot_overturning_spectrum")(self, axes)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for every pulse: both ratios, and the outcomes by their numbers; with pandas.
+
+        Raises:
+            ImportError: without pandas.
+        """
+        across, up = np.meshgrid(self.frequency_ratios, self.acceleration_ratios)
+        cells = zip(("bare", "hung"), self._cells, strict=False)
+        return data_frame(
+            {"frequency_ratio": across.ravel(), "acceleration_ratio": up.ravel()}
+            | {name: cell.ravel() for name, cell in cells}
+        )
 
     def safe(self) -> np.ndarray:
         """Share of the cells with an answer in which the bare block, and that with a pendulum, does not
@@ -78,6 +100,10 @@ def overturning_spectrum(
     """
     checks.instance("block", block, Block)
     checks.instance("pulse", pulse, Pulse)
+    checks.optional("pendulum", pendulum, Pendulum)
+    for name, given in (("frequency_ratios", frequency_ratios), ("acceleration_ratios", acceleration_ratios)):
+        if given is not None:
+            checks.numbers(name, given, (-1,), "a vector of numbers")
     w = np.linspace(0.5, 10.0, 120) if frequency_ratios is None else np.asarray(frequency_ratios, dtype=float)
     a = np.linspace(0.5, 10.0, 120) if acceleration_ratios is None else np.asarray(acceleration_ratios, float)
     checks.positive("frequency_ratios", w)

@@ -15,6 +15,7 @@ import numpy as np
 
 from tpd.analysis.ensemble import Ensemble, outcomes
 from tpd.analysis.outcomes import UNDECIDED_ROW, Outcomes
+from tpd.core import checks
 from tpd.core.cluster import Cluster
 from tpd.core.conditions import Conditions
 from tpd.core.equations import Terms
@@ -157,6 +158,10 @@ def verdict(
         ValueError: bad input, a pendulum beside parameters, or `bare` by other equations.
         RuntimeError: JAX is in 32-bit mode.
     """
+    if bare is not None:
+        checks.instance("bare", bare, Outcomes)
+    if isinstance(subject, Scene):
+        checks.instance("pendulum", pendulum, Pendulum)
     if bare is not None and bare.equations != str(equations):
         raise ValueError(f"`bare` must be by the {equations} equations, but is by the {bare.equations} ones")
 

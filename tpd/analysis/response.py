@@ -2,30 +2,39 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from tpd.analysis.bifurcations import Bifurcation, bifurcations
+from tpd.analysis.outcomes import LOST, UNANSWERED, Share
 from tpd.analysis.steady_state import steady_state
 from tpd.analysis.sweep import Sweep, along
 from tpd.closed_form.no_uplift import uplift
 from tpd.core import checks
-from tpd.core.formatting import Printed, counted, span
+from tpd.core.formatting import Printed, counted, data_frame, picture, span
 from tpd.core.parameters import Parameters, as_arrays
 from tpd.core.progress import Progress, shown
 from tpd.core.quantities import UNITS, Axis, parameters
 from tpd.core.scene import Pendulum, Scene
-from tpd.core.status import status_name
+from tpd.core.status import names_of, status_name
+from tpd.models.batches import settle_all
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _TOWARDS = np.geomspace(1e-5, 0.5, 12)
 """Distances of further values from a bifurcation, in spacings of the sweep. At a fold the amplitude turns
 round like a square root: an even spacing would cut the tip off."""
 _STEP, _STEPS = 0.004, 12
 """Relative distance of frequencies next to the scene's own, and their number to either side."""
+
+_LEAST, _RUNS, _NEAR = 8, 400, 0.04
+"""Fewest values of a response that has shares of runs, number of runs over its range, and share of the range
+to either side of a value within which they are counted."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -47,6 +56,30 @@ class Branches(Printed):
     def name(self) -> str:
         """Name of the parameter or quantity that varies."""
         return self.sweep.name
+
+    def plot(self, without: Branches | None = None, *, axes: Any = None) -> Any:
+        """Draw all branches, stable ones solid, and return the axes, an array.
+
+        Args:
+            without: those of the bare block over the same name, drawn as well.
+            axes: one, or two with a pendulum; default those of a new figure.
+        """
+        cases = {} if without is None else {"bare block": without}
+        cases["with the pendulum" if self.hung else "bare block"] = self
+        return picture("response:plot_branches")(cases, axes=axes)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for every orbit: branch, value of the name, status, and sizes in rad; with pandas.
+
+        Raises:
+            ImportError: without pandas.
+        """
+        s = self.sweep
+        at = [np.array(s.line(i)) for i in range(s.branches)]
+        branch = np.repeat(np.arange(len(at)), [places.shape[1] for places in at])
+        i, j = np.concatenate([np.zeros((2, 0), int), *at], axis=1)
+        sizes = {f"{n}_rad": getattr(s, n)[i, j] for n in ("amplitude", "stroke", "phase")}
+        return data_frame({"branch": branch, self.name: s.value[i], "status": s.status[i, j], **sizes})
 
     def __str__(self) -> str:
         s, unit = self.sweep, f" {UNITS.get(self.name, '')}".rstrip()
@@ -128,6 +161,39 @@ class Response(Printed):
     status: np.ndarray
     """Names of the steady states' statuses."""
     name: str = "frequency"
+    overturning: np.ndarray | None = None
+    """Share of the runs from rest near each value that overturn, and its 95 % interval, (3, n): of runs at
+    values evenly over the whole range, those within a 25th of the range to either side. None of fewer than
+    eight values."""
+
+    def plot(self, without: Response | None = None, *, own: float | None = None, axes: Any = None) -> Any:
+        """Draw the settled amplitude and the share of runs that overturn, and return the axes, an array.
+
+        Args:
+            without: response of the bare block, drawn as well; this one is then that with the pendulum.
+            own: value of the design, marked.
+            axes: two, or one to leave the shares out; default those of a new figure.
+        """
+        cases = (self,) if without is None else (without, self)
+        return picture("response:plot_response")(cases, own, axes=axes)
+
+    def between(self, low: float, high: float) -> Response:
+        """The part of this response from the value `low` to `high`; shares stay those of all runs."""
+        close = (self.frequency >= low) & (self.frequency <= high)
+        shares = None if self.overturning is None else self.overturning[:, close]
+        names = ("frequency", "amplitude", "stroke", "status")
+        return replace(self, overturning=shares, **{n: getattr(self, n)[close] for n in names})
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for every value: status, sizes in rad, share of the runs near it that overturn; with pandas.
+
+        Raises:
+            ImportError: without pandas.
+        """
+        names = ("share_overturned", "share_low", "share_high")
+        shares = {} if self.overturning is None else dict(zip(names, self.overturning, strict=True))
+        sizes = {"amplitude_rad": self.amplitude, "stroke_rad": self.stroke}
+        return data_frame({self.name: self.frequency, "status": self.status, **sizes, **shares})
 
     def __str__(self) -> str:
         unit = UNITS.get(self.name, "")
@@ -190,4 +256,15 @@ def _settled(axis: Axis, line: np.ndarray, progress: Progress | None) -> Respons
         stroke=np.array(stroke),
         status=np.array(status, dtype=str),
         name=axis.name,
+        overturning=_overturning(axis, line) if len(line) >= _LEAST else None,
     )
+
+
+def _overturning(axis: Axis, line: np.ndarray) -> np.ndarray:
+    """See `Response.overturning`."""
+    # Next to overturning a change of a thousandth decides: one run at each value says little.
+    fine = np.linspace(line.min(), line.max(), _RUNS)
+    settled = settle_all(parameters(list(jnp.asarray(axis.at(fine).T))), np.zeros((_RUNS, 4)))
+    names, reach = names_of(settled.status), _NEAR * np.ptp(line)
+    known, lost = ~np.isin(names, UNANSWERED), np.isin(names, LOST)
+    return np.array([Share.of(lost[known & (np.abs(fine - x) <= reach)]) for x in line]).T

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,8 +11,13 @@ from tpd.analysis.ground_batch import Progress, follow_rows, rows_of
 from tpd.analysis.transient import FREE
 from tpd.core import checks
 from tpd.core.cluster import Cluster
-from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
+from tpd.core.formatting import data_frame, picture
+from tpd.core.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
 from tpd.core.scene import Block, Scene
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
@@ -24,6 +30,19 @@ class RockingSpectrum:
     """Largest |phi|/nu of the bare block; infinite where it overturns, NaN where nothing is known."""
     hung: np.ndarray | None
     """Largest |phi|/nu with the pendulum; None without one."""
+
+    def plot(self, *, ax: Axes | None = None) -> Axes:
+        """Draw the largest tilts, with marks where blocks overturn, and return the axes."""
+        return picture("maps:plot_rocking_spectrum")(self, ax)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for every block: 2 pi/p in s, and the largest tilts over the slenderness; with pandas.
+
+        Raises:
+            ImportError: without pandas.
+        """
+        hung = {} if self.hung is None else {"hung": self.hung}
+        return data_frame({"period": self.periods, "bare": self.bare} | hung)
 
     def undecided(self) -> np.ndarray:
         """Number of blocks without an answer, bare and with a pendulum."""
@@ -62,8 +81,11 @@ def rocking_spectrum(
     """
     checks.instance("block", block, Block)
     checks.instance("motion", motion, GroundMotion)
+    if periods is not None:
+        checks.numbers("periods", periods, (-1,), "a vector of numbers")
     times = np.linspace(1.0, 12.0, 200) if periods is None else np.asarray(periods, dtype=float)
     checks.positive("periods", times)
+    checks.within("free", free, 0.0, LONGEST_FREE, " s")
     scene = Scene(block, motion, gravity)
     hung = None
     if mass_ratio is not None:

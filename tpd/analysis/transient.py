@@ -15,7 +15,7 @@ from jaxtyping import ArrayLike, Float, Int
 
 from tpd.core import checks
 from tpd.core.equations import Terms
-from tpd.core.ground_motion import GroundMotion
+from tpd.core.ground_motion import LONGEST_FREE, GroundMotion
 from tpd.core.orbit_terms import GRAZING
 from tpd.core.parameters import Number, Parameters, Real
 from tpd.core.scene import Pendulum, Scene
@@ -119,7 +119,7 @@ def transient(
     checks.instance("scene", scene, Scene)
     checks.instance("motion", scene.motion, GroundMotion, ": harmonics are for `tpd.steady_state`")
     model = Piecewise() if model is None else model
-    checks.not_negative("free", free)
+    checks.within("free", free, 0.0, LONGEST_FREE, " s")
     checks.count("max_events", max_events)
     p, rate = scene.ground_parameters(pendulum), scene.rate
     start = np.zeros(4) if y0 is None else _start(y0)

@@ -41,14 +41,14 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status.
 
-    Without `arguments` those of the process are taken: then Ctrl-C is answered also while something compiles,
-    and ends the process.
+    Without `arguments` those of the process are taken: then the command runs in a process of its own, so that
+    Ctrl-C ends it also while something compiles.
     """
     if arguments is not None:
         return _run(parser().parse_args(arguments))
     read = parser().parse_args()
     warnings.showwarning = interrupts.warned
-    with interrupts.watched(), interrupts.announced(_does(read)):
+    with interrupts.watched(getattr(read, "out", None)), interrupts.announced(_does(read)):
         status = _run(read)
         return interrupts.exit_now(status) if status == common.INTERRUPTED else status
 

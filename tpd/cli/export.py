@@ -142,7 +142,7 @@ def _table(scene: Scene, hung: Pendulum | None) -> tuple[list[str], list[tuple]]
     from tpd.design.study import time_histories
 
     if _harmonic(scene):
-        found = time_histories(scene, hung, smoothed=False)
+        found = time_histories(scene, hung)
         # An exact displacement stands beside the acceleration; that of a record would be an integral.
         times, base = found[0].time, _harmonic_base(scene, found[0].time)
         angles = [(h.tilt, h.bob if h.with_pendulum else None) for h in found]

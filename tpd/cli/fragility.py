@@ -81,7 +81,6 @@ def run(options: argparse.Namespace) -> int:
 def _files(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tuple[str, str | bytes]]:
     from tpd.core import files
     from tpd.plot import style
-    from tpd.plot.shaking import plot_fragility
 
     header = ("state", "stripe", "motions", "bare", "hung", "p_value", "undecided_bare", "undecided_hung")
     yield "fragility.csv", files.as_csv(header, _rows(found))
@@ -97,7 +96,7 @@ def _files(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tu
     }
     yield "fragility.json", files.as_json(content)
     for name in found.bare:
-        yield f"fragility_{name}.png", style.png(plot_fragility(found, name).figure)
+        yield f"fragility_{name}.png", style.png(found.plot(name).figure)
 
 
 def _fits(found: Fragility, name: str) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import _thread
 import contextlib
 import os
-import select
 import signal
 import sys
 import threading
@@ -19,123 +18,123 @@ from pathlib import Path
 from typing import Any
 
 import tpd
+from tpd.core.progress import EVERY, SHOWN, TICK, is_silent, say
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C."""
+UNFINISHED = "unfinished.npz"
+"""Name of the file in which an interrupted search leaves what had ended."""
 _RECEIVED = threading.Event()
-_CLEAR = "\r\x1b[K"
-"""Removes a bar from the last line of a terminal."""
 _SOON = 0.25
 """Seconds after which a command says what it does; bad input is refused earlier where JAX is imported."""
 _SHOW = warnings.showwarning
 """How Python shows the warnings of others."""
 _SAID: set[str] = set()
 """Warnings that were said."""
-_PATIENCE = 0.7
-"""Seconds after Ctrl-C in which a command ends without a word about when it will."""
-_WHEN = "ends when the step in progress ends: a compilation takes some seconds; Ctrl-C again ends it at once"
+_PATIENCE = 1.5
+"""Seconds after Ctrl-C in which a command may end of itself."""
 
 
 @contextlib.contextmanager
 def announced(does: str | None) -> Iterator[None]:
-    """Say on stderr what a command does, unless it ends before that."""
+    """Say on stderr what a command does, unless it ends before that, and then that it is at work where no bar
+    says so."""
     if does is None:
         yield
         return
-    timer = threading.Timer(_SOON, _say, (f"tpd {tpd.__version__}: {does}",))
-    timer.daemon = True
-    timer.start()
+    ended = threading.Event()
+    threading.Thread(target=_tell, args=(does, ended), daemon=True).start()
     try:
         yield
     finally:
-        timer.cancel()
+        ended.set()
+
+
+def _tell(does: str, ended: threading.Event) -> None:
+    begin = time.monotonic()
+    if not ended.wait(_SOON):
+        say(f"tpd {tpd.__version__}: {does}")
+    # On a terminal the next line of the command takes the place of this one.
+    text, end = ("at work", "\r") if sys.stderr.isatty() else (does, "\n")
+    while not ended.wait(TICK):
+        if not SHOWN and is_silent(1.0 if end == "\r" else EVERY):
+            say(f"tpd: {text}, {time.monotonic() - begin:.0f} s", end=end)
 
 
 @contextlib.contextmanager
-def watched() -> Iterator[None]:
-    """Answer Ctrl-C from a process of its own while this one compiles, where Python cannot.
+def watched(out: Path | None) -> Iterator[None]:
+    """Go on in a process of its own, and end this one with its status; Ctrl-C ends both soon in any case.
 
-    The first one raises `KeyboardInterrupt` as usual, as soon as Python runs; if the command has not ended by
-    then, a line says when it will. The second one ends the process.
+    An extension that compiles holds up all threads of its process, so that another process has to end it.
+    Ctrl-C raises `KeyboardInterrupt` in the command as usual; one that has not ended `_PATIENCE` seconds
+    later, or when Ctrl-C comes again, is killed. Files of `out` appear complete or not at all, and a search
+    that has ended is on disk already: nothing else is lost.
     """
     if not hasattr(os, "fork"):
         yield
         return
-    with contextlib.ExitStack() as stack:
-        stack.callback(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, _interrupt))
-        stack.callback(setattr, sys, "unraisablehook", sys.unraisablehook)
+    existed, (here, there) = False, os.pipe()
+    with contextlib.suppress(OSError, ValueError):
+        existed = out is not None and out.exists()
+    # Nothing runs in another thread yet.
+    child = os.fork()
+    if child == 0:
+        os.close(there)
+        signal.signal(signal.SIGINT, _interrupt)
         sys.unraisablehook = _again
-        heard, told = _guarded(stack)
-        before = signal.set_wakeup_fd(told, warn_on_full_buffer=False)
-        stack.callback(signal.set_wakeup_fd, before)
-        threading.Thread(target=_end, args=(heard,), daemon=True).start()
+        threading.Thread(target=_end_with, args=(here,), daemon=True).start()
         yield
-
-
-def _guarded(stack: contextlib.ExitStack) -> tuple[int, int]:
-    """Start a process that watches for Ctrl-C: an extension that holds the interpreter stops every thread.
-
-    Return where it asks this process to end, and where C writes a byte for each signal.
-    """
-    (signals, told), (heard, ask) = os.pipe(), os.pipe()
-    os.set_blocking(told, False)
-    parent = os.getpid()
-    # Nothing runs in another thread yet, and the child calls nothing but the system.
-    if os.fork() == 0:
-        os.close(told)
-        os.close(heard)
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        with contextlib.suppress(BaseException):
-            _guard(signals, ask, parent)
-        os._exit(0)
-    os.close(signals)
-    os.close(ask)
-    stack.callback(os.close, told)
-    return heard, told
-
-
-def _guard(signals: int, ask: int, parent: int) -> None:
-    """Say when the parent will end, and end it after a second Ctrl-C. Without a writer the pipe ends."""
-    if not _next(signals, None):
         return
-    answered = _next(signals, _PATIENCE)
-    if answered is None:
-        _write(f"tpd: interrupted: {_WHEN}")
-        answered = _next(signals, None)
-    if answered:
-        _write("tpd: interrupted")
-        os.write(ask, b"x")
-        # Where no thread can run, the process cannot choose its exit status any more.
-        if _next(signals, 2.0 * _PATIENCE) is None:
-            os.kill(parent, signal.SIGKILL)
+    os.close(here)
+    with _forwarding(child) as pressed:
+        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if pressed and status < 0:
+        say("\n".join(filter(None, ("tpd: interrupted", leave(out, existed)))))
+        status = INTERRUPTED
+    raise SystemExit(status if status >= 0 else 128 - status)
 
 
-def _next(signals: int, seconds: float | None) -> bool | None:
-    """True for a further Ctrl-C, False at the end of the pipe, None after so many seconds without either."""
-    end = None if seconds is None else time.monotonic() + seconds
-    while True:
-        left = None if end is None else max(end - time.monotonic(), 0.0)
-        if not select.select([signals], [], [], left)[0]:
-            return None
-        byte = os.read(signals, 1)
-        if not byte or byte[0] == signal.SIGINT:
-            return bool(byte)
+@contextlib.contextmanager
+def _forwarding(child: int) -> Iterator[list[int]]:
+    """Answer signals for a child process meanwhile; the list has one entry for each Ctrl-C."""
+    pressed: list[int] = []
+
+    def kill(number: int, _: Any) -> None:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(child, signal.SIGKILL)
+        if number == signal.SIGTERM:
+            os._exit(128 + number)
+
+    def press(number: int, frame: Any) -> None:
+        pressed.append(number)
+        if len(pressed) > 1:
+            kill(number, frame)
+        with contextlib.suppress(ProcessLookupError):
+            # A terminal has told the child as well: it hears the first one only.
+            os.kill(child, signal.SIGINT)
+        signal.setitimer(signal.ITIMER_REAL, _PATIENCE)
+
+    answers = {signal.SIGINT: press, signal.SIGALRM: kill, signal.SIGTERM: kill}
+    before = {number: signal.signal(number, answer) for number, answer in answers.items()}
+    try:
+        yield pressed
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, answer in before.items():
+            signal.signal(number, answer)
 
 
-def _write(text: str) -> None:
-    os.write(2, f"{_CLEAR if os.isatty(2) else ''}{text}\n".encode())
-
-
-def _end(heard: int) -> None:
-    """End this process when it is asked to."""
-    if os.read(heard, 1):
-        os._exit(INTERRUPTED)
+def _end_with(pipe: int) -> None:
+    """End this process with the one that waits for it, which never writes."""
+    os.read(pipe, 1)
+    os._exit(INTERRUPTED)
 
 
 def _interrupt(*_: Any) -> None:
     """Note the signal before it becomes an exception: an import or a compiler turns that into another one."""
-    _RECEIVED.set()
-    raise KeyboardInterrupt
+    if not _RECEIVED.is_set():
+        _RECEIVED.set()
+        raise KeyboardInterrupt
 
 
 def received() -> bool:
@@ -154,31 +153,34 @@ def _again(lost: Any) -> None:
         sys.__unraisablehook__(lost)
 
 
-def _say(text: str) -> None:
-    # A terminal may show a bar in the last line; a pipe may be closed.
-    with contextlib.suppress(OSError, ValueError):
-        print((_CLEAR if sys.stderr.isatty() else "") + text, file=sys.stderr, flush=True)
-
-
 def warned(message: Warning | str, category: type[Warning], *where: Any, **how: Any) -> None:
     """Say a warning of this package in one sentence, in place of `warnings.showwarning`."""
     if category is UserWarning:
         # Python says it again wherever a library has touched the filters of warnings.
         if str(message) not in _SAID:
             _SAID.add(str(message))
-            _say(f"tpd: {message}")
+            say(f"tpd: {message}")
     else:
         _SHOW(message, category, *where, **how)
 
 
-def leave(directory: Path | None, existed: bool) -> None:
-    """Remove an output directory that the command made and left empty."""
-    if directory is None or existed:
-        return
+def leave(directory: Path | None, existed: bool) -> str | None:
+    """Remove what a command that was interrupted has half written, and the directory where it made that and
+    left it empty. Return how to go on, if there is something to go on from."""
+    if directory is None:
+        return None
     with contextlib.suppress(OSError):
         for path in directory.glob(".tpd-part-*"):
             path.unlink(missing_ok=True)
-        directory.rmdir()
+        if not existed:
+            directory.rmdir()
+    left = directory / UNFINISHED
+    return hint(left) if left.exists() else None
+
+
+def hint(unfinished: Path) -> str:
+    """Sentence that says how to go on."""
+    return f"go on with the same command and --resume (finished searches are in {unfinished})"
 
 
 def exit_now(status: int) -> Any:

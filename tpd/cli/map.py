@@ -99,7 +99,6 @@ def _files(m: DesignMap, inputs: dict[str, Any]) -> Iterator[tuple[str, str | by
 
     from tpd.core import files
     from tpd.plot import style as canvas
-    from tpd.plot.design_map import plot_map
 
     wide, high = np.meshgrid(m.x, m.y)
     columns = (wide, high, m.status, m.amplitude, m.stroke, m.margin, m.exact, m.overflow)
@@ -111,4 +110,4 @@ def _files(m: DesignMap, inputs: dict[str, Any]) -> Iterator[tuple[str, str | by
     content = {**inputs, "varied": axes, "points": len(m.x), "start": m.start, "statuses": m.counts}
     yield "map.json", files.as_json(content)
     for quantity in ("amplitude", "stroke", "margin"):
-        yield f"{quantity}.png", canvas.png(plot_map(m, quantity).figure)
+        yield f"{quantity}.png", canvas.png(m.plot(quantity).figure)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from tpd.cli import common, stored
@@ -93,11 +93,7 @@ def _own(scene: Scene, name: str) -> float:
 
 def _near(settled: Mapping[str, Response], own: float) -> dict[str, Response]:
     """The motions from rest within 5 % of the own frequency."""
-    import numpy as np
-
-    close = {label: np.abs(r.frequency / own - 1.0) <= 0.05 for label, r in settled.items()}
-    names = ("frequency", "amplitude", "stroke", "status")
-    return {n: replace(r, **{k: getattr(r, k)[close[n]] for k in names}) for n, r in settled.items()}
+    return {label: r.between(0.95 * own, 1.05 * own) for label, r in settled.items()}
 
 
 def _counted(settled: Mapping[str, Response] | None, own: float) -> str:
@@ -175,8 +171,7 @@ def _files(
 ) -> Iterator[tuple[str, str | bytes]]:
     from tpd.core import files
     from tpd.plot import style as canvas
-    from tpd.plot.branches import plot_branches
-    from tpd.plot.response import plot_response
+    from tpd.plot.response import plot_branches, plot_response
     from tpd.report.responses import response_csv, topplings
 
     name = next(iter(cases.values())).name
@@ -198,7 +193,7 @@ def _files(
         for file, responses in shown.items():
             if len(responses[BARE].frequency):
                 axes = plot_response(tuple(responses.values()), own, toppling=levels)
-                yield file, canvas.png(axes.figure)
+                yield file, canvas.png(axes[0].figure)
 
 
 def _rows(label: str, case: Branches) -> Iterator[tuple]:

@@ -132,7 +132,7 @@ def _files(
 ) -> Iterator[tuple[str, str | bytes]]:
     from tpd.core import files
     from tpd.plot import style
-    from tpd.plot.shaking import plot_shaking
+    from tpd.plot.motion import plot_motions
 
     header = ("case", "time_s", "base_m_s2", "tilt_rad", "swing_rad", "horizontal_N", "vertical_N")
     yield "histories.csv", files.as_csv(header, _rows(histories))
@@ -153,7 +153,7 @@ def _files(
         for name, (nonlinear, linear) in found.items()
     }
     yield "shake.json", files.as_json({**ground.inputs(scene, hung), "results": results})
-    axes = plot_shaking(list(histories.values()), float(scene.block.slenderness))
+    axes = plot_motions(list(histories.values()), float(scene.block.slenderness))
     axes[0].set_title("linear equations, exact between the samples", fontsize=9)
     yield "histories.png", style.png(axes[0].figure)
     yield "animation.gif", _animation(scene, hung, histories, next(iter(found.values()))[-1])
@@ -178,9 +178,7 @@ def _animation(
     films = []
     for h in histories.values():
         bob = np.zeros_like(h.tilt) if h.swing is None else h.swing
-        films.append(
-            TimeHistory(model="exact", with_pendulum=h.swing is not None, time=h.times, tilt=h.tilt, bob=bob)
-        )
+        films.append(TimeHistory(with_pendulum=h.swing is not None, time=h.times, tilt=h.tilt, bob=bob))
     # Six seconds before it and four after it.
     middle = min(float(first.tilt_time), float(first.overturning_time))
     return animate(scene, hung, films, start=max(0.0, middle - 6.0))

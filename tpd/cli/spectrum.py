@@ -85,7 +85,6 @@ def _overturning(
     from tpd.core import files
     from tpd.core.ground_motion import Pulse
     from tpd.plot import style
-    from tpd.plot.shaking import plot_overturning_spectrum
 
     assert isinstance(scene.motion, Pulse)
     found = overturning_spectrum(
@@ -114,7 +113,7 @@ def _overturning(
             }
         ),
     )
-    yield "spectrum.png", style.png(plot_overturning_spectrum(found)[0].figure)
+    yield "spectrum.png", style.png(found.plot()[0].figure)
 
 
 def _share(safe: float, lost: int, total: int) -> str:
@@ -148,7 +147,6 @@ def _rocking(
     from tpd.analysis.rocking_spectrum import rocking_spectrum
     from tpd.core import files
     from tpd.plot import style
-    from tpd.plot.shaking import plot_rocking_spectrum
 
     ratios = {}
     if hung is not None:
@@ -174,7 +172,7 @@ def _rocking(
         "spectrum.json",
         files.as_json({**ground.inputs(scene, hung), "undecided": lost}),
     )
-    yield "spectrum.png", style.png(plot_rocking_spectrum(found).figure)
+    yield "spectrum.png", style.png(found.plot().figure)
 
 
 def _tilts(found: RockingSpectrum) -> Iterator[tuple]:

@@ -5,7 +5,7 @@
 | Table 1, no-uplift condition | `no_uplift` | `uplift` |
 | (11), free rocking | `free_rocking` | `free_motion` |
 | (23) and (27), one-harmonic balance | `harmonic_balance` | `one_harmonic` and three more |
-| losses at impacts as friction | `impact_loss` | `equivalent_friction` |
+| losses at impacts as friction, free decay | `impact_loss` | `equivalent_friction`, `turning_tilts` |
 | (11), (18), (19), (23), (27) as printed | `paper` | for comparison only, with the errata |
 """
 
@@ -16,7 +16,7 @@ from tpd.closed_form.harmonic_balance import (
     one_harmonic_branches,
     parametric_branches,
 )
-from tpd.closed_form.impact_loss import equivalent_friction
+from tpd.closed_form.impact_loss import equivalent_friction, turning_tilts
 from tpd.closed_form.no_uplift import uplift
 
 __all__ = [
@@ -26,5 +26,6 @@ __all__ = [
     "one_harmonic",
     "one_harmonic_branches",
     "parametric_branches",
+    "turning_tilts",
     "uplift",
 ]

@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float
 
 from tpd.core import checks
 from tpd.core.equations import Linear
-from tpd.core.parameters import Number, Parameters
+from tpd.core.parameters import Number, Parameters, check_parameters
 
 _SAMPLES = 128
 """Times in the quarter period at which the sign of the tilt is checked."""
@@ -76,6 +76,7 @@ def free_motion(p: Parameters) -> Free:
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    check_parameters(p)
     modes = _modes(p)
     quarter = 0.5 * jnp.pi / p.xi
     shares = jnp.linspace(0.0, 1.0, _SAMPLES, endpoint=False)

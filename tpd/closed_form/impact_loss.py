@@ -8,7 +8,8 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.core.equations import Linear
-from tpd.core.parameters import Number, Parameters
+from tpd.core.impacts import linear_ratio
+from tpd.core.parameters import Number, Parameters, check_parameters
 
 
 def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
@@ -39,13 +40,14 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
+    check_parameters(p)
     checks.not_negative("amplitude", amplitude)
     linear = Linear(p)
     twice, tilt = 2.0 * linear.weight, linear.tilt
     # Beyond this the weight would have done negative work, and k would be negative.
     if all(map(checks.is_concrete, (amplitude, twice, tilt))):
         _check_range(amplitude, np.asarray(twice) / np.asarray(tilt))
-    lost = 1.0 - p.velocity_ratio**2
+    lost = 1.0 - linear_ratio(p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio) ** 2
     return lost * (twice - tilt * checks.namespace(amplitude).asarray(amplitude)) / 4.0
 
 
@@ -57,3 +59,35 @@ def _check_range(amplitude: Any, most: Any) -> None:
             f"`amplitude` must be at most {most[i]:g}, twice the tilt at which the block topples of itself, "
             f"but is {phi[i]:g}"
         )
+
+
+def turning_tilts(
+    slenderness: float, friction: float, ratio: float, tilt: float, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Tilts at the turns of a free bare block, and the times from the release to them.
+
+    From a turn at phi the weight less friction does the work G = (nu - k) phi - phi^2/2 on the way down, the
+    impact leaves e^2 G, and the next turn has (nu + k) phi' - phi'^2/2 = e^2 G (linear equations). Between
+    them the tilt is a hyperbolic cosine.
+
+    Args:
+        slenderness: nu.
+        friction: k, less than nu.
+        ratio: e, the velocity ratio of an impact.
+        tilt: of the release, rad, between 0 and nu - k.
+        count: of the turns after the release.
+
+    Returns:
+        Tilts (rad) and times (tau), shape (count + 1,), the release first. A block that rests, as its weight
+        does not overcome the friction, keeps its tilt of 0.
+    """
+    down, up = slenderness - friction, slenderness + friction
+    turns, times = np.zeros(count + 1), np.zeros(count + 1)
+    turns[0] = tilt
+    for i in range(count):
+        phi = turns[i]
+        left = ratio**2 * max(down * phi - 0.5 * phi**2, 0.0)
+        turns[i + 1] = up - np.sqrt(up**2 - 2.0 * left)
+        falling, rising = np.arccosh(down / (down - phi)), np.arccosh(up / (up - turns[i + 1]))
+        times[i + 1] = times[i] + falling + rising
+    return turns, times

@@ -59,6 +59,8 @@ def in_chunks(
     Raises:
         ValueError: an empty batch, leaves of different lengths, or a chunk or workers below one.
     """
+    checks.function("function", function)
+    checks.function("progress", progress)
     chunk = _chunk(function, batch) if chunk is None else chunk
     part_of, length = _parts(batch, chunk)
     compiled = _compiled(function)

@@ -12,6 +12,10 @@ import jax.core
 import jax.numpy as jnp
 import numpy as np
 
+_SEEDS = 2**63 - 1
+"""Largest number that begins a random sequence."""
+_MOST = 10_000_000
+"""Largest count: more of anything fits neither into memory nor into a day."""
 _LONGEST = 80
 """Most characters of a value in a message."""
 
@@ -30,7 +34,12 @@ def namespace(*values: object) -> Any:
 
 def as_float(value: Any) -> Any:
     """Return a whole number as a float, which JAX can differentiate, and anything else unchanged."""
-    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+    if not isinstance(value, int) or isinstance(value, bool):
+        return value
+    try:
+        return float(value)
+    except OverflowError:
+        return math.copysign(math.inf, value)
 
 
 def shown(value: object) -> str:
@@ -57,6 +66,18 @@ def instance(name: str, value: object, of: type | tuple[type, ...], hint: str = 
             f"`{name}` must be a {names} that is made, `{value.__name__}(...)`, but is the class itself"
         )
     raise ValueError(f"`{name}` must be a {names}, but is {shown(value)}{hint}")
+
+
+def optional(name: str, value: object, of: type | tuple[type, ...]) -> None:
+    """As `instance`, where None is allowed as well."""
+    if value is not None:
+        instance(name, value, of)
+
+
+def function(name: str, value: object) -> None:
+    """Raise `ValueError` unless `value` can be called, or is None."""
+    if value is not None and not callable(value):
+        raise ValueError(f"`{name}` must be a function, but is {shown(value)}")
 
 
 def flag(name: str, value: object) -> None:
@@ -100,7 +121,7 @@ def _check(name: str, value: object, allowed: str, holds: Callable[[Any], Any]) 
     array = np.asarray(value) if is_concrete(value) else np.asarray(value, dtype=object)
     if not np.issubdtype(array.dtype, np.integer) and not np.issubdtype(array.dtype, np.floating):
         raise ValueError(f"`{name}` must be a number, but is {shown(value)}")
-    if not (np.all(np.isfinite(array)) and np.all(holds(array))):
+    if not (array.size and np.all(np.isfinite(array)) and np.all(holds(array))):
         text = f"{value:g}" if isinstance(value, (int, float)) else shown(array)
         raise ValueError(f"`{name}` must be {allowed}, but is {text}")
 
@@ -110,14 +131,25 @@ def positive(name: str, value: object) -> None:
     _check(name, value, "positive and finite", lambda x: x > 0)
 
 
-def count(name: str, value: object, least: int = 1) -> None:
-    """Raise `ValueError` unless `value` is a whole number, `least` or above."""
+def single(name: str, value: object) -> None:
+    """Raise `ValueError` for an array where one number is meant; a traced value is one."""
+    if np.ndim(value) > 0:  # type: ignore[arg-type]
+        raise ValueError(f"`{name}` must be a single number, but is {shown(value)}")
+
+
+def count(name: str, value: object, least: int = 1, most: int = _MOST) -> None:
+    """Raise `ValueError` unless `value` is a whole number, `least` or above, and `most` or below."""
     _check(
         name,
         value,
         f"a whole number, {least} or more",
-        lambda x: (x >= least) & np.issubdtype(np.asarray(x).dtype, np.integer),
+        lambda x: (x >= least) & (x <= most) & np.issubdtype(np.asarray(x).dtype, np.integer),
     )
+
+
+def seed(name: str, value: object) -> None:
+    """Raise `ValueError` unless `value` is a whole number that can begin a random sequence."""
+    count(name, value, 0, _SEEDS)
 
 
 def not_negative(name: str, value: object) -> None:
@@ -157,8 +189,9 @@ def one_of(name: str, value: object, allowed: Sequence[str]) -> None:
 def interval(name: str, value: object, low: float, high: float) -> tuple[float, float]:
     """Return a pair (lo, hi) with `low` <= lo < hi <= `high`, or raise `ValueError`."""
     try:
-        lo, hi = (_plain(x) for x in value)  # type: ignore[attr-defined]
-    except (TypeError, ValueError):
+        # By number: a set has no order.
+        lo, hi = (_plain(value[i]) for i in range(len(value)))  # type: ignore
+    except (TypeError, ValueError, KeyError):
         raise ValueError(f"`{name}` must be a pair of numbers (low, high), but is {shown(value)}") from None
     if not (math.isfinite(lo) and math.isfinite(hi) and low <= lo < hi <= high):
         raise ValueError(
@@ -171,7 +204,7 @@ def _plain(value: object) -> float:
     """A number as a float; Python takes a text and a truth value for one as well."""
     if isinstance(value, (str, bytes, bool, np.bool_)):
         raise TypeError
-    return float(value)  # type: ignore[arg-type]
+    return float(as_float(value))
 
 
 def require_x64() -> None:

@@ -64,6 +64,10 @@ class Cluster:
         Raises:
             ValueError: both, workers below one, what is no address, or Dask or Zarr are not installed.
         """
+        checks.instance("folder", folder, (Path, str))
+        checks.optional("dask", dask, str)
+        if not str(folder) or (Path(folder).exists() and not Path(folder).is_dir()):
+            raise ValueError(f"`folder` must be a folder, but is {checks.shown(str(folder))}")
         if workers is not None and dask is not None:
             raise ValueError("`workers` and `dask` exclude one another, but both are given")
         if workers is not None:
@@ -252,6 +256,14 @@ class Cluster:
                 yield future.result()
         finally:
             queue.clear()
+
+
+def check_where(workers: object, cluster: object, progress: object = None) -> None:
+    """Raise `ValueError` unless work can be done by so many threads, or on a cluster, and reported so."""
+    if workers is not None:
+        checks.count("workers", workers)
+    checks.optional("cluster", cluster, Cluster)
+    checks.function("progress", progress)
 
 
 def _persistently(ask: Callable[[], Any]) -> None:

@@ -97,11 +97,13 @@ class Conditions:
 
     def column(self, name: str) -> np.ndarray:
         """Factors on one of `FACTORS`, shape (n,)."""
+        checks.one_of("name", name, FACTORS)
         return np.asarray(self.factors.get(name, np.ones(len(self))), dtype=float)
 
     def subset(self, most: int, seed: int = 0) -> Conditions:
         """Return at most `most` conditions: those nearest to the corners of the range of factors, and a
         seeded choice of the others."""
+        checks.count("most", most)
         n = len(self)
         if n <= most:
             return self
@@ -172,6 +174,7 @@ class Conditions:
         Raises:
             ValueError: a share out of range, or a count below two.
         """
+        _check_scene(scene)
         checks.within("frequency", frequency, 1e-3, 0.5)
         checks.within("amplitude", amplitude, 0.0, 1.0)
         checks.count("count", count, least=2)
@@ -187,7 +190,7 @@ class Conditions:
         Raises:
             ValueError: bounds that are not positive and in order, or a count below two.
         """
-        checks.instance("scene", scene, Scene)
+        _check_scene(scene)
         checks.interval("band", (low, high), 1e-6 * scene.motion.frequency, 1e6 * scene.motion.frequency)
         checks.count("count", count, least=2)
         phrase, own = f"{count} frequencies from {low:g} to {high:g} Hz", scene.motion.frequency
@@ -235,6 +238,7 @@ class Conditions:
             ValueError: no motion, a motion of zeros, a scale that is not positive, an unknown intensity, or a
                 bad scatter.
         """
+        checks.instance("motions", motions, Sequence)
         listed = tuple(_followed(motion) for motion in motions)
         if not listed:
             raise ValueError("`motions` must hold at least one ground motion, but is empty")
@@ -268,8 +272,10 @@ class Conditions:
             ValueError: an unknown name, a width beyond 0 to 0.5, or a size below one.
         """
         checks.count("size", size)
-        checks.count("seed", seed, least=0)
-        unknown = [name for name in half_widths if name not in FACTORS]
+        checks.seed("seed", seed)
+        unknown = [name for name in half_widths if name not in FACTORS] or (
+            [] if half_widths else ["nothing"]
+        )
         if unknown:
             raise ValueError(f"what scatters must be of {', '.join(FACTORS)}, but has {', '.join(unknown)}")
         sampling.check_half_widths(half_widths)
@@ -280,6 +286,12 @@ class Conditions:
         factors = sampling.factors(columns, {name: half_widths[name] for name in used})
         widths = ", ".join(f"{n} within {w:.0%}" for n, w in half_widths.items())
         return Conditions(factors, (f"{size} samples of {widths or 'nothing'} (seed {seed})",))
+
+
+def _check_scene(scene: object) -> None:
+    """Raise `ValueError` for what has no frequency that conditions could vary."""
+    checks.instance("scene", scene, Scene)
+    checks.instance("motion", scene.motion, Harmonic, ": see `Conditions.records`")  # type: ignore[attr-defined]
 
 
 def _followed(motion: Any) -> Any:

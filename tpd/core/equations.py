@@ -26,6 +26,7 @@ import jax.numpy as jnp
 from jax.tree_util import Partial
 from jaxtyping import Array, Float
 
+from tpd.core.impacts import linear_bob_change, linear_ratio
 from tpd.core.parameters import Number, Numbers, Parameters, State
 
 
@@ -211,20 +212,25 @@ def smoothed_rates(
 ) -> Callable[[Number, State, None], State]:
     """Return the vector field with sgn(x) smoothed to tanh(x/width), for an ODE solver.
 
-    An impact at zero tilt multiplies phi' by e and adds (2/lam)(e - 1) phi' to psi'. That is the flow of the
-    constant field (phi', psi')' = ln(e) (phi', (2/lam) phi') over a unit of time. With half of what
+    An impact at zero tilt multiplies phi' by r and adds d phi' to psi' (`tpd.core.impacts`). That is the flow
+    of the constant field (phi', psi')' = ln(r) (phi', d/(r - 1) phi') over a unit of time. With half of what
     tanh(phi/w) runs through in a crossing, -1 to 1, for that time,
 
-        loss = ln(e) phi' |phi'| (1 - tanh(phi/w)^2) / (2 w)
+        loss = ln(r) phi' |phi'| (1 - tanh(phi/w)^2) / (2 w)
 
-    goes on phi'', and (2/lam) loss on psi'': the smoothed counterpart of the impact, exact for w -> 0, where
+    goes on phi'', and d/(r - 1) loss on psi'': the smoothed counterpart of an impact, exact for w -> 0, where
     nothing is lost without a crossing. With (4) the law of impacts depends on psi: this form does not hold.
     """
     equations = Linear(p) if terms is Terms.linear else Equations(p, terms)
-    decay = jnp.log(p.velocity_ratio) / (2.0 * tilt_width)
+    law = p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio
+    ratio = linear_ratio(*law)
+    # Without loss the limit of ln(r)/(r - 1), with its slope.
+    lost = jnp.where(ratio == 1.0, 1.0, 1.0 - ratio)
+    share = jnp.where(ratio == 1.0, 1.5 - 0.5 * ratio, -jnp.log1p(-lost) / lost) / (2.0 * tilt_width)
+    decay = share * jnp.stack([ratio - 1.0, linear_bob_change(ratio, *law)])
     if terms is Terms.nonlinear:
         # The law of impacts of (4) is another one: `Smoothed.check` refuses them, but for a traced ratio.
-        decay = jnp.where(p.velocity_ratio == 1.0, 0.0, jnp.nan)
+        decay = jnp.where(p.velocity_ratio == 1.0, jnp.zeros(2), jnp.nan)
 
     # A pytree of its coefficients: their derivatives are those of the field.
     return Partial(_smoothed_rates, equations, p, decay, tilt_width, rate_width)
@@ -243,7 +249,5 @@ def _smoothed_rates(
     del args
     step, drag = jnp.tanh(y[0] / tilt_width), jnp.tanh(y[2] / rate_width)
     # The loss is an impulse: it does not pass through the mass matrix, which has acted already.
-    loss = decay * y[2] * jnp.abs(y[2]) * (1.0 - step**2)
-    none = jnp.zeros_like(loss)
-    jump = jnp.stack([none, none, loss, 2.0 / p.lam * loss])
-    return of.rates(y, step, drag, jnp.sin(p.xi * tau)) + jump
+    loss = decay * (y[2] * jnp.abs(y[2]) * (1.0 - step**2))
+    return of.rates(y, step, drag, jnp.sin(p.xi * tau)) + jnp.concatenate([jnp.zeros_like(loss), loss])

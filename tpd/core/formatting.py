@@ -1,12 +1,18 @@
-"""Numbers as text for reports and figures."""
+"""Numbers as text for reports and figures; what results show of themselves: text, pictures and tables."""
 
 from __future__ import annotations
 
 import html
 import math
 from collections import Counter
+from collections.abc import Callable
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def number(x: float, digits: int = 4) -> str:
@@ -34,6 +40,28 @@ class Printed:
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(str(self), quote=False)}</pre>"
+
+
+def picture(name: str) -> Callable[..., Any]:
+    """Function of a module of `tpd.plot`, such as "maps:plot_map", imported when a result is drawn: results
+    lie below their pictures, and do not wait for Matplotlib."""
+    module, _, function = name.partition(":")
+    return getattr(import_module(f"tpd.plot.{module}"), function)
+
+
+def data_frame(columns: dict[str, Any]) -> pd.DataFrame:
+    """Columns by name, each of shape (n,), as a data frame of pandas.
+
+    Raises:
+        ImportError: without pandas.
+    """
+    try:
+        import pandas as pd
+    except ModuleNotFoundError:
+        raise ImportError(
+            "`to_dataframe` needs pandas, which is not installed: `pip install tpd[pandas]`"
+        ) from None
+    return pd.DataFrame(columns)
 
 
 def counted(names: np.ndarray) -> str:

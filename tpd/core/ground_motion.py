@@ -15,6 +15,9 @@ from tpd.core.parameters import Real
 from tpd.core.pytrees import pytree
 from tpd.formats.units import STANDARD_GRAVITY
 
+LONGEST_FREE = 1e5
+"""Longest free motion (s) that is followed after a ground motion."""
+
 _MOST_CYCLES = 8.0
 _LONGEST_TRAIN = 1000
 """Largest numbers of periods of an envelope, and of a train of sines."""
@@ -68,6 +71,7 @@ class GroundMotion:
 
     def acceleration_at(self, times: Any) -> np.ndarray:
         """Acceleration (m/s^2) at `times` in s; zero before and after the motion."""
+        checks.within("times", times, -np.inf, np.inf)
         c, share = np.asarray(self.pieces()), np.asarray(times, dtype=float) / float(self.piece)
         i = np.clip(np.floor(share).astype(int), 0, len(c) - 1)
         x = share - i
@@ -190,6 +194,8 @@ class Pulse(GroundMotion):
             raise ValueError(f"`kind` must be one of {', '.join(PULSES)}, but is {self.kind!r}")
         checks.not_negative("acceleration", self.acceleration)
         checks.positive("frequency", self.frequency)
+        for name in ("cycles", "phase"):
+            checks.within(name, getattr(self, name), -np.inf, np.inf)
         if PULSES[self.kind].is_train:
             self._check_train()
         elif checks.is_concrete(self.cycles) and not 1.0 <= self.cycles <= _MOST_CYCLES:

@@ -34,6 +34,7 @@ def intensity_of(name: str, block: Block, gravity: float, period: float | None) 
     checks.one_of("intensity", name, INTENSITIES)
     if (name == "sa") != (period is not None):
         raise ValueError(f'`period` belongs to `intensity="sa"`, but they are {period} and {name!r}')
+    checks.positive("gravity", gravity)
     unit = gravity * float(block.slenderness)
     if period is not None:
         checks.positive("period", period)

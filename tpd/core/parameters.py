@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from tpd.core import checks
+from tpd.core.impacts import heaviest_of_housner, housner
 
 if TYPE_CHECKING:
     Number = Float[Array, "..."] | float
@@ -65,7 +66,7 @@ class Parameters(eqx.Module):
     for a uniform rectangle, also in gradients."""
     e: Number | None = _parameter(1.0)
     """Velocity ratio across an impact at zero tilt and psi = 0, of the block with its bob; 1 is no impact
-    loss. None ties it to `nu`, `rho` and `mu` by the function `housner`, also in gradients."""
+    loss. None ties it to `nu`, `rho` and `mu` by `tpd.core.impacts.housner`, also in gradients."""
 
     def __check_init__(self) -> None:
         checks.positive("nu", self.nu)
@@ -112,28 +113,11 @@ def uniform_inertia_ratio(nu: Any) -> Any:
     return 0.75 / (1.0 + nu**2)
 
 
-def housner(nu: Any, rho: Any, mu: Any = 0.0) -> Any:
-    """Housner's velocity ratio e = [1 - rho nu^2 (2 + mu)]/(1 + mu rho nu^2) of an impact with the bob below
-    its hinge (psi = 0); numbers, arrays or traced values.
-
-    Before the impact the block turns about one corner, after it about the other. The impact acts at the new
-    corner and has no moment about it, so the angular momentum of block and bob about it is conserved. Per
-    unit mass that of the block is (c^2 + b^2 - a^2) phi' before, and (c^2 + b^2 + a^2) phi' after. The rod
-    takes the bob along in its own direction only: at psi = 0 the bob's vertical velocity goes from s a phi'
-    to -s a phi', with s the sign of the tilt before, and its moment about the corner is a times that.
-    Without a bob e = 1 - 2 rho nu^2: for a uniform rectangle 1 - 1.5 sin(alpha)^2 with tan(alpha) = nu
-    (G. W. Housner, The behavior of inverted pendulum structures during earthquakes, Bull. Seismol. Soc. Am.
-    53, 1963). With the bob at an angle see `tpd.exact.contact.impact_ratio`.
-    """
-    share = rho * nu**2
-    return (1.0 - (2.0 + mu) * share) / (1.0 + mu * share)
-
-
 def _check_heaviest(nu: Any, rho: Any, mu: Any) -> None:
     """Raise `ValueError` for a bob with which Housner's velocity ratio is negative: it would throw the block
     back on the corner from which it comes."""
     if all(map(checks.is_concrete, (nu, rho, mu))):
-        bobs, most = np.broadcast_arrays(mu, 1.0 / (rho * nu**2) - 2.0)
+        bobs, most = np.broadcast_arrays(mu, heaviest_of_housner(nu, rho))
         i = np.argmax(bobs - most)
         if bobs.flat[i] > most.flat[i]:
             raise ValueError(

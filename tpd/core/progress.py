@@ -1,4 +1,7 @@
-"""Reports of progress to whoever waits for a long piece of work, and a bar that shows them."""
+"""Reports of progress to whoever waits for a long piece of work, and a bar that shows them.
+
+Nothing here imports JAX at once: a command says what it does before.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,6 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
-from tpd.core import checks
-
 Progress = Callable[[str, int, int], None]
 """Called after every unit of work with the stage's name, the units done and the units in all."""
 Count = Callable[[int, int], None]
@@ -20,25 +21,47 @@ Count = Callable[[int, int], None]
 COMPILING = "compiling (a minute or more the first time)"
 """Stage before the first report, and note on a stage of which nothing is done: a program is compiled before
 it runs."""
-_EVERY = 10.0
+EVERY = 4.5
 """Seconds between two lines where stderr is no terminal."""
-_TICK = 0.5
+TICK = 0.5
 """Seconds between two looks at the clock."""
+_CLEAR = "\r\x1b[K"
+"""Removes a bar from the last line of a terminal."""
+
+
+SHOWN: list[Bar] = []
+"""Bars that are open."""
+_last = [time.monotonic()]
+"""When the last line was said."""
+
+
+def say(text: str, out: Any = None, end: str = "\n") -> None:
+    """Print a line, by default on stderr."""
+    _last[0], out = time.monotonic(), sys.stderr if out is None else out
+    # A terminal may show a bar in the last line; a closed pipe must not end the work.
+    with contextlib.suppress(OSError, ValueError):
+        print((_CLEAR if out.isatty() else "") + text, file=out, flush=True, end=end)
+
+
+def is_silent(seconds: float) -> bool:
+    """Whether nothing has been said for so long."""
+    return time.monotonic() - _last[0] >= seconds
 
 
 class Bar:
     """Progress on stderr from `with Bar() as bar: ...`: on a terminal one bar for each stage, with the
-    elapsed time; else a plain line every 10 s."""
+    elapsed time; else a plain line every 5 s."""
 
-    def __init__(self, out: Any = None, every: float = _EVERY) -> None:
+    def __init__(self, out: Any = None, every: float = EVERY) -> None:
         self._out, self._every = sys.stderr if out is None else out, every
         self._stage, self._done, self._total = COMPILING, 0, 0
         self._bar: Any = None
-        self._begin = self._last = time.monotonic()
+        self._begin = time.monotonic()
         self._lock, self._end = threading.RLock(), threading.Event()
         self._ticker = threading.Thread(target=self._tick, daemon=True)
 
     def __enter__(self) -> Bar:
+        SHOWN.append(self)
         self._open()
         self._ticker.start()
         return self
@@ -47,6 +70,7 @@ class Bar:
         self._end.set()
         self._ticker.join()
         self._close()
+        SHOWN.remove(self)
 
     def __call__(self, stage: str, done: int, total: int) -> None:
         """Show how much of a stage is done."""
@@ -63,15 +87,12 @@ class Bar:
 
     def _tick(self) -> None:
         """Move the clock while the work does not report: a compilation may take half a minute."""
-        while not self._end.wait(_TICK):
+        while not self._end.wait(TICK):
             with self._lock:
                 if self._bar is not None:
                     self._bar.refresh()
-                elif time.monotonic() - self._last >= self._every:
-                    self._last = time.monotonic()
-                    # A closed pipe must not end the work.
-                    with contextlib.suppress(OSError, ValueError):
-                        print(f"tpd: {self._line()}", file=self._out, flush=True)
+                elif is_silent(self._every):
+                    say(f"tpd: {self._line()}", self._out)
 
     def _line(self) -> str:
         count = f" {self._done} of {self._total}" if self._total else ""
@@ -112,6 +133,8 @@ def shown(progress: Progress | bool | None) -> Iterator[Progress | None]:
     elif callable(progress):
         yield progress
     else:
+        from tpd.core import checks
+
         raise ValueError(f"`progress` must be True or a function, but is {checks.shown(progress)}")
 
 

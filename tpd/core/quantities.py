@@ -19,8 +19,10 @@ import numpy as np
 from jaxtyping import Array, Float, Shaped
 
 from tpd.core import checks
-from tpd.core.parameters import Parameters, housner, uniform_inertia_ratio
+from tpd.core.impacts import housner
+from tpd.core.parameters import Parameters, uniform_inertia_ratio
 from tpd.core.scene import (
+    Harmonic,
     Pendulum,
     Scene,
     check_damping,
@@ -106,6 +108,9 @@ class Setup:
         """
         checks.instance("subject", subject, (Parameters, Scene))
         if isinstance(subject, Scene):
+            checks.instance(
+                "motion", subject.motion, Harmonic, ": pulses and records are for `tpd.transient`"
+            )
             return Setup(subject.quantities(pendulum), True, pendulum is not None)
         if pendulum is not None:
             raise ValueError("`pendulum` goes with a scene; dimensionless parameters have their own")

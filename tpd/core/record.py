@@ -19,6 +19,9 @@ from tpd.core.parameters import Real
 from tpd.core.pytrees import pytree
 from tpd.formats.units import GREATEST_PEAK
 
+STEPS = 1e-6, 1e3
+"""Least and largest step between samples, s."""
+
 if TYPE_CHECKING:
     from tpd.formats.channel import Channel
 
@@ -53,7 +56,7 @@ class Record(GroundMotion):
         for name in ("dt", "scale"):
             object.__setattr__(self, name, checks.as_float(getattr(self, name)))
         object.__setattr__(self, "acceleration", _samples(self.acceleration))
-        checks.positive("dt", self.dt)
+        checks.within("dt", self.dt, *STEPS, " s")
         checks.within("scale", self.scale, -np.inf, np.inf)
         for name in ("name", "event"):
             checks.instance(name, getattr(self, name), str)
@@ -96,6 +99,7 @@ class Record(GroundMotion):
 
     def scaled(self, factor: Real) -> Record:
         """Return the record with its scale multiplied by a factor."""
+        checks.within("factor", factor, -np.inf, np.inf)
         return replace(self, scale=self.scale * factor)
 
     @property

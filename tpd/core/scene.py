@@ -16,11 +16,12 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion
-from tpd.core.parameters import SLENDERNESS_LIMIT, Parameters, Real, housner, uniform_inertia_ratio
+from tpd.core.impacts import housner
+from tpd.core.parameters import SLENDERNESS_LIMIT, Parameters, Real, uniform_inertia_ratio
 from tpd.core.pytrees import pytree
 
 HOUSNER = "housner"
-"""Value of `Block.restitution` that ties e to block and bob by `tpd.core.parameters.housner`."""
+"""Value of `Block.restitution` that ties e to block and bob by `tpd.core.impacts.housner`."""
 FRICTION = 0.05
 """Default k of a block without impact loss: the value of the paper's section 3."""
 LEAST_SLENDERNESS = 0.01
@@ -307,6 +308,8 @@ class Scene:
 
     def pendulum(self, *, mass_ratio: Real, length_ratio: Real, damping_ratio: Real) -> Pendulum:
         """Return the pendulum in SI units that has these mu, lam and zeta."""
+        for name, ratio in (("mass_ratio", mass_ratio), ("length_ratio", length_ratio)):
+            checks.not_negative(name, ratio)
         return Pendulum(
             mass=mass_ratio * self.block.mass,
             length=length_ratio * self.block.half_height,
@@ -379,7 +382,7 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
     nu = q["width"] / q["height"]
     rate = _rate(q["gravity"], rho, half_height)
     omega = 2.0 * math.pi * q["frequency"]
-    peak = q["peak"] if "peak" in q else q["amplitude"] * omega**2
+    peak = q["peak"] if "peak" in q else q["amplitude"] * omega * omega
     # The paper's (25) takes lam as l/b; its Table 1 lists l/(2b), half of it.
     return {
         "nu": nu,

@@ -9,6 +9,8 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
+from tpd.core import checks
+
 
 class Status(eqx.Enumeration):
     """Outcome of a solve; `Status[s]` is its message, `status_name(s)` its name."""
@@ -93,6 +95,7 @@ SETTLED = ("rocking", "sticking", "rest")
 
 def status_name(status: Status) -> str:
     """The name of one (not batched, not traced) status, such as `"rocking"`."""
+    checks.instance("status", status, type(Status.rest))
     return str(names_of(status))
 
 

@@ -178,6 +178,8 @@ class Worth:
     """Most runs, with the pendulum and without, by the nonlinear equations; default all of the ensemble."""
 
     def __post_init__(self) -> None:
+        for name in ("at_least", "worse", "strikes"):
+            checks.single(name, getattr(self, name))
         checks.within("at_least", self.at_least, 0.0, 1.0)
         checks.within("worse", self.worse, 0.0, 1.0)
         if self.strikes is not None:
@@ -255,6 +257,7 @@ class Limit(ABC):
 def _check_angle(name: str, angle: object) -> None:
     """Raise `ValueError` unless an angle is positive and at most a right angle, where the bob is level with
     its hinge."""
+    checks.single(name, angle)
     checks.positive(name, angle)
     checks.at_most(name, angle, 0.5 * np.pi, "a right angle in rad")
 

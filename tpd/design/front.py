@@ -4,19 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from tpd.analysis.intervals import Interval
 from tpd.core import checks
+from tpd.core.formatting import picture
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum
 from tpd.design.optimise import optimise
 from tpd.design.result import Design
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 _LEAST, _LIGHTER = 1.0 / 16.0, 3
 """Share of the largest mass at which a front begins, and how many lighter bobs it has by default."""
+
+
+class Front(tuple["FrontPoint", ...]):
+    """Answers with lighter bobs, the lightest first; the design itself comes last."""
+
+    __slots__ = ()
+
+    def plot(self, *, ax: Axes | None = None) -> Axes:
+        """Draw the fall of the mean tilt over the bob's mass, with intervals, and return the axes."""
+        return picture("compare:plot_front")(self, ax)
 
 
 class FrontPoint(NamedTuple):
@@ -39,7 +53,7 @@ def front(
     *,
     method: Any = None,
     progress: Progress | None = None,
-) -> tuple[FrontPoint, ...]:
+) -> Front:
     """Answer the question of a design again with lighter bobs, each verified as the design itself.
 
     Args:
@@ -72,7 +86,7 @@ def front(
         if answer.status.name == "interrupted":
             raise KeyboardInterrupt
         points.append(_point(float(share * block.mass), answer))
-    return (*points, _point(float(high * block.mass), design))
+    return Front((*points, _point(float(high * block.mass), design)))
 
 
 def _point(most: float, answer: Design) -> FrontPoint:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.cluster import Cluster
-from tpd.core.formatting import Printed, counted
+from tpd.core.cluster import Cluster, check_where
+from tpd.core.formatting import Printed, counted, data_frame
 from tpd.core.progress import shown_count
 from tpd.core.scene import Block, Scene
 from tpd.design.optimise import optimise
 from tpd.design.result import DesignStatus
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _STATUSES = tuple(DesignStatus.__members__)
 """Names of statuses; their places stand for them in files."""
@@ -35,6 +38,14 @@ class Designs(Printed):
     """Risk measure of the design that is offered."""
     bare: np.ndarray
     """Risk measure of the block without a pendulum."""
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for every block, with a column for every field; with pandas.
+
+        Raises:
+            ImportError: without pandas.
+        """
+        return data_frame({f.name: getattr(self, f.name) for f in fields(self)})
 
     def __str__(self) -> str:
         return f"Designs for {len(self.status)} blocks: {counted(self.status)}"
@@ -62,10 +73,13 @@ def optimise_all(
         KeyboardInterrupt: Ctrl-C, after the search that it stops.
     """
     checks.require_x64()
+    check_where(None, cluster)
+    checks.instance("scenes", scenes, Sequence)
     if not scenes:
         raise ValueError("`scenes` must hold at least one scene, but is empty")
     for i, scene in enumerate(scenes):
-        checks.instance(f"scenes[{i}]", scene, Block if isinstance(scene, Block) else Scene)
+        # All blocks or all scenes: one set of conditions serves all of them.
+        checks.instance(f"scenes[{i}]", scene, Block if isinstance(scenes[0], Block) else Scene)
     alone = sorted({"checkpoint", "progress"} & set(settings))
     if alone:
         raise ValueError(f"`{alone[0]}` is of one search, and cannot be given for many")

@@ -15,8 +15,9 @@ import numpy as np
 from tpd.closed_form import uplift
 from tpd.closed_form.no_uplift import Uplift
 from tpd.core.conditions import Conditions, under, under_all
+from tpd.core.impacts import housner
 from tpd.core.orbit_terms import SIZES
-from tpd.core.parameters import Parameters, housner
+from tpd.core.parameters import Parameters
 from tpd.core.quantities import with_design
 from tpd.core.scene import Scene
 from tpd.design.criteria import DesignSpace, Geometry, Limit, Risk, Size, Worsening

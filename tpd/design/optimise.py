@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from tpd.analysis.attractors import Starts
 from tpd.analysis.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.batch import aside
-from tpd.core.conditions import FACTORS, Conditions
+from tpd.core.conditions import Conditions
 from tpd.core.ground_motion import GroundMotion
 from tpd.core.progress import Progress, shown
 from tpd.core.scene import Block, Scene
@@ -24,7 +23,7 @@ from tpd.design.ground.optimise import ground_problem
 from tpd.design.ground.optimise import solve as solve_on_motions
 from tpd.design.ground.search import GroundSearch
 from tpd.design.methods import Descent, Method, describe
-from tpd.design.objective import Orbits, margins
+from tpd.design.objective import margins
 from tpd.design.one_shot import OneShot
 from tpd.design.problem import Problem
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
@@ -51,7 +50,6 @@ class Found:
     status: DesignStatus = DesignStatus.interrupted
     surveys: tuple[Survey, ...] = ()
     losses: tuple[LossCase, ...] = ()
-    elasticities: dict[str, float] = field(default_factory=dict)
 
 
 def optimise(
@@ -209,24 +207,13 @@ def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
     if found.status is DesignStatus.found:
         winner = verification.verified[-1]
         found.losses = verification.fresh.under_other_losses(pendulum_of(problem.scene, winner))
-        found.elasticities = elasticities_of(verification.objective, winner, progress)
 
 
-def elasticities_of(objective: Orbits, of: Verified, progress: Progress | None) -> dict[str, float]:
-    """d ln(value)/d ln(factor): by central differences of 0.1 %."""
-    step, out, e = 1e-3, {}, objective.p.e
-    # Above 1 there is no restitution, so that a difference to both sides needs room.
-    varies = e is not None and float(e) * (1.0 + step) <= 1.0
-    names = [x for x in FACTORS if x != "restitution" or varies]
-    for i, name in enumerate(names):
-        if progress is not None:
-            progress("elasticities", i + 1, len(names))
-        sides = []
-        for factor in (1.0 - step, 1.0 + step):
-            changed = objective.over(objective.conditions * Conditions({name: np.array([factor])}))
-            sides.append(float(changed.value(changed.evaluate(of.design[None]))[0]))
-        out[name] = (sides[1] - sides[0]) / (2.0 * step * abs(of.value)) if of.value else math.nan
-    return out
+def _alike(verification: Verification, offered: Verified | None) -> np.ndarray | None:
+    """See `Design.alike`."""
+    if offered is None or verification.refinement is None:
+        return None
+    return verification.refinement.alike(offered.design)
 
 
 def _design(problem: Problem, found: Found) -> HarmonicDesign:
@@ -245,6 +232,6 @@ def _design(problem: Problem, found: Found) -> HarmonicDesign:
         search=search.history,
         surveys=found.surveys,
         losses=found.losses,
-        elasticities=found.elasticities,
+        range_alike=_alike(verification, offered),
         settings=describe(problem.method),
     )

@@ -54,7 +54,7 @@ def check_given(seed: int, **given: Any) -> None:
     """Raise unless JAX has 64 bits, the seed is a whole number, and each input is of its class; None stands
     for a default."""
     checks.require_x64()
-    checks.count("seed", seed, least=0)
+    checks.seed("seed", seed)
     for name, value in given.items():
         if value is not None:
             checks.instance(name, value, _KINDS[name])

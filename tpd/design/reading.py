@@ -23,7 +23,7 @@ from tpd.core.scene import Block, Harmonic, Pendulum, Scene, paper_scene
 from tpd.design.criteria import KINDS, DesignSpace, Limit, Risk, Room, Worth
 from tpd.design.result import DesignStatus
 
-VERSION = 7
+VERSION = 8
 """Version of the file of a design; it grows when a key changes its meaning or goes away."""
 GROUND_VERSION = 3
 """Version of the file of a design on ground motions."""

@@ -61,9 +61,17 @@ class Refinement:
     """Designs tried so far, and the surfaces through them."""
 
     def __init__(
-        self, space: DesignSpace, around: np.ndarray, strikes: float, rests: float, seed: int
+        self,
+        space: DesignSpace,
+        around: np.ndarray,
+        still: Callable[[np.ndarray], np.ndarray],
+        *,
+        strikes: float,
+        rests: float,
+        seed: int,
     ) -> None:
         self.space, self.level, self.rests, self.seed = space, 1.0 - _SAFE * strikes, rests, seed
+        self.still = still
         # Where designs help is a small part of the space; the surfaces are for this part.
         units = space.scaled(around)
         low, high = units.min(axis=0), units.max(axis=0)
@@ -138,8 +146,22 @@ class Refinement:
         keeps = self.keeps(x)
         return np.lexsort((self.surface.at(x)[0], np.where(keeps >= self.sure, 0.0, 1.0 - keeps)))
 
-    def next(self, turn: int, last: bool, still: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Designs (m, 3) worth trying, the best first, that keep to the limits `still`, which need no run."""
+    def alike(self, design: np.ndarray) -> np.ndarray | None:
+        """Least and largest designs, shape (2, 3), that the runs cannot tell from one of them: the trend of
+        their tilt is above its trend by at most its deviation, and they keep to the limits."""
+        if self.surface is None:
+            return None
+        here = self.scaled(design[None])
+        x = np.clip(candidates(np.random.default_rng([self.seed, 14]), here), 0.0, 1.0)
+        trend, deviation = (float(v[0]) for v in self.surface.at(here))
+        good = (self.surface.at(x)[0] <= trend + deviation) & (self.keeps(x) >= self.sure)
+        # Among those that need no run to break a limit the range is the same, or narrower.
+        found = np.concatenate([design[None], self.unscaled(x[good])])
+        found = found[np.r_[True, self.still(found[1:])]] if len(found) > 1 else found
+        return np.stack([found.min(axis=0), found.max(axis=0)])
+
+    def next(self, turn: int, last: bool) -> np.ndarray:
+        """Designs (m, 3) worth trying, the best first, that keep to the limits that need no run."""
         ranked = self.rank(self.at)
         best = self.at[ranked[self.excess[ranked] <= 0.0][:4]]
         if not len(best) or self.surface is None:
@@ -149,7 +171,7 @@ class Refinement:
         least = float(self.surface.at(best)[0][0]) if self.keeps(best[:1])[0] >= self.sure else None
         promised = promise(self.surface, list(self.limits.values()), x, least, last)
         order = np.argsort(-promised, kind="stable")[:_WEIGHED]
-        order = order[still(self.unscaled(x[order]))]
+        order = order[self.still(self.unscaled(x[order]))]
         return self.unscaled(x[first_apart(x, order, _ASKED, _APART)])
 
 
@@ -186,7 +208,8 @@ def refine(
     if not first:
         return found, None
     first, count = list(dict.fromkeys(first)), 0
-    here, total = Refinement(space, found.designs[helps], strikes, rests, seed), len(first) + _ROUNDS * _BATCH
+    here = Refinement(space, found.designs[helps], still, strikes=strikes, rests=rests, seed=seed)
+    total = len(first) + _ROUNDS * _BATCH
 
     def attempt(some: Survey) -> None:
         nonlocal count
@@ -200,7 +223,7 @@ def refine(
 
     attempt(found.at(np.array(first)))
     for turn in range(_ROUNDS):
-        designs = here.next(turn, turn == _ROUNDS - 1, still)
+        designs = here.next(turn, turn == _ROUNDS - 1)
         if len(designs):
             # Limits on a motion from rest are asked of that motion.
             more = follow(designs)

@@ -5,17 +5,20 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from tpd.analysis.attractors import Starts
+from tpd.analysis.benefit import Change
 from tpd.analysis.intervals import Interval
-from tpd.core.formatting import Printed
-from tpd.core.scene import Pendulum
-from tpd.design.criteria import stroke_limit
+from tpd.core import checks
+from tpd.core.conditions import Conditions
+from tpd.core.formatting import Printed, picture
+from tpd.core.scene import Pendulum, Scene
+from tpd.design.criteria import Room, limit_of, stroke_limit
 from tpd.design.question import Question
-from tpd.design.verified import Bare, LossCase, Reason, Verified
+from tpd.design.verified import GRAVE, Bare, LossCase, Reason, ReasonKind, Verified
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -104,6 +107,22 @@ class Nearest:
     broken: tuple[Reason, ...]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """One design and the bare block on one set of runs: all that a report says of shares is of these."""
+
+    runs: str
+    """Which runs they are."""
+    saved: Interval
+    """Share by which the mean tilt falls."""
+    changes: tuple[Change, ...]
+    strikes: float
+    """Share of the runs that stand in which the bob strikes a wall, on ground motions any limit is broken; NaN
+    where no room is asked for."""
+    undecided: int
+    """Pairs of runs without an answer, which are left out."""
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Design(Question, Printed):
     """The answer of `optimise`, with its question: lengths in m, masses in kg, angles in rad."""
@@ -111,6 +130,11 @@ class Design(Question, Printed):
     status: DesignStatus
     pendulum: Pendulum | None
     """None where no design is offered."""
+    pictures: ClassVar[dict[str, str]] = {
+        "landscape": "landscape:plot_landscape",
+        "drawing": "drawing:plot_design",
+    }
+    """Functions of `tpd.plot` by the words that `plot` takes."""
 
     @staticmethod
     def read(path: str | Path) -> StoredDesign:
@@ -124,6 +148,29 @@ class Design(Question, Printed):
 
         return read_design(path)
 
+    def plot(self, what: str = "landscape", *, ax: Any = None) -> Any:
+        """Draw the design, and return the axes, an array where there are several.
+
+        Args:
+            what: "landscape", the tilt over mass and length ratio with the limits; "drawing", block and
+                pendulum to scale; under harmonic shaking "benefit", with and without the pendulum over paired
+                runs, and "conditions", over the one quantity that these differ in, and "motion", from
+                rest; under ground motions "groups", the fragility of each.
+            ax: one for the landscape and the benefit, two for conditions and motion, one for each group; none
+                for the drawing. Default those of a new figure.
+
+        Raises:
+            ValueError: another word, a design without what is to be drawn, or axes for the drawing.
+        """
+        checks.one_of("what", what, tuple(self.pictures))
+        return picture(self.pictures[what])(self, ax)
+
+    @property
+    def swing(self) -> float:
+        """Angle of the bob that its drawing shows, rad, 0 without a pendulum: the largest of the motions that
+        count in which the block stands, settled under harmonic shaking."""
+        raise NotImplementedError
+
     @property
     def saved(self) -> Interval | None:
         """Share by which the mean tilt falls with the pendulum that is offered, on runs that no choice has
@@ -133,6 +180,33 @@ class Design(Question, Printed):
     @property
     def risks(self) -> tuple[float, float]:
         """Risk with the design that is offered, NaN where none is, and without a pendulum."""
+        raise NotImplementedError
+
+    @property
+    def comparison(self) -> Comparison | None:
+        """The design that is offered or came nearest, on the runs that judged it; None if none came so far."""
+        raise NotImplementedError
+
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """Sentences against the design that came nearest; empty where one is offered."""
+        raise NotImplementedError
+
+    @property
+    def alike(self) -> np.ndarray | None:
+        """Least and largest (mu, lam, zeta), shape (2, 3), of designs that do as well as the one that is
+        offered, as far as the runs of the search can tell; None where that is not known."""
+        raise NotImplementedError
+
+    @property
+    def reach(self) -> float:
+        """How far (m) the bob of the best design comes from the block's axis in all but the allowed share of the
+        runs that stand; NaN where that is not known."""
+        raise NotImplementedError
+
+    def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
+        """Fall of the mean tilt with the pendulum that is offered, in a changed scene, under further conditions
+        and on at most so many of the runs that judged."""
         raise NotImplementedError
 
     def again(self, **changed: Any) -> dict[str, Any]:
@@ -154,9 +228,15 @@ class HarmonicDesign(Design):
     """Designs followed from rest: by the linear equations, then by the nonlinear."""
     losses: tuple[LossCase, ...] = ()
     """The offered design under other models of the block's losses."""
-    elasticities: dict[str, float]
-    """d ln(value)/d ln(x) at the design, x one of `conditions.FACTORS`."""
+    range_alike: np.ndarray | None = None
+    """See `Design.alike`."""
     settings: dict[str, object] = field(default_factory=dict)
+    pictures: ClassVar[dict[str, str]] = {
+        **Design.pictures,
+        "benefit": "compare:plot_benefit",
+        "conditions": "compare:plot_conditions",
+        "motion": "motion:plot_start",
+    }
 
     @property
     def winner(self) -> Verified | None:
@@ -173,6 +253,61 @@ class HarmonicDesign(Design):
     def risks(self) -> tuple[float, float]:
         """See `Design.risks`."""
         return math.nan if self.winner is None else self.winner.value, self.bare.value
+
+    @property
+    def comparison(self) -> Comparison | None:
+        """See `Design.comparison`."""
+        v = self.best
+        if v is None or v.paired is None or v.benefit is None:
+            return None
+        gain, fresh = v.benefit, "" if v.chosen_by is None else "fresh "
+        seed = v.paired.hung.ensemble.seed
+        return Comparison(
+            runs=f"{gain.runs} {fresh}paired runs of the {v.paired.equations} equations, seed {seed}",
+            saved=Interval(gain.value, gain.low, gain.high),
+            changes=gain.changes,
+            strikes=v.strikes,
+            undecided=gain.undecided,
+        )
+
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """See `Design.refusals`: the gravest first, one of a kind."""
+        reasons = () if self.best is None else self.best.reasons
+        if self.status is DesignStatus.none_feasible and self.nearest is not None:
+            reasons = self.nearest.broken
+        kinds: dict[tuple[ReasonKind, str], Reason] = {}
+        for reason in reasons:
+            kinds.setdefault((reason.kind, reason.limit), reason)
+        return tuple(map(str, sorted(kinds.values(), key=lambda reason: reason.kind not in GRAVE)))
+
+    @property
+    def alike(self) -> np.ndarray | None:
+        """See `Design.alike`."""
+        return self.range_alike
+
+    @property
+    def reach(self) -> float:
+        """See `Design.reach`."""
+        from tpd.design.by_runs import reach_of
+
+        room, v = limit_of(self.limits, Room), self.best
+        if not isinstance(room, Room) or v is None or v.paired is None:
+            return math.nan
+        block = self.scene.block
+        hung = self.scene.pendulum(
+            mass_ratio=v.mass_ratio, length_ratio=v.length_ratio, damping_ratio=v.damping_ratio
+        )
+        found = reach_of(v.paired.hung, hung, block, room.bob)
+        if not found.size:
+            return math.nan
+        return float(np.quantile(found, 1.0 - self.worth.allowed, method="higher")) * 0.5 * float(block.room)
+
+    def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
+        """See `Design.saved_under`."""
+        from tpd.design.build import saved_under_harmonic
+
+        return saved_under_harmonic(self, scene, more, runs)
 
     def again(self, **changed: Any) -> dict[str, Any]:
         """See `Design.again`."""
@@ -203,6 +338,16 @@ class HarmonicDesign(Design):
     def stroke(self) -> float:
         """Largest exact settled |psi| of all conditions, rad; 0 without a pendulum."""
         return 0.0 if self.winner is None else float(np.max(self.winner.exact.stroke))
+
+    @property
+    def swing(self) -> float:
+        """See `Design.swing`."""
+        if self.winner is None:
+            return 0.0
+        # From other starts than rest the search may know larger strokes than the one from rest.
+        asked = np.zeros(0) if self.starts == Starts.rest() else self.winner.evaluation.stroke[0]
+        strokes = np.concatenate([self.winner.exact.stroke, asked])
+        return float(np.max(strokes, where=np.isfinite(strokes), initial=0.0))
 
     @property
     def stroke_limit(self) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -11,30 +11,22 @@ import numpy as np
 from tpd.analysis.benefit import Benefit
 from tpd.analysis.compare_models import QUICK, Check, check
 from tpd.analysis.response import Response, frequencies, settled_response
-from tpd.analysis.sensitivity import Elasticities, elasticities
 from tpd.analysis.steady_state import sampled, simulate
-from tpd.closed_form import uplift
-from tpd.core.conditions import Conditions, under
-from tpd.core.ground_motion import GroundMotion
 from tpd.core.parameters import as_arrays
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
+from tpd.design.build import Build, build_of, moved_of
 from tpd.design.by_runs import JUDGES, PairedRuns, strikes_of
 from tpd.design.criteria import Room, limit_of
-from tpd.design.earthquakes import Earthquakes, shaken
 from tpd.design.objective import geometry_of
-from tpd.design.result import DesignStatus, HarmonicDesign
-from tpd.models.base import AbstractModel
+from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.models.piecewise import Piecewise
-from tpd.models.smoothed import Smoothed
 
 if TYPE_CHECKING:
     from tpd.design.front import FrontPoint
 
 _BAND = frequencies(1.0, 0.7, 1.5, 41)
 """Frequencies of a response, in shares of the scene's own."""
-_GRID = 96
-"""Points of the uplift region along each axis."""
 _Part = TypeVar("_Part")
 
 
@@ -42,8 +34,6 @@ _Part = TypeVar("_Part")
 class TimeHistory:
     """One motion from rest under the scene's own shaking, shapes (times,)."""
 
-    model: str
-    """"exact" or "smoothed"."""
     with_pendulum: bool
     time: np.ndarray
     """s"""
@@ -51,18 +41,6 @@ class TimeHistory:
     """phi, rad; NaN where the model has no answer, as after an overturning."""
     bob: np.ndarray
     """psi, rad."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class UpliftRegion:
-    """Uplift margin of the resting block over the (mu, lam) plane, the least of all conditions."""
-
-    mass_ratio: np.ndarray
-    """(n,)"""
-    length_ratio: np.ndarray
-    """(n,)"""
-    margin: np.ndarray
-    """(n, n), length ratios along the first axis."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,38 +58,29 @@ class Surveyed:
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """Everything that a report shows beside the design; None where a part does not apply or was left out."""
+    """Everything that a report shows beside the design; None where a part does not apply or was left out. Of a
+    design on ground motions only what a pendulum needs to be built, and the front."""
 
+    build: Build | None = None
+    """None where no pendulum is offered."""
     histories: tuple[TimeHistory, ...] | None = None
-    """First 24 periods from rest: exact and smoothed."""
+    """First 24 periods from rest."""
     responses: tuple[Response, ...] | None = None
     """Over frequency from rest: the bare block and, if there is one, the block with the pendulum. Only for
     the scene's own shaking."""
     comparison: Check | None = None
     """The offered design by several models, under the scene's own shaking."""
-    elasticities: Elasticities | None = None
-    """Sensitivities of the motion from rest. Only for the scene's own shaking."""
-    region: UpliftRegion | None = None
     usage: tuple[tuple[str, float], ...] = ()
     """Limited quantities of the best design over their limits, the largest of all conditions."""
     front: tuple[FrontPoint, ...] = ()
     surveyed: Mapping[int, Surveyed] = field(default_factory=dict)
     """Designs that the table of limits names, by their row in the first survey: motions from rest show
     neither overturning nor strikes from other starts."""
-    earthquakes: Earthquakes | None = None
-    """Records that the user named, at their own size."""
     left_out: tuple[str, ...] = ()
     """Parts that an interruption left out."""
 
 
-def study(
-    design: HarmonicDesign,
-    *,
-    front: tuple[FrontPoint, ...] = (),
-    records: Sequence[GroundMotion] = (),
-    sources: Sequence[str] = (),
-    progress: Progress | None = None,
-) -> Study:
+def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progress | None = None) -> Study:
     """Compute everything that a report shows beside the design, once.
 
     Ctrl-C during one part leaves this part out and goes on with the next one. Of an interrupted design
@@ -120,65 +89,51 @@ def study(
     Args:
         design: the answer of `optimise`.
         front: the answer of `tpd.front`, to be shown as well.
-        records: ground motions that the design is shaken by.
-        sources: files, folders and sets that the records come from, for the report.
-        progress: called with ("responding" or "checking", units done, units in all).
+        progress: called with (stage, units done, units in all).
 
     Raises:
         RuntimeError: JAX is in 32-bit mode.
     """
+    harmonic = design if isinstance(design, HarmonicDesign) else None
+    used = () if harmonic is None else usage(harmonic)
     # After Ctrl-C the user wants the prompt back, not minutes of further work.
     if design.status is DesignStatus.interrupted:
-        return Study(front=front, usage=usage(design))
-    scene, hung, left_out = design.scene, design.pendulum, []
+        return Study(front=front, usage=used)
+    left_out: list[str] = []
 
-    def part(name: str, wanted: bool, compute: Callable[..., _Part], *inputs: Any) -> _Part | None:
+    def part(name: str, compute: Callable[..., _Part], *inputs: Any) -> _Part | None:
         try:
-            return compute(*inputs) if wanted else None
+            return compute(*inputs)
         except KeyboardInterrupt:
             left_out.append(name)
             return None
 
-    own = is_own_shaking(design.conditions)
-    # A response over frequency belongs to conditions that differ in the motion of the base alone.
-    varied = set(design.conditions.factors) <= {"amplitude", "frequency"}
-    return Study(
-        histories=part("the time histories", True, time_histories, scene, hung),
-        responses=part("the response over frequency", varied, _responses, design, progress),
-        comparison=part("the comparison of models", hung is not None, _comparison, design, progress),
-        elasticities=part("the sensitivities", own, elasticities, scene.parameters(hung)),
-        region=part("the uplift region", True, uplift_region, design),
-        usage=usage(design),
-        surveyed=part("the strikes of surveyed designs", True, surveyed, design, progress) or {},
-        front=front,
-        earthquakes=part("the earthquakes", bool(records), shaken, design, records, sources),
-        left_out=tuple(left_out),
-    )
+    moved = part("what the benefit hangs on", moved_of, design, progress) or ()
+    out = Study(build=part("the loads", build_of, design, moved), front=front, usage=used)
+    if harmonic is not None:
+        scene, hung = design.scene, design.pendulum
+        # A response over frequency belongs to conditions that differ in the motion of the base alone.
+        varied = set(design.conditions.factors) <= {"amplitude", "frequency"}
+        out = replace(
+            out,
+            histories=part("the time histories", time_histories, scene, hung),
+            responses=part("the response over frequency", _responses, harmonic, progress) if varied else None,
+            comparison=part("the comparison of models", _comparison, harmonic, progress) if hung else None,
+            surveyed=part("the strikes of surveyed designs", surveyed, harmonic, progress) or {},
+        )
+    return replace(out, left_out=tuple(left_out))
 
 
-def is_own_shaking(conditions: Conditions) -> bool:
-    """Whether the scene's own shaking is the only condition."""
-    return len(conditions) == 1 and all(np.all(v == 1.0) for v in conditions.factors.values())
-
-
-def time_histories(
-    scene: Scene, pendulum: Pendulum | None, *, smoothed: bool = True
-) -> tuple[TimeHistory, ...]:
-    """Histories from rest: of the bare block and, if there is one, of the block with the pendulum; by the
-    exact solution and, where it is asked for, by the smoothed model."""
-    models: dict[str, AbstractModel] = {"exact": Piecewise()}
-    if smoothed:
-        models["smoothed"] = Smoothed()
-    cases = (None,) if pendulum is None else (None, pendulum)
-    out = []
+def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory, ...]:
+    """Histories from rest by the exact solution: of the bare block and, if there is one, of the block with the
+    pendulum."""
+    cases, out = (None,) if pendulum is None else (None, pendulum), []
     for hung in cases:
         p = as_arrays(scene.parameters(hung))
-        # Both models are sampled at equal times: the picture shows where they part.
         tau = sampled(p)
+        tilt, bob = np.asarray(simulate(p, np.zeros(4), tau, model=Piecewise()).ys).T[:2]
         time = np.asarray(tau) / scene.rate
-        for name, model in models.items():
-            tilt, bob = np.asarray(simulate(p, np.zeros(4), tau, model=model).ys).T[:2]
-            out.append(TimeHistory(model=name, with_pendulum=hung is not None, time=time, tilt=tilt, bob=bob))
+        out.append(TimeHistory(with_pendulum=hung is not None, time=time, tilt=tilt, bob=bob))
     return tuple(out)
 
 
@@ -213,19 +168,6 @@ def surveyed(design: HarmonicDesign, progress: Progress | None = None) -> dict[i
         allowed = design.worth.allowed
         out[i] = Surveyed(strikes=strikes, allowed=allowed, overturned=overturned, benefit=benefit)
     return out
-
-
-def uplift_region(design: HarmonicDesign) -> UpliftRegion:
-    """Uplift margin over the mass and length ratios of the design space, at the best design's damping."""
-    space, best = design.space, design.best
-    zeta = float(np.mean(space.damping_ratio)) if best is None else best.damping_ratio
-    mu, lam = np.linspace(*space.mass_ratio, _GRID), np.linspace(*space.length_ratio, _GRID)
-    plane = np.stack([*np.meshgrid(mu, lam), np.full((_GRID, _GRID), zeta)], axis=-1).reshape(-1, 3)
-    p = design.scene.parameters()
-    # One condition after the other: all at once would take n times the memory.
-    margins = (uplift(under(p, plane.T, row)).margin for row in design.conditions.factor_rows())
-    least = np.min([np.asarray(x) for x in margins], axis=0)
-    return UpliftRegion(mass_ratio=mu, length_ratio=lam, margin=least.reshape(_GRID, _GRID))
 
 
 def usage(design: HarmonicDesign) -> tuple[tuple[str, float], ...]:

@@ -16,11 +16,12 @@ if TYPE_CHECKING:
 
 __all__ = ["EngineVerdict", "drake", "mjcf", "mujoco", "opensees"]
 
+if not TYPE_CHECKING:
 
-def __getattr__(name: str) -> Any:
-    # The comparison loads the ensembles; the text of a model needs none of them.
-    if name in ("EngineVerdict", "drake", "mujoco"):
-        from tpd.engines import comparison
+    def __getattr__(name: str) -> Any:
+        # The comparison loads the ensembles; the text of a model needs none of them.
+        if name in ("EngineVerdict", "drake", "mujoco"):
+            from tpd.engines import comparison
 
-        return getattr(comparison, name)
-    raise AttributeError(f"module 'tpd.engines' has no attribute {name!r}")
+            return getattr(comparison, name)
+        raise AttributeError(f"module 'tpd.engines' has no attribute {name!r}")

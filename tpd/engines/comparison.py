@@ -259,6 +259,7 @@ def _verdict(
     """Runs of one engine; `fine` of them with the finer time step as well."""
     checks.require_x64()
     checks.instance("scene", scene, Scene)
+    checks.optional("pendulum", pendulum, Pendulum)
     checks.positive("sliding", sliding)
     version = engine.available()
     with shown(progress) as report:

@@ -1,4 +1,4 @@
-"""The contact of block and base: the decision between slip, stick and rest, impacts, and how events are met.
+"""The contact of block and base: the decision between slip, stick and rest, and how events are met.
 
 These rules are the same for the linear equations, solved in closed form, and for the nonlinear ones,
 integrated from event to event. They take moments and rates as numbers and do not know where these come from.
@@ -57,60 +57,6 @@ def released(before: Mode, side: Number) -> Mode:
     # that vanished says which limit it is.
     tilt_sign = jnp.where(before.kind == REST, side, before.tilt_sign)
     return Mode(jnp.full_like(before.kind, SLIP), tilt_sign, jnp.asarray(side))
-
-
-def impact_jump(change: Number, length_ratio: Number) -> tuple[Number, Number]:
-    """Changes of phi' and psi' in an impact of the linear equations that changes phi' by `change`: with
-    restitution e this is e - 1 times phi' before."""
-    # The impulse acts on the block. The bob feels only the pull of its rod: the second row of the equations
-    # of motion, integrated over the impact, leaves lam dpsi' = 2 dphi'. See `bob_jump` for the terms that the
-    # linear equations drop.
-    return change, 2.0 / length_ratio * change
-
-
-def impact_ratio(
-    restitution: Number, nu: Number, share: Number, side: Number, sine: Number, cosine: Number
-) -> Number:
-    """Ratio r = phi' after/phi' before of an impact with loss (e < 1) in the nonlinear equations.
-
-    The rod pulls block and bob along itself, and the base pushes at the new corner. So the angular momentum
-    of both about the new corner changes by the block's own loss alone:
-
-        r = [A + mu rho q q'] / (1 + mu rho q^2),    q = 2 sin(psi) - s nu cos(psi),
-        A = e (1 + mu rho nu^2) + mu rho nu^2,       q' = 2 sin(psi) + s nu cos(psi).
-
-    At psi = 0 this is e. Housner's e makes A = 1 - 2 rho nu^2, that of the bare block: then the momentum is
-    conserved. An e nearer to 1 than (1 - mu rho nu^2)/(1 + mu rho nu^2) makes A > 1, with which a bob far out
-    would give energy to the block: r is at most sqrt[(1 + mu rho q'^2)/(1 + mu rho q^2)], which conserves it.
-
-    `share` is mu rho, `side` the sign s of the tilt before the impact; `sine` and `cosine` are those of psi.
-    """
-    after, before = 2.0 * sine - side * nu * cosine, 2.0 * sine + side * nu * cosine
-    arm, inertia = share * nu**2, 1.0 + share * after**2
-    # A + mu rho q q', written so that nothing cancels at psi = 0.
-    ratio = (restitution * (1.0 + arm) + share * (4.0 + nu**2) * sine**2) / inertia
-    return jnp.minimum(ratio, jnp.sqrt((1.0 + share * before**2) / inertia))
-
-
-def bob_jump(
-    ratio: Number, nu: Number, length_ratio: Number, side: Number, sine: Number, cosine: Number
-) -> Number:
-    """Change of psi', over phi' before, at an impact of the nonlinear equations that multiplies phi' by
-    r = `ratio`; other arguments as in `impact_ratio`. The rod pulls along itself only, so the bob keeps its
-    velocity across the rod. The hinge moves to the side at 2 phi', and upwards at s nu phi' before the impact
-    and at -s nu phi' after it:
-
-        lam (psi'_after - psi'_before) = 2 cos(psi) (r - 1) phi' + s nu sin(psi) (r + 1) phi'.
-    """
-    return (2.0 * cosine * (ratio - 1.0) + side * nu * sine * (ratio + 1.0)) / length_ratio
-
-
-def captured_restitution(restitution: Number, rests: Bool[Array, ""]) -> Number:
-    """The restitution of an impact, 0 if the block `rests` after it."""
-    # Where a held block hops on, each hop is smaller than the last by e, and infinitely many of them end in
-    # finite time. The remaining hops take the rate of the block to zero and give the bob what one perfectly
-    # plastic impact would: sum over e^n (e - 1) = -1. The error is of the order of the square of the rate.
-    return jnp.where(rests, 0.0, restitution)
 
 
 def transversality_of(

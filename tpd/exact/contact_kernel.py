@@ -1,15 +1,20 @@
 """The block's contact with its base in compiled scalar code: what holds it, its impacts and its modes.
 
-The rules are those of `tpd.exact.contact`, which has them in JAX.
+The rules are those of `tpd.exact.contact`, which has them in JAX, and the impacts those of
+`tpd.core.impacts`.
 """
 
 from __future__ import annotations
 
 import math
 
+from tpd.core import impacts
 from tpd.exact.events import FIRST
 from tpd.exact.mode_kinds import REST, SLIP, STICK
-from tpd.exact.plant import compiled
+from tpd.exact.plant import compiled, shared
+
+linear_ratio, linear_bob_change = shared(impacts.linear_ratio), shared(impacts.linear_bob_change)
+velocity_ratio, bob_change = shared(impacts.velocity_ratio), shared(impacts.bob_change)
 
 
 @compiled
@@ -19,11 +24,24 @@ def moment(q, y0, y1, y3, eta):
 
 
 @compiled
+def ratio(q):
+    """phi' after an impact of the linear equations, over phi' before."""
+    return linear_ratio(q.e, q.nu, q.mu, q.lam, q.m22 / q.lam)
+
+
+@compiled
+def jump(q, share):
+    """Changes of phi' and psi', over phi' before, in an impact that leaves this share of phi'."""
+    return share - 1.0, linear_bob_change(share, q.e, q.nu, q.mu, q.lam, q.m22 / q.lam)
+
+
+@compiled
 def struck(q, rests, y2, y3):
     """Rates of block and bob after an impact, or after the last of the impacts that end in rest."""
-    e = 0.0 * q.e if rests else q.e
-    change = (e - 1.0) * y2
-    return y2 + change, y3 + 2.0 / q.lam * change
+    # Each hop is smaller than the last by the ratio, and infinitely many of them end in finite time: together
+    # they do what one perfectly plastic impact would, with an error of the order of the square of the rate.
+    block, bob = jump(q, 0.0 * q.e if rests else ratio(q))
+    return y2 + block * y2, y3 + bob * y2
 
 
 @compiled

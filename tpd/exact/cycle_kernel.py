@@ -18,7 +18,7 @@ from tpd.exact.arcs import (
     state_at,
     value_of,
 )
-from tpd.exact.contact_kernel import moment, reserve, struck
+from tpd.exact.contact_kernel import moment, ratio, reserve, struck
 from tpd.exact.events import (
     BOB,
     END,
@@ -117,7 +117,7 @@ def survey(q, link, z, w, turns, out):
     inside, least = which == END and turns.looks > 0 and lasted > 0.0, _RATTLED * q.nu
     if link.onward == REST:
         inside = inside and abs(y[0]) <= least * least
-        inside = inside and (link.ending != LANDING or q.e * abs(y[2]) <= least)
+        inside = inside and (link.ending != LANDING or abs(ratio(q) * y[2]) <= least)
     out.dip, out.reach, out.sticking = math.inf, largest[BOB], math.inf
     for i in range(2):
         size = max(largest[i], 1e-300)

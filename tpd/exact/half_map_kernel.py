@@ -15,6 +15,7 @@ from numba.extending import register_jitable
 
 from tpd.core import orbit_terms
 from tpd.exact.arcs import Instant, state_at
+from tpd.exact.contact_kernel import jump, ratio
 from tpd.exact.plant import compiled
 
 is_neutral = register_jitable(inspect.unwrap(orbit_terms.is_neutral))
@@ -43,9 +44,12 @@ def put_half_map(q, m, t, way, g):
     before, after = state_at(way.first, until, t), state_at(way.second, again, zero)
     end = state_at(way.second, way.end, m.span - t)
     # Crossing: the rates jump by these shares of phi', and so do the rates of a neighbour.
-    lost, thrown, fall = q.e - 1.0, 2.0 / q.lam * (q.e - 1.0), before[2]
+    (lost, thrown), fall = jump(q, ratio(q)), before[2]
     by0, by1 = (after[2] - fall) / fall, (after[3] - before[3]) / fall
-    by2, by3 = (after[4] - q.e * before[4]) / fall, (after[5] - before[5] - thrown * before[4]) / fall
+    by2, by3 = (
+        (after[4] - (1.0 + lost) * before[4]) / fall,
+        (after[5] - before[5] - thrown * before[4]) / fall,
+    )
     # Turning: friction, 2 k in the first column of M^-1, changes its sign.
     pushed = 2.0 * q.k / ((q.m11 * q.m22 - q.m12 * q.m21) * end[4])
     # A bob without mass cannot be felt: what is left are the multipliers of the block, and two zeros.

@@ -4,7 +4,7 @@ Such an orbit turns at phi > 0 (tau = 0 here, the forcing being sin(xi tau + gam
 tau = t, and half a forcing period h = pi/xi after the turn is its own mirror image, y(h) = -y(0). Between its
 events the system is linear with constant loads, (16) to (18) of the paper. Its (19) fixes t at h/2, one
 condition too many once k > 0; here t is unknown. With K = 1 + 2 mu, w = (1 + mu) nu, M = [1 + exp(A h)]^-1,
-e1 the tilt, V = (e - 1) phi'(t-) the impact and V d the jump of the rates in it, d = (0, 0, 1, 2/lam), the
+e1 the tilt, V = phi'(t-) and V d the jump of the rates in the impact, d = (0, 0, *`contact_kernel.jump`), the
 mirror condition gives the two arcs, s being counted from the start of each:
 
     y(s) = exp(A s) M {(2k/K) e1 - exp(A (h - t)) [(2w/K) e1 + V d]} + (w - k)/K e1 + harmonic(s)
@@ -21,6 +21,7 @@ from collections import namedtuple
 import numpy as np
 
 from tpd.exact.arcs import Arc, Instant, Signal, exponential, instant, pair, state_at, turned
+from tpd.exact.contact_kernel import jump, ratio
 from tpd.exact.plant import compiled
 
 Half = namedtuple(
@@ -29,7 +30,7 @@ Half = namedtuple(
     "tilt rate kick thrown bob bob_kick",
 )
 """Numbers that depend on the parameters alone: three of the plant's; h; the jumps 2w/K and 2k/K of the
-balance tilt at the crossing and at a turn, and (w - k)/K; (e - 1) over the factor of phi'(t-) that closes the
+balance tilt at the crossing and at a turn, and (w - k)/K; one over the factor of phi'(t-) that closes the
 impact's loop; and functionals of g, `Part`: components of g(A) M x, of x = e1 phi, phi' and psi (tilt, rate,
 bob), of x = d the same (kick, thrown, bob_kick). Names that end in `whole` are of values at g = exp(A h)."""
 Part = namedtuple("Part", "s1 s2 u v")
@@ -82,23 +83,24 @@ def _rate_of(q, x):
 @compiled
 def half(q):
     """All numbers that depend on the parameters alone."""
-    span, step, slack, jump = np.pi / q.xi, 2.0 * q.weight / q.up, 2.0 * q.k / q.up, 2.0 / q.lam
+    span, step, slack = np.pi / q.xi, 2.0 * q.weight / q.up, 2.0 * q.k / q.up
+    lost, thrown_by = jump(q, ratio(q))
     whole = flow(q, span)
     # M on the pair: the inverse of a + b A, where A^2 = -q - p A.
     a, b = 1.0 + whole.u, whole.v
     norm = a * a - q.p * a * b + q.q * b * b
     closing = Flow(1.0 / (1.0 + whole.e1), 1.0 / (1.0 + whole.e2), (a - q.p * b) / norm, -b / norm)
     # The shares of e1 and d in both real modes; the pair has the rest of the component and of its rate.
-    x, y, d, z = q.al0, q.bl0, q.al2 + jump * q.al3, q.bl2 + jump * q.bl3
+    x, y, d, z = q.al0, q.bl0, lost * q.al2 + thrown_by * q.al3, lost * q.bl2 + thrown_by * q.bl3
     of_tilt = Part(x * q.a0, y * q.b0, 1.0 - x * q.a0 - y * q.b0, -x * q.a2 - y * q.b2)
-    of_kick = Part(d * q.a0, z * q.b0, -d * q.a0 - z * q.b0, 1.0 - d * q.a2 - z * q.b2)
+    of_kick = Part(d * q.a0, z * q.b0, -d * q.a0 - z * q.b0, lost - d * q.a2 - z * q.b2)
     of_bob = Part(x * q.a1, y * q.b1, -x * q.a1 - y * q.b1, -x * q.a3 - y * q.b3)
-    of_bob_kick = Part(d * q.a1, z * q.b1, -d * q.a1 - z * q.b1, jump - d * q.a3 - z * q.b3)
+    of_bob_kick = Part(d * q.a1, z * q.b1, -d * q.a1 - z * q.b1, thrown_by - d * q.a3 - z * q.b3)
     tilt, kick = _after(q, of_tilt, closing), _after(q, of_kick, closing)
     rate, thrown = _rate_of(q, tilt), _rate_of(q, kick)
     thrown_whole = of(thrown, whole)
     # V depends on phi'(t-), which depends on V again through the mirror condition.
-    per_fall = (q.e - 1.0) / (1.0 + (q.e - 1.0) * thrown_whole)
+    per_fall = 1.0 / (1.0 + thrown_whole)
     wholes = of(tilt, whole), of(rate, whole), of(kick, whole), thrown_whole
     bob, bob_kick = _after(q, of_bob, closing), _after(q, of_bob_kick, closing)
     given = q.xi, q.tilt_sin, q.tilt_cos, span, step, slack, 0.5 * (step - slack), per_fall

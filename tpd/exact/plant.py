@@ -19,9 +19,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numba
+import numba.extending
 import numpy as np
 
-from tpd.core import files, machine_code
+from tpd.core import files, impacts, machine_code
 
 STEP = 1e-100
 """Imaginary part of an input in whose direction a derivative is taken. Its square is nothing beside 1, even
@@ -57,6 +58,18 @@ def compiled(function: Callable[..., Any], *, inline: bool = False) -> Any:
     options: Any = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     where: Any = {"inline": "always"} if inline else {}
     return numba.njit(inspect.unwrap(function), error_model="numpy", **options, **where)
+
+
+def shared(function: Callable[..., Any], form: Callable[..., Any] | None = None) -> Any:
+    """A function of `tpd.core` that compiled code can call as well, in another form if it has one."""
+    # By the name that Python calls: a checker of types may have wrapped it there.
+    plain = inspect.unwrap(function) if form is None else form
+    options: Any = {"nogil": True, "error_model": "numpy"}
+    numba.extending.overload(function, jit_options=options, strict=False)(lambda *_: plain)
+    return function
+
+
+shared(impacts.select, lambda condition, of_true, of_false: of_true if condition else of_false)
 
 
 def stored(function: Callable[..., Any], compiler: Any, signature: Any, **options: Any) -> Any:

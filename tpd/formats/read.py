@@ -51,6 +51,8 @@ def channels(
 ) -> list[Channel]:
     """Return all channels of a file, checked. Arguments and errors are those of `tpd.Record.read`."""
     _check_arguments(dt, baseline, unit)
+    if not isinstance(path, (str, os.PathLike)):
+        raise ValueError(f"`path` must name a file, but is {path!r}")
     file = Path(path)
     try:
         read = [checked(channel) for channel in _of_bytes(_content(file), dt, unit)]

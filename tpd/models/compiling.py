@@ -42,7 +42,11 @@ def sources(*kinds: str) -> list[Path]:
     package = Path(__file__).parent.parent
     models = sorted((package / "models").glob("*.py"))
     chosen = [f for f in models if f.name.startswith((*kinds, "custom_call"))]
-    return [*sorted((package / "exact").glob("*.py")), package / "core" / "orbit_terms.py", *chosen]
+    return [
+        *sorted((package / "exact").glob("*.py")),
+        *(package / "core" / f for f in ("impacts.py", "orbit_terms.py")),
+        *chosen,
+    ]
 
 
 @lru_cache(maxsize=8)

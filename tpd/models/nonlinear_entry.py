@@ -16,7 +16,7 @@ import numpy as np
 
 from tpd.exact import follow, repetition
 from tpd.exact.arcs import forcing_at, load_at, span_of, steady
-from tpd.exact.contact_kernel import mode_of, sign
+from tpd.exact.contact_kernel import bob_change, mode_of, sign, velocity_ratio
 from tpd.exact.follow import ARRIVED, EXHAUSTED, LOST, OUT, forcing_now, put_results
 from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.exact.motion import FIRST_PIECE, MOTION, NO, YES, clear, larger, note, note_angle, restart
@@ -96,23 +96,15 @@ def _first_event(q, m, order, h, c):
 @compiled
 def _land(q, m, capture, eta):
     """Change rates and mode at the impact of a block that has come down."""
-    # The impulse acts through the new corner. Block and bob together keep their angular momentum about it
-    # but for the loss, and the bob keeps its velocity across the rod, which pulls along itself only.
-    y, bob, corner = m.y, -0.5 * q.mu * q.m21, m.tilt * q.nu
-    sq, cq, before = math.sin(y[1]), math.cos(y[1]), y[2]
-    old, new = 2.0 * sq + corner * cq, 2.0 * sq - corner * cq
-    loss = q.e * (1.0 + bob * q.nu * q.nu) + bob * q.nu * q.nu
-    inertia = 1.0 + bob * new * new
-    # At most what conserves energy, as in `contact.impact_ratio`.
-    ratio = min((loss + bob * new * old) / inertia, math.sqrt((1.0 + bob * old * old) / inertia))
-    after = before if q.e == 1.0 else before * ratio
-    if abs(after) <= capture:
+    y, rho, before = m.y, -0.5 * q.m21, m.y[2]
+    sine, cosine = math.sin(y[1]), math.cos(y[1])
+    ratio = velocity_ratio(q.e, q.nu, q.mu, q.lam, rho, m.tilt, sine, cosine)
+    if abs(ratio * before) <= capture:
         decide(q, y, 0.0, 0.0, eta, m)
         if m.kind == REST:
-            after = 0.0
-    if after != before:
-        y[3] += (2.0 * cq * (after - before) + corner * sq * (after + before)) / q.lam
-    y[2] = after
+            ratio = 0.0
+    y[3] += bob_change(ratio, q.e, q.nu, q.mu, q.lam, rho, m.tilt, sine, cosine) * before
+    y[2] = after = ratio * before
     decide(q, y, 0.0, math.copysign(1.0, after) if after != 0.0 else 0.0, eta, m)
 
 

@@ -19,6 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from tpd.core import checks
 from tpd.core.equations import Equations, Terms
+from tpd.core.impacts import bob_change, velocity_ratio
 from tpd.core.parameters import Number, Parameters, State
 from tpd.core.status import Status
 from tpd.exact.contact import (
@@ -26,11 +27,7 @@ from tpd.exact.contact import (
     SLIP,
     STICK,
     Mode,
-    bob_jump,
-    captured_restitution,
     decide,
-    impact_jump,
-    impact_ratio,
     released,
     transversality_of,
 )
@@ -78,7 +75,7 @@ class Segmented(AbstractModel):
 
     As in the paper, a crossing of phi = 0 without loss leaves both rates as they are. At an impact with loss
     (e < 1) the rod pulls block and bob along itself; in the nonlinear equations this takes the bob's angle
-    into account: see `tpd.exact.contact.impact_ratio` and `bob_jump`. With Housner's e it conserves the
+    into account: see `tpd.core.impacts`. With Housner's e it conserves the
     angular momentum of block and bob about the new corner.
     Of grazing this model sees only an event that it meets, so that in practice derivatives next to one are
     not refused as those of the exact model are.
@@ -104,6 +101,7 @@ class Segmented(AbstractModel):
     """Bound on the solver steps of one segment."""
 
     def __check_init__(self) -> None:
+        checks.instance("terms", self.terms, Terms)
         for name in ("rtol", "cycle_rtol", "tolerance", "rest_rate"):
             checks.positive(name, getattr(self, name))
         for name in ("max_periods", "max_events", "max_steps"):
@@ -290,16 +288,13 @@ def _struck(equations: Equations, side: Number, y: State, sine: Number, rest_rat
     """The state after an impact of a block that comes down from the tilt of sign `side`."""
     p, e = equations.p, equations.p.velocity_ratio
     nonlinear = equations.terms is Terms.nonlinear
-    angle = p.nu, p.mu * equations.rho, side, jnp.sin(y[1]), jnp.cos(y[1])
-    # Without loss (4) has no jump at all.
-    ratio = jnp.where(e < 1.0, impact_ratio(e, *angle), e) if nonlinear else e
+    angle = (side, jnp.sin(y[1]), jnp.cos(y[1])) if nonlinear else (1.0, 0.0, 1.0)
+    law = e, p.nu, p.mu, p.lam, equations.rho, *angle
+    ratio = velocity_ratio(*law)
     rests = _held_on_base(equations, y, sine) & (ratio * jnp.abs(y[2]) <= rest_rate * p.nu)
-    ratio = captured_restitution(ratio, rests)
-    block, bob = impact_jump((ratio - 1.0) * y[2], p.lam)
-    if nonlinear:
-        lossy = bob_jump(ratio, p.nu, p.lam, *angle[2:]) * y[2]
-        bob = jnp.where(e < 1.0, lossy, angle[4] * bob)
-    return y.at[0].set(0.0).at[2].add(block).at[3].add(bob)
+    # All the impacts that are left: see `tpd.exact.contact_kernel.struck`.
+    ratio = jnp.where(rests, 0.0, ratio)
+    return y.at[0].set(0.0).at[2].multiply(ratio).at[3].add(bob_change(ratio, *law) * y[2])
 
 
 def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: float) -> _Run:

@@ -71,6 +71,7 @@ class Smoothed(AbstractModel):
     """Samples of one settled period, among which turning points are bracketed."""
 
     def __check_init__(self) -> None:
+        checks.instance("terms", self.terms, Terms)
         checks.within("sharpness", self.sharpness, 1e-6, 1.0)
         for name in ("rtol", "cycle_rtol", "tolerance"):
             checks.positive(name, getattr(self, name))

@@ -74,7 +74,7 @@ def animate(
         seconds = min(_SECONDS, 24.0 / scene.motion.frequency * slowed)
     frames = int(_RATE * seconds)
     times = start + np.arange(frames) / (_RATE * slowed)
-    reels = [reel(h, pendulum if h.with_pendulum else None, times) for h in histories if h.model == "exact"]
+    reels = [reel(h, pendulum if h.with_pendulum else None, times) for h in histories]
     figure, draw = _stage(scene, reels, times, slowed)
     film = list(_pictures(figure, draw, frames))
     out = io.BytesIO()

@@ -3,29 +3,32 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Polygon, Rectangle
+from scipy.optimize import root_scalar
 
 from tpd.core.bob import Bob
 from tpd.core.formatting import number
 from tpd.core.scene import Harmonic, Pendulum, Scene
+from tpd.design.criteria import Room, limit_of
+from tpd.design.result import Design
 from tpd.plot.style import BLUE, GREY, INK
 
 BODY = "#e8e8e8"
 """Fill of the block."""
 _METAL = "#b4bcc6"
-"""Fill of the bob."""
+"""Fill of bob and beam."""
 Label = tuple[str, tuple[float, float]]
 """Words, and the place (m) that they belong to."""
-_TALL, _WIDE = 4.2, 3.0
-"""Largest height and width of the part to scale, inches."""
-_LEFT, _RIGHT, _ABOVE, _BELOW = 1.15, 2.4, 0.5, 0.75
-"""Room for dimensions and words around it, inches."""
-
+_TALL, _WIDE = 4.0, 2.6
+"""Largest height and width of each view, inches."""
+_LEFT, _BETWEEN, _WORDS, _ABOVE, _BELOW = 0.75, 1.0, 2.6, 0.5, 0.9
+"""Room for dimensions and words around both views, inches."""
 _STROKE = {True: "settled stroke", False: "largest angle"}
 """Name of the bob's angle that is drawn, by whether the motion is harmonic."""
 
@@ -51,163 +54,206 @@ def rod(block: np.ndarray, length: float, angle: float) -> np.ndarray:
     return np.stack([hinge, hinge + length * np.array([math.sin(angle), -math.cos(angle)])])
 
 
+def plot_design(design: Design, ax: Axes | None = None) -> Axes:
+    """Draw a design, see `plot_scene`, its bob as the body that the limits ask room for.
+
+    Raises:
+        ValueError: axes are given: the drawing has a figure of its own, which sets its scale.
+    """
+    if ax is not None:
+        raise ValueError("`ax` must be None for a drawing, which has a figure of its own, but is given")
+    # Without the limit the search took a point; a body in the drawing would claim that it fits.
+    room = limit_of(design.limits, Room)
+    bob = room.bob if isinstance(room, Room) else None
+    return plot_scene(design.scene, design.pendulum, stroke=design.swing, bob=bob)
+
+
+class _Hung(NamedTuple):
+    """The pendulum as it is built, m and rad."""
+
+    pendulum: Pendulum
+    body: Bob
+    solid: bool
+    """Whether the body was asked for; else it only shows how large a point of this mass would be."""
+    rod: float
+    """Hinge to the body's centre, so that it swings as often as the point of the equations; the length of
+    these where no such rod exists."""
+    exists: bool
+    angle: float
+    """Angle drawn to both sides."""
+    depth: float
+    """Lowest point of the body below its hinge at any angle up to this."""
+    reach: float
+    """Largest distance of the body from the middle."""
+    wall: float
+    """Half the width between the walls."""
+
+    @staticmethod
+    def of(scene: Scene, pendulum: Pendulum, stroke: float, bob: Bob | None) -> _Hung:
+        body, mass, length = bob or Bob(), float(pendulum.mass), float(pendulum.length)
+        built = body.rod(mass, length, scene.gravity)
+        rod, angle = built if math.isfinite(built) else length, min(stroke, 0.5 * math.pi)
+        turned = [_body(body, mass, rod, x) for x in np.linspace(0.0, angle, 31)]
+        depth = -float(min(shape[:, 1].min() for shape in turned))
+        reach = float(body.reach(mass, rod, angle))
+        wall, exists = 0.5 * scene.block.room, math.isfinite(built)
+        return _Hung(pendulum, body, bob is not None, rod, exists, angle, depth, reach, wall)
+
+    @property
+    def clear(self) -> str:
+        """Words for the room between the body and the walls."""
+        mass = float(self.pendulum.mass)
+
+        def short(angle: float) -> float:
+            return float(self.body.reach(mass, self.rod, angle)) - self.wall
+
+        room = -short(self.angle)
+        said = f"{number(room, 3)} m clear to the wall" if room > 0.0 else "the bob strikes the wall"
+        if short(0.0) < 0.0 < short(0.5 * math.pi):
+            touches = float(root_scalar(short, bracket=(0.0, 0.5 * math.pi)).root)
+            said += f",\nwhich it meets at ±{touches:.3g} rad (±{math.degrees(touches):.3g}°)"
+        return said
+
+
 def plot_scene(
-    scene: Scene, pendulum: Pendulum | None, *, stroke: float = 0.0, bob: Bob | None = None
+    scene: Scene, pendulum: Pendulum | None = None, *, stroke: float = 0.0, bob: Bob | None = None
 ) -> Axes:
-    """Draw the block at rest, its cavity and its pendulum, to scale into a new figure.
+    """Draw the block at rest to scale into a new figure and, to a larger scale beside it, its pendulum as it
+    is to be built: beam and hinge, rod, body at rest and at both ends of its swing, depth and walls.
 
     Args:
         scene: block and base motion.
         pendulum: None for the bare block.
         stroke: largest bob angle of the settled motion, rad, drawn to both sides.
-        bob: the bob as a body; without it the bob is a point, with a ball of steel dotted around it.
+        bob: the bob as a body; without it a ball of steel is dotted around the point.
+
+    Returns:
+        The axes of the whole; those of the pendulum are the figure's second.
     """
-    half = _half_width(scene, pendulum, stroke, bob)
-    scale = min(_TALL / scene.block.height, _WIDE / (2.0 * half))
-    ax = _canvas(scene.block.height, half, scale)
+    hung = None if pendulum is None else _Hung.of(scene, pendulum, stroke, bob)
+    height, half = scene.block.height, 0.5 * scene.block.width
+    wide = max(half, 0.0 if hung is None else hung.reach)
+    scale = min(_TALL / height, _WIDE / (2.0 * wide))
+    left = _LEFT + 2.0 * wide * scale + (0.3 if hung is None else _BETWEEN)
+    side = 0.0 if hung is None else max(1.1 * hung.reach, min(1.15 * hung.wall, 2.5 * hung.reach))
+    larger = scale if hung is None else min(0.92 * _TALL / hung.depth, _WIDE / (2.0 * side))
+    size = left + (0.0 if hung is None else 2.0 * side * larger + _WORDS), _TALL + _ABOVE + _BELOW
+    figure = Figure(figsize=(max(size[0], 2.6), size[1]), dpi=130)
+    FigureCanvasAgg(figure)
+    ax = _view(figure, 0.0, left, (-wide - _LEFT / scale, -_BELOW / scale), scale)
     ax.add_patch(Polygon(corners(scene, 0.0), closed=True, fc=BODY, ec=INK, lw=1.4))
-    labels = _cavity(ax, scene)
-    if pendulum is not None:
-        labels += _pendulum(ax, scene, pendulum, stroke, bob)
-    a, height = 0.5 * scene.block.width, scene.block.height
-    labels.append((f"block, {number(scene.block.mass)} kg", (0.85 * a, 0.12 * height)))
-    labels.sort(key=lambda label: -label[1][1])
-    _labels(ax, labels, half + 0.35 / scale, scale, height)
-    _dimensions(ax, scene, pendulum, half, scale)
-    _base(ax, scene, half, scale)
+    _hollow(ax, scene)
+    inch = 1.0 / scale
+    _dimension(ax, (-half, height), (half, height), 0.2 * inch, f"{number(scene.block.width)} m", scale)
+    away = half - wide - 0.35 * inch
+    _dimension(ax, (-half, 0.0), (-half, height), away, f"{number(height)} m", scale)
+    _base(ax, scene, wide, scale)
+    if hung is not None:
+        _draw(ax, hung, height, detail=False)
+        low = (-side - _BETWEEN * 0.8 / larger, -(_TALL + _BELOW) / larger)
+        _detail(_view(figure, left - 0.8 * _BETWEEN, size[0], low, larger), scene, hung, side, larger)
     return ax
 
 
-def _half_width(scene: Scene, pendulum: Pendulum | None, stroke: float, bob: Bob | None) -> float:
-    """Largest distance of block and bob from the middle, m."""
-    swing = 0.0 if pendulum is None else pendulum.length * math.sin(min(stroke, 0.5 * math.pi))
-    if pendulum is not None and bob is not None:
-        # The sheet must hold the body at the end of its swing, also where that lies beyond the walls.
-        swing = float(bob.reach(pendulum.mass, pendulum.length, min(stroke, 0.5 * math.pi)))
-    return max(0.5 * scene.block.width, swing)
-
-
-def _cavity(ax: Axes, scene: Scene) -> list[Label]:
-    """Draw the cavity, if its width is given: open at the top, its depth is not known."""
-    wide, height = scene.block.cavity_width, scene.block.height
-    if wide is None:
-        return []
-    # A floor is drawn, so that the walls are seen to be those of a hollow block and not two bars.
-    c, floor = 0.5 * wide, 0.05 * height
-    ax.add_patch(Polygon([(-c, floor), (c, floor), (c, height), (-c, height)], fc="white", ec="none"))
-    # The hinge hangs from a beam across the opening.
-    ax.plot([-c, c], [height, height], color=INK, lw=0.9)
-    for side in (-c, c):
-        ax.plot([side, side], [floor, height], color=INK, lw=0.9)
-    return [(f"cavity, {number(wide)} m wide\n(its depth is not given)", (c, 0.3 * height))]
-
-
-def _canvas(height: float, half: float, scale: float) -> Axes:
-    """Axes that fill a figure, `scale` inches a metre, with room for words."""
-    width_in, height_in = 2.0 * half * scale + _LEFT + _RIGHT, height * scale + _ABOVE + _BELOW
-    figure = Figure(figsize=(width_in, height_in), dpi=130)
-    FigureCanvasAgg(figure)
-    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    ax.set(
-        xlim=(-half - _LEFT / scale, half + _RIGHT / scale), ylim=(-_BELOW / scale, height + _ABOVE / scale)
-    )
+def _view(figure: Figure, left: float, right: float, low: tuple[float, float], scale: float) -> Axes:
+    """Axes over the figure's whole height between two distances (inches) from its left, `scale` inches a
+    metre, with their lower left corner at `low` (m)."""
+    width, height = figure.get_size_inches()
+    ax = figure.add_axes((left / width, 0.0, (right - left) / width, 1.0))
+    ax.set(xlim=(low[0], low[0] + (right - left) / scale), ylim=(low[1], low[1] + height / scale))
     ax.set_aspect("equal")
     ax.set_axis_off()
     return ax
 
 
-def _pendulum(ax: Axes, scene: Scene, pendulum: Pendulum, stroke: float, bob: Bob | None) -> list[Label]:
-    """Draw the pendulum; returns labels and the places they belong to, m, from the top down."""
-    block, length = corners(scene, 0.0), pendulum.length
-    line = rod(block, length, 0.0)
-    words = [
-        (
-            f"hinge, {number(pendulum.hinge_damping(scene.gravity), 3)} N m s/rad\n"
-            f"({pendulum.damping_ratio:.3g} of critical)",
-            (float(line[0, 0]), float(line[0, 1])),
-        )
+def _hollow(ax: Axes, scene: Scene) -> None:
+    """Draw the cavity, if its width is given: open at the top, its depth is not known."""
+    wide, height = scene.block.cavity_width, scene.block.height
+    if wide is None:
+        return
+    # A floor is drawn, so that the walls are seen to be those of a hollow block and not two bars.
+    c, floor = 0.5 * wide, 0.05 * height
+    ax.add_patch(Polygon([(-c, floor), (c, floor), (c, height), (-c, height)], fc="white", ec="none"))
+    for side in (-c, c):
+        ax.plot([side, side], [floor, height], color=INK, lw=0.9)
+
+
+def _draw(ax: Axes, h: _Hung, top: float, *, detail: bool) -> None:
+    """Draw rod and body, their hinge at the height `top`: at rest and in detail at the ends of a swing."""
+    hinge, mass = np.array([0.0, top]), float(h.pendulum.mass)
+    if detail and h.angle > 0.0:
+        for angle in (-h.angle, h.angle):
+            end = h.rod * np.array([math.sin(angle), -math.cos(angle)])
+            ax.plot(*np.stack([hinge, hinge + end]).T, color=BLUE, lw=0.6, ls=(0, (1, 2)))
+            # The body at the ends of its swing shows what room it needs.
+            shape = _body(h.body, mass, h.rod, angle) + hinge
+            ax.add_patch(Polygon(shape, fill=False, ec=BLUE, lw=0.8, ls=(0, (4, 2))))
+    ax.plot([0.0, 0.0], [top, top - h.rod], color=BLUE, lw=2.0 if detail else 1.2)
+    style = {"fc": _METAL, "lw": 1.0} if h.solid else {"fill": False, "lw": 0.8, "ls": (0, (1, 1.5))}
+    ax.add_patch(Polygon(_body(h.body, mass, h.rod, 0.0) + hinge, ec=INK, zorder=3, **style))
+    ax.plot(0.0, top - h.rod, ".", ms=4 if detail else 2, color=INK, zorder=4)
+
+
+def _detail(ax: Axes, scene: Scene, h: _Hung, side: float, scale: float) -> None:
+    """Draw the pendulum with its hinge at the origin, dimensions to its left and words to its right."""
+    inch, p, low = 1.0 / scale, h.pendulum, -min(1.06 * h.depth, _TALL / scale)
+    half, hollow = 0.5 * scene.block.width, scene.block.cavity_width is not None
+    # Walls between the cavity and the outer faces, as far as the view goes; a solid block is all wall.
+    for sign in (-1.0, 1.0):
+        inner, outer = sign * min(h.wall if hollow else 0.0, side), sign * min(half, side)
+        ax.add_patch(Rectangle((inner, low), outer - inner, -low, fc=BODY, ec="none"))
+        if hollow and h.wall < side:
+            ax.plot([inner, inner], [low, 0.0], color=INK, lw=0.9)
+    ax.add_patch(Rectangle((-min(half, side), 0.0), 2.0 * min(half, side), 0.09 * inch, fc=_METAL, ec=INK))
+    _draw(ax, h, 0.0, detail=True)
+    ax.plot(0.0, 0.0, "o", ms=5, mfc="white", mec=INK, zorder=4)
+    outward = -side - 0.15 * inch
+    _dimension(ax, (0.0, -h.rod), (0.0, 0.0), outward, f"{number(h.rod)} m", scale)
+    _dimension(ax, (0.0, -h.depth), (0.0, 0.0), outward - 0.35 * inch, f"{number(h.depth, 3)} m", scale)
+    if hollow and h.wall < side:
+        between = f"{number(2.0 * h.wall)} m"
+        _dimension(ax, (-h.wall, 0.09 * inch), (h.wall, 0.09 * inch), 0.12 * inch, between, scale)
+    mass, end = float(p.mass), h.rod * np.array([math.sin(h.angle), -math.cos(h.angle)])
+    damper = f"{number(p.hinge_damping(scene.gravity), 3)} N m s/rad ({p.damping_ratio:.3g} of critical)"
+    wide, high = (2.0 * float(x) for x in (h.body.radius(mass), h.body.half_height(mass)))
+    size = f"{number(wide, 3)} m wide" + ("" if h.body.shape == "ball" else f", {number(high, 3)} m high")
+    of = f": {h.body.shape}" if h.solid else " (dotted: a ball of steel)"
+    built = f"{number(h.rod)} m as built" if h.exists else "none swings as often as"
+    words: list[Label] = [
+        (f"beam that carries the hinge; its damper:\n{damper}", (0.0, 0.0)),
+        (f"rod, hinge to centre: {built}\n({number(p.length)} m in the equations)", (0.0, -0.4 * h.rod)),
+        (f"bob, {number(mass)} kg{of}\n{size}", (0.0, -h.rod)),
+        (f"depth below the hinge: {number(h.depth, 3)} m", (0.0, -h.depth)),
     ]
-    if stroke > 0.0:
-        arc = np.stack([rod(block, length, x)[1] for x in np.linspace(-stroke, stroke, 61)])
-        ax.plot(*arc.T, color=BLUE, lw=1.0, ls=(0, (4, 2)))
-        for end in (arc[0], arc[-1]):
-            ax.plot(*np.stack([line[0], end]).T, color=BLUE, lw=0.6, ls=(0, (1, 2)))
-        angle = (
-            f"{_STROKE[isinstance(scene.motion, Harmonic)]} ±{stroke:.3g} rad\n(±{math.degrees(stroke):.3g}°)"
-        )
-        words.append((angle, (float(arc[-1, 0]), float(arc[-1, 1]))))
-    ax.plot(*line.T, color=BLUE, lw=2.0)
-    ax.plot(*line[0], "o", ms=5, mfc="white", mec=INK)
-    if bob is not None and stroke > 0.0:
-        # The body at the ends of its swing shows what room it needs.
-        for angle in (-stroke, stroke):
-            swung = _outline(bob, pendulum.mass) @ _turned(angle) + rod(block, length, angle)[1]
-            ax.add_patch(Polygon(swung, fill=False, ec=BLUE, lw=0.8, ls=(0, (4, 2))))
-    words.append((_bob(ax, pendulum, bob, line[1]), (float(line[1, 0]), float(line[1, 1]))))
-    return words
+    if h.angle > 0.0:
+        name, degrees = _STROKE[isinstance(scene.motion, Harmonic)], math.degrees(h.angle)
+        said = f"{name} ±{h.angle:.3g} rad (±{degrees:.3g}°)"
+        words.insert(2, (f"{said}\n{h.clear}" if hollow else said, (float(end[0]), float(end[1]))))
+    _labels(ax, words, side + 0.3 * inch, scale)
 
 
-def _bob(ax: Axes, pendulum: Pendulum, bob: Bob | None, centre: np.ndarray) -> str:
-    """Draw the bob to scale; returns its label."""
-    x, y = map(float, centre)
-    label = f"bob, {number(pendulum.mass)} kg"
-    if bob is None:
-        # Somebody has to hang something: a dotted ball shows how large a point of this mass would be.
-        radius = float(Bob().radius(pendulum.mass))
-        ax.add_patch(Circle((x, y), radius, fill=False, ec=INK, lw=0.7, ls=(0, (1, 1.5))))
-        ax.plot(x, y, "o", ms=6, color=INK)
-        return f"{label}\n(dotted: a ball of steel)"
-    ax.add_patch(Polygon(_outline(bob, pendulum.mass) + centre, fc=_METAL, ec=INK, lw=1.0, zorder=3))
-    ax.plot(x, y, ".", ms=3, color=INK, zorder=4)
-    wide, high = (2.0 * float(size) for size in (bob.radius(pendulum.mass), bob.half_height(pendulum.mass)))
-    size = f"{number(wide, 3)} m wide" + ("" if bob.shape == "ball" else f", {number(high, 3)} m high")
-    return f"{label}: {bob.shape}\n{size}"
-
-
-def _outline(bob: Bob, mass: float) -> np.ndarray:
-    """Outline of the bob about its centre with its rod upright, m, shape (n, 2)."""
+def _body(bob: Bob, mass: float, rod: float, angle: float) -> np.ndarray:
+    """Outline of the body about its hinge at an angle (rad) of the rod from the vertical, m, shape (n, 2)."""
     r, h = float(bob.radius(mass)), float(bob.half_height(mass))
+    shape = np.array([[-r, -h], [r, -h], [r, h], [-r, h]])
     if bob.shape == "ball":
         around = np.linspace(0.0, 2.0 * np.pi, 73)
-        return r * np.stack([np.cos(around), np.sin(around)], axis=1)
-    return np.array([[-r, -h], [r, -h], [r, h], [-r, h]])
-
-
-def _turned(angle: float) -> np.ndarray:
-    """Matrix that turns row vectors as the rod turns at an angle (rad) from the vertical."""
+        shape = r * np.stack([np.cos(around), np.sin(around)], axis=1)
     # Row vectors stand to the left of a matrix, so that this is the transpose of the usual one.
     c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, s], [-s, c]])
+    return (shape - np.array([0.0, rod])) @ np.array([[c, s], [-s, c]])
 
 
-def _labels(ax: Axes, labels: list[Label], x: float, scale: float, height: float) -> None:
+def _labels(ax: Axes, labels: list[Label], x: float, scale: float) -> None:
     """Write labels in a column at `x`, none over another, each with a line to its place."""
-    room, top = 0.42 / scale, height + 0.1 / scale
-    for i, (words, place) in enumerate(labels):
-        y = min(place[1], top)
+    heights = [(0.29 + 0.15 * words.count("\n")) / scale for words, _ in labels]
+    top, left = 0.25 / scale, sum(heights) - (_TALL + 0.4) / scale
+    for (words, place), high in zip(labels, heights, strict=True):
         # Labels further below need their room as well.
-        y = max(y, (len(labels) - 1 - i) * room - 0.1 / scale)
-        top = y - room
-        ax.annotate(
-            words,
-            xy=place,
-            xytext=(x, y),
-            fontsize=8,
-            va="center",
-            color=INK,
-            arrowprops={"arrowstyle": "-", "lw": 0.6, "color": INK, "shrinkB": 3, "relpos": (0.0, 0.5)},
-        )
-
-
-def _dimensions(ax: Axes, scene: Scene, pendulum: Pendulum | None, half: float, scale: float) -> None:
-    """Draw dimension lines: width above the block, height and length of the pendulum to its left."""
-    a, height, inch = 0.5 * scene.block.width, scene.block.height, 1.0 / scale
-    outer = -half - (0.4 if pendulum is None else 0.8) * inch
-    _dimension(ax, (-a, height), (a, height), 0.2 * inch, f"{number(scene.block.width)} m", scale)
-    _dimension(ax, (-a, 0.0), (-a, height), outer + a, f"{number(height)} m", scale)
-    if pendulum is not None:
-        low = height - pendulum.length
-        _dimension(ax, (0.0, low), (0.0, height), -half - 0.35 * inch, f"{number(pendulum.length)} m", scale)
+        y = max(min(place[1], top - 0.5 * high), left - 0.5 * high)
+        top, left = y - 0.5 * high, left - high
+        line = {"arrowstyle": "-", "lw": 0.6, "color": INK, "shrinkB": 3, "relpos": (0.0, 0.5)}
+        ax.annotate(words, xy=place, xytext=(x, y), fontsize=8, va="center", color=INK, arrowprops=line)
 
 
 def _dimension(
@@ -252,6 +298,6 @@ def _base(ax: Axes, scene: Scene, half: float, scale: float) -> None:
     )
     words = "base: ground motions"
     if swings:
-        words = f"base: ±{number(motion.amplitude, 3)} m at {number(motion.frequency)} Hz"
-    words += "" if true else "\n(arrow not to scale)"
+        words = f"base: ±{number(motion.amplitude, 3)} m\nat {number(motion.frequency)} Hz"
+    words = f"block: {number(scene.block.mass)} kg\n{words}"
     ax.text(0.0, y - 0.1 * inch, words, fontsize=8, ha="center", va="top", color=INK)

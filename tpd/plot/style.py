@@ -1,4 +1,4 @@
-"""Style of all pictures: palette, markers, labels of axes, new axes, and PNG."""
+"""Style of all pictures: palette, markers, labels of axes, new axes, PNG and SVG."""
 
 from __future__ import annotations
 
@@ -15,9 +15,15 @@ INK, GREY, BLUE, ORANGE = "#1a1a1a", "#9a9a9a", "#1f5fa8", "#d9822b"
 CASES: tuple[dict[str, Any], ...] = (
     {"color": GREY, "marker": "s", "ls": "--", "ms": 5.0, "mfc": "white", "mec": INK, "lw": 1.2}
     | {"label": "bare block"},
-    {"color": BLUE, "marker": "o", "ls": "-", "ms": 3.5, "lw": 1.2, "label": "with the pendulum"},
+    {"color": BLUE, "marker": "o", "ls": "-", "ms": 3.5, "mfc": BLUE, "mec": BLUE, "lw": 1.2}
+    | {"label": "with the pendulum"},
 )
 """Lines of the bare block and of the block with a pendulum, which differ in grey as well."""
+LINES: tuple[dict[str, Any], ...] = tuple(
+    {"color": case["color"], "label": case["label"], "lw": lw}
+    for case, lw in zip(CASES, (2.2, 1.0), strict=True)
+)
+"""Dense lines of both, without markers: the broad one below the thin one."""
 
 LABELS = {
     "nu": r"slenderness $\nu$ = a/b (-)",
@@ -43,35 +49,23 @@ LABELS = {
 """Labels of an axis by the name of the quantity along it."""
 
 
-def overturned(ax: Any, x: np.ndarray, top: float, case: int, toppling: float | None = None) -> None:
-    """Mark at `x` where the block overturns from rest, in the style of one of `CASES`: open triangles
-    without a pendulum, filled crosses with it; at the tilt at which it topples, or near `top` without one."""
-    style, level = CASES[case], top * (1.0 - 0.05 * case) if toppling is None else toppling
-    if len(x):
-        label = f"{style['label']}: overturns from rest"
-        face = ("white", style["color"])[case]
-        marks: dict[str, Any] = {"marker": "^X"[case], "ms": (6.5, 5.5)[case], "mfc": face, "clip_on": False}
-        ax.plot(
-            x,
-            np.full(len(x), level),
-            ls="",
-            mec=style.get("mec", style["color"]),
-            label=label,
-            zorder=4 - case,
-            **marks,
-        )
-
-
 def in_degrees(ax: Any) -> None:
     """Give a vertical axis in radians a second scale in degrees."""
     ax.secondary_yaxis("right", functions=(np.degrees, np.radians)).set_ylabel("degrees")
 
 
-def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6)) -> Any:
-    """Axes of a new figure; an array of them if `rows` > 1."""
+def legend(ax: Any, columns: int = 2, **place: Any) -> None:
+    """A legend without a frame, above the axes unless `place` says otherwise, if anything has a label."""
+    if ax.get_legend_handles_labels()[0]:
+        above = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": columns}
+        ax.legend(fontsize=8, frameon=False, **(place or above))
+
+
+def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6), columns: int = 1) -> Any:
+    """Axes of a new figure; an array of them if there are several, which share the axis between them."""
     figure = Figure(figsize=size, layout="constrained", dpi=130)
     FigureCanvasAgg(figure)
-    return figure.subplots(rows, 1, sharex=rows > 1)
+    return figure.subplots(rows, columns, sharex=rows > 1, sharey=columns > 1)
 
 
 def svg(figure: Any) -> bytes:

@@ -20,20 +20,29 @@ class Severity(enum.Enum):
     """How much a note matters to somebody who would build the design; in the order of a report."""
 
     danger = 0
-    warning = 1
-    information = 2
+    """The block overturns more often, or the bob strikes a wall."""
+    note = 1
+    """Anything else that changes what one may conclude."""
 
 
 @dataclass(frozen=True)
 class Note:
-    """A statement, one or more sentences."""
+    """A statement that must be read, one or more sentences."""
 
     severity: Severity
     text: str
     kind: ClassVar[str] = "note"
 
 
-danger, warning, information = (partial(Note, severity) for severity in Severity)
+danger, note = (partial(Note, severity) for severity in Severity)
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph."""
+
+    text: str
+    kind: ClassVar[str] = "text"
 
 
 @dataclass(frozen=True)
@@ -76,8 +85,6 @@ class Figure:
     name: str
     alt: str
     caption: str
-    narrow: bool = False
-    """Whether two of these fit side by side."""
     kind: ClassVar[str] = "figure"
 
     def __post_init__(self) -> None:
@@ -101,7 +108,7 @@ class Code:
     kind: ClassVar[str] = "code"
 
 
-Block = Note | Table | Figure | Listing | Code
+Block = Note | Text | Table | Figure | Listing | Code
 
 
 @dataclass(frozen=True)
@@ -110,14 +117,23 @@ class Section:
 
     title: str
     blocks: tuple[Block, ...]
+    printed: bool = False
+    """Whether it belongs to the pages that are printed."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """A whole report, the verdict first. The first sections hold the scene and the notes."""
+    """A whole report: the first screen, and sections in the order in which an engineer asks."""
 
     title: str
     verdict: Note
+    dangers: tuple[Note, ...]
+    answer: Table
+    """Rows of a name and what is said of it."""
+    comparison: Table | None
+    """With and without the pendulum, from one set of runs."""
+    figures: tuple[Figure, ...]
+    """Drawing and animation."""
     sections: tuple[Section, ...]
 
 

@@ -1,14 +1,16 @@
-"""Files of a report: text, JSON, the job that repeats it, pictures and the page, in one directory."""
+"""Files of a report: text, JSON, the job that repeats it, tables, pictures and the page, in one directory."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from tpd.core import files
-from tpd.design.result import DesignStatus, HarmonicDesign
+from tpd.design.ground.design import GroundDesign
+from tpd.design.result import Design, DesignStatus
 from tpd.design.study import Study
-from tpd.report import pictures
+from tpd.report import ground, pictures
 from tpd.report.content import content
 from tpd.report.html import html
 from tpd.report.json import as_json
@@ -17,7 +19,7 @@ from tpd.report.text import text
 
 
 def write(
-    directory: Path, design: HarmonicDesign, study: Study, job_tables: dict[str, Any], job_toml: str
+    directory: Path, design: Design, study: Study, job_tables: dict[str, Any], job_toml: str
 ) -> list[Path]:
     """Write the whole report; each file appears complete or not at all. Returns the files.
 
@@ -25,29 +27,40 @@ def write(
         directory: made if it does not exist.
         design: the answer of `optimise`.
         study: everything else that is shown, from `tpd.design.study.study`.
-        job_tables: the job as plain tables, for design.json.
-        job_toml: the job as a file that repeats the run, for scene.toml.
+        job_tables: the job as plain tables, for design.json; empty where no job file says what was asked.
+        job_toml: the job as a file that repeats the run, for scene.toml; empty where there is none.
     """
     named = {"name": job_tables.get("project", {}).get("name", ""), "date": files.today()}
-    report = content(design, study, job_toml, directory, **named)
+    report = content(design, study, job_toml, directory if job_toml else None, **named)
     written = [
-        files.place(directory / "report.txt", text(content(design, study, directory=directory, **named))),
-        files.place(directory / "design.json", as_json(design, study, job_tables)),
-        files.place(directory / "scene.toml", job_toml),
+        files.place(directory / name, inside)
+        for name, inside in _words(design, study, job_tables, job_toml)
     ]
-    if study.responses:
-        written.append(files.place(directory / "response.csv", response_csv(study.responses)))
-    if study.histories:
-        written.append(files.place(directory / "motion.csv", motion_csv(study.histories)))
+    written.insert(0, files.place(directory / "report.txt", text(report)))
     # Numbers are safe on disk before the pictures, which take longest, are drawn.
     drawn = {}
     for name in pictures.names(design, study):
         drawn[name] = pictures.draw(name, design, study)
         written.append(files.place(directory / name, drawn[name]))
-    # The page holds the PNG; the SVG is for drawings of one's own, where lines and words are edited.
-    if "drawing.png" in drawn:
-        written.append(files.place(directory / "drawing.svg", pictures.drawing_svg(design)))
     if design.status is not DesignStatus.interrupted:
         # Last, so that a page stands for a whole report.
         written.append(files.place(directory / "report.html", html(report, drawn)))
     return written
+
+
+def _words(
+    design: Design, study: Study, job_tables: dict[str, Any], job_toml: str
+) -> Iterator[tuple[str, str]]:
+    """Names and contents of the files of numbers."""
+    yield "design.json", as_json(design, study, job_tables)
+    if job_toml:
+        yield "scene.toml", job_toml
+    if study.responses:
+        yield "response.csv", response_csv(study.responses)
+    if study.histories:
+        yield "motion.csv", motion_csv(study.histories)
+    if isinstance(design, GroundDesign):
+        if design.searched is not None:
+            yield "designs.csv", ground.designs_csv(design)
+        if design.judged:
+            yield "groups.csv", ground.groups_csv(design)

@@ -11,15 +11,15 @@ import jinja2
 
 from tpd.report.blocks import Report
 
-_KINDS = {b"\x89PNG": "image/png", b"GIF8": "image/gif"}
+_KINDS = {b"\x89PNG": "image/png", b"GIF8": "image/gif", b"<?xml": "image/svg+xml", b"<svg": "image/svg+xml"}
 
 
 def html(report: Report, pictures: Mapping[str, bytes]) -> str:
-    """Return the page.
+    """Return the page: on its first screen verdict, drawing, answer and comparison, and all else folded.
 
     Args:
         report: from `tpd.report.content.content`; everything in it is escaped.
-        pictures: contents of PNG or GIF files by name; figures without one are left out.
+        pictures: contents of SVG, PNG or GIF files by name; figures without one are left out.
 
     Raises:
         ValueError: a picture of another kind.
@@ -41,5 +41,5 @@ def _template() -> jinja2.Template:
 def _uri(image: bytes) -> str:
     kind = next((mime for start, mime in _KINDS.items() if image.startswith(start)), None)
     if kind is None:
-        raise ValueError("`pictures` must hold PNG or GIF files only")
+        raise ValueError("`pictures` must hold SVG, PNG or GIF files only")
     return f"data:{kind};base64,{base64.b64encode(image).decode()}"

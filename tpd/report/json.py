@@ -1,4 +1,7 @@
-"""Report as JSON: the design in full, SI and dimensionless, as `design.schema.json` describes it."""
+"""Report as JSON: the design in full, SI and dimensionless, as `design.schema.json` describes it.
+
+All designs have the same keys; what only harmonics, or only ground motions, have lies under `details`.
+"""
 
 from __future__ import annotations
 
@@ -8,63 +11,101 @@ from typing import Any
 
 import numpy as np
 
-from tpd.analysis.benefit import Benefit, Change
 from tpd.analysis.outcomes import Outcomes
 from tpd.analysis.paired import Verdict
 from tpd.core import files
 from tpd.core.conditions import Conditions
 from tpd.design.criteria import Limit
-from tpd.design.front import FrontPoint
+from tpd.design.ground.design import GroundDesign
+from tpd.design.ground.judgement import Judged
 from tpd.design.objective import KINDS
 from tpd.design.reading import VERSION
-from tpd.design.result import HarmonicDesign
+from tpd.design.result import Design, HarmonicDesign
 from tpd.design.study import Study
 from tpd.design.survey import Survey
 from tpd.design.verified import Reason
+from tpd.report.answer import verdict
 from tpd.report.notes import notes
 
-_STUDY = ("responses", "comparison", "elasticities", "front", "earthquakes", "left_out")
-"""Parts of a study; time histories and the uplift region follow from the job in no time."""
 _EVALUATION = ("tilt", "stroke", "margin", "multiplier", "reserve")
+_SINGLE = ("runs", "fits", "ends")
+"""Fields of a group of motions that are runs by the hundred, or follow from the others."""
 
 
-def as_json(design: HarmonicDesign, study: Study, job_tables: dict[str, Any]) -> str:
+def as_json(design: Design, study: Study, job_tables: dict[str, Any]) -> str:
     """The design as sorted JSON; infinite and unknown numbers are the words "infinite" and "nan"."""
-    p, hung = design.scene.parameters(design.pendulum), design.pendulum
+    hung, gravity = design.pendulum, float(design.scene.gravity)
     entries = {
         "version": VERSION,
         "status": design.status.name,
-        "status_message": design.status.value,
+        "verdict": verdict(design).text,
+        "reasons": list(design.refusals),
         "notes": notes(design, study),
         "pendulum": hung,
-        "hinge_damping_N_m_s_per_rad": None if hung is None else hung.hinge_damping(design.scene.gravity),
+        "hinge_damping_N_m_s_per_rad": None if hung is None else float(hung.hinge_damping(gravity)),
+        "alike": design.alike,
+        "comparison": design.comparison,
+        "build": study.build,
+        "front": study.front,
+        "risk": design.risk,
+        "worth": replace(design.worth, strikes=_allowed(design)),
+        "limits": {limit.name: _limit(limit) for limit in design.limits},
+        "conditions": design.conditions,
+        "space": design.space,
+        "seed": design.seed,
+        "job": job_tables,
+        "versions": files.versions(),
+        "left_out": study.left_out,
+        "details": _harmonic(design, study) if isinstance(design, HarmonicDesign) else _ground(design),
+    }
+    return files.as_json(plain(entries))
+
+
+def _allowed(design: Design) -> float:
+    return design.worth.broken if design.conditions.motions else design.worth.allowed
+
+
+def _harmonic(design: HarmonicDesign, study: Study) -> dict[str, Any]:
+    p = design.scene.parameters(design.pendulum)
+    return {
+        "kind": "harmonic",
         "amplitude_rad": design.amplitude,
         "amplitude_without_rad": design.amplitude_without,
         "stroke_rad": design.stroke,
         "parameters": {**vars(p), "rho": p.inertia_ratio, "e": p.velocity_ratio},
-        "risk": design.risk,
-        "worth": replace(design.worth, strikes=design.worth.allowed),
-        "limits": {limit.name: _limit(limit) for limit in design.limits},
-        "conditions": design.conditions,
         "verified": design.verified,
         "bare": design.bare,
         "nearest": design.nearest,
         "search": design.search,
         "surveys": [_survey(found) for found in design.surveys],
         "losses": design.losses,
-        "elasticities": design.elasticities,
-        "study": {name: getattr(study, name) for name in _STUDY} | {"usage": dict(study.usage)},
-        "seed": design.seed,
         "settings": design.settings,
-        "job": job_tables,
-        "versions": files.versions(),
+        "responses": study.responses,
+        "models": study.comparison,
+        "usage": dict(study.usage),
     }
-    return files.as_json(plain(entries))
+
+
+def _ground(design: Any) -> dict[str, Any]:
+    assert isinstance(design, GroundDesign)
+    named = ("mu", "lam", "zeta")
+    return {
+        "kind": "ground motions",
+        "best": None if design.best is None else dict(zip(named, design.best, strict=True)),
+        "value": {"best": design.value, "trend": design.trend, "bare": design.bare},
+        "groups": design.judged,
+        "usage": {} if design.usage is None else dict(zip(design.names, design.usage, strict=True)),
+        "searched": None if design.searched is None else design.searched._asdict(),
+        "block": design.scene.block,
+        "gravity": float(design.scene.gravity),
+        "settings": design.settings,
+    }
 
 
 def _limit(limit: Limit) -> Any:
-    """Value of a limit, or true where it has none."""
-    return next(iter(vars(limit).values()), True)
+    """Value of a limit, or true where it has none; of a user's own all its fields."""
+    values = vars(limit)
+    return next(iter(values.values())) if len(values) == 1 else values or True
 
 
 def plain(x: Any) -> Any:
@@ -75,35 +116,29 @@ def plain(x: Any) -> Any:
         case np.ndarray() | np.generic():
             return x.tolist()
         case Outcomes() | Verdict():
-            return x.summary()
+            return plain(x.summary())
         case Survey():
             # Of one design.
             return {"bare": x.bare.tolist(), **(_surveyed(x, 0) or {})}
-        case Change() | FrontPoint():
-            return plain(x._asdict())
-        case Benefit():
-            # A pair in a list would leave open which of the two is with the pendulum.
-            with_it, without = x.by_condition
-            named = {f.name: plain(getattr(x, f.name)) for f in fields(x)}
-            return named | {"by_condition": {"with": with_it.tolist(), "without": without.tolist()}}
         case Conditions():
             return {"description": list(x.description), "factors": plain(dict(x.factors))}
+        case Judged():
+            medians = [fit.median for fit in x.fits]
+            kept = {f.name: getattr(x, f.name) for f in fields(x) if f.name not in _SINGLE}
+            return plain(kept | {"medians": medians})
         case dict():
             return {k: plain(v) for k, v in x.items()}
     # By its fields and not by its class: an evaluation is a tuple, and tuples are lists below.
     if hasattr(x, "merit_slope"):
-        return _evaluation(x)
+        kinds = [KINDS[int(k)] for k in x.kind[0]]
+        return {n: getattr(x, n)[0].tolist() for n in _EVALUATION} | {"kind": kinds}
     if is_dataclass(x):
         # A reason is data first; the sentence spares every reader the making of one.
         sentence = {"sentence": str(x)} if isinstance(x, Reason) else {}
         return {f.name: plain(getattr(x, f.name)) for f in fields(x)} | sentence
+    if hasattr(x, "_asdict"):
+        return plain(x._asdict())
     return [plain(v) for v in x] if isinstance(x, (list, tuple)) else x
-
-
-def _evaluation(e: Any) -> dict[str, Any]:
-    """One design under all conditions, without derivatives."""
-    kinds = [KINDS[int(k)] for k in e.kind[0]]
-    return {n: getattr(e, n)[0].tolist() for n in _EVALUATION} | {"kind": kinds}
 
 
 def _survey(found: Survey) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Notes of a report: dangers, warnings and facts for somebody who would hang the pendulum."""
+"""Notes of a report: dangers (overturning and strikes), and what else changes what one may conclude."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from tpd.analysis.attractors import Starts
 from tpd.analysis.paired import SIGNIFICANT, chance_of
 from tpd.analysis.response import Response
 from tpd.core.bob import Bob
-from tpd.core.scene import STANDARD_GRAVITY, Block, Pendulum
+from tpd.core.scene import Block, Pendulum
 from tpd.core.status import SETTLED
 from tpd.design.criteria import Room, Worth, limit_of
-from tpd.design.result import DesignStatus, HarmonicDesign
+from tpd.design.ground.design import GroundDesign
+from tpd.design.ground.groups import Role, unnamed
+from tpd.design.ground.judgement import Judged
+from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.design.study import Study
 from tpd.design.verified import Verified
-from tpd.report import earthquakes
-from tpd.report.blocks import Note, danger, information, warning
-from tpd.report.words import bob_of, finite_max, source_of_tilts
+from tpd.report.blocks import Note, danger, note
+from tpd.report.words import finite_max
 
-LARGE_PEAK = 0.7
-"""Share of the tilt at which the block topples; a start from rest beyond it is called dangerous."""
 GRAVE = 2.0
 """Ratio to the bare block's amplitude above which more rocking at another frequency is told first."""
 LARGE_STROKE = 0.3
@@ -31,67 +31,48 @@ SLOW = 0.95
 """Largest Floquet multiplier above which a motion attracts slowly."""
 _WIDTHS, _FEW = (0.01, 0.03, 0.1), 3
 """Relative half widths about a frequency whose neighbours are counted, and the fewest frequencies."""
-_FELT = 0.005
-"""Share of the pendulum's frequency by which a body and a rod may change it without a word."""
 
 
-def notes(design: HarmonicDesign, study: Study) -> tuple[Note, ...]:
+def notes(design: Design, study: Study) -> tuple[Note, ...]:
     """All notes on a design: dangers first, else in the order of the generators below."""
-    found = [*_interruptions(design, study), *_responses(design, study), *_searched(design)]
-    if design.winner is not None and design.pendulum is not None:
-        found += [*_overturning(design, design.winner), *_repeated(design.winner)]
-        found += [*_from_rest(design.winner), *_strikes(design, design.winner, design.pendulum)]
-        found += thick(design.pendulum, bob_of(design.limits), design.scene.gravity)
-        found += [*_settled(design.winner), *_starts(design, design.winner)]
-    found += earthquakes.notes(study.earthquakes)
-    return tuple(sorted(found, key=lambda note: note.severity.value))
+    found = list(_interruptions(design, study))
+    if isinstance(design, GroundDesign):
+        found += [*_lossless(design), *_groups(design), *_unknown_in_search(design)]
+    elif isinstance(design, HarmonicDesign):
+        found += _responses(design, study)
+        if design.winner is not None and design.pendulum is not None:
+            found += [*_from_rest(design, design.winner), *_strikes(design, design.winner, design.pendulum)]
+            found += [*_settled(design.winner), *_starts(design, design.winner)]
+    return tuple(sorted(found, key=lambda n: n.severity.value))
 
 
-def _interruptions(design: HarmonicDesign, study: Study) -> Iterator[Note]:
+def _interruptions(design: Design, study: Study) -> Iterator[Note]:
     if design.status is DesignStatus.interrupted:
-        yield warning("The search was interrupted; nothing below is the best of the design space.")
+        yield note("The search was interrupted; nothing below is the best of the design space.")
     for part in study.left_out:
-        yield warning(f"This report goes without {part}: its computation was interrupted.")
+        yield note(f"This report goes without {part}: its computation was interrupted.")
 
 
-def _searched(design: HarmonicDesign) -> Iterator[Note]:
-    """Notes on the search as a whole, with or without an answer."""
-    lost = design.search.screened_overturned
-    if lost.any():
-        yield information(
-            f"Of the designs screened, {np.mean(lost):.0%} overturn the block or reach no settled motion: a "
-            "pendulum in the wrong place does harm."
-        )
-    yield information(
-        f"Tilts are those of {source_of_tilts(design)}, by the linear equations of Collini et al. (2016); "
-        "the survey from rest, the refinement and the verification are by the nonlinear ones. Other starts "
-        "may settle elsewhere, and an earthquake is not a harmonic motion."
-    )
-
-
-def _overturning(design: HarmonicDesign, winner: Verified) -> Iterator[Note]:
-    """Overturning from rest, with the pendulum and without."""
+def _from_rest(design: HarmonicDesign, winner: Verified) -> Iterator[Note]:
+    """Overturning from rest, one run for each condition, and whether anything shows that it is less."""
     lost, bare = (m.status == "overturned" for m in (winner.exact, design.bare.exact))
     harmed, saved = np.flatnonzero(lost & ~bare), int(np.sum(bare & ~lost))
     if harmed.size:
-        # One run of each condition: near overturning its end is chance, and only the counts say something.
-        yield (danger if harmed.size >= saved else warning)(
+        # Near overturning the end of one run is chance, and only the counts say something.
+        yield (danger if harmed.size >= saved else note)(
             "By the linear equations, one run from rest for each condition, this pendulum OVERTURNS the "
             f"block under {harmed.size} of {lost.size} conditions that it stands without, and saves it under "
             f"{saved}. The first: {design.conditions.label(int(harmed[0]))}."
         )
-    if lost.any():
-        yield warning(
-            f"From rest the block overturns under {lost.sum()} of {lost.size} conditions with the pendulum "
-            f"and {bare.sum()} without."
-        )
-    share = winner.exact.peak / (design.scene.block.slenderness * design.conditions.column("slenderness"))
-    if np.any(share[~lost] > LARGE_PEAK):
-        yield danger("On the way from rest the block comes near the tilt at which it topples.")
+    rest = winner.rest
+    if rest is not None and np.any(rest.severity >= 1.0):
+        worse = np.sum(rest.severity >= 1.0) > np.sum(rest.bare >= 1.0)
+        said = "A single run near overturning says little: the paired runs decide."
+        yield (danger if worse else note)(f"{rest.told} {said}")
     if not _overturns_less(lost, bare, winner):
-        yield warning(
+        yield note(
             "Nothing shows that the block overturns less with this pendulum: neither from rest nor in the "
-            "ensemble are there significantly fewer cases. It lessens the steady tilt."
+            "paired runs are there significantly fewer cases. It lessens the tilt."
         )
 
 
@@ -103,56 +84,25 @@ def _overturns_less(lost: np.ndarray, bare: np.ndarray, winner: Verified) -> boo
     return any(better > worse and chance_of(better, worse) < SIGNIFICANT for worse, better in pairs)
 
 
-def _repeated(winner: Verified) -> Iterator[Note]:
-    """Overturning in the paired runs."""
-    runs = winner.paired
-    if runs is None:
+def _strikes(design: HarmonicDesign, winner: Verified, pendulum: Pendulum) -> Iterator[Note]:
+    """At most one note: strikes in the runs or, where no room was asked for, the first angle at which the bob
+    as a body would strike the walls."""
+    if limit_of(design.limits, Room) is not None:
+        # A job may allow any share: strikes are a danger all the same.
+        if winner.strikes > Worth().allowed:
+            yield danger(f"The bob strikes a wall in {winner.strikes:.1%} of the paired runs that stand.")
         return
-    if runs.harms:
-        yield danger(f"More runs overturn with the pendulum. {runs.chance_in_words}")
-    hung, bare = runs.hung.overturned, runs.bare.overturned
-    yield information(
-        f"Of {len(runs.hung.status)} runs of the {runs.equations} equations {hung} overturn with the "
-        f"pendulum, {bare} without."
-    )
-
-
-def _from_rest(winner: Verified) -> Iterator[Note]:
-    """Overturning from rest by the nonlinear equations though the design is offered."""
-    rest = winner.rest
-    if rest is not None and np.any(rest.severity >= 1.0):
-        worse = np.sum(rest.severity >= 1.0) > np.sum(rest.bare >= 1.0)
-        said = "A single run near overturning says little: the paired runs decide."
-        yield (danger if worse else warning)(f"{rest.told} {said}")
-
-
-def _strikes(design: HarmonicDesign, winner: Verified, pendulum: Pendulum) -> list[Note]:
-    """At most one note: the first angle at which the bob as a body would strike the walls, or its room."""
     e, nu = winner.evaluation, design.scene.block.slenderness * design.conditions.column("slenderness")
     settled = winner.exact.stroke + winner.exact.amplitude
     if design.starts != Starts.rest():
         settled = np.concatenate([settled, e.stroke[0] + e.tilt[0] * nu])
-    limit = limit_of(design.limits, Room)
-    if isinstance(limit, Room):
-        return [_room(design, winner, pendulum, limit.bob)]
     angles = {"once settled": settled, "on the way from rest": winner.exact.peak + winner.exact.peak_stroke}
     largest = {when: finite_max(x) for when, x in angles.items()}
     if winner.paired is not None:
         runs = winner.paired.hung
         reach = float(np.quantile(runs.peak_stroke + runs.peak, 0.5, method="inverted_cdf"))
-        largest["in half of the ensemble's runs"] = reach if math.isfinite(reach) else 0.0
-    return strikes(design.scene.block, pendulum, largest)[:1]
-
-
-def _room(design: HarmonicDesign, winner: Verified, pendulum: Pendulum, bob: Bob) -> Note:
-    """Room that the bob has as a body."""
-    wide = 2.0 * float(bob.radius(pendulum.mass))
-    # A job may allow any share: strikes are a danger all the same.
-    return (danger if winner.strikes > Worth().allowed else information)(
-        f"The bob as {bob} is {wide:.3g} m wide and {bob.slimness * wide:.3g} m high. Between walls "
-        f"{design.scene.block.room:.3g} m apart it strikes none in {1.0 - winner.strikes:.1%} of the paired "
-        f"runs that stand ({1.0 - design.worth.allowed:.1%} are asked for)."
-    )
+        largest["in half of the paired runs"] = reach if math.isfinite(reach) else 0.0
+    yield from strikes(design.scene.block, pendulum, largest)[:1]
 
 
 def strikes(
@@ -182,56 +132,30 @@ def strikes(
     ]
 
 
-def thick(pendulum: Pendulum, bob: Bob | None = None, gravity: float = STANDARD_GRAVITY) -> list[Note]:
-    """A note on the bob's own moment of inertia and the rod's mass, where they change the pendulum."""
-    bob = Bob() if bob is None else bob
-    mass, length = float(pendulum.mass), float(pendulum.length)
-    change = bob.frequency_change(mass, length, gravity)
-    if abs(change) < _FELT:
-        return []
-    share = bob.rod(mass, length, gravity) / length - 1.0
-    way = "shorter" if share < 0.0 else "longer"
-    cure = f"a rod {abs(share):.1%} {way} makes" if math.isfinite(share) else "no rod makes"
-    return [
-        warning(
-            f"The equations take a point on a massless rod. As {bob} the bob has a moment of inertia of its "
-            f"own, {bob.inertia_share(mass, length):.1%} of the point's, and a rod for ten times its "
-            f"weight {bob.rod_share(length, gravity):.1%} of its mass. Together they change the pendulum's "
-            f"frequency by {change:+.1%}; {cure} up for it."
-        )
-    ]
-
-
 def _settled(winner: Verified) -> Iterator[Note]:
     """How far the settled motion is from another one, and from the limits of the linear equations."""
     motions, several = winner.exact, winner.exact.status.size > 1
-    rests, rocks = motions.status == "rest", np.isin(motions.status, ("rocking", "sticking"))
-    if rests.any():
-        yield information(
-            f"{'Where the block settles at rest it' if several else 'The resting block'} keeps "
-            f"{'at least ' if several else ''}{np.min(winner.margin[rests]):.1%} of the moment that would "
-            "lift it in reserve, once the pendulum has settled; the sudden start may lift it before."
-        )
+    rocks = np.isin(motions.status, ("rocking", "sticking"))
     if np.any(rocks & (winner.margin > 0.0)):
         count = np.sum(rocks & (winner.margin > 0.0))
         at = f" under {count} of {rocks.size} conditions" if several else ""
-        yield warning(f"The block could rest under this pendulum{at}, but a start from rest ends in rocking.")
+        yield note(f"The block could rest under this pendulum{at}, but a start from rest ends in rocking.")
     if (stroke := finite_max(motions.stroke)) > LARGE_STROKE:
-        yield warning(f"A stroke of {stroke:.2f} rad stretches the linear equations of the pendulum.")
+        yield note(f"A stroke of {stroke:.2f} rad stretches the linear equations of the pendulum.")
     if (multiplier := finite_max(motions.multiplier[rocks])) > SLOW:
-        yield warning(f"The motion attracts slowly (Floquet multiplier {multiplier:.3f}).")
+        yield note(f"The motion attracts slowly (Floquet multiplier {multiplier:.3f}).")
 
 
 def _starts(design: HarmonicDesign, winner: Verified) -> Iterator[Note]:
     """Starts, and conditions, in which the search's tilts do not tell the whole motion."""
     e = winner.evaluation
     if winner.value > design.bare.value:
-        yield warning(
+        yield note(
             f"The {design.risk.name} settled tilt, which the searches make small, is larger with this "
             "pendulum than without: runs from many starts chose it."
         )
     if design.starts == Starts.any() and not np.all(e.attracts):
-        yield warning(
+        yield note(
             f"Under {np.sum(~e.attracts)} of {e.attracts.size} conditions no symmetric motion attracts."
         )
 
@@ -249,20 +173,11 @@ def _responses(design: HarmonicDesign, study: Study) -> Iterator[Note]:
         near, words = _neighbourhood(hung, i)
         k, m = int(lost[near].sum()), int(lost_bare[near].sum())
         # A single run near overturning may end either way, but the neighbours count as well.
-        yield (danger if k > m else warning)(
+        yield (danger if k > m else note)(
             f"Of {near.size} {words}, same base amplitude, from rest, {k} OVERTURN the block with this "
             f"pendulum and {m} without, by the linear equations."
         )
     yield from _rocks_more(bare, hung, away)
-    yield information(
-        f"Of {lost.size} frequencies tried from {hung.frequency[0]:.4g} to {hung.frequency[-1]:.4g} Hz, "
-        f"{lost.sum()} overturn the block with the pendulum and {lost_bare.sum()} without."
-    )
-    if lost.any() or lost_bare.any():
-        yield information(
-            "On its way a motion from rest can be chaotic. Then rounding decides whether it overturns at a "
-            "single frequency: rely on shares of many runs, not on one."
-        )
 
 
 def _neighbourhood(of: Response, i: int) -> tuple[np.ndarray, str]:
@@ -271,9 +186,8 @@ def _neighbourhood(of: Response, i: int) -> tuple[np.ndarray, str]:
     # is what must not be told.
     apart = np.abs(of.frequency / of.frequency[i] - 1.0)
     width = next((w for w in _WIDTHS if np.sum(apart <= w) >= _FEW), _WIDTHS[-1])
-    return np.flatnonzero(
-        apart <= width
-    ), f"frequencies within {100.0 * width:g} % of {of.frequency[i]:.4g} Hz"
+    near = np.flatnonzero(apart <= width)
+    return near, f"frequencies within {100.0 * width:g} % of {of.frequency[i]:.4g} Hz"
 
 
 def _rocks_more(bare: Response, hung: Response, away: np.ndarray) -> Iterator[Note]:
@@ -288,7 +202,63 @@ def _rocks_more(bare: Response, hung: Response, away: np.ndarray) -> Iterator[No
     # Where motions are chaotic an amplitude is that of one run: neighbours say whether it is the rule.
     near, words = _neighbourhood(hung, i)
     # Grave or not, a block that rocks more stands: dangers are overturning and strikes.
-    yield warning(
+    yield note(
         f"At {more[near].sum()} of {near.size} {words} the block rocks more with this pendulum than without, "
         f"at that frequency {hung.amplitude[i]:.4g} rad in place of {bare.amplitude[i]:.4g} rad."
     )
+
+
+def _lossless(design: GroundDesign) -> Iterator[Note]:
+    block = design.scene.block
+    if block.restitution is None and not block.friction:
+        yield note("The block loses no energy at all: no real block rocks like that. Give it a restitution.")
+
+
+def _groups(design: GroundDesign) -> Iterator[Note]:
+    """What the judgement found on single groups, and what it rests on."""
+    benefit = design.benefit
+    if benefit is not None and design.pendulum is not None and not benefit.overturned.is_below:
+        yield note(
+            "On motions that were held out the tilts are smaller, but the number of overturnings is not "
+            f"significantly so: {benefit.overturned.words()} of the runs."
+        )
+    # Without the name of its earthquake a record that is held out may be of one that was tuned to.
+    nameless = unnamed(design.conditions.motions)
+    if nameless and any(g.role is Role.held_out for g in design.judged):
+        yield note(
+            f"{nameless} of the records name no earthquake: motions that were held out may belong to an "
+            "earthquake that the design was tuned to. Give the names (--event), or a folder for each."
+        )
+    for g in design.judged:
+        if g.overturns_more:
+            more = (g.difference if g.difference.is_above else g.linear).words()
+            yield danger(f"On {g.name} the block overturns more often with the pendulum: {more}.")
+        if g.tilt.is_above:
+            more = g.tilt.words(share=False)
+            yield note(f"On {g.name} the mean tilt/ν is larger with the pendulum: {more}.")
+        if g.strikes > design.worth.broken:
+            yield danger(
+                f"On {g.name} with scattered blocks a limit is broken in {g.strikes:.1%} of the runs that "
+                f"stand ({g.linear_strikes:.1%} by the linear equations); {design.worth.broken:.1%} are "
+                "allowed."
+            )
+        if g.undecided:
+            yield note(
+                f"On {g.name} {unknown(g)} runs have no answer (too many events). They are left out, and "
+                "a design is offered only if the verdict is the same whichever way they end."
+            )
+
+
+def unknown(g: Judged) -> str:
+    """Number of runs without an answer, and of all: bare and hung by both sets of equations."""
+    return f"{g.undecided} of {4 * g.motions * len(g.stripes)}"
+
+
+def _unknown_in_search(design: GroundDesign) -> Iterator[Note]:
+    found = design.searched
+    if found is not None and found.undecided.any():
+        yield note(
+            f"In the search {int(found.undecided.sum())} of {len(found.value) * len(design.conditions)} runs "
+            f"have no answer (too many events), with {int((found.undecided > 0).sum())} of "
+            f"{len(found.value)} designs: their tilt is that of the other runs."
+        )

@@ -38,11 +38,10 @@ def motion_csv(histories: Sequence[TimeHistory]) -> str:
     it, by the exact solution. Cells are empty after the block has overturned.
 
     Args:
-        histories: over the same times; those of other models are left out.
+        histories: over the same times.
     """
-    exact = [h for h in histories if h.model == "exact"]
-    header, columns = ["time_s"], [exact[0].time]
-    for h in exact:
+    header, columns = ["time_s"], [histories[0].time]
+    for h in histories:
         label = "with" if h.with_pendulum else "without"
         header.append(f"{label}_tilt_rad")
         columns.append(h.tilt)

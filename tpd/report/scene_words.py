@@ -6,6 +6,7 @@ import math
 
 from tpd.core.formatting import number
 from tpd.core.scene import Pendulum, Scene, paper_scene
+from tpd.design.result import Design
 from tpd.report import words
 from tpd.report.blocks import Block, Cell, Table
 
@@ -46,6 +47,20 @@ def lines(scene: Scene) -> tuple[str, ...]:
     motion = f"  motion  {_motion(scene)}, {number(acceleration(scene))} g: {_lifts(scene)}"
     block, losses = block_lines(scene)
     return f"Scene: {origin(scene)}.", block, motion, losses
+
+
+def block(scene: Scene) -> str:
+    """The block and its losses in a sentence."""
+    return f"{_block(scene)}; topples at {_toppling(scene)}; {words.losses(scene.block)}"
+
+
+def shaking(design: Design) -> str:
+    """What shakes the block in a design, in a sentence."""
+    said, scene = "; ".join(design.conditions.description), design.scene
+    if design.conditions.motions:
+        return f"{said}, from rest"
+    lifts = f"lifts above {number(threshold(scene), 3)} g"
+    return f"{_motion(scene)}, {number(acceleration(scene), 3)} g ({lifts}){f'; {said}' if said else ''}"
 
 
 def block_lines(scene: Scene) -> tuple[str, str]:

@@ -1,23 +1,26 @@
-"""Report as plain text, for a terminal and for report.txt."""
+"""Report as plain text, for report.txt and a terminal that asks for all of it."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator
 
-from tpd.report.blocks import NO_VALUE, Block, Code, Figure, Listing, Note, Report, Severity, Table
+from tpd.report.blocks import NO_VALUE, Block, Code, Figure, Listing, Note, Report, Severity, Table, Text
 
 _WIDTH = 100
 """Columns of text; tables may be wider."""
 _LONG = 48
 """Characters of a cell in a last column that move to a line of their own."""
-_MARKS = {Severity.danger: "DANGER: ", Severity.warning: "note: ", Severity.information: ""}
 
 
 def text(report: Report) -> str:
     """The report in words; its first line is the verdict. Pictures are left out."""
     # The verdict opens the text: whoever reads one line reads this one.
-    lines = [report.verdict.text]
+    lines = [*_lines(report.verdict), *(line for n in report.dangers for line in _lines(n)), ""]
+    for name, said in report.answer.cells:
+        lines += textwrap.wrap(said, _WIDTH, initial_indent=f"{name:<13}", subsequent_indent=" " * 13)
+    if report.comparison is not None:
+        lines += ["", *_table(report.comparison)]
     for section in report.sections:
         body = [line for block in section.blocks for line in _lines(block)]
         lines += ["", section.title, "-" * len(section.title), *body] if body else []
@@ -27,7 +30,9 @@ def text(report: Report) -> str:
 def _lines(block: Block) -> Iterator[str]:
     match block:
         case Note():
-            yield from _wrapped(_MARKS[block.severity] + block.text)
+            yield from _wrapped(("DANGER: " if block.severity is Severity.danger else "") + block.text)
+        case Text():
+            yield from _wrapped(block.text)
         case Table():
             yield from _table(block)
         case Listing():

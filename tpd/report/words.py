@@ -1,4 +1,4 @@
-"""Quantities of a design in words."""
+"""Quantities of a design in words, and what both kinds of design have in one form."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ import numpy as np
 
 from tpd.analysis.attractors import Starts
 from tpd.core.formatting import number
-from tpd.core.scene import HOUSNER, Block, Pendulum
+from tpd.core.scene import HOUSNER, Block
 from tpd.design.criteria import KINDS, Bob, Limit, Room, limit_of
-from tpd.design.result import HarmonicDesign
+from tpd.design.ground.design import GroundDesign
+from tpd.design.result import Design, HarmonicDesign
+from tpd.design.study import Study
 
 
 def angle(x: float) -> str:
@@ -53,20 +55,6 @@ def bob_of(limits: tuple[Limit, ...]) -> Bob:
     return room.bob if isinstance(room, Room) else Bob()
 
 
-def rod(pendulum: Pendulum, bob: Bob, gravity: float) -> tuple[str, str, str]:
-    """Row of a table: where a body hangs that swings as often as the point of the equations."""
-    at = bob.rod(float(pendulum.mass), float(pendulum.length), gravity)
-    built = f"{number(at)} m" if math.isfinite(at) else "none"
-    return "hinge to the bob's centre, to be built", built, "as a body with its rod, of the same frequency"
-
-
-def of_toppling(design: HarmonicDesign, tilt: float, mass_ratio: float) -> tuple[str, str | None]:
-    """A tilt (rad), and its share of the tilt at which the block topples."""
-    # A tilt in radians means little to somebody who has not computed the slenderness.
-    share = f"{tilt / toppling(design.scene.block.slenderness, mass_ratio):.1%} of toppling"
-    return angle(tilt), share if math.isfinite(tilt) else None
-
-
 def losses(block: Block) -> str:
     """Energy losses of the rocking block."""
     if block.restitution is None:
@@ -98,3 +86,66 @@ def limit(of: Limit) -> str:
         return " ".join([name, ", ".join(f"{k} = {v}" for k, v in vars(of).items())]).strip()
     (value,) = vars(of).values()
     return f"{name} {number(value)} {of.unit}".strip()
+
+
+def missing(design: Design) -> list[str]:
+    """Questions of an engineer that the search has left out."""
+    parts = []
+    if len(design.conditions) == 1:
+        parts.append("knows one shaking and none beside it")
+    if limit_of(design.limits, Room) is None:
+        parts.append("takes a bob without size and no walls")
+    return parts
+
+
+def best_of(design: Design) -> np.ndarray | None:
+    """(mu, lam, zeta) of the design that is offered or came nearest; None without any."""
+    if isinstance(design, GroundDesign):
+        return design.best
+    assert isinstance(design, HarmonicDesign)
+    if design.best is not None:
+        return design.best.design
+    return None if design.nearest is None else design.nearest.design
+
+
+def range_of_mass(design: Design) -> str:
+    """Masses of bobs that do as well, in brackets; empty where that is not known, or is the mass itself."""
+    if design.alike is None or design.pendulum is None:
+        return ""
+    low, high = (float(x) * float(design.scene.block.mass) for x in design.alike[:, 0])
+    if high - low < 0.02 * float(design.pendulum.mass):
+        return ""
+    return f" ({number(low, 2)} to {number(high, 2)} kg do as well)"
+
+
+def usage(design: Design, study: Study) -> dict[str, float]:
+    """Limited quantities of the best design over their limits."""
+    if isinstance(design, GroundDesign):
+        return {} if design.usage is None else dict(zip(design.names, map(float, design.usage), strict=True))
+    # A reserve is bounded from below, so that a share of it says nothing.
+    return {name: x for name, x in study.usage if name != "reserve"}
+
+
+def bounds(design: Design) -> list[str]:
+    """Bounds of the design space that the best design lies on: beyond them may be a better one."""
+    best, out = best_of(design), []
+    if best is None:
+        return out
+    unit = design.space.scaled(np.asarray(best)[None])[0]
+    for name, x, value in zip(("mass", "length", "damping"), unit, best, strict=False):
+        if not 0.01 < x < 0.99:
+            side = "largest" if x > 0.5 else "least"
+            out.append(f"{side} {name} ratio of the search, {number(float(value), 3)}")
+    return out
+
+
+def beside(study: Study) -> str:
+    """Overturnings over frequency, from rest; empty without a response of both."""
+    if study.responses is None or len(study.responses) < 2:
+        return ""
+    bare, hung = study.responses
+    lost, lost_bare = (int(np.sum(r.status == "overturned")) for r in (hung, bare))
+    return (
+        f"from rest {lost} of {hung.frequency.size} frequencies from {hung.frequency[0]:.3g} to "
+        f"{hung.frequency[-1]:.3g} Hz overturn it with the pendulum, {lost_bare} without"
+    )

@@ -15,7 +15,7 @@ from tpd.design.ground import design, objective
 from tpd.design.ground.groups import Role
 from tpd.design.reading import StoredGroundDesign, read
 from tpd.design.result import DesignStatus
-from tpd.plot.ground_design import plot_groups, plot_search
+from tpd.plot.compare import plot_groups
 from tpd.report.blocks import Severity
 from tpd.report.ground import as_json, content, notes, write
 from tpd.report.text import text
@@ -180,7 +180,7 @@ def test_a_verdict_that_hangs_on_runs_without_an_answer_is_refused(records, monk
     figure = plot_groups(answer)[0].figure
     assert "runs without an answer" in figure.axes[0].get_title()
     assert len(figure.axes[0].collections) > 1
-    assert "runs without an answer" in {x.get_label() for x in plot_search(answer).lines}
+    assert "runs without an answer" in {x.get_label() for x in answer.plot().lines}
 
 
 def test_a_few_runs_without_an_answer_leave_a_verdict_that_does_not_hang_on_them(found):
@@ -244,7 +244,7 @@ def test_harmonics_refuse_what_belongs_to_ground_motions():
 def test_the_report_says_what_was_found_and_how_to_repeat_it(found, tmp_path):
     written = write(tmp_path, found, "tpd optimise --records x", ["x"])
     names = {path.name for path in written}
-    assert {"report.txt", "report.html", "design.json", "designs.csv", "groups.csv", "groups.png"} <= names
+    assert {"report.txt", "report.html", "design.json", "designs.csv", "groups.csv", "groups.svg"} <= names
     report = (tmp_path / "report.txt").read_text(encoding="utf-8")
     assert report.startswith(found.headline)
     assert "earthquakes" in report
@@ -299,7 +299,7 @@ def test_the_command_designs_on_records_and_refuses_what_has_no_effect(tmp_path,
     assert status in (0, 3)
     assert "On ground motions" in printed or "NO PENDULUM" in printed
     assert (out / "report.html").exists()
-    assert (out / "front.png").exists() == ("What a kilogramme pays" in printed)
+    assert (out / "front.svg").exists() == ("What a kilogramme pays" in printed)
     assert not (out / "unfinished.npz").exists()
     assert main(["optimise", *block, *records, "--exactly", "--out", str(tmp_path / "other")]) == 2
     assert "is for harmonics" in capsys.readouterr().err

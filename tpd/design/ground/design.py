@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from tpd.analysis.intervals import Interval
-from tpd.design.criteria import Worth
+from tpd.analysis.benefit import LEAST, Change
+from tpd.analysis.intervals import Interval, fall
+from tpd.analysis.intervals import change as difference_of
+from tpd.core.conditions import Conditions
+from tpd.core.scene import Scene
+from tpd.design.criteria import Room, Worth
 from tpd.design.ground.groups import Group, Role
 from tpd.design.ground.judgement import Benefit, Judged, benefit_of, scatter_of
-from tpd.design.ground.parts import Parts
+from tpd.design.ground.objective import GroundObjective, objective_of
 from tpd.design.ground.search import Evaluated
-from tpd.design.result import Design, DesignStatus
+from tpd.design.result import Comparison, Design, DesignStatus
 from tpd.design.surface import Surface
 
 LEAST_EARTHQUAKES = 5
@@ -147,14 +151,76 @@ class GroundDesign(Design):
     """These of the best design by the nonlinear equations, as `searched.sizes` has them by the linear ones;
     None where nothing was judged."""
     judged: tuple[Judged, ...]
-    parts: Parts | None
+    swing_met: float
+    """Largest angle between rod and block (rad) of the best design on the motions that it is tuned to, by the
+    nonlinear equations, where the block stands; NaN where nothing was judged."""
+    pictures: ClassVar[dict[str, str]] = {**Design.pictures, "groups": "compare:plot_groups"}
 
     @property
-    def headline(self) -> str:
-        """Sentence that a report opens with: the verdict, and the reasons for it."""
-        if not self.reasons:
-            return self.status.value
-        return f"{self.status.value.partition(':')[0]}: {'; '.join(self.reasons)}."
+    def swing(self) -> float:
+        """See `Design.swing`."""
+        return self.swing_met if math.isfinite(self.swing_met) else 0.0
+
+    @property
+    def objective(self) -> GroundObjective:
+        """Designs under the motions of the group that they are tuned to."""
+        return objective_of(self)
+
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """See `Design.refusals`."""
+        return self.reasons
+
+    @property
+    def comparison(self) -> Comparison | None:
+        """See `Design.comparison`: on all motions that were held out, or on all if none were."""
+        held = [g for g in self.judged if g.role is Role.held_out] or list(self.judged)
+        if not any(g.runs.clusters.size for g in held):
+            return None
+        fell, tilt, clusters = (
+            np.concatenate([getattr(g.runs, name) for g in held], axis=-1)
+            for name in ("overturned", "tilt", "clusters")
+        )
+        where = "held out" if held[0].role is Role.held_out else "that it is tuned to"
+        changes = []
+        for name, x in (("mean severity", tilt), ("overturned", fell.astype(float))):
+            d = difference_of(x[1], x[0], clusters)
+            changes.append(Change(name, float(x[1].mean()), float(x[0].mean()), d.low, d.high))
+        median = (float(np.median(x)) for x in (tilt[1], tilt[0]))
+        changes.insert(1, Change("median severity", *median, math.nan, math.nan))
+        stands = [float(np.sum(~g.runs.overturned[1])) for g in held]
+        broken = sum(n * g.strikes for n, g in zip(stands, held, strict=True)) / max(sum(stands), 1.0)
+        return Comparison(
+            runs=f"{len(clusters)} paired runs of the nonlinear equations on {sum(g.motions for g in held)} "
+            f"motions {where} ({len(np.unique(clusters))} earthquakes), seed {self.seed}",
+            saved=fall(tilt[1], tilt[0], clusters, least=LEAST),
+            changes=tuple(changes),
+            strikes=broken,
+            undecided=sum(int(g.unknown[0].sum() + g.unknown[1].sum()) for g in held),
+        )
+
+    @property
+    def alike(self) -> np.ndarray | None:
+        """See `Design.alike`: of the designs that were followed and keep to the limits."""
+        if self.pendulum is None or self.best is None or self.searched is None or self.surface is None:
+            return None
+        found = self.searched
+        trend = self.surface.at(self.space.scaled(found.designs))[0]
+        good = found.designs[found.feasible & (trend <= self.trend[0] + self.trend[1])]
+        both = np.concatenate([self.best[None], good])
+        return np.stack([both.min(axis=0), both.max(axis=0)])
+
+    @property
+    def reach(self) -> float:
+        """See `Design.reach`."""
+        used = {} if self.usage is None else dict(zip(self.names, self.usage, strict=True))
+        return float(used.get(Room.name, math.nan)) * 0.5 * float(self.scene.block.room)
+
+    def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
+        """See `Design.saved_under`; the runs are all of them."""
+        from tpd.design.build import saved_under_motions
+
+        return saved_under_motions(self, scene, more)
 
     @property
     def benefit(self) -> Benefit | None:
@@ -194,7 +260,7 @@ class GroundDesign(Design):
         }
 
     def __str__(self) -> str:
-        lines = [self.headline]
+        lines = [self.status.value, *self.reasons]
         if self.pendulum is not None:
             p = self.pendulum
             damping = f"damping ratio {float(p.damping_ratio):.3g}"

@@ -17,6 +17,7 @@ from tpd.core.parameters import Parameters
 from tpd.core.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.design.criteria import KINDS, THICKNESS, Geometry, Limit, Size, check_limits
 from tpd.design.objective import blank, geometry_under
+from tpd.design.question import Question
 
 Count = Callable[[int, int], None]
 _EVENTS = 20_000
@@ -170,6 +171,12 @@ class GroundObjective:
             for x in (found.tilt, found.swing, found.relative)
         )
         return Runs(tilt / nu, swing, relative, fell, undecided)
+
+
+def objective_of(question: Question) -> GroundObjective:
+    """Objective of a question about ground motions."""
+    q = question
+    return GroundObjective(q.scene.block, q.conditions, q.limits, q.worth.broken, float(q.scene.gravity))
 
 
 def check_ground_limits(limits: tuple[Limit, ...]) -> tuple[Limit, ...]:

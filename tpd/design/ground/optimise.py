@@ -21,8 +21,7 @@ from tpd.design.criteria import DesignSpace, Limit, Risk, Room, Stroke, Worth
 from tpd.design.ground.design import GroundDesign, GroundVerdict, verdict_of
 from tpd.design.ground.groups import Group, grouped
 from tpd.design.ground.judgement import SCATTERED, Judged, judge, scatter_of
-from tpd.design.ground.objective import GroundObjective, check_ground_limits
-from tpd.design.ground.parts import parts_of
+from tpd.design.ground.objective import GroundObjective, check_ground_limits, objective_of
 from tpd.design.ground.search import Evaluated, GroundSearch, Searcher, risk_of_known
 from tpd.design.question import Question, check_cavity, check_given, within_mass
 from tpd.design.result import DesignStatus
@@ -43,8 +42,7 @@ class GroundProblem(Question):
     @cached_property
     def objective(self) -> GroundObjective:
         """Designs under the motions of the group that they are tuned to."""
-        gravity = float(self.scene.gravity)
-        return GroundObjective(self.scene.block, self.conditions, self.limits, self.worth.broken, gravity)
+        return objective_of(self)
 
     @property
     def identity(self) -> str:
@@ -268,7 +266,7 @@ def _answer(
 ) -> GroundDesign:
     objective, found = problem.objective, search.found
     design = None if best is None or found is None else found.designs[best]
-    value, trend, parts, usage = np.nan, (np.nan, np.nan), None, None
+    value, trend, usage, swing = np.nan, (np.nan, np.nan), None, np.nan
     # A design without a verdict is shown, but not offered.
     offered = verdict.status in (DesignStatus.found, DesignStatus.tuned_only)
     pendulum = None
@@ -283,9 +281,7 @@ def _answer(
             # What sizes a room is of the nonlinear equations.
             nonlinear = objective.check(design[None])
             usage = objective.sizes(nonlinear, design[None])[1][0]
-            parts = (
-                parts_of(objective, hung, objective.evaluate(design[None]), nonlinear) if offered else None
-            )
+            swing = float(np.max(nonlinear.relative, where=np.isfinite(nonlinear.relative), initial=0.0))
     return GroundDesign(
         **problem.inputs,
         status=verdict.status,
@@ -300,5 +296,5 @@ def _answer(
         names=search.names,
         usage=usage,
         judged=judged,
-        parts=parts,
+        swing_met=swing,
     )

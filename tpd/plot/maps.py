@@ -1,4 +1,4 @@
-"""Picture of a map of designs."""
+"""Maps and spectra: designs on a grid, what pulses do to a block, and blocks of every size."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke, TickedStroke
 
 from tpd.analysis.design_map import DesignMap
+from tpd.analysis.overturning_spectrum import OVERTURNS, ROCKS, STANDS, UNDECIDED, OverturningSpectrum
+from tpd.analysis.rocking_spectrum import RockingSpectrum
 from tpd.core import checks
-from tpd.plot.style import INK, LABELS, ORANGE, new_axes
+from tpd.plot.style import CASES, INK, LABELS, LINES, ORANGE, legend, new_axes
 
 _MOVING = ("rocking", "sticking", "near_fold", "grazing")
 """Statuses of periodic motions, which have an amplitude."""
@@ -94,3 +97,66 @@ def _edge(ax: Axes, m: DesignMap) -> list[Any]:
     ax.contour(m.x, m.y, m.margin, levels=[0.0], colors=[ORANGE], linewidths=1.4).set(path_effects=cased)
     label = "ticked side: no uplift once the bob has settled"
     return [Line2D([], [], color=ORANGE, lw=1.4, path_effects=drawn, label=label)]
+
+
+def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -> Any:
+    """Draw what every pulse does, without the pendulum and with it, side by side; a cross is a pulse without
+    an answer.
+
+    Returns:
+        The axes, an array of one or two.
+    """
+    cells = [c for c in (spectrum.bare, spectrum.hung) if c is not None]
+    if axes is None:
+        axes = np.atleast_1d(new_axes(1, (4.2 * len(cells) + 0.8, 4.6), columns=len(cells)))
+    # From white to dark in the order of what is worse, so that it reads in grey.
+    colours = ListedColormap(["#ffffff", "#d9e4f1", "#f0b97d", "#8a4b14"])
+    norm = BoundaryNorm([STANDS - 0.5, STANDS + 0.5, ROCKS + 0.5, OVERTURNS + 0.5, 1e9], colours.N)
+    image = None
+    for ax, cell, case in zip(axes, cells, CASES, strict=False):
+        # An overturning without an impact is the last of the four.
+        shown = np.where(cell == OVERTURNS, OVERTURNS + 1, np.where(cell > OVERTURNS, OVERTURNS, cell))
+        values = np.ma.masked_less(shown, STANDS)
+        grid = spectrum.frequency_ratios, spectrum.acceleration_ratios
+        image = ax.pcolormesh(*grid, values, cmap=colours, norm=norm, rasterized=True)
+        size, ratio = np.nonzero(cell == UNDECIDED)
+        if size.size:
+            # White is the colour of what stands.
+            at = spectrum.frequency_ratios[ratio], spectrum.acceleration_ratios[size]
+            ax.plot(*at, ls="", marker="x", ms=5, color=INK, label=f"no answer: {size.size} of {cell.size}")
+            ax.legend(fontsize=8, loc="upper left")
+        ax.set(title=case["label"], xlabel=r"frequency of the pulse $\omega_p/p$ (-)")
+    axes[0].set_ylabel(r"largest acceleration $a_p/(g\,\tan\alpha)$ (-)")
+    ticks = [STANDS, ROCKS, OVERTURNS, 0.5 * (OVERTURNS + 0.5 + 1e9)]
+    bar = axes[0].figure.colorbar(
+        image, ax=list(axes), ticks=ticks, spacing="uniform", location="bottom", shrink=0.9, aspect=50
+    )
+    bar.ax.set_xticklabels(
+        ["stands", "rocks", "overturns\nafter impacts", "overturns\nwithout impact"], fontsize=8
+    )
+    return axes
+
+
+def plot_rocking_spectrum(spectrum: RockingSpectrum, ax: Any = None) -> Any:
+    """Draw the largest tilt over the slenderness against 2 pi/p; blocks that overturn are marked on top, and
+    so are those without an answer."""
+    ax = new_axes() if ax is None else ax
+    for tilts, style in zip((spectrum.bare, spectrum.hung), LINES, strict=True):
+        if tilts is None:
+            continue
+        known = np.where(np.isfinite(tilts), tilts, np.nan)
+        ax.plot(spectrum.periods, known, **style)
+        # Above the frame, where no tilt can be.
+        level = 1.02 if style is LINES[0] else 1.06
+        for where, marker, what in ((np.isinf(tilts), "|", "overturns"), (np.isnan(tilts), "x", "no answer")):
+            # An answer is the rule: only what is missing is named.
+            if marker == "x" and not where.any():
+                continue
+            marks = {"ls": "", "marker": marker, "color": style["color"], "clip_on": False}
+            place = {"transform": ax.get_xaxis_transform(), "label": f"{style['label']}: {what}"}
+            ax.plot(spectrum.periods[where], np.full(where.sum(), level), **marks, **place)
+    ax.set(
+        xlabel=r"$2\pi/p$ of the block (s)", ylabel=r"largest tilt over the slenderness (-)", ylim=(0.0, None)
+    )
+    legend(ax, loc="best")
+    return ax

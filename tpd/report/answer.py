@@ -1,0 +1,234 @@
+"""The answer in a few lines, of a design of either kind: for the terminal and the first screen of the page."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from tpd.core.formatting import number
+from tpd.design.criteria import LABELS
+from tpd.design.result import Comparison, Design, DesignStatus, HarmonicDesign
+from tpd.design.study import Study
+from tpd.report import scene_words, words
+from tpd.report.blocks import Note, Severity, Table, danger, note
+from tpd.report.notes import notes
+
+MOST = 30
+"""Most lines on a terminal."""
+_WIDTH, _NAME = 100, 13
+"""Columns of text, and of the names of rows."""
+_CHANGES = {
+    "mean severity": "mean tilt, over that of toppling",
+    "median severity": "median tilt",
+    "overturned": "overturned",
+    "at rest": "at rest in the end",
+}
+"""Rows of the comparison, and their names."""
+_USED = 0.95
+"""Share of a limit that is used where it is said to hold the design."""
+
+
+def answer(design: Design, study: Study, directory: Path | None = None) -> str:
+    """The answer of `optimise` in at most 30 lines: verdict, pendulum, what it brings, what limits it."""
+    found = [verdict(design), *dangers(design, study)]
+    lines = [line for one in found for line in _wrapped(marked(one))]
+    rows = list(pairs(design, study))
+    places = {name for name, _ in rows}
+    told = design.comparison
+    for name, said in rows:
+        # The table stands after the pendulum, before what limits it.
+        if told is not None and name in ("room", "against it", "held by") and "table" not in places:
+            places.add("table")
+            lines += _table(comparison(told))
+        lines += _wrapped(said, name)
+    more = list(_more(design, directory))
+    # A long list of reasons must not push away where the report lies.
+    room = MOST - sum(len(_wrapped(said, name)) for name, said in more)
+    if len(lines) > room:
+        lines = [*lines[: room - 1], " " * _NAME + "(more in the report)"]
+    return "\n".join([*lines, *(line for name, said in more for line in _wrapped(said, name))])
+
+
+def marked(of: Note) -> str:
+    """A note with its mark."""
+    return f"DANGER: {of.text}" if of.severity is Severity.danger else of.text
+
+
+def _wrapped(said: str, name: str = "") -> list[str]:
+    if not name:
+        return textwrap.wrap(said, _WIDTH, subsequent_indent="  ")
+    return textwrap.wrap(said, _WIDTH, initial_indent=f"  {name:<{_NAME - 2}}", subsequent_indent=" " * _NAME)
+
+
+def _table(of: Table) -> Iterator[str]:
+    cells = [list(of.head), *of.cells]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    for row in cells:
+        columns = (cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))
+        yield f"{'':{_NAME}}{row[0]:<{widths[0]}}  {'  '.join(columns)}".rstrip()
+    yield from textwrap.wrap(of.caption, _WIDTH, initial_indent=" " * _NAME, subsequent_indent=" " * _NAME)
+
+
+def verdict(design: Design) -> Note:
+    """First sentence of a report: worth hanging by so much, or why not. A danger where the block overturns more
+    often, or the bob strikes."""
+    told, status = design.comparison, design.status
+    if status is DesignStatus.found and told is not None:
+        return note(f"{_worth(design)}: {saved(told)}. {_sign(design)}No verdict of safety.")
+    head = status.value if design.refusals or ":" not in status.value else status.value.partition(":")[0]
+    return (danger if grave(design) else note)(head if status is not DesignStatus.refused else _NONE)
+
+
+_NONE = "NO PENDULUM WORTH HANGING was found."
+
+
+def _worth(design: Design) -> str:
+    """Whether the design was asked all that an engineer asks."""
+    missing = words.missing(design)
+    if missing:
+        return f"FOUND, BUT NOT TO BE HUNG AS IT IS, since the search {' and '.join(missing)}"
+    return "WORTH HANGING under the stated conditions"
+
+
+def saved(told: Comparison) -> str:
+    """Benefit with its interval."""
+    size = told.saved
+    if math.isnan(size.mean):
+        return "the benefit is unknown"
+    # A share that rounds to zero must not read "-0 %".
+    mean, low, high = (0.0 + x for x in (size.mean, size.low, size.high))
+    way = "less" if mean >= 0.0 else "more"
+    low, high = (low, high) if mean >= 0.0 else (0.0 - high, 0.0 - low)
+    around = f" (95 %: {low:.0%} to {high:.0%})" if math.isfinite(low) else ""
+    return f"{abs(mean):.0%} {way} tilt{around}"
+
+
+def _sign(design: Design) -> str:
+    """Sentence that says that the benefit hangs on how the block loses energy, where it does."""
+    losses = design.losses if isinstance(design, HarmonicDesign) else ()
+    against = [case for case in losses if case.benefit.low <= 0.0]
+    if not against:
+        return ""
+    names = " and ".join(f"{case.name} ({case.benefit.value:.0%})" for case in against)
+    return f"THE BENEFIT HANGS ON THE LOSSES: it is not shown where the block loses energy by {names}. "
+
+
+def grave(design: Design) -> bool:
+    """Whether what came nearest is refused since the block overturns more often, or the bob strikes."""
+    return design.pendulum is None and any(
+        what in said for said in design.refusals for what in ("overturns", "strikes", "limit is broken")
+    )
+
+
+def dangers(design: Design, study: Study) -> list[Note]:
+    """Notes about overturning and strikes."""
+    return [n for n in notes(design, study) if n.severity is Severity.danger]
+
+
+def pairs(design: Design, study: Study) -> Iterator[tuple[str, str]]:
+    """Names and sentences of the answer, block and motion first."""
+    yield "block", scene_words.block(design.scene)
+    yield "motion", scene_words.shaking(design)
+    yield from _pendulum(design, study)
+    told = design.comparison
+    if told is not None and not math.isnan(told.strikes):
+        yield "room", _room(design, study, told)
+    for said in design.refusals:
+        yield "against it", said
+    if design.pendulum is not None:
+        yield "held by", held(design, study)
+    if isinstance(design, HarmonicDesign):
+        if beside := words.beside(study):
+            yield "beside", beside
+        if design.losses:
+            cases = (f"{c.name} {c.benefit.value:.0%}" for c in design.losses)
+            runs = design.losses[0].benefit.runs
+            yield (
+                "losses",
+                f"less tilt by other losses of energy: {', '.join(cases)} ({runs} paired runs each)",
+            )
+
+
+def _pendulum(design: Design, study: Study) -> Iterator[tuple[str, str]]:
+    build, hung = study.build, design.pendulum
+    if hung is None:
+        nearest = words.best_of(design)
+        if nearest is not None:
+            mu, lam, zeta = map(float, nearest)
+            near = design.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
+            size = f"{number(float(near.mass), 3)} kg on {number(float(near.length), 3)} m, ζ = {zeta:.2g}"
+            yield "nearest", f"{size}: not offered"
+        return
+    if build is None:
+        yield "bob", f"{number(float(hung.mass), 3)} kg on {number(float(hung.length), 3)} m"
+        return
+    # Where other bobs do as well a third digit says nothing.
+    alike = words.range_of_mass(design)
+    mass = number(float(hung.mass), 2 if alike else 3)
+    yield "bob", f"{mass} kg{alike}: {build.bob}, {number(build.bob_width, 3)} m wide"
+    point = f"of a point, in the equations: {number(float(hung.length), 3)} m"
+    built = f"{number(build.rod, 3)} m" if math.isfinite(build.rod) else "none swings as often"
+    yield "rod", f"{built} from the hinge to the bob's centre, as built ({point})"
+    zeta = float(hung.damping_ratio)
+    yield "damper", f"{number(build.damping, 3)} N m s/rad at the hinge, {number(zeta, 3)} of critical"
+    period = number(1.0 / build.frequency, 3)
+    yield "by itself", f"{number(build.frequency, 3)} Hz, a period of {period} s, without the damper"
+
+
+def comparison(told: Comparison) -> Table:
+    """With and without the pendulum, from one set of runs."""
+    rows = [
+        (
+            _CHANGES[c.name],
+            f"{c.with_it:.{d}%}",
+            f"{c.without:.{d}%}",
+            f"{c.difference:+.{d}%} ({c.low:+.{d}%} to {c.high:+.{d}%})" if np.isfinite(c.low) else "–",
+        )
+        for c in told.changes
+        # Tilts vary by more than a tenth of a per cent from one seed to the next; a share may be small.
+        for d in (0 if c.name in ("mean severity", "median severity") else 1,)
+        # Where no run rests with it nor without there is nothing to compare.
+        if c.name in _CHANGES and not (c.name == "at rest" and c.with_it == c.without == 0.0)
+    ]
+    left = f"; {told.undecided} pairs without an answer are left out" if told.undecided else ""
+    caption = f"{told.runs}; overturned counts as toppled{left}"
+    return Table(("", "with it", "without", "difference (95 %)"), tuple(rows), caption)
+
+
+def _room(design: Design, study: Study, told: Comparison) -> str:
+    harmonic = isinstance(design, HarmonicDesign)
+    most = design.worth.allowed if harmonic else design.worth.broken
+    what = "the bob strikes a wall" if harmonic else "a limit is broken"
+    share = f"{what} in {told.strikes:.1%} of those that stand ({most:.0%} allowed)"
+    build = study.build
+    if build is None or math.isnan(build.wall) or math.isnan(build.reach):
+        return share
+    return f"{share}; it comes to {number(build.reach, 3)} m of {build.wall:.3g} m"
+
+
+def held(design: Design, study: Study) -> str:
+    """Conditions, limits and bounds that hold a design."""
+    used = words.usage(design, study)
+    limits = [f"{LABELS.get(n, n)}, {x:.0%} used" for n, x in used.items() if x >= _USED]
+    return "; ".join([*limits, *words.bounds(design)]) or "no limit and no bound"
+
+
+def _more(design: Design, directory: Path | None) -> Iterator[tuple[str, str]]:
+    """What was not asked, with its commands, and where the report lies."""
+    if directory is None:
+        return
+    at = shlex.quote(str(directory))
+    if isinstance(design, HarmonicDesign) and design.pendulum is not None:
+        yield (
+            "not asked",
+            f"earthquakes: tpd fragility {at} --records el-centro loma-prieta; contact and sliding: tpd check "
+            f"{at} --engine mujoco",
+        )
+    page = "report.html" if design.status is not DesignStatus.interrupted else "report.txt"
+    yield "report", f"{directory / page}"
+    yield "again", f"tpd optimise --scene {at}/scene.toml --out {at}-again"

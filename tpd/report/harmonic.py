@@ -1,0 +1,342 @@
+"""Sections of a report that only a design for harmonic shaking has."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+
+import numpy as np
+
+from tpd.analysis.compare_models import Check
+from tpd.analysis.outcomes import Outcomes
+from tpd.core.formatting import number
+from tpd.design.criteria import LABELS
+from tpd.design.objective import KINDS
+from tpd.design.result import HarmonicDesign, SearchStatus
+from tpd.design.study import Study, Surveyed
+from tpd.design.survey import ON_THE_WAY, Survey
+from tpd.design.verified import Bare, Reason, ReasonKind, Step, Verified
+from tpd.report import words
+from tpd.report.blocks import Block, Cell, Table, Text, danger, note
+
+_ROWS, _MOST = 40, 8
+"""Most conditions in a table, evenly over all of them, and most rows of what limits relax."""
+_SCATTERED = {
+    "mass": "the bob's mass",
+    "length": "the rod's length",
+    "damping": "the hinge's damping",
+    "amplitude": "amplitude of the shaking",
+}
+"""Names of what scatters, where one word is not enough."""
+_WHY = {
+    ReasonKind.overturns: "the block overturns with them",
+    ReasonKind.overturns_more: "the block overturns more often",
+    ReasonKind.breaks_limit: "they break a limit",
+    ReasonKind.rocks_more: "the block rocks more",
+    ReasonKind.too_little_benefit: "the benefit is too small",
+    ReasonKind.rests_less: "the block rests less often",
+    ReasonKind.worse_condition: "a condition gets worse",
+    ReasonKind.strikes: "the bob strikes a wall",
+    ReasonKind.undecided: "the verdict hangs on runs without an answer",
+}
+
+
+def sections(
+    design: HarmonicDesign, study: Study, figures: Mapping[str, list[Block]]
+) -> dict[str, list[Block]]:
+    """Blocks by the titles of their sections, in the order of a report; empty ones are left out later."""
+    runs, losses = over_runs(design), other_losses(design)
+    beside: list[Block] = (
+        [
+            Text(
+                f"{words.beside(study)}, one run each by the linear equations. On its way a "
+                "motion from rest can be chaotic: rely on shares of neighbours, not on one run."
+            )
+        ]
+        if words.beside(study)
+        else []
+    )
+    return {
+        "Over the runs": [*figures["benefit"], *runs] if runs else [],
+        "Other losses of energy": losses,
+        "What limits the design": limiting(design, study),
+        "Beside the shaking of the job": [*figures["response"], *beside],
+        "Over time, from rest": figures["motion"],
+        "The settled motion": settled(design, study, figures["conditions"]),
+        "Where it was searched": _search(design, figures["search"]),
+        "By several models": _models(design, study),
+        "Designs refused": _refused(design),
+    }
+
+
+def over_runs(design: HarmonicDesign) -> list[Block]:
+    """Shares and sizes over the paired runs that judged the best design, and under each condition."""
+    best = design.best
+    if best is None or best.benefit is None or best.paired is None:
+        return []
+    pair = best.paired.hung, best.paired.bare
+    rows: list[tuple[Cell, ...]] = []
+    for c in best.benefit.changes:
+        if c.name == "worst severity":
+            rows.append(("tilt over ν, worst tenth of the runs", f"{c.with_it:.1%}", f"{c.without:.1%}"))
+    for ramp in pair[0].by_ramp():
+        start = "overturned, of sudden starts" if ramp == 0.0 else f"overturned, growing for {ramp:g} s"
+        rows.append((start, *(str(o.by_ramp()[ramp]) for o in pair)))
+    rows.append(("overturned", *(str(o.overturned) for o in pair)))
+    rows.append(("at rest in the end", *(str(o.at_rest) for o in pair)))
+    for what, quantity in (("largest tilt", "peak"), ("settled tilt", "amplitude")):
+        rows.append((f"{what}, 50, 90, 99 % of the runs (rad)", *(_quantiles(o, quantity) for o in pair)))
+    rows.append(("bob's largest angle, 50, 90, 99 % (rad)", _quantiles(pair[0], "peak_stroke"), None))
+    told = design.comparison
+    assert told is not None
+    caption = (
+        f"{told.runs}{_which(design, best)}: starts, phases, growth of the shaking; {_scatter(design)}. In "
+        "brackets: 95 % confidence. Tilt: settled, 100 % where the block overturns or tilts to ν or further."
+    )
+    out: list[Block] = [
+        Table(("", "with it", "without"), tuple(rows), caption),
+        Text(best.paired.chance_in_words),
+    ]
+    return [*out, *_by_condition(design, best)]
+
+
+def _quantiles(o: Outcomes, quantity: str) -> str:
+    return ", ".join("overturned" if math.isinf(x) else number(x, 3) for x in o.quantiles(quantity))
+
+
+def _which(design: HarmonicDesign, best: Verified) -> str:
+    """Which runs judged, and what those gave that chose the design."""
+    if best.chosen_by is None:
+        return ""
+    failed = sum(any(r.step is Step.judgement for r in v.reasons) for v in design.verified if v is not best)
+    said = ", which judged the design once and which no choice has seen"
+    if failed:
+        said = f"; {failed} before it failed by these runs, and each further try may pass by luck"
+    return f"{said}; those that chose it, seed {design.ensemble.seed}, gave {best.chosen_by}"
+
+
+def _scatter(design: HarmonicDesign) -> str:
+    """Relative scatter of block, installation and shaking in the runs."""
+    widths, by_width = design.ensemble.widths(design.scene.block.restitution), dict[float, list[str]]()
+    for name, width in widths.items():
+        if width > 0.0 and not (name == "friction" and not design.scene.block.friction):
+            by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
+    said = "; ".join(
+        f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items())
+    )
+    return said or "no scatter"
+
+
+def _by_condition(design: HarmonicDesign, best: Verified) -> list[Block]:
+    """Mean tilt under every condition; none where there are too many or one only."""
+    assert best.benefit is not None
+    n, (hung, bare) = len(design.conditions), best.benefit.by_condition
+    if not 1 < n <= 32:
+        return []
+    rows = tuple(
+        (
+            design.conditions.label(i),
+            f"{hung[i]:.0%}",
+            f"{bare[i]:.0%}",
+            "worse" if i in best.benefit.worse_conditions else None,
+        )
+        for i in range(len(hung))
+        if not math.isnan(hung[i])
+    )
+    caption = (
+        f"Mean tilt over ν of the same runs under each condition. Worse: higher by more than "
+        f"{best.benefit.share:.0%}, and not by chance (5 %)."
+    )
+    return [Table(("condition", "with it", "without", ""), rows, caption)]
+
+
+def other_losses(design: HarmonicDesign) -> list[Block]:
+    """The offered design where the block loses its energy in another way."""
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (
+            case.name,
+            f"k = {number(case.friction, 3)}, e = {number(case.velocity_ratio, 4)}",
+            str(case.benefit),
+            f"{case.overturned.value:.1%} / {case.overturned_bare.value:.1%}",
+            f"{case.at_rest.value:.1%} / {case.at_rest_bare.value:.1%}",
+        )
+        for case in design.losses
+    )
+    if not rows:
+        return []
+    head = ("losses", "", "benefit", "overturned, with / without", "at rest, with / without")
+    caption = (
+        f"{design.losses[0].benefit.runs} paired runs of the nonlinear equations each, in scenes with other "
+        "losses. The losses are the least known data of a block."
+    )
+    return [Table(head, rows, caption)]
+
+
+def limiting(design: HarmonicDesign, study: Study) -> list[Block]:
+    """Limits that keep better designs out, the best design without each, and counts of refusals."""
+    if not design.surveys:
+        return []
+    wide, by_runs = design.surveys[0], study.surveyed
+    best, *others = wide.relaxed().items()
+    # A row that repeats the first would only hide those that differ.
+    same = [name for name, i in others if i is not None and i == best[1]]
+    rows = [_row(design, wide, n, i, by_runs) for n, i in (best, *others) if n not in same]
+    head = (
+        "",
+        "bob (kg)",
+        "length (m)",
+        "ζ",
+        "room it needs (m)",
+        "mean tilt over ν, from rest",
+        "strikes a wall, of runs",
+        "overturned, of runs",
+    )
+    caption = (
+        f"Best of {len(wide.designs)} designs followed from rest by the {wide.equations} equations, one run for "
+        "each condition, and the best where a limit is left out: what relaxing it would buy. Without a "
+        f"pendulum: {wide.bare.mean():.0%}."
+    )
+    if same:
+        caption += f" The best design is the same {', '.join(same)}."
+    if by_runs:
+        runs = next(iter(by_runs.values()))
+        caption += (
+            f" Of runs: shares of {runs.benefit.runs} paired runs of the nonlinear equations; a bob that strikes "
+            f"in more than {runs.allowed:.1%} of them is refused."
+        )
+    return [_refusals(design), Table(head, tuple(rows[:_MOST]), caption)]
+
+
+def _row(
+    design: HarmonicDesign, of: Survey, name: str, i: int | None, by_runs: Mapping[int, Surveyed]
+) -> tuple[Cell, ...]:
+    if i is None:
+        return (name, *(None,) * 4, "no design", None, None)
+    mu, lam, zeta = of.designs[i]
+    hung = design.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
+    sizes = float(hung.mass), float(hung.length), float(zeta)
+    way, runs = of.excess.get(ON_THE_WAY), by_runs.get(i)
+    needs = None if way is None else (1.0 + float(way[i])) * float(design.scene.block.room)
+    tilt = f"{of.severity[i].mean():.0%}"
+    if runs is None:
+        return (name, *sizes, needs, tilt, None, None)
+    strikes = None if math.isnan(runs.strikes) else f"{runs.strikes:.1%}"
+    return (name, *sizes, needs, tilt, strikes, f"{runs.overturned:.1%}")
+
+
+def _refusals(design: HarmonicDesign) -> Block:
+    """Counts of designs that break each limit, or that do not help, and of reasons against those verified."""
+    parts = []
+    for found in design.surveys:
+        counts = {LABELS.get(n, n): int(np.sum(x > 0.0)) for n, x in found.excess.items()}
+        said = [f"{n} exceed the limit on {name}" for name, n in counts.items() if n]
+        keep = int(found.keeps.sum())
+        parts.append(
+            f"Of {len(found.designs)} designs followed from rest by the {found.equations} equations {keep} "
+            f"keep to all limits from rest, and {found.better} of these tilt the block less than none"
+            + (f" ({'; '.join(said)})." if said else ".")
+        )
+    # A design may be refused for several reasons, and each of them is counted.
+    kinds = Counter(what for v in design.verified for what in {_kind(reason) for reason in v.reasons})
+    if kinds:
+        told = ", ".join(f"{n} because {what}" for what, n in kinds.most_common())
+        refused = sum(bool(v.reasons) for v in design.verified)
+        parts.append(f"Of {len(design.verified)} verified, {refused} were refused: {told}.")
+    return Text(" ".join(parts))
+
+
+def _kind(reason: Reason) -> str:
+    return _WHY[reason.kind] + ("" if reason.step is not Step.nonlinear else " by the nonlinear equations")
+
+
+def settled(design: HarmonicDesign, study: Study, figure: list[Block]) -> list[Block]:
+    """Largest settled sizes, how limits are used, and the motion under every condition."""
+    best, n = design.best, len(design.conditions)
+    rows: list[tuple[Cell, ...]] = [
+        (f"{design.risk.name} tilt without a pendulum", words.risk(design, design.bare.value)),
+    ]
+    if best is not None:
+        rows.append((f"{design.risk.name} tilt with it", words.risk(design, best.value)))
+    if design.winner is not None:
+        rows.append(("stroke of the bob", words.angle(words.settled_stroke(design))))
+        rows += [
+            (f"limit on {LABELS.get(n, n)}", f"{x:.0%} used") for n, x in words.usage(design, study).items()
+        ]
+    caption = f"Of {words.source_of_tilts(design)}, by the linear equations. Limits hold for it."
+    out: list[Block] = [Table(("", "value"), tuple(rows), caption), *figure]
+    if n == 1:
+        return out
+    cells: list[tuple[Cell, ...]] = []
+    for i in map(int, np.unique(np.linspace(0, n - 1, min(n, _ROWS)).astype(int))):
+        row = [design.conditions.label(i), *_motion(design, design.bare, i)]
+        if best is not None:
+            row += [*_motion(design, best, i), float(best.evaluation.stroke[0, i])]
+        cells.append(tuple(row))
+    head = ("condition", "bare tilt (rad)", "bare kind", "bare from rest")
+    head += () if best is None else ("tilt (rad)", "kind", "from rest", "stroke (rad)")
+    caption = "From rest: end of one motion followed by the linear equations."
+    if best and not design.winner:
+        caption += " The design shown is the best found, which is not offered."
+    return [*out, Table(head, tuple(cells), caption)]
+
+
+def _motion(design: HarmonicDesign, of: Verified | Bare, i: int) -> tuple[Cell, ...]:
+    """Tilt (rad) and kind of motion under a condition, and end from rest."""
+    e, nu = of.evaluation, design.scene.block.slenderness * design.conditions.column("slenderness")[i]
+    tilt, kind = float(e.tilt[0, i] * nu), KINDS[int(e.kind[0, i])].replace("_", " ")
+    return tilt if math.isfinite(tilt) else None, kind, str(of.exact.status[i]).replace("_", " ")
+
+
+def _search(design: HarmonicDesign, figure: list[Block]) -> list[Block]:
+    search = design.search
+    ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
+    said = (
+        f"Method {design.method.name}: {search.evaluations} designs, from {search.description}, seed "
+        f"{design.seed}. Searches: {ends or 'none'}."
+    )
+    mismatch, lost = search.mismatch, int(np.sum(search.lost))
+    if np.any(mismatch):
+        told = zip(mismatch[:, 0], search.statuses, strict=False)
+        good = [np.isfinite(x) and status is not SearchStatus.contradicted for x, status in told]
+        tilt, slope = (float(x) for x in np.max(mismatch[: len(good)][good], axis=0, initial=0.0))
+        said += (
+            f" The exact solution confirms {sum(good)} of {len(mismatch)} ends: their tilts differ from "
+            f"those of the smoothed signs by at most {tilt:.1e} and the slopes of these by at most "
+            f"{slope:.1e}, relative. An end that it contradicts is not offered. Orbits lost on the way: {lost}."
+        )
+    return [*figure, Text(said)]
+
+
+def _models(design: HarmonicDesign, study: Study) -> list[Block]:
+    rest = None if design.best is None else design.best.rest
+    out: list[Block] = [] if rest is None else [Text(rest.told)]
+    return out if study.comparison is None else [*out, *comparison_of_models(study.comparison)]
+
+
+def comparison_of_models(check: Check) -> list[Block]:
+    """A design by all models that were asked, and objections of the last one."""
+    rows = tuple(
+        (r.name, r.amplitude, r.stroke, r.status.replace("_", " "), round(r.seconds * 1e3, 1), r.neglects)
+        for r in check.models
+    )
+    head = ("model", "amplitude (rad)", "stroke (rad)", "status", "time (ms)", "neglects")
+    caption = (
+        "The design from rest under the scene's own shaking, the cheapest model first; the last one judges. "
+        "One harmonic: harmonic balance, which may be off by a tenth and knows no overturning."
+    )
+    objections = (
+        (danger if "overturned" in x else note)(f"Under the scene's own shaking {x}.")
+        for x in check.objections
+    )
+    return [Table(head, rows, caption), *objections]
+
+
+def _refused(design: HarmonicDesign) -> list[Block]:
+    rows = tuple(
+        (v.source, v.mass_ratio, v.length_ratio, v.damping_ratio, v.value, "; ".join(map(str, v.reasons)))
+        for v in design.verified
+        if v.reasons
+    )
+    caption = "Value: the risk, a tilt over nu where the block rocks. A refused design is not offered."
+    return [Table(("from", "μ", "λ", "ζ", "value", "reasons"), rows, caption)] if rows else []
