@@ -23,7 +23,7 @@ MOST = 30
 _WIDTH, _NAME = 100, 13
 """Columns of text, and of the names of rows."""
 _CHANGES = {
-    "mean severity": "mean tilt, over that of toppling",
+    "mean severity": "mean tilt over toppling",
     "median severity": "median tilt",
     "overturned": "overturned",
     "at rest": "at rest in the end",

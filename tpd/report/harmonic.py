@@ -47,16 +47,7 @@ def sections(
 ) -> dict[str, list[Block]]:
     """Blocks by the titles of their sections, in the order of a report; empty ones are left out later."""
     runs, losses = over_runs(design), other_losses(design)
-    beside: list[Block] = (
-        [
-            Text(
-                f"{words.beside(study)}, one run each by the linear equations. On its way a "
-                "motion from rest can be chaotic: rely on shares of neighbours, not on one run."
-            )
-        ]
-        if words.beside(study)
-        else []
-    )
+    beside: list[Block] = [Text(f"{words.beside(study)}.")] if words.beside(study) else []
     return {
         "Over the runs": [*figures["benefit"], *runs] if runs else [],
         "Other losses of energy": losses,

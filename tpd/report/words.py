@@ -144,8 +144,10 @@ def beside(study: Study) -> str:
     if study.responses is None or len(study.responses) < 2:
         return ""
     bare, hung = study.responses
-    lost, lost_bare = (int(np.sum(r.status == "overturned")) for r in (hung, bare))
-    return (
-        f"from rest {lost} of {hung.frequency.size} frequencies from {hung.frequency[0]:.3g} to "
-        f"{hung.frequency[-1]:.3g} Hz overturn it with the pendulum, {lost_bare} without"
-    )
+    band = f"from {hung.frequency[0]:.3g} to {hung.frequency[-1]:.3g} Hz, from rest by the linear equations"
+    if hung.overturning is None or bare.overturning is None:
+        lost, lost_bare = (int(np.sum(r.status == "overturned")) for r in (hung, bare))
+        return f"{lost} of {hung.frequency.size} runs {band} overturn with it, {lost_bare} without"
+    with_it, without = (float(np.trapezoid(r.overturning[0], r.frequency)) for r in (hung, bare))
+    width = float(np.ptp(hung.frequency))
+    return f"{with_it / width:.0%} of the runs {band} overturn with it, {without / width:.0%} without"
