@@ -13,10 +13,8 @@ from tpd.analysis.ensemble import Ensemble
 from tpd.analysis.outcomes import Outcomes
 from tpd.analysis.paired import Verdict
 from tpd.analysis.response import Response
-from tpd.analysis.sensitivity import Elasticities
 from tpd.core.conditions import Conditions
 from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, DesignSpace, Risk, Worth
-from tpd.design.earthquakes import Earthquakes
 from tpd.design.front import FrontPoint
 from tpd.design.result import DesignStatus, HarmonicDesign, Search, SearchStatus
 from tpd.design.study import Study, TimeHistory
@@ -186,7 +184,6 @@ def single(**changes) -> HarmonicDesign:
         ),
         "nearest": None,
         "search": search(),
-        "elasticities": {},
     }
     return HarmonicDesign(**(values | changes))
 
@@ -219,7 +216,6 @@ def band(**changes) -> HarmonicDesign:
         "method": Method("sequential", 0.01),
         "verified": (dataclasses.replace(offered, value=0.2, reasons=(REASON,)), offered),
         "bare": bare,
-        "elasticities": {"mass": -0.4, "length": 1.25, "frequency": -2.0},
     }
     return single(**(values | changes))
 
@@ -312,22 +308,6 @@ def history(with_pendulum: bool, size: float = 0.08, lost: bool = False) -> Time
     )
 
 
-def earthquakes(**changes) -> Earthquakes:
-    """Three records: one that overturns the bare block, one both, and one unknown."""
-    values = {
-        "sources": ("a folder", "el-centro"),
-        "names": ("gentle", "strong", "long"),
-        "pga": np.array([1.0, 5.0, 3.0]),
-        "bare": np.array([np.inf, np.inf, 0.25]),
-        "hung": np.array([0.5, np.inf, np.nan]),
-        "relative": np.array([0.3, np.inf, np.nan]),
-        "linear_relative": np.array([0.25, np.inf, np.nan]),
-        "nonlinear": (np.array([True, True, False]), np.array([True, True, False])),
-        "unknown": (np.array([False, False, False]), np.array([False, False, True])),
-    }
-    return Earthquakes(**(values | changes))
-
-
 def study(**changes) -> Study:
     """Everything that a report of `single` shows."""
     frequency = tuple(2.5 * np.linspace(0.7, 1.5, 41))
@@ -340,12 +320,6 @@ def study(**changes) -> Study:
         "histories": (history(False, 0.08), history(True, 0.04)),
         "responses": (bare, hung),
         "comparison": Check(models=(answer("exact"), answer("nonlinear")), limit=0.5, bare=0.08),
-        "elasticities": Elasticities(
-            of="amplitude",
-            value=0.04,
-            at=dict.fromkeys(NAMES, 0.1),
-            slopes=dict(zip(NAMES, np.linspace(-2.0, 1.0, 7).tolist(), strict=True)),
-        ),
         "usage": (("stroke", 0.6), ("offset", 0.8), ("reserve", -4.0)),
     }
     return Study(**(values | changes))

@@ -24,8 +24,7 @@ def written(design, study) -> dict:
 CASES = {
     "one condition": (designs.single(), designs.study()),
     "a neighbourhood": (designs.around(), designs.study()),
-    "a band": (designs.band(), designs.study(responses=None, elasticities=None, front=designs.front())),
-    "shaken by records": (designs.single(), designs.study(earthquakes=designs.earthquakes())),
+    "a band": (designs.band(), designs.study(responses=None, front=designs.front())),
     "refused": (designs.refused(), designs.study(comparison=None)),
     "interrupted": (
         designs.single(status=DesignStatus.interrupted, pendulum=None, verified=()),
@@ -56,7 +55,7 @@ def test_every_design_is_what_the_schema_says(case):
         ("version", 2),
         ("pendulum", {"mass": 1.0}),
         ("status", "good"),
-        ("amplitude_rad", "large"),
+        ("seed", "large"),
         ("more", 1),
     ],
 )
@@ -70,30 +69,30 @@ def test_the_content_is_sorted_complete_and_exact():
     design, study = CASES["one condition"]
     content = written(design, study)
     assert list(content) == sorted(content)
-    assert content["version"] == 7
+    assert content["version"] == 8
     assert content["pendulum"] == dataclasses.asdict(designs.HUNG)
-    assert content["parameters"]["mu"] == pytest.approx(0.1)
+    assert content["details"]["parameters"]["mu"] == pytest.approx(0.1)
     assert content["seed"] == 3
     assert content["job"] == JOB
     assert {"python", "tpd", "jax", "diffrax", "optax"} <= set(content["versions"])
-    assert content["verified"][0]["exact"]["amplitude"] == [0.04]
-    assert content["study"]["responses"][1]["amplitude"] == study.responses[1].amplitude.tolist()
+    assert content["details"]["verified"][0]["exact"]["amplitude"] == [0.04]
+    assert content["details"]["responses"][1]["amplitude"] == study.responses[1].amplitude.tolist()
     assert content["notes"][0]["severity"] == "danger"
 
 
 def test_infinities_and_reasons_are_words():
     content = written(*CASES["a band"])
-    assert content["bare"]["exact"]["amplitude"][0] == "infinite"
-    assert content["verified"][0]["reasons"][0]["kind"] == "breaks_limit"
-    assert content["verified"][0]["reasons"][0]["sentence"] == str(designs.REASON)
-    assert content["verified"][1]["evaluation"]["kind"][-1] == "rest"
+    assert content["details"]["bare"]["exact"]["amplitude"][0] == "infinite"
+    assert content["details"]["verified"][0]["reasons"][0]["kind"] == "breaks_limit"
+    assert content["details"]["verified"][0]["reasons"][0]["sentence"] == str(designs.REASON)
+    assert content["details"]["verified"][1]["evaluation"]["kind"][-1] == "rest"
 
 
 def test_what_is_asked_of_the_benefit_and_what_paired_runs_say_stand_beside_each_other():
     content = written(*CASES["a neighbourhood"])
     assert content["worth"] == {"at_least": 0.1, "worse": 0.05, "strikes": 0.01, "runs": 40}
     assert content["limits"]["room"] == {"shape": "ball", "density": 7850.0, "aspect": 2.0}
-    (offered,) = content["verified"]
+    (offered,) = content["details"]["verified"]
     benefit = offered["benefit"]
     # 2 of 40 runs overturn and 38 tilt 0.05 rad of 0.25, in place of 20 and 20 at 0.1 rad.
     assert benefit["value"] == pytest.approx(1.0 - (2 + 38 * 0.2) / (20 + 20 * 0.4))
@@ -103,21 +102,21 @@ def test_what_is_asked_of_the_benefit_and_what_paired_runs_say_stand_beside_each
     assert [len(benefit["by_condition"][key]) for key in ("with", "without")] == [10, 10]
     assert (offered["paired"]["worse"], offered["paired"]["better"]) == (0, 18)
     assert offered["paired"]["with"]["equations"] == "nonlinear"
-    assert [case["name"] for case in content["losses"]] == ["friction", "impacts"]
-    assert content["losses"][1]["benefit"]["value"] == 0.0
-    assert content["losses"][1]["overturned"][0] == 0.5
-    assert content["search"]["mismatch"] == [[2e-6, 3e-5], ["infinite", 0.0]]
-    assert content["search"]["lost"] == [0, 4]
+    assert [case["name"] for case in content["details"]["losses"]] == ["friction", "impacts"]
+    assert content["details"]["losses"][1]["benefit"]["value"] == 0.0
+    assert content["details"]["losses"][1]["overturned"]["value"] == 0.5
+    assert content["details"]["search"]["mismatch"] == [[2e-6, 3e-5], ["infinite", 0.0]]
+    assert content["details"]["search"]["lost"] == [0, 4]
 
 
 def test_motions_from_rest_are_those_of_the_design_and_of_the_bare_block():
-    rest = written(*CASES["a neighbourhood"])["verified"][-1]["rest"]
+    rest = written(*CASES["a neighbourhood"])["details"]["verified"][-1]["rest"]
     assert (rest["severity"], rest["bare"]) == ([0.3] * 10, [0.4] * 10)
-    assert written(*CASES["refused"])["verified"][-1]["rest"] is None
+    assert written(*CASES["refused"])["details"]["verified"][-1]["rest"] is None
 
 
 def test_surveys_are_counts_and_best_designs():
-    linear, nonlinear = written(*CASES["a neighbourhood"])["surveys"]
+    linear, nonlinear = written(*CASES["a neighbourhood"])["details"]["surveys"]
     assert (linear["equations"], nonlinear["equations"]) == ("linear", "nonlinear")
     # One strikes on the way, and one overturns the block under all conditions.
     assert (linear["designs"], linear["keep_to_limits"], linear["better_than_bare"]) == (4, 2, 2)

@@ -9,10 +9,11 @@ from PIL import Image
 
 from tests import designs
 from tpd.core.formatting import number
+from tpd.design.build import build_of
 from tpd.design.result import DesignStatus
 from tpd.design.study import Study
 from tpd.report import pictures
-from tpd.report.blocks import Code, Figure, Note, Report, Section, Severity, Table
+from tpd.report.blocks import Code, Figure, Note, Report, Section, Severity, Table, Text
 from tpd.report.content import content
 from tpd.report.files import write
 from tpd.report.html import html
@@ -60,7 +61,12 @@ def drawn(design, study) -> dict[str, bytes]:
 
 
 def of(*blocks) -> Report:
-    return Report("title", Note(Severity.information, "verdict"), (Section("first", blocks),))
+    return report(Note(Severity.note, "verdict"), Section("first", blocks))
+
+
+def report(verdict: Note, *sections: Section) -> Report:
+    answer = Table(("", ""), (("bob", "5 kg"),))
+    return Report("title", verdict, (), answer, None, (), sections)
 
 
 def test_the_page_is_whole_and_needs_nothing_from_outside():
@@ -81,13 +87,14 @@ def test_the_page_is_whole_and_needs_nothing_from_outside():
 @pytest.mark.parametrize("case", [designs.single, designs.band])
 def test_page_and_text_say_the_same_in_the_same_order(case):
     design = case()
-    report = content(design, designs.study(responses=None), "[block]\n")
-    page, words = read(html(report, {})).text, text(report)
+    study = designs.study(responses=None, build=build_of(design))
+    found = content(design, study, "[block]\n")
+    page, words = read(html(found, {})).text, text(found)
     assert words.startswith("FOUND, BUT NOT TO BE HUNG AS IT IS")
     order = [
         "FOUND, BUT NOT TO BE HUNG AS IT IS",
         "DANGER: Once settled",
-        "The answer",
+        "Build it",
         "1.622 kg",
         "Assumptions",
         "Seed 3",
@@ -99,10 +106,11 @@ def test_page_and_text_say_the_same_in_the_same_order(case):
             "0.12 m",
             "N m s/rad",
             "a < b",
-            "-2",
+            "ten swings take",
             "jax",
             "1 met no design",
             "50.0% (",
+            "40 paired runs of the nonlinear equations, seed 0",
             "growing for 2 s",
         ):
             assert part in said
@@ -112,16 +120,25 @@ def test_severities_are_classes_of_the_page():
     blocks = [Note(severity, severity.name.upper()) for severity in Severity]
     tags = read(html(of(*blocks), {})).tags
     classes = [attributes["class"] for tag, attributes in tags if tag == "p"]
-    assert classes == ["verdict information", "danger", "warning", "information"]
-    danger = Report("title", Note(Severity.danger, "no"), (Section("first", ()),))
+    assert classes == ["verdict note", "danger", "note"]
+    danger = report(Note(Severity.danger, "no"))
     assert ("p", {"class": "verdict danger"}) in read(html(danger, {})).tags
+
+
+def test_all_but_the_first_screen_is_folded_and_some_of_it_is_printed():
+    note = Note(Severity.note, "verdict")
+    page = html(report(note, Section("a", (Text("x"),), printed=True), Section("b", (Text("y"),))), {})
+    folds = [attributes for tag, attributes in read(page).tags if tag == "details"]
+    assert folds == [{"class": "printed"}, {}]
+    assert page.index("5 kg") < page.index("<details")
 
 
 def test_everything_is_escaped_and_numbers_stand_to_the_right():
     table = Table(("name", "size"), (("<i>", 1.0), ("none", None), ("?", float("nan"))), "a & b")
-    reader = read(html(of(table, Code("<b>"), Note(Severity.warning, "</p>")), {}))
+    reader = read(html(of(table, Code("<b>"), Note(Severity.note, "</p>")), {}))
     cells = [attributes for tag, attributes in reader.tags if tag == "td"]
-    assert cells == [{}, {"class": "n"}] * 3
+    # The first row is that of the answer.
+    assert cells[2:] == [{}, {"class": "n"}] * 3
     for part in ("<i>", "<b>", "</p>", "a & b"):
         assert part in reader.text
     assert reader.text.count("–") == 2
@@ -150,7 +167,7 @@ def test_rows_have_the_cells_of_their_head():
 def test_pictures_have_a_description_and_a_kind_that_pages_show():
     with pytest.raises(ValueError, match="`alt` must describe the picture"):
         Figure("a.png", alt="", caption="")
-    with pytest.raises(ValueError, match="must hold PNG, SVG or GIF files only"):
+    with pytest.raises(ValueError, match="must hold SVG, PNG or GIF files only"):
         html(of(), {"a.bmp": b"BM"})
 
 
@@ -215,6 +232,6 @@ def test_all_files_are_written_and_the_page_last(tmp_path):
 
 def test_an_interrupted_search_has_no_page(tmp_path):
     cut = designs.single(status=DesignStatus.interrupted, pendulum=None, verified=())
-    names = {path.name for path in write(tmp_path, cut, Study(), {}, "")}
+    names = {path.name for path in write(tmp_path, cut, Study(), {}, "[block]\n")}
     assert names == {"report.txt", "design.json", "scene.toml", "search.png"}
     assert (tmp_path / "report.txt").read_text().startswith("INTERRUPTED")

@@ -33,8 +33,7 @@ def write(
     named = {"name": job_tables.get("project", {}).get("name", ""), "date": files.today()}
     report = content(design, study, job_toml, directory if job_toml else None, **named)
     written = [
-        files.place(directory / name, inside)
-        for name, inside in _words(design, study, job_tables, job_toml)
+        files.place(directory / name, inside) for name, inside in _words(design, study, job_tables, job_toml)
     ]
     written.insert(0, files.place(directory / "report.txt", text(report)))
     # Numbers are safe on disk before the pictures, which take longest, are drawn.

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from tpd.analysis.benefit import Benefit
 from tpd.analysis.outcomes import Outcomes
 from tpd.analysis.paired import Verdict
 from tpd.core import files
@@ -122,6 +123,10 @@ def plain(x: Any) -> Any:
             return {"bare": x.bare.tolist(), **(_surveyed(x, 0) or {})}
         case Conditions():
             return {"description": list(x.description), "factors": plain(dict(x.factors))}
+        case Benefit():
+            # A pair in a list would leave open which of the two is with the pendulum.
+            pair = dict(zip(("with", "without"), x.by_condition, strict=True))
+            return plain({f.name: getattr(x, f.name) for f in fields(x)} | {"by_condition": pair})
         case Judged():
             medians = [fit.median for fit in x.fits]
             kept = {f.name: getattr(x, f.name) for f in fields(x) if f.name not in _SINGLE}

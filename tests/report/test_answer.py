@@ -1,0 +1,173 @@
+"""The answer in at most thirty lines: verdict, pendulum, one comparison, what limits it."""
+
+import dataclasses
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests import designs
+from tpd.design.build import build_of
+from tpd.design.criteria import Room, Stroke
+from tpd.design.result import DesignStatus, Nearest
+from tpd.design.study import Study
+from tpd.design.verified import Reason, ReasonKind, Step
+from tpd.report.answer import MOST, answer, verdict
+from tpd.report.blocks import Severity
+from tpd.report.content import content
+
+SOUND = (designs.loss_case("friction"),)
+"""Losses on which the benefit does not hang."""
+NONE = Study()
+
+
+def refused(*verified):
+    return designs.around(status=DesignStatus.refused, pendulum=None, verified=verified)
+
+
+def against(kind, value, reference=0.0, **more):
+    return Reason(step=Step.benefit, kind=kind, value=value, reference=reference, **more)
+
+
+STRIKES = against(ReasonKind.strikes, 0.27, 0.01)
+LITTLE = against(ReasonKind.too_little_benefit, 0.08, 0.1, low=0.02)
+LIMITS = [dataclasses.replace(designs.REASON, limit=f"limit {i}" * 12) for i in range(40)]
+CASES = {
+    "one condition": (designs.single(), designs.study()),
+    "neighbourhood": (designs.around(), designs.study()),
+    "band": (designs.band(), designs.study(responses=None)),
+    "refused": (designs.refused(), NONE),
+    "forty reasons": (refused(designs.verified(reasons=tuple(LIMITS))), NONE),
+    "interrupted": (designs.single(status=DesignStatus.interrupted, pendulum=None, verified=()), NONE),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_answer_has_at_most_thirty_lines_and_ends_with_the_report(case):
+    said = answer(*CASES[case], Path("a folder")).splitlines()
+    assert len(said) <= MOST == 30
+    assert max(map(len, said)) <= 100
+    assert said[-1] == "  again      tpd optimise --scene 'a folder'/scene.toml --out 'a folder'-again"
+    assert "a folder/report." in said[-2]
+    assert said[0].startswith(verdict(CASES[case][0]).text[:40])
+
+
+def test_a_long_list_of_reasons_is_cut_where_the_report_goes_on():
+    said = answer(*CASES["forty reasons"], Path("out"))
+    assert "(more in the report)" in said
+    assert "(more in the report)" not in answer(*CASES["neighbourhood"], Path("out"))
+
+
+def test_the_verdict_has_the_benefit_with_its_interval():
+    said = verdict(designs.around(losses=SOUND)).text
+    # 1 - (2 + 38 * 0.2)/(20 + 20 * 0.4)
+    assert re.fullmatch(
+        r"WORTH HANGING under the stated conditions: 66% less tilt \(95 %: \d+% to \d+%\)\. "
+        r"No verdict of safety\.",
+        said,
+    )
+
+
+def test_a_benefit_that_hangs_on_the_losses_says_so():
+    said = verdict(designs.around()).text
+    assert (
+        "THE BENEFIT HANGS ON THE LOSSES: it is not shown where the block loses energy by impacts (0%)."
+        in said
+    )
+
+
+@pytest.mark.parametrize(
+    ("design", "said"),
+    [
+        (designs.single(), "knows one shaking and none beside it and takes a bob without size and no walls:"),
+        (designs.single(limits=(Stroke(), Room())), "knows one shaking and none beside it:"),
+        (designs.band(), "takes a bob without size and no walls:"),
+    ],
+)
+def test_what_the_search_did_not_ask_for_comes_before_the_benefit(design, said):
+    assert verdict(design).text.startswith(f"FOUND, BUT NOT TO BE HUNG AS IT IS, since the search {said}")
+
+
+def test_every_share_is_of_one_set_of_runs_that_is_named():
+    said = answer(*CASES["neighbourhood"])
+    assert "40 paired runs of the nonlinear equations, seed 0; overturned counts as toppled" in said
+    row = next(line for line in said.splitlines() if line.lstrip().startswith("overturned  "))
+    assert row.split()[1:3] == ["5.0%", "50.0%"]
+    assert row.split()[3] == "-45.0%"
+    report = content(*CASES["neighbourhood"])
+    assert report.comparison is not None
+    assert report.comparison.caption.startswith("40 paired runs of the nonlinear equations, seed 0")
+
+
+def test_the_pendulum_is_said_as_it_is_built():
+    build = build_of(designs.single())
+    said = answer(designs.single(), Study(build=build))
+    assert "bob        1.62 kg: a solid ball of steel, 0.0734 m wide" in said
+    assert "rod        0.115 m from the hinge to the bob's centre, as built" in said
+    # sqrt(9.80665/0.12)/(2 pi)
+    assert "by itself  1.44 Hz, a period of 0.695 s, without the damper" in said
+
+
+def test_bobs_that_do_as_well_leave_two_digits():
+    low, high = np.array([0.08, 0.5, 0.1]), np.array([0.12, 0.7, 0.1])
+    design = designs.single(range_alike=np.stack([low, high]))
+    said = answer(design, Study(build=build_of(design)))
+    assert "bob        1.6 kg (1.3 to 1.9 kg do as well): a solid ball of steel" in said
+
+
+def test_a_refusal_names_the_nearest_and_what_is_against_it_gravest_first():
+    limits = [dataclasses.replace(designs.REASON, condition=f"{f} Hz") for f in (1, 2, 3)]
+    rests = against(ReasonKind.rests_less, 1.0, 9.0, total=40)
+    said = answer(refused(designs.verified(reasons=(*limits, rests, LITTLE, STRIKES))), NONE)
+    assert said.startswith("DANGER: NO PENDULUM WORTH HANGING was found.")
+    assert "nearest    1.62 kg on 0.12 m, ζ = 0.1: not offered" in said
+    places = [
+        said.index(x) for x in ("strikes a wall in 27.0%", "by 0.2 of it at 1 Hz", "at rest in 1 of 40")
+    ]
+    assert places == sorted(places)
+    assert "2 Hz" not in said.partition("against it")[2]
+
+
+@pytest.mark.mends("the headline named the design of the largest benefit, whose bob strikes in every run")
+def test_the_nearest_is_the_one_that_misses_its_requirements_by_the_least():
+    strikes = [(against(ReasonKind.strikes, share, 0.01),) for share in (1.0, 0.02)]
+    gains = [designs.benefit(designs.paired(lost)) for lost in (1, 4)]
+    far, near = (
+        designs.verified(mass_ratio=mu, reasons=reasons, benefit=gain)
+        for mu, reasons, gain in zip((0.2, 0.05), strikes, gains, strict=True)
+    )
+    early = designs.verified(mass_ratio=0.15, reasons=(designs.REASON,), benefit=None, paired=None)
+    for order in ((far, near, early), (early, near, far)):
+        said = answer(refused(*order), NONE)
+        assert "nearest    0.811 kg on 0.12 m, ζ = 0.1" in said
+        assert "strikes a wall in 2.0% of the cases, and 1.0% is allowed" in " ".join(said.split())
+
+
+@pytest.mark.mends("every refusal was a danger, and 'keep to all limits' as well")
+def test_a_refusal_is_a_danger_where_it_is_about_overturning_or_strikes():
+    for reason, severity in ((LITTLE, Severity.note), (STRIKES, Severity.danger)):
+        bad = (designs.verified(reasons=(reason,)),)
+        alone = designs.single(status=DesignStatus.refused, pendulum=None, verified=bad)
+        assert verdict(alone).severity is severity
+    assert verdict(designs.single()).severity is Severity.note
+
+
+def test_where_none_keeps_to_the_limits_the_nearest_is_named():
+    nearest = Nearest(design=np.array(designs.RATIOS), broken=(designs.REASON,))
+    none = designs.single(
+        status=DesignStatus.none_feasible, pendulum=None, verified=(), nearest=nearest, surveys=()
+    )
+    said = answer(none, NONE)
+    assert said.startswith(
+        "NO PENDULUM WORTH HANGING: no design that was tried in this space keeps to the limits."
+    )
+    assert "nearest    1.62 kg on 0.12 m" in said
+    assert f"against it {designs.REASON}"[:60] in said
+
+
+def test_what_was_not_asked_stands_with_its_command():
+    said = answer(*CASES["neighbourhood"], Path("tpd-design"))
+    assert "earthquakes: tpd fragility tpd-design --records el-centro loma-prieta" in said
+    assert "--engine mujoco" in said
+    assert "not asked" not in answer(*CASES["refused"], Path("tpd-design"))
