@@ -174,7 +174,7 @@ def methods(item: griffe.Class, package: griffe.Module, described: set[str]) -> 
         if m.is_function:
             static = {"staticmethod", "classmethod"} & m.labels
             name = f"{item.name}.{m.name}" if static else f".{m.name}"
-            lines += ["```python", signature(m, name, package), "```", "", sentence(m), "", *sections(m)]
+            lines += ["```py", signature(m, name, package), "```", "", sentence(m), "", *sections(m)]
     return lines
 
 
@@ -203,7 +203,7 @@ class Reference:
 
     def function(self, item: griffe.Function, name: str) -> None:
         self.lines += [
-            "```python",
+            "```py",
             signature(item, name, self.package),
             "```",
             "",
@@ -232,7 +232,7 @@ class Reference:
             made = item.members.get("__init__")
             if made and "dataclass" not in item.labels:
                 self.lines += [
-                    "```python",
+                    "```py",
                     signature(made, item.name, self.package),
                     "```",
                     "",

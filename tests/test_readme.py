@@ -39,7 +39,7 @@ class Block(NamedTuple):
 def fenced(path: Path) -> list[Block]:
     """All fenced blocks of a page."""
     found = re.finditer(
-        r"(?:^<!-- (.*?) -->\n)?^```(\w+)\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?",
+        r"(?:^<!-- ([^\n]*?) -->\n)?^```(\w+)\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?",
         path.read_text(encoding="utf-8"),
         flags=re.DOTALL | re.MULTILINE,
     )
