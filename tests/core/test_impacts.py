@@ -9,7 +9,7 @@ import pytest
 
 PROGRAM = """
 import json, sys
-import jax, numpy as np
+import jax, jax.numpy as jnp, numpy as np
 jax.config.update("jax_enable_x64", True)
 from tpd.core import impacts
 
@@ -24,7 +24,7 @@ from tpd.core.parameters import as_arrays
 from tpd.models.compiled_nonlinear import settle_one
 from tpd.models.segmented import _struck
 p = tpd.Parameters(nu=0.2, mu=0.2, lam=0.4, zeta=0.1, k=0.02, f=0.25, xi=2.5, e=float(sys.argv[2]))
-start, fall = [0.1, 0.0, 0.0, 0.0], np.array([0.0, 0.0, -0.1, 0.4])
+start, fall = [0.1, 0.0, 0.0, 0.0], jnp.array([0.0, 0.0, -0.1, 0.4])
 orbit = tpd.symmetric_orbits(p)
 exact = lambda q: tpd.steady_state(q, y0=start).amplitude
 print(json.dumps({name: float(value) for name, value in {
@@ -34,7 +34,7 @@ print(json.dumps({name: float(value) for name, value in {
     "multiplier": abs(orbit.multipliers[0][0]),
     "smoothed": tpd.steady_state(p, y0=start, model=tpd.Smoothed()).amplitude,
     "friction": tpd.closed_form.equivalent_friction(p, 0.1),
-    "segmented": _struck(Equations(as_arrays(p), Terms.linear), 1.0, fall, 0.0, 1e-4)[3],
+    "segmented": _struck(Equations(as_arrays(p), Terms.linear), 1.0, fall, jnp.zeros(()), 1e-4)[3],
     "nonlinear": settle_one(p, np.array(start)).amplitude,
 }.items()}))
 """
