@@ -184,6 +184,7 @@ def fragility(
     """
     checks.instance("block", block, Block)
     checks.optional("pendulum", pendulum, Pendulum)
+    checks.function("progress", progress)
     checks.numbers("scales", scales, (-1,), "a vector of numbers")
     stripes = np.asarray(scales, dtype=float)
     checks.positive("scales", stripes)

@@ -162,6 +162,8 @@ def verdict(
         checks.instance("bare", bare, Outcomes)
     if isinstance(subject, Scene):
         checks.instance("pendulum", pendulum, Pendulum)
+    elif isinstance(subject, Parameters):
+        checks.positive("mu", subject.mu)
     if bare is not None and bare.equations != str(equations):
         raise ValueError(f"`bare` must be by the {equations} equations, but is by the {bare.equations} ones")
 

@@ -73,6 +73,7 @@ def rocking_spectrum(
     """
     checks.instance("block", block, Block)
     checks.instance("motion", motion, GroundMotion)
+    checks.positive("length_ratio", length_ratio)
     if periods is not None:
         checks.numbers("periods", periods, (-1,), "a vector of numbers")
     times = np.linspace(1.0, 12.0, 200) if periods is None else np.asarray(periods, dtype=float)

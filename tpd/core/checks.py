@@ -41,7 +41,7 @@ def as_float(value: Any) -> Any:
     try:
         return float(value)
     except OverflowError:
-        return math.copysign(math.inf, value)
+        return math.inf if value > 0 else -math.inf
 
 
 def shown(value: object) -> str:
@@ -141,10 +141,11 @@ def single(name: str, value: object) -> None:
 
 def count(name: str, value: object, least: int = 1, most: int = _MOST) -> None:
     """Raise `ValueError` unless `value` is a whole number, `least` or above, and `most` or below."""
+    too_many = is_concrete(value) and bool(np.any(np.asarray(value) > most))
     _check(
         name,
         value,
-        f"a whole number, {least} or more",
+        f"a whole number, {least} to {most}" if too_many else f"a whole number, {least} or more",
         lambda x: (x >= least) & (x <= most) & np.issubdtype(np.asarray(x).dtype, np.integer),
     )
 

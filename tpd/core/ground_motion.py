@@ -71,7 +71,7 @@ class GroundMotion:
 
     def acceleration_at(self, times: Any) -> np.ndarray:
         """Acceleration (m/s^2) at `times` in s; zero before and after the motion."""
-        checks.within("times", times, -np.inf, np.inf)
+        checks.within("times", np.asarray(times), -np.inf, np.inf)
         c, share = np.asarray(self.pieces()), np.asarray(times, dtype=float) / float(self.piece)
         i = np.clip(np.floor(share).astype(int), 0, len(c) - 1)
         x = share - i
@@ -216,7 +216,7 @@ class Pulse(GroundMotion):
     @classmethod
     def sine_train(cls, *, acceleration: Real, frequency: Real, cycles: int) -> Pulse:
         """Whole periods of a sine from rest: a harmonic of finite duration."""
-        return cls(kind="sine-train", acceleration=acceleration, frequency=frequency, cycles=float(cycles))
+        return cls(kind="sine-train", acceleration=acceleration, frequency=frequency, cycles=cycles)
 
     @classmethod
     def one_cosine(cls, *, acceleration: Real, frequency: Real) -> Pulse:
