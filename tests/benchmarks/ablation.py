@@ -23,7 +23,6 @@ jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
 from tests.benchmarks.worth import SCENES, grid_of, judge, problem_of, record, within  # noqa: E402
-from tpd.design.job import job_of  # noqa: E402
 from tpd.cli.new import template  # noqa: E402
 from tpd.design.by_runs import PairedRuns, strikes_of  # noqa: E402
 from tpd.design.criteria import (  # noqa: E402
@@ -31,6 +30,7 @@ from tpd.design.criteria import (  # noqa: E402
     Worth,
     limit_of,
 )
+from tpd.design.job import job_of  # noqa: E402
 from tpd.design.problem import Problem  # noqa: E402
 from tpd.design.verify import Verification  # noqa: E402
 

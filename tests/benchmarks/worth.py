@@ -26,7 +26,6 @@ jax.config.update("jax_enable_x64", True)
 import tpd  # noqa: E402
 from tests.benchmarks.tables import compact  # noqa: E402
 from tpd import Conditions  # noqa: E402
-from tpd.design.job import job_of  # noqa: E402
 from tpd.cli.new import template  # noqa: E402
 from tpd.design.by_runs import PairedRuns, reasons_by_runs, strikes_of  # noqa: E402
 from tpd.design.criteria import (  # noqa: E402
@@ -34,6 +33,7 @@ from tpd.design.criteria import (  # noqa: E402
     Worth,
     limit_of,
 )
+from tpd.design.job import job_of  # noqa: E402
 from tpd.design.problem import Problem  # noqa: E402
 from tpd.design.screening import first_apart  # noqa: E402
 from tpd.design.survey import ON_THE_WAY, followed  # noqa: E402

@@ -13,7 +13,6 @@ from tpd.cli import main
 from tpd.design.front import FrontPoint
 from tpd.design.ground import design, objective
 from tpd.design.ground.groups import Role
-from tpd.design.reading import StoredGroundDesign, read
 from tpd.design.result import DesignStatus
 from tpd.plot.ground_design import plot_groups, plot_search
 from tpd.report.blocks import Severity
@@ -256,17 +255,12 @@ def test_the_report_says_what_was_found_and_how_to_repeat_it(found, tmp_path):
     point = FrontPoint(800.0, "refused", None, (np.nan,) * 3)
     assert "800 kg" in text(content(found, points=(point,)))
     assert as_json(found, "tpd optimise --records x", ["x"]) == (tmp_path / "design.json").read_text()
-    again = read(tmp_path)
-    assert isinstance(again, StoredGroundDesign)
-    assert (again.block, again.gravity, again.pendulum) == (
-        found.scene.block,
-        found.scene.gravity,
-        found.pendulum,
-    )
-    assert (again.status, again.seed, again.records) == (found.status, found.seed, ("x",))
-    assert again.scene(tpd.records.el_centro()).block == found.scene.block
-    with pytest.raises(ValueError, match="is a design on ground motions, not for a harmonic"):
-        tpd.Design.read(tmp_path)
+    # The built-in records stand for those of the design, which exist only in Python.
+    job = {"motion": {"records": ["el-centro"], "scales": [2.0]}, "site": {"gravity": found.scene.gravity}}
+    write(tmp_path, found, tables=job)
+    again = tpd.Design.read(tmp_path)
+    assert (again.status, again.pendulum) == (found.status, found.pendulum)
+    assert again.job.conditions.scales == (2.0,)
 
 
 def test_the_command_designs_on_records_and_refuses_what_has_no_effect(tmp_path, capsys):
@@ -283,25 +277,16 @@ def test_the_command_designs_on_records_and_refuses_what_has_no_effect(tmp_path,
         "--cavity",
         "0.9",
     ]
-    records = [
-        "--records",
-        "el-centro",
-        "loma-prieta",
-        "--scales",
-        "2",
-        "4",
-        "--searches",
-        "4",
-        "--pareto",
-    ]
-    status = main(["optimise", *block, *records, "--out", str(out)])
+    records = ["--records", "el-centro", "loma-prieta", "--scales", "2", "4", "--starts", "4", "--steps", "2"]
+    status = main(["optimise", *block, *records, "--pareto", "--out", str(out)])
     printed = capsys.readouterr().out
-    assert status in (0, 3)
-    assert "On ground motions" in printed or "NO PENDULUM" in printed
+    # Two earthquakes are too few for a verdict.
+    assert status == 3
+    assert "On ground motions" in printed
     assert (out / "report.html").exists()
-    assert (out / "front.png").exists() == ("What a kilogramme pays" in printed)
+    assert not (out / "front.png").exists()
     assert not (out / "unfinished.npz").exists()
     assert main(["optimise", *block, *records, "--exactly", "--out", str(tmp_path / "other")]) == 2
-    assert "is for harmonics" in capsys.readouterr().err
+    assert "`conditions.exactly` goes with a harmonic motion" in capsys.readouterr().err
     assert main(["optimise", *block, "--scales", "2", "--out", str(tmp_path / "other")]) == 2
-    assert "--scales goes with --records" in capsys.readouterr().err
+    assert "`motion.scales` goes with a pulse or records, which this job" in capsys.readouterr().err
