@@ -70,7 +70,7 @@ def test_the_content_is_sorted_complete_and_exact():
     design, study = CASES["one condition"]
     content = written(design, study)
     assert list(content) == sorted(content)
-    assert content["version"] == 7
+    assert content["version"] == 8
     assert content["pendulum"] == dataclasses.asdict(designs.HUNG)
     assert content["parameters"]["mu"] == pytest.approx(0.1)
     assert content["seed"] == 3
