@@ -30,7 +30,7 @@ WRITES = {
     "export": "model.xml",
 }
 STATUS = {"optimise": 3, "check": 3}
-"""Exit statuses that are not 0: a search of two steps finds no pendulum, and the one that is checked is any."""
+"""Exit statuses that are not 0: two steps of a search find no pendulum, and any pendulum is checked."""
 
 
 @pytest.mark.parametrize("command", EVERY)

@@ -12,6 +12,7 @@ import pytest
 
 import tpd
 from tpd.cli import main
+from tpd.cli.new import template
 from tpd.design import job as jobs
 
 SMALL = """
@@ -170,3 +171,66 @@ def test_a_file_of_another_problem_is_not_resumed(capsys, tmp_path):
     assert "holds searches of another problem" in capsys.readouterr().err
     assert {path.name for path in out.iterdir()} == {"unfinished.npz"}
     assert (out / "unfinished.npz").read_bytes() == content
+
+
+@pytest.fixture(scope="module")
+def on_records(tmp_path_factory):
+    """A small design on records by a job file, with what was printed."""
+    folder = tmp_path_factory.mktemp("records")
+    block = template("column").partition("[motion]")[0]
+    motion = '[motion]\nrecords = ["mine", "loma-prieta"]\nscales = [2, 3]\n[search]\nstarts = 4\nsteps = 1\n'
+    (folder / "job.toml").write_text(block + motion)
+    (folder / "mine").mkdir()
+    lines = (f"{0.01 * i:.2f},{0.3 * np.sin(0.05 * i):.6f}\n" for i in range(400))
+    (folder / "mine" / "quake.csv").write_text("time (s),acc (g)\n" + "".join(lines))
+    return folder, command(folder, "optimise", "--scene", "job.toml", "--out", "first", "--quiet")
+
+
+def test_quiet_is_the_verdict_and_the_path(on_records):
+    folder, done = on_records
+    assert done.returncode == 3, done.stderr
+    verdict, path = done.stdout.splitlines()
+    assert verdict.startswith("NO PENDULUM WORTH HANGING: ")
+    assert path == "first"
+    assert (folder / "first" / "report.html").is_file()
+
+
+def test_a_design_on_records_is_repeated_by_its_scene_alone(on_records):
+    folder, _ = on_records
+    (folder / "elsewhere").mkdir()
+    done = command(
+        folder / "elsewhere", "optimise", "--scene", "../first/scene.toml", "--json", "--out", "again"
+    )
+    assert done.returncode == 3, done.stderr
+    again = json.loads(done.stdout)
+    first = json.loads((folder / "first" / "design.json").read_text())
+    assert again | {"command": ""} == first | {"command": ""}
+    scenes = [path / "scene.toml" for path in (folder / "first", folder / "elsewhere" / "again")]
+    assert scenes[0].read_text() == scenes[1].read_text()
+    stored = tpd.Design.read(folder / "first")
+    assert stored.job.tables["motion"]["records"] == [str(folder / "mine"), "loma-prieta"]
+    assert stored.job.block == jobs.job_of(jobs.read(folder / "job.toml")).block
+
+
+def test_a_pendulum_is_judged_on_the_records_of_a_job(on_records):
+    folder, _ = on_records
+    ratios = ("--mass-ratio", "0.05", "--length-ratio", "0.4", "--pendulum-damping", "0.2")
+    done = command(folder, "check", "--scene", "job.toml", *ratios)
+    assert done.returncode == 3
+    last = done.stdout.splitlines()[-1]
+    assert last.startswith("NO PENDULUM WORTH HANGING: ")
+    assert "5 earthquakes on either side are the least for a judgement" in last
+    assert "  motion  2 records, each at pga_star 2, 3" in done.stdout
+
+
+def test_a_design_is_shaken_by_another_record(on_records):
+    folder, _ = on_records
+    done = command(folder, "shake", "first")
+    assert done.returncode == 2
+    assert "the job has 2 records, but one is needed: --record FILE" in done.stderr
+    done = command(folder, "shake", "first", "--record", "el-centro", "--scale", "0.5", "--free", "1")
+    assert done.returncode == 0
+    assert json.loads((folder / "tpd-shake" / "shake.json").read_text())["scene"]["block"]["height"] == 6.0
+    done = command(folder, "response", "first")
+    assert done.returncode == 2
+    assert "`tpd response` is about harmonic motion, and the job has records" in done.stderr

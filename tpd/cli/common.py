@@ -216,9 +216,10 @@ def harmonic(options: argparse.Namespace, varied: tuple[str, ...] = ()) -> tuple
     """
     job, hung = case(options, varied)
     if job.kind != "harmonic":
+        name = "--scene FILE" if options.design is None else f"--scene {options.design / 'scene.toml'}"
         raise ValueError(
             f"`tpd {options.command}` is about harmonic motion, and the job has "
-            f"{'a pulse' if job.kind == 'pulse' else 'records'}: give --amplitude and --frequency"
+            f"{'a pulse' if job.kind == 'pulse' else 'records'}: give {name} with --amplitude and --frequency"
         )
     return job.scene, hung
 

@@ -404,7 +404,6 @@ def job_of(given: Mapping[str, Any]) -> Job:
             part is missing.
     """
     full = complete(given)
-    _refuse_mixture(given, full["motion"]["kind"])
     for table, values in full.items():
         for key, value in values.items():
             # A silent key would let somebody believe in a limit or a seed that does nothing. A file may list
@@ -414,6 +413,7 @@ def job_of(given: Mapping[str, Any]) -> Job:
             needed = "" if is_usual or is_off else lacks(full, table, key)
             if needed:
                 raise ValueError(f"`{table}.{key}` goes with {needed}, which this job does not have")
+    _refuse_mixture(given, full["motion"]["kind"])
     job = Job(full=full)
     with naming("search"):
         checks.count("seed", job.seed, least=0)

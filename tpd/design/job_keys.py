@@ -62,7 +62,7 @@ class Key(NamedTuple):
     default: Any
     """None where the key is left out, or where its default depends on other keys."""
     says: str | tuple[type, str | None]
-    """What it is, or the class and its field whose docstring says so; without a field that of the class."""
+    """Description, or the class and the field whose docstring is it; without a field the class's own."""
 
 
 def keys_of(kind: type, *names: str) -> dict[str, Key]:
@@ -395,7 +395,7 @@ def default_of(kind: str, table: str, name: str) -> Any:
 
 
 def lacks(full: Tables, table: str, key: str) -> str:
-    """What a key needs for an effect and the job does not have, in words; empty where it has an effect."""
+    """Words for what a key needs and the job does not have; empty where the key has an effect."""
     kinds = _KINDS.get((table, key), tuple(MOTIONS))
     if full["motion"]["kind"] not in kinds:
         return " or ".join(MOTIONS[kind] for kind in kinds)
