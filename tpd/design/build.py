@@ -1,5 +1,5 @@
-"""What somebody needs who builds a pendulum: its size as a body, its loads, what to check on site, and how much
-the benefit moves with what is not known exactly."""
+"""What the builder of a pendulum needs: its size as a body, its loads, what to check on site, and how much the
+benefit moves with what is not known exactly."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ _PULLED, _HALF, _MOST = 0.1, 0.5, 400
 
 
 class Loads(NamedTuple):
-    """Largest values over the motions in which the block stands, by the linear equations; impacts of the block
-    are left out. They need not occur at once."""
+    """Largest values over the motions in which the block stands, by the linear equations, impacts of the block
+    left out. They need not occur at once."""
 
     tension: float
     """Force along the rod, N."""
@@ -100,7 +100,7 @@ class Build:
     bob_width: float
     bob_height: float
     rod: float
-    """From the hinge to the centre of the bob: as a body it then swings as often as the point of the equations;
+    """From the hinge to the centre of the bob, that then swings as often as the point of the equations;
     NaN where no rod does that."""
     rod_share: float
     """Mass of a steel rod for ten times the bob's weight, over that of the bob."""
@@ -109,8 +109,8 @@ class Build:
     wall: float
     """From the axis of the block to the wall; NaN where no cavity is known."""
     reach: float
-    """How far the bob comes from the axis in all but the allowed share of the runs that stand; NaN where no room
-    is asked for."""
+    """How far the bob comes from the axis in all but the allowed share of the runs that stand; NaN without a
+    limit on the room."""
     frequency: float
     """Own frequency without the damper in the block that stands, Hz."""
     damping: float

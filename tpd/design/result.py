@@ -117,8 +117,8 @@ class Comparison:
     """Share by which the mean tilt falls."""
     changes: tuple[Change, ...]
     strikes: float
-    """Share of the runs that stand in which the bob strikes a wall, on ground motions any limit is broken; NaN
-    where no room is asked for."""
+    """Share of the runs that stand in which the bob strikes a wall, on ground motions any limit is broken;
+    NaN where no room is asked for."""
     undecided: int
     """Pairs of runs without an answer, which are left out."""
 
@@ -184,7 +184,7 @@ class Design(Question, Printed):
 
     @property
     def comparison(self) -> Comparison | None:
-        """The design that is offered or came nearest, on the runs that judged it; None if none came so far."""
+        """The design that is offered or came nearest, on the runs that judged it; None if there are none."""
         raise NotImplementedError
 
     @property
@@ -200,13 +200,13 @@ class Design(Question, Printed):
 
     @property
     def reach(self) -> float:
-        """How far (m) the bob of the best design comes from the block's axis in all but the allowed share of the
-        runs that stand; NaN where that is not known."""
+        """How far (m) the bob of the best design comes from the axis in all but the allowed share of the runs
+        that stand; NaN where that is not known."""
         raise NotImplementedError
 
     def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
-        """Fall of the mean tilt with the pendulum that is offered, in a changed scene, under further conditions
-        and on at most so many of the runs that judged."""
+        """Fall of the mean tilt with the pendulum that is offered, in a changed scene, under further
+        conditions, on at most so many of the runs that judged."""
         raise NotImplementedError
 
     def again(self, **changed: Any) -> dict[str, Any]:

@@ -58,8 +58,8 @@ class Surveyed:
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """Everything that a report shows beside the design; None where a part does not apply or was left out. Of a
-    design on ground motions only what a pendulum needs to be built, and the front."""
+    """Everything that a report shows beside the design; None where a part does not apply or was left out. A
+    design on ground motions has the build and the front alone."""
 
     build: Build | None = None
     """None where no pendulum is offered."""
@@ -125,8 +125,7 @@ def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progr
 
 
 def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory, ...]:
-    """Histories from rest by the exact solution: of the bare block and, if there is one, of the block with the
-    pendulum."""
+    """Histories from rest by the exact solution: of the bare block and, if there is one, with the pendulum."""
     cases, out = (None,) if pendulum is None else (None, pendulum), []
     for hung in cases:
         p = as_arrays(scene.parameters(hung))

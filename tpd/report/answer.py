@@ -1,4 +1,4 @@
-"""The answer in a few lines, of a design of either kind: for the terminal and the first screen of the page."""
+"""The answer in a few lines, for designs of both kinds: on the terminal and the first screen of the page."""
 
 from __future__ import annotations
 
@@ -34,8 +34,9 @@ _USED = 0.95
 
 
 def answer(design: Design, study: Study, directory: Path | None = None) -> str:
-    """The answer of `optimise` in at most 25 lines: verdict, pendulum, what it brings, what limits it. Block and
-    motion are left out: the command says them before the search."""
+    """The answer of `optimise` in at most 25 lines: verdict, pendulum, what it brings, what limits it.
+
+    Block and motion are left out: the command says them before the search."""
     found = [verdict(design), *dangers(design, study)]
     lines = [line for one in found for line in _wrapped(marked(one))]
     rows = [pair for pair in pairs(design, study) if pair[0] not in ("block", "motion")]
@@ -76,8 +77,8 @@ def _table(of: Table) -> Iterator[str]:
 
 
 def verdict(design: Design) -> Note:
-    """First sentence of a report: worth hanging by so much, or why not. A danger where the block overturns more
-    often, or the bob strikes."""
+    """First sentence of a report: worth hanging by so much, or why not. A danger where the block overturns
+    more often, or the bob strikes."""
     told, status = design.comparison, design.status
     if status is DesignStatus.found and told is not None:
         return note(f"{_worth(design)}: {saved(told)}. {_sign(design)}No verdict of safety.")
@@ -230,8 +231,8 @@ def _more(design: Design, directory: Path | None) -> Iterator[tuple[str, str]]:
     if isinstance(design, HarmonicDesign) and design.pendulum is not None:
         yield (
             "not asked",
-            f"earthquakes: tpd fragility {at} --records el-centro loma-prieta; contact and sliding: tpd check "
-            f"{at} --engine mujoco",
+            f"earthquakes: tpd fragility {at} --records el-centro loma-prieta; contact and sliding: "
+            f"tpd check {at} --engine mujoco",
         )
     page = "report.html" if design.status is not DesignStatus.interrupted else "report.txt"
     yield "report", f"{directory / page}"

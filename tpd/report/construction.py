@@ -85,8 +85,8 @@ def _sizes(design: Design, build: Build) -> Table:
     )
     motions = "none" if build.loads is None else str(build.loads.motions)
     caption = (
-        f"Forces: the largest of {motions} motions of the job in which the block stands, linear equations, of "
-        "the nominal block. Impacts of the block are left out: take a factor of safety. Costs are yours."
+        f"Forces: the largest of {motions} motions of the job in which the block stands, linear equations, "
+        "nominal block. Impacts of the block are left out: take a factor of safety. Costs are yours."
     )
     return Table(("part", "size", "remark"), tuple(rows), caption)
 
@@ -115,14 +115,14 @@ def _checks(build: Build) -> Listing:
     )
     return Listing(
         (
-            f"The pendulum, damper off, in the standing block: ten swings take {ten:.3g} s. Within 1 % of this "
-            "the rod is within 2 %.",
+            f"The pendulum, damper off, in the standing block: ten swings take {ten:.3g} s. Within 1 % of "
+            "this the rod is within 2 %.",
             f"The pendulum, damper on: pulled aside by some 0.1 rad and let go, {swings}.",
-            f"The object, before the pendulum is hung: a horizontal pull of {number(pull.force, 3)} N at the top "
-            f"lifts it. Pulled until its top has moved by {number(1e3 * pull.sway, 3)} mm ({pull.tilt:.2g} rad, a "
-            f"tenth of the tilt of toppling) and released, {decay}. With n impacts from a tilt a to a tilt b, both "
-            "over ν and without friction, e = [b (2 - b)/(a (2 - a))]^(1/(2n)). Fewer impacts mean more loss. "
-            "Secure the object against falling.",
+            f"The object, before the pendulum is hung: a horizontal pull of {number(pull.force, 3)} N at the "
+            f"top lifts it. Pulled until its top has moved by {number(1e3 * pull.sway, 3)} mm ({pull.tilt:.2g} "
+            f"rad, a tenth of the tilt of toppling) and released, {decay}. With n impacts from a tilt a to a "
+            "tilt b, both over ν and without friction, e = [b (2 - b)/(a (2 - a))]^(1/(2n)). Fewer impacts "
+            "mean more loss. Secure the object against falling.",
         )
     )
 
@@ -151,9 +151,9 @@ def _moved(design: Design, build: Build) -> list[Block]:
         "measure by",
     )
     caption = (
-        "Fall of the mean tilt (95 %) on the runs that judged, or a part of them, where one quantity alone is "
-        "lower or higher. The pendulum was judged with all quantities anywhere within the second column: built "
-        "within these tolerances the benefit of the first lines holds."
+        "Fall of the mean tilt (95 %) on the runs that judged, or a part of them, where one quantity alone "
+        "is lower or higher. The pendulum was judged with all quantities anywhere within the second column: "
+        "built within these tolerances the benefit of the first lines holds."
     )
     lost = [_SAID[m.name][0] for m in build.moved if min(m.low.low, m.high.low) <= 0.0]
     said = (

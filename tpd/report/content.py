@@ -1,5 +1,5 @@
-"""Content of a report as typed data, of a design of either kind: what was found, how far it can be relied upon,
-and how to repeat it.
+"""Content of a report as typed data, for designs of both kinds: what was found, how far it can be relied upon,
+how to repeat it.
 
 Nothing is solved here: all numbers come from the design and its study.
 """
@@ -118,9 +118,9 @@ def _assumptions(design: Design) -> list[str]:
         scatter = ", ".join(f"{n} ±{w:.0%}" for n, w in scatter_of(scene.block, design.ensemble).items())
         return [
             *said,
-            f"{'; '.join(design.conditions.description)} ({_INTENSITIES[design.conditions.intensity]}), from rest.",
-            f"Judged with scatter of {scatter or 'nothing'}, each uniform, on scattered blocks that are the same "
-            "with the pendulum and without.",
+            f"{'; '.join(design.conditions.description)} ({_INTENSITIES[design.conditions.intensity]}).",
+            f"From rest. Judged with scatter of {scatter or 'nothing'}, each uniform, the same with the pendulum "
+            "and without.",
             "Search by the linear equations, exact between the samples; verdict by the nonlinear equations.",
             f"Limits, for all but {design.worth.broken:.0%} of the standing runs: {limits}.",
         ]

@@ -53,9 +53,9 @@ def _search(design: GroundDesign, figure: list[Block]) -> list[Block]:
     counts = (
         f"{len(found.value)} designs were followed under {len(design.conditions)} motions each: "
         f"{design.method.starts} over the whole space, the others where the surface promised most. "
-        f"{int(found.feasible.sum())} keep to the limits, {int(found.spares.sum())} with {SPARE:.0%} of each to "
-        f"spare, as the search asks for. Trend at the best {design.trend[0]:.4g} ± {design.trend[1]:.2g} of the "
-        f"{design.risk.name} tilt/ν, {design.bare:.4g} without a pendulum."
+        f"{int(found.feasible.sum())} keep to the limits, {int(found.spares.sum())} with {SPARE:.0%} of each "
+        f"to spare, as the search asks for. Trend of the {design.risk.name} tilt/ν at the best "
+        f"{design.trend[0]:.4g} ± {design.trend[1]:.2g}, {design.bare:.4g} without a pendulum."
     )
     return [*figure, Text(counts)]
 

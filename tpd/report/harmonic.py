@@ -184,8 +184,8 @@ def limiting(design: HarmonicDesign, study: Study) -> list[Block]:
         "overturned, of runs",
     )
     caption = (
-        f"Best of {len(wide.designs)} designs followed from rest by the {wide.equations} equations, one run for "
-        "each condition, and the best where a limit is left out: what relaxing it would buy. Without a "
+        f"Best of {len(wide.designs)} designs followed from rest by the {wide.equations} equations, one run "
+        "for each condition, and the best where a limit is left out: what relaxing it would buy. Without a "
         f"pendulum: {wide.bare.mean():.0%}."
     )
     if same:
@@ -193,8 +193,8 @@ def limiting(design: HarmonicDesign, study: Study) -> list[Block]:
     if by_runs:
         runs = next(iter(by_runs.values()))
         caption += (
-            f" Of runs: shares of {runs.benefit.runs} paired runs of the nonlinear equations; a bob that strikes "
-            f"in more than {runs.allowed:.1%} of them is refused."
+            f" Of runs: shares of {runs.benefit.runs} paired runs of the nonlinear equations; a bob that "
+            f"strikes in more than {runs.allowed:.1%} of them is refused."
         )
     return [_refusals(design), Table(head, tuple(rows[:_MOST]), caption)]
 
@@ -294,7 +294,7 @@ def _search(design: HarmonicDesign, figure: list[Block]) -> list[Block]:
         said += (
             f" The exact solution confirms {sum(good)} of {len(mismatch)} ends: their tilts differ from "
             f"those of the smoothed signs by at most {tilt:.1e} and the slopes of these by at most "
-            f"{slope:.1e}, relative. An end that it contradicts is not offered. Orbits lost on the way: {lost}."
+            f"{slope:.1e}, relative. An end that it contradicts is not offered. Orbits lost: {lost}."
         )
     return [*figure, Text(said)]
 

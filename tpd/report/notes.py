@@ -171,16 +171,16 @@ def _responses(design: HarmonicDesign, study: Study) -> Iterator[Note]:
         low, high = hung.frequency[worse][[0, -1]]
         where = f"From {low:.3g} to {high:.3g}" if high > low else f"At {low:.3g}"
         yield danger(
-            f"{where} Hz the block OVERTURNS more often with this pendulum: near {hung.frequency[i]:.3g} Hz in "
-            f"{hung.overturning[0, i]:.0%} of the runs from rest, {bare.overturning[0, i]:.0%} without (linear "
-            "equations, same base amplitude)."
+            f"{where} Hz the block OVERTURNS more often with this pendulum: near {hung.frequency[i]:.3g} Hz "
+            f"in {hung.overturning[0, i]:.0%} of the runs from rest, {bare.overturning[0, i]:.0%} without "
+            "(linear equations, same base amplitude)."
         )
     yield from _rocks_more(bare, hung, np.abs(hung.frequency / design.scene.motion.frequency - 1.0))
 
 
 def overturns_more(bare: Response, hung: Response) -> np.ndarray:
-    """Where significantly more of the runs near a frequency overturn with the pendulum: the interval of 95 % of
-    the difference of two shares (Newcombe's, from those of the shares) lies above zero."""
+    """Where significantly more of the runs near a frequency overturn with the pendulum: the interval of 95 %
+    of the difference of two shares (Newcombe's, from those of the shares) lies above zero."""
     if hung.overturning is None or bare.overturning is None:
         return np.zeros(hung.frequency.size, dtype=bool)
     (value, low, _), (other, _, high) = hung.overturning, bare.overturning
