@@ -9,6 +9,7 @@ import pytest
 import tpd
 from tests.design.conftest import ANY_WORTH, BAND, LIGHT, ONE, SCENE, SEVERAL, WIDE
 from tpd.design import optimise
+from tpd.design.by_runs import PairedRuns
 from tpd.design.optimise import solve
 from tpd.design.problem import Problem
 from tpd.design.result import DesignStatus, SearchStatus
@@ -106,12 +107,14 @@ def test_progress_covers_every_stage(one, stages):
     assert all(0 < done <= total for _, done, total in stages)
 
 
-def test_one_condition_is_the_same_however_it_is_given_and_what_is_verified_outlasts_an_interruption(one):
-    def stop(now, done, of):
-        if now == "paired runs" and done == of == 128:
-            raise KeyboardInterrupt
+def test_one_condition_is_the_same_however_it_is_given_and_what_is_verified_outlasts_an_interruption(
+    one, monkeypatch
+):
+    def stop(*_):
+        raise KeyboardInterrupt
 
-    cut = tpd.optimise(SCENE, LIGHT, progress=stop, **(ONE | {"conditions": tpd.Conditions()}))
+    monkeypatch.setattr(PairedRuns, "under_other_losses", stop)
+    cut = tpd.optimise(SCENE, LIGHT, **(ONE | {"conditions": tpd.Conditions()}))
     assert cut.status is DesignStatus.interrupted
     assert not cut.status.is_sound
     assert "INTERRUPTED" in str(cut)

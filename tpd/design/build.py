@@ -1,5 +1,5 @@
-"""What the builder of a pendulum needs: its size as a body, its loads, what to check on site, and how much the
-benefit moves with what is not known exactly."""
+"""What the builder of a pendulum needs: its size as a body, its loads, what to check on site, and how much
+the benefit moves with what is not known exactly."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ _PULLED, _HALF, _MOST = 0.1, 0.5, 400
 
 
 class Loads(NamedTuple):
-    """Largest values over the motions in which the block stands, by the linear equations, impacts of the block
-    left out. They need not occur at once."""
+    """Largest values over the motions in which the block stands, by the linear equations; its impacts are left
+    out. They need not occur at once."""
 
     tension: float
     """Force along the rod, N."""
@@ -216,7 +216,8 @@ def loads_of(scenes: Sequence[Scene], pendulum: Pendulum) -> Loads | None:
     if not stands:
         return None
     each = np.array([(*h.loads(pendulum), h.needed_friction) for h in stands])
-    return Loads(*map(float, each.max(axis=0)), len(stands))
+    tension, hinge, rate, friction = map(float, each.max(axis=0))
+    return Loads(tension, hinge, rate, friction, len(stands))
 
 
 def pull_test(scene: Scene) -> PullTest:
@@ -291,7 +292,8 @@ def saved_under_motions(design: GroundDesign, scene: Scene, more: Conditions) ->
     from tpd.design.ground.judgement import scatter_of
 
     groups = [g for g in design.groups if g.role is Role.held_out] or list(design.groups)
-    scales, hung, bare, clusters = np.unique(design.conditions.scales), [], [], []
+    scales = sorted(set(design.conditions.scales))
+    hung, bare, clusters = [], [], []
     assert design.best is not None
     both = np.stack([[0.0, *design.best[1:]], design.best])
     for g in groups:

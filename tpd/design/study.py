@@ -125,7 +125,7 @@ def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progr
 
 
 def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory, ...]:
-    """Histories from rest by the exact solution: of the bare block and, if there is one, with the pendulum."""
+    """Histories from rest by the exact solution: bare and, if there is one, with the pendulum."""
     cases, out = (None,) if pendulum is None else (None, pendulum), []
     for hung in cases:
         p = as_arrays(scene.parameters(hung))

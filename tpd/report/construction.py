@@ -119,9 +119,9 @@ def _checks(build: Build) -> Listing:
             "this the rod is within 2 %.",
             f"The pendulum, damper on: pulled aside by some 0.1 rad and let go, {swings}.",
             f"The object, before the pendulum is hung: a horizontal pull of {number(pull.force, 3)} N at the "
-            f"top lifts it. Pulled until its top has moved by {number(1e3 * pull.sway, 3)} mm ({pull.tilt:.2g} "
-            f"rad, a tenth of the tilt of toppling) and released, {decay}. With n impacts from a tilt a to a "
-            "tilt b, both over ν and without friction, e = [b (2 - b)/(a (2 - a))]^(1/(2n)). Fewer impacts "
+            f"top lifts it. Pulled until its top has moved by {number(1e3 * pull.sway, 3)} mm "
+            f"({pull.tilt:.2g} rad, a tenth of the tilt of toppling) and released, {decay}. With n impacts "
+            "from a tilt a to a tilt b, both over ν and without friction, e = [b (2 - b)/(a (2 - a))]^(1/(2n)). Fewer impacts "
             "mean more loss. Secure the object against falling.",
         )
     )

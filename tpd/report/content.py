@@ -1,5 +1,5 @@
-"""Content of a report as typed data, for designs of both kinds: what was found, how far it can be relied upon,
-how to repeat it.
+"""Content of a report as typed data, for designs of both kinds: what was found, how far to rely on it, how to
+repeat it.
 
 Nothing is solved here: all numbers come from the design and its study.
 """
@@ -75,12 +75,12 @@ def content(
         dangers=tuple(n for n in found if n.severity is Severity.danger),
         answer=Table(("", ""), tuple(rows)),
         comparison=None if told is None else answer.comparison(told),
-        figures=tuple(f for stem in ("drawing", "animation") for f in there[stem]),
+        figures=(*there["drawing"], *there["animation"]),
         sections=tuple(Section(t, tuple(b), t in _PRINTED) for t, b in parts.items() if b),
     )
 
 
-def _figures(design: Design, study: Study) -> dict[str, list[Block]]:
+def _figures(design: Design, study: Study) -> dict[str, list[Figure]]:
     """The figure of every picture there is, by the stem of its name; an empty list where there is none."""
     there = pictures.names(design, study)
     return {
@@ -119,8 +119,8 @@ def _assumptions(design: Design) -> list[str]:
         return [
             *said,
             f"{'; '.join(design.conditions.description)} ({_INTENSITIES[design.conditions.intensity]}).",
-            f"From rest. Judged with scatter of {scatter or 'nothing'}, each uniform, the same with the pendulum "
-            "and without.",
+            f"From rest. Judged with scatter of {scatter or 'nothing'}, each uniform, the same with the "
+            "pendulum and without.",
             "Search by the linear equations, exact between the samples; verdict by the nonlinear equations.",
             f"Limits, for all but {design.worth.broken:.0%} of the standing runs: {limits}.",
         ]

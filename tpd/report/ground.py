@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from tpd.core import files
 from tpd.design.ground.design import GroundDesign
@@ -13,7 +13,7 @@ from tpd.report.blocks import Block, Cell, Table, Text
 from tpd.report.notes import unknown
 
 
-def sections(design: GroundDesign, figures: Mapping[str, list[Block]]) -> dict[str, list[Block]]:
+def sections(design: GroundDesign, figures: Mapping[str, Sequence[Block]]) -> dict[str, list[Block]]:
     """Blocks by the titles of their sections, in the order of a report; empty ones are left out later."""
     return {
         "Over the runs": _judged(design, figures["groups"]),
@@ -21,7 +21,7 @@ def sections(design: GroundDesign, figures: Mapping[str, list[Block]]) -> dict[s
     }
 
 
-def _judged(design: GroundDesign, figure: list[Block]) -> list[Block]:
+def _judged(design: GroundDesign, figure: Sequence[Block]) -> list[Block]:
     if not design.judged:
         return []
     head = ("group", "motions", "earthquakes", "overturned without", "with it", "difference (95 %)")
@@ -46,7 +46,7 @@ def _row(g: Judged) -> tuple[Cell, ...]:
     return role, str(g.motions), str(g.events), before, after, *sizes, *strikes
 
 
-def _search(design: GroundDesign, figure: list[Block]) -> list[Block]:
+def _search(design: GroundDesign, figure: Sequence[Block]) -> list[Block]:
     found = design.searched
     if found is None:
         return []

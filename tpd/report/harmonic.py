@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -43,7 +43,7 @@ _WHY = {
 
 
 def sections(
-    design: HarmonicDesign, study: Study, figures: Mapping[str, list[Block]]
+    design: HarmonicDesign, study: Study, figures: Mapping[str, Sequence[Block]]
 ) -> dict[str, list[Block]]:
     """Blocks by the titles of their sections, in the order of a report; empty ones are left out later."""
     runs, losses = over_runs(design), other_losses(design)
@@ -53,7 +53,7 @@ def sections(
         "Other losses of energy": losses,
         "What limits the design": limiting(design, study),
         "Beside the shaking of the job": [*figures["response"], *beside],
-        "Over time, from rest": figures["motion"],
+        "Over time, from rest": [*figures["motion"]],
         "The settled motion": settled(design, study, figures["conditions"]),
         "Where it was searched": _search(design, figures["search"]),
         "By several models": _models(design, study),
@@ -241,7 +241,7 @@ def _kind(reason: Reason) -> str:
     return _WHY[reason.kind] + ("" if reason.step is not Step.nonlinear else " by the nonlinear equations")
 
 
-def settled(design: HarmonicDesign, study: Study, figure: list[Block]) -> list[Block]:
+def settled(design: HarmonicDesign, study: Study, figure: Sequence[Block]) -> list[Block]:
     """Largest settled sizes, how limits are used, and the motion under every condition."""
     best, n = design.best, len(design.conditions)
     rows: list[tuple[Cell, ...]] = [
@@ -250,7 +250,7 @@ def settled(design: HarmonicDesign, study: Study, figure: list[Block]) -> list[B
     if best is not None:
         rows.append((f"{design.risk.name} tilt with it", words.risk(design, best.value)))
     if design.winner is not None:
-        rows.append(("stroke of the bob", words.angle(words.settled_stroke(design))))
+        rows.append(("stroke of the bob", words.angle(design.swing)))
         rows += [
             (f"limit on {LABELS.get(n, n)}", f"{x:.0%} used") for n, x in words.usage(design, study).items()
         ]
@@ -279,7 +279,7 @@ def _motion(design: HarmonicDesign, of: Verified | Bare, i: int) -> tuple[Cell, 
     return tilt if math.isfinite(tilt) else None, kind, str(of.exact.status[i]).replace("_", " ")
 
 
-def _search(design: HarmonicDesign, figure: list[Block]) -> list[Block]:
+def _search(design: HarmonicDesign, figure: Sequence[Block]) -> list[Block]:
     search = design.search
     ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
     said = (

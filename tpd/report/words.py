@@ -139,6 +139,7 @@ def beside(study: Study) -> str:
     if hung.overturning is None or bare.overturning is None:
         lost, lost_bare = (int(np.sum(r.status == "overturned")) for r in (hung, bare))
         return f"{lost} of {hung.frequency.size} runs {band} overturn with it, {lost_bare} without"
-    with_it, without = (float(np.trapezoid(r.overturning[0], r.frequency)) for r in (hung, bare))
+    shares = hung.overturning[0], bare.overturning[0]
+    with_it, without = (float(np.trapezoid(x, hung.frequency)) for x in shares)
     width = float(np.ptp(hung.frequency))
     return f"{with_it / width:.0%} of the runs {band} overturn with it, {without / width:.0%} without"

@@ -203,8 +203,8 @@ class GroundDesign(Design):
         for name, x in (("mean severity", tilt), ("overturned", fell.astype(float))):
             d = difference_of(x[1], x[0], clusters)
             changes.append(Change(name, float(x[1].mean()), float(x[0].mean()), d.low, d.high))
-        median = (float(np.median(x)) for x in (tilt[1], tilt[0]))
-        changes.insert(1, Change("median severity", *median, math.nan, math.nan))
+        hung, bare = (float(np.median(x)) for x in (tilt[1], tilt[0]))
+        changes.insert(1, Change("median severity", hung, bare, math.nan, math.nan))
         stands = [float(np.sum(~g.runs.overturned[1])) for g in held]
         broken = sum(n * g.strikes for n, g in zip(stands, held, strict=True)) / max(sum(stands), 1.0)
         return Comparison(
