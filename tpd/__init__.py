@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from tpd.analysis.critical_scale import critical_scale as critical_scale
     from tpd.analysis.design_map import design_map as design_map
     from tpd.analysis.ensemble import Ensemble as Ensemble
+    from tpd.analysis.ensemble import outcomes as outcomes
     from tpd.analysis.fragility import fragility as fragility
     from tpd.analysis.overturning_spectrum import overturning_spectrum as overturning_spectrum
     from tpd.analysis.paired import verdict as verdict
@@ -66,11 +67,13 @@ if TYPE_CHECKING:
     from tpd.design.criteria import Risk as Risk
     from tpd.design.front import front as front
     from tpd.design.ground.search import GroundSearch as GroundSearch
+    from tpd.design.job import Job as Job
     from tpd.design.many import optimise_all as optimise_all
     from tpd.design.methods import Descent as Descent
     from tpd.design.methods import Sequential as Sequential
     from tpd.design.optimise import optimise as optimise
     from tpd.design.result import Design as Design
+    from tpd.design.study import study as study
     from tpd.models.piecewise import Piecewise as Piecewise
     from tpd.models.segmented import Segmented as Segmented
     from tpd.models.smoothed import Smoothed as Smoothed
@@ -83,7 +86,7 @@ _NAMES = {
     "analysis.compare_models": "check",
     "analysis.critical_scale": "critical_scale",
     "analysis.design_map": "design_map",
-    "analysis.ensemble": "Ensemble",
+    "analysis.ensemble": "Ensemble outcomes",
     "analysis.fragility": "fragility",
     "analysis.overturning_spectrum": "overturning_spectrum",
     "analysis.paired": "verdict",
@@ -105,10 +108,12 @@ _NAMES = {
     "design.criteria": "DesignSpace Risk",
     "design.front": "front",
     "design.ground.search": "GroundSearch",
+    "design.job": "Job",
     "design.many": "optimise_all",
     "design.methods": "Descent Sequential",
     "design.optimise": "optimise",
     "design.result": "Design",
+    "design.study": "study",
     "models.piecewise": "Piecewise",
     "models.segmented": "Segmented",
     "models.smoothed": "Smoothed",

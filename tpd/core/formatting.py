@@ -43,11 +43,16 @@ class Printed:
         return f"<pre>{html.escape(str(self), quote=False)}</pre>"
 
 
-def picture(name: str) -> Callable[..., Any]:
-    """Function of a module of `tpd.plot`, such as "maps:plot_map", imported when a result is drawn: results
-    lie below their pictures, and do not wait for Matplotlib."""
+def above(name: str) -> Callable[..., Any]:
+    """Function of a module of `tpd`, such as "plot.maps:plot_map", imported when it is called: results lie below
+    their pictures and reports, and do not wait for Matplotlib."""
     module, _, function = name.partition(":")
-    return getattr(import_module(f"tpd.plot.{module}"), function)
+    return getattr(import_module(f"tpd.{module}"), function)
+
+
+def picture(name: str) -> Callable[..., Any]:
+    """Function of a module of `tpd.plot`; see `above`."""
+    return above(f"plot.{name}")
 
 
 class Tabular:

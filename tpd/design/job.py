@@ -75,6 +75,15 @@ class Job:
     full: Tables
     """All keys of all tables; None for what is left out and has no default."""
 
+    @staticmethod
+    def read(path: str | Path) -> Job:
+        """Job of a file in TOML.
+
+        Raises:
+            ValueError: a file that cannot be read, or a job that is not allowed.
+        """
+        return job_of(read(Path(path)))
+
     @property
     def kind(self) -> str:
         """Kind of the motion: harmonic, pulse or records."""

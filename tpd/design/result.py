@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -14,16 +15,16 @@ from tpd.analysis.benefit import Change
 from tpd.analysis.intervals import Interval
 from tpd.core import checks
 from tpd.core.conditions import Conditions
-from tpd.core.formatting import Printed, picture
+from tpd.core.formatting import Printed, above, picture
 from tpd.core.scene import Pendulum, Scene
 from tpd.design.criteria import Room, limit_of, stroke_limit
 from tpd.design.question import Question
 from tpd.design.verified import GRAVE, Bare, LossCase, Reason, ReasonKind, Verified
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
+    from tpd.core.progress import Progress
     from tpd.design.reading import StoredDesign
+    from tpd.design.study import Study
     from tpd.design.survey import Survey
 
 
@@ -164,6 +165,38 @@ class Design(Question, Printed):
         """
         checks.one_of("what", what, tuple(self.pictures))
         return picture(self.pictures[what])(self, ax)
+
+    def answer(self, study: Study | None = None) -> str:
+        """The answer in at most 25 lines, as `tpd optimise` prints it.
+
+        Args:
+            study: from `tpd.study`; by default the pendulum is not followed once more, and what needs that is
+                left out.
+        """
+        return above("report.answer:told")(self, study)
+
+    def save(
+        self,
+        folder: str | Path,
+        *,
+        study: Study | None = None,
+        overwrite: bool = False,
+        progress: Progress | bool | None = None,
+    ) -> list[Path]:
+        """Write the report: page, text, numbers, pictures and, where one can say what was asked, the job file
+        that repeats it. Returns the files.
+
+        Args:
+            folder: of the report; made if it does not exist.
+            study: from `tpd.study`; made here by default.
+            overwrite: whether a report in the folder is replaced.
+            progress: True for a bar on stderr, or called with (stage, done, of how many).
+
+        Raises:
+            ValueError: a folder with a report, or that cannot be written.
+        """
+        how = {"study": study, "overwrite": overwrite, "progress": progress}
+        return above("report.files:save")(self, Path(folder), **how)
 
     @property
     def swing(self) -> float:

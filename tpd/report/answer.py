@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from tpd.core.formatting import number
+from tpd.design.build import build_of
 from tpd.design.criteria import LABELS
 from tpd.design.result import Comparison, Design, DesignStatus, HarmonicDesign
 from tpd.design.study import Study
@@ -54,6 +55,11 @@ def answer(design: Design, study: Study, directory: Path | None = None) -> str:
     if len(lines) > room:
         lines = [*lines[: room - 1], " " * _NAME + "(more in the report)"]
     return "\n".join([*lines, *(line for name, said in more for line in _wrapped(said, name))])
+
+
+def told(design: Design, study: Study | None) -> str:
+    """See `Design.answer`."""
+    return answer(design, Study(build=build_of(design)) if study is None else study)
 
 
 def marked(of: Note) -> str:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from tpd.core import files
+from tpd.core.progress import Progress, shown
+from tpd.design.asked import job_of_design
 from tpd.design.ground.design import GroundDesign
 from tpd.design.result import Design, DesignStatus
 from tpd.design.study import Study
+from tpd.design.study import study as compute
 from tpd.report import ground, pictures
 from tpd.report.content import content
 from tpd.report.html import html
@@ -45,6 +49,27 @@ def write(
         # Last, so that a page stands for a whole report.
         written.append(files.place(directory / "report.html", html(report, drawn)))
     return written
+
+
+def save(
+    design: Design,
+    folder: Path,
+    *,
+    study: Study | None,
+    overwrite: bool,
+    progress: Progress | bool | None,
+) -> list[Path]:
+    """See `Design.save`."""
+    files.claim(folder, overwrite=overwrite)
+    with shown(progress) as report:
+        found = compute(design, progress=report) if study is None else study
+    # A user's own limit, or motions that exist only in Python, are in no job file.
+    try:
+        job = job_of_design(design)
+    except ValueError as error:
+        warnings.warn(f"the report goes without scene.toml: {error}", stacklevel=3)
+        return write(folder, design, found, {}, "")
+    return write(folder, design, found, job.tables, job.toml)
 
 
 def _words(
