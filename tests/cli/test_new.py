@@ -8,7 +8,7 @@ import pytest
 from tpd.cli import main, new
 from tpd.design import job as jobs
 from tpd.design import optimise as search
-from tpd.report import scene_words
+from tpd.report import words
 
 KINDS = pytest.mark.parametrize("kind", new.KINDS)
 
@@ -63,14 +63,14 @@ def test_every_key_of_a_template_has_its_reason(kind):
 @KINDS
 def test_the_block_of_a_template_lifts_and_its_comment_has_the_right_numbers(kind):
     scene = jobs.job_of(tomllib.loads(new.template(kind))).scene
-    f, limit = scene_words.acceleration(scene), scene_words.threshold(scene)
+    f, limit = words.acceleration(scene), words.threshold(scene)
     assert f > limit
     assert f"with the frequency {f:.2f} g, above the {limit:.2f} g at which" in new.template(kind)
 
 
 def test_the_paper_s_template_is_the_paper_s_scene():
     job = jobs.job_of(tomllib.loads(new.template("paper")))
-    assert scene_words.origin(job.scene).endswith("with the paper's motion and losses")
+    assert words.origin(job.scene).endswith("with the paper's motion and losses")
 
 
 RECORDS = "--records", "el-centro", "loma-prieta", "--scales", "2", "3"

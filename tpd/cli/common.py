@@ -227,10 +227,10 @@ def harmonic(options: argparse.Namespace, varied: tuple[str, ...] = ()) -> tuple
 def say(scene: Scene, hung: Pendulum | None = None, motion: str = "", notes: Iterable[str] = ()) -> None:
     """Print block, motion, losses and pendulum, if any, before any work: whose block it is must not be a
     surprise. A motion that is not harmonic is described by `motion`."""
-    from tpd.report import scene_words
+    from tpd.report import words
 
-    lines = (*scene_words.block_lines(scene), f"  motion  {motion}") if motion else scene_words.lines(scene)
-    more = () if hung is None else (scene_words.pendulum(scene, hung),)
+    lines = (*words.block_lines(scene), f"  motion  {motion}") if motion else words.scene_lines(scene)
+    more = () if hung is None else (words.pendulum_line(scene, hung),)
     print("\n".join((*notes, *lines, *more)), flush=True)
 
 

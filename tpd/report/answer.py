@@ -15,7 +15,7 @@ from tpd.design.build import build_of
 from tpd.design.criteria import LABELS
 from tpd.design.result import Comparison, Design, DesignStatus, HarmonicDesign
 from tpd.design.study import Study
-from tpd.report import scene_words, words
+from tpd.report import words
 from tpd.report.blocks import Note, Severity, Table, danger, note
 from tpd.report.notes import notes
 
@@ -140,8 +140,8 @@ def dangers(design: Design, study: Study) -> list[Note]:
 
 def pairs(design: Design, study: Study) -> Iterator[tuple[str, str]]:
     """Names and sentences of the answer, block and motion first."""
-    yield "block", scene_words.block(design.scene)
-    yield "motion", scene_words.shaking(design)
+    yield "block", words.block_of(design.scene)
+    yield "motion", words.shaking(design)
     yield "conditions", "; ".join(design.conditions.description) or "this motion exactly"
     yield from _pendulum(design, study)
     told = design.comparison

@@ -18,7 +18,7 @@ from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.judgement import scatter_of
 from tpd.design.result import Design, HarmonicDesign
 from tpd.design.study import Study
-from tpd.report import answer, construction, ground, harmonic, pictures, scene_words, words
+from tpd.report import answer, construction, ground, harmonic, pictures, words
 from tpd.report.blocks import Block, Cell, Code, Figure, Listing, Report, Section, Severity, Table, Text
 from tpd.report.notes import notes
 
@@ -70,7 +70,7 @@ def content(
     told = design.comparison
     rows = (*(("project", name) for _ in range(bool(name))), *answer.pairs(design, study))
     return Report(
-        title=scene_words.title(design.scene, name, date),
+        title=words.title(design.scene, name, date),
         verdict=answer.verdict(design),
         dangers=tuple(n for n in found if n.severity is Severity.danger),
         answer=Table(("", ""), tuple(rows)),

@@ -99,7 +99,6 @@ def _ground(design: Any) -> dict[str, Any]:
         "searched": None if design.searched is None else design.searched._asdict(),
         "block": design.scene.block,
         "gravity": float(design.scene.gravity),
-        "settings": design.settings,
     }
 
 

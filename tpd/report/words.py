@@ -1,4 +1,4 @@
-"""Quantities of a design in words, and what both kinds of design have in one form."""
+"""Scenes and designs in words: block, motion, losses, limits, and what both kinds of design have in one form."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ import numpy as np
 
 from tpd.analysis.attractors import Starts
 from tpd.core.formatting import number
-from tpd.core.scene import HOUSNER, Block
+from tpd.core.scene import HOUSNER, Block, Pendulum, Scene, paper_scene
 from tpd.design.criteria import KINDS, Bob, Limit, Room, limit_of
 from tpd.design.ground.design import GroundDesign
 from tpd.design.result import Design, HarmonicDesign
 from tpd.design.study import Study
+
+_PAPER = "the paper's block (Collini et al. 2016)"
 
 
 def angle(x: float) -> str:
@@ -21,11 +23,6 @@ def angle(x: float) -> str:
     if not math.isfinite(x):
         return "unknown" if math.isnan(x) else "overturns"
     return f"{number(x)} rad ({number(math.degrees(x), 3)}°)"
-
-
-def toppling(slenderness: float, mass_ratio: float) -> float:
-    """Tilt (rad) at which the linear block topples by itself, nu (1 + mu)/(1 + 2 mu)."""
-    return slenderness * (1.0 + mass_ratio) / (1.0 + 2.0 * mass_ratio)
 
 
 def source_of_tilts(design: HarmonicDesign) -> str:
@@ -143,3 +140,115 @@ def beside(study: Study) -> str:
     with_it, without = (float(np.trapezoid(x, hung.frequency)) for x in shares)
     width = float(np.ptp(hung.frequency))
     return f"{with_it / width:.0%} of the runs {band} overturn with it, {without / width:.0%} without"
+
+
+def title(scene: Scene, name: str = "", date: str = "") -> str:
+    """Title of a report, with the name of the project and the date where they are given."""
+    block = scene.block
+    size = f"{number(float(block.width))} m × {number(float(block.height))} m"
+    head = f"{name}: pendulum" if name else "Pendulum"
+    return f"{head} for a block of {size}" + (f", {date}" if date else "")
+
+
+def origin(scene: Scene) -> str:
+    """Whose block it is: the paper's, the paper's with changes, or another one."""
+    # By numbers and not by what was typed: a file that lists the paper's numbers is the paper's scene.
+    paper = paper_scene()
+    own, papers = scene.block, paper.block
+    if any(
+        getattr(own, key) != getattr(papers, key) for key in ("width", "height", "mass", "radius_of_gyration")
+    ):
+        return "a block of your own"
+    losses = (own.friction, own.velocity_ratio) == (papers.friction, papers.velocity_ratio)
+    same = {
+        "motion": scene.motion == paper.motion,
+        "losses": losses,
+        "gravity": scene.gravity == paper.gravity,
+    }
+    other = [name for name, is_same in same.items() if not is_same]
+    if other:
+        return f"{_PAPER} with other {' and '.join(other)} than the paper's"
+    return f"{_PAPER} with the paper's motion and losses"
+
+
+def scene_lines(scene: Scene) -> tuple[str, ...]:
+    """Lines for a terminal; the first says whose block it is."""
+    motion = f"  motion  {_motion(scene)}, {number(acceleration(scene))} g: {_lifts(scene)}"
+    block, losses = block_lines(scene)
+    return f"Scene: {origin(scene)}.", block, motion, losses
+
+
+def block_of(scene: Scene) -> str:
+    """The block and its losses in a sentence."""
+    return f"{_block(scene)}; topples at {_toppling(scene)}; {losses(scene.block)}"
+
+
+def shaking(design: Design) -> str:
+    """What shakes the block in a design, in a sentence."""
+    scene = design.scene
+    if design.conditions.motions:
+        return f"{len(design.conditions.motions)} ground motions, from rest"
+    lifts = f"lifts above {number(threshold(scene), 3)} g"
+    return f"{_motion(scene)}, {number(acceleration(scene), 3)} g ({lifts})"
+
+
+def block_lines(scene: Scene) -> tuple[str, str]:
+    """Lines for a terminal about the block and its losses, whatever shakes it."""
+    shape = f"slenderness {number(_slenderness(scene))}; topples at {_toppling(scene)}"
+    return f"  block   {_block(scene)}; {shape}", f"  losses  {losses(scene.block)}"
+
+
+def pendulum_line(scene: Scene, hung: Pendulum) -> str:
+    """Line for a terminal about a pendulum in the scene."""
+    block = scene.block
+    numbers = hung.mass / block.mass, hung.length / block.half_height, hung.damping_ratio
+    mu, lam, zeta = (number(float(x)) for x in numbers)
+    ratios = f"μ = {mu}, λ = {lam}, ζ = {zeta}"
+    return f"  bob     {number(float(hung.mass))} kg on a rod of {number(float(hung.length))} m; {ratios}"
+
+
+def acceleration(scene: Scene) -> float:
+    """Largest acceleration of the base over gravity, f = A omega^2/g."""
+    return float(scene.motion.amplitude * scene.motion.rate**2 / scene.gravity)
+
+
+def threshold(scene: Scene) -> float:
+    """Base acceleration over gravity beyond which the bare block at rest lifts, nu + k."""
+    return _slenderness(scene) + float(scene.block.friction or 0.0)
+
+
+def _slenderness(scene: Scene) -> float:
+    return float(scene.block.slenderness)
+
+
+def _toppling(scene: Scene) -> str:
+    return angle(_slenderness(scene))
+
+
+def _block(scene: Scene) -> str:
+    block = scene.block
+    width, height, mass = (number(float(x)) for x in (block.width, block.height, block.mass))
+    own = block.radius_of_gyration
+    shape = "" if own is None else f", radius of gyration {number(float(own))} m"
+    return f"{width} m wide, {height} m high, {mass} kg{shape}, {_cavity(scene)}"
+
+
+def _cavity(scene: Scene) -> str:
+    """Width of the cavity in words: on it hangs whether a bob has room."""
+    block = scene.block
+    if block.cavity_width is None:
+        return "no cavity stated"
+    as_wide = " (as wide as the block)" if block.cavity_width == block.width else ""
+    return f"cavity {number(float(block.cavity_width))} m wide{as_wide}"
+
+
+def _motion(scene: Scene) -> str:
+    return f"{number(float(scene.motion.amplitude))} m at {number(float(scene.motion.frequency))} Hz"
+
+
+def _lifts(scene: Scene) -> str:
+    """Whether the bare block at rest lifts."""
+    limit = f"{number(threshold(scene))} g"
+    if acceleration(scene) > threshold(scene):
+        return f"above {limit}, so the bare block at rest lifts"
+    return f"not above {limit}, so the bare block stays at rest once it is at rest"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from tpd.core.conditions import Conditions
 from tpd.core.scene import Scene
 from tpd.design.criteria import Room, Worth
 from tpd.design.ground.groups import Group, Role
-from tpd.design.ground.judgement import Benefit, Judged, benefit_of, scatter_of
+from tpd.design.ground.judgement import Benefit, Judged, benefit_of
 from tpd.design.ground.objective import GroundObjective, objective_of
 from tpd.design.ground.search import Evaluated
 from tpd.design.result import Comparison, Design, DesignStatus
@@ -258,23 +258,6 @@ class GroundDesign(Design):
         """See `Design.again`."""
         held = {g.name: g.motions for g in self.groups if g.role is Role.held_out}
         return super().again(**{"held_out": held} | changed)
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Inputs as plain values, for a file."""
-        return {
-            "space": asdict(self.space),
-            "risk": asdict(self.risk),
-            "limits": {x.name: asdict(x) for x in self.limits},
-            "allowed": self.worth.broken,
-            "at_least": self.worth.at_least,
-            "method": asdict(self.method),
-            "scatter": scatter_of(self.scene.block, self.ensemble),
-            "seed": self.seed,
-            "intensity": self.conditions.intensity,
-            "scales": [float(x) for x in np.unique(self.conditions.scales)],
-            "motions": [getattr(m, "name", "") for m in self.conditions.motions],
-        }
 
     def __str__(self) -> str:
         lines = [self.status.value, *self.reasons]

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 import tpd
-from tpd.report import scene_words
+from tpd.report import words
 
 PAPER = tpd.paper_scene()
 MARBLE = tpd.Block(width=1.0, height=6.0, mass=9000.0, radius_of_gyration=1.75, restitution=0.9)
@@ -29,17 +29,17 @@ def changed(**block) -> tpd.Scene:
     ],
 )
 def test_changes_of_the_papers_scene_are_named(scene, said):
-    assert scene_words.origin(scene).startswith("the paper's block (Collini et al. 2016) ")
-    assert said in scene_words.origin(scene)
+    assert words.origin(scene).startswith("the paper's block (Collini et al. 2016) ")
+    assert said in words.origin(scene)
 
 
 @pytest.mark.parametrize("size", ["height", "mass", "radius_of_gyration"])
 def test_another_size_is_another_block(size):
-    assert scene_words.origin(changed(**{size: 0.2})) == "a block of your own"
+    assert words.origin(changed(**{size: 0.2})) == "a block of your own"
 
 
 def test_lines_have_block_motion_and_losses_in_si_units():
-    first, block, motion, losses = scene_words.lines(COLUMN)
+    first, block, motion, losses = words.scene_lines(COLUMN)
     assert first == "Scene: a block of your own."
     assert (
         "1 m wide, 6 m high, 9000 kg, radius of gyration 1.75 m, no cavity stated; slenderness 0.1667"
@@ -52,21 +52,21 @@ def test_lines_have_block_motion_and_losses_in_si_units():
 
 
 def test_the_cavity_is_said_and_where_it_is_as_wide_as_the_block():
-    assert ", cavity 0.1 m wide (as wide as the block); " in scene_words.lines(PAPER)[1]
-    assert ", cavity 0.06 m wide; " in scene_words.lines(changed(cavity_width=0.06))[1]
+    assert ", cavity 0.1 m wide (as wide as the block); " in words.scene_lines(PAPER)[1]
+    assert ", cavity 0.06 m wide; " in words.scene_lines(changed(cavity_width=0.06))[1]
 
 
 def test_the_threshold_of_uplift_is_that_of_the_closed_form():
     for factor, lifts in ((0.999, False), (1.001, True)):
-        amplitude = factor * scene_words.threshold(PAPER) / scene_words.acceleration(PAPER) * 0.015
+        amplitude = factor * words.threshold(PAPER) / words.acceleration(PAPER) * 0.015
         scene = tpd.Scene(PAPER.block, tpd.Harmonic(amplitude=amplitude, frequency=2.5))
         assert bool(tpd.closed_form.uplift(scene.parameters()).margin < 0.0) is lifts
-        said = scene_words.lines(scene)[2]
+        said = words.scene_lines(scene)[2]
         assert (": above 0.3 g, so the bare block at rest lifts" in said) is lifts
 
 
 def test_the_section_has_the_same_numbers_and_the_nonlinear_toppling_angle():
-    (table,) = scene_words.section(PAPER)
+    (table,) = words.section(PAPER)
     rows = {row[0]: row[1:] for row in table.rows}
     assert rows["toppling angle"] == ("0.25 rad (14.3°)", "linear equations; nonlinear 0.245 rad (14°)")
     assert rows["acceleration of the base"][0] == "0.3774 g"
