@@ -7,7 +7,7 @@ import contextlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 from tpd.cli import common
 from tpd.cli.options import Option, SetWidths, keys
@@ -212,7 +212,7 @@ def _hint(unfinished: Path) -> str:
 
 
 @contextlib.contextmanager
-def _hinting(unfinished: Path, stream: TextIO) -> Iterator[None]:
+def _hinting(unfinished: Path, stream: Any) -> Iterator[None]:
     """Say after Ctrl-C how to go on: searches that have ended need not be repeated."""
     try:
         yield
