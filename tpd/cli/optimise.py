@@ -107,9 +107,10 @@ def run(options: argparse.Namespace) -> int:
     # Records are read here: bad files end the command before anything is claimed.
     scene, settings, unfinished = job.scene, job.settings, options.out / _UNFINISHED
     _claim(options, unfinished)
+    stream = sys.stderr if options.json else sys.stdout
     if not (options.quiet or options.json):
         common.say(scene, None, *shaken(job))
-    with common.bar() as bar, _hinting(unfinished):
+    with common.bar() as bar, _hinting(unfinished, stream):
         design = optimise(scene, **settings, checkpoint=unfinished, progress=bar)
         points = _front_of(design, bar) if job.pareto else ()
         shown = study(design, front=points, progress=bar)
@@ -125,7 +126,7 @@ def run(options: argparse.Namespace) -> int:
         return common.INTERRUPTED
     _say(options, design, shown)
     if is_interrupted:
-        print(_hint(unfinished), file=sys.stderr if options.json else sys.stdout)
+        print(_hint(unfinished), file=stream)
         return common.INTERRUPTED
     unfinished.unlink(missing_ok=True)
     return common.SOUND if design.status.is_sound else common.UNSOUND
@@ -194,11 +195,11 @@ def _hint(unfinished: Path) -> str:
 
 
 @contextlib.contextmanager
-def _hinting(unfinished: Path) -> Iterator[None]:
+def _hinting(unfinished: Path, stream: Any) -> Iterator[None]:
     """Say after Ctrl-C how to go on: searches that have ended need not be repeated."""
     try:
         yield
     except KeyboardInterrupt:
         if unfinished.exists():
-            print(_hint(unfinished))
+            print(_hint(unfinished), file=stream)
         raise
