@@ -8,7 +8,6 @@ import numpy as np
 import tpd
 from tpd.analysis.attractors import Starts
 from tpd.analysis.benefit import Benefit, benefit_of
-from tpd.analysis.compare_models import Answer, Check
 from tpd.analysis.ensemble import Ensemble
 from tpd.analysis.outcomes import Outcomes
 from tpd.analysis.paired import Verdict
@@ -319,22 +318,9 @@ def study(**changes) -> Study:
     values = {
         "histories": (history(False, 0.08), history(True, 0.04)),
         "responses": (bare, hung),
-        "comparison": Check(models=(answer("exact"), answer("nonlinear")), limit=0.5, bare=0.08),
         "usage": (("stroke", 0.6), ("offset", 0.8), ("reserve", -4.0)),
     }
     return Study(**(values | changes))
-
-
-def answer(name: str) -> Answer:
-    return Answer(
-        name=name,
-        amplitude=0.04,
-        stroke=0.3,
-        status="rocking",
-        seconds=0.01,
-        first=1.0,
-        neglects="a < b",
-    )
 
 
 def front() -> tuple[FrontPoint, ...]:

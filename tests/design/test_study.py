@@ -23,11 +23,9 @@ def test_an_interruption_leaves_one_part_out_and_goes_on_with_the_next():
     assert found.left_out == (
         "what the benefit hangs on",
         "the response over frequency",
-        "the comparison of models",
     )
     assert found.build.moved == ()
     assert found.responses is None
-    assert found.comparison is None
     assert [h.with_pendulum for h in found.histories] == [False, True]
     assert found.usage[0] == ("stroke", 0.3 / 0.5)
 
@@ -36,7 +34,7 @@ def test_over_uncertain_blocks_there_is_no_response_and_the_front_is_passed_on()
     uncertain = tpd.Conditions.scatter(len(designs.band().conditions), friction=0.1)
     front, bare = designs.front(), designs.band(pendulum=None, conditions=uncertain)
     found = study(bare, front=front, progress=interrupting)
-    assert (found.responses, found.build, found.comparison) == (None, None, None)
+    assert (found.responses, found.build) == (None, None)
     assert found.left_out == ()
     assert found.front is front
     assert {h.with_pendulum for h in found.histories} == {False}

@@ -9,6 +9,7 @@ import pytest
 
 import tpd
 from tests import designs
+from tpd.analysis.compare_models import Answer, Check
 from tpd.cli.new import template
 from tpd.core.conditions import Conditions
 from tpd.design import suitability as module
@@ -49,7 +50,10 @@ def case(reasons=(), needed=True, **more) -> Suitability:
     )
 
 
-CHECK = designs.study().comparison
+MODEL = Answer(
+    name="exact", amplitude=0.04, stroke=0.3, status="rocking", seconds=0.01, first=1.0, neglects="a < b"
+)
+CHECK = Check(models=(MODEL,), limit=0.5, bare=0.08)
 
 
 def reason(kind, **more) -> Reason:

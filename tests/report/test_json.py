@@ -25,7 +25,7 @@ CASES = {
     "one condition": (designs.single(), designs.study()),
     "a neighbourhood": (designs.around(), designs.study()),
     "a band": (designs.band(), designs.study(responses=None, front=designs.front())),
-    "refused": (designs.refused(), designs.study(comparison=None)),
+    "refused": (designs.refused(), designs.study()),
     "interrupted": (
         designs.single(status=DesignStatus.interrupted, pendulum=None, verified=()),
         Study(left_out=("the time histories",)),

@@ -167,29 +167,6 @@ def test_more_overturnings_in_a_band_are_a_danger_where_chance_does_not_explain_
     assert not overturns_more(none, none).any()
 
 
-NEAR = tuple(2.5 * (1.0 + 0.004 * np.arange(6, 13)))
-"""Frequencies (Hz) from 2.4 to 4.8 % above the design's, 0.4 % apart, as of a response."""
-
-
-@pytest.mark.mends("a block that rocks more was a danger")
-def test_frequencies_that_are_worse_are_said_with_their_neighbours():
-    bare = designs.response(*[0.01] * 7, frequency=NEAR)
-
-    def note(*hung):
-        study = Study(responses=(bare, designs.response(*hung, frequency=NEAR)))
-        return only(designs.single(), study, about="rocks more")
-
-    mild, grave = (note(0.01, 0.01, 0.01, 0.015, 0.015, 0.01, x) for x in (0.019, 0.021))
-    # The block stands: dangers are overturning and strikes.
-    assert (mild.severity, grave.severity) == (Severity.note, Severity.note)
-    # 2.59 Hz is the nearest; within 1 % are those from 2.57 to 2.61 Hz.
-    assert mild.text == (
-        "At 2 of 5 frequencies within 1 % of 2.59 Hz the block rocks more with this pendulum than without, "
-        "at that frequency 0.015 rad in place of 0.01 rad."
-    )
-    assert grave.text.startswith("At 2 of 3 frequencies within 1 % of 2.62 Hz")
-
-
 def test_the_edges_of_the_settled_motion_are_said():
     exact = designs.motions(0.04, 0.35, multiplier=np.array([0.97]))
     said = texts(with_winner(exact=exact, margin=np.array([0.1])), severity=Severity.note)

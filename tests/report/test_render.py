@@ -105,7 +105,6 @@ def test_page_and_text_say_the_same_in_the_same_order(case):
         for part in (
             "0.12 m",
             "N m s/rad",
-            "a < b",
             "ten swings take",
             "jax",
             "1 met no design",

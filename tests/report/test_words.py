@@ -63,12 +63,3 @@ def test_the_threshold_of_uplift_is_that_of_the_closed_form():
         assert bool(tpd.closed_form.uplift(scene.parameters()).margin < 0.0) is lifts
         said = words.scene_lines(scene)[2]
         assert (": above 0.3 g, so the bare block at rest lifts" in said) is lifts
-
-
-def test_the_section_has_the_same_numbers_and_the_nonlinear_toppling_angle():
-    (table,) = words.section(PAPER)
-    rows = {row[0]: row[1:] for row in table.rows}
-    assert rows["toppling angle"] == ("0.25 rad (14.3°)", "linear equations; nonlinear 0.245 rad (14°)")
-    assert rows["acceleration of the base"][0] == "0.3774 g"
-    assert rows["losses"][0] == "friction k = 0.05"
-    assert "project" not in rows

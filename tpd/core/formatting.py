@@ -44,8 +44,8 @@ class Printed:
 
 
 def above(name: str) -> Callable[..., Any]:
-    """Function of a module of `tpd`, such as "plot.maps:plot_map", imported when it is called: results lie below
-    their pictures and reports, and do not wait for Matplotlib."""
+    """Function of a module of `tpd`, such as "plot.maps:plot_map", imported when it is called: results lie
+    below their pictures and reports, and do not wait for Matplotlib."""
     module, _, function = name.partition(":")
     return getattr(import_module(f"tpd.{module}"), function)
 

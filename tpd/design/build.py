@@ -50,8 +50,8 @@ _PULLED, _HALF, _MOST = 0.1, 0.5, 400
 
 
 class Loads(NamedTuple):
-    """Largest values over the motions in which the block stands, by the linear equations; its impacts are left
-    out. They need not occur at once."""
+    """Largest values over the motions in which the block stands, by the linear equations, without impacts.
+    They need not occur at once."""
 
     tension: float
     """Force along the rod, N."""

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from tpd.analysis.benefit import Benefit
-from tpd.analysis.compare_models import QUICK, Check, check
 from tpd.analysis.response import Response, frequencies, settled_response
 from tpd.analysis.steady_state import sampled, simulate
 from tpd.core.parameters import as_arrays
@@ -68,8 +67,6 @@ class Study:
     responses: tuple[Response, ...] | None = None
     """Over frequency from rest: the bare block and, if there is one, the block with the pendulum. Only for
     the scene's own shaking."""
-    comparison: Check | None = None
-    """The offered design by several models, under the scene's own shaking."""
     usage: tuple[tuple[str, float], ...] = ()
     """Limited quantities of the best design over their limits, the largest of all conditions."""
     front: tuple[FrontPoint, ...] = ()
@@ -118,7 +115,6 @@ def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progr
             out,
             histories=part("the time histories", time_histories, scene, hung),
             responses=part("the response over frequency", _responses, harmonic, progress) if varied else None,
-            comparison=part("the comparison of models", _comparison, harmonic, progress) if hung else None,
             surveyed=part("the strikes of surveyed designs", surveyed, harmonic, progress) or {},
         )
     return replace(out, left_out=tuple(left_out))
@@ -143,11 +139,6 @@ def _responses(design: HarmonicDesign, progress: Progress | None) -> tuple[Respo
         settled_response(design.scene, "frequency", values, pendulum=hung, progress=progress)
         for hung in cases
     )
-
-
-def _comparison(design: HarmonicDesign, progress: Progress | None) -> Check:
-    limit = design.stroke_limit
-    return check(design.scene, design.pendulum, stroke=limit, models=QUICK, progress=progress)
 
 
 def surveyed(design: HarmonicDesign, progress: Progress | None = None) -> dict[int, Surveyed]:

@@ -121,8 +121,8 @@ def _checks(build: Build) -> Listing:
             f"The object, before the pendulum is hung: a horizontal pull of {number(pull.force, 3)} N at the "
             f"top lifts it. Pulled until its top has moved by {number(1e3 * pull.sway, 3)} mm "
             f"({pull.tilt:.2g} rad, a tenth of the tilt of toppling) and released, {decay}. With n impacts "
-            "from a tilt a to a tilt b, both over ν and without friction, e = [b (2 - b)/(a (2 - a))]^(1/(2n)). Fewer impacts "
-            "mean more loss. Secure the object against falling.",
+            "from a tilt a to a tilt b, both over ν, without friction, e = [b (2 - b)/(a (2 - a))]^(1/(2n)). "
+            "Fewer impacts mean more loss. Secure the object against falling.",
         )
     )
 

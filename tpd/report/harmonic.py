@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from tpd.analysis.compare_models import Check
 from tpd.analysis.outcomes import Outcomes
 from tpd.core.formatting import number
 from tpd.design.criteria import LABELS
@@ -18,7 +17,7 @@ from tpd.design.study import Study, Surveyed
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Bare, Reason, ReasonKind, Step, Verified
 from tpd.report import words
-from tpd.report.blocks import Block, Cell, Table, Text, danger, note
+from tpd.report.blocks import Block, Cell, Table, Text
 
 _ROWS, _MOST = 40, 8
 """Most conditions in a table, evenly over all of them, and most rows of what limits relax."""
@@ -56,7 +55,6 @@ def sections(
         "Over time, from rest": [*figures["motion"]],
         "The settled motion": settled(design, study, figures["conditions"]),
         "Where it was searched": _search(design, figures["search"]),
-        "By several models": _models(design, study),
         "Designs refused": _refused(design),
     }
 
@@ -256,8 +254,9 @@ def settled(design: HarmonicDesign, study: Study, figure: Sequence[Block]) -> li
         ]
     caption = f"Of {words.source_of_tilts(design)}, by the linear equations. Limits hold for it."
     out: list[Block] = [Table(("", "value"), tuple(rows), caption), *figure]
+    told = [] if best is None or best.rest is None else [Text(best.rest.told)]
     if n == 1:
-        return out
+        return [*out, *told]
     cells: list[tuple[Cell, ...]] = []
     for i in map(int, np.unique(np.linspace(0, n - 1, min(n, _ROWS)).astype(int))):
         row = [design.conditions.label(i), *_motion(design, design.bare, i)]
@@ -269,7 +268,7 @@ def settled(design: HarmonicDesign, study: Study, figure: Sequence[Block]) -> li
     caption = "From rest: end of one motion followed by the linear equations."
     if best and not design.winner:
         caption += " The design shown is the best found, which is not offered."
-    return [*out, Table(head, tuple(cells), caption)]
+    return [*out, Table(head, tuple(cells), caption), *told]
 
 
 def _motion(design: HarmonicDesign, of: Verified | Bare, i: int) -> tuple[Cell, ...]:
@@ -297,30 +296,6 @@ def _search(design: HarmonicDesign, figure: Sequence[Block]) -> list[Block]:
             f"{slope:.1e}, relative. An end that it contradicts is not offered. Orbits lost: {lost}."
         )
     return [*figure, Text(said)]
-
-
-def _models(design: HarmonicDesign, study: Study) -> list[Block]:
-    rest = None if design.best is None else design.best.rest
-    out: list[Block] = [] if rest is None else [Text(rest.told)]
-    return out if study.comparison is None else [*out, *comparison_of_models(study.comparison)]
-
-
-def comparison_of_models(check: Check) -> list[Block]:
-    """A design by all models that were asked, and objections of the last one."""
-    rows = tuple(
-        (r.name, r.amplitude, r.stroke, r.status.replace("_", " "), round(r.seconds * 1e3, 1), r.neglects)
-        for r in check.models
-    )
-    head = ("model", "amplitude (rad)", "stroke (rad)", "status", "time (ms)", "neglects")
-    caption = (
-        "The design from rest under the scene's own shaking, the cheapest model first; the last one judges. "
-        "One harmonic: harmonic balance, which may be off by a tenth and knows no overturning."
-    )
-    objections = (
-        (danger if "overturned" in x else note)(f"Under the scene's own shaking {x}.")
-        for x in check.objections
-    )
-    return [Table(head, rows, caption), *objections]
 
 
 def _refused(design: HarmonicDesign) -> list[Block]:

@@ -82,7 +82,6 @@ def _harmonic(design: HarmonicDesign, study: Study) -> dict[str, Any]:
         "losses": design.losses,
         "settings": design.settings,
         "responses": study.responses,
-        "models": study.comparison,
         "usage": dict(study.usage),
     }
 

@@ -12,7 +12,6 @@ from tpd.analysis.paired import SIGNIFICANT, chance_of
 from tpd.analysis.response import Response
 from tpd.core.bob import Bob
 from tpd.core.scene import Block, Pendulum
-from tpd.core.status import SETTLED
 from tpd.design.criteria import Room, Worth, limit_of
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.groups import Role, unnamed
@@ -23,14 +22,10 @@ from tpd.design.verified import Verified
 from tpd.report.blocks import Note, danger, note
 from tpd.report.words import finite_max
 
-GRAVE = 2.0
-"""Ratio to the bare block's amplitude above which more rocking at another frequency is told first."""
 LARGE_STROKE = 0.3
 """rad; sin(psi) is 1.5 % below psi there, and falls further with its square."""
 SLOW = 0.95
 """Largest Floquet multiplier above which a motion attracts slowly."""
-_WIDTHS, _FEW = (0.01, 0.03, 0.1), 3
-"""Relative half widths about a frequency whose neighbours are counted, and the fewest frequencies."""
 
 
 def notes(design: Design, study: Study) -> tuple[Note, ...]:
@@ -39,7 +34,7 @@ def notes(design: Design, study: Study) -> tuple[Note, ...]:
     if isinstance(design, GroundDesign):
         found += [*_lossless(design), *_groups(design), *_unknown_in_search(design)]
     elif isinstance(design, HarmonicDesign):
-        found += _responses(design, study)
+        found += _responses(study)
         if design.winner is not None and design.pendulum is not None:
             found += [*_from_rest(design, design.winner), *_strikes(design, design.winner, design.pendulum)]
             found += [*_settled(design.winner), *_starts(design, design.winner)]
@@ -160,8 +155,8 @@ def _starts(design: HarmonicDesign, winner: Verified) -> Iterator[Note]:
         )
 
 
-def _responses(design: HarmonicDesign, study: Study) -> Iterator[Note]:
-    """Frequencies at which the block overturns more often, or rocks more, with the pendulum."""
+def _responses(study: Study) -> Iterator[Note]:
+    """Frequencies at which the block overturns more often with the pendulum."""
     if study.responses is None or len(study.responses) < 2:
         return
     bare, hung = study.responses
@@ -175,7 +170,6 @@ def _responses(design: HarmonicDesign, study: Study) -> Iterator[Note]:
             f"in {hung.overturning[0, i]:.0%} of the runs from rest, {bare.overturning[0, i]:.0%} without "
             "(linear equations, same base amplitude)."
         )
-    yield from _rocks_more(bare, hung, np.abs(hung.frequency / design.scene.motion.frequency - 1.0))
 
 
 def overturns_more(bare: Response, hung: Response) -> np.ndarray:
@@ -185,34 +179,6 @@ def overturns_more(bare: Response, hung: Response) -> np.ndarray:
         return np.zeros(hung.frequency.size, dtype=bool)
     (value, low, _), (other, _, high) = hung.overturning, bare.overturning
     return value - other > np.hypot(value - low, high - other)
-
-
-def _neighbourhood(of: Response, i: int) -> tuple[np.ndarray, str]:
-    """Indices of the frequencies about the i-th, in the least of a few widths that holds some, in words."""
-    # Far from the design the frequencies lie 2 % apart and within 1 % there would be one run alone, which
-    # is what must not be told.
-    apart = np.abs(of.frequency / of.frequency[i] - 1.0)
-    width = next((w for w in _WIDTHS if np.sum(apart <= w) >= _FEW), _WIDTHS[-1])
-    near = np.flatnonzero(apart <= width)
-    return near, f"frequencies within {100.0 * width:g} % of {of.frequency[i]:.4g} Hz"
-
-
-def _rocks_more(bare: Response, hung: Response, away: np.ndarray) -> Iterator[Note]:
-    """The nearest frequency at which the block rocks gravely more or, if there is none, somewhat more."""
-    settled = np.isin(bare.status, SETTLED) & np.isin(hung.status, SETTLED)
-    more = settled & (hung.amplitude > 1.02 * bare.amplitude)
-    grave = more & (hung.amplitude > GRAVE * bare.amplitude)
-    chosen = np.flatnonzero(grave if grave.any() else more)
-    if not chosen.size:
-        return
-    i = int(chosen[np.argmin(away[chosen])])
-    # Where motions are chaotic an amplitude is that of one run: neighbours say whether it is the rule.
-    near, words = _neighbourhood(hung, i)
-    # Grave or not, a block that rocks more stands: dangers are overturning and strikes.
-    yield note(
-        f"At {more[near].sum()} of {near.size} {words} the block rocks more with this pendulum than without, "
-        f"at that frequency {hung.amplitude[i]:.4g} rad in place of {bare.amplitude[i]:.4g} rad."
-    )
 
 
 def _lossless(design: GroundDesign) -> Iterator[Note]:

@@ -1,4 +1,4 @@
-"""Scenes and designs in words: block, motion, losses, limits, and what both kinds of design have in one form."""
+"""Scenes and designs in words, and what both kinds of design have in one form."""
 
 from __future__ import annotations
 
