@@ -28,9 +28,9 @@ GROUPS = {
     ),
     "Design a pendulum": (
         "optimise Design DesignSpace Conditions Risk limits Descent Sequential GroundSearch front "
-        "optimise_all"
+        "optimise_all Job study"
     ),
-    "Judge a pendulum": "check verdict Ensemble engines",
+    "Judge a pendulum": "check verdict Ensemble outcomes engines",
     "Pulses and earthquakes": ("transient critical_scale fragility overturning_spectrum rocking_spectrum"),
     "Motions under harmonic shaking": (
         "steady_state simulate Starts attractors settled_response branches symmetric_orbits periodic_orbit "
