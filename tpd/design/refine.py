@@ -148,13 +148,13 @@ class Refinement:
 
     def alike(self, design: np.ndarray) -> np.ndarray | None:
         """Least and largest designs, shape (2, 3), that the runs cannot tell from one of them: the trend of
-        their tilt is above its trend by at most its deviation, and they keep to the limits."""
+        their tilt is above its trend by at most two deviations, and they keep to the limits."""
         if self.surface is None:
             return None
         here = self.scaled(design[None])
         x = np.clip(candidates(np.random.default_rng([self.seed, 14]), here), 0.0, 1.0)
         trend, deviation = (float(v[0]) for v in self.surface.at(here))
-        good = (self.surface.at(x)[0] <= trend + deviation) & (self.keeps(x) >= self.sure)
+        good = (self.surface.at(x)[0] <= trend + 2.0 * deviation) & (self.keeps(x) >= self.sure)
         # Among those that need no run to break a limit the range is the same, or narrower.
         found = np.concatenate([design[None], self.unscaled(x[good])])
         found = found[np.r_[True, self.still(found[1:])]] if len(found) > 1 else found

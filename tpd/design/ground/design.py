@@ -223,7 +223,7 @@ class GroundDesign(Design):
             return None
         found = self.searched
         trend = self.surface.at(self.space.scaled(found.designs))[0]
-        good = found.designs[found.feasible & (trend <= self.trend[0] + self.trend[1])]
+        good = found.designs[found.feasible & (trend <= self.trend[0] + 2.0 * self.trend[1])]
         both = np.concatenate([self.best[None], good])
         return np.stack([both.min(axis=0), both.max(axis=0)])
 
