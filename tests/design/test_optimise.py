@@ -177,7 +177,7 @@ def test_a_block_that_rests_needs_no_pendulum():
         assert design.pendulum is None
         assert design.verified == ()
         assert design.amplitude == design.amplitude_without == 0.0
-        assert str(design).startswith("Design: no_uplift")
+        assert str(design).startswith("NO PENDULUM IS NEEDED FROM REST")
 
 
 def test_where_no_design_keeps_to_the_limits_the_nearest_is_told():

@@ -175,6 +175,9 @@ class Design(Question, Printed):
         """
         return above("report.answer:told")(self, study)
 
+    def __str__(self) -> str:
+        return self.answer()
+
     def save(
         self,
         folder: str | Path,
@@ -386,27 +389,3 @@ class HarmonicDesign(Design):
     def stroke_limit(self) -> float:
         """Largest settled |psi| allowed, rad."""
         return stroke_limit(self.limits)
-
-    def __str__(self) -> str:
-        lines = [f"Design: {self.status.name}", self.status.value]
-        if self.pendulum is None or self.winner is None:
-            lines += [f"  refused: {reason}" for v in self.verified for reason in v.reasons]
-            return "\n".join(lines)
-        hung, amplitudes = self.pendulum, (self.amplitude, self.amplitude_without)
-        with_it, without = (f"{x:.4g} rad" if math.isfinite(x) else "overturned" for x in amplitudes)
-        if len(self.conditions) > 1:
-            lines.append(
-                f"  value       {self.winner.value:.4g}, {self.bare.value:.4g} without: {self.risk.name} "
-                "tilt over slenderness, less than 0 at rest"
-            )
-        if self.winner.benefit is not None:
-            lines.append(f"  benefit     {self.winner.benefit}, over {self.winner.benefit.runs} paired runs")
-        return "\n".join(
-            [
-                *lines,
-                f"  pendulum    {hung.mass:.4g} kg on {hung.length:.4g} m, "
-                f"damping ratio {hung.damping_ratio:.4g}",
-                f"  amplitude   {with_it}, {without} without",
-                f"  stroke      {self.stroke:.4g} rad, limit {self.stroke_limit:g} rad",
-            ]
-        )

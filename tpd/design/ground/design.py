@@ -258,11 +258,3 @@ class GroundDesign(Design):
         """See `Design.again`."""
         held = {g.name: g.motions for g in self.groups if g.role is Role.held_out}
         return super().again(**{"held_out": held} | changed)
-
-    def __str__(self) -> str:
-        lines = [self.status.value, *self.reasons]
-        if self.pendulum is not None:
-            p = self.pendulum
-            damping = f"damping ratio {float(p.damping_ratio):.3g}"
-            lines.append(f"  bob {float(p.mass):.4g} kg, rod {float(p.length):.4g} m, {damping}")
-        return "\n".join(lines + lines_of(self.judged))
