@@ -181,3 +181,11 @@ def test_a_design_prints_its_answer():
     assert str(design) == repr(design) == design.answer()
     assert design.answer().splitlines()[0] == verdict(design).text[: len(design.answer().splitlines()[0])]
     assert design.answer(designs.study()) == answer(design, designs.study())
+
+
+def test_an_interrupted_search_says_so_whatever_stands_against_its_best():
+    cut = dataclasses.replace(designs.refused(), status=DesignStatus.interrupted)
+    said = answer(cut, NONE, Path("out"))
+    assert said.startswith("INTERRUPTED: what follows is the best")
+    assert f"against it {designs.REASON}"[:60] in said
+    assert "out/report.txt" in said

@@ -89,10 +89,13 @@ def verdict(design: Design) -> Note:
     if status is DesignStatus.found and told is not None:
         return note(f"{_worth(design)}: {saved(told)}. {_sign(design)}No verdict of safety.")
     said = status.value
-    # Why none keeps to the limits is in the words of that status; other reasons are those of the nearest.
-    if design.refusals and status is not DesignStatus.none_feasible:
+    if status in _REASONED and design.refusals:
         said = f"{status.value.partition(':')[0]}: {design.refusals[0]}."
     return (danger if grave(design) else note)(said)
+
+
+_REASONED = DesignStatus.refused, DesignStatus.too_few, DesignStatus.undecided
+"""Statuses of which the first reason says more than their words."""
 
 
 def _worth(design: Design) -> str:
@@ -147,9 +150,8 @@ def pairs(design: Design, study: Study) -> Iterator[tuple[str, str]]:
     told = design.comparison
     if told is not None and not math.isnan(told.strikes):
         yield "room", _room(design, study, told)
-    # The first line has the first reason.
-    told_first = design.status is not DesignStatus.none_feasible
-    for said in design.refusals[1:] if told_first else design.refusals:
+    # The verdict has the first reason.
+    for said in design.refusals[design.status in _REASONED :]:
         yield "against it", said
     if design.pendulum is not None:
         yield "held by", held(design, study)
