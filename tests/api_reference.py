@@ -28,7 +28,7 @@ GROUPS = {
     ),
     "Design a pendulum": (
         "optimise Design DesignSpace Conditions Risk limits Descent Sequential GroundSearch front "
-        "optimise_all Job study"
+        "optimise_all Job"
     ),
     "Judge a pendulum": "check verdict Ensemble outcomes engines",
     "Pulses and earthquakes": ("transient critical_scale fragility overturning_spectrum rocking_spectrum"),

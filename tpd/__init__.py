@@ -73,7 +73,6 @@ if TYPE_CHECKING:
     from tpd.design.methods import Sequential as Sequential
     from tpd.design.optimise import optimise as optimise
     from tpd.design.result import Design as Design
-    from tpd.design.study import study as study
     from tpd.models.piecewise import Piecewise as Piecewise
     from tpd.models.segmented import Segmented as Segmented
     from tpd.models.smoothed import Smoothed as Smoothed
@@ -113,7 +112,6 @@ _NAMES = {
     "design.methods": "Descent Sequential",
     "design.optimise": "optimise",
     "design.result": "Design",
-    "design.study": "study",
     "models.piecewise": "Piecewise",
     "models.segmented": "Segmented",
     "models.smoothed": "Smoothed",

@@ -1,5 +1,5 @@
-"""What the builder of a pendulum needs: its size as a body, its loads, what to check on site, and how much
-the benefit moves with what is not known exactly."""
+"""A pendulum as it is built: its size as a body, its loads, readings on site, and how much the benefit moves
+with what is not known exactly."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Moved(NamedTuple):
     """Benefit where a quantity is not what it was said to be."""
 
     name: str
-    """Of `tpd.core.conditions.FACTORS`."""
+    """Name in `tpd.core.conditions.FACTORS`."""
     width: float
     """Share by which it was moved to either side."""
     low: Interval

@@ -166,12 +166,19 @@ class Design(Question, Printed):
         checks.one_of("what", what, tuple(self.pictures))
         return picture(self.pictures[what])(self, ax)
 
+    def study(self, *, progress: Progress | None = None) -> Study:
+        """Everything that a report shows beside the design: loads, how the benefit moves, responses, histories.
+
+        Args:
+            progress: called with (stage, done, of how many).
+        """
+        return above("design.study:study")(self, progress=progress)
+
     def answer(self, study: Study | None = None) -> str:
         """The answer in at most 25 lines, as `tpd optimise` prints it.
 
         Args:
-            study: from `tpd.study`; by default the pendulum is not followed once more, and what needs that is
-                left out.
+            study: from `study`; by default what needs further runs is left out.
         """
         return above("report.answer:told")(self, study)
 
@@ -191,7 +198,7 @@ class Design(Question, Printed):
 
         Args:
             folder: of the report; made if it does not exist.
-            study: from `tpd.study`; made here by default.
+            study: from `study`; made here by default.
             overwrite: whether a report in the folder is replaced.
             progress: True for a bar on stderr, or called with (stage, done, of how many).
 

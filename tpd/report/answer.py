@@ -232,7 +232,7 @@ def held(design: Design, study: Study) -> str:
 
 
 def _more(design: Design, directory: Path | None) -> Iterator[tuple[str, str]]:
-    """What was not asked, with its commands, and where the report lies."""
+    """Questions that were not asked, with their commands, and where the report lies."""
     if directory is None:
         return
     at = shlex.quote(str(directory))

@@ -21,7 +21,7 @@ _SAID = {
     "length": ("rod, hinge to the bob's centre", "ten swings by a stop-watch, below"),
     "damping": ("moment of the damper", "the first swing back, below"),
 }
-"""What is moved, and how it is known."""
+"""Words for a quantity that is moved, and how it is known."""
 
 
 def section(design: Design, build: Build | None) -> list[Block]:
@@ -101,7 +101,7 @@ def _allowed(design: Design) -> float:
 
 
 def _checks(build: Build) -> Listing:
-    """What to measure on site, with the reading to expect."""
+    """Measurements on site, with the readings to expect."""
     ten, pull = 10.0 / build.frequency, build.pull
     swings = (
         "it comes to rest without swinging back"

@@ -188,7 +188,7 @@ def _lossless(design: GroundDesign) -> Iterator[Note]:
 
 
 def _groups(design: GroundDesign) -> Iterator[Note]:
-    """What the judgement found on single groups, and what it rests on."""
+    """Harm on single groups, and doubts about the groups."""
     benefit = design.benefit
     if benefit is not None and design.pendulum is not None and not benefit.overturned.is_below:
         yield note(

@@ -184,7 +184,7 @@ def block_of(scene: Scene) -> str:
 
 
 def shaking(design: Design) -> str:
-    """What shakes the block in a design, in a sentence."""
+    """The shaking of a design in a sentence."""
     scene = design.scene
     if design.conditions.motions:
         return f"{len(design.conditions.motions)} ground motions, from rest"
