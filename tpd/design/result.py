@@ -167,7 +167,7 @@ class Design(Question, Printed):
         return picture(self.pictures[what])(self, ax)
 
     def study(self, *, progress: Progress | None = None) -> Study:
-        """Everything that a report shows beside the design: loads, how the benefit moves, responses, histories.
+        """Everything that a report shows beside the design: loads, how the benefit moves, motions, responses.
 
         Args:
             progress: called with (stage, done, of how many).
