@@ -529,7 +529,7 @@ def test_bad_input_is_one_sentence():
         tpd.transient(harmonic)
     with pytest.raises(ValueError, match="other motions are for"):
         column(sine(1.0)).parameters()
-    with pytest.raises(ValueError, match="`free` must be zero or positive"):
+    with pytest.raises(ValueError, match="`free` must be between 0 and 100000 s"):
         tpd.transient(column(sine(1.0)), free=-1.0)
     with pytest.raises(ValueError, match="`frequency` must be positive"):
         tpd.Pulse.one_sine(acceleration=1.0, frequency=0.0)
