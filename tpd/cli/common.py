@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tpd.cli import interrupts
 from tpd.cli.options import Option, given
+from tpd.core import progress
 
 if TYPE_CHECKING:
     from tpd.core.cluster import Cluster
-    from tpd.core.progress import Bar
     from tpd.core.scene import Block, Pendulum, Scene
     from tpd.design.job import Job
 
@@ -67,6 +67,8 @@ RECORDS = (
     *READING,
 )
 """Options that describe block and motion."""
+MOST = {"mu": (1.0, "a bob as heavy as the block"), "lam": (2.0, "a rod as long as the block")}
+"""Largest ratios of a pendulum, and what they stand for."""
 _PENDULUM = "pendulum_mass", "mass_ratio", "pendulum_length", "length_ratio", "pendulum_damping"
 
 
@@ -231,7 +233,7 @@ def say(scene: Scene, hung: Pendulum | None = None, motion: str = "", notes: Ite
 
     lines = (*words.block_lines(scene), f"  motion  {motion}") if motion else words.scene_lines(scene)
     more = () if hung is None else (words.pendulum_line(scene, hung),)
-    print("\n".join((*notes, *lines, *more)), flush=True)
+    progress.say("\n".join((*notes, *lines, *more)), sys.stdout)
 
 
 def words(motion: Any) -> str:
@@ -274,9 +276,9 @@ def _check_ratios(options: argparse.Namespace, block: Block) -> None:
 
     bounds = {
         "--pendulum-mass": (options.pendulum_mass, block.mass, "the mass of the block in kg"),
-        "--mass-ratio": (options.mass_ratio, 1.0, "a bob as heavy as the block"),
+        "--mass-ratio": (options.mass_ratio, *MOST["mu"]),
         "--pendulum-length": (options.pendulum_length, block.height, "the height of the block in m"),
-        "--length-ratio": (options.length_ratio, 2.0, "a rod as long as the block"),
+        "--length-ratio": (options.length_ratio, *MOST["lam"]),
     }
     for flag, (value, most, what) in bounds.items():
         if value is not None:
@@ -308,7 +310,7 @@ def write(out: Path, content: Iterable[tuple[str, str | bytes]]) -> None:
 
     # Everything is drawn before the first file is written: an interruption leaves all files or none.
     for name, data in list(content):
-        print(f"written: {files.place(out / name, data)}")
+        progress.say(f"written: {files.place(out / name, data)}", sys.stdout)
 
 
 def use_64_bits() -> Path | None:
@@ -316,19 +318,3 @@ def use_64_bits() -> Path | None:
     from tpd.core import process
 
     return process.use_64_bits()
-
-
-def bar() -> Bar:
-    """Return a bar for the stages of a command, see `tpd.core.progress.Bar`."""
-    from tpd.core.progress import Bar
-
-    return Bar()
-
-
-@contextlib.contextmanager
-def left_out(what: str) -> Iterator[None]:
-    """Let Ctrl-C leave out a part of the report: say so on stderr, and go on with the answer."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        print(f"tpd: interrupted; the report goes without {what}", file=sys.stderr)

@@ -193,14 +193,17 @@ class Job:
             raise ValueError(
                 f"the job has {len(self.motions)} records, but one is needed: --record FILE, --channel N"
             )
-        scales = asked["scales"] or (1.0,)
-        motion = next(iter(self.motions))
+        motion, scales = next(iter(self.motions)), asked["scales"] or (1.0,)
         if len(scales) > 1:
             raise ValueError(f"the job has {len(scales)} sizes of its motion: give one by --scale X")
-        if asked["scales"] is None or asked["intensity"] == "scale":
-            return motion.scaled(scales[0])
-        measure = intensity_of(asked["intensity"], self.block, self.full["site"]["gravity"], None)
-        return motion.scaled(scales[0] / measure.value(motion))
+        if motion.pga == 0.0 or scales[0] == 0.0:
+            raise ValueError("the motion must have an acceleration, but is zero at all times")
+        size = 1.0
+        if asked["scales"] is not None and asked["intensity"] != "scale":
+            size = intensity_of(asked["intensity"], self.block, self.full["site"]["gravity"], None).value(
+                motion
+            )
+        return motion.scaled(scales[0] / size)
 
     @cached_property
     def conditions(self) -> Conditions | None:
