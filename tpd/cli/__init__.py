@@ -48,7 +48,8 @@ def main(arguments: list[str] | None = None) -> int:
         return _run(parser().parse_args(arguments))
     read = parser().parse_args()
     warnings.showwarning = interrupts.warned
-    with interrupts.watched(getattr(read, "out", None), _does(read)):
+    does = getattr(read, "does", "").format(**vars(read))
+    with interrupts.watched(getattr(read, "out", None), does):
         status = _run(read)
         return interrupts.exit_now(status) if status == common.INTERRUPTED else status
 
@@ -81,9 +82,3 @@ def _refused(error: BaseException) -> int:
     else:
         raise error
     return common.BAD_INPUT
-
-
-def _does(read: argparse.Namespace) -> str | None:
-    """Words for the first line of a command; None for one that is quick."""
-    words = getattr(read, "does", None)
-    return None if words is None else words.format(**vars(read))

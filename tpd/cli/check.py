@@ -164,9 +164,9 @@ def _around(found: Suitability, job: Job) -> list[str]:
 
     v, space = found.verified, job.space
     said = [] if v.rest is None else [v.rest.told]
-    bounds = space.mass_ratio, space.length_ratio, space.damping_ratio
-    names, ends = ("mass", "length", "damping"), [b if isinstance(b, tuple) else (b, b) for b in bounds]
-    for name, x, (low, high) in zip(names, v.design, ends, strict=True):
+    bounds = {"mass": space.mass_ratio, "length": space.length_ratio, "damping": space.damping_ratio}
+    for x, (name, ends) in zip(v.design, bounds.items(), strict=True):
+        low, high = ends if isinstance(ends, tuple) else (ends, ends)
         # A ratio of a pendulum in SI units may differ by rounding.
         if not low * (1.0 - 1e-9) <= x <= high * (1.0 + 1e-9):
             searched = number(low) if low == high else f"{number(low)} to {number(high)}"

@@ -42,8 +42,6 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the file, and print what was exported; return the exit status."""
-    common.use_64_bits()
-    from tpd import engines
     from tpd.core import files
 
     if options.kind == "csv" and options.sliding is not None:
@@ -59,6 +57,8 @@ def run(options: argparse.Namespace) -> int:
         # The model has no motion, but a job has.
         tables["motion"] = {"pulse": "one-sine", "pulse_frequency": 1.0}
     job, hung = common.case(options, over=tables)
+    from tpd import engines
+
     is_harmonic = job.kind == "harmonic"
     scene = job.scene if is_harmonic or options.kind == "mjcf" else job.under(job.shaking)
     motion = "" if is_harmonic else common.words(scene.motion)

@@ -25,7 +25,7 @@ INTERRUPTED = 130
 UNFINISHED = "unfinished.npz"
 """Name of the file in which an interrupted search leaves what had ended."""
 _RECEIVED = threading.Event()
-_SOON = 0.25
+_SOON = 0.2
 """Seconds after which a command says what it does; bad input is refused earlier where JAX is imported."""
 _SHOW = warnings.showwarning
 """How Python shows the warnings of others."""
@@ -36,11 +36,11 @@ _PATIENCE = 1.5
 
 
 @contextlib.contextmanager
-def announced(does: str | None) -> Iterator[None]:
+def announced(does: str) -> Iterator[None]:
     """Say on stderr what a command does, unless it ends before that, and then that it is at work where
-    nothing else says so."""
+    nothing else says so; nothing without words for it."""
     ended = threading.Event()
-    if does is not None:
+    if does:
         threading.Thread(target=_tell, args=(does, ended), daemon=True).start()
     try:
         yield
@@ -60,7 +60,7 @@ def _tell(does: str, ended: threading.Event) -> None:
 
 
 @contextlib.contextmanager
-def watched(out: Path | None, does: str | None = None) -> Iterator[None]:
+def watched(out: Path | None, does: str = "") -> Iterator[None]:
     """Go on in a process of its own, and end this one with its status; Ctrl-C ends both soon in any case.
     This one says what the command does, see `announced`: the other one may be held up by imports.
 

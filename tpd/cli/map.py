@@ -50,7 +50,6 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Solve the grid, write it and print the counts of the statuses; return the exit status."""
-    common.use_64_bits()
     from tpd.core import checks, files
 
     checks.count("--points", options.points, least=2)

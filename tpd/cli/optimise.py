@@ -106,7 +106,7 @@ def run(options: argparse.Namespace) -> int:
         common.say(scene, None, *shaken(job))
     with Bar() as bar:
         design, points = optimise(scene, **settings, checkpoint=unfinished, progress=bar), ()
-        if job.pareto and design.pendulum is not None and design.status.name == "found":
+        if job.full["search"]["pareto"] and design.pendulum is not None and design.status.name == "found":
             # An interruption here leaves the design whole; only the front is missing.
             try:
                 points = front(design, progress=bar)

@@ -90,19 +90,9 @@ class Job:
         return self.full["motion"]["kind"]
 
     @property
-    def name(self) -> str:
-        """Name of the project."""
-        return self.full["project"]["name"] or ""
-
-    @property
     def seed(self) -> int:
         """Seed of the search."""
         return self.full["search"]["seed"]
-
-    @property
-    def pareto(self) -> bool:
-        """Whether lighter pendulums are asked for as well."""
-        return self.full["search"]["pareto"]
 
     @cached_property
     def block(self) -> Block:
@@ -461,15 +451,14 @@ def _refuse_mixture(given: Mapping[str, Any], kind: str) -> None:
     """
     block, motion = given.get("block", {}), given.get("motion", {})
     own = [key for key in (*SHAPE, "radius_of_gyration") if key in block]
-    needed = {"block": (SHAPE, block), "motion": (keys_of(Harmonic) if kind == "harmonic" else (), motion)}
+    harmonic = keys_of(Harmonic) if kind == "harmonic" else ()
     missing = {
-        table: absent
-        for table, (keys, there) in needed.items()
-        if (absent := [k for k in keys if k not in there])
+        "block": [k for k in SHAPE if k not in block],
+        "motion": [k for k in harmonic if k not in motion],
     }
-    if not own or not missing:
+    if not own or not any(missing.values()):
         return
-    lacking = " and ".join(f"{_listed(keys)} in [{table}]" for table, keys in missing.items())
+    lacking = " and ".join(f"{_listed(keys)} in [{table}]" for table, keys in missing.items() if keys)
     are = "is" if sum(map(len, missing.values())) == 1 else "are"
     raise ValueError(
         f"a block of your own must be whole, with a motion of its own, but {lacking} {are} missing beside "
