@@ -231,6 +231,8 @@ FILES = [
     ("[limits]\ntilt = 1.5\n", "[limits] `tilt` must be at most 1, a block that stands on its corner"),
     ("[ensemble]\nrestitution = 0.1\n", "[ensemble] `restitution` can scatter where it is a number"),
     ("[ensemble]\nswing = 2.0\n", "[ensemble] `swing` must be at most 1.5708, a right angle in rad"),
+    (f"[block]\nmass = {'9' * 400}\n", "`block.mass` must be a number, but is 9999"),
+    (f"[block]\n{'x' * 5000} = 1\n", "...` in [block]; allowed are width"),
     ("x = = 3\n", "is not valid TOML: Invalid value (at line 1, column 5)"),
     ("[block]\n[block]\n", "is not valid TOML: Cannot declare"),
     (f"x = {'[' * 100_000}", "nests too deeply"),
@@ -289,6 +291,20 @@ OTHERS = [
     (("check", "absent", "--frequency", "3"), "absent has a scene and a pendulum: give it alone"),
     (("response", "absent", "--scene", "a.toml"), "absent has a scene and a pendulum: give it alone"),
     (("response", "absent"), "cannot read absent: No such file or directory"),
+    (("response", "--out", "x" * 300), "cannot use xxx"),
+    (("check", *HUNG, "--runs", "0"), "`--runs` must be a whole number, 1 or more, but is 0"),
+    (("check", *HUNG, "--engine", "mujoco", "--runs", "-5"), "`--runs` must be a whole number, 1 or more"),
+    (("check", *HUNG, "--sliding", "0.5"), "--sliding is of --engine, which is not given"),
+    (("map", "--x", "mu", "0.1", "50", *MAP[4:]), "`--x` must be at most 1, a bob as heavy as the block"),
+    (("map", *MAP[:4], "--y", "lam", "0.1", "3"), "`--y` must be at most 2, a rod as long as the block"),
+    (("shake", *OWN[:6], "--record", "el-centro", "--scale", "0"), "must have an acceleration, but is zero"),
+    (("shake", *OWN[:6], "--record", "el-centro", "--dt", "0.5"), "`motion.dt` goes with a file of a record"),
+    (("export", "--as", "csv", "--record", "el-centro", "--unit", "g"), "`motion.unit` goes with a file"),
+    (("fragility", "--records", "el-centro", "loma-prieta", "--event", "a"), "`motion.event` goes with a fi"),
+    (("spectrum", "--record", "el-centro", "--sizes-to", "5"), "--sizes-to is of the sizes of a pulse"),
+    (("spectrum", "--pulse", "ricker", "--sizes-to", "nan"), "`--sizes-to` must be positive and finite"),
+    (("spectrum", "--pulse", "ricker", "--to", "0"), "`--to` must be positive and finite, but is 0"),
+    (("spectrum", "--pulse", "ricker", "--pga", "0.3"), "--pga has no effect here: pulses of every freq"),
     (("design",), "invalid choice: 'design'"),
     ((), "the following arguments are required: COMMAND"),
 ]
@@ -338,6 +354,7 @@ def refused(capsys, *command: str) -> str:
     assert err.startswith("tpd")
     assert err.endswith("\n")
     assert len(err.splitlines()) == 1, err
+    assert len(err) <= 400
     assert "Traceback" not in err
     return err
 
@@ -437,6 +454,13 @@ def test_a_file_that_is_no_design_is_not_checked(capsys, tmp_path, content, mess
         assert message in refused(capsys, command, str(tmp_path))
     assert message in refused(capsys, "export", str(tmp_path), "--as", "mjcf", "--file", str(tmp_path / "m"))
     assert message in refused(capsys, "check", str(file))
+
+
+def test_a_record_of_zeros_shakes_nothing(capsys, tmp_path):
+    (tmp_path / "a.txt").write_text("".join(f"{0.01 * i:.2f} 0.0\n" for i in range(100)))
+    words = ("--record", str(tmp_path / "a.txt"), "--unit", "g", "--out", str(tmp_path / "out"))
+    assert "must have an acceleration, but is zero" in refused(capsys, "shake", *OWN[:6], *words)
+    assert not (tmp_path / "out").exists()
 
 
 def test_existing_reports_and_unwritable_places_are_left_alone(capsys, tmp_path):

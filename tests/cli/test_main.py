@@ -36,8 +36,8 @@ for name in ("jax", "numpy", "optax", "matplotlib"):
 def test_compiled_programs_can_be_stored():
     """A program that calls back to Python is compiled anew in every run."""
     code = """
-from tpd.cli import common
-common.use_64_bits()
+from tpd.core import process
+process.use_64_bits()
 import equinox as eqx, jax
 from tpd import Segmented, Smoothed, Terms, paper_scene, steady_state
 from tpd.core.parameters import as_arrays

@@ -22,7 +22,7 @@ def test_a_template_is_written_and_read_back_as_a_job(kind, tmp_path, monkeypatc
     assert jobs.job_of(tomllib.loads(job.toml)) == job
     # None is the neighbourhood of the motion.
     assert job.conditions is None
-    assert job.name
+    assert job.full["project"]["name"]
 
 
 @KINDS

@@ -10,7 +10,7 @@ from tpd.design import job as jobs
 
 SEQUENTIAL = ("--method", "sequential")
 WAVE = ("--cycles", "2", "--phase", "0.5")
-RECORDS = ("--records", "el-centro", "loma-prieta")
+RECORDS = ("--records", "el-centro", "b.txt")
 NAMED = ("--event", "1940", "B", "--baseline", "mean")
 READ = ("--dt", "0.01", "--unit", "g", "--channel", "1")
 SAME = [
@@ -50,7 +50,7 @@ SAME = [
         ("--pulse", "mavroeidis-papageorgiou", "--pulse-frequency", "1", "--pga", "0.4", *WAVE),
     ),
     (
-        "[motion]\nrecords = ['el-centro', 'loma-prieta']\nscales = [2, 3]\nintensity = 'pga'\n"
+        "[motion]\nrecords = ['el-centro', 'b.txt']\nscales = [2, 3]\nintensity = 'pga'\n"
         "held_out = 0.3\nevent = ['1940', 'B']\nbaseline = 'mean'\n[search]\nstarts = 8\n",
         (*RECORDS, "--scales", "2", "3", "--intensity", "pga", "--held-out", "0.3", *NAMED, "--starts", "8"),
     ),

@@ -9,10 +9,10 @@ import pytest
 import tpd
 from tests import designs
 from tpd import limits
-from tpd.design.asked import job_of_design
 from tpd.design.ground.optimise import ground_problem
 from tpd.design.job import job_of
 from tpd.design.problem import Problem
+from tpd.design.reading import job_of_design
 from tpd.models.piecewise import Piecewise
 
 SCENE = tpd.Scene(

@@ -156,8 +156,8 @@ def test_spectra_draw_themselves_and_are_tables():
     table = OVERTURNING.to_dataframe()
     assert table.iloc[2].tolist() == [1.0, 4.0, 2, -1]
     assert isinstance(ROCKING.plot(), Axes)
-    assert ROCKING.to_dataframe().to_dict("list")["period"] == [1.0, 2.0, 3.0]
-    assert list(ROCKING.to_dataframe().columns) == ["period", "bare"]
+    assert ROCKING.to_dataframe().to_dict("list")["period_s"] == [1.0, 2.0, 3.0]
+    assert list(ROCKING.to_dataframe().columns) == ["period_s", "bare"]
 
 
 def test_many_designs_and_fronts():

@@ -34,7 +34,7 @@ class RockingSpectrum(Tabular):
     def columns(self) -> dict[str, Any]:
         """A row for every block: 2 pi/p in s, and the largest tilts over the slenderness."""
         hung = {} if self.hung is None else {"hung": self.hung}
-        return {"period": self.periods, "bare": self.bare} | hung
+        return {"period_s": self.periods, "bare": self.bare} | hung
 
     def undecided(self) -> np.ndarray:
         """Number of blocks without an answer, bare and with a pendulum."""

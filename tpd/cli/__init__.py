@@ -48,7 +48,8 @@ def main(arguments: list[str] | None = None) -> int:
         return _run(parser().parse_args(arguments))
     read = parser().parse_args()
     warnings.showwarning = interrupts.warned
-    with interrupts.watched(getattr(read, "out", None)), interrupts.announced(_does(read)):
+    does = getattr(read, "does", "").format(**vars(read))
+    with interrupts.watched(getattr(read, "out", None), does):
         status = _run(read)
         return interrupts.exit_now(status) if status == common.INTERRUPTED else status
 
@@ -56,13 +57,13 @@ def main(arguments: list[str] | None = None) -> int:
 def _run(read: argparse.Namespace) -> int:
     """Run the command that was read; an error is one sentence."""
     out = getattr(read, "out", None)
-    existed = out is not None and out.exists()
+    existed = interrupts.exists(out)
     try:
         status = read.run(read)
     except (Exception, KeyboardInterrupt) as error:
         status = _refused(error)
-    if status == common.INTERRUPTED:
-        interrupts.leave(out, existed)
+    if status == common.INTERRUPTED and (hint := interrupts.leave(out, existed)):
+        print(hint, file=sys.stderr if getattr(read, "json", False) else sys.stdout)
     return status
 
 
@@ -74,14 +75,10 @@ def _refused(error: BaseException) -> int:
         return common.INTERRUPTED
     if isinstance(error, MemoryError):
         print("tpd: the job does not fit into memory: ask for less at once", file=sys.stderr)
+    elif isinstance(error, OSError) and error.strerror:
+        print(f"tpd: cannot use {str(error.filename)[:80]}: {error.strerror}", file=sys.stderr)
     elif isinstance(error, (ValueError, OSError)):
         print(f"tpd: {error}", file=sys.stderr)
     else:
         raise error
     return common.BAD_INPUT
-
-
-def _does(read: argparse.Namespace) -> str | None:
-    """Words for the first line of a command; None for one that is quick."""
-    words = getattr(read, "does", None)
-    return None if words is None else words.format(**vars(read))

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tpd.cli import interrupts
 from tpd.cli.options import Option, given
+from tpd.core import progress
 
 if TYPE_CHECKING:
     from tpd.core.cluster import Cluster
-    from tpd.core.progress import Bar
     from tpd.core.scene import Block, Pendulum, Scene
     from tpd.design.job import Job
 
@@ -67,6 +67,8 @@ RECORDS = (
     *READING,
 )
 """Options that describe block and motion."""
+MOST = {"mu": (1.0, "a bob as heavy as the block"), "lam": (2.0, "a rod as long as the block")}
+"""Largest ratios of a pendulum, and what they stand for."""
 _PENDULUM = "pendulum_mass", "mass_ratio", "pendulum_length", "length_ratio", "pendulum_damping"
 
 
@@ -184,7 +186,9 @@ def case(
         ValueError: a file that cannot be read or is not the design of a report of this version, options that
             describe another block or pendulum beside a design, or a value that is not allowed.
     """
-    folder = use_64_bits()
+    from tpd.core import process
+
+    folder = process.use_64_bits()
     from tpd.design import job as jobs
     from tpd.models import compiling
 
@@ -231,7 +235,7 @@ def say(scene: Scene, hung: Pendulum | None = None, motion: str = "", notes: Ite
 
     lines = (*words.block_lines(scene), f"  motion  {motion}") if motion else words.scene_lines(scene)
     more = () if hung is None else (words.pendulum_line(scene, hung),)
-    print("\n".join((*notes, *lines, *more)), flush=True)
+    progress.say("\n".join((*notes, *lines, *more)), sys.stdout)
 
 
 def words(motion: Any) -> str:
@@ -244,13 +248,15 @@ def pendulum(options: argparse.Namespace, block: Block, varied: tuple[str, ...] 
     """Pendulum of the options, or None without one; a quantity that is varied need not be given.
 
     Raises:
-        ValueError: a pendulum of which half is missing, or a value out of range.
+        ValueError: a pendulum of which half is missing, a bob heavier than the block, a rod longer than it,
+            or a damping in per cent.
     """
-    from tpd.core.scene import Pendulum
+    from tpd.core import checks
+    from tpd.core.scene import Pendulum, check_damping
 
-    mass = _one(options.pendulum_mass, options.mass_ratio, block.mass)
-    length = _one(options.pendulum_length, options.length_ratio, block.half_height)
-    damping = options.pendulum_damping
+    mu, lam, damping = options.mass_ratio, options.length_ratio, options.pendulum_damping
+    mass = options.pendulum_mass if mu is None else mu * block.mass
+    length = options.pendulum_length if lam is None else lam * block.half_height
     # A quantity that is varied takes its values from the axis; the one set here is only a placeholder.
     if mass is None and {"pendulum_mass", "mu"} & set(varied):
         mass = block.mass
@@ -263,30 +269,18 @@ def pendulum(options: argparse.Namespace, block: Block, varied: tuple[str, ...] 
     if mass is None or length is None:
         missing = "--pendulum-mass or --mass-ratio" if mass is None else "--pendulum-length or --length-ratio"
         raise ValueError(f"half of the pendulum is missing: give {missing} as well")
-    _check_ratios(options, block)
-    return Pendulum(mass=mass, length=length, damping_ratio=0.1 if damping is None else damping)
-
-
-def _check_ratios(options: argparse.Namespace, block: Block) -> None:
-    """Raise `ValueError` for a bob heavier than the block, a rod longer than it, or a damping in per cent."""
-    from tpd.core import checks
-    from tpd.core.scene import check_damping
-
     bounds = {
         "--pendulum-mass": (options.pendulum_mass, block.mass, "the mass of the block in kg"),
-        "--mass-ratio": (options.mass_ratio, 1.0, "a bob as heavy as the block"),
+        "--mass-ratio": (mu, *MOST["mu"]),
         "--pendulum-length": (options.pendulum_length, block.height, "the height of the block in m"),
-        "--length-ratio": (options.length_ratio, 2.0, "a rod as long as the block"),
+        "--length-ratio": (lam, *MOST["lam"]),
     }
     for flag, (value, most, what) in bounds.items():
         if value is not None:
             checks.at_most(flag, value, most, what)
-    if options.pendulum_damping is not None:
-        check_damping("--pendulum-damping", options.pendulum_damping)
-
-
-def _one(value: float | None, ratio: float | None, unit: float) -> float | None:
-    return value if ratio is None else ratio * unit
+    if damping is not None:
+        check_damping("--pendulum-damping", damping)
+    return Pendulum(mass=mass, length=length, damping_ratio=0.1 if damping is None else damping)
 
 
 def inputs(scene: Scene, hung: Pendulum | None) -> dict[str, Any]:
@@ -308,27 +302,4 @@ def write(out: Path, content: Iterable[tuple[str, str | bytes]]) -> None:
 
     # Everything is drawn before the first file is written: an interruption leaves all files or none.
     for name, data in list(content):
-        print(f"written: {files.place(out / name, data)}")
-
-
-def use_64_bits() -> Path | None:
-    """Set JAX up, see `tpd.core.process`; call this before JAX computes anything."""
-    from tpd.core import process
-
-    return process.use_64_bits()
-
-
-def bar() -> Bar:
-    """Return a bar for the stages of a command, see `tpd.core.progress.Bar`."""
-    from tpd.core.progress import Bar
-
-    return Bar()
-
-
-@contextlib.contextmanager
-def left_out(what: str) -> Iterator[None]:
-    """Let Ctrl-C leave out a part of the report: say so on stderr, and go on with the answer."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        print(f"tpd: interrupted; the report goes without {what}", file=sys.stderr)
+        progress.say(f"written: {files.place(out / name, data)}", sys.stdout)

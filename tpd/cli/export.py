@@ -42,8 +42,6 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the file, and print what was exported; return the exit status."""
-    common.use_64_bits()
-    from tpd import engines
     from tpd.core import files
 
     if options.kind == "csv" and options.sliding is not None:
@@ -59,6 +57,8 @@ def run(options: argparse.Namespace) -> int:
         # The model has no motion, but a job has.
         tables["motion"] = {"pulse": "one-sine", "pulse_frequency": 1.0}
     job, hung = common.case(options, over=tables)
+    from tpd import engines
+
     is_harmonic = job.kind == "harmonic"
     scene = job.scene if is_harmonic or options.kind == "mjcf" else job.under(job.shaking)
     motion = "" if is_harmonic else common.words(scene.motion)
@@ -67,9 +67,9 @@ def run(options: argparse.Namespace) -> int:
     if hung is None and options.design is not None:
         print("The report offers no pendulum: only the bare block is exported.")
     if options.kind == "csv":
-        header, rows = _table(scene, hung)
-        content = files.as_csv(header, rows)
-        for name in (name for name, value in zip(header, rows[-1], strict=True) if value == ""):
+        columns = _columns(scene, hung)
+        content = files.as_table(columns)
+        for name in (name for name, column in columns.items() if column[-1] != column[-1]):
             print(f"{name}: the block overturns, and the cells after that are empty")
     else:
         more = {} if options.sliding is None else {"sliding": options.sliding}
@@ -78,16 +78,20 @@ def run(options: argparse.Namespace) -> int:
     return common.SOUND
 
 
-def _table(scene: Scene, hung: Pendulum | None) -> tuple[list[str], list[tuple]]:
-    """Header and rows of the motion over time, bare and with the pendulum, from rest by the exact solution;
-    numbers are left out once the block has fallen."""
+def _columns(scene: Scene, hung: Pendulum | None) -> dict[str, Any]:
+    """Motion over time, bare and with the pendulum, from rest by the exact solution; NaN once the block has
+    fallen."""
+    import numpy as np
+
     from tpd.analysis.shaking_history import shaking_history
     from tpd.design.study import time_histories
 
     if hasattr(scene.motion, "amplitude"):
         found = time_histories(scene, hung)
         # An exact displacement stands beside the acceleration; that of a record would be an integral.
-        times, base = found[0].time, _harmonic_base(scene, found[0].time)
+        times, rate = found[0].time, float(scene.motion.rate)
+        moved = float(scene.motion.amplitude) * np.sin(rate * times)
+        base = {"base_m": moved, "base_m_s2": -(rate**2) * moved}
         angles = [(h.tilt, h.bob if h.with_pendulum else None) for h in found]
     else:
         histories = [shaking_history(scene, h) for h in ((None,) if hung is None else (None, hung))]
@@ -96,14 +100,4 @@ def _table(scene: Scene, hung: Pendulum | None) -> tuple[list[str], list[tuple]]
     columns: dict[str, Any] = {"time_s": times, **base, "bare_phi_rad": angles[0][0]}
     if hung is not None:
         columns |= {"hung_phi_rad": angles[1][0], "hung_psi_rad": angles[1][1]}
-    lists = [column.tolist() for column in columns.values()]
-    # An empty cell is read as missing by every program; a word such as "nan" is not.
-    return list(columns), [tuple("" if x != x else x for x in row) for row in zip(*lists, strict=True)]
-
-
-def _harmonic_base(scene: Scene, times: Any) -> dict[str, Any]:
-    """Displacement and acceleration of the base."""
-    import numpy as np
-
-    moved = float(scene.motion.amplitude) * np.sin(float(scene.motion.rate) * times)
-    return {"base_m": moved, "base_m_s2": -(float(scene.motion.rate) ** 2) * moved}
+    return columns

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from tpd.cli import common
+from tpd.core.progress import Bar
 
 if TYPE_CHECKING:
     from tpd.analysis.fragility import Fragility
@@ -51,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     files.claim(options.out, overwrite=options.overwrite)
     common.say(scene, hung, f"{len(job.motions)} records", job.notes)
     stripes = np.linspace(0.5, 8.0, 20) if asked["scales"] is None else np.array(asked["scales"])
-    with common.bar() as bar, common.cluster(options) as cluster:
+    with Bar() as bar, common.cluster(options) as cluster:
         found = fragility(
             scene.block,
             job.motions,
@@ -72,13 +73,13 @@ def _files(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tu
     from tpd.core import files
     from tpd.plot import style
 
-    header = ("state", "stripe", "motions", "bare", "hung", "p_value", "undecided_bare", "undecided_hung")
-    yield "fragility.csv", files.as_csv(header, _rows(found))
+    yield "fragility.csv", files.as_table(found.columns())
     content = {
         **common.inputs(scene, hung),
         "intensity": found.intensity,
         "motions": list(found.motions),
         "earthquakes": found.earthquakes,
+        "p_values": found.p_values and {name: p.tolist() for name, p in found.p_values.items()},
         "fits": {name: _fits(found, name) for name in found.bare},
         "first_crossings": {k: list(v) for k, v in found.first_crossings.items()},
         "changed_by_nonlinear_equations": None if found.changed is None else list(found.changed),
@@ -104,13 +105,3 @@ def _fits(found: Fragility, name: str) -> dict[str, Any]:
         }
         for case, c in curves.items()
     }
-
-
-def _rows(found: Fragility) -> Iterator[tuple]:
-    for name, bare in found.bare.items():
-        hung = None if found.hung is None else found.hung[name]
-        for i, stripe in enumerate(found.stripes):
-            p = "" if found.p_values is None else found.p_values[name][i]
-            with_it = ("", "") if hung is None else (hung.counts[i], hung.undecided[i])
-            n, fallen, lost = bare.total[i], bare.counts[i], bare.undecided[i]
-            yield name, stripe, n, fallen, with_it[0], p, lost, with_it[1]

@@ -18,14 +18,14 @@ from pathlib import Path
 from typing import Any
 
 import tpd
-from tpd.core.progress import EVERY, SHOWN, TICK, is_silent, say
+from tpd.core.progress import EVERY, TICK, is_silent, say
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C."""
 UNFINISHED = "unfinished.npz"
 """Name of the file in which an interrupted search leaves what had ended."""
 _RECEIVED = threading.Event()
-_SOON = 0.25
+_SOON = 0.2
 """Seconds after which a command says what it does; bad input is refused earlier where JAX is imported."""
 _SHOW = warnings.showwarning
 """How Python shows the warnings of others."""
@@ -36,14 +36,12 @@ _PATIENCE = 1.5
 
 
 @contextlib.contextmanager
-def announced(does: str | None) -> Iterator[None]:
-    """Say on stderr what a command does, unless it ends before that, and then that it is at work where no bar
-    says so."""
-    if does is None:
-        yield
-        return
+def announced(does: str) -> Iterator[None]:
+    """Say on stderr what a command does, unless it ends before that, and then that it is at work where
+    nothing else says so; nothing without words for it."""
     ended = threading.Event()
-    threading.Thread(target=_tell, args=(does, ended), daemon=True).start()
+    if does:
+        threading.Thread(target=_tell, args=(does, ended), daemon=True).start()
     try:
         yield
     finally:
@@ -55,15 +53,16 @@ def _tell(does: str, ended: threading.Event) -> None:
     if not ended.wait(_SOON):
         say(f"tpd {tpd.__version__}: {does}")
     # On a terminal the next line of the command takes the place of this one.
-    text, end = ("at work", "\r") if sys.stderr.isatty() else (does, "\n")
-    while not ended.wait(TICK):
-        if not SHOWN and is_silent(1.0 if end == "\r" else EVERY):
+    text, end, every = ("at work", "\r", 1.0) if sys.stderr.isatty() else (does, "\n", EVERY + TICK)
+    while not ended.wait(0.5 * TICK):
+        if is_silent(every):
             say(f"tpd: {text}, {time.monotonic() - begin:.0f} s", end=end)
 
 
 @contextlib.contextmanager
-def watched(out: Path | None) -> Iterator[None]:
+def watched(out: Path | None, does: str = "") -> Iterator[None]:
     """Go on in a process of its own, and end this one with its status; Ctrl-C ends both soon in any case.
+    This one says what the command does, see `announced`: the other one may be held up by imports.
 
     An extension that compiles holds up all threads of its process, so that another process has to end it.
     Ctrl-C raises `KeyboardInterrupt` in the command as usual; one that has not ended `_PATIENCE` seconds
@@ -71,11 +70,10 @@ def watched(out: Path | None) -> Iterator[None]:
     that has ended is on disk already: nothing else is lost.
     """
     if not hasattr(os, "fork"):
-        yield
+        with announced(does):
+            yield
         return
-    existed, (here, there) = False, os.pipe()
-    with contextlib.suppress(OSError, ValueError):
-        existed = out is not None and out.exists()
+    existed, (here, there) = exists(out), os.pipe()
     # Nothing runs in another thread yet.
     child = os.fork()
     if child == 0:
@@ -86,7 +84,7 @@ def watched(out: Path | None) -> Iterator[None]:
         yield
         return
     os.close(here)
-    with _forwarding(child) as pressed:
+    with _forwarding(child) as pressed, announced(does):
         status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     if pressed and status < 0:
         say("\n".join(filter(None, ("tpd: interrupted", leave(out, existed)))))
@@ -164,6 +162,14 @@ def warned(message: Warning | str, category: type[Warning], *where: Any, **how: 
         _SHOW(message, category, *where, **how)
 
 
+def exists(path: Path | None) -> bool:
+    """Whether there is such a path; False for one that no system can have."""
+    try:
+        return path is not None and path.exists()
+    except (OSError, ValueError):
+        return False
+
+
 def leave(directory: Path | None, existed: bool) -> str | None:
     """Remove what a command that was interrupted has half written, and the directory where it made that and
     left it empty. Return how to go on, if there is something to go on from."""
@@ -175,12 +181,8 @@ def leave(directory: Path | None, existed: bool) -> str | None:
         if not existed:
             directory.rmdir()
     left = directory / UNFINISHED
-    return hint(left) if left.exists() else None
-
-
-def hint(unfinished: Path) -> str:
-    """Sentence that says how to go on."""
-    return f"go on with the same command and --resume (finished searches are in {unfinished})"
+    hint = f"go on with the same command and --resume (finished searches are in {left})"
+    return hint if exists(left) else None
 
 
 def exit_now(status: int) -> Any:

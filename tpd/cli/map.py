@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tpd.cli import common
+from tpd.core.progress import Bar
 
 if TYPE_CHECKING:
     from tpd.analysis.design_map import DesignMap
@@ -49,7 +50,6 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Solve the grid, write it and print the counts of the statuses; return the exit status."""
-    common.use_64_bits()
     from tpd.core import checks, files
 
     checks.count("--points", options.points, least=2)
@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     from tpd.analysis.design_map import design_map
 
     files.claim(options.out, overwrite=options.overwrite)
-    with common.bar() as bar, common.cluster(options) as cluster:
+    with Bar() as bar, common.cluster(options) as cluster:
         bar("mapping", 0, options.points**2)
         m = design_map(
             scene,
@@ -83,26 +83,25 @@ def run(options: argparse.Namespace) -> int:
 
 def _axis(flag: str, given: list[str]) -> tuple[str, float, float]:
     """Name and bounds of an axis."""
+    from tpd.core import checks
+
     try:
         low, high = (float(v) for v in given[1:])
     except ValueError:
         raise ValueError(f"`{flag}` must be a name and two numbers, but is {' '.join(given)}") from None
     if not low < high:
         raise ValueError(f"`{flag}` must go up, but goes from {low:g} to {high:g}")
-    return given[0].replace("-", "_"), low, high
+    name = given[0].replace("-", "_")
+    if name in common.MOST:
+        checks.at_most(flag, high, *common.MOST[name])
+    return name, low, high
 
 
 def _files(m: DesignMap, inputs: dict[str, Any]) -> Iterator[tuple[str, str | bytes]]:
-    import numpy as np
-
     from tpd.core import files
     from tpd.plot import style as canvas
 
-    wide, high = np.meshgrid(m.x, m.y)
-    columns = (wide, high, m.status, m.amplitude, m.stroke, m.margin, m.exact, m.overflow)
-    header = ("status", "amplitude_rad", "stroke_rad", "uplift_margin", "exact", "overflow")
-    rows = zip(*(c.ravel().tolist() for c in columns), strict=True)
-    yield "map.csv", files.as_csv((m.x_name, m.y_name, *header), rows)
+    yield "map.csv", files.as_table(m.columns())
     axes = {"x": (m.x_name, *m.x[[0, -1]].tolist()), "y": (m.y_name, *m.y[[0, -1]].tolist())}
     # Along an axis its values replace those of the scene and the pendulum.
     content = {**inputs, "varied": axes, "points": len(m.x), "start": m.start, "statuses": m.counts}

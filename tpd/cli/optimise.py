@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tpd.cli import common
+from tpd.cli import common, interrupts
 from tpd.cli.options import Option, SetWidths, keys
+from tpd.core.progress import Bar
 
 if TYPE_CHECKING:
-    from tpd.core.progress import Bar
-    from tpd.design.front import FrontPoint
     from tpd.design.job import Job
     from tpd.design.result import Design
     from tpd.design.study import Study
-
-_UNFINISHED = "unfinished.npz"
-"""File of the output directory with the searches that have ended, while others have not."""
 
 NO_WALLS = Option("--no-walls", "limits", "room", value=False, help="do not ask for room between the walls")
 HELD_OUT = Option("--held-out", "motion", "held_out", "X")
@@ -98,6 +92,7 @@ def run(options: argparse.Namespace) -> int:
     """Search, verify, write the report and print the answer; return the exit status."""
     # The job is checked as a whole before anything is written or compiled.
     job, _ = common.case(options)
+    from tpd.design.front import front
     from tpd.design.optimise import optimise
     from tpd.design.question import check_cavity
     from tpd.design.study import study
@@ -105,14 +100,18 @@ def run(options: argparse.Namespace) -> int:
 
     check_cavity(job.block, job.limits)
     # Records are read here: bad files end the command before anything is claimed.
-    scene, settings, unfinished = job.scene, job.settings, options.out / _UNFINISHED
+    scene, settings, unfinished = job.scene, job.settings, options.out / interrupts.UNFINISHED
     _claim(options, unfinished)
-    stream = sys.stderr if options.json else sys.stdout
     if not (options.quiet or options.json):
         common.say(scene, None, *shaken(job))
-    with common.bar() as bar, _hinting(unfinished, stream):
-        design = optimise(scene, **settings, checkpoint=unfinished, progress=bar)
-        points = _front_of(design, bar) if job.pareto else ()
+    with Bar() as bar:
+        design, points = optimise(scene, **settings, checkpoint=unfinished, progress=bar), ()
+        if job.full["search"]["pareto"] and design.pendulum is not None and design.status.name == "found":
+            # An interruption here leaves the design whole; only the front is missing.
+            try:
+                points = front(design, progress=bar)
+            except KeyboardInterrupt:
+                print("tpd: interrupted; the report goes without the front", file=sys.stderr)
         shown = study(design, front=points, progress=bar)
     is_interrupted = design.status.name == "interrupted"
     if is_interrupted and not unfinished.exists():
@@ -126,7 +125,6 @@ def run(options: argparse.Namespace) -> int:
         return common.INTERRUPTED
     _say(options, design, shown)
     if is_interrupted:
-        print(_hint(unfinished), file=stream)
         return common.INTERRUPTED
     unfinished.unlink(missing_ok=True)
     return common.SOUND if design.status.is_sound else common.UNSOUND
@@ -175,31 +173,3 @@ def _claim(options: argparse.Namespace, unfinished: Path) -> None:
     # A search of another problem must not be taken for the beginning of this one.
     if not options.resume:
         unfinished.unlink(missing_ok=True)
-
-
-def _front_of(design: Design, bar: Bar) -> tuple[FrontPoint, ...]:
-    """Answers with lighter bobs, if a pendulum is offered."""
-    if design.pendulum is None or design.status.name != "found":
-        return ()
-    from tpd.design.front import front
-
-    # An interruption here leaves the design whole; only the front is missing.
-    with common.left_out("the front"):
-        return front(design, progress=bar)
-    return ()
-
-
-def _hint(unfinished: Path) -> str:
-    """Sentence that says how to go on."""
-    return f"go on with the same command and --resume (finished searches are in {unfinished})"
-
-
-@contextlib.contextmanager
-def _hinting(unfinished: Path, stream: Any) -> Iterator[None]:
-    """Say after Ctrl-C how to go on: searches that have ended need not be repeated."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        if unfinished.exists():
-            print(_hint(unfinished), file=stream)
-        raise

@@ -8,11 +8,11 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from tpd.cli import common
+from tpd.core.progress import Bar
 
 if TYPE_CHECKING:
     from tpd.analysis.response import Branches, Response
-    from tpd.core.progress import Bar
-    from tpd.core.scene import Pendulum, Scene
+    from tpd.core.scene import Scene
 
 BARE, HUNG = "bare block", "with the pendulum"
 
@@ -56,6 +56,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Follow the branches, write them and print where they are lost; return the exit status."""
     scene, hung = common.harmonic(options)
+    from tpd.analysis.response import branches, frequencies, settled_response
     from tpd.core import checks, files
 
     name, low, high = _range(options, scene)
@@ -63,33 +64,41 @@ def run(options: argparse.Namespace) -> int:
         checks.count("--from-rest", options.from_rest, least=2)
     files.claim(options.out, overwrite=options.overwrite)
     common.say(scene, hung)
-    with common.bar() as bar:
-        cases = _branches(scene, hung, name, (low, high), options.points, bar)
-        settled = _settled(scene, hung, name, (low, high), options.from_rest, bar)
+    own, cases, settled = _own(scene, name), {}, {}
+    hangings = {BARE: None} if hung is None else {BARE: None, HUNG: hung}
+    with Bar() as bar:
+        bar("following branches", 0, len(hangings))
+        for label, pendulum in hangings.items():
+            cases[label] = branches(scene, name, low, high, pendulum=pendulum, samples=options.points)
+            bar("following branches", len(cases), len(hangings))
+        if options.from_rest:
+            values = frequencies(own, low, high, options.from_rest)
+            settled = {
+                label: settled_response(scene, name, values, pendulum=pendulum, progress=bar)
+                for label, pendulum in hangings.items()
+            }
+    near = {label: r.between(0.95 * own, 1.05 * own) for label, r in settled.items()}
     print("\n".join(f"{label}: {case}" for label, case in cases.items()))
-    print(_counted(settled, _own(scene, name)))
-    common.write(options.out, _files(scene, hung, cases, settled))
+    if settled:
+        # A single motion from rest says little: near ones are counted.
+        lost = ", ".join(f"{(r.status == 'overturned').sum()} {label}" for label, r in near.items())
+        tried = len(near[BARE].frequency)
+        print(f"from rest, of {tried} frequencies within 5 % of {own:.4g}, overturned: {lost}")
+    else:
+        print("motions that repeat; whether the block reaches one, or overturns, --from-rest N says")
+    written = _files(cases, {"response.png": settled, "response_near.png": near}, own)
+    content = {
+        **common.inputs(scene, hung),
+        "bifurcations": {label: [asdict(b) for b in case.bifurcations] for label, case in cases.items()},
+        "over": name,
+    }
+    common.write(options.out, (("response.json", files.as_json(content)), *written))
     return common.SOUND
 
 
 def _own(scene: Scene, name: str) -> float:
     """Value of the scene's own frequency, Hz, or of its xi."""
     return float(scene.parameters().xi) if name == "xi" else float(scene.motion.frequency)
-
-
-def _near(settled: Mapping[str, Response], own: float) -> dict[str, Response]:
-    """The motions from rest within 5 % of the own frequency."""
-    return {label: r.between(0.95 * own, 1.05 * own) for label, r in settled.items()}
-
-
-def _counted(settled: Mapping[str, Response] | None, own: float) -> str:
-    """Line on the motions from rest near the own frequency: a single one says little."""
-    if settled is None:
-        return "motions that repeat; whether the block reaches one, or overturns, --from-rest N says"
-    near = _near(settled, own)
-    lost = ", ".join(f"{(r.status == 'overturned').sum()} {label}" for label, r in near.items())
-    tried = len(near[BARE].frequency)
-    return f"from rest, of {tried} frequencies within 5 % of {own:.4g}, overturned: {lost}"
 
 
 def _range(options: argparse.Namespace, scene: Scene) -> tuple[str, float, float]:
@@ -108,78 +117,35 @@ def _range(options: argparse.Namespace, scene: Scene) -> tuple[str, float, float
     return name, low, high
 
 
-def _hangings(hung: Pendulum | None) -> dict[str, Pendulum | None]:
-    return {BARE: None} if hung is None else {BARE: None, HUNG: hung}
-
-
-def _branches(
-    scene: Scene,
-    hung: Pendulum | None,
-    name: str,
-    bounds: tuple[float, float],
-    points: int,
-    bar: Bar,
-) -> dict[str, Branches]:
-    from tpd.analysis.response import branches
-
-    hangings, cases = _hangings(hung), {}
-    bar("following branches", 0, len(hangings))
-    for label, pendulum in hangings.items():
-        cases[label] = branches(scene, name, *bounds, pendulum=pendulum, samples=points)
-        bar("following branches", len(cases), len(hangings))
-    return cases
-
-
-def _settled(
-    scene: Scene,
-    hung: Pendulum | None,
-    name: str,
-    bounds: tuple[float, float],
-    points: int,
-    bar: Bar,
-) -> dict[str, Response] | None:
-    from tpd.analysis.response import frequencies, settled_response
-
-    if points == 0:
-        return None
-    values = frequencies(_own(scene, name), *bounds, points)
-    return {
-        label: settled_response(scene, name, values, pendulum=pendulum, progress=bar)
-        for label, pendulum in _hangings(hung).items()
-    }
-
-
 def _files(
-    scene: Scene,
-    hung: Pendulum | None,
-    cases: Mapping[str, Branches],
-    settled: Mapping[str, Response] | None,
+    cases: Mapping[str, Branches], settled: Mapping[str, Mapping[str, Response]], own: float
 ) -> Iterator[tuple[str, str | bytes]]:
+    """Tables and pictures; `settled` are the motions from rest by the names of their pictures."""
     from tpd.core import files
     from tpd.plot import style as canvas
     from tpd.plot.response import plot_branches, plot_response
     from tpd.report.responses import response_csv
 
-    name = next(iter(cases.values())).name
-    header = ("case", "branch", name, "status", "amplitude_rad", "stroke_rad", "phase_rad", "multiplier")
+    header = (
+        "case",
+        "branch",
+        cases[BARE].name,
+        "status",
+        "amplitude_rad",
+        "stroke_rad",
+        "phase_rad",
+        "multiplier",
+    )
     rows = (row for label, case in cases.items() for row in _rows(label, case))
     yield "branches.csv", files.as_csv(header, rows)
-    content = {
-        **common.inputs(scene, hung),
-        "bifurcations": {label: [asdict(b) for b in case.bifurcations] for label, case in cases.items()},
-        "over": name,
-    }
-    yield "response.json", files.as_json(content)
     yield "branches.png", canvas.png(plot_branches(cases)[0].figure)
-    if settled is not None:
-        yield "response.csv", response_csv(tuple(settled.values()))
-        own = _own(scene, name)
-        # Over the whole range the marks next to the own frequency hide each other.
-        shown = {"response.png": settled, "response_near.png": _near(settled, own)}
-        for file, responses in shown.items():
-            if len(responses[BARE].frequency):
-                axes = plot_response(tuple(responses.values()), own)
-                yield file, canvas.png(axes[0].figure)
+    # Over the whole range the marks next to the own frequency hide each other.
+    for name, responses in settled.items():
+        shown = tuple(responses.values())
+        if name == "response.png" and shown:
+            yield "response.csv", response_csv(shown)
+        if shown and len(shown[0].frequency):
+            yield name, canvas.png(plot_response(shown, own)[0].figure)
 
 
 def _rows(label: str, case: Branches) -> Iterator[tuple]:

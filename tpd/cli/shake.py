@@ -54,7 +54,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Follow the block, write histories and pictures, and print what happened; return the exit status."""
     job, hung = common.case(options)
-    from tpd.analysis.shaking_history import shaking_history
+    from tpd.analysis.shaking_history import STRONG, shaking_history
     from tpd.analysis.transient import transient
     from tpd.core import files
     from tpd.core.status import status_name
@@ -72,19 +72,31 @@ def run(options: argparse.Namespace) -> int:
         for name, h in cases.items()
     }
     histories = {name: shaking_history(scene, h, free=options.free) for name, h in cases.items()}
+    # Rate in rad/s above which an impact is counted.
+    strong = STRONG * float(scene.block.slenderness) * float(scene.rate)
     for name, pair in found.items():
-        print("\n".join(_table(name, pair, histories[name], _strong(scene))))
-    common.write(options.out, _files(scene, hung, found, histories))
+        print("\n".join(_table(name, pair, histories[name], strong)))
+    results = {
+        name: {
+            **_numbers(nonlinear),
+            "equations": "nonlinear",
+            "linear": _numbers(linear)
+            | {
+                "impacts": histories[name].impacts_above(strong),
+                "impacts_faster_than_rad_s": strong,
+                "needed_friction": histories[name].needed_friction,
+            },
+        }
+        for name, (nonlinear, linear) in found.items()
+    }
+    content = files.as_json({**common.inputs(scene, hung), "results": results})
+    # The film is about the largest tilt, or about the fall, of the bare block by the linear equations.
+    first = found["bare block"][-1]
+    middle = min(float(first.tilt_time), float(first.overturning_time))
+    common.write(options.out, (("shake.json", content), *_files(scene, hung, histories, middle)))
     # With a pendulum it is the pendulum's outcome that counts.
     last = status_name(list(found.values())[-1][0].status)
     return common.SOUND if last in ("stood", "rocked") else common.UNSOUND
-
-
-def _strong(scene: Scene) -> float:
-    """Rate in rad/s above which an impact is counted."""
-    from tpd.analysis.shaking_history import STRONG
-
-    return STRONG * float(scene.block.slenderness) * float(scene.rate)
 
 
 def _table(name: str, pair: tuple[Transient, ...], history: ShakingHistory, strong: float) -> Iterator[str]:
@@ -106,9 +118,7 @@ def _table(name: str, pair: tuple[Transient, ...], history: ShakingHistory, stro
     counted = history.impacts_above(strong)
     yield f"  {f'impacts faster than {number(strong)} rad/s':40}{'':20}{counted:>20}"
     yield f"  {'friction that keeps the base from sliding':40}{'':19}{number(history.needed_friction):>20}"
-    for status, (which, answer) in zip(
-        statuses, zip(("nonlinear", "linear"), pair, strict=True), strict=True
-    ):
+    for status, which, answer in zip(statuses, ("nonlinear", "linear"), pair, strict=True):
         if status in ("event_bound", "failed"):
             yield f"  There is no answer by the {which} equations: {Status[answer.status]}"
     if len({status == "overturned" for status in statuses}) > 1:
@@ -116,38 +126,40 @@ def _table(name: str, pair: tuple[Transient, ...], history: ShakingHistory, stro
 
 
 def _files(
-    scene: Scene,
-    hung: Pendulum | None,
-    found: dict[str, tuple[Transient, ...]],
-    histories: dict[str, ShakingHistory],
+    scene: Scene, hung: Pendulum | None, histories: dict[str, ShakingHistory], middle: float
 ) -> Iterator[tuple[str, str | bytes]]:
+    """Tables, pictures, and a film about a time `middle`, by the linear equations."""
+    import numpy as np
+
     from tpd.core import files
+    from tpd.design.study import TimeHistory
     from tpd.plot import style
+    from tpd.plot.animation import animate
     from tpd.plot.motion import plot_motions
 
+    films = {
+        name: TimeHistory(
+            with_pendulum=h.swing is not None,
+            time=h.times,
+            tilt=h.tilt,
+            bob=np.zeros_like(h.tilt) if h.swing is None else h.swing,
+        )
+        for name, h in histories.items()
+    }
     header = ("case", "time_s", "base_m_s2", "tilt_rad", "swing_rad", "horizontal_N", "vertical_N")
-    yield "histories.csv", files.as_csv(header, _rows(histories))
+    rows = (
+        (name, *row)
+        for name, h in histories.items()
+        for row in zip(h.times, h.base, h.tilt, films[name].bob, h.horizontal, h.vertical, strict=True)
+    )
+    yield "histories.csv", files.as_csv(header, rows)
     hits = ((name, *hit) for name, h in histories.items() for hit in h.impacts)
     yield "impacts.csv", files.as_csv(("case", "time_s", "rate_after_rad_s"), hits)
-    strong = _strong(scene)
-    results = {
-        name: {
-            **_numbers(nonlinear),
-            "equations": "nonlinear",
-            "linear": _numbers(linear)
-            | {
-                "impacts": histories[name].impacts_above(strong),
-                "impacts_faster_than_rad_s": strong,
-                "needed_friction": histories[name].needed_friction,
-            },
-        }
-        for name, (nonlinear, linear) in found.items()
-    }
-    yield "shake.json", files.as_json({**common.inputs(scene, hung), "results": results})
     axes = plot_motions(list(histories.values()), float(scene.block.slenderness))
     axes[0].set_title("linear equations, exact between the samples", fontsize=9)
     yield "histories.png", style.png(axes[0].figure)
-    yield "animation.gif", _animation(scene, hung, histories, next(iter(found.values()))[-1])
+    # Six seconds before it and four after it.
+    yield "animation.gif", animate(scene, hung, list(films.values()), start=max(0.0, middle - 6.0))
 
 
 def _numbers(answer: Transient) -> dict[str, Any]:
@@ -155,30 +167,3 @@ def _numbers(answer: Transient) -> dict[str, Any]:
     from tpd.core.status import status_name
 
     return {key: float(getattr(answer, key)) for key in _SIZES} | {"status": status_name(answer.status)}
-
-
-def _animation(
-    scene: Scene, hung: Pendulum | None, histories: dict[str, ShakingHistory], first: Transient
-) -> bytes:
-    """GIF of ten seconds about the largest tilt, or about the fall, of the first case; linear equations."""
-    import numpy as np
-
-    from tpd.design.study import TimeHistory
-    from tpd.plot.animation import animate
-
-    films = []
-    for h in histories.values():
-        bob = np.zeros_like(h.tilt) if h.swing is None else h.swing
-        films.append(TimeHistory(with_pendulum=h.swing is not None, time=h.times, tilt=h.tilt, bob=bob))
-    # Six seconds before it and four after it.
-    middle = min(float(first.tilt_time), float(first.overturning_time))
-    return animate(scene, hung, films, start=max(0.0, middle - 6.0))
-
-
-def _rows(histories: dict[str, ShakingHistory]) -> Iterator[tuple]:
-    import numpy as np
-
-    for name, h in histories.items():
-        swing = np.zeros_like(h.tilt) if h.swing is None else h.swing
-        for row in zip(h.times, h.base, h.tilt, swing, h.horizontal, h.vertical, strict=True):
-            yield (name, *row)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tpd.cli import common
 from tpd.cli.options import given
+from tpd.core.progress import Bar
 
 if TYPE_CHECKING:
     from tpd.analysis.overturning_spectrum import OverturningSpectrum
     from tpd.analysis.rocking_spectrum import RockingSpectrum
-    from tpd.core.cluster import Cluster
     from tpd.core.scene import Pendulum, Scene
 
 _DESCRIPTION = (
@@ -21,8 +22,6 @@ _DESCRIPTION = (
     "over 2 pi/p. Bare and, if one is given, with a pendulum. Exit status: 0 done, 2 bad input, 130 "
     "interrupted."
 )
-
-
 _CASES = ("for the bare block", "with the pendulum")
 
 
@@ -45,7 +44,7 @@ def add(commands: Any) -> None:
         help="largest omega_p/p (default 10), or largest 2 pi/p in s (default 12)",
     )
     spectrum.add_argument(
-        "--sizes-to", type=float, default=10.0, metavar="X", help="a_p/(g tan alpha) (default 10)"
+        "--sizes-to", type=float, metavar="X", help="largest a_p/(g tan alpha) of a pulse (default 10)"
     )
     common.add_cluster(spectrum)
     common.add_out(spectrum, "tpd-spectrum")
@@ -56,31 +55,47 @@ def run(options: argparse.Namespace) -> int:
     """Follow all blocks, write table and picture; return the exit status."""
     motion = given(options).get("motion", {})
     if "pulse" in motion:
-        # Every frequency is tried: that of the pulse is no matter.
-        motion.setdefault("pulse_frequency", 1.0)
+        if idle := {"pulse_frequency", "pga"} & set(motion):
+            flag = f"--{min(idle).replace('_', '-')}"
+            raise ValueError(f"{flag} has no effect here: pulses of every frequency and size are tried")
+        motion["pulse_frequency"] = 1.0
     job, hung = common.case(options)
     from tpd.core import checks, files
 
     checks.count("--points", options.points, least=2)
+    for flag, value in (("--to", options.to), ("--sizes-to", options.sizes_to)):
+        if value is not None:
+            checks.positive(flag, value)
     scene = job.under(job.shaking)
+    if job.kind == "records" and options.sizes_to is not None:
+        raise ValueError("--sizes-to is of the sizes of a pulse, and the job has a record")
     files.claim(options.out, overwrite=options.overwrite)
     common.say(scene, hung, common.words(scene.motion), job.notes)
-    with common.bar() as bar, common.cluster(options) as cluster:
+    with Bar() as bar, common.cluster(options) as cluster:
+        how = {"gravity": float(scene.gravity), "cluster": cluster}
         make = _overturning if job.kind == "pulse" else _rocking
-        written = list(make(options, scene, hung, bar, cluster))
-    common.write(options.out, written)
+        found, content = make(options, scene, hung, how | {"progress": partial(bar, "following blocks")})
+    import numpy as np
+
+    from tpd.plot import style
+
+    written = {
+        "spectrum.csv": files.as_table(found.columns()),
+        "spectrum.json": files.as_json(common.inputs(scene, hung) | content),
+        "spectrum.png": style.png(np.ravel(found.plot())[0].figure),
+    }
+    common.write(options.out, written.items())
     return common.SOUND
 
 
 def _overturning(
-    options: argparse.Namespace, scene: Scene, hung: Pendulum | None, bar: Any, cluster: Cluster | None
-) -> Iterator[tuple[str, str | bytes]]:
+    options: argparse.Namespace, scene: Scene, hung: Pendulum | None, how: dict[str, Any]
+) -> tuple[OverturningSpectrum, dict[str, Any]]:
+    """Spectrum of a pulse, and its numbers for JSON."""
     import numpy as np
 
     from tpd.analysis.overturning_spectrum import overturning_spectrum
-    from tpd.core import files
     from tpd.core.ground_motion import Pulse
-    from tpd.plot import style
 
     assert isinstance(scene.motion, Pulse)
     found = overturning_spectrum(
@@ -88,28 +103,14 @@ def _overturning(
         scene.motion,
         hung,
         frequency_ratios=np.linspace(0.25, options.to or 10.0, options.points),
-        acceleration_ratios=np.linspace(0.5, options.sizes_to, options.points),
-        gravity=float(scene.gravity),
-        cluster=cluster,
-        progress=lambda done, total: bar("following pulses", done, total),
+        acceleration_ratios=np.linspace(0.5, options.sizes_to or 10.0, options.points),
+        **how,
     )
-    shares, lost = found.safe(), found.undecided().tolist()
+    shares, lost = found.safe().tolist(), found.undecided().tolist()
     survived = (_share(x, n, found.bare.size) for x, n in zip(shares, lost, strict=True))
     print(f"share of the pulses that the block survives: {', '.join(survived)}")
     _say_undecided("pulses", lost, found.bare.size)
-    header = ("frequency_ratio", "acceleration_ratio", "bare", "hung")
-    yield "spectrum.csv", files.as_csv(header, _cells(found))
-    yield (
-        "spectrum.json",
-        files.as_json(
-            {
-                **common.inputs(scene, hung),
-                "survived": [float(x) for x in shares],
-                "undecided": lost,
-            }
-        ),
-    )
-    yield "spectrum.png", style.png(found.plot()[0].figure)
+    return found, {"survived": shares, "undecided": lost}
 
 
 def _share(safe: float, lost: int, total: int) -> str:
@@ -128,50 +129,20 @@ def _say_undecided(what: str, counts: Iterable[int], total: int) -> None:
         print(f"{what} without an answer: {', '.join(cases)}")
 
 
-def _cells(found: OverturningSpectrum) -> Iterator[tuple]:
-    """Rows of the table: -1 is unknown, 0 stands, 1 rocks, 2 + n overturns after n impacts."""
-    for i, size in enumerate(found.acceleration_ratios):
-        for j, ratio in enumerate(found.frequency_ratios):
-            yield ratio, size, found.bare[i, j], "" if found.hung is None else found.hung[i, j]
-
-
 def _rocking(
-    options: argparse.Namespace, scene: Scene, hung: Pendulum | None, bar: Any, cluster: Cluster | None
-) -> Iterator[tuple[str, str | bytes]]:
+    options: argparse.Namespace, scene: Scene, hung: Pendulum | None, how: dict[str, Any]
+) -> tuple[RockingSpectrum, dict[str, Any]]:
+    """Spectrum of a record, and its numbers for JSON."""
     import numpy as np
 
     from tpd.analysis.rocking_spectrum import rocking_spectrum
-    from tpd.core import files
-    from tpd.plot import style
 
-    ratios = {}
+    block = scene.block
     if hung is not None:
-        block = scene.block
-        ratios = {
-            "mass_ratio": hung.mass / block.mass,
-            "length_ratio": hung.length / block.half_height,
-            "damping_ratio": hung.damping_ratio,
-        }
-    found = rocking_spectrum(
-        scene.block,
-        scene.motion,
-        periods=np.linspace(0.5, options.to or 12.0, options.points),
-        gravity=float(scene.gravity),
-        cluster=cluster,
-        progress=lambda done, total: bar("following blocks", done, total),
-        **ratios,
-    )
+        ratios = {"mass_ratio": hung.mass / block.mass, "length_ratio": hung.length / block.half_height}
+        how = how | ratios | {"damping_ratio": hung.damping_ratio}
+    periods = np.linspace(0.5, options.to or 12.0, options.points)
+    found = rocking_spectrum(block, scene.motion, periods=periods, **how)
     lost = found.undecided().tolist()
     _say_undecided("blocks", lost, found.periods.size)
-    yield "spectrum.csv", files.as_csv(("period_s", "bare", "hung"), _tilts(found))
-    yield (
-        "spectrum.json",
-        files.as_json({**common.inputs(scene, hung), "undecided": lost}),
-    )
-    yield "spectrum.png", style.png(found.plot().figure)
-
-
-def _tilts(found: RockingSpectrum) -> Iterator[tuple]:
-    """Rows of the table: largest tilt over the slenderness; nan is unknown."""
-    for i, period in enumerate(found.periods):
-        yield period, found.bare[i], "" if found.hung is None else found.hung[i]
+    return found, {"undecided": lost}

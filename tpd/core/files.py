@@ -15,7 +15,7 @@ import stat
 import tempfile
 import time
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from functools import lru_cache
 from importlib.metadata import version
@@ -171,6 +171,13 @@ def as_csv(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     writer.writerow(header)
     writer.writerows(rows)
     return text.getvalue()
+
+
+def as_table(columns: Mapping[str, Any]) -> str:
+    """Format arrays of one length, by their names, as CSV; cells are empty in place of NaN."""
+    # An empty cell is read as missing by every program; a word such as "nan" is not.
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    return as_csv(columns, (["" if x != x else x for x in row] for row in rows))
 
 
 def versions() -> dict[str, str]:

@@ -6,6 +6,7 @@ Nothing here imports JAX at once: a command says what it does before.
 from __future__ import annotations
 
 import contextlib
+import mmap
 import sys
 import threading
 import time
@@ -23,16 +24,14 @@ COMPILING = "compiling (a minute or more the first time)"
 it runs."""
 EVERY = 4.5
 """Seconds between two lines where stderr is no terminal."""
-TICK = 0.5
+TICK = 0.2
 """Seconds between two looks at the clock."""
 _CLEAR = "\r\x1b[K"
 """Removes a bar from the last line of a terminal."""
-
-
-SHOWN: list[Bar] = []
-"""Bars that are open."""
-_last = [time.monotonic()]
-"""When the last line was said."""
+# Shared with a process that is made of this one by `fork`.
+_last = memoryview(mmap.mmap(-1, 8)).cast("d")
+"""When this process, or the one that it is made of, last said something."""
+_last[0] = time.monotonic()
 
 
 def say(text: str, out: Any = None, end: str = "\n") -> None:
@@ -61,7 +60,6 @@ class Bar:
         self._ticker = threading.Thread(target=self._tick, daemon=True)
 
     def __enter__(self) -> Bar:
-        SHOWN.append(self)
         self._open()
         self._ticker.start()
         return self
@@ -70,7 +68,6 @@ class Bar:
         self._end.set()
         self._ticker.join()
         self._close()
-        SHOWN.remove(self)
 
     def __call__(self, stage: str, done: int, total: int) -> None:
         """Show how much of a stage is done."""
@@ -91,6 +88,7 @@ class Bar:
             with self._lock:
                 if self._bar is not None:
                     self._bar.refresh()
+                    _last[0] = time.monotonic()
                 elif is_silent(self._every):
                     say(f"tpd: {self._line()}", self._out)
 

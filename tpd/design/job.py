@@ -90,19 +90,9 @@ class Job:
         return self.full["motion"]["kind"]
 
     @property
-    def name(self) -> str:
-        """Name of the project."""
-        return self.full["project"]["name"] or ""
-
-    @property
     def seed(self) -> int:
         """Seed of the search."""
         return self.full["search"]["seed"]
-
-    @property
-    def pareto(self) -> bool:
-        """Whether lighter pendulums are asked for as well."""
-        return self.full["search"]["pareto"]
 
     @cached_property
     def block(self) -> Block:
@@ -193,14 +183,17 @@ class Job:
             raise ValueError(
                 f"the job has {len(self.motions)} records, but one is needed: --record FILE, --channel N"
             )
-        scales = asked["scales"] or (1.0,)
-        motion = next(iter(self.motions))
+        motion, scales = next(iter(self.motions)), asked["scales"] or (1.0,)
         if len(scales) > 1:
             raise ValueError(f"the job has {len(scales)} sizes of its motion: give one by --scale X")
-        if asked["scales"] is None or asked["intensity"] == "scale":
-            return motion.scaled(scales[0])
-        measure = intensity_of(asked["intensity"], self.block, self.full["site"]["gravity"], None)
-        return motion.scaled(scales[0] / measure.value(motion))
+        if motion.pga == 0.0 or scales[0] == 0.0:
+            raise ValueError("the motion must have an acceleration, but is zero at all times")
+        size = 1.0
+        if asked["scales"] is not None and asked["intensity"] != "scale":
+            size = intensity_of(asked["intensity"], self.block, self.full["site"]["gravity"], None).value(
+                motion
+            )
+        return motion.scaled(scales[0] / size)
 
     @cached_property
     def conditions(self) -> Conditions | None:
@@ -458,15 +451,14 @@ def _refuse_mixture(given: Mapping[str, Any], kind: str) -> None:
     """
     block, motion = given.get("block", {}), given.get("motion", {})
     own = [key for key in (*SHAPE, "radius_of_gyration") if key in block]
-    needed = {"block": (SHAPE, block), "motion": (keys_of(Harmonic) if kind == "harmonic" else (), motion)}
+    harmonic = keys_of(Harmonic) if kind == "harmonic" else ()
     missing = {
-        table: absent
-        for table, (keys, there) in needed.items()
-        if (absent := [k for k in keys if k not in there])
+        "block": [k for k in SHAPE if k not in block],
+        "motion": [k for k in harmonic if k not in motion],
     }
-    if not own or not missing:
+    if not own or not any(missing.values()):
         return
-    lacking = " and ".join(f"{_listed(keys)} in [{table}]" for table, keys in missing.items())
+    lacking = " and ".join(f"{_listed(keys)} in [{table}]" for table, keys in missing.items() if keys)
     are = "is" if sum(map(len, missing.values())) == 1 else "are"
     raise ValueError(
         f"a block of your own must be whole, with a motion of its own, but {lacking} {are} missing beside "

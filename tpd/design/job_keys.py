@@ -23,9 +23,10 @@ from msgspec import Meta
 
 from tpd.analysis.ensemble import Ensemble
 from tpd.core.bob import Bob
+from tpd.core.checks import shown
 from tpd.core.conditions import FACTORS, MEASURES, Conditions
 from tpd.core.formatting import meant
-from tpd.core.ground_motion import Pulse
+from tpd.core.ground_motion import PULSES, Pulse
 from tpd.core.scene import Block, Harmonic, Scene, paper_scene
 from tpd.design.criteria import (
     DEFAULT_LIMITS,
@@ -251,12 +252,15 @@ _KINDS: dict[tuple[str, str], tuple[str, ...]] = {
 """Kinds of motion under which a key has an effect; others have it under all."""
 MOTIONS = {"harmonic": "a harmonic motion", "pulse": "a pulse", "records": "records"}
 _DESCENT = ("`search.method` descent", lambda full: full["search"]["method"] == "descent")
+_CYCLIC = [name for name, kind in PULSES.items() if kind.periods is None]
+_FILE = ("a file of a record", lambda full: full["motion"]["records"] is None or _names_files(full))
 _SEVERAL = ("several conditions, [conditions] or [scatter]", lambda full: size_of(full) > 1)
 _ONLY_WITH: dict[tuple[str, str], tuple[str, Callable[[Tables], bool]]] = {
     ("motion", "cycles"): (
-        "the pulses mavroeidis-papageorgiou and sine-train",
-        lambda full: full["motion"]["pulse"] in ("mavroeidis-papageorgiou", "sine-train"),
+        f"the pulses {' and '.join(_CYCLIC)}",
+        lambda full: full["motion"]["pulse"] in _CYCLIC,
     ),
+    **{("motion", name): _FILE for name in ("event", "channel", "dt", "unit", "baseline")},
     ("motion", "phase"): (
         "the pulse mavroeidis-papageorgiou",
         lambda full: full["motion"]["pulse"] == "mavroeidis-papageorgiou",
@@ -300,6 +304,13 @@ def size_of(full: Tables) -> int:
     return frequencies * len(asked["amplitudes"]) * (asked["samples"] if widths_of(full) else 1)
 
 
+def _names_files(full: Tables) -> bool:
+    """Whether some record is of a file: those that are built in state all that there is to say."""
+    held = full["motion"]["held_out"]
+    names = *full["motion"]["records"], *(held if isinstance(held, tuple) else ())
+    return not {*names} <= {*BUILT_IN, *SETS}
+
+
 def placed(table: str, values: Any, folder: Path) -> Any:
     """Values of a table, those of records with absolute paths."""
     if table != "motion" or not isinstance(values, Mapping):
@@ -322,13 +333,13 @@ def as_typed(given: Mapping[str, Any]) -> Tables:
     out: Tables = {}
     for table, values in given.items():
         if table not in TABLES:
-            raise ValueError(f"unknown table [{table}]{meant(table, TABLES)}")
+            raise ValueError(f"unknown table [{_cut(table)}]{meant(table, TABLES)}")
         if not isinstance(values, Mapping):
-            raise ValueError(f"`{table}` must be a table, but is {values!r}")
+            raise ValueError(f"`{table}` must be a table, but is {shown(values)}")
         out[table] = {}
         for key, value in values.items():
             if key not in TABLES[table]:
-                raise ValueError(f"unknown key `{key}` in [{table}]{meant(key, TABLES[table])}")
+                raise ValueError(f"unknown key `{_cut(key)}` in [{table}]{meant(key, TABLES[table])}")
             type_ = TABLES[table][key].type
             # Key by key: the sentence can then name the key and what is allowed.
             try:
@@ -337,8 +348,13 @@ def as_typed(given: Mapping[str, Any]) -> Tables:
                 words, close = allowed(msgspec.json.schema(type_)), ""
                 if isinstance(value, str):
                     close = meant(value, msgspec.json.schema(type_).get("enum", ()), listing=False)
-                raise ValueError(f"`{table}.{key}` must be {words}, but is {value!r}{close}") from None
+                raise ValueError(f"`{table}.{key}` must be {words}, but is {shown(value)}{close}") from None
     return out
+
+
+def _cut(name: str) -> str:
+    """A name as it stands in a message."""
+    return shown(name).strip("'")
 
 
 def allowed(schema: Mapping[str, Any]) -> str:

@@ -9,8 +9,8 @@ from typing import Any
 
 from tpd.core import files
 from tpd.core.progress import Progress, shown
-from tpd.design.asked import job_of_design
 from tpd.design.ground.design import GroundDesign
+from tpd.design.reading import job_of_design
 from tpd.design.result import Design, DesignStatus
 from tpd.design.study import Study
 from tpd.design.study import study as compute
