@@ -130,3 +130,19 @@ def test_a_bob_is_described_with_its_material():
 def test_what_is_no_body_is_refused(given, message):
     with pytest.raises(ValueError, match=message):
         Bob(**given)
+
+
+@pytest.mark.parametrize("bob", [BALL, Bob(shape="cylinder", aspect=1.5)], ids=str)
+def test_a_body_as_built_has_both_moments_of_the_point(bob):
+    """About the hinge S = m l and I = m l^2: it swings as often, and pulls and is damped alike."""
+    g, mass, length = 9.81, 571.0, 0.5212
+    body, at = bob.built(mass, length, g)
+    r, i = bob.rod_share(at, g), bob.inertia_share(body, at)
+    assert body * at * (1.0 + 0.5 * r) == pytest.approx(mass * length, rel=1e-10)
+    assert body * at**2 * (1.0 + i + r / 3.0) == pytest.approx(mass * length**2, rel=1e-9)
+    assert body > mass
+    assert at < length
+
+
+def test_a_body_that_swings_as_no_such_point_is_none():
+    assert np.isnan(BALL.built(552.6, 0.3, 9.81)).all()

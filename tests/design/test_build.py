@@ -37,7 +37,14 @@ def test_turns_of_a_free_block_are_those_of_the_exact_solution(losses):
     assert np.all(tilt[:, 1] >= tilt[:, [0, 2]].max(axis=1))
 
 
-def test_a_block_that_friction_holds_keeps_its_turns_at_zero_and_losses_are_independent():
+def test_friction_holds_a_block_beyond_its_reach():
+    held = pull_test(free_block(friction=0.24))
+    assert (held.impacts, np.isnan(held.seconds)) == (0, True)
+    with pytest.raises(ValueError, match="`tilt`"):
+        turning_tilts(0.25, 0.24, 1.0, 0.025, 3)
+
+
+def test_turns_become_smaller_and_without_losses_do_not():
     turns, times = turning_tilts(0.25, 0.2, 1.0, 0.01, 40)
     assert np.all(np.diff(turns) <= 0.0)
     assert np.isfinite(times).all()
@@ -74,6 +81,8 @@ def test_a_design_is_built_with_the_rod_of_the_body():
     assert found.frequency == pytest.approx(np.sqrt(9.80665 / 0.12) / (2.0 * np.pi))
     assert found.damping == pytest.approx(float(designs.HUNG.hinge_damping()))
     assert found.depth == pytest.approx(found.rod + 0.5 * found.bob_height)
+    assert (found.mass, found.rod) == pytest.approx(found.bob.built(1.6224, 0.12, 9.80665))
+    assert found.dead == pytest.approx(found.mass * (1.0 + found.rod_share) - 1.6224)
     # (1 + mu) nu + k, over 1 + 2 mu for a pendulum that moves with the block.
     assert found.lifts_slow_fast == pytest.approx((0.325 / 1.2, 0.325))
     assert found.lifts[1] == pytest.approx(0.3)
@@ -89,7 +98,18 @@ def test_a_quantity_that_is_not_moved_leaves_the_benefit():
 def test_what_moves_the_benefit_is_asked_on_both_sides():
     found = {m.name: m for m in moved_of(real())}
     # The block has no friction, and e follows its shape: neither can scatter, and e is moved as a number.
-    assert set(found) == {"restitution", "slenderness", "amplitude", "frequency", "mass", "length", "damping"}
+    same = real().saved_under(real().scene, Conditions(), 256)
+    assert (found[""].low, found[""].high) == (same, same)
+    assert set(found) == {
+        "",
+        "restitution",
+        "slenderness",
+        "amplitude",
+        "frequency",
+        "mass",
+        "length",
+        "damping",
+    }
     more = real().saved_under(real().scene, Conditions({"amplitude": np.array([1.1])}), 256)
     assert found["amplitude"].high == more
     assert moved_of(designs.refused()) == ()

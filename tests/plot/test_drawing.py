@@ -51,20 +51,20 @@ CAVE = dataclasses.replace(designs.SCENE, block=dataclasses.replace(designs.SCEN
 def test_the_pendulum_is_drawn_as_it_is_built(bob):
     whole, detail = plot_scene(CAVE, designs.HUNG, stroke=0.2, bob=bob).figure.axes
     whole.figure.canvas.draw()
-    rod = bob.rod(1.6224, 0.12, CAVE.gravity)
-    half, radius = float(bob.half_height(1.6224)), float(bob.radius(1.6224))
+    mass, rod = bob.built(1.6224, 0.12, CAVE.gravity)
+    half, radius = float(bob.half_height(mass)), float(bob.radius(mass))
     # Beam last but the body at both ends of its swing and at rest.
     left, right, rest = (patch.get_xy() for patch in detail.patches[-3:])
     assert np.ptp(rest[:, 0]) == pytest.approx(2.0 * radius, rel=2e-3)
     assert rest[:, 1].min() == pytest.approx(-rod - half)
-    assert right[:, 0].max() == pytest.approx(bob.reach(1.6224, rod, 0.2), rel=2e-3)
+    assert right[:, 0].max() == pytest.approx(bob.reach(mass, rod, 0.2), rel=2e-3)
     assert -left[:, 0].min() == pytest.approx(right[:, 0].max(), rel=2e-3)
     # The same body hangs in the block to its smaller scale.
     assert np.ptp(whole.patches[-1].get_xy()[:, 1]) == pytest.approx(2.0 * half, rel=2e-3)
     said = " ".join(t.get_text() for t in detail.texts)
     assert f"{number(rod)} m as built\n(0.12 m in the equations)" in said
     assert "0.085 m" in said
-    assert f"bob, 1.622 kg: {bob.shape}" in said
+    assert f"bob, {number(mass)} kg: {bob.shape}" in said
     depth = rod + radius
     if bob.shape == "cylinder":
         # Its lower edge is lowest where it hangs below the hinge.
@@ -75,7 +75,8 @@ def test_the_pendulum_is_drawn_as_it_is_built(bob):
 
 def test_the_room_to_the_wall_is_stated_and_the_angle_at_which_it_ends():
     bob, wide = Bob(), dataclasses.replace(CAVE, block=dataclasses.replace(CAVE.block, cavity_width=0.095))
-    rod, radius = bob.rod(1.6224, 0.12, CAVE.gravity), float(bob.radius(1.6224))
+    mass, rod = bob.built(1.6224, 0.12, CAVE.gravity)
+    radius = float(bob.radius(mass))
     said = " ".join(
         t.get_text() for t in plot_scene(wide, designs.HUNG, stroke=0.05, bob=bob).figure.axes[1].texts
     )

@@ -29,7 +29,7 @@ def test_paired_runs_stand_with_their_intervals():
     said = (
         "0 runs overturn with the pendulum only and 18 without it only. Would chance alone do this? Hardly: "
     )
-    assert chance == Text(f"{said}p = 3.8e-06.")
+    assert chance == Text(f"{said}p = 7.6e-06.")
     assert len(by_condition.rows) == 10
     # Runs 0, 10, 20 and 30 are of the first condition; 0 overturns with the pendulum, 0 and 10 without.
     assert rows(by_condition)["2.375 Hz"] == ("40%", "70%", None)

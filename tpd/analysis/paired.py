@@ -94,7 +94,8 @@ class Verdict(Printed):
         worse, better = self.worse, self.better
         if worse == better:
             return f"As many runs overturn with the pendulum only as without it only ({worse})."
-        chance = chance_of(max(worse, better), min(worse, better))
+        # Either side might have been the larger one.
+        chance = min(1.0, 2.0 * chance_of(max(worse, better), min(worse, better)))
         size = "p < 1e-6" if chance < 1e-6 else f"p = {chance:.2g}"
         said = "hardly" if chance < SIGNIFICANT else "it may"
         return (

@@ -78,9 +78,12 @@ def turning_tilts(
         count: of the turns after the release.
 
     Returns:
-        Tilts (rad) and times (tau), shape (count + 1,), the release first. A block that rests, as its weight
-        does not overcome the friction, keeps its tilt of 0.
+        Tilts (rad) and times (tau), shape (count + 1,), the release first.
+
+    Raises:
+        ValueError: a tilt out of range.
     """
+    checks.within("tilt", tilt, 0.0, slenderness - friction)
     down, up = slenderness - friction, slenderness + friction
     turns, times = np.zeros(count + 1), np.zeros(count + 1)
     turns[0] = tilt

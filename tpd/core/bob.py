@@ -23,6 +23,9 @@ THICKEST = 0.5
 _STRESS = 2e8
 """Stress (Pa) of the steel rod, under ten times the weight of the bob, that its mass is estimated with."""
 
+_TURNS = 200
+"""Most turns in which mass and distance of a body are matched to those of a point."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Bob:
@@ -111,3 +114,19 @@ class Bob:
         # Nearer than its radius of gyration a body swings more slowly again.
         near = math.sqrt(self.inertia_share(mass, length)) * length
         return float(root_scalar(later, bracket=(near, 1.5 * length)).root) if later(near) < 0.0 else math.nan
+
+    def built(self, mass: float, length: float, gravity: float) -> tuple[float, float]:
+        """Mass (kg) of a body, and distance (m) from the hinge to its centre, that with its rod swings as
+        often as a point of `mass` at `length` and pulls as much; NaN where no body does.
+
+        A body with its rod has the moments S = m d (1 + r/2) and I = m d^2 (1 + i + r/3) about the hinge.
+        It moves as a point of mass S/l at l = I/S; the rest of its mass moves with the hinge.
+        """
+        body, at = mass, math.nan
+        for _ in range(_TURNS):
+            at = self.rod(body, length, gravity)
+            again = mass * length / (at * (1.0 + 0.5 * self.rod_share(at, gravity)))
+            if not math.isfinite(again) or abs(again - body) < 1e-12 * mass:
+                break
+            body = again
+        return (body, at) if math.isfinite(at) else (math.nan, math.nan)

@@ -75,7 +75,8 @@ class PullTest(NamedTuple):
     force: float
     """Horizontal force at the top that lifts the resting block, N."""
     impacts: int
-    """Impacts until the tilt at a turn is at most half of the first; 0 if that takes too many."""
+    """Impacts until the tilt at a turn is at most half of the first; 0 if that takes too many, or friction
+    holds the block."""
     seconds: float
     """Time until then."""
 
@@ -84,7 +85,7 @@ class Moved(NamedTuple):
     """Benefit where a quantity is not what it was said to be."""
 
     name: str
-    """Name in `tpd.core.conditions.FACTORS`."""
+    """Name in `tpd.core.conditions.FACTORS`; empty where nothing was moved."""
     width: float
     """Share by which it was moved to either side."""
     low: Interval
@@ -97,6 +98,11 @@ class Build:
     """A pendulum as it is built; SI units."""
 
     bob: Bob
+    mass: float
+    """Mass of the body, kg: a part of it swings as the point of the equations, the rest loads the top; NaN
+    where no body does that."""
+    dead: float
+    """Mass of body and rod that loads the top and does not swing, kg."""
     bob_width: float
     bob_height: float
     rod: float
@@ -109,8 +115,8 @@ class Build:
     wall: float
     """From the axis of the block to the wall; NaN where no cavity is known."""
     reach: float
-    """How far the bob comes from the axis in all but the allowed share of the runs that stand; NaN without a
-    limit on the room."""
+    """How far the body comes from the axis in all but the allowed share of the runs of `Design.turned`; NaN
+    where none is known."""
     frequency: float
     """Own frequency without the damper in the block that stands, Hz."""
     damping: float
@@ -147,25 +153,30 @@ def build_of(design: Design, moved: tuple[Moved, ...] = ()) -> Build | None:
     if hung is None:
         return None
     room, g = limit_of(design.limits, Room), float(scene.gravity)
+    share = design.worth.broken if design.conditions.motions else design.worth.allowed
     bob = room.bob if isinstance(room, Room) else Bob()
     mass, length, zeta = float(hung.mass), float(hung.length), float(hung.damping_ratio)
-    block, half = scene.block, float(bob.half_height(mass))
-    rod, mu = bob.rod(mass, length, g), mass / float(block.mass)
+    block, mu = scene.block, mass / float(scene.block.mass)
+    body, rod = bob.built(mass, length, g)
+    half, rod_share = float(bob.half_height(body)), bob.rod_share(rod, g)
+    reach = bob.reach(body, rod, design.turned)
     # Both limits of |B| f = (1 + mu) nu + k, see `tpd.closed_form.uplift`.
     capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction or 0.0)
     return Build(
         bob=bob,
-        bob_width=2.0 * float(bob.radius(mass)),
+        mass=body,
+        dead=body * (1.0 + rod_share) - mass,
+        bob_width=2.0 * float(bob.radius(body)),
         bob_height=2.0 * half,
         rod=rod,
-        rod_share=bob.rod_share(length, g),
+        rod_share=rod_share,
         depth=rod + half,
         wall=math.nan if block.cavity_width is None else 0.5 * float(block.cavity_width),
-        reach=design.reach,
+        reach=float(np.quantile(reach, 1.0 - share, method="higher")) if np.size(reach) else math.nan,
         frequency=math.sqrt(g / length) / (2.0 * math.pi),
         damping=float(hung.hinge_damping(g)),
         rebound=math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)) if zeta < 1.0 else 0.0,
-        weight=mass * g,
+        weight=body * (1.0 + rod_share) * g,
         loads=loads_of([Scene(block, m, g) for m in _strongest(design)], hung),
         lifts=_lifts(scene, hung) if isinstance(scene.motion, Harmonic) else None,
         lifts_slow_fast=(capacity / (1.0 + 2.0 * mu), capacity),
@@ -224,10 +235,12 @@ def pull_test(scene: Scene) -> PullTest:
     """Pull-and-release test of the bare block: what to expect if it loses as much as was said."""
     block, g = scene.block, float(scene.gravity)
     nu, k = float(block.slenderness), float(block.friction or 0.0)
-    tilt, rate = _PULLED * nu, float(scene.rate)
-    turns, taus = turning_tilts(nu, k, float(block.velocity_ratio), tilt, _MOST)
-    reached = np.flatnonzero(turns <= _HALF * tilt)
-    impacts = int(reached[0]) if reached.size else 0
+    tilt, rate, impacts = _PULLED * nu, float(scene.rate), 0
+    taus = np.zeros(1)
+    if tilt < nu - k:
+        turns, taus = turning_tilts(nu, k, float(block.velocity_ratio), tilt, _MOST)
+        reached = np.flatnonzero(turns <= _HALF * tilt)
+        impacts = int(reached[0]) if reached.size else 0
     return PullTest(
         tilt=tilt,
         sway=tilt * float(block.height),
@@ -245,8 +258,11 @@ def moved_of(design: Design, progress: Progress | None = None) -> tuple[Moved, .
         return ()
     block, out = design.scene.block, []
     lossless = float(block.velocity_ratio) == 1.0
-    absent = {"restitution": lossless, "friction": not block.friction, "damping": False}
+    absent = {"restitution": lossless, "friction": not block.friction}
     names = [name for name in _MOVED if not absent.get(name, False)]
+    # The same runs with nothing moved: fewer than those that judged, they give another number.
+    same = design.saved_under(design.scene, Conditions(), _RUNS)
+    out.append(Moved("", 0.0, same, same))
     for done, name in enumerate(names):
         if progress is not None:
             progress("what the benefit hangs on", done, len(names))

@@ -138,8 +138,9 @@ def reasons_by_runs(
         rest, bare = (float(np.sum(o.status == "rest")) for o in (found.hung, found.bare))
         out.append(Reason(step=step, kind=ReasonKind.rests_less, value=rest, reference=bare, total=gain.runs))
     out += _worse_condition(gain, conditions, step)
-    # Where no run has an answer there is no benefit either.
-    if not (gain.value >= worth.at_least and gain.low > 0.0):
+    # Where no run has an answer there is no benefit either. In few runs the interval of a ratio of means may
+    # lie above zero where that of their difference does not.
+    if not (gain.value >= worth.at_least and gain.low > 0.0 and gain.changes[0].high < 0.0):
         kind = ReasonKind.too_little_benefit
         out.append(Reason(step=step, kind=kind, value=gain.value, low=gain.low, reference=worth.at_least))
     return (*out, *_hanging(v, worth, conditions, step, refused=bool(out)))

@@ -17,7 +17,7 @@ from tpd.core import checks
 from tpd.core.conditions import Conditions
 from tpd.core.formatting import Printed, above, picture
 from tpd.core.scene import Pendulum, Scene
-from tpd.design.criteria import Room, limit_of, stroke_limit
+from tpd.design.criteria import stroke_limit
 from tpd.design.question import Question
 from tpd.design.verified import GRAVE, Bare, LossCase, Reason, ReasonKind, Verified
 
@@ -242,9 +242,14 @@ class Design(Question, Printed):
         raise NotImplementedError
 
     @property
-    def reach(self) -> float:
-        """How far (m) the bob of the best design comes from the axis in all but the allowed share of the runs
-        that stand; NaN where that is not known."""
+    def turned(self) -> np.ndarray:
+        """Largest angles between rod and block, rad, of the best design in the runs that stand, on ground
+        motions in those that it is tuned to. Empty without any."""
+        raise NotImplementedError
+
+    @property
+    def harmful(self) -> bool:
+        """Whether the block overturns more often, or the bob strikes, with the design that came nearest."""
         raise NotImplementedError
 
     def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
@@ -330,21 +335,18 @@ class HarmonicDesign(Design):
         return self.range_alike
 
     @property
-    def reach(self) -> float:
-        """See `Design.reach`."""
-        from tpd.design.by_runs import reach_of
+    def turned(self) -> np.ndarray:
+        """See `Design.turned`: the sum of the largest bob angle and the largest tilt, never too little."""
+        if self.best is None or self.best.paired is None:
+            return np.zeros(0)
+        runs = self.best.paired.hung
+        return (runs.peak_stroke + runs.peak)[~(runs.lost | runs.undecided)]
 
-        room, v = limit_of(self.limits, Room), self.best
-        if not isinstance(room, Room) or v is None or v.paired is None:
-            return math.nan
-        block = self.scene.block
-        hung = self.scene.pendulum(
-            mass_ratio=v.mass_ratio, length_ratio=v.length_ratio, damping_ratio=v.damping_ratio
-        )
-        found = reach_of(v.paired.hung, hung, block, room.bob)
-        if not found.size:
-            return math.nan
-        return float(np.quantile(found, 1.0 - self.worth.allowed, method="higher")) * 0.5 * float(block.room)
+    @property
+    def harmful(self) -> bool:
+        """See `Design.harmful`."""
+        reasons = () if self.best is None else self.best.reasons
+        return any(reason.kind in GRAVE for reason in reasons)
 
     def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
         """See `Design.saved_under`."""

@@ -219,7 +219,7 @@ def plot_groups(design: GroundDesign, axes: Any = None) -> Any:
         d = group.difference
         ax.set_title(
             f"{group.name}: {group.motions} motions, {group.events} earthquakes\n"
-            f"{d.mean:+.0%} overturned ({d.low:+.0%} to {d.high:+.0%})"
+            f"overturned {d.words()}"
             + (f"\n{group.undecided} runs without an answer" if group.undecided else ""),
             fontsize=9,
         )

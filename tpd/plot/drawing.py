@@ -73,6 +73,8 @@ class _Hung(NamedTuple):
 
     pendulum: Pendulum
     body: Bob
+    mass: float
+    """Of the body, which for its turning is more than that of the point, kg."""
     solid: bool
     """Whether the body was asked for; else it only shows how large a point of this mass would be."""
     rod: float
@@ -91,21 +93,21 @@ class _Hung(NamedTuple):
     @staticmethod
     def of(scene: Scene, pendulum: Pendulum, stroke: float, bob: Bob | None) -> _Hung:
         body, mass, length = bob or Bob(), float(pendulum.mass), float(pendulum.length)
-        built = body.rod(mass, length, scene.gravity)
+        heavy, built = body.built(mass, length, float(scene.gravity))
         rod, angle = built if math.isfinite(built) else length, min(stroke, 0.5 * math.pi)
+        mass = heavy if math.isfinite(heavy) else mass
         turned = [_body(body, mass, rod, x) for x in np.linspace(0.0, angle, 31)]
         depth = -float(min(shape[:, 1].min() for shape in turned))
         reach = float(body.reach(mass, rod, angle))
         wall, exists = 0.5 * scene.block.room, math.isfinite(built)
-        return _Hung(pendulum, body, bob is not None, rod, exists, angle, depth, reach, wall)
+        return _Hung(pendulum, body, mass, bob is not None, rod, exists, angle, depth, reach, wall)
 
     @property
     def clear(self) -> str:
         """Words for the room between the body and the walls."""
-        mass = float(self.pendulum.mass)
 
         def short(angle: float) -> float:
-            return float(self.body.reach(mass, self.rod, angle)) - self.wall
+            return float(self.body.reach(self.mass, self.rod, angle)) - self.wall
 
         room = -short(self.angle)
         said = f"{number(room, 3)} m clear to the wall" if room > 0.0 else "the bob strikes the wall"
@@ -180,7 +182,7 @@ def _hollow(ax: Axes, scene: Scene) -> None:
 
 def _draw(ax: Axes, h: _Hung, top: float, *, detail: bool) -> None:
     """Draw rod and body, their hinge at the height `top`: at rest and in detail at the ends of a swing."""
-    hinge, mass = np.array([0.0, top]), float(h.pendulum.mass)
+    hinge, mass = np.array([0.0, top]), h.mass
     if detail and h.angle > 0.0:
         for angle in (-h.angle, h.angle):
             end = h.rod * np.array([math.sin(angle), -math.cos(angle)])
@@ -213,11 +215,11 @@ def _detail(ax: Axes, scene: Scene, h: _Hung, side: float, scale: float) -> None
     if hollow and h.wall < side:
         between = f"{number(2.0 * h.wall)} m"
         _dimension(ax, (-h.wall, 0.09 * inch), (h.wall, 0.09 * inch), 0.12 * inch, between, scale)
-    mass, end = float(p.mass), h.rod * np.array([math.sin(h.angle), -math.cos(h.angle)])
+    mass, end = h.mass, h.rod * np.array([math.sin(h.angle), -math.cos(h.angle)])
     damper = f"{number(p.hinge_damping(scene.gravity), 3)} N m s/rad ({p.damping_ratio:.3g} of critical)"
     wide, high = (2.0 * float(x) for x in (h.body.radius(mass), h.body.half_height(mass)))
     size = f"{number(wide, 3)} m wide" + ("" if h.body.shape == "ball" else f", {number(high, 3)} m high")
-    of = f": {h.body.shape}" if h.solid else " (dotted: a ball of steel)"
+    of = f": {h.body.shape}" if h.solid else " (dotted: steel ball)"
     built = f"{number(h.rod)} m as built" if h.exists else "none swings as often as"
     words: list[Label] = [
         (f"beam that carries the hinge; its damper:\n{damper}", (0.0, 0.0)),

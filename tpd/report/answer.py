@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
+from tpd.analysis.benefit import Change
 from tpd.core.formatting import number
 from tpd.design.build import build_of
 from tpd.design.criteria import LABELS
 from tpd.design.result import Comparison, Design, DesignStatus, HarmonicDesign
-from tpd.design.study import Study
+from tpd.design.study import Study, usage
 from tpd.report import words
 from tpd.report.blocks import Note, Severity, Table, danger, note
 from tpd.report.notes import notes
@@ -59,7 +60,10 @@ def answer(design: Design, study: Study, directory: Path | None = None) -> str:
 
 def told(design: Design, study: Study | None) -> str:
     """See `Design.answer`."""
-    return answer(design, Study(build=build_of(design)) if study is None else study)
+    if study is None:
+        used = usage(design) if isinstance(design, HarmonicDesign) else ()
+        study = Study(build=build_of(design), usage=used)
+    return answer(design, study)
 
 
 def marked(of: Note) -> str:
@@ -91,7 +95,7 @@ def verdict(design: Design) -> Note:
     said = status.value
     if status in _REASONED and design.refusals:
         said = f"{status.value.partition(':')[0]}: {design.refusals[0]}."
-    return (danger if grave(design) else note)(said)
+    return (danger if design.pendulum is None and design.harmful else note)(said)
 
 
 _REASONED = DesignStatus.refused, DesignStatus.too_few, DesignStatus.undecided
@@ -127,13 +131,6 @@ def _sign(design: Design) -> str:
         return ""
     names = " and ".join(f"{case.name} ({case.benefit.value:.0%})" for case in against)
     return f"THE BENEFIT HANGS ON THE LOSSES: it is not shown where the block loses energy by {names}. "
-
-
-def grave(design: Design) -> bool:
-    """Whether what came nearest is refused since the block overturns more often, or the bob strikes."""
-    return design.pendulum is None and any(
-        what in said for said in design.refusals for what in ("overturns", "strikes", "limit is broken")
-    )
 
 
 def dangers(design: Design, study: Study) -> list[Note]:
@@ -182,11 +179,14 @@ def _pendulum(design: Design, study: Study) -> Iterator[tuple[str, str]]:
         return
     # Where other bobs do as well a third digit says nothing.
     alike = words.range_of_mass(design)
-    mass = number(float(hung.mass), 2 if alike else 3)
-    yield "bob", f"{mass} kg{alike}: {build.bob}, {number(build.bob_width, 3)} m wide"
-    point = f"of a point, in the equations: {number(float(hung.length), 3)} m"
-    built = f"{number(build.rod, 3)} m" if math.isfinite(build.rod) else "none swings as often"
-    yield "rod", f"{built} from the hinge to the bob's centre, as built ({point})"
+    point = f"{number(float(hung.mass), 2 if alike else 3)} kg on {number(float(hung.length), 3)} m"
+    yield "pendulum", f"acts as a point of {point}{alike}"
+    if math.isfinite(build.mass):
+        size = f"{build.bob}, {number(build.bob_width, 3)} m wide"
+        yield "bob", f"{number(build.mass, 3)} kg as built: {size}; {number(build.dead, 2)} kg do not swing"
+        yield "rod", f"{number(build.rod, 3)} m from the hinge to the bob's centre, as built"
+    else:
+        yield "bob", f"no body, {build.bob}, swings as such a point does"
     zeta = float(hung.damping_ratio)
     yield "damper", f"{number(build.damping, 3)} N m s/rad at the hinge, {number(zeta, 3)} of critical"
     period = number(1.0 / build.frequency, 3)
@@ -200,7 +200,7 @@ def comparison(told: Comparison) -> Table:
             _CHANGES[c.name],
             f"{c.with_it:.{d}%}",
             f"{c.without:.{d}%}",
-            f"{c.difference:+.{d}%} ({c.low:+.{d}%} to {c.high:+.{d}%})" if np.isfinite(c.low) else "–",
+            _points(c, d),
         )
         for c in told.changes
         # Tilts vary by more than a tenth of a per cent from one seed to the next; a share may be small.
@@ -208,9 +208,18 @@ def comparison(told: Comparison) -> Table:
         # Where no run rests with it nor without there is nothing to compare.
         if c.name in _CHANGES and not (c.name == "at rest" and c.with_it == c.without == 0.0)
     ]
-    left = f"; {told.undecided} pairs without an answer are left out" if told.undecided else ""
+    left = f"; {told.undecided} runs without an answer are left out" if told.undecided else ""
     caption = f"{told.runs}; overturned counts as toppled{left}"
-    return Table(("", "with it", "without", "difference (95 %)"), tuple(rows), caption)
+    return Table(("", "with it", "without", "points (95 %)"), tuple(rows), caption)
+
+
+def _points(of: Change, digits: int) -> str:
+    """Difference in points of per cent with its interval; a dash where it has none, or no run differs."""
+    if not np.isfinite(of.low) or of.low == of.high:
+        return "–"
+    # What rounds to zero must not read "-0".
+    mean, low, high = (round(100.0 * x, digits) + 0.0 for x in (of.difference, of.low, of.high))
+    return f"{mean:+.{digits}f} ({low:+.{digits}f} to {high:+.{digits}f})"
 
 
 def _room(design: Design, study: Study, told: Comparison) -> str:
@@ -226,7 +235,9 @@ def _room(design: Design, study: Study, told: Comparison) -> str:
 
 def held(design: Design, study: Study) -> str:
     """Conditions, limits and bounds that hold a design."""
-    used = words.usage(design, study)
+    used, build = words.usage(design, study), study.build
+    if build is not None and build.reach > 0.0 and build.wall > 0.0 and "room" in used:
+        used["room"] = build.reach / build.wall
     limits = [f"{LABELS.get(n, n)}, {x:.0%} used" for n, x in used.items() if x >= _USED]
     return "; ".join([*limits, *words.bounds(design)]) or "no limit and no bound"
 

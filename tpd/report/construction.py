@@ -8,10 +8,11 @@ from tpd.analysis.intervals import Interval
 from tpd.core.formatting import number
 from tpd.design.build import Build
 from tpd.design.ground.judgement import scatter_of
-from tpd.design.result import Design
+from tpd.design.result import Design, DesignStatus
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
 
 _SAID = {
+    "": ("nothing", None),
     "restitution": ("loss at an impact, 1 - e", "pull the object and release it, below"),
     "friction": ("friction k of the rocking contact", "pull the object and release it, below"),
     "slenderness": ("slenderness ν", "width of the base that bears, and height of the centroid"),
@@ -35,21 +36,21 @@ def _sizes(design: Design, build: Build) -> Table:
     hung = design.pendulum
     assert hung is not None
     rows: list[tuple[Cell, ...]] = [
-        ("mass of the bob", f"{number(float(hung.mass))} kg", str(build.bob)),
+        (
+            "mass of the bob",
+            f"{number(build.mass)} kg",
+            f"{build.bob}; as a body it acts as a point of {number(float(hung.mass))} kg, and with the rod "
+            f"{number(build.dead, 3)} kg load the top without swinging",
+        ),
         ("bob, width by height", f"{number(build.bob_width)} m × {number(build.bob_height)} m", None),
         (
             "rod, hinge to the bob's centre",
             f"{number(build.rod)} m" if math.isfinite(build.rod) else "none swings as often",
-            f"a point would hang at {number(float(hung.length))} m; with it the body and a steel rod of "
-            f"{build.rod_share:.1%} of its mass swing as often",
+            f"the point hangs at {number(float(hung.length))} m; a steel rod of {build.rod_share:.1%} of the "
+            "bob's mass is taken",
         ),
         ("depth below the hinge", f"{number(build.depth)} m", "to the lower end of the hanging bob"),
-        (
-            "clear way to either side",
-            f"{number(build.reach)} m",
-            f"of the body from the axis in all but {_allowed(design):.0%} of the runs that stand"
-            + (f"; the wall is at {number(build.wall)} m" if math.isfinite(build.wall) else ""),
-        ),
+        *_way(design, build),
         ("own frequency", f"{number(build.frequency)} Hz", "in the block that stands, without the damper"),
         ("damper at the hinge", f"{number(build.damping)} N m s/rad", f"{number(_zeta(design))} of critical"),
         (
@@ -83,21 +84,31 @@ def _sizes(design: Design, build: Build) -> Table:
             f"shaking much slower and much faster than the pendulum{settled}; {number(bare)} g without it",
         )
     )
-    motions = "none" if build.loads is None else str(build.loads.motions)
-    caption = (
-        f"Forces: the largest of {motions} motions of the job in which the block stands, linear equations, "
-        "nominal block. Impacts of the block are left out: take a factor of safety. Costs are yours."
-    )
+    forces = "There are no forces, since the block stands in none of the motions."
+    if build.loads is not None:
+        forces = (
+            f"Forces: the largest of {build.loads.motions} motions of the job in which the block stands, "
+            "linear equations, nominal block. Impacts of the block are left out: take a factor of safety."
+        )
+    caption = f"{forces} Costs are yours."
     return Table(("part", "size", "remark"), tuple(rows), caption)
+
+
+def _way(design: Design, build: Build) -> list[tuple[Cell, ...]]:
+    """Row of the clear way; none where no run is known."""
+    if not math.isfinite(build.reach):
+        return []
+    motions = bool(design.conditions.motions)
+    share = design.worth.broken if motions else design.worth.allowed
+    which = "on the motions that it is tuned to" if motions else "of the same runs"
+    said = f"of the body from the axis in all but {share:.0%} {which} in which the block stands"
+    wall = f"; the wall is at {number(build.wall)} m" if math.isfinite(build.wall) else ""
+    return [("clear way to either side", f"{number(build.reach)} m", said + wall)]
 
 
 def _zeta(design: Design) -> float:
     assert design.pendulum is not None
     return float(design.pendulum.damping_ratio)
-
-
-def _allowed(design: Design) -> float:
-    return design.worth.broken if design.conditions.motions else design.worth.allowed
 
 
 def _checks(build: Build) -> Listing:
@@ -111,18 +122,19 @@ def _checks(build: Build) -> Listing:
     decay = (
         f"about {pull.impacts} impacts ({pull.seconds:.2g} s) after the release it turns at half of this tilt"
         if pull.impacts
-        else "it keeps more than half of this tilt for hundreds of impacts"
+        else "it stays there, or keeps more than half of this tilt for hundreds of impacts"
     )
     return Listing(
         (
             f"The pendulum, damper off, in the standing block: ten swings take {ten:.3g} s. Within 1 % of "
             "this the rod is within 2 %.",
             f"The pendulum, damper on: pulled aside by some 0.1 rad and let go, {swings}.",
-            f"The object, before the pendulum is hung: a horizontal pull of {number(pull.force, 3)} N at the "
-            f"top lifts it. Pulled until its top has moved by {number(1e3 * pull.sway, 3)} mm "
+            f"The object, before the pendulum is hung, held against toppling: {number(pull.force, 3)} N at "
+            "the top lift it, and ever less holds it the further it tilts, so that the way is controlled and "
+            f"not the force. Drawn until its top has moved by {number(1e3 * pull.sway, 3)} mm "
             f"({pull.tilt:.2g} rad, a tenth of the tilt of toppling) and released, {decay}. With n impacts "
             "from a tilt a to a tilt b, both over ν, without friction, e = [b (2 - b)/(a (2 - a))]^(1/(2n)). "
-            "Fewer impacts mean more loss. Secure the object against falling.",
+            "Fewer impacts mean more loss; friction shows as a decay that quickens at small tilts.",
         )
     )
 
@@ -135,7 +147,7 @@ def _moved(design: Design, build: Build) -> list[Block]:
         (
             _SAID[m.name][0],
             f"±{judged[m.name]:.0%}" if m.name in judged else None,
-            f"±{m.width:.0%}",
+            f"±{m.width:.0%}" if m.width else None,
             _interval(m.low),
             _interval(m.high),
             _SAID[m.name][1],
@@ -151,11 +163,13 @@ def _moved(design: Design, build: Build) -> list[Block]:
         "measure by",
     )
     caption = (
-        "Fall of the mean tilt (95 %) on the runs that judged, or a part of them, where one quantity alone "
-        "is lower or higher. The pendulum was judged with all quantities anywhere within the second column: "
-        "built within these tolerances the benefit of the first lines holds."
+        "Fall of the mean tilt (95 %) where one quantity alone is lower or higher, all on the same runs of "
+        "the nonlinear equations as the first row. The second column is the scatter in the runs that judged. "
+        "A restitution is moved as a number, without scatter."
     )
-    lost = [_SAID[m.name][0] for m in build.moved if min(m.low.low, m.high.low) <= 0.0]
+    if design.status is DesignStatus.found:
+        caption += " Built within these tolerances the pendulum is the one that was judged."
+    lost = [_SAID[m.name][0] for m in build.moved if not min(m.low.low, m.high.low) > 0.0]
     said = (
         f"Beyond the tolerances the benefit is not shown for: {'; '.join(lost)}."
         if lost

@@ -140,8 +140,7 @@ def _assumptions(design: Design) -> list[str]:
 def _repeat(design: Design, job_toml: str, directory: Path | None) -> list[Block]:
     out: list[Block] = []
     if directory is not None:
-        again = directory.with_name(directory.name + "-again")
-        scene, to = shlex.quote(str(directory / "scene.toml")), shlex.quote(str(again))
+        scene, to = shlex.quote(str(directory / "scene.toml")), shlex.quote(f"{directory}-again")
         out.append(Code(f"tpd optimise --scene {scene} --out {to}"))
     if job_toml:
         out += [Text("The file scene.toml beside this page holds:"), Code(job_toml)]

@@ -51,7 +51,7 @@ def _search(design: GroundDesign, figure: Sequence[Block]) -> list[Block]:
     if found is None:
         return []
     counts = (
-        f"{len(found.value)} designs were followed under {len(design.conditions)} motions each: "
+        f"{len(found.value)} designs were followed in {len(design.conditions)} runs each: "
         f"{design.method.starts} over the whole space, the others where the surface promised most. "
         f"{int(found.feasible.sum())} keep to the limits, {int(found.spares.sum())} with {SPARE:.0%} of each "
         f"to spare, as the search asks for. Trend of the {design.risk.name} tilt/ν at the best "

@@ -54,7 +54,7 @@ def sections(
         "Beside the shaking of the job": [*figures["response"], *beside],
         "Over time, from rest": [*figures["motion"]],
         "The settled motion": settled(design, study, figures["conditions"]),
-        "Where it was searched": _search(design, figures["search"]),
+        "Where it was searched": _search(design, figures["search"]) if design.search.evaluations else [],
         "Designs refused": _refused(design),
     }
 
@@ -252,7 +252,9 @@ def settled(design: HarmonicDesign, study: Study, figure: Sequence[Block]) -> li
         rows += [
             (f"limit on {LABELS.get(n, n)}", f"{x:.0%} used") for n, x in words.usage(design, study).items()
         ]
-    caption = f"Of {words.source_of_tilts(design)}, by the linear equations. Limits hold for it."
+    caption = f"Of {words.source_of_tilts(design)}, by the linear equations."
+    if design.winner is not None:
+        caption += " Limits hold for it."
     out: list[Block] = [Table(("", "value"), tuple(rows), caption), *figure]
     told = [] if best is None or best.rest is None else [Text(best.rest.told)]
     if n == 1:

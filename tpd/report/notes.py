@@ -12,7 +12,7 @@ from tpd.analysis.paired import SIGNIFICANT, chance_of
 from tpd.analysis.response import Response
 from tpd.core.bob import Bob
 from tpd.core.scene import Block, Pendulum
-from tpd.design.criteria import Room, Worth, limit_of
+from tpd.design.criteria import Mass, Room, Worth, limit_of
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.groups import Role, unnamed
 from tpd.design.ground.judgement import Judged
@@ -24,20 +24,27 @@ from tpd.report.words import finite_max
 
 LARGE_STROKE = 0.3
 """rad; sin(psi) is 1.5 % below psi there, and falls further with its square."""
+_MANY = 1.5
+"""Factor on an interval of 95 %: of a dozen bands that do not overlap, all are then within it with 96 %."""
 SLOW = 0.95
 """Largest Floquet multiplier above which a motion attracts slowly."""
 
 
 def notes(design: Design, study: Study) -> tuple[Note, ...]:
     """All notes on a design: dangers first, else in the order of the generators below."""
-    found = list(_interruptions(design, study))
+    found = [*_interruptions(design, study), *_lossless(design)]
     if isinstance(design, GroundDesign):
-        found += [*_lossless(design), *_groups(design), *_unknown_in_search(design)]
+        found += [*_groups(design), *_unknown_in_search(design)]
     elif isinstance(design, HarmonicDesign):
         found += _responses(study)
         if design.winner is not None and design.pendulum is not None:
             found += [*_from_rest(design, design.winner), *_strikes(design, design.winner, design.pendulum)]
             found += [*_settled(design.winner), *_starts(design, design.winner)]
+    mass, build = limit_of(design.limits, Mass), study.build
+    if isinstance(mass, Mass) and build is not None and build.mass > mass.kg:
+        found.append(
+            note(f"As a body the bob weighs {build.mass:.4g} kg, more than its limit of {mass.kg:g} kg.")
+        )
     return tuple(sorted(found, key=lambda n: n.severity.value))
 
 
@@ -173,17 +180,17 @@ def _responses(study: Study) -> Iterator[Note]:
 
 
 def overturns_more(bare: Response, hung: Response) -> np.ndarray:
-    """Where significantly more of the runs near a frequency overturn with the pendulum: the interval of 95 %
-    of the difference of two shares (Newcombe's, from those of the shares) lies above zero."""
+    """Where significantly more of the runs near a frequency overturn with the pendulum: Newcombe's interval
+    of the difference of two shares, wider for many frequencies, lies above zero."""
     if hung.overturning is None or bare.overturning is None:
         return np.zeros(hung.frequency.size, dtype=bool)
     (value, low, _), (other, _, high) = hung.overturning, bare.overturning
-    return value - other > np.hypot(value - low, high - other)
+    return value - other > _MANY * np.hypot(value - low, high - other)
 
 
-def _lossless(design: GroundDesign) -> Iterator[Note]:
+def _lossless(design: Design) -> Iterator[Note]:
     block = design.scene.block
-    if block.restitution is None and not block.friction:
+    if float(block.velocity_ratio) == 1.0 and not block.friction:
         yield note("The block loses no energy at all: no real block rocks like that. Give it a restitution.")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from tpd.analysis.attractors import Starts
 from tpd.core.formatting import number
 from tpd.core.scene import HOUSNER, Block, Pendulum, Scene, paper_scene
-from tpd.design.criteria import KINDS, Bob, Limit, Room, limit_of
+from tpd.design.criteria import KINDS, Limit, Room, limit_of
 from tpd.design.ground.design import GroundDesign
 from tpd.design.result import Design, HarmonicDesign
 from tpd.design.study import Study
@@ -35,12 +35,6 @@ def source_of_tilts(design: HarmonicDesign) -> str:
 def finite_max(values: np.ndarray) -> float:
     """Largest finite one of `values`, or 0."""
     return float(np.max(values, where=np.isfinite(values), initial=0.0))
-
-
-def bob_of(limits: tuple[Limit, ...]) -> Bob:
-    """The body of the limit on room, or a ball of steel."""
-    room = limit_of(limits, Room)
-    return room.bob if isinstance(room, Room) else Bob()
 
 
 def losses(block: Block) -> str:
@@ -187,7 +181,8 @@ def shaking(design: Design) -> str:
     """The shaking of a design in a sentence."""
     scene = design.scene
     if design.conditions.motions:
-        return f"{len(design.conditions.motions)} ground motions, from rest"
+        groups = ", ".join(f"{g.name} {len(g.motions)}" for g in getattr(design, "groups", ()))
+        return f"ground motions, from rest: {groups}"
     lifts = f"lifts above {number(threshold(scene), 3)} g"
     return f"{_motion(scene)}, {number(acceleration(scene), 3)} g ({lifts})"
 

@@ -13,7 +13,7 @@ from tpd.analysis.intervals import Interval, fall
 from tpd.analysis.intervals import change as difference_of
 from tpd.core.conditions import Conditions
 from tpd.core.scene import Scene
-from tpd.design.criteria import Room, Worth
+from tpd.design.criteria import Worth
 from tpd.design.ground.groups import Group, Role
 from tpd.design.ground.judgement import Benefit, Judged, benefit_of
 from tpd.design.ground.objective import GroundObjective, objective_of
@@ -209,7 +209,7 @@ class GroundDesign(Design):
         broken = sum(n * g.strikes for n, g in zip(stands, held, strict=True)) / max(sum(stands), 1.0)
         return Comparison(
             runs=f"{len(clusters)} paired runs of the nonlinear equations on {sum(g.motions for g in held)} "
-            f"motions {where} ({len(np.unique(clusters))} earthquakes), seed {self.seed}",
+            f"ground motions {where}, of earthquakes {len(np.unique(clusters))}, seed {self.seed}",
             saved=fall(tilt[1], tilt[0], clusters, least=LEAST),
             changes=tuple(changes),
             strikes=broken,
@@ -228,10 +228,18 @@ class GroundDesign(Design):
         return np.stack([both.min(axis=0), both.max(axis=0)])
 
     @property
-    def reach(self) -> float:
-        """See `Design.reach`."""
-        used = {} if self.usage is None else dict(zip(self.names, self.usage, strict=True))
-        return float(used.get(Room.name, math.nan)) * 0.5 * float(self.scene.block.room)
+    def turned(self) -> np.ndarray:
+        """See `Design.turned`."""
+        if self.best is None or not self.judged:
+            return np.zeros(0)
+        relative = self.objective.check(self.best[None]).relative[0]
+        return relative[np.isfinite(relative)]
+
+    @property
+    def harmful(self) -> bool:
+        """See `Design.harmful`."""
+        more = self.benefit is not None and self.benefit.overturned.is_above
+        return more or any(g.overturns_more or g.strikes > self.worth.broken for g in self.judged)
 
     def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
         """See `Design.saved_under`; the runs are all of them."""
