@@ -220,7 +220,7 @@ def _detail(ax: Axes, scene: Scene, h: _Hung, side: float, scale: float) -> None
     wide, high = (2.0 * float(x) for x in (h.body.radius(mass), h.body.half_height(mass)))
     size = f"{number(wide, 3)} m wide" + ("" if h.body.shape == "ball" else f", {number(high, 3)} m high")
     of = f": {h.body.shape}" if h.solid else " (dotted: steel ball)"
-    built = f"{number(h.rod)} m as built" if h.exists else "none swings as often as"
+    built = f"{number(h.rod)} m as built" if h.exists else "no body does it"
     words: list[Label] = [
         (f"beam that carries the hinge; its damper:\n{damper}", (0.0, 0.0)),
         (f"rod, hinge to centre: {built}\n({number(p.length)} m in the equations)", (0.0, -0.4 * h.rod)),
