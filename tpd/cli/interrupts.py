@@ -40,12 +40,15 @@ def announced(does: str) -> Iterator[None]:
     """Say on stderr what a command does, unless it ends before that, and then that it is at work where
     nothing else says so; nothing without words for it."""
     ended = threading.Event()
+    teller = threading.Thread(target=_tell, args=(does, ended), daemon=True)
     if does:
-        threading.Thread(target=_tell, args=(does, ended), daemon=True).start()
+        teller.start()
     try:
         yield
     finally:
         ended.set()
+        if does:
+            teller.join()
 
 
 def _tell(does: str, ended: threading.Event) -> None:
@@ -57,6 +60,9 @@ def _tell(does: str, ended: threading.Event) -> None:
     while not ended.wait(0.5 * TICK):
         if is_silent(every):
             say(f"tpd: {text}, {time.monotonic() - begin:.0f} s", end=end)
+    if end == "\r":
+        # The prompt of the terminal does not stand in a line of ours.
+        say("", end="")
 
 
 @contextlib.contextmanager

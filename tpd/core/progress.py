@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from shutil import get_terminal_size
 from typing import Any
 
 Progress = Callable[[str, int, int], None]
@@ -107,8 +108,10 @@ class Bar:
 
         # Without a number of units there is only a clock to show.
         shape = None if self._total else "{desc}, {elapsed}"
-        total = self._total or None
-        self._bar = tqdm(total=total, desc=self._name(), leave=False, file=self._out, bar_format=shape)
+        # Some terminals tell no size, and in one without lines nothing would be shown.
+        columns, lines = get_terminal_size()
+        how = {"file": self._out, "bar_format": shape, "ncols": columns, "nrows": lines}
+        self._bar = tqdm(total=self._total or None, desc=self._name(), leave=False, **how)
 
     def _close(self) -> None:
         if self._bar is not None:
