@@ -43,4 +43,4 @@ def test_the_drawing_as_svg_is_a_file_of_lines_that_repeats():
     assert found == pictures.draw("drawing.svg", design, Study())
     words = re.sub(r"<[^>]+>", " ", found.decode())
     assert "bob, 1.689 kg: ball" in words
-    assert "0.0743 m wide" in words
+    assert "0.0744 m wide" in words

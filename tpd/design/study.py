@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from tpd.analysis.benefit import Benefit
 from tpd.analysis.response import Response, frequencies, settled_response
 from tpd.analysis.steady_state import sampled, simulate
 from tpd.core.parameters import as_arrays
 from tpd.core.progress import Progress
 from tpd.core.scene import Pendulum, Scene
 from tpd.design.build import Build, build_of, moved_of
-from tpd.design.by_runs import JUDGES, PairedRuns, strikes_of
-from tpd.design.criteria import Room, limit_of
 from tpd.design.objective import geometry_of
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.models.piecewise import Piecewise
@@ -43,19 +40,6 @@ class TimeHistory:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Surveyed:
-    """A design of a survey by the paired runs that judge."""
-
-    strikes: float
-    """Share of the runs that stand in which the bob strikes a wall; NaN where no room is asked for."""
-    allowed: float
-    """Largest such share of a design that is offered."""
-    overturned: float
-    """Share of the runs that overturn with the pendulum."""
-    benefit: Benefit
-
-
-@dataclass(frozen=True, kw_only=True)
 class Study:
     """Everything that a report shows beside the design; None where a part does not apply or was left out. A
     design on ground motions has the build and the front alone."""
@@ -70,9 +54,6 @@ class Study:
     usage: tuple[tuple[str, float], ...] = ()
     """Limited quantities of the best design over their limits, the largest of all conditions."""
     front: tuple[FrontPoint, ...] = ()
-    surveyed: Mapping[int, Surveyed] = field(default_factory=dict)
-    """Designs that the table of limits names, by their row in the first survey: motions from rest show
-    neither overturning nor strikes from other starts."""
     left_out: tuple[str, ...] = ()
     """Parts that an interruption left out."""
 
@@ -115,7 +96,6 @@ def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progr
             out,
             histories=part("the time histories", time_histories, scene, hung),
             responses=part("the response over frequency", _responses, harmonic, progress) if varied else None,
-            surveyed=part("the strikes of surveyed designs", surveyed, harmonic, progress) or {},
         )
     return replace(out, left_out=tuple(left_out))
 
@@ -139,25 +119,6 @@ def _responses(design: HarmonicDesign, progress: Progress | None) -> tuple[Respo
         settled_response(design.scene, "frequency", values, pendulum=hung, progress=progress)
         for hung in cases
     )
-
-
-def surveyed(design: HarmonicDesign, progress: Progress | None = None) -> dict[int, Surveyed]:
-    """The designs that the table of limits names, by the paired runs that judge."""
-    if not design.surveys:
-        return {}
-    first, scene = design.surveys[0], design.scene
-    judges = replace(design.ensemble, seed=design.ensemble.seed + JUDGES)
-    runs = PairedRuns(scene, design.conditions, judges, design.worth, progress)
-    room, out = limit_of(design.limits, Room), {}
-    for i in {i for i in first.relaxed().values() if i is not None}:
-        mu, lam, zeta = first.designs[i]
-        hung = scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
-        found, benefit = runs.of(hung)
-        strikes = strikes_of(found, hung, scene.block, room.bob) if isinstance(room, Room) else np.nan
-        overturned = found.hung.overturned.value
-        allowed = design.worth.allowed
-        out[i] = Surveyed(strikes=strikes, allowed=allowed, overturned=overturned, benefit=benefit)
-    return out
 
 
 def usage(design: HarmonicDesign) -> tuple[tuple[str, float], ...]:

@@ -13,7 +13,7 @@ from tpd.core.formatting import number
 from tpd.design.criteria import LABELS
 from tpd.design.objective import KINDS
 from tpd.design.result import HarmonicDesign, SearchStatus
-from tpd.design.study import Study, Surveyed
+from tpd.design.study import Study
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Bare, Reason, ReasonKind, Step, Verified
 from tpd.report import words
@@ -50,7 +50,7 @@ def sections(
     return {
         "Over the runs": [*figures["benefit"], *runs] if runs else [],
         "Other losses of energy": losses,
-        "What limits the design": limiting(design, study),
+        "What limits the design": limiting(design),
         "Beside the shaking of the job": [*figures["response"], *beside],
         "Over time, from rest": [*figures["motion"]],
         "The settled motion": settled(design, study, figures["conditions"]),
@@ -162,15 +162,15 @@ def other_losses(design: HarmonicDesign) -> list[Block]:
     return [Table(head, rows, caption)]
 
 
-def limiting(design: HarmonicDesign, study: Study) -> list[Block]:
+def limiting(design: HarmonicDesign) -> list[Block]:
     """Limits that keep better designs out, the best design without each, and counts of refusals."""
     if not design.surveys:
         return []
-    wide, by_runs = design.surveys[0], study.surveyed
+    wide = design.surveys[0]
     best, *others = wide.relaxed().items()
     # A row that repeats the first would only hide those that differ.
     same = [name for name, i in others if i is not None and i == best[1]]
-    rows = [_row(design, wide, n, i, by_runs) for n, i in (best, *others) if n not in same]
+    rows = [_row(design, wide, n, i) for n, i in (best, *others) if n not in same]
     head = (
         "",
         "bob (kg)",
@@ -178,40 +178,26 @@ def limiting(design: HarmonicDesign, study: Study) -> list[Block]:
         "ζ",
         "room it needs (m)",
         "mean tilt over ν, from rest",
-        "strikes a wall, of runs",
-        "overturned, of runs",
     )
     caption = (
         f"Best of {len(wide.designs)} designs followed from rest by the {wide.equations} equations, one run "
         "for each condition, and the best where a limit is left out: what relaxing it would buy. Without a "
-        f"pendulum: {wide.bare.mean():.0%}."
+        f"pendulum: {wide.bare.mean():.0%}. Runs that begin elsewhere may strike or overturn all the same."
     )
     if same:
         caption += f" The best design is the same {', '.join(same)}."
-    if by_runs:
-        runs = next(iter(by_runs.values()))
-        caption += (
-            f" Of runs: shares of {runs.benefit.runs} paired runs of the nonlinear equations; a bob that "
-            f"strikes in more than {runs.allowed:.1%} of them is refused."
-        )
     return [_refusals(design), Table(head, tuple(rows[:_MOST]), caption)]
 
 
-def _row(
-    design: HarmonicDesign, of: Survey, name: str, i: int | None, by_runs: Mapping[int, Surveyed]
-) -> tuple[Cell, ...]:
+def _row(design: HarmonicDesign, of: Survey, name: str, i: int | None) -> tuple[Cell, ...]:
     if i is None:
-        return (name, *(None,) * 4, "no design", None, None)
+        return (name, *(None,) * 4, "no design")
     mu, lam, zeta = of.designs[i]
     hung = design.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
-    sizes = float(hung.mass), float(hung.length), float(zeta)
-    way, runs = of.excess.get(ON_THE_WAY), by_runs.get(i)
+    way = of.excess.get(ON_THE_WAY)
     needs = None if way is None else (1.0 + float(way[i])) * float(design.scene.block.room)
     tilt = f"{of.severity[i].mean():.0%}"
-    if runs is None:
-        return (name, *sizes, needs, tilt, None, None)
-    strikes = None if math.isnan(runs.strikes) else f"{runs.strikes:.1%}"
-    return (name, *sizes, needs, tilt, strikes, f"{runs.overturned:.1%}")
+    return (name, float(hung.mass), float(hung.length), float(zeta), needs, tilt)
 
 
 def _refusals(design: HarmonicDesign) -> Block:
