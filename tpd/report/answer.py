@@ -153,15 +153,11 @@ def pairs(design: Design, study: Study) -> Iterator[tuple[str, str]]:
     if design.pendulum is not None:
         yield "held by", held(design, study)
     if isinstance(design, HarmonicDesign):
+        if design.losses:
+            cases = ", ".join(f"{c.name} {c.benefit.value:.0%}" for c in design.losses)
+            yield "losses", f"less tilt by other losses: {cases} ({design.losses[0].benefit.runs} runs each)"
         if beside := words.beside(study):
             yield "beside", beside
-        if design.losses:
-            cases = (f"{c.name} {c.benefit.value:.0%}" for c in design.losses)
-            runs = design.losses[0].benefit.runs
-            yield (
-                "losses",
-                f"less tilt by other losses of energy: {', '.join(cases)} ({runs} paired runs each)",
-            )
 
 
 def _pendulum(design: Design, study: Study) -> Iterator[tuple[str, str]]:
@@ -225,12 +221,12 @@ def _points(of: Change, digits: int) -> str:
 def _room(design: Design, study: Study, told: Comparison) -> str:
     harmonic = isinstance(design, HarmonicDesign)
     most = design.worth.allowed if harmonic else design.worth.broken
-    what = "the bob strikes a wall" if harmonic else "a limit is broken"
+    what = "strikes a wall" if harmonic else "breaks a limit"
     share = f"{what} in {told.strikes:.1%} of those that stand ({most:.0%} allowed)"
     build = study.build
     if build is None or math.isnan(build.wall) or math.isnan(build.reach):
         return share
-    return f"{share}; it comes to {number(build.reach, 3)} m of {build.wall:.3g} m"
+    return f"{share}; comes to {number(build.reach, 3)} of {build.wall:.3g} m"
 
 
 def held(design: Design, study: Study) -> str:

@@ -126,7 +126,7 @@ def beside(study: Study) -> str:
     if study.responses is None or len(study.responses) < 2:
         return ""
     bare, hung = study.responses
-    band = f"from {hung.frequency[0]:.3g} to {hung.frequency[-1]:.3g} Hz, from rest by the linear equations"
+    band = f"from rest at {hung.frequency[0]:.3g} to {hung.frequency[-1]:.3g} Hz (linear)"
     if hung.overturning is None or bare.overturning is None:
         lost, lost_bare = (int(np.sum(r.status == "overturned")) for r in (hung, bare))
         return f"{lost} of {hung.frequency.size} runs {band} overturn with it, {lost_bare} without"
