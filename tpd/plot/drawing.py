@@ -74,7 +74,7 @@ class _Hung(NamedTuple):
     pendulum: Pendulum
     body: Bob
     mass: float
-    """Of the body, which for its turning is more than that of the point, kg."""
+    """Mass of the body, kg: for its turning it is more than that of the point."""
     solid: bool
     """Whether the body was asked for; else it only shows how large a point of this mass would be."""
     rod: float
