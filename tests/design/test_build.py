@@ -83,6 +83,7 @@ def test_a_design_is_built_with_the_rod_of_the_body():
     assert found.depth == pytest.approx(found.rod + 0.5 * found.bob_height)
     assert (found.mass, found.rod) == pytest.approx(found.bob.built(1.6224, 0.12, 9.80665))
     assert found.dead == pytest.approx(found.mass * (1.0 + found.rod_share) - 1.6224)
+    assert found.loads.tension > found.weight == pytest.approx((1.6224 + found.dead) * 9.80665)
     # (1 + mu) nu + k, over 1 + 2 mu for a pendulum that moves with the block.
     assert found.lifts_slow_fast == pytest.approx((0.325 / 1.2, 0.325))
     assert found.lifts[1] == pytest.approx(0.3)

@@ -160,6 +160,9 @@ def build_of(design: Design, moved: tuple[Moved, ...] = ()) -> Build | None:
     body, rod = bob.built(mass, length, g)
     half, rod_share = float(bob.half_height(body)), bob.rod_share(rod, g)
     reach = bob.reach(body, rod, design.turned)
+    loads = loads_of([Scene(block, m, g) for m in _strongest(design)], hung)
+    # Rod and hinge carry the whole body: the part that does not swing is taken to pull as the rest does.
+    up = body * (1.0 + rod_share) / mass if math.isfinite(body) else 1.0
     # Both limits of |B| f = (1 + mu) nu + k, see `tpd.closed_form.uplift`.
     capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction or 0.0)
     return Build(
@@ -177,7 +180,7 @@ def build_of(design: Design, moved: tuple[Moved, ...] = ()) -> Build | None:
         damping=float(hung.hinge_damping(g)),
         rebound=math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)) if zeta < 1.0 else 0.0,
         weight=body * (1.0 + rod_share) * g,
-        loads=loads_of([Scene(block, m, g) for m in _strongest(design)], hung),
+        loads=None if loads is None else loads._replace(tension=loads.tension * up, hinge=loads.hinge * up),
         lifts=_lifts(scene, hung) if isinstance(scene.motion, Harmonic) else None,
         lifts_slow_fast=(capacity / (1.0 + 2.0 * mu), capacity),
         pull=pull_test(scene),

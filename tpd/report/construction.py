@@ -13,14 +13,14 @@ from tpd.report.blocks import Block, Cell, Listing, Table, Text
 
 _SAID = {
     "": ("nothing", None),
-    "restitution": ("loss at an impact, 1 - e", "pull the object and release it, below"),
-    "friction": ("friction k of the rocking contact", "pull the object and release it, below"),
+    "restitution": ("loss at an impact, 1 - e", "pull the object and release it, above"),
+    "friction": ("friction k of the rocking contact", "pull the object and release it, above"),
     "slenderness": ("slenderness ν", "width of the base that bears, and height of the centroid"),
     "amplitude": ("amplitude of the shaking", "the source of the motion"),
     "frequency": ("frequency of the shaking", "the source of the motion"),
     "mass": ("mass of the bob", "weigh it"),
-    "length": ("rod, hinge to the bob's centre", "ten swings by a stop-watch, below"),
-    "damping": ("moment of the damper", "the first swing back, below"),
+    "length": ("rod, hinge to the bob's centre", "ten swings by a stop-watch, above"),
+    "damping": ("moment of the damper", "the first swing back, above"),
 }
 """Words for a quantity that is moved, and how it is known."""
 
@@ -88,7 +88,8 @@ def _sizes(design: Design, build: Build) -> Table:
     if build.loads is not None:
         forces = (
             f"Forces: the largest of {build.loads.motions} motions of the job in which the block stands, "
-            "linear equations, nominal block. Impacts of the block are left out: take a factor of safety."
+            "linear equations, nominal block, in proportion to the whole mass. Impacts of the block are left "
+            "out: take a factor of safety."
         )
     caption = f"{forces} Costs are yours."
     return Table(("part", "size", "remark"), tuple(rows), caption)
