@@ -67,6 +67,7 @@ def test_a_run_writes_its_report(written):
     assert names >= DATA
     assert "unfinished.npz" not in names
     report = (folder / "first" / "report.txt").read_text(encoding="utf-8")
+    assert len(done.stdout.splitlines()) <= 30
     scene, shown = done.stdout.split("\n\n", maxsplit=1)
     own = "[block]" in (folder / "small.toml").read_text()
     losses = "other losses than the paper's" if own else "the paper's motion and losses"
