@@ -180,12 +180,14 @@ def _moved(design: Design, build: Build) -> list[Block]:
 
 
 def _judged(design: Design) -> dict[str, float]:
-    """Half widths of what scatters in the runs that judged."""
-    block = design.scene.block
-    if design.conditions.motions:
-        return scatter_of(block, design.ensemble)
-    widths = design.ensemble.widths(block.restitution)
-    return {n: w for n, w in widths.items() if w and not (n == "friction" and not block.friction)}
+    """Half widths of what scatters in the runs that judged; of a restitution that of the loss, 1 - e."""
+    block, e = design.scene.block, float(design.scene.block.velocity_ratio)
+    found = scatter_of(block, design.ensemble)
+    if not design.conditions.motions:
+        found |= {name: getattr(design.ensemble, name) for name in ("amplitude", "frequency")}
+    if "restitution" in found:
+        found["restitution"] *= e / (1.0 - e)
+    return {name: width for name, width in found.items() if width}
 
 
 def _interval(of: Interval) -> str:
