@@ -46,12 +46,11 @@ def sections(
 ) -> dict[str, list[Block]]:
     """Blocks by the titles of their sections, in the order of a report; empty ones are left out later."""
     runs, losses = over_runs(design), other_losses(design)
-    beside: list[Block] = [Text(f"{words.beside(study)}.")] if words.beside(study) else []
     return {
         "Over the runs": [*figures["benefit"], *runs] if runs else [],
         "Other losses of energy": losses,
         "What limits the design": limiting(design),
-        "Beside the shaking of the job": [*figures["response"], *beside],
+        "Beside the shaking of the job": [*figures["response"]],
         "Over time, from rest": [*figures["motion"]],
         "The settled motion": settled(design, study, figures["conditions"]),
         "Where it was searched": _search(design, figures["search"]) if design.search.evaluations else [],
