@@ -331,3 +331,16 @@ def front() -> tuple[FrontPoint, ...]:
         FrontPoint(1.2, "found", HUNG, (0.2, 0.1, 0.3)),
         FrontPoint(1.6224, "found", HUNG, (0.5, 0.4, 0.6)),
     )
+
+
+def all_refused(*verified) -> HarmonicDesign:
+    """A search around a motion, with what stands against these designs."""
+    return around(status=DesignStatus.refused, pendulum=None, verified=verified)
+
+
+def against(kind, value, reference=0.0, **more) -> Reason:
+    return Reason(step=Step.benefit, kind=kind, value=value, reference=reference, **more)
+
+
+STRIKES = against(ReasonKind.strikes, 0.27, 0.01)
+LITTLE = against(ReasonKind.too_little_benefit, 0.08, 0.1, low=0.02)

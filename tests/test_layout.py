@@ -144,7 +144,7 @@ def lines() -> dict[str, int]:
 
 def test_the_package_does_not_grow():
     # The aim is 19 000 lines. This bound is what there is, rounded up: lower it where lines go.
-    assert sum(lines().values()) <= 35_164
+    assert sum(lines().values()) <= 35_157
 
 
 def test_hard_places_are_explained():

@@ -57,7 +57,9 @@ def of(language: str) -> list[Block]:
 
 
 def test_the_readme_is_short():
-    assert len(README.read_text(encoding="utf-8").split()) <= 1300
+    text = README.read_text(encoding="utf-8")
+    assert len(text.split()) <= 1300
+    assert len(text.splitlines()) <= 130
 
 
 def test_there_is_one_command_to_run_and_one_to_test():

@@ -22,7 +22,7 @@ screening = 12
 size = 16
 periods = 20
 """
-MOMENTS = [moment / 100 for moment in sorted(random.Random(5).sample(range(20, 4000), 20))]
+MOMENTS = [moment / 100 for moment in sorted(random.Random(5).sample(range(20, 1000), 20))]
 """Seconds from the start at which the runs are interrupted."""
 
 

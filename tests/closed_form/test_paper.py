@@ -34,7 +34,6 @@ from tpd import Parameters
 from tpd.closed_form import free_motion, parametric_branches
 from tpd.closed_form.paper import (
     printed_bare_balance,
-    printed_forced_motion,
     printed_free_amplitude,
     printed_pendulum_balance,
     printed_quarter_crossing,
@@ -45,6 +44,14 @@ PHI, PSI = sp.symbols("Phi Psi", real=True)
 T, AMPLITUDE, GAMMA, THETA = sp.symbols("t Phi gamma theta", real=True)
 EIGHT_THIRDS = sp.Rational(8, 3)
 BARE = Parameters(nu=0.2, mu=0.0, lam=1.0, zeta=0.1, k=0.05, f=0.1, xi=2.0)
+
+
+def printed_forced_motion(p, t, amplitude, gamma):
+    """(18) as printed: tilt (rad) at tau = t after the turn, of the bare block under
+    f cos(xi tau - gamma), before it crosses; mu stands where xi should."""
+    g = p.f / (1.0 + p.xi**2)
+    grows = (amplitude - p.nu + p.k + g * np.cos(gamma)) * np.cosh(t) + p.xi * g * np.sin(gamma) * np.sinh(t)
+    return p.nu - p.k + grows - p.f / (1.0 + p.mu**2) * np.cos(p.xi * t - gamma)
 
 
 def same(x, y):

@@ -12,7 +12,7 @@ from tpd.design.build import build_of
 from tpd.design.criteria import Room, Stroke
 from tpd.design.result import DesignStatus, Nearest
 from tpd.design.study import Study
-from tpd.design.verified import Reason, ReasonKind, Step
+from tpd.design.verified import ReasonKind
 from tpd.report.answer import MOST, answer, verdict
 from tpd.report.blocks import Severity
 from tpd.report.content import content
@@ -20,25 +20,13 @@ from tpd.report.content import content
 SOUND = (designs.loss_case("friction"),)
 """Losses on which the benefit does not hang."""
 NONE = Study()
-
-
-def refused(*verified):
-    return designs.around(status=DesignStatus.refused, pendulum=None, verified=verified)
-
-
-def against(kind, value, reference=0.0, **more):
-    return Reason(step=Step.benefit, kind=kind, value=value, reference=reference, **more)
-
-
-STRIKES = against(ReasonKind.strikes, 0.27, 0.01)
-LITTLE = against(ReasonKind.too_little_benefit, 0.08, 0.1, low=0.02)
 LIMITS = [dataclasses.replace(designs.REASON, limit=f"limit {i}" * 12) for i in range(40)]
 CASES = {
     "one condition": (designs.single(), designs.study()),
     "neighbourhood": (designs.around(), designs.study()),
     "band": (designs.band(), designs.study(responses=None)),
     "refused": (designs.refused(), NONE),
-    "forty reasons": (refused(designs.verified(reasons=tuple(LIMITS))), NONE),
+    "forty reasons": (designs.all_refused(designs.verified(reasons=tuple(LIMITS))), NONE),
     "interrupted": (designs.single(status=DesignStatus.interrupted, pendulum=None, verified=()), NONE),
 }
 
@@ -119,8 +107,10 @@ def test_bobs_that_do_as_well_leave_two_digits():
 
 def test_a_refusal_names_the_nearest_and_what_is_against_it_gravest_first():
     limits = [dataclasses.replace(designs.REASON, condition=f"{f} Hz") for f in (1, 2, 3)]
-    rests = against(ReasonKind.rests_less, 1.0, 9.0, total=40)
-    said = answer(refused(designs.verified(reasons=(*limits, rests, LITTLE, STRIKES))), NONE)
+    rests = designs.against(ReasonKind.rests_less, 1.0, 9.0, total=40)
+    said = answer(
+        designs.all_refused(designs.verified(reasons=(*limits, rests, designs.LITTLE, designs.STRIKES))), NONE
+    )
     assert said.startswith(
         "DANGER: NO PENDULUM WORTH HANGING: by the paired runs of the nonlinear equations the bob"
     )
@@ -135,7 +125,7 @@ def test_a_refusal_names_the_nearest_and_what_is_against_it_gravest_first():
 
 @pytest.mark.mends("the headline named the design of the largest benefit, whose bob strikes in every run")
 def test_the_nearest_is_the_one_that_misses_its_requirements_by_the_least():
-    strikes = [(against(ReasonKind.strikes, share, 0.01),) for share in (1.0, 0.02)]
+    strikes = [(designs.against(ReasonKind.strikes, share, 0.01),) for share in (1.0, 0.02)]
     gains = [designs.benefit(designs.paired(lost)) for lost in (1, 4)]
     far, near = (
         designs.verified(mass_ratio=mu, reasons=reasons, benefit=gain)
@@ -143,14 +133,14 @@ def test_the_nearest_is_the_one_that_misses_its_requirements_by_the_least():
     )
     early = designs.verified(mass_ratio=0.15, reasons=(designs.REASON,), benefit=None, paired=None)
     for order in ((far, near, early), (early, near, far)):
-        said = answer(refused(*order), NONE)
+        said = answer(designs.all_refused(*order), NONE)
         assert "nearest    0.811 kg on 0.12 m, ζ = 0.1" in said
         assert "strikes a wall in 2.0% of the cases, and 1.0% is allowed" in " ".join(said.split())
 
 
 @pytest.mark.mends("every refusal was a danger, and 'keep to all limits' as well")
 def test_a_refusal_is_a_danger_where_it_is_about_overturning_or_strikes():
-    for reason, severity in ((LITTLE, Severity.note), (STRIKES, Severity.danger)):
+    for reason, severity in ((designs.LITTLE, Severity.note), (designs.STRIKES, Severity.danger)):
         bad = (designs.verified(reasons=(reason,)),)
         alone = designs.single(status=DesignStatus.refused, pendulum=None, verified=bad)
         assert verdict(alone).severity is severity

@@ -7,7 +7,6 @@ import pytest
 
 import tpd
 from tests import designs
-from tpd.design.result import DesignStatus
 from tpd.design.verified import Reason, ReasonKind, Step
 from tpd.report import harmonic
 from tpd.report.blocks import Table, Text
@@ -77,21 +76,10 @@ def test_a_limit_without_which_the_best_design_is_the_same_has_no_row():
     assert [row[0] for row in table.rows] == ["limits kept from rest", *rest]
 
 
-def refused(*verified):
-    return designs.around(status=DesignStatus.refused, pendulum=None, verified=verified)
-
-
-def against(kind, value, reference=0.0, **more):
-    return Reason(step=Step.benefit, kind=kind, value=value, reference=reference, **more)
-
-
-STRIKES = against(ReasonKind.strikes, 0.27, 0.01)
-LITTLE = against(ReasonKind.too_little_benefit, 0.08, 0.1, low=0.02)
-
-
 @pytest.mark.mends("a design was counted by its first reason alone")
 def test_every_reason_against_the_verified_is_counted():
-    counts = harmonic.limiting(refused(designs.verified(reasons=(LITTLE, STRIKES))))[0]
+    both = designs.verified(reasons=(designs.LITTLE, designs.STRIKES))
+    counts = harmonic.limiting(designs.all_refused(both))[0]
     assert "1 were refused: " in counts.text
     assert "1 because the benefit is too small" in counts.text
     assert "1 because the bob strikes a wall" in counts.text

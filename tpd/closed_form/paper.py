@@ -53,16 +53,6 @@ def printed_free_amplitude(nu: Number, frequency: Number) -> Number:
     return nu * (1.0 - jnp.arccosh(jnp.asarray(0.5 * jnp.pi / frequency)))
 
 
-def printed_forced_motion(p: Parameters, t: Number, amplitude: Number, gamma: Number) -> Number:
-    """(18) as printed: tilt (rad) at tau = t after the turn, of the bare block under
-    f cos(xi tau - gamma), before it crosses; mu stands where xi should."""
-    g = p.f / (1.0 + p.xi**2)
-    grows = (amplitude - p.nu + p.k + g * jnp.cos(gamma)) * jnp.cosh(t) + p.xi * g * jnp.sin(
-        gamma
-    ) * jnp.sinh(t)
-    return p.nu - p.k + grows - p.f / (1.0 + p.mu**2) * jnp.cos(p.xi * t - gamma)
-
-
 class Quarter(NamedTuple):
     """(19): last axis cos gamma positive and negative; NaN where |sin gamma| would exceed 1."""
 

@@ -153,7 +153,6 @@ def build_of(design: Design, moved: tuple[Moved, ...] = ()) -> Build | None:
     if hung is None:
         return None
     room, g = limit_of(design.limits, Room), float(scene.gravity)
-    share = design.worth.broken if design.conditions.motions else design.worth.allowed
     bob = room.bob if isinstance(room, Room) else Bob()
     mass, length, zeta = float(hung.mass), float(hung.length), float(hung.damping_ratio)
     block, mu = scene.block, mass / float(scene.block.mass)
@@ -175,7 +174,9 @@ def build_of(design: Design, moved: tuple[Moved, ...] = ()) -> Build | None:
         rod_share=rod_share,
         depth=rod + half,
         wall=math.nan if block.cavity_width is None else 0.5 * float(block.cavity_width),
-        reach=float(np.quantile(reach, 1.0 - share, method="higher")) if np.size(reach) else math.nan,
+        reach=float(np.quantile(reach, 1.0 - design.strikes_allowed, method="higher"))
+        if np.size(reach)
+        else math.nan,
         frequency=math.sqrt(g / length) / (2.0 * math.pi),
         damping=float(hung.hinge_damping(g)),
         rebound=math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)) if zeta < 1.0 else 0.0,
@@ -196,8 +197,8 @@ def _lifts(scene: Scene, hung: Pendulum) -> tuple[float, float]:
     return with_it, without
 
 
-def _strongest(design: Design) -> list[Any]:
-    """Motions of a design's conditions, those of the largest loads if there are many."""
+def _strongest(design: Any) -> list[Any]:
+    """Motions of a design's conditions, those in which the rod turns most if there are many."""
     c, motion = design.conditions, design.scene.motion
     if c.motions:
         return _of_motions(design)
@@ -209,7 +210,10 @@ def _strongest(design: Design) -> list[Any]:
         )
         for a, w in zip(c.column("amplitude"), c.column("frequency"), strict=True)
     ]
-    return sorted(found, key=lambda m: -float(m.pga))[:_MOTIONS]
+    # Rod and damper are loaded most near the pendulum's own frequency, not by the strongest shaking.
+    stroke = np.zeros(len(found)) if design.best is None else design.best.evaluation.stroke[0]
+    order = np.argsort(-np.nan_to_num(stroke, posinf=-1.0, nan=-1.0), kind="stable")
+    return [found[i] for i in order[:_MOTIONS]]
 
 
 def _of_motions(design: Any) -> list[Any]:

@@ -137,6 +137,11 @@ class Design(Question, Printed):
     }
     """Functions of `tpd.plot` by the words that `plot` takes."""
 
+    @property
+    def strikes_allowed(self) -> float:
+        """Share of the standing runs that may strike a wall or, on ground motions, break a limit."""
+        return self.worth.broken if self.conditions.motions else self.worth.allowed
+
     @staticmethod
     def read(path: str | Path) -> StoredDesign:
         """Return what the design.json of a report, or of the report's directory, holds of its design.

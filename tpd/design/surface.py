@@ -66,11 +66,6 @@ class Surface:
         variance = np.maximum(size * (1.0 + _CONSTANT) - np.sum(solved**2, axis=0), 0.0)
         return self.middle + self.spread * (k @ self.weights), self.spread * np.sqrt(variance)
 
-    @property
-    def noise(self) -> float:
-        """Standard deviation of the values about the trend."""
-        return float(self.spread * np.exp(self.numbers[-1]))
-
 
 def _covariance(a: np.ndarray, b: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """Squared exponential covariances of values at places (n, d) and (m, d), with that of an unknown mean."""

@@ -126,7 +126,7 @@ def saved(told: Comparison) -> str:
 def _sign(design: Design) -> str:
     """Sentence that says that the benefit hangs on how the block loses energy, where it does."""
     losses = design.losses if isinstance(design, HarmonicDesign) else ()
-    against = [case for case in losses if case.benefit.low <= 0.0]
+    against = [case for case in losses if not case.benefit.low > 0.0]
     if not against:
         return ""
     names = " and ".join(f"{case.name} ({case.benefit.value:.0%})" for case in against)
@@ -171,7 +171,8 @@ def _pendulum(design: Design, study: Study) -> Iterator[tuple[str, str]]:
             yield "nearest", f"{size}: not offered"
         return
     if build is None:
-        yield "bob", f"{number(float(hung.mass), 3)} kg on {number(float(hung.length), 3)} m"
+        point = f"{number(float(hung.mass), 3)} kg on {number(float(hung.length), 3)} m"
+        yield "pendulum", f"acts as a point of {point}; the body that does is not known"
         return
     # Where other bobs do as well a third digit says nothing.
     alike = words.range_of_mass(design)
@@ -220,13 +221,13 @@ def _points(of: Change, digits: int) -> str:
 
 def _room(design: Design, study: Study, told: Comparison) -> str:
     harmonic = isinstance(design, HarmonicDesign)
-    most = design.worth.allowed if harmonic else design.worth.broken
-    what = "strikes a wall" if harmonic else "breaks a limit"
+    most, what = design.strikes_allowed, "strikes a wall" if harmonic else "breaks a limit"
     share = f"{what} in {told.strikes:.1%} of those that stand ({most:.0%} allowed)"
     build = study.build
     if build is None or math.isnan(build.wall) or math.isnan(build.reach):
         return share
-    return f"{share}; comes to {number(build.reach, 3)} of {build.wall:.3g} m"
+    which = f"in all but {most:.0%}" if harmonic else f"on what it is tuned to, in all but {most:.0%}"
+    return f"{share}; {which} it comes to {number(build.reach, 3)} of {build.wall:.3g} m"
 
 
 def held(design: Design, study: Study) -> str:

@@ -12,7 +12,7 @@ from tpd.design.result import Design, DesignStatus
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
 
 _SAID = {
-    "": ("nothing", None),
+    "": ("nothing moved", None),
     "restitution": ("loss at an impact, 1 - e", "pull the object and release it, above"),
     "friction": ("friction k of the rocking contact", "pull the object and release it, above"),
     "slenderness": ("slenderness ν", "width of the base that bears, and height of the centroid"),
@@ -35,19 +35,23 @@ def section(design: Design, build: Build | None) -> list[Block]:
 def _sizes(design: Design, build: Build) -> Table:
     hung = design.pendulum
     assert hung is not None
+    point = f"{number(float(hung.mass))} kg at {number(float(hung.length))} m"
     rows: list[tuple[Cell, ...]] = [
         (
             "mass of the bob",
             f"{number(build.mass)} kg",
-            f"{build.bob}; as a body it acts as a point of {number(float(hung.mass))} kg, and with the rod "
-            f"{number(build.dead, 3)} kg load the top without swinging",
+            f"{build.bob}; as a body it acts as a point of {point}, and with the rod "
+            f"{number(build.dead, 3)} kg load the top without swinging"
+            if math.isfinite(build.mass)
+            else f"no body, {build.bob}, acts as a point of {point}: forces are those of the point",
         ),
         ("bob, width by height", f"{number(build.bob_width)} m × {number(build.bob_height)} m", None),
         (
             "rod, hinge to the bob's centre",
             f"{number(build.rod)} m" if math.isfinite(build.rod) else "none swings as often",
-            f"the point hangs at {number(float(hung.length))} m; a steel rod of {build.rod_share:.1%} of the "
-            "bob's mass is taken",
+            f"with a steel rod of {build.rod_share:.1%} of the bob's mass"
+            if math.isfinite(build.rod)
+            else None,
         ),
         ("depth below the hinge", f"{number(build.depth)} m", "to the lower end of the hanging bob"),
         *_way(design, build),
@@ -80,29 +84,28 @@ def _sizes(design: Design, build: Build) -> Table:
     rows.append(
         (
             "acceleration that lifts the resting block",
-            f"{number(slow)} to {number(fast)} g",
-            f"shaking much slower and much faster than the pendulum{settled}; {number(bare)} g without it",
+            f"{number(slow)} g, {number(fast)} g",
+            "shaking much slower, much faster than the pendulum, as a point; near its own frequency maybe "
+            f"less than both{settled}; {number(bare)} g without it",
         )
     )
     forces = "There are no forces, since the block stands in none of the motions."
     if build.loads is not None:
         forces = (
-            f"Forces: the largest of {build.loads.motions} motions of the job in which the block stands, "
-            "linear equations, nominal block, in proportion to the whole mass. Impacts of the block are left "
-            "out: take a factor of safety."
+            f"Forces: the largest of {build.loads.motions} motions of the job in which the block stands (of "
+            "many those in which the bob swings most; harmonics for 40 periods from rest), linear equations, "
+            "nominal block, in proportion to the whole mass. Impacts of the block are left out: take a "
+            "factor of safety."
         )
-    caption = f"{forces} Costs are yours."
-    return Table(("part", "size", "remark"), tuple(rows), caption)
+    return Table(("part", "size", "remark"), tuple(rows), f"{forces} Costs are yours.")
 
 
 def _way(design: Design, build: Build) -> list[tuple[Cell, ...]]:
     """Row of the clear way; none where no run is known."""
     if not math.isfinite(build.reach):
         return []
-    motions = bool(design.conditions.motions)
-    share = design.worth.broken if motions else design.worth.allowed
-    which = "on the motions that it is tuned to" if motions else "of the same runs"
-    said = f"of the body from the axis in all but {share:.0%} {which} in which the block stands"
+    runs = "of the runs that it is tuned to" if design.conditions.motions else "of the same runs"
+    said = f"of the body from the axis in all but {design.strikes_allowed:.0%} {runs} where the block stands"
     wall = f"; the wall is at {number(build.wall)} m" if math.isfinite(build.wall) else ""
     return [("clear way to either side", f"{number(build.reach)} m", said + wall)]
 
@@ -169,12 +172,14 @@ def _moved(design: Design, build: Build) -> list[Block]:
         "A restitution is moved as a number, without scatter."
     )
     if design.status is DesignStatus.found:
-        caption += " Built within these tolerances the pendulum is the one that was judged."
+        caption += (
+            " Built within the second column, which is the tolerance, it is the pendulum that was judged."
+        )
     lost = [_SAID[m.name][0] for m in build.moved if not min(m.low.low, m.high.low) > 0.0]
     said = (
-        f"Beyond the tolerances the benefit is not shown for: {'; '.join(lost)}."
+        f"Moved as in the third column the benefit is not shown for: {'; '.join(lost)}."
         if lost
-        else ("In none of these is the benefit lost.")
+        else "In none of these is the benefit lost."
     )
     return [Table(head, rows, caption), Text(said)]
 
@@ -185,7 +190,7 @@ def _judged(design: Design) -> dict[str, float]:
     found = scatter_of(block, design.ensemble)
     if not design.conditions.motions:
         found |= {name: getattr(design.ensemble, name) for name in ("amplitude", "frequency")}
-    if "restitution" in found:
+    if "restitution" in found and e < 1.0:
         found["restitution"] *= e / (1.0 - e)
     return {name: width for name, width in found.items() if width}
 

@@ -49,7 +49,7 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any]) -> str:
         "build": study.build,
         "front": study.front,
         "risk": design.risk,
-        "worth": replace(design.worth, strikes=_allowed(design)),
+        "worth": replace(design.worth, strikes=design.strikes_allowed),
         "limits": {limit.name: _limit(limit) for limit in design.limits},
         "conditions": design.conditions,
         "space": design.space,
@@ -60,10 +60,6 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any]) -> str:
         "details": _harmonic(design, study) if isinstance(design, HarmonicDesign) else _ground(design),
     }
     return files.as_json(plain(entries))
-
-
-def _allowed(design: Design) -> float:
-    return design.worth.broken if design.conditions.motions else design.worth.allowed
 
 
 def _harmonic(design: HarmonicDesign, study: Study) -> dict[str, Any]:

@@ -107,18 +107,15 @@ def _strikes(design: HarmonicDesign, winner: Verified, pendulum: Pendulum) -> It
     yield from strikes(design.scene.block, pendulum, largest)[:1]
 
 
-def strikes(
-    block: Block, pendulum: Pendulum, angles: Mapping[str, float], bob: Bob | None = None
-) -> list[Note]:
-    """A note for every angle at which the bob as a body would strike the block's walls, with a remedy.
+def strikes(block: Block, pendulum: Pendulum, angles: Mapping[str, float]) -> list[Note]:
+    """A note for every angle at which a solid ball of steel would strike the block's walls, with a remedy.
 
     Args:
         block, pendulum: the design.
         angles: between bob and block, rad, by when they are reached: the largest bob angle and the largest
             tilt together, which is never too little.
-        bob: default a solid ball of steel.
     """
-    bob = Bob() if bob is None else bob
+    bob = Bob()
     wall, mass, length = 0.5 * block.room, pendulum.mass, pendulum.length
     tried = np.linspace(0.0, 0.5 * math.pi, 1571)
     clear = tried[np.asarray(bob.reach(mass, length, tried)) <= wall]
