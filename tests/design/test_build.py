@@ -12,6 +12,7 @@ from tpd.closed_form import turning_tilts
 from tpd.core.conditions import Conditions
 from tpd.core.parameters import as_arrays
 from tpd.core.scene import Harmonic, Scene
+from tpd.design import build
 from tpd.design.build import build_of, loads_of, moved_of, pull_test
 
 
@@ -74,6 +75,19 @@ def test_loads_are_the_largest_of_the_motions_in_which_the_block_stands():
     assert found.motions == 2
     assert found[:3] == pytest.approx(np.max(each, axis=0))
     assert loads_of([fatal], hung) is None
+
+
+@pytest.mark.mends(
+    "of many motions the strongest were taken, and not those near the pendulum's own frequency"
+)
+def test_of_many_motions_those_are_followed_in_which_the_bob_swings_most(monkeypatch):
+    monkeypatch.setattr(build, "_MOTIONS", 2)
+    stroke = np.linspace(0.1, 0.4, 10)
+    seen = designs.evaluation(np.full(10, 0.05), stroke)
+    design = designs.around(verified=(designs.verified(evaluation=seen),))
+    f = design.scene.motion.frequency * design.conditions.column("frequency")
+    found = build._strongest(design)
+    assert [float(m.frequency) for m in found] == pytest.approx([f[9], f[8]])
 
 
 def test_a_design_is_built_with_the_rod_of_the_body():

@@ -70,6 +70,13 @@ def test_where_no_rod_swings_as_often_none_is_named():
     assert rows(table)["rod, hinge to the bob's centre"][0] == "none swings as often"
 
 
+def test_where_no_body_acts_as_the_point_no_number_of_one_is_named():
+    table, _ = construction.section(designs.single(), build(mass=float("nan"), rod=float("nan")))
+    found = rows(table)["mass of the bob"]
+    assert "no body, a solid ball of steel, acts as a point of 1.622 kg at 0.12 m" in found[1]
+    assert "nan" not in str(table)
+
+
 @pytest.mark.parametrize(("rebound", "said"), [(0.004, "it comes to rest without swinging back")])
 def test_a_pendulum_damped_beyond_swinging_is_said(rebound, said):
     assert said in construction.section(designs.single(), build(rebound=rebound))[1].items[1]
