@@ -34,7 +34,7 @@ GROUPS = {
     "Pulses and earthquakes": ("transient critical_scale fragility overturning_spectrum rocking_spectrum"),
     "Motions under harmonic shaking": (
         "steady_state simulate Starts attractors settled_response branches symmetric_orbits periodic_orbit "
-        "design_map closed_form"
+        "design_map theory"
     ),
     "Choose a model": "Auto Piecewise Smoothed Segmented",
     "Statuses": "Status status_name",

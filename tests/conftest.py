@@ -48,11 +48,11 @@ def pytest_configure(config):
 TESTS = Path(__file__).parent
 LONGEST = (
     "design/test_optimise",
-    "analysis/test_symmetric_orbits",
+    "answers/test_symmetric_orbits",
     "test_notebooks",
-    "analysis/test_bifurcations",
-    "analysis/test_periodic_orbit",
-    "analysis/test_steady_state",
+    "answers/test_bifurcations",
+    "answers/test_periodic_orbit",
+    "answers/test_steady_state",
     "models/test_piecewise",
     "cli/test_optimise",
     "models/test_compiled_linear",

@@ -6,19 +6,19 @@ from typing import NamedTuple
 import numpy as np
 
 import tpd
-from tpd.analysis.attractors import Starts
-from tpd.analysis.benefit import Benefit, benefit_of
-from tpd.analysis.ensemble import Ensemble
-from tpd.analysis.outcomes import Outcomes
-from tpd.analysis.paired import Verdict
-from tpd.analysis.response import Response
-from tpd.core.conditions import Conditions
+from tpd.answers.attractors import Starts
+from tpd.answers.benefit import Benefit, benefit_of
+from tpd.answers.ensemble import Ensemble
+from tpd.answers.outcomes import Outcomes
+from tpd.answers.paired import Verdict
+from tpd.answers.response import Response
 from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, DesignSpace, Risk, Worth
 from tpd.design.front import FrontPoint
 from tpd.design.result import DesignStatus, HarmonicDesign, Search, SearchStatus
 from tpd.design.study import Study, TimeHistory
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Active, Bare, LossCase, Motions, Reason, ReasonKind, Step, Verified
+from tpd.scene.conditions import Conditions
 
 SCENE = tpd.paper_scene()
 HUNG = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)

@@ -26,8 +26,8 @@ from tpd import (
     steady_state,
     symmetric_orbits,
 )
-from tpd.analysis.steady_state import Steady
-from tpd.analysis.symmetric_orbits import Orbits, all_symmetric_orbits
+from tpd.answers.steady_state import Steady
+from tpd.answers.symmetric_orbits import Orbits, all_symmetric_orbits
 from tpd.models.base import AbstractModel
 
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")

@@ -21,11 +21,11 @@ import numpy as np
 import pytest
 from scipy.optimize import fsolve
 
-from tests.analysis.test_bifurcations import BARE as FOLDING
-from tests.analysis.test_bifurcations import HELD, TOUCHING, Kind, lost
-from tests.analysis.test_periodic_orbit import carried, near
-from tests.analysis.test_symmetric_orbits import among
-from tests.analysis.test_symmetric_orbits import solve as orbits
+from tests.answers.test_bifurcations import BARE as FOLDING
+from tests.answers.test_bifurcations import HELD, TOUCHING, Kind, lost
+from tests.answers.test_periodic_orbit import carried, near
+from tests.answers.test_symmetric_orbits import among
+from tests.answers.test_symmetric_orbits import solve as orbits
 from tests.atlas import REGIMES
 from tests.models.test_segmented import nonlinear
 from tests.reference import (
@@ -43,18 +43,18 @@ from tests.reference import (
     solver,
 )
 from tpd import Block, Harmonic, Pendulum, Piecewise, Scene, Smoothed, Status, Terms, status_name
-from tpd.analysis.period_map import Orbit
-from tpd.analysis.steady_state import _verdict
-from tpd.core.equations import smoothed_rates
-from tpd.core.orbit_terms import STATUSES
-from tpd.core.parameters import as_arrays
-from tpd.core.status import SETTLED, index_of, names_of
+from tpd.answers.period_map import Orbit
+from tpd.answers.steady_state import _verdict
 from tpd.exact import repetition, steady
 from tpd.exact.mode_kinds import LANDING
+from tpd.exact.orbit_terms import STATUSES
 from tpd.exact.symmetric_orbit_kernel import _status
 from tpd.models import compiled_linear
 from tpd.models.multiple_shooting import Events, events
 from tpd.models.settling import scale_of
+from tpd.scene.parameters import as_arrays
+from tpd.scene.status import SETTLED, index_of, names_of
+from tpd.theory.equations import smoothed_rates
 
 NU, MU, LAM, ZETA, K, F, XI, E = range(8)
 CHAOTIC = (0.321, 0.205, 0.096, 0.047, 0.087, 0.347, 2.803, 1.0)
@@ -712,10 +712,10 @@ def test_the_smoothed_equations_4_have_no_number_with_impacts():
 
 IN_32_BITS = """
 import numpy as np, tpd
-from tpd.analysis.bifurcations import bifurcations
-from tpd.analysis.ensemble import outcomes
-from tpd.analysis.sweep import sweep
-from tpd.closed_form import *
+from tpd.answers.bifurcations import bifurcations
+from tpd.answers.ensemble import outcomes
+from tpd.answers.sweep import sweep
+from tpd.theory import *
 scene, pendulum = tpd.paper_scene(), tpd.Pendulum(mass=1.6, length=0.12, damping_ratio=0.1)
 p, values = scene.parameters(pendulum), np.linspace(0.3, 0.4, 9)
 band, y0 = (2.0, 3.5), np.zeros(4)

@@ -27,13 +27,13 @@ from tests.counting import counted  # noqa: E402
 from tests.exact.test_truth import SETTLE, SETTLED, scales  # noqa: E402
 from tests.reference import BARE, HUNG, STILL, parameters  # noqa: E402
 from tpd import Piecewise, Risk, Segmented, Smoothed, symmetric_orbits  # noqa: E402
-from tpd.closed_form import one_harmonic  # noqa: E402
 from tpd.core.files import as_json, place, versions  # noqa: E402
 from tpd.design.ends import Linearisation  # noqa: E402
 from tpd.design.screening import with_design  # noqa: E402
 from tpd.design.sequential import minimise  # noqa: E402
 from tpd.exact.orbit_roots_kernel import BRACKETS, NODES  # noqa: E402
 from tpd.exact.symmetric_orbit_kernel import ORBITS  # noqa: E402
+from tpd.theory import one_harmonic  # noqa: E402
 
 STORED = Path(__file__).with_name("counts.json")
 COMMAND = "python -m tests.test_guard"
@@ -122,10 +122,10 @@ def heard(name, seconds, **about):
 jax.monitoring.register_event_duration_secs_listener(heard)
 import numpy as np
 from tpd import Block, Conditions, Ensemble, Harmonic, Scene
-from tpd.analysis.ensemble import plan
-from tpd.core.conditions import under_all
-from tpd.core.parameters import as_arrays
-from tpd.core.status import Status, names_of
+from tpd.answers.ensemble import plan
+from tpd.scene.conditions import under_all
+from tpd.scene.parameters import as_arrays
+from tpd.scene.status import Status, names_of
 from tpd.design.objective import blank, margins
 from tpd.design.problem import Problem
 block = Block(width=1.3, height=10.0, mass=16280.0, restitution="housner", cavity_width=0.9)

@@ -13,7 +13,7 @@ import pytest
 import tpd
 from tests.api_reference import GROUPS, PAGE, Reference
 from tpd.cli import parser
-from tpd.core.status import Status
+from tpd.scene.status import Status
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -164,7 +164,7 @@ def test_names_of_the_table_of_equations_are_in_its_files():
 
 
 def test_files_of_the_docstring_s_table_exist():
-    names = re.findall(r"\b((?:core|closed_form|exact|models|analysis)/\w+)\b", str(tpd.__doc__))
+    names = re.findall(r"\b((?:core|scene|theory|exact|models|answers)/\w+)\b", str(tpd.__doc__))
     assert len(names) > 10
     for name in names:
         assert (ROOT / "tpd" / f"{name}.py").exists(), name

@@ -32,7 +32,7 @@ if design.pendulum is not None:
     print(design.pendulum.mass, design.pendulum.length)
     p = scene.parameters(design.pendulum)
     steady = tpd.steady_state(p, model=tpd.Smoothed(terms=tpd.Terms.linear))
-    print(steady.amplitude, tpd.status_name(steady.status), tpd.closed_form.uplift(p).margin)
+    print(steady.amplitude, tpd.status_name(steady.status), tpd.theory.uplift(p).margin)
     record = tpd.records.el_centro()
     curve = tpd.fragility(block, [record], scales=[0.5, 1.0], pendulum=design.pendulum)
     print(curve, tpd.engines.mjcf(scene))
@@ -51,7 +51,7 @@ WRONG = {
     "a size of the pendulum": ("design.pendulum.mass", "design.pendulum.mas"),
     "a function": ("tpd.optimise", "tpd.optimize"),
     "a class": ("tpd.Ensemble", "tpd.Ensembel"),
-    "a function of a part": ("closed_form.uplift", "closed_form.uplft"),
+    "a function of a part": ("theory.uplift", "theory.uplft"),
     "records": ("records.el_centro", "records.el_zentro"),
     "engines": ("engines.mjcf", "engines.mjfc"),
     "text for a number": ("height=2.0", 'height="2.0"'),

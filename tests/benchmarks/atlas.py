@@ -17,14 +17,14 @@ from matplotlib.figure import Figure
 jax.config.update("jax_enable_x64", True)
 
 from tests import test_atlas as atlas  # noqa: E402
-from tests.analysis.test_bifurcations import BARE as FOLDING  # noqa: E402
-from tests.analysis.test_bifurcations import HELD, TOUCHING, Kind, lost  # noqa: E402
-from tests.analysis.test_symmetric_orbits import among  # noqa: E402
+from tests.answers.test_bifurcations import BARE as FOLDING  # noqa: E402
+from tests.answers.test_bifurcations import HELD, TOUCHING, Kind, lost  # noqa: E402
+from tests.answers.test_symmetric_orbits import among  # noqa: E402
 from tests.reference import BARE, HUNG, exact, parameters  # noqa: E402
 from tests.test_atlas import XI, F, moved  # noqa: E402
 from tpd import Piecewise  # noqa: E402
-from tpd.core.parameters import as_arrays  # noqa: E402
 from tpd.plot.style import BLUE, GREY, INK, ORANGE  # noqa: E402
+from tpd.scene.parameters import as_arrays  # noqa: E402
 
 PICTURES = Path(__file__).parents[2] / "notebooks" / "pictures" / "atlas"
 

@@ -33,10 +33,10 @@ from tests.counting import counted  # noqa: E402
 from tests.reference import BARE, HUNG, MOVING, STILL, Case, exact, parameters  # noqa: E402
 from tpd import Parameters, Smoothed, status_name, steady_state  # noqa: E402
 from tpd.core.files import as_json, place, versions  # noqa: E402
-from tpd.core.parameters import Number  # noqa: E402
-from tpd.core.status import SETTLED  # noqa: E402
 from tpd.models.smoothed import rocking_scale  # noqa: E402
 from tpd.plot import style as canvas  # noqa: E402
+from tpd.scene.parameters import Number  # noqa: E402
+from tpd.scene.status import SETTLED  # noqa: E402
 
 COMMAND = "python -m tests.benchmarks.bias"
 RESULTS = Path(__file__).with_name("results") / "bias.json"

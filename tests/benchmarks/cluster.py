@@ -186,8 +186,8 @@ def process(port: str, number: str) -> None:
     from jax.experimental import multihost_utils
     from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-    from tpd.analysis.design_map import _designs
-    from tpd.core.quantities import Setup
+    from tpd.answers.design_map import _designs
+    from tpd.scene.quantities import Setup
 
     scene = tpd.paper_scene()
     hung = scene.pendulum(mass_ratio=0.1, length_ratio=0.4, damping_ratio=0.1)

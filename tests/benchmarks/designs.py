@@ -20,7 +20,7 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
-from tpd.analysis.ensemble import Outcomes, outcomes  # noqa: E402
+from tpd.answers.ensemble import Outcomes, outcomes  # noqa: E402
 from tpd.design.checkpoint import Checkpoint  # noqa: E402
 from tpd.design.problem import Problem  # noqa: E402
 from tpd.design.result import Design  # noqa: E402

@@ -25,7 +25,7 @@ from scipy.integrate import solve_ivp
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
-from tpd.analysis.ground_batch import follow_scaled, rows_of  # noqa: E402
+from tpd.answers.ground_batch import follow_scaled, rows_of  # noqa: E402
 from tpd.models.compiled_shaken import follow_all  # noqa: E402
 from tpd.plot.style import BLUE, GREY, INK, ORANGE, new_axes, png  # noqa: E402
 

@@ -145,7 +145,7 @@ GUARDS = (
     Guard(
         "period three and chaos",
         "periodic_orbit: unstable where a multiplier exceeds 1",
-        "analysis/periodic_orbit:_verdict",
+        "answers/periodic_orbit:_verdict",
         never("unstable"),
         test_ids("periodic_orbit", "continuation_passes_where_the_orbit_repels"),
     ),
@@ -218,7 +218,7 @@ GUARDS = (
     Guard(
         "smoothed impacts",
         "smoothed_rates: no number with nonlinear terms and a traced e < 1",
-        "core/equations:smoothed_rates",
+        "theory/equations:smoothed_rates",
         without_nan("decay"),
         _atlas("the_smoothed_equations_4_have_no_number_with_impacts"),
     ),
@@ -232,7 +232,7 @@ GUARDS = (
     Guard(
         "scales",
         "scene: omega0 from the half height",
-        "core/scene:_rate",
+        "scene/scene:_rate",
         constant("half_height", 0.2),
         _atlas("neither_millimetres_nor_kilometres_change_a_dimensionless_answer"),
     ),

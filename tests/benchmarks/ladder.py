@@ -11,7 +11,7 @@ import numpy as np
 from tests.reference import NAMES
 from tpd import Auto, Parameters, Segmented, status_name, steady_state
 from tpd.core.files import versions
-from tpd.core.status import SETTLED
+from tpd.scene.status import SETTLED
 
 SCENES, SEED = 320, 11
 LOW = np.array([0.08, 0.0, 0.1, 0.05, 0.01, 0.05, 1.0])

@@ -24,7 +24,7 @@ import numpy as np
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
-from tpd.analysis.ensemble import Ensemble, plan  # noqa: E402
+from tpd.answers.ensemble import Ensemble, plan  # noqa: E402
 from tpd.models.compiled_nonlinear import settle_nonlinear  # noqa: E402
 
 RESULT = Path(__file__).parent / "results" / "nonlinear_runs.md"

@@ -17,9 +17,9 @@ jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
 from tests.reference import BARE, HUNG, parameters  # noqa: E402
-from tpd.core.parameters import as_arrays  # noqa: E402
 from tpd.design.criteria import DEFAULT_LIMITS, stroke_limit  # noqa: E402
 from tpd.design.screening import with_design  # noqa: E402
+from tpd.scene.parameters import as_arrays  # noqa: E402
 
 CASES = HUNG + BARE
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi")

@@ -1,5 +1,5 @@
 """How well dry friction stands for impacts: settled amplitudes with the velocity ratio e, and with e = 1 and
-the friction `tpd.closed_form.equivalent_friction` of the amplitude that this leads to, over random scenes.
+the friction `tpd.theory.equivalent_friction` of the amplitude that this leads to, over random scenes.
 
 .venv/bin/python -m tests.benchmarks.restitution
 """
@@ -13,9 +13,9 @@ import numpy as np
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
-from tpd.core.impacts import housner  # noqa: E402
-from tpd.core.status import names_of  # noqa: E402
 from tpd.models.batches import settle_all  # noqa: E402
+from tpd.scene.impacts import housner  # noqa: E402
+from tpd.scene.status import names_of  # noqa: E402
 
 SCENES, SEED = 400, 5
 ITERATIONS = 16
@@ -70,7 +70,7 @@ def with_friction(p: tpd.Parameters, y0: np.ndarray, first: np.ndarray) -> tuple
     that was reached."""
     phi, toppling = first, (1.0 + p.mu) * p.nu / (1.0 + 2.0 * p.mu)
     for _ in range(ITERATIONS):
-        k = p.k + np.asarray(tpd.closed_form.equivalent_friction(p, phi))
+        k = p.k + np.asarray(tpd.theory.equivalent_friction(p, phi))
         found = settled(replace(p, k=k, e=np.ones(SCENES)), y0)
         before, phi = (
             phi,

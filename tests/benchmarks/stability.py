@@ -27,8 +27,8 @@ jax.config.update("jax_enable_x64", True)
 from tests.benchmarks.tables import compact, table  # noqa: E402
 from tests.reference import HUNG, parameters  # noqa: E402
 from tpd import Smoothed  # noqa: E402
-from tpd.core.equations import smoothed_rates  # noqa: E402
 from tpd.core.files import as_json, place, versions  # noqa: E402
+from tpd.theory.equations import smoothed_rates  # noqa: E402
 
 COMMAND = "python -m tests.benchmarks.stability"
 RESULTS = Path(__file__).with_name("results") / "stability.json"

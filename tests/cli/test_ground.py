@@ -8,7 +8,7 @@ import pytest
 
 import tpd
 from tests.unanswered import unanswered
-from tpd.analysis import transient as transient_module
+from tpd.answers import transient as transient_module
 from tpd.cli import main
 from tpd.design.job import job_of
 from tpd.records.reading import read_motions

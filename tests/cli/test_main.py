@@ -40,7 +40,7 @@ from tpd.core import process
 process.use_64_bits()
 import equinox as eqx, jax
 from tpd import Segmented, Smoothed, Terms, paper_scene, steady_state
-from tpd.core.parameters import as_arrays
+from tpd.scene.parameters import as_arrays
 p = as_arrays(paper_scene().parameters())
 def amplitude(mu, model):
     return steady_state(eqx.tree_at(lambda q: q.mu, p, mu), model=model).amplitude

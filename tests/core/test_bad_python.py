@@ -17,9 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 import tpd
 from tpd import *
-from tpd.analysis.bifurcations import bifurcations
-from tpd.analysis.ensemble import outcomes
-from tpd.analysis.sweep import sweep
+from tpd.answers.bifurcations import bifurcations
+from tpd.answers.ensemble import outcomes
+from tpd.answers.sweep import sweep
 
 def listen(event, seconds, **_):
     compiled.append(seconds) if "backend_compile" in event else None
@@ -125,7 +125,7 @@ CALLS = {
     "simulate(p, np.zeros(4), [1.0, 0.0])": "`times` must increase and be finite, but do not",
     'simulate(p, np.zeros(4), ["a", "b"])': "`times` must be a vector of two or more increasing numbers, all",
     "symmetric_orbits(scene)": "`p` must be a Parameters, but is Scene(",
-    "closed_form.uplift(scene)": "`p` must be a Parameters, but is Scene(",
+    "theory.uplift(scene)": "`p` must be a Parameters, but is Scene(",
     "periodic_orbit(p, [0.0, nan, 0.0, 0.0])": "`y0` must be (phi, psi, phi', psi'), all finite",
     "attractors(block)": "`subject` must be a Parameters or Scene, but is Block(",
     "attractors(scene, starts=12)": "`starts` must be a Starts, but is 12",
@@ -189,8 +189,8 @@ CALLS = {
     "Smoothed(terms=3)": "`terms` must be a Terms, but is 3",
     'Segmented(terms="x")': "`terms` must be a Terms, but is 'x'",
     "status_name(99)": "`status` must be a EnumerationItem, but is 99",
-    'closed_form.free_motion("x")': "`p` must be a Parameters, but is 'x'",
-    "closed_form.equivalent_friction(scene, 0.1)": "`p` must be a Parameters, but is Scene(",
+    'theory.free_motion("x")': "`p` must be a Parameters, but is 'x'",
+    "theory.equivalent_friction(scene, 0.1)": "`p` must be a Parameters, but is Scene(",
     "attractors(shaken, hung)": "`motion` must be a Harmonic, but is Record(",
     "check(shaken, hung)": "`motion` must be a Harmonic, but is Record(",
     "verdict(shaken, hung)": "`motion` must be a Harmonic, but is Record(",

@@ -7,13 +7,13 @@ import pytest
 
 import tpd
 from tests import designs
-from tpd.analysis.shaking_history import shaking_history
-from tpd.closed_form import turning_tilts
-from tpd.core.conditions import Conditions
-from tpd.core.parameters import as_arrays
-from tpd.core.scene import Harmonic, Scene
+from tpd.answers.shaking_history import shaking_history
 from tpd.design import build
 from tpd.design.build import build_of, loads_of, moved_of, pull_test
+from tpd.scene.conditions import Conditions
+from tpd.scene.parameters import as_arrays
+from tpd.scene.scene import Harmonic, Scene
+from tpd.theory import turning_tilts
 
 
 def free_block(**losses):

@@ -7,15 +7,15 @@ import pytest
 
 import tpd
 from tests import designs
-from tests.analysis.test_benefit import runs
+from tests.answers.test_benefit import runs
 from tests.design.conftest import BAND, SCENE
-from tpd.analysis.benefit import benefit_of
-from tpd.analysis.paired import Verdict
-from tpd.closed_form import equivalent_friction
-from tpd.core.bob import Bob
+from tpd.answers.benefit import benefit_of
+from tpd.answers.paired import Verdict
 from tpd.design.by_runs import PairedRuns, loss_models, reasons_by_runs, strikes_of
 from tpd.design.criteria import Worth
 from tpd.design.verified import ReasonKind, Step
+from tpd.scene.bob import Bob
+from tpd.theory import equivalent_friction
 
 NU = float(SCENE.block.slenderness)
 HUNG = tpd.Pendulum(mass=0.5, length=0.1, damping_ratio=0.1)

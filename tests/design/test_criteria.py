@@ -9,7 +9,6 @@ from scipy.optimize import linprog
 
 import tpd
 from tests.design.conftest import WIDE
-from tpd.core.bob import Bob
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import (
     DEFAULT_LIMITS,
@@ -25,6 +24,7 @@ from tpd.design.objective import Evaluation, geometry_of
 from tpd.design.problem import Problem
 from tpd.design.search import Multistart
 from tpd.report import words
+from tpd.scene.bob import Bob
 
 SCENE = tpd.paper_scene()
 FACTORS = {"mass": [0.9, 1.1], "length": [1.0, 1.02], "slenderness": [1.0, 0.97]}

@@ -10,11 +10,8 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.analysis.attractors import Starts
-from tpd.analysis.ensemble import Ensemble
-from tpd.core.bob import Bob
-from tpd.core.conditions import FACTORS, Conditions
-from tpd.core.scene import Block
+from tpd.answers.attractors import Starts
+from tpd.answers.ensemble import Ensemble
 from tpd.design import criteria
 from tpd.design import job as jobs
 from tpd.design.criteria import DesignSpace, Worth
@@ -25,6 +22,9 @@ from tpd.design.methods import Descent
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.records import el_centro, loma_prieta
+from tpd.scene.bob import Bob
+from tpd.scene.conditions import FACTORS, Conditions
+from tpd.scene.scene import Block
 
 EXACTLY = {"conditions": {"exactly": True}}
 BAND = {"conditions": {"band": [2.0, 3.0], "frequencies": 5}}

@@ -8,9 +8,9 @@ import pytest
 import tpd
 from tests.design.conftest import BAND, SCENE
 from tests.design.test_objective import GOOD
-from tpd.core.parameters import as_arrays
-from tpd.core.status import SETTLED
 from tpd.design.steps import motions_from_rest, polished
+from tpd.scene.parameters import as_arrays
+from tpd.scene.status import SETTLED
 
 P = as_arrays(SCENE.parameters())
 

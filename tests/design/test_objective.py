@@ -8,8 +8,8 @@ import pytest
 import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
 from tests.reference import orbits_of
-from tpd.core.parameters import as_arrays
 from tpd.design.objective import BACK_OFF, KINDS, REST, ROCKING, Orbits, geometry_of, margins
+from tpd.scene.parameters import as_arrays
 
 GOOD = np.array([[0.15, 0.26, 0.35]])
 UNIT = WIDE.scaled(GOOD)
@@ -45,7 +45,7 @@ def test_a_condition_is_answered_by_its_largest_attracting_orbit_or_by_rest(obje
         assert KINDS[e.kind[0, i]] == "rocking"
         assert e.tilt[0, i] == pytest.approx(float(found.amplitude[0]) / p.nu, rel=1e-10)
         assert e.stroke[0, i] == pytest.approx(float(found.stroke[0]), rel=1e-10)
-        assert e.margin[0, i] == pytest.approx(float(tpd.closed_form.uplift(p).margin), rel=1e-10)
+        assert e.margin[0, i] == pytest.approx(float(tpd.theory.uplift(p).margin), rel=1e-10)
     np.testing.assert_allclose(margins(objective, GOOD), e.margin, rtol=1e-12)
     np.testing.assert_array_equal(e.merit, e.tilt)
     assert objective.value(e)[0] == e.tilt.max()

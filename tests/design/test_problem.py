@@ -7,7 +7,7 @@ import optax
 import pytest
 
 import tpd
-from tpd.analysis.attractors import StartKind
+from tpd.answers.attractors import StartKind
 from tpd.design.criteria import DEFAULT_LIMITS
 from tpd.design.objective import Orbits
 from tpd.design.problem import Problem

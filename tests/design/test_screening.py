@@ -6,10 +6,10 @@ import numpy as np
 import tpd
 from tests.design.conftest import SCENE
 from tests.design.test_objective import orbits
-from tpd.closed_form import uplift
-from tpd.core.parameters import as_arrays
 from tpd.design.objective import margins
 from tpd.design.screening import best_apart, first_apart, screened_designs, starting_designs, with_design
+from tpd.scene.parameters import as_arrays
+from tpd.theory import uplift
 
 
 def test_starting_designs_are_seeded_and_inside_and_half_of_them_cannot_lift():

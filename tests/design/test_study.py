@@ -6,8 +6,8 @@ import pytest
 
 import tpd
 from tests import designs
-from tpd.analysis.response import settled_response
-from tpd.analysis.steady_state import sampled
+from tpd.answers.response import settled_response
+from tpd.answers.steady_state import sampled
 from tpd.design.criteria import Offset, Stroke
 from tpd.design.result import DesignStatus
 from tpd.design.study import Study, study, time_histories, usage

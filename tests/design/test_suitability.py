@@ -9,9 +9,8 @@ import pytest
 
 import tpd
 from tests import designs
-from tpd.analysis.compare_models import Answer, Check
+from tpd.answers.compare_models import Answer, Check
 from tpd.cli.new import template
-from tpd.core.conditions import Conditions
 from tpd.design import suitability as module
 from tpd.design.criteria import Worth
 from tpd.design.job import job_of
@@ -19,6 +18,7 @@ from tpd.design.problem import Problem
 from tpd.design.suitability import Suitability, suitability
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Reason, ReasonKind, Step
+from tpd.scene.conditions import Conditions
 
 TOWER = tpd.Scene(
     tpd.Block(width=2.0, height=9.0, mass=41500.0, radius_of_gyration=2.7, friction=0.02, cavity_width=1.6),

@@ -11,7 +11,7 @@ import tpd
 from tests import designs as designs_by_hand
 from tests.design.conftest import ANY_WORTH, BAND, FEW_STEPS, SCENE
 from tests.design.test_objective import GOOD, orbits
-from tpd.analysis.ensemble import outcomes
+from tpd.answers.ensemble import outcomes
 from tpd.design import optimise, steps, verify
 from tpd.design.active import nearest_of
 from tpd.design.by_runs import JUDGES

@@ -148,7 +148,7 @@ def test_free_rocking_has_the_period_of_the_equations_and_the_impacts_of_housner
 
 
 def test_a_column_with_its_pendulum_moves_as_by_the_equations(tmp_path):
-    from tpd.analysis.shaking_history import shaking_history
+    from tpd.answers.shaking_history import shaking_history
 
     found = by_opensees(opensees(SCENE, HUNG), tmp_path)
     ours = shaking_history(SCENE, HUNG, times=np.linspace(0.0, 2.0, 201))

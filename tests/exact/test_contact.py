@@ -8,8 +8,6 @@ import pytest
 from tests.exact.plants import plants_of
 from tests.reference import HUNG, parameters
 from tpd import Terms
-from tpd.core.equations import Equations, Linear
-from tpd.core.impacts import bob_change, housner, linear_bob_change, velocity_ratio
 from tpd.exact import contact_kernel
 from tpd.exact.contact import (
     REST,
@@ -21,6 +19,8 @@ from tpd.exact.contact import (
 )
 from tpd.exact.motion import MOTION
 from tpd.models.segmented import _classify, _held_on_base
+from tpd.scene.impacts import bob_change, housner, linear_bob_change, velocity_ratio
+from tpd.theory.equations import Equations, Linear
 
 
 def signs(mode):

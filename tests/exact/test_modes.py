@@ -9,10 +9,10 @@ from scipy.linalg import block_diag, expm
 
 from tests.exact.plants import plants_of, slopes_of
 from tests.reference import differences, parameters
-from tpd.core.equations import Linear
 from tpd.exact.arcs import Load, exponential, instant, launch, pair, state_at, turned
 from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.exact.plant import STEP
+from tpd.theory.equations import Linear
 
 
 @functools.cache

@@ -8,7 +8,7 @@ import pytest
 from tests.reference import orbits_of, parameters
 from tests.truth import load
 from tpd import Piecewise, simulate, status_name, steady_state
-from tpd.core.equations import Linear
+from tpd.theory.equations import Linear
 
 ROWS = load()
 TRANSIENT = [r for r in ROWS if r["what"] == "transient"]

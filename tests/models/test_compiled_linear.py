@@ -9,10 +9,10 @@ import pytest
 
 from tests.reference import HUNG, SLOW, EventDriven, parameters
 from tpd import Parameters, Piecewise, simulate, steady_state
-from tpd.core.parameters import as_arrays
-from tpd.core.status import names_of
 from tpd.models import compiled_linear
 from tpd.models.batches import settle_all
+from tpd.scene.parameters import as_arrays
+from tpd.scene.status import names_of
 
 OTHER = SimpleNamespace(platform="cuda")
 MOVED = ("rocking", "sticking")

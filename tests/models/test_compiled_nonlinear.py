@@ -14,10 +14,10 @@ from scipy.integrate import solve_ivp
 
 import tpd
 from tpd.core import files
-from tpd.core.equations import Equations
-from tpd.core.status import names_of
 from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear, settle_one
+from tpd.scene.status import names_of
+from tpd.theory.equations import Equations
 
 HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
 PERIODS = 40
@@ -228,7 +228,7 @@ def test_bad_input_is_refused(wrong, message):
 
 
 def test_numba_is_not_loaded_before_it_is_needed():
-    code = "import sys, tpd, tpd.analysis.ensemble; assert 'numba' not in sys.modules"
+    code = "import sys, tpd, tpd.answers.ensemble; assert 'numba' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.core.conditions import FACTORS, under
-from tpd.core.parameters import Parameters, as_arrays
 from tpd.models import compiled_orbits
 from tpd.models.half_period import half_period, newton
 from tpd.models.smoothed import Smoothed
+from tpd.scene.conditions import FACTORS, under
+from tpd.scene.parameters import Parameters, as_arrays
 
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
 SCENES = np.array(

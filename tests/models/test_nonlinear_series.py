@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.core.equations import Equations
 from tpd.exact.arcs import Load
 from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.exact.motion import MOTION
@@ -15,6 +14,7 @@ from tpd.exact.plant import PLANT, coefficients
 from tpd.models import nonlinear_series as series
 from tpd.models.compiled_linear import packed
 from tpd.models.nonlinear_series import DOWN, ORDERS, PHI, PSI, ROWS, UP, R, V
+from tpd.theory.equations import Equations
 
 ORDER = 24
 

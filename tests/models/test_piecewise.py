@@ -25,11 +25,11 @@ from tests.reference import (
     parameters,
 )
 from tpd import Harmonic, Piecewise, Status, paper_scene, simulate, status_name, steady_state
-from tpd.closed_form import uplift
-from tpd.core.equations import Linear
-from tpd.core.parameters import as_arrays
-from tpd.core.status import names_of
 from tpd.models.batches import settle_all
+from tpd.scene.parameters import as_arrays
+from tpd.scene.status import names_of
+from tpd.theory import uplift
+from tpd.theory.equations import Linear
 
 SAMPLES = 201
 """Of every trajectory here, so that one compilation serves them all."""

@@ -25,15 +25,15 @@ from tests.reference import (
 )
 from tests.reference import exact as linear
 from tpd import simulate, status_name, steady_state
-from tpd.core.equations import Equations, Terms
-from tpd.core.impacts import bob_change, housner, velocity_ratio
-from tpd.core.orbit_terms import GRAZING
-from tpd.core.parameters import Parameters, as_arrays
 from tpd.exact.contact import SLIP, Mode
+from tpd.exact.orbit_terms import GRAZING
 from tpd.models.compiled_nonlinear import settle_one
 from tpd.models.segmented import _TURN, Segmented, _begin, _struck, _transversality
 from tpd.models.settling import scale_of
 from tpd.models.smoothed import Smoothed
+from tpd.scene.impacts import bob_change, housner, velocity_ratio
+from tpd.scene.parameters import Parameters, as_arrays
+from tpd.theory.equations import Equations, Terms
 
 X = HUNG[3].x
 SETTLED = 0.0659875

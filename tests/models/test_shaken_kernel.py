@@ -10,8 +10,8 @@ import pytest
 import tpd
 from tests.ground_scenes import GRAVITY, el_centro
 from tests.ground_series import digits, follow
-from tpd.analysis.ground_batch import rows_of
-from tpd.analysis.shaking_history import shaking_history
+from tpd.answers.ground_batch import rows_of
+from tpd.answers.shaking_history import shaking_history
 from tpd.exact.follow import EVENT_BOUND, OVERTURNED, ROCKED, STOOD
 from tpd.models.compiled_shaken import Followed, follow_all
 

@@ -20,9 +20,9 @@ from tests.reference import (
     smoothed,
 )
 from tpd import Parameters, Segmented, Smoothed, Status, Terms, simulate, status_name, steady_state
-from tpd.core.impacts import housner
-from tpd.core.parameters import uniform_inertia_ratio
 from tpd.models.smoothed import rocking_scale
+from tpd.scene.impacts import housner
+from tpd.scene.parameters import uniform_inertia_ratio
 
 COARSER = 4.0
 

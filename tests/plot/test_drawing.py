@@ -10,10 +10,10 @@ from PIL import Image
 
 import tpd
 from tests import designs
-from tpd.core.bob import Bob
 from tpd.core.formatting import number
 from tpd.plot.animation import animate, reel
 from tpd.plot.drawing import corners, plot_scene, rod
+from tpd.scene.bob import Bob
 
 CHIMNEY = tpd.Scene(tpd.Block(width=1.0, height=10.0, mass=20e3), tpd.Harmonic(amplitude=0.15, frequency=0.8))
 

@@ -8,14 +8,14 @@ from matplotlib.colors import to_hex
 
 import tpd
 from tests import designs
-from tpd.analysis.shaking_history import ShakingHistory
-from tpd.core.conditions import Conditions
+from tpd.answers.shaking_history import ShakingHistory
 from tpd.design.criteria import Reserve
 from tpd.plot import landscape
 from tpd.plot.compare import plot_benefit, plot_conditions, plot_front
 from tpd.plot.motion import plot_motions
 from tpd.plot.response import plot_response
 from tpd.plot.style import ORANGE, new_axes
+from tpd.scene.conditions import Conditions
 
 
 def lines(ax) -> dict:

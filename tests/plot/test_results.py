@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 
 import tpd
 from tests import designs
-from tpd.analysis.fragility import Curve, Fragility
-from tpd.analysis.overturning_spectrum import OverturningSpectrum
-from tpd.analysis.probit import fit_lognormal
-from tpd.analysis.rocking_spectrum import RockingSpectrum
+from tpd.answers.fragility import Curve, Fragility
+from tpd.answers.overturning_spectrum import OverturningSpectrum
+from tpd.answers.probit import fit_lognormal
+from tpd.answers.rocking_spectrum import RockingSpectrum
 from tpd.design.front import Front
 from tpd.design.many import Designs
 

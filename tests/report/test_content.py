@@ -7,7 +7,6 @@ import pytest
 
 import tpd
 from tests import designs
-from tpd.core.bob import Bob
 from tpd.design.build import build_of
 from tpd.design.criteria import Mass, Risk, Room
 from tpd.design.result import DesignStatus, HarmonicDesign
@@ -15,6 +14,7 @@ from tpd.design.study import Study
 from tpd.report import pictures, words
 from tpd.report.blocks import Figure, Severity, Table
 from tpd.report.content import content
+from tpd.scene.bob import Bob
 
 BAND = designs.study(responses=None)
 

@@ -7,8 +7,8 @@ import pytest
 
 import tpd
 from tests import designs
-from tpd.analysis.attractors import Starts
-from tpd.analysis.paired import Verdict
+from tpd.answers.attractors import Starts
+from tpd.answers.paired import Verdict
 from tpd.design.result import DesignStatus
 from tpd.design.study import Study
 from tpd.report.blocks import Severity
@@ -141,7 +141,7 @@ def test_strikes_are_a_danger_whatever_a_job_allows():
 
 def shares(*values, runs=32):
     """Shares of so many runs each, with Wilson's intervals."""
-    from tpd.analysis.outcomes import Share
+    from tpd.answers.outcomes import Share
 
     return np.array([Share.of(np.arange(runs) < round(v * runs)) for v in values]).T
 

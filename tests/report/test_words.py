@@ -60,6 +60,6 @@ def test_the_threshold_of_uplift_is_that_of_the_closed_form():
     for factor, lifts in ((0.999, False), (1.001, True)):
         amplitude = factor * words.threshold(PAPER) / words.acceleration(PAPER) * 0.015
         scene = tpd.Scene(PAPER.block, tpd.Harmonic(amplitude=amplitude, frequency=2.5))
-        assert bool(tpd.closed_form.uplift(scene.parameters()).margin < 0.0) is lifts
+        assert bool(tpd.theory.uplift(scene.parameters()).margin < 0.0) is lifts
         said = words.scene_lines(scene)[2]
         assert (": above 0.3 g, so the bare block at rest lifts" in said) is lifts

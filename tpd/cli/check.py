@@ -9,10 +9,10 @@ from tpd.cli import common, optimise
 from tpd.core.progress import Bar
 
 if TYPE_CHECKING:
-    from tpd.core.scene import Pendulum
     from tpd.design.job import Job
     from tpd.design.problem import Problem
     from tpd.design.suitability import Suitability
+    from tpd.scene.scene import Pendulum
 
 
 def add(commands: Any) -> None:
@@ -49,7 +49,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Solve the design by all models and print the results; return the exit status."""
     job, pendulum = common.case(options)
-    from tpd.analysis.compare_models import MODELS, QUICK
+    from tpd.answers.compare_models import MODELS, QUICK
     from tpd.core import checks
     from tpd.design.question import check_cavity
 
@@ -133,7 +133,7 @@ def _on_motions(job: Job, hung: Pendulum, bar: Bar) -> tuple[list[str], bool]:
 
 def _bare(job: Job, models: tuple[str, ...], bar: Bar) -> tuple[list[str], bool]:
     """Models of the bare block, which a report without a pendulum is about."""
-    from tpd.analysis.compare_models import check
+    from tpd.answers.compare_models import check
     from tpd.design.suitability import rests
 
     said: list[str] = []

@@ -14,9 +14,9 @@ from tpd.cli.options import Option, given
 from tpd.core import progress
 
 if TYPE_CHECKING:
-    from tpd.core.cluster import Cluster
-    from tpd.core.scene import Block, Pendulum, Scene
+    from tpd.cluster.cluster import Cluster
     from tpd.design.job import Job
+    from tpd.scene.scene import Block, Pendulum, Scene
 
 SOUND, BAD_INPUT, UNSOUND, INTERRUPTED = 0, 2, 3, interrupts.INTERRUPTED
 """Exit statuses."""
@@ -157,7 +157,7 @@ def cluster(options: argparse.Namespace) -> Iterator[Cluster | None]:
     if options.workers is None and options.dask is None:
         yield None
         return
-    from tpd.core.cluster import Cluster, ClusterError
+    from tpd.cluster.cluster import Cluster, ClusterError
 
     # Beside the results and not among them: a directory of results is empty before they are there.
     out = options.out.resolve()
@@ -252,7 +252,7 @@ def pendulum(options: argparse.Namespace, block: Block, varied: tuple[str, ...] 
             or a damping in per cent.
     """
     from tpd.core import checks
-    from tpd.core.scene import Pendulum, check_damping
+    from tpd.scene.scene import Pendulum, check_damping
 
     mu, lam, damping = options.mass_ratio, options.length_ratio, options.pendulum_damping
     mass = options.pendulum_mass if mu is None else mu * block.mass

@@ -10,7 +10,7 @@ from tpd.cli import common
 from tpd.cli.options import given
 
 if TYPE_CHECKING:
-    from tpd.core.scene import Pendulum, Scene
+    from tpd.scene.scene import Pendulum, Scene
 
 _FILES = {"mjcf": "model.xml", "opensees": "model.tcl", "csv": "histories.csv"}
 
@@ -83,7 +83,7 @@ def _columns(scene: Scene, hung: Pendulum | None) -> dict[str, Any]:
     fallen."""
     import numpy as np
 
-    from tpd.analysis.shaking_history import shaking_history
+    from tpd.answers.shaking_history import shaking_history
     from tpd.design.study import time_histories
 
     if hasattr(scene.motion, "amplitude"):

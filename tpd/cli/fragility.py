@@ -11,8 +11,8 @@ from tpd.cli import common
 from tpd.core.progress import Bar
 
 if TYPE_CHECKING:
-    from tpd.analysis.fragility import Fragility
-    from tpd.core.scene import Pendulum, Scene
+    from tpd.answers.fragility import Fragility
+    from tpd.scene.scene import Pendulum, Scene
 
 _DESCRIPTION = (
     "Scale every record to every stripe of an intensity (--scales; default 20 from 0.5 to 8) and follow the "
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     job, hung = common.case(options)
     import numpy as np
 
-    from tpd.analysis.fragility import fragility
+    from tpd.answers.fragility import fragility
     from tpd.core import files
 
     if job.kind == "harmonic":

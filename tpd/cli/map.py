@@ -11,7 +11,7 @@ from tpd.cli import common
 from tpd.core.progress import Bar
 
 if TYPE_CHECKING:
-    from tpd.analysis.design_map import DesignMap
+    from tpd.answers.design_map import DesignMap
 
 _MOST_POINTS = 2000.0
 """Along each axis: four million designs take a minute and a gigabyte of memory."""
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
     scene, hung = common.harmonic(options, (x[0], y[0]))
     import numpy as np
 
-    from tpd.analysis.design_map import design_map
+    from tpd.answers.design_map import design_map
 
     files.claim(options.out, overwrite=options.overwrite)
     with Bar() as bar, common.cluster(options) as cluster:

@@ -11,8 +11,8 @@ from tpd.cli import common
 from tpd.core.progress import Bar
 
 if TYPE_CHECKING:
-    from tpd.analysis.response import Branches, Response
-    from tpd.core.scene import Scene
+    from tpd.answers.response import Branches, Response
+    from tpd.scene.scene import Scene
 
 BARE, HUNG = "bare block", "with the pendulum"
 
@@ -56,7 +56,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Follow the branches, write them and print where they are lost; return the exit status."""
     scene, hung = common.harmonic(options)
-    from tpd.analysis.response import branches, frequencies, settled_response
+    from tpd.answers.response import branches, frequencies, settled_response
     from tpd.core import checks, files
 
     name, low, high = _range(options, scene)

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from tpd.cli import common
 
 if TYPE_CHECKING:
-    from tpd.analysis.shaking_history import ShakingHistory
-    from tpd.analysis.transient import Transient
-    from tpd.core.scene import Pendulum, Scene
+    from tpd.answers.shaking_history import ShakingHistory
+    from tpd.answers.transient import Transient
+    from tpd.scene.scene import Pendulum, Scene
 
 _DESCRIPTION = (
     "Follow a block from rest through one pulse or record, bare and, if one is given, with a pendulum: "
@@ -54,11 +54,11 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Follow the block, write histories and pictures, and print what happened; return the exit status."""
     job, hung = common.case(options)
-    from tpd.analysis.shaking_history import STRONG, shaking_history
-    from tpd.analysis.transient import transient
+    from tpd.answers.shaking_history import STRONG, shaking_history
+    from tpd.answers.transient import transient
     from tpd.core import files
-    from tpd.core.status import status_name
     from tpd.models.segmented import Segmented
+    from tpd.scene.status import status_name
 
     motion = job.shaking
     scene = job.under(motion)
@@ -102,7 +102,7 @@ def run(options: argparse.Namespace) -> int:
 def _table(name: str, pair: tuple[Transient, ...], history: ShakingHistory, strong: float) -> Iterator[str]:
     """Lines of what happened by both sets of equations."""
     from tpd.core.formatting import number
-    from tpd.core.status import Status, status_name
+    from tpd.scene.status import Status, status_name
 
     statuses = [status_name(x.status) for x in pair]
     yield f"{name + ':':42}{'nonlinear equations':>20}{'linear equations':>20}"
@@ -164,6 +164,6 @@ def _files(
 
 def _numbers(answer: Transient) -> dict[str, Any]:
     """Numbers of one motion, for JSON."""
-    from tpd.core.status import status_name
+    from tpd.scene.status import status_name
 
     return {key: float(getattr(answer, key)) for key in _SIZES} | {"status": status_name(answer.status)}

@@ -12,9 +12,9 @@ from tpd.cli.options import given
 from tpd.core.progress import Bar
 
 if TYPE_CHECKING:
-    from tpd.analysis.overturning_spectrum import OverturningSpectrum
-    from tpd.analysis.rocking_spectrum import RockingSpectrum
-    from tpd.core.scene import Pendulum, Scene
+    from tpd.answers.overturning_spectrum import OverturningSpectrum
+    from tpd.answers.rocking_spectrum import RockingSpectrum
+    from tpd.scene.scene import Pendulum, Scene
 
 _DESCRIPTION = (
     "With --pulse: what a pulse of every frequency and size does to the block, over omega_p/p and "
@@ -94,8 +94,8 @@ def _overturning(
     """Spectrum of a pulse, and its numbers for JSON."""
     import numpy as np
 
-    from tpd.analysis.overturning_spectrum import overturning_spectrum
-    from tpd.core.ground_motion import Pulse
+    from tpd.answers.overturning_spectrum import overturning_spectrum
+    from tpd.scene.ground_motion import Pulse
 
     assert isinstance(scene.motion, Pulse)
     found = overturning_spectrum(
@@ -135,7 +135,7 @@ def _rocking(
     """Spectrum of a record, and its numbers for JSON."""
     import numpy as np
 
-    from tpd.analysis.rocking_spectrum import rocking_spectrum
+    from tpd.answers.rocking_spectrum import rocking_spectrum
 
     block = scene.block
     if hung is not None:

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tpd.analysis.benefit import LEAST
-from tpd.analysis.intervals import Interval, fall
-from tpd.analysis.shaking_history import shaking_history
-from tpd.closed_form import turning_tilts, uplift
-from tpd.core.bob import Bob
-from tpd.core.conditions import Conditions
-from tpd.core.ground_motion import Pulse
+from tpd.answers.benefit import LEAST
+from tpd.answers.intervals import Interval, fall
+from tpd.answers.shaking_history import shaking_history
 from tpd.core.progress import Progress
-from tpd.core.scene import Harmonic, Pendulum, Scene
-from tpd.core.status import status_name
 from tpd.design.criteria import Room, limit_of
+from tpd.scene.bob import Bob
+from tpd.scene.conditions import Conditions
+from tpd.scene.ground_motion import Pulse
+from tpd.scene.scene import Harmonic, Pendulum, Scene
+from tpd.scene.status import status_name
+from tpd.theory import turning_tilts, uplift
 
 if TYPE_CHECKING:
     from tpd.design.ground.design import GroundDesign
@@ -85,7 +85,7 @@ class Moved(NamedTuple):
     """Benefit where a quantity is not what it was said to be."""
 
     name: str
-    """Name in `tpd.core.conditions.FACTORS`; empty where nothing was moved."""
+    """Name in `tpd.scene.conditions.FACTORS`; empty where nothing was moved."""
     width: float
     """Share by which it was moved to either side."""
     low: Interval
@@ -162,7 +162,7 @@ def build_of(design: Design, moved: tuple[Moved, ...] = ()) -> Build | None:
     loads = loads_of([Scene(block, m, g) for m in _strongest(design)], hung)
     # Rod and hinge carry the whole body: the part that does not swing is taken to pull as the rest does.
     up = body * (1.0 + rod_share) / mass if math.isfinite(body) else 1.0
-    # Both limits of |B| f = (1 + mu) nu + k, see `tpd.closed_form.uplift`.
+    # Both limits of |B| f = (1 + mu) nu + k, see `tpd.theory.uplift`.
     capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction or 0.0)
     return Build(
         bob=bob,

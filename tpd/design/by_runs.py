@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from tpd.analysis.benefit import Benefit, benefit_of
-from tpd.analysis.ensemble import Ensemble, outcomes
-from tpd.analysis.outcomes import Outcomes
-from tpd.analysis.paired import Verdict, verdict
-from tpd.closed_form import equivalent_friction
-from tpd.core.bob import Bob
-from tpd.core.conditions import Conditions
+from tpd.answers.benefit import Benefit, benefit_of
+from tpd.answers.ensemble import Ensemble, outcomes
+from tpd.answers.outcomes import Outcomes
+from tpd.answers.paired import Verdict, verdict
 from tpd.core.progress import Progress
-from tpd.core.scene import HOUSNER, Block, Pendulum, Scene
 from tpd.design.criteria import Worth
 from tpd.design.verified import LossCase, Reason, ReasonKind, Step, Verified
+from tpd.scene.bob import Bob
+from tpd.scene.conditions import Conditions
+from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene
+from tpd.theory import equivalent_friction
 
 TRIALS, JUDGES = 1, 2
 """Seeds of the runs that order designs, and of those that judge the chosen one, less that of the ensemble."""

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.bob import THICKEST, Bob
-from tpd.core.scene import LARGEST_DAMPING
+from tpd.scene.bob import THICKEST, Bob
+from tpd.scene.scene import LARGEST_DAMPING
 
 __all__ = [
     "DEFAULT_LIMITS",

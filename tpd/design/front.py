@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.analysis.intervals import Interval
+from tpd.answers.intervals import Interval
 from tpd.core import checks
 from tpd.core.formatting import picture
 from tpd.core.progress import Progress
-from tpd.core.scene import Pendulum
 from tpd.design.optimise import optimise
 from tpd.design.result import Design
+from tpd.scene.scene import Pendulum
 
 _LEAST, _LIGHTER = 1.0 / 16.0, 3
 """Share of the largest mass at which a front begins, and how many lighter bobs it has by default."""

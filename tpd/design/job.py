@@ -12,14 +12,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from tpd.analysis.attractors import Starts
-from tpd.analysis.ensemble import Ensemble
+from tpd.answers.attractors import Starts
+from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
-from tpd.core.bob import Bob
-from tpd.core.conditions import Conditions, check_restitution
-from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse
-from tpd.core.intensity import intensity_of
-from tpd.core.scene import Block, Harmonic, Scene
 from tpd.design.criteria import (
     KINDS,
     DesignSpace,
@@ -50,7 +45,12 @@ from tpd.design.job_keys import (
 )
 from tpd.design.methods import Descent, Method
 from tpd.design.question import check_moves, check_scatter
+from tpd.records.intensity import intensity_of
 from tpd.records.reading import read_motions
+from tpd.scene.bob import Bob
+from tpd.scene.conditions import Conditions, check_restitution
+from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse
+from tpd.scene.scene import Block, Harmonic, Scene
 
 _MOST_CONDITIONS = 100_000
 """Beyond it the arrays of a search do not fit into the memory of a usual computer."""

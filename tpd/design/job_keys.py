@@ -21,13 +21,9 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 import msgspec
 from msgspec import Meta
 
-from tpd.analysis.ensemble import Ensemble
-from tpd.core.bob import Bob
+from tpd.answers.ensemble import Ensemble
 from tpd.core.checks import shown
-from tpd.core.conditions import FACTORS, MEASURES, Conditions
 from tpd.core.formatting import meant
-from tpd.core.ground_motion import PULSES, Pulse
-from tpd.core.scene import Block, Harmonic, Scene, paper_scene
 from tpd.design.criteria import (
     DEFAULT_LIMITS,
     KINDS,
@@ -43,6 +39,10 @@ from tpd.design.ground.search import GroundSearch
 from tpd.design.methods import SMOOTHED, Descent, Method, Sequential
 from tpd.models.piecewise import Piecewise
 from tpd.records.reading import BUILT_IN, SETS
+from tpd.scene.bob import Bob
+from tpd.scene.conditions import FACTORS, MEASURES, Conditions
+from tpd.scene.ground_motion import PULSES, Pulse
+from tpd.scene.scene import Block, Harmonic, Scene, paper_scene
 
 Tables = dict[str, dict[str, Any]]
 """Values of a job by table and key."""

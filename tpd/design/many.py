@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
-from tpd.core.cluster import Cluster, check_where
 from tpd.core.formatting import Printed, Tabular, counted
 from tpd.core.progress import shown_count
-from tpd.core.scene import Block, Scene
 from tpd.design.optimise import optimise
 from tpd.design.result import DesignStatus
+from tpd.scene.scene import Block, Scene
 
 _STATUSES = tuple(DesignStatus.__members__)
 """Names of statuses; their places stand for them in files."""

@@ -13,7 +13,6 @@ import numpy as np
 import optax
 
 from tpd.core import checks
-from tpd.core.equations import Terms
 from tpd.design.descent import OPTIMISERS, descend, named
 from tpd.design.ends import Ends, Linearisation
 from tpd.design.objective import Orbits
@@ -22,6 +21,7 @@ from tpd.design.sequential import minimise
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
+from tpd.theory.equations import Terms
 
 SMOOTHED = Smoothed(rtol=1e-7)
 """Model of a descent by default: the error control ignores derivatives, so it is tighter than for motions."""

@@ -12,17 +12,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tpd.closed_form import uplift
-from tpd.closed_form.no_uplift import Uplift
-from tpd.core.conditions import Conditions, under, under_all
-from tpd.core.impacts import housner
-from tpd.core.orbit_terms import SIZES
-from tpd.core.parameters import Parameters
-from tpd.core.quantities import with_design
-from tpd.core.scene import Scene
 from tpd.design.criteria import DesignSpace, Geometry, Limit, Risk, Size, Worsening
 from tpd.design.ends import Linearisation
+from tpd.exact.orbit_terms import SIZES
 from tpd.models import compiled_orbits
+from tpd.scene.conditions import Conditions, under, under_all
+from tpd.scene.impacts import housner
+from tpd.scene.parameters import Parameters
+from tpd.scene.quantities import with_design
+from tpd.scene.scene import Scene
+from tpd.theory import uplift
+from tpd.theory.no_uplift import Uplift
 
 Count = Callable[[int, int], None]
 """Called with (units done, of how many)."""
@@ -36,7 +36,7 @@ KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
 """Motions of a design under a condition, see `Evaluation.kind`."""
 ROCKING, NEAR, REST, UNSTABLE, NONE = range(5)
 _KIND_OF = np.array([ROCKING, UNSTABLE, UNSTABLE, NEAR, NEAR, NONE])
-"""Index into `KINDS` by the number of an orbit's status, see `tpd.core.orbit_terms`; the best
+"""Index into `KINDS` by the number of an orbit's status, see `tpd.exact.orbit_terms`; the best
 of them is the smallest."""
 _RESERVE = ("fold", "symmetry", "torus")
 """Sizes of an orbit that are positive where it attracts."""

@@ -8,14 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tpd.analysis.attractors import Starts
-from tpd.analysis.ensemble import Ensemble
+from tpd.answers.attractors import Starts
+from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.batch import aside
-from tpd.core.conditions import Conditions
-from tpd.core.ground_motion import GroundMotion
 from tpd.core.progress import Progress, shown
-from tpd.core.scene import Block, Scene
 from tpd.design.active import nearest_of
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Limit, Risk, Worth
@@ -34,6 +31,9 @@ from tpd.design.verified import LossCase, Verified
 from tpd.design.verify import JUDGED, Verification
 from tpd.models.compiled_linear import load_compiled
 from tpd.models.smoothed import Smoothed
+from tpd.scene.conditions import Conditions
+from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.scene import Block, Scene
 
 _PATHS = 48
 """Designs of the paths that are followed from rest."""

@@ -8,18 +8,18 @@ from functools import cached_property
 
 import numpy as np
 
-from tpd.analysis.attractors import StartKind, Starts
-from tpd.analysis.ensemble import Ensemble
+from tpd.answers.attractors import StartKind, Starts
+from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
-from tpd.core.conditions import Conditions, check_restitution, under_all
 from tpd.core.fingerprints import fingerprint, of_sources
-from tpd.core.parameters import Parameters, as_arrays
-from tpd.core.scene import Harmonic, Scene
 from tpd.design.criteria import DEFAULT_LIMITS, DesignSpace, Limit, Risk, Worth, check_limits
 from tpd.design.methods import SMOOTHED, Descent, Method, describe
 from tpd.design.objective import Orbits, geometry_of
 from tpd.design.question import Question, check_cavity, check_given, check_moves, within_mass
 from tpd.models.piecewise import Piecewise
+from tpd.scene.conditions import Conditions, check_restitution, under_all
+from tpd.scene.parameters import Parameters, as_arrays
+from tpd.scene.scene import Harmonic, Scene
 
 _SMOOTH = 0.2
 """Least velocity ratio of impacts under which descents smooth them."""

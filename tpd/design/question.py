@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from tpd.analysis.attractors import Starts
-from tpd.analysis.ensemble import Ensemble
+from tpd.answers.attractors import Starts
+from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
-from tpd.core.conditions import Conditions, check_restitution
-from tpd.core.scene import Block, Scene, check_shaking
 from tpd.design.criteria import DesignSpace, Limit, Mass, Risk, Room, Worth, limit_of
+from tpd.scene.conditions import Conditions, check_restitution
+from tpd.scene.scene import Block, Scene, check_shaking
 
 _KINDS = {
     "space": DesignSpace,

@@ -16,12 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from tpd.analysis.attractors import StartKind
-from tpd.core.conditions import Conditions
+from tpd.answers.attractors import StartKind
 from tpd.core.formatting import Printed
-from tpd.core.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse
-from tpd.core.record import Record
-from tpd.core.scene import Harmonic, Pendulum
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, Room, limit_of
 from tpd.design.ground.groups import Role
 from tpd.design.ground.judgement import SCATTERED
@@ -31,6 +27,10 @@ from tpd.design.methods import Method
 from tpd.design.question import Question
 from tpd.design.result import DesignStatus
 from tpd.records.reading import BUILT_IN
+from tpd.scene.conditions import Conditions
+from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse
+from tpd.scene.record import Record
+from tpd.scene.scene import Harmonic, Pendulum
 
 VERSION = 8
 """Version of the file; it grows when a key changes its meaning or goes away."""

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from tpd.analysis.attractors import Starts
-from tpd.analysis.benefit import Change
-from tpd.analysis.intervals import Interval
+from tpd.answers.attractors import Starts
+from tpd.answers.benefit import Change
+from tpd.answers.intervals import Interval
 from tpd.core import checks
-from tpd.core.conditions import Conditions
 from tpd.core.formatting import Printed, above, picture
-from tpd.core.scene import Pendulum, Scene
 from tpd.design.criteria import stroke_limit
 from tpd.design.question import Question
 from tpd.design.verified import GRAVE, Bare, LossCase, Reason, ReasonKind, Verified
+from tpd.scene.conditions import Conditions
+from tpd.scene.scene import Pendulum, Scene
 
 if TYPE_CHECKING:
     from tpd.core.progress import Progress

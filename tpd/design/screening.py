@@ -13,12 +13,12 @@ import numpy as np
 import optax
 from jaxtyping import Array, Int
 
-from tpd.closed_form import uplift
-from tpd.core.parameters import Parameters, as_arrays
-from tpd.core.quantities import with_design
-from tpd.core.sampling import latin_hypercube
 from tpd.design.criteria import DesignSpace, stroke_limit
 from tpd.design.objective import Orbits, margins
+from tpd.scene.parameters import Parameters, as_arrays
+from tpd.scene.quantities import with_design
+from tpd.scene.sampling import latin_hypercube
+from tpd.theory import uplift
 
 _CLOSED = 4096
 """Designs screened by the closed form of the uplift margin."""

@@ -12,13 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from tpd.analysis.paired import SIGNIFICANT, chance_of
-from tpd.analysis.steady_state import steady_state
-from tpd.core.conditions import Conditions, under, under_all
-from tpd.core.parameters import Parameters, as_arrays
+from tpd.answers.paired import SIGNIFICANT, chance_of
+from tpd.answers.steady_state import steady_state
 from tpd.core.progress import Progress
-from tpd.core.scene import Pendulum, Scene
-from tpd.core.status import names_of, status_name
 from tpd.design.active import active, nearest_of
 from tpd.design.by_runs import JUDGES, PairedRuns, reasons_by_runs, strikes_of
 from tpd.design.criteria import Room, limit_of
@@ -29,6 +25,10 @@ from tpd.design.survey import Survey, followed
 from tpd.design.verified import Bare, Motions, Reason, ReasonKind, Step, Verified
 from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
+from tpd.scene.conditions import Conditions, under, under_all
+from tpd.scene.parameters import Parameters, as_arrays
+from tpd.scene.scene import Pendulum, Scene
+from tpd.scene.status import names_of, status_name
 
 SURVEYED = 24
 """Most conditions under which designs are followed from rest by the nonlinear equations."""

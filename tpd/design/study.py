@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from tpd.analysis.response import Response, frequencies, settled_response
-from tpd.analysis.steady_state import sampled, simulate
-from tpd.core.parameters import as_arrays
+from tpd.answers.response import Response, frequencies, settled_response
+from tpd.answers.steady_state import sampled, simulate
 from tpd.core.progress import Progress
-from tpd.core.scene import Pendulum, Scene
 from tpd.design.build import Build, build_of, moved_of
 from tpd.design.objective import geometry_of
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.models.piecewise import Piecewise
+from tpd.scene.parameters import as_arrays
+from tpd.scene.scene import Pendulum, Scene
 
 if TYPE_CHECKING:
     from tpd.design.front import FrontPoint

@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tpd.analysis.compare_models import Check, check
+from tpd.answers.compare_models import Check, check
 from tpd.core.progress import Progress
-from tpd.core.scene import Pendulum, Scene
 from tpd.design.criteria import DesignSpace, Limit, Mass, Offset, Worsening, Worth, limit_of, stroke_limit
 from tpd.design.problem import Problem
 from tpd.design.steps import HEIGHT
 from tpd.design.survey import ROOM
 from tpd.design.verified import Reason, ReasonKind, Step, Verified
 from tpd.design.verify import Verification
+from tpd.scene.scene import Pendulum, Scene
 
 
 @dataclass(frozen=True, kw_only=True)

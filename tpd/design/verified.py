@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tpd.analysis.benefit import FEWER, Benefit
-from tpd.analysis.outcomes import Outcomes, Share
-from tpd.analysis.paired import Verdict
+from tpd.answers.benefit import FEWER, Benefit
+from tpd.answers.outcomes import Outcomes, Share
+from tpd.answers.paired import Verdict
 
 if TYPE_CHECKING:
     from tpd.design.objective import Evaluation

@@ -6,12 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from tpd.analysis.benefit import FEWER, severity
-from tpd.analysis.ensemble import outcomes
-from tpd.analysis.outcomes import Outcomes
-from tpd.core.conditions import Conditions
-from tpd.core.equations import Terms
-from tpd.core.scene import Pendulum
+from tpd.answers.benefit import FEWER, severity
+from tpd.answers.ensemble import outcomes
+from tpd.answers.outcomes import Outcomes
 from tpd.design.by_runs import TRIALS, reach_of
 from tpd.design.criteria import Room, limit_of
 from tpd.design.refine import RUNS, Refinement, Tried, refine
@@ -19,6 +16,9 @@ from tpd.design.result import DesignStatus
 from tpd.design.search import Multistart, stage
 from tpd.design.steps import Steps, pendulum_of
 from tpd.design.survey import ON_THE_WAY, Survey, excess
+from tpd.scene.conditions import Conditions
+from tpd.scene.scene import Pendulum
+from tpd.theory.equations import Terms
 
 VERIFIED, JUDGED = 10, 3
 """Most designs of a survey that are verified, and most of them that are judged."""

@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from tpd.analysis.ensemble import Ensemble, Runs, plan
-from tpd.analysis.outcomes import LOST, UNANSWERED, Share
+from tpd.answers.ensemble import Ensemble, Runs, plan
+from tpd.answers.outcomes import LOST, UNANSWERED, Share
 from tpd.core import checks
 from tpd.core.formatting import Printed, number
-from tpd.core.ground_motion import GroundMotion
-from tpd.core.parameters import Parameters
 from tpd.core.progress import Progress, shown
-from tpd.core.scene import Harmonic, Pendulum, Scene
-from tpd.core.status import names_of
 from tpd.engines.rigid_body import SLIDING, RigidBody, body_of, parameters_under
 from tpd.engines.rollouts import MUJOCO, Engine, EngineRuns, as_table
+from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.parameters import Parameters
+from tpd.scene.scene import Harmonic, Pendulum, Scene
+from tpd.scene.status import names_of
 
 RUNS = 64
 FINE = 16

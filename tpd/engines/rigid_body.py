@@ -10,8 +10,8 @@ import math
 from dataclasses import dataclass
 
 from tpd.core import checks
-from tpd.core.parameters import Parameters
-from tpd.core.scene import Harmonic, Pendulum, Scene
+from tpd.scene.parameters import Parameters
+from tpd.scene.scene import Harmonic, Pendulum, Scene
 
 SLIDING = 0.6
 """Coefficient of friction against sliding, of stone on stone."""

@@ -12,10 +12,10 @@ from importlib import resources
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.conditions import HARMONIC_PERIODS
-from tpd.core.ground_motion import GroundMotion
-from tpd.core.scene import Harmonic, Pendulum, Scene
 from tpd.engines.rigid_body import SLIDING, body_of, parameters_under
+from tpd.scene.conditions import HARMONIC_PERIODS
+from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.scene import Harmonic, Pendulum, Scene
 
 _FREE = 20.0
 """Free motion after a pulse or a record, s."""

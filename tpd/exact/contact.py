@@ -11,8 +11,8 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
-from tpd.core.parameters import Number
 from tpd.exact.mode_kinds import REST, SLIP, STICK
+from tpd.scene.parameters import Number
 
 
 class Mode(eqx.Module):

@@ -1,17 +1,17 @@
 """The block's contact with its base in compiled scalar code: what holds it, its impacts and its modes.
 
 The rules are those of `tpd.exact.contact`, which has them in JAX, and the impacts those of
-`tpd.core.impacts`.
+`tpd.scene.impacts`.
 """
 
 from __future__ import annotations
 
 import math
 
-from tpd.core import impacts
 from tpd.exact.events import FIRST
 from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.exact.plant import compiled, shared
+from tpd.scene import impacts
 
 linear_ratio, linear_bob_change = shared(impacts.linear_ratio), shared(impacts.linear_bob_change)
 velocity_ratio, bob_change = shared(impacts.velocity_ratio), shared(impacts.bob_change)
@@ -19,7 +19,7 @@ velocity_ratio, bob_change = shared(impacts.velocity_ratio), shared(impacts.bob_
 
 @compiled
 def moment(q, y0, y1, y3, eta):
-    """Moment on a block held still; see `tpd.core.equations.Linear.holding_moment`."""
+    """Moment on a block held still; see `tpd.theory.equations.Linear.holding_moment`."""
     return q.up * y0 - q.f * eta - (q.up - 1.0) * y1 + q.bias * y3
 
 
@@ -52,7 +52,7 @@ def sign(x):
 
 @compiled
 def beyond_return(q):
-    """Tilt (rad) from which the block does not return; see `tpd.core.equations.Linear`."""
+    """Tilt (rad) from which the block does not return; see `tpd.theory.equations.Linear`."""
     return 10.0 * (q.weight + q.k + q.f * q.up) / q.up
 
 

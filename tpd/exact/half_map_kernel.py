@@ -13,7 +13,7 @@ import math
 
 from numba.extending import register_jitable
 
-from tpd.core import orbit_terms
+from tpd.exact import orbit_terms
 from tpd.exact.arcs import Instant, state_at
 from tpd.exact.contact_kernel import jump, ratio
 from tpd.exact.plant import compiled

@@ -22,7 +22,8 @@ import numba
 import numba.extending
 import numpy as np
 
-from tpd.core import files, impacts, machine_code
+from tpd.core import files, machine_code
+from tpd.scene import impacts
 
 STEP = 1e-100
 """Imaginary part of an input in whose direction a derivative is taken. Its square is nothing beside 1, even
@@ -33,8 +34,8 @@ _FIELDS = (
     "tilt_sin tilt_cos bob_sin bob_cos tilt_lag_sin tilt_lag_cos bob_lag_sin bob_lag_cos "
     "swing_sin swing_cos swing_lag_sin swing_lag_cos"
 )
-"""Coefficients: of the equations, see `tpd.core.equations.Linear`; the time scales of the slipping block and
-of the held one; a and b the shapes of modes s1 and s2 over (phi, psi, phi', psi'), al and bl their left
+"""Coefficients: of the equations, see `tpd.theory.equations.Linear`; the time scales of the slipping block
+and of the held one; a and b the shapes of modes s1 and s2 over (phi, psi, phi', psi'), al and bl their left
 vectors, which project on them; the answers of tilt, bob and the bob of a held block to sin(xi t) as factors
 of sine and cosine, and `lag` what the answers to t sin(xi t) have besides t times these. `xi` is the
 frequency of a harmonic, or the duration of a piece of another forcing (`tpd.exact.arcs.Forcing`). A held

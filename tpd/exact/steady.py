@@ -1,7 +1,7 @@
 """The steady state of a motion that has been followed: Newton's method on the map of its periods, what the
 multipliers say, and the derivatives of an isolated orbit.
 
-The rules are those of `tpd.analysis.steady_state` and `tpd.analysis.period_map`, which every other model
+The rules are those of `tpd.answers.steady_state` and `tpd.answers.period_map`, which every other model
 goes by."""
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 
-from tpd.core.orbit_terms import APERIODIC, GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC
 from tpd.exact.half_map_kernel import characteristic, is_neutral, put_roots
 from tpd.exact.legs import INPUTS, STATE
 from tpd.exact.motion import put
 from tpd.exact.near_orbits import Limits, cycle, eliminate, finite
+from tpd.exact.orbit_terms import APERIODIC, GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC
 from tpd.exact.plant import compiled, put_plants
 from tpd.exact.repetition import (
     AT_REST,
@@ -44,7 +44,7 @@ STEADY = np.dtype(
     ],
     align=True,
 )
-"""A steady state, see `tpd.analysis.steady_state.Steady`, and the derivatives of its first six numbers in the
+"""A steady state, see `tpd.answers.steady_state.Steady`, and the derivatives of its first six numbers in the
 parameters, NaN where there are none."""
 _NEWTON_STEPS, _ROUND_OFF = 8, 1e-14
 """Bound on the steps of Newton's method, and residual of the map that counts as round-off."""

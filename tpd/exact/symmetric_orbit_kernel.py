@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from tpd.core.orbit_terms import GRAZING, NEAR_FOLD, SIZES, STATUSES
 from tpd.exact.arcs import instant, rate_of, state_at, value_of
 from tpd.exact.events import (
     BOB,
@@ -32,6 +31,7 @@ from tpd.exact.half_period_kernel import half, motion, solution_at, state_after
 from tpd.exact.mode_kinds import SLIP
 from tpd.exact.motion import ROOM
 from tpd.exact.orbit_roots_kernel import BRACKET, BRACKETS, TABLE, put_brackets, root_in
+from tpd.exact.orbit_terms import GRAZING, NEAR_FOLD, SIZES, STATUSES
 from tpd.exact.plant import COMPLEX_PLANT, PLANT, STEP, compiled, places, plant
 
 ORBITS: Any = np.int64(3)

@@ -8,8 +8,8 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, Bool, Float, Int
 
-from tpd.core.parameters import Number, Parameters, State
-from tpd.core.status import Status
+from tpd.scene.parameters import Number, Parameters, State
+from tpd.scene.status import Status
 
 
 class Settled(eqx.Module):

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tpd.core.parameters import Parameters
 from tpd.models.base import Settled
 from tpd.models.compiled_linear import EXACT
 from tpd.models.piecewise import Piecewise
 from tpd.models.rows import settle_rows
+from tpd.scene.parameters import Parameters
 
 
 def settle_all(

@@ -14,8 +14,8 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
-from tpd.core.parameters import Number, Parameters, State
-from tpd.core.status import Status
+from tpd.scene.parameters import Number, Parameters, State
+from tpd.scene.status import Status
 
 _ROUNDING = 1e-10
 """Share of a period by which a time may lie before the beginning of the period that it counts to, so that

@@ -16,12 +16,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from tpd.core.parameters import Number, Parameters, State
-from tpd.core.status import Status
 from tpd.exact.contact import Mode
 from tpd.exact.derivatives import once
 from tpd.models.base import Cycle, Settled
 from tpd.models.calling import Compiled, shape
+from tpd.scene.parameters import Number, Parameters, State
+from tpd.scene.status import Status
 
 NAMES = "nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e"
 """Names of parameters in the order in which the compiled code takes them."""

@@ -14,13 +14,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.parameters import Parameters
 from tpd.exact.derivatives import refused_in
 from tpd.models.base import Settled
 from tpd.models.calling import shape
 from tpd.models.compiled_linear import NONLINEAR
 from tpd.models.compiled_shaken import Followed, follow_rows, operands, results
 from tpd.models.rows import settle_rows
+from tpd.scene.parameters import Parameters
 
 TOLERANCE = 1e-6
 """Repetition error that counts as settled, see `tpd.exact.repetition.scales_of`."""

@@ -13,11 +13,11 @@ import jax
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.orbit_terms import STATUSES
-from tpd.core.parameters import Parameters
+from tpd.exact.orbit_terms import STATUSES
 from tpd.models.calling import Compiled, shape
 from tpd.models.compiled_linear import fields
 from tpd.models.rows import shared
+from tpd.scene.parameters import Parameters
 
 _PIECE = 16, 256
 """Designs of one piece of work, at least and at most: each takes some 10 µs, and a thread is not worth

@@ -16,11 +16,11 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from tpd.core.parameters import Number, Parameters, State
 from tpd.exact.derivatives import moved, once
 from tpd.models.calling import Compiled, shape
 from tpd.models.compiled_linear import EXACT, changed, fields, packed, settings_of
 from tpd.models.rows import shared
+from tpd.scene.parameters import Number, Parameters, State
 
 _AT_END = 1e-12
 """Relative distance of two times that are the same but for rounding."""

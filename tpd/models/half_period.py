@@ -27,10 +27,10 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
-from tpd.core.conditions import under
-from tpd.core.equations import smoothed_rates
-from tpd.core.parameters import Number, Parameters, as_arrays
 from tpd.models.smoothed import Field, Smoothed
+from tpd.scene.conditions import under
+from tpd.scene.parameters import Number, Parameters, as_arrays
+from tpd.theory.equations import smoothed_rates
 
 _SAMPLES = 32
 """Samples of the bob's way in half a period, of which the largest is beside its turn."""

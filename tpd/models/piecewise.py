@@ -8,10 +8,10 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from tpd.core import checks
-from tpd.core.parameters import Number, Parameters, State
-from tpd.core.status import Status
 from tpd.models import compiled_linear
 from tpd.models.base import AbstractModel, Cycle, Settled
+from tpd.scene.parameters import Number, Parameters, State
+from tpd.scene.status import Status
 
 
 class Piecewise(AbstractModel):

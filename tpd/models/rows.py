@@ -13,11 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.parameters import Parameters
-from tpd.core.status import Status
 from tpd.exact.contact import Mode
 from tpd.models.base import Settled
 from tpd.models.calling import Compiled
+from tpd.scene.parameters import Parameters
+from tpd.scene.status import Status
 
 _PIECE = 1, 16
 """Motions of one piece of work, at least and at most."""

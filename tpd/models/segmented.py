@@ -18,10 +18,6 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.core import checks
-from tpd.core.equations import Equations, Terms
-from tpd.core.impacts import bob_change, velocity_ratio
-from tpd.core.parameters import Number, Parameters, State
-from tpd.core.status import Status
 from tpd.exact.contact import (
     REST,
     SLIP,
@@ -34,6 +30,10 @@ from tpd.exact.contact import (
 from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.clock import split, through
 from tpd.models.settling import Period, cycle_by_events, settle
+from tpd.scene.impacts import bob_change, velocity_ratio
+from tpd.scene.parameters import Number, Parameters, State
+from tpd.scene.status import Status
+from tpd.theory.equations import Equations, Terms
 
 _LANDING, _TURN, _BOB, _LOST = 0, 1, 2, 3
 """Events of a slipping block; of a held one the first two are its releases to either side."""
@@ -75,7 +75,7 @@ class Segmented(AbstractModel):
 
     As in the paper, a crossing of phi = 0 without loss leaves both rates as they are. At an impact with loss
     (e < 1) the rod pulls block and bob along itself; in the nonlinear equations this takes the bob's angle
-    into account: see `tpd.core.impacts`. With Housner's e it conserves the
+    into account: see `tpd.scene.impacts`. With Housner's e it conserves the
     angular momentum of block and bob about the new corner.
     Of grazing this model sees only an event that it meets, so that in practice derivatives next to one are
     not refused as those of the exact model are.

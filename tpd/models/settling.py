@@ -9,9 +9,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from tpd.core.parameters import Number, Parameters, State
-from tpd.core.status import Status
 from tpd.models.base import Cycle, Settled
+from tpd.scene.parameters import Number, Parameters, State
+from tpd.scene.status import Status
 
 LONGEST = 8
 """Longest motion recognised as periodic, in forcing periods."""

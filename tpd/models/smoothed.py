@@ -14,11 +14,11 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float
 
 from tpd.core import checks
-from tpd.core.equations import Equations, Linear, Terms, smoothed_rates
-from tpd.core.parameters import Number, Parameters, State
-from tpd.core.status import Status
 from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.settling import Period, settle
+from tpd.scene.parameters import Number, Parameters, State
+from tpd.scene.status import Status
+from tpd.theory.equations import Equations, Linear, Terms, smoothed_rates
 
 _ABSURD = 1e3
 """rad (and rad per unit tau): far beyond any angle that means something."""

@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from PIL import Image
 
-from tpd.core.scene import Harmonic, Pendulum, Scene
 from tpd.design.study import TimeHistory
 from tpd.plot.drawing import BODY, corners, rod
 from tpd.plot.style import BLUE, INK
+from tpd.scene.scene import Harmonic, Pendulum, Scene
 
 _RATE, _SECONDS, _LONG = 20, 6.0, 10.0
 """Frames a second; longest duration under harmonic shaking, and that under a pulse or a record, s."""

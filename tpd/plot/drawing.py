@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 from scipy.optimize import root_scalar
 
-from tpd.core.bob import Bob
 from tpd.core.formatting import number
-from tpd.core.scene import Harmonic, Pendulum, Scene
 from tpd.design.criteria import Room, limit_of
 from tpd.design.result import Design
 from tpd.plot.style import BLUE, GREY, INK
+from tpd.scene.bob import Bob
+from tpd.scene.scene import Harmonic, Pendulum, Scene
 
 BODY = "#e8e8e8"
 """Fill of the block."""

@@ -8,11 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from tpd.core.parameters import as_arrays
 from tpd.design.ground.design import GroundDesign
 from tpd.design.objective import Orbits, geometry_of, margins
 from tpd.design.result import Design, HarmonicDesign
 from tpd.plot.style import HALO, INK, LABELS, ORANGE, edge, legend, new_axes
+from tpd.scene.parameters import as_arrays
 
 _GRID = 48
 """Points along each axis."""

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch
 
-from tpd.analysis.design_map import DesignMap
-from tpd.analysis.overturning_spectrum import OVERTURNS, ROCKS, STANDS, UNDECIDED, OverturningSpectrum
-from tpd.analysis.rocking_spectrum import RockingSpectrum
+from tpd.answers.design_map import DesignMap
+from tpd.answers.overturning_spectrum import OVERTURNS, ROCKS, STANDS, UNDECIDED, OverturningSpectrum
+from tpd.answers.rocking_spectrum import RockingSpectrum
 from tpd.core import checks
 from tpd.plot.style import CASES, INK, LABELS, LINES, edge, legend, new_axes
 

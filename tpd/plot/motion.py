@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.analysis.shaking_history import ShakingHistory
+from tpd.answers.shaking_history import ShakingHistory
 from tpd.design.result import HarmonicDesign
 from tpd.design.study import TimeHistory, time_histories
 from tpd.plot.style import INK, LINES, ORANGE, in_degrees, legend, new_axes

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from tpd.analysis.bifurcations import Bifurcation, Kind
-from tpd.analysis.response import Branches, Response
-from tpd.core.status import SETTLED
+from tpd.answers.bifurcations import Bifurcation, Kind
+from tpd.answers.response import Branches, Response
 from tpd.plot.style import CASES, GREY, INK, LABELS, LINES, ORANGE, in_degrees, legend, new_axes
+from tpd.scene.status import SETTLED
 
 _UNSTABLE = (0, (4, 2))
 _LOST = ({"marker": "^", "ms": 5.5, "mfc": "white"}, {"marker": "x", "ms": 4.5})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from tpd.core.record import Record
+from tpd.scene.record import Record
 
 _DATA = Path(__file__).parent / "data"
 

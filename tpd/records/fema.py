@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.record import Record
 from tpd.formats.units import STANDARD_GRAVITY
+from tpd.scene.record import Record
 
 SETS = {
     "far-field": "farfield.hdf5",

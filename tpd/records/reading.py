@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tpd.core.ground_motion import GroundMotion
-from tpd.core.record import Record
 from tpd.formats.orientation import UNKNOWN, VERTICAL
 from tpd.records import builtin
 from tpd.records.fema import fema_p695
+from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.record import Record
 
 BUILT_IN = {"el-centro": builtin.el_centro, "loma-prieta": builtin.loma_prieta}
 SETS = {

@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from tpd.analysis.benefit import Benefit
-from tpd.analysis.outcomes import Outcomes
-from tpd.analysis.paired import Verdict
+from tpd.answers.benefit import Benefit
+from tpd.answers.outcomes import Outcomes
+from tpd.answers.paired import Verdict
 from tpd.core import files
-from tpd.core.conditions import Conditions
 from tpd.design.criteria import Limit
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.judgement import Judged
@@ -27,6 +26,7 @@ from tpd.design.survey import Survey
 from tpd.design.verified import Reason
 from tpd.report.answer import verdict
 from tpd.report.notes import notes
+from tpd.scene.conditions import Conditions
 
 _EVALUATION = ("tilt", "stroke", "margin", "multiplier", "reserve")
 _SINGLE = ("runs", "fits", "ends")

@@ -7,11 +7,9 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from tpd.analysis.attractors import Starts
-from tpd.analysis.paired import SIGNIFICANT, chance_of
-from tpd.analysis.response import Response
-from tpd.core.bob import Bob
-from tpd.core.scene import Block, Pendulum
+from tpd.answers.attractors import Starts
+from tpd.answers.paired import SIGNIFICANT, chance_of
+from tpd.answers.response import Response
 from tpd.design.criteria import Mass, Room, Worth, limit_of
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.groups import Role, unnamed
@@ -21,6 +19,8 @@ from tpd.design.study import Study
 from tpd.design.verified import Verified
 from tpd.report.blocks import Note, danger, note
 from tpd.report.words import finite_max
+from tpd.scene.bob import Bob
+from tpd.scene.scene import Block, Pendulum
 
 LARGE_STROKE = 0.3
 """rad; sin(psi) is 1.5 % below psi there, and falls further with its square."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from tpd.analysis.response import Response
+from tpd.answers.response import Response
 from tpd.core import files
-from tpd.core.quantities import UNITS
 from tpd.design.study import TimeHistory
+from tpd.scene.quantities import UNITS
 
 
 def response_csv(responses: Sequence[Response]) -> str:

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from tpd.analysis.attractors import Starts
+from tpd.answers.attractors import Starts
 from tpd.core.formatting import number
-from tpd.core.scene import HOUSNER, Block, Pendulum, Scene, paper_scene
 from tpd.design.criteria import KINDS, Limit, Room, limit_of
 from tpd.design.ground.design import GroundDesign
 from tpd.design.result import Design, HarmonicDesign
 from tpd.design.study import Study
+from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene, paper_scene
 
 _PAPER = "the paper's block (Collini et al. 2016)"
 

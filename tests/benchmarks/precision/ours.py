@@ -13,10 +13,10 @@ import numpy as np
 from tests.benchmarks.precision.methods import Method, Scene, Unable
 from tests.reference import parameters
 from tpd import Piecewise, Segmented, Smoothed, Status, Terms, in_chunks, steady_state, symmetric_orbits
-from tpd.core.equations import smoothed_rates
-from tpd.core.parameters import as_arrays
 from tpd.models.base import AbstractModel
 from tpd.models.compiled_linear import settle
+from tpd.scene.parameters import as_arrays
+from tpd.theory.equations import smoothed_rates
 
 SAMPLES = 4096
 """Of the last period, among which the largest tilt of a plain simulation is looked for."""

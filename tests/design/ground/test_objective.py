@@ -5,11 +5,11 @@ import pytest
 
 import tpd
 from tests.design.ground.conftest import BLOCK
-from tpd.core.intensity import intensity_of
 from tpd.design.ground import objective as module
 from tpd.design.ground import search
 from tpd.design.ground.objective import GroundObjective
 from tpd.design.ground.search import GroundSearch, Searcher
+from tpd.records.intensity import intensity_of
 
 LIMITS = (tpd.limits.Stroke(), tpd.limits.Room())
 DESIGN = np.array([[0.12, 0.4, 0.5]])

@@ -8,11 +8,9 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from tpd.analysis.benefit import LEAST, Change
-from tpd.analysis.intervals import Interval, fall
-from tpd.analysis.intervals import change as difference_of
-from tpd.core.conditions import Conditions
-from tpd.core.scene import Scene
+from tpd.answers.benefit import LEAST, Change
+from tpd.answers.intervals import Interval, fall
+from tpd.answers.intervals import change as difference_of
 from tpd.design.criteria import Worth
 from tpd.design.ground.groups import Group, Role
 from tpd.design.ground.judgement import Benefit, Judged, benefit_of
@@ -20,6 +18,8 @@ from tpd.design.ground.objective import GroundObjective, objective_of
 from tpd.design.ground.search import Evaluated
 from tpd.design.result import Comparison, Design, DesignStatus
 from tpd.design.surface import Surface
+from tpd.scene.conditions import Conditions
+from tpd.scene.scene import Scene
 
 LEAST_EARTHQUAKES = 5
 """Earthquakes that a design must be tuned to, and as many that it must be judged on, for a verdict: of fewer

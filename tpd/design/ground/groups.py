@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.ground_motion import GroundMotion, are_copies, events_of
+from tpd.scene.ground_motion import GroundMotion, are_copies, events_of
 
 
 class Role(enum.Enum):

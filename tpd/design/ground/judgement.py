@@ -1,6 +1,6 @@
 """Judgement of a design on groups of ground motions: paired with the bare block, run by run.
 
-Runs of one earthquake are no independent observations: the clusters of `tpd.analysis.intervals`.
+Runs of one earthquake are no independent observations: the clusters of `tpd.answers.intervals`.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tpd.analysis.ensemble import Ensemble
-from tpd.analysis.intervals import Interval, change, fall
-from tpd.analysis.probit import Lognormal, fit_lognormal
-from tpd.core.conditions import Conditions
-from tpd.core.scene import Block
+from tpd.answers.ensemble import Ensemble
+from tpd.answers.intervals import Interval, change, fall
+from tpd.answers.probit import Lognormal, fit_lognormal
 from tpd.design.ground.groups import Group, Role
 from tpd.design.ground.objective import GroundObjective, Runs
+from tpd.scene.conditions import Conditions
+from tpd.scene.scene import Block
 
 SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"
 """Names of what is uncertain in a judgement: block and installation, as in the runs of an `Ensemble`."""

@@ -9,15 +9,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.analysis.transient import FREE, MAX_EVENTS
+from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
-from tpd.core.conditions import Conditions, under_all
-from tpd.core.intensity import intensity_of
-from tpd.core.parameters import Parameters
-from tpd.core.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.design.criteria import KINDS, THICKNESS, Geometry, Limit, Size, check_limits
 from tpd.design.objective import blank, geometry_under
 from tpd.design.question import Question
+from tpd.records.intensity import intensity_of
+from tpd.scene.conditions import Conditions, under_all
+from tpd.scene.parameters import Parameters
+from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
 
 Count = Callable[[int, int], None]
 _EVENTS = 20_000

@@ -9,13 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from tpd.analysis.ensemble import Ensemble
+from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
-from tpd.core.conditions import Conditions, check_restitution
 from tpd.core.fingerprints import fingerprint, of_sources
-from tpd.core.ground_motion import GroundMotion
 from tpd.core.progress import Progress
-from tpd.core.scene import STANDARD_GRAVITY, Block, Pendulum, Scene
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Limit, Risk, Room, Stroke, Worth
 from tpd.design.ground.design import GroundDesign, GroundVerdict, verdict_of
@@ -25,6 +22,9 @@ from tpd.design.ground.objective import GroundObjective, check_ground_limits, ob
 from tpd.design.ground.search import Evaluated, GroundSearch, Searcher, risk_of_known
 from tpd.design.question import Question, check_cavity, check_given, within_mass
 from tpd.design.result import DesignStatus
+from tpd.scene.conditions import Conditions, check_restitution
+from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.scene import STANDARD_GRAVITY, Block, Pendulum, Scene
 
 DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
 DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Room())

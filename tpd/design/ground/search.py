@@ -12,11 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tpd.core import checks, sampling
+from tpd.core import checks
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Risk
 from tpd.design.ground.objective import GroundObjective
 from tpd.design.surface import Observations, Surface, candidates, fit, promise
+from tpd.scene import sampling
 
 _LEAST_SIZE = 1e-6
 SPARE = 0.05

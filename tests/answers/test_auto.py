@@ -1,0 +1,138 @@
+"""Selection of a model: the model that answers, its estimated error and its reason."""
+
+import functools
+import re
+from types import SimpleNamespace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.reference import HUNG, NAMES, STILL, parameters
+from tests.reference import exact as linear
+from tpd import Auto, status_name, steady_state
+from tpd.answers.auto import dropped
+
+LOW = (*STILL.x[:5], 0.05, STILL.x[6])
+"""Never lifts."""
+LIFTS = (0.2, 0.1, 0.8, 0.2, 0.05, 0.45, 4.0)
+SMALL = (0.02, 0.1, 0.8, 0.2, 0.004, 0.04, 4.0)
+"""Lifts a little: small angles."""
+
+
+@functools.cache
+def chosen(x, tolerance=0.05, balance=False):
+    return steady_state(parameters(x), model=Auto(tolerance=tolerance, balance=balance))
+
+
+def test_a_block_that_never_lifts_is_answered_by_the_closed_form():
+    found = chosen(LOW)
+    assert found.model == "uplift"
+    assert status_name(found.status) == "rest"
+    assert found.amplitude == 0.0
+    assert 0.0 < float(found.estimate) < 0.05
+    assert found.stroke == pytest.approx(linear(LOW).stroke, rel=1e-9)
+    np.testing.assert_allclose(found.state, linear(LOW).steady.state, atol=1e-12)
+    assert "of the moment that would lift the block is in reserve" in found.reason
+
+
+def test_a_bob_that_swings_at_the_start_leaves_less_in_reserve():
+    reserves = []
+    for swing in (0.0, 0.01, 0.02):
+        found = steady_state(parameters(LOW), model=Auto(), y0=jnp.array([0.0, swing, 0.0, 0.0]))
+        assert found.model == "uplift"
+        (share,) = re.findall(r"(\S+)% of the moment that would lift the block is in reserve", found.reason)
+        reserves.append(float(share))
+    assert reserves[0] > reserves[1] > reserves[2] > 0.0
+
+
+def test_a_tighter_tolerance_takes_a_more_accurate_model():
+    models = [chosen(SMALL, tolerance, balance=True).model for tolerance in (0.5, 0.01, 1e-5)]
+    assert models == ["one harmonic", "exact", "nonlinear"]
+    assert chosen(SMALL, 0.5).model == "exact"
+    estimates = [float(chosen(SMALL, t, balance=True).estimate) for t in (0.5, 0.01)]
+    assert estimates[0] > estimates[1] > 0.0
+
+
+def test_an_answer_prints_its_sizes_its_model_and_the_reason():
+    found = chosen(HUNG[3].x, 0.5)
+    lines = str(found).splitlines()
+    assert lines[0] == "rocking: The block settles into periodic rocking."
+    assert lines[1] == f"  amplitude    {float(found.amplitude):.6g} rad"
+    assert lines[4] == "  repeats      after 1 period"
+    assert lines[5].startswith(f"  model        exact, estimated error {float(found.estimate):.2g}: ")
+    # An exact solution that was asked for itself names no model; a batch of answers has no single status.
+    assert len(str(linear(HUNG[3].x).steady).splitlines()) == 5
+    batch = jax.tree.map(lambda x: jnp.stack([x, x]), linear(HUNG[3].x).steady)
+    assert str(batch) == repr(batch)
+
+
+@pytest.mark.parametrize("x", [SMALL, LIFTS, HUNG[3].x], ids=["small", "lifts", "hung"])
+def test_the_estimate_covers_the_true_error(x):
+    truth = float(chosen(x, 1e-5).amplitude)
+    assert chosen(x, 1e-5).model == "nonlinear"
+    for found in (chosen(x, 0.5), chosen(x, 0.5, balance=True)):
+        assert found.model in ("one harmonic", "exact")
+        error = abs(float(found.amplitude) / truth - 1.0)
+        assert error <= float(found.estimate) <= 0.5
+        assert "within the tolerance 0.5" in found.reason
+
+
+def test_the_exact_model_is_the_exact_solution_and_the_last_one_the_nonlinear():
+    low, top = chosen(HUNG[3].x, 0.5), chosen(HUNG[3].x, 1e-5)
+    assert float(low.amplitude) == pytest.approx(HUNG[3].amplitude, rel=1e-9)
+    assert float(top.amplitude) == pytest.approx(0.0659875, rel=1e-5)
+    assert f"may be off by {float(low.estimate):.2g}" in top.reason
+
+
+def test_a_linear_answer_that_is_none_is_not_trusted():
+    x = (0.25, 0.1, 0.2, 0.1, 0.05, 0.6, 2.67)
+    assert linear(x).status == "overturned"
+    found = chosen(x)
+    assert found.model == "nonlinear"
+    assert "the linear equations end overturned" in found.reason
+
+
+def test_a_start_off_rest_is_not_left_to_the_balance():
+    y0 = jnp.array([0.0, 1e-3, 0.0, 0.0])
+    found = steady_state(parameters(SMALL), model=Auto(tolerance=0.5, balance=True), y0=y0)
+    assert found.model == "exact"
+
+
+def test_the_nonlinear_equations_say_which_motion_a_start_reaches():
+    p = parameters((0.3482, 0.2248, 0.6407, 0.4573, 0.0525, 0.3503, 4.9036))
+    y0 = jnp.array([-0.1314, -0.0447, 0.0, 0.0])
+    by_linear = steady_state(p, y0=y0)
+    assert status_name(by_linear.status) == "rocking"
+    found = steady_state(p, model=Auto(), y0=y0)
+    assert status_name(found.status) == "rest"
+    assert found.amplitude == 0.0
+    assert found.model == "nonlinear"
+    assert "the linear equations end rocking, and the nonlinear ones reach another motion" in found.reason
+    # On the linear motion itself the estimate holds: nothing else is asked.
+    near = steady_state(p, model=Auto(), y0=by_linear.state)
+    assert near.model == "exact"
+    assert float(near.amplitude) == pytest.approx(float(by_linear.amplitude), rel=1e-9)
+    assert float(near.estimate) < 0.05
+
+
+def test_what_is_dropped_falls_with_the_square_of_the_angles():
+    shares = []
+    for s in (1.0, 0.1, 0.01):
+        x = np.array(HUNG[3].x) * np.array([s, 1, 1, 1, s, s, 1])
+        answer, p = linear(x), parameters(x)
+        # Without loss an impact drops nothing, whatever the slope in e.
+        slope = SimpleNamespace(**dict(zip(NAMES, answer.slopes[0], strict=False)), e=1.0)
+        shares.append(float(dropped(p, answer.amplitude, answer.stroke, slope)))
+    assert np.log10(shares[0] / shares[1]) == pytest.approx(2.0, abs=0.2)
+    assert np.log10(shares[1] / shares[2]) == pytest.approx(2.0, abs=0.02)
+
+
+def test_auto_needs_numbers():
+    with pytest.raises(ValueError, match=r"`Auto` chooses by numbers: .* but is traced or batched"):
+        jax.jit(lambda x: steady_state(parameters(x), model=Auto()).amplitude)(np.array(SMALL))
+    with pytest.raises(ValueError, match=r"`tolerance` must be between 1e-05 and 1, but is 1\.5"):
+        Auto(tolerance=1.5)
+    with pytest.raises(ValueError, match="`tolerance` must be between 1e-05 and 1, but is 0"):
+        Auto(tolerance=0.0)

@@ -1,0 +1,84 @@
+"""A design by all models: the answer of each, and what the nonlinear equations object."""
+
+import numpy as np
+import pytest
+
+from tpd import Block, Pendulum, Scene, Segmented, check, paper_scene, status_name, steady_state
+from tpd.answers.compare_models import MODELS, objections
+
+PENDULUM = Pendulum(mass=3.2448, length=0.2, damping_ratio=0.1)
+
+
+def test_a_check_has_every_model_asked_for_and_the_nonlinear_one():
+    calls = []
+    quick = ("uplift", "exact")
+    found = check(paper_scene(), PENDULUM, stroke=0.5, models=quick, progress=lambda *at: calls.append(at))
+    assert [r.name for r in found.models] == ["uplift", "exact", "nonlinear"]
+    assert calls == [("checking", i, 3) for i in (1, 2, 3)]
+    p = paper_scene().parameters(PENDULUM)
+    exact, top = steady_state(p), steady_state(p, model=Segmented())
+    assert found.models[1].amplitude == float(exact.amplitude)
+    assert found.models[1].status == status_name(exact.status) == "rest"
+    assert found.top.status == status_name(top.status)
+    assert found.top.stroke == pytest.approx(float(top.stroke), rel=1e-2)
+    assert found.objections == ()
+    assert all(r.seconds > 0 and r.neglects for r in found.models)
+    lines = found.table().splitlines()
+    assert len(lines) == 4
+    assert lines[-1].startswith("nonlinear")
+    assert "nothing of the paper's (4)" in lines[-1]
+    assert str(found) == f"{found.table()}\nno objection by the nonlinear equations"
+    # Dimensionless parameters stand for the scene and its pendulum.
+    same = check(p, stroke=0.5, models=("exact",))
+    assert same.top.amplitude == found.top.amplitude
+    assert same.bare == pytest.approx(found.bare, rel=1e-6)
+
+
+def test_what_does_not_hold_is_said():
+    scene = paper_scene()
+    resonant = scene.pendulum(mass_ratio=0.1, length_ratio=0.20964589, damping_ratio=0.1)
+    found = check(scene, resonant, stroke=1.5, models=("exact",))
+    assert found.models[0].status == "rocking"
+    assert found.objections == ("by the nonlinear equations the motion ends overturned",)
+    assert str(found).endswith("objection: by the nonlinear equations the motion ends overturned")
+
+
+def test_models_without_impact_loss_have_nothing_to_say_of_a_block_with_it():
+    scene = Scene(Block(width=0.1, height=0.4, mass=16.0, restitution=0.8), paper_scene().motion)
+    found = check(scene, None, models=("one harmonic", "exact", "smoothed", "smoothed nonlinear"))
+    said = {r.name for r in found.models if r.status == "no impacts"}
+    assert said == {"one harmonic", "smoothed nonlinear"}
+    assert all(np.isnan(r.amplitude) for r in found.models if r.status == "no impacts")
+    exact, smoothed = (next(r for r in found.models if r.name == name) for name in ("exact", "smoothed"))
+    assert exact.status == smoothed.status == "rocking"
+    assert smoothed.amplitude == pytest.approx(exact.amplitude, rel=1e-4)
+    assert not np.isnan(found.top.amplitude)
+    assert "no impacts" in found.table()
+
+
+@pytest.mark.parametrize(
+    ("motion", "objection"),
+    [
+        ((0.05, 0.4, "rocking"), None),
+        ((0.0, 0.4, "rest"), None),
+        ((0.05, 0.6, "rocking"), r"the stroke is 0\.6 rad, above 0\.5"),
+        ((0.09, 0.4, "rocking"), r"the block rocks 0\.09 rad, and 0\.08 without the pendulum"),
+        ((np.inf, np.inf, "overturned"), "the motion ends overturned"),
+    ],
+)
+def test_objections(motion, objection):
+    found = objections(*motion, 0.5, 0.08)
+    if objection is None:
+        assert found == ()
+    else:
+        with pytest.raises(ValueError, match=objection):
+            raise ValueError(*found)
+
+
+def test_bad_input_is_refused():
+    with pytest.raises(ValueError, match="`stroke` must be positive, but is 0"):
+        check(paper_scene(), None, stroke=0.0)
+    with pytest.raises(ValueError, match=r"`models` must be of uplift, .* but has guess"):
+        check(paper_scene(), None, models=("guess",))
+    assert MODELS[0] == "uplift"
+    assert MODELS[-1] == "nonlinear"

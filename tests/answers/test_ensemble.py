@@ -1,0 +1,315 @@
+"""Ensembles of runs: what each run is, and what is said of all of them."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import tpd
+from tests.reference import NAMES, BareCrowd, EventDriven
+from tpd.answers.ensemble import outcomes, plan
+from tpd.answers.outcomes import Outcomes, Share
+from tpd.answers.paired import Verdict, chance_of
+from tpd.models.batches import settle_all
+from tpd.scene.sampling import latin_hypercube
+from tpd.scene.status import names_of
+
+HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
+SPREADS = (
+    *("tilt", "tilt_rate", "swing", "swing_rate", "amplitude", "frequency", "friction", "damping"),
+    *("restitution", "slenderness", "mass", "length"),
+)
+STILL = tpd.Ensemble(
+    size=8,
+    any_phase=False,
+    ramps=(0.0,),
+    **dict.fromkeys(SPREADS, 0.0),
+)
+PENDULUM = tpd.Pendulum(mass=3.2448, length=0.203, damping_ratio=0.1)
+SMALL = tpd.Ensemble(size=96, periods=60)
+
+
+@pytest.fixture(scope="module")
+def judged():
+    return tpd.verdict(tpd.paper_scene(), PENDULUM, ensemble=SMALL)
+
+
+def followed(p, y0, *, begin=0.0, ramp=0.0, periods):
+    """Settled of one run that is cut after so many periods."""
+    model = tpd.Piecewise(max_periods=periods)
+    return settle_all(p, np.array([y0]), begin=begin, ramp=ramp, model=model)
+
+
+def test_the_first_run_is_the_nominal_one():
+    runs = plan(HUNG, tpd.Ensemble(size=16), 1.0)
+    np.testing.assert_array_equal(runs.y0[0], 0.0)
+    assert runs.begin[0] == runs.ramp[0] == 0.0
+    for name in ("nu", "mu", "lam", "zeta", "k", "f", "xi"):
+        assert getattr(runs.p, name)[0] == pytest.approx(getattr(HUNG, name), rel=1e-15)
+
+
+def test_without_any_spread_every_run_is_what_is_settled_into_from_rest():
+    found = outcomes(HUNG, ensemble=dataclasses.replace(STILL, periods=200))
+    assert set(found.status) == {"rocking"}
+    np.testing.assert_allclose(found.amplitude, tpd.steady_state(HUNG).amplitude, rtol=1e-5)
+    assert np.all(found.peak >= found.amplitude)
+
+
+def test_all_designs_are_put_to_the_same_runs_and_the_seed_repeats_them():
+    light, heavy = (plan(dataclasses.replace(HUNG, mu=mu), SMALL) for mu in (0.01, 0.2))
+    np.testing.assert_array_equal(light.y0, heavy.y0)
+    np.testing.assert_array_equal(light.p.f, heavy.p.f)
+    other = plan(HUNG, dataclasses.replace(SMALL, seed=1))
+    assert not np.array_equal(light.y0, other.y0)
+
+
+def test_a_restitution_scatters_without_a_change_of_the_other_draws():
+    lossy = dataclasses.replace(HUNG, e=0.9)
+    without, scattered = (plan(lossy, dataclasses.replace(SMALL, restitution=w)) for w in (0.0, 0.05))
+    np.testing.assert_array_equal(without.y0, scattered.y0)
+    np.testing.assert_array_equal(without.p.k, scattered.p.k)
+    np.testing.assert_array_equal(without.p.e, 0.9)
+    assert 0.855 <= np.min(scattered.p.e) < 0.87
+    assert 0.93 < np.max(scattered.p.e) <= 0.945
+    assert scattered.p.e[0] == 0.9
+    # The generator that all other draws come from is as it was.
+    first = latin_hypercube(np.random.default_rng(SMALL.seed), SMALL.size, 10)
+    np.testing.assert_array_equal(SMALL.draws()[1:, :10], first[1:])
+    with pytest.raises(ValueError, match="`restitution` can scatter where it is a number, but there is none"):
+        outcomes(tpd.paper_scene(), ensemble=tpd.Ensemble(size=4, restitution=0.1))
+
+
+def test_block_and_installation_scatter_by_default_and_restitution_where_it_is_a_number():
+    e = tpd.Ensemble(size=256)
+    runs, lossy = plan(HUNG, e), plan(dataclasses.replace(HUNG, e=0.9), e)
+    for name, width in (("nu", 0.02), ("mu", 0.02), ("lam", 0.02), ("zeta", 0.2), ("k", 0.2)):
+        factor = np.asarray(getattr(runs.p, name)) / getattr(HUNG, name)
+        assert 1.0 - width <= factor.min() < 1.0 - 0.98 * width
+        assert 1.0 + 0.98 * width < factor.max() <= 1.0 + width
+    np.testing.assert_array_equal(runs.p.e, 1.0)
+    assert 0.882 <= np.min(lossy.p.e) < 0.883
+    found = outcomes(HUNG, ensemble=dataclasses.replace(e, size=4, periods=5))
+    np.testing.assert_allclose(found.lam, plan(HUNG, dataclasses.replace(e, size=4)).p.lam)
+    assert found.at(np.array([2])).mu.shape == (1,)
+
+
+def test_the_spread_is_even_and_within_its_bounds():
+    e = tpd.Ensemble(size=256, amplitude=0.05, frequency=0.1, friction=0.3, tilt=0.2)
+    runs = plan(HUNG, e)
+    factor = np.asarray(runs.p.xi) / HUNG.xi
+    assert 0.9 <= factor.min() < 0.905
+    assert 1.095 < factor.max() <= 1.1
+    # The base's displacement stays: f goes with the square of the frequency.
+    amplitude = np.asarray(runs.p.f) / HUNG.f / factor**2
+    assert 0.95 <= amplitude.min() < amplitude.max() <= 1.05
+    assert np.abs(runs.y0[:, 0]).max() <= 0.2 * HUNG.nu
+    assert np.all((runs.begin >= 0) & (runs.begin < 2 * np.pi / np.asarray(runs.p.xi)))
+    assert set(runs.ramp) == {0.0, 2.0}
+    assert np.mean(runs.ramp == 0.0) == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_run_may_begin_at_any_phase():
+    y0, begin = np.array([0.02, 0.05, 0.0, 0.1]), 0.6
+    times = np.array([begin, 3 * 2 * np.pi / HUNG.xi])
+    expected = tpd.simulate(HUNG, y0, times).ys[-1]
+    found = followed(HUNG, y0, begin=begin, periods=3)
+    np.testing.assert_allclose(found.y[0], expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("ramp", [0.2, 1.25, 2.0])
+def test_growing_shaking_is_exact(ramp):
+    """It grows linearly, whatever phase it begins at; the growth may end within a period."""
+    period = 2 * np.pi / HUNG.xi
+    y, begin = np.array([0.03, 0.0, 0.0, 0.0]), 0.3 * float(period)
+    found = followed(HUNG, y, begin=begin, ramp=ramp, periods=3)
+    other = EventDriven([getattr(HUNG, n) for n in NAMES], onset=0.0, growth=ramp * period)
+    expected = other.run(y, np.array([begin, 3 * period]))[-1]
+    np.testing.assert_allclose(found.y[0], expected, atol=1e-9)
+
+
+def test_growing_shaking_lifts_resting_blocks_when_an_independent_code_says():
+    """Resting, stuck and slipping blocks, over the growth and two periods beyond it."""
+    scene = tpd.paper_scene()
+    runs = plan(scene.parameters(), tpd.Ensemble(size=64, seed=5, ramps=(2.0,)), scene.rate)
+    period = 2 * np.pi / np.asarray(runs.p.xi)
+    model = tpd.Piecewise(max_periods=7)
+    found = settle_all(*runs[:2], begin=runs.begin, ramp=runs.periods, model=model)
+    crowd = BareCrowd(runs.p, np.zeros(64), runs.periods * period)
+    phi, rate = crowd.run(runs.y0, runs.begin, 7 * period)
+    assert np.sum(phi != 0.0) > 32
+    np.testing.assert_allclose(np.asarray(found.y)[:, [0, 2]], np.stack([phi, rate], axis=1), atol=1e-6)
+
+
+@pytest.mark.parametrize(("seed", "lost"), [(5, 135), (6, 136)])
+def test_the_share_overturned_by_growing_shaking_is_that_of_an_independent_code(seed, lost):
+    """Source: `BareCrowd` over 100 periods, with steps of 0.02 and of 0.01."""
+    ensemble = tpd.Ensemble(size=256, seed=seed, ramps=(2.0,), slenderness=0.0)
+    found = np.sum(outcomes(tpd.paper_scene(), ensemble=ensemble).lost)
+    # The motions are chaotic: rounding may decide a run.
+    assert abs(found - lost) <= 1
+
+
+def test_nothing_is_called_rest_while_the_shaking_grows():
+    p = dataclasses.replace(HUNG, f=0.3)
+    assert names_of(followed(p, np.zeros(4), periods=1).status)[0] == "rest"
+    slow = followed(p, np.zeros(4), ramp=10.0, periods=100)
+    assert names_of(slow.status)[0] == "rest"
+    assert slow.elapsed[0] >= 10
+
+
+def test_peaks_are_those_from_the_start_on():
+    y0 = np.array([0.2, 0.0, 0.0, 0.0])
+    found = followed(HUNG, y0, periods=400)
+    assert found.peak[0] >= 0.2 > found.amplitude[0]
+    samples = np.linspace(0.0, 30 * 2 * np.pi / HUNG.xi, 4000)
+    ys = np.abs(tpd.simulate(HUNG, y0, samples).ys)
+    assert found.peak[0] == pytest.approx(ys[:, 0].max(), rel=1e-3)
+    assert found.peak_stroke[0] == pytest.approx(ys[:, 1].max(), rel=1e-3)
+
+
+def test_shares_have_wilsons_interval():
+    share = Share.of(np.arange(100) < 10)
+    assert share.value == 0.1
+    assert (share.low, share.high) == pytest.approx((0.0552, 0.1744), abs=2e-4)
+    none = Share.of(np.zeros(50, bool))
+    assert none.low == 0.0
+    assert none.high == pytest.approx(0.0713, abs=2e-4)
+    assert str(share) == "10.0% (5.5% to 17.4%)"
+
+
+@pytest.mark.parametrize(
+    ("worse", "better", "chance"), [(0, 0, 1.0), (5, 0, 1 / 32), (4, 1, 6 / 32), (0, 5, 1.0)]
+)
+def test_the_chance_of_a_difference_is_the_binomials(worse, better, chance):
+    assert chance_of(worse, better) == pytest.approx(chance)
+
+
+def fake(lost, peak=0.1):
+    n = len(lost)
+    status = np.where(lost, "overturned", "rocking")
+    sizes = np.where(lost, np.inf, peak)
+    named = dict.fromkeys(("peak", "amplitude", "peak_stroke", "stroke"), sizes)
+    return Outcomes(ensemble=tpd.Ensemble(size=n), status=status, ramp=np.zeros(n), **named)
+
+
+def test_harm_is_a_difference_beyond_luck():
+    def compared(only_hung, only_bare):
+        lost = np.arange(100)
+        both = Verdict(hung=fake(lost < only_hung), bare=fake((lost >= 50) & (lost < 50 + only_bare)))
+        assert (both.worse, both.better) == (only_hung, only_bare)
+        return both
+
+    assert compared(5, 0).harms
+    assert not compared(4, 0).harms
+    assert not compared(5, 5).harms
+    assert not compared(0, 20).harms
+    assert "5 of 100 runs of the ensemble overturn with the pendulum only" in compared(5, 0).objection
+
+
+@pytest.mark.mends("runs without an answer were not named in the results of an ensemble")
+def test_runs_without_an_answer_are_named():
+    known = fake(np.zeros(20, bool))
+    assert "without an answer" not in str(Verdict(hung=known, bare=known))
+    names = ["event_bound"] * 3 + ["failed"], ["event_bound"]
+    hung, bare = (
+        dataclasses.replace(known, status=np.array([*some, *known.status[len(some) :]])) for some in names
+    )
+    found = Verdict(hung=hung, bare=bare)
+    assert found.objection.endswith("; 4 with the pendulum and 1 without it have no answer")
+    (row,) = (line for line in found.table().splitlines() if "without an answer" in line)
+    assert row.split()[-2:] == ["4", "1"]
+    assert str(hung).splitlines()[-1].split() == ["runs", "without", "an", "answer", "4"]
+
+
+def test_quantiles_count_the_overturned_as_infinite():
+    found = fake(np.arange(100) < 5)
+    assert found.quantiles("peak", (0.5, 0.95, 0.96)) == (0.1, 0.1, np.inf)
+
+
+def test_the_papers_block_is_safer_with_its_pendulum(judged):
+    assert judged.hung.overturned.high < judged.bare.overturned.low
+    assert not judged.harms
+    table = judged.table()
+    assert "growing for 2 s" in table
+    assert str(judged.bare.overturned) in table
+    assert judged.worse < judged.better
+    assert str(judged) == f"{table}\n{judged.objection}"
+    head = "Ensemble of 96 runs of up to 60 periods, seed 0, linear equations"
+    assert str(judged.bare).splitlines()[0] == head
+    assert table.startswith("linear equations")
+    assert f"{judged.bare.overturned}" in str(judged.bare).splitlines()[1]
+    assert judged.bare._repr_html_() == f"<pre>{judged.bare}</pre>"
+
+
+def test_a_verdict_on_parameters_is_on_the_block_with_their_pendulum_and_without():
+    few = tpd.Ensemble(size=4, periods=20)
+    p = tpd.paper_scene().parameters(PENDULUM)
+    both = tpd.verdict(p, ensemble=few)
+    np.testing.assert_array_equal(both.hung.peak, outcomes(p, ensemble=few).peak)
+    np.testing.assert_array_equal(both.bare.peak, outcomes(dataclasses.replace(p, mu=0.0), ensemble=few).peak)
+
+
+def test_conditions_are_dealt_out_evenly():
+    conditions = tpd.Conditions.amplitudes(0.5, 1.0)
+    runs = plan(HUNG, dataclasses.replace(STILL, size=64), 1.0, conditions)
+    assert sorted(np.round(np.asarray(runs.p.f), 12)) == [0.25] * 32 + [0.5] * 32
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"size": 0}, "`size` must be a whole number, 1 or more, but is 0"),
+        ({"periods": 0}, "`periods` must be a whole number, 1 or more, but is 0"),
+        ({"seed": -1}, "`seed` must be a whole number, 0 or more, but is -1"),
+        ({"tilt": -0.1}, r"`tilt` must be zero or positive, and finite, but is -0\.1"),
+        ({"frequency": 0.6}, r"`frequency` must be between 0 and 0\.5, but is 0\.6"),
+        ({"ramps": ()}, "`ramps` must hold at least one duration, but is empty"),
+        ({"ramps": (1.0, -2.0)}, "`ramps` must be zero or positive, and finite, but is -2"),
+    ],
+)
+def test_ensembles_that_make_no_sense_are_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        tpd.Ensemble(**wrong)
+
+
+def test_bad_subjects_are_refused():
+    with pytest.raises(ValueError, match="`pendulum` goes with a scene"):
+        outcomes(HUNG, PENDULUM)
+    with pytest.raises(ValueError, match="`f` must be a single number, but is"):
+        outcomes(dataclasses.replace(HUNG, f=jnp.array([0.1, 0.2])))
+
+
+@pytest.fixture(scope="module")
+def nonlinear():
+    return tpd.verdict(tpd.paper_scene(), PENDULUM, ensemble=SMALL, equations=tpd.Terms.nonlinear)
+
+
+def test_the_nonlinear_equations_are_put_to_the_same_runs(judged, nonlinear):
+    assert nonlinear.equations == nonlinear.hung.equations == nonlinear.bare.equations == "nonlinear"
+    assert judged.equations == "linear"
+    assert nonlinear.table().startswith("nonlinear equations")
+    assert str(nonlinear.bare).splitlines()[0].endswith("seed 0, nonlinear equations")
+    # Chaotic motions: single runs differ, shares by two standard errors of 96 runs at most.
+    assert abs(np.mean(nonlinear.bare.lost) - np.mean(judged.bare.lost)) < 0.15
+    assert nonlinear.worse < nonlinear.better
+    assert not nonlinear.harms
+    np.testing.assert_array_equal(nonlinear.hung.ramp, judged.hung.ramp)
+
+
+def test_nonlinear_runs_without_any_spread_settle_into_the_nonlinear_motion():
+    """Source: `SETTLED` of tests/models/test_segmented.py."""
+    found = outcomes(HUNG, ensemble=dataclasses.replace(STILL, periods=200), equations="nonlinear")
+    assert set(found.status) == {"rocking"}
+    np.testing.assert_allclose(found.amplitude, 0.0659875, atol=1e-6)
+
+
+def test_equations_that_no_run_can_be_followed_by_are_refused():
+    for wrong in ("parametric", tpd.Terms.parametric):
+        with pytest.raises(ValueError, match="`equations` must be one of linear, nonlinear, but is"):
+            tpd.verdict(HUNG, ensemble=STILL, equations=wrong)
+
+
+def test_both_sides_of_a_verdict_are_by_the_same_equations(nonlinear):
+    with pytest.raises(ValueError, match="`bare` must be by the linear equations, but is by the nonlinear"):
+        tpd.verdict(tpd.paper_scene(), PENDULUM, ensemble=SMALL, bare=nonlinear.bare)

@@ -1,0 +1,481 @@
+"""Periodic orbits of any sequence of events, against simulation, known answers and differences."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.reference import BARE, HUNG, UNSTABLE, Case, along, differences, named, parameters
+from tpd import Status, status_name, steady_state, symmetric_orbits
+from tpd.answers.periodic_orbit import PeriodicOrbit, continue_orbit, periodic_orbit
+from tpd.models.batches import settle_all
+from tpd.theory.equations import Linear
+
+
+class Scene(NamedTuple):
+    """Parameters, a state near a periodic orbit, and what is to be found there: letters S(lip),
+    K (stuck), R(est) with T(urn), L(anding), R(elease) after them, from any event on."""
+
+    name: str
+    x: tuple[float, ...]
+    near: tuple[float, ...]
+    periods: int
+    symmetric: bool
+    kinds: str
+    endings: str
+
+
+# Parameters by random search; the states are simulated ones after the transient, five digits.
+SCENES = (
+    Scene(
+        "mirrored, period one",
+        (0.25, 0.1, 0.15, 0.3, 0.05, 0.377, 2.67, 1.0),
+        (0.02341, 0.37348, 0.18303, -1.33012),
+        1,
+        True,
+        "SSSS",
+        "TLTL",
+    ),
+    Scene(
+        "lopsided",
+        (0.19, 0.04, 0.58, 0.1, 0.09, 0.43, 1.66, 0.81),
+        (-0.0117, 0.66787, 0.26387, -0.93402),
+        1,
+        False,
+        "SSSS",
+        "LTLT",
+    ),
+    Scene(
+        "period three with turns in the air",
+        (0.27, 0.24, 0.34, 0.25, 0.06, 0.35, 3.08, 1.0),
+        (-0.09945, 0.34152, 0.08349, -0.10177),
+        3,
+        True,
+        "SSSSSSSS",
+        "TLTTTLTT",
+    ),
+    Scene(
+        "period three, lopsided, bare",
+        (0.3, 0.0, 0.89, 0.1, 0.05, 0.41, 3.18, 0.98),
+        (-0.14769, 0.55543, 0.10184, 0.66326),
+        3,
+        False,
+        "SSSSSSSS",
+        "TLTTTLTT",
+    ),
+    Scene(
+        "plastic, period two",
+        (0.23, 0.28, 0.11, 0.24, 0.05, 0.44, 2.4, 0.0),
+        (0.06651, -0.34954, 0.15438, 1.07358),
+        2,
+        False,
+        "SSSSSRSSRS",
+        "LTLTLRTLRT",
+    ),
+    Scene(
+        "plastic, stuck in the air",
+        (0.19, 0.09, 0.57, 0.3, 0.04, 0.25, 1.74, 0.0),
+        (0.00103, -0.32788, -0.01066, -0.25904),
+        1,
+        True,
+        "SKSRSKSR",
+        "TRLRTRLR",
+    ),
+    Scene(
+        "stuck between hops",
+        (0.18, 0.0, 0.55, 0.05, 0.03, 0.23, 2.33, 0.77),
+        (-0.0003, 0.02051, -0.00683, -0.25332),
+        1,
+        True,
+        "KSSSSSSSSSSKSKSSSSSSSSSSKS",
+        "RLTLTLTLTLTRTRLTLTLTLTLTRT",
+    ),
+)
+RATTLING = Scene(
+    "rattling to rest",
+    (0.24, 0.11, 0.18, 0.06, 0.05, 0.17, 2.84, 0.56),
+    (0.00012, -1.31521, 0.00034, -0.92075),
+    1,
+    True,
+    "SK" + 25 * "S" + "RSK" + 25 * "S" + "R",
+    "TR" + 12 * "LT" + "LRTR" + 12 * "LT" + "LR",
+)
+ALL = (*SCENES, pytest.param(RATTLING, marks=pytest.mark.slow))
+SLIPPING = tuple(s for s in SCENES if set(s.kinds) == {"S"})
+
+
+class Answer(NamedTuple):
+    """An orbit, and the derivatives of (amplitude, stroke, state, durations) in all parameters."""
+
+    orbit: PeriodicOrbit
+    slopes: np.ndarray
+
+
+def at(x: Any) -> Any:
+    """Parameters as arrays, so that e may be varied about 1."""
+    return eqx.tree_at(lambda p: p.e, parameters((*x[:7], 1.0)), float(x[7]))
+
+
+def near(x: Any, y0: Any, periods: int = 1, max_events: int = 32) -> PeriodicOrbit:
+    """`periodic_orbit` of a vector of parameters."""
+    return periodic_orbit(at(x), np.asarray(y0, dtype=float), periods=periods, max_events=max_events)
+
+
+def sizes(o: PeriodicOrbit) -> jax.Array:
+    """All that is differentiable."""
+    return jnp.concatenate([jnp.stack([o.amplitude, o.stroke]), o.state, o.sequence.durations])
+
+
+@jax.jit
+def _carried(x: jax.Array, orbit: PeriodicOrbit) -> tuple[jax.Array, PeriodicOrbit]:
+    def here(x: jax.Array) -> tuple[jax.Array, PeriodicOrbit]:
+        o = continue_orbit(parameters(x), orbit)
+        return sizes(o), o
+
+    return jax.jacfwd(here, has_aux=True)(x)
+
+
+def carried(x: Any, orbit: PeriodicOrbit) -> Answer:
+    """`continue_orbit`, with derivatives."""
+    slopes, o = _carried(jnp.asarray(x), orbit)
+    return Answer(o, np.asarray(slopes))
+
+
+@functools.cache
+def found(scene: Scene) -> Answer:
+    """The orbit of a scene from its rough state, and derivatives."""
+    orbit = near(scene.x, scene.near, scene.periods, 32 if len(scene.kinds) <= 32 else 64)
+    return carried(scene.x, orbit)
+
+
+def followed(scene: Scene, y0: Any, begin: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """One period of the motion from `y0` at a time `begin`: d end/d start, and 361 states."""
+    span = scene.periods * 2.0 * np.pi / scene.x[6]
+    ys, slopes, _ = along(scene.x, y0, begin + np.linspace(0.0, 1.0, 361) * span)
+    return slopes[-1], ys
+
+
+def letters(orbit: PeriodicOrbit) -> tuple[str, str]:
+    """The sequence, written as in `Scene`."""
+    s, n = orbit.sequence, int(orbit.sequence.count)
+    kinds, endings = np.asarray(s.kinds)[:n], np.asarray(s.endings)[:n]
+    return "".join("SKR"[i] for i in kinds), "".join("TLR"[i] for i in endings)
+
+
+def spectrum(multipliers: Any) -> np.ndarray:
+    """In an order in which two of them can be compared, small ones left out."""
+    m = np.asarray(multipliers)
+    return np.sort_complex(np.where(np.abs(m) < 1e-4, 0.0, np.round(m.real, 12) + 1j * np.abs(m.imag)))
+
+
+@pytest.mark.parametrize("scene", ALL, ids=lambda s: s.name)
+def test_sequence_and_kind(scene: Scene) -> None:
+    orbit = found(scene).orbit
+    held = set(scene.kinds) != {"S"}
+    assert status_name(orbit.status) == ("sticking" if held else "rocking")
+    assert bool(orbit.symmetric) == scene.symmetric
+    kinds, endings = letters(orbit)
+    turns = range(len(kinds))
+    assert (scene.kinds, scene.endings) in [(kinds[i:] + kinds[:i], endings[i:] + endings[:i]) for i in turns]
+    total = scene.periods * 2.0 * np.pi / scene.x[6]
+    assert np.sum(orbit.sequence.durations) == pytest.approx(total, rel=1e-14)
+
+
+@pytest.mark.parametrize("scene", ALL, ids=lambda s: s.name)
+def test_simulation_stays_on_the_orbit(scene: Scene) -> None:
+    orbit = found(scene).orbit
+    _, ys = followed(scene, orbit.state)
+    np.testing.assert_allclose(ys[-1], orbit.state, rtol=0.0, atol=2e-12)
+    largest = np.max(np.abs(ys), axis=0)
+    for size, seen in ((orbit.amplitude, largest[0]), (orbit.stroke, largest[1])):
+        assert (1.0 - 2e-3) * float(size) < seen < (1.0 + 1e-9) * float(size)
+
+
+@pytest.mark.parametrize("scene", ALL, ids=lambda s: s.name)
+def test_multipliers_are_those_of_the_return_map_wherever_cut(scene: Scene) -> None:
+    orbit = found(scene).orbit
+    slopes, ys = followed(scene, orbit.state)
+    span = scene.periods * 2.0 * np.pi / scene.x[6]
+    if scene.x[1] == 0.0:
+        slopes = slopes * np.outer([1, 0, 1, 0], [1, 0, 1, 0])
+    # Rounding of the tilt moves hops of 1e-6 by 1e-10, and the multipliers of the rattle with them.
+    atol = 1e-7 if scene is RATTLING else 1e-8
+    np.testing.assert_allclose(
+        spectrum(orbit.multipliers), spectrum(np.linalg.eigvals(slopes)), rtol=0, atol=atol
+    )
+    other, _ = followed(scene, ys[137], 137 / 360 * span)
+    if scene.x[1] == 0.0:
+        other = other * np.outer([1, 0, 1, 0], [1, 0, 1, 0])
+    np.testing.assert_allclose(
+        spectrum(orbit.multipliers), spectrum(np.linalg.eigvals(other)), rtol=0, atol=atol
+    )
+
+
+def _pull(linear: Linear, y: np.ndarray, step: float, drag: float, sine: float) -> float:
+    """phi'' of a slipping block."""
+    return float(linear.rates(jnp.asarray(y), step, drag, sine)[2])
+
+
+@pytest.mark.parametrize("scene", [s for s in SLIPPING if s.x[1] > 0.0], ids=named)
+def test_determinant_of_the_monodromy(scene: Scene) -> None:
+    """Liouville: the product of the multipliers is exp(tr A T), e^2 for each landing, and for each
+    turn phi'' just after it over phi'' just before."""
+    orbit, p, linear = found(scene).orbit, parameters(scene.x), Linear(parameters(scene.x))
+    s, n = orbit.sequence, int(orbit.sequence.count)
+    trace = -np.trace(np.linalg.inv(linear.mass) @ np.asarray(linear.damping))
+    log = trace * scene.periods * 2.0 * np.pi / p.xi
+    product = np.exp(log) * scene.x[7] ** (2 * scene.endings.count("L"))
+    for i in range(n):
+        if int(s.endings[(i - 1) % n]) == 0:
+            y, tilt, sine = s.states[i], float(s.tilt_signs[i]), np.sin(float(s.phases[i]))
+            before, after = (_pull(linear, y, tilt, float(s.rate_signs[j]), sine) for j in ((i - 1) % n, i))
+            product *= after / before
+    assert np.prod(orbit.multipliers) == pytest.approx(product, rel=1e-9)
+
+
+@pytest.mark.parametrize("scene", [s for s in SCENES if s not in SLIPPING], ids=named)
+def test_held_arcs_forget(scene: Scene) -> None:
+    """A held arc forgets the rate at which it was entered, rest the tilt as well, and a release
+    depends on the bob alone."""
+    small = np.abs(np.asarray(found(scene).orbit.multipliers)) < 1e-5
+    assert np.sum(small) >= (2 if "R" in scene.kinds else 1)
+
+
+@pytest.mark.parametrize("scene", ALL, ids=lambda s: s.name)
+def test_gradients_are_the_differences(scene: Scene) -> None:
+    answer = found(scene)
+    assert np.all(np.isfinite(answer.slopes))
+
+    def size(x: np.ndarray) -> np.ndarray:
+        o = continue_orbit(at(x), answer.orbit)
+        assert status_name(o.status) == status_name(answer.orbit.status)
+        return np.asarray(sizes(o))[:known]
+
+    # The hops of a rattle are too short for differences of their durations.
+    known = 6 if len(scene.kinds) > 20 else None
+    for i in np.flatnonzero(np.array(scene.x) > 0.0):
+        slope = differences(size, scene.x, int(i), share=1e-4)
+        scale = 1e-7 * max(1.0, float(np.max(np.abs(slope))))
+        np.testing.assert_allclose(answer.slopes[:known, i], slope, rtol=1e-6, atol=scale)
+
+
+@pytest.mark.parametrize("case", [*HUNG, *BARE[:2]], ids=named)
+def test_known_amplitudes_and_gradients(case: Case) -> None:
+    states = {
+        HUNG[0].name: (0.03689, 0.87578, 0.13559, -4.56583),
+        HUNG[1].name: (0.02341, 0.37348, 0.18303, -1.33012),
+        HUNG[2].name: (0.01316, 0.04468, 0.17291, 0.30586),
+        HUNG[3].name: (0.01065, 0.03448, 0.24508, 0.40757),
+        BARE[0].name: (0.06571, 0.00324, 0.1113, -0.85042),
+        BARE[1].name: (0.04266, 0.61327, 0.09715, -0.59616),
+    }
+    x = (*case.x, 1.0)
+    answer = carried(x, near(x, states[case.name]))
+    rtol, atol = case.amplitude_rtol, case.amplitude_atol
+    np.testing.assert_allclose(answer.orbit.amplitude, case.amplitude, rtol=rtol, atol=atol)
+    known = np.isfinite(case.gradient)
+    gradient = np.array(case.gradient)[known]
+    rtol, atol = case.gradient_rtol, case.gradient_atol
+    np.testing.assert_allclose(answer.slopes[0, :7][known], gradient, rtol=rtol, atol=atol)
+
+
+@functools.cache
+def bare() -> PeriodicOrbit:
+    """The attracting orbit of the bare block at xi = 1.5, whose branch loses symmetry near 1.0443."""
+    return near((*BARE[0].x, 1.0), (0.06571, 0.00324, 0.1113, -0.85042))
+
+
+def moved(orbit: PeriodicOrbit, x: Any, i: int, stops: Any) -> PeriodicOrbit:
+    """The orbit followed along parameter `i`, stop by stop."""
+    x = np.array(x, dtype=float)
+    for x[i] in stops:
+        orbit = continue_orbit(at(x), orbit)
+    return orbit
+
+
+def test_continuation_passes_where_the_orbit_repels() -> None:
+    x, amplitude, half = (*UNSTABLE[0], 1.0), *UNSTABLE[1:]
+    before = moved(bare(), x, 6, np.linspace(1.5, 1.05, 10))
+    assert status_name(before.status) == "rocking"
+    after = moved(before, x, 6, (1.04,))
+    assert status_name(after.status) == "unstable"
+    assert float(before.margins.fold) * float(after.margins.fold) < 0.0
+    end = moved(after, x, 6, (1.02, 1.0))
+    assert status_name(end.status) == "unstable"
+    assert bool(end.symmetric)
+    assert float(end.amplitude) == pytest.approx(amplitude, abs=5e-7)
+    assert np.max(np.abs(end.multipliers)) == pytest.approx(half**2, rel=1e-3)
+    answer = carried(x, end)
+    slope = differences(lambda x: np.asarray(sizes(continue_orbit(at(x), end))), x, 6, share=1e-3)
+    np.testing.assert_allclose(answer.slopes[:, 6], slope, rtol=1e-7, atol=1e-7)
+    back = moved(end, x, 6, np.linspace(1.0, 1.5, 12))
+    np.testing.assert_allclose(back.state, bare().state, rtol=0.0, atol=1e-13)
+
+
+def test_fold_is_told_and_refused() -> None:
+    """Followed down in f until the orbit is gone: next to its end the status says so, the fold's margin
+    vanishes, and there are no derivatives."""
+    x, orbit, step = np.array((*BARE[0].x, 1.0)), bare(), 0.01
+    while step > 1e-15:
+        onward = moved(orbit, x, 5, (x[5] - step,))
+        near_by = abs(float(onward.amplitude) - float(orbit.amplitude)) < 0.01
+        orbit, x[5], step = (onward, x[5] - step, step) if near_by else (orbit, x[5], 0.25 * step)
+    # In the last digits before the fold rounding decides on which side, and whether, Newton's method ends.
+    ends = [np.array((*x[:5], x[5] + more, *x[6:])) for more in np.linspace(0.0, 4e-14, 41)]
+    answers = [carried(end, moved(orbit, end, 5, (end[5],))) for end in ends]
+    answer = next(a for a in answers if status_name(a.orbit.status) == "near_fold")
+    assert abs(float(answer.orbit.margins.fold)) < 1e-5
+    assert np.isfinite(float(answer.orbit.amplitude))
+    assert np.all(np.isnan(answer.slopes[:6]))
+
+
+NOT_THERE = {
+    "rest": ((0.2, 0.1, 0.4, 0.2, 0.03, 0.05, 4.0, 1.0), (0.0, 0.0, 0.0, 0.0)),
+    "overturned": ((0.2, 0.1, 0.4, 0.2, 0.03, 0.25, 4.0, 1.0), (0.8, 0.0, 0.0, 0.0)),
+    "event_bound": ((0.2, 0.0, 0.4, 0.2, 0.0, 0.05, 4.0, 1.0), (1e-5, 0.0, 0.0, 0.0)),
+    "no_orbit": (SCENES[2].x, SCENES[2].near),
+}
+
+
+@pytest.mark.parametrize("status", NOT_THERE)
+def test_no_orbit_says_why(status: str) -> None:
+    x, y0 = NOT_THERE[status]
+    orbit = near(x, y0)
+    assert status_name(orbit.status) == status
+    if status == "rest":
+        assert float(orbit.amplitude) == 0.0
+    else:
+        assert np.isnan(float(orbit.amplitude))
+    assert int(orbit.sequence.count) == 0
+    assert status_name(continue_orbit(at(x), orbit).status) == "no_orbit"
+
+
+def test_input_is_checked() -> None:
+    p = parameters(SCENES[0].x)
+    for y0 in (np.zeros(3), np.full(4, np.nan)):
+        with pytest.raises(ValueError, match=r"`y0` must be \(phi, psi, phi', psi'\), all finite"):
+            periodic_orbit(p, y0)
+    for name in ("periods", "max_events"):
+        with pytest.raises(ValueError, match=f"`{name}` must be a whole number, 1 or more, but is 0"):
+            periodic_orbit(p, np.zeros(4), **{name: 0})
+    with pytest.raises(ValueError, match="`rest_rate` must be positive"):
+        periodic_orbit(p, np.zeros(4), rest_rate=0.0)
+
+
+def test_programs_answer_as_the_host_does() -> None:
+    scene = SCENES[4]
+    x, y0 = jnp.array(scene.x), np.array(scene.near)
+
+    def answer(x: jax.Array) -> PeriodicOrbit:
+        return periodic_orbit(parameters(x), y0, periods=scene.periods, max_events=16)
+
+    on_host = periodic_orbit(at(scene.x), y0, periods=scene.periods, max_events=16)
+    for one, other in zip(jax.tree.leaves(on_host), jax.tree.leaves(jax.jit(answer)(x)), strict=True):
+        assert one.dtype == other.dtype
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(jax.grad(lambda x: answer(x).stroke)(x), found(scene).slopes[1], rtol=1e-9)
+
+
+def test_derivatives_that_are_not_known_are_refused() -> None:
+    x, y0 = jnp.array(SCENES[0].x), np.array(SCENES[0].near)
+
+    def answer(x: jax.Array) -> PeriodicOrbit:
+        return periodic_orbit(parameters(x), y0, max_events=8)
+
+    assert np.all(np.isnan(jax.hessian(lambda x: answer(x).amplitude)(x)))
+    assert np.all(np.isnan(jax.jacfwd(lambda x: answer(x).margins.fold)(x)))
+    assert np.all(np.isnan(jax.jacfwd(lambda x: jnp.abs(answer(x).multipliers))(x)))
+
+
+def test_the_margin_of_grazing_is_the_least_rate_on_the_way() -> None:
+    """A block that all but turns in the air soon after a landing; and by states along that arc."""
+    x, y0 = (0.155, 0.06, 0.48, 0.151, 0.092, 0.364, 1.65, 0.017), (0.0125, -0.9238, 0.0121, -0.7916)
+    orbit, j = near(x, y0), 4
+    start = np.where(np.abs(orbit.sequence.states[j]) < 1e-12, 0.0, orbit.sequence.states[j])
+    begin, lasted = float(orbit.sequence.phases[j]) / x[6], float(orbit.sequence.durations[j])
+    rates = np.abs(along(x, start, begin + np.linspace(0.0, 1.0, 361) * lasted)[0][:, 2])
+    seen = np.min(rates[1:60]) / np.max(rates)
+    assert seen < 0.01
+    assert 0.999 * seen < float(orbit.margins.grazing) <= seen * (1.0 + 1e-9)
+
+
+@pytest.mark.slow
+def test_batches_and_reverse_mode() -> None:
+    """`vmap` and `grad` of `periodic_orbit` itself, under `jit`."""
+    scenes = SCENES[:2]
+
+    @jax.jit
+    @jax.vmap
+    def run(x: jax.Array, y0: jax.Array) -> tuple[jax.Array, jax.Array]:
+        return jax.value_and_grad(lambda x: periodic_orbit(parameters(x), y0, max_events=8).amplitude)(x)
+
+    values, slopes = run(jnp.array([s.x for s in scenes]), jnp.array([s.near for s in scenes]))
+    for scene, value, slope in zip(scenes, values, slopes, strict=True):
+        answer = found(scene)
+        assert float(value) == pytest.approx(float(answer.orbit.amplitude), rel=1e-12)
+        np.testing.assert_allclose(slope, answer.slopes[0], rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.slow
+def test_symmetric_orbits_are_found_again() -> None:
+    """Stable and unstable ones of random scenes, their multipliers and gradients."""
+
+    @jax.jit
+    def all_of(x: jax.Array) -> tuple:
+        def here(x: jax.Array) -> tuple:
+            o = symmetric_orbits(parameters(x))
+            return jnp.concatenate([o.amplitude[:, None], o.stroke[:, None], o.state], axis=1), o
+
+        return jax.jacfwd(here, has_aux=True)(x)
+
+    rng = np.random.default_rng(3)
+    low, high = (0.1, 0.0, 0.1, 0.02, 0.01, 0.05, 0.8, 0.6), (0.3, 0.3, 1.5, 0.5, 0.12, 0.5, 4.0, 1.0)
+    met = {"rocking": 0, "unstable": 0}
+    # Strokes are compared with simulated ones above.
+    same = np.array([0, 2, 3, 4, 5])
+    for x in rng.uniform(low, high, (60, 8)):
+        slopes, orbits = all_of(jnp.asarray(x))
+        for i in range(orbits.amplitude.size):
+            one = jax.tree.map(lambda a, i=i: a[i] if a.ndim else a, orbits)
+            if status_name(one.status) not in met:
+                continue
+            answer = carried(x, near(x, one.state))
+            assert status_name(answer.orbit.status) == status_name(one.status)
+            met[status_name(one.status)] += 1
+            np.testing.assert_allclose(answer.orbit.amplitude, one.amplitude, rtol=1e-11)
+            np.testing.assert_allclose(
+                spectrum(answer.orbit.multipliers), spectrum(one.multipliers), rtol=1e-8, atol=1e-8
+            )
+            scale = 1e-8 * float(jnp.max(jnp.abs(slopes[i])))
+            np.testing.assert_allclose(answer.slopes[same], slopes[i][same], rtol=1e-8, atol=scale)
+    assert min(met.values()) >= 10
+
+
+@pytest.mark.slow
+def test_attractors_of_random_scenes() -> None:
+    """What simulation settles into is found again, whatever its kind: same sizes and multiplier."""
+    rng = np.random.default_rng(11)
+    low, high = (0.15, 0.0, 0.1, 0.02, 0.01, 0.05, 0.7, 0.0), (0.3, 0.3, 1.2, 0.3, 0.1, 0.5, 3.5, 1.0)
+    xs = rng.uniform(low, high, (400, 8))
+    starts = np.zeros((400, 4))
+    starts[:, 0] = 0.5 * xs[:, 0] * rng.uniform(-1.0, 1.0, 400)
+    settled = settle_all(parameters(xs.T), starts)
+    compared = 0
+    for i in np.flatnonzero((settled.status == Status.rocking) | (settled.status == Status.sticking)):
+        steady = steady_state(at(xs[i]), y0=settled.y[i])
+        orbit = near(xs[i], steady.state, int(steady.periods))
+        if status_name(orbit.status) == "event_bound":
+            continue
+        assert orbit.status == steady.status
+        compared += 1
+        known = jnp.stack([steady.amplitude, steady.stroke])
+        np.testing.assert_allclose(sizes(orbit)[:2], known, rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(orbit.state, steady.state, rtol=0.0, atol=1e-10)
+        assert np.max(np.abs(orbit.multipliers)) == pytest.approx(float(steady.multiplier), abs=1e-6)
+    assert compared > 80

@@ -1,0 +1,232 @@
+"""Lognormal fits: the largest likelihood by brute force, and outcomes that have none."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+from scipy.special import log_ndtr
+from scipy.stats import binomtest
+
+from tpd.answers.probit import fit_lognormal
+
+
+def outcomes(counts: list[int], motions: int) -> np.ndarray:
+    """Outcomes of motions of which so many reach the state at each stripe."""
+    return (np.arange(motions)[:, None] < np.array(counts)).astype(float)
+
+
+def likelihood(a, b, stripes: np.ndarray, hits: np.ndarray) -> np.ndarray:
+    """Logarithm of the likelihood of intercepts and slopes in the logarithm of the intensity."""
+    eta = np.asarray(a)[..., None] + np.asarray(b)[..., None] * np.log(stripes)
+    known = np.isfinite(hits)
+    counts, n = np.where(known, hits, 0.0).sum(axis=0), known.sum(axis=0)
+    return (counts * log_ndtr(eta) + (n - counts) * log_ndtr(-eta)).sum(axis=-1)
+
+
+def against(a, b, stripes: np.ndarray, hits: np.ndarray) -> float:
+    return -float(likelihood(a, b, stripes, hits))
+
+
+SEPARATED = [
+    # Shares, motions, and between which of the stripes 1, 2, 3 ... the share passes a half.
+    ([0, 2, 4], 4, (2.0, 2.0)),
+    ([0, 0, 0, 3], 20, (4.0, math.inf)),
+    ([0, 0, 0, 17], 20, (3.0, 4.0)),
+    ([0, 0, 1, 5], 5, (3.0, 4.0)),
+    ([3, 9, 9], 9, (1.0, 2.0)),
+    ([7, 9, 9], 9, (0.0, 1.0)),
+    ([0, 0, 8, 8], 8, (2.0, 3.0)),
+    ([0, 500, 1000], 1000, (2.0, 2.0)),
+    ([0, 1], 1, (1.0, 2.0)),
+]
+
+
+@pytest.mark.mends("a dispersion that no stripe sees was an artefact of clipped logarithms")
+@pytest.mark.parametrize(("counts", "motions", "passes"), SEPARATED)
+def test_separated_outcomes_have_a_median_between_stripes_and_no_dispersion(counts, motions, passes):
+    stripes = np.arange(1.0, len(counts) + 1.0)
+    fit = fit_lognormal(stripes, outcomes(counts, motions))
+    assert fit.separated
+    assert "less than the stripes see" in str(fit)
+    assert math.isnan(fit.dispersion)
+    assert fit.median == pytest.approx(math.sqrt(passes[0] * passes[1]))
+    low, high = fit.interval()
+    assert low <= passes[0]
+    assert high >= passes[1]
+
+
+@pytest.mark.mends("a band around separated outcomes was narrower than the stripes allow")
+@pytest.mark.parametrize(("counts", "motions", "passes"), SEPARATED)
+def test_the_band_of_separated_outcomes_is_that_of_the_stripes_around(counts, motions, passes):
+    stripes = np.arange(1.0, len(counts) + 1.0)
+    fit = fit_lognormal(stripes, outcomes(counts, motions))
+    exact = [binomtest(k, motions).proportion_ci(0.9, method="exact") for k in counts]
+    # Below and above the stripes nothing limits the probability on one side.
+    lows, highs = [0.0, *(e.low for e in exact)], [*(e.high for e in exact), 1.0]
+    between = np.arange(0.5, len(counts) + 1.0)
+    low, high = fit.band(between, level=0.9)
+    np.testing.assert_allclose(low, lows, atol=1e-12)
+    np.testing.assert_allclose(high, highs, atol=1e-12)
+    low, high = fit.band(stripes, level=0.9)
+    np.testing.assert_allclose(low, lows[1:], atol=1e-12)
+    np.testing.assert_allclose(high, highs[:-1], atol=1e-12)
+    # The curve is drawn only where the stripes on both sides say the same.
+    shares = np.array([0.0, *counts, motions]) / motions
+    known = shares[1:] == shares[:-1]
+    assert np.array_equal(np.isfinite(fit.probability(between)), known)
+    np.testing.assert_allclose(fit.probability(stripes), shares[1:-1])
+
+
+def test_the_interval_of_separated_outcomes_covers_the_median():
+    rng, stripes, found = np.random.default_rng(4), np.array([1.0, 1.5, 2.25, 3.375]), []
+    for _ in range(400):
+        median = float(np.exp(rng.uniform(np.log(1.1), np.log(3.0))))
+        hits = stripes >= (median * np.exp(0.05 * rng.standard_normal(12)))[:, None]
+        fit = fit_lognormal(stripes, hits.astype(float))
+        if fit.separated:
+            low, high = fit.interval()
+            assert high > low
+            found.append(low <= median <= high)
+    assert len(found) > 300
+    # Beside a stripe the interval may be on its wrong side.
+    assert np.mean(found) >= 0.95
+
+
+@pytest.mark.mends("one stripe gave a dispersion of 1, where the search began")
+def test_one_stripe_sees_no_dispersion():
+    for count, median in ((3, math.inf), (5, 2.0), (8, 0.0)):
+        fit = fit_lognormal(np.array([2.0]), outcomes([count], 10))
+        assert fit.separated
+        assert fit.median == median
+        assert math.isnan(fit.dispersion)
+        assert "not seen by one stripe" in str(fit)
+
+
+@pytest.mark.mends("a share that grows slowly was said not to grow")
+def test_a_share_that_grows_slowly_has_a_curve():
+    stripes = np.array([0.5, 1.0, 2.0, 4.0])
+    hits = outcomes([10, 12, 14, 16], 40)
+    fit = fit_lognormal(stripes, hits)
+    slope = 1.0 / fit.dispersion
+    intercept = -slope * math.log(fit.median)
+    assert slope == pytest.approx(0.2021, abs=1e-4)
+    # No point of a fine grid around is more likely.
+    a, b = np.meshgrid(intercept + np.linspace(-1.0, 1.0, 201), slope + np.linspace(-0.6, 0.6, 201))
+    assert likelihood(intercept, slope, stripes, hits) >= likelihood(a, b, stripes, hits).max()
+    assert "does not grow" not in str(fit)
+
+
+def test_a_share_that_does_not_grow_has_none():
+    stripes = np.array([0.5, 1.0, 2.0, 4.0])
+    for counts in ([10, 10, 10, 10], [16, 14, 12, 10], [40, 40, 0, 0], [40, 20, 0, 0]):
+        fit = fit_lognormal(stripes, outcomes(counts, 40))
+        assert math.isnan(fit.median)
+        assert "does not grow" in str(fit)
+
+
+@pytest.mark.mends(
+    "69 of 797 fits were given up below a bound on the slope, and others ended beside their maximum"
+)
+def test_random_fits_are_maxima_or_have_none():
+    rng, seen = np.random.default_rng(35), {"maximum": 0, "separated": 0, "flat": 0}
+    for _ in range(797):
+        stripes = np.sort(np.exp(rng.normal(0.0, 1.0, rng.integers(2, 9))))
+        motions = int(rng.choice([2, 4, 12, 40, 200]))
+        median, dispersion = np.exp(rng.normal(0.0, 1.0)), np.exp(rng.normal(-0.3, 1.2))
+        capacity = median * np.exp(dispersion * rng.standard_normal((motions, len(stripes))))
+        # Either the outcomes of a motion at all stripes hang together, or they do not.
+        hits = (stripes >= (capacity[:, :1] if rng.random() < 0.5 else capacity)).astype(float)
+        hits[rng.random(hits.shape) < rng.choice([0.0, 0.1])] = np.nan
+        fit = fit_lognormal(stripes, hits)
+        fell, stood = (stripes[np.any(hits == x, axis=0)] for x in (1.0, 0.0))
+        separated = not fell.size or not stood.size or stood.max() <= fell.min()
+        assert fit.separated == separated
+        if separated:
+            seen["separated"] += 1
+        elif math.isnan(fit.median):
+            seen["flat"] += 1
+            # With the best intercept of each slope the likelihood falls from a slope of zero on.
+            best = [minimize_scalar(against, args=(b, stripes, hits)).fun for b in (0.0, 0.003, 0.03, 0.3)]
+            assert best == sorted(best)
+        else:
+            seen["maximum"] += 1
+            b = 1.0 / fit.dispersion
+            a = -b * math.log(fit.median)
+            top = likelihood(a, b, stripes, hits)
+            # The likelihood is concave: a maximum among its neighbours is the maximum.
+            turns = np.linspace(0.0, 2.0 * math.pi, 40)
+            for size in (1e-4, 1e-2, 0.3):
+                near = a + size * np.cos(turns), b + size * np.sin(turns) * max(1.0, b)
+                assert np.all(likelihood(*near, stripes, hits) < top + 1e-9)
+    assert min(seen.values()) > 5
+    assert seen["maximum"] > 400
+
+
+@pytest.mark.mends("the scores of one motion add up to zero, and its interval had no width")
+def test_one_motion_at_many_stripes_shows_no_spread():
+    fit = fit_lognormal(np.arange(1.0, 6.0), np.array([[0.0, 1.0, 0.0, 1.0, 1.0]]))
+    assert not fit.separated
+    assert fit.interval() == (0.0, math.inf)
+    low, high = fit.band(np.array([1.0, 3.0]))
+    assert low.tolist() == [0.0, 0.0]
+    assert high.tolist() == [1.0, 1.0]
+    # Rows without any outcome are no motions either.
+    padded = np.vstack([[0.0, 1.0, 0.0, 1.0, 1.0], np.full((3, 5), np.nan)])
+    assert fit_lognormal(np.arange(1.0, 6.0), padded).interval() == (0.0, math.inf)
+
+
+@pytest.mark.mends("without any known outcome the median was said to be above the stripes")
+def test_without_outcomes_there_is_no_median():
+    fit = fit_lognormal(np.array([1.0, 2.0]), np.full((5, 2), np.nan))
+    assert math.isnan(fit.median)
+    assert "no outcome is known" in str(fit)
+    low, high = fit.band(np.array([0.5, 1.5, 3.0]))
+    assert (low.tolist(), high.tolist()) == ([0.0] * 3, [1.0] * 3)
+
+
+@pytest.mark.mends("outcomes above the stripes had no band")
+def test_outcomes_that_are_all_the_same_bound_the_probability():
+    stripes = np.array([1.0, 2.0, 3.0])
+    never, always = (fit_lognormal(stripes, np.full((20, 3), x)) for x in (0.0, 1.0))
+    assert never.interval() == (3.0, math.inf)
+    assert always.interval() == (0.0, 1.0)
+    known = binomtest(0, 20).proportion_ci(method="exact").high
+    low, high = never.band(np.array([0.5, 2.5, 3.5]))
+    assert low.tolist() == [0.0, 0.0, 0.0]
+    assert high == pytest.approx([known, known, 1.0])
+    assert str(never) == "median above the stripes"
+    assert str(always) == "median below the stripes"
+
+
+def test_large_counts_and_close_stripes_lose_no_digits():
+    stripes = np.array([1.0, 1.0 + 1e-6, 1.0 + 2e-6])
+    hits = outcomes([10_000, 30_000, 70_000], 100_000)
+    near = fit_lognormal(stripes, hits)
+    wide = fit_lognormal(stripes**1e6, hits)
+    assert near.median**1e6 == pytest.approx(wide.median, rel=1e-7)
+    assert near.dispersion * 1e6 == pytest.approx(wide.dispersion, rel=1e-7)
+    # Scaled intensities scale the median, and nothing else.
+    scaled = fit_lognormal(7.0 * stripes**1e6, hits)
+    assert scaled.median == pytest.approx(7.0 * wide.median, rel=1e-9)
+    assert scaled.dispersion == pytest.approx(wide.dispersion, rel=1e-9)
+    assert scaled.interval() == pytest.approx(tuple(7.0 * x for x in wide.interval()), rel=1e-9)
+
+
+@pytest.mark.mends("two earthquakes gave an interval of no width")
+def test_two_earthquakes_show_no_spread():
+    stripes, hits = np.array([1.0, 2.0, 4.0, 8.0]), np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]])
+    fit = fit_lognormal(stripes, hits)
+    assert fit.interval() == (0.0, math.inf)
+    np.testing.assert_array_equal(fit.band(np.array([2.0])), [[0.0], [1.0]])
+    copies = fit_lognormal(stripes, np.tile(hits, (6, 1)), np.arange(12) % 2)
+    assert copies.interval() == (0.0, math.inf)
+
+
+@pytest.mark.mends("intervals of few motions were those of many")
+def test_few_earthquakes_have_the_wider_quantile_of_student():
+    hits = np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0], [0.0, 1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
+    fit = fit_lognormal(np.array([1.0, 2.0, 4.0, 8.0]), hits)
+    toward = -fit.dispersion * np.array([1.0, math.log(fit.median)])
+    width = 4.302652729911275 * math.sqrt(toward @ fit.covariance @ toward)
+    assert fit.interval() == pytest.approx((fit.median * math.exp(-width), fit.median * math.exp(width)))

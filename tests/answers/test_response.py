@@ -1,0 +1,262 @@
+"""Branches over frequency, at constant acceleration and at constant amplitude of the base."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import functools
+import json
+import math
+
+import numpy as np
+import pytest
+
+from tests.reference import orbits_of
+from tpd import Parameters, Pendulum, branches, paper_scene, settled_response
+from tpd.answers.bifurcations import Kind, bifurcations
+from tpd.answers.response import Branches, frequencies
+from tpd.answers.sweep import sweep
+from tpd.cli import main
+from tpd.plot.response import plot_branches
+from tpd.scene.quantities import Setup
+from tpd.theory.no_uplift import uplift
+
+SCENE, HUNG = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
+BARE = Parameters(nu=0.2, mu=0.0, lam=0.4, zeta=0.2, k=0.05, f=0.1, xi=2.0)
+
+
+@functools.cache
+def bare() -> Branches:
+    return branches(BARE, "xi", 0.9, 4.0, samples=125)
+
+
+@functools.cache
+def hung() -> Branches:
+    return branches(SCENE, "frequency", 1.7, 3.0, pendulum=HUNG, samples=100)
+
+
+def at(case: Branches, value: float) -> tuple[np.ndarray, np.ndarray]:
+    """Statuses and amplitudes where a value stands in the sweep."""
+    (row,) = np.nonzero(np.abs(case.sweep.value - value) < 1e-12)[0]
+    return case.sweep.status[row], case.sweep.amplitude[row]
+
+
+def test_known_amplitudes_are_on_the_stable_branch():
+    # Collini's equations solved three independent ways, seven digits known.
+    for xi, amplitude in ((1.5, 0.0973880), (2.0, 0.0637170), (4.0, 0.0188571)):
+        status, amplitudes = at(bare(), xi)
+        assert amplitudes[status == "rocking"] == pytest.approx([amplitude], abs=5e-8)
+    status, amplitudes = at(bare(), 1.0)
+    assert list(status) == ["unstable", "no_orbit", "no_orbit"]
+    assert amplitudes[0] == pytest.approx(0.155239, abs=5e-7)
+
+
+def test_symmetry_breaks_and_sticking_begins_where_the_branches_say_so():
+    breaking, sticking = bare().bifurcations
+    assert breaking.kind is Kind.symmetry_breaking
+    assert breaking.value == pytest.approx(1.0443, abs=5e-5)
+    assert sticking.kind is Kind.sticking
+    s = bare().sweep
+    assert s.branches == 2
+    rows, columns = s.line(0)
+    stable = s.status[rows, columns] == "rocking"
+    np.testing.assert_array_equal(stable, s.value[rows] > breaking.value)
+    # The values crowd towards what happens: the branch ends at it, far within one even spacing.
+    first = s.value[s.line(1)[0][0]]
+    assert 0 < first - sticking.value < 1e-3 * (3.1 / 124)
+
+
+def test_a_resting_block_stays_where_the_margin_is_positive():
+    case = hung()
+    p = Setup.of(SCENE, HUNG).at({"frequency": case.sweep.value})
+    assert np.any(case.margin > 0)
+    assert np.any(case.margin < 0)
+    np.testing.assert_allclose(case.margin, np.asarray(uplift(p).margin), rtol=1e-12)
+    np.testing.assert_allclose(case.rest_stroke, np.asarray(uplift(p).stroke), rtol=1e-12)
+
+
+def test_at_constant_amplitude_every_frequency_is_a_scene_of_its_own():
+    frequencies = np.array([1.8, 2.1, 2.5])
+    s = sweep(SCENE, "frequency", frequencies, pendulum=HUNG)
+    for i, frequency in enumerate(frequencies):
+        motion = dataclasses.replace(SCENE.motion, frequency=float(frequency))
+        orbits = orbits_of(dataclasses.replace(SCENE, motion=motion).parameters(HUNG))
+        np.testing.assert_allclose(s.amplitude[i], np.asarray(orbits.amplitude), rtol=1e-12)
+    assert np.isfinite(s.amplitude).sum() > 3
+
+
+def fold() -> object:
+    (found,) = [b for b in hung().bifurcations if b.kind is Kind.fold]
+    return found
+
+
+def test_the_fold_over_hz_is_the_fold_of_the_scene_there():
+    b = fold()
+    p = Setup.of(SCENE, HUNG).at({"frequency": b.value})
+    near = bifurcations(p, "xi", 0.99 * p.xi, 1.01 * p.xi, samples=40)
+    (same,) = [a for a in near if a.kind is Kind.fold]
+    assert same.value == pytest.approx(p.xi, rel=1e-12)
+    assert same.amplitude == pytest.approx(b.amplitude, rel=1e-9)
+    # Two branches turn into each other there.
+    s = hung().sweep
+    row = np.nonzero(s.value > b.value)[0][0]
+    upper, lower = s.amplitude[row, np.argsort(np.abs(s.amplitude[row] - b.amplitude))[:2]]
+    assert 0 < abs(upper - lower) < 3e-3 * b.amplitude
+
+
+@pytest.mark.parametrize("name", ["amplitude", "pendulum_length", "pendulum_damping", "width", "gravity"])
+def test_slopes_over_hz_are_those_of_differences_in_si_units(name):
+    b = fold()
+    base = {**Setup.of(SCENE, HUNG).values}
+    step = 1e-4 * base[name]
+    assert "frequency" not in b.slopes
+
+    def value(shift: float) -> float:
+        q = {**base, name: base[name] + shift}
+        scene = dataclasses.replace(
+            SCENE,
+            block=dataclasses.replace(SCENE.block, width=q["width"], cavity_width=None),
+            motion=dataclasses.replace(SCENE.motion, amplitude=q["amplitude"]),
+            gravity=q["gravity"],
+        )
+        pendulum = dataclasses.replace(HUNG, length=q["pendulum_length"], damping_ratio=q["pendulum_damping"])
+        near = bifurcations(scene, "frequency", 0.99 * b.value, 1.01 * b.value, samples=40, pendulum=pendulum)
+        (found,) = [a.value for a in near if a.kind is Kind.fold]
+        return found
+
+    assert b.slopes[name] == pytest.approx((value(step) - value(-step)) / (2.0 * step), rel=1e-6)
+
+
+def test_settled_from_rest_the_paper_s_block_rocks_as_known_at_its_frequency():
+    r = settled_response(SCENE, "frequency", [2.5, 1.5])
+    assert list(r.status) == ["rocking", "rest"]
+    # From the grid of exact solutions in the README.
+    assert r.amplitude == pytest.approx([0.083334, 0.0], abs=5e-7)
+    p = SCENE.parameters()
+    same = settled_response(p, "xi", [p.xi])
+    assert same.amplitude[0] == pytest.approx(r.amplitude[0], rel=1e-10)
+    assert str(r).splitlines() == [
+        "Response from rest over frequency: 2 values, 1.5 to 2.5 Hz",
+        "  status      1 rocking, 1 rest",
+        "  amplitude   0 to 0.08333 rad",
+        f"  stroke      {r.stroke.min():.4g} to {r.stroke.max():.4g} rad",
+    ]
+    assert r._repr_html_() == f"<pre>{r}</pre>"
+
+
+def test_branches_print_one_line_for_each_bifurcation():
+    lines = str(bare()).splitlines()
+    assert lines[0] == "2 branches from 0.9 to 4"
+    breaking, sticking = bare().bifurcations
+    assert lines[1:] == [f"  {breaking}", f"  {sticking}"]
+    where = f"symmetry breaking  {breaking.value:10.6g}, amplitude {breaking.amplitude:.5g} rad"
+    assert str(breaking) == repr(breaking) == f"{where}: unstable below, rocking above"
+    in_hertz = f"{fold().value:.6g} Hz, amplitude {fold().amplitude:.5g} rad: "
+    assert in_hertz in str(fold())
+    assert str(hung()).splitlines()[0].endswith(" branches from 1.7 to 3 Hz")
+    lost = dataclasses.replace(breaking, kind=Kind.unresolved, reason="no cause was found")
+    assert str(lost) == f"unresolved         {breaking.value:10.6g}: no cause was found"
+
+
+def test_a_response_refuses_bad_input():
+    with pytest.raises(ValueError, match="`frequency` must be positive and finite, but is 0"):
+        settled_response(SCENE, "frequency", [1.0, 0.0])
+    with pytest.raises(ValueError, match="`name` must be one of"):
+        branches(BARE, "frequency", 1.0, 2.0)
+    with pytest.raises(ValueError, match=r"`\(low, high\)` must be an interval"):
+        branches(BARE, "xi", 2.0, 1.0)
+    with pytest.raises(ValueError, match="`samples` must be between 8"):
+        branches(BARE, "xi", 1.0, 2.0, samples=3)
+
+
+def test_frequencies_are_close_near_the_own_one():
+    values = frequencies(2.5, 1.0, 5.0, 41)
+    near = values[np.abs(values / 2.5 - 1.0) < 0.05]
+    np.testing.assert_allclose(near, 2.5 * (1.0 + 0.004 * np.arange(-12, 13)), rtol=1e-12)
+    assert 2.5 in values
+    assert (values[0], values[-1]) == (1.0, 5.0)
+    assert np.all(np.diff(values) >= 0.004 * 2.5 * (1.0 - 1e-9))
+    np.testing.assert_array_equal(frequencies(2.5, 4.0, 5.0, 3), [4.0, 4.5, 5.0])
+
+
+# Pictures
+
+
+def test_a_picture_of_the_bare_block_has_no_bob():
+    axes = plot_branches({"bare block": bare()})
+    assert len(axes) == 1
+    assert axes[0].get_xlabel() == r"frequency ratio $\xi$ = $\omega/\omega_0$ (-)"
+    labels = [text.get_text() for text in axes[0].get_legend().get_texts()]
+    assert labels == ["bare block", "stable", "unstable", "symmetry breaks", "begins to stick"]
+
+
+def test_a_picture_draws_stable_solid_unstable_dashed_and_marks_the_fold():
+    case = hung()
+    axes = plot_branches({"bare block": case, "with the pendulum": case})
+    assert [ax.get_ylabel() for ax in axes] == [
+        r"largest tilt $|\varphi|$ (rad)",
+        r"largest bob angle $|\psi|$ (rad)",
+    ]
+    b, s = fold(), case.sweep
+    marks = [
+        line.get_xydata()[0] for line in axes[0].lines if line.get_marker() == "o" and len(line.get_xdata())
+    ]
+    np.testing.assert_allclose(marks, [[b.value, b.amplitude]] * 2)
+    for style, stable in (("-", True), ("--", False)):
+        lines = [
+            line for line in axes[0].lines if line.get_linestyle() == style and len(line.get_xdata()) > 3
+        ]
+        drawn = {y for line in lines for y in line.get_ydata() if y > 0}
+        # A stretch shares its last point with the next one.
+        missing = set(s.amplitude[(s.status == "rocking") == stable & (s.branch >= 0)].tolist()) - drawn
+        assert not {y for y in missing if np.isfinite(y)}
+
+
+# The command
+
+
+def test_the_command_writes_the_response_and_keeps_what_is_there(tmp_path, capsys):
+    out = tmp_path / "response"
+    pendulum = ["--pendulum-mass", "0.8", "--length-ratio", "0.5"]
+    range_ = ["--from", "1.7", "--to", "3", "--points", "100", "--from-rest", "2"]
+    command = ["response", *pendulum, *range_, "--out", str(out)]
+    assert main(command) == 0
+    printed, progress = capsys.readouterr()
+    assert all(line.startswith("tpd: ") for line in progress.splitlines())
+    names = {"branches.csv", "branches.png", "response.json", "response.csv", "response.png"}
+    names.add("response_near.png")
+    assert printed.startswith(
+        "Scene: the paper's block (Collini et al. 2016) with the paper's motion and losses."
+    )
+    assert "from rest, of 25 frequencies within 5 % of 2.5, overturned: " in printed
+    settled = list(csv.DictReader((out / "response.csv").read_text().splitlines()))
+    assert [float(r["frequency_Hz"]) for r in settled] == frequencies(2.5, 1.7, 3.0, 2).tolist()
+    assert len(settled) == 27
+    for r in settled:
+        assert math.isinf(float(r["with_amplitude_rad"])) == (r["with_status"] == "overturned")
+    assert {path.name for path in out.iterdir()} == names
+    content = json.loads((out / "response.json").read_text())
+    found = content["bifurcations"]["with the pendulum"]
+    assert [b["value"] for b in found] == [b.value for b in hung().bifurcations]
+    assert content["pendulum"]["length"] == pytest.approx(0.1)
+    assert content["over"] == "frequency"
+    assert f"{fold().value:.6g} Hz, amplitude" in printed
+    rows = list(csv.DictReader((out / "branches.csv").read_text().splitlines()))
+    first = [r for r in rows if r["case"] == "with the pendulum" and r["branch"] == "0"]
+    at, s = hung().sweep.line(0), hung().sweep
+    np.testing.assert_array_equal([float(r["amplitude_rad"]) for r in first], s.amplitude[at])
+    np.testing.assert_array_equal([float(r["frequency"]) for r in first], s.value[at[0]])
+    assert {r["case"] for r in rows} == {"bare block", "with the pendulum"}
+    assert main(command) == 2
+    assert "already holds files" in capsys.readouterr().err
+
+
+def test_the_command_without_dimensions_keeps_the_acceleration(tmp_path, capsys):
+    out = tmp_path / "response"
+    range_ = ["--from", "2.6", "--to", "3", "--points", "8", "--dimensionless", "--from-rest", "0"]
+    assert main(["response", *range_, "--out", str(out)]) == 0
+    assert "bare block: 1 branches from 2.6 to 3\n" in capsys.readouterr().out
+    rows = list(csv.DictReader((out / "branches.csv").read_text().splitlines()))
+    p = SCENE.parameters()
+    s = sweep(p, "xi", np.linspace(2.6, 3.0, 8))
+    np.testing.assert_array_equal([float(r["amplitude_rad"]) for r in rows], s.amplitude[:, 0])

@@ -1,0 +1,357 @@
+"""Clusters: the answer depends neither on the workers, nor on which of them are killed and when."""
+
+import importlib
+import linecache
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+import warnings
+from pathlib import Path
+from typing import NamedTuple
+
+import dask
+import numpy as np
+import pytest
+
+import tpd
+from tests.cluster.cluster_tasks import STEP, batch, slowly_squared, whose
+from tests.damage import WAYS, damage
+from tpd.cluster.chunk_store import ChunkStore
+from tpd.cluster.cluster import Cluster, ClusterError, _source
+from tpd.core.fingerprints import fingerprint
+
+SCENE = tpd.paper_scene()
+HUNG = SCENE.pendulum(mass_ratio=0.1, length_ratio=0.4, damping_ratio=0.1)
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    """Two processes, for all tests that kill none."""
+    with Cluster(tmp_path_factory.mktemp("chunks"), workers=2) as opened:
+        yield opened
+
+
+def same(a, b):
+    """Whether two results are equal, digit by digit."""
+    return all(np.array_equal(a[n], b[n], equal_nan=True) for n in a) and a.keys() == b.keys()
+
+
+def by_hand(size):
+    return slowly_squared(batch(size), 0.0)
+
+
+def test_parts_are_put_together_in_order(cluster):
+    seen = []
+    found = cluster.map(
+        "squares",
+        slowly_squared,
+        batch(1000),
+        (0.0,),
+        chunk=128,
+        progress=lambda done, total: seen.append((done, total)),
+    )
+    assert same(found, by_hand(1000))
+    assert [total for _, total in seen] == [1000] * 24
+    assert seen[-1][0] == 1000
+    assert seen == sorted(seen)
+
+
+def test_stored_batch_is_not_computed_again(cluster):
+    cluster.map("stored", slowly_squared, batch(300), (0.0,), chunk=128)
+    shut = Cluster(cluster.folder, dask="tcp://127.0.0.1:1")
+    # Nobody answers at that address: nothing was computed.
+    assert same(shut.map("stored", slowly_squared, batch(300), (0.0,), chunk=128), by_hand(300))
+    other = batch(300) | {"y": np.ones(300)}
+    soon = dask.config.set({"distributed.comm.timeouts.connect": "1s"})
+    with soon, pytest.raises(ValueError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1"):
+        shut.map("stored", slowly_squared, other, (0.0,), chunk=128)
+
+
+def test_error_of_a_chunk_reaches_the_caller(cluster):
+    with pytest.raises(ZeroDivisionError):
+        cluster.map("bad", slowly_squared, batch(10), (None,), chunk=128)
+
+
+def test_motions_runs_maps_and_spectra_are_those_of_one_process(cluster):
+    pulse = tpd.Pulse.one_sine(acceleration=3.0, frequency=1.5)
+    axes = {"frequency_ratios": np.linspace(1, 6, 17), "acceleration_ratios": np.linspace(1, 8, 19)}
+    alone = tpd.overturning_spectrum(SCENE.block, pulse, HUNG, **axes)
+    spread = tpd.overturning_spectrum(SCENE.block, pulse, HUNG, cluster=cluster, **axes)
+    assert np.array_equal(alone.bare, spread.bare)
+    assert np.array_equal(alone.hung, spread.hung)
+    tilts = [tpd.rocking_spectrum(SCENE.block, pulse, cluster=c).bare for c in (None, cluster)]
+    assert np.array_equal(*tilts)
+    motions = [pulse.scaled(x) for x in (0.7, 1.0, 1.3)]
+    curves = [
+        tpd.fragility(SCENE.block, motions, scales=[1.0, 2.0, 4.0], pendulum=HUNG, cluster=c)
+        for c in (None, cluster)
+    ]
+    assert np.array_equal(curves[0].tilts, curves[1].tilts, equal_nan=True)
+    assert str(curves[0]) == str(curves[1])
+    few = tpd.Ensemble(size=48, periods=30)
+    for equations in ("linear", "nonlinear"):
+        verdicts = [
+            tpd.verdict(SCENE, HUNG, ensemble=few, equations=equations, cluster=c) for c in (None, cluster)
+        ]
+        assert verdicts[0].summary() == verdicts[1].summary()
+
+
+@pytest.mark.slow
+def test_maps_are_those_of_one_process(cluster):
+    x, y = ("mu", np.linspace(0.02, 0.3, 30)), ("lam", np.linspace(0.1, 1.0, 31))
+    for start in (None, np.zeros(4)):
+        maps = [tpd.design_map(SCENE, x, y, pendulum=HUNG, start=start, cluster=c) for c in (None, cluster)]
+        for name in ("amplitude", "stroke", "status", "margin", "exact", "overflow"):
+            a, b = (getattr(m, name) for m in maps)
+            assert np.array_equal(a, b, equal_nan=a.dtype.kind == "f"), name
+
+
+@pytest.mark.slow
+def test_designs_for_many_blocks_are_those_of_one_process(cluster):
+    blocks = [tpd.Block(width=0.3 + 0.1 * i, height=2.0, mass=400.0, friction=0.02) for i in range(2)]
+    motions = [tpd.Pulse.one_sine(acceleration=4.0, frequency=f) for f in (1.0, 1.5, 2.0)]
+    settings = {"conditions": tpd.Conditions.records(motions, [2.0, 4.0], intensity="pga")}
+    found = [tpd.optimise_all(blocks, cluster=c, **settings) for c in (None, cluster)]
+    assert str(found[0]) == str(found[1])
+    for name in ("mass", "length", "damping_ratio", "value", "bare"):
+        assert np.array_equal(*(getattr(f, name) for f in found), equal_nan=True), name
+
+
+def test_killed_worker_loses_nothing(tmp_path):
+    with Cluster(tmp_path, workers=2) as opened:
+        victims = list(opened.client.run(os.getpid).values())
+
+        def kill():
+            time.sleep(5 * STEP)
+            os.kill(victims[0], signal.SIGKILL)
+
+        killer = threading.Thread(target=kill)
+        killer.start()
+        found = opened.map("squares", slowly_squared, batch(4000), (STEP,), chunk=128)
+        killer.join()
+    assert same(found, by_hand(4000))
+
+
+def test_killed_sweep_goes_on(tmp_path):
+    """A process that sweeps is killed at several moments; the last one finishes, and no chunk is lost."""
+    command = [sys.executable, "-m", "tests.cluster.cluster_tasks", str(tmp_path)]
+    rng, done = np.random.default_rng(0), [0]
+    for _ in range(3):
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        # Its first line says how much is there already, but in the first run; the next that it goes on.
+        for _ in range(1 + (done[-1] > 0)):
+            assert process.stdout.readline()
+        time.sleep(rng.uniform(0.0, 6.0 * STEP))
+        process.kill()
+        process.communicate()
+        (marks,) = tmp_path.glob("*/results.zarr/done/c")
+        done.append(len(list(marks.iterdir())))
+        assert done[-1] > done[-2]
+    assert done[-1] < 32
+    with Cluster(tmp_path, workers=1) as opened:
+        found = opened.map("squares", slowly_squared, batch(4000), (STEP,), chunk=128)
+    assert same(found, by_hand(4000))
+
+
+def test_half_written_chunk_is_computed_again(tmp_path):
+    store = ChunkStore(tmp_path / "a", 10, 4, {"of": "test"})
+    for number in (0, 2):
+        store.write(number, {"x": np.arange(*store.bounds(number), dtype=float)})
+    again = ChunkStore(tmp_path / "a", 10, 4, {"of": "test"})
+    assert again.missing() == [1]
+    with pytest.raises(RuntimeError, match="1 of 3 chunks are missing"):
+        again.read()
+    again.write(1, {"x": np.arange(4.0, 8.0)})
+    assert np.array_equal(again.read()["x"], np.arange(10.0))
+
+
+WHOLE = {"x": np.zeros(10), "y": np.ones((10, 2, 3), np.int8)}
+
+
+def stored(folder):
+    """A whole batch in a folder."""
+    store = ChunkStore(folder, 10, 4, {"of": "test"})
+    for number in range(store.count):
+        store.write(number, {name: x[slice(*store.bounds(number))] for name, x in WHOLE.items()})
+    assert same(store.read(), WHOLE)
+
+
+def completed(folder):
+    """Chunks that a batch in a folder has to compute again, and what is said of it."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        store = ChunkStore(folder, 10, 4, {"of": "test"})
+    missing = store.missing()
+    for number in missing:
+        store.write(number, {name: x[slice(*store.bounds(number))] for name, x in WHOLE.items()})
+    assert same(store.read(), WHOLE)
+    return missing, [str(warning.message) for warning in said]
+
+
+@pytest.mark.mends("other bytes in the file of a chunk were taken for its results")
+@pytest.mark.parametrize("way", [*WAYS, "lost"])
+def test_damaged_file_of_a_chunk_is_no_result(tmp_path, way):
+    stored(tmp_path / "a")
+    # Zeros, as a missing file is read, would not be seen among the zeros of the one.
+    for name, number in (("x", "1"), ("y", "1/0/0")):
+        path = tmp_path / "a" / "results.zarr" / name / "c" / number
+        if way == "lost":
+            path.unlink()
+        else:
+            damage(path, way)
+        said = [f"1 chunks in {tmp_path / 'a'} were damaged, and are computed again"]
+        # Zeros for zeros are no damage.
+        nothing = name == "x" and way == "zeroed"
+        assert completed(tmp_path / "a") == (([], []) if nothing else ([1], said))
+        assert completed(tmp_path / "a") == ([], [])
+
+
+@pytest.mark.mends("a damaged manifest or description of chunks was refused at every start")
+@pytest.mark.parametrize("way", WAYS)
+def test_whatever_is_damaged_in_a_folder_of_chunks_is_made_again(tmp_path, way):
+    stored(tmp_path / "whole")
+    names = [p.relative_to(tmp_path / "whole") for p in (tmp_path / "whole").rglob("*") if p.is_file()]
+    assert len(names) == 14
+    for i, name in enumerate(names):
+        folder = tmp_path / str(i)
+        shutil.copytree(tmp_path / "whole", folder)
+        before = (folder / name).read_bytes()
+        damage(folder / name, way)
+        if (folder / name).read_bytes() == before:
+            continue
+        missing, said = completed(folder)
+        # Nothing depends on the description of the group, as long as it is one.
+        harmless = name == Path("results.zarr", "zarr.json") and not said
+        assert harmless or (missing and len(said) == 1), name
+        assert completed(folder) == ([], [])
+
+
+def test_damage_of_a_whole_folder_is_put_aside(tmp_path):
+    stored(tmp_path / "a")
+    (tmp_path / "a" / "manifest.json").write_text("my own file")
+    missing, said = completed(tmp_path / "a")
+    assert missing == [0, 1, 2]
+    aside = tmp_path / "a.damaged-1"
+    assert said == [f"chunks (now in {aside}) in {tmp_path / 'a'} were damaged, and are computed again"]
+    assert (aside / "manifest.json").read_text() == "my own file"
+
+
+def test_folder_of_another_batch_is_refused(tmp_path):
+    ChunkStore(tmp_path / "a", 10, 4, {"of": "test"})
+    with pytest.raises(ValueError, match="holds chunks of another batch"):
+        ChunkStore(tmp_path / "a", 11, 4, {"of": "test"})
+    (tmp_path / "b").write_text("a file")
+    with pytest.raises(ValueError, match="cannot use"):
+        ChunkStore(tmp_path / "b", 11, 4, {"of": "test"})
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"workers": 0}, "`workers` must be"),
+        ({"workers": 2, "dask": "tcp://x:1"}, "`workers` and `dask` exclude one another"),
+        ({"dask": "localhost"}, "`dask` must be an address such as tcp://host:8786, but is 'localhost'"),
+        ({"dask": ""}, "`dask` must be an address"),
+    ],
+)
+def test_bad_input(options, words, tmp_path):
+    with pytest.raises(ValueError, match=words):
+        Cluster(tmp_path, **options)
+
+
+def test_inputs_without_words_are_refused(cluster):
+    with pytest.raises(ValueError, match="cannot be computed on a cluster: no fingerprint of a object"):
+        cluster.map("bad", slowly_squared, batch(10), (object(),), chunk=128)
+    with pytest.raises(ValueError, match="arrays of one length"):
+        cluster.map("bad", slowly_squared, {"x": np.zeros(3), "y": np.zeros(2)}, (0.0,), chunk=128)
+
+
+def test_task_that_workers_cannot_import_is_refused(cluster):
+    with pytest.raises(ValueError, match="`task` must be a function at the top level of a module"):
+        cluster.map("bad", lambda part: part, batch(10), chunk=128)
+
+
+def test_task_that_is_edited_is_another_batch(cluster, tmp_path, monkeypatch):
+    found = []
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for factor in (2, 3):
+        (tmp_path / "edited_task.py").write_text(f"def times(x):\n    return {{'y': {factor} * x}}\n")
+        sys.modules.pop("edited_task", None)
+        linecache.clearcache()
+        importlib.invalidate_caches()
+        task = importlib.import_module("edited_task").times
+        key = _source(task)
+        found.append(key)
+    assert found[0][0] == found[1][0]
+    assert found[0][1] != found[1][1]
+
+
+def test_workers_of_another_version_are_refused(cluster, monkeypatch):
+    monkeypatch.setattr("tpd.cluster.cluster.of_environment", lambda: "another")
+    with pytest.raises(ClusterError, match="a worker of the cluster has another version"):
+        cluster.map("versions", slowly_squared, batch(10), (0.0,), chunk=128)
+    monkeypatch.undo()
+    # Nothing of the refused batch is left in the workers.
+    plugins = cluster.client.run(lambda dask_worker: [n for n in dask_worker.plugins if len(n) == 32])
+    assert not any(plugins.values())
+
+
+def test_worker_that_joins_late_has_work(tmp_path):
+    with Cluster(tmp_path, workers=1) as opened:
+        assert len(opened.client.run(os.getpid)) == 1
+
+        def joined():
+            time.sleep(3 * STEP)
+            opened._local.scale(3)
+
+        helper = threading.Thread(target=joined)
+        helper.start()
+        found = opened.map("joined", whose, batch(4000), (STEP,), chunk=32)
+        helper.join()
+    assert len(np.unique(found["process"])) == 3
+
+
+def test_two_callers_have_the_same_batch_on_one_cluster(cluster, tmp_path):
+    results, folders = [], (tmp_path / "a", tmp_path / "b")
+
+    def call(folder):
+        with Cluster(folder, dask=cluster.client.scheduler.address) as opened:
+            results.append(opened.map("both", slowly_squared, batch(600), (STEP / 4,), chunk=32))
+
+    callers = [threading.Thread(target=call, args=(folder,)) for folder in folders]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join()
+    assert len(results) == 2
+    assert all(same(found, by_hand(600)) for found in results)
+
+
+def test_fingerprints_differ_where_inputs_do():
+    values = [1, 1.0, True, "1", [1], [[1]], {"a": 1}, np.array(1.0), np.array([1.0]), None, b"1"]
+    values += [SCENE, HUNG, [("a", 1)], NamedTuple("A", [("a", int)])(1), NamedTuple("B", [("a", int)])(1)]
+    assert len({fingerprint(v) for v in values}) == len(values)
+    assert fingerprint({"a": 1, "b": 2}) == fingerprint({"b": 2, "a": 1})
+    assert fingerprint("ab", "c") != fingerprint("a", "bc")
+
+
+def test_without_dask_the_message_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ValueError, match=r"install `tpd\[dask\]`"):
+        Cluster(tmp_path)
+
+
+def test_command_goes_on_where_it_was(tmp_path, capsys):
+    from tpd.cli import main
+
+    # A spectrum of one frequency and size after another, on one process.
+    asked = ["spectrum", "--pulse", "one-sine", "--points", "8", "--workers", "1"]
+    for out in ("a", "b"):
+        assert main([*asked, "--out", str(tmp_path / out)]) == 0
+    assert f"chunks: {tmp_path / 'b.chunks'}" in capsys.readouterr().out
+    assert (tmp_path / "a/spectrum.csv").read_text() == (tmp_path / "b/spectrum.csv").read_text()
+    assert Path(tmp_path / "a.chunks").is_dir()

@@ -1,0 +1,207 @@
+"""Sets of conditions: their factors, labels, products, samples, and the parameters under them."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tpd import Conditions, Parameters, paper_scene
+from tpd.scene.conditions import FACTORS, under, under_all
+
+SCENE = paper_scene()
+
+
+def rows(conditions):
+    return [tuple(r) for r in np.asarray(conditions.factor_rows())]
+
+
+def test_a_product_combines_every_condition_with_every_other():
+    both = Conditions.band(SCENE, 2.0, 4.0, 2) * Conditions.amplitudes(0.5, 1.0, 2.0)
+    assert len(both) == 6
+    np.testing.assert_allclose(both.column("frequency"), [0.8, 0.8, 0.8, 1.6, 1.6, 1.6])
+    np.testing.assert_allclose(both.column("amplitude"), [0.5, 1.0, 2.0, 0.5, 1.0, 2.0])
+    np.testing.assert_array_equal(both.column("mass"), 1.0)
+    assert both.description == ("2 frequencies from 2 to 4 Hz", "amplitudes 0.5, 1, 2 times the scene's")
+    assert np.asarray(both.factor_rows()).shape == (6, len(FACTORS))
+
+
+def test_labels_say_what_differs():
+    band = Conditions.band(SCENE, 2.0, 4.0, 2)
+    assert (band * Conditions.amplitudes(0.5, 1.1)).label(1) == "2 Hz and 1.1 times the amplitude"
+    assert band.label(1) == "4 Hz"
+    assert Conditions().label(0) == "the scene's own shaking"
+    # One condition that is not the scene's own.
+    assert Conditions.amplitudes(1.2).label(0) == "1.2 times the amplitude"
+    assert (Conditions.amplitudes(1.2) * band).label(0) == "2 Hz and 1.2 times the amplitude"
+
+
+def test_labels_of_many_factors_carry_the_values():
+    """The number of a sample says nothing about it."""
+    factors = {"friction": [1.0, 0.93], "frequency": [1.0, 0.98], "amplitude": [1.0, 1.1]}
+    some = Conditions({k: np.array(v) for k, v in factors.items()})
+    assert some.label(1) == "frequency x 0.98, 1.1 x amplitude, friction x 0.93"
+    in_hertz = Conditions(some.factors, (), {"frequency": (2.5, "Hz")})
+    assert in_hertz.label(1) == "2.45 Hz, 1.1 x amplitude, friction x 0.93"
+    scattered = Conditions.scatter(8, 0, mass=0.1, length=0.1, friction=0.1)
+    assert len({scattered.label(i) for i in range(8)}) == 8
+
+
+def test_the_axis_is_the_one_factor_that_differs():
+    band, amplitudes = Conditions.band(SCENE, 2.0, 4.0, 2), Conditions.amplitudes(0.5, 1.0)
+    assert band.axis == "frequency"
+    assert (band * Conditions.amplitudes(1.2)).axis == "frequency"
+    assert (band * amplitudes).axis is None
+    assert Conditions().axis is None
+    assert len(Conditions()) == 1
+    np.testing.assert_array_equal(Conditions().factor_rows(), np.ones((1, len(FACTORS))))
+
+
+def test_scatter_gives_the_numbers_that_its_seed_always_gave():
+    some = Conditions.scatter(3, 5, friction=0.2, length=0.05)
+    rng, expected = np.random.default_rng(5), {}
+    for name in FACTORS:
+        unit = (rng.permutation(3) + rng.random(3)) / 3
+        expected[name] = 1.0 + {"friction": 0.2, "length": 0.05}.get(name, 0.0) * (2.0 * unit - 1.0)
+    for name in FACTORS:
+        np.testing.assert_array_equal(some.column(name), expected[name])
+    assert tuple(some.factors) == ("friction", "length")
+    assert some.description == ("3 samples of friction within 20%, length within 5% (seed 5)",)
+
+
+def test_scatter_is_seeded_and_one_name_does_not_move_another():
+    some = Conditions.scatter(50, 3, friction=0.2)
+    more = Conditions.scatter(50, 3, friction=0.2, length=0.05)
+    np.testing.assert_array_equal(some.column("friction"), more.column("friction"))
+    assert np.ptp(some.column("friction")) > 0.38
+    assert np.abs(more.column("length") - 1.0).max() <= 0.05
+    assert not np.array_equal(
+        some.column("friction"), Conditions.scatter(50, 4, friction=0.2).column("friction")
+    )
+
+
+def test_a_restitution_scatters_up_to_one():
+    p = dataclasses.replace(SCENE.parameters(), e=0.9)
+    some = Conditions.scatter(40, 2, restitution=0.2)
+    q = under_all(p, jnp.array([[0.1, 0.5, 0.1]]), some)
+    np.testing.assert_allclose(q.e, np.minimum(0.9 * some.column("restitution"), 1.0), rtol=1e-15)
+    assert np.max(q.e) == 1.0
+    assert np.min(q.e) < 0.75
+    slope = jax.grad(lambda e: under(dataclasses.replace(p, e=e), jnp.ones(3), jnp.ones(8)).e)
+    assert float(slope(1.0)) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Conditions.band(SCENE, 3.0, 2.0), "`band` must be an interval low < high"),
+        (lambda: Conditions.band(SCENE, 2.0, 3.0, 1), "`count` must be a whole number, 2 or more"),
+        (lambda: Conditions.amplitudes(), "`factors` must hold at least one number"),
+        (lambda: Conditions.amplitudes(1.0, -1.0), "`factors` must be positive"),
+        (lambda: Conditions.scatter(8, mas=0.1), "what scatters must be of amplitude.*, but has mas"),
+        (lambda: Conditions.scatter(8, mass=0.6), "`mass` must be between 0 and 0.5, but is 0.6"),
+        (lambda: Conditions.scatter(0, mass=0.1), "`size` must be a whole number, 1 or more"),
+    ],
+)
+def test_input_out_of_range_is_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_a_subset_has_the_corners_and_is_seeded():
+    band = Conditions.band(SCENE, 2.0, 3.0, 64)
+    both = band * Conditions.amplitudes(0.8, 1.2)
+    some = both.subset(64, 1)
+    assert len(some) == 64
+    assert some.units == both.units
+    assert len(set(rows(some))) == 64
+    assert set(rows(some)) < set(rows(both))
+    for frequency in band.column("frequency")[[0, -1]]:
+        at = some.column("frequency") == frequency
+        assert set(some.column("amplitude")[at]) == {0.8, 1.2}
+    # Both amplitudes are there over the whole band.
+    low = some.column("frequency") < 1.0
+    for amplitude in (0.8, 1.2):
+        assert 0.25 < np.mean(low[some.column("amplitude") == amplitude]) < 0.75
+    assert rows(some) == rows(both.subset(64, 1))
+    assert rows(some) != rows(both.subset(64, 2))
+    assert band.subset(64) is band
+    many = Conditions.scatter(200, 0, **dict.fromkeys(FACTORS, 0.1)).subset(64)
+    assert len(set(rows(many))) == 64
+
+
+def test_a_condition_in_si_is_the_scene_with_other_numbers():
+    conditions = Conditions.band(SCENE, 2.0, 3.0, 2) * Conditions.amplitudes(1.2)
+    design = {"mass_ratio": 0.1, "length_ratio": 0.3, "damping_ratio": 0.2}
+    for i, hertz in enumerate((2.0, 3.0)):
+        q = under(SCENE.parameters(), jnp.array(list(design.values())), conditions.factor_rows()[i])
+        motion = dataclasses.replace(SCENE.motion, frequency=hertz, amplitude=1.2 * SCENE.motion.amplitude)
+        p = dataclasses.replace(SCENE, motion=motion).parameters(SCENE.pendulum(**design))
+        for name in ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e"):
+            assert float(getattr(q, name)) == pytest.approx(float(getattr(p, name)), rel=1e-14), name
+
+
+def test_all_designs_under_all_conditions_have_the_conditions_running_fastest():
+    p, conditions = SCENE.parameters(), Conditions.scatter(3, 0, slenderness=0.1, damping=0.2)
+    designs = jnp.array([[0.1, 0.3, 0.2], [0.2, 0.4, 0.1]])
+    q = under_all(p, designs, conditions)
+    for i, design in enumerate(designs):
+        for j, factors in enumerate(conditions.factor_rows()):
+            one = under(p, design, factors)
+            assert isinstance(one, Parameters)
+            for name in ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e"):
+                assert float(getattr(q, name)[3 * i + j]) == float(getattr(one, name))
+            assert float(q.inertia_ratio[3 * i + j]) == pytest.approx(float(one.inertia_ratio), rel=1e-15)
+
+
+def test_housner_s_restitution_follows_design_and_condition():
+    block = dataclasses.replace(SCENE.block, restitution="housner", friction=0.0)
+    p = dataclasses.replace(SCENE, block=block).parameters()
+    conditions = Conditions.scatter(3, 0, slenderness=0.1, mass=0.2)
+    designs = jnp.array([[0.1, 0.3, 0.2], [0.2, 0.4, 0.1]])
+    q = under_all(p, designs, conditions)
+    assert len(set(np.asarray(q.e).tolist())) == 6
+    for i, design in enumerate(designs):
+        for j, factors in enumerate(conditions.factor_rows()):
+            one, (slenderness, mass) = under(p, design, factors), np.asarray(factors)[3:5]
+            nu, mu = 0.25 * slenderness, float(design[0]) * mass
+            share = 0.75 / (1 + nu**2) * nu**2
+            expected = (1 - (2 + mu) * share) / (1 + mu * share)
+            assert one.e is None
+            assert float(one.velocity_ratio) == pytest.approx(expected, rel=1e-14)
+            assert float(q.e[3 * i + j]) == pytest.approx(expected, rel=1e-14)
+
+
+def test_a_neighbourhood_holds_the_scenes_own_shaking_and_stronger_ones():
+    near = Conditions.around(SCENE)
+    assert len(near) == 10
+    assert set(near.factors) == {"frequency", "amplitude"}
+    np.testing.assert_allclose(np.unique(near.column("frequency")), [0.95, 0.975, 1.0, 1.025, 1.05])
+    np.testing.assert_allclose(np.unique(near.column("amplitude")), [1.0, 1.1])
+    assert (1.0,) * len(FACTORS) in rows(near)
+    assert near.description == ("5 frequencies within ±0.05 of 2.5 Hz", "amplitudes 1, 1.1 times the scene's")
+    assert near.label(0) == "2.375 Hz"
+    assert near.label(1) == "2.375 Hz and 1.1 times the amplitude"
+    other = Conditions.around(SCENE, frequency=0.2, amplitude=0.0, count=3)
+    np.testing.assert_allclose(other.column("frequency"), [0.8, 1.0, 1.2])
+    assert other.axis == "frequency"
+
+
+def test_exactly_is_the_scenes_own_shaking_alone():
+    assert rows(Conditions.exactly()) == [(1.0,) * len(FACTORS)]
+    assert Conditions.exactly().label(0) == "the scene's own shaking"
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"frequency": 0.6}, r"`frequency` must be between 0\.001 and 0\.5, but is 0\.6"),
+        ({"frequency": 0.0}, "`frequency` must be between"),
+        ({"amplitude": -0.1}, "`amplitude` must be between 0 and 1, but is -0.1"),
+        ({"count": 1}, "`count` must be a whole number, 2 or more, but is 1"),
+    ],
+)
+def test_a_neighbourhood_that_makes_no_sense_is_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        Conditions.around(SCENE, **given)

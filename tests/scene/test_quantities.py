@@ -1,0 +1,210 @@
+"""What can be varied, in SI units and without, and the derivatives along it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tpd import Block, Harmonic, Parameters, Pendulum, Scene
+from tpd.scene.quantities import NAMES, QUANTITIES, Axis, Setup, with_design
+from tpd.scene.scene import paper_scene
+
+# Its cavity, as wide as the block, would keep the width from being made less.
+SCENE = dataclasses.replace(paper_scene(), block=dataclasses.replace(paper_scene().block, cavity_width=None))
+HUNG = Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
+OTHER = Scene(
+    Block(width=1.1, height=4.0, mass=3e3, friction=0.04, radius_of_gyration=1.3, restitution=0.8),
+    Harmonic(amplitude=0.2, frequency=0.8),
+)
+TIED = Scene(Block(width=1.1, height=4.0, mass=3e3, friction=0.04, restitution="housner"), OTHER.motion)
+"""Its restitution by Housner's formula."""
+BARE = Parameters(nu=0.2, mu=0.0, lam=0.4, zeta=0.2, k=0.05, f=0.1, xi=2.0)
+
+
+def moved(scene: Scene, pendulum: Pendulum, name: str, value: float) -> Parameters:
+    """The parameters with one quantity replaced where it is kept."""
+    if name.startswith("pendulum_"):
+        field = {"damping": "damping_ratio"}.get(name[9:], name[9:])
+        return scene.parameters(dataclasses.replace(pendulum, **{field: value}))
+    home = "motion" if name in ("amplitude", "frequency") else "block"
+    part = dataclasses.replace(getattr(scene, home), **{name: value})
+    return dataclasses.replace(scene, **{home: part}).parameters(pendulum)
+
+
+def vector(p: Parameters) -> np.ndarray:
+    return np.array([*(getattr(p, n) for n in NAMES[:-2]), p.velocity_ratio, p.inertia_ratio], dtype=float)
+
+
+EACH = [
+    pytest.param(scene, name, id=f"{label}, {name}")
+    for label, scene in {"rectangle": SCENE, "own inertia": OTHER, "tied": TIED}.items()
+    for name in QUANTITIES
+    if (scene, name) != (TIED, "restitution")
+]
+
+
+@pytest.mark.parametrize(("scene", "name"), EACH)
+def test_a_quantity_moves_what_it_moves_in_the_scene_and_nothing_else(scene, name):
+    axis, setup = Axis.of(scene, name, HUNG), Setup.of(scene, HUNG)
+    base = vector(scene.parameters(HUNG))
+    values = setup.values[name] * np.array([0.9, 0.95, 1.0])
+    for value, point in zip(values, axis.at(values), strict=True):
+        expected = moved(scene, HUNG, name, float(value))
+        np.testing.assert_allclose(point, vector(expected), rtol=1e-15)
+        at = setup.at({name: float(value)})
+        np.testing.assert_allclose(vector(at), point, rtol=1e-15)
+        assert (at.rho is None) == (expected.rho is None)
+        assert (at.e is None) == (expected.e is None) == (scene is TIED)
+    changed = {n for n, a, b in zip(NAMES, base, axis.at(values)[0], strict=True) if a != b}
+    assert changed == set(setup.moved(name))
+    assert changed - {"e"} == set(QUANTITIES[name]) - {"e"}
+    of_housner = scene is TIED and name in ("width", "height", "mass", "pendulum_mass")
+    assert ("e" in changed) == (name == "restitution" or of_housner)
+
+
+@pytest.mark.parametrize(("scene", "name"), EACH)
+def test_derivatives_along_a_quantity_are_those_of_differences(scene, name):
+    axis = Axis.of(scene, name, HUNG)
+    assert set(axis.others) == set(axis.setup.values) - {name}
+    value = axis.setup.values[name]
+    slopes = axis.jacobian(value)
+    for i, n in enumerate((name, *axis.others)):
+        line, center = Axis(axis.setup, n), axis.setup.values[n]
+        h = 1e-5 * center
+        difference = np.diff(line.at(center + np.array([-h, h])), axis=0)[0] / (2.0 * h)
+        np.testing.assert_allclose(slopes[:, i], difference, rtol=1e-8, atol=1e-9 / center)
+    assert np.abs(slopes[:, 0]).max() > 0
+
+
+def test_a_parameter_takes_its_tied_inertia_along():
+    h = 1e-5
+    free = Parameters(**{**{n: getattr(BARE, n) for n in NAMES}, "rho": 0.7})
+    for p in (BARE, free):
+        axis = Axis.of(p, "nu")
+        difference = np.diff(axis.at(np.array([0.2 - h, 0.2 + h])), axis=0)[0] / (2.0 * h)
+        np.testing.assert_allclose(axis.jacobian(0.2)[:, 0], difference, atol=1e-9)
+        assert ("rho" in axis.others) == (p is free)
+    assert Axis.of(BARE, "nu").jacobian(0.2)[8, 0] < -0.1
+
+
+@pytest.mark.parametrize("name", ["nu", "mu"])
+def test_a_parameter_takes_housner_s_restitution_along(name):
+    p = TIED.parameters(HUNG)
+    for axis in (Axis.of(p, name), Axis.of(TIED, name, HUNG)):
+        assert "e" not in axis.others
+        x = getattr(p, name)
+        for value in (x, 1.1 * x):
+            expected = vector(dataclasses.replace(p, **{name: value}))
+            np.testing.assert_allclose(axis.at(np.array([value]))[0], expected, rtol=1e-15)
+        h = 1e-5 * x
+        difference = np.diff(axis.at(np.array([x - h, x + h])), axis=0)[0] / (2.0 * h)
+        np.testing.assert_allclose(axis.jacobian(x)[:, 0], difference, rtol=1e-7, atol=1e-9)
+        assert difference[NAMES.index("e")] < 0.0
+    assert Setup.of(TIED, HUNG).at({name: value}).velocity_ratio == expected[NAMES.index("e")]
+
+
+def test_a_parameter_of_a_scene_leaves_the_others_alone():
+    p = SCENE.parameters(HUNG)
+    at = Setup.of(SCENE, HUNG).at({"xi": 3.0, "pendulum_mass": 1.6})
+    np.testing.assert_allclose(
+        vector(at), vector(p) * np.where(np.isin(NAMES, "mu"), 2.0, 1.0) + np.isin(NAMES, "xi") * (3.0 - p.xi)
+    )
+    axis = Axis.of(SCENE, "xi", HUNG)
+    assert axis.others == tuple(n for n in NAMES[:-1] if n != "xi")
+
+
+def test_a_restitution_that_is_given_goes_before_housner_s():
+    at = Setup.of(TIED).at({"restitution": 0.7, "width": 1.0})
+    assert (at.e, at.nu) == (0.7, 0.25)
+    assert Setup.of(TIED).moved("restitution") == ("e",)
+    with pytest.raises(ValueError, match=r"`e` must be between 0 and 1, but is 1\.2"):
+        Setup.of(TIED).check("name", "restitution", 1.2)
+    with pytest.raises(ValueError, match="`restitution` must be positive and finite, but is 0"):
+        Setup.of(TIED).check("name", "restitution", 0.0)
+
+
+def test_without_a_pendulum_nothing_of_it_can_be_varied():
+    assert not any(n.startswith("pendulum_") for n in Axis.of(SCENE, "frequency").others)
+    for name in ("mu", "zeta", "pendulum_mass", "pendulum_length"):
+        with pytest.raises(ValueError, match=f"`{name}` cannot be varied without a pendulum"):
+            Axis.of(SCENE, name)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "match"),
+    [
+        ("frequency", 0.0, "`frequency` must be positive and finite, but is 0"),
+        ("amplitude", -0.1, "`amplitude` must be zero or positive, and finite, but is -0.1"),
+        ("pendulum_mass", -1.0, "`pendulum_mass` must be zero or positive"),
+        ("pendulum_length", 0.0, "`pendulum_length` must be positive"),
+        ("width", 0.3, "`nu` must be between 0 and 0.5"),
+        ("omega", 1.0, "`name` must be one of width, height.*nu, mu.*but is 'omega'"),
+    ],
+)
+def test_values_out_of_range_are_refused_by_name(name, value, match):
+    with pytest.raises(ValueError, match=match):
+        Axis.of(SCENE, name, HUNG).check(value)
+
+
+@pytest.mark.mends("a range of a quantity in another unit was solved")
+@pytest.mark.parametrize(
+    ("name", "values", "match"),
+    [
+        ("amplitude", (5.0, 50.0), "must make at most 10 g, but 50 m at 2.5 Hz make"),
+        ("amplitude", (0.0, 50.0), "must make at most 10 g, but 50 m at 2.5 Hz make"),
+        ("frequency", (750.0, 950.0), "0.015 m at 750 Hz make"),
+        ("mass", (0.016, 0.02), "kg/m.3 of a block as deep as it is wide"),
+        ("pendulum_damping", (5.0, 40.0), "`pendulum_damping` must be at most 2, twice critical damping"),
+        ("zeta", (0.05, 40.0), "`zeta` must be at most 2, twice critical damping .a ratio: 5 % is 0.05"),
+    ],
+)
+def test_a_range_in_another_unit_is_asked_back(name, values, match):
+    with pytest.raises(ValueError, match=match):
+        Setup.of(SCENE, HUNG).check("x", name, *values)
+
+
+def test_a_wide_range_of_frequencies_is_solved():
+    """Its upper end may exceed what any ground does at the given amplitude."""
+    Setup.of(SCENE, HUNG).check("x", "frequency", 0.5, 50.0)
+
+
+def test_a_pendulum_beside_parameters_is_refused():
+    with pytest.raises(ValueError, match="`pendulum` goes with a scene"):
+        Setup.of(BARE, HUNG)
+    with pytest.raises(ValueError, match=r"`name` must be one of nu, mu.*but is 'frequency'"):
+        Axis.of(BARE, "frequency")
+
+
+def test_another_design_replaces_the_pendulum_and_nothing_else():
+    p = SCENE.parameters(HUNG)
+    q = jax.jit(with_design)(p, jnp.array([0.2, 0.3, 0.4]))
+    np.testing.assert_array_equal([q.mu, q.lam, q.zeta], [0.2, 0.3, 0.4])
+    for name in set(NAMES[:-1]) - {"mu", "lam", "zeta"}:
+        assert float(getattr(q, name)) == float(getattr(p, name))
+    assert q.rho is None
+    # Unchecked, so that a search may look beyond what is allowed.
+    assert float(with_design(p, jnp.array([-0.1, 0.3, 0.4])).mu) == -0.1
+
+
+def test_gradients_by_name_and_by_object_agree():
+    for scene in (SCENE, OTHER, TIED):
+        by_object = jax.jacrev(lambda part, s=scene: vector_of(dataclasses.replace(s, block=part)))(
+            scene.block
+        )
+        for name in ("width", "height", "mass", "friction"):
+            expected = Axis.of(scene, name, HUNG).jacobian(getattr(scene.block, name))[:, 0]
+            np.testing.assert_allclose(getattr(by_object, name), expected, rtol=1e-12, atol=1e-15)
+
+
+def vector_of(scene):
+    p = scene.parameters(HUNG)
+    return jnp.stack(
+        [
+            jnp.asarray(x, dtype=float)
+            for x in (*(getattr(p, n) for n in NAMES[:-2]), p.velocity_ratio, p.inertia_ratio)
+        ]
+    )

@@ -1,0 +1,467 @@
+"""From SI units to the dimensionless parameters, and what a scene refuses."""
+
+import dataclasses
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tpd import Block, Harmonic, Parameters, Pendulum, Scene, paper_scene, steady_state
+from tpd.scene.impacts import housner
+from tpd.scene.scene import STANDARD_GRAVITY
+from tpd.theory import uplift
+
+BLOCK = {"width": 0.1, "height": 0.4, "mass": 16.224}
+MOTION = {"amplitude": 0.015, "frequency": 2.5}
+PENDULUM = {"mass": 1.6, "length": 0.1, "damping_ratio": 0.1}
+
+
+def test_the_paper_s_case_study_in_its_own_numbers():
+    # Collini et al., section 5: 0.1 m by 0.4 m, 15 mm at 2.5 Hz; worked out by hand from (1) to (6).
+    p = paper_scene().parameters()
+    rho = 0.75 / (1 + 0.25**2)
+    assert p.nu == pytest.approx(0.25, rel=1e-14)
+    assert p.inertia_ratio == pytest.approx(rho, rel=1e-14)
+    assert p.f == pytest.approx(0.015 * (2 * np.pi * 2.5) ** 2 / 9.80665, rel=1e-14)
+    assert p.f == pytest.approx(0.3774, abs=5e-5)
+    assert p.xi == pytest.approx(2 * np.pi * 2.5 / np.sqrt(9.80665 * rho / 0.2), rel=1e-14)
+    assert p.xi == pytest.approx(2.67, abs=5e-3)
+    assert p.k == 0.05
+    assert p.e == 1.0
+
+
+def test_the_paper_s_block_has_the_mass_of_its_density():
+    assert paper_scene().block.mass == pytest.approx(2028 * 0.1 * 0.2 * 0.4, rel=1e-12)
+
+
+def test_a_scene_without_pendulum_is_the_bare_block():
+    p = paper_scene().parameters()
+    assert p.mu == 0.0
+    assert p.rho is None
+
+
+def test_a_pendulum_in_si_becomes_the_ratios_it_was_made_from():
+    scene = paper_scene()
+    pendulum = scene.pendulum(mass_ratio=0.1, length_ratio=0.8, damping_ratio=0.07)
+    assert pendulum.mass == pytest.approx(1.6224, rel=1e-14)
+    assert pendulum.length == pytest.approx(0.16, rel=1e-14)
+    p = scene.parameters(pendulum)
+    assert (p.mu, p.lam, p.zeta) == pytest.approx((0.1, 0.8, 0.07), rel=1e-14)
+
+
+def test_the_length_ratio_counts_half_heights():
+    # lam = l/b, while the paper's Table 1 lists l/(2b).
+    p = paper_scene().parameters(Pendulum(mass=1.0, length=0.4, damping_ratio=0.1))
+    assert p.lam == pytest.approx(2.0, rel=1e-14)
+
+
+def test_another_gravity_and_size_scale_the_forcing_and_not_the_block():
+    small = paper_scene().parameters()
+    large = Scene(
+        Block(width=0.2, height=0.8, mass=100.0),
+        Harmonic(amplitude=0.03, frequency=2.5),
+        gravity=2 * STANDARD_GRAVITY,
+    ).parameters()
+    assert jax.tree.leaves(large) == pytest.approx(jax.tree.leaves(small), rel=1e-12)
+
+
+def test_the_radius_of_gyration_of_a_rectangle_changes_nothing_but_the_tie():
+    radius = np.sqrt((0.05**2 + 0.2**2) / 3)
+    scene = Scene(Block(**BLOCK, radius_of_gyration=radius), Harmonic(**MOTION))
+    p, tied = scene.parameters(), paper_scene().parameters()
+    assert p.rho == pytest.approx(tied.inertia_ratio, rel=1e-14)
+    assert p.xi == pytest.approx(tied.xi, rel=1e-14)
+
+
+def test_a_larger_radius_of_gyration_makes_a_slower_block():
+    # rho = b^2 / (a^2 + b^2 + c^2), with c about the centroid.
+    block = Block(**BLOCK, radius_of_gyration=0.2)
+    assert block.inertia_ratio == pytest.approx(0.04 / (0.0025 + 0.04 + 0.04), rel=1e-14)
+    assert Scene(block, Harmonic(**MOTION)).rate < paper_scene().rate
+
+
+@pytest.mark.parametrize(
+    ("make", "good", "name", "value", "allowed"),
+    [
+        (Block, BLOCK, "width", -0.1, "positive and finite"),
+        (Block, BLOCK, "width", 0.0, "positive and finite"),
+        (Block, BLOCK, "height", 0.0, "positive and finite"),
+        (Block, BLOCK, "height", np.inf, "positive and finite"),
+        (Block, BLOCK, "mass", np.nan, "positive and finite"),
+        (Block, BLOCK, "mass", -1.0, "positive and finite"),
+        (Block, BLOCK, "friction", -0.01, "zero or positive, and finite"),
+        (Block, BLOCK, "radius_of_gyration", 0.0, "positive and finite"),
+        (Block, BLOCK, "restitution", 0.0, "positive and finite"),
+        (Block, BLOCK, "restitution", -0.5, "positive and finite"),
+        (Block, BLOCK, "restitution", np.nan, "positive and finite"),
+        (Block, BLOCK, "restitution", 1.01, "between 0 and 1"),
+        (Pendulum, PENDULUM, "mass", -1.0, "zero or positive, and finite"),
+        (Pendulum, PENDULUM, "length", 0.0, "positive and finite"),
+        (Pendulum, PENDULUM, "length", np.nan, "positive and finite"),
+        (Pendulum, PENDULUM, "damping_ratio", -0.1, "zero or positive, and finite"),
+        (Harmonic, MOTION, "amplitude", -0.015, "zero or positive, and finite"),
+        (Harmonic, MOTION, "amplitude", np.nan, "zero or positive, and finite"),
+        (Harmonic, MOTION, "frequency", 0.0, "positive and finite"),
+        (Harmonic, MOTION, "frequency", -2.5, "positive and finite"),
+    ],
+)
+def test_sizes_out_of_range_are_refused_by_name(make, good, name, value, allowed):
+    with pytest.raises(ValueError, match=f"`{name}` must be {allowed}, but is {value:g}"):
+        make(**{**good, name: value})
+
+
+def test_a_gravity_out_of_range_is_refused():
+    with pytest.raises(ValueError, match="`gravity` must be positive and finite, but is 0"):
+        Scene(Block(**BLOCK), Harmonic(**MOTION), gravity=0.0)
+
+
+def test_a_block_too_wide_for_linear_equations_is_refused():
+    with pytest.raises(ValueError, match=r"`width` must be at most 0\.5 of `height`.*but is 0\.6 of it"):
+        Block(width=0.24, height=0.4, mass=1.0)
+    assert Block(width=0.2, height=0.4, mass=1.0).slenderness == 0.5
+
+
+def block(width, height, mass):
+    return Block, {"width": width, "height": height, "mass": mass}
+
+
+def harmonic(amplitude, frequency):
+    return Harmonic, {"amplitude": amplitude, "frequency": frequency}
+
+
+UNITS = {
+    "lengths in mm": (*block(100.0, 400.0, 16.224), "make 4.06e-06 kg/m"),
+    "lengths in cm": (*block(130.0, 1000.0, 16280.0), "in 130 m x 1000 m make"),
+    "mass in t": (*block(1.3, 10.0, 16.28), "are the lengths in m and the mass"),
+    "mass in g": (*block(1.3, 10.0, 16280e3), "between 10 and 500000 kg/m"),
+    "height in mm": (*block(0.5, 2500.0, 1e6), "at least 0.01 of `height`"),
+    "a batch": (*block(np.array([0.1, 100.0]), np.array([0.4, 400.0]), 16.0), "16 kg in 100 m x 400 m"),
+    "amplitude in mm": (*harmonic(50.0, 1.0), "at most 10 g, but 50 m at 1 Hz make 201 g: are they in"),
+    "amplitude in cm": (*harmonic(1.5, 2.5), "1.5 m at 2.5 Hz make 37.7 g"),
+    "frequency in mHz": (*harmonic(0.081, 850.0), "are they in m and Hz?"),
+    "damping in %": (Pendulum, {**PENDULUM, "damping_ratio": 5.0}, "a ratio: 5 % is 0.05"),
+}
+"""Quantities in another unit, each with what the sentence says."""
+
+
+@pytest.mark.mends("a block in mm, a base amplitude of 50 m and a damping in per cent were taken")
+@pytest.mark.parametrize(("make", "given", "said"), UNITS.values(), ids=UNITS)
+def test_quantities_in_another_unit_are_asked_back(make, given, said):
+    with pytest.raises(ValueError, match=r"^`\w+` ") as refused:
+        make(**given)
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.mends("a gravity in g, in cm/s^2 or in ft/s^2 was taken")
+@pytest.mark.parametrize("gravity", [1.0, 981.0, 9806.65, 32.17])
+def test_a_gravity_in_another_unit_is_asked_back(gravity):
+    with pytest.raises(ValueError, match=r"between 1\.5 and 30 m/s\^2 \(the Earth's is 9\.80665\), but is"):
+        Scene(Block(**BLOCK), Harmonic(**MOTION), gravity=gravity)
+
+
+PLAUSIBLE = {
+    "foam": (0.5, 1.5, 8.0),
+    "hollow bronze": (0.5, 1.8, 400.0),
+    "a model of steel": (0.02, 0.1, 0.6),
+    "a wall, twenty times as deep as wide": (0.5, 8.0, 90e3),
+    "a slender chimney": (2.0, 90.0, 500e3),
+}
+
+
+@pytest.mark.parametrize(("width", "height", "mass"), PLAUSIBLE.values(), ids=PLAUSIBLE)
+def test_light_and_heavy_blocks_are_taken(width, height, mass):
+    assert Block(width=width, height=height, mass=mass, friction=0.01).slenderness == width / height
+
+
+def test_the_moon_and_a_shaking_table_are_taken():
+    scene = Scene(Block(**BLOCK), Harmonic(amplitude=0.0005, frequency=60.0), gravity=1.62)
+    assert float(scene.parameters().f) > 10.0
+
+
+@pytest.mark.mends("a block without a stated cavity had one as wide as itself")
+def test_a_block_has_the_cavity_that_is_stated_and_no_other():
+    assert Block(**BLOCK).room == np.inf
+    assert Block(**BLOCK, cavity_width=0.07).room == 0.07
+    assert paper_scene().block.cavity_width == 0.1, "the paper's block states the widest that there can be"
+
+
+def struck(nu, rho):
+    """Velocity ratio of a block of half height 1 and unit mass that turns about its left corner at a rate of
+    1 when its right corner strikes: from the angular momentum about that corner, which it keeps."""
+    radius2 = 1 / rho - 1 - nu**2
+    centre, left, right = np.array([0.0, 1.0]), np.array([-nu, 0.0]), np.array([nu, 0.0])
+
+    def momentum(pivot, about):
+        arm, velocity = centre - about, np.array([-(centre - pivot)[1], (centre - pivot)[0]])
+        return radius2 + arm[0] * velocity[1] - arm[1] * velocity[0]
+
+    return momentum(left, right) / momentum(right, right)
+
+
+@pytest.mark.parametrize(("nu", "rho"), [(0.1, 0.74), (0.25, 0.6), (0.5, 0.6), (0.4, 0.8)])
+def test_housner_s_ratio_keeps_the_angular_momentum_about_the_new_pivot(nu, rho):
+    assert housner(nu, rho) == pytest.approx(struck(nu, rho), rel=1e-14)
+
+
+def test_housner_s_ratio_of_a_rectangle_is_the_textbook_s():
+    block = Block(**BLOCK, restitution="housner")
+    alpha = np.arctan(0.1 / 0.4)
+    assert block.velocity_ratio == pytest.approx(1 - 1.5 * np.sin(alpha) ** 2, rel=1e-14)
+    p = Scene(block, Harmonic(**MOTION)).parameters()
+    assert p.e is None
+    assert p.velocity_ratio == block.velocity_ratio
+
+
+def test_housner_s_ratio_takes_the_bob_along():
+    block, hung = Block(**BLOCK, restitution="housner"), Pendulum(mass=1.6224, length=0.1, damping_ratio=0.1)
+    p = Scene(block, Harmonic(**MOTION)).parameters(hung)
+    share = p.inertia_ratio * 0.25**2
+    assert p.velocity_ratio == pytest.approx((1 - 2.1 * share) / (1 + 0.1 * share), rel=1e-14)
+    assert p.velocity_ratio < block.velocity_ratio - 0.005
+    given = Scene(Block(**BLOCK, restitution=0.9), Harmonic(**MOTION)).parameters(hung)
+    assert given.velocity_ratio == given.e == 0.9
+
+
+def test_housner_s_ratio_follows_the_parameters():
+    p = Parameters(nu=0.25, mu=0.1, lam=0.4, zeta=0.2, k=0.0, f=0.3, xi=2.5, e=None)
+
+    def ratio(name, x):
+        return dataclasses.replace(p, **{name: x}).velocity_ratio
+
+    for name in ("nu", "mu"):
+        x, h = getattr(p, name), 1e-5
+        difference = (ratio(name, x + h) - ratio(name, x - h)) / (2 * h)
+        assert float(jax.grad(ratio, 1)(name, x)) == pytest.approx(difference, rel=1e-8)
+        assert difference < -0.05
+    assert float(jax.grad(lambda q: q.velocity_ratio)(p).nu) == pytest.approx(
+        float(jax.grad(ratio, 1)("nu", 0.25))
+    )
+
+
+def test_a_bob_that_throws_the_block_back_is_refused():
+    # A scene refuses a bob heavier than its block before: only parameters can have one.
+    most, rest = 1 / (0.6 * 0.25) - 2, {"lam": 0.4, "zeta": 0.2, "k": 0.0, "f": 0.3, "xi": 2.5, "e": None}
+    at_most = Parameters(nu=0.5, mu=most - 1e-9, **rest)
+    assert at_most.velocity_ratio == pytest.approx(0.0, abs=1e-9)
+    with pytest.raises(
+        ValueError, match=r"`mu` must be at most 4\.667 with Housner's restitution .*, but is 5"
+    ):
+        Parameters(nu=0.5, mu=5.0, **rest)
+    with pytest.raises(ValueError, match=r"`mu` must be at most 4\.667 .*, but is 6"):
+        Parameters(nu=0.5, mu=np.array([1.0, 6.0]), **rest)
+
+
+def test_housner_s_ratio_knows_the_radius_of_gyration():
+    block = Block(**BLOCK, radius_of_gyration=0.2, restitution="housner")
+    # I about a corner is M (a^2 + b^2 + c^2).
+    assert block.velocity_ratio == pytest.approx(
+        1 - 2 * np.sin(np.arctan(0.25)) ** 2 * 0.0425 / 0.0825, rel=1e-14
+    )
+
+
+def test_a_block_with_restitution_has_no_friction_unless_it_is_given():
+    losses = {
+        (): (0.05, 1.0),
+        (("restitution", 0.9),): (0.0, 0.9),
+        (("restitution", 1.0),): (0.0, 1.0),
+        (("friction", 0.1),): (0.1, 1.0),
+        (("friction", 0.02), ("restitution", 0.9)): (0.02, 0.9),
+    }
+    for given, expected in losses.items():
+        p = Scene(Block(**BLOCK, **dict(given)), Harmonic(**MOTION)).parameters()
+        assert (p.k, p.e) == expected
+
+
+def test_a_restitution_of_an_unknown_name_is_refused():
+    with pytest.raises(ValueError, match="`restitution` must be a number or 'housner', but is 'bouncy'"):
+        Block(**BLOCK, restitution="bouncy")
+
+
+def test_the_parameters_are_a_pytree_of_numbers():
+    p = paper_scene().parameters()
+    assert isinstance(p, Parameters)
+    assert all(isinstance(x, float) for x in jax.tree.leaves(p))
+
+
+HUNG = Pendulum(mass=1.2, length=0.05, damping_ratio=0.2)
+TIED = Scene(Block(**BLOCK, friction=0.02, restitution="housner"), Harmonic(**MOTION))
+SCENES = {
+    # A cavity moves no parameter, so that it has no derivative to compare.
+    "friction": Scene(Block(**BLOCK, friction=0.05), Harmonic(**MOTION)),
+    "housner": TIED,
+    "all numbers": Scene(
+        Block(**BLOCK, friction=0.02, restitution=0.9, radius_of_gyration=0.13), Harmonic(**MOTION), 9.7
+    ),
+}
+
+
+def differences_in_si(function, both, share):
+    """Central differences of fourth order of a function of (scene, pendulum), leaf by leaf."""
+    leaves, structure = jax.tree.flatten(both)
+
+    def at(i, factor):
+        moved = [x * factor if i == j else x for j, x in enumerate(leaves)]
+        return np.asarray(function(jax.tree.unflatten(structure, moved)))
+
+    return [
+        (8 * (at(i, 1 + share) - at(i, 1 - share)) - (at(i, 1 + 2 * share) - at(i, 1 - 2 * share)))
+        / (12 * share * leaf)
+        for i, leaf in enumerate(leaves)
+    ]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_derivatives_of_the_parameters_in_si_are_those_of_differences(name):
+    def vector(both):
+        p = both[0].parameters(both[1])
+        return jnp.stack(
+            [
+                jnp.asarray(x)
+                for x in (p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.velocity_ratio)
+            ]
+        )
+
+    both = (SCENES[name], HUNG)
+    slopes = jax.tree.leaves(jax.jit(jax.jacrev(vector))(both))
+    for slope, expected in zip(slopes, differences_in_si(vector, both, 1e-3), strict=True):
+        np.testing.assert_allclose(slope, expected, rtol=1e-9, atol=1e-9)
+        assert np.any(slope != 0.0)
+
+
+@jax.jit
+def slopes_in_si(both):
+    return jax.value_and_grad(lambda both: steady_state(both[0].parameters(both[1])).amplitude)(both)
+
+
+def test_derivatives_of_the_amplitude_in_si_are_those_of_differences():
+    both = (TIED, HUNG)
+    amplitude, slopes = slopes_in_si(both)
+    assert float(amplitude) == pytest.approx(0.0737342, rel=1e-5)
+    assert jax.tree.structure(slopes) == jax.tree.structure(both)
+    assert isinstance(slopes[1], Pendulum)
+    expected = differences_in_si(lambda both: slopes_in_si(both)[0], both, 1e-4)
+    np.testing.assert_allclose(jax.tree.leaves(slopes), expected, rtol=1e-7)
+    # The gradient of the pendulum alone, without `jit`: rad per kg, per metre and per unit of zeta.
+    alone = jax.grad(lambda hung: steady_state(TIED.parameters(hung)).amplitude)(HUNG)
+    np.testing.assert_allclose(jax.tree.leaves(alone), jax.tree.leaves(slopes[1]), rtol=1e-9)
+
+
+def test_housner_s_restitution_follows_the_block_in_gradients():
+    def ratio(block):
+        return Scene(block, Harmonic(**MOTION)).parameters().velocity_ratio
+
+    tied = jax.grad(ratio)(Block(**BLOCK, restitution="housner"))
+    # e = 1 - 1.5 nu^2 / (1 + nu^2), so de/dnu = -3 nu / (1 + nu^2)^2.
+    assert float(tied.width) == pytest.approx(-3 * 0.25 / (1 + 0.25**2) ** 2 / 0.4, rel=1e-12)
+    assert tied.restitution == "housner"
+    free = jax.grad(ratio)(Block(**BLOCK, restitution=0.9))
+    assert (float(free.width), float(free.restitution)) == (0.0, 1.0)
+    none = jax.grad(lambda block: block.friction * block.width)(Block(**BLOCK))
+    assert none.restitution is None
+    assert float(none.friction) == 0.1
+
+
+BATCH = [
+    (TIED, HUNG),
+    (
+        Scene(
+            Block(width=0.11, height=0.4, mass=15.0, friction=0.03, restitution="housner"),
+            Harmonic(amplitude=0.014, frequency=2.6),
+        ),
+        Pendulum(mass=1.6, length=0.06, damping_ratio=0.3),
+    ),
+]
+
+
+def test_a_batch_of_scenes_and_pendulums_is_solved_one_by_one():
+    stacked = jax.tree.map(lambda *x: jnp.stack(x), *BATCH)
+    solve = jax.vmap(lambda both: steady_state(both[0].parameters(both[1])).amplitude)
+    alone = [float(slopes_in_si(both)[0]) for both in BATCH]
+    assert alone[0] != pytest.approx(alone[1], rel=1e-2)
+    np.testing.assert_allclose(jax.jit(solve)(stacked), alone, rtol=1e-12)
+
+
+@pytest.mark.parametrize("batched", [Pendulum, Block, Harmonic])
+def test_a_batch_of_any_part_meets_one_of_the_others(batched):
+    (scene, hung), (other, lighter) = BATCH
+    first = {Pendulum: hung, Block: scene.block, Harmonic: scene.motion}
+    second = {Pendulum: lighter, Block: other.block, Harmonic: other.motion}
+    stacked = jax.tree.map(lambda *x: jnp.stack(x), first[batched], second[batched])
+
+    def margin(part):
+        parts = {**first, batched: part}
+        return uplift(Scene(parts[Block], parts[Harmonic]).parameters(parts[Pendulum])).margin
+
+    expected = [float(margin(part[batched])) for part in (first, second)]
+    assert expected[0] != expected[1]
+    np.testing.assert_allclose(jax.vmap(margin)(stacked), expected, rtol=1e-14)
+    np.testing.assert_allclose(jax.jit(jax.vmap(margin))(stacked), expected, rtol=1e-14)
+    np.testing.assert_allclose(margin(stacked), expected, rtol=1e-14)
+
+
+def test_a_part_can_be_made_of_traced_numbers():
+    def margin(length):
+        return uplift(paper_scene().parameters(Pendulum(mass=1.6, length=length, damping_ratio=0.1))).margin
+
+    lengths = jnp.array([0.1, 0.2])
+    expected = [float(margin(x)) for x in (0.1, 0.2)]
+    np.testing.assert_allclose(jax.vmap(margin)(lengths), expected, rtol=1e-14)
+    assert np.all(jax.vmap(jax.grad(margin))(lengths) != 0.0)
+
+
+def test_parts_are_compared_and_hashed_as_plain_numbers():
+    assert Block(**BLOCK) == Block(**BLOCK)
+    assert Block(**BLOCK) != Block(**BLOCK, restitution="housner")
+    assert len({paper_scene(), paper_scene(), TIED}) == 2
+    whole = Block(width=1, height=4, mass=100, friction=0)
+    assert all(type(x) is float for x in jax.tree.leaves(whole))
+    assert jax.tree.map(lambda x: x, TIED) == TIED
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Block(**{**BLOCK, "width": "0.1"}), "`width` must be a number, but is '0.1'"),
+        (lambda: Block(**{**BLOCK, "mass": None}), "`mass` must be a number, but is None"),
+        (lambda: Block(**{**BLOCK, "height": [0.4]}), r"`height` must be a number, but is \[0.4\]"),
+        (lambda: Pendulum(**{**PENDULUM, "length": True}), "`length` must be a number, but is True"),
+        (lambda: Pendulum(**{**PENDULUM, "mass": 1j}), "`mass` must be a number, but is 1j"),
+        (lambda: Harmonic(**{**MOTION, "frequency": {}}), r"`frequency` must be a number, but is \{\}"),
+        (
+            lambda: Scene(Block(**BLOCK), Harmonic(**MOTION), "earth"),
+            "`gravity` must be a number, but is 'earth'",
+        ),
+        (
+            lambda: Block(**{**BLOCK, "width": jnp.array([0.1, 0.3])}),
+            r"`width` must be at most 0\.5 of `height`.*but is 0\.75 of it",
+        ),
+    ],
+)
+def test_wrong_types_are_refused_in_one_sentence(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_parts_of_the_wrong_class_are_refused_in_one_sentence():
+    # In another process: here the checker of types speaks first.
+    script = """
+from tpd import Block, Harmonic, Scene, paper_scene
+block, motion = paper_scene().block, paper_scene().motion
+for make in (
+    lambda: Scene(motion, motion), lambda: Scene(block, 2.5), lambda: paper_scene().parameters(0.1)
+):
+    try:
+        make()
+    except ValueError as error:
+        print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == [
+        "`block` must be a Block, but is Harmonic(amplitude=0.015, frequency=2.5)",
+        "`motion` must be a Harmonic or GroundMotion, but is 2.5",
+        "`pendulum` must be a Pendulum, but is 0.1",
+    ]

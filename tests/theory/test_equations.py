@@ -1,0 +1,228 @@
+"""The equations of motion (4) and (25), derived again from the Lagrangian."""
+
+from functools import cache
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import sympy as sp
+
+from tpd import Parameters
+from tpd.theory.equations import Equations, Linear, Terms, smoothed_rates
+
+NU, MU, LAM, RHO, F, XI, K, HINGE, TAU = sp.symbols("nu mu lam rho f xi k c_p tau", positive=True)
+Q = sp.symbols("phi psi")
+V = sp.symbols("dphi dpsi")
+A = sp.symbols("ddphi ddpsi")
+SIGNS = (1, -1)
+P = Parameters(nu=0.23, mu=0.17, lam=0.6, zeta=0.15, k=0.04, f=0.3, xi=2.3, rho=0.68)
+
+
+@cache
+def lagrange(s):
+    """The two equations of motion while the tilt has the sign `s`, from kinetic and potential
+    energy alone, in units M = g = b = 1 and time tau; the second divided by mu lam."""
+    phi, psi = (sp.Function(q.name)(TAU) for q in Q)
+    omega0 = sp.sqrt(RHO)
+    base = sp.Matrix([F / (XI * omega0) ** 2 * sp.sin(XI * TAU), 0])
+    turn = sp.Matrix([[sp.cos(phi), -sp.sin(phi)], [sp.sin(phi), sp.cos(phi)]])
+    centre = base + turn @ sp.Matrix([s * NU, 1])
+    bob = base + turn @ sp.Matrix([s * NU, 2]) + LAM * sp.Matrix([sp.sin(psi), -sp.cos(psi)])
+    block2, bob2 = (RHO * (r.diff(TAU).T @ r.diff(TAU))[0] for r in (centre, bob))
+    gyration2 = 1 / RHO - 1 - NU**2
+    kinetic = (block2 + gyration2 * RHO * phi.diff(TAU) ** 2 + MU * bob2) / 2
+    energy = kinetic - centre[1] - MU * bob[1]
+    rows = [energy.diff(q.diff(TAU)).diff(TAU) - energy.diff(q) for q in (phi, psi)]
+    names = [(q.diff(TAU, 2), a) for q, a in zip((phi, psi), A, strict=True)]
+    names += [(q.diff(TAU), v) for q, v in zip((phi, psi), V, strict=True)]
+    names += list(zip((phi, psi), Q, strict=True))
+    return rows[0].subs(names), (rows[1] / (MU * LAM)).subs(names)
+
+
+@cache
+def linearised(s):
+    """The same to first order in the angles, with hinge and contact friction of sign `sigma`."""
+    scale, sigma = sp.symbols("scale sigma")
+    shrink = {z: scale * z for z in (*Q, *V, *A)}
+    rows = [row.subs(shrink, simultaneous=True) for row in lagrange(s)]
+    block, bob = (sp.expand(r.subs(scale, 0) + r.diff(scale).subs(scale, 0)) for r in rows)
+    torque = HINGE * (V[0] - V[1])
+    return sp.expand(block + K * sigma + MU * LAM * torque), sp.expand(bob - torque)
+
+
+def parametric(s):
+    """The one linear term that (14) and the package drop."""
+    return s * F * (1 + MU) * NU * Q[0] * sp.sin(XI * TAU)
+
+
+def numbers(p=P):
+    values = (p.nu, p.mu, p.lam, p.inertia_ratio, p.f, p.xi, p.k, float(p.hinge))
+    return dict(zip((NU, MU, LAM, RHO, F, XI, K, HINGE), values, strict=True))
+
+
+@pytest.mark.parametrize("s", SIGNS)
+def test_the_lagrangian_gives_equations_4(s):
+    phi, psi = Q
+    sine, c = F * sp.sin(XI * TAU), sp.cos(phi - psi)
+    big_s = s * NU * sp.sin(phi - psi) + 2 * c
+    big_c = s * NU * c - 2 * sp.sin(phi - psi)
+    block = (1 + MU * RHO * (4 + NU**2)) * A[0] - MU * RHO * LAM * (big_s * A[1] - big_c * V[1] ** 2)
+    block += sine * (s * (1 + MU) * NU * sp.sin(phi) + (1 + 2 * MU) * sp.cos(phi))
+    block += s * (1 + MU) * NU * sp.cos(phi) - (1 + 2 * MU) * sp.sin(phi)
+    bob = RHO * (LAM * A[1] - big_s * A[0] - big_c * V[0] ** 2) - sine * sp.cos(psi) + sp.sin(psi)
+    for derived, printed in zip(lagrange(s), (block, bob), strict=True):
+        assert sp.simplify(sp.expand(sp.expand_trig(derived - printed))) == 0
+
+
+@pytest.mark.parametrize("s", SIGNS)
+def test_linear_holds_the_matrices_of_the_linearised_equations(s):
+    linear = Linear(P)
+    for matrix, symbols in ((linear.mass, A), (linear.damping, V), (linear.stiffness, Q)):
+        rows = [sp.expand(r - q) for r, q in zip(linearised(s), (parametric(s), 0), strict=True)]
+        expected = sp.Matrix(rows).jacobian(symbols).subs(numbers())
+        np.testing.assert_allclose(matrix, np.array(expected, dtype=float), rtol=1e-14, atol=1e-16)
+
+
+def test_the_mass_determinant_is_its_short_formula():
+    mass = sp.Matrix(linearised(1)).jacobian(A)
+    assert sp.expand(mass.det() - LAM * RHO * (1 + MU * RHO * NU**2)) == 0
+    assert Linear(P).determinant == pytest.approx(np.linalg.det(Linear(P).mass), rel=1e-14)
+
+
+@pytest.mark.parametrize("s", SIGNS)
+@pytest.mark.parametrize("sigma", SIGNS)
+def test_rates_are_the_accelerations_of_the_linearised_equations(s, sigma):
+    rows = [sp.expand(r - q) for r, q in zip(linearised(s), (parametric(s), 0), strict=True)]
+    mass, right = sp.linear_eq_to_matrix([r.subs(numbers()).subs("sigma", sigma) for r in rows], A)
+    right = sp.lambdify((*Q, *V, TAU), list(right), "numpy")
+    mass = np.array(mass, dtype=float)
+    rng = np.random.default_rng(5)
+    for y, tau in zip(rng.normal(scale=0.3, size=(5, 4)), rng.uniform(0, 9, 5), strict=True):
+        rates = Linear(P).rates(jnp.asarray(y), float(s), float(sigma), np.sin(P.xi * tau))
+        np.testing.assert_allclose(rates[:2], y[2:], rtol=0)
+        np.testing.assert_allclose(rates[2:], np.linalg.solve(mass, right(*y, tau)), rtol=1e-12)
+
+
+@pytest.mark.parametrize("s", SIGNS)
+def test_the_dropped_parametric_term_is_of_second_order_where_all_others_are_of_first(s):
+    size = sp.symbols("size")
+    small = {z: size * z for z in (*Q, *V, *A, K, F, NU)}
+    block = sp.expand(linearised(s)[0].subs("sigma", 1) - MU * RHO * NU**2 * A[0])
+    degrees = {
+        term: sp.Poly(term.subs(small, simultaneous=True), size).monoms()[0][0]
+        for term in block.expand().as_ordered_terms()
+    }
+    higher = sp.Add(*(term for term, degree in degrees.items() if degree > 1))
+    assert sp.expand(higher - parametric(s)) == 0
+    assert {degree for term, degree in degrees.items() if degree > 1} == {3}
+    assert min(degrees.values()) == 1
+
+
+@pytest.mark.parametrize("s", SIGNS)
+def test_the_held_moment_is_what_row_one_asks_of_a_block_that_stands_still(s):
+    block, bob = (r.subs({V[0]: 0, A[0]: 0, "sigma": 0}) for r in linearised(s))
+    swing = sp.solve(bob, A[1])[0]
+    moment = -(block - parametric(s) - s * (1 + MU) * NU).subs(A[1], swing)
+    moment = sp.lambdify((*Q, V[1], TAU), moment.subs(numbers()), "numpy")
+    rng = np.random.default_rng(6)
+    for (phi, psi, dpsi), tau in zip(rng.normal(size=(4, 3)), rng.uniform(0, 9, 4), strict=True):
+        y = jnp.array([phi, psi, 0.0, dpsi])
+        held = Linear(P).holding_moment(y, np.sin(P.xi * tau))
+        assert held == pytest.approx(moment(phi, psi, dpsi, tau), rel=1e-12)
+
+
+@pytest.mark.parametrize("s", SIGNS)
+def test_a_held_moment_of_weight_and_friction_is_the_edge_of_motion(s):
+    linear = Linear(P)
+    psi, sine = 0.1, 0.4
+    edge = s * (linear.weight + linear.friction)
+    phi = (edge + linear.f * sine + 2 * P.mu * psi) / linear.tilt
+    y = jnp.array([phi, psi, 0.0, 0.0])
+    assert linear.holding_moment(y, sine) == pytest.approx(edge, rel=1e-14)
+    rates = linear.rates(y, float(s), float(s), sine)
+    held = linear.rates(y.at[0].add(s * 1e-3), float(s), float(s), sine)
+    assert held[2] * s > 0
+    np.testing.assert_allclose(rates[2], 0.0, atol=1e-15)
+
+
+@cache
+def full(s, terms):
+    """What must vanish, with friction of sign `sigma` and the hinge, as functions of the numbers."""
+    sigma = sp.symbols("sigma")
+    torque = HINGE * (V[0] - V[1])
+    block, bob = lagrange(s) if terms is Terms.nonlinear else linearised(s)
+    if terms is Terms.nonlinear:
+        block, bob = block + K * sigma + MU * LAM * torque, bob - torque
+    return sp.lambdify((*Q, *V, *A, TAU, sigma), [r.subs(numbers()) for r in (block, bob)], "numpy")
+
+
+@pytest.mark.parametrize("terms", [Terms.parametric, Terms.nonlinear])
+@pytest.mark.parametrize("s", SIGNS)
+@pytest.mark.parametrize("sigma", SIGNS)
+def test_rates_of_the_larger_models_are_those_of_the_lagrangian(s, sigma, terms):
+    equations, rng = Equations(P, terms), np.random.default_rng(8)
+    for y, tau in zip(rng.normal(scale=0.5, size=(5, 4)), rng.uniform(0, 9, 5), strict=True):
+        rates = equations.rates(jnp.asarray(y), float(s), float(sigma), np.sin(P.xi * tau))
+        np.testing.assert_allclose(rates[:2], y[2:], rtol=0)
+        np.testing.assert_allclose(full(s, terms)(*y, *rates[2:], tau, sigma), 0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("terms", list(Terms))
+@pytest.mark.parametrize("s", SIGNS)
+def test_a_block_is_held_by_what_would_else_accelerate_it(s, terms):
+    equations, rng = Equations(P, terms), np.random.default_rng(9)
+    for y in rng.normal(scale=0.3, size=(5, 4)):
+        y, sine = jnp.asarray(y).at[2].set(0.0), 0.6
+        held, excess = equations.held_rates(y, sine), equations.excess(y, float(s), sine)
+        # Friction of just this size leaves the block as it is.
+        rates = equations.rates(y, float(s), float(excess) / P.k, sine)
+        np.testing.assert_allclose(rates, held, atol=1e-13)
+
+
+def test_the_linear_terms_are_those_of_linear():
+    y = jnp.array([0.05, -0.2, -0.07, 0.3])
+    linear, equations = Linear(P), Equations(P, Terms.linear)
+    np.testing.assert_allclose(
+        equations.rates(y, 1.0, -1.0, 0.6), linear.rates(y, 1.0, -1.0, 0.6), rtol=1e-14
+    )
+    still = y.at[2].set(0.0)
+    moment = linear.holding_moment(still, 0.6) - linear.weight
+    assert float(equations.excess(still, 1.0, 0.6)) == pytest.approx(float(moment), rel=1e-13)
+
+
+def test_the_hinge_is_critical_at_zeta_one_of_the_pendulum_hung_from_a_fixed_point():
+    linear = Linear(Parameters(nu=0.2, mu=0.1, lam=0.7, zeta=1, k=0, f=0, xi=1))
+    assert linear.c2**2 == pytest.approx(4 * linear.m22, rel=1e-14)
+
+
+@pytest.mark.parametrize("s", SIGNS)
+def test_energy_does_not_change_along_the_free_frictionless_motion(s):
+    p = Parameters(nu=0.23, mu=0.17, lam=0.6, zeta=0, k=0, f=0, xi=2.3)
+    linear = Linear(p)
+    for y in np.random.default_rng(7).normal(size=(5, 4)):
+        y = jnp.asarray(y).at[0].set(s * abs(y[0]))
+        slope, power = jax.grad(linear.energy)(y, p.mu, p.lam), linear.rates(y, float(s), 0.0, 0.0)
+        assert float(slope @ power) == pytest.approx(0.0, abs=1e-13 * float(jnp.abs(slope) @ jnp.abs(power)))
+
+
+def test_energy_is_lost_to_the_hinge_and_to_the_contact():
+    y = jnp.array([0.1, 0.2, 0.3, -0.4])
+    for lossy in ({"zeta": 0.2, "k": 0.0}, {"zeta": 0.0, "k": 0.05}):
+        p = Parameters(nu=0.23, mu=0.17, lam=0.6, f=0, xi=2.3, **lossy)
+        slope = jax.grad(Linear(p).energy)(y, p.mu, p.lam)
+        power = float(slope @ Linear(p).rates(y, 1.0, 1.0, 0.0))
+        assert power == pytest.approx(-p.k * 0.3 - p.mu * p.lam * float(p.hinge) * 0.7**2, rel=1e-12)
+
+
+def test_smoothed_rates_tend_to_those_with_signs_as_the_widths_vanish():
+    y, tau = jnp.array([0.05, -0.2, -0.07, 0.3]), 0.7
+    signs = Linear(P).rates(y, 1.0, -1.0, np.sin(P.xi * tau))
+    errors = [
+        float(jnp.max(jnp.abs(smoothed_rates(P, width, width)(tau, y, None) - signs)))
+        for width in (0.05, 0.02, 0.01, 0.001)
+    ]
+    assert errors[0] > 0.01
+    assert all(after < 0.1 * before for before, after in pairwise(errors))
+    assert errors[-1] < 1e-15

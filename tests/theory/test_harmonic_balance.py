@@ -1,0 +1,305 @@
+"""The closed forms: one-harmonic balance (27), corrected, and the uplift criterion."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.reference import (
+    BARE,
+    CASES,
+    HUNG,
+    MOVING,
+    NAMES,
+    STILL,
+    EventDriven,
+    differences,
+    exact,
+    named,
+    orbits_of,
+    parameters,
+)
+from tpd import Parameters
+from tpd.theory import (
+    neglected_harmonics,
+    one_harmonic,
+    one_harmonic_branches,
+    parametric_branches,
+    uplift,
+)
+
+ONE = jax.jit(lambda x: one_harmonic(parameters(x)))
+UPLIFT = jax.jit(lambda x: uplift(parameters(x)))
+FORMS = {
+    "amplitude": lambda x: ONE(x).amplitude,
+    "stroke": lambda x: ONE(x).stroke,
+    "margin": lambda x: UPLIFT(x).margin,
+    "stroke at rest": lambda x: UPLIFT(x).stroke,
+}
+SLOPES = {name: jax.jit(jax.grad(form)) for name, form in FORMS.items()}
+DAMPED, UNDAMPED = np.array(HUNG[3].x), np.array([*HUNG[3].x[:3], 0.0, *HUNG[3].x[4:]])
+
+
+@pytest.mark.parametrize("case", MOVING, ids=named)
+def test_one_harmonic_is_a_little_above_the_exact_amplitude(case):
+    estimate = ONE(np.array(case.x))
+    assert estimate.exists
+    assert 1.0 < float(estimate.amplitude) / exact(case.x, case.y0).amplitude < 1.06
+
+
+@pytest.mark.parametrize("case", HUNG, ids=named)
+def test_one_harmonic_knows_the_stroke_too(case):
+    assert float(ONE(np.array(case.x)).stroke) == pytest.approx(exact(case.x).stroke, rel=0.1)
+
+
+@pytest.mark.parametrize("case", MOVING, ids=named)
+def test_one_harmonic_satisfies_the_complex_balance(case):
+    """Row by row in complex amplitudes, the signs replaced by 4/pi of their first harmonic."""
+    p, (phi, stroke, _) = parameters(case.x), ONE(np.array(case.x))
+    rho, c = p.inertia_ratio, float(p.hinge)
+    i_xi = 1j * p.xi
+    jumps = 4 / np.pi * ((1 + p.mu) * p.nu + 1j * p.k)
+
+    def rows(forcing):
+        psi = (forcing + (2 * rho * i_xi**2 + c * i_xi) * phi) / (p.lam * rho * i_xi**2 + c * i_xi + 1)
+        block = (1 + p.mu * rho * (4 + p.nu**2)) * i_xi**2 * phi - 2 * p.mu * rho * p.lam * i_xi**2 * psi
+        block += -(1 + 2 * p.mu) * phi + p.mu * p.lam * c * i_xi * (phi - psi)
+        return block + jumps + (1 + 2 * p.mu) * forcing, psi
+
+    free, by_forcing = rows(0.0)[0], rows(1.0)[0] - rows(0.0)[0]
+    forcing = -free / by_forcing
+    assert abs(forcing) == pytest.approx(p.f, rel=1e-12)
+    assert abs(rows(forcing)[1]) == pytest.approx(float(stroke), rel=1e-12)
+
+
+def test_one_harmonic_is_the_larger_root():
+    """The smaller one, the saddle, has the amplitude falling with the forcing."""
+    for case in MOVING:
+        assert jax.grad(FORMS["amplitude"])(np.array(case.x))[5] > 0
+
+
+def test_without_enough_forcing_no_orbit_exists():
+    weak = np.array(HUNG[0].x)
+    weak[5] = 0.01
+    estimate = ONE(weak)
+    assert not estimate.exists
+    assert estimate.amplitude == estimate.stroke == 0.0
+    assert np.all(np.isfinite(jax.grad(FORMS["amplitude"])(weak)))
+
+
+@pytest.mark.parametrize(
+    "x", [UNDAMPED, np.array([0.25, 0.3, 0.5, 0.0, 0.05, 0.4, 2.0])], ids=["long", "short"]
+)
+def test_the_margin_of_an_undamped_hinge_is_its_short_formula(x):
+    nu, mu, lam, _, k, f, xi = x
+    rho = 0.75 / (1 + nu**2)
+    demand = f * abs(1 + 2 * mu / (1 - lam * rho * xi**2))
+    found = UPLIFT(x)
+    assert float(found.margin) == pytest.approx(1 - demand / ((1 + mu) * nu + k), rel=1e-12)
+    assert float(found.stroke) == pytest.approx(f / abs(1 - lam * rho * xi**2), rel=1e-12)
+
+
+def test_the_margin_is_that_of_the_largest_moment_over_a_period():
+    """Of a held block whose bob has settled: R = (1 + 2 mu) phi - ..., integrated by nobody."""
+    nu, mu, lam, zeta, k, f, xi = DAMPED
+    rho = 0.75 / (1 + nu**2)
+    c = 2 * zeta * np.sqrt(lam * rho)
+    swing = f / (1 - lam * rho * xi**2 + 1j * c * xi)
+    phase = np.exp(1j * np.linspace(0, 2 * np.pi, 100_001))
+    moment = np.imag(
+        (-(1 + 2 * mu) * f - 2 * mu * rho * lam * xi**2 * swing + 1j * mu * lam * c * xi * swing) * phase
+    )
+    largest = np.abs(moment).max()
+    assert float(UPLIFT(DAMPED).margin) == pytest.approx(1 - largest / ((1 + mu) * nu + k), rel=1e-8)
+
+
+@pytest.mark.parametrize("case", CASES, ids=named)
+def test_a_block_within_its_margin_settles_at_rest_with_the_stroke_that_is_predicted(case):
+    found = UPLIFT(np.array(case.x))
+    if case is STILL:
+        assert found.margin > 0
+        assert exact(case.x).status == "rest"
+        assert float(found.stroke) == pytest.approx(exact(case.x).stroke, rel=1e-12)
+    elif case not in BARE:
+        assert found.margin < 0
+
+
+def test_a_bare_block_lifts_when_the_base_pushes_harder_than_its_slenderness():
+    x = np.array([0.2, 0.0, 0.4, 0.1, 0.05, 0.25, 2.0])
+    assert float(UPLIFT(x).margin) == pytest.approx(0.0, abs=1e-15)
+    x[5] = 0.125
+    assert float(UPLIFT(x).margin) == pytest.approx(0.5, rel=1e-14)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("case", [HUNG[0], HUNG[3]], ids=named)
+def test_gradients_are_those_of_differences(form, case):
+    slopes = SLOPES[form](jnp.array(case.x))
+    for i, name in enumerate(NAMES[:7]):
+        expected = differences(lambda x: float(FORMS[form](x)), case.x, i, share=3e-3)
+        assert slopes[i] == pytest.approx(expected, rel=1e-8, abs=1e-12), name
+
+
+def scenes(number: int, seed: int = 3) -> dict[str, np.ndarray]:
+    """Random parameters, arrays of `number`, over what a search meets."""
+    low = np.array([0.1, 0.01, 0.1, 0.02, 0.01, 0.1, 1.2])
+    high = np.array([0.35, 0.3, 1.5, 0.5, 0.08, 0.6, 5.0])
+    x = np.random.default_rng(seed).uniform(low, high, (number, 7))
+    return {name: jnp.asarray(column) for name, column in zip(NAMES, x.T, strict=False)}
+
+
+def projected(p, phi, stroke_phasor, forcing, parametric):
+    """First harmonics of row 1 of (25), the signs as they are, by sampling a period: the slow,
+    obvious way. Forcing Re F exp(i theta)."""
+    theta = (np.arange(40_000) + 0.5) / 40_000 * 2 * np.pi
+    turn, rho, c = np.exp(1j * theta), p.inertia_ratio, float(p.hinge)
+    tilt, rate = phi * turn.real, (1j * p.xi * phi * turn).real
+    bob, bob_rate, push = (stroke_phasor * turn), (1j * p.xi * stroke_phasor * turn), (forcing * turn).real
+    row = -(1 + p.mu * rho * (4 + p.nu**2)) * p.xi**2 * tilt - (1 + 2 * p.mu) * tilt
+    row += 2 * p.mu * rho * p.lam * p.xi**2 * bob.real + p.mu * p.lam * c * (rate - bob_rate.real)
+    row += np.sign(tilt) * (1 + p.mu) * p.nu + p.k * np.sign(rate) + (1 + 2 * p.mu) * push
+    row += parametric * np.abs(tilt) * (1 + p.mu) * p.nu * push
+    return 2 * np.mean(row * turn.conj())
+
+
+@pytest.mark.parametrize("parametric", [False, True])
+@pytest.mark.parametrize("case", MOVING, ids=named)
+def test_both_branches_satisfy_the_balance_taken_by_sampling_a_period(case, parametric):
+    p = parameters(case.x)
+    found = parametric_branches(p) if parametric else one_harmonic_branches(p)
+    assert found.exists[0]
+    rho, c = p.inertia_ratio, float(p.hinge)
+    for i in np.flatnonzero(found.exists):
+        phi, forcing = float(found.amplitude[i]), p.f * np.exp(1j * (float(found.phase[i]) - np.pi / 2))
+        drive = 2 * rho * p.xi**2 - 1j * p.xi * c
+        bob = (forcing - drive * phi) / (1 - p.lam * rho * p.xi**2 + 1j * p.xi * c)
+        assert abs(projected(p, phi, bob, forcing, parametric)) < 1e-8
+        assert abs(projected(p, 1.01 * phi, bob, forcing, parametric)) > 1e-4
+        assert abs(bob) == pytest.approx(float(found.stroke[i]), rel=1e-12)
+
+
+def test_the_upper_branch_is_the_one_that_one_harmonic_gives():
+    p = Parameters(**scenes(50))
+    both, one = one_harmonic_branches(p), one_harmonic(p)
+    assert 40 < int(one.exists.sum()) < 50
+    for a, b in ((both.amplitude, one.amplitude), (both.stroke, one.stroke), (both.exists, one.exists)):
+        np.testing.assert_array_equal(a[:, 0], b)
+
+
+def test_the_lower_branch_falls_with_the_forcing_and_ends_where_the_forcing_lifts_the_block_anyway():
+    def amplitude(f):
+        return one_harmonic_branches(Parameters(nu=0.2, mu=0.0, lam=1.0, zeta=0.1, k=0.05, f=f, xi=2.0))
+
+    assert jax.jacfwd(lambda f: amplitude(f).amplitude[1])(0.1) < 0 < amplitude(0.1).amplitude[1]
+    edge = 4 / np.pi * np.hypot(0.2, 0.05)
+    np.testing.assert_array_equal(amplitude(edge * 0.999).exists, [True, True])
+    np.testing.assert_array_equal(amplitude(edge * 1.001).exists, [True, False])
+    assert float(amplitude(edge * 0.999).amplitude[1]) < 1e-3
+
+
+@pytest.fixture(scope="module")
+def compared():
+    """Of 300 scenes, (300, 2) each: the error of the balance against the exact orbit of like phase as a
+    share (NaN where there is none), the first-order correction, the bound, whether the balance has one."""
+    p = Parameters(**scenes(300, seed=5))
+    both, left_out, orbits = one_harmonic_branches(p), neglected_harmonics(p), orbits_of(p)
+    off = orbits.phase[:, None, :] - both.phase[:, :, None]
+    off = np.abs((off + np.pi) % (2 * np.pi) - np.pi)
+    size = np.abs(np.log(orbits.amplitude[:, None, :] / np.where(both.exists, both.amplitude, 1)[:, :, None]))
+    apart = np.where(np.isfinite(off) & (off < 1.0), size + off, np.inf)
+    nearest = np.take_along_axis(np.asarray(orbits.amplitude), apart.argmin(-1), axis=1)
+    met = np.isfinite(apart.min(-1)) & np.asarray(both.exists)
+    truth = np.where(met, nearest, np.nan) / np.where(both.exists, both.amplitude, 1.0) - 1.0
+    return truth, np.asarray(left_out.correction), np.asarray(left_out.bound), np.asarray(both.exists)
+
+
+@pytest.mark.parametrize(("branch", "number"), [(0, 250), (1, 50)], ids=["upper", "lower"])
+def test_the_error_of_the_balance_is_within_its_bound(compared, branch, number):
+    truth, _, bound, _ = (x[:, branch] for x in compared)
+    met = np.isfinite(truth)
+    assert met.sum() > number
+    assert np.mean(np.abs(truth[met]) <= bound[met]) >= 0.95
+    assert np.median(bound[met] / np.abs(truth[met])) < 2.5, "and the bound says something"
+
+
+def test_the_first_order_correction_leaves_a_tenth_of_the_error(compared):
+    truth, correction, _, _ = (x[:, 0] for x in compared)
+    met = np.isfinite(truth)
+    assert 0.01 < np.median(np.abs(truth[met])) < 0.03
+    assert np.median(np.abs(truth - correction)[met]) < 0.1 * np.median(np.abs(truth[met]))
+
+
+def test_an_upper_branch_of_small_bound_is_an_orbit_of_the_exact_equations(compared):
+    truth, _, bound, exists = (x[:, 0] for x in compared)
+    sure = exists & (bound < 0.2)
+    assert sure.sum() > 250
+    assert np.all(np.isfinite(truth[sure]))
+
+
+def test_the_parametric_term_is_of_the_next_order_in_the_angles():
+    def shift(scale):
+        p = Parameters(
+            nu=0.2 * scale, mu=0.1, lam=0.5, zeta=0.1, k=0.03 * scale, f=0.3 * scale, xi=2.5, rho=0.7
+        )
+        return float(parametric_branches(p).amplitude[0] / one_harmonic_branches(p).amplitude[0] - 1)
+
+    shifts = [shift(s) for s in (1.0, 0.1, 0.01)]
+    assert abs(shifts[0]) > 1e-3
+    # nu phi is of second order, and so is nu^2 in the coefficients.
+    assert shifts[1] / shifts[2] == pytest.approx(100, rel=0.05)
+
+
+class WithParametricTerm(EventDriven):
+    """The bare block with s f nu phi sin(xi tau)."""
+
+    def _slip(self, t, y, s, sigma):
+        rates = super()._slip(t, y, s, sigma)
+        rates[2] -= s * self.f * self.nu * y[0] * np.sin(self.xi * t)
+        return rates
+
+
+def test_the_parametric_term_shifts_the_amplitude_as_an_integration_says():
+    x = (0.2, 0.0, 0.4, 0.2, 0.05, 0.1, 1.5)
+    times = np.concatenate([[0.0], (30 + np.linspace(0, 1, 400)) * 2 * np.pi / 1.5])
+    large = [
+        np.abs(kind(x).run((0.16, 0, 0, 0), times)[1:, 0]).max() for kind in (EventDriven, WithParametricTerm)
+    ]
+    p = parameters(x)
+    shift = parametric_branches(p).amplitude[0] / one_harmonic_branches(p).amplitude[0] - 1
+    assert large[0] == pytest.approx(BARE[0].amplitude, rel=1e-4)
+    assert abs(shift) > 5e-3
+    assert float(shift) == pytest.approx(large[1] / large[0] - 1, rel=0.2)
+
+
+def test_no_branch_no_size():
+    x = (0.25, 0.05, 0.2, 0.1, 0.05, 0.01, 2.67)
+    weak = parameters(x)
+    for found in (one_harmonic_branches(weak), parametric_branches(weak)):
+        assert not found.exists.any()
+        assert not found.amplitude.any()
+        assert not found.stroke.any()
+    assert np.all(np.isinf(neglected_harmonics(weak).bound))
+    for slopes in PAIRS_SLOPES.values():
+        assert np.all(slopes(jnp.array(x))[0] == 0.0)
+
+
+PAIRS = {
+    "branches": jax.jit(lambda x: jnp.stack(one_harmonic_branches(parameters(x))[:3])),
+    "parametric": jax.jit(lambda x: jnp.stack(parametric_branches(parameters(x))[:3])),
+    "neglected": jax.jit(lambda x: jnp.nan_to_num(jnp.stack(neglected_harmonics(parameters(x))), posinf=0.0)),
+}
+PAIRS_SLOPES = {name: jax.jit(jax.jacrev(form)) for name, form in PAIRS.items()}
+
+
+@pytest.mark.parametrize("form", PAIRS)
+@pytest.mark.parametrize("x", [HUNG[0].x, HUNG[3].x, (0.2, 0.02, 0.4, 0.2, 0.05, 0.1, 2.0)], ids=str)
+def test_gradients_of_both_branches_are_those_of_differences(form, x):
+    function = PAIRS[form]
+    slopes = PAIRS_SLOPES[form](jnp.array(x))
+    values = np.asarray(function(jnp.array(x)))
+    for i, name in enumerate(NAMES[:7]):
+        expected = differences(lambda x: np.asarray(function(x)), x, i, share=2e-3)
+        there = values != 0
+        assert there[:, 0].all()
+        scale = np.abs(expected) + np.abs(values) / max(abs(x[i]), 0.1)
+        assert np.all((np.abs(slopes[..., i] - expected) <= 1e-8 * scale)[there]), name

@@ -1,0 +1,250 @@
+"""Motions that a design can settle into, and the share of starts that reach each.
+
+Rest, rocking of several kinds, chaos and overturning exist side by side; which one is reached depends on the
+start and on the phase of the shaking. So a seeded set of starts is followed by the exact model, and the
+motions that they settle into are sorted.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.answers.steady_state import Steady, steady_state
+from tpd.core import checks
+from tpd.core.formatting import Printed, counted_periods
+from tpd.core.progress import shown_count
+from tpd.models.base import Settled
+from tpd.models.batches import settle_all
+from tpd.models.piecewise import Piecewise
+from tpd.models.settling import scale_of
+from tpd.scene.parameters import Parameters, as_arrays
+from tpd.scene.quantities import parameters_of
+from tpd.scene.sampling import latin_hypercube
+from tpd.scene.scene import Pendulum, Scene
+from tpd.scene.status import Status, status_name
+
+_CLOSE = 1e-4
+"""Largest relative difference of the sizes of two motions that may be one. Motions are followed until they
+repeat within a tolerance only, so that starts of one motion end at slightly different sizes."""
+_UNDIVIDED = ("rest", "aperiodic", "held", "not_settled", "overturned", "event_bound", "failed")
+"""Statuses whose motions count as one each."""
+_SAME = 1e-6
+"""Largest relative difference of the sizes of two motions that are one, or mirror images, after Newton's
+method."""
+
+
+class StartKind(enum.Enum):
+    """Initial states that a question is about."""
+
+    rest = "block and bob at rest at tau = 0"
+    any = "whichever initial state: every symmetric orbit that attracts"
+    sampled = "a seeded set of initial states"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Starts:
+    """Initial states at tau = 0: a seeded set, spread evenly over a box, whose first state is at rest.
+
+    `Starts.rest()` is one start at rest; `Starts.any()` stands for whichever start.
+
+    Raises:
+        ValueError: a size below one, or a spread below zero.
+    """
+
+    size: int = 64
+    seed: int = 0
+    tilt: float = 0.8
+    """Largest |phi|, as a share of nu."""
+    tilt_rate: float = 0.5
+    """Largest |phi'|, as a share of nu."""
+    swing: float = 0.2
+    """Largest |psi|, rad."""
+    swing_rate: float = 0.2
+    """Largest |psi'|, rad per unit tau."""
+    kind: StartKind = StartKind.sampled
+
+    def __post_init__(self) -> None:
+        checks.count("size", self.size)
+        checks.seed("seed", self.seed)
+        for name in ("tilt", "tilt_rate", "swing", "swing_rate"):
+            checks.not_negative(name, getattr(self, name))
+        checks.at_most("tilt", self.tilt, 1.0, "a block that stands on its corner")
+        checks.at_most("swing", self.swing, 0.5 * np.pi, "a right angle in rad")
+        checks.instance("kind", self.kind, StartKind)
+
+    @staticmethod
+    def rest() -> Starts:
+        """One start: block and bob at rest."""
+        return Starts(size=1, kind=StartKind.rest)
+
+    @staticmethod
+    def any() -> Starts:
+        """Whichever start: a question about all symmetric orbits that attract."""
+        return Starts(size=1, kind=StartKind.any)
+
+    def states(self, nu: float) -> np.ndarray:
+        """The states (phi, psi, phi', psi'), shape (size, 4): a Latin hypercube.
+
+        Raises:
+            ValueError: `Starts.any()`, which has no states.
+        """
+        if self.kind is StartKind.any:
+            raise ValueError("`starts` must be a set of states here, but is Starts.any()")
+        rng = np.random.default_rng(self.seed)
+        reach = np.array([self.tilt * nu, self.swing, self.tilt_rate * nu, self.swing_rate])
+        unit = 2.0 * latin_hypercube(rng, self.size, 4) - 1.0
+        # The centre of the box, scaled below: the state at rest.
+        unit[0] = 0.0
+        return unit * reach
+
+
+@dataclass(frozen=True, repr=False)
+class Attractor(Printed):
+    """One motion that some of the starts reach."""
+
+    status: str
+    """Name of the `Status`: rocking, sticking, rest, aperiodic, overturned, not_settled, ..."""
+    periods: int
+    """Forcing periods in one period of the motion; 1 where it has none."""
+    symmetric: bool
+    """Whether the motion is its own mirror image half a period of it later."""
+    share: float
+    """Share of the starts that reach it, or its mirror image, or itself some forcing periods later."""
+    starts: tuple[int, ...]
+    """Indices of these starts."""
+    steady: Steady
+    """The settled motion of the first of these; for gradients call `steady_state` from that start."""
+
+    def __str__(self) -> str:
+        share = f"{self.status.replace('_', ' ')}: {self.share:.1%} of the starts"
+        if self.status not in ("rocking", "sticking"):
+            return share
+        kind = f"{'symmetric' if self.symmetric else 'asymmetric'}, {counted_periods(self.periods)}"
+        s = self.steady
+        return f"{share}, {kind}, amplitude {s.amplitude:.4g} rad, stroke {s.stroke:.4g} rad"
+
+
+def attractors(
+    subject: Parameters | Scene,
+    pendulum: Pendulum | None = None,
+    *,
+    starts: Starts | None = None,
+    model: Piecewise | None = None,
+    progress: Callable[[int, int], None] | bool | None = None,
+) -> tuple[Attractor, ...]:
+    """The motions that a set of starts settles into, the one most often reached first.
+
+    Motions that do not repeat (aperiodic, not_settled, overturned, event_bound) are grouped by their
+    status. Motions whose amplitudes and strokes agree within 1e-6 are taken for one or for mirror images.
+    The shares are estimates: with n starts, a share s is known to about sqrt(s (1 - s)/n).
+
+    Args:
+        subject: dimensionless parameters, or a scene; plain numbers.
+        pendulum: in the scene; default none.
+        starts: default `Starts()`, 64 of them, seed 0.
+        model: settings of the exact model.
+        progress: True for a bar on stderr, or called with (starts followed, of how many).
+
+    Raises:
+        ValueError: bad input.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    model = Piecewise() if model is None else model
+    starts = Starts() if starts is None else starts
+    checks.instance("model", model, Piecewise)
+    checks.instance("starts", starts, Starts)
+    fixed = as_arrays(parameters_of(subject, pendulum))
+    y0 = starts.states(float(fixed.nu))
+    with shown_count(progress, "following") as report:
+        settled = settle_all(fixed, y0, model=model, progress=report)
+    # The block does not feel a bob without mass (mu = 0), whose swing may still be decaying.
+    felt = bool(np.isfinite(np.asarray(scale_of(fixed))[1]))
+    motions: list[_Motion] = []
+    for group in _groups(settled, felt):
+        # Only the Lyapunov exponent of each motion separates chaos from slow decay, so that these starts
+        # are solved one by one; of the others one start stands for its group.
+        undecided = _name_of(settled.status, group[0]) == "not_settled"
+        for starts_of in [[i] for i in group] if undecided else [group]:
+            steady = _solver(model)(fixed, jnp.asarray(y0[starts_of[0]]))
+            _add(motions, _Motion(status_name(steady.status), steady, list(starts_of)), felt)
+    return tuple(sorted((m.attractor(len(y0)) for m in motions), key=lambda a: -a.share))
+
+
+@dataclass
+class _Motion:
+    """A motion and the starts that reach it."""
+
+    status: str
+    steady: Steady
+    starts: list[int]
+
+    def same(self, other: _Motion, felt: bool) -> bool:
+        """Whether both are one motion, or have one status whose motions are not divided."""
+        if self.status != other.status or self.status in _UNDIVIDED:
+            return self.status == other.status
+        a, b = (np.array([m.steady.amplitude, m.steady.stroke]) for m in (self, other))
+        return int(self.steady.periods) == int(other.steady.periods) and _agree(a, b, _SAME, felt)
+
+    def attractor(self, size: int) -> Attractor:
+        """The motion as an answer, with its share of `size` starts."""
+        return Attractor(
+            status=self.status,
+            periods=int(self.steady.periods),
+            symmetric=bool(self.steady.symmetric),
+            share=len(self.starts) / size,
+            starts=tuple(sorted(self.starts)),
+            steady=self.steady,
+        )
+
+
+def _add(motions: list[_Motion], new: _Motion, felt: bool) -> None:
+    for motion in motions:
+        if motion.same(new, felt):
+            motion.starts += new.starts
+            return
+    motions.append(new)
+
+
+def _agree(a: np.ndarray, b: np.ndarray, share: float, felt: bool) -> bool:
+    """Whether two pairs (amplitude, stroke) agree; the strokes count only if the block feels the bob."""
+    close = np.abs(a - b) <= share * np.maximum(a, b)
+    return bool(close[0] and (close[1] or not felt))
+
+
+def _groups(settled: Settled, felt: bool) -> list[list[int]]:
+    """Indices of the starts that seem to reach the same motion."""
+    # A coarse grouping saves Newton's method for all but one start of each group; the motions that it finds
+    # are compared again, far more closely.
+    names = [_name_of(settled.status, i) for i in range(len(settled.periods))]
+    sizes = np.stack([np.asarray(settled.amplitude), np.asarray(settled.stroke)], axis=-1)
+    groups: list[list[int]] = []
+    for i, name in enumerate(names):
+        for group in groups:
+            j = group[0]
+            alike = names[j] == name and settled.periods[i] == settled.periods[j]
+            if alike and (name not in ("rocking", "sticking") or _agree(sizes[i], sizes[j], _CLOSE, felt)):
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    return groups
+
+
+def _name_of(status: Status, i: int) -> str:
+    """The name of the i-th of a batch of statuses."""
+    return status_name(jax.tree.map(lambda x: np.asarray(x)[i], status))
+
+
+@lru_cache(maxsize=8)
+def _solver(model: Piecewise) -> Callable[[Parameters, Any], Steady]:
+    return eqx.filter_jit(lambda p, y0: steady_state(p, model=model, y0=y0))

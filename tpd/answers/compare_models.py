@@ -1,0 +1,234 @@
+"""Comparison of models for one design: the answer of each, what it neglects and how long it takes."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+
+from tpd.answers.steady_state import Steady, steady_state
+from tpd.core import checks
+from tpd.core.formatting import Printed
+from tpd.core.progress import Progress, shown
+from tpd.models.base import AbstractModel, Settled
+from tpd.models.compiled_nonlinear import settle_one
+from tpd.models.piecewise import Piecewise
+from tpd.models.smoothed import Smoothed
+from tpd.scene.parameters import Parameters, as_arrays
+from tpd.scene.quantities import Setup, bare_parameters_of
+from tpd.scene.scene import Pendulum, Scene
+from tpd.scene.status import SETTLED, Status, status_name
+from tpd.theory.equations import Terms
+from tpd.theory.harmonic_balance import one_harmonic
+from tpd.theory.no_uplift import uplift
+
+_Sizes = tuple[float, float, str]
+"""Amplitude and stroke (rad), and the name of the status."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """Answer of one model; angles in rad, NaN where it has none: the status is "no impacts" where impacts
+    lose energy and the model has no impact loss."""
+
+    name: str
+    amplitude: float
+    """Largest |phi| of the settled motion from rest."""
+    stroke: float
+    """Largest |psi|."""
+    status: str
+    seconds: float
+    """Time of a second solution: compiled already."""
+    first: float
+    """Time of the first solution, compilation included; near zero if it had been compiled before."""
+    neglects: str
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Check(Printed):
+    """A design by several models, the cheapest first."""
+
+    models: tuple[Answer, ...]
+    limit: float
+    """Largest allowed stroke, rad."""
+    bare: float
+    """Nonlinear amplitude of the bare block, rad; infinite if it overturns, NaN without a pendulum."""
+
+    @property
+    def top(self) -> Answer:
+        """The answer of the nonlinear equations."""
+        return next(r for r in self.models if r.name == TOP)
+
+    @property
+    def objections(self) -> tuple[str, ...]:
+        """Sentences that say why the nonlinear equations refuse the design; empty if they confirm it."""
+        return objections(self.top.amplitude, self.top.stroke, self.top.status, self.limit, self.bare)
+
+    def table(self) -> str:
+        """One line for each model."""
+        head = f"{'model':20}{'amplitude':>11}{'stroke':>10}  {'status':13}{'time':>10}{'first':>9}  neglects"
+        return "\n".join([head, *(_row(r) for r in self.models)])
+
+    def __str__(self) -> str:
+        verdict = [f"objection: {x}" for x in self.objections] or ["no objection by the nonlinear equations"]
+        return "\n".join([self.table(), *verdict])
+
+
+def check(
+    subject: Parameters | Scene,
+    pendulum: Pendulum | None = None,
+    *,
+    stroke: float = math.inf,
+    models: tuple[str, ...] | None = None,
+    progress: Progress | bool | None = None,
+) -> Check:
+    """Solve a design by all models, from rest.
+
+    Args:
+        subject: a scene, or dimensionless parameters (plain numbers).
+        pendulum: in the scene; default none, the bare block.
+        stroke: limit on the bob's angle, rad.
+        models: names of models out of `MODELS`, default all; the nonlinear one is always there.
+        progress: True for a bar on stderr, or called with ("checking", models done, of how many).
+
+    Raises:
+        ValueError: an unknown model, a limit that is not positive, traced or batched parameters, or a
+            pendulum beside parameters.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    if not (isinstance(stroke, (int, float)) and stroke > 0):
+        raise ValueError(f"`stroke` must be positive, but is {checks.shown(stroke)}")
+    models = MODELS if models is None else models
+    checks.instance("models", models, (tuple, list))
+    unknown = [name for name in models if name not in MODELS]
+    if unknown:
+        raise ValueError(f"`models` must be of {', '.join(MODELS)}, but has {', '.join(unknown)}")
+    setup = Setup.of(subject, pendulum)
+    p, asked = as_arrays(setup.at({})), [r for r in MODELS if r in models or r == TOP]
+    done = []
+    with shown(progress) as report:
+        for i, name in enumerate(asked):
+            done.append(_timed(name, p))
+            if report is not None:
+                report("checking", i + 1, len(asked))
+    if not setup.hung:
+        # The parameters of a bare block stand for a bob too light to be felt; its stroke means nothing.
+        return Check(models=tuple(replace(r, stroke=math.nan) for r in done), limit=math.inf, bare=math.nan)
+    return Check(models=tuple(done), limit=stroke, bare=nonlinear(bare_parameters_of(subject))[0])
+
+
+def objections(amplitude: float, stroke: float, status: str, limit: float, bare: float) -> tuple[str, ...]:
+    """Sentences that say why a nonlinear motion speaks against its design: it does not settle, its stroke
+    exceeds the limit, or the bare block rocks less. Angles in rad."""
+    by, out = "by the nonlinear equations", []
+    if status not in SETTLED:
+        return (f"{by} the motion ends {status}",)
+    if stroke > limit:
+        out.append(f"{by} the stroke is {stroke:.4g} rad, above {limit:g}")
+    # A block that rests with the pendulum is no worse than any bare block.
+    if amplitude > 0.0 and amplitude >= bare:
+        out.append(f"{by} the block rocks {amplitude:.4g} rad, and {bare:.4g} without the pendulum")
+    return tuple(out)
+
+
+def nonlinear(p: Parameters) -> tuple[float, float, str]:
+    """(amplitude, stroke, status) by the nonlinear equations from rest, without derivatives."""
+    return _sizes_of(settle_one(p))
+
+
+def _timed(name: str, p: Parameters) -> Answer:
+    """The answer of one model, solved twice to separate the time to compile from the time to solve."""
+    model = _MODELS[name]
+    solve = model.solve if model.impact_loss or float(p.velocity_ratio) == 1.0 else _no_impacts
+    begin = time.perf_counter()
+    solve(p)
+    middle = time.perf_counter()
+    amplitude, stroke, status = solve(p)
+    times = {"first": middle - begin, "seconds": time.perf_counter() - middle}
+    sizes = {"amplitude": amplitude, "stroke": stroke}
+    return Answer(name=name, status=status, neglects=model.neglects, **sizes, **times)
+
+
+_one_harmonic = eqx.filter_jit(one_harmonic)
+
+
+def _no_impacts(_: Parameters) -> _Sizes:
+    return math.nan, math.nan, "no impacts"
+
+
+def _at_rest(p: Parameters) -> _Sizes:
+    lift = uplift(p)
+    return (
+        (0.0, float(lift.stroke), "rest") if lift.margin >= 0.0 else (math.nan, float(lift.stroke), "lifts")
+    )
+
+
+def _balanced(p: Parameters) -> _Sizes:
+    found = _one_harmonic(p)
+    if not bool(found.exists):
+        return math.nan, math.nan, "no_orbit"
+    return float(found.amplitude), float(found.stroke), "rocking"
+
+
+def _followed(model: AbstractModel, p: Parameters) -> _Sizes:
+    # A smoothed motion is known between its samples only once its orbit is polished; polishing the exact one
+    # is compiled by `optimise` already.
+    settled = jax.block_until_ready(steady_state(p, model=model))
+    # Smoothed signs never let the block rest quite: below the model's resolution it counts as resting.
+    return _sizes_of(settled, float(model.resolution(p)))
+
+
+def _sizes_of(settled: Settled | Steady, resolution: float = 0.0) -> _Sizes:
+    status = settled.status
+    amplitude, stroke = float(settled.amplitude), float(settled.stroke)
+    if status_name(status) in SETTLED and amplitude <= resolution:
+        return 0.0, stroke, "rest"
+    lost = bool(status == Status.overturned)
+    return (math.inf, math.inf, "overturned") if lost else (amplitude, stroke, status_name(status))
+
+
+class _Model(NamedTuple):
+    """A model that can be asked for its answer from rest."""
+
+    neglects: str
+    solve: Callable[[Parameters], _Sizes]
+    impact_loss: bool = True
+    """Whether the model has the loss of energy at impacts."""
+
+
+TOP = "nonlinear"
+"""Name of the model that the others are compared with."""
+_MODELS = {
+    "uplift": _Model("everything but the settled bob under a resting block", _at_rest),
+    "one harmonic": _Model("all harmonics but one", _balanced, impact_loss=False),
+    "exact": _Model("terms of second order in the angles", partial(_followed, Piecewise())),
+    "smoothed": _Model("terms of second order, and the sharpness of signs", partial(_followed, Smoothed())),
+    "parametric": _Model(
+        "as smoothed, but for s f nu phi sin(xi tau)", partial(_followed, Smoothed(terms=Terms.parametric))
+    ),
+    "smoothed nonlinear": _Model(
+        "the sharpness of signs", partial(_followed, Smoothed(terms=Terms.nonlinear)), impact_loss=False
+    ),
+    TOP: _Model("nothing of the paper's (4)", nonlinear),
+}
+MODELS = tuple(_MODELS)
+"""Names of all models, the cheapest first."""
+QUICK = ("uplift", "one harmonic", "exact", TOP)
+"""Names of the models that do not take long to compile."""
+
+
+def _row(r: Answer) -> str:
+    def number(x: float, width: int) -> str:
+        return f"{'-':>{width}}" if math.isnan(x) else f"{x:{width}.6f}"
+
+    return (
+        f"{r.name:20}{number(r.amplitude, 11)}{number(r.stroke, 10)}  {r.status:13}{r.seconds * 1e3:7.2f} ms"
+        f"{r.first:7.1f} s  {r.neglects}"
+    )

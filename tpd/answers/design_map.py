@@ -1,0 +1,262 @@
+"""Amplitude, stroke, status and uplift margin of the designs on a grid of any two numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.answers.symmetric_orbits import Orbits, all_symmetric_orbits
+from tpd.cluster.cluster import Cluster, check_where
+from tpd.core import checks
+from tpd.core.formatting import Printed, Tabular, counted, picture, span
+from tpd.core.progress import shown_count
+from tpd.models.batches import settle_all
+from tpd.models.settling import scale_of
+from tpd.scene.parameters import Parameters
+from tpd.scene.quantities import NAMES, UNITS, Setup, parameters
+from tpd.scene.scene import Pendulum, Scene
+from tpd.scene.status import codes_of, names_by_code, names_of
+from tpd.theory.no_uplift import uplift
+
+_MATCH = 1e-3
+"""Largest distance, in shares of the scales, between a followed motion and the orbit that it is on."""
+_CHUNK, _CHUNK_FOLLOWED = 16_384, 2048
+"""Designs in a chunk for a cluster, without and with a start: some tenths of a second of work."""
+_CHOICE = ("rocking", "near_fold", "grazing", "rest", "neutral", "unstable", "no_orbit")
+"""Statuses in the order in which one of them becomes the answer where no start is given."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DesignMap(Printed, Tabular):
+    """A grid of designs: arrays (ny, nx), row by row along y. Angles in rad."""
+
+    x_name: str
+    x: np.ndarray
+    """(nx,), in SI units if `x_name` is one of a scene's quantities."""
+    y_name: str
+    y: np.ndarray
+    """(ny,)"""
+    start: tuple[float, ...] | None
+    """State at tau = 0 that the designs were followed from; None where none was asked for."""
+    amplitude: np.ndarray
+    """Largest |phi| of the motion that `design_map` describes. Infinite where the block overturns."""
+    stroke: np.ndarray
+    """Largest |psi| of this motion. Without a pendulum, that of a bob too light to be felt."""
+    status: np.ndarray
+    """Names of statuses."""
+    margin: np.ndarray
+    """Uplift margin: where positive, a block at rest under the settled pendulum stays at rest."""
+    exact: np.ndarray
+    """Whether amplitude and stroke are exact to rounding. Elsewhere the motion was followed until it repeated
+    within 1e-6 of nu (amplitude) and of nu + f (stroke), or until its periods ended."""
+    overflow: np.ndarray
+    """Whether a design may have more orbits than were solved for."""
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of designs of each status, the most frequent first."""
+        names, counts = np.unique(self.status, return_counts=True)
+        return {str(names[i]): int(counts[i]) for i in np.argsort(-counts, kind="stable")}
+
+    def plot(self, quantity: str = "amplitude", *, ax: Any = None) -> Any:
+        """Draw amplitude, stroke or margin in colour, hatched where there is none, and return the axes.
+
+        Raises:
+            ValueError: another quantity.
+        """
+        return picture("maps:plot_map")(self, quantity, ax=ax)
+
+    def columns(self) -> dict[str, Any]:
+        """A row for every design: both numbers, status, sizes in rad and uplift margin."""
+        x, y = np.meshgrid(self.x, self.y)
+        names = {"amplitude": "amplitude_rad", "stroke": "stroke_rad", "margin": "uplift_margin"}
+        fields = ("status", "amplitude", "stroke", "margin", "exact", "overflow")
+        columns = {names.get(n, n): getattr(self, n).ravel() for n in fields}
+        return {self.x_name: x.ravel(), self.y_name: y.ravel()} | columns
+
+    def __str__(self) -> str:
+        lines = ["Design map" if self.start is None else f"Design map from the start {self.start}"]
+        for name, values in ((self.x_name, self.x), (self.y_name, self.y)):
+            lines.append(f"  {name:15} {len(values)} values, {span(values, UNITS.get(name, ''))}")
+        sizes = {"amplitude": "rad", "stroke": "rad", "margin": ""}
+        lines.append(f"  {'status':15} {counted(self.status)}")
+        return "\n".join([*lines, *(f"  {n:15} {span(getattr(self, n), u)}" for n, u in sizes.items())])
+
+
+def design_map(
+    subject: Parameters | Scene,
+    x: tuple[str, Any],
+    y: tuple[str, Any],
+    *,
+    pendulum: Pendulum | None = None,
+    start: Any = None,
+    cluster: Cluster | None = None,
+    progress: Callable[[int, int], None] | bool | None = None,
+) -> DesignMap:
+    """The motion of every design on a grid of two parameters, or of two quantities of a scene.
+
+    Without a `start` the answer is the largest attracting motion among the symmetric period-one orbits
+    and rest, each known in closed form (some 15 µs a design and core). Its status is
+
+    - rocking: this orbit attracts; the block may rest or rock less as well, from another start;
+    - near_fold, grazing: this orbit attracts, but is about to be lost;
+    - rest: no such orbit attracts, and a block at rest stays at rest; the amplitude is zero, and the stroke
+      is that of the bob under the resting block;
+    - neutral: there is such an orbit, but nothing takes energy from it, so that it does not attract;
+    - unstable: there are orbits, but all repel, and a block at rest lifts: the block settles into another
+      motion, which depends on the start. Amplitude and stroke are those of the largest orbit;
+    - no_orbit: there is none, and a block at rest lifts; amplitude and stroke are NaN.
+
+    With a `start` every design is followed from it by events (some 0.6 ms a design) until the motion
+    repeats: rocking, sticking, rest, held, overturned (infinite), not_settled, event_bound or failed, as in
+    `steady_state`, which alone separates aperiodic motions from those not settled. Where the motion is a
+    symmetric period-one orbit its exact sizes are given; see `DesignMap.exact`.
+
+    Args:
+        subject: dimensionless parameters, or a scene; its values of the two names are not used.
+        x: a name, see `tpd.answers.sweep`, and its values, shape (nx,), increasing. A name in SI units can
+            be combined with a parameter that it does not move; the other parameters are held then.
+        y: name and values of the other axis, shape (ny,).
+        pendulum: in the scene; default none.
+        start: (phi, psi, phi', psi') at tau = 0 in rad and rad per unit tau; zeros are from rest.
+        cluster: processes or machines in place of threads.
+        progress: True for a bar on stderr, or called with (designs done, of how many).
+
+    Raises:
+        ValueError: unknown names or two that move the same, batched parameters, or values that do not
+            increase or lie outside their range.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    check_where(None, cluster)
+    setup = Setup.of(subject, pendulum)
+    (x_name, xs), (y_name, ys) = _line(setup, "x", x), _line(setup, "y", y)
+    designs = _designs(setup, {x_name: xs, y_name: ys})
+    y0 = None if start is None else _state(start)
+    with shown_count(progress, "mapping") as report:
+        if cluster is None:
+            answer = _answers(designs, y0, progress=report)
+        else:
+            chunk = _CHUNK_FOLLOWED if y0 is not None else _CHUNK
+            how = {"chunk": chunk, "progress": report}
+            answer = cluster.map("map", _answers_by_one, designs, (y0,), **how)
+    answer["status"] = names_by_code(answer["status"])
+    shaped = {n: v.reshape(len(ys), len(xs)) for n, v in answer.items()}
+    at = None if y0 is None else tuple(map(float, y0))
+    return DesignMap(x_name=x_name, x=xs, y_name=y_name, y=ys, start=at, **shaped)
+
+
+def _answers_by_one(designs: Parameters, y0: np.ndarray | None) -> dict[str, np.ndarray]:
+    """Solve designs in one thread: the processes of a cluster share the cores."""
+    return _answers(designs, y0, workers=1)
+
+
+def _answers(designs: Parameters, y0: np.ndarray | None, **how: Any) -> dict[str, np.ndarray]:
+    """Fields of `DesignMap` of designs, flat; statuses by their codes."""
+    still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
+    # The bar is that of the longer part: of the motions, where there are any.
+    if y0 is None:
+        orbits = all_symmetric_orbits(designs, **how)
+        answer = _largest(orbits, still["margin"], still["stroke"])
+    else:
+        orbits = all_symmetric_orbits(designs, workers=how.get("workers"))
+        answer = _followed(designs, orbits, still["stroke"], y0, how)
+    more = {"margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
+    return {**answer, **more, "status": codes_of(answer["status"])}
+
+
+def _designs(setup: Setup, lines: dict[str, np.ndarray]) -> Parameters:
+    """Parameters of all designs on the grid of two axes, row by row, leaves of shape (ny nx,)."""
+    _check_together(setup, lines)
+    grid = dict(zip(lines, (axis.ravel() for axis in np.meshgrid(*lines.values())), strict=True))
+    size = math.prod(map(len, lines.values()))
+    return parameters([jnp.broadcast_to(jnp.asarray(v), size) for v in setup.vector(grid)])
+
+
+def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.ndarray]:
+    """The name and values of one axis, checked."""
+    if not (isinstance(axis, (tuple, list)) and len(axis) == 2):
+        raise ValueError(f"`{argument}` must be a name and its values, but is {checks.shown(axis)}")
+    checks.numbers(f"values of {argument}", axis[1], (-1,), "two or more numbers that increase")
+    name, values = axis[0], np.asarray(axis[1], dtype=float)
+    if values.ndim != 1 or len(values) < 2 or not (np.isfinite(values).all() and np.all(np.diff(values) > 0)):
+        raise ValueError(
+            f"the values of `{argument}` must be two or more finite numbers that increase, but are not"
+        )
+    setup.check_name(argument, name)
+    for value in (values[0], values[-1]):
+        setup.check_sign(name, float(value))
+    setup.check_plausible(name, np.asarray(values, dtype=float))
+    return name, values
+
+
+def _check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
+    """`ValueError` for two axes that move the same, or corners of the grid that are out of range."""
+    if len(lines) < 2:
+        raise ValueError(f"`x` and `y` must differ, but both are {next(iter(lines))!r}")
+    # A quantity and a parameter that it moves would both set this parameter.
+    for name, other in (tuple(lines), tuple(lines)[::-1]):
+        if other in NAMES and other in setup.moved(name):
+            raise ValueError(f"`x` and `y` must not both move {other}, but {name!r} does so as well")
+    (x, xs), (y, ys) = lines.items()
+    # Each parameter with a range is monotonic in each quantity, so that the corners decide for the grid.
+    for corner in ((i, j) for i in (0, -1) for j in (0, -1)):
+        setup.at({x: float(xs[corner[0]]), y: float(ys[corner[1]])})
+
+
+def _state(start: Any) -> np.ndarray:
+    """The start as an array, checked."""
+    checks.numbers("start", start, (4,), "four numbers (phi, psi, phi', psi')")
+    return np.asarray(start, dtype=float)
+
+
+def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str, np.ndarray]:
+    """The answers where no start is given: one of the orbits of each design, or rest."""
+    names = names_of(orbits.status)
+    resting = np.where(margin > 0.0, "rest", "no_orbit")[:, None]
+    names = np.concatenate([names, resting], axis=1)
+    amplitude = np.concatenate([orbits.amplitude, np.where(margin > 0.0, 0.0, np.nan)[:, None]], axis=1)
+    stroke = np.concatenate([orbits.stroke, np.where(margin > 0.0, reach, np.nan)[:, None]], axis=1)
+    place = np.select([names == n for n in _CHOICE], list(range(len(_CHOICE))), len(_CHOICE))
+    # Orbits are sorted by amplitude, the largest first, and `argmin` returns the first minimum: the largest
+    # orbit of the best status.
+    best = np.argmin(place, axis=1)[:, None]
+    taken = {"amplitude": amplitude, "stroke": stroke, "status": names}
+    chosen = {n: np.take_along_axis(v, best, axis=1)[:, 0] for n, v in taken.items()}
+    return {**chosen, "exact": np.ones(len(margin), bool)}
+
+
+def _followed(
+    p: Parameters,
+    orbits: Orbits,
+    reach: np.ndarray,
+    y0: np.ndarray,
+    how: dict[str, Any],
+) -> dict[str, np.ndarray]:
+    """The answers from a start: sizes of the orbit that the motion is on, or those of the motion itself."""
+    n = len(np.asarray(p.nu))
+    settled = settle_all(p, np.tile(y0, (n, 1)), **how)
+    names = names_of(settled.status)
+    amplitude = np.where(names == "overturned", math.inf, np.asarray(settled.amplitude))
+    stroke = np.where(names == "overturned", math.inf, np.asarray(settled.stroke))
+    # Without damping the bob rings for ever, and its reach depends on how the block came to rest.
+    stroke = np.where((names == "rest") & (np.asarray(p.zeta) > 0.0), reach, stroke)
+    scale = np.asarray(jax.vmap(scale_of)(p))
+    # A followed motion ends near its orbit, not on it; the orbit's own sizes are exact.
+    apart = np.abs(np.asarray(orbits.state) - np.asarray(settled.y)[:, None]) / scale[:, None]
+    apart = np.where(names_of(orbits.status) == "rocking", apart.max(axis=-1), np.inf)
+    nearest = np.argmin(apart, axis=1)
+    alike = (names == "rocking") & (np.asarray(settled.periods) == 1)
+    on = alike & (apart[np.arange(n), nearest] < _MATCH)
+    return {
+        "amplitude": np.where(on, orbits.amplitude[np.arange(n), nearest], amplitude),
+        "stroke": np.where(on, orbits.stroke[np.arange(n), nearest], stroke),
+        "status": names,
+        "exact": on | np.isin(names, ("rest", "overturned")),
+    }

@@ -1,0 +1,263 @@
+"""Ensembles of runs: how the block may be found when the shaking begins, how the shaking begins, and which
+numbers of both are uncertain.
+
+One run decides little: rest, rocking and overturning exist side by side, and a per cent of the amplitude may
+change which of them is reached. Shares of a seeded set of runs are stable. Designs that are verified are
+put to the same runs (common random numbers) and compared run by run; see `tpd.answers.paired`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tpd.answers.outcomes import LOST, UNANSWERED, Outcomes
+from tpd.cluster.cluster import Cluster, check_where
+from tpd.core import checks
+from tpd.core.progress import shown_count
+from tpd.models.batches import settle_all
+from tpd.models.compiled_nonlinear import settle_nonlinear
+from tpd.models.piecewise import Piecewise
+from tpd.scene import sampling
+from tpd.scene.conditions import FACTORS, Conditions, check_restitution, under
+from tpd.scene.parameters import Parameters
+from tpd.scene.quantities import parameters_of
+from tpd.scene.scene import Pendulum, Scene
+from tpd.scene.status import codes_of, names_by_code, names_of
+from tpd.theory.equations import Terms
+
+_SCATTERED = (
+    *("amplitude", "frequency", "friction", "damping", "restitution"),
+    *("slenderness", "mass", "length"),
+)
+"""Names, out of `FACTORS`, of what an ensemble scatters, in the order of its draws."""
+_RESTITUTION = 0.02
+"""Relative half width of e where nothing is said of it."""
+_SIZES = ("peak", "amplitude", "peak_stroke", "stroke")
+"""Sizes of a run."""
+_CHUNKS = {Terms.linear: 2048, Terms.nonlinear: 128}
+"""Runs in a chunk for a cluster: some tenths of a second of work."""
+_DRAWS = 10, 1, 3
+"""Draws of each generator: a later one leaves those before it as they are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ensemble:
+    """A seeded set of runs. All ranges are covered evenly (a Latin hypercube); the first run is the nominal
+    one: at rest, sudden shaking from tau = 0, no scatter.
+
+    Raises:
+        ValueError: a number out of range.
+    """
+
+    size: int = 512
+    """Number of runs."""
+    seed: int = 0
+    """Seed of the runs."""
+    periods: int = 100
+    """Largest number of forcing periods of a run; a run ends early where its motion repeats or is lost."""
+    tilt: float = 0.05
+    """Largest |phi| at the start, in shares of nu."""
+    tilt_rate: float = 0.05
+    """Largest |phi'|, in shares of nu."""
+    swing: float = 0.05
+    """Largest |psi|, rad."""
+    swing_rate: float = 0.05
+    """Largest |psi'|, rad per unit tau."""
+    any_phase: bool = True
+    """Whether the shaking may begin at any of its phases; else at a zero of the base's acceleration."""
+    ramps: tuple[float, ...] = (0.0, 2.0)
+    """Seconds over which the shaking grows, dealt out evenly; 0 is sudden. (With dimensionless parameters:
+    units of tau.) It grows linearly from the zero of the base's acceleration before the run begins: a run
+    that begins at another phase begins under the share that is reached by then."""
+    amplitude: float = 0.01
+    """Relative half width of the base's amplitude."""
+    frequency: float = 0.01
+    """Relative half width of its frequency; the amplitude of the base's displacement stays."""
+    friction: float = 0.2
+    """Relative half width of k."""
+    damping: float = 0.2
+    """Relative half width of zeta."""
+    restitution: float | None = None
+    """Relative half width of e, which stays at most 1; default 0.02, or half of 1 - e
+    if that is less, where e is a number, else 0."""
+    slenderness: float = 0.02
+    """Relative half width of nu: the block as it was measured."""
+    mass: float = 0.02
+    """Relative half width of the bob's mass, as it was hung."""
+    length: float = 0.02
+    """Relative half width of the rod's length, as it was hung."""
+
+    def __post_init__(self) -> None:
+        checks.count("size", self.size)
+        checks.count("periods", self.periods)
+        checks.seed("seed", self.seed)
+        for name in ("tilt", "tilt_rate", "swing", "swing_rate"):
+            checks.not_negative(name, getattr(self, name))
+        checks.at_most("tilt", self.tilt, 1.0, "a block that stands on its corner")
+        checks.at_most("swing", self.swing, 0.5 * math.pi, "a right angle in rad")
+        checks.flag("any_phase", self.any_phase)
+        sampling.check_half_widths(self.half_widths)
+        ramps = self.ramps if isinstance(self.ramps, (tuple, list)) else (self.ramps,)
+        if not ramps:
+            raise ValueError("`ramps` must hold at least one duration, but is empty")
+        for ramp in ramps:
+            checks.not_negative("ramps", ramp)
+        object.__setattr__(self, "ramps", tuple(float(r) for r in ramps))
+
+    @property
+    def half_widths(self) -> dict[str, float]:
+        """Relative half widths of the scattered numbers by name."""
+        widths = {name: getattr(self, name) for name in _SCATTERED}
+        return widths | {"restitution": 0.0 if self.restitution is None else self.restitution}
+
+    def widths(self, restitution: Any) -> dict[str, float]:
+        """Relative half widths of the scattered numbers of a block with this e (None or a word where it
+        follows the block's shape)."""
+        if self.restitution is not None or restitution is None or isinstance(restitution, str):
+            return self.half_widths
+        # At most half of the loss, so that no run has none.
+        e = float(restitution)
+        return self.half_widths | {"restitution": min(_RESTITUTION, 0.5 * (1.0 - e)) if e > 0.0 else 0.0}
+
+    def dealt(self, conditions: int) -> np.ndarray:
+        """Index of the condition of every run, out of so many, shape (size,): dealt out evenly."""
+        # A generator of its own, so that conditions leave the draws of the runs as they are.
+        return np.random.default_rng([self.seed, 1]).permutation(self.size) % conditions
+
+    def draws(self) -> np.ndarray:
+        """Places of the runs in the unit cube, shape (size, 14): the four components of the start, the phase,
+        the growth, and the scattered numbers. The first row is the nominal run."""
+        drawn = zip((self.seed, [self.seed, 5], [self.seed, 6]), _DRAWS, strict=True)
+        cubes = (sampling.latin_hypercube(np.random.default_rng(s), self.size, n) for s, n in drawn)
+        unit = np.hstack(list(cubes))
+        unit[0] = 0.5
+        unit[0, 4:6] = 0.0
+        return unit
+
+
+class Runs(NamedTuple):
+    """Inputs of `settle_all` for the runs of an ensemble: arrays of leading axis (size,)."""
+
+    p: Parameters
+    y0: np.ndarray
+    begin: np.ndarray
+    """Dimensionless times at which the runs begin."""
+    periods: np.ndarray
+    """Forcing periods over which the shaking grows."""
+    ramp: np.ndarray
+    """Seconds (or units of tau, where time has no unit) over which the shaking grows."""
+
+
+def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Conditions | None = None) -> Runs:
+    """Return the runs of an ensemble for one design.
+
+    Args:
+        p: dimensionless parameters, plain numbers.
+        ensemble: spreads of the runs.
+        rate: omega0 in rad/s where the ramps are in seconds.
+        conditions: dealt out evenly among the runs, on top of their scatter; default the scene's own.
+    """
+    # Tilts scale with nu: at |phi| = nu a block of any shape stands on its corner, about to fall.
+    e, unit, nu = ensemble, ensemble.draws(), float(p.nu)
+    reach = np.array([e.tilt * nu, e.swing, e.tilt_rate * nu, e.swing_rate])
+    scatter = sampling.factors(unit[:, 6:], e.widths(p.e))
+    conditions = Conditions() if conditions is None else conditions
+    dealt = e.dealt(len(conditions))
+    factor = np.stack([scatter.get(name, 1.0) * conditions.column(name)[dealt] for name in FACTORS])
+    design = np.repeat([[float(x)] for x in (p.mu, p.lam, p.zeta)], e.size, axis=1)
+    q = under(p, design, factor)
+    # Every leaf is given for every run: then all ensembles, also that of the bare block, share one program.
+    rho, ratio = (np.broadcast_to(np.asarray(x), e.size) for x in (q.inertia_ratio, q.velocity_ratio))
+    q = replace(q, rho=rho, e=ratio)
+    xi = np.asarray(q.xi)
+    begin = unit[:, 4] * 2.0 * np.pi / xi if e.any_phase else np.zeros(e.size)
+    ramps = np.array(e.ramps)
+    ramp = ramps[np.minimum((unit[:, 5] * len(ramps)).astype(int), len(ramps) - 1)]
+    return Runs(q, (2.0 * unit[:, :4] - 1.0) * reach, begin, ramp * rate * xi / (2.0 * np.pi), ramp)
+
+
+def outcomes(
+    subject: Parameters | Scene,
+    pendulum: Pendulum | None = None,
+    *,
+    ensemble: Ensemble | None = None,
+    conditions: Conditions | None = None,
+    equations: Terms | str = Terms.linear,
+    workers: int | None = None,
+    cluster: Cluster | None = None,
+    progress: Callable[[int, int], None] | bool | None = None,
+) -> Outcomes:
+    """Follow the runs of an ensemble.
+
+    Args:
+        subject: a scene, or dimensionless parameters (plain numbers).
+        pendulum: in the scene; default none.
+        ensemble: default `Ensemble()`.
+        conditions: dealt out evenly among the runs, on top of their scatter; default the scene's own.
+        equations: the linear ones by their exact solution, or the nonlinear ones by a compiled event loop.
+        workers: threads; default the number of cores.
+        cluster: processes or machines in place of threads.
+        progress: True for a bar on stderr, or called with (runs done, of how many).
+
+    Raises:
+        ValueError: bad input, or a pendulum beside parameters.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    check_where(workers, cluster)
+    terms = _terms(equations)
+    ensemble = Ensemble() if ensemble is None else ensemble
+    checks.instance("ensemble", ensemble, Ensemble)
+    if ensemble.restitution and isinstance(subject, Scene):
+        check_restitution(subject)
+    if conditions is not None:
+        checks.instance("conditions", conditions, Conditions)
+    rate = float(subject.rate) if isinstance(subject, Scene) else 1.0
+    runs = plan(parameters_of(subject, pendulum), ensemble, rate, conditions)
+    batch = {"p": runs.p, "y0": runs.y0, "begin": runs.begin, "ramp": runs.periods}
+    shared = terms, ensemble.periods
+    with shown_count(progress, "following") as report:
+        if cluster is None:
+            settled = _settled(batch, *shared, workers=workers, progress=report)
+        else:
+            chunk = _CHUNKS[terms]
+            settled = cluster.map("runs", _settled_by_one, batch, shared, chunk=chunk, progress=report)
+    found = _outcomes_of(ensemble, runs, settled, terms)
+    return replace(found, **{name: np.asarray(getattr(runs.p, name)) for name in ("nu", "mu", "lam")})
+
+
+def _settled_by_one(batch: dict[str, Any], terms: Terms, periods: int) -> dict[str, np.ndarray]:
+    """Follow runs in one thread: the processes of a cluster share the cores."""
+    return _settled(batch, terms, periods, workers=1)
+
+
+def _settled(batch: dict[str, Any], terms: Terms, periods: int, **how: Any) -> dict[str, np.ndarray]:
+    """Sizes and statuses, by their codes, of runs."""
+    p, y0, how = batch["p"], batch["y0"], {"begin": batch["begin"], "ramp": batch["ramp"], **how}
+    if terms is Terms.nonlinear:
+        settled = settle_nonlinear(p, y0, periods=periods, **how)
+    else:
+        settled = settle_all(p, y0, model=Piecewise(max_periods=periods), **how)
+    sizes = {name: np.asarray(getattr(settled, name)) for name in _SIZES}
+    return {**sizes, "status": codes_of(names_of(settled.status))}
+
+
+def _terms(equations: Terms | str) -> Terms:
+    """Equations that runs can be followed by."""
+    allowed = (Terms.linear.value, Terms.nonlinear.value)
+    checks.one_of("equations", equations, allowed)
+    return Terms(equations)
+
+
+def _outcomes_of(ensemble: Ensemble, runs: Runs, settled: dict[str, np.ndarray], terms: Terms) -> Outcomes:
+    names = names_by_code(settled["status"])
+    # The sizes at the moment of overturning depend on when the run was stopped, and mean nothing.
+    lost, unknown = np.isin(names, LOST), np.isin(names, UNANSWERED)
+    # Neither are they known where a run has no answer.
+    sizes = {name: np.where(lost, math.inf, np.where(unknown, math.nan, settled[name])) for name in _SIZES}
+    return Outcomes(ensemble=ensemble, status=names, ramp=runs.ramp, equations=terms.value, **sizes)

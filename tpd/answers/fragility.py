@@ -1,0 +1,314 @@
+"""Fragility: the share of ground motions of each intensity that bring a block to a damage state.
+
+Every motion is scaled to every stripe of the intensity. The fragility curve is the lognormal distribution
+that makes the counts of all stripes most likely (probit regression on the logarithm of the intensity;
+J. W. Baker, Earthquake Spectra 31, 2015). The pendulum is judged on the same motions: at each stripe by
+McNemar's exact test on the motions whose outcome differs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.special import bdtr
+
+from tpd.answers.ground_batch import Outcomes, Progress, follow_scaled
+from tpd.answers.probit import Lognormal, added_up, fit_lognormal, median_words
+from tpd.answers.transient import FREE
+from tpd.cluster.cluster import Cluster
+from tpd.core import checks
+from tpd.core.formatting import Tabular, picture
+from tpd.records.intensity import intensity_of
+from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, events_of, refuse_zeros
+from tpd.scene.scene import Block, Pendulum
+
+STATES: Mapping[str, float] = {"rocking": 0.0, "half": 0.5, "overturned": math.inf}
+"""Damage states by default: the tilt over the slenderness that a motion exceeds. 0 is any uplift, infinity an
+overturning."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Fragility of one damage state, with or without the pendulum."""
+
+    state: str
+    shares: np.ndarray
+    """Share of the motions whose outcome is known that reach the state, shape (stripes,); NaN where none is
+    known."""
+    counts: np.ndarray
+    """Motions that reach the state."""
+    total: np.ndarray
+    """Motions whose outcome is known."""
+    undecided: np.ndarray
+    """Motions without an answer: they count neither in `shares` nor in `fit`."""
+    fit: Lognormal
+    """Lognormal distribution, with its uncertainty."""
+    medians: tuple[float, float]
+    """Medians of the fits in which all motions without an answer reach the state, and in which none does."""
+
+
+@dataclass(frozen=True)
+class Fragility(Tabular):
+    """Fragility of a block under a set of ground motions, bare and with a pendulum."""
+
+    intensity: str
+    stripes: np.ndarray
+    """Values of the intensity, shape (stripes,)."""
+    unit: str
+    motions: tuple[str, ...]
+    """Names of the ground motions."""
+    earthquakes: int
+    """Earthquakes that they are of: motions of one are no independent observations."""
+    bare: dict[str, Curve]
+    """By damage state."""
+    hung: dict[str, Curve] | None
+    p_values: dict[str, np.ndarray] | None
+    """By damage state: two-sided probability, at each stripe, of a difference between bare and hung at least
+    this large if the pendulum changed nothing (McNemar, exact, over earthquakes). Where motions have no
+    answer, the largest that their outcomes allow."""
+    tilts: tuple[np.ndarray, np.ndarray | None]
+    """Largest tilt over the slenderness of every motion, shape (motions, stripes), bare and hung; infinite
+    after an overturning, NaN where nothing is known."""
+    first_crossings: dict[str, tuple[float, float]]
+    """By damage state: median of the lowest stripes that reach it, bare and with the pendulum, if any
+    (infinite if fewer than half of the motions do). It depends on the stripes, and lies below the median of
+    the curve where a larger motion may do less. NaN where it hangs on motions without an answer."""
+    changed: tuple[float, float] | None
+    """Share of the runs whose verdict on overturning the nonlinear equations change, bare and hung, among
+    those that both equations answer; NaN if there are none."""
+    unanswered: tuple[int, int] | None = None
+    """Runs that the nonlinear equations do not answer, bare and hung."""
+
+    def plot(self, state: str = "overturned", *, ax: Any = None) -> Any:
+        """Draw shares, curves and 95 % bands of one damage state, and return the axes.
+
+        Raises:
+            ValueError: a state that the fragility does not have.
+        """
+        return picture("compare:plot_fragility")(self, state, ax=ax)
+
+    def columns(self) -> dict[str, Any]:
+        """A row for every case, damage state and stripe: motions that reach it, with an answer and without,
+        and the share on the fitted curve."""
+        curves = [*self.bare.values(), *(self.hung or {}).values()]
+        n = len(self.stripes)
+        names = np.repeat(["bare", "hung"], len(self.bare) * n)[: len(curves) * n]
+        each = {
+            name: [getattr(c, name) for c in curves] for name in ("counts", "total", "undecided", "shares")
+        }
+        each |= {"fit": [c.fit.probability(self.stripes) for c in curves]}
+        rows = {
+            "stripe": np.tile(self.stripes, len(curves)),
+            "state": np.repeat([c.state for c in curves], n),
+        }
+        return {"case": names, **rows, **{name: np.concatenate(x) for name, x in each.items()}}
+
+    def __str__(self) -> str:
+        quakes = "one earthquake" if self.earthquakes == 1 else f"{self.earthquakes} earthquakes"
+        lines = [f"fragility over {self.intensity} ({self.unit}), {len(self.motions)} motions of {quakes}"]
+        for name, curve in self.bare.items():
+            lines.append(f"  {name}: bare {curve.fit}{_doubt(curve)}")
+            if self.hung is not None:
+                hung = self.hung[name]
+                lines.append(f"  {' ' * len(name)}  with the pendulum {hung.fit}{_doubt(hung)}")
+        cases = 1 if self.hung is None else 2
+        runs = len(self.motions) * len(self.stripes)
+        curves = [next(iter(c.values())) for c in (self.bare, self.hung) if c is not None]
+        if lost := _listed([int(c.undecided.sum()) for c in curves], runs):
+            lines.append(f"  without an answer, and not counted: {lost}")
+        if self.changed is not None and self.unanswered is not None:
+            shares = " and ".join(f"{x:.1%}" for x in self.changed[:cases])
+            lines.append(f"  the nonlinear equations change the verdict of {shares} of the runs")
+            if lost := _listed(self.unanswered[:cases], runs):
+                lines.append(f"  without an answer by these equations, and not compared: {lost}")
+        return "\n".join(lines)
+
+
+def _doubt(curve: Curve) -> str:
+    """Words about what the motions without an answer leave open."""
+    if not curve.undecided.any():
+        return ""
+    # All of them reaching the state makes the lower median.
+    low, high = (median_words(x) for x in curve.medians)
+    return f" (between {low} and {high}, whatever the motions without an answer do)"
+
+
+def _listed(counts: Sequence[int], runs: int) -> str:
+    """Numbers of runs, bare and with the pendulum; nothing if they are all zero."""
+    if not any(counts):
+        return ""
+    cases = zip(counts, ("bare", "with the pendulum"), strict=False)
+    return ", ".join(f"{n} of {runs} runs {case}" for n, case in cases)
+
+
+def fragility(
+    block: Block,
+    motions: Sequence[GroundMotion],
+    *,
+    scales: Sequence[float] | np.ndarray,
+    pendulum: Pendulum | None = None,
+    intensity: str = "pga_star",
+    period: float | None = None,
+    states: Mapping[str, float] = STATES,
+    nonlinear: bool = True,
+    gravity: float = STANDARD_GRAVITY,
+    free: float = FREE,
+    workers: int | None = None,
+    cluster: Cluster | None = None,
+    progress: Progress | None = None,
+) -> Fragility:
+    """Follow a block through every motion at every intensity, bare and with a pendulum.
+
+    Args:
+        block: with its friction and restitution.
+        motions: pulses or records; their own sizes do not matter but for `intensity="scale"`.
+        scales: stripes: values of the intensity, increasing.
+        pendulum: compared with the bare block on the same motions.
+        intensity: "pga_star" is PGA/(g tan alpha), "pgv_star" is p PGV/(g tan alpha) with p the block's rate
+            omega0; "pga" and "pgv" are in m/s^2 and m/s; "sa" is the spectral acceleration in m/s^2 at
+            `period` (s) and 5 % damping; "scale" is the factor on each motion as it is.
+        states: damage states: tilt over the slenderness that a motion exceeds.
+        nonlinear: whether the nonlinear equations follow all motions too, to say how many verdicts change.
+        gravity: m/s^2.
+        free: free motion after each ground motion, s.
+        workers: threads; all cores by default.
+        cluster: processes or machines in place of threads.
+        progress: called with the motions done and in all.
+
+    Raises:
+        ValueError: bad input.
+    """
+    checks.instance("block", block, Block)
+    checks.optional("pendulum", pendulum, Pendulum)
+    checks.function("progress", progress)
+    checks.numbers("scales", scales, (-1,), "a vector of numbers")
+    stripes = np.asarray(scales, dtype=float)
+    checks.positive("scales", stripes)
+    if stripes.ndim != 1 or np.any(np.diff(stripes) <= 0.0):
+        raise ValueError("`scales` must be a vector of increasing numbers, but are not")
+    checks.instance("states", states, Mapping)
+    named = all(isinstance(n, str) and isinstance(x, (int, float)) and x >= 0.0 for n, x in states.items())
+    if not (states and named):
+        raise ValueError(f"`states` must name tilts over the slenderness from 0 on, but are {dict(states)}")
+    checks.flag("nonlinear", nonlinear)
+    checks.instance("motions", motions, Sequence)
+    measure = intensity_of(intensity, block, gravity, period)
+    for i, motion in enumerate(motions):
+        checks.instance(f"motions[{i}]", motion, GroundMotion)
+    refuse_zeros(motions)
+    names = tuple(getattr(m, "name", "") or f"motion {i + 1}" for i, m in enumerate(motions))
+    # Intensities are proportional to the motion.
+    factors = stripes / np.array([[measure.value(m)] for m in motions])
+    cases = [None] if pendulum is None else [None, pendulum]
+    runs = len(cases) * (2 if nonlinear else 1)
+    found = []
+    # First the exact runs, then the same by the nonlinear equations.
+    for n in range(runs):
+        seen = None if progress is None else _shifted(progress, n, runs)
+        options: dict[str, Any] = {"gravity": gravity, "free": free, "progress": seen}
+        options |= {"workers": workers, "cluster": cluster}
+        hung = cases[n % len(cases)]
+        exact = n < len(cases)
+        found.append(follow_scaled(block, hung, motions, factors, nonlinear=not exact, brief=True, **options))
+    quakes = np.unique(events_of(motions), return_inverse=True)[1]
+    return _result(block, stripes, measure, (names, quakes), found[: len(cases)], found[len(cases) :], states)
+
+
+def _shifted(progress: Progress, n: int, runs: int) -> Progress:
+    return lambda done, total: progress(n * total + done, runs * total)
+
+
+def _result(
+    block: Block,
+    stripes: np.ndarray,
+    measure: Any,
+    motions: tuple[tuple[str, ...], np.ndarray],
+    exact: list[Outcomes],
+    checked: list[Outcomes],
+    states: Mapping[str, float],
+) -> Fragility:
+    names, quakes = motions
+    reached = [{name: _reached(o, level, block) for name, level in states.items()} for o in exact]
+    curves = [{name: _curve(name, hit, quakes, stripes) for name, hit in case.items()} for case in reached]
+    paired = len(exact) > 1
+    tests = {name: _mcnemar(reached[0][name], reached[-1][name], quakes) for name in states}
+    crossings = {
+        name: (_first_crossing(reached[0][name], stripes), _first_crossing(reached[-1][name], stripes))
+        for name in states
+    }
+    tilts = [np.where(o.undecided, np.nan, o.tilt) / float(block.slenderness) for o in exact]
+    changed = [_changed(a, b) for a, b in zip(exact, checked, strict=False)]
+    unanswered = [int(o.undecided.sum()) for o in checked]
+    return Fragility(
+        measure.name,
+        stripes,
+        measure.unit,
+        names,
+        len(np.unique(quakes)),
+        curves[0],
+        curves[1] if paired else None,
+        tests if paired else None,
+        (tilts[0], tilts[1] if paired else None),
+        crossings,
+        (changed[0], changed[-1]) if changed else None,
+        (unanswered[0], unanswered[-1]) if changed else None,
+    )
+
+
+def _changed(a: Outcomes, b: Outcomes) -> float:
+    """Share of the runs with an answer in both whose verdict on overturning differs."""
+    known = ~(a.undecided | b.undecided)
+    return float(np.mean((a.overturned != b.overturned)[known])) if known.any() else math.nan
+
+
+def _reached(found: Outcomes, level: float, block: Block) -> np.ndarray:
+    """Whether every run reaches a damage state, as a number; NaN where nothing is known."""
+    if math.isinf(level):
+        hit = found.overturned
+    else:
+        hit = found.lifted & (found.tilt > level * float(block.slenderness))
+    return np.where(found.undecided, np.nan, hit)
+
+
+def _curve(name: str, hit: np.ndarray, quakes: np.ndarray, stripes: np.ndarray) -> Curve:
+    counts, total = np.nansum(hit, axis=0).astype(int), np.sum(np.isfinite(hit), axis=0)
+    shares = np.where(total > 0, counts / np.maximum(total, 1), np.nan)
+    fit, undecided = fit_lognormal(stripes, hit, quakes), len(hit) - total
+    # The two extremes of what the motions without an answer may do.
+    ends = [fit_lognormal(stripes, np.nan_to_num(hit, nan=x)).median for x in (1.0, 0.0)]
+    return Curve(name, shares, counts, total, undecided, fit, (ends[0], ends[1]))
+
+
+def _mcnemar(a: np.ndarray, b: np.ndarray, quakes: np.ndarray | None = None) -> np.ndarray:
+    """Two-sided exact probability, at each stripe, of so uneven a split of the earthquakes that differ: those
+    in which more motions reach the state in one case than in the other. The largest that is possible where
+    outcomes are not known."""
+    # Motions of each earthquake that reach it in case a less those in case b, as few and as many as may be.
+    low, high = (
+        added_up(np.nan_to_num(a, nan=x) - np.nan_to_num(b, nan=1.0 - x), quakes) for x in (0.0, 1.0)
+    )
+    only_a, only_b = np.sum(low > 0.0, axis=0), np.sum(high < 0.0, axis=0)
+    may_a, may_b = np.sum((low <= 0.0) & (high > 0.0), axis=0), np.sum((high >= 0.0) & (low < 0.0), axis=0)
+    # The rarer outcome comes as near to the other as it can.
+    x = np.where(only_a < only_b, np.minimum(only_a + may_a, only_b), only_a)
+    y = np.where(only_b < only_a, np.minimum(only_b + may_b, only_a), only_b)
+    return np.array([_sign_test(int(i), int(j)) for i, j in zip(x, y, strict=True)])
+
+
+def _sign_test(x: int, y: int) -> float:
+    return min(1.0, 2.0 * float(bdtr(min(x, y), x + y, 0.5)))
+
+
+def _first_crossing(hit: np.ndarray, stripes: np.ndarray) -> float:
+    """Median of the lowest stripes at which the motions reach a state; NaN where it depends on outcomes that
+    are not known."""
+    medians = []
+    for unknown in (0.0, 1.0):
+        known = np.nan_to_num(hit, nan=unknown) == 1.0
+        lowest = np.where(known.any(axis=1), stripes[np.argmax(known, axis=1)], np.inf)
+        medians.append(float(np.median(lowest)))
+    return medians[0] if medians[0] == medians[1] else math.nan

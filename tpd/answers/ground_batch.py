@@ -1,0 +1,156 @@
+"""Many motions of one block under pulses and records, on all cores."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tpd.cluster.cluster import Cluster, check_where
+from tpd.core import checks
+from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
+from tpd.scene.scene import Block, Pendulum, Scene
+
+Progress = Callable[[int, int], None]
+_PIECES = 1 << 21
+"""Pieces of ground motion in a chunk for a cluster: some tenths of a second of work."""
+
+
+class Outcomes(NamedTuple):
+    """Outcomes of a batch of motions, NumPy arrays of its shape; angles in rad."""
+
+    tilt: np.ndarray
+    """Largest |phi|; infinite where the block overturns."""
+    swing: np.ndarray
+    """Largest |psi|."""
+    relative: np.ndarray
+    """Largest |psi - phi|."""
+    impacts: np.ndarray
+    lifted: np.ndarray
+    """Whether the block has left its base."""
+    overturned: np.ndarray
+    undecided: np.ndarray
+    """Whether the bound on events, or a failure of numbers, ended the motion: then nothing else holds."""
+
+
+def rows_of(
+    block: Block, pendulum: Pendulum | None, motions: Sequence[GroundMotion], gravity: float
+) -> np.ndarray:
+    """Parameters of the compiled code for each of the motions at its own size, shape (motions, 9)."""
+    from tpd.models.compiled_shaken import row_of
+
+    # Numbers of NumPy throughout: no program is compiled for them.
+    return np.array([row_of(Scene(block, motion, gravity).ground_parameters(pendulum)) for motion in motions])
+
+
+def follow_scaled(
+    block: Block,
+    pendulum: Pendulum | None,
+    motions: Sequence[GroundMotion],
+    factors: np.ndarray,
+    *,
+    gravity: float = STANDARD_GRAVITY,
+    free: float,
+    nonlinear: bool = False,
+    brief: bool = False,
+    workers: int | None = None,
+    cluster: Cluster | None = None,
+    progress: Progress | None = None,
+) -> Outcomes:
+    """Follow a block from rest through every motion times each of its factors.
+
+    Args:
+        factors: shape (motions, ...), at least 0.
+        free: free motion after each ground motion, s.
+        nonlinear: whether to integrate the nonlinear equations (4) instead of the exact linear ones.
+        brief: whether only tilt, uplift, impacts before an overturning and the verdict are wanted.
+        workers: threads; all cores by default.
+        cluster: processes or machines in place of threads.
+        progress: called with the motions done and in all.
+
+    Returns:
+        Outcomes of the shape of `factors`.
+
+    Raises:
+        ValueError: a size that does not fit, or a number out of range.
+    """
+    for i, motion in enumerate(motions):
+        checks.instance(f"motions[{i}]", motion, GroundMotion)
+    factors = np.asarray(factors, dtype=float)
+    if len(factors) != len(motions) or not len(motions):
+        raise ValueError(
+            f"`factors` must have a row for each of {len(motions)} motions, but has {factors.shape}"
+        )
+    checks.not_negative("factors", factors)
+    checks.within("free", free, 0.0, LONGEST_FREE, " s")
+    # Rows of one record stand together, so that a thread finds its samples in the cache.
+    which = np.repeat(np.arange(len(motions)), factors[0].size)
+    x = rows_of(block, pendulum, motions, gravity)[which]
+    x[:, 5] *= factors.ravel()
+    records = [np.asarray(m.pieces(), dtype=float) for m in motions]
+    late = np.full(len(x), free * float(Scene(block, motions[0], gravity).rate))
+    batch = {"x": x, "which": which, "free": late}
+    how = {"workers": workers, "cluster": cluster, "progress": progress}
+    found = follow_rows(batch, records, nonlinear, brief, **how)
+    return Outcomes(*(a.reshape(factors.shape) for a in found))
+
+
+def follow_rows(
+    batch: dict[str, np.ndarray],
+    records: list[np.ndarray],
+    nonlinear: bool,
+    brief: bool,
+    *,
+    workers: int | None = None,
+    cluster: Cluster | None = None,
+    progress: Progress | None = None,
+) -> Outcomes:
+    """Follow motions from rest, in threads or on a cluster.
+
+    Args:
+        batch: "x", parameters of the compiled code, shape (n, 9); "which", index of the record of each,
+            shape (n,); "free", free time after it in tau, shape (n,).
+        records: pieces of each ground motion.
+        nonlinear, brief, workers, cluster, progress: as in `follow_scaled`.
+    """
+    check_where(workers, cluster, progress)
+    if cluster is None:
+        found = _followed(batch, records, nonlinear, brief, workers=workers, progress=progress)
+    else:
+        # A bound on the work of a chunk: it grows with the pieces of a record.
+        chunk = int(np.clip(_PIECES // max(map(len, records)), 128, 16_384))
+        shared = records, nonlinear, brief
+        found = cluster.map("motions", _followed_by_one, batch, shared, chunk=chunk, progress=progress)
+    return Outcomes(**found)
+
+
+def _followed_by_one(
+    batch: dict[str, np.ndarray], records: list[np.ndarray], nonlinear: bool, brief: bool
+) -> dict[str, np.ndarray]:
+    """Follow motions in one thread: the processes of a cluster share the cores."""
+    return _followed(batch, records, nonlinear, brief, workers=1)
+
+
+def _followed(
+    batch: dict[str, np.ndarray], records: list[np.ndarray], nonlinear: bool, brief: bool, **how: Any
+) -> dict[str, np.ndarray]:
+    """Fields of `Outcomes` of motions: rows of parameters, index of the record and free time of each."""
+    from tpd.exact.follow import FAILED, OVERTURNED
+
+    if nonlinear:
+        from tpd.models.compiled_nonlinear import shake_nonlinear as follow_all
+    else:
+        from tpd.models.compiled_shaken import follow_all
+    x = batch["x"]
+    found, _ = follow_all(x, records, batch["which"], batch["free"], brief=brief, **how)
+    status, hung = found.status.astype(int), x[:, 1] > 0.0
+    return {
+        "tilt": found.tilt,
+        "swing": np.where(hung, found.swing, 0.0),
+        "relative": np.where(hung, found.relative, 0.0),
+        "impacts": np.asarray(found.impacts).astype(int),
+        "lifted": ~np.isposinf(found.lifted),
+        "overturned": status == OVERTURNED,
+        "undecided": (status > OVERTURNED) & (status <= FAILED),
+    }

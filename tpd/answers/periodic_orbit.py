@@ -1,0 +1,291 @@
+"""Any periodic orbit of the exact model: period n, asymmetric, sticking, resting, with impacts.
+
+A simulation says in which order the events of one period come; the orbit with that order is then the
+solution of closed-form equations (`tpd.models.multiple_shooting`), whether it attracts or repels. So an
+orbit can be followed where no simulation stays near it, and its derivatives follow from the implicit function
+theorem. All of it is computed on the host; programs of JAX call back.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.lax import stop_gradient
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
+
+from tpd.core import checks
+from tpd.exact.derivatives import with_slopes
+from tpd.exact.mode_kinds import SLIP
+from tpd.exact.orbit_terms import GRAZING, NEAR_FOLD, is_neutral
+from tpd.models.compiled_linear import NAMES
+from tpd.models.compiled_orbits import row_of
+from tpd.models.multiple_shooting import Cycle, Orbit, polish, recorded, traverse
+from tpd.scene.parameters import Parameters, as_arrays, check_parameters
+from tpd.scene.status import Status
+
+MAX_EVENTS = 64
+"""Most events in one period of an orbit, by default."""
+REST_RATE = 1e-6
+"""Slowest impact that is followed, phi' in units of nu: a slower one ends a rattle."""
+_MIRRORED = 1e-8
+"""Largest deviation from its mirror image, in shares of the scales, of a symmetric orbit."""
+_ALL = 20
+"""Numbers of an orbit that do not belong to an arc."""
+Start = Cycle | str
+"""Guess that Newton's method starts from, or the name of the status of a motion without an orbit."""
+_Numbers = namedtuple("_Numbers", NAMES)
+"""Parameters as plain numbers."""
+
+
+class Sequence(eqx.Module):
+    """The arcs of one period in order; leading axis `max_events`, of which `count` are in use."""
+
+    kinds: Int[Array, "*batch arcs"]
+    """0 slip, 1 stick, 2 rest."""
+    tilt_signs: Float[Array, "*batch arcs"]
+    """Sign of phi; 0 at rest."""
+    rate_signs: Float[Array, "*batch arcs"]
+    """Sign of phi'; 0 on a held arc."""
+    endings: Int[Array, "*batch arcs"]
+    """The event at the end: 0 turn, 1 landing, 2 release."""
+    durations: Float[Array, "*batch arcs"]
+    """Dimensionless time; 0 where not in use."""
+    phases: Float[Array, "*batch arcs"]
+    """xi tau at the start of the arc, rad; 0 at tau = 0 of the recording."""
+    states: Float[Array, "*batch arcs 4"]
+    """(phi, psi, phi', psi') at the start of the arc, after the event there."""
+    count: Int[Array, "*batch"]
+
+
+class CycleMargins(eqx.Module):
+    """Distances from the loss of an orbit, as functions that vanish where it happens. Their derivatives
+    are NaN."""
+
+    fold: Float[Array, "*batch"]
+    """det(I - M), M the derivative of the map over one period of the orbit: two orbits merge, or a
+    symmetric one gives way to a pair."""
+    grazing: Float[Array, "*batch"]
+    """The least dent of a signal that keeps an arc going (the rate of a slipping block, the slack of a
+    held one) over its largest value, infinite without one: at zero there is one more event."""
+    sticking: Float[Array, "*batch"]
+    """||R| - k|/(|R| + k) at the nearest of the turns, R the moment there less the weight's: at zero
+    the block begins or ceases to stick at that turn. Infinite without a turn."""
+
+
+class PeriodicOrbit(eqx.Module):
+    """A periodic orbit; angles in rad.
+
+    `amplitude`, `stroke`, `state` and the numbers of `sequence` are differentiable in every parameter,
+    also on unstable orbits; those of `multipliers` and `margins` are NaN. Where the status is not rocking,
+    sticking or unstable the derivatives of the first three are NaN, and so are they themselves where it is
+    no_orbit, event_bound, failed, overturned or rest (but amplitude 0 for rest): of an overturning motion
+    there is no orbit, whereas `steady_state` calls its amplitude infinite. An orbit has at least one event:
+    a block that is held at a tilt for ever is no_orbit.
+    """
+
+    status: Status
+    """rocking or sticking (attracting), unstable, near_fold, grazing, no_orbit, event_bound, failed
+    (a number that is not finite), or, of the recorded motion, overturned or rest."""
+    amplitude: Float[Array, "*batch"]
+    """Largest |phi|."""
+    stroke: Float[Array, "*batch"]
+    """Largest |psi|."""
+    state: Float[Array, "*batch 4"]
+    """(phi, psi, phi', psi') at tau = 0 modulo the orbit's period."""
+    periods: Int[Array, "*batch"]
+    """Forcing periods in one period of the orbit."""
+    symmetric: Bool[Array, "*batch"]
+    """Whether the orbit is its own mirror image half a period later."""
+    sequence: Sequence
+    multipliers: Complex[Array, "*batch 4"]
+    """Floquet multipliers over one period of the orbit; attracting if all are below 1 in size."""
+    margins: CycleMargins
+
+
+def periodic_orbit(
+    p: Parameters,
+    y0: ArrayLike,
+    *,
+    periods: Int[Array, ""] | int = 1,
+    max_events: int = MAX_EVENTS,
+    rest_rate: float = REST_RATE,
+) -> PeriodicOrbit:
+    """The periodic orbit near a state, which need not attract.
+
+    The motion from `y0` is followed over twice `periods`, and the events of one of them become the
+    sequence of the orbit. `steady_state(p).state` and its `periods` are a good start.
+
+    Args:
+        p: dimensionless parameters; gradients with respect to them are exact.
+        y0: (phi, psi, phi', psi') near the orbit at tau = 0, in rad and rad per unit tau.
+        periods: forcing periods in one period of the orbit.
+        max_events: most events in one period.
+        rest_rate: an impact slower than this (phi' in units of nu) that the block can be held after
+            counts as rest, which ends a rattle; the error is of the order of its square.
+
+    Works under `jit`, `vmap`, `grad` and `jacfwd`.
+
+    Raises:
+        ValueError: `y0` has not four components, or a bound is not positive.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    check_parameters(p)
+    checks.count("periods", periods)
+    checks.count("max_events", max_events)
+    checks.positive("rest_rate", rest_rate)
+    checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
+    y = jnp.asarray(y0, dtype=jnp.float64)
+    return _answered(p, partial(_recorded, max_events), max_events, periods, y, rest_rate)
+
+
+def continue_orbit(p: Parameters, orbit: PeriodicOrbit) -> PeriodicOrbit:
+    """The orbit with the same sequence of events as `orbit`, at other parameters near by.
+
+    Nothing is simulated: unstable orbits, and stable ones near a fold or a grazing, are followed just
+    as well. Where the sequence is no longer a motion the status is no_orbit.
+
+    Works under `jit`, `vmap`, `grad` and `jacfwd`; `orbit` is a guess and is not differentiated.
+
+    Raises:
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    s = orbit.sequence
+    modes = s.kinds, s.tilt_signs, s.rate_signs, s.endings
+    numbers = s.states, s.durations, s.phases, s.count
+    return _answered(p, _carried_over, s.kinds.size, orbit.periods, *modes, *numbers)
+
+
+def _recorded(max_events: int, x: np.ndarray, periods: int, y0: np.ndarray, rest_rate: np.ndarray) -> Start:
+    """The arcs of one period of the motion from `y0`."""
+    return recorded(x, y0, periods, max_events, float(rest_rate))
+
+
+def _carried_over(x: np.ndarray, periods: int, *sequence: np.ndarray) -> Start:
+    """The arcs of another orbit: at another frequency they keep their phases rather than their times."""
+    *modes, states, durations, phases, many = sequence
+    count = int(many)
+    if count == 0 or not np.all(np.isfinite([*x, *states.flat])):
+        return "no_orbit"
+    stretched = 2.0 * np.pi * periods / (x[6] * np.sum(durations)) * durations
+    return Cycle(np.stack(modes)[:, :count], np.column_stack([states, phases, stretched])[:count])
+
+
+def _answered(
+    p: Parameters, start: Callable[..., Start], size: int, periods: ArrayLike, *operands: ArrayLike
+) -> PeriodicOrbit:
+    """The orbit with the sequence of at most `size` arcs that `start` makes of the operands."""
+    x, solve, many = row_of(as_arrays(p)), partial(_solved, start, size), _ALL + 10 * size
+    given = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, periods, *operands)]
+    # What is known, outside of programs and under `grad` there, needs no program of JAX.
+    if all(map(checks.is_concrete, given)):
+        values, slopes = solve(*given)
+    else:
+        shapes = jax.ShapeDtypeStruct((many,), float), jax.ShapeDtypeStruct((many, 9), float)
+        values, slopes = jax.pure_callback(solve, shapes, *given, vmap_method="sequential")
+    values = values if isinstance(x, np.ndarray) else with_slopes(x, jnp.asarray(values), jnp.asarray(slopes))
+    amplitude, stroke, *margins, status, symmetric, count = map(jnp.asarray, (*values[:5], *values[17:_ALL]))
+    arcs = jnp.asarray(values[_ALL:]).reshape(size, 10)
+    kinds, endings = arcs[:, 6].astype(int), arcs[:, 9].astype(int)
+    return PeriodicOrbit(
+        jax.tree.unflatten(jax.tree.structure(Status.rocking), [status.astype(jnp.int32)]),
+        amplitude,
+        stroke,
+        jnp.asarray(values[5:9]),
+        jnp.asarray(periods),
+        symmetric != 0.0,
+        Sequence(
+            kinds, arcs[:, 7], arcs[:, 8], endings, arcs[:, 5], arcs[:, 4], arcs[:, :4], count.astype(int)
+        ),
+        jnp.asarray(values[9:13] + 1j * values[13:17]),
+        CycleMargins(*margins),
+    )
+
+
+# Newton's method may run away.
+@np.errstate(all="ignore")
+def _solved(start: Callable[..., Start], size: int, *given: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of an orbit, on the host: amplitude, stroke, three margins, state, real and imaginary parts of
+    the multipliers, status, symmetric, count; and for each arc the six numbers of `Orbit.arcs`, its mode and
+    its ending. And their derivatives in the nine parameters."""
+    x, many, *operands = map(np.asarray, given)
+    p, periods, values = _Numbers(*x), int(many), np.zeros(_ALL + 10 * size)
+    values[:17], slopes = np.nan, np.full((len(values), 9), np.nan)
+    arcs, by = values[_ALL:].reshape(size, 10), slopes[_ALL:].reshape(size, 10, 9)
+    by[:, 6:], slopes[17:_ALL] = 0.0, 0.0
+    span, rate, symmetric, count = periods * 2.0 * np.pi / p.xi, max(p.xi, 1.0), False, 0
+    scale = np.array([p.nu, p.nu + p.f, p.nu * rate, (p.nu + p.f) * rate])
+    cycle = start(x, periods, *operands)
+    status = cycle if isinstance(cycle, str) else "no_orbit"
+    orbit = None if isinstance(cycle, str) else polish(x, cycle, periods, scale)
+    if status == "rest":
+        values[0], slopes[0] = 0.0, 0.0
+    if orbit is not None:
+        count, kinds = len(orbit.links), orbit.links["kind"]
+        matrix = orbit.monodromy if np.all(np.isfinite(orbit.monodromy)) else np.zeros((4, 4))
+        if p.mu == 0.0:
+            # A bob without mass cannot be felt and is left out: two multipliers are zero then.
+            matrix[1::2], matrix[:, 1::2] = 0.0, 0.0
+        multipliers, fold = np.linalg.eigvals(matrix), np.linalg.det(np.eye(4) - matrix)
+        grazing, sticking = np.min(orbit.met["dip"]), np.min(orbit.met["sticking"])
+        status = _verdict(p, bool(np.any(kinds != SLIP)), multipliers, grazing)
+        symmetric = periods % 2 == 1 and _mirrored(orbit.arcs, scale, span)
+        sizes, by_sizes = _looked_up(x, orbit, span)
+        values[:17] = *sizes[:2], fold, grazing, sticking, *sizes[2:], *multipliers.real, *multipliers.imag
+        arcs[:count, :6], arcs[:count, 6:] = orbit.arcs, [[*link][:4] for link in orbit.links.tolist()]
+        if status not in ("near_fold", "grazing"):
+            slopes[:2], slopes[5:9], by[:] = by_sizes[:2], by_sizes[2:], 0.0
+            by[:count, :6] = orbit.by
+    values[17:_ALL] = jax.tree.leaves(getattr(Status, status))[0], symmetric, count
+    return values, slopes
+
+
+def _verdict(p: Any, held: bool, multipliers: np.ndarray, grazing: float) -> str:
+    """Name of the status of an orbit, on which the block is `held` or not."""
+    largest = np.max(np.abs(multipliers))
+    status = "sticking" if held else "rocking"
+    status = status if largest < 1.0 else "unstable"
+    status = "neutral" if is_neutral(p.k, p.e, p.mu, p.zeta, largest) else status
+    status = "grazing" if grazing < GRAZING else status
+    return "near_fold" if np.min(np.abs(1.0 - multipliers)) < 2.0 * NEAR_FOLD else status
+
+
+def _looked_up(x: np.ndarray, orbit: Orbit, span: float) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitude, largest |psi| and state at tau = 0 modulo the period, and their derivatives in the nine
+    parameters."""
+    arcs, by, xi = orbit.arcs, orbit.by, x[6]
+    begun = arcs[:, 4] / xi
+    whole = np.ceil(begun / span) * span
+    # A tilt is monotone on its arcs, hence largest where one begins.
+    i, j, k = np.argmin(whole - begun), np.argmax(orbit.met["reach"]), np.argmax(np.abs(arcs[:, 0]))
+    # Two arcs are cut short: where tau is 0, and at the largest |psi|, which is met at a share of the
+    # duration whose own derivative does not count, as 0 and 1 are events and in between the bob turns.
+    share, short, moved = orbit.met["at"][j] / arcs[j, 5], arcs[[i, j]], by[[i, j]]
+    short[:, 5] = whole[i] - begun[i], share * arcs[j, 5]
+    moved[0, 5], moved[1, 5] = -by[i, 4] / xi, share * by[j, 5]
+    moved[0, 5, 6] -= (whole[i] - begun[i]) / xi
+    links = orbit.links[[i, j]]
+    links["ending"] = -1.0
+    ends, slopes, _ = traverse(x + 1j * np.eye(9), links, short + 1j * np.moveaxis(moved, -1, 0))
+    sides = np.sign([arcs[k, 0], ends[1, 1]])
+    sizes = np.abs([arcs[k, 0], ends[1, 1]])
+    by_sizes = sides[:, None] * [by[k, 0], slopes[1, 1]]
+    return np.append(sizes, ends[0, :4]), np.vstack([by_sizes, slopes[0, :4]])
+
+
+def _mirrored(arcs: np.ndarray, scale: np.ndarray, span: float) -> bool:
+    """Whether the second half of the arcs is the mirror image of the first."""
+    half = len(arcs) // 2
+    if len(arcs) % 2 == 1:
+        return False
+    apart = np.abs(arcs[:half, :4] + arcs[half:, :4]) / scale
+    longer = np.abs(arcs[:half, 5] - arcs[half:, 5]) / span
+    return bool(max(np.max(apart), np.max(longer)) < _MIRRORED)

@@ -1,0 +1,259 @@
+"""Amplitude and stroke against frequency: all branches of orbits, and the motions settled into from rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.answers.bifurcations import Bifurcation, bifurcations
+from tpd.answers.outcomes import LOST, UNANSWERED, Share
+from tpd.answers.steady_state import steady_state
+from tpd.answers.sweep import Sweep, along
+from tpd.core import checks
+from tpd.core.formatting import Printed, Tabular, counted, picture, span
+from tpd.core.progress import Progress, shown
+from tpd.models.batches import settle_all
+from tpd.scene.parameters import Parameters, as_arrays
+from tpd.scene.quantities import UNITS, Axis, parameters
+from tpd.scene.scene import Pendulum, Scene
+from tpd.scene.status import names_of, status_name
+from tpd.theory.no_uplift import uplift
+
+_TOWARDS = np.geomspace(1e-5, 0.5, 12)
+"""Distances of further values from a bifurcation, in spacings of the sweep. At a fold the amplitude turns
+round like a square root: an even spacing would cut the tip off."""
+_STEP, _STEPS = 0.004, 12
+"""Relative distance of frequencies next to the scene's own, and their number to either side."""
+
+_LEAST, _RUNS, _NEAR = 8, 400, 0.04
+"""Fewest values of a response that has shares of runs, number of runs over its range, and share of the range
+to either side of a value within which they are counted."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Branches(Printed, Tabular):
+    """All symmetric period-one orbits, and the resting block, over one frequency, parameter or quantity."""
+
+    sweep: Sweep
+    """The orbits; `sweep.line(i)` is one branch. Its values crowd towards the bifurcations."""
+    bifurcations: tuple[Bifurcation, ...]
+    """Places where orbits fold, lose their symmetry, stick or graze."""
+    margin: np.ndarray
+    """(n,), uplift margin at the values of the sweep: where positive, a block at rest stays at rest."""
+    rest_stroke: np.ndarray
+    """(n,), the bob's largest angle under a resting block, rad."""
+    hung: bool
+    """Whether there is a pendulum; without one strokes are those of a bob too light to be felt."""
+
+    @property
+    def name(self) -> str:
+        """Name of the parameter or quantity that varies."""
+        return self.sweep.name
+
+    def plot(self, without: Branches | None = None, *, axes: Any = None) -> Any:
+        """Draw all branches, stable ones solid, and return the axes, an array.
+
+        Args:
+            without: those of the bare block over the same name, drawn as well.
+            axes: one, or two with a pendulum; default those of a new figure.
+        """
+        cases = {} if without is None else {"bare block": without}
+        cases["with the pendulum" if self.hung else "bare block"] = self
+        return picture("response:plot_branches")(cases, axes)
+
+    def columns(self) -> dict[str, Any]:
+        """A row for every orbit: branch, value of the name, status, and sizes in rad."""
+        s = self.sweep
+        at = [np.array(s.line(i)) for i in range(s.branches)]
+        branch = np.repeat(np.arange(len(at)), [places.shape[1] for places in at])
+        i, j = np.concatenate([np.zeros((2, 0), int), *at], axis=1)
+        sizes = {f"{n}_rad": getattr(s, n)[i, j] for n in ("amplitude", "stroke", "phase")}
+        return {"branch": branch, self.name: s.value[i], "status": s.status[i, j], **sizes}
+
+    def __str__(self) -> str:
+        s, unit = self.sweep, f" {UNITS.get(self.name, '')}".rstrip()
+        lines = [f"{s.branches} branches from {s.value[0]:.4g} to {s.value[-1]:.4g}{unit}"]
+        lines += [f"  {b}" for b in self.bifurcations]
+        if s.overflow.any():
+            at = f"at {int(s.overflow.sum())} of {len(s.value)} values"
+            lines.append(f"  {at} there were more orbits than places")
+        return "\n".join(lines)
+
+
+def branches(
+    subject: Parameters | Scene,
+    name: str,
+    low: float,
+    high: float,
+    *,
+    pendulum: Pendulum | None = None,
+    samples: int = 400,
+) -> Branches:
+    """All branches of symmetric period-one orbits, stable and unstable, and the bifurcations that end them.
+
+    `branches(scene, "frequency", 1.0, 5.0)` is the response at constant base amplitude, in Hz;
+    `branches(p, "xi", 1.0, 5.0)` is the response at constant base acceleration f. Orbits that lean, stick
+    or repeat after several periods are not among them: see `settled_response`.
+
+    Args:
+        subject: dimensionless parameters, or a scene; its value of `name` is not used.
+        name: parameter or quantity that varies, see `tpd.answers.sweep`.
+        low: lower end of its range.
+        high: upper end.
+        pendulum: in the scene; default none.
+        samples: values evenly spaced, 8 or more; some are added next to the bifurcations.
+
+    Raises:
+        ValueError: an unknown name, batched parameters, no interval, values out of range, or fewer
+            than 8 samples.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    found = tuple(bifurcations(subject, name, low, high, samples=samples, pendulum=pendulum))
+    axis = Axis.of(subject, name, pendulum)
+    near = (high - low) / (samples - 1) * np.concatenate([-_TOWARDS, _TOWARDS])
+    # Far from a bifurcation branches are smooth, and the even spacing is enough.
+    beside = [b.value + near for b in found]
+    grid = np.unique(np.concatenate([np.linspace(low, high, samples), *beside]))
+    grid = grid[(grid >= low) & (grid <= high)]
+    still = uplift(parameters(list(jnp.asarray(axis.at(grid).T))))
+    return Branches(
+        sweep=along(axis, grid),
+        bifurcations=found,
+        margin=np.asarray(still.margin),
+        rest_stroke=np.asarray(still.stroke),
+        hung=axis.setup.hung,
+    )
+
+
+def frequencies(own: float, low: float, high: float, count: int) -> np.ndarray:
+    """Values from `low` to `high`, evenly spaced, and every 0.4 % within 5 % of `own`, if that is between.
+
+    A pendulum is tuned: where a design is worth nothing is likely to be near its own frequency.
+    """
+    near = own * (1.0 + _STEP * np.arange(-_STEPS, _STEPS + 1))
+    near = near[(near >= low) & (near <= high)]
+    coarse = np.linspace(low, high, count)
+    coarse = coarse[np.abs(coarse / own - 1.0) > _STEP * (_STEPS + 0.5)]
+    return np.unique(np.concatenate([coarse, near]))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Response(Printed, Tabular):
+    """Motions settled into from rest over a frequency, or another quantity `name`: arrays (n,)."""
+
+    frequency: np.ndarray
+    """Hz, or values of `name`."""
+    amplitude: np.ndarray
+    """Settled |phi| from rest, rad; infinite where the block overturns."""
+    stroke: np.ndarray
+    """Settled |psi|, rad."""
+    status: np.ndarray
+    """Names of the steady states' statuses."""
+    name: str = "frequency"
+    overturning: np.ndarray | None = None
+    """Share of the runs from rest near each value that overturn, and its 95 % interval, (3, n): of runs at
+    values evenly over the whole range, those within a 25th of the range to either side. None of fewer than
+    eight values."""
+
+    def plot(self, without: Response | None = None, *, own: float | None = None, axes: Any = None) -> Any:
+        """Draw the settled amplitude and the share of runs that overturn, and return the axes, an array.
+
+        Args:
+            without: response of the bare block, drawn as well; this one is then that with the pendulum.
+            own: value of the design, marked.
+            axes: two, or one to leave the shares out; default those of a new figure.
+        """
+        cases = (self,) if without is None else (without, self)
+        return picture("response:plot_response")(cases, own, axes=axes)
+
+    def between(self, low: float, high: float) -> Response:
+        """The part of this response from the value `low` to `high`; shares stay those of all runs."""
+        close = (self.frequency >= low) & (self.frequency <= high)
+        shares = None if self.overturning is None else self.overturning[:, close]
+        names = ("frequency", "amplitude", "stroke", "status")
+        return replace(self, overturning=shares, **{n: getattr(self, n)[close] for n in names})
+
+    def columns(self) -> dict[str, Any]:
+        """A row for every value: status, sizes in rad, share of the runs near it that overturn."""
+        names = ("share_overturned", "share_low", "share_high")
+        shares = {} if self.overturning is None else dict(zip(names, self.overturning, strict=True))
+        sizes = {"amplitude_rad": self.amplitude, "stroke_rad": self.stroke}
+        return {self.name: self.frequency, "status": self.status, **sizes, **shares}
+
+    def __str__(self) -> str:
+        unit = UNITS.get(self.name, "")
+        return "\n".join(
+            [
+                f"Response from rest over {self.name}: {len(self.frequency)} values, "
+                f"{span(self.frequency, unit)}",
+                f"  status      {counted(self.status)}",
+                f"  amplitude   {span(self.amplitude, 'rad')}",
+                f"  stroke      {span(self.stroke, 'rad')}",
+            ]
+        )
+
+
+def settled_response(
+    subject: Parameters | Scene,
+    name: str,
+    values: Any,
+    *,
+    pendulum: Pendulum | None = None,
+    progress: Progress | bool | None = None,
+) -> Response:
+    """The motion that the block settles into from rest, over one parameter or quantity.
+
+    Each value is solved by `steady_state`, so that amplitudes are exact: some 20 ms a value. For thousands of
+    designs see `tpd.design_map`.
+
+    Args:
+        subject: dimensionless parameters, or a scene; its value of `name` is not used.
+        name: parameter or quantity that varies, see `tpd.answers.sweep`.
+        values: shape (n,), in any order.
+        pendulum: in the scene; default none.
+        progress: True for a bar on stderr, or called with ("responding", values done, of how many).
+
+    Raises:
+        ValueError: an unknown name, batched parameters, or a value out of range.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    axis = Axis.of(subject, name, pendulum)
+    checks.numbers("values", np.atleast_1d(values), (-1,), "one or more numbers")
+    line = np.atleast_1d(np.asarray(values, dtype=float))
+    axis.check(*line)
+    with shown(progress) as report:
+        return _settled(axis, line, report)
+
+
+def _settled(axis: Axis, line: np.ndarray, progress: Progress | None) -> Response:
+    amplitude, stroke, status = [], [], []
+    # One value after the other: in a batch all values would wait for the slowest transient.
+    for i, value in enumerate(line):
+        s = jax.block_until_ready(steady_state(as_arrays(axis.setup.at({axis.name: float(value)}))))
+        amplitude.append(float(s.amplitude))
+        stroke.append(float(s.stroke))
+        status.append(status_name(s.status))
+        if progress is not None:
+            progress("responding", i + 1, len(line))
+    return Response(
+        frequency=line,
+        amplitude=np.array(amplitude),
+        stroke=np.array(stroke),
+        status=np.array(status, dtype=str),
+        name=axis.name,
+        overturning=_overturning(axis, line) if len(line) >= _LEAST else None,
+    )
+
+
+def _overturning(axis: Axis, line: np.ndarray) -> np.ndarray:
+    """See `Response.overturning`."""
+    # Next to overturning a change of a thousandth decides: one run at each value says little.
+    fine = np.linspace(line.min(), line.max(), _RUNS)
+    settled = settle_all(parameters(list(jnp.asarray(axis.at(fine).T))), np.zeros((_RUNS, 4)))
+    names, reach = names_of(settled.status), _NEAR * np.ptp(line)
+    known, lost = ~np.isin(names, UNANSWERED), np.isin(names, LOST)
+    return np.array([Share.of(lost[known & (np.abs(fine - x) <= reach)]) for x in line]).T

@@ -1,0 +1,157 @@
+"""Time histories of a block under a ground motion, and the forces at its base."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tpd.answers.ground_batch import rows_of
+from tpd.answers.transient import FREE, MAX_EVENTS
+from tpd.core import checks
+from tpd.exact.contact import SLIP
+from tpd.models.compiled_shaken import REST_RATE
+from tpd.scene.scene import Pendulum, Scene
+from tpd.scene.status import Status
+
+STRONG = 0.01
+"""Rate over nu omega0 above which an impact is counted as one: slower ones are a rattle, and how many of them
+there are depends on when rattling is called rest."""
+
+
+@dataclass(frozen=True)
+class ShakingHistory:
+    """Motion over time of a block under a ground motion, from the exact solution of the linear equations; NaN
+    once the block has fallen."""
+
+    times: np.ndarray
+    """s, shape (times,)."""
+    base: np.ndarray
+    """Acceleration of the base, m/s^2."""
+    tilt: np.ndarray
+    """phi, rad."""
+    swing: np.ndarray | None
+    """psi, rad; None without a pendulum."""
+    horizontal: np.ndarray
+    """Force of the ground on the base, N: what friction has to carry, impacts left out."""
+    vertical: np.ndarray
+    """Force of the ground upwards, N."""
+    impacts: np.ndarray
+    """Times (s) and tilting rates after them (rad/s) of all impacts, shape (impacts, 2)."""
+    rocking: np.ndarray
+    """Whether the block moves on its base."""
+    status: Status
+    bob: np.ndarray | None = None
+    """Horizontal and vertical force (N) of the hinge on the bob, angular rate of the rod, and that of the rod
+    against the block (rad/s), shape (times, 4); None without a pendulum."""
+
+    def loads(self, pendulum: Pendulum) -> tuple[float, float, float]:
+        """Largest force along the rod and of the hinge (N), and largest angular rate between rod and block
+        (rad/s), of the pendulum that was followed.
+
+        The forces are those of the linear equations, with the centripetal force of the rod's rate added.
+        """
+        if self.bob is None or self.swing is None:
+            raise ValueError("a history without a pendulum has no loads on one")
+        across, upwards, rate, relative = self.bob.T
+        # The linear equations drop the square of the rate, which a rod feels first of all.
+        pull = float(pendulum.mass) * float(pendulum.length) * rate**2
+        tension = upwards * np.cos(self.swing) - across * np.sin(self.swing) + pull
+        whole = np.hypot(across - pull * np.sin(self.swing), upwards + pull * np.cos(self.swing))
+        return tuple(float(np.nanmax(np.abs(x))) for x in (tension, whole, relative))  # type: ignore[return-value]
+
+    def impacts_above(self, rate: float) -> int:
+        """Number of the impacts after which the block tilts faster than `rate` (rad/s)."""
+        return int(np.sum(np.abs(self.impacts[:, 1]) > rate))
+
+    @property
+    def needed_friction(self) -> float:
+        """Largest horizontal over vertical force: a smaller coefficient of friction lets the base slide."""
+        return float(np.nanmax(np.abs(self.horizontal) / np.maximum(self.vertical, 1e-300)))
+
+
+def shaking_history(
+    scene: Scene,
+    pendulum: Pendulum | None = None,
+    *,
+    times: np.ndarray | None = None,
+    y0: np.ndarray | None = None,
+    free: float = FREE,
+) -> ShakingHistory:
+    """Follow a block through the pulse or record of its scene.
+
+    The forces follow from the accelerations along the arcs in closed form: with d the side to which the block
+    leans, a its half width and b its half height,
+
+        H = M (x'' - b phi'') + m (x'' - 2 b phi'' + l psi''),   V = (M + m) (g + a d phi'').
+
+    Args:
+        scene: a block under a `Pulse` or a `Record`.
+        pendulum: None is the bare block.
+        times: increasing, s; by default every piece of the motion, and as often after it.
+        y0: start (phi, psi, phi', psi') in rad and rad/s; at rest by default.
+        free: free motion after the ground motion, s.
+
+    Raises:
+        ValueError: bad input.
+    """
+    from tpd.models import compiling
+
+    compiling.load("tpd.models.exact_entry")
+    from tpd.models import exact_entry as entry
+
+    checks.instance("scene", scene, Scene)
+    row = rows_of(scene.block, pendulum, [scene.motion], float(scene.gravity))[0]
+    rate, piece = float(scene.rate), float(scene.motion.piece)
+    pieces = np.ascontiguousarray(-np.asarray(scene.motion.pieces(), dtype=float))
+    if times is None:
+        times = np.linspace(0.0, len(pieces) * piece + free, min(20_000, int(len(pieces) + free / piece) + 1))
+    clock = np.ascontiguousarray(times, dtype=float)
+    if clock.ndim != 1 or len(clock) < 2 or not np.all(np.diff(clock) > 0.0) or clock[0] < 0.0:
+        raise ValueError("`times` must be a vector of increasing numbers from 0 on, but are not")
+    out = np.empty((len(clock), entry.STATES))
+    start = np.zeros(4) if y0 is None else np.asarray(y0, dtype=float) / [1.0, 1.0, rate, rate]
+    # No motion has more: each impact is one of its events.
+    impacts, status = np.empty((len(pieces) + MAX_EVENTS, 2)), np.empty(1)
+    sizes = {"periods": len(clock), "impacts": len(impacts), "pieces": len(pieces), "events": MAX_EVENTS}
+    limits = {"free": free * rate, "rest_rate": REST_RATE}
+    settings = np.array(entry.settings(task=entry.HISTORY, **sizes, **limits))
+    entry.run(0, 1, settings, row, start, pieces, clock * rate, out, impacts, status)
+    impacts = impacts[np.isfinite(impacts[:, 0])] * [1.0 / rate, rate]
+    # The equations mean nothing where the block lies down.
+    gone = ~(np.abs(out[:, 0]) < 0.5 * np.pi)
+    out[np.cumsum(gone) > 0] = np.nan
+    base = scene.motion.acceleration_at(clock)
+    return ShakingHistory(
+        clock,
+        base,
+        out[:, 0],
+        None if pendulum is None else out[:, 1],
+        *_forces(scene, pendulum, base, out, rate),
+        impacts,
+        out[:, 7] == SLIP,
+        getattr(Status, entry.STATUSES[int(status[0])]),
+        None if pendulum is None else _on_bob(scene, pendulum, base, out, rate),
+    )
+
+
+def _on_bob(scene: Scene, pendulum: Pendulum, base: np.ndarray, out: np.ndarray, rate: float) -> np.ndarray:
+    """Forces on the bob and rates; see `ShakingHistory.bob`."""
+    m, up = float(pendulum.mass), out[:, 4] * rate**2
+    height, a = float(scene.block.height), 0.5 * float(scene.block.width)
+    across = m * (base - height * up + float(pendulum.length) * out[:, 5] * rate**2)
+    upwards = m * (float(scene.gravity) + a * out[:, 8] * up)
+    return np.stack([across, upwards, out[:, 3] * rate, (out[:, 3] - out[:, 2]) * rate], axis=1)
+
+
+def _forces(
+    scene: Scene, pendulum: Pendulum | None, base: np.ndarray, out: np.ndarray, rate: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Horizontal and vertical force of the ground; see `shaking_history`."""
+    # Accelerations in SI: tau is time over 1/omega0.
+    up, bob = out[:, 4] * rate**2, out[:, 5] * rate**2
+    m, length = (0.0, 0.0) if pendulum is None else (float(pendulum.mass), float(pendulum.length))
+    b, a = 0.5 * float(scene.block.height), 0.5 * float(scene.block.width)
+    # A positive tilt takes the top to the left, and a positive angle of the rod the bob to the right.
+    horizontal = float(scene.block.mass) * (base - b * up) + m * (base - 2.0 * b * up + length * bob)
+    return horizontal, (float(scene.block.mass) + m) * (float(scene.gravity) + a * out[:, 8] * up)

@@ -1,0 +1,221 @@
+"""Motion of a block and its pendulum through a pulse or a record, and after it."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.lax import stop_gradient
+from jaxtyping import ArrayLike, Float, Int
+
+from tpd.core import checks
+from tpd.exact.derivatives import refused
+from tpd.exact.orbit_terms import GRAZING
+from tpd.models.base import AbstractModel
+from tpd.models.piecewise import Piecewise
+from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
+from tpd.scene.parameters import Number, Parameters, Real
+from tpd.scene.scene import Pendulum, Scene
+from tpd.scene.status import Status, index_of, status_name
+from tpd.theory.equations import Terms
+
+FREE = 20.0
+"""Free motion that is followed after a ground motion by default, s."""
+MAX_EVENTS = 200_000
+"""Events of a motion beyond one for each piece, at most."""
+
+
+class Transient(eqx.Module):
+    """Largest angles and outcome of a block under a ground motion: rad, and s from its beginning.
+
+    Angles, their times and the state are differentiable in every SI quantity of block, pendulum and gravity,
+    in the size of the motion and its time scale, in the start and in the free time, if the status is stood
+    or rocked. So is the time of the first uplift, also of a block that overturns. Elsewhere derivatives are
+    NaN and `status` says why. NaN as well are those of a time that is infinite or that of the beginning, of
+    the time of the overturning, and all second derivatives; counts have none.
+
+    By the nonlinear equations (`Segmented`) all derivatives are NaN, because nobody computes them. Every
+    landing is an impact, and the block overturns at a tilt of a right angle, which it must reach before the
+    end.
+    """
+
+    tilt: Number
+    """Largest |phi|; infinite if the block overturns."""
+    swing: Number
+    """Largest |psi|, the rod's angle from the vertical; 0 without a pendulum."""
+    relative: Number
+    """Largest |psi - phi|, the angle between rod and block; 0 without a pendulum."""
+    tilt_time: Number
+    swing_time: Number
+    relative_time: Number
+    impacts: Int[Any, "..."]
+    """Impacts on the base, all hops of a rattle included down to the one that is called rest: slower than
+    2e-7 nu (phi' in tau) by `Piecewise` (with a restitution of 0.9999 or more than up to 8e-5 nu, where
+    slower ones would exhaust `max_events`), than `rest_rate` nu by `Segmented`. Their number depends on that;
+    `ShakingHistory.impacts_above` counts those above a stated rate."""
+    uplift_time: Number
+    """Time at which the block leaves its base for the first time; infinite if it never does."""
+    overturning_time: Number
+    """Time from which the block is beyond return; infinite if it does not overturn."""
+    state: Float[Any, "... 4"]
+    """(phi, psi, phi', psi') in rad and rad/s at the end."""
+    status: Status
+    """stood, rocked, overturned, grazing (an event was touched without crossing: no derivative), event_bound
+    or failed."""
+
+    def __str__(self) -> str:
+        if not (checks.is_concrete(self.tilt) and jnp.ndim(self.tilt) == 0):
+            return repr(self)
+        lines = [f"{status_name(self.status)}: {Status[self.status]}"]
+        hung = float(self.swing) != 0.0
+        for name in ("tilt", "swing", "relative") if hung else ("tilt",):
+            lines.append(
+                f"  {name:9s} {getattr(self, name):.6g} rad at {getattr(self, name + '_time'):.4g} s"
+            )
+        lines.append(f"  impacts   {int(self.impacts)}, all of a rattle included until it is called rest")
+        if math.isfinite(self.uplift_time):
+            lines.append(f"  uplift    at {self.uplift_time:.4g} s")
+        if math.isfinite(self.overturning_time):
+            lines.append(f"  falls     at {self.overturning_time:.4g} s")
+        return "\n".join(lines)
+
+
+def transient(
+    scene: Scene,
+    pendulum: Pendulum | None = None,
+    *,
+    y0: ArrayLike | None = None,
+    model: AbstractModel | None = None,
+    free: Real = FREE,
+    max_events: int = MAX_EVENTS,
+) -> Transient:
+    """Follow a block, with or without a pendulum, through the pulse or record of its scene.
+
+    With `Piecewise()` the linear equations (25) with the base acceleration in the place of the harmonic are
+    solved exactly: a record is linear between its samples, and no event is missed. After the motion the block
+    moves freely for `free` seconds; a last arc that leads beyond return overturns it however far it has come
+    by then. See `Transient` for what the answers of the nonlinear equations mean.
+
+    Args:
+        scene: a block under a `Pulse` or a `Record`.
+        pendulum: None is the bare block.
+        y0: start (phi, psi, phi', psi') in rad and rad/s; at rest by default.
+        model: `Piecewise()`, the exact solution of the linear equations (default); or `Segmented()`, the
+            nonlinear equations (4) by compiled code, with the model's `rtol` and `rest_rate` and a solver of
+            its own.
+        free: free motion after the ground motion, s.
+        max_events: events allowed beyond one for each piece of the motion.
+
+    Raises:
+        ValueError: bad input, or a model that cannot follow this block under such a motion.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    checks.instance("scene", scene, Scene)
+    checks.instance("motion", scene.motion, GroundMotion, ": harmonics are for `tpd.steady_state`")
+    model = Piecewise() if model is None else model
+    checks.within("free", free, 0.0, LONGEST_FREE, " s")
+    checks.count("max_events", max_events)
+    p, rate = scene.ground_parameters(pendulum), scene.rate
+    start = np.zeros(4) if y0 is None else _start(y0)
+    bob = 0.0 if pendulum is None else 1.0
+    xp = checks.namespace(*jax.tree.leaves((p, rate, free, start)))
+    # Rates are per unit tau inside, and per second outside.
+    speeds = xp.stack([x * xp.ones(()) for x in (1.0, 1.0, rate, rate)])
+    pieces = xp.asarray(scene.motion.pieces())
+    found = _followed(model, p, pieces, free * rate, start / speeds, max_events, known=xp is np)
+    return _answer(found, rate, speeds, bob, xp)
+
+
+def _answer(found: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
+    """The motion in seconds; `bob` is 0 without a pendulum, and `xp` NumPy if all numbers are known."""
+    from tpd.exact.follow import ROCKED, STATUSES, STOOD
+
+    code = xp.asarray(found.status).astype(int)
+    # On one side of such a motion there is an event more: it has no derivative.
+    touched = (code == ROCKED) & (found.transversality < GRAZING)
+    sound = ((code == ROCKED) | (code == STOOD)) & ~touched
+    status = xp.where(touched, index_of("grazing"), xp.asarray([index_of(name) for name in STATUSES])[code])
+    # The angles of a bare block's bob, which is too light to be felt, are nobody's.
+    hung = xp.array([1.0, bob, bob])
+    if xp is np:
+        seconds, kept = (lambda tau, usable: tau / rate), (lambda x, usable: x)
+    else:
+        seconds, kept = partial(_seconds, rate), refused
+    times = seconds(found.times, sound[..., None] & (hung > 0.0))
+    fallen = sound | (status == index_of("overturned"))
+    return Transient(
+        tilt=kept(found.tilt, sound),
+        swing=kept(found.swing if bob else xp.zeros_like(found.swing), sound),
+        relative=kept(found.relative if bob else xp.zeros_like(found.relative), sound),
+        tilt_time=times[..., 0],
+        swing_time=times[..., 1],
+        relative_time=times[..., 2],
+        impacts=xp.asarray(found.impacts).astype(int),
+        uplift_time=seconds(found.lifted, fallen),
+        overturning_time=seconds(found.fell, sound),
+        state=kept(found.state * speeds * xp.array([1.0, bob, 1.0, bob]), sound),
+        status=jax.tree.unflatten(jax.tree.structure(Status.failed), [status.astype(np.int32)]),
+    )
+
+
+def _seconds(rate: Any, tau: Any, usable: Any) -> Any:
+    """A time in seconds, infinite if it is not finite, with its derivative where that is usable and the time
+    is not that of the beginning."""
+    still = stop_gradient(tau)
+    there = jnp.isfinite(still)
+    known = refused(_finite(tau) / rate, usable & there & (still > 0.0))
+    return known + jnp.where(there, 0.0, jnp.inf)
+
+
+@jax.custom_jvp
+def _finite(x: Any) -> Any:
+    """`x`, or 0 where it is not finite, with the derivative of `x` in both cases."""
+    return jnp.where(jnp.isfinite(x), x, 0.0)
+
+
+@_finite.defjvp
+def _finite_jvp(primals: tuple, tangents: tuple) -> tuple:
+    return _finite(*primals), tangents[0]
+
+
+def _followed(model: Any, p: Parameters, *motion: Any, known: bool) -> Any:
+    """The motion of a model, as `tpd.models.compiled_shaken.Followed`, at once if all numbers are known.
+
+    Raises:
+        ValueError: a model that does not follow such a motion.
+    """
+    from tpd.models.compiled_shaken import follow, follow_all, row_of
+
+    limits: dict[str, Any] = {}
+    if not isinstance(model, Piecewise):
+        # Loaded where needed: the exact model does without diffrax.
+        from tpd.models.segmented import Segmented
+
+        checks.instance("model", model, (Piecewise, Segmented))
+        model.check(p)
+        if model.terms is not Terms.nonlinear:
+            raise ValueError(
+                "under a pulse or a record `terms` of `tpd.Segmented` must be `tpd.Terms.nonlinear`, but is "
+                f"{str(model.terms)!r}: `tpd.Piecewise()` solves the linear equations"
+            )
+        from tpd.models.compiled_nonlinear import follow_nonlinear as follow
+        from tpd.models.compiled_nonlinear import shake_nonlinear as follow_all
+
+        limits = {"rtol": model.rtol, "rest_rate": model.rest_rate}
+    if not known:
+        return follow(p, *motion, **limits)
+    pieces, free, start, most = motion
+    one = np.zeros(1, int), np.array([free], dtype=float)
+    limits |= {"y0": np.array(start)[None], "max_events": most, "workers": 1}
+    return jax.tree.map(lambda x: x[0], follow_all(row_of(p)[None], [pieces], *one, **limits)[0])
+
+
+def _start(y0: ArrayLike) -> Any:
+    checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
+    return checks.namespace(*jax.tree.leaves(y0)).asarray(y0, dtype=np.float64)

@@ -1,0 +1,1 @@
+"""Block, pendulum, motion of the ground and materials, in SI units and as dimensionless numbers."""

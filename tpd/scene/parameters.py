@@ -1,0 +1,140 @@
+"""The dimensionless parameters of the block-pendulum system."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Array, Float, Inexact
+
+from tpd.core import checks
+from tpd.scene.impacts import heaviest_of_housner, housner
+
+if TYPE_CHECKING:
+    Number = Float[Array, "..."] | float
+    State = Float[Array, "4"]
+    Real = float
+else:
+    # Known numbers may be arrays of NumPy: see `checks.namespace`. To a checker of types these are JAX's. An
+    # imaginary part of theirs carries a derivative.
+    Number = Float[Array, "..."] | Inexact[np.ndarray, "..."] | float
+    State = Float[Array, "4"] | Float[np.ndarray, "4"]
+    # An array or a traced value passes as well, and `checks` refuses the rest in words of its own, before
+    # and instead of a checker of types.
+    Real = Any
+Numbers = tuple[Number, Number, Number, Number]
+"""A state (phi, psi, phi', psi'), one number each."""
+
+SLENDERNESS_LIMIT = 0.5
+"""Widest block (width over height) the linear equations are offered for: they drop terms of
+relative order nu**2, a quarter at this limit."""
+
+
+def _parameter(default: Any = ...) -> Any:
+    options = {} if default is ... else {"default": default}
+    return eqx.field(converter=checks.as_float, kw_only=True, **options)
+
+
+class Parameters(eqx.Module):
+    """Dimensionless parameters of block, pendulum and shaking. Angles are in rad, time is tau = omega0 t.
+
+    A pytree of numbers. Symbols are those of (25) in Collini et al. (2016), the paper behind this package.
+    Fields may hold arrays or traced values; plain numbers and arrays are checked on construction.
+
+    Raises:
+        ValueError: a plain number outside its range.
+    """
+
+    nu: Number = _parameter()
+    """Slenderness a/b: half width over half height."""
+    mu: Number = _parameter()
+    """Mass ratio m/M of bob to block; 0 is the bare block."""
+    lam: Number = _parameter()
+    """Length ratio l/b: pendulum length over half height (the paper's Table 1 uses half of it)."""
+    zeta: Number = _parameter()
+    """Damping ratio of the hinge, of the pendulum hung from a fixed point."""
+    k: Number = _parameter()
+    """Dry friction moment of the rocking contact, divided by M g b."""
+    f: Number = _parameter()
+    """Base acceleration amplitude in g: alpha omega**2 / g."""
+    xi: Number = _parameter()
+    """Forcing frequency ratio omega/omega0."""
+    rho: Number | None = _parameter(None)
+    """b**2/(a**2 + b**2 + c**2) with c the radius of gyration about the centroid; None ties it to `nu` as
+    for a uniform rectangle, also in gradients."""
+    e: Number | None = _parameter(1.0)
+    """Velocity ratio across an impact at zero tilt and psi = 0, of the block with its bob; 1 is no impact
+    loss. None ties it to `nu`, `rho` and `mu` by `tpd.scene.impacts.housner`, also in gradients."""
+
+    def __check_init__(self) -> None:
+        checks.positive("nu", self.nu)
+        checks.within(
+            "nu", self.nu, 0.0, SLENDERNESS_LIMIT, " (the linear equations drop terms of order nu**2)"
+        )
+        checks.not_negative("mu", self.mu)
+        checks.positive("lam", self.lam)
+        checks.not_negative("zeta", self.zeta)
+        checks.not_negative("k", self.k)
+        checks.not_negative("f", self.f)
+        checks.positive("xi", self.xi)
+        if self.rho is not None:
+            checks.within("rho", self.rho, 1e-6, 1.0)
+        if self.e is None:
+            _check_heaviest(self.nu, self.inertia_ratio, self.mu)
+        else:
+            checks.within("e", self.e, 0.0, 1.0)
+
+    @property
+    def inertia_ratio(self) -> Number:
+        """rho as the equations use it: the field `rho`, or that of a uniform rectangle where it is None."""
+        return uniform_inertia_ratio(self.nu) if self.rho is None else self.rho
+
+    @property
+    def velocity_ratio(self) -> Any:
+        """e as the equations use it: the field `e`, or Housner's where it is None."""
+        return housner(self.nu, self.inertia_ratio, self.mu) if self.e is None else self.e
+
+    @property
+    def hinge(self) -> Number:
+        """The hinge coefficient c_p = 2 zeta sqrt(lam rho)."""
+        inertia = self.lam * self.inertia_ratio
+        return 2.0 * self.zeta * checks.namespace(inertia).sqrt(inertia)
+
+    @property
+    def period(self) -> Number:
+        """The forcing period 2 pi / xi, in tau."""
+        return 2.0 * np.pi / self.xi
+
+
+def uniform_inertia_ratio(nu: Any) -> Any:
+    """rho = 3/(4(1 + nu^2)) of a uniform rectangle, whose c^2 is (a^2 + b^2)/3."""
+    return 0.75 / (1.0 + nu**2)
+
+
+def _check_heaviest(nu: Any, rho: Any, mu: Any) -> None:
+    """Raise `ValueError` for a bob with which Housner's velocity ratio is negative: it would throw the block
+    back on the corner from which it comes."""
+    if all(map(checks.is_concrete, (nu, rho, mu))):
+        bobs, most = np.broadcast_arrays(mu, heaviest_of_housner(nu, rho))
+        i = np.argmax(bobs - most)
+        if bobs.flat[i] > most.flat[i]:
+            raise ValueError(
+                f"`mu` must be at most {most.flat[i]:.4g} with Housner's restitution (a heavier bob throws "
+                f"the block back at an impact), but is {bobs.flat[i]:g}"
+            )
+
+
+def check_parameters(p: object, name: str = "p") -> None:
+    """Raise `ValueError` unless `p` is an object of `Parameters`."""
+    # A scene is what is given by mistake: it knows its parameters.
+    hint = ": take its `.parameters()`" if hasattr(p, "parameters") else ""
+    checks.instance(name, p, Parameters, hint)
+
+
+def as_arrays(p: Parameters) -> Parameters:
+    """Parameters with 64-bit array leaves."""
+    # `eqx.filter_jit` takes Python floats as static and would compile again for every value.
+    # Known numbers stay NumPy's: JAX would compile a program to make an array of its own of each.
+    return jax.tree.map(lambda x: checks.namespace(x).asarray(x, dtype=float), p)

@@ -1,0 +1,250 @@
+"""Variation of a parameter or of an SI quantity by its name, with the derivatives along it.
+
+`Setup` holds plain numbers by name and gives the parameters with some of them replaced; `Axis` is the line
+along one of them. `with_design` replaces the pendulum alone. Gradients with respect to whole objects need no
+names: `Block`, `Pendulum`, `Harmonic` and `Scene` are pytrees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Shaped
+
+from tpd.core import checks
+from tpd.scene.impacts import housner
+from tpd.scene.parameters import Parameters, uniform_inertia_ratio
+from tpd.scene.scene import (
+    Harmonic,
+    Pendulum,
+    Scene,
+    check_damping,
+    check_proportions,
+    check_shaking,
+    dimensionless,
+)
+
+NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e", "rho")
+"""Dimensionless parameters that can be varied, in the order of a vector of parameters."""
+QUANTITIES: dict[str, tuple[str, ...]] = {
+    "width": ("nu", "rho", "xi"),
+    "height": ("nu", "rho", "xi", "lam"),
+    "mass": ("mu",),
+    "friction": ("k",),
+    "restitution": ("e",),
+    "amplitude": ("f",),
+    "frequency": ("f", "xi"),
+    "pendulum_mass": ("mu",),
+    "pendulum_length": ("lam",),
+    "pendulum_damping": ("zeta",),
+}
+"""Quantities of a scene by name (m, m, kg, -, -, m, Hz, kg, m, -), each with the parameters that depend on
+it. With Housner's restitution e depends on width, height and both masses as well: see `Setup.moved`."""
+_OF_HOUSNER = ("width", "height", "mass", "pendulum_mass")
+"""Quantities that Housner's restitution depends on."""
+UNITS = {
+    **dict.fromkeys(("width", "height", "amplitude", "pendulum_length"), "m"),
+    **dict.fromkeys(("mass", "pendulum_mass"), "kg"),
+    "frequency": "Hz",
+}
+"""Units by name; what is not here is dimensionless."""
+_MAY_BE_ZERO = ("friction", "amplitude", "pendulum_mass", "pendulum_damping")
+_BOUNDS = {
+    "pendulum_mass": ("mass", "the mass of the block"),
+    "pendulum_length": ("height", "the height of the block"),
+}
+"""Quantities of the pendulum that must not exceed one of the block, and that one in words."""
+_OF_PENDULUM = ("mu", "lam", "zeta", "pendulum_mass", "pendulum_length", "pendulum_damping")
+
+
+def parameters_of(subject: Parameters | Scene, pendulum: Pendulum | None = None) -> Parameters:
+    """The parameters of a subject: dimensionless parameters, or a scene and the pendulum in it, if any.
+
+    Raises:
+        ValueError: traced or batched parameters, or a pendulum beside parameters.
+    """
+    return Setup.of(subject, pendulum).at({})
+
+
+def bare_parameters_of(subject: Parameters | Scene) -> Parameters:
+    """The parameters of a subject without its pendulum."""
+    return subject.parameters() if isinstance(subject, Scene) else replace(subject, mu=0.0)
+
+
+def parameters(x: Any) -> Parameters:
+    """Return the parameters in a vector in the order of NAMES."""
+    return Parameters(**dict(zip(NAMES, x, strict=True)))
+
+
+def with_design(p: Parameters, design: Shaped[Array | np.ndarray, "3 *n"]) -> Parameters:
+    """Return the parameters with another pendulum (mu, lam, zeta), unchecked: also for traced values, and for
+    numbers with imaginary parts."""
+    return eqx.tree_at(lambda q: (q.mu, q.lam, q.zeta), p, (design[0], design[1], design[2]))
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Numbers by name that describe block, shaking and pendulum, and of which any may vary."""
+
+    values: Mapping[str, float]
+    scene: bool
+    """True for quantities of a scene in SI units, False for dimensionless parameters."""
+    hung: bool
+    """True with a pendulum."""
+
+    @staticmethod
+    def of(subject: Parameters | Scene, pendulum: Pendulum | None = None) -> Setup:
+        """Setup of dimensionless parameters, or of a scene with or without a pendulum.
+
+        Raises:
+            ValueError: batched parameters, or a pendulum beside parameters.
+        """
+        checks.instance("subject", subject, (Parameters, Scene))
+        if isinstance(subject, Scene):
+            checks.instance(
+                "motion", subject.motion, Harmonic, ": pulses and records are for `tpd.transient`"
+            )
+            return Setup(subject.quantities(pendulum), True, pendulum is not None)
+        if pendulum is not None:
+            raise ValueError("`pendulum` goes with a scene; dimensionless parameters have their own")
+        # Without numbers of their own rho and e stay out, and follow the other parameters.
+        values = {n: getattr(subject, n) for n in NAMES if getattr(subject, n) is not None}
+        for n, value in values.items():
+            if not (checks.is_concrete(value) and np.ndim(value) == 0):
+                raise ValueError(f"`{n}` must be a single number, but is {value!r}")
+        return Setup({n: float(v) for n, v in values.items()}, False, float(values["mu"]) > 0.0)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names that can be varied."""
+        return (*QUANTITIES, *NAMES) if self.scene else NAMES
+
+    def moved(self, name: str) -> tuple[str, ...]:
+        """Parameters that depend on the quantity `name`; none where `name` is a parameter itself."""
+        if not self.scene or name not in QUANTITIES:
+            return ()
+        tied = "restitution" not in self.values and name in _OF_HOUSNER
+        return QUANTITIES[name] + (("e",) if tied else ())
+
+    def check(self, argument: str, name: str, *values: float) -> None:
+        """Raise `ValueError` unless `name`, given as `argument`, can be varied and take these values."""
+        self.check_name(argument, name)
+        for value in map(float, values):
+            self.check_sign(name, value)
+            self.at({name: value})
+        self.check_plausible(name, np.array(values, dtype=float))
+
+    def check_plausible(self, name: str, values: np.ndarray) -> None:
+        """Raise `ValueError` for values of a quantity of a scene that can only be in another unit."""
+        if not (self.scene and np.size(values)):
+            return
+        q = {**self.values, name: values}
+        if name in ("width", "height", "mass"):
+            check_proportions(q["width"], q["height"], q["mass"])
+        if name in ("pendulum_damping", "zeta"):
+            check_damping(name, values)
+        if name == "amplitude":
+            check_shaking(values, q["frequency"])
+        if name == "frequency" and "amplitude" in q:
+            # The acceleration grows with the square: a wide range of frequencies may end beyond any ground.
+            check_shaking(q["amplitude"], values.min())
+
+    def check_name(self, argument: str, name: str) -> None:
+        """Raise `ValueError` unless `name`, given as `argument`, can be varied."""
+        checks.one_of(argument, name, self.names)
+        if self.scene and not self.hung and name in _OF_PENDULUM:
+            raise ValueError(f"`{name}` cannot be varied without a pendulum, but none is given")
+
+    def check_sign(self, name: str, value: float) -> None:
+        """Raise `ValueError` for a quantity that is negative, or zero where it must be positive. `at` checks
+        it against the other quantities (a width against a height)."""
+        if name in QUANTITIES:
+            check = checks.not_negative if name in _MAY_BE_ZERO else checks.positive
+            check(name, value)
+        # A mass or a length of the pendulum that varies has the same bounds as one that is given.
+        if name in _BOUNDS and self.hung:
+            of, words = _BOUNDS[name]
+            checks.at_most(name, value, self.values[of], words)
+
+    def at(self, varied: Mapping[str, Any]) -> Parameters:
+        """Return the parameters with some numbers replaced, each by a number or an array.
+
+        In a scene the SI quantities are replaced first. A parameter that is replaced as well changes no
+        other parameter, except rho, which follows nu unless the block has a radius of gyration, and Housner's
+        e, which follows nu, rho and mu.
+        """
+        return Parameters(**self.numbers(varied))
+
+    def numbers(self, varied: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the numbers of `at` by name, unchecked: also for traced values and values out of range."""
+        if not self.scene:
+            # None, where e has no number of its own, is Housner's; left out it would be 1.
+            return {"e": None, **self.values, **varied}
+        # A parameter overrides what the quantities give for it.
+        over = {n: v for n, v in varied.items() if n in NAMES}
+        own = {n: v for n, v in varied.items() if n not in over}
+        return {**dimensionless({**self.values, **own}), **over}
+
+    def vector(self, varied: Mapping[str, Any]) -> list[Any]:
+        """Return the numbers of `at` as a list in the order of NAMES, with rho and e as numbers."""
+        p = self.numbers(varied)
+        rho = uniform_inertia_ratio(p["nu"]) if p.get("rho") is None else p["rho"]
+        e = housner(p["nu"], rho, p["mu"]) if p["e"] is None else p["e"]
+        return [*(p[n] for n in NAMES[:-2]), e, rho]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Line through the space of parameters, along which one number of a setup varies."""
+
+    setup: Setup
+    name: str
+    """Name of the number that varies."""
+
+    @staticmethod
+    def of(subject: Parameters | Scene, name: str, pendulum: Pendulum | None = None) -> Axis:
+        """Axis of `name` through parameters or a scene; `ValueError` for bad input."""
+        setup = Setup.of(subject, pendulum)
+        setup.check("name", name)
+        # A parameter varies at fixed other parameters, so the scene behind them has no part in it.
+        if setup.scene and name in NAMES:
+            setup = Setup.of(setup.at({}))
+        return Axis(setup, name)
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """Names of the other numbers, in the order of the columns of `jacobian` after the first."""
+        absent = self.setup.scene and not self.setup.hung
+        return tuple(
+            n for n in self.setup.values if n != self.name and not (absent and n.startswith("pendulum_"))
+        )
+
+    def check(self, *values: float) -> None:
+        """Raise `ValueError` unless all values are in range."""
+        self.setup.check("name", self.name, *values)
+
+    def at(self, values: np.ndarray) -> np.ndarray:
+        """Parameters at values of shape (n,), in the order of NAMES, shape (n, 9)."""
+        rows = [np.broadcast_to(x, np.shape(values)) for x in self.setup.vector({self.name: values})]
+        return np.stack(rows, axis=1)
+
+    def jacobian(self, value: float) -> np.ndarray:
+        """Derivatives of the parameters with respect to the number that varies and to `others`, shape
+        (9, 1 + len(others))."""
+        # Names are the keys of a dictionary that JAX differentiates: it returns one column for each of them.
+        varied = {**self.setup.values, self.name: value}
+        slopes = _slopes(varied, self.setup.scene)
+        return np.stack([np.asarray(slopes[n]) for n in (self.name, *self.others)], axis=1)
+
+
+@partial(jax.jit, static_argnums=1)
+@partial(jax.jacfwd, argnums=0)
+def _slopes(values: Mapping[str, Any], scene: bool) -> Float[Array, "9"]:
+    return jnp.stack([jnp.asarray(x) for x in Setup({}, scene, True).vector(values)])

@@ -1,0 +1,187 @@
+"""A recorded ground motion: horizontal base acceleration over time.
+
+`Record` is a pytree like `tpd.scene.scene.Harmonic`. The readers of files are in `tpd.formats`, records that
+come with the package in `tpd.records`.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
+
+import jax
+import numpy as np
+
+from tpd.core import checks
+from tpd.core.pytrees import pytree
+from tpd.formats.units import GREATEST_PEAK
+from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.parameters import Real
+
+STEPS = 1e-6, 1e3
+"""Least and largest step between samples, s."""
+
+if TYPE_CHECKING:
+    from tpd.formats.channel import Channel
+
+
+@pytree
+@dataclass(frozen=True, eq=False)
+class Record(GroundMotion):
+    """Horizontal base acceleration at equal steps: linear between samples, zero before the first and after
+    the last. Leaves of the pytree are the acceleration, the step and the scale; the words are static.
+
+    Two records are equal if all their fields are.
+
+    Raises:
+        ValueError: fewer than two samples, a number that is not finite, a step that is not positive, or a
+            peak above 100 m/s^2.
+    """
+
+    acceleration: Any
+    """(n,), m/s^2, n of 2 or more; a list is copied into an array."""
+    dt: Real
+    """Step between samples, s."""
+    scale: Real = field(default=1.0, kw_only=True)
+    """Factor on the acceleration."""
+    name: str = field(default="", kw_only=True)
+    """Station and component."""
+    event: str = field(default="", kw_only=True)
+    """The earthquake: records of one earthquake have the same."""
+    notes: tuple[str, ...] = field(default=(), kw_only=True)
+    """Remarks of the reader, such as that the record is uncorrected."""
+
+    def __post_init__(self) -> None:
+        for name in ("dt", "scale"):
+            object.__setattr__(self, name, checks.as_float(getattr(self, name)))
+        object.__setattr__(self, "acceleration", _samples(self.acceleration))
+        checks.within("dt", self.dt, *STEPS, " s")
+        checks.within("scale", self.scale, -np.inf, np.inf)
+        for name in ("name", "event"):
+            checks.instance(name, getattr(self, name), str)
+        if not (isinstance(self.notes, tuple) and all(isinstance(note, str) for note in self.notes)):
+            raise ValueError(f"`notes` must be a tuple of strings, but is {checks.shown(self.notes)}")
+        if _concrete(self) and float(self.pga) > GREATEST_PEAK:
+            raise ValueError(
+                f"`acceleration` must be at most {GREATEST_PEAK:g} m/s^2 at its peak, but is "
+                f"{float(self.pga):g} m/s^2: is it in cm/s^2?"
+            )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Record):
+            return NotImplemented
+        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+        return all(np.array_equal(mine, theirs) for mine, theirs in pairs)
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.event, np.shape(self.acceleration)))
+
+    @property
+    def pga(self) -> Real:
+        """Peak ground acceleration, m/s^2, with the scale."""
+        xp = checks.namespace(self.acceleration, self.scale)
+        return xp.max(xp.abs(self.acceleration)) * xp.abs(self.scale)
+
+    @property
+    def pgv(self) -> Real:
+        """Peak ground velocity (m/s) at the samples, with the scale: the integral of the acceleration by
+        trapezoids, from rest."""
+        xp = checks.namespace(self.acceleration, self.dt, self.scale)
+        a = self.acceleration
+        velocity = xp.cumsum(0.5 * (a[1:] + a[:-1])) * self.dt
+        return xp.max(xp.abs(velocity)) * xp.abs(self.scale)
+
+    @property
+    def duration(self) -> Real:
+        """Time from the first sample to the last, s."""
+        return (np.shape(self.acceleration)[0] - 1) * self.dt
+
+    def scaled(self, factor: Real) -> Record:
+        """Return the record with its scale multiplied by a factor."""
+        checks.within("factor", factor, -np.inf, np.inf)
+        return replace(self, scale=self.scale * factor)
+
+    @property
+    def piece(self) -> Real:
+        """Step between samples, s."""
+        return self.dt
+
+    def pieces(self) -> Any:
+        """Acceleration over `pga` from sample to sample; see
+        `tpd.scene.ground_motion.GroundMotion.pieces`."""
+        xp = checks.namespace(self.acceleration, self.scale)
+        a = self.acceleration * xp.sign(self.scale)
+        peak = xp.max(xp.abs(a))
+        # A record of zeros is one of zeros over any peak.
+        a = a / xp.where(peak > 0.0, peak, 1.0)
+        zero = xp.zeros_like(a[1:])
+        return xp.stack([a[:-1], a[1:] - a[:-1], zero, zero], axis=1)
+
+    @staticmethod
+    def read(
+        path: str | os.PathLike[str],
+        *,
+        channel: int | None = None,
+        dt: float | None = None,
+        baseline: str | None = None,
+        unit: str | None = None,
+    ) -> Record:
+        """Return one channel of a file. The format is recognised by the content: PEER AT2, CSMIP V1 and V2,
+        COSMOS, USGS SMC, ESM, K-NET and KiK-net, GeoNet V1A and V2A, a table of text, each as it is or
+        compressed by gzip; others through ObsPy (`tpd[obspy]`).
+
+        Args:
+            path: of the file.
+            channel: number of the channel, from 0 in the order of the file. A file of one channel needs none.
+            dt: step in s of a table that has accelerations only. Of a file that states one, it must be that.
+            baseline: "mean" removes the mean, "linear" the straight line of least squares, None nothing.
+            unit: of the acceleration, such as "g", "m/s2", "cm/s2" or "gal", of a file that states none. Of a
+                file that states one, it must be that.
+
+        Raises:
+            ValueError: a file that is damaged, incomplete, contradicts itself or is of no known format, or
+                several channels of which none is chosen; one sentence.
+            FileNotFoundError: no such file.
+        """
+        from tpd.formats.read import one_channel
+
+        return _of(one_channel(path, channel=channel, dt=dt, baseline=baseline, unit=unit))
+
+    @staticmethod
+    def read_all(
+        path: str | os.PathLike[str],
+        *,
+        dt: float | None = None,
+        baseline: str | None = None,
+        unit: str | None = None,
+    ) -> list[Record]:
+        """Return all channels of a file, in its order; vertical ones have a note. Arguments and errors are
+        those of `read`."""
+        from tpd.formats.read import channels
+
+        return [_of(c) for c in channels(path, dt=dt, baseline=baseline, unit=unit)]
+
+
+def _of(channel: Channel) -> Record:
+    """The record of a channel of a file."""
+    return Record(
+        channel.acceleration, channel.dt, name=channel.name, event=channel.event, notes=channel.notes
+    )
+
+
+def _concrete(record: Record) -> bool:
+    return checks.is_concrete(record.acceleration) and checks.is_concrete(record.scale)
+
+
+def _samples(value: Any) -> Any:
+    """Checked samples: those of NumPy or of a list as an array that nobody can write to."""
+    wanted = "an array of two accelerations or more"
+    checks.numbers("acceleration", value, (-1,), wanted)
+    if np.shape(value)[0] < 2:
+        raise ValueError(f"`acceleration` must be {wanted}, but is {checks.shown(value)}")
+    if isinstance(value, jax.Array):
+        return value
+    array = np.array(value, dtype=float)
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,31 @@
+"""Closed forms: what can be computed of block and pendulum without solving for a motion.
+
+| equation of the paper | file | functions |
+|---|---|---|
+| Table 1, no-uplift condition | `no_uplift` | `uplift` |
+| (11), free rocking | `free_rocking` | `free_motion` |
+| (23) and (27), one-harmonic balance | `harmonic_balance` | `one_harmonic` and three more |
+| losses at impacts as friction, free decay | `impact_loss` | `equivalent_friction`, `turning_tilts` |
+| (11), (18), (19), (23), (27) as printed | `paper` | for comparison only, with the errata |
+"""
+
+from tpd.theory.free_rocking import free_motion
+from tpd.theory.harmonic_balance import (
+    neglected_harmonics,
+    one_harmonic,
+    one_harmonic_branches,
+    parametric_branches,
+)
+from tpd.theory.impact_loss import equivalent_friction, turning_tilts
+from tpd.theory.no_uplift import uplift
+
+__all__ = [
+    "equivalent_friction",
+    "free_motion",
+    "neglected_harmonics",
+    "one_harmonic",
+    "one_harmonic_branches",
+    "parametric_branches",
+    "turning_tilts",
+    "uplift",
+]

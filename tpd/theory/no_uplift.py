@@ -1,0 +1,58 @@
+"""No-uplift condition |B| f <= (1 + mu) nu + k: the shaking that a block at rest withstands, as in Table 1.
+
+While the block stands still the bob is a damped oscillator under the base motion, Z = F/D with
+D = 1 - lam rho xi^2 + i xi c_p. The moment on the held block then has the amplitude |B| f with
+
+    B = 1 + 2 mu + (2 mu rho lam xi^2 - i xi mu lam c_p)/D
+
+and weight and friction hold it up to (1 + mu) nu + k. All formulas take arrays in the fields of `Parameters`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tpd.core import checks
+from tpd.scene.parameters import Number, Parameters, check_parameters
+
+
+class Uplift(NamedTuple):
+    """State of a block at rest under the settled pendulum.
+
+    A positive margin does not exclude rocking from another start, nor a lift before the pendulum has settled.
+    """
+
+    margin: Number
+    """1 - |B| f / ((1 + mu) nu + k): positive where the block at rest does not lift."""
+    stroke: Number
+    """Amplitude (rad) of the bob's angle under the resting block, f/|D|."""
+
+
+def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
+    """Return |D|^2 and the real and imaginary part of B."""
+    rho, c = p.inertia_ratio, p.hinge
+    real, imaginary = 1.0 - p.lam * rho * p.xi**2, p.xi * c
+    size2 = real**2 + imaginary**2
+    h_real, h_imag = 2.0 * p.mu * rho * p.lam * p.xi**2, -p.xi * p.mu * p.lam * c
+    b_real = 1.0 + 2.0 * p.mu + (h_real * real + h_imag * imaginary) / size2
+    b_imag = (h_imag * real - h_real * imaginary) / size2
+    return size2, b_real, b_imag
+
+
+def uplift(p: Parameters) -> Uplift:
+    """Margin of the no-uplift condition and the bob's stroke, differentiable in every parameter.
+
+    Raises:
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    check_parameters(p)
+    # Friction adds to the capacity: at rest it resists lifting to either side.
+    # An undamped bob in resonance has an infinite stroke.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        size2, b_real, b_imag = _transfer(p)
+        moment2, capacity = b_real**2 + b_imag**2, (1.0 + p.mu) * p.nu + p.k
+        sqrt = checks.namespace(moment2, size2).sqrt
+        return Uplift(1.0 - p.f * sqrt(moment2) / capacity, p.f / sqrt(size2))

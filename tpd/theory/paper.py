@@ -1,0 +1,119 @@
+"""Formulas of the paper as printed, with their misprints, for comparison only; and the errata.
+
+L. Collini, R. Garziera, K. Riabova, M. Munitsyna, A. Tasora, *Oscillations Control of Rocking-Block-Type
+Buildings by the Addition of a Tuned Pendulum*, Shock and Vibration, 2016, article 8570538. Nothing else in
+the package is built on this file. The corrected equations are (4) and (25) in `tpd.theory.equations`, (11) in
+`tpd.theory.free_rocking`, (23) and (27) in `tpd.theory.harmonic_balance`, and instead of (16) to
+(19) the exact orbits of `tpd.answers.symmetric_orbits`. The test named in each line below, in
+`tests/theory/test_paper.py`, proves it.
+
+| where | printed | right | test |
+|---|---|---|---|
+| (3), T_m | vertical part r1 phi' cos(±phi + theta_1) | ± r1 phi' cos(±phi + theta_1) | `test_3_...` |
+| after (3), (6) | J about the axis of rotation, c = J/M | J about the centroid, c^2 = J/M | `test_6_...` |
+| (11) | cosh^-1(pi / 2 Omega_0) | 1 / cosh(pi / 2 Omega_0) | `test_11_...` |
+| (13) | f nu sin phi without a sign | ± f nu sin phi | `test_13_...` |
+| (20) | parametric term and forcing of opposite signs | of the same | `test_20_...` |
+| (18) | f / (1 + mu^2) | f / (1 + xi^2) | `test_18_...` |
+| (19), sin gamma | k (1 + xi^2) tanh / f | -k (1 + xi^2) tanh / (xi f) | `test_19_lacks_...` |
+| (19) | exact | one condition too many unless k = 0 | `test_19_asks_...` |
+| (24), 3rd line | integral of sgn(sin) sin is -4 | +4 | `test_24_...` |
+| (24), last line | integral of sgn(cos) sin^2 is 4/3 | of sgn(cos) cos sin^2 | `test_24_...` |
+| (24) | values of integrals over tau | over omega tau | `test_24_...` |
+| (25), row 1 | ±(1 + mu) nu rho | ±(1 + mu) nu phi | `test_25_row_1_...` |
+| (25), row 2 | + f sin(xi tau) | - f sin(xi tau) | `test_25_row_2_...` |
+| (25), (26) | forcing sine, motion cosine, hence out of phase | both cosine | `test_26_...` |
+| after (25) | rho = b^2/J | b^2/(a^2 + b^2 + c^2) | `test_25_rho_...` |
+| (27) | (1 + mu rho) xi^2 | [1 + mu rho (4 + nu^2)] xi^2 | `test_27_...` |
+| (27) | f (1 + mu) on the right | f (1 + 2 mu) | `test_27_...` |
+| (27) | (8/3) nu f (1 + mu) | (8 / 3 pi) nu f (1 + mu) | `test_27_...` |
+| (27) | Phi and f of (26) and (25) | -Phi and -f in both rows | `test_27_...` |
+| (25), Table 1 | lambda = l/b in the one, l/2b in the other | l/b everywhere here | `test_table_1_...` |
+| Figure 8 | lambda = 0.1 in the caption, 1 in the text | 1 | notebook 03 |
+
+(23) is right as it stands, though it does not follow from (20): it belongs to the equation with the signs
+mended (`test_23_...`). (4) is right for both signs (`tests/theory/test_equations.py`).
+
+Notation: nu, mu, lam, rho, k, f, xi as in `Parameters`; angles in rad.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from tpd.scene.parameters import Number, Parameters
+
+
+def printed_free_amplitude(nu: Number, frequency: Number) -> Number:
+    """(11) as printed: tilt (rad) of free rocking of frequency Omega_0, with the inverse function
+    of cosh. NaN where that has no value, Omega_0 > pi/2. Right: `free_motion`."""
+    return nu * (1.0 - jnp.arccosh(jnp.asarray(0.5 * jnp.pi / frequency)))
+
+
+class Quarter(NamedTuple):
+    """(19): last axis cos gamma positive and negative; NaN where |sin gamma| would exceed 1."""
+
+    amplitude: Float[Array, "*batch 2"]
+    """Phi, rad."""
+    gamma: Float[Array, "*batch 2"]
+    """Phase of the forcing f cos(xi tau - gamma) at the turn, rad, in (-pi, pi]."""
+
+
+def printed_quarter_crossing(p: Parameters, frequency: Number | None = None) -> Quarter:
+    """(19) as printed: the bare block rocking at `frequency` (Omega, default xi; xi/3 is a
+    subharmonic), supposed to cross phi = 0 at a quarter of its period."""
+    omega = p.xi if frequency is None else frequency
+    return _quarter(p, omega, p.k * (1.0 + p.xi**2) * jnp.tanh(0.5 * jnp.pi / omega) / p.f)
+
+
+def quarter_crossing(p: Parameters) -> Quarter:
+    """(19) at Omega = xi with the sine that follows from (16) to (18): -1/xi times the printed one.
+
+    It is still no orbit: the block is supposed to cross at a quarter of the period, but its tilt and its rate
+    at the crossing cannot both agree from both sides unless k = 0. `symmetric_orbits` has the exact solution.
+    """
+    sine = -p.k * (1.0 + p.xi**2) * jnp.tanh(0.5 * jnp.pi / p.xi) / (p.xi * p.f)
+    return _quarter(p, p.xi, sine)
+
+
+def _quarter(p: Parameters, omega: Number, sine: Number) -> Quarter:
+    """Phi of (19), from (18) (with xi) vanishing at pi/(2 Omega)."""
+    late, g = 0.5 * jnp.pi / omega, p.f / (1.0 + p.xi**2)
+    sine = jnp.asarray(sine)[..., None]
+    # NaN on purpose: no phase exists, and this formula is for comparison only.
+    cosine = jnp.sqrt(jnp.where(jnp.abs(sine) <= 1.0, 1.0 - sine**2, jnp.nan)) * jnp.array([1.0, -1.0])
+    pull, level, c = (
+        jnp.asarray(x)[..., None] for x in (1.0 - p.xi * jnp.sinh(late), p.nu - p.k, jnp.cosh(late))
+    )
+    g = jnp.asarray(g)[..., None]
+    amplitude = level - g * cosine + (-level + g * sine * pull) / c
+    return Quarter(amplitude, jnp.arctan2(jnp.broadcast_to(sine, cosine.shape), cosine))
+
+
+def printed_bare_balance(p: Parameters, amplitude: Number) -> tuple[Number, Number]:
+    """(23) as printed: (cos gamma, sin gamma) of the bare block at the tilt Phi. An orbit is where
+    their squares add up to 1: `parametric_branches`."""
+    cosine = (4.0 * p.nu - jnp.pi * amplitude * (1.0 + p.xi**2)) / (
+        p.f * (jnp.pi + 8.0 / 3.0 * p.nu * amplitude)
+    )
+    sine = 4.0 * p.k / (p.f * (jnp.pi + 4.0 / 3.0 * p.nu * amplitude))
+    return cosine, sine
+
+
+def printed_pendulum_balance(p: Parameters) -> tuple[Float[Array, "*batch 2"], Float[Array, "*batch 2"]]:
+    """(27) as printed: (Phi, Psi) in rad of block and undamped pendulum without friction; last axis
+    the forcing f and -f, the two branches.
+
+    Where the printed signs make sense, Phi comes out negative: the amplitude is -Phi.
+    """
+    rho, signs = p.inertia_ratio, jnp.array([1.0, -1.0])
+    f = jnp.asarray(p.f)[..., None] * signs
+    nu, mu, lam, x2, rho = (jnp.asarray(x)[..., None] for x in (p.nu, p.mu, p.lam, p.xi**2, rho))
+    c11 = 1.0 + 2.0 * mu + (1.0 + mu * rho) * x2 + 8.0 / 3.0 * nu * f * (1.0 + mu)
+    c12, c21, c22 = 2.0 * lam * rho * mu * x2, -2.0 * rho * x2, 1.0 - lam * rho * x2
+    r1, r2 = (1.0 + mu) * (f - 4.0 / jnp.pi * nu), -f
+    determinant = c11 * c22 - c12 * c21
+    return (r1 * c22 - c12 * r2) / determinant, (c11 * r2 - c21 * r1) / determinant
