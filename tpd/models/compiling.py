@@ -44,7 +44,7 @@ def sources(*kinds: str) -> list[Path]:
     chosen = [f for f in models if f.name.startswith((*kinds, "custom_call"))]
     return [
         *sorted((package / "exact").glob("*.py")),
-        *(package / "core" / f for f in ("impacts.py", "orbit_terms.py")),
+        package / "scene" / "impacts.py",
         *chosen,
     ]
 
