@@ -1,0 +1,184 @@
+"""What holds for every block and pendulum under a harmonic: energy, reversal, scales, thresholds and runs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from tests.properties.bounded import bounded
+from tests.reference import exact as solve
+from tests.reference import parameters
+from tpd import Ensemble, Parameters, outcomes, simulate, status_name, steady_state, theory
+from tpd.scene.status import SETTLED
+
+RATES = np.array([1.0, 1.0, -1.0, -1.0])
+"""Signs of a state when time runs backwards."""
+TIMES = np.linspace(0.0, 6.0, 25)
+
+conserving = st.tuples(
+    st.floats(0.05, 0.4),  # nu
+    st.floats(0.0, 0.5),  # mu
+    st.floats(0.1, 2.0),  # lam
+    *(st.floats(-0.8, 0.8) for _ in range(4)),  # the start: phi over nu, psi, and both rates likewise
+)
+
+
+def free(case):
+    """Motion without forcing, friction, damping or loss, its parameters and its start."""
+    nu, mu, lam, tilt, swing, tilt_rate, swing_rate = case
+    p = Parameters(nu=nu, mu=mu, lam=lam, zeta=0.0, k=0.0, f=0.0, xi=2.0, e=1.0)
+    # So gently that no block comes near its balance, where differences grow without end.
+    y0 = 0.4 * nu * np.array([tilt, swing, 0.5 * tilt_rate, 0.5 * swing_rate])
+    return p, y0
+
+
+def moved(p, y0, times=TIMES):
+    motion = simulate(p, y0, times)
+    return np.asarray(motion.ys), status_name(motion.status)
+
+
+def energy(p, ys):
+    """Of (25) over M g b, its second equation times mu lam, which makes both matrices symmetric."""
+    nu, mu, lam, rho = p.nu, p.mu, p.lam, 0.75 / (1.0 + p.nu**2)
+    tilt, swing, tilt_rate, swing_rate = ys.T
+    moving = 0.5 * (1.0 + mu * rho * (4.0 + nu**2)) * tilt_rate**2 + 0.5 * mu * lam**2 * rho * swing_rate**2
+    moving -= 2.0 * mu * rho * lam * tilt_rate * swing_rate
+    raised = (1.0 + mu) * nu * np.abs(tilt) - 0.5 * (1.0 + 2.0 * mu) * tilt**2 + 0.5 * mu * lam * swing**2
+    return moving + raised
+
+
+@bounded(40)
+@given(conserving)
+def test_without_losses_energy_is_kept(case):
+    p, y0 = free(case)
+    ys, _ = moved(p, y0)
+    assume(np.all(np.isfinite(ys)))
+    np.testing.assert_allclose(energy(p, ys), energy(p, y0[None])[0], rtol=1e-9, atol=1e-15)
+
+
+@bounded(40)
+@given(conserving)
+def test_without_losses_a_motion_runs_backwards(case):
+    p, y0 = free(case)
+    there, _ = moved(p, y0)
+    assume(np.all(np.isfinite(there)))
+    back, _ = moved(p, RATES * there[-1])
+    np.testing.assert_allclose(RATES * back[-1], y0, atol=1e-5 * np.max(np.abs(y0)))
+
+
+designs = st.tuples(
+    st.floats(0.1, 0.4),  # nu
+    st.floats(0.01, 0.3),  # mu
+    st.floats(0.1, 1.5),  # lam
+    st.floats(0.05, 1.0),  # zeta
+    st.floats(0.02, 0.1),  # k
+    st.floats(0.1, 0.5),  # f
+    st.floats(1.0, 5.0),  # xi
+    st.floats(0.8, 1.0),  # e
+)
+
+
+@bounded(40)
+@given(designs, st.integers(1, TIMES.size - 2))
+def test_a_motion_in_two_parts_continues(x, cut):
+    p = parameters(x)
+    # A whole number of periods on, so that the second part begins in the same phase of the forcing.
+    times = np.arange(TIMES.size) * float(p.period) / 2.0
+    cut += cut % 2
+    assume(cut < TIMES.size - 1)
+    whole, _ = moved(p, np.zeros(4), times)
+    assume(np.all(np.isfinite(whole)))
+    second, _ = moved(p, whole[cut], times)
+    kept = TIMES.size - cut
+    np.testing.assert_allclose(second[:kept], whole[cut:], rtol=1e-6, atol=1e-8 * p.nu)
+
+
+@bounded(40)
+@given(designs, st.floats(0.1, 10.0))
+def test_all_moments_by_one_factor_are_all_angles_by_it(x, factor):
+    # Of the bare block: phi'' = phi - s nu - sigma k - f sin(xi tau) is homogeneous in (phi, nu, k, f).
+    nu, _, _, _, k, f, xi, e = x
+    rho = 0.75 / (1.0 + nu**2)
+    assume(nu * factor < 0.5)
+
+    def settled(c):
+        p = Parameters(nu=c * nu, mu=0.0, lam=1.0, zeta=0.1, k=c * k, f=c * f, xi=xi, rho=rho, e=e)
+        return steady_state(p)
+
+    one, two = settled(1.0), settled(factor)
+    assert status_name(two.status) == status_name(one.status)
+    if status_name(one.status) in SETTLED:
+        assert float(two.amplitude) == pytest.approx(factor * float(one.amplitude), rel=1e-8)
+
+
+@bounded(40)
+@given(designs)
+def test_rest_is_settled_on_only_where_the_closed_form_allows_it(x):
+    margin = float(theory.uplift(parameters(x)).margin)
+    assume(abs(margin) > 1e-6)
+    found = solve(x)
+    if found.status == "rest":
+        assert margin > 0.0
+    if margin < 0.0 and found.status in SETTLED:
+        assert found.amplitude > 0.0
+
+
+@bounded(40)
+@given(designs, st.floats(0.05, 1.0), st.floats(0.1, 1.5))
+def test_a_bob_without_mass_does_nothing_to_the_block(x, zeta, lam):
+    nu, _, _, _, *others = x
+    one = solve((nu, 0.0, 1.0, 0.1, *others))
+    two = solve((nu, 0.0, lam, zeta, *others))
+    assert one.status == two.status or {one.status, two.status} & {"not_settled", "aperiodic"}
+    if one.status == two.status and one.status in SETTLED:
+        assert two.amplitude == pytest.approx(one.amplitude, rel=1e-9)
+
+
+@bounded(30)
+@given(designs)
+def test_a_derivative_of_the_amplitude_is_a_difference_quotient_or_nan(x):
+    found = solve(x)
+    assume(found.status in SETTLED and found.amplitude > 0.0)
+    for i, size in enumerate(x):
+        step = 1e-5 * size
+        sides = [
+            solve([*x[:i], min(size + sign * step, 1.0) if i == 7 else size + sign * step, *x[i + 1 :]])
+            for sign in (1.0, -1.0, 0.5, -0.5)
+        ]
+        if i == 7 and size + step > 1.0:
+            continue
+        if any(s.status != found.status for s in sides):
+            continue
+        up, down, half_up, half_down = (s.amplitude for s in sides)
+        coarse, fine = (up - down) / (2.0 * step), (half_up - half_down) / step
+        # Where two steps disagree an event comes or goes, or another motion is reached, between them.
+        if abs(coarse - fine) < 1e-5 * (abs(fine) + found.amplitude / size):
+            scale = abs(fine) + found.amplitude / size
+            assert found.slopes[0, i] == pytest.approx(fine, abs=1e-4 * scale)
+
+
+@pytest.mark.parametrize("equations", ["linear", "nonlinear"])
+def test_runs_depend_on_neither_threads_nor_what_runs_beside_them(equations):
+    p = parameters((0.25, 0.1, 0.15, 0.3, 0.05, 0.377, 2.67))
+    ensemble = Ensemble(size=48, seed=3, periods=12)
+    one = outcomes(p, ensemble=ensemble, equations=equations, workers=1)
+    two = outcomes(p, ensemble=ensemble, equations=equations, workers=2)
+    for name in ("status", "peak", "amplitude", "peak_stroke", "stroke"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+
+
+@bounded(20)
+@given(st.integers(0, 10**6), st.integers(2, 40))
+def test_the_runs_of_an_ensemble_are_those_of_its_seed_within_its_widths(seed, size):
+    ensemble = Ensemble(size=size, seed=seed)
+    draws = ensemble.draws()
+    assert draws.shape == (size, 14)
+    assert np.all((draws >= 0.0) & (draws < 1.0))
+    np.testing.assert_array_equal(draws, replace(ensemble).draws())
+    # The first run is the nominal one; the others are of a Latin hypercube: one in a row of every column.
+    assert np.all(draws[0, :4] == 0.5)
+    assert np.all(draws[0, 6:] == 0.5)
+    rows = np.sort(np.floor(draws[1:] * size), axis=0)
+    assert np.all(np.diff(rows, axis=0) > 0.0)

@@ -1,0 +1,230 @@
+"""What holds for a block with its pendulum under any record: laws of the equations, and of their data."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from tests.properties.bounded import bounded
+from tpd import Block, Pendulum, Pulse, Record, Scene, status_name, transient
+
+SAMPLES = 60
+FREE = 4.0
+DECIDED = ("stood", "rocked")
+
+
+def ground(seed, dt, size):
+    """A smooth random record whose first and last sample are zero, m/s^2."""
+    noise = np.random.default_rng(seed).normal(size=SAMPLES - 2 + 8)
+    inner = np.convolve(noise, np.hanning(11)[1:-1], "valid")
+    return Record(acceleration=np.array([0.0, *(size * inner / np.max(np.abs(inner))), 0.0]), dt=dt)
+
+
+class Drawn(NamedTuple):
+    """Numbers of a block under a record that lifts most of the blocks, and of a pendulum."""
+
+    width: float
+    ratio: float
+    restitution: float
+    friction: float
+    seed: int
+    dt: float
+    size: float
+    mass: float
+    length: float
+    damping: float
+
+
+shaken = st.builds(
+    Drawn,
+    width=st.floats(0.2, 1.5),
+    ratio=st.floats(3.0, 8.0),
+    restitution=st.one_of(st.just(1.0), st.floats(0.6, 1.0)),
+    friction=st.floats(0.0, 0.05),
+    seed=st.integers(0, 999),
+    dt=st.floats(0.01, 0.05),
+    size=st.floats(0.8, 4.0),
+    mass=st.floats(0.01, 0.3),
+    length=st.floats(0.1, 1.5),
+    damping=st.floats(0.0, 1.0),
+)
+
+
+def made(x):
+    """The scene and its pendulum: outside of the strategy, whose draws must not depend on anything else."""
+    block = Block(
+        width=x.width,
+        height=x.width * x.ratio,
+        mass=1000.0 * x.width**3 * x.ratio,
+        restitution=x.restitution,
+        friction=x.friction,
+    )
+    scene = Scene(block, ground(x.seed, x.dt, x.size * 9.81 / x.ratio))
+    length = x.length * block.half_height
+    return scene, Pendulum(mass=x.mass * block.mass, length=length, damping_ratio=x.damping)
+
+
+def with_samples(scene, samples, **changes):
+    return replace(scene, motion=replace(scene.motion, acceleration=np.asarray(samples), **changes))
+
+
+def angles(motion):
+    return np.array([motion.tilt, motion.swing, motion.relative])
+
+
+def assert_same(one, other, later=0.0, tolerance=1e-8):
+    """Up to rounding: of motions that are told apart by it, only the status."""
+    assert status_name(one.status) == status_name(other.status)
+    if status_name(one.status) in DECIDED:
+        np.testing.assert_allclose(angles(other), angles(one), rtol=tolerance, atol=1e-12)
+        assert other.tilt_time - one.tilt_time == pytest.approx(later, abs=1e-6) or one.tilt == 0.0
+
+
+@bounded(40)
+@given(shaken, st.integers(1, 200))
+def test_zeros_before_a_record_only_put_it_off(case, zeros):
+    scene, pendulum = made(case)
+    put_off = with_samples(scene, np.concatenate([np.zeros(zeros), scene.motion.acceleration]))
+    one, other = transient(scene, pendulum, free=FREE), transient(put_off, pendulum, free=FREE)
+    assert_same(one, other, later=zeros * scene.motion.dt)
+
+
+@bounded(40)
+@given(shaken, st.integers(1, 80))
+def test_zeros_after_a_record_are_free_motion(case, zeros):
+    scene, pendulum = made(case)
+    longer = with_samples(scene, np.concatenate([scene.motion.acceleration, np.zeros(zeros)]))
+    one = transient(scene, pendulum, free=FREE)
+    assert_same(one, transient(longer, pendulum, free=FREE - zeros * scene.motion.dt))
+
+
+@bounded(40)
+@given(shaken)
+def test_a_mirrored_record_moves_the_block_in_the_mirror(case):
+    scene, pendulum = made(case)
+    mirrored = replace(scene, motion=scene.motion.scaled(-1.0))
+    one, other = transient(scene, pendulum, free=FREE), transient(mirrored, pendulum, free=FREE)
+    assert_same(one, other, tolerance=1e-12)
+    if status_name(one.status) in DECIDED:
+        np.testing.assert_allclose(other.state, -one.state, rtol=1e-9, atol=1e-12)
+
+
+@bounded(40)
+@given(shaken, st.integers(2, 5))
+def test_more_samples_on_the_same_lines_change_nothing(case, times):
+    scene, pendulum = made(case)
+    a = scene.motion.acceleration
+    fine = np.interp(np.arange((len(a) - 1) * times + 1) / times, np.arange(len(a)), a)
+    finer = with_samples(scene, fine, dt=scene.motion.dt / times)
+    assert_same(transient(scene, pendulum, free=FREE), transient(finer, pendulum, free=FREE))
+
+
+@bounded(40)
+@given(shaken, st.integers(5, SAMPLES - 5))
+def test_a_record_in_two_parts_continues(case, cut):
+    scene, pendulum = made(case)
+    a = scene.motion.acceleration
+    whole = transient(scene, pendulum, free=FREE)
+    first = transient(with_samples(scene, a[: cut + 1]), pendulum, free=0.0)
+    assume(status_name(first.status) in DECIDED and status_name(whole.status) in DECIDED)
+    second = transient(with_samples(scene, a[cut:]), pendulum, y0=first.state, free=FREE)
+    largest = np.maximum(angles(first), angles(second))
+    np.testing.assert_allclose(largest, angles(whole), rtol=1e-7, atol=1e-10)
+    assert first.impacts + second.impacts == whole.impacts
+
+
+@bounded(40)
+@given(shaken, st.floats(0.3, 10.0), st.floats(0.2, 3.0))
+def test_a_model_at_another_scale_and_gravity_has_the_same_angles(case, length, gravity):
+    # Lengths, gravity and accelerations by factors: times follow by the root of length over gravity. Masses
+    # only count as ratios.
+    scene, pendulum = made(case)
+    block, time = scene.block, np.sqrt(length / gravity)
+    other = Scene(
+        replace(block, width=block.width * length, height=block.height * length, mass=block.mass * length**3),
+        replace(scene.motion.scaled(gravity), dt=scene.motion.dt * time),
+        gravity=scene.gravity * gravity,
+    )
+    hung = replace(pendulum, mass=pendulum.mass * length**3, length=pendulum.length * length)
+    one, two = transient(scene, pendulum, free=FREE), transient(other, hung, free=FREE * time)
+    assert status_name(one.status) == status_name(two.status)
+    if status_name(one.status) in DECIDED:
+        np.testing.assert_allclose(angles(two), angles(one), rtol=1e-7, atol=1e-12)
+        np.testing.assert_allclose(two.state[2:] * time, one.state[2:], rtol=1e-6, atol=1e-9)
+
+
+@bounded(40)
+@given(shaken)
+def test_a_bob_without_mass_leaves_the_bare_block(case):
+    scene, pendulum = made(case)
+    bare = transient(scene, free=FREE)
+    light = transient(scene, replace(pendulum, mass=0.0), free=FREE)
+    assert status_name(light.status) == status_name(bare.status)
+    assert light.tilt == pytest.approx(bare.tilt, rel=1e-12)
+    assert bare.swing == bare.relative == 0.0
+
+
+@bounded(40)
+@given(shaken)
+def test_a_block_lifts_where_the_record_first_exceeds_its_threshold(case):
+    # Without a pendulum the block lifts at an acceleration of nu g, with friction at (nu + k) g.
+    scene, _ = made(case)
+    threshold = (scene.block.slenderness + scene.ground_parameters().k) * scene.gravity
+    assume(abs(scene.motion.pga / threshold - 1.0) > 1e-6)
+    bare = transient(scene, free=0.0)
+    assert np.isfinite(bare.uplift_time) == (scene.motion.pga > threshold)
+    if np.isfinite(bare.uplift_time):
+        there = scene.motion.acceleration_at(np.array([bare.uplift_time]))[0]
+        assert abs(there) == pytest.approx(threshold, rel=1e-6)
+
+
+@pytest.mark.parametrize("share", [1.2, 1.5, 2.0])
+@pytest.mark.parametrize("mass", [0.0, 0.1])
+def test_a_sampled_sine_tends_to_the_sine_with_the_square_of_the_step(share, mass):
+    block = Block(width=0.6, height=3.0, mass=2000.0)
+    pendulum = Pendulum(mass=mass * block.mass, length=0.6, damping_ratio=0.2)
+    sine = Pulse.sine_train(
+        acceleration=share * (block.slenderness + 0.05) * 9.80665, frequency=2.0, cycles=2
+    )
+    exact = transient(Scene(block, sine), pendulum, free=2.0)
+    apart = []
+    for n in (64, 128, 256):
+        times = np.arange(2 * n + 1) / (2.0 * n)
+        record = Record(acceleration=sine.acceleration_at(times * 1.0), dt=times[1])
+        sampled = transient(Scene(block, record), pendulum, free=2.0)
+        apart.append(abs(sampled.tilt - exact.tilt))
+    assert apart[0] / apart[1] == pytest.approx(4.0, rel=0.15)
+    assert apart[1] / apart[2] == pytest.approx(4.0, rel=0.15)
+
+
+@jax.jit
+@jax.value_and_grad
+def _tilt(factors, scene, pendulum):
+    scale, width, length = factors
+    block = replace(scene.block, width=scene.block.width * width)
+    hung = replace(pendulum, length=pendulum.length * length)
+    found = transient(Scene(block, scene.motion.scaled(scale)), hung, free=FREE)
+    return found.tilt
+
+
+@bounded(25)
+@given(shaken)
+def test_a_derivative_of_the_tilt_is_a_difference_quotient_or_nan(case):
+    scene, pendulum = made(case)
+    value, slope = map(np.asarray, _tilt(np.ones(3), scene, pendulum))
+    assume(np.isfinite(value) and value > 0.0)
+    assume(not np.any(np.isnan(slope)))
+    for i in range(3):
+        quotients = []
+        for step in (2e-6, 1e-6):
+            up, down = np.ones(3), np.ones(3)
+            up[i], down[i] = 1.0 + step, 1.0 - step
+            sides = (float(_tilt(x, scene, pendulum)[0]) for x in (up, down))
+            quotients.append(np.subtract(*sides) / (2.0 * step))
+        # Where two steps disagree an event comes or goes between them: there is no quotient to compare with.
+        if abs(quotients[0] - quotients[1]) < 1e-5 * (abs(quotients[1]) + value):
+            assert slope[i] == pytest.approx(quotients[1], rel=1e-4, abs=1e-4 * value)

@@ -1,0 +1,83 @@
+"""Every status of a motion is reached by a scene, and its sentence says what happened and what to do."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.reference import LEANING, OVERTURNING, UNSTABLE, parameters
+from tpd import Block, Piecewise, Record, Scene, Status, steady_state, symmetric_orbits
+from tpd import transient as follow
+from tpd.scene.status import SETTLED, names_by_code, names_of
+
+HUNG = (0.25, 0.05, 0.2, 0.1, 0.05, 0.377, 2.67)
+FOLD = 0.060961548685057224
+"""f at which the two orbits of the bare block (nu .2, k .05, xi 2) merge, by `tpd.answers.bifurcations`."""
+TOUCH = 0.30475055580416444
+"""f at which the fall of a repelling orbit halts for a moment."""
+
+
+def settled(*x: float, y0: Any = (0.0, 0.0, 0.0, 0.0), model: Any = None) -> Callable[[], Any]:
+    return lambda: steady_state(parameters(x), y0=np.array(y0), model=model).status
+
+
+def shaken(share: float) -> Callable[[], Any]:
+    """Status of a bare block under a triangle of acceleration, in shares of what lifts it."""
+    block = Block(width=0.6, height=3.0, mass=2000.0)
+    top = share * (block.slenderness + 0.05) * 9.80665
+    return lambda: follow(Scene(block, Record(acceleration=np.array([0.0, top, 0.0]), dt=0.1))).status
+
+
+def orbits(*x: float) -> Callable[[], Any]:
+    return lambda: symmetric_orbits(parameters(x)).status
+
+
+def just_beside(fold: float) -> Any:
+    """Statuses of the orbits within rounding of their fold."""
+    values = fold * (1.0 + np.array([0.5e-14, 1e-14, 2e-14, 4e-14, 8e-14]))
+    rows = [names_of(orbits(0.2, 0.0, 0.4, 0.2, 0.05, float(f), 2.0, 1.0)()) for f in values]
+    return next((row for row in rows if "near_fold" in row), rows[0])
+
+
+REACHED: dict[str, Callable[[], Any]] = {
+    "rocking": settled(*HUNG),
+    "sticking": settled(0.278, 0.227, 1.56, 0.17, 0.173, 0.536, 8.161, 0.76),
+    "rest": settled(0.2, 0.1, 0.4, 0.2, 0.03, 0.25, 4.0),
+    "held": settled(*LEANING[0], y0=LEANING[1]),
+    "overturned": settled(*OVERTURNING),
+    "aperiodic": settled(0.088, 0.593, 1.995, 0.94, 0.024, 0.594, 5.87, 0.051),
+    "not_settled": settled(*HUNG, model=Piecewise(max_periods=3)),
+    "unstable": orbits(*UNSTABLE[0]),
+    "neutral": orbits(0.2, 0.1, 0.4, 0.0, 0.0, 0.2, 3.0, 1.0),
+    "near_fold": lambda: just_beside(FOLD),
+    "grazing": orbits(0.155, 0.4563, 1.0546, 0.3645, 0.02616, TOUCH * (1.0 - 1e-10), 2.632, 0.8115),
+    "event_bound": settled(0.2, 0.1, 0.4, 0.2, 0.03, 0.25, 4.0, model=Piecewise(max_events=3)),
+    "failed": settled(0.5, 0.1, 1.0 / 0.6, 0.0, 0.05, 0.1, 1.0),
+    "no_orbit": orbits(0.2, 0.1, 0.4, 0.2, 0.03, 0.02, 4.0),
+    "stood": shaken(0.9),
+    "rocked": shaken(1.3),
+}
+
+GOOD = (*SETTLED, "stood", "rocked")
+REMEDIES = ("Start", "Change", "Judge", "Raise", "Move", "Add", "Reduce", "reduce")
+
+
+def test_the_scenes_are_of_all_statuses():
+    assert set(REACHED) == set(names_by_code(np.arange(len(REACHED))))
+    with pytest.raises(IndexError):
+        names_by_code(np.array([len(REACHED)]))
+
+
+@pytest.mark.parametrize("name", REACHED)
+def test_a_status_is_reached(name):
+    found = REACHED[name]()
+    names = found if isinstance(found, np.ndarray) else np.atleast_1d(names_of(found))
+    assert name in names
+
+
+@pytest.mark.parametrize("name", REACHED)
+def test_a_sentence_says_what_to_do_where_there_is_no_answer(name):
+    sentence = Status[getattr(Status, name)]
+    assert sentence.endswith(".")
+    assert (name in GOOD) != any(word in sentence for word in REMEDIES)
