@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import ast
-import io
 import re
-import tokenize
-from collections.abc import Iterator
-from functools import cache
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1] / "tpd"
-FILES = sorted(ROOT.rglob("*.py"))
+from tests.measures import (
+    FILES,
+    MODULES,
+    ROOT,
+    everywhere,
+    imports,
+    longest_chain,
+    measured,
+    name_of,
+    strings,
+    tree,
+)
+
 LAYERS = (
     "formats",
     "core",
@@ -32,64 +38,11 @@ LAYERS = (
 )
 ELLIPTIC = re.compile(r"(What|Of|The same|That|Those|There)\b")
 """First words of a docstring that does not say what a thing is."""
-PRAGMA = re.compile(r"#\s*(noqa|type:|pyright:|fmt:|pragma)")
-
-
-@cache
-def tree(path: Path) -> ast.Module:
-    """Syntax tree of a file."""
-    return ast.parse(path.read_text(encoding="utf-8"))
-
-
-def name_of(path: Path) -> str:
-    """Dotted name of a module; a package's is that of its folder."""
-    parts = path.relative_to(ROOT.parent).with_suffix("").parts
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-
-
-MODULES = {name_of(path): path for path in FILES}
-
-
-def strings(path: Path) -> Iterator[ast.Constant]:
-    """Docstrings of modules, classes, functions and attributes."""
-    for node in ast.walk(tree(path)):
-        value = node.value if isinstance(node, ast.Expr) else None
-        if isinstance(value, ast.Constant) and isinstance(value.value, str):
-            yield value
-
-
-def code_and_comments() -> tuple[int, int]:
-    """Lines that are neither blank nor within docstrings, and lines with a comment that is no pragma."""
-    code, comments = 0, 0
-    for path in FILES:
-        text = path.read_text(encoding="utf-8")
-        within = {i for s in strings(path) for i in range(s.lineno, (s.end_lineno or s.lineno) + 1)}
-        lines = enumerate(text.splitlines(), 1)
-        code += sum(1 for i, line in lines if line.strip() and i not in within)
-        tokens = tokenize.generate_tokens(io.StringIO(text).readline)
-        comments += sum(t.type == tokenize.COMMENT and not PRAGMA.match(t.string) for t in tokens)
-    return code, comments
-
-
-def imports(path: Path) -> set[str]:
-    """Modules of the package that a module imports when it is loaded, not those for type checkers only or
-    within functions."""
-    found: set[str] = set()
-
-    def walk(nodes: list[ast.stmt]) -> None:
-        for node in nodes:
-            if isinstance(node, ast.Import):
-                found.update(alias.name for alias in node.names)
-            elif isinstance(node, ast.ImportFrom) and node.module:
-                inner = {f"{node.module}.{alias.name}" for alias in node.names}
-                found.update(inner & MODULES.keys() or {node.module})
-            elif isinstance(node, ast.If) and "TYPE_CHECKING" not in ast.unparse(node.test):
-                walk([*node.body, *node.orelse])
-            elif isinstance(node, ast.Try):
-                walk([*node.body, *(s for handler in node.handlers for s in handler.body)])
-
-    walk(tree(path).body)
-    return found & (MODULES.keys() - {name_of(path)})
+LAST = {
+    "lines": 35_164,
+    "modules": 207,
+}
+"""Measures of the last version. Lower them where they fall, and never raise one."""
 
 
 def folder(module: str) -> str:
@@ -98,26 +51,9 @@ def folder(module: str) -> str:
     return parts[1] if len(parts) > 1 and parts[1] in LAYERS else "tpd"
 
 
-def longest_chain(graph: dict[str, set[str]]) -> int:
-    """Nodes on the longest path.
-
-    Raises:
-        ValueError: a cycle.
-    """
-    lengths: dict[str, int] = {}
-
-    def length(node: str, above: tuple[str, ...]) -> int:
-        if node in above:
-            raise ValueError(" -> ".join((*above[above.index(node) :], node)))
-        if node not in lengths:
-            lengths[node] = 1 + max((length(n, (*above, node)) for n in sorted(graph[node])), default=0)
-        return lengths[node]
-
-    return max(length(node, ()) for node in graph)
-
-
 def test_no_import_cycle():
-    longest_chain({name: imports(path) for name, path in MODULES.items()})
+    # Imports within functions and those for type checkers count.
+    longest_chain(everywhere())
 
 
 def test_a_cycle_is_found():
@@ -128,7 +64,10 @@ def test_a_cycle_is_found():
 def test_a_folder_imports_only_from_those_before_it():
     graph: dict[str, set[str]] = {layer: set() for layer in (*LAYERS, "tpd")}
     for name, path in MODULES.items():
-        graph[folder(name)] |= {folder(other) for other in imports(path)} - {folder(name), "tpd"}
+        graph[folder(name)] |= {folder(other) for other in imports(path, everywhere=True)} - {
+            folder(name),
+            "tpd",
+        }
     for i, layer in enumerate(LAYERS):
         assert graph[layer] <= set(LAYERS[:i]), layer
     assert longest_chain(graph) <= 11
@@ -139,19 +78,10 @@ def test_every_folder_is_a_layer():
     assert folders <= set(LAYERS)
 
 
-def lines() -> dict[str, int]:
-    """Lines of every module, all counted."""
-    return {name: len(path.read_text(encoding="utf-8").splitlines()) for name, path in MODULES.items()}
-
-
-def test_the_package_does_not_grow():
-    # The aim is 19 000 lines. This bound is what there is, rounded up: lower it where lines go.
-    assert sum(lines().values()) <= 35_166
-
-
-def test_hard_places_are_explained():
-    code, comments = code_and_comments()
-    assert comments >= 0.04 * code, f"{comments} of {code} lines, {comments / code:.1%}"
+def test_no_measure_gets_worse():
+    now = measured()
+    assert now.keys() == LAST.keys()
+    assert not [f"{name}: {now[name]:g}, {last:g} before" for name, last in LAST.items() if now[name] > last]
 
 
 def test_docstrings_say_what_a_thing_is():
