@@ -71,14 +71,17 @@ def test_error_of_a_chunk_reaches_the_caller(cluster):
         cluster.map("bad", slowly_squared, batch(10), (None,), chunk=128)
 
 
-def test_motions_runs_maps_and_spectra_are_those_of_one_process(cluster):
+def test_motions_runs_and_spectra_are_those_of_one_process(cluster):
     pulse = tpd.Pulse.one_sine(acceleration=3.0, frequency=1.5)
-    axes = {"frequency_ratios": np.linspace(1, 6, 17), "acceleration_ratios": np.linspace(1, 8, 19)}
-    alone = tpd.overturning_spectrum(SCENE.block, pulse, HUNG, **axes)
-    spread = tpd.overturning_spectrum(SCENE.block, pulse, HUNG, cluster=cluster, **axes)
+    axes = {"frequency_ratios": np.linspace(1, 6, 5), "acceleration_ratios": np.linspace(1, 8, 7)}
+    alone, spread = (
+        tpd.overturning_spectrum(SCENE.block, pulse, HUNG, cluster=c, **axes) for c in (None, cluster)
+    )
     assert np.array_equal(alone.bare, spread.bare)
     assert np.array_equal(alone.hung, spread.hung)
-    tilts = [tpd.rocking_spectrum(SCENE.block, pulse, cluster=c).bare for c in (None, cluster)]
+    tilts = [
+        tpd.rocking_spectrum(SCENE.block, pulse, periods=[0.3, 0.6], cluster=c).bare for c in (None, cluster)
+    ]
     assert np.array_equal(*tilts)
     motions = [pulse.scaled(x) for x in (0.7, 1.0, 1.3)]
     curves = [
@@ -87,12 +90,9 @@ def test_motions_runs_maps_and_spectra_are_those_of_one_process(cluster):
     ]
     assert np.array_equal(curves[0].tilts, curves[1].tilts, equal_nan=True)
     assert str(curves[0]) == str(curves[1])
-    few = tpd.Ensemble(size=48, periods=30)
-    for equations in ("linear", "nonlinear"):
-        verdicts = [
-            tpd.verdict(SCENE, HUNG, ensemble=few, equations=equations, cluster=c) for c in (None, cluster)
-        ]
-        assert verdicts[0].summary() == verdicts[1].summary()
+    few = tpd.Ensemble(size=8, periods=10)
+    verdicts = [tpd.verdict(SCENE, HUNG, ensemble=few, cluster=c) for c in (None, cluster)]
+    assert verdicts[0].summary() == verdicts[1].summary()
 
 
 def test_killed_worker_loses_nothing(tmp_path):
