@@ -12,7 +12,7 @@ from tpd.answers.ensemble import outcomes, plan
 from tpd.answers.outcomes import Outcomes, Share
 from tpd.answers.paired import Verdict, chance_of
 from tpd.models.batches import settle_all
-from tpd.scene.sampling import latin_hypercube
+from tpd.scene.conditions import latin_hypercube
 from tpd.scene.status import names_of
 
 HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)

@@ -43,34 +43,30 @@ def same(a, b):
 WHOLE = in_chunks(answer, X, chunk=64, workers=1)
 
 
-def test_it_is_vmap_with_numpy_leaves():
+def test_it_is_vmap_with_numpy_leaves_and_statuses_stay_statuses():
     expected = jax.jit(jax.vmap(answer))(X)
-    assert jax.tree.structure(WHOLE) == jax.tree.structure(expected)
-    for x, y in zip(jax.tree.leaves(WHOLE), jax.tree.leaves(expected), strict=True):
-        assert isinstance(x, np.ndarray)
-        assert x.shape == y.shape
-        assert x.dtype == y.dtype
-        np.testing.assert_allclose(x, y, rtol=1e-15)
-
-
-def test_statuses_stay_statuses():
+    close(WHOLE, expected)
+    assert all(isinstance(x, np.ndarray) for x in jax.tree.leaves(WHOLE))
     assert isinstance(WHOLE.status, Status)
     rocking = np.asarray(WHOLE.status == Status.rocking)
     np.testing.assert_array_equal(rocking, WHOLE.value > 5.0)
     assert 0 < rocking.sum() < LENGTH
 
 
-@pytest.mark.parametrize("chunk", [1, 7, 64, LENGTH - 1, LENGTH, LENGTH + 1, 512])
-def test_the_chunk_size_changes_nothing(chunk):
-    found = in_chunks(answer, X, chunk=chunk)
-    for x, y in zip(jax.tree.leaves(found), jax.tree.leaves(WHOLE), strict=True):
-        assert x.dtype == y.dtype
-        assert x.shape == y.shape
-        # Vector instructions round a last digit unlike scalar ones.
+def close(a, b):
+    """Whether two results agree but for a last digit: vector instructions round it unlike scalar ones."""
+    assert jax.tree.structure(a) == jax.tree.structure(b)
+    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+        assert (x.shape, x.dtype) == (y.shape, y.dtype)
         np.testing.assert_allclose(x, y, rtol=1e-15)
 
 
-@pytest.mark.parametrize("workers", [1, 2, 5])
+@pytest.mark.parametrize("chunk", [1, 7, LENGTH + 1])
+def test_the_chunk_size_changes_nothing(chunk):
+    close(in_chunks(answer, X, chunk=chunk), WHOLE)
+
+
+@pytest.mark.parametrize("workers", [2, 5])
 def test_the_number_of_workers_changes_nothing(workers):
     same(in_chunks(answer, X, chunk=64, workers=workers), WHOLE)
 
@@ -81,7 +77,7 @@ def test_each_element_gets_its_own_answer_wherever_it_stands():
     same(moved, jax.tree.map(lambda a: a[order], WHOLE))
 
 
-@pytest.mark.parametrize("length", [1, 63, 64, 65])
+@pytest.mark.parametrize("length", [1, 64, 65])
 def test_every_length_is_answered_in_full(length):
     found = in_chunks(answer, X[:length], chunk=64)
     same(found, jax.tree.map(lambda a: a[:length], WHOLE))
@@ -180,15 +176,10 @@ def test_a_batch_without_one_length_is_refused(batch, lengths):
         in_chunks(answer, batch)
 
 
-def test_no_workers_are_refused():
-    with pytest.raises(ValueError, match="`workers` must be a whole number, 1 or more, but is 0"):
-        in_chunks(answer, X, workers=0)
-
-
-@pytest.mark.parametrize(("chunk", "shown"), [(0, "0"), (-3, "-3")])
-def test_a_chunk_below_one_is_refused(chunk, shown):
-    with pytest.raises(ValueError, match=f"`chunk` must be a whole number, 1 or more, but is {shown}"):
-        in_chunks(answer, X, chunk=chunk)
+@pytest.mark.parametrize(("name", "value"), [("workers", 0), ("chunk", 0), ("chunk", -3)])
+def test_counts_below_one_are_refused(name, value):
+    with pytest.raises(ValueError, match=f"`{name}` must be a whole number, 1 or more, but is {value}"):
+        in_chunks(answer, X, **{name: value})
 
 
 def test_every_thread_computes_in_the_floats_of_the_one_that_asks():

@@ -1,8 +1,78 @@
-"""Output files: the date of a report."""
+"""Output files: whole or absent, not overwritten, sealed; tables, JSON and the date of a report."""
 
+import json
+import math
+import os
+
+import numpy as np
 import pytest
 
 from tpd.core import files
+
+
+def test_a_file_appears_whole_or_not_at_all(tmp_path, monkeypatch):
+    path = files.place(tmp_path / "a" / "b.txt", "first")
+    assert path.read_text() == "first"
+    assert path.stat().st_mode & 0o777 == 0o644
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(type(path), "replace", full)
+    with pytest.raises(OSError, match="No space left"):
+        files.place(path, "second")
+    assert [p.name for p in path.parent.iterdir()] == ["b.txt"]
+    assert path.read_text() == "first"
+
+
+def test_a_directory_with_files_is_not_overwritten_unless_asked(tmp_path):
+    out = tmp_path / "out"
+    files.claim(out, overwrite=False)
+    files.place(out / f"{files._PART}x", "left by a run that was killed")
+    files.claim(out, overwrite=False)
+    files.place(out / "design.json", "{}")
+    with pytest.raises(ValueError, match=r"already holds files: choose another directory with --out"):
+        files.claim(out, overwrite=False)
+    files.claim(out, overwrite=True)
+    with pytest.raises(ValueError, match=r"design.json is a file, not a directory"):
+        files.claim(out / "design.json", overwrite=True)
+    with pytest.raises(ValueError, match="cannot write to"):
+        files.claim(out / "design.json" / "below", overwrite=True)
+
+
+def test_what_is_sealed_comes_back_only_as_it_was_and_for_what_it_was():
+    sealed = files.sealed(b"data", "of a chunk")
+    assert files.unsealed(sealed, "of a chunk") == b"data"
+    for other in (sealed[:-1], sealed + b"x", b"", bytes(len(sealed)), sealed[:-1] + b"b"):
+        assert files.unsealed(other, "of a chunk") is None
+    assert files.unsealed(sealed, "of another") is None
+    assert files.unsealed(files.sealed(b"")) == b""
+
+
+def test_a_damaged_file_gets_a_name_that_is_free(tmp_path):
+    for name in ("a", "a.damaged-1"):
+        (tmp_path / name).write_text(name)
+    with pytest.warns(UserWarning, match=r"searches \(now in .*a.damaged-2\) in .* were damaged"):
+        files.put_aside(tmp_path / "a", "searches", "done")
+    assert (tmp_path / "a.damaged-2").read_text() == "a"
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files here")
+def test_folders_of_a_store_are_made_for_the_user_alone(tmp_path):
+    store = tmp_path / "home" / ".cache" / "tpd" / "compiled"
+    before = os.umask(0o002)
+    try:
+        files.check_own(store)
+    finally:
+        os.umask(before)
+    assert [path.stat().st_mode & 0o777 for path in (store, *store.parents[:3])] == [0o700] * 4
+
+
+def test_numbers_that_a_format_has_not_are_words_or_empty_cells():
+    found = json.loads(files.as_json({"b": [math.inf, math.nan], "a": (1.5, {"x": -math.inf})}))
+    assert found == {"a": [1.5, {"x": "infinite"}], "b": ["infinite", "nan"]}
+    table = files.as_table({"x": np.array([0.1, np.nan]), "word": np.array(["a,b", "c"])})
+    assert table == 'x,word\n0.1,"a,b"\n,c\n'
 
 
 def test_the_date_is_that_of_the_environment_where_it_has_one(monkeypatch):

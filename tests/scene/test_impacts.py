@@ -5,7 +5,11 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+
+from tpd.scene import impacts
+from tpd.scene.impacts import housner
 
 PROGRAM = """
 import dataclasses, json, sys
@@ -60,3 +64,45 @@ def test_another_law_in_its_one_place_is_followed_by_all_models(tmp_path):
     # With the bob at an angle the usual ratio of (4) depends on it.
     assert nonlinear[0] == pytest.approx(nonlinear[1], rel=0.05)
     assert nonlinear[0] != pytest.approx(nonlinear[1], rel=1e-6)
+
+
+def struck(nu, rho):
+    """Velocity ratio of a block of half height 1 and unit mass that turns about its left corner at a rate of
+    1 when its right corner strikes: from the angular momentum about that corner, which it keeps."""
+    radius2 = 1 / rho - 1 - nu**2
+    centre, left, right = np.array([0.0, 1.0]), np.array([-nu, 0.0]), np.array([nu, 0.0])
+
+    def momentum(pivot, about):
+        arm, velocity = centre - about, np.array([-(centre - pivot)[1], (centre - pivot)[0]])
+        return radius2 + arm[0] * velocity[1] - arm[1] * velocity[0]
+
+    return momentum(left, right) / momentum(right, right)
+
+
+@pytest.mark.parametrize(("nu", "rho"), [(0.1, 0.74), (0.25, 0.6), (0.5, 0.6), (0.4, 0.8)])
+def test_housner_s_ratio_keeps_the_angular_momentum_about_the_new_pivot(nu, rho):
+    assert housner(nu, rho) == pytest.approx(struck(nu, rho), rel=1e-14)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("psi", [-1.2, 0.3, 2.0])
+def test_no_impact_gives_energy_and_the_bob_keeps_its_speed_across_the_rod(side, psi):
+    nu, mu, lam, rho, swing = 0.3, 0.4, 0.5, 0.7, 0.8
+    sine, cosine = np.sin(psi), np.cos(psi)
+
+    def speeds(rate, swing, foot):
+        """Of the bob along the rod and across it: the hinge moves at -2 to the side and foot nu upwards."""
+        x, z = -2 * rate + lam * cosine * swing, foot * nu * rate + lam * sine * swing
+        return x * sine - z * cosine, x * cosine + z * sine
+
+    along, across = speeds(1.0, swing, side)
+    before = 1.0 / rho + mu * (along**2 + across**2)
+    for e in (0.2, 0.8, 0.97, 0.9999):
+        law = e, nu, mu, lam, rho, side, sine, cosine
+        ratio = impacts.velocity_ratio(*law)
+        along, after = speeds(ratio, swing + impacts.bob_change(ratio, *law), -side)
+        assert after == pytest.approx(across, abs=1e-14)
+        assert ratio**2 / rho + mu * (along**2 + after**2) <= before * (1 + 1e-14)
+    # Without loss nothing happens at all.
+    law = 1.0, nu, mu, lam, rho, side, sine, cosine
+    assert (impacts.velocity_ratio(*law), impacts.bob_change(1.0, *law)) == (1.0, 0.0)

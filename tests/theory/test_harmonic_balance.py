@@ -1,4 +1,4 @@
-"""The closed forms: one-harmonic balance (27), corrected, and the uplift criterion."""
+"""The one-harmonic balance: (23) and (27), corrected."""
 
 import jax
 import jax.numpy as jnp
@@ -7,11 +7,9 @@ import pytest
 
 from tests.reference import (
     BARE,
-    CASES,
     HUNG,
     MOVING,
     NAMES,
-    STILL,
     EventDriven,
     differences,
     exact,
@@ -25,19 +23,14 @@ from tpd.theory import (
     one_harmonic,
     one_harmonic_branches,
     parametric_branches,
-    uplift,
 )
 
 ONE = jax.jit(lambda x: one_harmonic(parameters(x)))
-UPLIFT = jax.jit(lambda x: uplift(parameters(x)))
 FORMS = {
     "amplitude": lambda x: ONE(x).amplitude,
     "stroke": lambda x: ONE(x).stroke,
-    "margin": lambda x: UPLIFT(x).margin,
-    "stroke at rest": lambda x: UPLIFT(x).stroke,
 }
 SLOPES = {name: jax.jit(jax.grad(form)) for name, form in FORMS.items()}
-DAMPED, UNDAMPED = np.array(HUNG[3].x), np.array([*HUNG[3].x[:3], 0.0, *HUNG[3].x[4:]])
 
 
 @pytest.mark.parametrize("case", MOVING, ids=named)
@@ -85,50 +78,6 @@ def test_without_enough_forcing_no_orbit_exists():
     assert not estimate.exists
     assert estimate.amplitude == estimate.stroke == 0.0
     assert np.all(np.isfinite(jax.grad(FORMS["amplitude"])(weak)))
-
-
-@pytest.mark.parametrize(
-    "x", [UNDAMPED, np.array([0.25, 0.3, 0.5, 0.0, 0.05, 0.4, 2.0])], ids=["long", "short"]
-)
-def test_the_margin_of_an_undamped_hinge_is_its_short_formula(x):
-    nu, mu, lam, _, k, f, xi = x
-    rho = 0.75 / (1 + nu**2)
-    demand = f * abs(1 + 2 * mu / (1 - lam * rho * xi**2))
-    found = UPLIFT(x)
-    assert float(found.margin) == pytest.approx(1 - demand / ((1 + mu) * nu + k), rel=1e-12)
-    assert float(found.stroke) == pytest.approx(f / abs(1 - lam * rho * xi**2), rel=1e-12)
-
-
-def test_the_margin_is_that_of_the_largest_moment_over_a_period():
-    """Of a held block whose bob has settled: R = (1 + 2 mu) phi - ..., integrated by nobody."""
-    nu, mu, lam, zeta, k, f, xi = DAMPED
-    rho = 0.75 / (1 + nu**2)
-    c = 2 * zeta * np.sqrt(lam * rho)
-    swing = f / (1 - lam * rho * xi**2 + 1j * c * xi)
-    phase = np.exp(1j * np.linspace(0, 2 * np.pi, 100_001))
-    moment = np.imag(
-        (-(1 + 2 * mu) * f - 2 * mu * rho * lam * xi**2 * swing + 1j * mu * lam * c * xi * swing) * phase
-    )
-    largest = np.abs(moment).max()
-    assert float(UPLIFT(DAMPED).margin) == pytest.approx(1 - largest / ((1 + mu) * nu + k), rel=1e-8)
-
-
-@pytest.mark.parametrize("case", CASES, ids=named)
-def test_a_block_within_its_margin_settles_at_rest_with_the_stroke_that_is_predicted(case):
-    found = UPLIFT(np.array(case.x))
-    if case is STILL:
-        assert found.margin > 0
-        assert exact(case.x).status == "rest"
-        assert float(found.stroke) == pytest.approx(exact(case.x).stroke, rel=1e-12)
-    elif case not in BARE:
-        assert found.margin < 0
-
-
-def test_a_bare_block_lifts_when_the_base_pushes_harder_than_its_slenderness():
-    x = np.array([0.2, 0.0, 0.4, 0.1, 0.05, 0.25, 2.0])
-    assert float(UPLIFT(x).margin) == pytest.approx(0.0, abs=1e-15)
-    x[5] = 0.125
-    assert float(UPLIFT(x).margin) == pytest.approx(0.5, rel=1e-14)
 
 
 @pytest.mark.parametrize("form", FORMS)

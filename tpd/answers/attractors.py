@@ -26,9 +26,9 @@ from tpd.models.base import Settled
 from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
 from tpd.models.settling import scale_of
+from tpd.scene.conditions import latin_hypercube
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import parameters_of
-from tpd.scene.sampling import latin_hypercube
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status, status_name
 

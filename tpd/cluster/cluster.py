@@ -1,50 +1,45 @@
-"""Batches on many processes or machines, with Dask: the chunks are stored as they finish.
+"""Batches on many processes or machines, with Dask: a file for each chunk, written when it is finished.
 
-The batch is cut into chunks whose bounds depend on the batch alone, and each chunk is computed by one process
-from the same inputs. So the answer does not depend on the number of workers, nor on which of them are lost:
-Dask gives the chunk of a lost worker to another one, and a batch that was stopped goes on with the chunks
-that are missing. One process, that of the caller, writes: no chunk is stored twice, and workers need no
-common folder.
+The bounds of chunks depend on the batch alone, and one process computes each from the same inputs. So the
+answer depends neither on the number of workers nor on which of them are lost: Dask gives the chunk of a lost
+worker to another one. A batch that was stopped goes on with the missing chunks. Only the caller writes:
+workers need no common folder.
 """
 
 from __future__ import annotations
 
 import contextlib
 import inspect
+import io
 import os
 import re
-import uuid
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
-from tpd.cluster.chunk_store import ChunkStore, zarr
-from tpd.core import checks
+from tpd.core import checks, files, process
+from tpd.core.batch import elements
 from tpd.core.fingerprints import fingerprint, of_environment
 
-Task = Callable[..., dict[str, np.ndarray]]
+Results = dict[str, np.ndarray]
+Task = Callable[..., Results]
 """Function at the top level of a module: of the elements of a chunk and of what all chunks share, to arrays
 whose leading axis is the elements."""
-
-_AHEAD = 3
-"""Chunks that wait at every worker, so that none is idle while results are written."""
-_CHUNKS = 24
-"""Chunks that a batch should have at least."""
-_DEATHS = 10
-"""Workers that may be lost over one chunk: after more of them the chunk is probably the cause."""
-_WAIT = 30.0
-"""Seconds in which a first worker must be there."""
+_CHUNKS, _AHEAD, _DEATHS, _WAIT = 24, 3, 10, 30.0
+"""Least chunks of a batch; chunks that wait at a worker, so that none is idle while results are written;
+workers that may be lost over a chunk before it is taken for the cause; seconds to wait for a first worker."""
+# A terminal sends Ctrl-C to all its processes; the caller answers it and ends these.
+_DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 
 
 class ClusterError(RuntimeError):
     """A batch that a cluster cannot compute: its workers, its scheduler or a chunk failed."""
 
 
-class Cluster:
+class Cluster(contextlib.AbstractContextManager["Cluster"]):
     """Worker processes on this machine, or a Dask cluster, and the folder in which chunks are stored.
 
     A context manager: the processes begin with the first batch and end with the block. A script that starts
@@ -55,14 +50,12 @@ class Cluster:
         """Nothing is started yet.
 
         Args:
-            folder: for chunks and manifests. The same batch goes on from what is there; other batches lie
-                beside it.
+            folder: for chunks. The same batch goes on from what is there; other batches lie beside it.
             workers: processes on this machine; default the number of cores.
             dask: address of a Dask scheduler, such as tcp://host:8786, in place of `workers`. Its workers
                 need the same version of this package; JAX is set to 64 bits in them.
 
-        Raises:
-            ValueError: both, workers below one, what is no address, or Dask or Zarr are not installed.
+        Raises `ValueError`: both, workers below one, what is no address, or Dask is not installed.
         """
         checks.instance("folder", folder, (Path, str))
         checks.optional("dask", dask, str)
@@ -75,11 +68,14 @@ class Cluster:
         if dask is not None and not re.fullmatch(r"(\w+://)?[^:/\s]+:\d+|(tcp|tls)://\[.+\]:\d+", dask):
             # Dask itself answers after a minute.
             raise ValueError(f"`dask` must be an address such as tcp://host:8786, but is {dask!r}")
-        self.folder, self.dask = Path(folder), dask
-        self.workers = workers or os.cpu_count() or 1
+        try:
+            import distributed
+        except ModuleNotFoundError:
+            raise ValueError("a cluster needs Dask: install `tpd[dask]`") from None
+        self.folder, self.workers, self.dask = Path(folder), workers or os.cpu_count() or 1, dask
+        self._distributed: Any = distributed
         self._client: Any = None
         self._local: Any = None
-        _distributed()
 
     def map(
         self,
@@ -90,19 +86,16 @@ class Cluster:
         *,
         chunk: int,
         progress: Callable[[int, int], None] | None = None,
-    ) -> dict[str, np.ndarray]:
-        """`task` of every chunk of a batch, put together.
+    ) -> Results:
+        """`task` of every chunk of a batch, put together: arrays by name.
 
         Args:
             name: of the batch, for its folder.
             task: see `Task`.
             batch: pytree of arrays with one leading axis; single numbers belong to every element.
-            shared: further arguments of `task`, sent once to every worker.
+            shared: further arguments of `task`, sent once.
             chunk: most elements of a chunk; a short batch has shorter ones.
             progress: called with (elements done, of how many) after each chunk.
-
-        Returns:
-            The arrays of all chunks, by name.
 
         Raises:
             ValueError: a folder that cannot be used, a cluster that cannot be reached, or inputs or a task
@@ -110,43 +103,69 @@ class Cluster:
             ClusterError: workers of another version, a scheduler or too many workers that are lost. An
                 error of the task itself is raised as it is.
         """
-        part_of, length = _parts(batch)
+        part_of, length = elements(batch)
         chunk = min(chunk, -(-length // _CHUNKS))
-        source, text = _source(task)
         try:
-            key = fingerprint(of_environment(), source, text, chunk, part_of(0, length), shared)
+            key = fingerprint(of_environment(), *_source(task), chunk, part_of(slice(None)), shared)
         except TypeError as error:
             raise ValueError(f"these inputs cannot be computed on a cluster: {error}") from None
-        about = {"of": name, "task": source, "fingerprint": key}
-        store = ChunkStore(self.folder / f"{name}-{key[:16]}", length, chunk, about)
-        missing = store.missing()
-        done = length - sum(b - a for a, b in map(store.bounds, missing))
-        if progress is not None and done:
-            progress(done, length)
+        folder, starts = self.folder / f"{name}-{key[:16]}", range(0, length, chunk)
+        try:
+            found = stored(folder, key, len(starts))
+        except OSError as error:
+            raise ValueError(f"cannot use {folder} for the chunks of a batch: {error}") from None
+        report, sizes = progress or (lambda *_: None), [min(chunk, length - a) for a in starts]
+        if found:
+            report(sum(sizes[i] for i in found), length)
+        parts = {i: part_of(slice(a, a + chunk)) for i, a in enumerate(starts) if i not in found}
         # Nothing is started for a batch that is there already.
-        if missing:
-            for number, results in self._computed(task, shared, part_of, store, missing):
-                store.write(number, results)
-                first, last = store.bounds(number)
-                done += last - first
-                if progress is not None:
-                    progress(done, length)
-        return store.read()
+        for i, results in self._computed(task, shared, parts) if parts else ():
+            store(folder, key, i, results)
+            found[i] = results
+            report(sum(sizes[i] for i in found), length)
+        return {x: np.concatenate([found[i][x] for i in range(len(sizes))]) for x in found[0]}
 
-    def __enter__(self) -> Cluster:
-        return self
+    def _computed(self, task: Task, shared: Any, parts: dict[int, Any]) -> Iterator[tuple[int, Results]]:
+        """Results of chunks in the order in which they finish."""
+        client, pickle, version = self.client, self._distributed.protocol.pickle, of_environment()
+        try:
+            client.wait_for_workers(1, timeout=_WAIT)
+        except TimeoutError:
+            raise ClusterError(
+                f"the cluster has had no worker for {_WAIT:.0f} s: start one by `dask worker`"
+            ) from None
+        # Every submission is a new one: Dask would give back the failure of a former run. What all chunks
+        # share is the result of one as well, so that Dask makes it again where its worker is lost.
+        common = client.submit(bytes, pickle.dumps((task, shared)), pure=False)
+        queue, rest = self._distributed.as_completed(loop=client.loop), iter(parts.items())
+        try:
+            while True:
+                # Workers may have joined since the last time.
+                workers = len(client.scheduler_info(n_workers=-1)["workers"])
+                while queue.count() < _AHEAD * max(1, workers) and (part := next(rest, None)) is not None:
+                    queue.add(client.submit(_compute, version, common, pickle.dumps(part), pure=False))
+                if queue.is_empty():
+                    return
+                yield next(queue).result()
+        except self._distributed.KilledWorker as error:
+            raise ClusterError(f"too many workers were lost over one chunk: {error}") from None
+        except (CancelledError, self._distributed.comm.CommClosedError) as error:
+            self.close()
+            raise ClusterError(
+                f"the scheduler of the cluster is lost ({error}); the finished chunks are stored"
+            ) from None
+        finally:
+            queue.clear()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
         """End the processes that were started; an external cluster is not stopped."""
         for opened in (self._client, self._local):
-            if opened is not None:
-                # A connection that is lost cannot be closed.
-                with contextlib.suppress(OSError):
+            # A connection that is lost cannot be closed.
+            with contextlib.suppress(OSError):
+                if opened is not None:
                     opened.close()
         self._client = self._local = None
 
@@ -158,104 +177,49 @@ class Cluster:
             ValueError: nobody answers at the address.
         """
         if self._client is None:
-            dask, distributed = _distributed()
-            settings = {"distributed.scheduler.allowed-failures": _DEATHS}
-            with dask.config.set(settings):
+            import dask
+
+            with dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS}):
+                if self.dask is None:
+                    how = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "preload": [_DEAF]}
+                    self._local = self._distributed.LocalCluster(n_workers=self.workers, **how)
                 try:
-                    where = self._started(distributed) if self.dask is None else self.dask
-                    self._client = distributed.Client(where, set_as_default=False)
+                    self._client = self._distributed.Client(self._local or self.dask, set_as_default=False)
                 except (OSError, ValueError) as error:
-                    if self.dask is None:
-                        raise
                     raise ValueError(f"no Dask scheduler answers at {self.dask}: {error}") from None
         return self._client
 
-    def _started(self, distributed: Any) -> Any:
-        """Processes on this machine, with one thread each."""
-        self._local = distributed.LocalCluster(
-            n_workers=self.workers,
-            threads_per_worker=1,
-            dashboard_address="127.0.0.1:0",
-            silence_logs="ERROR",
+
+def _compute(version: str, common: bytes, part: bytes) -> tuple[int, Results]:
+    """Number and results of a chunk, in a worker; `ClusterError` where it would compute other digits."""
+    from distributed.protocol import pickle
+
+    if of_environment() != version:
+        raise ClusterError(
+            "a worker of the cluster has another version of Python, tpd or its packages: install the same"
         )
-        return self._local
+    # Before anything is unpickled: arrays of JAX would be cut to 32 bits.
+    process.use_64_bits()
+    (task, shared), (number, own) = pickle.loads(common), pickle.loads(part)
+    return number, {name: np.asarray(values) for name, values in task(own, *shared).items()}
 
-    def _computed(
-        self,
-        task: Task,
-        shared: tuple[Any, ...],
-        part_of: Callable[[int, int], Any],
-        store: ChunkStore,
-        missing: list[int],
-    ) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
-        """Results of chunks in the order in which they finish."""
-        _, distributed = _distributed()
-        client = self.client
-        # Not the fingerprint: another caller may have the same batch on the same cluster.
-        key = uuid.uuid4().hex
-        try:
-            self._prepare(key, shared)
-            yield from self._streamed(key, task, part_of, store, missing)
-        except distributed.KilledWorker as error:
-            raise ClusterError(f"too many workers were lost over one chunk: {error}") from None
-        except (CancelledError, distributed.comm.CommClosedError) as error:
-            self.close()
-            raise ClusterError(
-                f"the scheduler of the cluster is lost ({error}); the finished chunks are stored"
-            ) from None
-        finally:
-            with contextlib.suppress(Exception):
-                client.unregister_worker_plugin(key)
 
-    def _prepare(self, key: str, shared: tuple[Any, ...]) -> None:
-        """Send every worker once what chunks share, also one that comes in place of another."""
-        # Loaded here, and not with the package: it needs Dask.
-        from tpd.cluster.worker import Prepared
+def stored(folder: Path, key: str, count: int) -> dict[int, Results]:
+    """Chunks of the batch with a fingerprint, by number from 0 to `count`, as far as their files are as they
+    were written; damaged ones are said. The folder is made where there is none."""
+    folder.mkdir(parents=True, exist_ok=True)
+    there = [i for i in range(count) if (folder / f"{i}.npz").exists()]
+    read = {i: files.unsealed((folder / f"{i}.npz").read_bytes(), f"{key} {i}") for i in there}
+    sound = {i: dict(np.load(io.BytesIO(data))) for i, data in read.items() if data is not None}
+    if len(sound) < len(there):
+        files.say_damaged(f"{len(there) - len(sound)} chunks", folder, "computed")
+    return sound
 
-        try:
-            self.client.wait_for_workers(1, timeout=_WAIT)
-        except TimeoutError:
-            raise ClusterError(
-                f"the cluster has had no worker for {_WAIT:.0f} s: start one by `dask worker`"
-            ) from None
-        prepared = Prepared(key, of_environment(), shared, local=self._local is not None)
-        _persistently(lambda: self.client.register_plugin(prepared, name=key))
 
-    def _streamed(
-        self,
-        key: str,
-        task: Task,
-        part_of: Callable[[int, int], Any],
-        store: ChunkStore,
-        missing: list[int],
-    ) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
-        """Submit a few chunks for each worker, and another one for each result."""
-        _, distributed = _distributed()
-        from tpd.cluster.worker import compute
-
-        queue, waiting = distributed.as_completed(loop=self.client.loop), 0
-        rest = iter(missing)
-
-        def submit() -> int:
-            # Workers may have joined since the last time.
-            workers = len(self.client.scheduler_info(n_workers=-1)["workers"])
-            sent = 0
-            while waiting + sent < _AHEAD * max(1, workers) and (number := next(rest, None)) is not None:
-                part = part_of(*store.bounds(number))
-                # Every submission is a new one: Dask would give back the failure of a former run.
-                queue.add(self.client.submit(compute, key, of_environment(), task, part, number, pure=False))
-                sent += 1
-            return sent
-
-        try:
-            waiting += submit()
-            while waiting:
-                future = next(queue)
-                waiting -= 1
-                waiting += submit()
-                yield future.result()
-        finally:
-            queue.clear()
+def store(folder: Path, key: str, number: int, results: Results) -> None:
+    """Write a chunk to its file, behind a checksum; see `stored`."""
+    np.savez(data := io.BytesIO(), **results)  # type: ignore[arg-type]
+    files.place(folder / f"{number}.npz", files.sealed(data.getvalue(), f"{key} {number}"))
 
 
 def check_where(workers: object, cluster: object, progress: object = None) -> None:
@@ -266,62 +230,14 @@ def check_where(workers: object, cluster: object, progress: object = None) -> No
     checks.function("progress", progress)
 
 
-def _persistently(ask: Callable[[], Any]) -> None:
-    """Ask all workers, again where one of them was lost while it was asked."""
-    for left in reversed(range(_DEATHS)):
-        try:
-            ask()
-        except OSError:
-            if not left:
-                raise
-        else:
-            return
-
-
-def _parts(batch: Any) -> tuple[Callable[[int, int], Any], int]:
-    """Elements of a batch between two bounds, and how many there are."""
-    import jax
-
-    leaves, structure = jax.tree.flatten(batch)
-    arrays = [np.asarray(x) for x in leaves]
-    lengths = {len(x) for x in arrays if x.ndim}
-    if len(lengths) != 1 or 0 in lengths:
-        raise ValueError(
-            f"`batch` must be arrays of one length above zero, but has lengths {sorted(lengths)}"
-        )
-
-    def part_of(first: int, last: int) -> Any:
-        return jax.tree.unflatten(structure, [x[first:last] if x.ndim else x for x in arrays])
-
-    return part_of, lengths.pop()
-
-
 def _source(task: Task) -> tuple[str, str]:
-    """Full name of a task, and the text of its module where that is not of this package.
-
-    Raises:
-        ValueError: a function that workers cannot import by its name.
-    """
+    """Full name of a task, and the text of its module where that is not of this package; `ValueError` for a
+    function that workers cannot import by its name."""
     module, name = getattr(task, "__module__", None), getattr(task, "__qualname__", "<locals>")
     if "<locals>" in name or "<lambda>" in name or module is None:
         raise ValueError("`task` must be a function at the top level of a module")
-    own = module.startswith("tpd.")
     try:
+        own = module.startswith("tpd.")
         return f"{module}.{name}", "" if own else inspect.getsource(inspect.getmodule(task) or task)
     except (OSError, TypeError):
         raise ValueError(f"`task` must be in a file, but {module}.{name} is not") from None
-
-
-def _distributed() -> tuple[Any, Any]:
-    """Modules of Dask.
-
-    Raises:
-        ValueError: they are not installed.
-    """
-    try:
-        import dask
-        import distributed
-    except ModuleNotFoundError:
-        raise ValueError("a cluster needs Dask and Zarr: install `tpd[dask]`") from None
-    zarr()
-    return dask, distributed

@@ -103,22 +103,30 @@ def prepare(function: Callable[[Any], Any], batch: Any, *, chunk: int | None = N
     return aside(lambda: compiled(part))
 
 
-def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
-    """The chunk from some element on, filled up with the last one, and how many elements there are."""
-    leaves, treedef = jax.tree.flatten(batch)
+def elements(batch: Any) -> tuple[Callable[[Any], Any], int]:
+    """The elements of a batch at an index or a slice, and how many there are.
+
+    Raises:
+        ValueError: an empty batch, or leaves of different lengths.
+    """
+    leaves, structure = jax.tree.flatten(batch)
     arrays = [np.asarray(x) for x in leaves]
-    lengths = {x.shape[0] for x in arrays if x.ndim}
+    lengths = {len(x) for x in arrays if x.ndim}
     if len(lengths) != 1 or 0 in lengths:
         raise ValueError(
             f"`batch` must be arrays of one length above zero, but has lengths {sorted(lengths)}"
         )
+    return lambda at: jax.tree.unflatten(structure, [x[at] if x.ndim else x for x in arrays]), lengths.pop()
+
+
+def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
+    """The chunk from some element on, filled up with the last one, and how many elements there are."""
     checks.count("chunk", chunk)
-    (length,) = lengths
-    arrays = [x if x.ndim else np.broadcast_to(x, length) for x in arrays]
+    elements_at, length = elements(batch)
 
     def part_of(begin: int) -> Any:
-        index = np.minimum(np.arange(begin, begin + chunk), length - 1)
-        return jax.tree.unflatten(treedef, [x[index] for x in arrays])
+        part = elements_at(np.minimum(np.arange(begin, begin + chunk), length - 1))
+        return jax.tree.map(lambda x: x if np.ndim(x) else np.broadcast_to(x, chunk), part)
 
     return part_of, length
 

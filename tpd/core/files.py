@@ -76,15 +76,15 @@ def _is_part(path: Path) -> bool:
     return path.name.startswith(_PART)
 
 
-def sealed(data: bytes) -> bytes:
-    """Return data behind their checksum (SHA-256), to be read by `unsealed`."""
-    return hashlib.sha256(data).digest() + data
+def sealed(data: bytes, of: str = "") -> bytes:
+    """Return data behind the checksum (SHA-256) of them and of what they belong to; see `unsealed`."""
+    return hashlib.sha256(of.encode() + data).digest() + data
 
 
-def unsealed(content: bytes) -> bytes | None:
-    """Return the data of `sealed`; None where these are not the bytes that were written."""
-    checksum, data = content[:32], content[32:]
-    return data if hashlib.sha256(data).digest() == checksum else None
+def unsealed(content: bytes, of: str = "") -> bytes | None:
+    """Return the data of `sealed`; None where these are not the bytes that were written for `of`."""
+    data = content[32:]
+    return data if sealed(data, of) == content else None
 
 
 def say_damaged(what: str, where: Path, then: str) -> None:

@@ -15,9 +15,9 @@ from jaxtyping import Array, Int
 
 from tpd.design.criteria import DesignSpace, stroke_limit
 from tpd.design.objective import Orbits, margins
+from tpd.scene.conditions import latin_hypercube
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import with_design
-from tpd.scene.sampling import latin_hypercube
 from tpd.theory import uplift
 
 _CLOSED = 4096

@@ -20,8 +20,7 @@ from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 from tpd.scene.bob import THICKEST
-from tpd.scene.conditions import under_all
-from tpd.scene.sampling import latin_hypercube
+from tpd.scene.conditions import latin_hypercube, under_all
 from tpd.scene.status import names_of
 
 ROOM = ("room", "thickness", "room on the way")

@@ -7,7 +7,7 @@ events: its answers depend on its time step, hence two steps stand side by side.
 from typing import TYPE_CHECKING, Any
 
 from tpd.engines.rigid_body import mjcf as mjcf
-from tpd.engines.tcl import opensees as opensees
+from tpd.engines.rigid_body import opensees as opensees
 
 if TYPE_CHECKING:
     from tpd.engines.comparison import EngineVerdict as EngineVerdict

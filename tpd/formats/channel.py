@@ -1,15 +1,44 @@
-"""One channel of a file, and the checks that a file agrees with itself."""
+"""One channel of a file: its unit and direction as files name them, and whether a file agrees with itself."""
 
 from __future__ import annotations
 
+import itertools
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tpd.formats.orientation import UNKNOWN, VERTICAL, orientation
-from tpd.formats.text import Decimal, UnreadableRecord
-from tpd.formats.units import GREATEST_PEAK
+from tpd.formats.text import Decimal, UnreadableRecord, shown
 
+STANDARD_GRAVITY = 9.80665
+"""m/s^2"""
+GREATEST_PEAK = 100.0
+"""Greatest acceleration (m/s^2) that is taken for that of an earthquake: twice the strongest recorded."""
+FACTORS = {
+    "g": STANDARD_GRAVITY,
+    "mg": 1e-3 * STANDARD_GRAVITY,
+    "m/s2": 1.0,
+    "cm/s2": 0.01,
+    "gal": 0.01,
+    "mm/s2": 0.001,
+    "in/s2": 0.0254,
+    "ft/s2": 0.3048,
+    "%g": 0.01 * STANDARD_GRAVITY,
+}
+"""m/s^2 of a unit."""
+_SHOWN = ", ".join(FACTORS)
+VERTICAL = "vertical component"
+"""Note of a channel that is vertical."""
+UNKNOWN = "orientation not stated: taken for a horizontal component"
+"""Note of a channel whose file and name do not say its orientation."""
+_UPRIGHT = r"(?:up|down|dwn|dn|ud|du|vert|vertical|vertic|ver|vrt|updown|z|v)[12]?"
+_LEVEL = (
+    r"(?:ns|sn|ew|we|north|south|east|west|nord|sud|ost|est|ouest|[nsew]|[xy]|[lt]|h[12]?|"
+    r"long|longitudinal|tran|trans|transverse|transversal|radial|horizontal|horiz|hor)[12]?|[ns]\d{1,2}[ew]"
+)
+_SEED = r"[a-z][hlgn]"
+"""Band and instrument of a SEED code; the third letter is the direction."""
+_AT_THE_END = rf"(?:^|[-_. ])(?:{_UPRIGHT[: -len('|z|v)[12]?')]}|z)[12]?|u-d|{_SEED}z)$"
 STEPS = (1e-5, 1.0)
 """Shortest and longest step (s) of a record; beyond them a step was stated in another unit."""
 OFFSET = 0.005
@@ -153,3 +182,96 @@ def agree(first: float, second: float, what: str, tolerance: float = 0.0) -> Non
     # Sums and quotients of stated numbers carry rounding errors of floats.
     if abs(first - second) > tolerance + 1e-9 * max(abs(first), abs(second)):
         raise UnreadableRecord(f"the file states {what} twice and differently, {first:g} and {second:g}")
+
+
+def plain(text: str) -> str:
+    """Return a unit in the spelling of `FACTORS`, such as cm/s2 for CM/SEC/SEC, or the text as it is."""
+    # Agencies write cm/s2, CM/SEC/SEC, cm/sec2, cm/s^2 and cm/s**2 for the same.
+    unit = text.strip(" \t.,;:").lower().replace("²", "2").replace("^", "").replace("**", "")
+    unit = re.sub(r"[\s·]+", "", unit)
+    unit = re.sub(r"seconds?|secs?", "s", unit).replace("/s/s", "/s2").replace("s-2", "/s2")
+    unit = re.sub(r"\.(?=/)", "", unit.replace("//", "/").replace("(s2)", "s2"))
+    unit = re.sub(r"^(?:inch(?:es)?|feet|foot|met(?:er|re)s?|centimet(?:er|re)s?)(?=/)", _short, unit)
+    return {"gals": "gal", "g's": "g", "gs": "g", "milli-g": "mg", "cm/ss": "cm/s2"}.get(unit, unit)
+
+
+def _short(word: re.Match[str]) -> str:
+    return {"i": "in", "f": "ft", "m": "m", "c": "cm"}[word[0][0]]
+
+
+def looks_like(text: str) -> bool:
+    """Return whether a text has the form of a unit of acceleration, known or not: a length over s2."""
+    return bool(re.fullmatch(r"[a-zµ%]{1,12}/s2", plain(text)))
+
+
+def unit_of(text: str, line: int) -> str:
+    """Return the unit of acceleration that a header states.
+
+    Raises:
+        UnreadableRecord: none that is known.
+    """
+    unit = plain(text)
+    if unit not in FACTORS:
+        raise UnreadableRecord(
+            f"line {line} must state a unit of acceleration ({_SHOWN}), but has {shown(text)}"
+        )
+    return unit
+
+
+def given(unit: str) -> str:
+    """Return the unit that a user gives, in the spelling of `FACTORS`."""
+    if not isinstance(unit, str) or plain(unit) not in FACTORS:
+        raise ValueError(f"`unit` must be one of {_SHOWN}, but is {unit!r}")
+    return plain(unit)
+
+
+def chosen(stated: str | None, unit: str | None) -> str:
+    """Return the unit stated by a file or, where it states none, by the user."""
+    if stated is None and unit is None:
+        raise UnreadableRecord("the header states no unit of acceleration: give `unit`, such as unit='g'")
+    if unit is None:
+        return stated or ""
+    # Gal and cm/s2 are one unit.
+    if stated is not None and FACTORS[given(unit)] != FACTORS[stated]:
+        raise UnreadableRecord(f"the header states the unit {stated}, but `unit` is {unit!r}")
+    return given(unit)
+
+
+def orientation(text: str) -> bool | None:
+    """Return whether a component is vertical; None where its name does not say so.
+
+    Args:
+        text: such as UP, U-D, 90 DEG, N-S, S16E, HNZ.
+    """
+    # The Z of AccZ is a word of its own.
+    text = re.sub(r"(?<=[a-z])(?=[A-Z](?:[^a-z]|$))", " ", text)
+    bare = re.sub(r"\(.*?\)|\[.*?\]", " ", text).lower()
+    words = re.findall(r"[^\W_]+", bare)
+    pairs = ["".join(pair) for pair in itertools.pairwise(words)]
+    said = [*words, *(pair for pair in pairs if re.fullmatch(r"(?:ud|ns|ew|updown)[12]?", pair))]
+    if any(re.fullmatch(rf"{_UPRIGHT}|{_SEED}z", word) for word in said):
+        return True
+    # An azimuth: 090, 360, and 90 where no word before it can be what is numbered, such as a channel.
+    angles = re.findall(r"(?<![a-z\d])(\d{3}(?=(?:deg)?(?![a-z\d]))|\d{1,2}(?=\W?deg))", bare)
+    angles += re.findall(r"^\W*(?:(?:comp|component|azimuth|az)\W+)?(\d{1,2})\W*$", bare)
+    azimuth = any(int(angle) <= 360 for angle in angles)
+    if azimuth or any(re.fullmatch(rf"{_LEVEL}|{_SEED}[ne123]", word) for word in said):
+        return False
+    return None
+
+
+def of_file(name: str) -> bool | None:
+    """Return what the name of a file says, such as RSN1_AA-UP.AT2, XXX.UD2, STATION.HNZ.csv.
+
+    Words other than the last may be anything. PEER also writes the direction without a gap: MYG004UD.AT2.
+    """
+    stem, _, ending = name.lower().removesuffix(".gz").rpartition(".")
+    if re.fullmatch(r"(?:ud|ns|ew)[12]?", ending):
+        return ending.startswith("ud")
+    if re.search(_AT_THE_END, stem):
+        return True
+    if ending == "at2" and re.search(r"(?:up|ud|dwn|vert|ver|[-_\d]v|\dz)$", stem):
+        return True
+    level = r"(?:^|[-_. ])(?:ns|ew|n-s|e-w|north|east|n|e|x|y|[ns]\d\d[ew]|[a-z][hlgn][ne12])$"
+    digits = ending == "at2" and re.search(r"(?:\d{3}|[ns]\d\d[ew]|ns|ew|[-_][nelth][12]?)$", stem)
+    return False if digits or re.search(level, stem) else None

@@ -10,9 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tpd.formats.channel import Channel, agree, agree_on_peak, agree_on_peak_time
+from tpd.formats.channel import FACTORS, Channel, agree, agree_on_peak, agree_on_peak_time, chosen, unit_of
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord, fortran, number
-from tpd.formats.units import FACTORS, chosen, unit_of
 
 _FIRST = r"^\s*(corrected|uncorrected|raw)\s+(\w+).*\(format v\S+ with (\d{1,3}) text lines\)"
 _DATA = (

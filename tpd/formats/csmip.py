@@ -12,9 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tpd.formats.channel import Channel, agree, agree_on_count, agree_on_peak, agree_on_peak_time
+from tpd.formats.channel import (
+    FACTORS,
+    Channel,
+    agree,
+    agree_on_count,
+    agree_on_peak,
+    agree_on_peak_time,
+    chosen,
+    unit_of,
+)
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord, fortran, shown
-from tpd.formats.units import FACTORS, chosen, unit_of
 
 _FIRST = re.compile(r"^\s*(un)?corrected accelerogram\b(?!.*GNS)", re.IGNORECASE)
 _V2_TEXT, _V2_INTEGERS, _V2_REALS = 25, 7, 13

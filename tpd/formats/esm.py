@@ -7,9 +7,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tpd.formats.channel import Channel, agree, agree_on_count, agree_on_peak, agree_on_peak_time
+from tpd.formats.channel import (
+    FACTORS,
+    Channel,
+    agree,
+    agree_on_count,
+    agree_on_peak,
+    agree_on_peak_time,
+    chosen,
+    unit_of,
+)
 from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, shown
-from tpd.formats.units import FACTORS, chosen, unit_of
 
 _KEYS = ("EVENT_NAME:", "SAMPLING_INTERVAL_S:", "NDATA:", "DATA_TYPE:", "STATION_CODE:")
 _EVENT = ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "EVENT_TIME_HHMMSS")

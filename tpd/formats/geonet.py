@@ -7,9 +7,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tpd.formats.channel import Channel, agree, agree_on_count, agree_on_peak, agree_on_peak_time
+from tpd.formats.channel import (
+    FACTORS,
+    Channel,
+    agree,
+    agree_on_count,
+    agree_on_peak,
+    agree_on_peak_time,
+    chosen,
+    unit_of,
+)
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord
-from tpd.formats.units import FACTORS, chosen, unit_of
 
 _FIRST = re.compile(r"^\s*(un)?corrected accelerogram\b.*\b(GNS|GeoNet)\b", re.IGNORECASE)
 _TEXT, _COLUMNS, _WIDTH = 16, 10, 8

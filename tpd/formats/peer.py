@@ -5,10 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from tpd.formats.channel import Channel, agree_on_count
-from tpd.formats.orientation import orientation
+from tpd.formats.channel import FACTORS, Channel, agree_on_count, chosen, orientation, unit_of
 from tpd.formats.text import NUMBER, WHOLE, Cursor, UnreadableRecord, shown
-from tpd.formats.units import FACTORS, chosen, unit_of
 
 _QUANTITY = re.compile(r"(\w+)\s+TIME\s+(?:HISTORY|SERIES)(?:\s+IN\s+UNITS?\s+OF\s*(\S*))?", re.IGNORECASE)
 _COUNT_AND_STEP = re.compile(

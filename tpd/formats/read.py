@@ -1,20 +1,38 @@
-"""From a file to its channels: the format is recognised by the content."""
+"""From a file to its channels: the format is recognised by the content.
+
+miniSEED and other files of seismology are read through ObsPy, which is optional (`tpd[obspy]`).
+"""
 
 from __future__ import annotations
 
 import gzip
+import io
 import os
 import re
+import warnings
 import zlib
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
-from tpd.formats import cosmos, csmip, esm, geonet, knet, knet_csv, peer, smc, units
-from tpd.formats.channel import BASELINES, Channel, checked, directed, without_baseline
-from tpd.formats.orientation import of_file
+import numpy as np
+
+from tpd.formats import cosmos, csmip, esm, geonet, knet, peer, smc
+from tpd.formats.channel import (
+    BASELINES,
+    FACTORS,
+    Channel,
+    checked,
+    chosen,
+    directed,
+    given,
+    of_file,
+    orientation,
+    without_baseline,
+)
 from tpd.formats.table import read_table
 from tpd.formats.text import Cursor, UnreadableRecord
-from tpd.formats.waveforms import read_waveforms
 
 _MOST = 200_000_000
 """Most bytes of a file, also when it is decompressed."""
@@ -41,7 +59,7 @@ _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
     (csmip.is_csmip, csmip.read_csmip),
     (esm.is_esm, esm.read_esm),
     (knet.is_knet, knet.read_knet),
-    (knet_csv.is_knet_csv, knet_csv.read_knet_csv),
+    (knet.is_knet_csv, knet.read_knet_csv),
     (peer.is_peer, peer.read_peer),
 )
 
@@ -92,7 +110,7 @@ def one_channel(
 
 def _check_arguments(dt: float | None, baseline: str | None, unit: str | None) -> None:
     if unit is not None:
-        units.given(unit)
+        given(unit)
     if baseline is not None and baseline not in BASELINES:
         raise ValueError(f"`baseline` must be one of {', '.join(BASELINES)} or None, but is {baseline!r}")
     number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
@@ -172,3 +190,65 @@ def _of_bytes(data: bytes, dt: float | None, unit: str | None) -> list[Channel]:
         if known(cursor.lines):
             return reader(cursor, unit)
     return read_table(cursor, dt, unit)
+
+
+def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
+    """Return the channels of a file that is no text.
+
+    Raises:
+        UnreadableRecord: ObsPy is missing or knows no such format, gaps, or counts of the instrument: nothing
+            in such a file says what acceleration a count is.
+    """
+    stream = _opened(data)
+    if len(stream) == 0:
+        raise UnreadableRecord("the file holds no trace")
+    identities = [trace.id for trace in stream]
+    if len(set(identities)) < len(identities):
+        raise UnreadableRecord(
+            f"samples are missing: a channel has several pieces ({', '.join(identities[:9])})"
+        )
+    return [_channel(trace, unit) for trace in stream]
+
+
+def _opened(data: bytes) -> Any:
+    """The stream of ObsPy."""
+    try:
+        # ObsPy warns of its own dependencies on import.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            obspy = import_module("obspy")
+    except ImportError:
+        raise UnreadableRecord(
+            "the file is no text; miniSEED and other formats of seismology need the extra tpd[obspy]: "
+            "pip install 'tpd[obspy]'"
+        ) from None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            return obspy.read(io.BytesIO(data))
+    except Exception:
+        # Each of ObsPy's formats fails in its own way on a damaged file.
+        raise UnreadableRecord("the file is no text, and ObsPy cannot read it") from None
+
+
+def _channel(trace: Any, unit: str | None) -> Channel:
+    # Gaps are masked where pieces of a channel were merged.
+    samples = trace.data
+    if np.ma.is_masked(samples):
+        raise UnreadableRecord(f"samples of {trace.id} are missing")
+    if not np.issubdtype(samples.dtype, np.floating):
+        raise UnreadableRecord(
+            f"{trace.id} holds counts of the instrument: remove its response with ObsPy and save the "
+            "acceleration as a table in m/s2"
+        )
+    values = np.array(samples, dtype=float)
+    if not np.isfinite(values).all():
+        raise UnreadableRecord(f"{trace.id} holds numbers that are not finite")
+    # Such files have no unit of their own: the user must know it.
+    factor = FACTORS[chosen(None, unit)]
+    event = str(trace.stats.starttime)[:10]
+    component = trace.stats.channel
+    # SAC also states the angle of a component from the vertical.
+    if orientation(component) is None and getattr(trace.stats, "sac", {}).get("cmpinc") in (0.0, 180.0):
+        component = f"{component} up".strip()
+    return Channel(values * factor, float(trace.stats.delta), component, trace.id, event)

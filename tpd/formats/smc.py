@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tpd.formats.channel import Channel, agree_on_peak, agree_on_peak_time
+from tpd.formats.channel import FACTORS, Channel, agree_on_peak, agree_on_peak_time, chosen
 from tpd.formats.text import Cursor, Decimal, UnreadableRecord, number, shown
-from tpd.formats.units import FACTORS, chosen
 
 _KINDS = re.compile(r"^\s*(\d?)\s*(UN)?CORRECTED\s+ACCELEROGRAM", re.IGNORECASE)
 _OTHER = re.compile(r"^\s*\d\s+(VELOCITY|DISPLACEMENT|RESPONSE|FOURIER)", re.IGNORECASE)

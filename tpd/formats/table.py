@@ -13,10 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tpd.formats.channel import STEPS, Channel
-from tpd.formats.orientation import orientation
+from tpd.formats.channel import FACTORS, STEPS, Channel, chosen, looks_like, orientation, plain
 from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, number, shown
-from tpd.formats.units import FACTORS, chosen, looks_like, plain
 
 _SEPARATOR = re.compile(r"\s*[,;]\s*|\s+")
 _LONGEST_HEADER = 40

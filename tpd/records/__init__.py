@@ -3,6 +3,6 @@
 Files of one's own are read by `tpd.Record.read` and `tpd.Record.read_all`.
 """
 
-from tpd.records.builtin import el_centro as el_centro
-from tpd.records.builtin import loma_prieta as loma_prieta
-from tpd.records.fema import fema_p695 as fema_p695
+from tpd.records.sets import el_centro as el_centro
+from tpd.records.sets import fema_p695 as fema_p695
+from tpd.records.sets import loma_prieta as loma_prieta

@@ -7,13 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tpd.formats.orientation import UNKNOWN, VERTICAL
-from tpd.records import builtin
-from tpd.records.fema import fema_p695
+from tpd.formats.channel import UNKNOWN, VERTICAL
+from tpd.records.sets import el_centro, fema_p695, loma_prieta
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.record import Record
 
-BUILT_IN = {"el-centro": builtin.el_centro, "loma-prieta": builtin.loma_prieta}
+BUILT_IN = {"el-centro": el_centro, "loma-prieta": loma_prieta}
 SETS = {
     "fema-p695": "far-field",
     "fema-p695-far-field": "far-field",

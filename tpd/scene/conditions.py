@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from tpd.core import checks
-from tpd.scene import sampling
 from tpd.scene.ground_motion import GroundMotion, Pulse, refuse_zeros
 from tpd.scene.parameters import Parameters
 from tpd.scene.scene import Harmonic, Scene
@@ -23,6 +22,8 @@ and e. Seeded samples depend on the order: a new name comes last."""
 
 HARMONIC_PERIODS = 40
 """Periods that a harmonic among ground motions lasts."""
+MOST_SCATTER = 0.5
+"""Largest relative half width of an uncertain number."""
 MEASURES = ("pga_star", "pgv_star", "pga", "pgv", "scale")
 """Names of `tpd.records.intensity` that scales of ground motions can count."""
 
@@ -279,12 +280,12 @@ class Conditions:
         )
         if unknown:
             raise ValueError(f"what scatters must be of {', '.join(FACTORS)}, but has {', '.join(unknown)}")
-        sampling.check_half_widths(half_widths)
+        check_half_widths(half_widths)
         # Every name has its column, used or not, so that the draws of one name do not depend on the others.
-        unit = sampling.latin_hypercube(np.random.default_rng(seed), size, len(FACTORS), axis_by_axis=True)
+        unit = latin_hypercube(np.random.default_rng(seed), size, len(FACTORS), axis_by_axis=True)
         used = [name for name in FACTORS if name in half_widths]
         columns = unit[:, [FACTORS.index(name) for name in used]]
-        factors = sampling.factors(columns, {name: half_widths[name] for name in used})
+        factors = factors_at(columns, {name: half_widths[name] for name in used})
         widths = ", ".join(f"{n} within {w:.0%}" for n, w in half_widths.items())
         return Conditions(factors, (f"{size} samples of {widths or 'nothing'} (seed {seed})",))
 
@@ -350,3 +351,35 @@ def under_all(p: Parameters, designs: Float[Array | np.ndarray, "m 3"], conditio
     values = {**{name: getattr(q, name) for name in names}, "rho": q.inertia_ratio, "e": q.velocity_ratio}
     leaves: dict[str, Any] = {n: np.broadcast_to(np.asarray(v), len(rows)) for n, v in values.items()}
     return Parameters(**leaves)
+
+
+def latin_hypercube(
+    rng: np.random.Generator, size: int, dimensions: int, *, axis_by_axis: bool = False
+) -> np.ndarray:
+    """Points in the unit cube, shape (size, dimensions): along every axis one in each of `size` strata.
+
+    With `axis_by_axis` the generator gives strata and places of one axis before those of the next, so that
+    the first axes do not depend on the number of axes. Without it, all strata come before all places.
+    """
+    # Both orders stay: stored results depend on the points that a seed gives.
+    if axis_by_axis:
+        axes = [rng.permutation(size) + rng.random(size) for _ in range(dimensions)]
+        return np.stack(axes, axis=1) / size
+    strata = np.stack([rng.permutation(size) for _ in range(dimensions)], axis=1)
+    return (strata + rng.random((size, dimensions))) / size
+
+
+def check_half_widths(half_widths: Mapping[str, float]) -> None:
+    """Raise `ValueError` unless every relative half width is between 0 and 0.5."""
+    for name, width in half_widths.items():
+        checks.within(name, width, 0.0, MOST_SCATTER)
+
+
+def factors_at(unit: np.ndarray, half_widths: Mapping[str, float]) -> dict[str, np.ndarray]:
+    """Factors on uncertain numbers, each uniform between 1 - w and 1 + w, by name.
+
+    Args:
+        unit: places in the unit cube, shape (size, len(half_widths)), one column for each name in order.
+        half_widths: w of every uncertain number, by name.
+    """
+    return {n: 1.0 + w * (2.0 * unit[:, i] - 1.0) for i, (n, w) in enumerate(half_widths.items())}

@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.pytrees import pytree
-from tpd.formats.units import STANDARD_GRAVITY
-from tpd.scene.parameters import Real
+from tpd.formats.channel import STANDARD_GRAVITY
+from tpd.scene.parameters import Real, pytree
 
 LONGEST_FREE = 1e5
 """Longest free motion (s) that is followed after a ground motion."""

@@ -14,10 +14,9 @@ import jax
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.pytrees import pytree
-from tpd.formats.units import GREATEST_PEAK
+from tpd.formats.channel import GREATEST_PEAK
 from tpd.scene.ground_motion import GroundMotion
-from tpd.scene.parameters import Real
+from tpd.scene.parameters import Real, pytree
 
 STEPS = 1e-6, 1e3
 """Least and largest step between samples, s."""

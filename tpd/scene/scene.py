@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.pytrees import pytree
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion
 from tpd.scene.impacts import housner
-from tpd.scene.parameters import SLENDERNESS_LIMIT, Parameters, Real, uniform_inertia_ratio
+from tpd.scene.parameters import SLENDERNESS_LIMIT, Parameters, Real, pytree, uniform_inertia_ratio
 
 HOUSNER = "housner"
 """Value of `Block.restitution` that ties e to block and bob by `tpd.scene.impacts.housner`."""

@@ -9,14 +9,13 @@
 | (11), (18), (19), (23), (27) as printed | `paper` | for comparison only, with the errata |
 """
 
-from tpd.theory.free_rocking import free_motion
+from tpd.theory.free_rocking import equivalent_friction, free_motion, turning_tilts
 from tpd.theory.harmonic_balance import (
     neglected_harmonics,
     one_harmonic,
     one_harmonic_branches,
     parametric_branches,
 )
-from tpd.theory.impact_loss import equivalent_friction, turning_tilts
 from tpd.theory.no_uplift import uplift
 
 __all__ = [

@@ -17,7 +17,7 @@ from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Risk
 from tpd.design.ground.objective import GroundObjective
 from tpd.design.surface import Observations, Surface, candidates, fit, promise
-from tpd.scene import sampling
+from tpd.scene.conditions import latin_hypercube
 
 _LEAST_SIZE = 1e-6
 SPARE = 0.05
@@ -103,7 +103,7 @@ class Searcher:
         d = len(self.space.names)
         total = self.method.starts + self.method.steps
         # One design after the other: its motions alone keep all cores busy.
-        spread = sampling.latin_hypercube(np.random.default_rng([self.seed, 7]), self.method.starts, d)
+        spread = latin_hypercube(np.random.default_rng([self.seed, 7]), self.method.starts, d)
         try:
             for i in range(total):
                 self._follow(i, spread[i] if i < len(spread) else self._next(i, last=total - 4))

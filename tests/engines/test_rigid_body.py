@@ -1,4 +1,5 @@
-"""The OpenSees model: its Tcl by an interpreter with stubs, and its motion where openseespy is installed."""
+"""Models as text: MuJoCo's as MuJoCo reads it; that of OpenSees by an interpreter of Tcl with stubs, and its
+motion where openseespy is installed."""
 
 import math
 import re
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.engines import opensees
+from tpd.engines import mjcf, opensees
 
 tkinter = pytest.importorskip("tkinter")
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution="housner")
@@ -49,7 +50,21 @@ def stubbed(text: str) -> tuple[list[tuple[str, ...]], list[str]]:
     return said, values
 
 
-def test_the_text_has_the_masses_of_the_scene():
+def test_the_text_for_mujoco_has_the_masses_of_the_scene():
+    mujoco = pytest.importorskip("mujoco")
+
+    model = mujoco.MjModel.from_xml_string(mjcf(SCENE, HUNG))
+    np.testing.assert_allclose(model.body_mass, [0.0, 9000.0, 900.0])
+    assert model.nu == 2
+    own = 9000.0 * (0.5**2 + 3.0**2) / 3.0
+    np.testing.assert_allclose(model.body_inertia[1], own, rtol=1e-12)
+    hinge = 2.0 * 0.2 * 900.0 * 2.1 * math.sqrt(9.80665 * 2.1)
+    assert model.dof_damping[3] == pytest.approx(hinge)
+    with pytest.raises(ValueError, match="sliding"):
+        mjcf(SCENE, sliding=-1.0)
+
+
+def test_the_text_for_opensees_has_the_masses_of_the_scene():
     said, values = stubbed(opensees(SCENE, HUNG))
     own = 9000.0 * (0.5**2 + 3.0**2) / 3.0
     masses = {words[1]: [float(x) for x in words[2:]] for words in said if words[0] == "mass"}

@@ -262,6 +262,9 @@ class Format:
     def name(self) -> str:
         return self.write.__name__
 
+    def __str__(self) -> str:
+        return self.name
+
     def printed(self, values: Sequence[float]) -> list[float]:
         """The values, rounded to the digits of the format."""
         return [float(format(v, self.digits)) for v in values]

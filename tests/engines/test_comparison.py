@@ -1,6 +1,5 @@
-"""Rigid bodies in MuJoCo against Housner's impact, the equations (4) and what is known of a column."""
+"""Paired runs of an engine beside the equations (4), and what is said where they disagree."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,11 +7,9 @@ import pytest
 
 import tpd
 from tpd.cli import main
-from tpd.engines import mjcf
 from tpd.engines.comparison import EngineVerdict
 from tpd.engines.comparison import mujoco as compared
-from tpd.engines.rigid_body import body_of, parameters_under
-from tpd.engines.rollouts import EngineRuns, available, follow, free_rocking
+from tpd.engines.rollouts import EngineRuns
 from tpd.report import engine
 
 pytest.importorskip("mujoco")
@@ -22,43 +19,6 @@ HUNG = tpd.Pendulum(mass=900.0, length=2.1, damping_ratio=0.2)
 
 def one_sine(scale):
     return tpd.Scene(COLUMN, tpd.Pulse.one_sine(acceleration=scale * 9.80665 / 6.0, frequency=1.2375))
-
-
-def body(block, pendulum=None, steps=1):
-    scene = tpd.Scene(block, one_sine(1.0).motion)
-    return body_of(scene, parameters_under(scene, pendulum), 0.6, steps)
-
-
-def test_the_text_of_a_model_has_the_masses_of_the_scene():
-    import mujoco
-
-    model = mujoco.MjModel.from_xml_string(mjcf(one_sine(2.0), HUNG))
-    np.testing.assert_allclose(model.body_mass, [0.0, 9000.0, 900.0])
-    assert model.nu == 2
-    own = 9000.0 * (0.5**2 + 3.0**2) / 3.0
-    np.testing.assert_allclose(model.body_inertia[1], own, rtol=1e-12)
-    hinge = 2.0 * 0.2 * 900.0 * 2.1 * math.sqrt(9.80665 * 2.1)
-    assert model.dof_damping[3] == pytest.approx(hinge)
-    with pytest.raises(ValueError, match="sliding"):
-        mjcf(one_sine(2.0), sliding=-1.0)
-
-
-@pytest.mark.parametrize("size", [(0.1, 0.4, 8.0), (1.0, 6.0, 9000.0), (2.0, 14.0, 70_000.0)])
-def test_impacts_are_those_of_housner(size):
-    width, height, mass = size
-    one = body(tpd.Block(width=width, height=height, mass=mass, restitution="housner"), steps=5)
-    assert free_rocking(one) == pytest.approx(one.housner, abs=2e-3)
-
-
-def test_without_a_floor_to_strike_the_bob_swings_as_a_pendulum():
-    # A bob without weight beside the block, let go at a small angle.
-    light = tpd.Pendulum(mass=1e-3, length=2.0, damping_ratio=0.1)
-    rate = math.sqrt(9.80665 / 2.0)
-    start, period = np.array([[0.0, 0.05, 0.0, 0.0]]), 2.0 * math.pi / rate / math.sqrt(1.0 - 0.1**2)
-    late = np.array([0.75 * period])
-    found = follow([body(COLUMN, light)], start, lambda t: np.zeros((1, len(t))), late + 0.3 * period, late)
-    assert found.relative[0] == pytest.approx(0.05, rel=1e-3)
-    assert found.peak[0] < 1e-4
 
 
 def test_a_column_overturns_where_the_equations_say():
@@ -138,15 +98,6 @@ def test_a_disagreement_comes_before_the_answer(tmp_path):
     assert "Infinity" not in (tmp_path / "engine.json").read_text()
     assert (tmp_path / "report.txt").read_text().startswith("A PENDULUM WAS FOUND")
     assert "DANGER" not in (tmp_path / "report.html").read_text()
-
-
-def test_without_the_engine_one_sentence_says_how_to_get_it(monkeypatch):
-    def none(name):
-        raise ImportError(name)
-
-    monkeypatch.setattr("tpd.engines.rollouts.import_module", none)
-    with pytest.raises(ValueError, match=r"pip install 'tpd\[engines\]'"):
-        available()
 
 
 def test_the_command_checks_a_pendulum_in_the_engine(capsys):

@@ -1,4 +1,5 @@
-"""Damaged files: refused in one sentence, or read to the same numbers if nothing that is read is touched."""
+"""Checks that every reader has to pass: what is written is read, and damaged files are refused in one
+sentence, or read to the same numbers if nothing that is read is touched."""
 
 from __future__ import annotations
 
@@ -8,16 +9,46 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from tests.records.synthetic import FORMATS, shaking
+from tests.formats.synthetic import FORMATS, Format, shaking
 from tpd import Record
 from tpd.formats.text import NUMBER, UnreadableRecord
 
 DATA = Path(__file__).parent / "data"
 PACKAGED = Path(__file__).parents[2] / "tpd" / "records" / "data"
+FORM = {form.name: form for form in FORMATS}
 DAMAGES = 40
 RUBBISH = ("abc", "NaN", "nan", "inf", "1e30", "-1e30", "****", "--", "1.2.3", "0x1F", "")
+
+
+def read(folder: Path, text: str | bytes, name: str = "a.txt", **how) -> Record:
+    """The record of a file of that content."""
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return Record.read(path, **how)
+
+
+def check_what_is_written(form: Format, folder: Path) -> None:
+    """Whatever the numbers and the name of the file, they are read digit by digit."""
+
+    @settings(max_examples=25, deadline=None)
+    @given(data=st.data())
+    def check(data):
+        dt = data.draw(st.sampled_from((0.005, 0.01, 0.02)), label="dt")
+        seconds = data.draw(st.integers(1, 2), label="seconds")
+        n = round(seconds / dt) if form.name == "knet" else data.draw(st.integers(2, 60), label="n")
+        unit = st.floats(-1.0, 1.0, allow_nan=False).map(lambda x: round(x, 7))
+        few = data.draw(st.lists(unit, min_size=2, max_size=12), label="values")
+        printed = form.printed(form.size * np.resize(few, n))
+        path = folder / "record.bin"
+        path.write_text(form.write(printed, dt), newline="")
+        record = Record.read_all(path)[0]
+        assert abs(record.dt / dt - 1.0) < 1e-14
+        np.testing.assert_allclose(record.acceleration, np.array(printed) * form.factor, rtol=1e-15)
+
+    check()
 
 
 class File:
@@ -25,6 +56,9 @@ class File:
 
     def __init__(self, name: str, text: str, other: str) -> None:
         self.name, self.text, self.other = name, text, other
+
+    def __str__(self) -> str:
+        return self.name
 
     @property
     def first(self) -> int:
@@ -41,24 +75,19 @@ class File:
         return best
 
 
-def real() -> list[File]:
-    files = []
-    for path in (*sorted(DATA.glob("*.V*")), *sorted(DATA.glob("*.RAW"))):
-        text = path.read_bytes().decode("ascii")
-        files.append(File(path.name, text, text))
-    text = gzip.decompress((PACKAGED / "loma_prieta_1989_0111a.smc.gz").read_bytes()).decode("ascii")
-    files.append(File("loma_prieta.smc", text, text))
-    return files
+def real(name: str) -> File:
+    """A file of an agency, from the tests or from the package."""
+    path = next(p for p in (DATA / name, PACKAGED / name) if p.exists())
+    data = path.read_bytes()
+    text = (gzip.decompress(data) if name.endswith(".gz") else data).decode("ascii")
+    return File(name.removesuffix(".gz"), text, text)
 
 
-def made_up() -> list[File]:
-    return [
-        File(form.name, *(form.write(form.size * shaking(100, seed), 0.01) for seed in (0, 1)))
-        for form in FORMATS
-    ]
+def written(form: Format) -> File:
+    """A file of a format."""
+    return File(form.name, *(form.write(form.size * shaking(100, seed), 0.01) for seed in (0, 1)))
 
 
-FILES = [*made_up(), *real()]
 # A table states no number of rows: rows lost at its ends, or anywhere in a column, are not seen.
 TABLES = ("table", "column")
 
@@ -109,7 +138,9 @@ def spoil_the_header(file: File, rng: np.random.Generator) -> str:
 
 def change_the_count(file: File, rng: np.random.Generator) -> str:
     head = "".join(lines_of(file.text)[: file.first])
-    n = {"loma_prieta.smc": "6001", "knet": "1$"}.get(file.name, "600" if "." in file.name else "100")
+    n = {"loma_prieta_1989_0111a.smc": "6001", "knet": "1$"}.get(
+        file.name, "600" if "." in file.name else "100"
+    )
     places = list(re.finditer(rf"(?<![\d.]){n}(?![\d.])", head, flags=re.MULTILINE))
     if not places:
         return file.text
@@ -187,9 +218,9 @@ def same(mine: list[tuple[float, np.ndarray]], other: list[tuple[float, np.ndarr
     return len(mine) == len(other) and all(a == b and np.array_equal(x, y) for (a, x), (b, y) in pairs)
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
-def test_a_damaged_file_is_never_half_read(file: File, tmp_path):
-    path = tmp_path / "record.txt"
+def check_damaged(file: File, folder: Path) -> None:
+    """No damage of any kind is half read, and at least half of them are refused."""
+    path = folder / "record.txt"
     path.write_text(file.text, newline="")
     sound = numbers(Record.read_all(path))
     seed = damaged = refused = 0

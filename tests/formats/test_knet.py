@@ -1,0 +1,58 @@
+"""Files of K-NET and KiK-net, in ASCII and in CSV."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.formats.reader import FORM, check_damaged, check_what_is_written, read, written
+from tests.formats.synthetic import shaking
+from tpd import Record
+from tpd.formats.text import UnreadableRecord
+
+FORMS = (FORM["knet"],)
+
+
+@pytest.mark.parametrize("form", FORMS, ids=str)
+def test_what_is_written_is_read(form, tmp_path):
+    check_what_is_written(form, tmp_path)
+
+
+@pytest.mark.parametrize("file", [*map(written, FORMS)], ids=str)
+def test_a_damaged_file_is_never_half_read(file, tmp_path):
+    check_damaged(file, tmp_path)
+
+
+@pytest.mark.mends("K-NET's CSV was refused")
+def test_csv(tmp_path):
+    head = (
+        "#K-NET CSV\n#OriginTime,Latitude,Longitude,Depth(km),Magnitude\n#2000/01/01 00:00:00,0,0,10,6.0\n"
+        "#Code,Latitude\n#XXX001,0\n#SamplingFrequency(Hz)\n#100\n#DurationTime(s)\n#1\n"
+        "#Time,RelativeTime(s),N-S(gal),E-W(gal),U-D(gal)\n"
+    )
+    values = np.round(shaking(100), 5)
+    rows = [f"2000/01/01 00:00:10,{0.01 * i:.2f},{a:.5f},{-a:.5f},{a:.5f}\n" for i, a in enumerate(values)]
+    path = tmp_path / "a.csv"
+    path.write_text(head + "".join(rows))
+    records = Record.read_all(path)
+    assert [r.name for r in records] == ["XXX001/N-S", "XXX001/E-W", "XXX001/U-D"]
+    assert ["vertical component" in r.notes for r in records] == [False, False, True]
+    np.testing.assert_allclose(records[1].acceleration, -0.01 * values, rtol=1e-12)
+    for wrong, said in (
+        (head + "".join(rows[:-1]), "100 samples, but there are 99"),
+        (
+            head + "".join([*rows[:50], rows[51], rows[50], *rows[52:]]),
+            "must be 0.01 s after the line",
+        ),
+        (head.replace("#100", "#0") + rows[0], "sampling frequency must be positive"),
+        (head + rows[0].replace(",", ";", 1), "must have 5 cells"),
+    ):
+        with pytest.raises(UnreadableRecord, match=said):
+            read(tmp_path, wrong)
+
+
+@pytest.mark.mends("spellings of K-NET's manual were refused")
+def test_spellings_of_the_manual(tmp_path):
+    text = written(FORM["knet"]).text
+    other = text.replace("Long. ", "Lon.  ").replace("Max. Acc.", "Max Acc.")
+    assert read(tmp_path, other, "a.NS") == read(tmp_path, text, "a.NS")

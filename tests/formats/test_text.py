@@ -1,0 +1,55 @@
+"""Lines and numbers of a text file."""
+
+import re
+
+import numpy as np
+import pytest
+
+from tpd.formats import text
+from tpd.formats.text import Cursor, Decimal, UnreadableRecord
+
+
+def test_numbers_as_printed():
+    found = {x: Decimal.of(x) for x in ("12.50", "-1.5D-02", "7", "3e2")}
+    assert [d.value for d in found.values()] == [12.5, -0.015, 7.0, 300.0]
+    assert [d.unit for d in found.values()] == pytest.approx([0.01, 0.001, 1.0, 100.0])
+    assert text.number(" 1.5d1 ", 1) == 15.0
+    for wrong in ("nan", "inf", "1_000", "0x1F", "", "1.2.3", "1e999"):
+        with pytest.raises(UnreadableRecord, match=r"line 3 must hold numbers, but has "):
+            text.number(wrong, 3)
+
+
+def test_formats_of_fortran():
+    assert text.fortran("Format: (8f9.6)", 1) == (8, 9, 6)
+    assert text.fortran("(F10)", 1) == (1, 10, 0)
+    for wrong in ("", "(8f0.6)", "(0f9.6)", "8f9.6"):
+        with pytest.raises(UnreadableRecord, match="line 2 must state the format of its numbers"):
+            text.fortran(wrong, 2)
+
+
+def test_columns_of_a_width_are_full():
+    lines = ["   1.0   2.0", "   3.0"]
+    np.testing.assert_array_equal(Cursor(lines, True).fixed(3, 2, 6, "samples"), [1.0, 2.0, 3.0])
+    for wrong in (["   1.0  2.0", "   3.0"], ["   1.0   2.0", "   3.0   4.0"], lines[:1]):
+        with pytest.raises(UnreadableRecord, match=r"line . must hold .|ends after line 1"):
+            Cursor(wrong, True).fixed(3, 2, 6, "samples")
+
+
+def test_a_file_ends_with_a_line():
+    Cursor(["", " "], True).require_end()
+    Cursor([""], False).require_end(whole=True)
+    for cursor, said in (
+        (Cursor(["1"], True), "line 1 must be the end of the file, but is '1'"),
+        (Cursor(["", ""], False), "the last line, 2, must end with a line break"),
+    ):
+        with pytest.raises(UnreadableRecord, match=re.escape(said)):
+            cursor.require_end()
+    with pytest.raises(UnreadableRecord, match="line 1 must be a comment"):
+        Cursor(["no"], True).comments(1)
+    with pytest.raises(UnreadableRecord, match="line 1 must state a step, but is 'no'"):
+        Cursor(["no"], True).match("dt", "a step")
+    header = Cursor(["a", "DT 5"], True).header(2)
+    assert header.match(2, r"dt (\d)", "a step")[1] == "5"
+    with pytest.raises(UnreadableRecord, match="line 1 must state a step"):
+        header.match(1, r"dt (\d)", "a step")
+    assert text.shown("x " * 99) == repr(("x " * 25) + "...")

@@ -1,0 +1,99 @@
+"""Ground motions in pieces: pulses against their formulas, scales, and what belongs to one earthquake."""
+
+import jax
+import numpy as np
+import pytest
+
+from tpd import Pulse, Record
+from tpd.scene.ground_motion import are_copies, events_of, refuse_zeros
+
+F, A = 1.3, 2.5
+W = 2 * np.pi * F
+
+
+def train(t):
+    return np.sin(W * t)
+
+
+def mavroeidis(t):
+    """Time derivative of the velocity of 1 m/s, gamma = 2, nu = 0.4, from the middle of the pulse."""
+    h = 1e-5
+    v = [0.5 * (1 + np.cos(W * s / 2.0)) * np.cos(W * s + 0.4) for s in (t - 2 * h, t - h, t + h, t + 2 * h)]
+    return (v[0] - 8 * v[1] + 8 * v[2] - v[3]) / (12 * h)
+
+
+PULSES = {
+    "one-sine": (Pulse.one_sine(acceleration=A, frequency=F), 1.0, lambda t: A * np.sin(W * t)),
+    "one-cosine": (Pulse.one_cosine(acceleration=A, frequency=F), 1.0, lambda t: A * np.cos(W * t)),
+    "sine-train": (Pulse.sine_train(acceleration=A, frequency=F, cycles=3), 3.0, lambda t: A * np.sin(W * t)),
+    "ricker": (
+        Pulse.ricker(acceleration=A, frequency=F),
+        4.0,
+        lambda t: (
+            A * (1 - 2 * (np.pi * F * t - 2 * np.pi) ** 2) * np.exp(-((np.pi * F * t - 2 * np.pi) ** 2))
+        ),
+    ),
+    "mavroeidis-papageorgiou": (
+        Pulse.mavroeidis_papageorgiou(velocity=1.0, frequency=F, cycles=2.0, phase=0.4),
+        2.0,
+        lambda t: mavroeidis(t - 1.0 / F),
+    ),
+}
+"""Pulse, its periods, and its acceleration at t from its beginning, m/s^2."""
+
+
+@pytest.mark.parametrize("kind", PULSES)
+def test_a_pulse_is_its_formula(kind):
+    pulse, periods, formula = PULSES[kind]
+    assert pulse.kind == kind
+    assert pulse.duration == pytest.approx(periods / F, rel=1e-12)
+    t = np.linspace(0.0, periods / F, 20_001)
+    np.testing.assert_allclose(pulse.acceleration_at(t), formula(t), atol=1e-6 if "-" in kind[4:] else 1e-7)
+    assert pulse.pga == pytest.approx(np.max(np.abs(formula(t))), rel=1e-6)
+    np.testing.assert_array_equal(pulse.acceleration_at([-0.01, periods / F + 0.01]), 0.0)
+
+
+def test_scales_and_derivatives():
+    pulse = PULSES["mavroeidis-papageorgiou"][0]
+    assert pulse.scaled(2.0).pga == pytest.approx(2.0 * pulse.pga, rel=1e-14)
+    assert pulse.scaled_to(pga_g=0.3).pga == pytest.approx(0.3 * 9.80665, rel=1e-14)
+    with pytest.raises(ValueError, match="exactly one of `pga` and `pga_g` must be given"):
+        pulse.scaled_to()
+    with pytest.raises(ValueError, match="a record of zeros cannot be scaled"):
+        Record([0.0, 0.0], 0.1).scaled_to(pga=1.0)
+    # As a pytree, with its kind apart.
+    slope = jax.grad(lambda p: p.pga)(Pulse.one_sine(acceleration=A, frequency=F))
+    assert (slope.acceleration, slope.frequency, slope.kind) == (1.0, 0.0, "one-sine")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"kind": "two-sine"}, "`kind` must be one of one-sine"),
+        ({"acceleration": -1.0}, "`acceleration` must be zero or positive"),
+        ({"frequency": 0.0}, "`frequency` must be positive"),
+        ({"kind": "mavroeidis-papageorgiou", "cycles": 9.0}, "`cycles` must lie within 1 and 8, but is 9"),
+        ({"kind": "sine-train", "cycles": 2.5}, "a whole number from 1 to 1000, but is 2.5"),
+        ({"phase": np.inf}, "`phase` must be"),
+    ],
+)
+def test_numbers_out_of_range_are_refused(given, said):
+    with pytest.raises(ValueError, match=said):
+        Pulse(**{"kind": "one-sine", "acceleration": 1.0, "frequency": 1.0, **given})
+
+
+def test_copies_of_a_record_are_of_one_earthquake():
+    rng = np.random.default_rng(0)
+    a, b = rng.standard_normal((2, 300))
+    first = Record(a, 0.01)
+    copy = Record(np.concatenate([np.zeros(7), np.round(-0.3 * a, 4), np.zeros(3)]), 0.01, event="other")
+    assert are_copies(first, copy)
+    assert not are_copies(first, Record(b, 0.01))
+    assert not are_copies(first, Record(a, 0.02))
+    assert not are_copies(first, Record(0.7 * a + 0.7 * b, 0.01))
+    assert not are_copies(first, Pulse.one_sine(acceleration=1.0, frequency=1.0))
+    named = Record(b, 0.01, event="quake")
+    assert events_of([first, named, copy]) == ["motion 1", "quake", "motion 1"]
+    refuse_zeros([first, named])
+    with pytest.raises(ValueError, match=r"a motion of zeros cannot be scaled .* but there is one: number 2"):
+        refuse_zeros([first, Record([0.0, 0.0], 0.1)])

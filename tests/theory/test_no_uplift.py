@@ -1,0 +1,55 @@
+"""The condition under which the settled block does not lift."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.reference import HUNG, NAMES, STILL, differences, exact, parameters
+from tpd.theory import uplift
+
+UPLIFT = jax.jit(lambda x: uplift(parameters(x)))
+SLOPES = {
+    name: jax.jit(jax.grad(lambda x, n=name: getattr(uplift(parameters(x)), n)))
+    for name in ("margin", "stroke")
+}
+DAMPED, UNDAMPED = np.array(HUNG[3].x), np.array([*HUNG[3].x[:3], 0.0, *HUNG[3].x[4:]])
+
+
+def test_the_stroke_of_an_undamped_bob_in_resonance_is_infinite():
+    x = UNDAMPED.copy()
+    x[6] = 1.0 / np.sqrt(x[2] * 0.75 / (1 + x[0] ** 2))
+    found = uplift(parameters(x))
+    assert found.stroke > 1e12
+    x[6] *= 1.1
+    assert UPLIFT(x).stroke < 100.0
+
+
+def test_the_margin_is_that_of_the_largest_moment_over_a_period():
+    """Of a held block whose bob has settled: R = (1 + 2 mu) phi - ..., integrated by nobody."""
+    nu, mu, lam, zeta, k, f, xi = DAMPED
+    rho = 0.75 / (1 + nu**2)
+    c = 2 * zeta * np.sqrt(lam * rho)
+    swing = f / (1 - lam * rho * xi**2 + 1j * c * xi)
+    phase = np.exp(1j * np.linspace(0, 2 * np.pi, 100_001))
+    moment = np.imag(
+        (-(1 + 2 * mu) * f - 2 * mu * rho * lam * xi**2 * swing + 1j * mu * lam * c * xi * swing) * phase
+    )
+    largest = np.abs(moment).max()
+    assert float(UPLIFT(DAMPED).margin) == pytest.approx(1 - largest / ((1 + mu) * nu + k), rel=1e-8)
+
+
+def test_a_block_within_its_margin_settles_at_rest_with_the_stroke_that_is_predicted():
+    found = UPLIFT(np.array(STILL.x))
+    assert found.margin > 0
+    assert exact(STILL.x).status == "rest"
+    assert float(found.stroke) == pytest.approx(exact(STILL.x).stroke, rel=1e-12)
+    assert all(UPLIFT(np.array(case.x)).margin < 0 for case in HUNG)
+
+
+@pytest.mark.parametrize("name", SLOPES)
+def test_gradients_are_those_of_differences(name):
+    slopes = SLOPES[name](jnp.array(DAMPED))
+    for i, axis in enumerate(NAMES[:7]):
+        expected = differences(lambda x: float(getattr(UPLIFT(x), name)), DAMPED, i, share=3e-3)
+        assert slopes[i] == pytest.approx(expected, rel=1e-8, abs=1e-12), axis
