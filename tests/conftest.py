@@ -57,7 +57,6 @@ LONGEST = (
     "cli/test_optimise",
     "models/test_compiled_linear",
     "models/test_segmented",
-    "test_atlas",
 )
 """Modules that go first, so that no worker is left alone with one at the end."""
 

@@ -1,8 +1,8 @@
-"""Answers known from elsewhere, each with its source and tolerance, and ways to obtain more.
+"""Answers known from elsewhere, each with its source and tolerance, and one independent event loop.
 
-Symbols and equation numbers are those of Collini et al. (2016). Everything here is of the linear
-equations (25) with their misprints corrected and without the parametric term s f nu phi sin, for
-a block that is a uniform rectangle.
+Symbols and equation numbers are those of Collini et al. (2016). Answers are of the linear equations (25) with
+their misprints corrected and without the parametric term s f nu phi sin, for a block that is a uniform
+rectangle.
 """
 
 from __future__ import annotations
@@ -270,26 +270,34 @@ def differences(function: Callable[[np.ndarray], Any], x: Any, i: int, *, share:
     return (16.0 * e4 - e2) / 15.0
 
 
+Mode = tuple[str, float, float]
+"""Slip, stick or rest, with the signs of the tilt and of its rate."""
+
+
 class EventDriven:
-    """The equations integrated adaptively (SciPy's DOP853) from event to event: slow, obvious, and
-    sharing nothing with the package. A trap of such codes: two events within one step go unseen,
-    so the steps are short."""
+    """The equations integrated adaptively (SciPy's DOP853) from event to event: slow, obvious, and sharing
+    nothing with the package. A trap of such codes: two events within one step go unseen, so the steps are
+    short."""
 
-    STEP = 0.02
-    GONE = 2.0
+    STEP, GONE = 0.02, 2.0
 
-    def __init__(self, x: Any, *, onset: float = 0.0, growth: float = 0.0) -> None:
-        """Shaking of full size or, from `onset` on, growing linearly for the time `growth`."""
+    def __init__(
+        self,
+        x: Any,
+        *,
+        onset: float = 0.0,
+        growth: float = 0.0,
+        nonlinear: bool = False,
+        samples: tuple[np.ndarray, float] | None = None,
+    ) -> None:
+        """Equations (25), or (4) if `nonlinear`, under a harmonic of full size or, from `onset` on, growing
+        linearly for the time `growth`; or under eta = `samples` of an interval in tau, and then none."""
         self.nu, self.mu, self.lam, zeta, self.k, self.f, self.xi = x[:7]
-        self.onset, self.growth = onset, growth
         self.e = x[7] if len(x) > 7 else 1.0
-        rho = 3.0 / (4.0 * (1.0 + self.nu**2))
-        self.spring = self.lam * rho
-        self.hinge = 2.0 * zeta * np.sqrt(self.lam * rho)
-        self.drag = 2.0 * self.mu * rho * self.lam
-        mass = [[1.0 + self.mu * rho * (4.0 + self.nu**2), -self.drag], [-2.0 * rho, self.spring]]
-        self.inverse = np.linalg.inv(mass)
-        self.weight = (1.0 + self.mu) * self.nu
+        self.onset, self.growth, self.nonlinear, self.samples = onset, growth, nonlinear, samples
+        self.rho = 3.0 / (4.0 * (1.0 + self.nu**2))
+        self.hinge = 2.0 * zeta * np.sqrt(self.lam * self.rho)
+        self.knots = [] if samples is None else list(samples[1] * np.arange(1, len(samples[0])))
         self.kinds: list[str] = []
 
     def run(self, y0: Any, times: np.ndarray, *, quiet: float = 2e-8) -> np.ndarray:
@@ -298,47 +306,71 @@ class EventDriven:
         mode = self._mode(t, y)
         while len(out) < len(times):
             self.kinds.append(mode[0])
-            end, state, which = self._arc(t, y, mode, times, out)
-            if which is None or which == 2:
+            end = min([times[-1], *(knot for knot in self.knots if knot > t)])
+            t, y, which = self._arc(t, y, mode, end, times, out)
+            if which == 2:
                 break
-            t, y, mode = self._event(end, state, mode, which, quiet * self.nu)
+            if which is not None:
+                y, mode = self._event(t, y, mode, which, quiet * self.nu)
+            elif mode[0] != "slip":
+                mode = self._mode(t, y)
         return np.array(out)
 
     def _shaking(self, t: float) -> float:
+        if self.samples is not None:
+            eta, dt = self.samples
+            return float(np.interp(t, dt * np.arange(len(eta)), eta, right=0.0))
         share = min((t - self.onset) / self.growth, 1.0) if self.growth else 1.0
         return share * self.f * np.sin(self.xi * t)
 
+    def _forces(self, t: float, y: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Mass matrix and right-hand sides of both equations without friction, the second over mu lam; `s` is
+        the side of the corner about which the block turns."""
+        (phi, psi, dphi, dpsi), eta, nu, mu, rho = y, self._shaking(t), self.nu, self.mu, self.rho
+        slide, up, weight, lam = self.hinge * (dphi - dpsi), 1.0 + 2.0 * mu, (1.0 + mu) * nu, self.lam
+        if not self.nonlinear:
+            arm, block, bob = 2.0, up * (phi - eta) - s * weight, eta - psi
+        else:
+            # Lagrange's equations of T = a phi'^2/2 - mu rho lam arm phi' psi' + mu rho lam^2 psi'^2/2.
+            arm = 2.0 * np.cos(phi - psi) + s * nu * np.sin(phi - psi)
+            bend = s * nu * np.cos(phi - psi) - 2.0 * np.sin(phi - psi)
+            block = up * np.sin(phi) - s * weight * np.cos(phi) - mu * rho * lam * bend * dpsi**2
+            block -= eta * (up * np.cos(phi) + s * weight * np.sin(phi))
+            bob = eta * np.cos(psi) - np.sin(psi) + rho * bend * dphi**2
+        mass = np.array([[1.0 + mu * rho * (4.0 + nu**2), -mu * rho * lam * arm], [-rho * arm, lam * rho]])
+        return mass, np.array([block - mu * lam * slide, bob + slide])
+
     def _slip(self, t: float, y: np.ndarray, s: float, sigma: float) -> np.ndarray:
-        phi, psi, dphi, dpsi = y
-        sine, slide = self._shaking(t), self.hinge * (dphi - dpsi)
-        block = (1.0 + 2.0 * self.mu) * (phi - sine) - s * self.weight - sigma * self.k
-        return np.array(
-            [dphi, dpsi, *(self.inverse @ [block - self.mu * self.lam * slide, sine - psi + slide])]
-        )
+        mass, right = self._forces(t, y, s)
+        (a, b), (c, d) = mass
+        p, q = right[0] - sigma * self.k, right[1]
+        return np.array([y[2], y[3], (d * p - b * q) / (a * d - b * c), (a * q - c * p) / (a * d - b * c)])
 
     def _held(self, t: float, y: np.ndarray) -> np.ndarray:
-        swing = (self._shaking(t) - y[1] - self.hinge * y[3]) / self.spring
-        return np.array([0.0, y[3], 0.0, swing])
+        mass, right = self._forces(t, y, 1.0)
+        return np.array([0.0, y[3], 0.0, right[1] / mass[1, 1]])
 
-    def _moment(self, t: float, y: np.ndarray) -> float:
-        """What weight and friction must balance while the block is held."""
-        swing = self._held(t, y)[3]
-        block = (1.0 + 2.0 * self.mu) * (y[0] - self._shaking(t))
-        return block + self.drag * swing + self.mu * self.lam * self.hinge * y[3]
+    def _excess(self, t: float, y: np.ndarray, s: float) -> float:
+        """What friction must balance while the block is held."""
+        mass, right = self._forces(t, y, s)
+        return right[0] - mass[0, 1] * right[1] / mass[1, 1]
 
-    def _mode(self, t: float, y: np.ndarray) -> tuple[str, float, float]:
-        s, sigma, moment = np.sign(y[0]), np.sign(y[2]), self._moment(t, y)
+    def _mode(self, t: float, y: np.ndarray) -> Mode:
+        s, sigma = np.sign(y[0]), np.sign(y[2])
         if sigma:
             return "slip", s or sigma, sigma
-        if s:
-            excess = moment - s * self.weight
-            return ("stick", s, 0.0) if abs(excess) <= self.k else ("slip", s, np.sign(excess))
-        if abs(moment) <= self.weight + self.k:
-            return "rest", 0.0, 0.0
-        return "slip", np.sign(moment), np.sign(moment)
+        up, down = self._excess(t, y, s or 1.0), self._excess(t, y, s or -1.0)
+        way = 1.0 if up > self.k else (-1.0 if down < -self.k else 0.0)
+        return ("slip", s or way, way) if way else ("stick" if s else "rest", s, 0.0)
 
     def _arc(
-        self, t: float, y: np.ndarray, mode: tuple[str, float, float], times: np.ndarray, out: list
+        self,
+        t: float,
+        y: np.ndarray,
+        mode: Mode,
+        end: float,
+        times: np.ndarray,
+        out: list,
     ) -> tuple[float, np.ndarray, int | None]:
         """Until the next event: when, where, and which (0, 1; 2 is overturning; None is the end)."""
         kind, s, sigma = mode
@@ -350,122 +382,49 @@ class EventDriven:
             if y[0] == 0.0 and pull * y[2] < 0.0:
                 step = min(step, 0.5 * abs(y[2] / pull))
         else:
-            rates, hold = self._held, self.k + (self.weight if kind == "rest" else 0.0)
+            rates = self._held
             signals = [
-                lambda t, y: hold - (self._moment(t, y) - s * self.weight),
-                lambda t, y: hold + (self._moment(t, y) - s * self.weight),
+                lambda t, y: self.k - self._excess(t, y, s or 1.0),
+                lambda t, y: self.k + self._excess(t, y, s or -1.0),
             ]
         signals.append(lambda t, y: self.GONE - abs(y[0]))
         for signal in signals:
             signal.terminal, signal.direction = True, -1  # type: ignore[attr-defined]
         options: Any = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-16, "max_step": step}
-        sol = solve_ivp(rates, (t, times[-1]), y, events=signals, dense_output=True, **options)
+        sol = solve_ivp(rates, (t, end), y, events=signals, dense_output=True, **options)
         while len(out) < len(times) and times[len(out)] <= sol.t[-1]:
             out.append(sol.sol(times[len(out)]))
         met = [i for i, found in enumerate(sol.t_events) if len(found)]
         return sol.t[-1], sol.y[:, -1].copy(), met[0] if met else None
 
     def _event(
-        self, t: float, y: np.ndarray, mode: tuple[str, float, float], which: int, quiet: float
-    ) -> tuple[float, np.ndarray, tuple[str, float, float]]:
+        self, t: float, y: np.ndarray, mode: Mode, which: int, quiet: float
+    ) -> tuple[np.ndarray, Mode]:
         kind, s, _ = mode
         if kind != "slip":
             way = 1.0 if which == 0 else -1.0
-            return t, y, ("slip", s or way, way)
+            return y, ("slip", s or way, way)
         if which == 1:
             y[2] = 0.0
-            return t, y, self._mode(t, y)
+            return y, self._mode(t, y)
         before, y[0] = y[2], 0.0
-        y[2] *= self.e
-        held = abs(self._moment(t, y)) <= self.weight + self.k
-        if abs(before) <= quiet and held:
-            y[2] = 0.0
-        # The rod pulls along itself only: the bob keeps its speed across, lam psi' - 2 phi'.
-        y[3] += 2.0 / self.lam * (y[2] - before)
-        return t, y, self._mode(t, y)
+        after = before * (self._ratio(y[1], s) if self.nonlinear and self.e < 1.0 else self.e)
+        if abs(before) <= quiet and self._mode(t, np.array([0.0, y[1], 0.0, y[3]]))[0] == "rest":
+            after = 0.0
+        # The rod pulls along itself only: the bob keeps its speed across.
+        if not self.nonlinear:
+            y[3] += 2.0 / self.lam * (after - before)
+        elif after != before:
+            turned = 2.0 * np.cos(y[1]) * (after - before) + s * self.nu * np.sin(y[1]) * (after + before)
+            y[3] += turned / self.lam
+        y[2] = after
+        return y, self._mode(t, y)
 
-
-class BareCrowd:
-    """Many bare blocks without impact losses, each under shaking that grows linearly from `onset` on for
-    the time `growth`: closed forms over short steps, events by bisection. Shares nothing with the package."""
-
-    STEP, QUIET = 0.05, 2e-7
-
-    def __init__(self, p: Parameters, onset: np.ndarray, growth: np.ndarray) -> None:
-        self.nu, self.k, self.f, self.xi = (np.asarray(x, dtype=float) for x in (p.nu, p.k, p.f, p.xi))
-        self.onset, self.growth = onset, growth
-
-    def run(self, y0: np.ndarray, begin: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """phi and phi' at `end`, NaN where the block has overturned before."""
-        self.t, self.phi, self.v = begin.copy(), y0[:, 0].copy(), y0[:, 2].copy()
-        self.held, self.s, self.sigma = np.zeros(len(begin), bool), np.zeros(len(begin)), np.zeros(len(begin))
-        self._decide(np.ones(len(begin), bool))
-        knee = self.onset + self.growth
-        while np.any(self.t < end):
-            # The closed form holds to the end of the growth.
-            onward = np.minimum(self.t + self.STEP, end)
-            onward = np.where((self.t < knee) & (onward > knee), knee, onward)
-            self._step(onward)
-            gone = ~(np.abs(self.phi) < 10.0 * (self.nu + self.k + self.f))
-            self.phi, self.t = np.where(gone, np.nan, self.phi), np.where(gone, end, self.t)
-        return self.phi, self.v
-
-    def _share(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        growing, span = t < self.onset + self.growth, np.where(self.growth > 0, self.growth, 1.0)
-        return np.where(growing, (t - self.onset) / span, 1.0), np.where(growing, 1.0 / span, 0.0)
-
-    def _excess(self, t: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The moment on a held block, and what friction and weight can balance."""
-        moment = self.phi - self.f * share * np.sin(self.xi * t)
-        on_base = self.phi == 0.0
-        return moment - np.sign(self.phi) * self.nu, self.k + np.where(on_base, self.nu, 0.0)
-
-    def _decide(self, which: np.ndarray) -> None:
-        excess, hold = self._excess(self.t, self._share(self.t)[0])
-        still = self.v == 0.0
-        sigma = np.where(still, np.sign(excess), np.sign(self.v))
-        self.held = np.where(which, still & (np.abs(excess) <= hold), self.held)
-        self.s = np.where(which, np.where(self.phi == 0.0, sigma, np.sign(self.phi)), self.s)
-        self.sigma = np.where(which, sigma, self.sigma)
-
-    def _at(self, t: np.ndarray) -> tuple[np.ndarray, ...]:
-        """phi, phi', and whether the block has met an event before."""
-        share, rate = self._share(self.t)
-        size = self.f / (1.0 + self.xi**2)
-        lag = 2.0 * size * rate * self.xi / (1.0 + self.xi**2)
-        level, late = self.s * self.nu + self.sigma * self.k, t - self.t
-
-        def forced(t: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            sine, cosine = np.sin(self.xi * t), np.cos(self.xi * t)
-            slope = size * (rate * sine + share * self.xi * cosine) - lag * self.xi * sine
-            return level + size * share * sine + lag * cosine, slope
-
-        now, then = forced(self.t, share), forced(t, share + rate * late)
-        q, r = self.phi - now[0], self.v - now[1]
-        cosh, sinh = np.cosh(late), np.sinh(late)
-        phi, v = q * cosh + r * sinh + then[0], q * sinh + r * cosh + then[1]
-        excess, hold = self._excess(t, share + rate * late)
-        over = (self.sigma * v < 0.0) | ((self.s * phi < 0.0) & (self.s * self.sigma < 0.0))
-        met = np.where(self.held, np.abs(excess) > hold, over)
-        return np.where(self.held, self.phi, phi), np.where(self.held, 0.0, v), met
-
-    def _step(self, onward: np.ndarray) -> None:
-        phi, v, met = self._at(onward)
-        if np.any(met):
-            low, high = self.t, onward
-            for _ in range(50):
-                middle = 0.5 * (low + high)
-                before = self._at(middle)[2]
-                low, high = np.where(before, low, middle), np.where(before, middle, high)
-            onward = np.where(met, high, onward)
-            phi, v, _ = self._at(onward)
-        turned = met & ~self.held & (self.sigma * v <= 0.0)
-        crossed = met & ~self.held & ~turned
-        self.t, self.phi, self.v = onward, np.where(crossed, 0.0, phi), np.where(turned, 0.0, v)
-        excess, hold = self._excess(self.t, self._share(self.t)[0])
-        rests = crossed & (np.abs(v) <= self.QUIET * self.nu) & (np.abs(excess) <= hold)
-        self.v = np.where(rests, 0.0, self.v)
-        freed, sigma = met & self.held, np.sign(excess)
-        self._decide(turned | crossed)
-        self.s = np.where(freed & (self.phi == 0.0), sigma, self.s)
-        self.sigma, self.held = np.where(freed, sigma, self.sigma), self.held & ~freed
+    def _ratio(self, psi: float, s: float) -> float:
+        """phi' after an impact with the bob at an angle over that before: the angular momentum about the
+        corner that is struck stays, but for a loss that makes the ratio e with the bob below its hinge."""
+        new, old = (2.0 * np.sin(psi) - way * self.nu * np.cos(psi) for way in (s, -s))
+        share, loss = self.mu * self.rho, self.rho * self.mu * self.nu**2
+        ratio = (self.e * (1.0 + loss) + loss + share * new * old) / (1.0 + share * new**2)
+        # At the most the impact conserves the energy.
+        return min(ratio, np.sqrt((1.0 + share * old**2) / (1.0 + share * new**2)))

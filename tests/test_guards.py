@@ -4,18 +4,33 @@ import ast
 
 import pytest
 
+from tests.atlas import REGIMES
 from tests.benchmarks.guards import GUARDS, ROOT
 from tests.benchmarks.mutations import mutated, never, without_term
+
+
+def names_in(path):
+    defined = ast.parse((ROOT / path).read_text(encoding="utf-8")).body
+    return [n.name for n in defined if isinstance(n, ast.FunctionDef)]
 
 
 @pytest.mark.parametrize("guard", GUARDS, ids=[f"{g.place} {i}" for i, g in enumerate(GUARDS)])
 def test_every_guard_can_be_taken_out_and_has_tests(guard):
     ast.parse(guard.taken_from((ROOT / guard.path).read_text(encoding="utf-8")))
+    assert guard.tests
     for test in guard.tests:
         path, _, name = test.partition("::")
-        defined = ast.parse((ROOT / path).read_text(encoding="utf-8")).body
-        functions = [n.name for n in defined if isinstance(n, ast.FunctionDef)]
-        assert name.partition("[")[0] in functions
+        assert name.partition("[")[0] in names_in(path)
+
+
+@pytest.mark.parametrize("regime", REGIMES, ids=[r.name for r in REGIMES])
+def test_every_regime_of_the_atlas_has_its_tests(regime):
+    for part in regime.tests.split("; "):
+        module, _, words = part.partition(": ")
+        folder, _, name = module.rpartition("/")
+        names = names_in(f"tests/{folder}/test_{name}.py")
+        for word in words.split(", "):
+            assert any(word in name for name in names), (module, word)
 
 
 def test_a_guard_that_is_gone_is_an_error():

@@ -16,12 +16,15 @@ from matplotlib.figure import Figure
 
 jax.config.update("jax_enable_x64", True)
 
-from tests import test_atlas as atlas  # noqa: E402
 from tests.answers.test_bifurcations import BARE as FOLDING  # noqa: E402
 from tests.answers.test_bifurcations import HELD, TOUCHING, Kind, lost  # noqa: E402
-from tests.answers.test_symmetric_orbits import among  # noqa: E402
-from tests.reference import BARE, HUNG, exact, parameters  # noqa: E402
-from tests.test_atlas import XI, F, moved  # noqa: E402
+from tests.exact.orbits import among  # noqa: E402
+from tests.exact.orbits import solve as orbits  # noqa: E402
+from tests.exact.test_settle import after, hops  # noqa: E402
+from tests.exact.test_steady import CHAOTIC  # noqa: E402
+from tests.exact.test_trajectory import SAMPLES, tossed  # noqa: E402
+from tests.models.test_piecewise import XI, F, dimensionless, fast_limit, moved  # noqa: E402
+from tests.reference import BARE, HUNG, UNSTABLE, along, exact, parameters  # noqa: E402
 from tpd import Piecewise  # noqa: E402
 from tpd.plot.style import BLUE, GREY, INK, ORANGE  # noqa: E402
 from tpd.scene.parameters import as_arrays  # noqa: E402
@@ -76,15 +79,15 @@ def symmetry() -> Figure:
     figure, (left, right) = axes(2)
     b = lost(Kind.symmetry_breaking)
     values = b.value * (1.0 + np.linspace(-0.02, 0.02, 61))
-    o = among(atlas.LEANING, "xi", values)
+    o = among(UNSTABLE[0], "xi", values)
     for name, style in (("rocking", "-"), ("unstable", "--")):
         there = o.status[:, 0] == name
         left.plot(values[there], o.amplitude[there, 0], style, color=BLUE, label=f"symmetric, {name}")
     distances = 10.0 ** np.linspace(np.log10(0.02), -4.5, 14)
-    straight = among(atlas.LEANING, "xi", b.value * (1.0 - distances))
+    straight = among(UNSTABLE[0], "xi", b.value * (1.0 - distances))
     lean, leaning = 0.01 * straight.state[0, 0], []
     for i, distance in enumerate(distances):
-        x = moved(atlas.LEANING, XI, b.value * (1.0 - distance))
+        x = moved(UNSTABLE[0], XI, b.value * (1.0 - distance))
         leaning.append(exact(x, straight.state[i, 0] + lean))
         lean = np.asarray(leaning[-1].steady.state) - straight.state[i, 0]
         lean = lean * np.sqrt(distances[min(i + 1, 13)] / distance)
@@ -116,13 +119,12 @@ def symmetry() -> Figure:
 def grazing() -> Figure:
     """Derivative of a motion that touches its base, and the margin of an orbit."""
     figure, (left, right) = axes(2)
-    x, begin, v, touch = atlas.tossed()
-    times = begin + np.linspace(0.0, 1.3 * touch, atlas.SAMPLES)
+    x, begin, v, touch = tossed()
+    times = begin + np.linspace(0.0, 1.3 * touch, SAMPLES)
     distances = 10.0 ** np.linspace(-10.0, -2.0, 33)
     for sign, label, marker, color in ((1, "crosses the base", "o", ORANGE), (-1, "turns before", "s", BLUE)):
         slopes = [
-            abs(atlas.along(x, (0.05, 0.0, -v * (1.0 + sign * d), 0.0), times)[1][-1, 2, 2])
-            for d in distances
+            abs(along(x, (0.05, 0.0, -v * (1.0 + sign * d), 0.0), times)[1][-1, 2, 2]) for d in distances
         ]
         left.loglog(distances, slopes, marker, mfc="none", ms=5, color=color, label=label)
         if sign > 0:
@@ -183,7 +185,7 @@ def rattling() -> Figure:
     figure, (left, right) = axes(2)
     nu, e, tilt, speeds = 0.2, 0.8, 0.01, 10.0 ** np.linspace(-7.0, -1.0, 25)
     x = (nu, 0.0, 0.4, 0.2, 0.0, 0.0, 1.0, e)
-    counts = [atlas.hops(x, tilt, q) for q in speeds]
+    counts = [hops(x, tilt, q) for q in speeds]
     fastest = np.sqrt(2.0 * nu * tilt - tilt**2)
     fine = 10.0 ** np.linspace(-7.0, -1.0, 2000)
     left.semilogx(
@@ -193,7 +195,7 @@ def rattling() -> Figure:
     x = (nu, 0.0, 0.4, 0.2, 0.05, 0.0, 1.0, 1.0)
     left.semilogx(
         speeds,
-        [atlas.hops(x, tilt, q) for q in speeds],
+        [hops(x, tilt, q) for q in speeds],
         "s",
         mfc="none",
         color=ORANGE,
@@ -203,7 +205,7 @@ def rattling() -> Figure:
     left.set(xlabel="capture speed, in units of the slenderness (-)", ylabel="impacts until rest (-)")
     left.legend()
     x, y0 = np.array((0.2, 0.2, 0.5, 0.1, 0.02, 0.05, 2.0, 0.8)), np.array([0.02, 0.05, 0.0, 0.0])
-    ends = [np.asarray(atlas._after(x, y0, np.array(10.0), np.array(0.2 * q))[0]) for q in (1e-7, *speeds)]
+    ends = [np.asarray(after(x, y0, np.array(10.0), np.array(0.2 * q))[0]) for q in (1e-7, *speeds)]
     apart = np.linalg.norm(np.array(ends[1:]) - ends[0], axis=1)
     seen = apart > 3e-15
     right.loglog(speeds[seen], apart[seen], "o", mfc="none", color=BLUE, label="state of the bob later on")
@@ -221,19 +223,19 @@ def rattling() -> Figure:
 def chaos() -> Figure:
     """Growth of the gradient through a simulation, chaotic and on an orbit."""
     figure, (ax,) = axes(1)
-    x, periods = atlas.CHAOTIC, np.arange(atlas.SAMPLES)
+    x, periods = CHAOTIC, np.arange(SAMPLES)
     times = periods * 2.0 * np.pi / x[XI]
     answer = exact(x)
     settled = eqx.filter_jit(Piecewise().settle)(as_arrays(parameters(x)), np.zeros(4))
-    sizes = np.linalg.norm(atlas.along(x, settled.y, times)[1], axis=(1, 2))
+    sizes = np.linalg.norm(along(x, settled.y, times)[1], axis=(1, 2))
     ax.semilogy(periods, sizes, "-", color=BLUE, label="simulated, chaotic")
     rate = float(answer.steady.lyapunov)
     ax.semilogy(
         periods, sizes[0] * np.exp(rate * times), ":", color=INK, label=f"reported rate {rate:.3f} per tau"
     )
-    o = atlas.orbits([x])
+    o = orbits([x])
     i = list(o.status[0]).index("unstable")
-    on = np.linalg.norm(atlas.along(x, o.state[0, i], times)[1], axis=(1, 2))[:140]
+    on = np.linalg.norm(along(x, o.state[0, i], times)[1], axis=(1, 2))[:140]
     ax.semilogy(periods[:140], on, "--", color=ORANGE, label="simulated, on an unstable orbit")
     size = np.abs(o.slopes[0, i, 2:6]).max()
     ax.axhline(size, color=GREY, lw=2, label="derivative of that orbit by shooting")
@@ -282,7 +284,7 @@ def limits() -> Figure:
     a.set(xlabel="slenderness (-)", ylabel="relative distance from the limit (-)", title="slender blocks")
     rates = 10.0 ** np.linspace(0.9, 2.5, 9)
     o = among((0.2, 0.0, 0.4, 0.2, 0.05, 0.5, 1.0, 1.0), "xi", rates)
-    apart = np.abs(o.amplitude[:, 0] * rates**2 / atlas.fast_limit(0.2, 0.05, 0.5) - 1.0)
+    apart = np.abs(o.amplitude[:, 0] * rates**2 / fast_limit(0.2, 0.05, 0.5) - 1.0)
     b.loglog(rates, apart, "o", mfc="none", color=BLUE, label="amplitude times its square")
     power(b, rates, apart[0], -2.0)
     b.set(xlabel="frequency ratio (-)", ylabel="relative distance from the limit (-)", title="fast shaking")
@@ -314,12 +316,10 @@ def limits() -> Figure:
 def scales() -> Figure:
     """Dimensionless answers over sizes and masses in SI units."""
     figure, (ax,) = axes(1)
-    usual = exact(atlas.dimensionless(1.0, 16.2)).amplitude
+    usual = exact(dimensionless(1.0, 16.2)).amplitude
     heights = 10.0 ** np.linspace(-3.0, 3.0, 13)
     for mass, marker, color in ((1e-6, "o", BLUE), (1.0, "s", ORANGE), (1e9, "x", INK)):
-        apart = [
-            abs(exact(atlas.dimensionless(h / 0.4, mass)).amplitude / usual - 1.0) + 1e-17 for h in heights
-        ]
+        apart = [abs(exact(dimensionless(h / 0.4, mass)).amplitude / usual - 1.0) + 1e-17 for h in heights]
         ax.loglog(heights, apart, marker, mfc="none", color=color, label=f"{mass:g} kg")
     ax.set(
         xlabel="height of the block (m)",

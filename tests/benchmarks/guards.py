@@ -62,11 +62,11 @@ class Guard(NamedTuple):
         return mutated(source, self.place.partition(":")[2], self.mutation)
 
 
-def _atlas(*names: str) -> tuple[str, ...]:
-    return test_ids("atlas", *names)
+def _lost(name: str) -> tuple[str, ...]:
+    """Tests of the verdict on a motion that repeats, in `tests/exact/test_steady.py`."""
+    return test_ids("exact/steady", f"the_verdict_has_a_name_for_each_loss[{name}]")
 
 
-_STATUS = "the_verdict_has_a_name_for_each_loss"
 _LOST = "an_orbit_about_to_be_lost_has_a_name"
 _OVERTURNS = "an_overturning_has_a_status_and_no_gradient"
 _SADDLE = "starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name"
@@ -78,56 +78,57 @@ GUARDS = (
         "orbits: no derivative where a multiplier of the half map is within 1e-6 of 1",
         _ORBITS,
         constant("NEAR_FOLD", -1.0),
-        _atlas(_LOST + "[0.9999999-1.0-near_fold]"),
+        test_ids("exact/symmetric_orbit_kernel", _LOST + "[0.9999999-1.0-near_fold]"),
     ),
     Guard(
         "fold",
         "steady_state: near_fold",
         _STEADY,
         never("FOLD"),
-        _atlas(_STATUS + "[what3-near_fold-compiled]"),
+        _lost("what3-near_fold"),
     ),
     Guard(
         "breaking of symmetry",
         "steady_state: unstable where a multiplier exceeds 1",
         _STEADY,
         never("UNSTABLE"),
-        _atlas(_STATUS + "[what5-unstable-compiled]"),
+        _lost("what5-unstable"),
     ),
     Guard(
         "breaking of symmetry",
         "steady_state: symmetric only if it leans to neither side",
         "exact/steady:steady_state",
         without_term("symmetric", "asymmetry"),
-        _atlas("a_motion_that_leans_is_not_called_symmetric"),
+        test_ids("exact/steady", "a_motion_that_leans_is_not_called_symmetric"),
     ),
     Guard(
         "grazing",
         "orbits: no derivative where the fall all but halts",
         _ORBITS,
         constant("GRAZING", -1.0),
-        _atlas(_LOST + "[0.5-1e-08-grazing]"),
+        test_ids("exact/symmetric_orbit_kernel", _LOST + "[0.5-1e-08-grazing]"),
     ),
     Guard(
         "grazing",
         "steady_state: grazing where an event is met too gently",
         _STEADY,
         never("GRAZED"),
-        _atlas(_STATUS + "[what1-grazing-compiled]"),
+        _lost("what1-grazing"),
     ),
     Guard(
         "onset of sticking",
         "statuses: sticking where the block was held",
         _SETTLED,
         never("sticking"),
-        _atlas("a_block_that_friction_holds_for_a_while_is_called_sticking"),
+        test_ids("models/settling", "a_motion_that_ends_has_a_status[periods2-sticking-3]"),
     ),
     Guard(
         "rattling to rest",
         "contact: an impact slower than the capture speed is rest",
         "exact/contact_kernel:meet",
         nothing_true("capture"),
-        _atlas(
+        test_ids(
+            "exact/settle",
             "the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed",
             "what_capture_leaves_out_is_below_the_square_of_its_speed",
         ),
@@ -137,9 +138,10 @@ GUARDS = (
         "steady_state: aperiodic where neighbours part",
         _STEADY,
         never("WANDERS"),
-        _atlas(
-            "motions_that_part_from_their_neighbours_are_aperiodic",
-            "the_gradient_through_a_chaotic_simulation_grows_at_the_reported_rate",
+        test_ids(
+            "exact/steady",
+            "the_verdict_has_a_name_for_each_loss[what8-aperiodic]",
+            "a_chaotic_motion_is_aperiodic_and_its_derivative_grows_at_the_reported_rate",
         ),
     ),
     Guard(
@@ -147,14 +149,14 @@ GUARDS = (
         "periodic_orbit: unstable where a multiplier exceeds 1",
         "answers/periodic_orbit:_verdict",
         never("unstable"),
-        test_ids("periodic_orbit", "continuation_passes_where_the_orbit_repels"),
+        test_ids("answers/periodic_orbit", "continuation_passes_where_the_orbit_repels"),
     ),
     Guard(
         "motion that does not repeat",
         "steady_state: not_settled where Newton's method has not closed the orbit",
         _STEADY,
         never("NOT_SETTLED"),
-        _atlas(_STATUS + "[what6-not_settled-compiled]"),
+        _lost("what6-not_settled"),
     ),
     Guard(
         "overturning",
@@ -162,9 +164,9 @@ GUARDS = (
         _SETTLED,
         never("overturned"),
         (
-            *_atlas(_OVERTURNS),
-            f"tests/models/test_smoothed.py::test_{_OVERTURNS}",
-            f"tests/models/test_segmented.py::test_{_OVERTURNS}",
+            *test_ids("models/settling", "a_motion_that_ends_has_a_status[periods7-overturned-1]"),
+            *test_ids("models/smoothed", _OVERTURNS),
+            *test_ids("models/segmented", _OVERTURNS),
         ),
     ),
     Guard(
@@ -172,7 +174,7 @@ GUARDS = (
         "steady_state: unstable on the saddle between rocking and overturning",
         _STEADY,
         never("UNSTABLE"),
-        _atlas(_SADDLE),
+        test_ids("models/piecewise", _SADDLE),
     ),
     Guard(
         "no derivative without an orbit",
@@ -180,8 +182,8 @@ GUARDS = (
         "exact/steady:steady_state",
         without_term("isolated", "rocks"),
         (
-            *_atlas(_SADDLE),
-            *test_ids("compiled_linear", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"),
+            *test_ids("models/piecewise", _SADDLE),
+            *test_ids("exact/steady", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"),
         ),
     ),
     Guard(
@@ -189,52 +191,49 @@ GUARDS = (
         "every model: failed where a number is not finite",
         _SETTLED,
         never("failed"),
-        _atlas(
-            "resonance_without_damping_to_the_last_digit_is_told",
-            "huge_shaking_overturns_or_is_told_to_be_beyond_numbers[1e+300]",
-        ),
+        test_ids("models/settling", "a_motion_that_ends_has_a_status[periods8-failed-1]"),
     ),
     Guard(
         "slow shaking",
         "steady_state: event_bound where the period of a resting block was cut short",
         "exact/steady:steady_state",
         never("EVENT_BOUND"),
-        _atlas("a_period_too_long_to_be_followed_is_told"),
+        test_ids("models/piecewise", "a_period_too_long_to_be_followed_is_told"),
     ),
     Guard(
         "smoothing too sharp",
         "Smoothed: sharpness within bounds",
         "models/smoothed:Smoothed.__check_init__",
         unchecked("sharpness"),
-        test_ids("smoothed", "settings_out_of_range_are_refused"),
+        test_ids("models/smoothed", "settings_out_of_range_are_refused"),
     ),
     Guard(
         "smoothed impacts",
         "Smoothed: e < 1 is refused with nonlinear terms, and e = 0 with others",
         "models/smoothed:Smoothed.check",
         unchecked("e"),
-        test_ids("smoothed", "impacts_without_a_smoothed_counterpart_are_refused"),
+        test_ids("models/smoothed", "impacts_without_a_smoothed_counterpart_are_refused"),
     ),
     Guard(
         "smoothed impacts",
         "smoothed_rates: no number with nonlinear terms and a traced e < 1",
         "theory/equations:smoothed_rates",
         without_nan("decay"),
-        _atlas("the_smoothed_equations_4_have_no_number_with_impacts"),
+        test_ids("models/smoothed", "the_smoothed_equations_4_have_no_number_with_impacts"),
     ),
     Guard(
         "32-bit floats",
         "every entry: 64 bits are asked for",
         "core/checks:require_x64",
         unrefused("RuntimeError"),
-        _atlas("in_32_bits_every_call_refuses_by_name"),
+        test_ids("answers/steady_state", "in_32_bits_every_call_refuses_by_name"),
     ),
     Guard(
         "scales",
         "scene: omega0 from the half height",
         "scene/scene:_rate",
         constant("half_height", 0.2),
-        _atlas("neither_millimetres_nor_kilometres_change_a_dimensionless_answer"),
+        test_ids("models/piecewise", "neither_millimetres_nor_kilometres_change_a_dimensionless_answer"),
     ),
 )
 

@@ -1,71 +1,44 @@
-"""The custom call of ground motions: asked under a trace first, and where XLA cannot call it."""
-
-import subprocess
-import sys
+"""Motions under ground motions as JAX sees them, and as batches of the host."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import tpd
-from tpd.models import compiled_shaken
+from tests.exact.shaken import Case, operands
+from tpd.models.compiled_shaken import follow, follow_all, row_of
 
 BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9)
-SCENE = tpd.Scene(BLOCK, tpd.Pulse.one_sine(acceleration=3.0, frequency=1.2))
 HUNG = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
+SCENE = tpd.Scene(BLOCK, tpd.Pulse.one_sine(acceleration=3.0, frequency=1.2))
+NAMES = ("tilt", "swing", "relative", "times", "state", "status", "impacts", "lifted")
 
 
-def slope(length):
-    return tpd.transient(SCENE, tpd.Pendulum(mass=450.0, length=length, damping_ratio=0.1), free=2.0).tilt
+def test_one_motion_is_that_of_a_batch_and_records_are_shared():
+    p, pieces = SCENE.ground_parameters(HUNG), jnp.asarray(SCENE.motion.pieces())
+    alone = jax.jit(lambda y0: follow(p, pieces, 3.0, y0, 1000))(jnp.zeros(4))
+    rows, each, _ = operands([Case(BLOCK, HUNG, SCENE.motion)])
+    np.testing.assert_allclose(row_of(p), rows[0], rtol=1e-14)
+    some = [np.zeros((2, 4)), each[0], each[0][:5]]
+    batch, none = follow_all(np.repeat(rows, 3, axis=0), some, np.array([1, 2, 1]), np.full(3, 3.0))
+    assert none is None
+    for name in NAMES:
+        found = np.asarray(getattr(batch, name))
+        np.testing.assert_array_equal(found[0], found[2])
+        np.testing.assert_allclose(found[0], getattr(alone, name), rtol=1e-12, atol=1e-14)
+    assert batch.tilt[1] != batch.tilt[0]
 
 
-def test_the_first_question_may_come_under_a_trace():
-    code = (
-        "import warnings; warnings.simplefilter('error', UserWarning); import jax; "
-        "jax.config.update('jax_enable_x64', True); import tpd; "
-        "b = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9); "
-        "s = tpd.Scene(b, tpd.Pulse.one_sine(acceleration=3.0, frequency=1.2)); "
-        "print(float(jax.jit(lambda s: tpd.transient(s, free=2.0).tilt)(s)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert float(done.stdout) == pytest.approx(float(tpd.transient(SCENE, free=2.0).tilt), rel=1e-12)
+def test_derivatives_of_a_batch_are_those_under_jax():
+    def tilt(length, y0):
+        hung = tpd.Pendulum(mass=450.0, length=length, damping_ratio=0.1)
+        return tpd.transient(SCENE, hung, y0=y0, free=2.0).tilt
 
-
-def test_without_the_custom_call_the_host_answers(monkeypatch):
-    known = float(slope(0.9)), float(jax.grad(slope)(0.9))
-    batch = np.asarray(jax.vmap(slope)(np.array([0.5, 0.9])))
-    monkeypatch.setattr(compiled_shaken.EXACT, "direct", lambda: False)
-    # Programs that were compiled before hold the custom call.
-    jax.clear_caches()
-    try:
-        assert float(slope(0.9)) == known[0]
-        assert float(jax.grad(slope)(0.9)) == known[1]
-        assert np.asarray(jax.vmap(slope)(np.array([0.5, 0.9]))).tolist() == batch.tolist()
-    finally:
-        jax.clear_caches()
-
-
-def test_a_wrong_answer_to_the_trial_is_said(monkeypatch):
-    compiled = compiled_shaken.EXACT
-    monkeypatch.setattr(compiled, "_works", None)
-    monkeypatch.setattr(compiled, "on_host", lambda *_: (np.zeros(3), np.zeros(3)))
-    with pytest.warns(UserWarning, match="of the linear equations directly .its answer to a trial is wrong"):
-        assert not compiled.direct()
-
-
-def test_pieces_longer_than_an_arc_may_be_have_the_derivatives_of_differences():
-    # Under a block that stays at rest the bob swings through pieces that take many arcs each.
-    x = np.array([0.3, 0.1, 0.4, 0.05, 0.1, 0.1, 25.0, 0.7, 0.9])
-    pieces = [np.array([[0.0, 0.5, 0.0, 0.0], [0.5, -1.0, 0.0, 0.0]])]
-
-    def swing(x):
-        found, slopes = compiled_shaken.follow_all(
-            x[None], pieces, np.zeros(1, int), np.zeros(1), slopes=True
-        )
-        return found.state[0, 1], slopes[0, 4, 6]
-
-    step = 1e-4
-    at = [swing(x + n * step * (np.arange(9) == 6))[0] for n in (-2, -1, 1, 2)]
-    expected = (8.0 * (at[2] - at[1]) - (at[3] - at[0])) / (12.0 * step)
-    assert abs(expected) > 1e-5
-    assert swing(x)[1] == pytest.approx(expected, rel=1e-6)
+    start = jnp.array([0.001, 0.02, 0.0, 0.0])
+    by_length, by_start = jax.grad(tilt, argnums=(0, 1))(0.9, start)
+    rows, pieces, rates = operands([Case(BLOCK, HUNG, SCENE.motion)])
+    _, by = follow_all(rows, pieces, np.zeros(1, int), 2.0 * rates, y0=np.asarray(start)[None], slopes=True)
+    # The length is lam = length/(height/2), and angles are angles.
+    assert float(by_length) == pytest.approx(by[0, 0, 2] / 3.0, rel=1e-9)
+    np.testing.assert_allclose(by_start[:2], by[0, 0, 9:11], rtol=1e-9)

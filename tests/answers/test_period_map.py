@@ -1,0 +1,61 @@
+"""Periodic orbits as fixed points of a map: Newton's method, multipliers and derivatives."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.reference import HUNG, exact, parameters
+from tpd import Piecewise
+from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, refine
+from tpd.models.compiled_linear import packed, unpacked
+from tpd.scene.parameters import as_arrays
+from tpd.scene.status import index_of
+
+CASE = HUNG[0]
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    """The orbit of a case, from the rough end of a short motion."""
+    p, model = unpacked(packed(as_arrays(parameters(CASE.x)))), Piecewise(tolerance=1e-3, max_periods=60)
+    return jax.jit(lambda p: refine(p, model, model.settle(p, jnp.zeros(4)), index_of("rocking")))(p)
+
+
+def test_newton_s_method_closes_the_orbit_that_was_met_roughly(orbit):
+    assert float(orbit.residual) < 1e-12
+    np.testing.assert_allclose(orbit.end, orbit.y, rtol=0, atol=1e-11)
+    assert float(orbit.sizes[0]) == pytest.approx(CASE.amplitude, rel=1e-8)
+    assert bool(orbit.closed)
+
+
+def test_the_orbit_follows_its_parameters(orbit):
+    sizes, slopes = implicit(orbit)
+    known = exact(CASE.x)
+    assert float(sizes[0]) == pytest.approx(known.amplitude, rel=1e-11)
+    largest, nearest = multipliers(jnp.asarray(CASE.x[1]), orbit.by_state[:4])
+    assert float(largest) == pytest.approx(float(known.steady.multiplier), rel=1e-8)
+    assert 0.0 < float(nearest) <= 1.0 + float(largest)
+    # Leaves are nu, mu, lam, zeta, k, f and xi first; rho is tied to nu.
+    np.testing.assert_allclose(slopes[0, 1:7], known.slopes[0, 1:7], rtol=1e-8, atol=1e-10)
+
+
+def test_a_bob_that_cannot_be_felt_has_no_multipliers():
+    by = jnp.diag(jnp.array([0.5, 2.0, -0.3, 3.0])).at[0, 1].set(9.0)
+    assert [float(x) for x in multipliers(jnp.asarray(0.1), by)] == pytest.approx([3.0, 0.5])
+    assert [float(x) for x in multipliers(jnp.asarray(0.0), by)] == pytest.approx([0.5, 0.5])
+    assert np.isinf(multipliers(jnp.asarray(0.1), by * jnp.nan)[0])
+
+
+def test_an_orbit_that_is_not_closed_counts_for_less():
+    none = jnp.zeros((6, 9))
+    one, other = (
+        Orbit(none[0, :4], 1e-12, none[0, :4], none[0, :2], none, none[:, :4], 1.0, 0.0, jnp.asarray(closed))
+        for closed in (True, False)
+    )
+    assert float(one.error) == 1e-12 < float(other.error)
+
+
+def test_statuses_of_attracting_motions():
+    found = [bool(is_rocking(index_of(name))) for name in ("rocking", "sticking", "rest", "unstable")]
+    assert found == [True, True, False, False]

@@ -1,0 +1,72 @@
+"""Readings of the legs of a motion: derivatives, states at times, and impacts."""
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.exact.shaken import Case, operands, record
+from tests.reference import differences
+from tpd.answers.shaking_history import shaking_history
+from tpd.models.compiled_shaken import follow_all
+
+COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.01, restitution=0.9595)
+HUNG = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
+SINE = tpd.Pulse.one_sine(acceleration=2.0 * 9.80665 / 6.0, frequency=1.2375)
+NOISE = record(np.append(0.0, 4.0 * np.random.default_rng(4).standard_normal(40)), 0.05)
+
+
+def results(x, y0, pieces, free=1.5):
+    found, by = follow_all(x[None], [pieces], np.zeros(1, int), np.array([free]), y0=y0[None], slopes=True)
+    numbers = [
+        found.tilt,
+        found.swing,
+        found.relative,
+        *found.state.T,
+        found.growing,
+        *found.times.T,
+        found.lifted,
+    ]
+    return np.array([float(v[0]) for v in numbers]), by[0]
+
+
+@pytest.mark.parametrize("motion", [SINE, NOISE], ids=["sine", "record"])
+def test_every_number_has_the_derivatives_of_differences(motion):
+    rows, (pieces,), _ = operands([Case(COLUMN, HUNG, motion)])
+    point = np.append(rows[0], [0.01, 0.02, -0.01, 0.05])
+    values, by = results(point[:9], point[9:], pieces)
+    # A block that begins tilted has no uplift. The slope of the growing coordinate is right where that
+    # vanishes, see `critical_scale`.
+    sure = np.isfinite(by).all(axis=1) & (np.arange(12) != 7)
+    assert np.sum(sure) >= 8
+    for j in range(13):
+        expected = differences(lambda z: results(z[:9], z[9:], pieces)[0], point, j, share=2e-5)
+        # Derivatives pass through tens of impacts, and those of the end through all of them.
+        for i in np.flatnonzero(sure & np.isfinite(values)):
+            assert by[i, j] == pytest.approx(expected[i], rel=2e-4, abs=2e-5 * (1.0 + np.abs(by[i]).max())), (
+                i,
+                j,
+            )
+
+
+def test_pieces_longer_than_an_arc_may_be_have_the_derivatives_of_differences():
+    # Under a block that stays at rest the bob swings through pieces that take many arcs each.
+    x = np.array([0.3, 0.1, 0.4, 0.05, 0.1, 0.1, 25.0, 0.7, 0.9])
+    pieces = np.array([[0.0, 0.5, 0.0, 0.0], [0.5, -1.0, 0.0, 0.0]])
+    _, by = results(x, np.zeros(4), pieces, free=0.0)
+    expected = differences(lambda z: results(z, np.zeros(4), pieces, free=0.0)[0][4], x, 6, share=1e-5)
+    assert abs(expected) > 1e-5
+    assert by[4, 6] == pytest.approx(expected, rel=1e-6)
+
+
+def test_states_at_times_are_those_of_the_motion_and_impacts_have_their_rates():
+    scene = tpd.Scene(tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595), SINE)
+    found = shaking_history(scene, free=20.0)
+    whole = tpd.transient(scene, free=20.0)
+    assert len(found.impacts) == int(whole.impacts)
+    assert np.abs(found.tilt).max() == pytest.approx(float(whole.tilt), rel=1e-4)
+    times, rates = found.impacts.T
+    assert np.all(np.diff(times) > 0.0)
+    # In free rocking every impact takes the same share of the rate.
+    free = rates[times > 1.0 / 1.2375]
+    assert np.abs(free[1:] / free[:-1]) == pytest.approx(0.9595, rel=1e-9)
+    assert np.abs(np.interp(times, found.times, found.tilt)).max() < 1e-3

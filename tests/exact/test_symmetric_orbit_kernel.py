@@ -1,0 +1,107 @@
+"""Symmetric orbits: their statuses, largest swings, derivatives and refusals."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests.exact.orbits import BATCH, solve
+from tests.reference import NAMES, parameters
+from tpd import Parameters, simulate, symmetric_orbits
+from tpd.exact.orbit_terms import STATUSES
+from tpd.exact.symmetric_orbit_kernel import _status
+from tpd.models import compiled_orbits
+
+
+@pytest.mark.parametrize(
+    ("half", "dent", "status"),
+    [
+        (0.5, 1.0, "rocking"),
+        (1.5, 1.0, "unstable"),
+        (1.0 - 1e-7, 1.0, "near_fold"),
+        (1.0 - 1e-5, 1.0, "rocking"),
+        (0.5, 1e-8, "grazing"),
+        (0.5, 1e-6, "rocking"),
+    ],
+)
+def test_an_orbit_about_to_be_lost_has_a_name(half, dent, status):
+    named = _status.py_func(SimpleNamespace(k=0.05, e=1.0, mu=0.1, zeta=0.1), half, abs(1.0 - half), dent)
+    assert STATUSES[named] == status
+
+
+@pytest.mark.parametrize("status", STATUSES)
+def test_only_an_orbit_that_is_neither_near_a_fold_nor_grazes_has_derivatives(status):
+    x = compiled_orbits.row_of(Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=3.0))[None]
+    orbits = compiled_orbits.solve_all(x)
+    assert STATUSES[int(orbits[0, 0]["status"])] == "rocking"
+    orbits["status"] = STATUSES.index(status)
+    slopes = compiled_orbits.slopes_all(x, orbits, np.eye(9)[None], (0, 3))[0, 0, :, 0]
+    assert np.all(np.isfinite(slopes) == (status in ("rocking", "unstable", "neutral")))
+
+
+SWINGS = {
+    # The impact turns the bob back: its largest angle is a corner.
+    "corner": (0.16935, 0.17743, 1.04946, 0.41102, 0.03664, 0.3403, 0.98591, 0.62592),
+    # Two peaks on the same side.
+    "two peaks": (0.22249, 0.09079, 1.19946, 0.03875, 0.03063, 0.4051, 0.94689, 1.0),
+    # A short pendulum under slow shaking swings many times between two events.
+    "many peaks": (0.26701, 0.43098, 0.01157, 0.01365, 0.02863, 0.39796, 0.4922, 0.97828),
+    "many peaks, no loss": (0.26872, 0.39663, 0.01389, 0.00989, 0.04543, 0.58657, 0.36855, 1.0),
+    # A quick decay hides two extremes between two samples.
+    "quick decay": (0.387, 0.0094, 0.0955, 3.0448, 0.0, 0.1914, 0.3004, 1.0),
+    "heavy bob": (0.0971, 0.9778, 0.5614, 0.4968, 0.0258, 0.518, 0.5396, 0.8802),
+}
+
+
+def test_the_stroke_is_the_largest_of_all_peaks():
+    o = solve(SWINGS.values())
+    assert np.all(o.exists[:, 0])
+    for i, x in enumerate(SWINGS.values()):
+        for j in np.flatnonzero(o.exists[i]):
+            times = np.linspace(0.0, 2.0 * np.pi / x[6], 4001)
+            bob = np.abs(np.asarray(simulate(parameters(x), o.state[i, j], times).ys)[:, 1])
+            assert bob.max() - 1e-9 <= o.stroke[i, j] <= bob.max() * (1.0 + 1e-3), list(SWINGS)[i]
+
+
+def test_the_stroke_under_a_given_inertia_is_that_of_the_motion():
+    named = dict(zip(NAMES, SWINGS["quick decay"], strict=True))
+    p = Parameters(**named, rho=0.75)
+    o = symmetric_orbits(p)
+    bob = np.abs(np.asarray(simulate(p, o.state[0], np.linspace(0.0, np.pi / p.xi, 4001)).ys)[:, 1])
+    assert float(o.stroke[0]) == pytest.approx(0.45528, abs=1e-5)
+    assert bob.max() * (1.0 - 1e-9) <= float(o.stroke[0]) <= bob.max() * (1.0 + 1e-5)
+
+
+@pytest.mark.mends("two extremes between two samples hid the largest swing of a strongly damped bob")
+def test_the_stroke_of_a_bob_that_is_quick_is_the_largest_swing():
+    """Designs under slow shaking whose bob follows an impact quickly, or swings without damping."""
+    rng, count = np.random.default_rng(1), 4 * BATCH
+    nu = rng.uniform(0.05, 0.45, count)
+    xs = np.stack(
+        [
+            nu,
+            10.0 ** rng.uniform(-3.0, 0.0, count),
+            10.0 ** rng.uniform(-2.0, 0.0, count),
+            np.where(rng.random(count) < 0.3, 0.0, 10.0 ** rng.uniform(-0.3, 0.7, count)),
+            np.where(rng.random(count) < 0.6, 0.0, 0.1 * nu),
+            nu * 10.0 ** rng.uniform(-0.3, 0.5, count),
+            10.0 ** rng.uniform(-0.5, 0.1, count),
+            rng.choice([0.8, 0.95, 1.0], count),
+        ],
+        axis=1,
+    )
+    o = solve(xs)
+    found = np.argwhere(o.exists)
+    assert len(found) > 40
+    for i, j in found:
+        # Half a period: the other half mirrors it, and unstable orbits have less time to be left.
+        times = np.linspace(0.0, np.pi / xs[i, 6], 2001)
+        bob = np.abs(np.asarray(simulate(parameters(xs[i]), o.state[i, j], times).ys)[:, 1])
+        assert o.stroke[i, j] >= bob.max() * (1.0 - 1e-6), xs[i].tolist()
+
+
+def test_a_path_with_too_many_peaks_is_not_followed_and_the_answer_says_so():
+    bare = (0.2, 0.0, 0.4, 0.1, 0.05, 0.1, 1.5)
+    o = solve([bare, (*bare[:2], 3e-7, *bare[3:])])
+    assert o.exists[:, 0].tolist() == [True, False]
+    assert o.overflow.tolist() == [False, True]
