@@ -96,14 +96,6 @@ class Trajectory(eqx.Module):
 
 
 @lru_cache(maxsize=1)
-def at_rest() -> State:
-    """The default start: block and bob at rest, at tau = 0."""
-    # Made once, and as a number also where it is first asked for under a trace.
-    with jax.ensure_compile_time_eval():
-        return jnp.zeros(4)
-
-
-@lru_cache(maxsize=1)
 def _default() -> Piecewise:
     """Default model: to make one, and check it, takes a third of the time of a call."""
     return Piecewise()
@@ -134,7 +126,7 @@ def steady_state(
     check_parameters(p)
     checks.instance("model", model, (AbstractModel, AbstractChoice))
     checks.flag("throw", throw)
-    start = at_rest() if y0 is None else _state(y0)
+    start: Any = np.zeros(4) if y0 is None else _state(y0)
     if isinstance(model, AbstractChoice):
         steady = model.steady(p, start)
     else:
@@ -185,7 +177,7 @@ def sampled(p: Parameters, periods: int = 24, per_period: int = 60) -> Float[Arr
 
 def _state(y0: ArrayLike) -> State:
     checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
-    return jnp.asarray(y0, dtype=jnp.float64)
+    return checks.namespace(*jax.tree.leaves(y0)).asarray(y0, dtype=float)
 
 
 @eqx.filter_jit
@@ -229,6 +221,10 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     # Value and slopes come first and are joined here: forward and reverse mode, at any nesting, then cost one
     # product with the slopes and never run through the loops that found the orbit.
     values = fields(p)
+    plain = _PLAIN.issuperset(map(type, values)) and type(y0) is np.ndarray
+    if plain and type(model) is Piecewise:
+        # The usual call, which takes as long as two questions of JAX's: none is asked.
+        return _steady(_answer(solve(np.array(values), y0, model.limits), np))
     if any(getattr(x, "ndim", 0) for x in values):
         raise ValueError("`p` must be single numbers: `jax.vmap` and `tpd.in_chunks` take batches")
     known, *still = all(map(checks.is_concrete, (*values, y0))), *map(_still, values)
@@ -240,6 +236,10 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
         # `eqx.filter_jit` sorts the leaves in Python at every call. A model without numbers needs none of it.
         answer, slopes = (_solved_with if jax.tree.leaves(model) else _solved_by)(x, model, start)
     return _steady(answer if known else _joined((*values, *y0), answer, slopes))
+
+
+_PLAIN = {float, np.float64}
+"""Types of parameters that are known to the engine as they are."""
 
 
 def _still(x: Any) -> Any:
@@ -295,16 +295,20 @@ def _joined(values: tuple, answer: _Answer, slopes: Any) -> _Answer:
 def _by_engine(x: list[Any], model: Piecewise, y0: Any) -> tuple[_Answer, Any]:
     """`_solve` of exact motions by compiled code; of numbers without any program of JAX."""
     known = all(map(checks.is_concrete, (*x, y0)))
-    xp: Any = np if known else jnp
     wide = np.array(x, dtype=float) if known else packed_of(x)
     start = np.ascontiguousarray(y0, dtype=float) if known else jnp.asarray(y0, dtype=jnp.float64)
-    out = solve(wide, start, model.limits, known=known)
-    code, periods, symmetric, elapsed = out[8:12]
-    whole = int if known else partial(jnp.asarray, dtype=int)
+    out = solve(wide, start, model.limits)
+    return _answer(out, np if known else jnp), out[12:].reshape(6, 9)
+
+
+def _answer(out: Any, xp: Any) -> _Answer:
+    """The answer in what the engine has found, an array of the library `xp`."""
+    amplitude, stroke, *_, multiplier, lyapunov, code, periods, symmetric, elapsed = out[:12]
+    whole = int if xp is np else partial(jnp.asarray, dtype=int)
     # An array, by which equinox looks up the message of a status.
     status = xp.asarray(xp.asarray(_statuses())[whole(code)])
-    about = whole(periods), out[6], symmetric == 1.0, out[7], out[2:6], whole(elapsed)
-    return _Answer(out[0], out[1], status, *about), out[12:].reshape(6, 9)
+    about = whole(periods), multiplier, symmetric == 1.0, lyapunov, out[2:6], whole(elapsed)
+    return _Answer(amplitude, stroke, status, *about)
 
 
 @lru_cache(maxsize=1)

@@ -22,7 +22,7 @@ from tpd.exact.derivatives import moved, once
 from tpd.exact.orbit_terms import ASKED, SIZES, STATUSES
 from tpd.models import compiled_orbits
 from tpd.scene.parameters import Number, Parameters, check_parameters
-from tpd.scene.status import Status
+from tpd.scene.status import Status, index_of
 
 ORBITS = 3
 """Most orbits of a design."""
@@ -94,7 +94,8 @@ def symmetric_orbits(p: Parameters) -> Orbits:
     x = compiled_orbits.row_of(p)
     if x.ndim > 1:
         raise ValueError("`p` must be single numbers: `jax.vmap` and `all_symmetric_orbits` take batches")
-    return _orbits(_described(x)[1])
+    # What is known has no derivatives, which JAX would prepare for longer than the orbits take.
+    return _orbits(_leaves(compiled_orbits.solved(x)) if isinstance(x, np.ndarray) else _described(x)[1])
 
 
 def all_symmetric_orbits(
@@ -127,7 +128,7 @@ def _leaves(numbers: Any) -> dict[str, Any]:
     names = entry.ORBIT.names
     start = {name: entry.ORBIT.fields[name][1] // 8 for name in names}
     multipliers = numbers[..., start["multipliers"] : start["multipliers"] + 8]
-    index = np.array([jax.tree.leaves(getattr(Status, name))[0] for name in STATUSES])
+    index = np.array([index_of(name) for name in STATUSES])
     codes = numbers[..., start["status"]].astype(int)
     return {name: numbers[..., place] for name, place in SIZES.items()} | {
         "multipliers": multipliers[..., 0::2] + 1j * multipliers[..., 1::2],

@@ -114,11 +114,11 @@ def _is_traced(value: object) -> bool:
 
 
 def _check(name: str, value: object, allowed: str, holds: Callable[[Any], Any]) -> None:
+    if type(value) is float and math.isfinite(value) and holds(value):
+        # First, because NumPy takes longer for one number than following a motion does.
+        return
     if isinstance(value, jax.core.Tracer):
         # A traced value has no number yet: whoever traces answers for its range.
-        return
-    if type(value) is float and math.isfinite(value) and holds(value):
-        # NumPy takes longer for one number than following a motion does.
         return
     array = np.asarray(value) if is_concrete(value) else np.asarray(value, dtype=object)
     if not np.issubdtype(array.dtype, np.integer) and not np.issubdtype(array.dtype, np.floating):

@@ -40,11 +40,14 @@ class Compiled:
         self._module, self._target, self._of, self._trial = module, target, of, trial
         self._asking = Lock()
         self._works: bool | None = None
+        self._entry: Any = None
 
     def entry(self) -> Any:
         """The module, loaded when it is needed: it loads Numba."""
-        compiling.load(self._module)
-        return sys.modules[self._module]
+        if self._entry is None:
+            compiling.load(self._module)
+            self._entry = sys.modules[self._module]
+        return self._entry
 
     def direct(self) -> bool:
         """Whether XLA can call the code: it answers a trial as the call from the host does."""

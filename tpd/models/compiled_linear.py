@@ -8,7 +8,7 @@ as `tpd.models.calling` says, with derivatives of its own; `settle_all` follows 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import jax
@@ -23,6 +23,8 @@ from tpd.models.calling import Compiled, shape
 from tpd.scene.parameters import Number, Parameters, State
 from tpd.scene.status import Status
 
+Limits = tuple[int, int, float, float, int]
+"""Those of `tpd.models.piecewise.Piecewise`."""
 NAMES = "nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e"
 """Names of parameters in the order in which the compiled code takes them."""
 
@@ -43,7 +45,9 @@ NONLINEAR = Compiled("tpd.models.nonlinear_entry", "tpd_nonlinear", "the nonline
 
 def fields(p: Parameters) -> tuple[Any, ...]:
     """Parameters in the order of `NAMES`, with inertia and velocity ratios of their own."""
-    return p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.velocity_ratio
+    # From where they are kept: by its name a field of an equinox module takes five times as long.
+    *first, rho, e = map(vars(p).__getitem__, NAMES)
+    return *first, p.inertia_ratio if rho is None else rho, p.velocity_ratio if e is None else e
 
 
 def packed(p: Parameters) -> Float[Array, "9"]:
@@ -98,23 +102,28 @@ def settle(
     return Settled(out[:4], _mode_of(out[8:]), own, *sizes, status, elapsed, *peaks)
 
 
-def solve(x: Any, y0: Any, limits: tuple[int, int, float, float, int], *, known: bool) -> Any:
+def solve(x: Any, y0: Any, limits: Limits) -> Any:
     """The steady state of a motion: its numbers in the order of `tpd.exact.steady.STEADY`.
 
     Args:
-        x, y0: parameters as `packed` has them, and the state at tau = 0.
+        x, y0: parameters as `packed` has them, and the state at tau = 0. Of NumPy's arrays the answer is one
+            as well, and no program of JAX is asked.
         limits: those of `Piecewise`.
-        known: whether these are numbers, so that no program of JAX is needed.
     """
-    entry = EXACT.entry()
-    names = "periods", "events", "tolerance", "rest_rate", "lyapunov"
-    row = np.array(entry.settings(task=entry.STEADY_STATE, **dict(zip(names, limits, strict=True))))
-    n = entry.STEADY.itemsize // 8
-    if not known:
+    entry, row, n = _asked(limits)
+    if not (isinstance(x, np.ndarray) and isinstance(y0, np.ndarray)):
         return EXACT((shape(n),), row, x, y0)[0]
     out = np.empty(n)
     entry.run(0, 1, row, x, y0, out)
     return out
+
+
+@lru_cache(maxsize=8)
+def _asked(limits: Limits) -> tuple[Any, np.ndarray, int]:
+    """The module with the compiled code, a row of settings for `solve`, and how many numbers it gives."""
+    entry, names = EXACT.entry(), ("periods", "events", "tolerance", "rest_rate", "lyapunov")
+    row = np.array(entry.settings(task=entry.STEADY_STATE, **dict(zip(names, limits, strict=True))))
+    return entry, row, entry.STEADY.itemsize // 8
 
 
 @jax.custom_jvp

@@ -146,10 +146,18 @@ def api_version() -> int:
 def on_host(entrance: Any) -> Callable[..., None]:
     """Function that computes rows `first` to before `last` of contiguous buffers: operands, then results."""
     call: Callable[[int], int] = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(entrance.address)
+    numbers: Any = ctypes.c_int64 * FRAME
 
     def run(first: int, last: int, *buffers: np.ndarray) -> None:
-        addresses = [b.ctypes.data for b in buffers]
-        frame = np.array([0, first, last, *addresses, *[0] * (FRAME - 3 - len(buffers))], dtype=np.int64)
-        call(frame.ctypes.data)
+        frame = numbers(0, first, last, *map(_address, buffers))
+        call(ctypes.addressof(frame))
 
     return run
+
+
+def _address(buffer: Any) -> int:
+    """Where the numbers of a contiguous array begin."""
+    # NumPy's own attribute takes five times as long, but knows all arrays.
+    if buffer.size and buffer.flags.writeable:
+        return ctypes.addressof(ctypes.c_char.from_buffer(buffer))
+    return buffer.ctypes.data

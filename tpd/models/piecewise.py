@@ -53,7 +53,7 @@ class Piecewise(AbstractModel):
         return 0.0 * p.nu
 
     @property
-    def limits(self) -> tuple[int, int, float, float, int]:
+    def limits(self) -> compiled_linear.Limits:
         """Bounds on following a motion, as `compiled_linear.solve` takes them."""
         return self.max_periods, self.max_events, self.tolerance, self.rest_rate, self.lyapunov_periods
 

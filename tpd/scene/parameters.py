@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     Number = Float[Array, "..."] | float
     State = Float[Array, "4"]
     Real = float
+    Given = Float[Array, "..."] | float
 else:
     # Known numbers may be arrays of NumPy: see `checks.namespace`. To a checker of types these are JAX's. An
     # imaginary part of theirs carries a derivative.
@@ -25,7 +26,7 @@ else:
     State = Float[Array, "4"] | Float[np.ndarray, "4"]
     # An array or a traced value passes as well, and `checks` refuses the rest in words of its own, before
     # and instead of a checker of types.
-    Real = Any
+    Real = Given = Any
 Numbers = tuple[Number, Number, Number, Number]
 """A state (phi, psi, phi', psi'), one number each."""
 
@@ -38,11 +39,6 @@ SLENDERNESS_LIMIT = 0.5
 relative order nu**2, a quarter at this limit."""
 
 
-def _parameter(default: Any = ...) -> Any:
-    options = {} if default is ... else {"default": default}
-    return eqx.field(converter=checks.as_float, kw_only=True, **options)
-
-
 class Parameters(eqx.Module):
     """Dimensionless parameters of block, pendulum and shaking. Angles are in rad, time is tau = omega0 t.
 
@@ -53,26 +49,43 @@ class Parameters(eqx.Module):
         ValueError: a plain number outside its range.
     """
 
-    nu: Number = _parameter()
+    nu: Number
     """Slenderness a/b: half width over half height."""
-    mu: Number = _parameter()
+    mu: Number
     """Mass ratio m/M of bob to block; 0 is the bare block."""
-    lam: Number = _parameter()
+    lam: Number
     """Length ratio l/b: pendulum length over half height (the paper's Table 1 uses half of it)."""
-    zeta: Number = _parameter()
+    zeta: Number
     """Damping ratio of the hinge, of the pendulum hung from a fixed point."""
-    k: Number = _parameter()
+    k: Number
     """Dry friction moment of the rocking contact, divided by M g b."""
-    f: Number = _parameter()
+    f: Number
     """Base acceleration amplitude in g: alpha omega**2 / g."""
-    xi: Number = _parameter()
+    xi: Number
     """Forcing frequency ratio omega/omega0."""
-    rho: Number | None = _parameter(None)
+    rho: Number | None
     """b**2/(a**2 + b**2 + c**2) with c the radius of gyration about the centroid; None ties it to `nu` as
     for a uniform rectangle, also in gradients."""
-    e: Number | None = _parameter(1.0)
+    e: Number | None
     """Velocity ratio across an impact at zero tilt and psi = 0, of the block with its bob; 1 is no impact
     loss. None ties it to `nu`, `rho` and `mu` by `tpd.scene.impacts.housner`, also in gradients."""
+
+    def __init__(
+        self,
+        *,
+        nu: Given,
+        mu: Given,
+        lam: Given,
+        zeta: Given,
+        k: Given,
+        f: Given,
+        xi: Given,
+        rho: Given | None = None,
+        e: Given | None = 1.0,
+    ) -> None:
+        # At once: equinox's own way, field by field, takes longer than following a motion.
+        given = {"nu": nu, "mu": mu, "lam": lam, "zeta": zeta, "k": k, "f": f, "xi": xi, "rho": rho, "e": e}
+        vars(self).update({name: checks.as_float(x) for name, x in given.items()})
 
     def __check_init__(self) -> None:
         checks.positive("nu", self.nu)
@@ -134,9 +147,9 @@ def _check_heaviest(nu: Any, rho: Any, mu: Any) -> None:
 
 def check_parameters(p: object, name: str = "p") -> None:
     """Raise `ValueError` unless `p` is an object of `Parameters`."""
-    # A scene is what is given by mistake: it knows its parameters.
-    hint = ": take its `.parameters()`" if hasattr(p, "parameters") else ""
-    checks.instance(name, p, Parameters, hint)
+    if not isinstance(p, Parameters):
+        # A scene is what is given by mistake: it knows its parameters.
+        checks.instance(name, p, Parameters, ": take its `.parameters()`" if hasattr(p, "parameters") else "")
 
 
 def as_arrays(p: Parameters) -> Parameters:
