@@ -15,8 +15,7 @@ import pytest
 from tests.reference import UNSTABLE, EventDriven
 from tpd import Parameters, status_name, steady_state
 from tpd.answers import bifurcations as module
-from tpd.answers.bifurcations import Bifurcation, Kind, bifurcations
-from tpd.answers.sweep import Sweep, orbits_at, sweep
+from tpd.answers.bifurcations import Bifurcation, Kind, Sweep, bifurcations, orbits_at, sweep
 from tpd.scene.quantities import NAMES, Axis
 
 LOW = np.array([0.08, 0.0, 0.05, 0.0, 0.0, 0.02, 0.6, 0.5])

@@ -8,9 +8,7 @@ import pytest
 
 import tpd
 from tests.reference import NAMES, BareCrowd, EventDriven
-from tpd.answers.ensemble import outcomes, plan
-from tpd.answers.outcomes import Outcomes, Share
-from tpd.answers.paired import Verdict, chance_of
+from tpd.answers.ensemble import Outcomes, outcomes, plan
 from tpd.models.batches import settle_all
 from tpd.scene.sampling import latin_hypercube
 from tpd.scene.status import names_of
@@ -26,13 +24,7 @@ STILL = tpd.Ensemble(
     ramps=(0.0,),
     **dict.fromkeys(SPREADS, 0.0),
 )
-PENDULUM = tpd.Pendulum(mass=3.2448, length=0.203, damping_ratio=0.1)
 SMALL = tpd.Ensemble(size=96, periods=60)
-
-
-@pytest.fixture(scope="module")
-def judged():
-    return tpd.verdict(tpd.paper_scene(), PENDULUM, ensemble=SMALL)
 
 
 def followed(p, y0, *, begin=0.0, ramp=0.0, periods):
@@ -168,23 +160,6 @@ def test_peaks_are_those_from_the_start_on():
     assert found.peak_stroke[0] == pytest.approx(ys[:, 1].max(), rel=1e-3)
 
 
-def test_shares_have_wilsons_interval():
-    share = Share.of(np.arange(100) < 10)
-    assert share.value == 0.1
-    assert (share.low, share.high) == pytest.approx((0.0552, 0.1744), abs=2e-4)
-    none = Share.of(np.zeros(50, bool))
-    assert none.low == 0.0
-    assert none.high == pytest.approx(0.0713, abs=2e-4)
-    assert str(share) == "10.0% (5.5% to 17.4%)"
-
-
-@pytest.mark.parametrize(
-    ("worse", "better", "chance"), [(0, 0, 1.0), (5, 0, 1 / 32), (4, 1, 6 / 32), (0, 5, 1.0)]
-)
-def test_the_chance_of_a_difference_is_the_binomials(worse, better, chance):
-    assert chance_of(worse, better) == pytest.approx(chance)
-
-
 def fake(lost, peak=0.1):
     n = len(lost)
     status = np.where(lost, "overturned", "rocking")
@@ -193,61 +168,9 @@ def fake(lost, peak=0.1):
     return Outcomes(ensemble=tpd.Ensemble(size=n), status=status, ramp=np.zeros(n), **named)
 
 
-def test_harm_is_a_difference_beyond_luck():
-    def compared(only_hung, only_bare):
-        lost = np.arange(100)
-        both = Verdict(hung=fake(lost < only_hung), bare=fake((lost >= 50) & (lost < 50 + only_bare)))
-        assert (both.worse, both.better) == (only_hung, only_bare)
-        return both
-
-    assert compared(5, 0).harms
-    assert not compared(4, 0).harms
-    assert not compared(5, 5).harms
-    assert not compared(0, 20).harms
-    assert "5 of 100 runs of the ensemble overturn with the pendulum only" in compared(5, 0).objection
-
-
-@pytest.mark.mends("runs without an answer were not named in the results of an ensemble")
-def test_runs_without_an_answer_are_named():
-    known = fake(np.zeros(20, bool))
-    assert "without an answer" not in str(Verdict(hung=known, bare=known))
-    names = ["event_bound"] * 3 + ["failed"], ["event_bound"]
-    hung, bare = (
-        dataclasses.replace(known, status=np.array([*some, *known.status[len(some) :]])) for some in names
-    )
-    found = Verdict(hung=hung, bare=bare)
-    assert found.objection.endswith("; 4 with the pendulum and 1 without it have no answer")
-    (row,) = (line for line in found.table().splitlines() if "without an answer" in line)
-    assert row.split()[-2:] == ["4", "1"]
-    assert str(hung).splitlines()[-1].split() == ["runs", "without", "an", "answer", "4"]
-
-
 def test_quantiles_count_the_overturned_as_infinite():
     found = fake(np.arange(100) < 5)
     assert found.quantiles("peak", (0.5, 0.95, 0.96)) == (0.1, 0.1, np.inf)
-
-
-def test_the_papers_block_is_safer_with_its_pendulum(judged):
-    assert judged.hung.overturned.high < judged.bare.overturned.low
-    assert not judged.harms
-    table = judged.table()
-    assert "growing for 2 s" in table
-    assert str(judged.bare.overturned) in table
-    assert judged.worse < judged.better
-    assert str(judged) == f"{table}\n{judged.objection}"
-    head = "Ensemble of 96 runs of up to 60 periods, seed 0, linear equations"
-    assert str(judged.bare).splitlines()[0] == head
-    assert table.startswith("linear equations")
-    assert f"{judged.bare.overturned}" in str(judged.bare).splitlines()[1]
-    assert judged.bare._repr_html_() == f"<pre>{judged.bare}</pre>"
-
-
-def test_a_verdict_on_parameters_is_on_the_block_with_their_pendulum_and_without():
-    few = tpd.Ensemble(size=4, periods=20)
-    p = tpd.paper_scene().parameters(PENDULUM)
-    both = tpd.verdict(p, ensemble=few)
-    np.testing.assert_array_equal(both.hung.peak, outcomes(p, ensemble=few).peak)
-    np.testing.assert_array_equal(both.bare.peak, outcomes(dataclasses.replace(p, mu=0.0), ensemble=few).peak)
 
 
 def test_conditions_are_dealt_out_evenly():
@@ -275,26 +198,9 @@ def test_ensembles_that_make_no_sense_are_refused(wrong, message):
 
 def test_bad_subjects_are_refused():
     with pytest.raises(ValueError, match="`pendulum` goes with a scene"):
-        outcomes(HUNG, PENDULUM)
+        outcomes(HUNG, tpd.Pendulum(mass=3.2448, length=0.203, damping_ratio=0.1))
     with pytest.raises(ValueError, match="`f` must be a single number, but is"):
         outcomes(dataclasses.replace(HUNG, f=jnp.array([0.1, 0.2])))
-
-
-@pytest.fixture(scope="module")
-def nonlinear():
-    return tpd.verdict(tpd.paper_scene(), PENDULUM, ensemble=SMALL, equations=tpd.Terms.nonlinear)
-
-
-def test_the_nonlinear_equations_are_put_to_the_same_runs(judged, nonlinear):
-    assert nonlinear.equations == nonlinear.hung.equations == nonlinear.bare.equations == "nonlinear"
-    assert judged.equations == "linear"
-    assert nonlinear.table().startswith("nonlinear equations")
-    assert str(nonlinear.bare).splitlines()[0].endswith("seed 0, nonlinear equations")
-    # Chaotic motions: single runs differ, shares by two standard errors of 96 runs at most.
-    assert abs(np.mean(nonlinear.bare.lost) - np.mean(judged.bare.lost)) < 0.15
-    assert nonlinear.worse < nonlinear.better
-    assert not nonlinear.harms
-    np.testing.assert_array_equal(nonlinear.hung.ramp, judged.hung.ramp)
 
 
 def test_nonlinear_runs_without_any_spread_settle_into_the_nonlinear_motion():
@@ -307,9 +213,4 @@ def test_nonlinear_runs_without_any_spread_settle_into_the_nonlinear_motion():
 def test_equations_that_no_run_can_be_followed_by_are_refused():
     for wrong in ("parametric", tpd.Terms.parametric):
         with pytest.raises(ValueError, match="`equations` must be one of linear, nonlinear, but is"):
-            tpd.verdict(HUNG, ensemble=STILL, equations=wrong)
-
-
-def test_both_sides_of_a_verdict_are_by_the_same_equations(nonlinear):
-    with pytest.raises(ValueError, match="`bare` must be by the linear equations, but is by the nonlinear"):
-        tpd.verdict(tpd.paper_scene(), PENDULUM, ensemble=SMALL, bare=nonlinear.bare)
+            outcomes(HUNG, ensemble=STILL, equations=wrong)

@@ -13,9 +13,8 @@ import pytest
 
 from tests.reference import orbits_of
 from tpd import Parameters, Pendulum, branches, paper_scene, settled_response
-from tpd.answers.bifurcations import Kind, bifurcations
+from tpd.answers.bifurcations import Kind, bifurcations, sweep
 from tpd.answers.response import Branches, frequencies
-from tpd.answers.sweep import sweep
 from tpd.cli import main
 from tpd.plot.response import plot_branches
 from tpd.scene.quantities import Setup

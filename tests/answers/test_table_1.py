@@ -13,10 +13,10 @@ import pytest
 
 import tpd
 from tpd.answers.ensemble import plan
-from tpd.answers.outcomes import LOST, Share
+from tpd.answers.statistics import Share
 from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear
-from tpd.scene.status import names_of
+from tpd.scene.status import LOST, names_of
 
 BLOCK = tpd.Block(width=0.1, height=0.4, mass=16.224, restitution="housner")
 SCENE = tpd.Scene(BLOCK, tpd.Harmonic(amplitude=0.015, frequency=2.5))
