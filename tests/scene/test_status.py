@@ -24,7 +24,7 @@ def test_names_numbers_and_statuses_belong_together(name):
     status = getattr(Status, name)
     assert status_name(status) == name == str(name)
     assert names_of(status).shape == ()
-    assert index_of(name) == codes_of(np.array(name)) == list(Outcome).index(name)
+    assert index_of(name) == codes_of(np.array([name]))[0] == list(Outcome).index(name)
     assert bool(is_moving(status)) == (name in MOVING)
     assert bool(is_settled(status)) == (name in SETTLED)
     # What is no answer of its own says what to do.
