@@ -7,7 +7,6 @@ import pytest
 
 import tpd
 from tests.unanswered import unanswered
-from tpd.plot.maps import plot_overturning_spectrum, plot_rocking_spectrum
 
 GRAVITY = 9.80665
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
@@ -99,7 +98,7 @@ def test_without_any_answer_no_share_is_known(monkeypatch):
 @pytest.mark.mends("cells without an answer had the colour of those that stand")
 def test_cells_without_an_answer_are_drawn(monkeypatch):
     unanswered(monkeypatch, lambda rows: largest(rows) & (rows[:, 1] > 0.0))
-    bare, hung = plot_overturning_spectrum(spectrum(HUNG))
+    bare, hung = spectrum(HUNG).plot()
     assert not bare.lines
     (crosses,) = hung.lines
     assert crosses.get_label() == "no answer: 2 of 8"
@@ -123,8 +122,8 @@ def test_a_block_without_an_answer_has_no_tilt(monkeypatch):
 
 @pytest.mark.mends("blocks without an answer were not drawn as such")
 def test_blocks_without_an_answer_are_drawn(monkeypatch):
-    assert not any("no answer" in line.get_label() for line in plot_rocking_spectrum(rocking()).lines)
+    assert not any("no answer" in line.get_label() for line in rocking().plot().lines)
     unanswered(monkeypatch, lambda rows: middle(rows) & (rows[:, 1] > 0.0))
-    drawn = {line.get_label(): line for line in plot_rocking_spectrum(rocking()).lines}
+    drawn = {line.get_label(): line for line in rocking().plot().lines}
     assert drawn["with the pendulum: no answer"].get_xdata().tolist() == [4.0]
     assert "bare block: no answer" not in drawn

@@ -112,7 +112,7 @@ def status_name(status: Status) -> str:
 def names_of(status: Status) -> np.ndarray:
     """The names of a batch of statuses (not traced), an array of strings of its shape."""
     (index,) = jax.tree.leaves(status)
-    return names_by_code(index)
+    return names_by_code(np.asarray(index))
 
 
 def codes_of(names: np.ndarray) -> np.ndarray:
