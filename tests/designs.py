@@ -7,10 +7,8 @@ import numpy as np
 
 import tpd
 from tpd.answers.attractors import Starts
-from tpd.answers.benefit import Benefit, benefit_of
-from tpd.answers.ensemble import Ensemble
-from tpd.answers.outcomes import Outcomes
-from tpd.answers.paired import Verdict
+from tpd.answers.ensemble import Ensemble, Outcomes
+from tpd.answers.paired import Benefit, Verdict, benefit_of
 from tpd.answers.response import Response
 from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, DesignSpace, Risk, Worth
 from tpd.design.front import FrontPoint

@@ -41,12 +41,12 @@ if TYPE_CHECKING:
     from tpd.answers.ensemble import Ensemble as Ensemble
     from tpd.answers.ensemble import outcomes as outcomes
     from tpd.answers.fragility import fragility as fragility
-    from tpd.answers.overturning_spectrum import overturning_spectrum as overturning_spectrum
     from tpd.answers.paired import verdict as verdict
     from tpd.answers.periodic_orbit import periodic_orbit as periodic_orbit
     from tpd.answers.response import branches as branches
     from tpd.answers.response import settled_response as settled_response
-    from tpd.answers.rocking_spectrum import rocking_spectrum as rocking_spectrum
+    from tpd.answers.spectra import overturning_spectrum as overturning_spectrum
+    from tpd.answers.spectra import rocking_spectrum as rocking_spectrum
     from tpd.answers.steady_state import simulate as simulate
     from tpd.answers.steady_state import steady_state as steady_state
     from tpd.answers.symmetric_orbits import symmetric_orbits as symmetric_orbits
@@ -90,11 +90,10 @@ _NAMES = {
     "answers.design_map": "design_map",
     "answers.ensemble": "Ensemble outcomes",
     "answers.fragility": "fragility",
-    "answers.overturning_spectrum": "overturning_spectrum",
     "answers.paired": "verdict",
     "answers.periodic_orbit": "periodic_orbit",
     "answers.response": "branches settled_response",
-    "answers.rocking_spectrum": "rocking_spectrum",
+    "answers.spectra": "overturning_spectrum rocking_spectrum",
     "answers.steady_state": "simulate steady_state",
     "answers.symmetric_orbits": "symmetric_orbits",
     "answers.transient": "transient",

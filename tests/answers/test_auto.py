@@ -22,8 +22,8 @@ SMALL = (0.02, 0.1, 0.8, 0.2, 0.004, 0.04, 4.0)
 
 
 @functools.cache
-def chosen(x, tolerance=0.05, balance=False):
-    return steady_state(parameters(x), model=Auto(tolerance=tolerance, balance=balance))
+def chosen(x, tolerance=0.05):
+    return steady_state(parameters(x), model=Auto(tolerance=tolerance))
 
 
 def test_a_block_that_never_lifts_is_answered_by_the_closed_form():
@@ -47,14 +47,6 @@ def test_a_bob_that_swings_at_the_start_leaves_less_in_reserve():
     assert reserves[0] > reserves[1] > reserves[2] > 0.0
 
 
-def test_a_tighter_tolerance_takes_a_more_accurate_model():
-    models = [chosen(SMALL, tolerance, balance=True).model for tolerance in (0.5, 0.01, 1e-5)]
-    assert models == ["one harmonic", "exact", "nonlinear"]
-    assert chosen(SMALL, 0.5).model == "exact"
-    estimates = [float(chosen(SMALL, t, balance=True).estimate) for t in (0.5, 0.01)]
-    assert estimates[0] > estimates[1] > 0.0
-
-
 def test_an_answer_prints_its_sizes_its_model_and_the_reason():
     found = chosen(HUNG[3].x, 0.5)
     lines = str(found).splitlines()
@@ -69,21 +61,16 @@ def test_an_answer_prints_its_sizes_its_model_and_the_reason():
 
 
 @pytest.mark.parametrize("x", [SMALL, LIFTS, HUNG[3].x], ids=["small", "lifts", "hung"])
-def test_the_estimate_covers_the_true_error(x):
-    truth = float(chosen(x, 1e-5).amplitude)
-    assert chosen(x, 1e-5).model == "nonlinear"
-    for found in (chosen(x, 0.5), chosen(x, 0.5, balance=True)):
-        assert found.model in ("one harmonic", "exact")
-        error = abs(float(found.amplitude) / truth - 1.0)
-        assert error <= float(found.estimate) <= 0.5
-        assert "within the tolerance 0.5" in found.reason
-
-
-def test_the_exact_model_is_the_exact_solution_and_the_last_one_the_nonlinear():
-    low, top = chosen(HUNG[3].x, 0.5), chosen(HUNG[3].x, 1e-5)
-    assert float(low.amplitude) == pytest.approx(HUNG[3].amplitude, rel=1e-9)
-    assert float(top.amplitude) == pytest.approx(0.0659875, rel=1e-5)
-    assert f"may be off by {float(low.estimate):.2g}" in top.reason
+def test_a_tighter_tolerance_takes_the_nonlinear_model_and_the_estimate_covers_the_error(x):
+    found, top = chosen(x, 0.5), chosen(x, 1e-5)
+    assert (found.model, top.model) == ("exact", "nonlinear")
+    assert abs(float(found.amplitude) / float(top.amplitude) - 1.0) <= float(found.estimate) <= 0.5
+    assert "within the tolerance 0.5" in found.reason
+    assert f"may be off by {float(found.estimate):.2g}, beyond the tolerance 1e-05" in top.reason
+    if x == HUNG[3].x:
+        assert float(found.amplitude) == pytest.approx(HUNG[3].amplitude, rel=1e-9)
+        # SciPy's LSODA with signs smoothed by 1e-4 gives 0.065997.
+        assert float(top.amplitude) == pytest.approx(0.0659875, rel=1e-5)
 
 
 def test_a_linear_answer_that_is_none_is_not_trusted():
@@ -92,12 +79,6 @@ def test_a_linear_answer_that_is_none_is_not_trusted():
     found = chosen(x)
     assert found.model == "nonlinear"
     assert "the linear equations end overturned" in found.reason
-
-
-def test_a_start_off_rest_is_not_left_to_the_balance():
-    y0 = jnp.array([0.0, 1e-3, 0.0, 0.0])
-    found = steady_state(parameters(SMALL), model=Auto(tolerance=0.5, balance=True), y0=y0)
-    assert found.model == "exact"
 
 
 def test_the_nonlinear_equations_say_which_motion_a_start_reaches():
@@ -115,6 +96,11 @@ def test_the_nonlinear_equations_say_which_motion_a_start_reaches():
     assert near.model == "exact"
     assert float(near.amplitude) == pytest.approx(float(by_linear.amplitude), rel=1e-9)
     assert float(near.estimate) < 0.05
+
+
+def test_a_bob_that_rings_for_ever_is_not_left_to_the_closed_form():
+    p = parameters((*LOW[:3], 0.0, *LOW[4:]))
+    assert steady_state(p, model=Auto()).model != "uplift"
 
 
 def test_what_is_dropped_falls_with_the_square_of_the_angles():

@@ -7,16 +7,14 @@ import functools
 import itertools
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import UNSTABLE, EventDriven
-from tpd import Parameters, status_name, steady_state
+from tests.reference import UNSTABLE, EventDriven, exact
+from tpd import Parameters
 from tpd.answers import bifurcations as module
-from tpd.answers.bifurcations import Bifurcation, Kind, bifurcations
-from tpd.answers.sweep import Sweep, orbits_at, sweep
+from tpd.answers.bifurcations import Bifurcation, Kind, Sweep, bifurcations, orbits_at, sweep
 from tpd.scene.quantities import NAMES, Axis
 
 LOW = np.array([0.08, 0.0, 0.05, 0.0, 0.0, 0.02, 0.6, 0.5])
@@ -69,13 +67,10 @@ def beside(x: tuple, b: Bifurcation, share: float) -> tuple[np.ndarray, np.ndarr
     return point, EventDriven(point).run(o.state[0, i], times)[-1], times[1]
 
 
-steady = jax.jit(lambda x, y0: steady_state(Parameters(**dict(zip(NAMES, x, strict=False))), y0=y0))
-
-
 def from_turn(point: np.ndarray, y: np.ndarray, tau: float) -> Any:
     """What a motion from a turn at `tau` settles into."""
     rest = np.array([tau, 2.0 * np.pi / point[6]])
-    return steady(jnp.asarray(point[:8]), jnp.asarray(EventDriven(point).run(y, rest)[-1]))
+    return exact(tuple(point[:8]), EventDriven(point).run(y, rest)[-1])
 
 
 # Each kind
@@ -131,16 +126,15 @@ def test_symmetry_breaks_where_it_is_known_to_and_a_multiplier_passes_one():
     assert abs(slope) > 1.0
 
 
-@pytest.mark.slow
 def test_beyond_the_breaking_of_symmetry_the_motion_leans():
     x, b = (*UNSTABLE[0], 1.0), lost(Kind.symmetry_breaking)
     straight, leaning = beside(x, b, 0.01), beside(x, b, -0.01)
     s = from_turn(straight[0], straight[1] * (1.0 + 1e-3), straight[2])
-    assert status_name(s.status) == "rocking"
-    assert bool(s.symmetric)
+    assert s.status == "rocking"
+    assert bool(s.steady.symmetric)
     s = from_turn(leaning[0], leaning[1] * (1.0 + 1e-3), leaning[2])
-    assert not bool(s.symmetric)
-    assert float(s.amplitude) > 1.02 * leaning[1][0]
+    assert not bool(s.steady.symmetric)
+    assert s.amplitude > 1.02 * leaning[1][0]
 
 
 def test_at_sticking_the_block_has_no_acceleration_after_its_turn_and_beyond_it_is_held():
@@ -162,13 +156,12 @@ def test_at_sticking_the_block_has_no_acceleration_after_its_turn_and_beyond_it_
     assert kinds == [{"slip"}, {"slip", "stick"}]
 
 
-@pytest.mark.slow
 def test_beyond_sticking_the_motion_settles_with_the_block_held():
     b = lost(Kind.sticking)
     point, y, tau = beside(HELD, b, 1e-4)
-    assert status_name(from_turn(point, y, tau).status) == "rocking"
+    assert from_turn(point, y, tau).status == "rocking"
     point[5] = b.value * (1.0 - 1e-3)
-    assert status_name(from_turn(point, y, tau).status) == "sticking"
+    assert from_turn(point, y, tau).status == "sticking"
 
 
 def test_at_grazing_the_fall_halts_between_the_turns():
@@ -193,14 +186,15 @@ def test_slopes_are_those_of_differences(case):
     def value(n: str, step: float) -> float:
         y = np.array(x)
         y[NAMES.index(n)] += step
-        near = bifurcations(parameters(y), name, 0.99 * b.value, 1.01 * b.value, samples=20)
+        near = bifurcations(parameters(y), name, 0.99 * b.value, 1.01 * b.value, samples=8)
         (found,) = [a.value for a in near if a.kind is kind]
         return found
 
     varied = [n for n in NAMES[:-1] if n != name and x[NAMES.index(n)] > 0]
     assert set(b.slopes) == set(NAMES[:-1]) - {name}
     scale = max(abs(b.slopes[n]) for n in varied)
-    for n in varied:
+    # Every second one: two kinds share each.
+    for n in varied[LOST.index(case) % 2 :: 2]:
         step = 1e-4 * x[NAMES.index(n)]
         # An impact cannot return more than it took.
         ahead = 0.0 if n == "e" and x[7] == 1.0 else step
@@ -248,15 +242,9 @@ def random_ranges(count: int, seed: int) -> list[tuple[np.ndarray, str, float, f
     return [(x, NAMES[i], LOW[i], HIGH[i]) for x, i in zip(scenes, which, strict=True)]
 
 
-def test_between_two_points_no_orbit_comes_or_goes():
-    wrong = [w for case in random_ranges(8, 3) for w in disagreements(*case)]
-    assert wrong == []
-
-
-@pytest.mark.slow
-def test_between_two_points_hardly_ever_an_orbit_comes_or_goes():
-    wrong = [disagreements(*case) for case in random_ranges(100, 4)]
-    assert sum(bool(w) for w in wrong) <= 3
+@pytest.mark.parametrize("case", random_ranges(3, 3), ids=lambda case: case[1])
+def test_between_two_points_no_orbit_comes_or_goes(case):
+    assert disagreements(*case) == []
 
 
 def test_what_no_cause_is_found_for_is_reported_as_unresolved(monkeypatch):

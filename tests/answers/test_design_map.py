@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import functools
-import json
 import math
 
 import jax
@@ -16,8 +14,6 @@ from matplotlib.collections import QuadMesh
 from tests.reference import orbits_of
 from tpd import Parameters, Pendulum, design_map, paper_scene, status_name, steady_state
 from tpd.answers.design_map import DesignMap
-from tpd.cli import main
-from tpd.plot.maps import plot_map
 from tpd.theory.no_uplift import uplift
 
 SCENE, HUNG = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
@@ -204,17 +200,16 @@ def test_bad_starts_are_refused():
         design_map(BARE, ("xi", [1.5, 2.0]), LINE, start=[0.0, 0.0])
 
 
-# Pictures
-
-
 def test_a_picture_colours_what_moves_hatches_the_rest_and_names_its_axes():
     m = over_motion()
-    ax = plot_map(m)
+    ax = m.plot()
     assert ax.get_xlabel() == "frequency of the base motion (Hz)"
     assert ax.get_ylabel() == "amplitude of the base motion (m)"
     (mesh,) = [c for c in ax.collections if isinstance(c, QuadMesh)]
     shown = ~np.ma.getmaskarray(np.ma.masked_invalid(mesh.get_array())).reshape(m.status.shape)
     np.testing.assert_array_equal(shown, m.status == "rocking")
+    with pytest.raises(ValueError, match="`quantity` must be one of amplitude, stroke, margin"):
+        m.plot("status")
     labels = {text.get_text() for text in ax.get_legend().get_texts()}
     assert labels == {"rest, no rocking attracts", "orbits, but none attracts"}
     assert [t.get_text() for t in ax.texts] == ["uplift margin 0"]
@@ -223,46 +218,7 @@ def test_a_picture_colours_what_moves_hatches_the_rest_and_names_its_axes():
 
 def test_the_stroke_is_shown_of_a_resting_block_as_well():
     m = over_motion()
-    ax = plot_map(m, "stroke")
+    ax = m.plot("stroke")
     (mesh,) = [c for c in ax.collections if isinstance(c, QuadMesh)]
     shown = ~np.ma.getmaskarray(np.ma.masked_invalid(mesh.get_array())).reshape(m.status.shape)
     np.testing.assert_array_equal(shown, m.status != "unstable")
-
-
-def test_an_unknown_quantity_is_refused():
-    with pytest.raises(ValueError, match="`quantity` must be one of amplitude, stroke, margin"):
-        plot_map(over_motion(), "status")
-
-
-# The command
-
-
-def test_the_command_writes_the_map_and_keeps_what_is_there(tmp_path, capsys):
-    out = tmp_path / "map"
-    axes = ["--x", "frequency", "1", "5", "--y", "pendulum-length", "0.05", "0.2"]
-    command = ["map", *axes, "--pendulum-mass", "0.8", "--points", "6", "--out", str(out)]
-    assert main(command) == 0
-    printed, progress = capsys.readouterr()
-    assert all(line.startswith("tpd: ") for line in progress.splitlines())
-    files = {"map.csv", "map.json", "amplitude.png", "stroke.png", "margin.png"}
-    assert {path.name for path in out.iterdir()} == files
-    rows = list(csv.DictReader((out / "map.csv").read_text().splitlines()))
-    m = design_map(
-        SCENE,
-        ("frequency", np.linspace(1, 5, 6)),
-        ("pendulum_length", np.linspace(0.05, 0.2, 6)),
-        pendulum=HUNG,
-    )
-    assert [row["status"] for row in rows] == list(m.status.ravel())
-    np.testing.assert_array_equal([float(row["amplitude_rad"]) for row in rows], m.amplitude.ravel())
-    np.testing.assert_array_equal([float(row["frequency"]) for row in rows[:6]], m.x)
-    content = json.loads((out / "map.json").read_text())
-    assert content["statuses"] == m.counts
-    assert content["varied"] == {"x": ["frequency", 1.0, 5.0], "y": ["pendulum_length", 0.05, 0.2]}
-    assert content["pendulum"]["mass"] == 0.8
-    assert content["pendulum"]["damping_ratio"] == 0.1
-    assert "jax" in content["versions"]
-    assert all(f"{count} {status}" in printed for status, count in m.counts.items())
-    assert main(command) == 2
-    assert "already holds files" in capsys.readouterr().err
-    assert main([*command, "--overwrite"]) == 0

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import functools
-import json
-import math
 
 import numpy as np
 import pytest
 
 from tests.reference import orbits_of
 from tpd import Parameters, Pendulum, branches, paper_scene, settled_response
-from tpd.answers.bifurcations import Kind, bifurcations
+from tpd.answers.bifurcations import Kind, bifurcations, sweep
 from tpd.answers.response import Branches, frequencies
-from tpd.answers.sweep import sweep
-from tpd.cli import main
-from tpd.plot.response import plot_branches
 from tpd.scene.quantities import Setup
 from tpd.theory.no_uplift import uplift
 
@@ -179,11 +173,8 @@ def test_frequencies_are_close_near_the_own_one():
     np.testing.assert_array_equal(frequencies(2.5, 4.0, 5.0, 3), [4.0, 4.5, 5.0])
 
 
-# Pictures
-
-
 def test_a_picture_of_the_bare_block_has_no_bob():
-    axes = plot_branches({"bare block": bare()})
+    axes = bare().plot()
     assert len(axes) == 1
     assert axes[0].get_xlabel() == r"frequency ratio $\xi$ = $\omega/\omega_0$ (-)"
     labels = [text.get_text() for text in axes[0].get_legend().get_texts()]
@@ -192,7 +183,7 @@ def test_a_picture_of_the_bare_block_has_no_bob():
 
 def test_a_picture_draws_stable_solid_unstable_dashed_and_marks_the_fold():
     case = hung()
-    axes = plot_branches({"bare block": case, "with the pendulum": case})
+    axes = case.plot(dataclasses.replace(case))
     assert [ax.get_ylabel() for ax in axes] == [
         r"largest tilt $|\varphi|$ (rad)",
         r"largest bob angle $|\psi|$ (rad)",
@@ -210,53 +201,3 @@ def test_a_picture_draws_stable_solid_unstable_dashed_and_marks_the_fold():
         # A stretch shares its last point with the next one.
         missing = set(s.amplitude[(s.status == "rocking") == stable & (s.branch >= 0)].tolist()) - drawn
         assert not {y for y in missing if np.isfinite(y)}
-
-
-# The command
-
-
-def test_the_command_writes_the_response_and_keeps_what_is_there(tmp_path, capsys):
-    out = tmp_path / "response"
-    pendulum = ["--pendulum-mass", "0.8", "--length-ratio", "0.5"]
-    range_ = ["--from", "1.7", "--to", "3", "--points", "100", "--from-rest", "2"]
-    command = ["response", *pendulum, *range_, "--out", str(out)]
-    assert main(command) == 0
-    printed, progress = capsys.readouterr()
-    assert all(line.startswith("tpd: ") for line in progress.splitlines())
-    names = {"branches.csv", "branches.png", "response.json", "response.csv", "response.png"}
-    names.add("response_near.png")
-    assert printed.startswith(
-        "Scene: the paper's block (Collini et al. 2016) with the paper's motion and losses."
-    )
-    assert "from rest, of 25 frequencies within 5 % of 2.5, overturned: " in printed
-    settled = list(csv.DictReader((out / "response.csv").read_text().splitlines()))
-    assert [float(r["frequency_Hz"]) for r in settled] == frequencies(2.5, 1.7, 3.0, 2).tolist()
-    assert len(settled) == 27
-    for r in settled:
-        assert math.isinf(float(r["with_amplitude_rad"])) == (r["with_status"] == "overturned")
-    assert {path.name for path in out.iterdir()} == names
-    content = json.loads((out / "response.json").read_text())
-    found = content["bifurcations"]["with the pendulum"]
-    assert [b["value"] for b in found] == [b.value for b in hung().bifurcations]
-    assert content["pendulum"]["length"] == pytest.approx(0.1)
-    assert content["over"] == "frequency"
-    assert f"{fold().value:.6g} Hz, amplitude" in printed
-    rows = list(csv.DictReader((out / "branches.csv").read_text().splitlines()))
-    first = [r for r in rows if r["case"] == "with the pendulum" and r["branch"] == "0"]
-    at, s = hung().sweep.line(0), hung().sweep
-    np.testing.assert_array_equal([float(r["amplitude_rad"]) for r in first], s.amplitude[at])
-    np.testing.assert_array_equal([float(r["frequency"]) for r in first], s.value[at[0]])
-    assert {r["case"] for r in rows} == {"bare block", "with the pendulum"}
-    assert main(command) == 2
-    assert "already holds files" in capsys.readouterr().err
-
-
-def test_the_command_without_dimensions_keeps_the_acceleration(tmp_path, capsys):
-    out = tmp_path / "response"
-    range_ = ["--from", "2.6", "--to", "3", "--points", "8", "--dimensionless", "--from-rest", "0"]
-    assert main(["response", *range_, "--out", str(out)]) == 0
-    assert "bare block: 1 branches from 2.6 to 3\n" in capsys.readouterr().out
-    rows = list(csv.DictReader((out / "branches.csv").read_text().splitlines()))
-    p = SCENE.parameters()
-    s = sweep(p, "xi", np.linspace(2.6, 3.0, 8))
-    np.testing.assert_array_equal([float(r["amplitude_rad"]) for r in rows], s.amplitude[:, 0])

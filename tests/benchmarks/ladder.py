@@ -39,16 +39,15 @@ def main() -> None:
     print(versions())
     all_scenes = [Parameters(**dict(zip(NAMES, map(float, x), strict=False))) for x in scenes()]
     models = {"top": Segmented(), **{t: Auto(tolerance=t) for t in TOLERANCES}}
-    models["balance"] = Auto(tolerance=TOLERANCES[-1], balance=True)
     for model in models.values():
         for p in all_scenes[:20]:
             timed(p, model)
     results = [{name: timed(p, model) for name, model in models.items()} for p in all_scenes]
-    for name in (*TOLERANCES, "balance"):
-        report(name, results)
+    for tolerance in TOLERANCES:
+        report(tolerance, results)
 
 
-def report(tolerance: float | str, results: list) -> None:
+def report(tolerance: float, results: list) -> None:
     """One tolerance: models, how often the estimate held, the time."""
     by_model: dict[str, list] = collections.defaultdict(list)
     for r in results:

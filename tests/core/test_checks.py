@@ -19,7 +19,7 @@ import tpd
 from tpd import *
 from tpd.answers.bifurcations import bifurcations
 from tpd.answers.ensemble import outcomes
-from tpd.answers.sweep import sweep
+from tpd.answers.bifurcations import sweep
 
 def listen(event, seconds, **_):
     compiled.append(seconds) if "backend_compile" in event else None

@@ -7,10 +7,9 @@ import pytest
 
 import tpd
 from tests import designs
-from tests.answers.test_benefit import runs
+from tests.answers.test_paired import runs
 from tests.design.conftest import BAND, SCENE
-from tpd.answers.benefit import benefit_of
-from tpd.answers.paired import Verdict
+from tpd.answers.paired import Verdict, benefit_of
 from tpd.design.by_runs import PairedRuns, loss_models, reasons_by_runs, strikes_of
 from tpd.design.criteria import Worth
 from tpd.design.verified import ReasonKind, Step

@@ -10,9 +10,8 @@ from matplotlib.axes import Axes
 import tpd
 from tests import designs
 from tpd.answers.fragility import Curve, Fragility
-from tpd.answers.overturning_spectrum import OverturningSpectrum
-from tpd.answers.probit import fit_lognormal
-from tpd.answers.rocking_spectrum import RockingSpectrum
+from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
+from tpd.answers.statistics import fit_lognormal
 from tpd.design.front import Front
 from tpd.design.many import Designs
 

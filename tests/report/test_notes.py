@@ -141,7 +141,7 @@ def test_strikes_are_a_danger_whatever_a_job_allows():
 
 def shares(*values, runs=32):
     """Shares of so many runs each, with Wilson's intervals."""
-    from tpd.answers.outcomes import Share
+    from tpd.answers.statistics import Share
 
     return np.array([Share.of(np.arange(runs) < round(v * runs)) for v in values]).T
 

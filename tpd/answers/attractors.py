@@ -14,7 +14,6 @@ from functools import lru_cache
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -30,13 +29,13 @@ from tpd.scene.conditions import latin_hypercube
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import parameters_of
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import Status, status_name
+from tpd.scene.status import MOVING, Outcome, names_of, status_name
 
 _CLOSE = 1e-4
 """Largest relative difference of the sizes of two motions that may be one. Motions are followed until they
 repeat within a tolerance only, so that starts of one motion end at slightly different sizes."""
-_UNDIVIDED = ("rest", "aperiodic", "held", "not_settled", "overturned", "event_bound", "failed")
-"""Statuses whose motions count as one each."""
+_DIVIDED = (*MOVING, Outcome.unstable, Outcome.neutral, Outcome.near_fold, Outcome.grazing)
+"""Statuses whose motions are told from each other."""
 _SAME = 1e-6
 """Largest relative difference of the sizes of two motions that are one, or mirror images, after Newton's
 method."""
@@ -126,7 +125,7 @@ class Attractor(Printed):
 
     def __str__(self) -> str:
         share = f"{self.status.replace('_', ' ')}: {self.share:.1%} of the starts"
-        if self.status not in ("rocking", "sticking"):
+        if self.status not in MOVING:
             return share
         kind = f"{'symmetric' if self.symmetric else 'asymmetric'}, {counted_periods(self.periods)}"
         s = self.steady
@@ -170,13 +169,17 @@ def attractors(
     # The block does not feel a bob without mass (mu = 0), whose swing may still be decaying.
     felt = bool(np.isfinite(np.asarray(scale_of(fixed))[1]))
     motions: list[_Motion] = []
-    for group in _groups(settled, felt):
+    for name, group in _groups(settled, felt):
         # Only the Lyapunov exponent of each motion separates chaos from slow decay, so that these starts
         # are solved one by one; of the others one start stands for its group.
-        undecided = _name_of(settled.status, group[0]) == "not_settled"
-        for starts_of in [[i] for i in group] if undecided else [group]:
+        for starts_of in [[i] for i in group] if name == Outcome.not_settled else [group]:
             steady = _solver(model)(fixed, jnp.asarray(y0[starts_of[0]]))
-            _add(motions, _Motion(status_name(steady.status), steady, list(starts_of)), felt)
+            new = _Motion(status_name(steady.status), steady, list(starts_of))
+            known = next((motion for motion in motions if motion.same(new, felt)), None)
+            if known is None:
+                motions.append(new)
+            else:
+                known.starts += new.starts
     return tuple(sorted((m.attractor(len(y0)) for m in motions), key=lambda a: -a.share))
 
 
@@ -190,7 +193,7 @@ class _Motion:
 
     def same(self, other: _Motion, felt: bool) -> bool:
         """Whether both are one motion, or have one status whose motions are not divided."""
-        if self.status != other.status or self.status in _UNDIVIDED:
+        if self.status != other.status or self.status not in _DIVIDED:
             return self.status == other.status
         a, b = (np.array([m.steady.amplitude, m.steady.stroke]) for m in (self, other))
         return int(self.steady.periods) == int(other.steady.periods) and _agree(a, b, _SAME, felt)
@@ -207,42 +210,29 @@ class _Motion:
         )
 
 
-def _add(motions: list[_Motion], new: _Motion, felt: bool) -> None:
-    for motion in motions:
-        if motion.same(new, felt):
-            motion.starts += new.starts
-            return
-    motions.append(new)
-
-
 def _agree(a: np.ndarray, b: np.ndarray, share: float, felt: bool) -> bool:
     """Whether two pairs (amplitude, stroke) agree; the strokes count only if the block feels the bob."""
     close = np.abs(a - b) <= share * np.maximum(a, b)
     return bool(close[0] and (close[1] or not felt))
 
 
-def _groups(settled: Settled, felt: bool) -> list[list[int]]:
-    """Indices of the starts that seem to reach the same motion."""
+def _groups(settled: Settled, felt: bool) -> list[tuple[str, list[int]]]:
+    """Statuses and indices of the starts that seem to reach the same motion."""
     # A coarse grouping saves Newton's method for all but one start of each group; the motions that it finds
     # are compared again, far more closely.
-    names = [_name_of(settled.status, i) for i in range(len(settled.periods))]
+    names, periods = names_of(settled.status), settled.periods
     sizes = np.stack([np.asarray(settled.amplitude), np.asarray(settled.stroke)], axis=-1)
-    groups: list[list[int]] = []
+    groups: list[tuple[str, list[int]]] = []
     for i, name in enumerate(names):
-        for group in groups:
+        for known, group in groups:
             j = group[0]
-            alike = names[j] == name and settled.periods[i] == settled.periods[j]
-            if alike and (name not in ("rocking", "sticking") or _agree(sizes[i], sizes[j], _CLOSE, felt)):
+            alike = known == name and periods[i] == periods[j]
+            if alike and (name not in MOVING or _agree(sizes[i], sizes[j], _CLOSE, felt)):
                 group.append(i)
                 break
         else:
-            groups.append([i])
+            groups.append((name, [i]))
     return groups
-
-
-def _name_of(status: Status, i: int) -> str:
-    """The name of the i-th of a batch of statuses."""
-    return status_name(jax.tree.map(lambda x: np.asarray(x)[i], status))
 
 
 @lru_cache(maxsize=8)

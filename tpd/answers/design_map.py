@@ -21,14 +21,17 @@ from tpd.models.settling import scale_of
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import NAMES, UNITS, Setup, parameters
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import codes_of, names_by_code, names_of
+from tpd.scene.status import Outcome, codes_of, names_by_code, names_of
 from tpd.theory.no_uplift import uplift
 
 _MATCH = 1e-3
 """Largest distance, in shares of the scales, between a followed motion and the orbit that it is on."""
 _CHUNK, _CHUNK_FOLLOWED = 16_384, 2048
 """Designs in a chunk for a cluster, without and with a start: some tenths of a second of work."""
-_CHOICE = ("rocking", "near_fold", "grazing", "rest", "neutral", "unstable", "no_orbit")
+_CHOICE = (
+    *(Outcome.rocking, Outcome.near_fold, Outcome.grazing, Outcome.rest),
+    *(Outcome.neutral, Outcome.unstable, Outcome.no_orbit),
+)
 """Statuses in the order in which one of them becomes the answer where no start is given."""
 
 
@@ -120,8 +123,8 @@ def design_map(
 
     Args:
         subject: dimensionless parameters, or a scene; its values of the two names are not used.
-        x: a name, see `tpd.answers.sweep`, and its values, shape (nx,), increasing. A name in SI units can
-            be combined with a parameter that it does not move; the other parameters are held then.
+        x: a name, see `tpd.answers.bifurcations`, and its values, shape (nx,), increasing. A name in SI units
+            can be combined with a parameter that it does not move; the other parameters are held then.
         y: name and values of the other axis, shape (ny,).
         pendulum: in the scene; default none.
         start: (phi, psi, phi', psi') at tau = 0 in rad and rad per unit tau; zeros are from rest.
@@ -141,31 +144,30 @@ def design_map(
     y0 = None if start is None else _state(start)
     with shown_count(progress, "mapping") as report:
         if cluster is None:
-            answer = _answers(designs, y0, progress=report)
+            answer = _answers(designs, y0, None, report)
         else:
             chunk = _CHUNK_FOLLOWED if y0 is not None else _CHUNK
             how = {"chunk": chunk, "progress": report}
-            answer = cluster.map("map", _answers_by_one, designs, (y0,), **how)
+            answer = cluster.map("map", _answers, designs, (y0,), **how)
     answer["status"] = names_by_code(answer["status"])
     shaped = {n: v.reshape(len(ys), len(xs)) for n, v in answer.items()}
     at = None if y0 is None else tuple(map(float, y0))
     return DesignMap(x_name=x_name, x=xs, y_name=y_name, y=ys, start=at, **shaped)
 
 
-def _answers_by_one(designs: Parameters, y0: np.ndarray | None) -> dict[str, np.ndarray]:
-    """Solve designs in one thread: the processes of a cluster share the cores."""
-    return _answers(designs, y0, workers=1)
-
-
-def _answers(designs: Parameters, y0: np.ndarray | None, **how: Any) -> dict[str, np.ndarray]:
-    """Fields of `DesignMap` of designs, flat; statuses by their codes."""
+def _answers(
+    designs: Parameters, y0: np.ndarray | None, workers: int | None = 1, progress: Any = None
+) -> dict[str, np.ndarray]:
+    """Fields of `DesignMap` of designs, flat, statuses by their codes; in one thread on a cluster, whose
+    processes share the cores."""
     still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
     # The bar is that of the longer part: of the motions, where there are any.
     if y0 is None:
-        orbits = all_symmetric_orbits(designs, **how)
+        orbits = all_symmetric_orbits(designs, workers=workers, progress=progress)
         answer = _largest(orbits, still["margin"], still["stroke"])
     else:
-        orbits = all_symmetric_orbits(designs, workers=how.get("workers"))
+        orbits = all_symmetric_orbits(designs, workers=workers)
+        how = {"workers": workers, "progress": progress}
         answer = _followed(designs, orbits, still["stroke"], y0, how)
     more = {"margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
     return {**answer, **more, "status": codes_of(answer["status"])}
@@ -219,7 +221,7 @@ def _state(start: Any) -> np.ndarray:
 def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str, np.ndarray]:
     """The answers where no start is given: one of the orbits of each design, or rest."""
     names = names_of(orbits.status)
-    resting = np.where(margin > 0.0, "rest", "no_orbit")[:, None]
+    resting = np.where(margin > 0.0, Outcome.rest, Outcome.no_orbit)[:, None]
     names = np.concatenate([names, resting], axis=1)
     amplitude = np.concatenate([orbits.amplitude, np.where(margin > 0.0, 0.0, np.nan)[:, None]], axis=1)
     stroke = np.concatenate([orbits.stroke, np.where(margin > 0.0, reach, np.nan)[:, None]], axis=1)
@@ -243,20 +245,20 @@ def _followed(
     n = len(np.asarray(p.nu))
     settled = settle_all(p, np.tile(y0, (n, 1)), **how)
     names = names_of(settled.status)
-    amplitude = np.where(names == "overturned", math.inf, np.asarray(settled.amplitude))
-    stroke = np.where(names == "overturned", math.inf, np.asarray(settled.stroke))
+    amplitude = np.where(names == Outcome.overturned, math.inf, np.asarray(settled.amplitude))
+    stroke = np.where(names == Outcome.overturned, math.inf, np.asarray(settled.stroke))
     # Without damping the bob rings for ever, and its reach depends on how the block came to rest.
-    stroke = np.where((names == "rest") & (np.asarray(p.zeta) > 0.0), reach, stroke)
+    stroke = np.where((names == Outcome.rest) & (np.asarray(p.zeta) > 0.0), reach, stroke)
     scale = np.asarray(jax.vmap(scale_of)(p))
     # A followed motion ends near its orbit, not on it; the orbit's own sizes are exact.
     apart = np.abs(np.asarray(orbits.state) - np.asarray(settled.y)[:, None]) / scale[:, None]
-    apart = np.where(names_of(orbits.status) == "rocking", apart.max(axis=-1), np.inf)
+    apart = np.where(names_of(orbits.status) == Outcome.rocking, apart.max(axis=-1), np.inf)
     nearest = np.argmin(apart, axis=1)
-    alike = (names == "rocking") & (np.asarray(settled.periods) == 1)
+    alike = (names == Outcome.rocking) & (np.asarray(settled.periods) == 1)
     on = alike & (apart[np.arange(n), nearest] < _MATCH)
     return {
         "amplitude": np.where(on, orbits.amplitude[np.arange(n), nearest], amplitude),
         "stroke": np.where(on, orbits.stroke[np.arange(n), nearest], stroke),
         "status": names,
-        "exact": on | np.isin(names, ("rest", "overturned")),
+        "exact": on | np.isin(names, (Outcome.rest, Outcome.overturned)),
     }

@@ -15,9 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.answers.outcomes import LOST, UNANSWERED, Outcomes
+from tpd.answers.statistics import Share
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
+from tpd.core.formatting import Printed
 from tpd.core.progress import shown_count
 from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear
@@ -27,7 +28,7 @@ from tpd.scene.conditions import FACTORS, Conditions, check_restitution, under
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import parameters_of
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import codes_of, names_by_code, names_of
+from tpd.scene.status import LOST, SETTLED, UNANSWERED, Outcome, codes_of, names_by_code, names_of
 from tpd.theory.equations import Terms
 
 _SCATTERED = (
@@ -39,6 +40,12 @@ _RESTITUTION = 0.02
 """Relative half width of e where nothing is said of it."""
 _SIZES = ("peak", "amplitude", "peak_stroke", "stroke")
 """Sizes of a run."""
+_QUANTILES = {
+    "largest tilt, rad": "peak",
+    "settled tilt, rad": "amplitude",
+    "bob's angle, rad": "peak_stroke",
+}
+UNDECIDED_ROW = "runs without an answer"
 _CHUNKS = {Terms.linear: 2048, Terms.nonlinear: 128}
 """Runs in a chunk for a cluster: some tenths of a second of work."""
 _DRAWS = 10, 1, 3
@@ -140,7 +147,122 @@ class Ensemble:
         return unit
 
 
-class Runs(NamedTuple):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Outcomes(Printed):
+    """Outcomes of the runs of an ensemble: arrays of shape (size,), angles in rad. All shares and quantiles
+    are of the runs with an answer; sizes of the others are NaN."""
+
+    ensemble: Ensemble
+    status: np.ndarray
+    """Names of statuses; a run that has not settled within its periods is not_settled."""
+    peak: np.ndarray
+    """Largest |phi| from the start on; infinite where the block overturns."""
+    amplitude: np.ndarray
+    """Settled |phi|, or the largest of the last periods; infinite where the block overturns."""
+    peak_stroke: np.ndarray
+    """Largest |psi| from the start on."""
+    stroke: np.ndarray
+    """Settled |psi|, or the largest of the last periods."""
+    ramp: np.ndarray
+    """Seconds (or units of tau) over which the shaking grew."""
+    nu: np.ndarray | None = None
+    """Slenderness of the block in every run, as it scatters; None where it is not known."""
+    mu: np.ndarray | None = None
+    """Mass ratio of the pendulum."""
+    lam: np.ndarray | None = None
+    """Length ratio."""
+    equations: str = "linear"
+    """Equations by which the runs were followed, "linear" or "nonlinear"."""
+
+    @property
+    def overturned(self) -> Share:
+        """Share of the runs in which the block overturns."""
+        return self._share(self.lost)
+
+    @property
+    def lost(self) -> np.ndarray:
+        """Whether a run overturned."""
+        return np.isin(self.status, LOST)
+
+    @property
+    def undecided(self) -> np.ndarray:
+        """Whether a run has no answer: it met the bound on events, or ended without finite numbers."""
+        return np.isin(self.status, UNANSWERED)
+
+    def _share(self, hits: np.ndarray) -> Share:
+        return Share.of(hits[~self.undecided])
+
+    def at(self, rows: np.ndarray) -> Outcomes:
+        """Some of the runs."""
+        values = {name: getattr(self, name) for name in ("status", "ramp", "nu", "mu", "lam", *_SIZES)}
+        return replace(self, **{name: x[rows] for name, x in values.items() if x is not None})
+
+    def ended(self, falls: bool) -> Outcomes:
+        """The runs with an end for each that has none: an overturning, or rest."""
+        size, name = (math.inf, Outcome.overturned) if falls else (0.0, Outcome.rest)
+        sizes = {of: np.where(self.undecided, size, getattr(self, of)) for of in _SIZES}
+        return replace(self, status=np.where(self.undecided, name, self.status), **sizes)
+
+    @property
+    def at_rest(self) -> Share:
+        """Share of the runs in which the block comes to rest for good."""
+        return self._share(self.status == Outcome.rest)
+
+    @property
+    def settled(self) -> Share:
+        """Share of the runs that reach a periodic motion, or rest."""
+        return self._share(np.isin(self.status, SETTLED))
+
+    def summary(self) -> dict[str, Any]:
+        """Equations, shares with their intervals, and quantiles, for JSON."""
+        return {
+            "equations": self.equations,
+            "undecided": int(self.undecided.sum()),
+            "shares": {n: tuple(getattr(self, n)) for n in ("overturned", "at_rest", "settled")},
+            "quantiles_50_90_99": {n: self.quantiles(n) for n in _SIZES},
+        }
+
+    def quantiles(self, of: str, at: tuple[float, ...] = (0.5, 0.9, 0.99)) -> tuple[float, ...]:
+        """Quantiles of `peak`, `amplitude`, `peak_stroke` or `stroke` over all runs, overturned ones at
+        infinity: the least number that at least such a share of the runs does not exceed."""
+        # An overturned run has an infinite size: quantiles stay defined, and say so.
+        values = np.sort(getattr(self, of)[~self.undecided])
+        if not len(values):
+            return (math.nan,) * len(at)
+        return tuple(float(values[min(len(values) - 1, math.ceil(q * len(values)) - 1)]) for q in at)
+
+    def by_ramp(self) -> dict[float, Share]:
+        """Share overturned for each duration over which the shaking grows."""
+        known = ~self.undecided
+        return {float(r): Share.of(self.lost[known & (self.ramp == r)]) for r in np.unique(self.ramp)}
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Lines of a table: a name, and a share or quantiles as text."""
+        out = [("overturned", str(self.overturned))]
+        for ramp, share in self.by_ramp().items():
+            name = "sudden" if ramp == 0.0 else f"growing for {ramp:g} s"
+            out.append((f"  {name}", f"{share.value:.1%}"))
+        out.append(("at rest in the end", str(self.at_rest)))
+        for name, of in _QUANTILES.items():
+            sizes = "  ".join(_size(v) for v in self.quantiles(of))
+            out.append((f"{name}: 50, 90, 99 %", sizes))
+        return out
+
+    def __str__(self) -> str:
+        e = self.ensemble
+        runs = f"Ensemble of {e.size} runs of up to {e.periods} periods, seed {e.seed}"
+        head = f"{runs}, {self.equations} equations"
+        lines = [head, *(f"  {name:36}{text:>26}" for name, text in self.rows())]
+        if self.undecided.any():
+            lines.append(f"  {UNDECIDED_ROW:36}{self.undecided.sum():>26}")
+        return "\n".join(lines)
+
+
+def _size(value: float) -> str:
+    return "unknown" if math.isnan(value) else f"{value:.4f}" if math.isfinite(value) else "lost"
+
+
+class Plan(NamedTuple):
     """Inputs of `settle_all` for the runs of an ensemble: arrays of leading axis (size,)."""
 
     p: Parameters
@@ -153,7 +275,7 @@ class Runs(NamedTuple):
     """Seconds (or units of tau, where time has no unit) over which the shaking grows."""
 
 
-def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Conditions | None = None) -> Runs:
+def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Conditions | None = None) -> Plan:
     """Return the runs of an ensemble for one design.
 
     Args:
@@ -178,7 +300,7 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     begin = unit[:, 4] * 2.0 * np.pi / xi if e.any_phase else np.zeros(e.size)
     ramps = np.array(e.ramps)
     ramp = ramps[np.minimum((unit[:, 5] * len(ramps)).astype(int), len(ramps) - 1)]
-    return Runs(q, (2.0 * unit[:, :4] - 1.0) * reach, begin, ramp * rate * xi / (2.0 * np.pi), ramp)
+    return Plan(q, (2.0 * unit[:, :4] - 1.0) * reach, begin, ramp * rate * xi / (2.0 * np.pi), ramp)
 
 
 def outcomes(
@@ -210,7 +332,8 @@ def outcomes(
     """
     checks.require_x64()
     check_where(workers, cluster)
-    terms = _terms(equations)
+    checks.one_of("equations", equations, (Terms.linear.value, Terms.nonlinear.value))
+    terms = Terms(equations)
     ensemble = Ensemble() if ensemble is None else ensemble
     checks.instance("ensemble", ensemble, Ensemble)
     if ensemble.restitution and isinstance(subject, Scene):
@@ -223,41 +346,29 @@ def outcomes(
     shared = terms, ensemble.periods
     with shown_count(progress, "following") as report:
         if cluster is None:
-            settled = _settled(batch, *shared, workers=workers, progress=report)
+            settled = _settled(batch, *shared, workers, report)
         else:
             chunk = _CHUNKS[terms]
-            settled = cluster.map("runs", _settled_by_one, batch, shared, chunk=chunk, progress=report)
-    found = _outcomes_of(ensemble, runs, settled, terms)
-    return replace(found, **{name: np.asarray(getattr(runs.p, name)) for name in ("nu", "mu", "lam")})
+            settled = cluster.map("runs", _settled, batch, shared, chunk=chunk, progress=report)
+    names = names_by_code(settled["status"])
+    # The sizes at the moment of overturning depend on when the run was stopped, and mean nothing; neither are
+    # they known where a run has no answer.
+    lost, unknown = np.isin(names, LOST), np.isin(names, UNANSWERED)
+    sizes = {name: np.where(lost, math.inf, np.where(unknown, math.nan, settled[name])) for name in _SIZES}
+    drawn = {name: np.asarray(getattr(runs.p, name)) for name in ("nu", "mu", "lam")}
+    return Outcomes(ensemble=ensemble, status=names, ramp=runs.ramp, equations=terms.value, **sizes, **drawn)
 
 
-def _settled_by_one(batch: dict[str, Any], terms: Terms, periods: int) -> dict[str, np.ndarray]:
-    """Follow runs in one thread: the processes of a cluster share the cores."""
-    return _settled(batch, terms, periods, workers=1)
-
-
-def _settled(batch: dict[str, Any], terms: Terms, periods: int, **how: Any) -> dict[str, np.ndarray]:
-    """Sizes and statuses, by their codes, of runs."""
-    p, y0, how = batch["p"], batch["y0"], {"begin": batch["begin"], "ramp": batch["ramp"], **how}
+def _settled(
+    batch: dict[str, Any], terms: Terms, periods: int, workers: int | None = 1, progress: Any = None
+) -> dict[str, np.ndarray]:
+    """Sizes and statuses, by their codes, of runs; in one thread on a cluster, whose processes share the
+    cores."""
+    p, y0, how = batch["p"], batch["y0"], {"begin": batch["begin"], "ramp": batch["ramp"]}
+    how |= {"workers": workers, "progress": progress}
     if terms is Terms.nonlinear:
         settled = settle_nonlinear(p, y0, periods=periods, **how)
     else:
         settled = settle_all(p, y0, model=Piecewise(max_periods=periods), **how)
     sizes = {name: np.asarray(getattr(settled, name)) for name in _SIZES}
     return {**sizes, "status": codes_of(names_of(settled.status))}
-
-
-def _terms(equations: Terms | str) -> Terms:
-    """Equations that runs can be followed by."""
-    allowed = (Terms.linear.value, Terms.nonlinear.value)
-    checks.one_of("equations", equations, allowed)
-    return Terms(equations)
-
-
-def _outcomes_of(ensemble: Ensemble, runs: Runs, settled: dict[str, np.ndarray], terms: Terms) -> Outcomes:
-    names = names_by_code(settled["status"])
-    # The sizes at the moment of overturning depend on when the run was stopped, and mean nothing.
-    lost, unknown = np.isin(names, LOST), np.isin(names, UNANSWERED)
-    # Neither are they known where a run has no answer.
-    sizes = {name: np.where(lost, math.inf, np.where(unknown, math.nan, settled[name])) for name in _SIZES}
-    return Outcomes(ensemble=ensemble, status=names, ramp=runs.ramp, equations=terms.value, **sizes)

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import bdtr
 
-from tpd.answers.ground_batch import Outcomes, Progress, follow_scaled
-from tpd.answers.probit import Lognormal, added_up, fit_lognormal, median_words
+from tpd.answers.ground_batch import Progress, Runs, follow_scaled
+from tpd.answers.statistics import Lognormal, fit_lognormal, mcnemar, median_words
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
@@ -203,74 +202,53 @@ def fragility(
     names = tuple(getattr(m, "name", "") or f"motion {i + 1}" for i, m in enumerate(motions))
     # Intensities are proportional to the motion.
     factors = stripes / np.array([[measure.value(m)] for m in motions])
-    cases = [None] if pendulum is None else [None, pendulum]
-    runs = len(cases) * (2 if nonlinear else 1)
-    found = []
-    # First the exact runs, then the same by the nonlinear equations.
-    for n in range(runs):
-        seen = None if progress is None else _shifted(progress, n, runs)
-        options: dict[str, Any] = {"gravity": gravity, "free": free, "progress": seen}
-        options |= {"workers": workers, "cluster": cluster}
-        hung = cases[n % len(cases)]
-        exact = n < len(cases)
-        found.append(follow_scaled(block, hung, motions, factors, nonlinear=not exact, brief=True, **options))
-    quakes = np.unique(events_of(motions), return_inverse=True)[1]
-    return _result(block, stripes, measure, (names, quakes), found[: len(cases)], found[len(cases) :], states)
+    cases, times = (None,) if pendulum is None else (None, pendulum), 2 if nonlinear else 1
+    options: dict[str, Any] = {"gravity": gravity, "free": free, "brief": True}
+    options |= {"workers": workers, "cluster": cluster}
 
+    def shifted(n: int, report: Progress | None = progress) -> Progress | None:
+        return None if report is None else lambda done, all_: report(n * all_ + done, times * all_)
 
-def _shifted(progress: Progress, n: int, runs: int) -> Progress:
-    return lambda done, total: progress(n * total + done, runs * total)
-
-
-def _result(
-    block: Block,
-    stripes: np.ndarray,
-    measure: Any,
-    motions: tuple[tuple[str, ...], np.ndarray],
-    exact: list[Outcomes],
-    checked: list[Outcomes],
-    states: Mapping[str, float],
-) -> Fragility:
-    names, quakes = motions
-    reached = [{name: _reached(o, level, block) for name, level in states.items()} for o in exact]
-    curves = [{name: _curve(name, hit, quakes, stripes) for name, hit in case.items()} for case in reached]
-    paired = len(exact) > 1
-    tests = {name: _mcnemar(reached[0][name], reached[-1][name], quakes) for name in states}
-    crossings = {
-        name: (_first_crossing(reached[0][name], stripes), _first_crossing(reached[-1][name], stripes))
-        for name in states
-    }
-    tilts = [np.where(o.undecided, np.nan, o.tilt) / float(block.slenderness) for o in exact]
-    changed = [_changed(a, b) for a, b in zip(exact, checked, strict=False)]
-    unanswered = [int(o.undecided.sum()) for o in checked]
+    exact = follow_scaled(block, cases, motions, factors, progress=shifted(0), **options)
+    nu, quakes = float(block.slenderness), np.unique(events_of(motions), return_inverse=True)[1]
+    hits = {name: _reached(exact, level * nu) for name, level in states.items()}
+    curves = [
+        {name: _curve(name, hit[i], quakes, stripes) for name, hit in hits.items()} for i in range(len(cases))
+    ]
+    tilts = np.where(exact.undecided, np.nan, exact.tilt) / nu
+    changed, unanswered = None, None
+    if nonlinear:
+        checked = follow_scaled(
+            block, cases, motions, factors, progress=shifted(1), nonlinear=True, **options
+        )
+        differs = np.where(exact.undecided | checked.undecided, np.nan, exact.overturned ^ checked.overturned)
+        shares = [float(np.mean(x[np.isfinite(x)])) if np.isfinite(x).any() else math.nan for x in differs]
+        changed = shares[0], shares[-1]
+        unanswered = int(checked.undecided[0].sum()), int(checked.undecided[-1].sum())
     return Fragility(
-        measure.name,
-        stripes,
-        measure.unit,
-        names,
-        len(np.unique(quakes)),
-        curves[0],
-        curves[1] if paired else None,
-        tests if paired else None,
-        (tilts[0], tilts[1] if paired else None),
-        crossings,
-        (changed[0], changed[-1]) if changed else None,
-        (unanswered[0], unanswered[-1]) if changed else None,
+        intensity=measure.name,
+        stripes=stripes,
+        unit=measure.unit,
+        motions=names,
+        earthquakes=len(np.unique(quakes)),
+        bare=curves[0],
+        hung=curves[1] if pendulum is not None else None,
+        p_values={name: mcnemar(hit[0], hit[1], quakes) for name, hit in hits.items()}
+        if pendulum is not None
+        else None,
+        tilts=(tilts[0], tilts[1] if pendulum is not None else None),
+        first_crossings={
+            name: (_first_crossing(hit[0], stripes), _first_crossing(hit[-1], stripes))
+            for name, hit in hits.items()
+        },
+        changed=changed,
+        unanswered=unanswered,
     )
 
 
-def _changed(a: Outcomes, b: Outcomes) -> float:
-    """Share of the runs with an answer in both whose verdict on overturning differs."""
-    known = ~(a.undecided | b.undecided)
-    return float(np.mean((a.overturned != b.overturned)[known])) if known.any() else math.nan
-
-
-def _reached(found: Outcomes, level: float, block: Block) -> np.ndarray:
+def _reached(found: Runs, tilt: float) -> np.ndarray:
     """Whether every run reaches a damage state, as a number; NaN where nothing is known."""
-    if math.isinf(level):
-        hit = found.overturned
-    else:
-        hit = found.lifted & (found.tilt > level * float(block.slenderness))
+    hit = found.overturned if math.isinf(tilt) else found.lifted & (found.tilt > tilt)
     return np.where(found.undecided, np.nan, hit)
 
 
@@ -281,26 +259,6 @@ def _curve(name: str, hit: np.ndarray, quakes: np.ndarray, stripes: np.ndarray) 
     # The two extremes of what the motions without an answer may do.
     ends = [fit_lognormal(stripes, np.nan_to_num(hit, nan=x)).median for x in (1.0, 0.0)]
     return Curve(name, shares, counts, total, undecided, fit, (ends[0], ends[1]))
-
-
-def _mcnemar(a: np.ndarray, b: np.ndarray, quakes: np.ndarray | None = None) -> np.ndarray:
-    """Two-sided exact probability, at each stripe, of so uneven a split of the earthquakes that differ: those
-    in which more motions reach the state in one case than in the other. The largest that is possible where
-    outcomes are not known."""
-    # Motions of each earthquake that reach it in case a less those in case b, as few and as many as may be.
-    low, high = (
-        added_up(np.nan_to_num(a, nan=x) - np.nan_to_num(b, nan=1.0 - x), quakes) for x in (0.0, 1.0)
-    )
-    only_a, only_b = np.sum(low > 0.0, axis=0), np.sum(high < 0.0, axis=0)
-    may_a, may_b = np.sum((low <= 0.0) & (high > 0.0), axis=0), np.sum((high >= 0.0) & (low < 0.0), axis=0)
-    # The rarer outcome comes as near to the other as it can.
-    x = np.where(only_a < only_b, np.minimum(only_a + may_a, only_b), only_a)
-    y = np.where(only_b < only_a, np.minimum(only_b + may_b, only_a), only_b)
-    return np.array([_sign_test(int(i), int(j)) for i, j in zip(x, y, strict=True)])
-
-
-def _sign_test(x: int, y: int) -> float:
-    return min(1.0, 2.0 * float(bdtr(min(x, y), x + y, 0.5)))
 
 
 def _first_crossing(hit: np.ndarray, stripes: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""Many motions of one block under pulses and records, on all cores."""
+"""Table of runs: one block, bare and with pendulums, under many pulses and records, on all cores."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PIECES = 1 << 21
 """Pieces of ground motion in a chunk for a cluster: some tenths of a second of work."""
 
 
-class Outcomes(NamedTuple):
+class Runs(NamedTuple):
     """Outcomes of a batch of motions, NumPy arrays of its shape; angles in rad."""
 
     tilt: np.ndarray
@@ -46,7 +46,7 @@ def rows_of(
 
 def follow_scaled(
     block: Block,
-    pendulum: Pendulum | None,
+    pendulums: Sequence[Pendulum | None],
     motions: Sequence[GroundMotion],
     factors: np.ndarray,
     *,
@@ -54,23 +54,23 @@ def follow_scaled(
     free: float,
     nonlinear: bool = False,
     brief: bool = False,
-    workers: int | None = None,
-    cluster: Cluster | None = None,
-    progress: Progress | None = None,
-) -> Outcomes:
-    """Follow a block from rest through every motion times each of its factors.
+    **how: Any,
+) -> Runs:
+    """Follow a block with each pendulum from rest through every motion times each of its factors.
 
     Args:
+        block: with its friction and restitution.
+        pendulums: None is the bare block.
+        motions: pulses or records.
         factors: shape (motions, ...), at least 0.
+        gravity: m/s^2.
         free: free motion after each ground motion, s.
         nonlinear: whether to integrate the nonlinear equations (4) instead of the exact linear ones.
         brief: whether only tilt, uplift, impacts before an overturning and the verdict are wanted.
-        workers: threads; all cores by default.
-        cluster: processes or machines in place of threads.
-        progress: called with the motions done and in all.
+        how: workers, cluster and progress, as in `follow_rows`.
 
     Returns:
-        Outcomes of the shape of `factors`.
+        Runs of the shape (pendulums, motions, ...).
 
     Raises:
         ValueError: a size that does not fit, or a number out of range.
@@ -86,14 +86,13 @@ def follow_scaled(
     checks.within("free", free, 0.0, LONGEST_FREE, " s")
     # Rows of one record stand together, so that a thread finds its samples in the cache.
     which = np.repeat(np.arange(len(motions)), factors[0].size)
-    x = rows_of(block, pendulum, motions, gravity)[which]
-    x[:, 5] *= factors.ravel()
+    x = np.concatenate([rows_of(block, hung, motions, gravity)[which] for hung in pendulums])
+    x[:, 5] *= np.tile(factors.ravel(), len(pendulums))
     records = [np.asarray(m.pieces(), dtype=float) for m in motions]
     late = np.full(len(x), free * float(Scene(block, motions[0], gravity).rate))
-    batch = {"x": x, "which": which, "free": late}
-    how = {"workers": workers, "cluster": cluster, "progress": progress}
+    batch = {"x": x, "which": np.tile(which, len(pendulums)), "free": late}
     found = follow_rows(batch, records, nonlinear, brief, **how)
-    return Outcomes(*(a.reshape(factors.shape) for a in found))
+    return Runs(*(a.reshape(len(pendulums), *factors.shape) for a in found))
 
 
 def follow_rows(
@@ -105,45 +104,45 @@ def follow_rows(
     workers: int | None = None,
     cluster: Cluster | None = None,
     progress: Progress | None = None,
-) -> Outcomes:
+) -> Runs:
     """Follow motions from rest, in threads or on a cluster.
 
     Args:
         batch: "x", parameters of the compiled code, shape (n, 9); "which", index of the record of each,
             shape (n,); "free", free time after it in tau, shape (n,).
         records: pieces of each ground motion.
-        nonlinear, brief, workers, cluster, progress: as in `follow_scaled`.
+        nonlinear, brief: as in `follow_scaled`.
+        workers: threads; all cores by default.
+        cluster: processes or machines in place of threads.
+        progress: called with the motions done and in all.
     """
     check_where(workers, cluster, progress)
     if cluster is None:
-        found = _followed(batch, records, nonlinear, brief, workers=workers, progress=progress)
-    else:
-        # A bound on the work of a chunk: it grows with the pieces of a record.
-        chunk = int(np.clip(_PIECES // max(map(len, records)), 128, 16_384))
-        shared = records, nonlinear, brief
-        found = cluster.map("motions", _followed_by_one, batch, shared, chunk=chunk, progress=progress)
-    return Outcomes(**found)
-
-
-def _followed_by_one(
-    batch: dict[str, np.ndarray], records: list[np.ndarray], nonlinear: bool, brief: bool
-) -> dict[str, np.ndarray]:
-    """Follow motions in one thread: the processes of a cluster share the cores."""
-    return _followed(batch, records, nonlinear, brief, workers=1)
+        return Runs(**_followed(batch, records, nonlinear, brief, workers, progress))
+    # A bound on the work of a chunk: it grows with the pieces of a record.
+    chunk = int(np.clip(_PIECES // max(map(len, records)), 128, 16_384))
+    shared = records, nonlinear, brief
+    return Runs(**cluster.map("motions", _followed, batch, shared, chunk=chunk, progress=progress))
 
 
 def _followed(
-    batch: dict[str, np.ndarray], records: list[np.ndarray], nonlinear: bool, brief: bool, **how: Any
+    batch: dict[str, np.ndarray],
+    records: list[np.ndarray],
+    nonlinear: bool,
+    brief: bool,
+    # The processes of a cluster share the cores.
+    workers: int | None = 1,
+    progress: Progress | None = None,
 ) -> dict[str, np.ndarray]:
-    """Fields of `Outcomes` of motions: rows of parameters, index of the record and free time of each."""
+    """Fields of `Runs` of motions: rows of parameters, index of the record and free time of each."""
     from tpd.exact.follow import FAILED, OVERTURNED
 
     if nonlinear:
         from tpd.models.compiled_nonlinear import shake_nonlinear as follow_all
     else:
         from tpd.models.compiled_shaken import follow_all
-    x = batch["x"]
-    found, _ = follow_all(x, records, batch["which"], batch["free"], brief=brief, **how)
+    x, how = batch["x"], {"brief": brief, "workers": workers, "progress": progress}
+    found, _ = follow_all(x, records, batch["which"], batch["free"], **how)
     status, hung = found.status.astype(int), x[:, 1] > 0.0
     return {
         "tilt": found.tilt,

@@ -1,4 +1,4 @@
-"""Comparison of an ensemble with a pendulum and without, run by run.
+"""Comparison of an ensemble with a pendulum and without, run by run, and the benefit that it shows.
 
 Both are put to the same runs (common random numbers), so that the scatter that they share cancels: a
 difference shows with far fewer runs than two independent shares would need.
@@ -6,15 +6,14 @@ difference shows with far fewer runs than two independent shares would need.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.answers.ensemble import Ensemble, outcomes
-from tpd.answers.outcomes import UNDECIDED_ROW, Outcomes
+from tpd.answers.ensemble import UNDECIDED_ROW, Ensemble, Outcomes, outcomes
+from tpd.answers.statistics import SIGNIFICANT, chance_of, chance_of_either, change, fall, is_positive
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
 from tpd.core.formatting import Printed
@@ -22,10 +21,16 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import bare_parameters_of
 from tpd.scene.scene import Pendulum, Scene
+from tpd.scene.status import Outcome
 from tpd.theory.equations import Terms
 
-SIGNIFICANT = 0.05
-"""Chance below which a difference between two shares is not put down to luck."""
+LEAST = 0.02
+"""Severity that counts as none, so that next to a bare block at rest not every tilt is a worse one."""
+FEWER = 0.1
+"""Share of the runs that end at rest without the pendulum which may rock with it: with runs enough any
+difference is significant."""
+_CHANGES = "mean severity", "median severity", "worst severity", "overturned", "at rest"
+"""Names of the changes of a benefit."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -65,7 +70,7 @@ class Verdict(Printed):
 
     @property
     def chance(self) -> float:
-        """Chance of `worse` or more by luck; see `chance_of`."""
+        """Chance of `worse` or more by luck; see `tpd.answers.statistics.chance_of`."""
         return chance_of(self.worse, self.better)
 
     @property
@@ -94,8 +99,7 @@ class Verdict(Printed):
         worse, better = self.worse, self.better
         if worse == better:
             return f"As many runs overturn with the pendulum only as without it only ({worse})."
-        # Either side might have been the larger one.
-        chance = min(1.0, 2.0 * chance_of(max(worse, better), min(worse, better)))
+        chance = chance_of_either(worse, better)
         size = "p < 1e-6" if chance < 1e-6 else f"p = {chance:.2g}"
         said = "hardly" if chance < SIGNIFICANT else "it may"
         return (
@@ -119,14 +123,6 @@ class Verdict(Printed):
 
     def __str__(self) -> str:
         return f"{self.table()}\n{self.objection}"
-
-
-def chance_of(worse: int, better: int) -> float:
-    """Chance that of all runs that differ at least `worse` would go against the pendulum, were either way
-    equally likely (McNemar's test, exact and one-sided)."""
-    # Runs that end alike with and without say nothing about the difference, so that only the others count.
-    n = worse + better
-    return sum(math.comb(n, i) for i in range(worse, n + 1)) / 2**n
 
 
 def verdict(
@@ -178,3 +174,159 @@ def verdict(
     if bare is None:
         bare = follow(subject if isinstance(subject, Scene) else bare_parameters_of(subject), None)
     return Verdict(hung=hung, bare=bare)
+
+
+class Change(NamedTuple):
+    """One size with the pendulum and without, and of a mean their difference with its 95 % interval."""
+
+    name: str
+    with_it: float
+    without: float
+    low: float
+    high: float
+    """Interval of the difference, with less without; NaN of what is no mean."""
+
+    @property
+    def difference(self) -> float:
+        """Size with the pendulum less that without."""
+        return self.with_it - self.without
+
+
+@dataclass(frozen=True, kw_only=True)
+class Benefit:
+    """Comparison of paired runs by their severity: the settled tilt over nu, 0 at rest and 1 where the block
+    overturns or tilts further."""
+
+    value: float
+    """Share by which the mean severity falls; negative where the pendulum does harm, 0 where none moves."""
+    low: float
+    high: float
+    """95 % interval, see `tpd.answers.statistics.fall`."""
+    changes: tuple[Change, ...]
+    """Mean, median and worst severity, and the shares overturned and at rest."""
+    worse_conditions: tuple[int, ...]
+    """Conditions whose mean severity is significantly higher than the bare block's by more than `share`."""
+    by_condition: tuple[np.ndarray, np.ndarray]
+    """Mean severity under every condition with the pendulum and without, NaN where no run has it."""
+    share: float
+    rests_less: bool
+    """Whether significantly fewer runs end at rest with the pendulum, by more than the share `FEWER`."""
+    runs: int
+    """Paired runs with an answer, with the pendulum and without: all numbers are of these."""
+    undecided: int = 0
+    """Paired runs without one."""
+    ends: tuple[Benefit, ...] = ()
+    """Benefit with each run without an answer ended against the pendulum, and with each ended for it; empty
+    where all runs have an answer."""
+
+    def __str__(self) -> str:
+        if np.isnan(self.value):
+            return "unknown"
+        # A value that rounds to zero must not read "-0%".
+        value, low, high = (0.0 + x for x in (round(self.value, 2), self.low, self.high))
+        if value < 0.0:
+            value, low, high = -value, 0.0 - high, 0.0 - low
+        # Of a single run nothing is known but the value.
+        around = f" (95 % interval {low:.0%} to {high:.0%})" if np.isfinite(low) else ""
+        return f"{value:.0%} {'more' if self.value < 0.0 and value else 'less'} tilt{around}"
+
+
+def severity(outcomes: Outcomes, slenderness: float) -> np.ndarray:
+    """Settled tilt of every run over the nu that it has (`slenderness` where the runs do not tell), between 0
+    and 1; 1 where the block overturns, NaN where a run has no answer."""
+    nu = slenderness if outcomes.nu is None else outcomes.nu
+    # A bound at 1 keeps means finite: an overturned block is as bad as one on its corner, and no worse.
+    tilt = np.where(outcomes.lost, np.inf, outcomes.amplitude) / nu
+    return np.where(outcomes.undecided, np.nan, np.minimum(np.where(np.isnan(tilt), np.inf, tilt), 1.0))
+
+
+def benefit_of(verdict: Verdict, slenderness: float, condition: np.ndarray, share: float = 0.05) -> Benefit:
+    """Benefit of paired runs; NaN where none of them has an answer.
+
+    Args:
+        verdict: the runs with the pendulum and without.
+        slenderness: nu of the block.
+        condition: index of the condition of every run, shape (runs,).
+        share: by which a condition may be worse than without the pendulum.
+    """
+    known = verdict.known
+    if not known.all():
+        ends = (benefit_of(x, slenderness, condition, share) for x in verdict.ends)
+        answered = Verdict(hung=verdict.hung.at(known), bare=verdict.bare.at(known))
+        if not known.any():
+            return _unknown(condition, share, len(known), tuple(ends))
+        found = benefit_of(answered, slenderness, condition[known], share)
+        return replace(found, undecided=int(np.sum(~known)), ends=tuple(ends))
+    hung, bare = severity(verdict.hung, slenderness), severity(verdict.bare, slenderness)
+    n = len(hung)
+    # Runs of one condition differ as those of different ones do: each is a cluster of its own.
+    found = fall(hung, bare, least=LEAST)
+    rest_with, rest_without = ((o.status == Outcome.rest).astype(float) for o in (verdict.hung, verdict.bare))
+    fewer, more = (int(np.sum(x > 0.0)) for x in (rest_without - rest_with, rest_with - rest_without))
+    return Benefit(
+        value=found.mean,
+        # Of a single run nothing is known but the value.
+        low=found.low if np.isfinite(found.low) else np.nan,
+        high=found.high if np.isfinite(found.low) else np.nan,
+        changes=(
+            _mean_change(_CHANGES[0], hung, bare),
+            Change(_CHANGES[1], float(np.median(hung)), float(np.median(bare)), np.nan, np.nan),
+            Change(_CHANGES[2], _worst(hung), _worst(bare), np.nan, np.nan),
+            _mean_change(_CHANGES[3], verdict.hung.lost, verdict.bare.lost),
+            _mean_change(_CHANGES[4], rest_with, rest_without),
+        ),
+        worse_conditions=_worse(hung, bare, condition, share),
+        by_condition=(_by_condition(hung, condition), _by_condition(bare, condition)),
+        share=share,
+        rests_less=is_positive((1.0 - FEWER) * rest_without - rest_with)
+        and chance_of(fewer, more) < SIGNIFICANT,
+        runs=n,
+    )
+
+
+def _unknown(condition: np.ndarray, share: float, runs: int, ends: tuple[Benefit, ...]) -> Benefit:
+    """Benefit of paired runs none of which has an answer."""
+    none, conditions = np.nan, np.full(int(condition.max()) + 1, np.nan)
+    return Benefit(
+        value=none,
+        low=none,
+        high=none,
+        changes=tuple(Change(name, none, none, none, none) for name in _CHANGES),
+        worse_conditions=(),
+        by_condition=(conditions, conditions),
+        share=share,
+        rests_less=False,
+        runs=0,
+        undecided=runs,
+        ends=ends,
+    )
+
+
+def _mean_change(name: str, hung: np.ndarray, bare: np.ndarray) -> Change:
+    by = change(hung, bare)
+    low, high = (x if np.isfinite(x) else np.nan for x in (by.low, by.high))
+    return Change(name, float(hung.mean()), float(bare.mean()), low, high)
+
+
+def _worst(x: np.ndarray) -> float:
+    """Mean of the worst tenth: the largest of all runs alone would say little."""
+    # Of few runs at least one.
+    return float(np.sort(x)[-max(1, len(x) // 10) :].mean())
+
+
+def _by_condition(values: np.ndarray, condition: np.ndarray) -> np.ndarray:
+    n = int(condition.max()) + 1
+    count = np.bincount(condition, minlength=n)
+    with np.errstate(invalid="ignore"):
+        return np.bincount(condition, weights=values, minlength=n) / np.where(count > 0, count, np.nan)
+
+
+def _worse(hung: np.ndarray, bare: np.ndarray, condition: np.ndarray, share: float) -> tuple[int, ...]:
+    """Conditions in which the pairs show, at 5 %, that the mean severity is higher by more than `share`."""
+    out = []
+    for i in np.unique(condition):
+        of = condition == i
+        # One chaotic run decides nothing: the mean over the pairs of a condition must be clearly above.
+        if is_positive(hung[of] - (1.0 + share) * bare[of] - LEAST * share):
+            out.append(int(i))
+    return tuple(out)

@@ -9,10 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from tpd.answers.bifurcations import Bifurcation, bifurcations
-from tpd.answers.outcomes import LOST, UNANSWERED, Share
+from tpd.answers.bifurcations import Bifurcation, Sweep, along, bifurcations
+from tpd.answers.statistics import Share
 from tpd.answers.steady_state import steady_state
-from tpd.answers.sweep import Sweep, along
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted, picture, span
 from tpd.core.progress import Progress, shown
@@ -20,7 +19,7 @@ from tpd.models.batches import settle_all
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import UNITS, Axis, parameters
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import names_of, status_name
+from tpd.scene.status import LOST, UNANSWERED, names_of, status_name
 from tpd.theory.no_uplift import uplift
 
 _TOWARDS = np.geomspace(1e-5, 0.5, 12)
@@ -101,7 +100,7 @@ def branches(
 
     Args:
         subject: dimensionless parameters, or a scene; its value of `name` is not used.
-        name: parameter or quantity that varies, see `tpd.answers.sweep`.
+        name: parameter or quantity that varies, see `tpd.answers.bifurcations`.
         low: lower end of its range.
         high: upper end.
         pendulum: in the scene; default none.
@@ -212,7 +211,7 @@ def settled_response(
 
     Args:
         subject: dimensionless parameters, or a scene; its value of `name` is not used.
-        name: parameter or quantity that varies, see `tpd.answers.sweep`.
+        name: parameter or quantity that varies, see `tpd.answers.bifurcations`.
         values: shape (n,), in any order.
         pendulum: in the scene; default none.
         progress: True for a bar on stderr, or called with ("responding", values done, of how many).

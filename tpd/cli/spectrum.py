@@ -12,8 +12,7 @@ from tpd.cli.options import given
 from tpd.core.progress import Bar
 
 if TYPE_CHECKING:
-    from tpd.answers.overturning_spectrum import OverturningSpectrum
-    from tpd.answers.rocking_spectrum import RockingSpectrum
+    from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
     from tpd.scene.scene import Pendulum, Scene
 
 _DESCRIPTION = (
@@ -94,7 +93,7 @@ def _overturning(
     """Spectrum of a pulse, and its numbers for JSON."""
     import numpy as np
 
-    from tpd.answers.overturning_spectrum import overturning_spectrum
+    from tpd.answers.spectra import overturning_spectrum
     from tpd.scene.ground_motion import Pulse
 
     assert isinstance(scene.motion, Pulse)
@@ -135,7 +134,7 @@ def _rocking(
     """Spectrum of a record, and its numbers for JSON."""
     import numpy as np
 
-    from tpd.answers.rocking_spectrum import rocking_spectrum
+    from tpd.answers.spectra import rocking_spectrum
 
     block = scene.block
     if hung is not None:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tpd.answers.benefit import LEAST
-from tpd.answers.intervals import Interval, fall
+from tpd.answers.paired import LEAST
 from tpd.answers.shaking_history import shaking_history
+from tpd.answers.statistics import Interval, fall
 from tpd.core.progress import Progress
 from tpd.design.criteria import Room, limit_of
 from tpd.scene.bob import Bob

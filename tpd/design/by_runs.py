@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.benefit import Benefit, benefit_of
-from tpd.answers.ensemble import Ensemble, outcomes
-from tpd.answers.outcomes import Outcomes
-from tpd.answers.paired import Verdict, verdict
+from tpd.answers.ensemble import Ensemble, Outcomes, outcomes
+from tpd.answers.paired import Benefit, Verdict, benefit_of, verdict
 from tpd.core.progress import Progress
 from tpd.design.criteria import Worth
 from tpd.design.verified import LossCase, Reason, ReasonKind, Step, Verified

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.answers.intervals import Interval
+from tpd.answers.statistics import Interval
 from tpd.core import checks
 from tpd.core.formatting import picture
 from tpd.core.progress import Progress

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from tpd.answers.attractors import Starts
-from tpd.answers.benefit import Change
-from tpd.answers.intervals import Interval
+from tpd.answers.paired import Change
+from tpd.answers.statistics import Interval
 from tpd.core import checks
 from tpd.core.formatting import Printed, above, picture
 from tpd.design.criteria import stroke_limit

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tpd.answers.paired import SIGNIFICANT, chance_of
+from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.answers.steady_state import steady_state
 from tpd.core.progress import Progress
 from tpd.design.active import active, nearest_of

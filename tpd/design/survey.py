@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tpd.answers.outcomes import LOST, UNANSWERED
 from tpd.design.criteria import DesignSpace, Risk, Room, limit_of
 from tpd.design.objective import Orbits, blank
 from tpd.design.screening import first_apart
@@ -21,7 +20,7 @@ from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 from tpd.scene.bob import THICKEST
 from tpd.scene.conditions import latin_hypercube, under_all
-from tpd.scene.status import names_of
+from tpd.scene.status import LOST, UNANSWERED, names_of
 
 ROOM = ("room", "thickness", "room on the way")
 """Names of the limits that the room inside the block sets."""

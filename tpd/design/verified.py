@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tpd.answers.benefit import FEWER, Benefit
-from tpd.answers.outcomes import Outcomes, Share
-from tpd.answers.paired import Verdict
+from tpd.answers.ensemble import Outcomes
+from tpd.answers.paired import FEWER, Benefit, Verdict
+from tpd.answers.statistics import Share
 
 if TYPE_CHECKING:
     from tpd.design.objective import Evaluation

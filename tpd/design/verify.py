@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tpd.answers.benefit import FEWER, severity
-from tpd.answers.ensemble import outcomes
-from tpd.answers.outcomes import Outcomes
+from tpd.answers.ensemble import Outcomes, outcomes
+from tpd.answers.paired import FEWER, severity
 from tpd.design.by_runs import TRIALS, reach_of
 from tpd.design.criteria import Room, limit_of
 from tpd.design.refine import RUNS, Refinement, Tried, refine

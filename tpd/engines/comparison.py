@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.ensemble import Ensemble, Runs, plan
-from tpd.answers.outcomes import LOST, UNANSWERED, Share
+from tpd.answers.ensemble import Ensemble, Plan, plan
+from tpd.answers.statistics import Share
 from tpd.core import checks
 from tpd.core.formatting import Printed, number
 from tpd.core.progress import Progress, shown
@@ -19,7 +19,7 @@ from tpd.engines.rollouts import MUJOCO, Engine, EngineRuns, as_table
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters
 from tpd.scene.scene import Harmonic, Pendulum, Scene
-from tpd.scene.status import names_of
+from tpd.scene.status import LOST, UNANSWERED, names_of
 
 RUNS = 64
 FINE = 16
@@ -319,7 +319,7 @@ class _Case:
             )
         return e
 
-    def plan(self, pendulum: Pendulum | None) -> Runs:
+    def plan(self, pendulum: Pendulum | None) -> Plan:
         """Starts and parameters of every run."""
         return plan(parameters_under(self.scene, pendulum), self.ensemble, float(self.scene.rate))
 
@@ -371,7 +371,7 @@ class _Case:
         return q.nu, q.mu, q.lam, q.zeta, q.k, q.f, h, q.rho, q.e
 
     def _shaking(
-        self, runs: Runs, few: int
+        self, runs: Plan, few: int
     ) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, np.ndarray]:
         """Accelerations at times from the start of the runs, durations, and times from which a tilt counts as
         settled."""

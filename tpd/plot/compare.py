@@ -9,9 +9,9 @@ from typing import Any, cast
 import numpy as np
 from matplotlib.axes import Axes
 
-from tpd.answers.benefit import Benefit
 from tpd.answers.fragility import Fragility
-from tpd.answers.probit import Lognormal
+from tpd.answers.paired import Benefit
+from tpd.answers.statistics import Lognormal
 from tpd.core import checks
 from tpd.design.front import FrontPoint
 from tpd.design.ground.design import GroundDesign

@@ -10,8 +10,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch
 
 from tpd.answers.design_map import DesignMap
-from tpd.answers.overturning_spectrum import OVERTURNS, ROCKS, STANDS, UNDECIDED, OverturningSpectrum
-from tpd.answers.rocking_spectrum import RockingSpectrum
+from tpd.answers.spectra import OVERTURNS, ROCKS, STANDS, UNDECIDED, OverturningSpectrum, RockingSpectrum
 from tpd.core import checks
 from tpd.plot.style import CASES, INK, LABELS, LINES, edge, legend, new_axes
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tpd.answers.benefit import Change
+from tpd.answers.paired import Change
 from tpd.core.formatting import number
 from tpd.design.build import build_of
 from tpd.design.criteria import LABELS

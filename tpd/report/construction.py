@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from tpd.answers.intervals import Interval
+from tpd.answers.statistics import Interval
 from tpd.core.formatting import number
 from tpd.design.build import Build
 from tpd.design.ground.judgement import scatter_of

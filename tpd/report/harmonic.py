@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from tpd.answers.outcomes import Outcomes
+from tpd.answers.ensemble import Outcomes
 from tpd.core.formatting import number
 from tpd.design.criteria import LABELS
 from tpd.design.objective import KINDS

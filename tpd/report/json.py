@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.benefit import Benefit
-from tpd.answers.outcomes import Outcomes
-from tpd.answers.paired import Verdict
+from tpd.answers.ensemble import Outcomes
+from tpd.answers.paired import Benefit, Verdict
 from tpd.core import files
 from tpd.design.criteria import Limit
 from tpd.design.ground.design import GroundDesign

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from tpd.answers.attractors import Starts
-from tpd.answers.paired import SIGNIFICANT, chance_of
 from tpd.answers.response import Response
+from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.design.criteria import Mass, Room, Worth, limit_of
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.groups import Role, unnamed

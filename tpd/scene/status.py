@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from enum import StrEnum, auto
 
 import equinox as eqx
 import jax
@@ -69,28 +69,38 @@ class Status(eqx.Enumeration):
     rocked = "The block rocks during the motion and does not overturn."
 
 
-_NAMES = (
-    "rocking",
-    "sticking",
-    "rest",
-    "held",
-    "overturned",
-    "aperiodic",
-    "not_settled",
-    "unstable",
-    "neutral",
-    "near_fold",
-    "grazing",
-    "event_bound",
-    "failed",
-    "no_orbit",
-    "stood",
-    "rocked",
-)
+class Outcome(StrEnum):
+    """Names of the members of `Status`, in their order, as they stand in arrays, tables and files.
+
+    Files hold their numbers as well: new names are for the end.
+    """
+
+    rocking = auto()
+    sticking = auto()
+    rest = auto()
+    held = auto()
+    overturned = auto()
+    aperiodic = auto()
+    not_settled = auto()
+    unstable = auto()
+    neutral = auto()
+    near_fold = auto()
+    grazing = auto()
+    event_bound = auto()
+    failed = auto()
+    no_orbit = auto()
+    stood = auto()
+    rocked = auto()
 
 
-SETTLED = ("rocking", "sticking", "rest")
-"""Names of the statuses of attracting motions, see `is_settled`."""
+MOVING = (Outcome.rocking, Outcome.sticking)
+"""Outcomes of attracting periodic motions, see `is_moving`."""
+SETTLED = (*MOVING, Outcome.rest)
+"""Outcomes of attracting motions, see `is_settled`."""
+LOST = (Outcome.overturned,)
+"""Outcomes of runs that count as overturned."""
+UNANSWERED = (Outcome.event_bound, Outcome.failed)
+"""Outcomes of runs without an answer: they are counted apart, and are neither falls nor rest."""
 
 
 def status_name(status: Status) -> str:
@@ -102,31 +112,29 @@ def status_name(status: Status) -> str:
 def names_of(status: Status) -> np.ndarray:
     """The names of a batch of statuses (not traced), an array of strings of its shape."""
     (index,) = jax.tree.leaves(status)
-    masks = [np.asarray(index) == index_of(name) for name in _NAMES]
-    return np.select(masks, _NAMES, "")
+    return names_by_code(np.asarray(index))
 
 
 def codes_of(names: np.ndarray) -> np.ndarray:
-    """Numbers that stand for names of statuses in files: places in a list that only grows at its end.
+    """Numbers that stand for names of statuses in files: their places in `Outcome`.
 
     Raises:
         ValueError: a name that is not in the list.
     """
-    equal = np.asarray(names)[..., None] == np.array(_NAMES)
+    equal = np.asarray(names)[..., None] == np.array(Outcome)
     if not equal.any(axis=-1).all():
-        raise ValueError(f"names of statuses must be among {', '.join(_NAMES)}, but are {np.unique(names)}")
+        raise ValueError(f"names of statuses must be among {', '.join(Outcome)}, but are {np.unique(names)}")
     return np.argmax(equal, axis=-1).astype(np.int8)
 
 
 def names_by_code(codes: np.ndarray) -> np.ndarray:
     """Names of statuses that `codes_of` has turned into numbers."""
-    return np.array(_NAMES)[np.asarray(codes)]
+    return np.asarray(np.array(Outcome)[np.asarray(codes)])
 
 
-@lru_cache
 def index_of(name: str) -> int:
     """Number that stands for a status."""
-    return int(jax.tree.leaves(getattr(Status, name))[0])
+    return tuple(Outcome).index(Outcome(name))
 
 
 def is_moving(status: Status) -> Array:

@@ -10,7 +10,7 @@ import pytest
 
 import tpd
 from tests.design.ground.conftest import BLOCK
-from tpd.answers.intervals import Interval
+from tpd.answers.statistics import Interval
 from tpd.cli import main
 from tpd.design.build import moved_of
 from tpd.design.front import FrontPoint

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.answers.intervals import Interval
-from tpd.answers.probit import Lognormal
+from tpd.answers.statistics import Interval, Lognormal
 from tpd.design.ground import design
 from tpd.design.ground.groups import Role, events_of, grouped
 from tpd.design.ground.judgement import Judged, Pairs

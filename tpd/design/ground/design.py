@@ -8,9 +8,9 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from tpd.answers.benefit import LEAST, Change
-from tpd.answers.intervals import Interval, fall
-from tpd.answers.intervals import change as difference_of
+from tpd.answers.paired import LEAST, Change
+from tpd.answers.statistics import Interval, fall
+from tpd.answers.statistics import change as difference_of
 from tpd.design.criteria import Worth
 from tpd.design.ground.groups import Group, Role
 from tpd.design.ground.judgement import Benefit, Judged, benefit_of

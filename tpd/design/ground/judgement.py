@@ -1,6 +1,6 @@
 """Judgement of a design on groups of ground motions: paired with the bare block, run by run.
 
-Runs of one earthquake are no independent observations: the clusters of `tpd.answers.intervals`.
+Runs of one earthquake are no independent observations: the clusters of `tpd.answers.statistics`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tpd.answers.ensemble import Ensemble
-from tpd.answers.intervals import Interval, change, fall
-from tpd.answers.probit import Lognormal, fit_lognormal
+from tpd.answers.statistics import Interval, Lognormal, change, fall, fit_lognormal
 from tpd.design.ground.groups import Group, Role
 from tpd.design.ground.objective import GroundObjective, Runs
 from tpd.scene.conditions import Conditions

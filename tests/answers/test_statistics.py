@@ -1,14 +1,134 @@
-"""Lognormal fits: the largest likelihood by brute force, and outcomes that have none."""
+"""Shares, means, paired tests and lognormal fits: against SciPy, closed forms and brute force."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.optimize import minimize_scalar
 from scipy.special import log_ndtr
 from scipy.stats import binomtest
 
-from tpd.answers.probit import fit_lognormal
+from tpd.answers.statistics import (
+    Share,
+    chance_of,
+    chance_of_either,
+    change,
+    fall,
+    fit_lognormal,
+    is_positive,
+    mcnemar,
+)
+
+
+def test_shares_have_wilsons_interval():
+    for hits, n in ((10, 100), (0, 50), (50, 50), (1, 3)):
+        share = Share.of(np.arange(n) < hits)
+        known = binomtest(hits, n).proportion_ci(method="wilson")
+        assert share == pytest.approx((hits / n, known.low, known.high), abs=1e-12)
+    assert str(Share.of(np.arange(100) < 10)) == "10.0% (5.5% to 17.4%)"
+    assert str(Share.of(np.zeros(0, bool))) == "nan% (0.0% to 100.0%)"
+
+
+@pytest.mark.parametrize(("worse", "better"), [(0, 0), (5, 0), (4, 1), (0, 5), (900, 1100)])
+def test_the_chance_of_a_difference_is_the_binomials(worse, better):
+    if worse + better:
+        known = binomtest(worse, worse + better, alternative="greater").pvalue
+        assert chance_of(worse, better) == pytest.approx(known, rel=1e-9)
+        either = binomtest(worse, worse + better).pvalue
+        assert chance_of_either(worse, better) == pytest.approx(either, rel=1e-9)
+    else:
+        assert chance_of(worse, better) == chance_of_either(worse, better) == 1.0
+
+
+def test_a_mean_is_positive_by_the_one_sided_test_of_student():
+    rng, said = np.random.default_rng(2), []
+    for _ in range(100):
+        values = rng.normal(0.4, 1.0, 12)
+        said.append(is_positive(values))
+        assert said[-1] == (stats.ttest_1samp(values, 0.0, alternative="greater").pvalue < 0.05)
+    assert 20 < sum(said) < 80
+    assert not is_positive(np.ones(1))
+
+
+def changed(values, clusters=None):
+    """Interval of given differences."""
+    return change(np.asarray(values), np.zeros(len(values)), clusters)
+
+
+def test_a_change_of_shares_ends_at_one():
+    few = changed([0.0, -1.0, 0.0, 0.0], np.array([0, 0, 1, 1]))
+    assert (few.low, few.high) == (-1.0, 1.0)
+    assert few.mean == pytest.approx(-0.25)
+
+
+def test_intervals_are_those_of_clusters_and_student():
+    one = np.array([-0.1, 0.0, 0.1])
+    assert changed(one).high == pytest.approx(0.1 * stats.t.ppf(0.975, 2) / np.sqrt(3.0))
+    rng = np.random.default_rng(3)
+    covered, clusters = 0, np.repeat(np.arange(8), 6)
+    for _ in range(400):
+        values = 0.1 * (np.repeat(rng.standard_normal(8), 6) + rng.standard_normal(48))
+        interval = changed(values, clusters)
+        covered += interval.low <= 0.0 <= interval.high
+    assert 0.92 < covered / 400 < 0.98
+
+
+def test_of_a_single_cluster_nothing_is_known():
+    for found in (changed(np.ones(3), np.zeros(3, int)), fall(np.ones(2), np.ones(2), np.zeros(2, int))):
+        assert math.isinf(found.low)
+        assert "(unknown)" in found.words()
+    same = changed(np.full(4, -0.5), np.array([0, 0, 1, 1]))
+    assert same.is_below
+    assert not same.is_above
+
+
+def test_a_fall_is_a_ratio_of_means_whose_interval_covers_the_truth():
+    """Bare tilts about a mean of each of ten earthquakes, hung ones at 0.7 of these with a scatter."""
+    rng, hits, clusters = np.random.default_rng(0), 0, np.repeat(np.arange(20), 3)
+    for _ in range(300):
+        bare = np.repeat(rng.uniform(0.2, 0.8, 20), 3) + rng.uniform(-0.1, 0.1, 60)
+        hung = bare * (0.7 + np.repeat(rng.uniform(-0.3, 0.3, 20), 3))
+        found = fall(hung, bare, clusters)
+        assert found.mean == pytest.approx(1.0 - hung.mean() / bare.mean())
+        hits += found.low <= 0.3 <= found.high
+    assert 0.91 < hits / 300 < 0.99
+
+
+def test_a_fall_from_next_to_nothing_is_counted_in_units_of_the_least_mean():
+    found = fall(np.array([0.01, 0.03]), np.array([0.0, 0.01]), least=0.02)
+    assert found.mean == pytest.approx((0.005 - 0.02) / 0.02)
+    assert found.low < found.mean < found.high
+    assert fall(np.zeros(3), np.zeros(3)).mean == 0.0
+    assert math.isnan(fall(np.zeros(0), np.zeros(0)).mean)
+
+
+@pytest.mark.mends("more than 1023 pairs that differ were beyond the numbers of a double")
+@pytest.mark.parametrize(("motions", "least"), [(40, 12), (4000, 1024)])
+def test_the_paired_test_is_that_of_mcnemar(motions, least):
+    rng = np.random.default_rng(3)
+    a, b = ((rng.random((motions, 6)) < share).astype(float) for share in (0.5, 0.48))
+    for i, p in enumerate(mcnemar(a, b)):
+        x, y = int(np.sum((a[:, i] == 1) & (b[:, i] == 0))), int(np.sum((a[:, i] == 0) & (b[:, i] == 1)))
+        assert p == pytest.approx(binomtest(x, x + y).pvalue)
+        assert x + y >= least
+
+
+@pytest.mark.mends("pairs without an answer were left out of the paired test, whatever they could have been")
+def test_the_paired_test_is_the_largest_that_unknown_outcomes_allow():
+    rng = np.random.default_rng(5)
+    for _ in range(40):
+        a, b = ((rng.random((9, 1)) < share).astype(float) for share in (0.7, 0.2))
+        unknown = rng.permutation(18)[: rng.integers(0, 5)]
+        both = np.stack([a, b])
+        both.flat[unknown] = np.nan
+        values = []
+        for outcome in itertools.product((0.0, 1.0), repeat=len(unknown)):
+            both_known = both.copy()
+            both_known.flat[unknown] = outcome
+            values.append(mcnemar(*both_known)[0])
+        assert mcnemar(*both)[0] == pytest.approx(max(values), rel=1e-12)
 
 
 def outcomes(counts: list[int], motions: int) -> np.ndarray:
@@ -43,8 +163,11 @@ SEPARATED = [
 
 
 @pytest.mark.mends("a dispersion that no stripe sees was an artefact of clipped logarithms")
+@pytest.mark.mends("a band around separated outcomes was narrower than the stripes allow")
 @pytest.mark.parametrize(("counts", "motions", "passes"), SEPARATED)
-def test_separated_outcomes_have_a_median_between_stripes_and_no_dispersion(counts, motions, passes):
+def test_separated_outcomes_have_a_median_between_stripes_and_the_band_of_the_stripes_around(
+    counts, motions, passes
+):
     stripes = np.arange(1.0, len(counts) + 1.0)
     fit = fit_lognormal(stripes, outcomes(counts, motions))
     assert fit.separated
@@ -54,23 +177,12 @@ def test_separated_outcomes_have_a_median_between_stripes_and_no_dispersion(coun
     low, high = fit.interval()
     assert low <= passes[0]
     assert high >= passes[1]
-
-
-@pytest.mark.mends("a band around separated outcomes was narrower than the stripes allow")
-@pytest.mark.parametrize(("counts", "motions", "passes"), SEPARATED)
-def test_the_band_of_separated_outcomes_is_that_of_the_stripes_around(counts, motions, passes):
-    stripes = np.arange(1.0, len(counts) + 1.0)
-    fit = fit_lognormal(stripes, outcomes(counts, motions))
     exact = [binomtest(k, motions).proportion_ci(0.9, method="exact") for k in counts]
     # Below and above the stripes nothing limits the probability on one side.
     lows, highs = [0.0, *(e.low for e in exact)], [*(e.high for e in exact), 1.0]
     between = np.arange(0.5, len(counts) + 1.0)
-    low, high = fit.band(between, level=0.9)
-    np.testing.assert_allclose(low, lows, atol=1e-12)
-    np.testing.assert_allclose(high, highs, atol=1e-12)
-    low, high = fit.band(stripes, level=0.9)
-    np.testing.assert_allclose(low, lows[1:], atol=1e-12)
-    np.testing.assert_allclose(high, highs[:-1], atol=1e-12)
+    np.testing.assert_allclose(fit.band(between, level=0.9), [lows, highs], atol=1e-12)
+    np.testing.assert_allclose(fit.band(stripes, level=0.9), [lows[1:], highs[:-1]], atol=1e-12)
     # The curve is drawn only where the stripes on both sides say the same.
     shares = np.array([0.0, *counts, motions]) / motions
     known = shares[1:] == shares[:-1]
@@ -164,16 +276,17 @@ def test_random_fits_are_maxima_or_have_none():
 
 
 @pytest.mark.mends("the scores of one motion add up to zero, and its interval had no width")
-def test_one_motion_at_many_stripes_shows_no_spread():
-    fit = fit_lognormal(np.arange(1.0, 6.0), np.array([[0.0, 1.0, 0.0, 1.0, 1.0]]))
-    assert not fit.separated
-    assert fit.interval() == (0.0, math.inf)
-    low, high = fit.band(np.array([1.0, 3.0]))
-    assert low.tolist() == [0.0, 0.0]
-    assert high.tolist() == [1.0, 1.0]
-    # Rows without any outcome are no motions either.
-    padded = np.vstack([[0.0, 1.0, 0.0, 1.0, 1.0], np.full((3, 5), np.nan)])
-    assert fit_lognormal(np.arange(1.0, 6.0), padded).interval() == (0.0, math.inf)
+@pytest.mark.mends("two earthquakes gave an interval of no width")
+@pytest.mark.parametrize("rows", [[[0, 1, 0, 1, 1]], [[0, 1, 0, 1, 1], [0, 0, 1, 1, 1]]], ids=["one", "two"])
+def test_one_earthquake_or_two_show_no_spread(rows):
+    stripes, hits = np.arange(1.0, 6.0), np.array(rows, dtype=float)
+    # Rows without any outcome are no motions, and copies are no more earthquakes.
+    padded = np.vstack([hits, np.full((3, 5), np.nan)])
+    copies = fit_lognormal(stripes, np.tile(hits, (6, 1)), np.arange(6 * len(hits)) % len(hits))
+    for fit in (fit_lognormal(stripes, hits), fit_lognormal(stripes, padded), copies):
+        assert not fit.separated
+        assert fit.interval() == (0.0, math.inf)
+        np.testing.assert_array_equal(fit.band(np.array([1.0, 3.0])), [[0.0, 0.0], [1.0, 1.0]])
 
 
 @pytest.mark.mends("without any known outcome the median was said to be above the stripes")
@@ -213,16 +326,6 @@ def test_large_counts_and_close_stripes_lose_no_digits():
     assert scaled.interval() == pytest.approx(tuple(7.0 * x for x in wide.interval()), rel=1e-9)
 
 
-@pytest.mark.mends("two earthquakes gave an interval of no width")
-def test_two_earthquakes_show_no_spread():
-    stripes, hits = np.array([1.0, 2.0, 4.0, 8.0]), np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]])
-    fit = fit_lognormal(stripes, hits)
-    assert fit.interval() == (0.0, math.inf)
-    np.testing.assert_array_equal(fit.band(np.array([2.0])), [[0.0], [1.0]])
-    copies = fit_lognormal(stripes, np.tile(hits, (6, 1)), np.arange(12) % 2)
-    assert copies.interval() == (0.0, math.inf)
-
-
 @pytest.mark.mends("intervals of few motions were those of many")
 def test_few_earthquakes_have_the_wider_quantile_of_student():
     hits = np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0], [0.0, 1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
@@ -230,3 +333,17 @@ def test_few_earthquakes_have_the_wider_quantile_of_student():
     toward = -fit.dispersion * np.array([1.0, math.log(fit.median)])
     width = 4.302652729911275 * math.sqrt(toward @ fit.covariance @ toward)
     assert fit.interval() == pytest.approx((fit.median * math.exp(-width), fit.median * math.exp(width)))
+
+
+def test_the_interval_covers_and_takes_a_motion_as_one():
+    # A motion whose capacity is one number: its outcomes at all stripes hang together.
+    rng, stripes, inside, width = np.random.default_rng(0), np.linspace(0.5, 6.0, 12), 0, []
+    for _ in range(300):
+        capacity = 2.0 * np.exp(0.5 * rng.standard_normal(40))
+        fit = fit_lognormal(stripes, (stripes >= capacity[:, None]).astype(float))
+        low, high = fit.interval()
+        inside += low < 2.0 < high
+        width.append(math.log(high / low))
+    assert 0.90 < inside / 300 < 0.985
+    # The deviation of the mean of 40 logarithms.
+    assert np.median(width) == pytest.approx(2 * 1.959964 * 0.5 / math.sqrt(40), rel=0.15)

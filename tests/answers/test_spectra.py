@@ -1,0 +1,129 @@
+"""Spectra: against critical scales and single blocks, and cells without an answer."""
+
+import math
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.unanswered import unanswered
+
+GRAVITY = 9.80665
+COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
+HUNG = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
+PULSE = tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0)
+RATIOS, SIZES = np.array([3.0, 5.0]), np.array([0.8, 2.0, 6.0, 12.0])
+STRONG = tpd.Pulse.one_sine(acceleration=3.0, frequency=1.0)
+PERIODS = np.array([2.0, 4.0, 8.0])
+
+
+def spectrum(pendulum=None):
+    return tpd.overturning_spectrum(
+        COLUMN, PULSE, pendulum, frequency_ratios=RATIOS, acceleration_ratios=SIZES
+    )
+
+
+def largest(rows: np.ndarray) -> np.ndarray:
+    """Whether a row of parameters is of the largest size of the pulse."""
+    return rows[:, 5] > 11.0 / 6.0
+
+
+def rocking():
+    return tpd.rocking_spectrum(COLUMN, STRONG, periods=PERIODS, mass_ratio=0.05, length_ratio=0.3)
+
+
+def middle(rows: np.ndarray) -> np.ndarray:
+    """Whether a row of parameters is of the second period."""
+    return np.isclose(rows[:, 6], float(STRONG.piece) * 2.0 * np.pi / PERIODS[1])
+
+
+def test_the_overturning_spectrum_has_its_tongues():
+    ratios = np.array([5.0])
+    rate = float(tpd.Scene(COLUMN, PULSE).rate)
+    sizes = np.linspace(0.9, 12.0, 60)
+    spectrum = tpd.overturning_spectrum(
+        COLUMN, PULSE, HUNG, frequency_ratios=ratios, acceleration_ratios=sizes
+    )
+    one = tpd.Pulse.one_sine(acceleration=GRAVITY / 6.0, frequency=5.0 * rate / (2.0 * math.pi))
+    tongues = np.asarray(tpd.critical_scale(tpd.Scene(COLUMN, one)).tongues)
+    inside = np.any((sizes[:, None] >= tongues[:, 0]) & (sizes[:, None] < tongues[:, 1]), axis=1)
+    assert np.array_equal(spectrum.bare[:, 0] >= 2, inside)
+    assert spectrum.bare[0, 0] == 0
+    # After an impact in the first tongue, without one in the last.
+    assert spectrum.bare[np.flatnonzero(inside)[0], 0] == 3
+    assert spectrum.bare[-1, 0] == 2
+    assert spectrum.safe().shape == (2,)
+
+
+def test_the_rocking_spectrum_is_that_of_single_blocks():
+    statue = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.0, restitution="housner")
+    noise = np.random.default_rng(0).standard_normal(400) * np.sin(np.pi * np.arange(400) / 399.0) ** 2
+    record = tpd.Record(noise, 0.02).scaled_to(pga_g=0.5)
+    spectrum = tpd.rocking_spectrum(
+        statue, record, periods=np.array([1.5, 4.0]), mass_ratio=0.1, length_ratio=1.0, damping_ratio=0.4
+    )
+    for i, period in enumerate(spectrum.periods):
+        # A block of the same shape whose rate is this one.
+        size = (float(tpd.Scene(statue, record).rate) / (2.0 * math.pi / period)) ** 2
+        block = tpd.Block(
+            width=0.45 * size, height=1.8 * size, mass=900.0, friction=0.0, restitution="housner"
+        )
+        hung = tpd.Pendulum(mass=90.0, length=0.9 * size, damping_ratio=0.4)
+        for pendulum, tilts in ((None, spectrum.bare), (hung, spectrum.hung)):
+            one = tpd.transient(tpd.Scene(block, record), pendulum)
+            # Housner's restitution with a bob is another number.
+            assert tilts[i] == pytest.approx(float(one.tilt) / 0.25, rel=1e-9)
+
+
+@pytest.mark.mends("cells without an answer counted as overturned")
+def test_the_share_that_is_safe_is_that_of_the_cells_with_an_answer(monkeypatch):
+    known = spectrum(HUNG)
+    unanswered(monkeypatch, largest)
+    found = spectrum(HUNG)
+    assert np.all(known.bare[-1] >= 2)
+    assert np.all(found.bare[-1] == -1)
+    for cells, share in zip((known.bare, known.hung), found.safe(), strict=True):
+        assert share == np.mean(cells[:-1] < 2)
+    assert known.safe()[0] < found.safe()[0]
+    assert found.undecided().tolist() == [2, 2]
+    assert known.undecided().tolist() == [0, 0]
+
+
+@pytest.mark.mends("without any answer no cell was safe")
+def test_without_any_answer_no_share_is_known(monkeypatch):
+    unanswered(monkeypatch, lambda rows: np.ones(len(rows), dtype=bool))
+    assert np.isnan(spectrum().safe()).tolist() == [True]
+
+
+@pytest.mark.mends("cells without an answer had the colour of those that stand")
+def test_cells_without_an_answer_are_drawn(monkeypatch):
+    unanswered(monkeypatch, lambda rows: largest(rows) & (rows[:, 1] > 0.0))
+    bare, hung = spectrum(HUNG).plot()
+    assert not bare.lines
+    (crosses,) = hung.lines
+    assert crosses.get_label() == "no answer: 2 of 8"
+    assert crosses.get_marker() == "x"
+    assert crosses.get_xdata().tolist() == [3.0, 5.0]
+    assert crosses.get_ydata().tolist() == [12.0, 12.0]
+    assert hung.get_legend() is not None
+
+
+@pytest.mark.mends("the tilt up to where the bound on events ended a motion was given as its largest")
+def test_a_block_without_an_answer_has_no_tilt(monkeypatch):
+    known = rocking()
+    unanswered(monkeypatch, middle)
+    found = rocking()
+    for before, after in ((known.bare, found.bare), (known.hung, found.hung)):
+        assert np.isnan(after).tolist() == [False, True, False]
+        assert np.array_equal(before[[0, 2]], after[[0, 2]])
+    assert found.undecided().tolist() == [1, 1]
+    assert known.undecided().tolist() == [0, 0]
+
+
+@pytest.mark.mends("blocks without an answer were not drawn as such")
+def test_blocks_without_an_answer_are_drawn(monkeypatch):
+    assert not any("no answer" in line.get_label() for line in rocking().plot().lines)
+    unanswered(monkeypatch, lambda rows: middle(rows) & (rows[:, 1] > 0.0))
+    drawn = {line.get_label(): line for line in rocking().plot().lines}
+    assert drawn["with the pendulum: no answer"].get_xdata().tolist() == [4.0]
+    assert "bare block: no answer" not in drawn
