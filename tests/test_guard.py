@@ -29,8 +29,8 @@ from tests.reference import BARE, HUNG, STILL, parameters  # noqa: E402
 from tpd import Piecewise, Risk, Segmented, Smoothed, symmetric_orbits  # noqa: E402
 from tpd.core.files import as_json, place, versions  # noqa: E402
 from tpd.design.ends import Linearisation  # noqa: E402
+from tpd.design.methods import minimise  # noqa: E402
 from tpd.design.screening import with_design  # noqa: E402
-from tpd.design.sequential import minimise  # noqa: E402
 from tpd.exact.orbit_roots_kernel import BRACKETS, NODES  # noqa: E402
 from tpd.exact.symmetric_orbit_kernel import ORBITS  # noqa: E402
 from tpd.theory import one_harmonic  # noqa: E402

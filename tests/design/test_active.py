@@ -8,7 +8,7 @@ import pytest
 import tpd
 from tests.design.conftest import BAND
 from tests.design.test_objective import orbits
-from tpd.design.active import active
+from tpd.design.verify import active
 
 
 @pytest.fixture

@@ -8,8 +8,9 @@ import pytest
 import tpd
 from tests import designs
 from tpd.answers.shaking_history import shaking_history
-from tpd.design import build
-from tpd.design.build import build_of, loads_of, moved_of, pull_test
+from tpd.design import study
+from tpd.design.build import loads_of, pull_test
+from tpd.design.study import build_of, moved_of
 from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import Harmonic, Scene
@@ -81,12 +82,12 @@ def test_loads_are_the_largest_of_the_motions_in_which_the_block_stands():
     "of many motions the strongest were taken, and not those near the pendulum's own frequency"
 )
 def test_of_many_motions_those_are_followed_in_which_the_bob_swings_most(monkeypatch):
-    monkeypatch.setattr(build, "_MOTIONS", 2)
+    monkeypatch.setattr(study, "_MOTIONS", 2)
     stroke = np.linspace(0.1, 0.4, 10)
     seen = designs.evaluation(np.full(10, 0.05), stroke)
     design = designs.around(verified=(designs.verified(evaluation=seen),))
     f = design.scene.motion.frequency * design.conditions.column("frequency")
-    found = build._strongest(design)
+    found = study._strongest(design)
     assert [float(m.frequency) for m in found] == pytest.approx([f[9], f[8]])
 
 

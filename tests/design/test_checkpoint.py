@@ -9,7 +9,7 @@ from tests.damage import WAYS, damage
 from tests.design.test_descent import LIMITED, STARTS, WORST
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.ends import BLANK
-from tpd.design.sequential import minimise
+from tpd.design.methods import minimise
 
 
 @pytest.fixture(scope="module")

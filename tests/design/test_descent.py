@@ -6,9 +6,8 @@ import pytest
 
 import tpd
 from tests.design.minimax import CB2, half_plane, linearisations
-from tpd.design.descent import OPTIMISERS, descend, named, smoothed_merit
 from tpd.design.ends import Linearisation
-from tpd.design.sequential import minimise
+from tpd.design.methods import OPTIMISERS, descend, minimise, named, smoothed_merit
 
 WORST = tpd.Risk.worst().of
 STARTS = np.array([[0.35, 0.8], [0.8, 0.5], [0.5, 0.5], [0.65, 0.45]])

@@ -8,7 +8,7 @@ import pytest
 import tpd
 from tests.design.conftest import BAND, SCENE
 from tests.design.test_objective import GOOD
-from tpd.design.steps import motions_from_rest, polished
+from tpd.design.verify import motions_from_rest, polished
 from tpd.scene.parameters import as_arrays
 from tpd.scene.status import SETTLED
 

@@ -12,7 +12,7 @@ from tpd.design import optimise
 from tpd.design.by_runs import PairedRuns
 from tpd.design.optimise import solve
 from tpd.design.problem import Problem
-from tpd.design.result import DesignStatus, SearchStatus
+from tpd.design.result import DesignStatus
 from tpd.design.survey import ON_THE_WAY
 from tpd.design.verified import ReasonKind, Step
 
@@ -90,7 +90,7 @@ def test_every_search_has_a_path_and_a_status(one):
     assert history.screened.shape == (24, 3)
     assert all(path.shape[1] == 3 for path in history.paths)
     assert "3 designs" in history.description
-    assert SearchStatus.interrupted not in history.statuses
+    assert DesignStatus.interrupted not in history.statuses
 
 
 def test_progress_covers_every_stage(one, stages):
@@ -154,7 +154,7 @@ def test_an_interruption_never_offers_what_is_not_verified(one, searched, stage)
     if stage in ("survey", "trial runs"):
         assert [v.source for v in cut.verified] == ["search"], "the best end is not lost"
     assert len(cut.search.ends) == (3 if searched else 0)
-    assert (set(cut.search.statuses) == {SearchStatus.interrupted}) is not searched
+    assert (set(cut.search.statuses) == {DesignStatus.interrupted}) is not searched
 
 
 def test_an_optimiser_of_the_user_searches():
@@ -221,7 +221,7 @@ def test_the_answer_is_better_than_anything_screened_and_within_its_limits(sever
     assert winner.benefit.value > 0.0
     assert winner.benefit.low > 0.0
     assert len(several.search.statuses) == 20
-    assert SearchStatus.at_bound in several.search.statuses
+    assert DesignStatus.at_bound in several.search.statuses
     low, high = several.alike
     assert np.all((low <= winner.design) & (winner.design <= high))
 
@@ -286,7 +286,7 @@ def test_an_interrupted_search_goes_on_and_comes_to_the_same(several, tmp_path):
 
     cut = tpd.optimise(SCENE, WIDE, checkpoint=place, progress=stop, **SEVERAL)
     assert cut.status is DesignStatus.interrupted
-    assert cut.search.statuses.count(SearchStatus.interrupted) == 4
+    assert cut.search.statuses.count(DesignStatus.interrupted) == 4
     assert cut.pendulum is None, "a survey begins with the ends of all searches"
     assert len(cut.search.ends) == 16
     whole = tpd.optimise(SCENE, WIDE, checkpoint=place, progress=lambda *e: events.append(e[:2]), **SEVERAL)
@@ -303,7 +303,7 @@ def test_an_interruption_before_anything_is_known():
 
     cut = tpd.optimise(SCENE, WIDE, progress=stop, **SEVERAL)
     assert cut.status is DesignStatus.interrupted
-    assert cut.search.statuses == (SearchStatus.interrupted,) * 20
+    assert cut.search.statuses == (DesignStatus.interrupted,) * 20
     assert cut.pendulum is cut.nearest is cut.best is None
     assert cut.verified == ()
 

@@ -6,7 +6,7 @@ import pytest
 import tpd
 from tests.design.minimax import linearisations
 from tests.design.test_descent import FREE, LIMITED, STARTS, WORST, in_unit_square
-from tpd.design.sequential import minimise
+from tpd.design.methods import minimise
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ import pytest
 import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
 from tests.design.test_objective import GOOD, orbits
-from tpd.design.steps import motions_from_rest as from_rest
 from tpd.design.survey import ON_THE_WAY, Survey, fitting, followed, survey
+from tpd.design.verify import motions_from_rest as from_rest
 from tpd.scene.bob import THICKEST, Bob
 
 BARE = np.array([0.4, 0.2])

@@ -12,8 +12,7 @@ from tests import designs as designs_by_hand
 from tests.design.conftest import ANY_WORTH, BAND, FEW_STEPS, SCENE
 from tests.design.test_objective import GOOD, orbits
 from tpd.answers.ensemble import outcomes
-from tpd.design import optimise, steps, verify
-from tpd.design.active import nearest_of
+from tpd.design import optimise, verify
 from tpd.design.by_runs import JUDGES
 from tpd.design.problem import Problem
 from tpd.design.refine import Tried, refine
@@ -21,7 +20,7 @@ from tpd.design.result import DesignStatus
 from tpd.design.search import Multistart
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Reason, ReasonKind, Step
-from tpd.design.verify import Verification
+from tpd.design.verify import Verification, nearest_of
 
 RUNS = tpd.Ensemble(size=16, periods=30)
 ALONE = tpd.Conditions()
@@ -141,7 +140,7 @@ def by_rest(checked, v, severity, bare, monkeypatch, stroke=-0.5, **excess):
         excess={"stroke": np.array([stroke])} | {k: np.array([x]) for k, x in excess.items()},
         equations="nonlinear",
     )
-    monkeypatch.setattr(steps, "followed", lambda *_, **how: found if how["rtol"] < 1e-7 else None)
+    monkeypatch.setattr(verify, "followed", lambda *_, **how: found if how["rtol"] < 1e-7 else None)
     met = checked.by_rest(v)
     assert met.rest is found
     assert all(reason.step is Step.nonlinear for reason in met.reasons)

@@ -13,8 +13,7 @@ from tpd.answers.fragility import Curve, Fragility
 from tpd.answers.overturning_spectrum import OverturningSpectrum
 from tpd.answers.probit import fit_lognormal
 from tpd.answers.rocking_spectrum import RockingSpectrum
-from tpd.design.front import Front
-from tpd.design.many import Designs
+from tpd.design.many import Designs, Front
 
 SCENE = designs.SCENE
 VALUES = np.linspace(1.0, 4.0, 9)

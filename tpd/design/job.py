@@ -44,7 +44,7 @@ from tpd.design.job_keys import (
     widths_of,
 )
 from tpd.design.methods import Descent, Method
-from tpd.design.question import check_moves, check_scatter
+from tpd.design.problem import check_moves, check_scatter
 from tpd.records.intensity import intensity_of
 from tpd.records.reading import read_motions
 from tpd.scene.bob import Bob

@@ -33,9 +33,8 @@ from tpd.design.criteria import (
     Worth,
     limit_of,
 )
-from tpd.design.ground.judgement import SCATTERED
-from tpd.design.ground.optimise import DEFAULT_SPACE, HELD_OUT
-from tpd.design.ground.search import GroundSearch
+from tpd.design.ground.judgement import HELD_OUT, SCATTERED
+from tpd.design.ground.search import DEFAULT_SPACE, GroundSearch
 from tpd.design.methods import SMOOTHED, Descent, Method, Sequential
 from tpd.models.piecewise import Piecewise
 from tpd.records.reading import BUILT_IN, SETS

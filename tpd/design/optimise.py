@@ -13,7 +13,6 @@ from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.batch import aside
 from tpd.core.progress import Progress, shown
-from tpd.design.active import nearest_of
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Limit, Risk, Worth
 from tpd.design.ground.optimise import ground_problem
@@ -25,10 +24,9 @@ from tpd.design.one_shot import OneShot
 from tpd.design.problem import Problem
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.design.search import Multistart, stage
-from tpd.design.steps import pendulum_of
 from tpd.design.survey import Survey, survey
 from tpd.design.verified import LossCase, Verified
-from tpd.design.verify import JUDGED, Verification
+from tpd.design.verify import JUDGED, Verification, nearest_of, pendulum_of
 from tpd.models.compiled_linear import load_compiled
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions

@@ -12,10 +12,9 @@ from tpd.answers.compare_models import Check, check
 from tpd.core.progress import Progress
 from tpd.design.criteria import DesignSpace, Limit, Mass, Offset, Worsening, Worth, limit_of, stroke_limit
 from tpd.design.problem import Problem
-from tpd.design.steps import HEIGHT
 from tpd.design.survey import ROOM
 from tpd.design.verified import Reason, ReasonKind, Step, Verified
-from tpd.design.verify import Verification
+from tpd.design.verify import HEIGHT, Verification
 from tpd.scene.scene import Pendulum, Scene
 
 

@@ -5,17 +5,95 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tpd.answers.benefit import FEWER, Benefit
 from tpd.answers.outcomes import Outcomes, Share
 from tpd.answers.paired import Verdict
+from tpd.design.criteria import Evaluation
+from tpd.design.survey import Survey
 
-if TYPE_CHECKING:
-    from tpd.design.objective import Evaluation
-    from tpd.design.survey import Survey
+
+class DesignStatus(enum.Enum):
+    """Outcome of a search for designs; the value is the sentence that a report opens with, or says of one of
+    its descents."""
+
+    def __new__(cls, said: str, remedy: str) -> DesignStatus:
+        """Make a member of its sentence, with what to do about it."""
+        made = object.__new__(cls)
+        made._value_ = said
+        made.remedy = remedy
+        return made
+
+    remedy: str
+    """What to do about it."""
+
+    found = (
+        "A PENDULUM WAS FOUND: over runs by the nonlinear equations that no choice has seen the block rocks "
+        "less with it, and no group of runs shows significant harm. That is no verdict of safety: read the "
+        "shares.",
+        "Check it by earthquakes and by an engine with contact before it is hung.",
+    )
+    tuned_only = (
+        "A PENDULUM WAS TUNED TO THESE MOTIONS ALONE: there is no other earthquake to judge it on, so that "
+        "nothing is claimed about the next.",
+        "Give records of other earthquakes, or a share that is held out.",
+    )
+    too_few = (
+        "TOO FEW EARTHQUAKES TO JUDGE: nothing is claimed.",
+        "Give records of more earthquakes.",
+    )
+    undecided = (
+        "UNDECIDED: runs have no answer, and the verdict hangs on how they would have ended.",
+        "Give more runs or records, or less shaking.",
+    )
+    refused = (
+        "NO PENDULUM WORTH HANGING: no design that the search found passes the verification.",
+        "Widen the design space, ask for less benefit, or give the bob more room.",
+    )
+    none_feasible = (
+        "NO PENDULUM WORTH HANGING: no design that was tried in this space keeps to the limits.",
+        "Widen the design space, or loosen the limit that the nearest design breaks.",
+    )
+    no_uplift = (
+        "NO PENDULUM IS NEEDED FROM REST: under all conditions the bare block stays or settles at rest. "
+        "Pushed hard enough it may rock or overturn all the same.",
+        "Give a stronger shaking to see what the block stands.",
+    )
+    interrupted = (
+        "INTERRUPTED: what follows is the best that had been found by then, if anything.",
+        "Ask again with the same checkpoint: what had ended is not repeated.",
+    )
+    rests = (
+        "found designs that settle at rest; the uplift margin grew as far as it goes",
+        "None is needed.",
+    )
+    converged = "reached a minimum of the risk", "None is needed."
+    at_bound = "reached the edge of the design space", "Widen the design space there."
+    stroke_limited = "reached the stroke limit", "Allow a larger stroke, or more damping."
+    steps_exhausted = "was still improving when the steps ran out", "Give more steps."
+    contradicted = (
+        "ended on an orbit that the exact solution does not confirm",
+        "Descend on exact orbits: `Descent(model=Piecewise())`, or `Sequential()`.",
+    )
+    infeasible = "met no design within the limits", "Widen the design space, or loosen a limit."
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether the answer may be used: a design found and judged, or none needed."""
+        return self in (DesignStatus.found, DesignStatus.no_uplift)
+
+    @property
+    def of_descent(self) -> str:
+        """What a report says of one descent that ended so."""
+        if self is DesignStatus.interrupted:
+            return "had not ended when the search was interrupted"
+        return self.value
+
+
+ANSWERS = tuple(DesignStatus.__members__)[:8]
+"""Names of the statuses that an answer may have; the others are of its descents."""
 
 
 class Step(enum.Enum):
@@ -146,6 +224,15 @@ GRAVE = (ReasonKind.overturns, ReasonKind.overturns_more, ReasonKind.strikes)
 def _fall(share: float) -> str:
     """Fall of a tilt in words; a negative one is a growth."""
     return f"falls by {share:.1%}" if share >= 0.0 else f"grows by {-share:.1%}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nearest:
+    """Where no design keeps to the limits: the design of least excess."""
+
+    design: np.ndarray
+    """(mu, lam, zeta)."""
+    broken: tuple[Reason, ...]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@ import pytest
 
 import tpd
 from tests.design.ground.conftest import BLOCK
-from tpd.design import front as module
+from tpd.design import many as module
 
 
 def test_under_ground_motions_the_groups_stay(records, monkeypatch):

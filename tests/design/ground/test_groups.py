@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.design.ground.groups import events_of, grouped
+from tpd.design.ground.judgement import events_of, grouped
 
 
 def noise(seed: int) -> np.ndarray:

@@ -12,12 +12,11 @@ import tpd
 from tests.design.ground.conftest import BLOCK
 from tpd.answers.intervals import Interval
 from tpd.cli import main
-from tpd.design.build import moved_of
-from tpd.design.front import FrontPoint
 from tpd.design.ground import design, objective
-from tpd.design.ground.groups import Role
+from tpd.design.ground.judgement import Role
+from tpd.design.many import FrontPoint
 from tpd.design.result import DesignStatus
-from tpd.design.study import Study, study
+from tpd.design.study import Study, moved_of, study
 from tpd.plot.compare import plot_groups
 from tpd.report.answer import verdict
 from tpd.report.blocks import Severity

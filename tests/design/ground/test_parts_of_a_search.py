@@ -7,8 +7,7 @@ import tpd
 from tpd.answers.intervals import Interval
 from tpd.answers.probit import Lognormal
 from tpd.design.ground import design
-from tpd.design.ground.groups import Role, events_of, grouped
-from tpd.design.ground.judgement import Judged, Pairs
+from tpd.design.ground.judgement import Judged, Pairs, Role, events_of, grouped
 from tpd.design.ground.objective import Runs, check_ground_limits
 from tpd.design.surface import Observations, fit
 

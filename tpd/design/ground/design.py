@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -12,8 +12,7 @@ from tpd.answers.benefit import LEAST, Change
 from tpd.answers.intervals import Interval, fall
 from tpd.answers.intervals import change as difference_of
 from tpd.design.criteria import Worth
-from tpd.design.ground.groups import Group, Role
-from tpd.design.ground.judgement import Benefit, Judged, benefit_of
+from tpd.design.ground.judgement import Benefit, Group, Judged, Role, benefit_of, scatter_of
 from tpd.design.ground.objective import GroundObjective, objective_of
 from tpd.design.ground.search import Evaluated
 from tpd.design.result import Comparison, Design, DesignStatus
@@ -242,10 +241,26 @@ class GroundDesign(Design):
         return more or any(g.overturns_more or g.strikes > self.worth.broken for g in self.judged)
 
     def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
-        """See `Design.saved_under`; the runs are all of them."""
-        from tpd.design.build import saved_under_motions
-
-        return saved_under_motions(self, scene, more)
+        """See `Design.saved_under`: over all motions that were held out, or all if none were."""
+        groups = [g for g in self.groups if g.role is Role.held_out] or list(self.groups)
+        scales = sorted(set(self.conditions.scales))
+        hung, bare, clusters = [], [], []
+        assert self.best is not None
+        both = np.stack([[0.0, *self.best[1:]], self.best])
+        for g in groups:
+            scatter = scatter_of(scene.block, self.ensemble)
+            if scene is not self.scene:
+                scatter.pop("restitution", None)
+            conditions = Conditions.records(
+                g.motions, scales, intensity=self.conditions.intensity, scatter=scatter, seed=self.seed
+            )
+            there = replace(self.objective, block=scene.block, conditions=conditions * more)
+            tilt = there.check(both).severity
+            known = np.isfinite(tilt).all(axis=0)
+            bare.append(tilt[0, known])
+            hung.append(tilt[1, known])
+            clusters.append(np.repeat(g.events, len(scales))[known])
+        return fall(*map(np.concatenate, (hung, bare, clusters)), least=LEAST)
 
     @property
     def benefit(self) -> Benefit | None:

@@ -13,7 +13,7 @@ from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.design.criteria import KINDS, THICKNESS, Geometry, Limit, Size, check_limits
 from tpd.design.objective import blank, geometry_under
-from tpd.design.question import Question
+from tpd.design.problem import Question
 from tpd.records.intensity import intensity_of
 from tpd.scene.conditions import Conditions, under_all
 from tpd.scene.parameters import Parameters

@@ -16,19 +16,16 @@ from tpd.core.progress import Progress
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Limit, Risk, Room, Stroke, Worth
 from tpd.design.ground.design import GroundDesign, GroundVerdict, verdict_of
-from tpd.design.ground.groups import Group, grouped
-from tpd.design.ground.judgement import SCATTERED, Judged, judge, scatter_of
+from tpd.design.ground.judgement import HELD_OUT, SCATTERED, Group, Judged, grouped, judge, scatter_of
 from tpd.design.ground.objective import GroundObjective, check_ground_limits, objective_of
-from tpd.design.ground.search import Evaluated, GroundSearch, Searcher, risk_of_known
-from tpd.design.question import Question, check_cavity, check_given, within_mass
+from tpd.design.ground.search import DEFAULT_SPACE, Evaluated, GroundSearch, Searcher, risk_of_known
+from tpd.design.problem import Question, check_cavity, check_given, within_mass
 from tpd.design.result import DesignStatus
 from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import STANDARD_GRAVITY, Block, Pendulum, Scene
 
-DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
 DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Room())
-HELD_OUT = 0.5
 _SLIGHT = 1e-3
 """Improvement of the risk below which there is none."""
 
