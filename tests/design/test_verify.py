@@ -1,4 +1,4 @@
-"""The verification: every step's reasons, from motions that are given to it."""
+"""The verification: every step's reasons, from motions that are given to it, and the order of designs."""
 
 import contextlib
 import dataclasses
@@ -15,12 +15,13 @@ from tpd.answers.ensemble import outcomes
 from tpd.design import optimise, verify
 from tpd.design.by_runs import JUDGES
 from tpd.design.problem import Problem
-from tpd.design.refine import Tried, refine
 from tpd.design.result import DesignStatus
 from tpd.design.search import Multistart
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Reason, ReasonKind, Step
-from tpd.design.verify import Verification, nearest_of
+from tpd.design.verify import Verification, active, motions_from_rest, nearest_of, polished
+from tpd.scene.parameters import as_arrays
+from tpd.scene.status import SETTLED
 
 RUNS = tpd.Ensemble(size=16, periods=30)
 ALONE = tpd.Conditions()
@@ -94,18 +95,10 @@ def test_after_a_refusal_other_designs_are_verified(judged, search):
     assert best.value < winner.value < stern.bare.value
     assert winner.evaluation.stroke.max() <= 0.5
     assert len({tuple(x.design) for x in stern.verified}) == len(others) + 1
-
-
-def test_a_refusal_ends_the_verification_of_a_design(judged):
-    best, winner = judged[0].verified[0], judged[0].verified[-1]
-    assert best.paired is not None
-    assert best.benefit is not None
-    assert best.reasons[0].step is Step.benefit
-    assert best.rest is not None
+    assert best.paired.bare is winner.paired.bare is stern.bare.paired
+    assert best.benefit.runs == RUNS.size
+    assert np.isnan(best.strikes), "there is no limit on the room"
     assert len(winner.rest.bare) == len(BAND)
-
-
-# Exact solution by events
 
 
 @pytest.mark.parametrize(("lost", "refused"), [(8, True), (2, False)])
@@ -126,9 +119,6 @@ def test_under_one_condition_one_overturning_is_enough(alone, v):
     (reason,) = alone.by_events(dataclasses.replace(v, exact=exact, reasons=())).reasons
     assert reason.kind is ReasonKind.overturns_more
     assert (reason.value, reason.reference, reason.total) == (1.0, 0.0, 1)
-
-
-# Nonlinear equations from rest
 
 
 def by_rest(checked, v, severity, bare, monkeypatch, stroke=-0.5, **excess):
@@ -184,21 +174,6 @@ def test_of_many_conditions_a_choice_is_followed_from_rest():
     wide = verification(orbits(conditions=tpd.Conditions.band(SCENE, 2.0, 3.5, 30)))
     assert len(wide.few.conditions) == 24
     assert len(wide.objective.conditions) == 30
-
-
-# Paired runs
-
-
-def test_paired_runs_are_of_the_nonlinear_equations_and_shared_by_all_designs(judged):
-    stern = judged[0]
-    first, last = stern.verified[0], stern.verified[-1]
-    assert first.paired.equations == "nonlinear"
-    assert first.paired.bare is last.paired.bare is stern.bare.paired
-    assert first.benefit.runs == RUNS.size
-    assert np.isnan(first.strikes), "there is no limit on the room"
-
-
-# Survey
 
 
 def surveyed(designs, severity, room=None) -> Survey:
@@ -271,27 +246,6 @@ def test_what_a_verification_finds_orders_what_is_verified_next(search):
     assert designs == [SPREAD[0]]
     assert 0.0 < severity < 1.0
     assert stern.refinement.sure == pytest.approx(0.7), "the next must be surer"
-
-
-def test_a_real_refinement_learns_of_a_design_that_it_had_tried(search):
-    found = surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4])
-    reach = np.full(40, 0.9)
-
-    def run(design, i):
-        return Tried(float(design[0]), 0.0, reach)
-
-    def none(designs):
-        return surveyed(designs, np.full(len(designs), 0.2))
-
-    space = search.objective.space
-    ordered, here = refine(found, space, run, lambda designs: np.ones(len(designs), bool), none, 0.01, 0.0, 0)
-    first = int(here.order(ordered)[0])
-    struck = Tried(0.9, 0.0, np.full(40, 1.5))
-    for _ in range(3):
-        here.add(ordered.at(np.array([first])), [struck])
-    assert int(here.order(ordered)[0]) != first
-    assert sorted(here.order(ordered)) == list(range(len(ordered.designs)))
-    assert here.sure == 0.5
 
 
 class Unlucky(Scripted):
@@ -427,32 +381,6 @@ def test_where_no_design_of_a_survey_helps_the_best_one_says_why(search):
     assert len(stern.verified) == 1
 
 
-class Lucky(Refusing):
-    """Passes by the runs that choose; those that judge say what is written here."""
-
-    refusals = 0
-    said: tuple[Reason, ...] = ()
-
-    def by_fresh_runs(self, v):
-        self.chosen = v
-        return dataclasses.replace(super().by_fresh_runs(v), reasons=self.said)
-
-
-@pytest.mark.parametrize(("said", "status"), [((), DesignStatus.found), ((AFRESH,), DesignStatus.refused)])
-def test_the_best_end_of_an_interrupted_search_is_judged_once_by_runs_that_no_choice_has_seen(
-    search, said, status
-):
-    stern = Lucky(problem(search.objective), None)
-    stern.said = said
-    assert stern.best_of(search) is status
-    (judged,), chosen = stern.verified, stern.chosen
-    assert judged.reasons == said
-    assert [v.paired.hung.ensemble.seed for v in (chosen, judged)] == [RUNS.seed, RUNS.seed + 2]
-    assert judged.chosen_by is chosen.benefit
-    assert judged.benefit.value != chosen.benefit.value
-    assert stern.bare.paired is judged.paired.bare
-
-
 @pytest.mark.mends("a rod as long as the block was offered with its bob below the floor")
 def test_the_bob_hangs_above_the_floor(search):
     made = verification(orbits(limits=(tpd.limits.Room(),)))
@@ -478,9 +406,6 @@ def test_where_no_design_of_a_survey_keeps_to_the_limits_none_is_verified_and_th
     assert [r.value for r in best.broken] == [pytest.approx(1.3), pytest.approx(1.1)]
 
 
-# What differs by the model of the search, and what needs no design
-
-
 def test_a_search_without_ends_leaves_nothing_to_verify(search):
     checked = verification(search.objective)
     assert checked.best_of(Multistart(search.objective, FEW_STEPS, 0, None)) is DesignStatus.none_feasible
@@ -492,3 +417,84 @@ def test_rest_under_all_conditions():
     calm = verification(orbits(conditions=tpd.Conditions.amplitudes(0.03, 0.06)))
     assert calm.bare_rests
     assert not verification(orbits()).bare_rests
+
+
+@pytest.fixture
+def end(search):
+    """One end with weights and excesses that a test may change."""
+    one, limits = search.groups[1], search.groups[1].local.limit.shape[1]
+    local = one.local.at(slice(0, 1))._replace(limit=np.full((1, limits), -0.5))
+    return one._replace(
+        x=np.full((1, 3), 0.5), local=local, weights=(np.zeros((1, 5)), np.zeros((1, limits)))
+    )
+
+
+def test_conditions_are_listed_by_their_weight(search, end):
+    assert active(search.objective, end, 1e-3) == (), "nothing holds a design in the middle"
+    end.weights[0][0] = [0.3, 0.0, 0.01, 0.69, 0.0]
+    assert [str(a) for a in active(search.objective, end, 1e-3)] == [
+        f"tilt at {BAND.label(3)} (0.69)",
+        f"tilt at {BAND.label(0)} (0.30)",
+    ]
+    mean = dataclasses.replace(search.objective, risk=tpd.Risk.expected())
+    assert active(mean, end, 1e-3) == (), "in a mean all weigh alike"
+
+
+def test_limits_are_listed_by_weight_and_by_how_near_they_are(search, end):
+    end.weights[1][0, 6] = 2.0
+    end.local.limit[0, 3] = 1e-5 - 5e-4
+    end.local.limit[0, 4] = -2e-3
+    found = active(search.objective, end, 1e-3)
+    assert [(a.kind, a.name, a.condition) for a in found] == [
+        ("limit", "reserve", BAND.label(1)),
+        ("limit", "stroke", BAND.label(3)),
+    ]
+    assert found[0].weight == 2.0
+
+
+def test_bounds_are_listed_with_their_values(search, end):
+    end.x[0] = [1.0, 0.5, 0.0]
+    assert [str(a) for a in active(search.objective, end, 1e-3)] == [
+        "upper bound of the mass ratio, 0.2",
+        "lower bound of the damping ratio, 0.05",
+    ]
+
+
+P = as_arrays(SCENE.parameters())
+
+
+@pytest.fixture(scope="module")
+def motions():
+    return motions_from_rest(P, GOOD[0], BAND, 100)
+
+
+def test_motions_are_those_of_the_steady_state(motions):
+    sharp = polished(P, GOOD[0], BAND, motions)
+    for i, factor in enumerate(BAND.column("frequency")):
+        motion = dataclasses.replace(SCENE.motion, frequency=SCENE.motion.frequency * factor)
+        scene = dataclasses.replace(SCENE, motion=motion)
+        hung = scene.pendulum(mass_ratio=GOOD[0, 0], length_ratio=GOOD[0, 1], damping_ratio=GOOD[0, 2])
+        s = tpd.steady_state(scene.parameters(hung))
+        assert sharp.status[i] == tpd.status_name(s.status)
+        assert sharp.amplitude[i] == pytest.approx(float(s.amplitude), rel=1e-12)
+        assert sharp.stroke[i] == pytest.approx(float(s.stroke), rel=1e-12)
+        assert sharp.multiplier[i] == pytest.approx(float(s.multiplier), rel=1e-9, nan_ok=True)
+    settled = np.isin(sharp.status, SETTLED)
+    np.testing.assert_allclose(motions.amplitude[settled], sharp.amplitude[settled], rtol=1e-4)
+    assert np.all(motions.peak >= 0.999 * motions.amplitude)
+    assert np.isnan(motions.multiplier).all()
+
+
+def test_many_conditions_are_not_polished():
+    many = tpd.Conditions.scatter(33, friction=0.1)
+    motions = motions_from_rest(P, GOOD[0], many, 40)
+    assert polished(P, GOOD[0], many, motions) is motions
+
+
+def test_an_overturning_block_has_no_amplitude():
+    hard = tpd.Conditions.amplitudes(1.0, 6.0)
+    motions = motions_from_rest(P, np.array([0.0, 0.3, 0.1]), hard, 100)
+    for m in (motions, polished(P, np.array([0.0, 0.3, 0.1]), hard, motions)):
+        assert m.status.tolist() == ["rocking", "overturned"]
+        assert m.amplitude[0] == pytest.approx(0.0833335, abs=1e-4)
+        assert m.amplitude[1] == m.stroke[1] == m.peak[1] == np.inf

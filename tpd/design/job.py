@@ -15,15 +15,7 @@ from typing import Any
 from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
-from tpd.design.criteria import (
-    KINDS,
-    DesignSpace,
-    Limit,
-    Risk,
-    Room,
-    Worsening,
-    Worth,
-)
+from tpd.design.criteria import KINDS, DesignSpace, Limit, Risk, Room, Worsening, Worth
 from tpd.design.ground.judgement import SCATTERED
 from tpd.design.ground.search import GroundSearch
 from tpd.design.job_keys import (

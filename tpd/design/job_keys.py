@@ -24,15 +24,7 @@ from msgspec import Meta
 from tpd.answers.ensemble import Ensemble
 from tpd.core.checks import shown
 from tpd.core.formatting import meant
-from tpd.design.criteria import (
-    DEFAULT_LIMITS,
-    KINDS,
-    DesignSpace,
-    Limit,
-    Risk,
-    Worth,
-    limit_of,
-)
+from tpd.design.criteria import DEFAULT_LIMITS, KINDS, DesignSpace, Limit, Risk, Worth, limit_of
 from tpd.design.ground.judgement import HELD_OUT, SCATTERED
 from tpd.design.ground.search import DEFAULT_SPACE, GroundSearch
 from tpd.design.methods import SMOOTHED, Descent, Method, Sequential

@@ -41,6 +41,8 @@ from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.theory.equations import Terms
 
+After = Callable[[int, int], None] | None
+"""Called with (units done, of how many)."""
 OPTIMISERS: dict[str, Callable[[Any], optax.GradientTransformation]] = {
     "adam": partial(optax.adam, b1=0.8, b2=0.95),
     "rmsprop": partial(optax.rmsprop, decay=0.95),
@@ -61,7 +63,7 @@ def descend(
     *,
     known: Linearisation | None = None,
     steps: int = 40,
-    after: Callable[[int, int], None] | None = None,
+    after: After = None,
 ) -> Ends:
     """Descend from all starts (m, d) by an optimiser of optax; every step evaluates every start once.
 
@@ -143,7 +145,7 @@ def minimise(
     known: Linearisation | None = None,
     steps: int = 40,
     tolerance: float = 1e-6,
-    after: Callable[[int, int], None] | None = None,
+    after: After = None,
 ) -> Ends:
     """Descend from every start (m, d); coordinates are scaled to bounds of 0 and 1.
 
@@ -249,12 +251,7 @@ class Method(ABC):
 
     @abstractmethod
     def search(
-        self,
-        objective: Orbits,
-        units: np.ndarray,
-        *,
-        known: Linearisation | None = None,
-        after: Callable[[int, int], None] | None = None,
+        self, objective: Orbits, units: np.ndarray, *, known: Linearisation | None = None, after: After = None
     ) -> Ends:
         """Search from all designs `units` (m, d), in shares of the bounds; `known` is what the objective
         gives there, if it has been asked before. See `minimise`."""
@@ -272,12 +269,7 @@ class Sequential(Method):
     steps: int = field(default=40, kw_only=True)
 
     def search(
-        self,
-        objective: Orbits,
-        units: np.ndarray,
-        *,
-        known: Linearisation | None = None,
-        after: Callable[[int, int], None] | None = None,
+        self, objective: Orbits, units: np.ndarray, *, known: Linearisation | None = None, after: After = None
     ) -> Ends:
         """See `Method.search`."""
         risk = objective.risk
@@ -353,12 +345,7 @@ class Descent(Method):
         return np.array(steps)
 
     def search(
-        self,
-        objective: Orbits,
-        units: np.ndarray,
-        *,
-        known: Linearisation | None = None,
-        after: Callable[[int, int], None] | None = None,
+        self, objective: Orbits, units: np.ndarray, *, known: Linearisation | None = None, after: After = None
     ) -> Ends:
         """See `Method.search`. Where orbits are followed by smoothed signs, the ends are those of the exact
         solution, with the differences between both."""

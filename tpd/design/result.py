@@ -22,7 +22,7 @@ from tpd.design.problem import Question
 from tpd.design.reading import StoredDesign, read_design
 from tpd.design.search import Search
 from tpd.design.survey import Survey
-from tpd.design.verified import GRAVE, Bare, DesignStatus, LossCase, Nearest, Reason, ReasonKind, Verified
+from tpd.design.verified import GRAVE, Bare, DesignStatus, LossCase, Nearest, Verified, one_of_a_kind
 from tpd.scene.conditions import Conditions
 from tpd.scene.scene import Pendulum, Scene
 
@@ -50,6 +50,9 @@ class Design(Question, Printed):
     status: DesignStatus
     pendulum: Pendulum | None
     """None where no design is offered."""
+    alike: np.ndarray | None = None
+    """Least and largest (mu, lam, zeta), shape (2, 3), of designs that do as well as the one that is offered,
+    as far as the runs of the search can tell; None where that is not known."""
     pictures: ClassVar[dict[str, str]] = {
         "landscape": "landscape:plot_landscape",
         "drawing": "drawing:plot_design",
@@ -158,12 +161,6 @@ class Design(Question, Printed):
         raise NotImplementedError
 
     @property
-    def alike(self) -> np.ndarray | None:
-        """Least and largest (mu, lam, zeta), shape (2, 3), of designs that do as well as the one that is
-        offered, as far as the runs of the search can tell; None where that is not known."""
-        raise NotImplementedError
-
-    @property
     def turned(self) -> np.ndarray:
         """Largest angles between rod and block, rad, of the best design in the runs that stand, on ground
         motions in those that it is tuned to. Empty without any."""
@@ -198,8 +195,6 @@ class HarmonicDesign(Design):
     """Designs followed from rest: by the linear equations, then by the nonlinear."""
     losses: tuple[LossCase, ...] = ()
     """The offered design under other models of the block's losses."""
-    range_alike: np.ndarray | None = None
-    """See `Design.alike`."""
     settings: dict[str, object] = field(default_factory=dict)
     pictures: ClassVar[dict[str, str]] = {
         **Design.pictures,
@@ -246,15 +241,7 @@ class HarmonicDesign(Design):
         reasons = () if self.best is None else self.best.reasons
         if self.status is DesignStatus.none_feasible and self.nearest is not None:
             reasons = self.nearest.broken
-        kinds: dict[tuple[ReasonKind, str], Reason] = {}
-        for reason in reasons:
-            kinds.setdefault((reason.kind, reason.limit), reason)
-        return tuple(map(str, sorted(kinds.values(), key=lambda reason: reason.kind not in GRAVE)))
-
-    @property
-    def alike(self) -> np.ndarray | None:
-        """See `Design.alike`."""
-        return self.range_alike
+        return tuple(map(str, sorted(one_of_a_kind(reasons), key=lambda reason: reason.kind not in GRAVE)))
 
     @property
     def turned(self) -> np.ndarray:

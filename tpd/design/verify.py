@@ -145,7 +145,7 @@ class Verification:
         self.bare = Bare(
             value=float(objective.value(evaluation)[0]),
             evaluation=evaluation,
-            exact=self._polished(self.none, self.from_rest(self.none)),
+            exact=self.motions(self.none),
         )
         self.verified: list[Verified] = []
 
@@ -178,7 +178,7 @@ class Verification:
             damping_ratio=float(design[2]),
             value=float(o.value(e)[0]),
             evaluation=e,
-            exact=self._polished(design, self.from_rest(design)),
+            exact=self.motions(design),
             margin=margins(o, design[None])[0],
             rest=None,
             paired=None,
@@ -278,20 +278,17 @@ class Verification:
         return [broken] if value > 1.0 + _ROUNDING else []
 
     def harm(self, exact: Motions) -> tuple[bool, int, int]:
-        """Whether significantly more conditions overturn the block from rest with a design than without, and
-        under how many it does so with the one only and with the other only."""
+        """Whether significantly more conditions overturn the block from rest with a design than without
+        (McNemar's test), and under how many it does so with the one only and with the other only."""
         lost, bare = exact.status == "overturned", self.bare.exact.status == "overturned"
-        significant, worse, better = _significant(lost, bare)
-        alone = len(lost) == 1 and worse > better
-        return significant or alone, worse, better
+        worse, better = int(np.sum(lost & ~bare)), int(np.sum(bare & ~lost))
+        sure = len(lost) == 1 or chance_of(worse, better) < SIGNIFICANT
+        return worse > better and sure, worse, better
 
-    def from_rest(self, design: np.ndarray) -> Motions:
-        """Exact motions from rest under all conditions, as followed."""
-        periods = self.ensemble.periods
-        return motions_from_rest(self.objective.p, design, self.objective.conditions, periods)
-
-    def _polished(self, design: np.ndarray, motions: Motions) -> Motions:
-        return polished(self.objective.p, design, self.objective.conditions, motions)
+    def motions(self, design: np.ndarray) -> Motions:
+        """Exact motions from rest under all conditions."""
+        given = self.objective.p, design, self.objective.conditions
+        return polished(*given, motions_from_rest(*given, self.ensemble.periods))
 
     def best_of(self, search: Multistart) -> DesignStatus:
         """Verify the best end of a search that was interrupted, and judge it if it passes."""
@@ -391,13 +388,6 @@ def pendulum_of(scene: Scene, v: Verified) -> Pendulum:
     return scene.pendulum(mass_ratio=v.mass_ratio, length_ratio=v.length_ratio, damping_ratio=v.damping_ratio)
 
 
-def _significant(lost: np.ndarray, bare: np.ndarray) -> tuple[bool, int, int]:
-    """Whether significantly more paired runs overturn with a design than without (McNemar's test), and how
-    many do so with the one only and with the other only."""
-    worse, better = int(np.sum(lost & ~bare)), int(np.sum(bare & ~lost))
-    return worse > better and chance_of(worse, better) < SIGNIFICANT, worse, better
-
-
 def motions_from_rest(p: Parameters, design: np.ndarray, conditions: Conditions, periods: int) -> Motions:
     """Motions as followed for at most `periods` forcing periods; without multipliers."""
     q = under_all(p, design[None], conditions)
@@ -432,12 +422,6 @@ def polished(p: Parameters, design: np.ndarray, conditions: Conditions, motions:
     status, amplitude, stroke, multiplier, periods = (np.array(x) for x in columns)
     # Newton's method has no orbit to polish where the block overturns.
     lost = status == "overturned"
-    return Motions(
-        status=status,
-        amplitude=np.where(lost, np.inf, amplitude),
-        stroke=np.where(lost, np.inf, stroke),
-        peak=motions.peak,
-        peak_stroke=motions.peak_stroke,
-        multiplier=multiplier,
-        periods=periods,
-    )
+    amplitude, stroke = (np.where(lost, np.inf, x) for x in (amplitude, stroke))
+    sizes = {"amplitude": amplitude, "stroke": stroke, "multiplier": multiplier, "periods": periods}
+    return replace(motions, status=status, **sizes)

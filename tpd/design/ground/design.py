@@ -12,7 +12,7 @@ from tpd.answers.benefit import LEAST, Change
 from tpd.answers.intervals import Interval, fall
 from tpd.answers.intervals import change as difference_of
 from tpd.design.criteria import Worth
-from tpd.design.ground.judgement import Benefit, Group, Judged, Role, benefit_of, scatter_of
+from tpd.design.ground.judgement import Benefit, Group, Judged, Role, benefit_of, pairs_of, scatter_of
 from tpd.design.ground.objective import GroundObjective, objective_of
 from tpd.design.ground.search import Evaluated
 from tpd.design.result import Comparison, Design, DesignStatus
@@ -191,12 +191,10 @@ class GroundDesign(Design):
     def comparison(self) -> Comparison | None:
         """See `Design.comparison`: on all motions that were held out, or on all if none were."""
         held = [g for g in self.judged if g.role is Role.held_out] or list(self.judged)
-        if not any(g.runs.clusters.size for g in held):
+        runs = pairs_of(held)
+        if runs is None:
             return None
-        fell, tilt, clusters = (
-            np.concatenate([getattr(g.runs, name) for g in held], axis=-1)
-            for name in ("overturned", "tilt", "clusters")
-        )
+        fell, tilt, clusters = runs
         where = "held out" if held[0].role is Role.held_out else "that it is tuned to"
         changes = []
         for name, x in (("mean severity", tilt), ("overturned", fell.astype(float))):
@@ -214,17 +212,6 @@ class GroundDesign(Design):
             strikes=broken,
             undecided=sum(int(g.unknown[0].sum() + g.unknown[1].sum()) for g in held),
         )
-
-    @property
-    def alike(self) -> np.ndarray | None:
-        """See `Design.alike`: of the designs that were followed and keep to the limits."""
-        if self.pendulum is None or self.best is None or self.searched is None or self.surface is None:
-            return None
-        found = self.searched
-        trend = self.surface.at(self.space.scaled(found.designs))[0]
-        good = found.designs[found.feasible & (trend <= self.trend[0] + 2.0 * self.trend[1])]
-        both = np.concatenate([self.best[None], good])
-        return np.stack([both.min(axis=0), both.max(axis=0)])
 
     @property
     def turned(self) -> np.ndarray:

@@ -56,9 +56,7 @@ def unnamed(motions: Sequence[GroundMotion]) -> int:
 
 
 def grouped(
-    motions: Sequence[GroundMotion],
-    held_out: float | Mapping[str, Sequence[GroundMotion]],
-    seed: int,
+    motions: Sequence[GroundMotion], held_out: float | Mapping[str, Sequence[GroundMotion]], seed: int
 ) -> tuple[Group, ...]:
     """The group that a design is tuned to, first, and those that are held out.
 
@@ -287,12 +285,18 @@ class Benefit(NamedTuple):
     """Share by which that mean falls."""
 
 
+def pairs_of(judged: Sequence[Judged]) -> Pairs | None:
+    """All pairs of runs of groups that have an answer; None without any."""
+    held = [g.runs for g in judged if g.runs.clusters.size]
+    return Pairs(*(np.concatenate(x, axis=-1) for x in zip(*held, strict=True))) if held else None
+
+
 def benefit_of(judged: Sequence[Judged]) -> Benefit | None:
     """Benefit over all groups that were held out; None without any pair of runs that has an answer."""
-    held = [g.runs for g in judged if g.role is Role.held_out and g.runs.clusters.size]
-    if not held:
+    runs = pairs_of([g for g in judged if g.role is Role.held_out])
+    if runs is None:
         return None
-    fell, tilt, clusters = (np.concatenate(x, axis=-1) for x in zip(*held, strict=True))
+    fell, tilt, clusters = runs
     both = change(fell[1], fell[0], clusters), change(tilt[1], tilt[0], clusters)
     return Benefit(*both, fall(tilt[1], tilt[0], clusters))
 
