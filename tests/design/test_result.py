@@ -46,7 +46,8 @@ def test_of_several_refused_designs_the_one_that_misses_least_by_paired_runs_com
         given = {} if benefit is None else {"benefit": None, "paired": None}
         return designs.verified(mass_ratio=mass, reasons=(reason, reason), **given)
 
-    design = designs.refused(verified=(refused(0.02, "none"), refused(0.3), refused(0.1, mass=0.05)))
+    every = refused(0.02, "none"), refused(0.3), refused(0.1, mass=0.05)
+    design = dataclasses.replace(designs.refused(), verified=every)
     assert design.best.mass_ratio == 0.05
     assert design.winner is design.saved is None
     assert design.harmful

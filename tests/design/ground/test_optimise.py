@@ -271,18 +271,8 @@ def test_what_the_benefit_hangs_on_is_asked_of_the_motions_that_were_held_out(fo
 
 def test_the_command_designs_on_records_and_refuses_what_has_no_effect(tmp_path, capsys):
     out = tmp_path / "design"
-    block = [
-        "--width",
-        "0.9",
-        "--height",
-        "5.4",
-        "--mass",
-        "8000",
-        "--restitution",
-        "0.93",
-        "--cavity",
-        "0.9",
-    ]
+    sizes = {"width": 0.9, "height": 5.4, "mass": 8000, "restitution": 0.93, "cavity": 0.9}
+    block = [word for name, x in sizes.items() for word in (f"--{name}", str(x))]
     records = ["--records", "el-centro", "loma-prieta", "--scales", "2", "4", "--starts", "4", "--pareto"]
     # Two earthquakes are too few for a verdict.
     assert main(["optimise", *block, *records, "--out", str(out)]) == 3
