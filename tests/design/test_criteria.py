@@ -172,14 +172,12 @@ def test_a_worsening_is_relative_to_the_bare_block(geometry):
     (size,) = worsening.sizes(e, calm)
     assert size.value[0, 0] == pytest.approx(e.tilt[0, 0] / (1.25 * 0.02))
     assert size.value[0, 1] == 0.0
-    lost = e._replace(tilt=np.full((1, 2), np.inf))
-    np.testing.assert_array_equal(next(iter(worsening.sizes(lost, calm))).value, [[np.inf, 0.0]])
-
-
-def test_without_a_bare_block_nothing_is_worse():
-    (size,) = tpd.limits.Worsening().sizes(evaluation(DESIGN), geometry_of(SCENE, SCATTERED))
+    # Without a bare block nothing is worse.
+    (size,) = worsening.sizes(e, geometry_of(SCENE, SCATTERED))
     np.testing.assert_array_equal(size.value, 0.0)
     np.testing.assert_array_equal(size.slope, 0.0)
+    lost = e._replace(tilt=np.full((1, 2), np.inf))
+    np.testing.assert_array_equal(next(iter(worsening.sizes(lost, calm))).value, [[np.inf, 0.0]])
 
 
 def test_beyond_a_right_angle_the_bob_is_a_rods_length_away(geometry):
@@ -223,41 +221,31 @@ def test_a_limit_of_the_users_own_holds_a_search_and_has_words():
     assert 0.9 < heaviest <= 1.0
 
 
-def test_damping_is_searched_only_when_asked_for():
-    assert tpd.DesignSpace().names == ("mu", "lam")
-    wide = tpd.DesignSpace(damping_ratio=(0.05, 0.3))
-    assert wide.names == ("mu", "lam", "zeta")
-    np.testing.assert_array_equal(wide.bounds, [[0.01, 0.1, 0.05], [0.2, 1.5, 0.3]])
-
-
-@pytest.mark.parametrize("damping", [0.1, (0.05, 0.3)])
-def test_shares_of_the_bounds_and_back(damping):
+@pytest.mark.parametrize(("damping", "names"), [(0.1, "mu lam"), ((0.05, 0.3), "mu lam zeta")])
+def test_shares_of_the_bounds_and_back(damping, names):
     space = tpd.DesignSpace(damping_ratio=damping)
+    assert " ".join(space.names) == names
+    bounds = np.array([[0.01, 0.1, 0.05], [0.2, 1.5, 0.3]])
+    np.testing.assert_array_equal(space.bounds, bounds[:, : len(space.names)])
     unit = np.random.default_rng(0).random((7, len(space.names)))
     designs = space.unscaled(unit)
-    assert designs.shape == (7, 3)
     np.testing.assert_allclose(space.scaled(designs), unit, atol=1e-14)
-    low, high = space.unscaled(np.array([[0.0] * len(space.names), [1.0] * len(space.names)]))
-    assert low[:2].tolist() == [0.01, 0.1]
-    assert high[:2].tolist() == [0.2, 1.5]
-    if damping == 0.1:
-        assert set(designs[:, 2]) == {0.1}
+    np.testing.assert_allclose(space.unscaled(np.zeros(len(space.names)))[:2], [0.01, 0.1], rtol=1e-15)
+    np.testing.assert_allclose(space.unscaled(np.ones(len(space.names)))[:2], [0.2, 1.5], rtol=1e-15)
+    assert damping != 0.1 or set(designs[:, 2]) == {0.1}
 
 
-def test_by_default_a_tenth_is_asked_for():
+def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all():
     worth = Worth()
     assert (worth.at_least, worth.worse, worth.strikes, worth.runs) == (0.1, 0.05, None, None)
     assert (worth.allowed, worth.broken) == (0.01, 0.1)
     assert Worth(strikes=0.3).allowed == Worth(strikes=0.3).broken == 0.3
-
-
-@pytest.mark.parametrize("name", ["at_least", "worse", "strikes"])
-def test_shares_are_between_nothing_and_all(name):
-    for value in (0.0, 1.0):
-        assert getattr(Worth(**{name: value}), name) == value
-    for value in (-0.1, 1.1, float("nan")):
-        with pytest.raises(ValueError, match=f"`{name}` must be"):
-            Worth(**{name: value})
+    for name in ("at_least", "worse", "strikes"):
+        for value in (0.0, 1.0):
+            assert getattr(Worth(**{name: value}), name) == value
+        for value in (-0.1, 1.1, float("nan")):
+            with pytest.raises(ValueError, match=f"`{name}` must be"):
+                Worth(**{name: value})
 
 
 @pytest.mark.parametrize(

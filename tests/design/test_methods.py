@@ -25,12 +25,6 @@ def test_a_known_minimax_is_found_from_everywhere(found):
     assert np.all(np.diff(found.path_merit, axis=0) <= 0.0), "the best designs so far"
 
 
-def test_a_constraint_is_met_at_a_kink():
-    held = minimise(LIMITED, STARTS, 1.0, WORST)
-    np.testing.assert_allclose(held.merit, 3.125, rtol=1e-6)
-    np.testing.assert_allclose(6.0 * held.x - 3.0, 0.75, atol=1e-3)
-
-
 def test_the_mean_of_the_worst_share_is_minimised():
     """Of three functions the mean of the worst two, least on the limit where two of them are equal: there
     x^2 + (1.5 - x)^4 = 2 e^(1.5 - 2 x)."""

@@ -1,6 +1,7 @@
 """The verification: every step's reasons, from motions that are given to it, and the order of designs."""
 
 import contextlib
+import copy
 import dataclasses
 from types import SimpleNamespace
 
@@ -101,24 +102,16 @@ def test_after_a_refusal_other_designs_are_verified(judged, search):
     assert len(winner.rest.bare) == len(BAND)
 
 
-@pytest.mark.parametrize(("lost", "refused"), [(8, True), (2, False)])
-def test_more_overturnings_from_rest_speak_against_a_design(search, v, lost, refused):
-    checked = verification(search.objective)
-    stands, falls = np.full(8, "rocking"), np.array(["overturned"] * lost + ["rocking"] * (8 - lost))
-    exact = dataclasses.replace(checked.bare.exact, status=stands)
+@pytest.mark.parametrize(("lost", "of", "refused"), [(8, 8, True), (2, 8, False), (1, 1, True)])
+def test_more_overturnings_from_rest_speak_against_a_design(v, alone, lost, of, refused):
+    """Of one condition one overturning is enough."""
+    checked = copy.copy(alone)
+    exact = dataclasses.replace(checked.bare.exact, status=np.full(of, "rocking"))
     checked.bare = dataclasses.replace(checked.bare, exact=exact)
+    falls = np.array(["overturned"] * lost + ["rocking"] * (of - lost))
     reasons = checked.by_events(with_exact(v, status=falls)).reasons
-    more = {"value": float(lost), "reference": 0.0, "total": 8}
+    more = {"value": float(lost), "reference": 0.0, "total": of}
     assert reasons == ((Reason(step=Step.exact, kind=ReasonKind.overturns_more, **more),) if refused else ())
-
-
-def test_under_one_condition_one_overturning_is_enough(alone, v):
-    exact = dataclasses.replace(
-        alone.bare.exact, status=np.array(["overturned"]), amplitude=np.array([np.inf])
-    )
-    (reason,) = alone.by_events(dataclasses.replace(v, exact=exact, reasons=())).reasons
-    assert reason.kind is ReasonKind.overturns_more
-    assert (reason.value, reason.reference, reason.total) == (1.0, 0.0, 1)
 
 
 def by_rest(checked, v, severity, bare, monkeypatch, stroke=-0.5, **excess):
@@ -193,33 +186,41 @@ AFRESH = Reason(step=Step.benefit, kind=ReasonKind.too_little_benefit)
 SPREAD = [[0.05 + 0.03 * i, 0.2 + 0.2 * i, 0.1 + 0.05 * i] for i in range(4)]
 
 
-class Scripted(Refusing):
-    """Refuses designs by a reason of a kind, without following them."""
-
-    kind = ReasonKind.too_little_benefit
+class Scripted(Verification):
+    """Refuses the first designs by a reason of a kind, without following them, and the first that fresh runs
+    judge; without a number of these the judgement is interrupted."""
 
     def at_once(self, design):
-        refused = len(self.verified) < self.refusals
         reason = Reason(step=Step.benefit, kind=self.kind)
-        mass, length, damping = design.tolist()
-        return designs_by_hand.verified(
-            mass_ratio=mass, length_ratio=length, damping_ratio=damping, reasons=(reason,) if refused else ()
-        )
+        ratios = dict(zip(("mass_ratio", "length_ratio", "damping_ratio"), design.tolist(), strict=True))
+        refused = len(self.verified) < self.refusals
+        return designs_by_hand.verified(**ratios, reasons=(reason,) if refused else ())
+
+    def by_fresh_runs(self, v):
+        if self.unlucky is None:
+            raise KeyboardInterrupt
+        reasons = (AFRESH,) if len(self.verified) <= self.unlucky else ()
+        return dataclasses.replace(v, chosen_by=v.benefit, reasons=reasons)
 
 
-def scripted(search, refusals, kind=ReasonKind.too_little_benefit) -> Scripted:
-    made = Scripted(problem(search.objective), None)
-    made.refusals, made.kind = refusals, kind
+@pytest.fixture(scope="module")
+def base(search):
+    return verification(search.objective)
+
+
+def scripted(base, refusals=0, kind=ReasonKind.too_little_benefit, unlucky=0) -> Scripted:
+    made = Scripted.__new__(Scripted)
+    vars(made).update(vars(base), verified=[], refusals=refusals, kind=kind, unlucky=unlucky)
     return made
 
 
-def test_the_designs_of_a_survey_are_verified_until_one_passes(search):
-    stern = scripted(search, 1)
+def test_the_designs_of_a_survey_are_verified_until_one_passes(base):
+    stern = scripted(base, 1)
     found = surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4])
     assert stern.best_of_survey(found) is DesignStatus.found
     assert [v.design.tolist() for v in stern.verified] == [pytest.approx(x) for x in SPREAD[:2]]
     assert {v.source for v in stern.verified} == {"survey"}
-    stern = scripted(search, 100)
+    stern = scripted(base, 100)
     assert stern.best_of_survey(found) is DesignStatus.refused
     assert len(stern.verified) == 4
     many = [[0.02 + 0.01 * i, 0.2 + 0.1 * i, 0.1] for i in range(12)]
@@ -227,9 +228,9 @@ def test_the_designs_of_a_survey_are_verified_until_one_passes(search):
     assert len(stern.verified) == verify.VERIFIED
 
 
-def test_what_a_verification_finds_orders_what_is_verified_next(search):
+def test_what_a_verification_finds_orders_what_is_verified_next(base):
     """The surfaces through the trials learn of the runs that refused a design."""
-    stern, met = scripted(search, 1, ReasonKind.strikes), []
+    stern, met = scripted(base, 1, ReasonKind.strikes), []
     found = surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4])
 
     def add(some, tried):
@@ -248,23 +249,13 @@ def test_what_a_verification_finds_orders_what_is_verified_next(search):
     assert stern.refinement.sure == pytest.approx(0.7), "the next must be surer"
 
 
-class Unlucky(Scripted):
-    """Passes by the runs that choose; the first designs are refused by those that judge."""
-
-    unlucky = 0
-
-    def by_fresh_runs(self, v):
-        reasons = (AFRESH,) if len(self.verified) <= self.unlucky else ()
-        return dataclasses.replace(v, chosen_by=v.benefit, reasons=reasons)
-
-
 @pytest.mark.parametrize(
     ("room", "second"),
     [([-0.1, -0.105, -0.13, -0.2], 2), ([-0.1, -0.1, -0.1, -0.11], 1)],
     ids=["one does", "none does"],
 )
-def test_after_strikes_in_the_runs_that_judge_the_next_keeps_further_from_the_walls(search, room, second):
-    stern = scripted(search, 0)
+def test_after_strikes_in_the_runs_that_judge_the_next_keeps_further_from_the_walls(base, room, second):
+    stern = scripted(base, 0)
     found = surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4], room)
     stern.best_of_survey(found)
     struck = {"strikes": 0.02, "chosen_by": stern.verified[0].benefit}
@@ -273,46 +264,30 @@ def test_after_strikes_in_the_runs_that_judge_the_next_keeps_further_from_the_wa
     assert [v.design.tolist() for v in stern.verified] == [pytest.approx(SPREAD[i]) for i in (0, second)]
 
 
-UNLUCKY = [(0, 1, "found"), (2, 3, "found"), (9, 3, "refused")]
-
-
-def verified_by(stern, search, monkeypatch):
-    """What becomes of four designs that a survey has found."""
-    stern.refusals, stern.fresh = 0, SimpleNamespace(under_other_losses=lambda pendulum: ())
+@pytest.mark.parametrize(
+    ("unlucky", "count", "status"), [(0, 1, "found"), (2, 3, "found"), (9, 3, "refused"), (None, 1, "found")]
+)
+def test_after_a_refusal_by_fresh_runs_the_next_design_is_judged_but_no_more_than_three(
+    base, search, monkeypatch, unlucky, count, status
+):
+    """An interruption of the judgement leaves the design that passed."""
+    stern = scripted(base, unlucky=unlucky)
+    stern.fresh = SimpleNamespace(under_other_losses=lambda pendulum: ())
     both = (surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4]),) * 2
     monkeypatch.setattr(verify, "refine", lambda found, *_: (found, None))
     monkeypatch.setattr(optimise, "survey", lambda *_: both)
-    found = optimise.Found(search, stern)
+    found = optimise.Found(base, search, stern)
     with contextlib.suppress(KeyboardInterrupt):
         optimise._verify(problem(search.objective), found, None)
-    return found
-
-
-@pytest.mark.parametrize(("unlucky", "count", "status"), UNLUCKY)
-def test_after_a_refusal_by_fresh_runs_the_next_design_is_judged_but_no_more_than_three(
-    search, monkeypatch, unlucky, count, status
-):
-    stern = Unlucky(problem(search.objective), None)
-    stern.unlucky = unlucky
-    assert verified_by(stern, search, monkeypatch).status.name == status
+    assert found.status.name == status
     assert [v.mass_ratio for v in stern.verified] == [pytest.approx(x[0]) for x in SPREAD[:count]]
-    assert [bool(v.reasons) for v in stern.verified] == [i < unlucky for i in range(count)]
-
-
-def test_an_interruption_of_the_judgement_leaves_the_design_that_passed(search, monkeypatch):
-    class Interrupted(Unlucky):
-        def by_fresh_runs(self, v):
-            raise KeyboardInterrupt
-
-    stern = Interrupted(problem(search.objective), None)
-    found = verified_by(stern, search, monkeypatch)
-    assert found.status is DesignStatus.found
+    assert [bool(v.reasons) for v in stern.verified] == [i < (unlucky or 0) for i in range(count)]
     assert len(found.surveys) == 2
 
 
-def test_trial_runs_are_those_of_no_other_step(search, monkeypatch):
+def test_trial_runs_are_those_of_no_other_step(base, monkeypatch):
     """Each design has seeds of its own, and an order of the conditions."""
-    made, (asked, shares) = Verification(problem(search.objective), None), ([], [])
+    made, (asked, shares) = base, ([], [])
 
     def scripted(found, space, run, still, follow, strikes, rests, seed, progress):
         for i in range(3):
@@ -353,15 +328,15 @@ def test_trial_runs_are_those_of_no_other_step(search, monkeypatch):
     assert made.refined(none) is none, "no run where nothing helps"
 
 
-def test_neighbours_of_a_refused_design_are_passed_over(search):
+def test_neighbours_of_a_refused_design_are_passed_over(base):
     near = [SPREAD[0], [x + 1e-4 for x in SPREAD[0]], SPREAD[1]]
-    stern = scripted(search, 100)
+    stern = scripted(base, 100)
     stern.best_of_survey(surveyed(near, [0.1, 0.15, 0.2]))
     assert [v.mass_ratio for v in stern.verified] == [SPREAD[0][0], SPREAD[1][0]]
 
 
-def test_a_design_of_a_survey_keeps_to_limits_that_no_motion_from_rest_shows(search):
-    made = scripted(search, 100)
+def test_a_design_of_a_survey_keeps_to_limits_that_no_motion_from_rest_shows(base, search):
+    made = scripted(base, 100)
     # The reserve is at most about one, so that no rocking design has twenty of it.
     limits = (tpd.limits.Stroke(1.5), tpd.limits.Reserve(20.0))
     made.objective = dataclasses.replace(search.objective, limits=limits)
@@ -373,8 +348,8 @@ def test_a_design_of_a_survey_keeps_to_limits_that_no_motion_from_rest_shows(sea
 
 
 @pytest.mark.mends("the status was 'none rocks less' where the verified design was refused for its strikes")
-def test_where_no_design_of_a_survey_helps_the_best_one_says_why(search):
-    stern = scripted(search, 100, ReasonKind.strikes)
+def test_where_no_design_of_a_survey_helps_the_best_one_says_why(base):
+    stern = scripted(base, 100, ReasonKind.strikes)
     found = surveyed(SPREAD[:2], [0.6, 0.7])
     assert stern.best_of_survey(found) is DesignStatus.refused
     assert [reason.kind for reason in stern.verified[0].reasons] == [ReasonKind.strikes]
@@ -393,8 +368,8 @@ def test_the_bob_hangs_above_the_floor(search):
         assert [r.limit for r in v.reasons if r.limit.startswith("rod")] == broken
 
 
-def test_where_no_design_of_a_survey_keeps_to_the_limits_none_is_verified_and_the_nearest_is_told(search):
-    stern = scripted(search, 0)
+def test_where_no_design_of_a_survey_keeps_to_the_limits_none_is_verified_and_the_nearest_is_told(base):
+    stern = scripted(base, 0)
     found = surveyed(SPREAD[:2], [0.1, 0.1], room=[0.1, 0.2])
     found.excess["stroke"][0] = 0.3
     assert stern.best_of_survey(found) is DesignStatus.none_feasible
@@ -406,17 +381,17 @@ def test_where_no_design_of_a_survey_keeps_to_the_limits_none_is_verified_and_th
     assert [r.value for r in best.broken] == [pytest.approx(1.3), pytest.approx(1.1)]
 
 
-def test_a_search_without_ends_leaves_nothing_to_verify(search):
-    checked = verification(search.objective)
+def test_a_search_without_ends_leaves_nothing_to_verify(base, search):
+    checked = scripted(base)
     assert checked.best_of(Multistart(search.objective, FEW_STEPS, 0, None)) is DesignStatus.none_feasible
     assert checked.verified == []
 
 
-def test_rest_under_all_conditions():
+def test_rest_under_all_conditions(base):
     # The shaking is below the friction: no orbit attracts either.
     calm = verification(orbits(conditions=tpd.Conditions.amplitudes(0.03, 0.06)))
     assert calm.bare_rests
-    assert not verification(orbits()).bare_rests
+    assert not base.bare_rests
 
 
 @pytest.fixture
