@@ -15,7 +15,6 @@ from tpd.design import criteria
 from tpd.design import job as jobs
 from tpd.design.criteria import DesignSpace, Worth
 from tpd.design.ground.optimise import ground_problem
-from tpd.design.ground.search import GroundSearch
 from tpd.design.job_keys import json_schema
 from tpd.design.methods import Descent
 from tpd.models.piecewise import Piecewise
@@ -23,8 +22,10 @@ from tpd.models.smoothed import Smoothed
 from tpd.records import el_centro, loma_prieta
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions
+from tpd.scene.scene import Block
 
 EXACTLY = {"conditions": {"exactly": True}}
+RECORDS = {"records": ["el-centro", "loma-prieta"], "scales": [2.0, 3.0]}
 BAND = {"conditions": {"band": [2.0, 3.0], "frequencies": 5}}
 JOBS = {
     "default": {},
@@ -55,6 +56,13 @@ JOBS = {
     "limits": {"limits": {"room": False, "worsening": 0.2, "mass": 2.0, "reserve": 1e-5}},
     "worth": {"worth": {"at_least": 0.2, "worse": 0.0, "strikes": 0.05, "runs": 64}},
     "ensemble": {"ensemble": {"size": 64, "ramps": [1.0], "any_phase": False, "damping": 0.1}},
+    "held out": {"motion": {**RECORDS, "records": ["el-centro"], "held_out": ["loma-prieta"]}},
+    "scaled": {"motion": {**RECORDS, "held_out": 0.0, "pga": 0.3, "intensity": "scale"}},
+    "pulse": {
+        "motion": {"pulse": "mavroeidis-papageorgiou", "pulse_frequency": 1, "cycles": 2.0, "phase": 0.5},
+        "search": {"steps": 3, "starts": 5},
+    },
+    "sizes": {"motion": {"kind": "pulse", "pulse": "ricker", "pulse_frequency": 1.0, "scales": [1.0, 2.0]}},
 }
 
 
@@ -138,13 +146,13 @@ def test_where_impacts_lose_energy_friction_is_zero(block, friction, restitution
         assert isinstance(jobs.job_of({"block": block, "search": {"model": name}}).method.model, model)
 
 
-def test_a_whole_number_is_taken_where_any_number_is_meant():
-    motion = {"amplitude": 0.1, "frequency": 1.0}
-    whole = {"block": {"width": 1, "height": 3, "mass": 900}, "motion": motion, "space": {"damping_ratio": 1}}
-    block = {"width": 1.0, "height": 3.0, "mass": 900.0}
-    job = jobs.job_of(whole)
-    assert job == jobs.job_of({"block": block, "motion": motion, "space": {"damping_ratio": 1.0}})
-    assert isinstance(job.tables["block"]["width"], float)
+def test_defaults_without_effect_and_whole_numbers_are_taken_where_any_number_is_meant():
+    listed = {"conditions": {"frequencies": 20, "samples": 64}, "risk": {"measure": "worst", "share": 0.1}}
+    assert jobs.job_of(listed) == jobs.job_of({})
+    motion = {"amplitude": 1, "frequency": 1}
+    whole = jobs.job_of({"block": {"width": 1, "height": 3, "mass": 900}, "motion": motion})
+    assert isinstance(whole.tables["block"]["width"], float)
+    assert whole.scene.block == Block(width=1.0, height=3.0, mass=900.0)
 
 
 def test_keys_without_effect_are_not_written():
@@ -176,28 +184,9 @@ def test_what_an_option_makes_pointless_in_a_file_is_dropped(given, over, droppe
     assert key not in merged[table]
     assert key in given[table]
     jobs.job_of(merged)
-
-
-def test_what_is_pointless_in_the_file_itself_stays_an_error():
-    merged = jobs.merged({"risk": {"share": 0.2}}, {"search": {"seed": 1}})
-    with pytest.raises(
-        ValueError, match=r"^`risk.share` goes with `risk.measure` cvar, which this job does not"
-    ):
-        jobs.job_of(merged)
-
-
-def test_a_file_may_list_defaults_that_have_no_effect():
-    listed = {
-        "conditions": {"frequencies": 20, "samples": 64},
-        "starts": {"kind": "any"},
-        "risk": {"measure": "worst", "share": 0.1},
-    }
-    assert jobs.job_of(listed) == jobs.job_of({})
-
-
-# Pulses and records
-
-RECORDS = {"records": ["el-centro", "loma-prieta"], "scales": [2.0, 3.0]}
+    # What is pointless in the file itself stays an error.
+    with pytest.raises(ValueError, match=r"^`risk.share` goes with `risk.measure` cvar, which this job does"):
+        jobs.job_of(jobs.merged({"risk": {"share": 0.2}}, {"search": {"seed": 1}}))
 
 
 def test_the_kind_of_motion_follows_from_its_keys():
@@ -215,31 +204,10 @@ def test_the_kind_of_motion_follows_from_its_keys():
 
 def test_under_records_defaults_are_those_of_the_search_on_records():
     job = jobs.job_of({"motion": RECORDS})
-    asked = ground_problem(job.block, job.conditions, None, held_out=None, **NONE)
+    none = dict.fromkeys(("held_out", "risk", "limits", "method", "worth", "ensemble"))
+    asked = ground_problem(job.block, job.conditions, None, seed=0, **none)
     assert (job.space, job.risk, job.limits) == (asked.space, asked.risk, asked.limits)
     assert (job.method, job.worth, job.ensemble) == (asked.method, asked.worth, asked.ensemble)
-
-
-NONE = {"risk": None, "limits": None, "method": None, "worth": None, "ensemble": None, "seed": 0}
-
-
-@pytest.mark.parametrize(
-    "motion",
-    [
-        {**RECORDS, "held_out": ["loma-prieta"], "intensity": "pga", "records": ["el-centro"]},
-        {**RECORDS, "held_out": 0.0, "pga": 0.3, "intensity": "scale"},
-        {"pulse": "mavroeidis-papageorgiou", "pulse_frequency": 1.0, "cycles": 2.0, "phase": 0.5},
-        {"kind": "pulse", "pulse": "one-sine", "pulse_frequency": 1.0, "scales": [1.0, 2.0]},
-    ],
-    ids=["held out", "scaled", "near fault", "sizes"],
-)
-def test_a_job_of_ground_motions_is_read_back_as_the_same_job(motion):
-    job = jobs.job_of({"motion": motion, "search": {"steps": 3, "starts": 5}})
-    again = jobs.job_of(tomllib.loads(job.toml))
-    assert again == job
-    assert again.method == GroundSearch(starts=5, steps=3)
-    assert again.scene.motion.pga == job.scene.motion.pga
-    np.testing.assert_array_equal(again.conditions.factor_rows(), job.conditions.factor_rows())
 
 
 def test_paths_are_relative_to_the_file_and_written_in_full(tmp_path, monkeypatch):
@@ -313,26 +281,18 @@ def test_what_has_no_effect_or_is_misspelt_is_refused_in_one_sentence(given, sen
     assert sentence in str(refusal(given))
 
 
-def test_a_search_on_records_needs_their_sizes():
-    job = jobs.job_of({"motion": {"records": ["el-centro"]}})
-    assert job.shaking.name == el_centro().name
-    with pytest.raises(ValueError, match=r"a design on records needs `motion.scales` \(--scales\)"):
-        _ = job.conditions
-
-
-def test_one_motion_at_one_size_is_needed_for_a_history():
-    motion = {"records": ["el-centro"], "scales": [3.0]}
-    job = jobs.job_of({"motion": motion})
+def test_one_motion_at_one_size_is_needed_for_a_history_and_sizes_for_a_search():
+    alone = {"records": ["el-centro"]}
+    job = jobs.job_of({"motion": alone | {"scales": [3.0]}})
     assert job.shaking.pga == pytest.approx(3.0 * 9.80665 * job.block.slenderness)
-    for more, sentence in (
-        ({"scales": [1.0, 2.0]}, "the job has 2 sizes of its motion: give one by --scale X"),
-        (
-            {"records": ["el-centro", "loma-prieta"]},
-            "the job has 2 records, but one is needed: --record FILE",
-        ),
-    ):
-        with pytest.raises(ValueError, match=sentence):
-            _ = jobs.job_of({"motion": motion | more}).shaking
+    unsized = jobs.job_of({"motion": alone})
+    assert unsized.shaking.name == el_centro().name
+    with pytest.raises(ValueError, match=r"a design on records needs `motion.scales` \(--scales\)"):
+        _ = unsized.conditions
+    with pytest.raises(ValueError, match="the job has 2 sizes of its motion: give one by --scale X"):
+        _ = jobs.job_of({"motion": alone | {"scales": [1.0, 2.0]}}).shaking
+    with pytest.raises(ValueError, match="the job has 2 records, but one is needed: --record FILE"):
+        _ = jobs.job_of({"motion": RECORDS}).shaking
 
 
 def refusal(given):

@@ -276,7 +276,7 @@ def test_after_a_refusal_by_fresh_runs_the_next_design_is_judged_but_no_more_tha
     both = (surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4]),) * 2
     monkeypatch.setattr(verify, "refine", lambda found, *_: (found, None))
     monkeypatch.setattr(optimise, "survey", lambda *_: both)
-    found = optimise.Found(base, search, stern)
+    found = optimise.Found(search, stern)
     with contextlib.suppress(KeyboardInterrupt):
         optimise._verify(problem(search.objective), found, None)
     assert found.status.name == status
