@@ -15,7 +15,7 @@ from tpd.design import criteria
 from tpd.design import job as jobs
 from tpd.design.criteria import DesignSpace, Worth
 from tpd.design.ground.optimise import ground_problem
-from tpd.design.job_keys import json_schema
+from tpd.design.job_keys import SCHEMA
 from tpd.design.methods import Descent
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
@@ -24,6 +24,7 @@ from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions
 from tpd.scene.scene import Block
 
+VALIDATOR = jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text(encoding="utf-8")))
 EXACTLY = {"conditions": {"exactly": True}}
 RECORDS = {"records": ["el-centro", "loma-prieta"], "scales": [2.0, 3.0]}
 BAND = {"conditions": {"band": [2.0, 3.0], "frequencies": 5}}
@@ -76,7 +77,7 @@ def test_a_job_that_is_written_is_read_back_as_the_same_job(given):
     for name in ("scene", "space", "starts", "risk", "limits", "method", "ensemble", "worth", "seed"):
         assert getattr(again, name) == getattr(job, name), name
     np.testing.assert_array_equal(conditions(again).factor_rows(), conditions(job).factor_rows())
-    jsonschema.Draft202012Validator(json.loads(json_schema())).validate(job.tables)
+    VALIDATOR.validate(job.tables)
 
 
 def conditions(job: jobs.Job) -> Conditions:

@@ -5,39 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-import tpd
 from tests import designs
 from tpd.design.verified import Reason, ReasonKind, Step
 from tpd.scene.conditions import Conditions
-from tpd.scene.scene import Harmonic, Scene
 
 
-def test_a_quantity_that_is_not_moved_leaves_the_benefit():
-    design = real()
+def test_a_quantity_that_is_not_moved_leaves_the_benefit(real):
+    design = real
     same = design.saved_under(design.scene, Conditions({"mass": np.array([1.0])}), 10**6)
     assert (same.mean, same.low) == pytest.approx((design.comparison.saved.mean, design.comparison.saved.low))
-
-
-def real():
-    """A design whose runs can be followed again: the bob of a chimney, judged by 64 runs."""
-    from tpd.design.by_runs import PairedRuns
-
-    block = tpd.Block(
-        width=1.3, height=10.0, mass=16280.0, radius_of_gyration=2.92, restitution="housner", cavity_width=0.9
-    )
-    scene = Scene(block, Harmonic(amplitude=0.081, frequency=0.85))
-    ratios = {"mass_ratio": 0.03, "length_ratio": 0.1, "damping_ratio": 0.6}
-    hung, conditions = scene.pendulum(**ratios), Conditions.around(scene)
-    ensemble = tpd.Ensemble(size=64, seed=2)
-    verdict, gain = PairedRuns(scene, conditions, ensemble, tpd.limits.Worth(), None).of(hung)
-    winner = designs.verified(**ratios, paired=verdict, benefit=gain)
-    return dataclasses.replace(
-        designs.around(worth=tpd.limits.Worth()),
-        scene=scene,
-        conditions=conditions,
-        pendulum=hung,
-        verified=(winner,),
-    )
 
 
 def test_of_several_refused_designs_the_one_that_misses_least_by_paired_runs_comes_nearest():

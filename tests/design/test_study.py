@@ -6,7 +6,6 @@ import pytest
 
 import tpd
 from tests import designs
-from tests.design.test_result import real
 from tpd.answers.response import settled_response
 from tpd.answers.steady_state import sampled
 from tpd.design import study as module
@@ -108,21 +107,13 @@ def test_a_design_is_built_with_the_rod_of_the_body():
     assert build_of(designs.refused()) is None
 
 
-def test_what_moves_the_benefit_is_asked_on_both_sides():
-    found = {m.name: m for m in moved_of(real())}
+def test_what_moves_the_benefit_is_asked_on_both_sides(real):
+    found = {m.name: m for m in moved_of(real)}
     # The block has no friction, and e follows its shape: neither can scatter, and e is moved as a number.
-    same = real().saved_under(real().scene, Conditions(), 256)
+    same = real.saved_under(real.scene, Conditions(), 256)
     assert (found[""].low, found[""].high) == (same, same)
-    assert set(found) == {
-        "",
-        "restitution",
-        "slenderness",
-        "amplitude",
-        "frequency",
-        "mass",
-        "length",
-        "damping",
-    }
-    more = real().saved_under(real().scene, Conditions({"amplitude": np.array([1.1])}), 256)
+    names = "restitution slenderness amplitude frequency mass length damping"
+    assert set(found) == {"", *names.split()}
+    more = real.saved_under(real.scene, Conditions({"amplitude": np.array([1.1])}), 256)
     assert found["amplitude"].high == more
     assert moved_of(designs.refused()) == ()

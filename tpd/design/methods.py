@@ -259,7 +259,7 @@ class Method(ABC):
 
 @dataclass(frozen=True)
 class Sequential(Method):
-    """Sequential quadratic programming by SciPy on exact derivatives, see `tpd.design.methods`. It follows
+    """Sequential quadratic programming by SciPy on exact derivatives. It follows
     kinks, where several conditions are equally bad, as surely as smooth valleys, and needs the fewest
     designs."""
 
