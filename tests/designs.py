@@ -10,9 +10,9 @@ from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble, Outcomes
 from tpd.answers.paired import Benefit, Verdict, benefit_of
 from tpd.answers.response import Response
-from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, DesignSpace, Risk, Worth
-from tpd.design.front import FrontPoint
-from tpd.design.result import DesignStatus, HarmonicDesign, Search, SearchStatus
+from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, DesignSpace, Evaluation, Risk, Worth
+from tpd.design.many import FrontPoint
+from tpd.design.result import DesignStatus, HarmonicDesign, Search
 from tpd.design.study import Study, TimeHistory
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Active, Bare, LossCase, Motions, Reason, ReasonKind, Step, Verified
@@ -32,26 +32,6 @@ REASON = Reason(
 )
 
 
-class Evaluation(NamedTuple):
-    merit: np.ndarray
-    merit_slope: np.ndarray
-    tilt: np.ndarray
-    tilt_slope: np.ndarray
-    stroke: np.ndarray
-    stroke_slope: np.ndarray
-    margin: np.ndarray
-    multiplier: np.ndarray
-    reserve: np.ndarray
-    reserve_slope: np.ndarray
-    kind: np.ndarray
-    design: np.ndarray
-    relative: np.ndarray | None = None
-
-    @property
-    def attracts(self) -> np.ndarray:
-        return self.kind <= 2
-
-
 class Method(NamedTuple):
     name: str
     tolerance: float
@@ -68,6 +48,7 @@ def evaluation(tilt, stroke, **changes) -> Evaluation:
         "multiplier": 0.8 * one,
         "reserve": 0.3 * one,
         "kind": np.zeros(tilt.shape, dtype=int),
+        "turn": np.zeros((*tilt.shape, 4)),
         "design": np.array([RATIOS]),
     }
     return Evaluation(**({f"{name}_slope": slope for name in SIZES} | values | changes))
@@ -144,11 +125,10 @@ def search(**changes) -> Search:
         "screened": screened,
         "screened_value": 0.2 + 2.0 * np.abs(screened[:, 1] - 0.6) * 0.2,
         "screened_feasible": screened[:, 1] < 1.1,
-        "screened_overturned": (screened[:, 0] > 0.15) & (screened[:, 1] > 0.9),
         "paths": (screened[[0, 1]], screened[[2, 3, 4]]),
         "ends": np.array([RATIOS, screened[4]]),
         "end_values": np.array([0.16, np.inf]),
-        "statuses": (SearchStatus.stroke_limited, SearchStatus.infeasible),
+        "statuses": (DesignStatus.stroke_limited, DesignStatus.infeasible),
         "mismatch": np.array([[2e-6, 3e-5], [np.inf, 0.0]]),
         "lost": np.array([0, 4]),
         "evaluations": 100,

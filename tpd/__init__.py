@@ -56,9 +56,9 @@ if TYPE_CHECKING:
     from tpd.design import criteria as limits  # noqa: F401
     from tpd.design.criteria import DesignSpace as DesignSpace
     from tpd.design.criteria import Risk as Risk
-    from tpd.design.front import front as front
     from tpd.design.ground.search import GroundSearch as GroundSearch
     from tpd.design.job import Job as Job
+    from tpd.design.many import front as front
     from tpd.design.many import optimise_all as optimise_all
     from tpd.design.methods import Descent as Descent
     from tpd.design.methods import Sequential as Sequential
@@ -107,10 +107,9 @@ _NAMES = {
     "scene.scene": "Block Harmonic Pendulum Scene paper_scene",
     "scene.status": "Status status_name",
     "design.criteria": "DesignSpace Risk",
-    "design.front": "front",
     "design.ground.search": "GroundSearch",
     "design.job": "Job",
-    "design.many": "optimise_all",
+    "design.many": "front optimise_all",
     "design.methods": "Descent Sequential",
     "design.optimise": "optimise",
     "design.result": "Design",

@@ -26,8 +26,11 @@ from scipy.optimize import differential_evolution, minimize
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
-from tpd.design.ground.groups import grouped  # noqa: E402
-from tpd.design.ground.judgement import judge, scatter_of  # noqa: E402
+from tpd.design.ground.judgement import (  # noqa: E402
+    grouped,
+    judge,
+    scatter_of,
+)
 from tpd.design.ground.objective import GroundObjective  # noqa: E402
 from tpd.design.ground.optimise import DEFAULT_LIMITS, DEFAULT_SPACE  # noqa: E402
 from tpd.design.ground.search import GroundSearch, Searcher  # noqa: E402

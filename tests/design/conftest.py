@@ -1,11 +1,17 @@
 """Designs that several modules look at: each is made once in a session."""
 
+import dataclasses
+
 import pytest
 
 import tpd
+from tests import designs
+from tpd.design.by_runs import PairedRuns
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.problem import Problem
 from tpd.design.search import Multistart
+from tpd.scene.conditions import Conditions
+from tpd.scene.scene import Harmonic, Scene
 
 SCENE = tpd.paper_scene()
 LIGHT = tpd.DesignSpace(mass_ratio=(0.01, 0.1))
@@ -67,3 +73,24 @@ def search():
     out = Multistart(problem.objective, FEW_STEPS, 0, None)
     out.run(Checkpoint(None, "", {}))
     return out
+
+
+@pytest.fixture(scope="session")
+def real():
+    """A design whose runs can be followed again: the bob of a chimney, judged by 64 runs."""
+    block = tpd.Block(
+        width=1.3, height=10.0, mass=16280.0, radius_of_gyration=2.92, restitution="housner", cavity_width=0.9
+    )
+    scene = Scene(block, Harmonic(amplitude=0.081, frequency=0.85))
+    ratios = {"mass_ratio": 0.03, "length_ratio": 0.1, "damping_ratio": 0.6}
+    hung, conditions = scene.pendulum(**ratios), Conditions.around(scene)
+    ensemble = tpd.Ensemble(size=64, seed=2)
+    verdict, gain = PairedRuns(scene, conditions, ensemble, tpd.limits.Worth(), None).of(hung)
+    winner = designs.verified(**ratios, paired=verdict, benefit=gain)
+    return dataclasses.replace(
+        designs.around(worth=tpd.limits.Worth()),
+        scene=scene,
+        conditions=conditions,
+        pendulum=hung,
+        verified=(winner,),
+    )

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+import tpd
 from tpd.design.ends import Linearisation
 
 
@@ -36,3 +37,20 @@ x + y <= 1.5 it is 3.125 at (0.75, 0.75), as a fine grid says."""
 def half_plane(x, y):
     """x + y <= 1.5."""
     return x + y - 1.5, (np.ones_like(x), np.ones_like(y))
+
+
+WORST = tpd.Risk.worst().of
+STARTS = np.array([[0.35, 0.8], [0.8, 0.5], [0.5, 0.5], [0.65, 0.45]])
+
+
+def in_unit_square(problem):
+    """A problem over [-3, 3]^2 in shares of these bounds."""
+
+    def evaluate(unit):
+        at = problem(6.0 * unit - 3.0)
+        return at._replace(slope=6.0 * at.slope, limit_slope=6.0 * at.limit_slope)
+
+    return evaluate
+
+
+FREE, LIMITED = in_unit_square(linearisations(CB2)), in_unit_square(linearisations(CB2, [half_plane]))

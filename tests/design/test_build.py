@@ -1,16 +1,11 @@
 """What a builder is told: loads of the motions, the pull test, and how the benefit moves."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
 import tpd
-from tests import designs
 from tpd.answers.shaking_history import shaking_history
-from tpd.design import build
-from tpd.design.build import build_of, loads_of, moved_of, pull_test
-from tpd.scene.conditions import Conditions
+from tpd.design.build import loads_of, pull_test
 from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import Harmonic, Scene
 from tpd.theory import turning_tilts
@@ -75,78 +70,3 @@ def test_loads_are_the_largest_of_the_motions_in_which_the_block_stands():
     assert found.motions == 2
     assert found[:3] == pytest.approx(np.max(each, axis=0))
     assert loads_of([fatal], hung) is None
-
-
-@pytest.mark.mends(
-    "of many motions the strongest were taken, and not those near the pendulum's own frequency"
-)
-def test_of_many_motions_those_are_followed_in_which_the_bob_swings_most(monkeypatch):
-    monkeypatch.setattr(build, "_MOTIONS", 2)
-    stroke = np.linspace(0.1, 0.4, 10)
-    seen = designs.evaluation(np.full(10, 0.05), stroke)
-    design = designs.around(verified=(designs.verified(evaluation=seen),))
-    f = design.scene.motion.frequency * design.conditions.column("frequency")
-    found = build._strongest(design)
-    assert [float(m.frequency) for m in found] == pytest.approx([f[9], f[8]])
-
-
-def test_a_design_is_built_with_the_rod_of_the_body():
-    found = build_of(designs.single())
-    assert found.frequency == pytest.approx(np.sqrt(9.80665 / 0.12) / (2.0 * np.pi))
-    assert found.damping == pytest.approx(float(designs.HUNG.hinge_damping()))
-    assert found.depth == pytest.approx(found.rod + 0.5 * found.bob_height)
-    assert (found.mass, found.rod) == pytest.approx(found.bob.built(1.6224, 0.12, 9.80665))
-    assert found.dead == pytest.approx(found.mass * (1.0 + found.rod_share) - 1.6224)
-    assert found.loads.tension > found.weight == pytest.approx((1.6224 + found.dead) * 9.80665)
-    # (1 + mu) nu + k, over 1 + 2 mu for a pendulum that moves with the block.
-    assert found.lifts_slow_fast == pytest.approx((0.325 / 1.2, 0.325))
-    assert found.lifts[1] == pytest.approx(0.3)
-    assert build_of(designs.refused()) is None
-
-
-def test_a_quantity_that_is_not_moved_leaves_the_benefit():
-    design = real()
-    same = design.saved_under(design.scene, Conditions({"mass": np.array([1.0])}), 10**6)
-    assert (same.mean, same.low) == pytest.approx((design.comparison.saved.mean, design.comparison.saved.low))
-
-
-def test_what_moves_the_benefit_is_asked_on_both_sides():
-    found = {m.name: m for m in moved_of(real())}
-    # The block has no friction, and e follows its shape: neither can scatter, and e is moved as a number.
-    same = real().saved_under(real().scene, Conditions(), 256)
-    assert (found[""].low, found[""].high) == (same, same)
-    assert set(found) == {
-        "",
-        "restitution",
-        "slenderness",
-        "amplitude",
-        "frequency",
-        "mass",
-        "length",
-        "damping",
-    }
-    more = real().saved_under(real().scene, Conditions({"amplitude": np.array([1.1])}), 256)
-    assert found["amplitude"].high == more
-    assert moved_of(designs.refused()) == ()
-
-
-def real():
-    """A design whose runs can be followed again: the bob of a chimney, judged by 64 runs."""
-    from tpd.design.by_runs import PairedRuns
-
-    block = tpd.Block(
-        width=1.3, height=10.0, mass=16280.0, radius_of_gyration=2.92, restitution="housner", cavity_width=0.9
-    )
-    scene = Scene(block, Harmonic(amplitude=0.081, frequency=0.85))
-    ratios = {"mass_ratio": 0.03, "length_ratio": 0.1, "damping_ratio": 0.6}
-    hung, conditions = scene.pendulum(**ratios), Conditions.around(scene)
-    ensemble = tpd.Ensemble(size=64, seed=2)
-    verdict, gain = PairedRuns(scene, conditions, ensemble, tpd.limits.Worth(), None).of(hung)
-    winner = designs.verified(**ratios, paired=verdict, benefit=gain)
-    return dataclasses.replace(
-        designs.around(worth=tpd.limits.Worth()),
-        scene=scene,
-        conditions=conditions,
-        pendulum=hung,
-        verified=(winner,),
-    )

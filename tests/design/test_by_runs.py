@@ -69,43 +69,6 @@ def test_a_run_without_an_answer_strikes_nothing_but_might_have():
     assert kinds == (ReasonKind.undecided,)
 
 
-def test_models_of_the_losses_of_a_block_with_friction():
-    """A block of friction alone gets Housner's impacts beside it."""
-    models = loss_models(SCENE)
-    friction, impacts, both = models.values()
-    assert list(models) == ["friction", "impacts", "friction and impacts"]
-    k = SCENE.block.friction
-    assert (friction.friction, friction.restitution) == (k, None)
-    assert (impacts.friction, impacts.restitution) == (0.0, "housner")
-    assert (both.friction, both.restitution) == (k, "housner")
-    assert friction == SCENE.block
-
-
-@pytest.mark.parametrize("e", [0.9, "housner"])
-def test_models_of_the_losses_of_a_block_with_impacts(e):
-    """A friction that loses as much as the impacts at a usual tilt."""
-    block = dataclasses.replace(SCENE.block, restitution=e, friction=0.0)
-    scene = dataclasses.replace(SCENE, block=block)
-    models = loss_models(scene)
-    p = scene.parameters()
-    k = float(equivalent_friction(p, p.nu / 3.0))
-    assert k > 0.0
-    assert models["friction"].friction == pytest.approx(k, rel=1e-12)
-    assert models["friction"].restitution is None
-    assert (models["impacts"].friction, models["impacts"].restitution) == (0.0, e)
-    assert models["friction and impacts"].friction == pytest.approx(k, rel=1e-12)
-    assert models["friction and impacts"].restitution == e
-    with_both = dataclasses.replace(block, friction=0.03)
-    models = loss_models(dataclasses.replace(SCENE, block=with_both))
-    assert {m.friction for m in models.values()} == {0.03, 0.0}
-
-
-def test_a_block_that_loses_nothing_at_impacts_keeps_its_friction():
-    block = dataclasses.replace(SCENE.block, restitution=1.0, friction=0.0)
-    models = loss_models(dataclasses.replace(SCENE, block=block))
-    assert [m.friction for m in models.values()] == [0.0, 0.0, 0.0]
-
-
 def judged(hung, bare, worth=None, condition=None, strikes=0.0):
     """Kinds of the reasons against runs of these settled tilts over nu, and the reasons."""
     worth = Worth() if worth is None else worth
@@ -118,16 +81,48 @@ def judged(hung, bare, worth=None, condition=None, strikes=0.0):
     return tuple(reason.kind for reason in reasons), reasons
 
 
-def test_a_design_that_helps_has_no_reason_against_it():
-    assert judged([0.1] * 20, [0.3] * 20)[0] == ()
-    assert judged([0.28] * 20, [0.3] * 20, Worth(at_least=0.05))[0] == ()
+@pytest.mark.parametrize(
+    ("hung", "bare", "more", "kind", "numbers"),
+    [
+        ([0.1] * 20, [0.3] * 20, {}, None, ()),
+        ([0.28] * 20, [0.3] * 20, {"worth": Worth(at_least=0.05)}, None, ()),
+        ([0.28] * 20, [0.3] * 20, {}, "too_little_benefit", (1.0 - 0.28 / 0.3, 0.1, 0)),
+        ([np.inf] * 8 + [0.0] * 32, [0.5] * 39 + [np.inf], {}, "overturns_more", (8.0, 1.0, 40)),
+        ([0.1] * 20, [0.3] * 20, {"strikes": 0.05}, "strikes", (0.05, 0.01, 0)),
+        ([0.1] * 20, [0.3] * 20, {"strikes": 0.05, "worth": Worth(strikes=0.05)}, None, ()),
+        ([0.1] * 20, [0.3] * 20, {"strikes": np.nan}, None, ()),
+        ([0.01] * 10 + [0.1] * 10, [0.0] * 10 + [0.5] * 10, {}, "rests_less", (0.0, 10.0, 20)),
+    ],
+)
+def test_every_reason_and_its_numbers(hung, bare, more, kind, numbers):
+    kinds, reasons = judged(hung, bare, **more)
+    assert [k.name for k in kinds] == ([] if kind is None else [kind])
+    for reason in reasons:
+        assert (reason.value, reason.reference, reason.total) == pytest.approx(numbers)
 
 
-def test_too_little_benefit():
-    kinds, (reason,) = judged([0.28] * 20, [0.3] * 20)
-    assert kinds == (ReasonKind.too_little_benefit,)
-    assert reason.value == pytest.approx(1.0 - 0.28 / 0.3)
-    assert (reason.reference, reason.low) == (0.1, pytest.approx(reason.value))
+@pytest.mark.parametrize(
+    ("e", "k", "friction", "impacts"),
+    [
+        (None, 0.05, 0.05, "housner"),
+        (0.9, 0.0, None, 0.9),
+        ("housner", 0.0, None, "housner"),
+        ("housner", 0.03, 0.03, "housner"),
+        (1.0, 0.0, 0.0, 1.0),
+    ],
+)
+def test_models_of_the_losses_have_those_of_the_block_or_as_large_ones(e, k, friction, impacts):
+    """A block of friction alone gets Housner's impacts; one of impacts a friction that loses as much as they
+    do at a usual tilt; one that loses nothing at impacts no friction."""
+    scene = dataclasses.replace(SCENE, block=dataclasses.replace(SCENE.block, restitution=e, friction=k))
+    p = scene.parameters()
+    friction = float(equivalent_friction(p, p.nu / 3.0)) if friction is None else friction
+    found = {name: (m.friction, m.restitution) for name, m in loss_models(scene).items()}
+    assert found == {
+        "friction": (pytest.approx(friction, rel=1e-12), None),
+        "impacts": (0.0, impacts),
+        "friction and impacts": (pytest.approx(friction, rel=1e-12), impacts),
+    }
 
 
 def test_a_benefit_that_may_be_luck_is_too_little():
@@ -137,26 +132,6 @@ def test_a_benefit_that_may_be_luck_is_too_little():
     assert kinds == (ReasonKind.too_little_benefit,)
     assert reason.value > 0.1
     assert reason.low <= 0.0
-
-
-def test_more_runs_that_overturn():
-    kinds, reasons = judged([np.inf] * 8 + [0.0] * 32, [0.5] * 39 + [np.inf])
-    assert kinds == (ReasonKind.overturns_more,)
-    assert (reasons[0].value, reasons[0].reference, reasons[0].total) == (8.0, 1.0, 40)
-
-
-def test_strikes():
-    kinds, reasons = judged([0.1] * 20, [0.3] * 20, strikes=0.05)
-    assert kinds == (ReasonKind.strikes,)
-    assert (reasons[0].value, reasons[0].reference) == (0.05, 0.01)
-    assert judged([0.1] * 20, [0.3] * 20, Worth(strikes=0.05), strikes=0.05)[0] == ()
-    assert judged([0.1] * 20, [0.3] * 20, strikes=np.nan)[0] == (), "no room is asked for"
-
-
-def test_fewer_runs_at_rest():
-    kinds, reasons = judged([0.01] * 10 + [0.1] * 10, [0.0] * 10 + [0.5] * 10)
-    assert kinds == (ReasonKind.rests_less,)
-    assert (reasons[0].value, reasons[0].reference, reasons[0].total) == (0.0, 10.0, 20)
 
 
 def test_a_worse_condition_is_named_and_the_others_are_counted():

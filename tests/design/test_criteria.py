@@ -1,4 +1,4 @@
-"""Risk measures against brute force, and every limit against what it says and against differences."""
+"""Risk measures against brute force, limits against what they say and against differences, spaces, worth."""
 
 import dataclasses
 import itertools
@@ -16,6 +16,7 @@ from tpd.design.criteria import (
     Geometry,
     Limit,
     Size,
+    Worth,
     check_limits,
     limit_of,
     stroke_limit,
@@ -44,25 +45,6 @@ ONE_OF_EACH = (
 )
 
 
-# Risk
-
-
-@pytest.mark.parametrize(
-    ("risk", "expected"),
-    [
-        (tpd.Risk.worst(), 9.0),
-        (tpd.Risk.expected(), 4.5),
-        (tpd.Risk.cvar(0.2), 8.5),
-        (tpd.Risk.cvar(0.25), (9.0 + 8.0 + 0.5 * 7.0) / 2.5),
-        (tpd.Risk.cvar(0.01), 9.0),
-        (tpd.Risk.cvar(1.0), 4.5),
-    ],
-)
-def test_risks_are_means_of_the_worst(risk, expected):
-    values = np.random.default_rng(0).permutation(np.arange(10.0))
-    assert risk.of(values[None])[0] == pytest.approx(expected)
-
-
 @pytest.mark.parametrize(("share", "n"), list(itertools.product([0.07, 0.1, 0.37, 0.5, 0.99], [1, 2, 7, 12])))
 def test_a_conditional_value_at_risk_is_the_largest_mean_with_capped_weights(share, n):
     values, risk = np.random.default_rng(n).normal(size=(3, n)), tpd.Risk.cvar(share)
@@ -83,15 +65,6 @@ def test_an_infinite_value_counts_only_with_a_weight():
     assert tpd.Risk.worst().of(values)[0] == np.inf
     assert tpd.Risk.cvar(0.5).of(values)[0] == np.inf
     assert tpd.Risk.worst().of(np.array([[1.0, -np.inf]]))[0] == 1.0
-
-
-@pytest.mark.parametrize("share", [0.0, -0.1, 1.1, float("nan")])
-def test_a_share_out_of_range_is_refused(share):
-    with pytest.raises(ValueError, match="`share` must be between"):
-        tpd.Risk.cvar(share)
-
-
-# Limits
 
 
 @dataclasses.dataclass(frozen=True)
@@ -199,14 +172,12 @@ def test_a_worsening_is_relative_to_the_bare_block(geometry):
     (size,) = worsening.sizes(e, calm)
     assert size.value[0, 0] == pytest.approx(e.tilt[0, 0] / (1.25 * 0.02))
     assert size.value[0, 1] == 0.0
-    lost = e._replace(tilt=np.full((1, 2), np.inf))
-    np.testing.assert_array_equal(next(iter(worsening.sizes(lost, calm))).value, [[np.inf, 0.0]])
-
-
-def test_without_a_bare_block_nothing_is_worse():
-    (size,) = tpd.limits.Worsening().sizes(evaluation(DESIGN), geometry_of(SCENE, SCATTERED))
+    # Without a bare block nothing is worse.
+    (size,) = worsening.sizes(e, geometry_of(SCENE, SCATTERED))
     np.testing.assert_array_equal(size.value, 0.0)
     np.testing.assert_array_equal(size.slope, 0.0)
+    lost = e._replace(tilt=np.full((1, 2), np.inf))
+    np.testing.assert_array_equal(next(iter(worsening.sizes(lost, calm))).value, [[np.inf, 0.0]])
 
 
 def test_beyond_a_right_angle_the_bob_is_a_rods_length_away(geometry):
@@ -250,20 +221,53 @@ def test_a_limit_of_the_users_own_holds_a_search_and_has_words():
     assert 0.9 < heaviest <= 1.0
 
 
+@pytest.mark.parametrize(("damping", "names"), [(0.1, "mu lam"), ((0.05, 0.3), "mu lam zeta")])
+def test_shares_of_the_bounds_and_back(damping, names):
+    space = tpd.DesignSpace(damping_ratio=damping)
+    assert " ".join(space.names) == names
+    bounds = np.array([[0.01, 0.1, 0.05], [0.2, 1.5, 0.3]])
+    np.testing.assert_array_equal(space.bounds, bounds[:, : len(space.names)])
+    unit = np.random.default_rng(0).random((7, len(space.names)))
+    designs = space.unscaled(unit)
+    np.testing.assert_allclose(space.scaled(designs), unit, atol=1e-14)
+    np.testing.assert_allclose(space.unscaled(np.zeros(len(space.names)))[:2], [0.01, 0.1], rtol=1e-15)
+    np.testing.assert_allclose(space.unscaled(np.ones(len(space.names)))[:2], [0.2, 1.5], rtol=1e-15)
+    assert damping != 0.1 or set(designs[:, 2]) == {0.1}
+
+
+def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all():
+    worth = Worth()
+    assert (worth.at_least, worth.worse, worth.strikes, worth.runs) == (0.1, 0.05, None, None)
+    assert (worth.allowed, worth.broken) == (0.01, 0.1)
+    assert Worth(strikes=0.3).allowed == Worth(strikes=0.3).broken == 0.3
+    for name in ("at_least", "worse", "strikes"):
+        for value in (0.0, 1.0):
+            assert getattr(Worth(**{name: value}), name) == value
+        for value in (-0.1, 1.1, float("nan")):
+            with pytest.raises(ValueError, match=f"`{name}` must be"):
+                Worth(**{name: value})
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
+        (lambda: tpd.Risk.cvar(0.0), "`share` must be between"),
+        (lambda: tpd.Risk.cvar(1.1), "`share` must be between"),
+        (lambda: tpd.Risk.cvar(float("nan")), "`share` must be between"),
         (lambda: tpd.limits.Tilt(-1.0), "`tilt` must be positive"),
-        (
-            lambda: check_limits((Nameless(),)),
-            "`limits` must hold dataclasses with a `name`, but",
-        ),
+        (lambda: check_limits((Nameless(),)), "`limits` must hold dataclasses with a `name`, but"),
         (lambda: tpd.limits.Stroke(0.0), "`stroke` must be positive"),
         (lambda: tpd.limits.Offset(float("nan")), "`offset` must be positive"),
         (lambda: tpd.limits.Multiplier(1.5), r"`multiplier` must be between .* but is 1\.5"),
         (lambda: check_limits((tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))), "but has two of Tilt"),
+        (lambda: tpd.DesignSpace(mass_ratio=(0.2, 0.1)), "`mass_ratio` must be an interval low < high"),
+        (lambda: tpd.DesignSpace(length_ratio=(0.1, 0.1)), "`length_ratio` must be an interval"),
+        (lambda: tpd.DesignSpace(length_ratio=(0.1, 3.0)), "within 0.001 to 2"),
+        (lambda: tpd.DesignSpace(mass_ratio=(float("nan"), 0.1)), "`mass_ratio` must be an interval"),
+        (lambda: tpd.DesignSpace(damping_ratio=-0.1), "`damping_ratio` must be between 0 and 2"),
+        (lambda: Worth(runs=0), "`runs` must be a whole number, 1 or more, but is 0"),
     ],
 )
-def test_limits_that_make_no_sense_are_refused(make, message):
+def test_what_makes_no_sense_is_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()

@@ -6,8 +6,8 @@ import pytest
 
 import tpd
 from tests.design.test_objective import orbits
-from tpd.design.descent import descend, named
 from tpd.design.ends import merit_of
+from tpd.design.methods import descend, named
 from tpd.design.objective import NONE, REST, ROCKING
 from tpd.design.one_shot import OneShot
 from tpd.models.smoothed import Smoothed

@@ -7,12 +7,14 @@ import optax
 import pytest
 
 import tpd
-from tests.design.conftest import ANY_WORTH, BAND, LIGHT, ONE, SCENE, SEVERAL, WIDE
+from tests.design.conftest import ANY_WORTH, LIGHT, ONE, SCENE, SEVERAL, WIDE
 from tpd.design import optimise
 from tpd.design.by_runs import PairedRuns
+from tpd.design.checkpoint import Checkpoint
 from tpd.design.optimise import solve
 from tpd.design.problem import Problem
-from tpd.design.result import DesignStatus, SearchStatus
+from tpd.design.result import DesignStatus
+from tpd.design.search import Multistart
 from tpd.design.survey import ON_THE_WAY
 from tpd.design.verified import ReasonKind, Step
 
@@ -55,12 +57,11 @@ def test_the_answer_is_exact_and_within_the_limits(one):
     low, high = LIGHT.bounds
     assert np.all((one.winner.design[:2] >= low - 1e-12) & (one.winner.design[:2] <= high + 1e-12))
     assert one.pendulum.mass == pytest.approx(one.winner.mass_ratio * SCENE.block.mass)
-
-
-def test_it_lessens_the_rocking_of_the_papers_block(one):
     assert one.amplitude_without == pytest.approx(0.0833335, abs=1e-6)
     assert one.amplitude < 0.95 * one.amplitude_without
-    assert one.winner.exact.peak[0] >= 0.9 * one.amplitude, "the way there is no smaller than the end"
+    assert np.all(one.search.mismatch[:, 0] < 1e-3), "the exact solution confirms the ends of the descents"
+    assert np.any(one.search.mismatch > 0.0)
+    assert one.search.screened.shape == (24, 3)
 
 
 def test_designs_followed_from_rest_are_verified_until_one_stands(one):
@@ -77,32 +78,9 @@ def test_designs_followed_from_rest_are_verified_until_one_stands(one):
     assert [len(x.bare) for x in one.surveys] == [1, 1]
 
 
-def test_the_exact_solution_confirms_the_ends_of_the_descents(one):
-    assert np.all(one.search.mismatch[:, 0] < 1e-3)
-    assert np.all(one.search.mismatch[:, 1] < 0.05)
-    assert np.any(one.search.mismatch > 0.0)
-
-
-def test_every_search_has_a_path_and_a_status(one):
-    history = one.search
-    assert len(history.paths) == len(history.statuses) == len(history.ends) == len(history.end_values)
-    assert len(history.ends) == 3
-    assert history.screened.shape == (24, 3)
-    assert all(path.shape[1] == 3 for path in history.paths)
-    assert "3 designs" in history.description
-    assert SearchStatus.interrupted not in history.statuses
-
-
 def test_progress_covers_every_stage(one, stages):
     assert one is not None
-    expected = {
-        "screening",
-        "searching",
-        "survey",
-        "trial runs",
-        "verifying",
-        "paired runs",
-    }
+    expected = {"screening", "searching", "survey", "trial runs", "verifying", "paired runs"}
     assert {name for name, _, _ in stages} == expected
     assert all(0 < done <= total for _, done, total in stages)
 
@@ -122,22 +100,11 @@ def test_one_condition_is_the_same_however_it_is_given_and_what_is_verified_outl
     assert same(one, dataclasses.replace(cut, status=one.status))
 
 
-@pytest.mark.parametrize(
-    "stage",
-    [
-        "screening",
-        "searching",
-        "survey",
-        "trial runs",
-        "verifying",
-        "paired runs",
-        pytest.param("ensemble", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize("stage", ["searching", "survey", "paired runs"])
 def test_an_interruption_never_offers_what_is_not_verified(one, searched, stage):
     assert one.status is DesignStatus.found
     # What comes after the searches need not search again.
-    place = None if stage in ("screening", "searching") else searched
+    place = None if stage == "searching" else searched
 
     def stop(now, done, _):
         if now == stage:
@@ -150,11 +117,11 @@ def test_an_interruption_never_offers_what_is_not_verified(one, searched, stage)
     assert cut.nearest is None
     assert not cut.status.is_sound
     assert "INTERRUPTED" in str(cut)
-    searched = stage not in ("screening", "searching")
-    if stage in ("survey", "trial runs"):
+    searched = stage != "searching"
+    if stage == "survey":
         assert [v.source for v in cut.verified] == ["search"], "the best end is not lost"
     assert len(cut.search.ends) == (3 if searched else 0)
-    assert (set(cut.search.statuses) == {SearchStatus.interrupted}) is not searched
+    assert (set(cut.search.statuses) == {DesignStatus.interrupted}) is not searched
 
 
 def test_an_optimiser_of_the_user_searches():
@@ -169,8 +136,7 @@ def test_an_optimiser_of_the_user_searches():
 
 
 def test_a_block_that_rests_needs_no_pendulum():
-    budgets = {"method": FEW}, {"method": FEW, **EXACTLY}, {"method": ONE["method"], **EXACTLY}
-    for given in (*budgets, {"method": FEW, "conditions": BAND}):
+    for given in ({"method": FEW}, {"method": ONE["method"], **EXACTLY}):
         design = tpd.optimise(CALM, LIGHT, ensemble=RUNS, **given)
         assert design.status is DesignStatus.no_uplift
         assert design.status.is_sound
@@ -205,7 +171,7 @@ def test_where_every_pendulum_rocks_more_none_is_offered():
 # Several conditions
 
 
-def test_the_answer_is_better_than_anything_screened_and_within_its_limits(several):
+def test_the_answer_is_better_than_anything_screened_and_comes_from_the_survey(several, one):
     assert several.status is DesignStatus.found
     assert is_verified(several)
     winner, e = several.winner, several.winner.evaluation
@@ -220,8 +186,15 @@ def test_the_answer_is_better_than_anything_screened_and_within_its_limits(sever
     assert not winner.paired.harms
     assert winner.benefit.value > 0.0
     assert winner.benefit.low > 0.0
-    assert len(several.search.statuses) == 20
-    assert SearchStatus.at_bound in several.search.statuses
+    assert DesignStatus.at_bound in several.search.statuses
+    assert {v.source for v in (*several.verified, *one.verified)} == {"survey"}
+    # Runs from many starts order those that help.
+    first, last = several.surveys
+    assert (first.equations, last.equations) == ("linear", "nonlinear")
+    known = np.abs(last.designs - several.verified[0].design).max(axis=1)
+    assert last.helps[np.argmin(known)]
+    assert known.min() < 1e-12
+    assert [case.name for case in several.losses] == ["friction", "impacts", "friction and impacts"]
     low, high = several.alike
     assert np.all((low <= winner.design) & (winner.design <= high))
 
@@ -240,41 +213,14 @@ def test_the_benefit_is_that_of_runs_that_no_choice_has_seen(several, one):
                 assert v.paired.hung.ensemble.seed == design.ensemble.seed + 2 * fresh
 
 
-def test_the_answer_comes_from_the_survey(several):
-    """The best end over settled motions is not the best design from rest."""
-    first, last = several.surveys
-    assert (first.equations, last.equations) == ("linear", "nonlinear")
-    assert {v.source for v in several.verified} == {"survey"}
-    # Runs from many starts order those that help.
-    known = np.abs(last.designs - several.verified[0].design).max(axis=1)
-    assert last.helps[np.argmin(known)]
-    assert known.min() < 1e-12
-    assert [case.name for case in several.losses] == ["friction", "impacts", "friction and impacts"]
-
-
-def test_the_same_seed_gives_the_same_answer_and_another_another(several):
-    assert same(several, tpd.optimise(SCENE, WIDE, **SEVERAL))
-
-    def stop(now, *_):
-        if now == "verifying":
-            raise KeyboardInterrupt
-
-    few = SEVERAL | {"method": FEW, "ensemble": RUNS, "progress": stop}
-    other = [tpd.optimise(SCENE, WIDE, seed=seed, **few) for seed in (0, 1)]
-    assert len(other[0].search.ends) == len(other[1].search.ends) == 3
-    assert not np.array_equal(other[0].search.ends, other[1].search.ends)
-
-
-@pytest.mark.parametrize("optimiser", ["adam", "rmsprop"])
-def test_optax_comes_near_the_same_answer(several, optimiser):
-    method = tpd.Descent(optimiser, searches=8, screening=64, steps=40)
-    other = tpd.optimise(SCENE, WIDE, **(SEVERAL | {"method": method}))
-    assert other.settings["optimiser"] == optimiser
+def test_optax_comes_near_the_same_ends(several):
+    method = tpd.Descent("adam", searches=4, screening=64, steps=40)
+    found = Problem.of(SCENE, WIDE, **(SEVERAL | {"method": method}))
+    other = Multistart(found.objective, method, 0, None)
+    other.run(Checkpoint(None, "", {}))
     best = several.search.end_values.min()
-    assert np.all(other.search.end_values >= best * (1.0 - 1e-6))
-    assert other.search.end_values.min() < 1.1 * best
-    assert is_verified(other)
-    assert other.winner.exact.stroke[other.winner.exact.status == "rocking"].max() <= 0.5
+    assert np.all(other.values >= best * (1.0 - 1e-6))
+    assert other.values.min() < 1.1 * best
 
 
 def test_an_interrupted_search_goes_on_and_comes_to_the_same(several, tmp_path):
@@ -286,15 +232,14 @@ def test_an_interrupted_search_goes_on_and_comes_to_the_same(several, tmp_path):
 
     cut = tpd.optimise(SCENE, WIDE, checkpoint=place, progress=stop, **SEVERAL)
     assert cut.status is DesignStatus.interrupted
-    assert cut.search.statuses.count(SearchStatus.interrupted) == 4
+    assert cut.search.statuses.count(DesignStatus.interrupted) == 4
     assert cut.pendulum is None, "a survey begins with the ends of all searches"
     assert len(cut.search.ends) == 16
     whole = tpd.optimise(SCENE, WIDE, checkpoint=place, progress=lambda *e: events.append(e[:2]), **SEVERAL)
     assert ("searching", 1) not in events, "what had ended is not done again"
     assert same(whole, several)
-    for other in ({"seed": 1}, {"method": tpd.Descent("adam")}, {"risk": tpd.Risk.expected()}):
-        with pytest.raises(ValueError, match="holds searches of another problem"):
-            tpd.optimise(SCENE, WIDE, checkpoint=place, **(SEVERAL | other))
+    with pytest.raises(ValueError, match="holds searches of another problem"):
+        tpd.optimise(SCENE, WIDE, checkpoint=place, **(SEVERAL | {"seed": 1}))
 
 
 def test_an_interruption_before_anything_is_known():
@@ -303,21 +248,15 @@ def test_an_interruption_before_anything_is_known():
 
     cut = tpd.optimise(SCENE, WIDE, progress=stop, **SEVERAL)
     assert cut.status is DesignStatus.interrupted
-    assert cut.search.statuses == (SearchStatus.interrupted,) * 20
+    assert cut.search.statuses == (DesignStatus.interrupted,) * 20
     assert cut.pendulum is cut.nearest is cut.best is None
     assert cut.verified == ()
-
-
-def test_a_single_step_is_enough_to_answer():
-    method = tpd.Sequential(searches=3, screening=16, steps=1)
-    design = tpd.optimise(SCENE, WIDE, **(SEVERAL | {"method": method, "ensemble": RUNS}))
-    assert design.verified
 
 
 def test_of_many_conditions_a_sample_is_searched_under(monkeypatch, tmp_path):
     """The searches' ends are followed and verified under all of them."""
     conditions = tpd.Conditions.scatter(10, friction=0.2, length=0.05, frequency=0.1)
-    method = tpd.Sequential(searches=20, screening=64, steps=15)
+    method = tpd.Sequential(searches=4, screening=32, steps=8)
     problem = Problem.of(
         SCENE,
         WIDE,
@@ -330,54 +269,8 @@ def test_of_many_conditions_a_sample_is_searched_under(monkeypatch, tmp_path):
     monkeypatch.setattr(optimise, "SEARCHED", 5)
     place, events = tmp_path / "unfinished.npz", []
     design = solve(problem, checkpoint=place)
-    assert design.search.description == "20 designs under 5 of the 10 conditions"
+    assert design.search.description == "4 designs under 5 of the 10 conditions"
     assert design.verified[-1].evaluation.merit.shape == (1, 10)
     again = solve(problem, checkpoint=place, progress=lambda *e: events.append(e[0]))
     assert "searching" not in events, "what had ended is not done again"
     assert same(again, design)
-
-
-# A neighbourhood, by default
-
-CHIMNEY = tpd.Scene(
-    tpd.Block(
-        width=1.3,
-        height=10.0,
-        mass=16280.0,
-        cavity_width=0.9,
-        radius_of_gyration=2.92,
-        restitution="housner",
-    ),
-    tpd.Harmonic(amplitude=0.081, frequency=0.85),
-)
-ROOM = tpd.DesignSpace(mass_ratio=(0.004, 0.1), length_ratio=(0.04, 0.9), damping_ratio=(0.05, 0.6))
-BUDGET = {
-    "method": tpd.Descent(searches=2, steps=3, screening=16),
-    "ensemble": tpd.Ensemble(size=64, periods=40),
-}
-
-
-@pytest.mark.slow
-def test_by_default_a_chimney_gets_a_pendulum_that_is_worth_hanging():
-    design = tpd.optimise(CHIMNEY, ROOM, **BUDGET)
-    assert design.status is DesignStatus.found
-    assert is_verified(design)
-    assert len(design.conditions) == 10
-    winner = design.winner
-    assert winner.benefit.value >= design.worth.at_least
-    assert winner.benefit.low > 0.0
-    assert winner.strikes <= design.worth.strikes
-    assert len(design.losses) == 3
-    assert design.surveys[-1].keeps.any()
-
-
-@pytest.mark.slow
-def test_by_default_a_pendulum_that_is_not_worth_hanging_is_refused():
-    space = dataclasses.replace(ROOM, mass_ratio=(0.004, 0.005))
-    worth = tpd.limits.Worth(at_least=0.95)
-    design = tpd.optimise(CHIMNEY, space, worth=worth, **BUDGET)
-    assert design.status is DesignStatus.refused
-    assert design.pendulum is None
-    assert design.losses == ()
-    kinds = {reason.kind for v in design.verified for reason in v.reasons}
-    assert ReasonKind.too_little_benefit in kinds

@@ -39,12 +39,6 @@ def test_smoothed_signs_are_descended_on_over_every_orbit(conditions):
     assert isinstance(problem(conditions=conditions, method=tpd.Sequential()).objective, Orbits)
 
 
-def test_exact_gradients_are_descended_on_where_they_are_asked_for():
-    made = problem(method=tpd.Descent(model=tpd.Piecewise()))
-    assert isinstance(made.objective, Orbits)
-    assert isinstance(made.method.model, tpd.Piecewise)
-
-
 def test_without_conditions_the_search_is_over_a_neighbourhood():
     made = problem()
     around = tpd.Conditions.around(SCENE)

@@ -161,3 +161,15 @@ def test_from_one_design_that_helps_the_search_still_goes_on(damping, count):
     assert len(tried) > 8
     assert np.ptp(tried, axis=0).min() > 0.02
     assert tilt(SPACE.scaled(found.designs[:1])[0]) < tilt(SPACE.scaled(first.designs)).min()
+
+
+def test_a_design_that_was_tried_is_learnt_of_again():
+    here, designs = Refinement(SPACE, spread(10), everything, strikes=0.01, rests=0.0, seed=0), spread(12)
+    run = Noisy(walls=True)
+    here.add(made(designs), [run(d, i) for i, d in enumerate(designs)])
+    found = made(designs)
+    first = here.order(found)[0]
+    for _ in range(3):
+        here.add(found.at(np.array([first])), [Tried(0.9, 0.0, np.full(40, 1.5))])
+    assert here.order(found)[0] != first
+    assert sorted(here.order(found)) == list(range(12))

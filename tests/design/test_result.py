@@ -1,103 +1,36 @@
-"""Typed reasons: a sentence for every kind, with its numbers and the condition."""
+"""Answers: the design that comes nearest, and its runs in a changed scene."""
 
+import dataclasses
+
+import numpy as np
 import pytest
 
-from tpd.design.result import DesignStatus
-from tpd.design.verified import Active, Reason, ReasonKind, Step
-
-SENTENCES = {
-    ReasonKind.overturns: (
-        {"step": Step.nonlinear},
-        "by the nonlinear equations the block overturns from rest, or has no answer, and stands without the "
-        "pendulum",
-    ),
-    ReasonKind.overturns_more: (
-        {"step": Step.benefit, "value": 19.0, "reference": 3.0, "total": 64},
-        "by the paired runs of the nonlinear equations the block overturns in 19 of 64 cases with the "
-        "pendulum only, and in 3 without it only at 2.5 Hz",
-    ),
-    ReasonKind.breaks_limit: (
-        {"step": Step.nonlinear, "limit": "offset", "value": 1.0364},
-        "by the nonlinear equations the design exceeds the limit on offset by 0.036 of it at 2.5 Hz",
-    ),
-    ReasonKind.rocks_more: (
-        {"step": Step.nonlinear, "value": 0.3568, "reference": 0.3361},
-        "by the nonlinear equations the block tilts from rest to 35.7% of the slenderness, and to 33.6% "
-        "without the pendulum",
-    ),
-    ReasonKind.too_little_benefit: (
-        {"step": Step.benefit, "value": 0.034, "low": -0.01, "reference": 0.1},
-        "by the paired runs of the nonlinear equations the mean tilt falls by 3.4% (at least -1.0% with 95 % "
-        "confidence), and 10.0% is asked for",
-    ),
-    ReasonKind.rests_less: (
-        {"step": Step.benefit, "value": 3.0, "reference": 19.0, "total": 64},
-        "by the paired runs of the nonlinear equations the block ends at rest in 3 of 64 cases with the "
-        "pendulum, and in 19 without it; 10% fewer are allowed",
-    ),
-    ReasonKind.worse_condition: (
-        {"step": Step.benefit, "value": 0.3, "reference": 0.2, "total": 3},
-        "by the paired runs of the nonlinear equations the mean tilt is 30.0% of the slenderness with the "
-        "pendulum, and 20.0% without it at 2.5 Hz, and 2 other conditions are worse",
-    ),
-    ReasonKind.undecided: (
-        {"step": Step.benefit, "value": 3.0, "total": 64},
-        "by the paired runs of the nonlinear equations 3 of 64 cases have no answer, and the verdict hangs "
-        "on it",
-    ),
-    ReasonKind.strikes: (
-        {"step": Step.benefit, "value": 0.03, "reference": 0.01},
-        "by the paired runs of the nonlinear equations the bob strikes a wall in 3.0% of the cases, and 1.0% "
-        "is allowed",
-    ),
-}
+from tests import designs
+from tpd.design.verified import Reason, ReasonKind, Step
+from tpd.scene.conditions import Conditions
 
 
-@pytest.mark.parametrize("kind", ReasonKind)
-def test_a_reason_makes_a_sentence(kind):
-    given, sentence = SENTENCES[kind]
-    assert str(Reason(kind=kind, condition="2.5 Hz", **given)) == sentence
-    assert "2.5 Hz" not in str(Reason(kind=kind, **given))
+def test_a_quantity_that_is_not_moved_leaves_the_benefit(real):
+    design = real
+    same = design.saved_under(design.scene, Conditions({"mass": np.array([1.0])}), 10**6)
+    assert (same.mean, same.low) == pytest.approx((design.comparison.saved.mean, design.comparison.saved.low))
 
 
-MISSED = {
-    ReasonKind.strikes: ({"value": 0.27, "reference": 0.01}, 0.26),
-    ReasonKind.overturns_more: ({"value": 30.0, "reference": 10.0, "total": 40}, 0.5),
-    ReasonKind.rests_less: ({"value": 10.0, "reference": 30.0, "total": 40}, 0.425),
-    ReasonKind.worse_condition: ({"value": 0.4, "reference": 0.3, "total": 2}, 0.1),
-    ReasonKind.breaks_limit: ({"value": 1.2}, 0.2),
-    ReasonKind.rocks_more: ({"value": 0.3, "reference": 0.2}, 0.5),
-    ReasonKind.overturns: ({}, 1.0),
-}
+def test_of_several_refused_designs_the_one_that_misses_least_by_paired_runs_comes_nearest():
+    def refused(value, benefit=None, mass=0.1):
+        reason = Reason(step=Step.benefit, kind=ReasonKind.strikes, value=value, reference=0.01)
+        given = {} if benefit is None else {"benefit": None, "paired": None}
+        return designs.verified(mass_ratio=mass, reasons=(reason, reason), **given)
 
-
-@pytest.mark.parametrize("kind", MISSED)
-def test_by_how_much_a_requirement_is_missed(kind):
-    given, missed = MISSED[kind]
-    assert Reason(step=Step.benefit, kind=kind, **given).shortfall == pytest.approx(missed)
-
-
-@pytest.mark.parametrize(
-    ("value", "low", "missed"), [(0.08, 0.02, 0.02), (0.2, -0.05, 0.05), (-0.1, -0.3, 0.3)]
-)
-def test_too_little_benefit_is_missed_by_what_is_asked_for_or_by_what_may_be_luck(value, low, missed):
-    kind = ReasonKind.too_little_benefit
-    reason = Reason(step=Step.benefit, kind=kind, value=value, low=low, reference=0.1)
-    assert reason.shortfall == pytest.approx(missed)
-
-
-def test_only_a_verified_design_or_none_needed_is_sound():
-    sound = {status for status in DesignStatus if status.is_sound}
-    assert sound == {DesignStatus.found, DesignStatus.no_uplift}
-
-
-@pytest.mark.parametrize(
-    ("kind", "name", "condition", "weight", "sentence"),
-    [
-        ("tilt", "tilt", "2 Hz", 0.25, "tilt at 2 Hz (0.25)"),
-        ("limit", "stroke", "2 Hz", 0.0, "limit on stroke at 2 Hz"),
-        ("upper bound", "mass", "", 0.2, "upper bound of the mass ratio, 0.2"),
-    ],
-)
-def test_what_holds_a_design_is_said(kind, name, condition, weight, sentence):
-    assert str(Active(kind=kind, name=name, condition=condition, weight=weight)) == sentence
+    every = refused(0.02, "none"), refused(0.3), refused(0.1, mass=0.05)
+    design = dataclasses.replace(designs.refused(), verified=every)
+    assert design.best.mass_ratio == 0.05
+    assert design.winner is design.saved is None
+    assert design.harmful
+    assert design.refusals == (str(design.best.reasons[0]),), "one of a kind"
+    assert len(design.turned) == 38, "in the runs that stand"
+    assert np.isnan(design.risks[0])
+    assert design.swing == 0.0
+    assert design.again(seed=7)["seed"] == 7
+    with pytest.raises(ValueError, match="`what` must be one of landscape, drawing, benefit"):
+        design.plot("picture")

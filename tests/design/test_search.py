@@ -11,7 +11,7 @@ from tests.design.conftest import ORBIT_LIMITS as LIMITS
 from tests.design.conftest import WIDE
 from tests.design.test_objective import orbits
 from tpd.design.checkpoint import Checkpoint
-from tpd.design.result import SearchStatus
+from tpd.design.result import DesignStatus
 from tpd.design.search import GROUP, Multistart
 
 NONE = Checkpoint(None, "", {})
@@ -69,19 +69,19 @@ def test_a_search_that_begins_fewer_times_than_asked_for_is_not_interrupted():
     out = Multistart(narrow, tpd.Sequential(searches=24, screening=24, steps=2), 0, None)
     out.run(NONE)
     assert len(out.statuses()) == len(out.units) < 24
-    assert SearchStatus.interrupted not in out.statuses()
+    assert DesignStatus.interrupted not in out.statuses()
 
 
 @pytest.mark.parametrize(
     ("changed", "expected"),
     [
-        ({}, SearchStatus.converged),
-        ({"open": True}, SearchStatus.steps_exhausted),
-        ({"open": True, "steps": 0}, SearchStatus.interrupted),
-        ({"x": 0.0}, SearchStatus.at_bound),
-        ({"limit": -1e-4}, SearchStatus.stroke_limited),
-        ({"limit": 0.1}, SearchStatus.infeasible),
-        ({"value": -0.1}, SearchStatus.rests),
+        ({}, DesignStatus.converged),
+        ({"open": True}, DesignStatus.steps_exhausted),
+        ({"open": True, "steps": 0}, DesignStatus.interrupted),
+        ({"x": 0.0}, DesignStatus.at_bound),
+        ({"limit": -1e-4}, DesignStatus.stroke_limited),
+        ({"limit": 0.1}, DesignStatus.infeasible),
+        ({"value": -0.1}, DesignStatus.rests),
     ],
 )
 def test_every_search_ends_with_a_status(search, changed, expected):
@@ -105,7 +105,7 @@ def test_a_search_that_has_not_begun_has_nothing():
     empty = Multistart(orbits(limits=LIMITS), METHOD, 0, None)
     assert empty.units.shape == (0, 3)
     assert len(empty.order()) == len(empty.values) == 0
-    assert empty.statuses() == (SearchStatus.interrupted,) * 20
+    assert empty.statuses() == (DesignStatus.interrupted,) * 20
     assert empty.history.paths == ()
     assert empty.on_the_way(8).shape == (0, 3)
 
@@ -117,7 +117,7 @@ def test_an_end_that_the_exact_solution_contradicts_is_left_out_unless_all_are(s
     mismatch = np.array([[1e-6, 1e-4], [0.02, 0.0], [0.009, 0.3], [np.inf, 0.0]])
     one.groups, one.count = [g._replace(mismatch=mismatch)], 4
     assert one.contradicted.tolist() == [False, True, False, True]
-    assert [status is SearchStatus.contradicted for status in one.statuses()] == [False, True, False, True]
+    assert [status is DesignStatus.contradicted for status in one.statuses()] == [False, True, False, True]
     assert np.isinf(one.values[[1, 3]]).all()
     kept = Multistart(search.objective, METHOD, 0, None)
     kept.groups = [g]

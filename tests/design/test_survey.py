@@ -9,9 +9,11 @@ import pytest
 import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
 from tests.design.test_objective import GOOD, orbits
-from tpd.design.steps import motions_from_rest as from_rest
 from tpd.design.survey import ON_THE_WAY, Survey, fitting, followed, survey
+from tpd.design.verify import motions_from_rest as from_rest
+from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.scene.bob import THICKEST, Bob
+from tpd.scene.conditions import under_all
 
 BARE = np.array([0.4, 0.2])
 NONE = np.array([[0.0, 0.3, 0.1]])
@@ -40,12 +42,6 @@ def test_what_is_above_the_bare_block_by_more_than_a_twentieth_counts_twice():
     assert found.better == 1
 
 
-def test_a_block_that_overturns_everywhere_comes_last_whatever_its_bob_does():
-    found = made([[1.0, 1.0], [0.9, 0.9], [1.0, 0.2]], stroke=[-0.5, 0.3, 0.2]).ordered()
-    np.testing.assert_allclose(found.severity, [[0.9, 0.9], [1.0, 0.2], [1.0, 1.0]])
-    np.testing.assert_array_equal(found.stands, [True, True, False])
-
-
 def test_a_design_keeps_where_it_breaks_no_limit_and_the_block_stands_somewhere():
     found = made(
         [[0.1, 0.1], [0.1, 0.1], [1.0, 0.9], [1.0, 1.0]],
@@ -66,15 +62,6 @@ def test_the_best_design_without_a_limit():
     assert made([[0.1, 0.1]], stroke=[0.5]).best_without("room") is None
 
 
-def test_rows_go_together():
-    found = made([[0.3, 0.3], [0.2, 0.2], [0.1, 0.1]], stroke=[0.1, 0.2, 0.3])
-    some = found.at(np.array([2, 0]))
-    np.testing.assert_array_equal(some.designs, found.designs[[2, 0]])
-    np.testing.assert_array_equal(some.severity, found.severity[[2, 0]])
-    np.testing.assert_array_equal(some.excess["stroke"], [0.3, 0.1])
-    np.testing.assert_array_equal(some.bare, BARE)
-
-
 def test_designs_that_keep_to_the_limits_come_first_and_then_the_best():
     found = made([[0.1, 0.1], [0.3, 0.3], [0.2, 0.2], [0.05, 0.05]], stroke=[0.5, -0.3, -0.1, 0.1]).ordered()
     np.testing.assert_allclose(found.severity[:, 0], [0.2, 0.3, 0.05, 0.1])
@@ -82,39 +69,30 @@ def test_designs_that_keep_to_the_limits_come_first_and_then_the_best():
     np.testing.assert_allclose(both.severity[:, 0], [0.2, 0.25, 0.3, 0.05, 0.1])
     np.testing.assert_allclose(both.excess["stroke"], [-0.1, -1.0, -0.3, 0.1, 0.5])
     assert both.equations == "linear"
+    # A block that overturns everywhere comes last, whatever its bob does.
+    found = made([[1.0, 1.0], [0.9, 0.9], [1.0, 0.2]], stroke=[-0.5, 0.3, 0.2]).ordered()
+    np.testing.assert_allclose(found.severity, [[0.9, 0.9], [1.0, 0.2], [1.0, 1.0]])
 
 
+@pytest.mark.parametrize("heavy", [False, True])
 @pytest.mark.parametrize("bob", [Bob(), Bob(shape="cylinder", aspect=4.0)], ids=["ball", "cylinder"])
-def test_designs_over_the_space_fit_the_block_at_rest(bob):
-    o = orbits(limits=(tpd.limits.Stroke(), tpd.limits.Room(bob)))
+def test_designs_over_the_space_fit_the_block_at_rest_or_come_last(bob, heavy):
+    """In a block of 200 kg few bobs of the space fit."""
+    block = dataclasses.replace(SCENE.block, mass=200.0) if heavy else SCENE.block
+    o = orbits(scene=tpd.Scene(block, SCENE.motion), limits=(tpd.limits.Stroke(), tpd.limits.Room(bob)))
     designs = fitting(o, seed=3)
-    assert designs.shape == (512, 3)
     np.testing.assert_array_equal(designs, fitting(o, seed=3))
     assert not np.array_equal(designs, fitting(o, seed=4))
-    low, high = WIDE.bounds
-    assert np.all((designs >= low) & (designs <= high))
+    units = WIDE.scaled(designs)
+    assert np.all((units >= 0.0) & (units <= 1.0))
     radius, rod = bob.radius(o.geometry.mass(designs)), o.geometry.rod(designs)
     fits = ((radius <= o.geometry.wall) & (bob.slimness * radius <= THICKEST * rod)).all(axis=1)
-    assert fits.all()
-
-
-def test_where_few_designs_fit_the_others_come_last():
-    block = SCENE.block
-    heavy = tpd.Scene(dataclasses.replace(block, mass=200.0), SCENE.motion)
-    o = orbits(scene=heavy, limits=(tpd.limits.Room(),))
-    designs = fitting(o, seed=0)
-    radius = Bob().radius(o.geometry.mass(designs))
-    fits = ((radius <= o.geometry.wall) & (radius <= THICKEST * o.geometry.rod(designs))).all(axis=1)
-    assert 0 < fits.sum() < 512
+    assert fits[0]
+    assert bool(fits.all()) is not heavy
     assert np.all(np.diff(fits.astype(int)) <= 0)
-
-
-def test_without_a_room_designs_are_spread_over_the_whole_space():
-    designs = fitting(orbits(limits=()), seed=0)
-    units = WIDE.scaled(designs)
-    assert designs.shape == (512, 3)
-    assert np.all(units.min(axis=0) < 0.01)
-    assert np.all(units.max(axis=0) > 0.99)
+    spread = WIDE.scaled(fitting(orbits(limits=()), seed=0))
+    assert spread.shape == units.shape == (512, 3)
+    assert np.all((spread.min(axis=0) < 0.01) & (spread.max(axis=0) > 0.99)), "without a room"
 
 
 def test_designs_are_followed_from_rest_under_every_condition():
@@ -172,15 +150,12 @@ def test_a_block_that_overturns_breaks_no_limit_on_the_bob():
 
 def test_the_nonlinear_survey_is_by_the_nonlinear_equations():
     o = orbits(conditions=tpd.Conditions(), limits=(tpd.limits.Stroke(0.5),))
-    found = followed(o, GOOD, 100, "nonlinear", None)
-    mass, length, damping = GOOD[0]
-    hung = SCENE.pendulum(mass_ratio=mass, length_ratio=length, damping_ratio=damping)
-    for pendulum, severity in ((hung, found.severity), (None, found.bare)):
-        alone = tpd.steady_state(SCENE.parameters(pendulum), model=tpd.Segmented())
-        assert severity.item() == pytest.approx(float(alone.amplitude) / SCENE.block.slenderness, rel=1e-5)
-    linear = followed(o, GOOD, 100, "linear", None)
+    found, linear = (followed(o, GOOD, 100, name, None) for name in ("nonlinear", "linear"))
+    q = under_all(o.p, np.concatenate([NONE, GOOD]), o.conditions)
+    settled = settle_nonlinear(q, np.zeros((2, 4)), periods=100, rtol=1e-9)
+    severity = np.asarray(settled.amplitude) / SCENE.block.slenderness
+    assert [found.bare.item(), found.severity.item()] == pytest.approx(severity, rel=1e-4)
     assert abs(linear.severity.item() - found.severity.item()) > 1e-3
-    assert found.equations == "nonlinear"
 
 
 def test_a_survey_goes_from_many_linear_designs_to_few_nonlinear_ones():
@@ -202,3 +177,15 @@ def test_a_survey_goes_from_many_linear_designs_to_few_nonlinear_ones():
     assert done[-1] <= total[-1]
     again = survey(o, GOOD, 20, 0)[1]
     np.testing.assert_array_equal(again.designs, last.designs)
+
+
+def test_motions_from_rest_are_counted_and_the_bob_has_its_reach():
+    room = {"room": [-0.2], ON_THE_WAY: [0.05]}
+    found = dataclasses.replace(made([[0.3, 1.0, 0.5]], **room), bare=np.array([1.0, 0.6, 0.4]))
+    assert found.told == (
+        "By the linear equations from rest, of 3 conditions: 1 overturn the block with the pendulum, 1 "
+        "without; under 2 it rocks more with it. The bob comes to 80% of the wall's distance once settled, "
+        "105% before."
+    )
+    assert made([[1.0, 1.0]], **room).told.endswith("under 2 it rocks more with it.")
+    assert made([[0.1, 0.1]]).told.endswith("under 0 it rocks more with it.")

@@ -1,6 +1,7 @@
-"""The verification: every step's reasons, from motions that are given to it."""
+"""The verification: every step's reasons, from motions that are given to it, and the order of designs."""
 
 import contextlib
+import copy
 import dataclasses
 from types import SimpleNamespace
 
@@ -12,16 +13,16 @@ from tests import designs as designs_by_hand
 from tests.design.conftest import ANY_WORTH, BAND, FEW_STEPS, SCENE
 from tests.design.test_objective import GOOD, orbits
 from tpd.answers.ensemble import outcomes
-from tpd.design import optimise, steps, verify
-from tpd.design.active import nearest_of
+from tpd.design import optimise, verify
 from tpd.design.by_runs import JUDGES
 from tpd.design.problem import Problem
-from tpd.design.refine import Tried, refine
 from tpd.design.result import DesignStatus
 from tpd.design.search import Multistart
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Reason, ReasonKind, Step
-from tpd.design.verify import Verification
+from tpd.design.verify import Verification, active, motions_from_rest, nearest_of, polished
+from tpd.scene.parameters import as_arrays
+from tpd.scene.status import SETTLED
 
 RUNS = tpd.Ensemble(size=16, periods=30)
 ALONE = tpd.Conditions()
@@ -95,41 +96,22 @@ def test_after_a_refusal_other_designs_are_verified(judged, search):
     assert best.value < winner.value < stern.bare.value
     assert winner.evaluation.stroke.max() <= 0.5
     assert len({tuple(x.design) for x in stern.verified}) == len(others) + 1
-
-
-def test_a_refusal_ends_the_verification_of_a_design(judged):
-    best, winner = judged[0].verified[0], judged[0].verified[-1]
-    assert best.paired is not None
-    assert best.benefit is not None
-    assert best.reasons[0].step is Step.benefit
-    assert best.rest is not None
+    assert best.paired.bare is winner.paired.bare is stern.bare.paired
+    assert best.benefit.runs == RUNS.size
+    assert np.isnan(best.strikes), "there is no limit on the room"
     assert len(winner.rest.bare) == len(BAND)
 
 
-# Exact solution by events
-
-
-@pytest.mark.parametrize(("lost", "refused"), [(8, True), (2, False)])
-def test_more_overturnings_from_rest_speak_against_a_design(search, v, lost, refused):
-    checked = verification(search.objective)
-    stands, falls = np.full(8, "rocking"), np.array(["overturned"] * lost + ["rocking"] * (8 - lost))
-    exact = dataclasses.replace(checked.bare.exact, status=stands)
+@pytest.mark.parametrize(("lost", "of", "refused"), [(8, 8, True), (2, 8, False), (1, 1, True)])
+def test_more_overturnings_from_rest_speak_against_a_design(v, alone, lost, of, refused):
+    """Of one condition one overturning is enough."""
+    checked = copy.copy(alone)
+    exact = dataclasses.replace(checked.bare.exact, status=np.full(of, "rocking"))
     checked.bare = dataclasses.replace(checked.bare, exact=exact)
+    falls = np.array(["overturned"] * lost + ["rocking"] * (of - lost))
     reasons = checked.by_events(with_exact(v, status=falls)).reasons
-    more = {"value": float(lost), "reference": 0.0, "total": 8}
+    more = {"value": float(lost), "reference": 0.0, "total": of}
     assert reasons == ((Reason(step=Step.exact, kind=ReasonKind.overturns_more, **more),) if refused else ())
-
-
-def test_under_one_condition_one_overturning_is_enough(alone, v):
-    exact = dataclasses.replace(
-        alone.bare.exact, status=np.array(["overturned"]), amplitude=np.array([np.inf])
-    )
-    (reason,) = alone.by_events(dataclasses.replace(v, exact=exact, reasons=())).reasons
-    assert reason.kind is ReasonKind.overturns_more
-    assert (reason.value, reason.reference, reason.total) == (1.0, 0.0, 1)
-
-
-# Nonlinear equations from rest
 
 
 def by_rest(checked, v, severity, bare, monkeypatch, stroke=-0.5, **excess):
@@ -141,7 +123,7 @@ def by_rest(checked, v, severity, bare, monkeypatch, stroke=-0.5, **excess):
         excess={"stroke": np.array([stroke])} | {k: np.array([x]) for k, x in excess.items()},
         equations="nonlinear",
     )
-    monkeypatch.setattr(steps, "followed", lambda *_, **how: found if how["rtol"] < 1e-7 else None)
+    monkeypatch.setattr(verify, "followed", lambda *_, **how: found if how["rtol"] < 1e-7 else None)
     met = checked.by_rest(v)
     assert met.rest is found
     assert all(reason.step is Step.nonlinear for reason in met.reasons)
@@ -187,21 +169,6 @@ def test_of_many_conditions_a_choice_is_followed_from_rest():
     assert len(wide.objective.conditions) == 30
 
 
-# Paired runs
-
-
-def test_paired_runs_are_of_the_nonlinear_equations_and_shared_by_all_designs(judged):
-    stern = judged[0]
-    first, last = stern.verified[0], stern.verified[-1]
-    assert first.paired.equations == "nonlinear"
-    assert first.paired.bare is last.paired.bare is stern.bare.paired
-    assert first.benefit.runs == RUNS.size
-    assert np.isnan(first.strikes), "there is no limit on the room"
-
-
-# Survey
-
-
 def surveyed(designs, severity, room=None) -> Survey:
     m, excess = len(designs), {"stroke": np.full(len(designs), -0.5)}
     if room is not None:
@@ -219,33 +186,41 @@ AFRESH = Reason(step=Step.benefit, kind=ReasonKind.too_little_benefit)
 SPREAD = [[0.05 + 0.03 * i, 0.2 + 0.2 * i, 0.1 + 0.05 * i] for i in range(4)]
 
 
-class Scripted(Refusing):
-    """Refuses designs by a reason of a kind, without following them."""
-
-    kind = ReasonKind.too_little_benefit
+class Scripted(Verification):
+    """Refuses the first designs by a reason of a kind, without following them, and the first that fresh runs
+    judge; without a number of these the judgement is interrupted."""
 
     def at_once(self, design):
-        refused = len(self.verified) < self.refusals
         reason = Reason(step=Step.benefit, kind=self.kind)
-        mass, length, damping = design.tolist()
-        return designs_by_hand.verified(
-            mass_ratio=mass, length_ratio=length, damping_ratio=damping, reasons=(reason,) if refused else ()
-        )
+        ratios = dict(zip(("mass_ratio", "length_ratio", "damping_ratio"), design.tolist(), strict=True))
+        refused = len(self.verified) < self.refusals
+        return designs_by_hand.verified(**ratios, reasons=(reason,) if refused else ())
+
+    def by_fresh_runs(self, v):
+        if self.unlucky is None:
+            raise KeyboardInterrupt
+        reasons = (AFRESH,) if len(self.verified) <= self.unlucky else ()
+        return dataclasses.replace(v, chosen_by=v.benefit, reasons=reasons)
 
 
-def scripted(search, refusals, kind=ReasonKind.too_little_benefit) -> Scripted:
-    made = Scripted(problem(search.objective), None)
-    made.refusals, made.kind = refusals, kind
+@pytest.fixture(scope="module")
+def base(search):
+    return verification(search.objective)
+
+
+def scripted(base, refusals=0, kind=ReasonKind.too_little_benefit, unlucky=0) -> Scripted:
+    made = Scripted.__new__(Scripted)
+    vars(made).update(vars(base), verified=[], refusals=refusals, kind=kind, unlucky=unlucky)
     return made
 
 
-def test_the_designs_of_a_survey_are_verified_until_one_passes(search):
-    stern = scripted(search, 1)
+def test_the_designs_of_a_survey_are_verified_until_one_passes(base):
+    stern = scripted(base, 1)
     found = surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4])
     assert stern.best_of_survey(found) is DesignStatus.found
     assert [v.design.tolist() for v in stern.verified] == [pytest.approx(x) for x in SPREAD[:2]]
     assert {v.source for v in stern.verified} == {"survey"}
-    stern = scripted(search, 100)
+    stern = scripted(base, 100)
     assert stern.best_of_survey(found) is DesignStatus.refused
     assert len(stern.verified) == 4
     many = [[0.02 + 0.01 * i, 0.2 + 0.1 * i, 0.1] for i in range(12)]
@@ -253,9 +228,9 @@ def test_the_designs_of_a_survey_are_verified_until_one_passes(search):
     assert len(stern.verified) == verify.VERIFIED
 
 
-def test_what_a_verification_finds_orders_what_is_verified_next(search):
+def test_what_a_verification_finds_orders_what_is_verified_next(base):
     """The surfaces through the trials learn of the runs that refused a design."""
-    stern, met = scripted(search, 1, ReasonKind.strikes), []
+    stern, met = scripted(base, 1, ReasonKind.strikes), []
     found = surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4])
 
     def add(some, tried):
@@ -274,44 +249,13 @@ def test_what_a_verification_finds_orders_what_is_verified_next(search):
     assert stern.refinement.sure == pytest.approx(0.7), "the next must be surer"
 
 
-def test_a_real_refinement_learns_of_a_design_that_it_had_tried(search):
-    found = surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4])
-    reach = np.full(40, 0.9)
-
-    def run(design, i):
-        return Tried(float(design[0]), 0.0, reach)
-
-    def none(designs):
-        return surveyed(designs, np.full(len(designs), 0.2))
-
-    space = search.objective.space
-    ordered, here = refine(found, space, run, lambda designs: np.ones(len(designs), bool), none, 0.01, 0.0, 0)
-    first = int(here.order(ordered)[0])
-    struck = Tried(0.9, 0.0, np.full(40, 1.5))
-    for _ in range(3):
-        here.add(ordered.at(np.array([first])), [struck])
-    assert int(here.order(ordered)[0]) != first
-    assert sorted(here.order(ordered)) == list(range(len(ordered.designs)))
-    assert here.sure == 0.5
-
-
-class Unlucky(Scripted):
-    """Passes by the runs that choose; the first designs are refused by those that judge."""
-
-    unlucky = 0
-
-    def by_fresh_runs(self, v):
-        reasons = (AFRESH,) if len(self.verified) <= self.unlucky else ()
-        return dataclasses.replace(v, chosen_by=v.benefit, reasons=reasons)
-
-
 @pytest.mark.parametrize(
     ("room", "second"),
     [([-0.1, -0.105, -0.13, -0.2], 2), ([-0.1, -0.1, -0.1, -0.11], 1)],
     ids=["one does", "none does"],
 )
-def test_after_strikes_in_the_runs_that_judge_the_next_keeps_further_from_the_walls(search, room, second):
-    stern = scripted(search, 0)
+def test_after_strikes_in_the_runs_that_judge_the_next_keeps_further_from_the_walls(base, room, second):
+    stern = scripted(base, 0)
     found = surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4], room)
     stern.best_of_survey(found)
     struck = {"strikes": 0.02, "chosen_by": stern.verified[0].benefit}
@@ -320,46 +264,30 @@ def test_after_strikes_in_the_runs_that_judge_the_next_keeps_further_from_the_wa
     assert [v.design.tolist() for v in stern.verified] == [pytest.approx(SPREAD[i]) for i in (0, second)]
 
 
-UNLUCKY = [(0, 1, "found"), (2, 3, "found"), (9, 3, "refused")]
-
-
-def verified_by(stern, search, monkeypatch):
-    """What becomes of four designs that a survey has found."""
-    stern.refusals, stern.fresh = 0, SimpleNamespace(under_other_losses=lambda pendulum: ())
+@pytest.mark.parametrize(
+    ("unlucky", "count", "status"), [(0, 1, "found"), (2, 3, "found"), (9, 3, "refused"), (None, 1, "found")]
+)
+def test_after_a_refusal_by_fresh_runs_the_next_design_is_judged_but_no_more_than_three(
+    base, search, monkeypatch, unlucky, count, status
+):
+    """An interruption of the judgement leaves the design that passed."""
+    stern = scripted(base, unlucky=unlucky)
+    stern.fresh = SimpleNamespace(under_other_losses=lambda pendulum: ())
     both = (surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4]),) * 2
     monkeypatch.setattr(verify, "refine", lambda found, *_: (found, None))
     monkeypatch.setattr(optimise, "survey", lambda *_: both)
     found = optimise.Found(search, stern)
     with contextlib.suppress(KeyboardInterrupt):
         optimise._verify(problem(search.objective), found, None)
-    return found
-
-
-@pytest.mark.parametrize(("unlucky", "count", "status"), UNLUCKY)
-def test_after_a_refusal_by_fresh_runs_the_next_design_is_judged_but_no_more_than_three(
-    search, monkeypatch, unlucky, count, status
-):
-    stern = Unlucky(problem(search.objective), None)
-    stern.unlucky = unlucky
-    assert verified_by(stern, search, monkeypatch).status.name == status
+    assert found.status.name == status
     assert [v.mass_ratio for v in stern.verified] == [pytest.approx(x[0]) for x in SPREAD[:count]]
-    assert [bool(v.reasons) for v in stern.verified] == [i < unlucky for i in range(count)]
-
-
-def test_an_interruption_of_the_judgement_leaves_the_design_that_passed(search, monkeypatch):
-    class Interrupted(Unlucky):
-        def by_fresh_runs(self, v):
-            raise KeyboardInterrupt
-
-    stern = Interrupted(problem(search.objective), None)
-    found = verified_by(stern, search, monkeypatch)
-    assert found.status is DesignStatus.found
+    assert [bool(v.reasons) for v in stern.verified] == [i < (unlucky or 0) for i in range(count)]
     assert len(found.surveys) == 2
 
 
-def test_trial_runs_are_those_of_no_other_step(search, monkeypatch):
+def test_trial_runs_are_those_of_no_other_step(base, monkeypatch):
     """Each design has seeds of its own, and an order of the conditions."""
-    made, (asked, shares) = Verification(problem(search.objective), None), ([], [])
+    made, (asked, shares) = base, ([], [])
 
     def scripted(found, space, run, still, follow, strikes, rests, seed, progress):
         for i in range(3):
@@ -400,15 +328,15 @@ def test_trial_runs_are_those_of_no_other_step(search, monkeypatch):
     assert made.refined(none) is none, "no run where nothing helps"
 
 
-def test_neighbours_of_a_refused_design_are_passed_over(search):
+def test_neighbours_of_a_refused_design_are_passed_over(base):
     near = [SPREAD[0], [x + 1e-4 for x in SPREAD[0]], SPREAD[1]]
-    stern = scripted(search, 100)
+    stern = scripted(base, 100)
     stern.best_of_survey(surveyed(near, [0.1, 0.15, 0.2]))
     assert [v.mass_ratio for v in stern.verified] == [SPREAD[0][0], SPREAD[1][0]]
 
 
-def test_a_design_of_a_survey_keeps_to_limits_that_no_motion_from_rest_shows(search):
-    made = scripted(search, 100)
+def test_a_design_of_a_survey_keeps_to_limits_that_no_motion_from_rest_shows(base, search):
+    made = scripted(base, 100)
     # The reserve is at most about one, so that no rocking design has twenty of it.
     limits = (tpd.limits.Stroke(1.5), tpd.limits.Reserve(20.0))
     made.objective = dataclasses.replace(search.objective, limits=limits)
@@ -420,38 +348,12 @@ def test_a_design_of_a_survey_keeps_to_limits_that_no_motion_from_rest_shows(sea
 
 
 @pytest.mark.mends("the status was 'none rocks less' where the verified design was refused for its strikes")
-def test_where_no_design_of_a_survey_helps_the_best_one_says_why(search):
-    stern = scripted(search, 100, ReasonKind.strikes)
+def test_where_no_design_of_a_survey_helps_the_best_one_says_why(base):
+    stern = scripted(base, 100, ReasonKind.strikes)
     found = surveyed(SPREAD[:2], [0.6, 0.7])
     assert stern.best_of_survey(found) is DesignStatus.refused
     assert [reason.kind for reason in stern.verified[0].reasons] == [ReasonKind.strikes]
     assert len(stern.verified) == 1
-
-
-class Lucky(Refusing):
-    """Passes by the runs that choose; those that judge say what is written here."""
-
-    refusals = 0
-    said: tuple[Reason, ...] = ()
-
-    def by_fresh_runs(self, v):
-        self.chosen = v
-        return dataclasses.replace(super().by_fresh_runs(v), reasons=self.said)
-
-
-@pytest.mark.parametrize(("said", "status"), [((), DesignStatus.found), ((AFRESH,), DesignStatus.refused)])
-def test_the_best_end_of_an_interrupted_search_is_judged_once_by_runs_that_no_choice_has_seen(
-    search, said, status
-):
-    stern = Lucky(problem(search.objective), None)
-    stern.said = said
-    assert stern.best_of(search) is status
-    (judged,), chosen = stern.verified, stern.chosen
-    assert judged.reasons == said
-    assert [v.paired.hung.ensemble.seed for v in (chosen, judged)] == [RUNS.seed, RUNS.seed + 2]
-    assert judged.chosen_by is chosen.benefit
-    assert judged.benefit.value != chosen.benefit.value
-    assert stern.bare.paired is judged.paired.bare
 
 
 @pytest.mark.mends("a rod as long as the block was offered with its bob below the floor")
@@ -466,8 +368,8 @@ def test_the_bob_hangs_above_the_floor(search):
         assert [r.limit for r in v.reasons if r.limit.startswith("rod")] == broken
 
 
-def test_where_no_design_of_a_survey_keeps_to_the_limits_none_is_verified_and_the_nearest_is_told(search):
-    stern = scripted(search, 0)
+def test_where_no_design_of_a_survey_keeps_to_the_limits_none_is_verified_and_the_nearest_is_told(base):
+    stern = scripted(base, 0)
     found = surveyed(SPREAD[:2], [0.1, 0.1], room=[0.1, 0.2])
     found.excess["stroke"][0] = 0.3
     assert stern.best_of_survey(found) is DesignStatus.none_feasible
@@ -479,17 +381,95 @@ def test_where_no_design_of_a_survey_keeps_to_the_limits_none_is_verified_and_th
     assert [r.value for r in best.broken] == [pytest.approx(1.3), pytest.approx(1.1)]
 
 
-# What differs by the model of the search, and what needs no design
-
-
-def test_a_search_without_ends_leaves_nothing_to_verify(search):
-    checked = verification(search.objective)
+def test_a_search_without_ends_leaves_nothing_to_verify(base, search):
+    checked = scripted(base)
     assert checked.best_of(Multistart(search.objective, FEW_STEPS, 0, None)) is DesignStatus.none_feasible
     assert checked.verified == []
 
 
-def test_rest_under_all_conditions():
+def test_rest_under_all_conditions(base):
     # The shaking is below the friction: no orbit attracts either.
     calm = verification(orbits(conditions=tpd.Conditions.amplitudes(0.03, 0.06)))
     assert calm.bare_rests
-    assert not verification(orbits()).bare_rests
+    assert not base.bare_rests
+
+
+@pytest.fixture
+def end(search):
+    """One end with weights and excesses that a test may change."""
+    one, limits = search.groups[1], search.groups[1].local.limit.shape[1]
+    local = one.local.at(slice(0, 1))._replace(limit=np.full((1, limits), -0.5))
+    return one._replace(
+        x=np.full((1, 3), 0.5), local=local, weights=(np.zeros((1, 5)), np.zeros((1, limits)))
+    )
+
+
+def test_conditions_are_listed_by_their_weight(search, end):
+    assert active(search.objective, end, 1e-3) == (), "nothing holds a design in the middle"
+    end.weights[0][0] = [0.3, 0.0, 0.01, 0.69, 0.0]
+    assert [str(a) for a in active(search.objective, end, 1e-3)] == [
+        f"tilt at {BAND.label(3)} (0.69)",
+        f"tilt at {BAND.label(0)} (0.30)",
+    ]
+    mean = dataclasses.replace(search.objective, risk=tpd.Risk.expected())
+    assert active(mean, end, 1e-3) == (), "in a mean all weigh alike"
+
+
+def test_limits_are_listed_by_weight_and_by_how_near_they_are(search, end):
+    end.weights[1][0, 6] = 2.0
+    end.local.limit[0, 3] = 1e-5 - 5e-4
+    end.local.limit[0, 4] = -2e-3
+    found = active(search.objective, end, 1e-3)
+    assert [(a.kind, a.name, a.condition) for a in found] == [
+        ("limit", "reserve", BAND.label(1)),
+        ("limit", "stroke", BAND.label(3)),
+    ]
+    assert found[0].weight == 2.0
+
+
+def test_bounds_are_listed_with_their_values(search, end):
+    end.x[0] = [1.0, 0.5, 0.0]
+    assert [str(a) for a in active(search.objective, end, 1e-3)] == [
+        "upper bound of the mass ratio, 0.2",
+        "lower bound of the damping ratio, 0.05",
+    ]
+
+
+P = as_arrays(SCENE.parameters())
+
+
+@pytest.fixture(scope="module")
+def motions():
+    return motions_from_rest(P, GOOD[0], BAND, 100)
+
+
+def test_motions_are_those_of_the_steady_state(motions):
+    sharp = polished(P, GOOD[0], BAND, motions)
+    for i, factor in enumerate(BAND.column("frequency")):
+        motion = dataclasses.replace(SCENE.motion, frequency=SCENE.motion.frequency * factor)
+        scene = dataclasses.replace(SCENE, motion=motion)
+        hung = scene.pendulum(mass_ratio=GOOD[0, 0], length_ratio=GOOD[0, 1], damping_ratio=GOOD[0, 2])
+        s = tpd.steady_state(scene.parameters(hung))
+        assert sharp.status[i] == tpd.status_name(s.status)
+        assert sharp.amplitude[i] == pytest.approx(float(s.amplitude), rel=1e-12)
+        assert sharp.stroke[i] == pytest.approx(float(s.stroke), rel=1e-12)
+        assert sharp.multiplier[i] == pytest.approx(float(s.multiplier), rel=1e-9, nan_ok=True)
+    settled = np.isin(sharp.status, SETTLED)
+    np.testing.assert_allclose(motions.amplitude[settled], sharp.amplitude[settled], rtol=1e-4)
+    assert np.all(motions.peak >= 0.999 * motions.amplitude)
+    assert np.isnan(motions.multiplier).all()
+
+
+def test_many_conditions_are_not_polished():
+    many = tpd.Conditions.scatter(33, friction=0.1)
+    motions = motions_from_rest(P, GOOD[0], many, 40)
+    assert polished(P, GOOD[0], many, motions) is motions
+
+
+def test_an_overturning_block_has_no_amplitude():
+    hard = tpd.Conditions.amplitudes(1.0, 6.0)
+    motions = motions_from_rest(P, np.array([0.0, 0.3, 0.1]), hard, 100)
+    for m in (motions, polished(P, np.array([0.0, 0.3, 0.1]), hard, motions)):
+        assert m.status.tolist() == ["rocking", "overturned"]
+        assert m.amplitude[0] == pytest.approx(0.0833335, abs=1e-4)
+        assert m.amplitude[1] == m.stroke[1] == m.peak[1] == np.inf

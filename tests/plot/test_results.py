@@ -12,8 +12,7 @@ from tests import designs
 from tpd.answers.fragility import Curve, Fragility
 from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
 from tpd.answers.statistics import fit_lognormal
-from tpd.design.front import Front
-from tpd.design.many import Designs
+from tpd.design.many import Designs, Front
 
 SCENE = designs.SCENE
 VALUES = np.linspace(1.0, 4.0, 9)

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from tests import designs
-from tpd.design.build import build_of
 from tpd.design.criteria import Room, Stroke
 from tpd.design.result import DesignStatus, Nearest
-from tpd.design.study import Study
+from tpd.design.study import Study, build_of
 from tpd.design.verified import ReasonKind
 from tpd.report.answer import MOST, answer, verdict
 from tpd.report.blocks import Severity
@@ -100,7 +99,7 @@ def test_the_pendulum_is_said_as_it_is_built():
 
 def test_bobs_that_do_as_well_leave_two_digits():
     low, high = np.array([0.08, 0.5, 0.1]), np.array([0.12, 0.7, 0.1])
-    design = designs.single(range_alike=np.stack([low, high]))
+    design = designs.single(alike=np.stack([low, high]))
     said = answer(design, Study(build=build_of(design)))
     assert "acts as a point of 1.6 kg on 0.12 m (1.3 to 1.9 kg do as well)" in said
 

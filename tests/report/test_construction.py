@@ -8,7 +8,8 @@ import pytest
 import tpd
 from tests import designs
 from tpd.answers.statistics import Interval
-from tpd.design.build import Loads, Moved, build_of
+from tpd.design.build import Loads, Moved
+from tpd.design.study import build_of
 from tpd.report import construction
 from tpd.report.blocks import Listing, Table, Text
 

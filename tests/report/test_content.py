@@ -7,10 +7,9 @@ import pytest
 
 import tpd
 from tests import designs
-from tpd.design.build import build_of
 from tpd.design.criteria import Mass, Risk, Room
 from tpd.design.result import DesignStatus, HarmonicDesign
-from tpd.design.study import Study
+from tpd.design.study import Study, build_of
 from tpd.report import pictures, words
 from tpd.report.blocks import Figure, Severity, Table
 from tpd.report.content import content
@@ -196,7 +195,6 @@ def test_conditions_under_which_the_bare_block_rests_are_shown_without_a_pendulu
         screened=np.zeros((0, 3)),
         screened_value=np.zeros(0),
         screened_feasible=np.zeros(0, bool),
-        screened_overturned=np.zeros(0, bool),
         paths=(),
         ends=np.zeros((0, 3)),
         end_values=np.zeros(0),

@@ -9,9 +9,8 @@ from PIL import Image
 
 from tests import designs
 from tpd.core.formatting import number
-from tpd.design.build import build_of
 from tpd.design.result import DesignStatus
-from tpd.design.study import Study
+from tpd.design.study import Study, build_of
 from tpd.report import pictures
 from tpd.report.blocks import Code, Figure, Note, Report, Section, Severity, Table, Text
 from tpd.report.content import content

@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
     job, pendulum = common.case(options)
     from tpd.answers.compare_models import MODELS, QUICK
     from tpd.core import checks
-    from tpd.design.question import check_cavity
+    from tpd.design.problem import check_cavity
 
     if pendulum is None and options.design is None:
         raise ValueError("give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length")

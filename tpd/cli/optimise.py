@@ -92,9 +92,9 @@ def run(options: argparse.Namespace) -> int:
     """Search, verify, write the report and print the answer; return the exit status."""
     # The job is checked as a whole before anything is written or compiled.
     job, _ = common.case(options)
-    from tpd.design.front import front
+    from tpd.design.many import front
     from tpd.design.optimise import optimise
-    from tpd.design.question import check_cavity
+    from tpd.design.problem import check_cavity
     from tpd.design.study import study
     from tpd.report.files import write
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -38,9 +38,8 @@ __all__ = [
 ]
 """Names that `tpd.limits` is for."""
 
-if TYPE_CHECKING:
-    from tpd.design.objective import Evaluation
-
+ROCKING, NEAR, REST, UNSTABLE, NONE = range(5)
+"""Motions of a design under a condition, the best first."""
 HEAVIEST_RATIO = 1.0
 """Largest mass ratio m/M: no bob within a block is heavier than the block."""
 LONGEST_RATIO = 2.0
@@ -224,6 +223,47 @@ class Geometry:
     def mass(self, designs: np.ndarray) -> np.ndarray:
         """Mass of the bob, kg, (m, n)."""
         return self.block_mass * designs[:, 0, None] * self.mass_factor
+
+
+class Evaluation(NamedTuple):
+    """Designs under conditions: arrays (m, n), derivatives (m, n, 3) with respect to (mu, lam, zeta)."""
+
+    merit: np.ndarray
+    """Tilt over nu where the block rocks; minus the uplift margin where it rests; above 1 where it does not
+    settle. Lower is better, and a resting design is better than any rocking one. All have derivatives but
+    orbits near a fold."""
+    merit_slope: np.ndarray
+    tilt: np.ndarray
+    """Largest |phi| over nu; 0 at rest. Where no motion attracts, that of the largest orbit, or infinite."""
+    tilt_slope: np.ndarray
+    stroke: np.ndarray
+    """Largest |psi| of the same motion, rad."""
+    stroke_slope: np.ndarray
+    margin: np.ndarray
+    """Uplift margin."""
+    multiplier: np.ndarray
+    """Largest modulus of the Floquet multipliers; 0 at rest."""
+    reserve: np.ndarray
+    """Distance of the orbit from where it stops attracting: the least of fold, symmetry and torus in
+    `Margins`; 1 at rest."""
+    reserve_slope: np.ndarray
+    kind: np.ndarray
+    """Index into `tpd.design.objective.KINDS`."""
+    turn: np.ndarray
+    """phi, psi, phase of the forcing and psi' at the upper turn of the orbit that counts, (m, n, 4)."""
+    design: np.ndarray
+    """(m, 3)"""
+    relative: np.ndarray | None = None
+    """Largest |psi - phi|, rad, where it is known by itself."""
+
+    @property
+    def attracts(self) -> np.ndarray:
+        """Whether there is a motion to settle into, as far as the objective can tell."""
+        return self.kind <= REST
+
+    def at(self, rows: np.ndarray | list[int]) -> Evaluation:
+        """Evaluation of some of the designs."""
+        return Evaluation(*(None if x is None else x[rows] for x in self))  # type: ignore[arg-type]
 
 
 class Size(NamedTuple):

@@ -140,19 +140,18 @@ def joined(ends: list[Ends]) -> Ends:
     """Ends of searches that went one after the other, their paths side by side."""
     longest = max(len(e.path) for e in ends)
 
-    def padded(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([x, np.repeat(x[-1:], longest - len(x), axis=0)])
+    def paths(name: str) -> list[np.ndarray]:
+        every = [getattr(e, name) for e in ends]
+        return [np.concatenate([x, np.repeat(x[-1:], longest - len(x), axis=0)]) for x in every]
 
-    local = Linearisation(*map(np.concatenate, zip(*(e.local for e in ends), strict=True)))
-    on, by = map(np.concatenate, zip(*(e.weights for e in ends), strict=True))
-    paths = {name: [padded(getattr(e, name)) for e in ends] for name in ("path", "path_merit", "path_spent")}
     rest = ("x", "merit", "stationarity", "steps", "open", "mismatch", "lost")
+    on, by = map(np.concatenate, zip(*(e.weights for e in ends), strict=True))
     return Ends(
-        local=local,
+        local=Linearisation(*map(np.concatenate, zip(*(e.local for e in ends), strict=True))),
         weights=(on, by),
-        path=np.concatenate(paths["path"], axis=1),
-        path_merit=np.concatenate(paths["path_merit"], axis=1),
-        path_spent=np.sum(paths["path_spent"], axis=0),
+        path=np.concatenate(paths("path"), axis=1),
+        path_merit=np.concatenate(paths("path_merit"), axis=1),
+        path_spent=np.sum(paths("path_spent"), axis=0),
         **{name: np.concatenate([getattr(e, name) for e in ends]) for name in rest},
     )
 

@@ -15,15 +15,7 @@ from typing import Any
 from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
-from tpd.design.criteria import (
-    KINDS,
-    DesignSpace,
-    Limit,
-    Risk,
-    Room,
-    Worsening,
-    Worth,
-)
+from tpd.design.criteria import KINDS, DesignSpace, Limit, Risk, Room, Worsening, Worth
 from tpd.design.ground.judgement import SCATTERED
 from tpd.design.ground.search import GroundSearch
 from tpd.design.job_keys import (
@@ -44,7 +36,7 @@ from tpd.design.job_keys import (
     widths_of,
 )
 from tpd.design.methods import Descent, Method
-from tpd.design.question import check_moves, check_scatter
+from tpd.design.problem import check_moves, check_scatter
 from tpd.records.intensity import intensity_of
 from tpd.records.reading import read_motions
 from tpd.scene.bob import Bob

@@ -24,18 +24,9 @@ from msgspec import Meta
 from tpd.answers.ensemble import Ensemble
 from tpd.core.checks import shown
 from tpd.core.formatting import meant
-from tpd.design.criteria import (
-    DEFAULT_LIMITS,
-    KINDS,
-    DesignSpace,
-    Limit,
-    Risk,
-    Worth,
-    limit_of,
-)
-from tpd.design.ground.judgement import SCATTERED
-from tpd.design.ground.optimise import DEFAULT_SPACE, HELD_OUT
-from tpd.design.ground.search import GroundSearch
+from tpd.design.criteria import DEFAULT_LIMITS, KINDS, DesignSpace, Limit, Risk, Worth, limit_of
+from tpd.design.ground.judgement import HELD_OUT, SCATTERED
+from tpd.design.ground.search import DEFAULT_SPACE, GroundSearch
 from tpd.design.methods import SMOOTHED, Descent, Method, Sequential
 from tpd.models.piecewise import Piecewise
 from tpd.records.reading import BUILT_IN, SETS

@@ -8,11 +8,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
-from tpd.design.criteria import DesignSpace, Geometry, Limit, Risk, Size, Worsening
+from tpd.design.criteria import (
+    NEAR,
+    NONE,
+    REST,
+    ROCKING,
+    UNSTABLE,
+    DesignSpace,
+    Evaluation,
+    Geometry,
+    Limit,
+    Risk,
+    Size,
+    Worsening,
+)
 from tpd.design.ends import Linearisation
 from tpd.exact.orbit_terms import SIZES
 from tpd.models import compiled_orbits
@@ -34,55 +46,11 @@ BACK_OFF = 1e-5
 rounding or where a limit has no derivative, and the design still keeps the limit itself."""
 KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
 """Motions of a design under a condition, see `Evaluation.kind`."""
-ROCKING, NEAR, REST, UNSTABLE, NONE = range(5)
 _KIND_OF = np.array([ROCKING, UNSTABLE, UNSTABLE, NEAR, NEAR, NONE])
 """Index into `KINDS` by the number of an orbit's status, see `tpd.exact.orbit_terms`; the best
 of them is the smallest."""
 _RESERVE = ("fold", "symmetry", "torus")
 """Sizes of an orbit that are positive where it attracts."""
-
-
-class Evaluation(NamedTuple):
-    """Designs under conditions: arrays (m, n), derivatives (m, n, 3) with respect to (mu, lam, zeta)."""
-
-    merit: np.ndarray
-    """Tilt over nu where the block rocks; minus the uplift margin where it rests; above 1 where it does not
-    settle. Lower is better, and a resting design is better than any rocking one. All have derivatives but
-    orbits near a fold."""
-    merit_slope: np.ndarray
-    tilt: np.ndarray
-    """Largest |phi| over nu; 0 at rest. Where no motion attracts, that of the largest orbit, or infinite."""
-    tilt_slope: np.ndarray
-    stroke: np.ndarray
-    """Largest |psi| of the same motion, rad."""
-    stroke_slope: np.ndarray
-    margin: np.ndarray
-    """Uplift margin."""
-    multiplier: np.ndarray
-    """Largest modulus of the Floquet multipliers; 0 at rest."""
-    reserve: np.ndarray
-    """Distance of the orbit from where it stops attracting: the least of fold, symmetry and torus in
-    `Margins`; 1 at rest."""
-    reserve_slope: np.ndarray
-    kind: np.ndarray
-    """Index into `KINDS`."""
-    turn: np.ndarray
-    """phi, psi, phase of the forcing and psi' at the upper turn of the orbit that counts, (m, n, 4)."""
-    design: np.ndarray
-    """(m, 3)"""
-    relative: np.ndarray | None = None
-    """Largest |psi - phi|, rad, where it is known by itself."""
-
-    @property
-    def attracts(self) -> np.ndarray:
-        """Whether there is a motion to settle into, as far as the objective can tell."""
-        return self.kind <= REST
-
-    def at(self, rows: np.ndarray | list[int]) -> Evaluation:
-        """Evaluation of some of the designs."""
-        return Evaluation(*(None if x is None else x[rows] for x in self))  # type: ignore[arg-type]
-
-
 OF_PAIRS = Evaluation._fields[: Evaluation._fields.index("design")]
 """Fields of an evaluation that belong to pairs of design and condition; they come first."""
 

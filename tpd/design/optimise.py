@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.batch import aside
 from tpd.core.progress import Progress, shown
-from tpd.design.active import nearest_of
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Limit, Risk, Worth
 from tpd.design.ground.optimise import ground_problem
@@ -25,10 +25,9 @@ from tpd.design.one_shot import OneShot
 from tpd.design.problem import Problem
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.design.search import Multistart, stage
-from tpd.design.steps import pendulum_of
 from tpd.design.survey import Survey, survey
-from tpd.design.verified import LossCase, Verified
-from tpd.design.verify import JUDGED, Verification
+from tpd.design.verified import LossCase
+from tpd.design.verify import JUDGED, Verification, nearest_of, pendulum_of
 from tpd.models.compiled_linear import load_compiled
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions
@@ -107,39 +106,19 @@ def optimise(
     if checkpoint is not None:
         checks.instance("checkpoint", checkpoint, (Path, str))
     file = None if checkpoint is None else Path(checkpoint)
+    asked: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "ensemble": ensemble}
+    asked |= {"worth": worth, "seed": seed}
     if isinstance(conditions, Conditions) and conditions.motions:
         if starts is not None:
             raise ValueError("`starts` is for harmonics, but the conditions are ground motions")
-        shaken = ground_problem(
-            scene,
-            conditions,
-            space,
-            held_out=held_out,
-            risk=risk,
-            limits=limits,
-            method=method,
-            worth=worth,
-            ensemble=ensemble,
-            seed=seed,
-        )
+        shaken = ground_problem(scene, conditions, space, held_out=held_out, **asked)
         with shown(progress) as report:
             return solve_on_motions(shaken, Checkpoint.of(file, shaken.identity), report)
     if held_out is not None:
         raise ValueError("`held_out` is for ground motions, but the conditions are harmonics")
     if isinstance(scene, Block) or isinstance(method, GroundSearch):
         raise ValueError("a block alone, and a `GroundSearch`, go with ground motions: `Conditions.records`")
-    problem = Problem.of(
-        scene,
-        space,
-        conditions=conditions,
-        starts=starts,
-        risk=risk,
-        limits=limits,
-        method=method,
-        ensemble=ensemble,
-        worth=worth,
-        seed=seed,
-    )
+    problem = Problem.of(scene, space, conditions=conditions, starts=starts, **asked)
     with shown(progress) as report:
         return solve(problem, file, report)
 
@@ -209,18 +188,14 @@ def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
         found.losses = verification.fresh.under_other_losses(pendulum_of(problem.scene, winner))
 
 
-def _alike(verification: Verification, offered: Verified | None) -> np.ndarray | None:
-    """See `Design.alike`."""
-    if offered is None or verification.refinement is None:
-        return None
-    return verification.refinement.alike(offered.design)
-
-
 def _design(problem: Problem, found: Found) -> HarmonicDesign:
     """The answer, from what was searched and verified."""
     search, verification = found.search, found.verification
     verified = tuple(verification.verified)
     offered = verified[-1] if found.status is DesignStatus.found else None
+    alike = None
+    if offered is not None and verification.refinement is not None:
+        alike = verification.refinement.alike(offered.design)
     none = not search.interrupted and found.status is DesignStatus.none_feasible
     return HarmonicDesign(
         **problem.inputs,
@@ -232,6 +207,6 @@ def _design(problem: Problem, found: Found) -> HarmonicDesign:
         search=search.history,
         surveys=found.surveys,
         losses=found.losses,
-        range_alike=_alike(verification, offered),
+        alike=alike,
         settings=describe(problem.method),
     )

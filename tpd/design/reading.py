@@ -19,13 +19,12 @@ import numpy as np
 from tpd.answers.attractors import StartKind
 from tpd.core.formatting import Printed
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, Room, limit_of
-from tpd.design.ground.groups import Role
-from tpd.design.ground.judgement import SCATTERED
+from tpd.design.ground.judgement import SCATTERED, Role
 from tpd.design.job import Job, job_of
 from tpd.design.job_keys import MODELS, TABLES
 from tpd.design.methods import Method
-from tpd.design.question import Question
-from tpd.design.result import DesignStatus
+from tpd.design.problem import Question
+from tpd.design.verified import ANSWERS, DesignStatus
 from tpd.records.reading import BUILT_IN
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse
@@ -33,7 +32,7 @@ from tpd.scene.record import Record
 from tpd.scene.scene import Harmonic, Pendulum
 
 VERSION = 8
-"""Version of the file; it grows when a key changes its meaning or goes away."""
+"""Version of the file; it grows when a key that is read here changes its meaning or goes away."""
 _TYPES = {dict: "a table", str: "a text"}
 
 
@@ -125,8 +124,8 @@ def _pendulum(content: dict[str, Any]) -> Pendulum | None:
 
 def _status(content: dict[str, Any]) -> DesignStatus:
     name = _key(content, "status", str)
-    if name not in DesignStatus.__members__:
-        raise ValueError(f"`status` must be one of {', '.join(DesignStatus.__members__)}, but is {name!r}")
+    if name not in ANSWERS:
+        raise ValueError(f"`status` must be one of {', '.join(ANSWERS)}, but is {name!r}")
     return DesignStatus[name]
 
 

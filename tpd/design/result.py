@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import enum
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,97 +14,17 @@ from tpd.answers.paired import Change
 from tpd.answers.statistics import Interval
 from tpd.core import checks
 from tpd.core.formatting import Printed, above, picture
+from tpd.core.progress import Progress
+from tpd.design.build import Study
+from tpd.design.by_runs import PairedRuns
 from tpd.design.criteria import stroke_limit
-from tpd.design.question import Question
-from tpd.design.verified import GRAVE, Bare, LossCase, Reason, ReasonKind, Verified
+from tpd.design.problem import Question
+from tpd.design.reading import StoredDesign, read_design
+from tpd.design.search import Search
+from tpd.design.survey import Survey
+from tpd.design.verified import GRAVE, Bare, DesignStatus, LossCase, Nearest, Verified, one_of_a_kind
 from tpd.scene.conditions import Conditions
 from tpd.scene.scene import Pendulum, Scene
-
-if TYPE_CHECKING:
-    from tpd.core.progress import Progress
-    from tpd.design.reading import StoredDesign
-    from tpd.design.study import Study
-    from tpd.design.survey import Survey
-
-
-class DesignStatus(enum.Enum):
-    """Worth of the answer; the value is the sentence that a report opens with."""
-
-    found = (
-        "A PENDULUM WAS FOUND: over runs by the nonlinear equations that no choice has seen the block rocks "
-        "less with it, and no group of runs shows significant harm. That is no verdict of safety: read the "
-        "shares."
-    )
-    tuned_only = (
-        "A PENDULUM WAS TUNED TO THESE MOTIONS ALONE: there is no other earthquake to judge it on, so that "
-        "nothing is claimed about the next."
-    )
-    too_few = "TOO FEW EARTHQUAKES TO JUDGE: nothing is claimed."
-    undecided = "UNDECIDED: runs have no answer, and the verdict hangs on how they would have ended."
-    refused = "NO PENDULUM WORTH HANGING: no design that the search found passes the verification."
-    none_feasible = "NO PENDULUM WORTH HANGING: no design that was tried in this space keeps to the limits."
-    no_uplift = (
-        "NO PENDULUM IS NEEDED FROM REST: under all conditions the bare block stays or settles at rest. "
-        "Pushed hard enough it may rock or overturn all the same."
-    )
-    interrupted = "INTERRUPTED: what follows is the best that had been found by then, if anything."
-
-    @property
-    def is_sound(self) -> bool:
-        """Whether the answer may be used: a design found and judged, or none needed."""
-        return self in (DesignStatus.found, DesignStatus.no_uplift)
-
-
-class SearchStatus(enum.Enum):
-    """How one search ended."""
-
-    rests = "found designs that settle at rest; the uplift margin grew as far as it goes"
-    converged = "reached a minimum of the risk"
-    at_bound = "reached the edge of the design space"
-    stroke_limited = "reached the stroke limit"
-    steps_exhausted = "was still improving when the steps ran out"
-    contradicted = "ended on an orbit that the exact solution does not confirm"
-    infeasible = "met no design within the limits"
-    interrupted = "had not ended when the search was interrupted"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Search:
-    """The history of the search, for reports and pictures."""
-
-    screened: np.ndarray
-    """Designs (mu, lam, zeta) solved before the searches, (m, 3)."""
-    screened_value: np.ndarray
-    """Their risk, plus the excess over limits, (m,)."""
-    screened_feasible: np.ndarray
-    """Whether they keep to the limits, (m,)."""
-    screened_overturned: np.ndarray
-    """Whether they overturn, or reach no settled motion, under any condition, (m,)."""
-    paths: tuple[np.ndarray, ...]
-    """Designs on the way of each search, each (steps, 3)."""
-    ends: np.ndarray
-    """Best design of each search, (searches, 3)."""
-    end_values: np.ndarray
-    """Their risks, infinite where a limit is broken."""
-    statuses: tuple[SearchStatus, ...]
-    mismatch: np.ndarray
-    """Largest relative differences of merits (tilts, mostly) and of slopes between the model of the search
-    and the exact solution at the ends, (searches, 2); zero where the search was on the exact one."""
-    lost: np.ndarray
-    """Orbits that this model lost on the way of each search, (searches,): the exact one went on there."""
-    evaluations: int
-    """Designs evaluated, screening included."""
-    description: str
-    """From how many designs, in words."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Nearest:
-    """Where no design keeps to the limits: the design of least excess."""
-
-    design: np.ndarray
-    """(mu, lam, zeta)."""
-    broken: tuple[Reason, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,6 +50,9 @@ class Design(Question, Printed):
     status: DesignStatus
     pendulum: Pendulum | None
     """None where no design is offered."""
+    alike: np.ndarray | None = None
+    """Least and largest (mu, lam, zeta), shape (2, 3), of designs that do as well as the one that is offered,
+    as far as the runs of the search can tell; None where that is not known."""
     pictures: ClassVar[dict[str, str]] = {
         "landscape": "landscape:plot_landscape",
         "drawing": "drawing:plot_design",
@@ -150,8 +72,6 @@ class Design(Question, Printed):
             ValueError: a file that cannot be read, of another version, without a key, or with a value that
                 is not allowed.
         """
-        from tpd.design.reading import read_design
-
         return read_design(path)
 
     def plot(self, what: str = "landscape", *, ax: Any = None) -> Any:
@@ -241,12 +161,6 @@ class Design(Question, Printed):
         raise NotImplementedError
 
     @property
-    def alike(self) -> np.ndarray | None:
-        """Least and largest (mu, lam, zeta), shape (2, 3), of designs that do as well as the one that is
-        offered, as far as the runs of the search can tell; None where that is not known."""
-        raise NotImplementedError
-
-    @property
     def turned(self) -> np.ndarray:
         """Largest angles between rod and block, rad, of the best design in the runs that stand, on ground
         motions in those that it is tuned to. Empty without any."""
@@ -281,8 +195,6 @@ class HarmonicDesign(Design):
     """Designs followed from rest: by the linear equations, then by the nonlinear."""
     losses: tuple[LossCase, ...] = ()
     """The offered design under other models of the block's losses."""
-    range_alike: np.ndarray | None = None
-    """See `Design.alike`."""
     settings: dict[str, object] = field(default_factory=dict)
     pictures: ClassVar[dict[str, str]] = {
         **Design.pictures,
@@ -329,15 +241,7 @@ class HarmonicDesign(Design):
         reasons = () if self.best is None else self.best.reasons
         if self.status is DesignStatus.none_feasible and self.nearest is not None:
             reasons = self.nearest.broken
-        kinds: dict[tuple[ReasonKind, str], Reason] = {}
-        for reason in reasons:
-            kinds.setdefault((reason.kind, reason.limit), reason)
-        return tuple(map(str, sorted(kinds.values(), key=lambda reason: reason.kind not in GRAVE)))
-
-    @property
-    def alike(self) -> np.ndarray | None:
-        """See `Design.alike`."""
-        return self.range_alike
+        return tuple(map(str, sorted(one_of_a_kind(reasons), key=lambda reason: reason.kind not in GRAVE)))
 
     @property
     def turned(self) -> np.ndarray:
@@ -355,9 +259,16 @@ class HarmonicDesign(Design):
 
     def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
         """See `Design.saved_under`."""
-        from tpd.design.build import saved_under_harmonic
-
-        return saved_under_harmonic(self, scene, more, runs)
+        winner = self.winner
+        assert winner is not None
+        assert winner.paired is not None
+        assert self.pendulum is not None
+        ensemble = winner.paired.hung.ensemble
+        # Where e is what is moved it does not scatter as well.
+        width = ensemble.restitution if scene is self.scene else 0.0
+        some = replace(ensemble, size=min(ensemble.size, runs), restitution=width)
+        gain = PairedRuns(scene, self.conditions * more, some, self.worth, None).of(self.pendulum)[1]
+        return Interval(gain.value, gain.low, gain.high)
 
     def again(self, **changed: Any) -> dict[str, Any]:
         """See `Design.again`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,8 +13,8 @@ from tpd.design.criteria import stroke_limit
 from tpd.design.ends import BLANK, Ends, Linearisation
 from tpd.design.methods import Descent, Method
 from tpd.design.objective import BACK_OFF, Count, Orbits
-from tpd.design.result import Search, SearchStatus
 from tpd.design.screening import best_apart, first_apart, screened_designs
+from tpd.design.verified import DesignStatus
 
 GROUP = 16
 """Searches run at once: the work that an interruption may lose."""
@@ -21,6 +22,34 @@ _AWAY = 0.05
 """Least distance, in shares of the bounds, of a design on a path from every end."""
 AT_BOUND = 1e-4
 """Distance from a bound, in shares of the bounds, that counts as none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """The history of the search, for reports and pictures."""
+
+    screened: np.ndarray
+    """Designs (mu, lam, zeta) solved before the searches, (m, 3)."""
+    screened_value: np.ndarray
+    """Their risk, plus the excess over limits, (m,)."""
+    screened_feasible: np.ndarray
+    """Whether they keep to the limits, (m,)."""
+    paths: tuple[np.ndarray, ...]
+    """Designs on the way of each search, each (steps, 3)."""
+    ends: np.ndarray
+    """Best design of each search, (searches, 3)."""
+    end_values: np.ndarray
+    """Their risks, infinite where a limit is broken."""
+    statuses: tuple[DesignStatus, ...]
+    mismatch: np.ndarray
+    """Largest relative differences of merits (tilts, mostly) and of slopes between the model of the search
+    and the exact solution at the ends, (searches, 2); zero where the search was on the exact one."""
+    lost: np.ndarray
+    """Orbits that this model lost on the way of each search, (searches,): the exact one went on there."""
+    evaluations: int
+    """Designs evaluated, screening included."""
+    description: str
+    """From how many designs, in words."""
 
 
 class Multistart:
@@ -31,7 +60,7 @@ class Multistart:
         self.count, self.groups, self.interrupted = method.searches, list[Ends](), False
         self.description = f"{method.searches} designs"
         self.screened, self.screened_value = np.zeros((0, 3)), np.zeros(0)
-        self.feasible, self.overturned = np.zeros(0, bool), np.zeros(0, bool)
+        self.feasible = np.zeros(0, bool)
 
     def run(self, checkpoint: Checkpoint) -> None:
         """Screen and search; Ctrl-C keeps the groups that had ended."""
@@ -60,7 +89,7 @@ class Multistart:
         # Designs slightly beyond a limit stay in the order: a search leads them back inside.
         excess = np.maximum(local.limit, 0.0).sum(axis=1)
         self.screened, self.screened_value = designs, objective.value(e) + excess
-        self.feasible, self.overturned = excess == 0.0, np.any(~e.attracts, axis=1)
+        self.feasible = excess == 0.0
         units = objective.space.scaled(designs)
         chosen = best_apart(units, self.screened_value, self.count)
         # Fewer than asked for, where screened designs coincide.
@@ -148,7 +177,6 @@ class Multistart:
             screened=self.screened,
             screened_value=self.screened_value,
             screened_feasible=self.feasible,
-            screened_overturned=self.overturned,
             paths=paths,
             ends=self.designs,
             end_values=self.values,
@@ -159,30 +187,30 @@ class Multistart:
             description=self.description,
         )
 
-    def statuses(self) -> tuple[SearchStatus, ...]:
+    def statuses(self) -> tuple[DesignStatus, ...]:
         """How every search ended."""
         out = [self._status(g, i) for g in self.groups for i in range(len(g.x))]
-        return (*out, *(SearchStatus.interrupted,) * (self.count - len(out)))
+        return (*out, *(DesignStatus.interrupted,) * (self.count - len(out)))
 
-    def _status(self, g: Ends, i: int) -> SearchStatus:
+    def _status(self, g: Ends, i: int) -> DesignStatus:
         n, limit = len(self.objective.conditions), g.local.limit[i] - BACK_OFF
         inside = (g.x[i] > AT_BOUND) & (g.x[i] < 1.0 - AT_BOUND)
         limited = np.isfinite(stroke_limit(self.objective.limits))
         if not np.isfinite(g.merit[i]):
-            return SearchStatus.infeasible
+            return DesignStatus.infeasible
         if g.open[i] and not g.steps[i]:
-            return SearchStatus.interrupted
+            return DesignStatus.interrupted
         if self._contradicts(g)[i]:
-            return SearchStatus.contradicted
+            return DesignStatus.contradicted
         if limit.max(initial=0.0) > 0.0:
-            return SearchStatus.infeasible
+            return DesignStatus.infeasible
         if g.open[i]:
-            return SearchStatus.steps_exhausted
+            return DesignStatus.steps_exhausted
         if limited and limit[:n].max() > -1e-3:
-            return SearchStatus.stroke_limited
+            return DesignStatus.stroke_limited
         if g.local.value[i].max() <= 0.0:
-            return SearchStatus.rests
-        return SearchStatus.converged if inside.all() else SearchStatus.at_bound
+            return DesignStatus.rests
+        return DesignStatus.converged if inside.all() else DesignStatus.at_bound
 
 
 def stage(progress: Progress, name: str) -> Count:

@@ -2,60 +2,48 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
 
 from tpd.answers.response import Response, frequencies, settled_response
 from tpd.answers.steady_state import sampled, simulate
 from tpd.core.progress import Progress
-from tpd.design.build import Build, build_of, moved_of
+from tpd.design.build import Build, FrontPoint, Moved, Study, TimeHistory, loads_of, pull_test
+from tpd.design.criteria import Room, limit_of
 from tpd.design.objective import geometry_of
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.models.piecewise import Piecewise
+from tpd.scene.bob import Bob
+from tpd.scene.conditions import Conditions
+from tpd.scene.ground_motion import Pulse
 from tpd.scene.parameters import as_arrays
-from tpd.scene.scene import Pendulum, Scene
-
-if TYPE_CHECKING:
-    from tpd.design.front import FrontPoint
+from tpd.scene.scene import Harmonic, Pendulum, Scene
+from tpd.theory import uplift
 
 _BAND = frequencies(1.0, 0.7, 1.5, 41)
 """Frequencies of a response, in shares of the scene's own."""
 _Part = TypeVar("_Part")
-
-
-@dataclass(frozen=True, kw_only=True)
-class TimeHistory:
-    """One motion from rest under the scene's own shaking, shapes (times,)."""
-
-    with_pendulum: bool
-    time: np.ndarray
-    """s"""
-    tilt: np.ndarray
-    """phi, rad; NaN where the model has no answer, as after an overturning."""
-    bob: np.ndarray
-    """psi, rad."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Study:
-    """Everything that a report shows beside the design; None where a part does not apply or was left out. A
-    design on ground motions has the build and the front alone."""
-
-    build: Build | None = None
-    """None where no pendulum is offered."""
-    histories: tuple[TimeHistory, ...] | None = None
-    """First 24 periods from rest."""
-    responses: tuple[Response, ...] | None = None
-    """Over frequency from rest: the bare block and, if there is one, the block with the pendulum. Only for
-    the scene's own shaking."""
-    usage: tuple[tuple[str, float], ...] = ()
-    """Limited quantities of the best design over their limits, the largest of all conditions."""
-    front: tuple[FrontPoint, ...] = ()
-    left_out: tuple[str, ...] = ()
-    """Parts that an interruption left out."""
+_MOTIONS = 24
+"""Most motions that are followed over time for loads."""
+_CYCLES = 40
+"""Periods of a harmonic from rest in which the loads are largest."""
+_MOVED = {
+    "restitution": 0.5,
+    "friction": 0.5,
+    "slenderness": 0.05,
+    "amplitude": 0.1,
+    "frequency": 0.05,
+    "mass": 0.05,
+    "length": 0.05,
+    "damping": 0.4,
+}
+"""Shares by which a quantity is moved; of a restitution it is the loss, 1 - e."""
+_RUNS = 256
+"""Most paired runs of a moved harmonic scene."""
 
 
 def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progress | None = None) -> Study:
@@ -130,3 +118,116 @@ def usage(design: HarmonicDesign) -> tuple[tuple[str, float], ...]:
     where = replace(geometry_of(design.scene, design.conditions), bare_tilt=tilt)
     sizes = [size for limit in design.limits for size in limit.sizes(evaluation, where)]
     return tuple((size.name, float(np.max(size.value))) for size in sizes)
+
+
+def build_of(design: Design, moved: tuple[Moved, ...] = ()) -> Build | None:
+    """The pendulum of a design as it is built; None where none is offered."""
+    hung, scene = design.pendulum, design.scene
+    if hung is None:
+        return None
+    room, g = limit_of(design.limits, Room), float(scene.gravity)
+    bob = room.bob if isinstance(room, Room) else Bob()
+    mass, length, zeta = float(hung.mass), float(hung.length), float(hung.damping_ratio)
+    block, mu = scene.block, mass / float(scene.block.mass)
+    body, rod = bob.built(mass, length, g)
+    half, rod_share = float(bob.half_height(body)), bob.rod_share(rod, g)
+    reach = bob.reach(body, rod, design.turned)
+    loads = loads_of([Scene(block, m, g) for m in _strongest(design)], hung)
+    # Rod and hinge carry the whole body: the part that does not swing is taken to pull as the rest does.
+    up = body * (1.0 + rod_share) / mass if math.isfinite(body) else 1.0
+    # Both limits of |B| f = (1 + mu) nu + k, see `tpd.theory.uplift`.
+    capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction or 0.0)
+    return Build(
+        bob=bob,
+        mass=body,
+        dead=body * (1.0 + rod_share) - mass,
+        bob_width=2.0 * float(bob.radius(body)),
+        bob_height=2.0 * half,
+        rod=rod,
+        rod_share=rod_share,
+        depth=rod + half,
+        wall=math.nan if block.cavity_width is None else 0.5 * float(block.cavity_width),
+        reach=float(np.quantile(reach, 1.0 - design.strikes_allowed, method="higher"))
+        if np.size(reach)
+        else math.nan,
+        frequency=math.sqrt(g / length) / (2.0 * math.pi),
+        damping=float(hung.hinge_damping(g)),
+        rebound=math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)) if zeta < 1.0 else 0.0,
+        weight=body * (1.0 + rod_share) * g,
+        loads=None if loads is None else loads._replace(tension=loads.tension * up, hinge=loads.hinge * up),
+        lifts=_lifts(scene, hung) if isinstance(scene.motion, Harmonic) else None,
+        lifts_slow_fast=(capacity / (1.0 + 2.0 * mu), capacity),
+        pull=pull_test(scene),
+        moved=moved,
+    )
+
+
+def _lifts(scene: Scene, hung: Pendulum) -> tuple[float, float]:
+    """See `Build.lifts`."""
+    with_it, without = (
+        float(p.f / (1.0 - uplift(p).margin)) for p in (scene.parameters(hung), scene.parameters())
+    )
+    return with_it, without
+
+
+def _strongest(design: Any) -> list[Any]:
+    """Motions of a design's conditions, those in which the rod turns most if there are many."""
+    c, motion = design.conditions, design.scene.motion
+    if c.motions:
+        return _of_motions(design)
+    found = [
+        Pulse.sine_train(
+            acceleration=float(motion.amplitude * a * (motion.rate * w) ** 2),
+            frequency=float(motion.frequency * w),
+            cycles=_CYCLES,
+        )
+        for a, w in zip(c.column("amplitude"), c.column("frequency"), strict=True)
+    ]
+    # Rod and damper are loaded most near the pendulum's own frequency, not by the strongest shaking.
+    stroke = np.zeros(len(found)) if design.best is None else design.best.evaluation.stroke[0]
+    order = np.argsort(-np.nan_to_num(stroke, posinf=-1.0, nan=-1.0), kind="stable")
+    return [found[i] for i in order[:_MOTIONS]]
+
+
+def _of_motions(design: Any) -> list[Any]:
+    """Ground motions that a design is tuned to, as strong as its conditions say: those in which the block
+    stands by the linear equations and the rod turns most against it."""
+    objective = design.objective
+    turned = objective.evaluate(design.best[None]).relative[0]
+    order = [i for i in np.argsort(-np.nan_to_num(turned, posinf=-1.0, nan=-1.0)) if np.isfinite(turned[i])]
+    which, motions = np.asarray(objective.conditions.which), objective.conditions.motions
+    return [motions[int(which[i])].scaled(float(objective.factors[i])) for i in order[:_MOTIONS]]
+
+
+def moved_of(design: Design, progress: Progress | None = None) -> tuple[Moved, ...]:
+    """How the benefit moves with what is not known exactly, one quantity after the other, on the runs that
+    judged; empty where no pendulum is offered."""
+    if design.pendulum is None:
+        return ()
+    block, out = design.scene.block, []
+    lossless = float(block.velocity_ratio) == 1.0
+    absent = {"restitution": lossless, "friction": not block.friction}
+    names = [name for name in _MOVED if not absent.get(name, False)]
+    # The same runs with nothing moved: fewer than those that judged, they give another number.
+    same = design.saved_under(design.scene, Conditions(), _RUNS)
+    out.append(Moved("", 0.0, same, same))
+    for done, name in enumerate(names):
+        if progress is not None:
+            progress("what the benefit hangs on", done, len(names))
+        width = _MOVED[name]
+        sides = [design.saved_under(*_changed(design, name, sign * width), _RUNS) for sign in (-1.0, 1.0)]
+        out.append(Moved(name, width, *sides))
+    if progress is not None:
+        progress("what the benefit hangs on", len(names), len(names))
+    return tuple(out)
+
+
+def _changed(design: Design, name: str, share: float) -> tuple[Scene, Conditions]:
+    """Scene and further condition in which a quantity differs by a share."""
+    scene = design.scene
+    if name != "restitution":
+        return scene, Conditions({name: np.array([1.0 + share])})
+    # A factor on e would exceed 1; and an e that follows the block's shape is moved as well.
+    e = 1.0 - (1.0 - float(scene.block.velocity_ratio)) * (1.0 + share)
+    block = replace(scene.block, restitution=max(e, 0.0))
+    return Scene(block, scene.motion, scene.gravity), Conditions()

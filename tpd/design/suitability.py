@@ -12,10 +12,9 @@ from tpd.answers.compare_models import Check, check
 from tpd.core.progress import Progress
 from tpd.design.criteria import DesignSpace, Limit, Mass, Offset, Worsening, Worth, limit_of, stroke_limit
 from tpd.design.problem import Problem
-from tpd.design.steps import HEIGHT
 from tpd.design.survey import ROOM
-from tpd.design.verified import Reason, ReasonKind, Step, Verified
-from tpd.design.verify import Verification
+from tpd.design.verified import Reason, ReasonKind, Step, Verified, one_of_a_kind
+from tpd.design.verify import HEIGHT, Verification
 from tpd.scene.scene import Pendulum, Scene
 
 
@@ -37,10 +36,7 @@ class Suitability:
         """Sentences that say why not to hang it, the gravest last; empty if nothing speaks against it."""
         if not self.needed:
             return ("does not help: under all conditions the bare block settles at rest: none is needed",)
-        kinds: dict[tuple[ReasonKind, str], Reason] = {}
-        for reason in self.verified.reasons:
-            kinds.setdefault((reason.kind, reason.limit), reason)
-        found = [f"{_sort(reason)}: {reason}" for reason in kinds.values()]
+        found = [f"{_sort(reason)}: {reason}" for reason in one_of_a_kind(self.verified.reasons)]
         return tuple(sorted(found, key=lambda said: _SORTS.index(said.split(":")[0])))
 
     @property

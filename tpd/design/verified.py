@@ -4,18 +4,91 @@ from __future__ import annotations
 
 import enum
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tpd.answers.ensemble import Outcomes
 from tpd.answers.paired import FEWER, Benefit, Verdict
 from tpd.answers.statistics import Share
+from tpd.design.criteria import Evaluation
+from tpd.design.survey import Survey
 
-if TYPE_CHECKING:
-    from tpd.design.objective import Evaluation
-    from tpd.design.survey import Survey
+
+class DesignStatus(enum.Enum):
+    """Outcome of a search for designs; the value is the sentence that a report opens with, or says of one of
+    its descents."""
+
+    def __new__(cls, said: str, remedy: str) -> DesignStatus:
+        """Make a member of its sentence, with what to do about it."""
+        made = object.__new__(cls)
+        made._value_ = said
+        made.remedy = remedy
+        return made
+
+    remedy: str
+    """What to do about it."""
+
+    found = (
+        "A PENDULUM WAS FOUND: over runs by the nonlinear equations that no choice has seen the block rocks "
+        "less with it, and no group of runs shows significant harm. That is no verdict of safety: read the "
+        "shares.",
+        "Check it by earthquakes and by an engine with contact before it is hung.",
+    )
+    tuned_only = (
+        "A PENDULUM WAS TUNED TO THESE MOTIONS ALONE: there is no other earthquake to judge it on, so that "
+        "nothing is claimed about the next.",
+        "Give records of other earthquakes, or a share that is held out.",
+    )
+    too_few = ("TOO FEW EARTHQUAKES TO JUDGE: nothing is claimed.", "Give records of more earthquakes.")
+    undecided = (
+        "UNDECIDED: runs have no answer, and the verdict hangs on how they would have ended.",
+        "Give more runs or records, or less shaking.",
+    )
+    refused = (
+        "NO PENDULUM WORTH HANGING: no design that the search found passes the verification.",
+        "Widen the design space, ask for less benefit, or give the bob more room.",
+    )
+    none_feasible = (
+        "NO PENDULUM WORTH HANGING: no design that was tried in this space keeps to the limits.",
+        "Widen the design space, or loosen the limit that the nearest design breaks.",
+    )
+    no_uplift = (
+        "NO PENDULUM IS NEEDED FROM REST: under all conditions the bare block stays or settles at rest. "
+        "Pushed hard enough it may rock or overturn all the same.",
+        "Give a stronger shaking to see what the block stands.",
+    )
+    interrupted = (
+        "INTERRUPTED: what follows is the best that had been found by then, if anything.",
+        "Ask again with the same checkpoint: what had ended is not repeated.",
+    )
+    rests = ("found designs that settle at rest; the uplift margin grew as far as it goes", "None is needed.")
+    converged = "reached a minimum of the risk", "None is needed."
+    at_bound = "reached the edge of the design space", "Widen the design space there."
+    stroke_limited = "reached the stroke limit", "Allow a larger stroke, or more damping."
+    steps_exhausted = "was still improving when the steps ran out", "Give more steps."
+    contradicted = (
+        "ended on an orbit that the exact solution does not confirm",
+        "Descend on exact orbits: `Descent(model=Piecewise())`, or `Sequential()`.",
+    )
+    infeasible = "met no design within the limits", "Widen the design space, or loosen a limit."
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether the answer may be used: a design found and judged, or none needed."""
+        return self in (DesignStatus.found, DesignStatus.no_uplift)
+
+    @property
+    def of_descent(self) -> str:
+        """What a report says of one descent that ended so."""
+        if self is DesignStatus.interrupted:
+            return "had not ended when the search was interrupted"
+        return self.value
+
+
+ANSWERS = tuple(DesignStatus.__members__)[:8]
+"""Names of the statuses that an answer may have; the others are of its descents."""
 
 
 class Step(enum.Enum):
@@ -28,25 +101,31 @@ class Step(enum.Enum):
 
 
 class ReasonKind(enum.Enum):
-    """Why a design is refused."""
+    """Why a design is refused; the value is the sentence, with the numbers of a `Reason`."""
 
-    overturns = enum.auto()
-    """The block overturns, or the motion has no answer, with the design where it stands without."""
-    overturns_more = enum.auto()
-    """Significantly more conditions or runs overturn with the design than without."""
-    breaks_limit = enum.auto()
-    rocks_more = enum.auto()
-    """The block rocks at least as much as without the design."""
-    too_little_benefit = enum.auto()
-    """The mean tilt falls by less than the least benefit, or not significantly."""
-    rests_less = enum.auto()
-    """Fewer runs end at rest with the design than without, by significantly more than a tenth."""
-    worse_condition = enum.auto()
-    """Under a condition the mean tilt rises by significantly more than allowed."""
-    strikes = enum.auto()
-    """The bob strikes a wall in more runs than allowed."""
-    undecided = enum.auto()
-    """Runs have no answer, and the verdict hangs on how they would have ended."""
+    overturns = "the block overturns from rest, or has no answer, and stands without the pendulum"
+    overturns_more = (
+        "the block overturns in {value:.0f} of {total} cases with the pendulum only, and in {reference:.0f} "
+        "without it only{at}"
+    )
+    breaks_limit = "the design exceeds the limit on {limit} by {excess:.2g} of it{at}"
+    rocks_more = (
+        "the block tilts from rest to {value:.1%} of the slenderness, and to {reference:.1%} without the "
+        "pendulum"
+    )
+    too_little_benefit = (
+        "the mean tilt {falls} (at least {sure} with 95 % confidence), and {reference:.1%} is asked for"
+    )
+    rests_less = (
+        "the block ends at rest in {value:.0f} of {total} cases with the pendulum, and in {reference:.0f} "
+        "without it; {fewer:.0%} fewer are allowed"
+    )
+    worse_condition = (
+        "the mean tilt is {value:.1%} of the slenderness with the pendulum, and {reference:.1%} without "
+        "it{at}{others}"
+    )
+    strikes = "the bob strikes a wall in {value:.1%} of the cases, and {reference:.1%} is allowed"
+    undecided = "{value:.0f} of {total} cases have no answer, and the verdict hangs on it"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,62 +169,38 @@ class Reason:
                 return 1.0
 
     def __str__(self) -> str:
-        at = f" at {self.condition}" if self.condition else ""
-        by = f"by the {self.step.value}"
-        match self.kind:
-            case ReasonKind.overturns:
-                return (
-                    f"{by} the block overturns from rest, or has no answer, and stands without the pendulum"
-                )
-            case ReasonKind.overturns_more:
-                return (
-                    f"{by} the block overturns in {self.value:.0f} of {self.total} cases with the pendulum "
-                    f"only, and in {self.reference:.0f} without it only{at}"
-                )
-            case ReasonKind.breaks_limit:
-                return (
-                    f"{by} the design exceeds the limit on {self.limit} by {self.value - 1.0:.2g} of it{at}"
-                )
-            case ReasonKind.rocks_more:
-                return (
-                    f"{by} the block tilts from rest to {self.value:.1%} of the slenderness, and to "
-                    f"{self.reference:.1%} without the pendulum"
-                )
-            case ReasonKind.too_little_benefit:
-                sure = "unknown" if math.isnan(self.low) else f"{self.low:.1%}"
-                return (
-                    f"{by} the mean tilt {_fall(self.value)} (at least {sure} with 95 % confidence), and "
-                    f"{self.reference:.1%} is asked for"
-                )
-            case ReasonKind.rests_less:
-                return (
-                    f"{by} the block ends at rest in {self.value:.0f} of {self.total} cases with the "
-                    f"pendulum, and in {self.reference:.0f} without it; {FEWER:.0%} fewer are allowed"
-                )
-            case ReasonKind.worse_condition:
-                more = f", and {self.total - 1} other conditions are worse" if self.total > 1 else ""
-                return (
-                    f"{by} the mean tilt is {self.value:.1%} of the slenderness with the pendulum, and "
-                    f"{self.reference:.1%} without it{at}{more}"
-                )
-            case ReasonKind.strikes:
-                return (
-                    f"{by} the bob strikes a wall in {self.value:.1%} of the cases, and "
-                    f"{self.reference:.1%} is allowed"
-                )
-            case ReasonKind.undecided:
-                return (
-                    f"{by} {self.value:.0f} of {self.total} cases have no answer, and the verdict hangs on it"
-                )
+        fall = self.value if self.kind is ReasonKind.too_little_benefit else 0.0
+        said = self.kind.value.format(
+            **vars(self),
+            at=f" at {self.condition}" if self.condition else "",
+            excess=self.value - 1.0,
+            falls=f"falls by {fall:.1%}" if fall >= 0.0 else f"grows by {-fall:.1%}",
+            sure="unknown" if math.isnan(self.low) else f"{self.low:.1%}",
+            fewer=FEWER,
+            others=f", and {self.total - 1} other conditions are worse" if self.total > 1 else "",
+        )
+        return f"by the {self.step.value} {said}"
 
 
 GRAVE = (ReasonKind.overturns, ReasonKind.overturns_more, ReasonKind.strikes)
 """Reasons that are dangers: the block overturns, or the bob strikes it."""
 
 
-def _fall(share: float) -> str:
-    """Fall of a tilt in words; a negative one is a growth."""
-    return f"falls by {share:.1%}" if share >= 0.0 else f"grows by {-share:.1%}"
+def one_of_a_kind(reasons: Iterable[Reason]) -> list[Reason]:
+    """The first of all reasons of a kind: several conditions may break one limit."""
+    kinds: dict[tuple[ReasonKind, str], Reason] = {}
+    for reason in reasons:
+        kinds.setdefault((reason.kind, reason.limit), reason)
+    return list(kinds.values())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nearest:
+    """Where no design keeps to the limits: the design of least excess."""
+
+    design: np.ndarray
+    """(mu, lam, zeta)."""
+    broken: tuple[Reason, ...]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,10 +12,9 @@ import numpy as np
 
 from tpd.answers.paired import Change
 from tpd.core.formatting import number
-from tpd.design.build import build_of
 from tpd.design.criteria import LABELS
 from tpd.design.result import Comparison, Design, DesignStatus, HarmonicDesign
-from tpd.design.study import Study, usage
+from tpd.design.study import Study, build_of, usage
 from tpd.report import words
 from tpd.report.blocks import Note, Severity, Table, danger, note
 from tpd.report.notes import notes

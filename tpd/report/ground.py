@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from tpd.core import files
 from tpd.design.ground.design import GroundDesign
-from tpd.design.ground.groups import Role
-from tpd.design.ground.judgement import Judged
+from tpd.design.ground.judgement import Judged, Role
 from tpd.design.ground.search import SPARE
 from tpd.report.blocks import Block, Cell, Table, Text
 from tpd.report.notes import unknown

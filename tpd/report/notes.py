@@ -12,8 +12,7 @@ from tpd.answers.response import Response
 from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.design.criteria import Mass, Room, Worth, limit_of
 from tpd.design.ground.design import GroundDesign
-from tpd.design.ground.groups import Role, unnamed
-from tpd.design.ground.judgement import Judged
+from tpd.design.ground.judgement import Judged, Role, unnamed
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.design.study import Study
 from tpd.design.verified import Verified

@@ -12,12 +12,11 @@ import tpd
 from tests.design.ground.conftest import BLOCK
 from tpd.answers.statistics import Interval
 from tpd.cli import main
-from tpd.design.build import moved_of
-from tpd.design.front import FrontPoint
 from tpd.design.ground import design, objective
-from tpd.design.ground.groups import Role
+from tpd.design.ground.judgement import Role
+from tpd.design.many import FrontPoint
 from tpd.design.result import DesignStatus
-from tpd.design.study import Study, study
+from tpd.design.study import Study, moved_of, study
 from tpd.plot.compare import plot_groups
 from tpd.report.answer import verdict
 from tpd.report.blocks import Severity
@@ -38,8 +37,14 @@ def ask(records, **settings):
 
 
 @pytest.fixture(scope="module")
-def found(records):
-    return ask(records, seed=0)
+def stored(tmp_path_factory):
+    """Checkpoint with the search of `found`."""
+    return tmp_path_factory.mktemp("found") / "unfinished.npz"
+
+
+@pytest.fixture(scope="module")
+def found(records, stored):
+    return ask(records, seed=0, checkpoint=stored)
 
 
 def test_a_design_is_judged_on_earthquakes_that_it_never_saw(found):
@@ -76,8 +81,7 @@ def test_the_same_seed_gives_the_same_answer_and_a_stored_search_goes_on(records
     cut = ask(records, seed=0, checkpoint=path, progress=interrupt)
     assert cut.status is DesignStatus.interrupted
     assert cut.pendulum is None
-    done = []
-    again = ask(records, seed=0, checkpoint=path, progress=lambda stage, i, n: done.append((stage, i)))
+    again = ask(records, seed=0, checkpoint=path)
     np.testing.assert_array_equal(again.searched.value, found.searched.value)
     np.testing.assert_array_equal(again.best, found.best)
     assert again.judged[1].difference == found.judged[1].difference
@@ -100,12 +104,12 @@ def ricker(frequency: float) -> tpd.Record:
 
 
 @pytest.mark.mends("a pendulum was found although more runs than allowed broke a limit of the bob")
-def test_a_broken_allowance_refuses(records, found, monkeypatch):
+def test_a_broken_allowance_refuses(records, found, stored, monkeypatch):
     assert found.status is DesignStatus.found
     assert all(g.strikes <= found.worth.broken for g in found.judged)
     # The same search, and in the judgement 62 % of the standing runs break a limit.
-    monkeypatch.setattr(objective, "broken_share", lambda *given: 0.62)
-    broken = ask(records, seed=0)
+    monkeypatch.setattr(objective.GroundObjective, "broken", lambda *given: 0.62)
+    broken = ask(records, seed=0, checkpoint=stored)
     assert broken.pendulum is None
     assert not broken.status.is_sound
     report = content(broken, Study())
@@ -205,49 +209,38 @@ def test_a_few_runs_without_an_answer_leave_a_verdict_that_does_not_hang_on_them
     )
 
 
-def test_a_block_that_stands_needs_no_pendulum(records):
-    calm = tpd.Conditions.records(records, (0.5, 0.8))
+def test_a_block_that_stands_needs_no_pendulum_and_walls_too_close_for_any_bob_are_said(records):
+    calm = tpd.Conditions.records(records[:4], (0.5, 0.8))
     answer = tpd.optimise(BLOCK, SPACE, conditions=calm, method=SHORT)
     assert answer.status is DesignStatus.no_uplift
     assert answer.status.is_sound
     assert "NO PENDULUM IS NEEDED" in text(content(answer, Study()))
-
-
-def test_walls_too_close_for_any_bob_are_said(records):
-    narrow = tpd.Block(width=0.9, height=5.4, mass=8000.0, restitution=0.93, cavity_width=0.2)
+    narrow = dataclasses.replace(BLOCK, cavity_width=0.2)
     conditions = tpd.Conditions.records(records[:4], (2.0,))
-    answer = tpd.optimise(narrow, SPACE, conditions=conditions, method=SHORT, held_out=0.0)
+    few = tpd.GroundSearch(starts=6, steps=0)
+    answer = tpd.optimise(narrow, SPACE, conditions=conditions, method=few, held_out=0.0)
     assert answer.status is DesignStatus.none_feasible
     assert answer.best is None
 
 
 @pytest.mark.parametrize(
-    ("settings", "message"),
+    ("scene", "settings", "message"),
     [
-        ({"worth": tpd.limits.Worth(runs=4)}, "`worth.runs` is for harmonics"),
-        ({"ensemble": tpd.Ensemble(size=4)}, "`ensemble.size` is for harmonics"),
-        ({"starts": tpd.Starts.rest()}, "`starts` is for harmonics"),
-        ({"limits": (tpd.limits.Reserve(),)}, "`limits` of ground motions"),
-        ({"held_out": 1.5}, "`held_out`"),
-        ({"seed": -1}, "`seed`"),
+        (BLOCK, {"worth": tpd.limits.Worth(runs=4)}, "`worth.runs` is for harmonics"),
+        (BLOCK, {"ensemble": tpd.Ensemble(size=4)}, "`ensemble.size` is for harmonics"),
+        (BLOCK, {"starts": tpd.Starts.rest()}, "`starts` is for harmonics"),
+        (BLOCK, {"limits": (tpd.limits.Reserve(),)}, "`limits` of ground motions"),
+        (BLOCK, {"held_out": 1.5}, "`held_out`"),
+        (BLOCK, {"seed": -1}, "`seed`"),
+        (BLOCK, {"method": tpd.Sequential()}, "`method` must be a GroundSearch"),
+        (tpd.paper_scene(), {"conditions": None, "held_out": 0.5}, "`held_out` is for ground motions"),
+        (BLOCK, {"conditions": None}, "go with ground motions"),
+        (tpd.paper_scene(), {"conditions": None, "method": SHORT}, "go with ground motions"),
     ],
 )
-def test_bad_input_is_one_sentence(records, settings, message):
+def test_bad_input_is_one_sentence(records, scene, settings, message):
     with pytest.raises(ValueError, match=message):
-        ask(records, **settings)
-
-
-def test_harmonics_refuse_what_belongs_to_ground_motions():
-    scene = tpd.paper_scene()
-    with pytest.raises(ValueError, match="`held_out` is for ground motions"):
-        tpd.optimise(scene, held_out=0.5)
-    with pytest.raises(ValueError, match="go with ground motions"):
-        tpd.optimise(scene.block)
-    train = tpd.Conditions.records([tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0)])
-    with pytest.raises(ValueError, match="`method` must be a GroundSearch"):
-        tpd.optimise(BLOCK, conditions=train, method=tpd.Sequential())
-    with pytest.raises(ValueError, match="go with ground motions"):
-        tpd.optimise(scene, method=tpd.GroundSearch())
+        tpd.optimise(scene, **({"conditions": tpd.Conditions.records(records, (1.5,))} | settings))
 
 
 def test_the_report_says_what_was_found_and_how_to_repeat_it(found, tmp_path):
@@ -255,18 +248,8 @@ def test_the_report_says_what_was_found_and_how_to_repeat_it(found, tmp_path):
     shown = study(found, front=(point,))
     job = {"block": {"width": 0.9}}
     names = {path.name for path in write(tmp_path, found, shown, job, "[block]\nwidth = 0.9\n")}
-    assert names == {
-        "report.txt",
-        "report.html",
-        "design.json",
-        "scene.toml",
-        "designs.csv",
-        "groups.csv",
-        "groups.svg",
-        "drawing.svg",
-        "front.svg",
-        "search.png",
-    }
+    pages = "report.txt report.html design.json scene.toml designs.csv groups.csv"
+    assert names == {*pages.split(), *["groups.svg", "drawing.svg", "front.svg", "search.png"]}
     report = (tmp_path / "report.txt").read_text(encoding="utf-8")
     assert report.startswith(verdict(found).text[:60])
     told = found.comparison
@@ -293,18 +276,8 @@ def test_what_the_benefit_hangs_on_is_asked_of_the_motions_that_were_held_out(fo
 
 def test_the_command_designs_on_records_and_refuses_what_has_no_effect(tmp_path, capsys):
     out = tmp_path / "design"
-    block = [
-        "--width",
-        "0.9",
-        "--height",
-        "5.4",
-        "--mass",
-        "8000",
-        "--restitution",
-        "0.93",
-        "--cavity",
-        "0.9",
-    ]
+    sizes = {"width": 0.9, "height": 5.4, "mass": 8000, "restitution": 0.93, "cavity": 0.9}
+    block = [word for name, x in sizes.items() for word in (f"--{name}", str(x))]
     records = ["--records", "el-centro", "loma-prieta", "--scales", "2", "4", "--starts", "4", "--pareto"]
     # Two earthquakes are too few for a verdict.
     assert main(["optimise", *block, *records, "--out", str(out)]) == 3

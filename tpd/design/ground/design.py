@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -12,8 +12,7 @@ from tpd.answers.paired import LEAST, Change
 from tpd.answers.statistics import Interval, fall
 from tpd.answers.statistics import change as difference_of
 from tpd.design.criteria import Worth
-from tpd.design.ground.groups import Group, Role
-from tpd.design.ground.judgement import Benefit, Judged, benefit_of
+from tpd.design.ground.judgement import Benefit, Group, Judged, Role, benefit_of, pairs_of, scatter_of
 from tpd.design.ground.objective import GroundObjective, objective_of
 from tpd.design.ground.search import Evaluated
 from tpd.design.result import Comparison, Design, DesignStatus
@@ -192,12 +191,10 @@ class GroundDesign(Design):
     def comparison(self) -> Comparison | None:
         """See `Design.comparison`: on all motions that were held out, or on all if none were."""
         held = [g for g in self.judged if g.role is Role.held_out] or list(self.judged)
-        if not any(g.runs.clusters.size for g in held):
+        runs = pairs_of(held)
+        if runs is None:
             return None
-        fell, tilt, clusters = (
-            np.concatenate([getattr(g.runs, name) for g in held], axis=-1)
-            for name in ("overturned", "tilt", "clusters")
-        )
+        fell, tilt, clusters = runs
         where = "held out" if held[0].role is Role.held_out else "that it is tuned to"
         changes = []
         for name, x in (("mean severity", tilt), ("overturned", fell.astype(float))):
@@ -217,17 +214,6 @@ class GroundDesign(Design):
         )
 
     @property
-    def alike(self) -> np.ndarray | None:
-        """See `Design.alike`: of the designs that were followed and keep to the limits."""
-        if self.pendulum is None or self.best is None or self.searched is None or self.surface is None:
-            return None
-        found = self.searched
-        trend = self.surface.at(self.space.scaled(found.designs))[0]
-        good = found.designs[found.feasible & (trend <= self.trend[0] + 2.0 * self.trend[1])]
-        both = np.concatenate([self.best[None], good])
-        return np.stack([both.min(axis=0), both.max(axis=0)])
-
-    @property
     def turned(self) -> np.ndarray:
         """See `Design.turned`."""
         if self.best is None or not self.judged:
@@ -242,10 +228,26 @@ class GroundDesign(Design):
         return more or any(g.overturns_more or g.strikes > self.worth.broken for g in self.judged)
 
     def saved_under(self, scene: Scene, more: Conditions, runs: int) -> Interval:
-        """See `Design.saved_under`; the runs are all of them."""
-        from tpd.design.build import saved_under_motions
-
-        return saved_under_motions(self, scene, more)
+        """See `Design.saved_under`: over all motions that were held out, or all if none were."""
+        groups = [g for g in self.groups if g.role is Role.held_out] or list(self.groups)
+        scales = sorted(set(self.conditions.scales))
+        hung, bare, clusters = [], [], []
+        assert self.best is not None
+        both = np.stack([[0.0, *self.best[1:]], self.best])
+        for g in groups:
+            scatter = scatter_of(scene.block, self.ensemble)
+            if scene is not self.scene:
+                scatter.pop("restitution", None)
+            conditions = Conditions.records(
+                g.motions, scales, intensity=self.conditions.intensity, scatter=scatter, seed=self.seed
+            )
+            there = replace(self.objective, block=scene.block, conditions=conditions * more)
+            tilt = there.check(both).severity
+            known = np.isfinite(tilt).all(axis=0)
+            bare.append(tilt[0, known])
+            hung.append(tilt[1, known])
+            clusters.append(np.repeat(g.events, len(scales))[known])
+        return fall(*map(np.concatenate, (hung, bare, clusters)), least=LEAST)
 
     @property
     def benefit(self) -> Benefit | None:

@@ -13,7 +13,7 @@ from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.design.criteria import KINDS, THICKNESS, Geometry, Limit, Size, check_limits
 from tpd.design.objective import blank, geometry_under
-from tpd.design.question import Question
+from tpd.design.problem import Question
 from tpd.records.intensity import intensity_of
 from tpd.scene.conditions import Conditions, under_all
 from tpd.scene.parameters import Parameters
@@ -117,32 +117,41 @@ class GroundObjective:
         design with mu = 0 is the bare block."""
         from tpd.models.compiled_shaken import follow_all
 
-        which, free = self._shared(len(designs))
-        options: dict[str, Any] = {"max_events": min(_EVENTS, MAX_EVENTS), "progress": progress}
-        found, _ = follow_all(self.rows(designs), self.pieces, which, free, **options)
-        return self._runs(found, len(designs))
+        return self._followed(follow_all, designs, min(_EVENTS, MAX_EVENTS), progress)
 
     def check(self, designs: np.ndarray, progress: Count | None = None) -> Runs:
         """As `evaluate` by the nonlinear equations."""
         from tpd.models.compiled_nonlinear import shake_nonlinear
 
-        which, free = self._shared(len(designs))
-        options: dict[str, Any] = {"max_events": MAX_EVENTS, "progress": progress}
-        found, _ = shake_nonlinear(self.rows(designs), self.pieces, which, free, **options)
-        return self._runs(found, len(designs))
+        return self._followed(shake_nonlinear, designs, MAX_EVENTS, progress)
 
     def sizes(self, runs: Runs, designs: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
         """Names of the limited quantities, and these over their limits, shape (m, sizes): each is exceeded in
         the allowed share of the runs in which the block stands."""
-        return quantile_sizes(runs, designs, self.limits, self.geometry, self.allowed)
+        found = list(self._sizes(runs, designs))
+        columns = [[_quantile(v[np.isfinite(v)], self.allowed) for v in size.value] for size in found]
+        shape = len(found), len(designs)
+        return tuple(size.name for size in found), np.array(columns, dtype=float).reshape(shape).T
 
     def broken(self, runs: Runs, designs: np.ndarray) -> float:
-        """Share of the runs of one design, in which the block stands, that break a limit."""
-        return broken_share(runs, designs, self.limits, self.geometry)
+        """Share of the runs of one design, in which the block is known to stand, whose motion breaks a
+        limit."""
+        stands = ~(runs.overturned | runs.undecided)[0]
+        broken = np.zeros(len(stands), dtype=bool)
+        for size in self._sizes(runs, designs):
+            if size.name != THICKNESS:
+                broken |= size.value[0] > 1.0
+        return float(np.mean(broken[stands])) if stands.any() else 0.0
 
-    def _shared(self, m: int) -> tuple[np.ndarray, np.ndarray]:
-        """Motion and free time (tau) of every run."""
-        return np.tile(self._which, m), np.full(m * len(self.conditions), self.free * self.rate)
+    def _sizes(self, runs: Runs, designs: np.ndarray) -> Iterator[Size]:
+        """Limited quantities over their limits, (m, n); infinite where the block overturns, NaN where nothing
+        is known."""
+        m, n = runs.tilt.shape
+        e = blank(m, n)._replace(tilt=runs.tilt, stroke=runs.swing, relative=runs.relative, design=designs)
+        for size in (size for limit in self.limits for size in limit.sizes(e, self.geometry)):
+            # Sizes of runs that overturn must not enter a quantile of those that stand.
+            fell = runs.overturned & (size.name != THICKNESS)
+            yield size._replace(value=np.where(fell, np.inf, size.value))
 
     def rows(self, designs: np.ndarray) -> np.ndarray:
         """Parameters (m n, 9) of the compiled code."""
@@ -159,10 +168,14 @@ class GroundObjective:
         leaves: Any = (q.nu, q.mu, q.lam, q.zeta, q.k, q.f * size, np.tile(h[which], m) / quick, q.rho, q.e)
         return np.array(np.broadcast_arrays(*leaves), dtype=float).T.copy()
 
-    def _runs(self, found: Any, designs: int) -> Runs:
+    def _followed(self, follow: Any, designs: np.ndarray, most: int, progress: Count | None) -> Runs:
+        """Designs by one set of equations, each motion up to `most` events."""
         from tpd.exact.follow import EVENT_BOUND, FAILED, OVERTURNED
 
-        shape = designs, len(self.conditions)
+        m, n = shape = len(designs), len(self.conditions)
+        free = np.full(m * n, self.free * self.rate)
+        which, options = np.tile(self._which, m), {"max_events": most, "progress": progress}
+        found, _ = follow(self.rows(designs), self.pieces, which, free, **options)
         status, nu = found.status.reshape(shape).astype(int), self.geometry.slenderness[None, :]
         undecided, fell = (status == EVENT_BOUND) | (status == FAILED), status == OVERTURNED
         # What is not known must look neither like standing nor like a fall.
@@ -191,38 +204,6 @@ def check_ground_limits(limits: tuple[Limit, ...]) -> tuple[Limit, ...]:
             names = ", ".join(kind.__name__ for kind in KINDS if kind.of_motion)
             raise ValueError(f"`limits` of ground motions must be of {names}, but has {checks.shown(limit)}")
     return listed
-
-
-def quantile_sizes(
-    runs: Runs, designs: np.ndarray, limits: tuple[Limit, ...], g: Geometry, allowed: float
-) -> tuple[tuple[str, ...], np.ndarray]:
-    """Limited quantities over their limits, shape (m, sizes), each exceeded in the share `allowed` of the
-    runs in which the block stands; see `GroundObjective.sizes`."""
-    found = list(_sizes(runs, designs, limits, g))
-    columns = [[_quantile(v[np.isfinite(v)], allowed) for v in size.value] for size in found]
-    shape = len(found), len(designs)
-    return tuple(size.name for size in found), np.array(columns, dtype=float).reshape(shape).T
-
-
-def broken_share(runs: Runs, designs: np.ndarray, limits: tuple[Limit, ...], g: Geometry) -> float:
-    """Share of the runs of one design, in which the block is known to stand, whose motion breaks a limit."""
-    stands = ~(runs.overturned | runs.undecided)[0]
-    broken = np.zeros(len(stands), dtype=bool)
-    for size in _sizes(runs, designs, limits, g):
-        if size.name != THICKNESS:
-            broken |= size.value[0] > 1.0
-    return float(np.mean(broken[stands])) if stands.any() else 0.0
-
-
-def _sizes(runs: Runs, designs: np.ndarray, limits: tuple[Limit, ...], g: Geometry) -> Iterator[Size]:
-    """Limited quantities over their limits, (m, n); infinite where the block overturns, NaN where nothing
-    is known."""
-    m, n = runs.tilt.shape
-    e = blank(m, n)._replace(tilt=runs.tilt, stroke=runs.swing, relative=runs.relative, design=designs)
-    for size in (size for limit in limits for size in limit.sizes(e, g)):
-        # Sizes of runs that overturn must not enter a quantile of those that stand.
-        fell = runs.overturned & (size.name != THICKNESS)
-        yield size._replace(value=np.where(fell, np.inf, size.value))
 
 
 def _quantile(values: np.ndarray, allowed: float) -> float:

@@ -16,19 +16,16 @@ from tpd.core.progress import Progress
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Limit, Risk, Room, Stroke, Worth
 from tpd.design.ground.design import GroundDesign, GroundVerdict, verdict_of
-from tpd.design.ground.groups import Group, grouped
-from tpd.design.ground.judgement import SCATTERED, Judged, judge, scatter_of
+from tpd.design.ground.judgement import HELD_OUT, SCATTERED, Group, Judged, grouped, judge, scatter_of
 from tpd.design.ground.objective import GroundObjective, check_ground_limits, objective_of
-from tpd.design.ground.search import Evaluated, GroundSearch, Searcher, risk_of_known
-from tpd.design.question import Question, check_cavity, check_given, within_mass
+from tpd.design.ground.search import DEFAULT_SPACE, Evaluated, GroundSearch, Searcher, risk_of_known
+from tpd.design.problem import Question, check_cavity, check_given, within_mass
 from tpd.design.result import DesignStatus
 from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import STANDARD_GRAVITY, Block, Pendulum, Scene
 
-DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
 DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Room())
-HELD_OUT = 0.5
 _SLIGHT = 1e-3
 """Improvement of the risk below which there is none."""
 
@@ -127,10 +124,7 @@ def ground_problem(
 def _check_used(worth: Worth, ensemble: Ensemble) -> None:
     """Raise `ValueError` for a setting that has no effect on ground motions."""
     # A setting without effect would let somebody believe in it.
-    for given, usual, used in (
-        (worth, Worth(), ("at_least", "strikes")),
-        (ensemble, Ensemble(), SCATTERED),
-    ):
+    for given, usual, used in ((worth, Worth(), ("at_least", "strikes")), (ensemble, Ensemble(), SCATTERED)):
         for f in fields(given):
             if f.name not in used and getattr(given, f.name) != getattr(usual, f.name):
                 name = type(given).__name__.lower()
@@ -275,7 +269,7 @@ def _answer(
 ) -> GroundDesign:
     objective, found = problem.objective, search.found
     design = None if best is None or found is None else found.designs[best]
-    value, trend, usage, swing = np.nan, (np.nan, np.nan), None, np.nan
+    value, trend, usage, swing, alike = np.nan, (np.nan, np.nan), None, np.nan, None
     # A design without a verdict is shown, but not offered.
     offered = verdict.status in (DesignStatus.found, DesignStatus.tuned_only)
     pendulum = None
@@ -286,6 +280,11 @@ def _answer(
         mu, lam, zeta = (float(x) for x in design)
         hung = problem.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
         pendulum = hung if offered else None
+        if offered:
+            at = search.surface.at(problem.space.scaled(found.designs))[0]
+            good = found.designs[found.feasible & (at <= trend[0] + 2.0 * trend[1])]
+            both = np.concatenate([design[None], good])
+            alike = np.stack([both.min(axis=0), both.max(axis=0)])
         if judged:
             # What sizes a room is of the nonlinear equations.
             nonlinear = objective.check(design[None])
@@ -296,6 +295,7 @@ def _answer(
         status=verdict.status,
         reasons=verdict.reasons,
         pendulum=pendulum,
+        alike=alike,
         best=design,
         value=value,
         trend=trend,

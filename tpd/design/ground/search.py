@@ -19,6 +19,7 @@ from tpd.design.ground.objective import GroundObjective
 from tpd.design.surface import Observations, Surface, candidates, fit, promise
 from tpd.scene.conditions import latin_hypercube
 
+DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
 _LEAST_SIZE = 1e-6
 SPARE = 0.05
 """Share of every limit that the search leaves free: other earthquakes and other blocks take more room than

@@ -1,10 +1,10 @@
-"""Earthquakes of records: copies of one motion are of one."""
+"""Groups of ground motions: an earthquake is on one side only, and copies of one motion are of one."""
 
 import numpy as np
 import pytest
 
 import tpd
-from tpd.design.ground.groups import events_of, grouped
+from tpd.design.ground.judgement import Role, events_of, grouped
 
 
 def noise(seed: int) -> np.ndarray:
@@ -42,3 +42,20 @@ def test_an_earthquake_has_one_number_in_all_groups():
     groups = grouped([tuned], {"x": [a, b], "y": [b.scaled(3.0), c]}, 0)
     assert groups[1].events[1] == groups[2].events[0]
     assert len({*groups[0].events, *groups[1].events, *groups[2].events}) == 4
+
+
+def test_an_earthquake_is_on_one_side_only(records):
+    for seed in range(5):
+        tuned, held = grouped(records, 0.5, seed)
+        assert tuned.role is Role.tuned
+        assert held.role is Role.held_out
+        assert not set(events_of(tuned.motions)) & set(events_of(held.motions))
+        assert len(tuned.motions) + len(held.motions) == len(records)
+        assert len(held.motions) == 10
+    assert len(grouped(records, 0.0, 0)) == 1
+    others = grouped(records[:4], {"others": records[2:8]}, 0)
+    assert [m.name for m in others[1].motions] == [m.name for m in records[4:8]]
+    with pytest.raises(ValueError, match="all are held out"):
+        grouped(records[:2], 0.5, 0)
+    with pytest.raises(ValueError, match="other earthquakes"):
+        grouped(records[:2], {"same": records[:2]}, 0)

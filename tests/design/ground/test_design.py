@@ -1,0 +1,53 @@
+"""Verdicts on designs under ground motions."""
+
+import numpy as np
+
+import tpd
+from tpd.answers.statistics import Interval, Lognormal
+from tpd.design.ground import design
+from tpd.design.ground.judgement import Judged, Pairs, Role
+
+
+def test_the_verdict_follows_from_intervals_and_the_least_benefit():
+    def group(role, shift, low, high):
+        interval = Interval(shift, low, high)
+        n, clusters = 12, np.repeat(np.arange(6), 2)
+        spread = np.tile([0.01, -0.01], 6)
+        pair = np.stack([np.full(n, 0.5), 0.5 + shift + spread])
+        runs = Pairs(pair, pair, clusters)
+        none = Lognormal(1.0, 0.3, np.zeros((2, 2)), False)
+        return Judged(
+            name="",
+            role=role,
+            motions=6,
+            events=6,
+            stripes=np.array([1.0, 2.0]),
+            counts=(np.zeros(2), np.zeros(2)),
+            unknown=(np.zeros(2), np.zeros(2)),
+            overturned=(0.5, 0.5 + shift),
+            difference=interval,
+            linear=interval,
+            tilt=interval,
+            strikes=0.0,
+            linear_strikes=0.0,
+            changed=0.0,
+            undecided=0,
+            fits=(none, none),
+            runs=runs,
+        )
+
+    tuned, held = Role.tuned, Role.held_out
+    good, harm = group(held, -0.2, -0.3, -0.1), group(held, 0.2, 0.1, 0.3)
+    helped, nothing = group(tuned, -0.2, -0.3, -0.1), group(held, 0.0, -0.1, 0.1)
+    for groups, least, status, said in (
+        ((helped,), 0.1, "tuned_only", ""),
+        ((helped, good), 0.1, "found", ""),
+        ((helped, good), 0.5, "refused", "were asked for"),
+        ((helped, harm), 0.1, "refused", "overturns more often"),
+        ((helped, good, harm), 0.1, "refused", "overturns more often"),
+        ((group(tuned, 0.2, 0.1, 0.3), good), 0.1, "refused", "overturns more often"),
+        ((helped, nothing), 0.1, "refused", "no benefit is significant"),
+    ):
+        found = design.verdict_of(groups, tpd.limits.Worth(at_least=least, strikes=0.1))
+        assert found.status.name == status
+        assert said in (found.reasons or ("",))[0]

@@ -1,0 +1,69 @@
+"""The schema of the job file, and every key of it."""
+
+import dataclasses
+import json
+
+import jsonschema
+import pytest
+
+from tests.design.test_job import refusal
+from tpd.answers.ensemble import Ensemble
+from tpd.design import criteria
+from tpd.design import job as jobs
+from tpd.design.criteria import DesignSpace, Worth
+from tpd.design.job_keys import SCHEMA, TABLES, json_schema
+from tpd.design.methods import Descent
+from tpd.scene.bob import Bob
+from tpd.scene.conditions import FACTORS
+from tpd.scene.scene import Block
+
+
+def test_every_field_of_the_classes_is_a_key_with_its_default():
+    tables = {"block": Block, "bob": Bob, "space": DesignSpace, "worth": Worth, "ensemble": Ensemble}
+    for table, kind in tables.items():
+        for f in dataclasses.fields(kind):
+            key = TABLES[table][f.name]
+            assert f.default in (key.default, dataclasses.MISSING), f.name
+    assert set(TABLES["scatter"]) == set(FACTORS)
+    assert {f.name for f in dataclasses.fields(Descent)} < set(TABLES["search"])
+
+
+def test_every_limit_is_a_key_that_becomes_it():
+    assert list(TABLES["limits"]) == [kind.name for kind in criteria.KINDS]
+    for kind in criteria.KINDS:
+        given = True if kind is criteria.Room else 0.125
+        (found,) = (x for x in jobs.job_of({"limits": {kind.name: given}}).limits if isinstance(x, kind))
+        assert found == (kind() if kind is criteria.Room else kind(0.125))
+        off = jobs.job_of({"limits": {kind.name: False}})
+        assert not any(isinstance(x, kind) for x in off.limits)
+
+
+def test_the_published_schema_is_up_to_date():
+    published = SCHEMA.read_text(encoding="utf-8")
+    assert published == json_schema(), "run: python -m tpd.design.job_keys"
+
+
+def test_the_published_schema_refuses_what_the_reader_refuses():
+    validator = jsonschema.Draft202012Validator(json.loads(json_schema()))
+    for given in (
+        {"blok": {}},
+        {"block": {"widht": 1.0}},
+        {"block": {"width": "wide"}},
+        {"search": {"seed": 1.5}},
+    ):
+        assert not validator.is_valid(given)
+        with pytest.raises(ValueError, match=r"unknown|must be"):
+            jobs.job_of(given)
+
+
+WRONG = [None, True, False, -1, 0, 3, 2**40, -0.5, 1e-12, 1e300, float("nan"), float("inf"), "", "x", "3"]
+WRONG += [[], [1.0], [2.0, 1.0], [1.0, 1.0, 1.0], ["a", "b"], [True, False], {}, {"a": 1}, [[1.0, 2.0]]]
+
+
+@pytest.mark.parametrize("table", list(TABLES))
+def test_whatever_a_key_is_the_answer_is_a_job_or_one_sentence(table):
+    for key in TABLES[table]:
+        for value in WRONG:
+            said = refusal({table: {key: value}})
+            assert said is None or "\n" not in said
+            assert said is None or key in said or f"`{table}." in said, (key, value, said)
