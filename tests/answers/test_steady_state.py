@@ -194,7 +194,7 @@ IN_32_BITS = """
 import numpy as np, tpd
 from tpd.answers.bifurcations import bifurcations
 from tpd.answers.ensemble import outcomes
-from tpd.answers.sweep import sweep
+from tpd.answers.bifurcations import sweep
 from tpd.theory import *
 scene, pendulum = tpd.paper_scene(), tpd.Pendulum(mass=1.6, length=0.12, damping_ratio=0.1)
 p, values = scene.parameters(pendulum), np.linspace(0.3, 0.4, 9)
