@@ -177,7 +177,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             ValueError: nobody answers at the address.
         """
         if self._client is None:
-            import dask
+            import dask.config
 
             with dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS}):
                 if self.dask is None:
