@@ -77,7 +77,7 @@ if TYPE_CHECKING:
     from tpd.scene.status import status_name as status_name
     from tpd.theory.equations import Terms as Terms
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _NAMES = {
     "answers.attractors": "Starts attractors",

@@ -1,24 +1,20 @@
 """Takes the guards of the atlas away, one at a time, and sees the tests that cover them fail.
 
-    .venv/bin/python -m tests.benchmarks.guards
-
 A guard is named by its function and by what is taken from it (`tests.benchmarks.mutations`), so that a change
-of its line does not matter. Prints a Markdown table, writes it to `results/guards.md`, and exits with 1 if a
-test passes without its guard.
+of its line does not matter. A test that passes without its guard stands as "no" in the table. An hour.
 """
 
-import argparse
 import os
+import re
 import subprocess
 import sys
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from queue import Queue
 from shutil import copyfile
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tests.atlas import test_ids
+from tests.benchmarks import stored
 from tests.benchmarks.mutations import (
     Mutation,
     constant,
@@ -31,8 +27,9 @@ from tests.benchmarks.mutations import (
     without_term,
 )
 
-ROOT = Path(__file__).parents[2]
-RESULT = Path(__file__).parent / "results" / "guards.md"
+QUESTION = "Does each guard have a test that fails without it?"
+SEED = None
+ROOT = stored.ROOT
 COMPILED = Path(".pytest_cache") / "compiled"
 QUICK = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
 """Every guard has to be compiled anew."""
@@ -72,171 +69,64 @@ _OVERTURNS = "an_overturning_has_a_status_and_no_gradient"
 _SADDLE = "starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name"
 _ORBITS, _STEADY = "exact/symmetric_orbit_kernel:_status", "exact/steady:verdict"
 _SETTLED = "models/settling:Record.settled"
+# fmt: off
 GUARDS = (
-    Guard(
-        "fold",
-        "orbits: no derivative where a multiplier of the half map is within 1e-6 of 1",
-        _ORBITS,
-        constant("NEAR_FOLD", -1.0),
-        _atlas(_LOST + "[0.9999999-1.0-near_fold]"),
-    ),
-    Guard(
-        "fold",
-        "steady_state: near_fold",
-        _STEADY,
-        never("FOLD"),
-        _atlas(_STATUS + "[what3-near_fold-compiled]"),
-    ),
-    Guard(
-        "breaking of symmetry",
-        "steady_state: unstable where a multiplier exceeds 1",
-        _STEADY,
-        never("UNSTABLE"),
-        _atlas(_STATUS + "[what5-unstable-compiled]"),
-    ),
-    Guard(
-        "breaking of symmetry",
-        "steady_state: symmetric only if it leans to neither side",
-        "exact/steady:steady_state",
-        without_term("symmetric", "asymmetry"),
-        _atlas("a_motion_that_leans_is_not_called_symmetric"),
-    ),
-    Guard(
-        "grazing",
-        "orbits: no derivative where the fall all but halts",
-        _ORBITS,
-        constant("GRAZING", -1.0),
-        _atlas(_LOST + "[0.5-1e-08-grazing]"),
-    ),
-    Guard(
-        "grazing",
-        "steady_state: grazing where an event is met too gently",
-        _STEADY,
-        never("GRAZED"),
-        _atlas(_STATUS + "[what1-grazing-compiled]"),
-    ),
-    Guard(
-        "onset of sticking",
-        "statuses: sticking where the block was held",
-        _SETTLED,
-        never("sticking"),
-        _atlas("a_block_that_friction_holds_for_a_while_is_called_sticking"),
-    ),
-    Guard(
-        "rattling to rest",
-        "contact: an impact slower than the capture speed is rest",
-        "exact/contact_kernel:meet",
-        nothing_true("capture"),
-        _atlas(
-            "the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed",
-            "what_capture_leaves_out_is_below_the_square_of_its_speed",
-        ),
-    ),
-    Guard(
-        "period three and chaos",
-        "steady_state: aperiodic where neighbours part",
-        _STEADY,
-        never("WANDERS"),
-        _atlas(
-            "motions_that_part_from_their_neighbours_are_aperiodic",
-            "the_gradient_through_a_chaotic_simulation_grows_at_the_reported_rate",
-        ),
-    ),
-    Guard(
-        "period three and chaos",
-        "periodic_orbit: unstable where a multiplier exceeds 1",
-        "answers/periodic_orbit:_verdict",
-        never("unstable"),
-        test_ids("periodic_orbit", "continuation_passes_where_the_orbit_repels"),
-    ),
-    Guard(
-        "motion that does not repeat",
-        "steady_state: not_settled where Newton's method has not closed the orbit",
-        _STEADY,
-        never("NOT_SETTLED"),
-        _atlas(_STATUS + "[what6-not_settled-compiled]"),
-    ),
-    Guard(
-        "overturning",
-        "every model: overturned once the tilt is beyond return",
-        _SETTLED,
-        never("overturned"),
-        (
-            *_atlas(_OVERTURNS),
-            f"tests/models/test_smoothed.py::test_{_OVERTURNS}",
-            f"tests/models/test_segmented.py::test_{_OVERTURNS}",
-        ),
-    ),
-    Guard(
-        "overturning, all but",
-        "steady_state: unstable on the saddle between rocking and overturning",
-        _STEADY,
-        never("UNSTABLE"),
-        _atlas(_SADDLE),
-    ),
-    Guard(
-        "no derivative without an orbit",
-        "steady_state: derivatives only of what is settled and attracts",
-        "exact/steady:steady_state",
-        without_term("isolated", "rocks"),
-        (
-            *_atlas(_SADDLE),
-            *test_ids("compiled_linear", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"),
-        ),
-    ),
-    Guard(
-        "resonance without damping; huge shaking",
-        "every model: failed where a number is not finite",
-        _SETTLED,
-        never("failed"),
-        _atlas(
-            "resonance_without_damping_to_the_last_digit_is_told",
-            "huge_shaking_overturns_or_is_told_to_be_beyond_numbers[1e+300]",
-        ),
-    ),
-    Guard(
-        "slow shaking",
-        "steady_state: event_bound where the period of a resting block was cut short",
-        "exact/steady:steady_state",
-        never("EVENT_BOUND"),
-        _atlas("a_period_too_long_to_be_followed_is_told"),
-    ),
-    Guard(
-        "smoothing too sharp",
-        "Smoothed: sharpness within bounds",
-        "models/smoothed:Smoothed.__check_init__",
-        unchecked("sharpness"),
-        test_ids("smoothed", "settings_out_of_range_are_refused"),
-    ),
-    Guard(
-        "smoothed impacts",
-        "Smoothed: e < 1 is refused with nonlinear terms, and e = 0 with others",
-        "models/smoothed:Smoothed.check",
-        unchecked("e"),
-        test_ids("smoothed", "impacts_without_a_smoothed_counterpart_are_refused"),
-    ),
-    Guard(
-        "smoothed impacts",
-        "smoothed_rates: no number with nonlinear terms and a traced e < 1",
-        "theory/equations:smoothed_rates",
-        without_nan("decay"),
-        _atlas("the_smoothed_equations_4_have_no_number_with_impacts"),
-    ),
-    Guard(
-        "32-bit floats",
-        "every entry: 64 bits are asked for",
-        "core/checks:require_x64",
-        unrefused("RuntimeError"),
-        _atlas("in_32_bits_every_call_refuses_by_name"),
-    ),
-    Guard(
-        "scales",
-        "scene: omega0 from the half height",
-        "scene/scene:_rate",
-        constant("half_height", 0.2),
-        _atlas("neither_millimetres_nor_kilometres_change_a_dimensionless_answer"),
-    ),
+    Guard("fold", "orbits: no derivative where a multiplier of the half map is within 1e-6 of 1", _ORBITS,
+          constant("NEAR_FOLD", -1.0), _atlas(_LOST + "[0.9999999-1.0-near_fold]")),
+    Guard("fold", "steady_state: near_fold", _STEADY, never("FOLD"),
+          _atlas(_STATUS + "[what3-near_fold-compiled]")),
+    Guard("breaking of symmetry", "steady_state: unstable where a multiplier exceeds 1", _STEADY,
+          never("UNSTABLE"), _atlas(_STATUS + "[what5-unstable-compiled]")),
+    Guard("breaking of symmetry", "steady_state: symmetric only if it leans to neither side",
+          "exact/steady:steady_state", without_term("symmetric", "asymmetry"),
+          _atlas("a_motion_that_leans_is_not_called_symmetric")),
+    Guard("grazing", "orbits: no derivative where the fall all but halts", _ORBITS, constant("GRAZING", -1.0),
+          _atlas(_LOST + "[0.5-1e-08-grazing]")),
+    Guard("grazing", "steady_state: grazing where an event is met too gently", _STEADY, never("GRAZED"),
+          _atlas(_STATUS + "[what1-grazing-compiled]")),
+    Guard("onset of sticking", "statuses: sticking where the block was held", _SETTLED, never("sticking"),
+          _atlas("a_block_that_friction_holds_for_a_while_is_called_sticking")),
+    Guard("rattling to rest", "contact: an impact slower than the capture speed is rest",
+          "exact/contact_kernel:meet", nothing_true("capture"),
+          _atlas("the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed", "what_capture_leaves_out_is_below_the_square_of_its_speed")),
+    Guard("period three and chaos", "steady_state: aperiodic where neighbours part", _STEADY,
+          never("WANDERS"),
+          _atlas("motions_that_part_from_their_neighbours_are_aperiodic", "the_gradient_through_a_chaotic_simulation_grows_at_the_reported_rate")),
+    Guard("period three and chaos", "periodic_orbit: unstable where a multiplier exceeds 1",
+          "answers/periodic_orbit:_verdict", never("unstable"),
+          test_ids("periodic_orbit", "continuation_passes_where_the_orbit_repels")),
+    Guard("motion that does not repeat",
+          "steady_state: not_settled where Newton's method has not closed the orbit", _STEADY,
+          never("NOT_SETTLED"), _atlas(_STATUS + "[what6-not_settled-compiled]")),
+    Guard("overturning", "every model: overturned once the tilt is beyond return", _SETTLED,
+          never("overturned"),
+          (*_atlas(_OVERTURNS), f"tests/models/test_smoothed.py::test_{_OVERTURNS}", f"tests/models/test_segmented.py::test_{_OVERTURNS}")),
+    Guard("overturning, all but", "steady_state: unstable on the saddle between rocking and overturning",
+          _STEADY, never("UNSTABLE"), _atlas(_SADDLE)),
+    Guard("no derivative without an orbit", "steady_state: derivatives only of what is settled and attracts",
+          "exact/steady:steady_state", without_term("isolated", "rocks"),
+          (*_atlas(_SADDLE), *test_ids("compiled_linear", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"))),
+    Guard("resonance without damping; huge shaking", "every model: failed where a number is not finite",
+          _SETTLED, never("failed"),
+          _atlas("resonance_without_damping_to_the_last_digit_is_told", "huge_shaking_overturns_or_is_told_to_be_beyond_numbers[1e+300]")),
+    Guard("slow shaking", "steady_state: event_bound where the period of a resting block was cut short",
+          "exact/steady:steady_state", never("EVENT_BOUND"),
+          _atlas("a_period_too_long_to_be_followed_is_told")),
+    Guard("smoothing too sharp", "Smoothed: sharpness within bounds",
+          "models/smoothed:Smoothed.__check_init__", unchecked("sharpness"),
+          test_ids("smoothed", "settings_out_of_range_are_refused")),
+    Guard("smoothed impacts", "Smoothed: e < 1 is refused with nonlinear terms, and e = 0 with others",
+          "models/smoothed:Smoothed.check", unchecked("e"),
+          test_ids("smoothed", "impacts_without_a_smoothed_counterpart_are_refused")),
+    Guard("smoothed impacts", "smoothed_rates: no number with nonlinear terms and a traced e < 1",
+          "theory/equations:smoothed_rates", without_nan("decay"),
+          _atlas("the_smoothed_equations_4_have_no_number_with_impacts")),
+    Guard("32-bit floats", "every entry: 64 bits are asked for", "core/checks:require_x64",
+          unrefused("RuntimeError"), _atlas("in_32_bits_every_call_refuses_by_name")),
+    Guard("scales", "scene: omega0 from the half height", "scene/scene:_rate", constant("half_height", 0.2),
+          _atlas("neither_millimetres_nor_kilometres_change_a_dimensionless_answer")),
 )
+# fmt: on
 
 
 def _copied(root: Path) -> None:
@@ -252,79 +142,56 @@ def _copied(root: Path) -> None:
     (root / COMPILED).symlink_to((ROOT / COMPILED).resolve())
 
 
-def _outcomes(root: Path, tests: tuple[str, ...]) -> dict[str, str]:
-    """Outcome of each test: "fails", "passes", or why it did not run."""
-    command = [sys.executable, "-m", "pytest", "-n", "0", "-x", "-q", "-p", "no:cacheprovider", "-m", ""]
-    found = {}
-    for test in tests:
-        try:
-            done = subprocess.run(
-                [*command, test],
-                cwd=root,
-                env={**os.environ, "PYTHONPATH": str(root), "XLA_FLAGS": QUICK},
-                capture_output=True,
-                text=True,
-                timeout=TIMEOUT,
-            )
-        except subprocess.TimeoutExpired:
-            found[test] = "fails (never ends)"
-            continue
-        found[test] = {0: "passes", 1: "fails"}.get(done.returncode, f"did not run ({done.returncode})")
-    return found
+def _failing(root: Path, tests: tuple[str, ...]) -> list[bool]:
+    """Of each test whether it fails, also where it never ends."""
+    command = [sys.executable, "-m", "pytest", "-n", "0", "-q", "-rA", "-p", "no:cacheprovider", "-m", ""]
+    env = {**os.environ, "PYTHONPATH": str(root), "XLA_FLAGS": QUICK, "COLUMNS": "500"}
+    try:
+        done = subprocess.run(
+            [*command, *tests], cwd=root, env=env, capture_output=True, text=True, timeout=TIMEOUT
+        )
+    except subprocess.TimeoutExpired:
+        return [True] * len(tests)
+    said = re.findall(r"^(PASSED|FAILED) (\S+)", done.stdout, re.MULTILINE)
+    ends = {test: [how for how, of in said if of == test or of.startswith(f"{test}[")] for test in tests}
+    if not all(ends.values()):
+        raise RuntimeError(f"did not run: {done.stdout[-1000:]}")
+    return ["FAILED" in of for of in ends.values()]
 
 
-def without(root: Path, guard: Guard) -> dict[str, str]:
-    """Outcomes of the tests of a guard in the copy at `root` without it."""
+def without(root: Path, guard: Guard) -> list[bool]:
+    """Which of the tests of a guard fail in the copy at `root` without it."""
     source = root / guard.path
     whole = source.read_text(encoding="utf-8")
     source.write_text(guard.taken_from(whole), encoding="utf-8")
     try:
-        return _outcomes(root, guard.tests)
+        return _failing(root, guard.tests)
     finally:
         source.write_text(whole, encoding="utf-8")
 
 
-def line(guard: Guard, outcomes: dict[str, str]) -> str:
-    """Row of the table."""
-    tests = "<br>".join(f"`{test.removeprefix('tests/')}`" for test in outcomes)
-    said = ["yes" if s.startswith("fails") else f"**no**: {s}" for s in outcomes.values()]
-    return f"| {guard.regime} | {guard.what} (`{guard.place}`) | {tests} | {'<br>'.join(said)} |"
+def run(quick: bool) -> list[dict[str, Any]]:
+    """A row a guard."""
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        _copied(Path(folder))
+        for guard in [g for g in GUARDS if g.regime == "32-bit floats"] if quick else GUARDS:
+            fails = without(Path(folder), guard)
+            row = {"regime": guard.regime, "guard": guard.what, "place": guard.place}
+            rows.append(row | {"tests": list(guard.tests), "fails": fails})
+            print(f"{guard.what}: {fails}", file=sys.stderr, flush=True)
+    return rows
 
 
-def main() -> None:
-    """Print the table, and write it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--workers", type=int, default=1, help="guards taken away at the same time")
-    parser.add_argument("--only", default="", help="part of a regime's name; the table is not written then")
-    asked = parser.parse_args()
-    guards = [g for g in GUARDS if asked.only in g.regime]
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(asked.workers) as pool:
-        copies: Queue[Path] = Queue()
-        for i in range(asked.workers):
-            copy = Path(folder) / str(i)
-            copy.mkdir()
-            _copied(copy)
-            copies.put(copy)
-
-        def one(guard: Guard) -> dict[str, str]:
-            copy = copies.get()
-            try:
-                return without(copy, guard)
-            finally:
-                copies.put(copy)
-
-        table = ["| regime | guard | test | fails without it |", "|---|---|---|---|"]
-        print("\n".join(table), flush=True)
-        survived = False
-        for guard, outcomes in zip(guards, pool.map(one, guards), strict=True):
-            table.append(line(guard, outcomes))
-            print(table[-1], flush=True)
-            survived |= not all(said.startswith("fails") for said in outcomes.values())
-    if not asked.only:
-        RESULT.parent.mkdir(exist_ok=True)
-        RESULT.write_text("\n".join(table) + "\n", encoding="utf-8")
-    sys.exit(int(survived))
-
-
-if __name__ == "__main__":
-    main()
+def table(rows: list[dict[str, Any]]) -> str:
+    """Guards, and whether their tests fail without them."""
+    cells = (
+        (
+            r["regime"],
+            f"{r['guard']} (`{r['place']}`)",
+            "<br>".join(f"`{test.removeprefix('tests/')}`" for test in r["tests"]),
+            "<br>".join("yes" if fails else "**no**" for fails in r["fails"]),
+        )
+        for r in rows
+    )
+    return stored.markdown(("regime", "guard", "test", "fails without it"), cells)

@@ -1,19 +1,13 @@
 """The step at which explicit solvers go unstable on the smoothed block at rest, measured and by theory.
 
-    .venv/bin/python -m tests.benchmarks.stability
-
 Within the smoothing width the block has a stiff spring where the true one rests, and a stiff damper. A solver
 of constant step is stable there while |R(h s)| <= 1 for every eigenvalue s of the equations linearised at
-rest, R being its stability polynomial. The step is measured by bisection: does a small push die away? Prints
-a Markdown table and writes `results/stability.json`. A minute on one core.
+rest, R being its stability polynomial. The step is measured by bisection: does a small push die away?
 """
 
 from __future__ import annotations
 
-import datetime
-import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import diffrax
@@ -22,21 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-jax.config.update("jax_enable_x64", True)
+from tests.reference import HUNG, parameters
+from tpd import Smoothed
+from tpd.theory.equations import smoothed_rates
 
-from tests.benchmarks.tables import compact, table  # noqa: E402
-from tests.reference import HUNG, parameters  # noqa: E402
-from tpd import Smoothed  # noqa: E402
-from tpd.core.files import as_json, place, versions  # noqa: E402
-from tpd.theory.equations import smoothed_rates  # noqa: E402
-
-COMMAND = "python -m tests.benchmarks.stability"
-RESULTS = Path(__file__).with_name("results") / "stability.json"
-
-SOLVERS: dict[str, diffrax.AbstractSolver] = {
-    name: getattr(diffrax, name)()
-    for name in ("Euler", "Heun", "Midpoint", "Bosh3", "Tsit5", "Dopri5", "Dopri8")
-}
 STEPS = 4000
 """Steps over which a push dies away or grows."""
 PUSH = 1e-9
@@ -139,58 +122,3 @@ def measured(
         middle = np.sqrt(low * high)
         low, high = (low, middle) if bool(grown(jnp.asarray(middle))) else (middle, high)
     return float(np.sqrt(low * high))
-
-
-def main() -> None:
-    """Measure, print and store."""
-    rows = []
-    for scene, (x, sharpness) in SCENES.items():
-        stiffest = eigenvalues(x, sharpness)[0]
-        for name, solver in SOLVERS.items():
-            expected = theory(solver, x, sharpness)
-            found = measured(solver, x, sharpness, expected)
-            rows.append(
-                {
-                    "scene": scene,
-                    "eigenvalue": [stiffest.real, abs(stiffest.imag)],
-                    "solver": name,
-                    "theory": expected,
-                    "measured": found,
-                }
-            )
-    content = {
-        "command": COMMAND,
-        "date": str(datetime.date.today()),
-        "versions": versions(),
-        "rows": rows,
-    }
-    place(RESULTS, compact(json.loads(as_json(content))))
-    print(content["command"], content["date"], content["versions"])
-    cells = []
-    for r in json.loads(RESULTS.read_text())["rows"]:
-        real, imag = r["eigenvalue"]
-        cells.append(
-            (
-                r["scene"],
-                f"{real:.4g} ± {imag:.4g}i" if imag else f"{real:.4g}",
-                r["solver"],
-                f"{abs(complex(real, imag)) * r['theory']:.4f}",
-                f"{r['theory']:.4e}",
-                f"{r['measured']:.4e}",
-                f"{r['measured'] / r['theory']:.4f}",
-            )
-        )
-    head = (
-        "scene",
-        "stiffest eigenvalue s",
-        "solver",
-        "h abs(s), theory",
-        "h, theory",
-        "h, measured",
-        "ratio",
-    )
-    table(head, cells)
-
-
-if __name__ == "__main__":
-    main()

@@ -9,16 +9,32 @@ orbits (`tests/truth.py`, which shares nothing with the package), a quarter of a
 import json
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-
-from tests.benchmarks.precision.methods import Scene
 
 TRUTH = Path(__file__).with_name("truth.json")
 
 REST = (0.0, 0.0, 0.0, 0.0)
 PENDULUM, FRICTION = (1, 2, 3), (4, 5, 6)
 """Places of mu, lam, zeta; of k, f, xi."""
+
+
+class Scene(NamedTuple):
+    """What is settled into from `y0` at tau = 0, and near which state that orbit is there."""
+
+    name: str
+    x: tuple[float, ...]
+    """nu, mu, lam, zeta, k, f, xi, e."""
+    y0: tuple[float, ...]
+    near: tuple[float, ...]
+    wrt: tuple[int, int, int]
+    """Places in `x` of the parameters that the gradient is asked for."""
+
+    def moved(self, i: int, by: float) -> "Scene":
+        """With the parameter in place `i` changed by `by`."""
+        return self._replace(x=(*self.x[:i], self.x[i] + by, *self.x[i + 1 :]))
+
 
 SCENES = (
     Scene(
