@@ -1,4 +1,4 @@
-"""The aims of the project in numbers: what was measured, and, where an aim was not met, the limit that takes its place."""
+"""The aims of the project in numbers, and the limit that takes the place of one that was not met."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -49,7 +49,9 @@ def _errors(rows: Rows) -> tuple[str, bool]:
 
 def _slopes_cost(rows: Rows) -> tuple[str, bool]:
     mine = {(r["scene"], r["kind"]): r["ms"] for r in rows if r["method"] == "steady_state in jit (default)"}
-    ratios = [mine[s, "gradient"] / mine[s, "value"] for s, kind in mine if kind == "gradient" and mine[s, kind]]
+    ratios = [
+        mine[s, "gradient"] / mine[s, "value"] for s, kind in mine if kind == "gradient" and mine[s, kind]
+    ]
     return f"{max(ratios):.2g} times a value", max(ratios) <= 2.0
 
 
@@ -125,70 +127,48 @@ def _guards(rows: Rows) -> tuple[str, bool]:
     return f"{sum(seen)} of {len(seen)}", all(seen)
 
 
-_LOOP = (
-    "Limit: the time of the Numba loop. It is told when to stop, samples its signals and gives no status; ours "
-    "passes no event by proof, and follows until the motion repeats."
-)
+_LOOP = "Limit: the loop's time. It is told when to stop and gives no status; ours passes no event by proof."
 _COMPILED = (
-    "Limit: as measured. The first call waits for Numba, some 20 s of one core for both equations, half of it "
-    "Numba's own Python, and beside it for XLA; all kept for later calls."
+    "Limit: as measured. It waits for Numba, half of it Numba's own Python, and for XLA; both are kept."
 )
+# fmt: off
 AIMS = (
-    Aim("precision", "Error of the defaults against 30 digits", "1e-9", _errors, "Limit: a motion near a fold."),
-    Aim("precision", "Values of one scene: a default on the front", "in all scenes", _front("value"), _LOOP),
-    Aim("precision", "Gradients of one scene: a default on the front", "in all scenes", _front("gradient"), _LOOP),
-    Aim("precision", "Values: time of the best other over ours", "10", _ratios("value", 10.0), _LOOP),
-    Aim(
-        "precision", "Gradients: time of the best other over ours", "10", _ratios("gradient", 10.0),
-        "Limit: that of the loop's six runs over our one: both follow the same events in compiled code.",
-    ),
-    Aim("precision", "Gradients: SciPy's time over ours", "10", _ratios("gradient", 10.0, "SciPy"), "None found."),
-    Aim(
-        "precision", "A gradient by events costs at most", "2 values", _slopes_cost,
-        "Was: ten times faster than before where the block sticks or rattles (8 and 9 were reached). Limit: the "
-        "gradient costs about as much as the value, whose time is that of the events themselves.",
-    ),
-    Aim(
-        "engine", "Designs with gradients, multipliers, statuses", "105,000 a second", _rate(105_000.0),
-        "Limit: as measured. The rate is the same from 10⁴ designs on: it is the arithmetic of the orbits, and no "
-        "longer the calls.",
-    ),
-    Aim(
-        "engine", "Gradients of a batch: the Numba loop's time over ours", "1000", _batch,
-        "Limit: as measured. A thousandth of the loop's time is 0.3 µs a design, less than one orbit's exponentials.",
-    ),
-    Aim(
-        "engine", "10,000 runs of an ensemble", "0.35 s", _ensemble,
-        "Limit: as measured, 85 µs a run, near the 47 µs of the Numba loop, which gives no statuses.",
-    ),
+    Aim("precision", "Error of the defaults against 30 digits", "1e-9", _errors,
+        "Limit: as measured, near a fold."),
+    Aim("precision", "Value of one scene: a default on the front", "all scenes", _front("value"), _LOOP),
+    Aim("precision", "Gradient of one scene: a default on the front", "all scenes", _front("gradient"), _LOOP),
+    Aim("precision", "Value: best other's time over ours", "10", _ratios("value", 10.0), _LOOP),
+    Aim("precision", "Gradient: best other's time over ours", "10", _ratios("gradient", 10.0),
+        "Limit: the loop's six runs over our one, both compiled and from event to event."),
+    Aim("precision", "Gradient: SciPy's time over ours", "10", _ratios("gradient", 10.0, "SciPy"), "Measured."),
+    Aim("precision", "A gradient by events costs at most", "2 values", _slopes_cost,
+        "As measured. (In place of \"ten times faster than before where it sticks or rattles\", of which 8 and "
+        "9 were reached: what is left is the events themselves.)"),
+    Aim("engine", "Designs with gradients, multipliers, statuses", "105,000 a second", _rate(105_000.0),
+        "Limit: as measured. From 10⁴ designs on the rate stays: it is arithmetic, and no longer calls."),
+    Aim("engine", "Gradients of a batch: the loop's time over ours", "1000", _batch,
+        "Limit: as measured. A thousandth of the loop's time is less than one orbit's exponentials take."),
+    Aim("engine", "10,000 runs of an ensemble", "0.35 s", _ensemble,
+        "Limit: as measured. The Numba loop takes half of it a run, and gives no status."),
     Aim("commands", "`tpd optimise`, first call", "30 s", _command("tpd optimise", "first", 30.0), _COMPILED),
-    Aim(
-        "commands", "`tpd optimise`, later", "8 s", _command("tpd optimise", "later", 8.0),
-        "Limit: as measured, nearly all of it nonlinear runs that take all of their 100 periods.",
-    ),
+    Aim("commands", "`tpd optimise`, later", "8 s", _command("tpd optimise", "later", 8.0),
+        "Limit: as measured: nonlinear runs, of which most take all of their 100 periods."),
     Aim("commands", "`check`, `response`, `map`, first call", "12 s", _command("", "first", 12.0), _COMPILED),
-    Aim(
-        "commands", "`check`, `response`, `map`, later", "4 s", _command("", "later", 4.0),
-        "Limit: as measured; `response` follows branches over many frequencies.",
-    ),
-    Aim(
-        "worth", "Default answer against the best of a grid, fresh runs", "at most 2 points below", _grid,
-        "Limit: 4 points. Where strikes and runs at rest leave a narrow strip, 512 runs tell its edges badly. (The "
-        "settled optimum of a linear grid is no aim: the nonlinear equations refuse most of those designs.)",
-    ),
-    Aim(
-        "worth", "Design over 20 frequencies, first, later", "20 s, 3 s", _band,
-        "Limit: as measured. The search takes 1.3 s; the rest is nonlinear runs of survey, refinement and verdict.",
-    ),
-    Aim("optima", "The best value is found", "in 9 of 10 seeds", _found, "Limit: as measured."),
-    Aim(
-        "optima", "Designs until there, of those of the best derivative-free method", "5 %", _designs,
-        "Limit: 32 designs of screening and 20 more. With three variables and one basin Nelder-Mead needs 64 to 178.",
-    ),
-    Aim("smoothing", "Smoothed amplitude, width 10⁻³, e ≥ 0.8", "1e-2", _smooth, "Limit: e near 1."),
-    Aim("cluster", "The same digits after a worker was killed", "always", _kills, "None found."),
-    Aim("guards", "Guards whose tests fail without them", "all", _guards, "None found."),
+    Aim("commands", "`check`, `response`, `map`, later", "4 s", _command("", "later", 4.0),
+        "Limit: as measured, of `response`, which follows branches over many frequencies."),
+    Aim("worth", "Default answer against the best of a grid, fresh runs", "2 points below at most", _grid,
+        "Limit: 5 points: 512 runs tell the edges of a narrow strip badly. (No aim any more: the settled "
+        "optimum of a linear grid, most of whose designs the nonlinear equations refuse.)"),
+    Aim("worth", "Design over 20 frequencies, first, later", "20 s, 3 s", _band,
+        "Limit: as measured. A quarter was the search, the rest nonlinear runs of survey and verdict."),
+    Aim("optima", "The best value is found", "9 of 10 seeds", _found, "As measured."),
+    Aim("optima", "Designs until there over the best derivative-free method's", "5 %", _designs,
+        "Limit: the screening alone takes 32, and in one basin of three variables Nelder-Mead needs few."),
+    Aim("smoothing", "Smoothed amplitude, width 10⁻³, e ≥ 0.8: error", "1e-2", _smooth, "Measured."),
+    Aim("cluster", "The same digits after a worker was killed", "always", _kills, "As measured."),
+    Aim("guards", "Guards whose tests fail without them", "all", _guards, "As measured."),
 )
+# fmt: on
 
 
 def aims() -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import tpd
-from tests.benchmarks.stored import markdown
+from tests.benchmarks.stored import columns
 
 QUESTION = "How fast are several processes, and what does a killed one cost?"
 SEED, ROUNDS, KILLS = 1, 3, 5
@@ -61,10 +61,8 @@ def run(quick: bool) -> list[dict[str, Any]]:
                     found = of(cluster, **more)
                     seconds.setdefault((name, n), []).append(time.perf_counter() - begun)
                     assert np.array_equal(found, truth[name], equal_nan=True)
-    rows = [
-        {"what": "rate", "work": w, "processes": n, "seconds": median(s)} for (w, n), s in seconds.items()
-    ]
-    return [*rows, killed(1 if quick else KILLS)]
+    rates = [{"work": w, "processes": n, "seconds": median(s)} for (w, n), s in seconds.items()]
+    return [*rates, killed(1 if quick else KILLS)]
 
 
 def killed(kills: int) -> dict[str, Any]:
@@ -79,17 +77,9 @@ def killed(kills: int) -> dict[str, Any]:
             same += np.array_equal(by_records(cluster), truth, equal_nan=True)
             longest = max(longest, time.perf_counter() - begun)
             stop.cancel()
-    return {"what": "killed", "kills": kills, "same": int(same), "longest": longest}
+    return {"work": "worker killed", "kills": kills, "same": int(same), "seconds": longest}
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Times, and kills."""
-    works = dict.fromkeys(r["work"] for r in rows if r["what"] == "rate")
-    rates = {w: {r["processes"]: r["seconds"] for r in rows if r.get("work") == w} for w in works}
-    first = ((w, *(f"{of[n]:.2f}" for n in (0, 1, 2)), f"{of[1] / of[2]:.2f}") for w, of in rates.items())
-    lost = rows[-1]
-    return (
-        markdown(("work", "threads, s", "1 process, s", "2 processes, s", "1 over 2"), first)
-        + f"\n\nA worker killed {lost['kills']} times at random moments of the fragility: the same digits in "
-        f"{lost['same']} of {lost['kills']}, at most {lost['longest']:.0f} s."
-    )
+    """Seconds by threads (0 processes) and by processes; after kills the longest, and how many agree."""
+    return columns(rows, work="{work}", processes="{processes}", s="{seconds:.2f}", same="{same} of {kills}")

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks.stored import ROOT, markdown
+from tests.benchmarks.stored import ROOT, columns
 
 QUESTION = "How long does a command take, the first time and later?"
 SEED = None
@@ -55,5 +55,4 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Seconds."""
-    cells = ((f"`{r['command']}`", f"{r['first']:.1f}", f"{r['later']:.1f}") for r in rows)
-    return markdown(("command", "first, s", "later, s"), cells)
+    return columns(rows, command="`{command}`", **{"first, s": "{first:.1f}", "later, s": "{later:.1f}"})

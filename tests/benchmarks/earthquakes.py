@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import tpd
-from tests.benchmarks.stored import markdown
+from tests.benchmarks.stored import columns
 
 QUESTION = "Is a pendulum worth hanging in earthquakes, judged on those held out?"
 SEED = 0
@@ -72,29 +72,15 @@ def _draw(found: Any) -> None:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """On the earthquakes held out; differences with 95 % intervals."""
-
-    def interval(x: list[float]) -> str:
-        return f"{x[0]:+.3f} ({x[1]:+.3f} to {x[2]:+.3f})"
-
-    cells = []
-    for r in rows:
-        block = "column of 4 m (README)" if r["height"] is None else f"{r['height']:g} m, ν = {r['nu']:g}"
-        if "tilt" not in r:
-            cells.append((block, r["status"], "", "", "", f"{r['seconds']:.0f}"))
-            continue
-        shares = ", ".join(f"{x:.1%}" for x in r["overturned"])
-        cells.append(
-            (
-                block,
-                r["status"],
-                shares,
-                interval(r["difference"]),
-                interval(r["tilt"]),
-                f"{r['seconds']:.0f}",
-            )
-        )
-    head = ("block", "status", "overturned without, with", "difference", "change of the mean of tilt/ν", "s")
-    return markdown(head, cells)
+    names = [f"{r['height']:g} m, ν = {r['nu']:g}" if r["height"] else "column of 4 m (README)" for r in rows]
+    between = "{{{0}[0]:+.3f}} ({{{0}[1]:+.3f}} to {{{0}[2]:+.3f}})"
+    heads = {"block": "{block}", "status": "{status}"}
+    heads |= {"overturned without, with": "{overturned[0]:.1%}, {overturned[1]:.1%}"}
+    heads |= {
+        "difference": between.format("difference"),
+        "change of the mean of tilt/ν": between.format("tilt"),
+    }
+    return columns([r | {"block": n} for r, n in zip(rows, names, strict=True)], **heads, s="{seconds:.0f}")
 
 
 def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:

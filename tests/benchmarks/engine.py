@@ -6,7 +6,7 @@ import jax
 import numpy as np
 
 import tpd
-from tests.benchmarks.stored import markdown, number, timed
+from tests.benchmarks.stored import columns, timed
 from tests.reference import HUNG, parameters
 
 QUESTION = "How many designs a second, with gradients, multipliers and statuses; how long does a run take?"
@@ -35,7 +35,7 @@ def designs(n: int) -> np.ndarray:
 
 
 def describe(x: jax.Array) -> tuple:
-    """Amplitudes of all symmetric orbits of a design, their gradients in (mu, lam, zeta), multipliers, statuses."""
+    """Of all symmetric orbits amplitudes, gradients in (mu, lam, zeta), multipliers and statuses."""
 
     def sizes(design: jax.Array) -> tuple:
         o = tpd.symmetric_orbits(parameters((x[0], *design, *x[4:])))
@@ -46,7 +46,8 @@ def describe(x: jax.Array) -> tuple:
 
 def run(quick: bool) -> list[dict[str, Any]]:
     """Seconds of each kind of work."""
-    from tests.benchmarks.precision.numba_loop import gradients, settle_all as loop
+    from tests.benchmarks.precision.numba_loop import gradients
+    from tests.benchmarks.precision.numba_loop import settle_all as loop
     from tests.benchmarks.precision.peers import METHODS
     from tests.benchmarks.precision.scenes import SCENES
     from tpd.models.batches import settle_all
@@ -88,16 +89,8 @@ def per_design(rows: list[dict[str, Any]], what: str) -> float:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Times and rates."""
-    cells = (
-        (
-            r["what"],
-            f"{r['designs']:,}",
-            number(r["seconds"]),
-            number(1e6 * r["seconds"] / r["designs"]),
-            f"{r['designs'] / r['seconds']:,.0f}",
-        )
-        for r in rows
-    )
-    return markdown(
-        ("work, on all cores but for SciPy", "designs", "s", "µs a design", "designs a second"), cells
-    )
+    rates = [
+        r | {"each": 1e6 * r["seconds"] / r["designs"], "rate": r["designs"] / r["seconds"]} for r in rows
+    ]
+    heads = {"work on all cores, SciPy on one": "{what}", "designs": "{designs:,}", "s": "{seconds:.3g}"}
+    return columns(rates, **heads, **{"µs a design": "{each:.3g}", "designs a second": "{rate:,.0f}"})

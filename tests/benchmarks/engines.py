@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 import tpd
-from tests.benchmarks.stored import markdown
+from tests.benchmarks.stored import columns
 
 QUESTION = "Do rigid-body engines agree about the benefit of a design?"
 SEED = None
@@ -52,14 +52,12 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Shares overturned with and without, and the change of the mean tilt in units of that of toppling."""
-    head = ("engine", "scene", "runs", "overturned with, without", "a fifth of its step", "equations (4)")
-    cells = (
-        (
-            *(r[k] for k in ("engine", "scene", "runs")),
-            *(", ".join(f"{x:.1%}" for x in r[k]) for k in ("with_engine", "finer", "with_equations")),
-            *(f"{r[k]:+.3f}" for k in ("change", "change by the equations")),
-            r["warning"],
-        )
-        for r in rows
-    )
-    return markdown((*head, "mean tilt, engine", "equations (4)", "warning"), cells)
+    heads = {"engine": "{engine}", "scene": "{scene}", "runs": "{runs}"}
+    of = {
+        "overturned with, without": "with_engine",
+        "a fifth of its step": "finer",
+        "by (4)": "with_equations",
+    }
+    heads |= {head: f"{{{k}[0]:.1%}}, {{{k}[1]:.1%}}" for head, k in of.items()}
+    heads |= {"change of the mean tilt": "{change:+.3f}", "by (4) ": "{change by the equations:+.3f}"}
+    return columns(rows, **heads, warning="{warning}")

@@ -1,7 +1,7 @@
 """Motions under records: error against time beside fixed steps, and batches.
 
-The fixed steps are those of codes of structural engineering: Runge's method of the fourth order, an impact at the
-end of a step, compiled by Numba. Motions in El Centro are held against arithmetic of 50 digits
+The fixed steps are those of codes of structural engineering: Runge's method of the fourth order, an impact at
+the end of a step, compiled by Numba. Motions in El Centro are held against arithmetic of 50 digits
 (`tests/ground_truth.json`); in the scenes of the comparison, which are like them, ours is the reference.
 """
 
@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 import tpd
-from tests.benchmarks.stored import ROOT, markdown, number, timed
+from tests.benchmarks.stored import ROOT, columns, timed
 
 QUESTION = "How exact and how fast are motions under records?"
 SEED, FREE = 0, 10.0
@@ -136,34 +136,19 @@ def batches(motions: int) -> dict[str, Any]:
     grid = np.linspace(0.5, 10.0, 5 * motions)
     sine = tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0)
     ratios = {"frequency_ratios": grid, "acceleration_ratios": grid}
+    spectrum = partial(tpd.overturning_spectrum, column, sine, hung, **ratios)
     return {
         "40 s at 0.01 s, tilt and 3 derivatives": lambda: both(hung),
         f"fragility, {motions} records × 20 stripes × 2": partial(curves, nonlinear=False),
         "the same, by the nonlinear equations as well": curves,
-        f"overturning spectrum, {len(grid)}² × 2": partial(
-            tpd.overturning_spectrum, column, sine, hung, **ratios
-        ),
+        f"overturning spectrum, {len(grid)}² × 2": spectrum,
     }
 
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Errors and times, batches, and the error against 50 digits."""
-    motions = (
-        (
-            r["scene"],
-            f"fixed steps, {r['steps']} a sample" if r["steps"] else "tpd",
-            f"{r['error']:.1e}" if r["steps"] else "reference",
-            number(r["ms"]),
-        )
-        for r in rows
-        if r["what"] == "motion"
-    )
-    work = ((r["work"], number(r["seconds"])) for r in rows if r["what"] == "batch")
-    (digits,) = (r["error"] for r in rows if r["what"] == "50 digits")
-    return "\n\n".join(
-        (
-            f"Largest error of the largest tilt against 50 digits, El Centro: {digits:.0e}.",
-            markdown(("scene", "method", "error of the largest tilt", "ms"), motions),
-            markdown(("work", "s"), work),
-        )
-    )
+    digits, motions, work = ([r for r in rows if r["what"] == k] for k in ("50 digits", "motion", "batch"))
+    heads = {"scene": "{scene}", "steps a sample (0: tpd)": "{steps}"}
+    heads |= {"error of the largest tilt": "{error:.1e}", "ms": "{ms:.3g}"}
+    said = f"Largest error of the largest tilt against 50 digits, El Centro: {digits[0]['error']:.0e}."
+    return "\n\n".join((said, columns(motions, **heads), columns(work, work="{work}", s="{seconds:.3g}")))

@@ -1,7 +1,7 @@
 """Does the gradient pay: `tpd.Sequential` and a descent of optax against derivative-free methods.
 
-All minimise the same exact function of (mu, lam, zeta): the risk of the tilts under all conditions plus ten times
-the excess over a limit. A design counts once, screening included; the slopes that come with it do not count.
+All minimise the same exact function of (mu, lam, zeta): the risk of the tilts under all conditions plus ten
+times the excess over a limit. A design counts once, screening included; its slopes do not count.
 """
 
 import time
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import tpd
-from tests.benchmarks.stored import markdown, number
+from tests.benchmarks.stored import columns
 
 QUESTION = "Does the gradient pay, beside derivative-free methods on the same function?"
 SEED, SEEDS = 0, 5
@@ -127,15 +127,9 @@ def run(quick: bool) -> list[dict[str, Any]]:
             for seed in range(SEED, SEED + (1 if quick else SEEDS)):
                 begun = time.perf_counter()
                 path = np.array(way(found[name], seed))
-                seconds = time.perf_counter() - begun
+                row = {"problem": name, "method": method, "seed": seed, "designs": len(path)}
+                row["seconds"] = time.perf_counter() - begun
                 falls = np.flatnonzero(np.diff(path, prepend=np.inf) < 0.0)
-                row = {
-                    "problem": name,
-                    "method": method,
-                    "seed": seed,
-                    "designs": len(path),
-                    "seconds": seconds,
-                }
                 # Seven digits of the value: the gap that counts is a thousandth of it.
                 rows.append(row | {"at": (falls + 1).tolist(), "best": [f"{v:.7g}" for v in path[falls]]})
     return rows
@@ -152,32 +146,19 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
             met = [n for n, v in zip(r["at"], r["best"], strict=True) if float(v) <= best + NEAR * abs(best)]
             until.append(float(met[0]) if met else np.inf)
         gap = max((float(r["best"][-1]) - best) / abs(best) for r in mine)
-        row = {
-            "problem": problem,
-            "method": method,
-            "hits": int(np.isfinite(until).sum()),
-            "seeds": len(mine),
-        }
-        row |= {"until": float(np.median(until)), "gap": gap, "value": best}
+        row = {"problem": problem, "method": method, "value": best, "gap": gap, "seeds": len(mine)}
+        row |= {"hits": int(np.isfinite(until).sum()), "until": float(np.median(until))}
         row |= {k: float(np.median([r[k] for r in mine])) for k in ("designs", "seconds")}
         out.append(row)
     return out
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Medians of the seeds."""
-    head = ("problem", "best value", "method", "found by", "designs until there", "in all", "worst gap", "s")
-    cells = (
-        (
-            r["problem"],
-            f"{r['value']:.6g}",
-            r["method"],
-            f"{r['hits']} of {r['seeds']}",
-            "none" if np.isinf(r["until"]) else f"{r['until']:.0f}",
-            f"{r['designs']:.0f}",
-            f"{r['gap']:.0e}",
-            number(r["seconds"], ".2g"),
-        )
-        for r in summary(rows)
-    )
-    return markdown(head, cells)
+    """Medians of the seeds; "inf" where no more than half of them came there."""
+    heads = {"problem": "{problem}", "best value": "{value:.6g}", "method": "{method}"}
+    heads |= {
+        "found by": "{hits} of {seeds}",
+        "designs until there": "{until:.0f}",
+        "in all": "{designs:.0f}",
+    }
+    return columns(summary(rows), **heads, **{"worst gap": "{gap:.0e}", "s": "{seconds:.2g}"})

@@ -1,4 +1,4 @@
-"""What the benchmarks found: a JSON file each, and the tables and pictures that are drawn from it and nothing else.
+"""What the benchmarks found: a JSON file each, and the tables and pictures drawn from it and nothing else.
 
 A benchmark is a module of this folder, named in `NAMES`, with
 
@@ -133,9 +133,17 @@ def markdown(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def number(value: float | None, form: str = ".3g", unit: str = "") -> str:
-    """A cell of a table; empty where there is no number."""
-    return "" if value is None or value != value else f"{value:{form}}{unit}"
+def columns(rows: Iterable[dict[str, Any]], **heads: str) -> str:
+    """A table of records, from heads and templates such as "{ms:.3g}"; a cell is empty where a number is
+    missing, and heads that are no names come by `**{}`."""
+
+    def cell(template: str, row: dict[str, Any]) -> str:
+        try:
+            return template.format_map(row)
+        except (KeyError, TypeError):
+            return ""
+
+    return markdown(heads, ([cell(template, row) for template in heads.values()] for row in rows))
 
 
 def timed(work: Callable[[], Any], repeats: int = 1) -> float:
@@ -151,7 +159,7 @@ def timed(work: Callable[[], Any], repeats: int = 1) -> float:
 
 
 def drawn(what: str) -> str:
-    """The text that stands for a function of `aims`, a benchmark, or "benchmark.short", a part of its table."""
+    """The text for a function of `aims`, a benchmark, or "benchmark.short", a part of its table."""
     from tests.benchmarks import aims
 
     if what in ("aims", "overview", "machine"):

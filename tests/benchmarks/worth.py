@@ -1,7 +1,8 @@
 """The default job against brute force, both judged by fresh paired runs of the nonlinear equations.
 
-Brute force follows every design of a grid over (mu, lam, zeta) by paired runs, takes the best of those in which
-the bob strikes a wall in at most 1 % of the runs, and judges these by the runs that judge the default answer.
+Brute force follows every design of a grid over (mu, lam, zeta) by paired runs, takes the best of those in
+which the bob strikes a wall in at most 1 % of the runs, and judges these by the runs that judge the default
+answer.
 """
 
 import time
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import tpd
-from tests.benchmarks.stored import markdown
+from tests.benchmarks.stored import columns
 
 QUESTION = "Is the default answer as good as brute force, and how long does it take?"
 SEED, RUNS = 9000, 2048
@@ -67,10 +68,8 @@ def brute_force(
     begun, choosing = time.perf_counter(), Judge(scene, space, tried, SEED + 1)
     axes = [np.linspace(0.0, 1.0, n) for n in sizes[: space.bounds.shape[1]]]
     units = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-    hung = [
-        scene.pendulum(mass_ratio=m, length_ratio=n, damping_ratio=z)
-        for m, n, z in space.full(space.unscaled(units))
-    ]
+    names, designs = ("mass_ratio", "length_ratio", "damping_ratio"), space.full(space.unscaled(units))
+    hung = [scene.pendulum(**dict(zip(names, x, strict=True))) for x in designs]
     first = [choosing(p) for p in hung]
     kept = [i for i, found in enumerate(first) if found["strikes"] <= STRIKES]
     best = sorted(kept, key=lambda i: -first[i]["benefit"])[:CHOSEN]
@@ -97,17 +96,16 @@ def run(quick: bool) -> list[dict[str, Any]]:
     limits = (tpd.limits.Stroke(), tpd.limits.Reserve(), tpd.limits.Mass(3.0))
     given = {"conditions": tpd.Conditions.band(scene, 2.0, 3.5, 20), "limits": limits}
     method = tpd.Sequential(searches=4, screening=32, steps=16) if quick else tpd.Sequential(searches=64)
+    space = tpd.DesignSpace(damping_ratio=(0.05, 0.4))
     for seed in range(2):
         begun = time.perf_counter()
-        design = tpd.optimise(
-            scene, tpd.DesignSpace(damping_ratio=(0.05, 0.4)), method=method, seed=seed, **given
-        )
+        design = tpd.optimise(scene, space, method=method, seed=seed, **given)
         seconds.append(time.perf_counter() - begun)
     return [*rows, {"scene": BAND, "seconds": seconds[-1], "first": seconds[0], "status": design.status.name}]
 
 
 def behind(rows: list[dict[str, Any]]) -> dict[str, float]:
-    """Points of benefit by which the default answer is below the best of the grid; of none offered, all of it."""
+    """Points of benefit by which the default answer is below the best of the grid; if none, all of it."""
     out = {}
     for r in rows:
         best = r.get("grid", {}).get("benefit")
@@ -118,28 +116,9 @@ def behind(rows: list[dict[str, Any]]) -> dict[str, float]:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Less mean tilt on fresh runs."""
-
-    def said(found: dict[str, Any]) -> str:
-        if "benefit" not in found:
-            return "none"
-        low, high = found["interval"]
-        return f"{found['benefit']:.1%} ({low:.1%} to {high:.1%}), strikes {found['strikes']:.2%}"
-
-    cells = []
-    for r in rows:
-        grid = r.get("grid")
-        size = (
-            f"{grid['designs']}, {grid['keep']} keep off the walls, {grid['seconds']:.0f} s" if grid else ""
-        )
-        cells.append(
-            (
-                r["scene"],
-                r["status"],
-                said(r.get("ours", {})) if grid else "",
-                f"{r['seconds']:.1f}",
-                said(grid) if grid else "",
-                size,
-            )
-        )
-    head = ("job", "status", "default: less tilt (95 %)", "s", "best of the grid", "designs of the grid")
-    return markdown(head, cells)
+    said = "{{{0}[benefit]:.1%}} ({{{0}[interval][0]:.1%}} to {{{0}[interval][1]:.1%}})"
+    said += ", strikes {{{0}[strikes]:.2%}}"
+    heads = {"job": "{scene}", "status": "{status}", "s": "{seconds:.1f}"}
+    heads |= {"default: less tilt (95 %)": said.format("ours"), "best of the grid": said.format("grid")}
+    size = "{grid[designs]}, {grid[keep]} keep off the walls, {grid[seconds]:.0f} s"
+    return columns(rows, **heads, **{"designs of the grid": size})

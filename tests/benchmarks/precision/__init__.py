@@ -1,13 +1,12 @@
 """Error against time of the steady amplitude and of its gradient, ours and what a user would take instead.
 
-Six scenes whose answers are known to 30 digits from an arithmetic with 60 (`truth.json`, written by `python -m
-tests.benchmarks.precision.scenes`). A peer whose package is not installed is left out.
+Six scenes whose answers are known to 30 digits from an arithmetic with 60 (`truth.json`, written by
+`python -m tests.benchmarks.precision.scenes`). A peer whose package is not installed is left out.
 """
 
 from importlib import import_module
 from itertools import cycle
 from typing import Any
-
 
 from tests.benchmarks.precision.scenes import SCENES, load
 from tests.benchmarks.stored import markdown
@@ -77,7 +76,7 @@ def short(rows: list[Row]) -> str:
 
 
 def table(rows: list[Row]) -> str:
-    """The same, and every method on every scene: the milliseconds and the error, or why there is no answer."""
+    """The same, and every method on every scene: milliseconds and error, or why there is no answer."""
     scenes = [s.name for s in SCENES if any(r["scene"] == s.name for r in rows)]
     whole = []
     for method, setting, kind in dict.fromkeys((r["method"], r["setting"], r["kind"]) for r in rows):

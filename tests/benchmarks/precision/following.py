@@ -1,10 +1,10 @@
 """Following a motion, one forcing period after another, until it repeats: what every peer shares.
 
-A peer brings the integration of one arc: `slip(t, y, s, sigma, end)`, with constant signs, gives (time, state,
-event) where it ends, the event "turn", "zero", "gone" or, at `end`, "end"; `held(t, y, s, end)` gives (time,
-state, direction) where a held block is freed, direction 0 at `end`. The loop over arcs, the rules between them, the settling and the differences are here. They
-are those of the linear equations (25) without the parametric term; the time starts anew with every
-period, so that the map of a period is always the same function.
+A peer brings the integration of one arc: `slip(t, y, s, sigma, end)`, with constant signs, gives (time,
+state, event) where it ends, the event "turn", "zero", "gone" or, at `end`, "end"; `held(t, y, s, end)` gives
+(time, state, direction) where a held block is freed, direction 0 at `end`. The loop over arcs, the rules
+between them, the settling and the differences are here. They are those of the linear equations (25) without
+the parametric term; the time starts anew with every period, so that its map is always the same function.
 """
 
 import math

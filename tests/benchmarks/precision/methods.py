@@ -1,4 +1,4 @@
-"""What a method is here, a curve of error over time with its accuracy setting along it, and how it is measured."""
+"""What a method is here, a curve of error over time along its accuracy setting, and how it is measured."""
 
 import math
 import statistics
@@ -87,7 +87,7 @@ def measured(
 
 
 def _first(row: dict[str, Any], make: Callable, scene: Scene, setting: float, truth: Any) -> Call | None:
-    """The work, once it has answered; in the row its seconds with compiling, and its error or what it lacks."""
+    """The work, once it has answered; in the row its seconds with compiling, and its error or why not."""
     try:
         begun = time.perf_counter()
         call = make(scene, setting)

@@ -1,4 +1,4 @@
-"""What a day with Numba gives: closed-form arcs and events in compiled scalar code, over many designs on every core.
+"""What a day with Numba gives: closed-form arcs and events in compiled scalar code.
 
 It follows the linear equations with true signs and without the parametric term, for x = (nu, mu, lam, zeta,
 k, f, xi, e), a uniform rectangle, lam > 0 and the forcing sin(xi tau), for a count of forcing periods that it

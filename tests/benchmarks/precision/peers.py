@@ -1,5 +1,8 @@
-"""SciPy's DOP853, SUNDIALS' CVODE and heyoka's Taylor series with events, arcs joined where they end. Gradients are
-central differences; heyoka's own variational equations with the saltation of every event are not used."""
+"""SciPy's DOP853, SUNDIALS' CVODE and heyoka's Taylor series with events, arcs joined where they end.
+
+Gradients are central differences; heyoka's own variational equations, with the saltation of every event, are
+not used.
+"""
 
 import math
 from functools import lru_cache
@@ -155,13 +158,13 @@ class CvodeArcs:
 
 @lru_cache(maxsize=8)
 def taylor(tol: float) -> tuple[Any, Any]:
-    """heyoka's integrators of a slipping and of a held block, compiled once; parameters are the numbers of a plant,
-    s weight + sigma k, s and sigma. Events fall through zero."""
+    """heyoka's integrators of a slipping and of a held block, compiled once; parameters are the numbers of a
+    plant, s weight + sigma k, sigma and s. Events fall through zero."""
     phi, psi, dphi, dpsi = state = hy.make_vars("phi", "psi", "dphi", "dpsi")
     i11, i12, i21, i22, up, hinge, drag, f, xi, inertia, weight, k, mu, by_rate = (
         hy.par[i] for i in range(14)
     )
-    load, s, sigma = (hy.par[i] for i in range(17, 20))
+    load, sigma, s = (hy.par[i] for i in range(17, 20))
     push, slide, none = f * hy.sin(xi * hy.time), dphi - dpsi, hy.expression(0.0)
     block, bob = up * (phi - push) - load - drag * slide, push - psi + hinge * slide
     slip = [dphi, dpsi, i11 * block + i12 * bob, i21 * block + i22 * bob]
@@ -200,7 +203,7 @@ class TaylorArcs:
 
     def slip(self, t, y, s, sigma, end):
         """Until the next event."""
-        self.slipping.pars[17:] = s * self.p.weight + sigma * self.p.k, s, sigma
+        self.slipping.pars[17:] = s * self.p.weight + sigma * self.p.k, sigma, s
         # What frees a held block does so with no acceleration: the sign of round-off is no event.
         y[2] = y[2] or sigma * 1e-16
         t, y, event = self._run(self.slipping, t, y, end)
@@ -208,7 +211,7 @@ class TaylorArcs:
 
     def held(self, t, y, s, end):
         """Until it is freed."""
-        self.holding.pars[18] = s
+        self.holding.pars[19] = s
         t, y, event = self._run(self.holding, t, y, end)
         return t, y, (1.0, -1.0, 0.0)[event]
 
