@@ -135,15 +135,15 @@ _COMPILED = (
 AIMS = (
     Aim("precision", "Error of the defaults against 30 digits", "1e-9", _errors,
         "Limit: as measured, near a fold."),
-    Aim("precision", "Value of one scene: a default on the front", "all scenes", _front("value"), _LOOP),
-    Aim("precision", "Gradient of one scene: a default on the front", "all scenes", _front("gradient"), _LOOP),
+    Aim("precision", "Value of one scene: a default on the front", "all six", _front("value"), _LOOP),
+    Aim("precision", "Gradient of one scene: a default on the front", "all six", _front("gradient"), _LOOP),
     Aim("precision", "Value: best other's time over ours", "10", _ratios("value", 10.0), _LOOP),
     Aim("precision", "Gradient: best other's time over ours", "10", _ratios("gradient", 10.0),
         "Limit: the loop's six runs over our one, both compiled and from event to event."),
-    Aim("precision", "Gradient: SciPy's time over ours", "10", _ratios("gradient", 10.0, "SciPy"), "Measured."),
+    Aim("precision", "Gradient: SciPy's time over ours", "10", _ratios("gradient", 10.0, "SciPy"), _LOOP),
     Aim("precision", "A gradient by events costs at most", "2 values", _slopes_cost,
-        "As measured. (In place of \"ten times faster than before where it sticks or rattles\", of which 8 and "
-        "9 were reached: what is left is the events themselves.)"),
+        "As measured. (In place of ten times faster than before where it sticks or rattles, of which 8 and 9 "
+        "were reached: what is left is the events themselves.)"),
     Aim("engine", "Designs with gradients, multipliers, statuses", "105,000 a second", _rate(105_000.0),
         "Limit: as measured. From 10⁴ designs on the rate stays: it is arithmetic, and no longer calls."),
     Aim("engine", "Gradients of a batch: the loop's time over ours", "1000", _batch,

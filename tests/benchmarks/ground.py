@@ -94,7 +94,8 @@ def fixed_steps(p: Any, a: np.ndarray, h: float, parts: int, free: float) -> flo
 
 def _peer(scene: tpd.Scene, hung: tpd.Pendulum | None) -> tuple:
     """Arguments of `fixed_steps`."""
-    p = scene.parameters(hung) if hung else scene.parameters()
+    shaken = tpd.Scene(scene.block, tpd.Harmonic(amplitude=0.01, frequency=1.0), scene.gravity)
+    p = shaken.parameters(hung) if hung else shaken.parameters()
     given = tuple(float(x) for x in (p.nu, p.mu, p.lam if hung else 1.0, p.zeta, p.k, p.rho, p.e))
     a = -np.asarray(scene.motion.acceleration) * float(scene.motion.scale) / float(scene.gravity)
     return given, a, float(scene.motion.dt) * float(scene.rate)
