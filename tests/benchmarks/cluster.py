@@ -15,13 +15,13 @@ import tpd
 from tests.benchmarks.stored import columns
 
 QUESTION = "How fast are several processes, and what does a killed one cost?"
-SEED, ROUNDS, KILLS = 1, 3, 5
+SEED, ROUNDS, KILLS = 1, 2, 5
 BLOCK = tpd.Block(width=0.45, height=1.8, mass=900.0, restitution="housner")
 BOB = tpd.Pendulum(mass=90.0, length=0.6, damping_ratio=0.2)
 Where = tpd.Cluster | None
 
 
-def by_map(cluster: Where, shift: float = 0.0, points: int = 600) -> np.ndarray:
+def by_map(cluster: Where, shift: float = 0.0, points: int = 400) -> np.ndarray:
     """Amplitudes of a map; a small `shift` makes it another map, so that nothing is there already."""
     scene = tpd.paper_scene()
     hung = scene.pendulum(mass_ratio=0.1, length_ratio=0.4, damping_ratio=0.1)
@@ -29,7 +29,7 @@ def by_map(cluster: Where, shift: float = 0.0, points: int = 600) -> np.ndarray:
     return tpd.design_map(scene, *axes, pendulum=hung, cluster=cluster).amplitude
 
 
-def by_records(cluster: Where, shift: float = 0.0, motions: int = 44) -> np.ndarray:
+def by_records(cluster: Where, shift: float = 0.0, motions: int = 22) -> np.ndarray:
     """Tilts of a fragility under noise with the envelope of an earthquake."""
     rng, t = np.random.default_rng(0), np.arange(0.0, 40.0, 0.01)
     shape = np.minimum(t / 4.0, 1.0) * np.exp(-np.maximum(t - 12.0, 0.0) / 8.0)
@@ -41,7 +41,7 @@ def by_records(cluster: Where, shift: float = 0.0, motions: int = 44) -> np.ndar
     return np.stack([x for x in found.tilts if x is not None])
 
 
-WORK = {"map of 600 × 600 orbits": by_map, "fragility, 44 × 40 × 4 runs": by_records}
+WORK = {"map of 400 × 400 orbits": by_map, "fragility, 22 × 40 × 4 runs": by_records}
 
 
 def run(quick: bool) -> list[dict[str, Any]]:

@@ -15,6 +15,7 @@ import numpy as np
 
 import tpd
 from tests.benchmarks.stored import ROOT, columns, timed
+from tpd.scene.parameters import as_arrays
 
 QUESTION = "How exact and how fast are motions under records?"
 SEED, FREE = 0, 10.0
@@ -95,8 +96,9 @@ def fixed_steps(p: Any, a: np.ndarray, h: float, parts: int, free: float) -> flo
 def _peer(scene: tpd.Scene, hung: tpd.Pendulum | None) -> tuple:
     """Arguments of `fixed_steps`."""
     shaken = tpd.Scene(scene.block, tpd.Harmonic(amplitude=0.01, frequency=1.0), scene.gravity)
-    p = shaken.parameters(hung) if hung else shaken.parameters()
-    given = tuple(float(x) for x in (p.nu, p.mu, p.lam if hung else 1.0, p.zeta, p.k, p.rho, p.e))
+    p = as_arrays(shaken.parameters(hung))
+    rho = 3.0 / (4.0 * (1.0 + p.nu**2))
+    given = tuple(float(x) for x in (p.nu, p.mu, p.lam, p.zeta, p.k, rho, p.e))
     a = -np.asarray(scene.motion.acceleration) * float(scene.motion.scale) / float(scene.gravity)
     return given, a, float(scene.motion.dt) * float(scene.rate)
 
