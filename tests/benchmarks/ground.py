@@ -64,7 +64,7 @@ def fixed_steps(p: Any, a: np.ndarray, h: float, parts: int, free: float) -> flo
     m11, m12, m21, m22 = 1.0 + mu * rho * (4.0 + nu * nu), -2.0 * mu * rho * lam, -2.0 * rho, lam * rho
     det = m11 * m22 - m12 * m21
     best, side, rests, d = 0.0, 1.0, True, h / parts
-    y, slope, added = np.zeros(4), np.zeros(4), np.zeros(4)
+    y, z, slope, added = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4)
     for step in range(int((len(a) - 1) * parts + free / d)):
         i = step // parts
         slow = (a[i + 1] - a[i]) / h if i < len(a) - 1 else 0.0
@@ -74,16 +74,20 @@ def fixed_steps(p: Any, a: np.ndarray, h: float, parts: int, free: float) -> flo
             rests, side = False, np.sign(held)
         for j in range(4):
             part = 0.0 if j == 0 else (1.0 if j == 3 else 0.5)
-            z, eta = y + part * d * slope, eta0 + slow * part * d
-            rate = z[2] - z[3]
+            # Element by element: arrays that are made anew would take most of the time.
+            for m in range(4):
+                z[m] = y[m] + part * d * slope[m]
+            rate, eta = z[2] - z[3], eta0 + slow * part * d
             slope[0], slope[1], slope[2] = 0.0, z[3], 0.0
             slope[3] = (eta - z[1] - c * z[3]) / m22
             if not rests:
                 r1 = up * (z[0] - eta) - weight * side - k * np.sign(z[2]) - mu * lam * c * rate
                 r2 = eta - z[1] + c * rate
                 slope[0], slope[2], slope[3] = z[2], (m22 * r1 - m12 * r2) / det, (m11 * r2 - m21 * r1) / det
-            added = slope * 1.0 if j == 0 else added + (1.0 if j == 3 else 2.0) * slope
-        y = y + d / 6.0 * added
+            for m in range(4):
+                added[m] = slope[m] if j == 0 else added[m] + (1.0 if j == 3 else 2.0) * slope[m]
+        for m in range(4):
+            y[m] += d / 6.0 * added[m]
         best = max(best, abs(y[0]))
         if not rests and y[0] * side < 0.0:
             rests = abs(y[2]) < 1e-4 * nu
