@@ -1,7 +1,7 @@
 """The atlas of failures as a table: the regimes in which a method loses its footing, what holds there and
 what does not, how it shows, what the user is told, and which tests keep it so.
 
-`tests.benchmarks.atlas` draws them, `tests.benchmarks.guards` takes their guards away.
+`tests.benchmarks.guards` takes their guards away.
 """
 
 from __future__ import annotations

@@ -1,24 +1,20 @@
 """Takes the guards of the atlas away, one at a time, and sees the tests that cover them fail.
 
-    .venv/bin/python -m tests.benchmarks.guards
-
 A guard is named by its function and by what is taken from it (`tests.benchmarks.mutations`), so that a change
-of its line does not matter. Prints a Markdown table, writes it to `results/guards.md`, and exits with 1 if a
-test passes without its guard.
+of its line does not matter. A test that passes without its guard stands as "no" in the table. An hour.
 """
 
-import argparse
 import os
+import re
 import subprocess
 import sys
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from queue import Queue
 from shutil import copyfile
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tests.atlas import test_ids
+from tests.benchmarks import stored
 from tests.benchmarks.mutations import (
     Mutation,
     constant,
@@ -31,8 +27,9 @@ from tests.benchmarks.mutations import (
     without_term,
 )
 
-ROOT = Path(__file__).parents[2]
-RESULT = Path(__file__).parent / "results" / "guards.md"
+QUESTION = "Does each guard have a test that fails without it?"
+SEED = None
+ROOT = stored.ROOT
 COMPILED = Path(".pytest_cache") / "compiled"
 QUICK = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
 """Every guard has to be compiled anew."""
@@ -251,79 +248,56 @@ def _copied(root: Path) -> None:
     (root / COMPILED).symlink_to((ROOT / COMPILED).resolve())
 
 
-def _outcomes(root: Path, tests: tuple[str, ...]) -> dict[str, str]:
-    """Outcome of each test: "fails", "passes", or why it did not run."""
-    command = [sys.executable, "-m", "pytest", "-n", "0", "-x", "-q", "-p", "no:cacheprovider", "-m", ""]
-    found = {}
-    for test in tests:
-        try:
-            done = subprocess.run(
-                [*command, test],
-                cwd=root,
-                env={**os.environ, "PYTHONPATH": str(root), "XLA_FLAGS": QUICK},
-                capture_output=True,
-                text=True,
-                timeout=TIMEOUT,
-            )
-        except subprocess.TimeoutExpired:
-            found[test] = "fails (never ends)"
-            continue
-        found[test] = {0: "passes", 1: "fails"}.get(done.returncode, f"did not run ({done.returncode})")
-    return found
+def _failing(root: Path, tests: tuple[str, ...]) -> list[bool]:
+    """Of each test whether it fails, also where it never ends."""
+    command = [sys.executable, "-m", "pytest", "-n", "0", "-q", "-rA", "-p", "no:cacheprovider", "-m", ""]
+    env = {**os.environ, "PYTHONPATH": str(root), "XLA_FLAGS": QUICK, "COLUMNS": "500"}
+    try:
+        done = subprocess.run(
+            [*command, *tests], cwd=root, env=env, capture_output=True, text=True, timeout=TIMEOUT
+        )
+    except subprocess.TimeoutExpired:
+        return [True] * len(tests)
+    said = re.findall(r"^(PASSED|FAILED) (\S+)", done.stdout, re.MULTILINE)
+    ends = {test: [how for how, of in said if of == test or of.startswith(f"{test}[")] for test in tests}
+    if not all(ends.values()):
+        raise RuntimeError(f"did not run: {done.stdout[-1000:]}")
+    return ["FAILED" in of for of in ends.values()]
 
 
-def without(root: Path, guard: Guard) -> dict[str, str]:
-    """Outcomes of the tests of a guard in the copy at `root` without it."""
+def without(root: Path, guard: Guard) -> list[bool]:
+    """Which of the tests of a guard fail in the copy at `root` without it."""
     source = root / guard.path
     whole = source.read_text(encoding="utf-8")
     source.write_text(guard.taken_from(whole), encoding="utf-8")
     try:
-        return _outcomes(root, guard.tests)
+        return _failing(root, guard.tests)
     finally:
         source.write_text(whole, encoding="utf-8")
 
 
-def line(guard: Guard, outcomes: dict[str, str]) -> str:
-    """Row of the table."""
-    tests = "<br>".join(f"`{test.removeprefix('tests/')}`" for test in outcomes)
-    said = ["yes" if s.startswith("fails") else f"**no**: {s}" for s in outcomes.values()]
-    return f"| {guard.regime} | {guard.what} (`{guard.place}`) | {tests} | {'<br>'.join(said)} |"
+def run(quick: bool) -> list[dict[str, Any]]:
+    """A row a guard."""
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        _copied(Path(folder))
+        for guard in [g for g in GUARDS if g.regime == "32-bit floats"] if quick else GUARDS:
+            fails = without(Path(folder), guard)
+            row = {"regime": guard.regime, "guard": guard.what, "place": guard.place}
+            rows.append(row | {"tests": list(guard.tests), "fails": fails})
+            print(f"{guard.what}: {fails}", file=sys.stderr, flush=True)
+    return rows
 
 
-def main() -> None:
-    """Print the table, and write it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--workers", type=int, default=1, help="guards taken away at the same time")
-    parser.add_argument("--only", default="", help="part of a regime's name; the table is not written then")
-    asked = parser.parse_args()
-    guards = [g for g in GUARDS if asked.only in g.regime]
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(asked.workers) as pool:
-        copies: Queue[Path] = Queue()
-        for i in range(asked.workers):
-            copy = Path(folder) / str(i)
-            copy.mkdir()
-            _copied(copy)
-            copies.put(copy)
-
-        def one(guard: Guard) -> dict[str, str]:
-            copy = copies.get()
-            try:
-                return without(copy, guard)
-            finally:
-                copies.put(copy)
-
-        table = ["| regime | guard | test | fails without it |", "|---|---|---|---|"]
-        print("\n".join(table), flush=True)
-        survived = False
-        for guard, outcomes in zip(guards, pool.map(one, guards), strict=True):
-            table.append(line(guard, outcomes))
-            print(table[-1], flush=True)
-            survived |= not all(said.startswith("fails") for said in outcomes.values())
-    if not asked.only:
-        RESULT.parent.mkdir(exist_ok=True)
-        RESULT.write_text("\n".join(table) + "\n", encoding="utf-8")
-    sys.exit(int(survived))
-
-
-if __name__ == "__main__":
-    main()
+def table(rows: list[dict[str, Any]]) -> str:
+    """Guards, and whether their tests fail without them."""
+    cells = (
+        (
+            r["regime"],
+            f"{r['guard']} (`{r['place']}`)",
+            "<br>".join(f"`{test.removeprefix('tests/')}`" for test in r["tests"]),
+            "<br>".join("yes" if fails else "**no**" for fails in r["fails"]),
+        )
+        for r in rows
+    )
+    return stored.markdown(("regime", "guard", "test", "fails without it"), cells)

@@ -137,18 +137,10 @@ def without_nan(variable: str) -> Mutation:
 
 def nothing_true(name: str) -> Mutation:
     """Comparisons that mention a name are false."""
-    return _fixed(name, ast.BitAnd(), False)
 
-
-def nothing_false(name: str) -> Mutation:
-    """Comparisons that mention a name are true."""
-    return _fixed(name, ast.BitOr(), True)
-
-
-def _fixed(name: str, op: ast.operator, value: bool) -> Mutation:
     def change(node: ast.AST) -> ast.AST:
         if isinstance(node, ast.Compare) and _mentions(node, name):
-            return ast.BinOp(node, op, ast.Constant(value))
+            return ast.BinOp(node, ast.BitAnd(), ast.Constant(False))
         return node
 
     return change

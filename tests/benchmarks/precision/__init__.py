@@ -1,0 +1,139 @@
+"""Error against time of the steady amplitude and of its gradient, ours and what a user would take instead.
+
+Six scenes whose answers are known to 30 digits from an arithmetic with 60 (`truth.json`, written by
+`python -m tests.benchmarks.precision.scenes`). A peer whose package is not installed is left out.
+"""
+
+from importlib import import_module
+from itertools import cycle
+from typing import Any
+
+from tests.benchmarks.precision.scenes import SCENES, load
+from tests.benchmarks.stored import markdown
+
+QUESTION = "How exact and how fast are one scene's amplitude and gradient, beside other software?"
+SEED = None
+MODULES = ("ours", "numba_loop", "peers")
+ASKED, EQUAL, FLOOR = 1e-6, 1e-12, 1e-15
+"""Error at which methods are compared; errors below the second are of rounding; the least that is drawn."""
+
+Row = dict[str, Any]
+
+
+def run(quick: bool) -> list[Row]:
+    """Every method on every scene."""
+    from tests.benchmarks.precision.methods import measured
+
+    methods = [m for name in MODULES for m in import_module(f"{__name__}.{name}").METHODS]
+    if quick:
+        methods = [m._replace(settings=m.settings[-1:]) for m in methods if not m.name.startswith("smoothed")]
+    return measured(methods, SCENES[:2] if quick else SCENES, load(), 1 if quick else 3)
+
+
+def _answers(rows: list[Row], scene: str, kind: str, ours: bool | None = None) -> list[Row]:
+    there = (r for r in rows if (r["scene"], r["kind"]) == (scene, kind) and r["ms"] is not None)
+    return [r for r in there if ours in (None, r["ours"])]
+
+
+def quickest(rows: list[Row], scene: str, kind: str, ours: bool, method: str = "") -> Row | None:
+    """Of ours or the others, or of one method, the quickest with an error of at most `ASKED`."""
+    good = [
+        r for r in _answers(rows, scene, kind, ours) if r["error"] <= ASKED and r["method"].startswith(method)
+    ]
+    return min(good, key=lambda r: r["ms"], default=None)
+
+
+def on_front(rows: list[Row], scene: str, kind: str) -> list[str]:
+    """The methods of which no other setting or method is both quicker and as accurate."""
+    there = _answers(rows, scene, kind)
+    return list(
+        dict.fromkeys(
+            r["method"]
+            for r in there
+            if not any(max(o["error"], EQUAL) <= max(r["error"], EQUAL) and o["ms"] < r["ms"] for o in there)
+        )
+    )
+
+
+def pairs(rows: list[Row], kind: str, peer: str = "") -> list[tuple[str, Row, Row]]:
+    """Scene, and the quickest of ours and of the others (or of one) to `ASKED`, where both answer."""
+    found = (
+        (s.name, *(quickest(rows, s.name, kind, own, "" if own else peer) for own in (True, False)))
+        for s in SCENES
+    )
+    return [(scene, mine, other) for scene, mine, other in found if mine and other]
+
+
+def short(rows: list[Row]) -> str:
+    """Ours against the best of the others at an error of 1e-6."""
+    head = ("scene", "asked", "quickest of ours", "ms (error)", "quickest other", "ms (error)", "other/ours")
+    out = []
+    for kind in ("value", "gradient"):
+        for scene, mine, other in pairs(rows, kind):
+            cells = ((r["method"], f"{r['ms']:.3g} ({r['error']:.0e})") for r in (mine, other))
+            out.append((scene, kind, *(c for two in cells for c in two), f"{other['ms'] / mine['ms']:.2g}"))
+    return markdown(head, out)
+
+
+def table(rows: list[Row]) -> str:
+    """The same, and every method on every scene: milliseconds and error, or why there is no answer."""
+    scenes = [s.name for s in SCENES if any(r["scene"] == s.name for r in rows)]
+    whole = []
+    for method, setting, kind in dict.fromkeys((r["method"], r["setting"], r["kind"]) for r in rows):
+        mine = {
+            r["scene"]: r for r in rows if (r["method"], r["setting"], r["kind"]) == (method, setting, kind)
+        }
+        first = max((r.get("first", 0.0) for r in mine.values()), default=0.0)
+        cells = (
+            mine[s]["note"] or (f"{mine[s]['ms']:.3g} ({mine[s]['error']:.0e})" if s in mine else "")
+            for s in scenes
+        )
+        whole.append((method, f"{setting:g}" if setting else "", kind, *cells, f"{first:.2g}"))
+    head = ("method", "setting", "asked", *(f"{s}, ms (error)" for s in scenes), "first call, s")
+    return f"{short(rows)}\n\n{markdown(head, whole)}"
+
+
+def pictures(rows: list[Row]) -> dict[str, Any]:
+    """Error against time, a panel a scene: black and filled ours, grey and open the others."""
+    return {
+        f"precision-{kind}.png": _figure([r for r in rows if r["kind"] == kind], kind)
+        for kind in ("value", "gradient")
+    }
+
+
+def _figure(rows: list[Row], kind: str) -> Any:
+    from tpd.plot.style import new_axes
+
+    axes = new_axes(2, (12.0, 8.6), columns=3)
+    looks, theirs, dashes = cycle("osD^v"), cycle("x+1234"), cycle(("-", "--", ":", "-."))
+    styles = {}
+    for method, ours in dict.fromkeys((r["method"], r["ours"]) for r in rows):
+        ink = "black" if ours else "0.5"
+        styles[method] = {
+            "color": ink,
+            "marker": next(looks if ours else theirs),
+            "ls": next(dashes),
+            "lw": 1.0,
+        }
+        styles[method] |= {"ms": 10 if "default" in method else 6, "zorder": 3 if ours else 2}
+    handles = {}
+    for ax, scene in zip(axes.flat, SCENES, strict=True):
+        there = [r for r in rows if r["scene"] == scene.name]
+        for method, style in styles.items():
+            curve = [r for r in there if r["method"] == method and r["ms"] is not None]
+            if curve:
+                x, y = [max(r["error"], FLOOR) for r in curve], [1e-3 * r["ms"] for r in curve]
+                handles[method] = ax.plot(x, y, **style, label=method)[0]
+        failed = dict.fromkeys(f"{r['method']}: {r['note']}" for r in there if r["note"])
+        ax.text(0.98, 0.98, "\n".join(failed), transform=ax.transAxes, va="top", ha="right", fontsize=6.5)
+        ax.set(xscale="log", yscale="log", title=scene.name)
+        ax.grid(True, which="major", color="0.9")
+    for ax in axes[-1]:
+        ax.set_xlabel("relative error, against 30 digits (-)")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("time of a warm call (s)")
+    what = "Steady amplitude" if kind == "value" else "Gradient of the steady amplitude in three parameters"
+    figure = axes[0, 0].figure
+    figure.suptitle(f"{what}: error against time (lower left is better)")
+    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=4, fontsize=8)
+    return figure

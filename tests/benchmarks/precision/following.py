@@ -1,27 +1,21 @@
 """Following a motion, one forcing period after another, until it repeats: what every peer shares.
 
-A peer brings the integration of one arc (`Arcs`): a slip with constant signs, or the wait of a held
-block. The loop over arcs, the rules between them, the settling and the differences are here. They
-are those of the linear equations (25) without the parametric term; the time starts anew with every
-period, so that the map of a period is always the same function.
+A peer brings the integration of one arc: `slip(t, y, s, sigma, end)`, with constant signs, gives (time,
+state, event) where it ends, the event "turn", "zero", "gone" or, at `end`, "end"; `held(t, y, s, end)` gives
+(time, state, direction) where a held block is freed, direction 0 at `end`. The loop over arcs, the rules
+between them, the settling and the differences are here. They are those of the linear equations (25) without
+the parametric term; the time starts anew with every period, so that its map is always the same function.
 """
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 
-from tests.benchmarks.precision.methods import Scene, Unable
-
-try:
-    from numba import njit
-except ImportError:
-
-    def njit(*args: Any, **_: Any) -> Any:
-        """Leave the functions as they are: slower, and right."""
-        return args[0] if args else lambda function: function
-
+from tests.benchmarks.precision.methods import Unable
+from tests.benchmarks.precision.scenes import Scene
 
 MOST = 400
 """Forcing periods after which a motion has not settled."""
@@ -115,22 +109,6 @@ def held_rates(t: float, y: np.ndarray, c: np.ndarray) -> np.ndarray:
     return out
 
 
-def slip_jacobian(p: Plant) -> np.ndarray:
-    """Constant: the equations of an arc are linear."""
-    out = np.zeros((4, 4))
-    out[0, 2] = out[1, 3] = 1.0
-    block, bob = np.array([p.up, 0.0, -p.drag, p.drag]), np.array([0.0, -1.0, p.hinge, -p.hinge])
-    out[2], out[3] = p.i11 * block + p.i12 * bob, p.i21 * block + p.i22 * bob
-    return out
-
-
-def held_jacobian(p: Plant) -> np.ndarray:
-    """The same of a held block."""
-    out = np.zeros((4, 4))
-    out[1, 3], out[3, 1], out[3, 3] = 1.0, -1.0 / p.inertia, -p.hinge / p.inertia
-    return out
-
-
 def moment(p: Plant, t: float, y: Any) -> float:
     """What weight and friction must balance while the block is held."""
     push = p.f * math.sin(p.xi * t)
@@ -161,20 +139,6 @@ class Overturned(Exception):
     """The block has gone beyond return."""
 
 
-class Arcs(Protocol):
-    """What integrates one arc of one design."""
-
-    def slip(
-        self, t: float, y: np.ndarray, s: float, sigma: float, end: float
-    ) -> tuple[float, np.ndarray, str]:
-        """(time, state, event) where the arc ends: "turn", "zero", "gone" or, at `end`, "end"."""
-        ...
-
-    def held(self, t: float, y: np.ndarray, s: float, end: float) -> tuple[float, np.ndarray, float]:
-        """(time, state, direction) where the block is freed; direction 0 at `end`."""
-        ...
-
-
 def impact(p: Plant, t: float, y: np.ndarray, quiet: float) -> np.ndarray:
     """The state after the tilt has crossed zero; one slower than `quiet` ends a rattle."""
     speed, y = y[2], y.copy()
@@ -186,7 +150,7 @@ def impact(p: Plant, t: float, y: np.ndarray, quiet: float) -> np.ndarray:
     return y
 
 
-def one_period(p: Plant, arcs: Arcs, y: np.ndarray, quiet: float) -> tuple[np.ndarray, float]:
+def one_period(p: Plant, arcs: Any, y: np.ndarray, quiet: float) -> tuple[np.ndarray, float]:
     """State at the end of a forcing period and largest |phi| within it, from the state at its begin."""
     t, end, peak = 0.0, p.period, 0.0
     held, s, sigma = mode(p, t, y)

@@ -1,51 +1,111 @@
-"""What a method is here: a curve of error over time, its accuracy knob running along it."""
+"""What a method is here, a curve of error over time along its accuracy setting, and how it is measured."""
 
-from collections.abc import Callable
+import contextlib
+import math
+import statistics
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-
-class Unable(Exception):
-    """A method has no answer to a scene; the message, a few words, is a cell of the chart."""
-
-
-class Scene(NamedTuple):
-    """What is settled into from `y0` at tau = 0, and near which state that orbit is there."""
-
-    name: str
-    x: tuple[float, ...]
-    """nu, mu, lam, zeta, k, f, xi, e."""
-    y0: tuple[float, ...]
-    near: tuple[float, ...]
-    wrt: tuple[int, int, int]
-    """Places in `x` of the parameters that the gradient is asked for."""
-
-    def moved(self, i: int, by: float) -> "Scene":
-        """With the parameter in place `i` changed by `by`."""
-        x = list(self.x)
-        x[i] += by
-        return self._replace(x=tuple(x))
-
+from tests.benchmarks.precision.scenes import Scene
 
 Call = Callable[[], Any]
 """The timed work. What belongs to its first call only, compiling, is inside of it."""
+KINDS = ("value", "gradient")
+OTHER = 0.3
+"""Relative error from which on a number is that of another motion, or none at all."""
+PATIENCE = 0.5
+"""Seconds from which on a call is timed once only; of the others, the first one."""
+SHORT = 0.05
+"""Seconds that a timing lasts at least: quicker calls are repeated."""
+
+
+class Unable(Exception):
+    """A method has no answer to a scene; the message, a few words, is a cell of the table."""
 
 
 class Method(NamedTuple):
-    """Its functions take a scene and a setting of the knob and return the work, ready to be called;
-    they or the work raise `Unable`."""
+    """Its functions take a scene and a setting and return the work; they or the work raise `Unable`."""
 
     name: str
     ours: bool
-    knob: str
-    """What the settings are of, with the unit, if any."""
     settings: tuple[float, ...]
-    """From coarse to fine."""
-    value: Callable[[Scene, float], Callable[[], float]] | None = None
+    """From coarse to fine; (0.0,) where there is nothing to set."""
+    value: Callable[[Scene, float], Call] | None = None
     """The settled amplitude (rad)."""
-    gradient: Callable[[Scene, float], Callable[[], np.ndarray]] | None = None
+    gradient: Callable[[Scene, float], Call] | None = None
     """Its derivatives in the parameters `wrt`, shape (3,)."""
-    batch: Callable[[np.ndarray, np.ndarray, tuple[int, ...], float], Callable[[], np.ndarray]] | None = None
-    """Of designs (n, 8), starts (n, 4), places and a setting: the gradients of all, shape (n, 3), on
-    all cores."""
+
+
+def error(out: Any, truth: Any) -> float:
+    """Relative, by the largest component."""
+    out, truth = np.atleast_1d(np.asarray(out, dtype=float)), np.atleast_1d(truth)
+    return float(np.max(np.abs(out - truth)) / np.max(np.abs(truth)))
+
+
+def seconds(call: Call) -> float:
+    """Of a call, the mean over `SHORT`."""
+    count, begun = 0, time.perf_counter()
+    while True:
+        call()
+        count += 1
+        spent = time.perf_counter() - begun
+        if spent > SHORT:
+            return spent / count
+
+
+def measured(
+    methods: Iterable[Method],
+    scenes: Sequence[Scene],
+    truth: dict[str, tuple[float, np.ndarray]],
+    rounds: int,
+) -> list[dict[str, Any]]:
+    """Every method, setting, scene and kind: first called once, then timed in rounds over all of them, so
+    that a busy minute falls on all alike."""
+    rows, calls = [], []
+    for method in methods:
+        if not method.ours:
+            # What is compiled once for all scenes belongs to none of them.
+            with contextlib.suppress(Unable):
+                method.value(scenes[-1], method.settings[0])()
+        for setting in method.settings:
+            for kind in KINDS:
+                if (make := getattr(method, kind)) is None:
+                    continue
+                for scene in scenes:
+                    row = {"scene": scene.name, "kind": kind, "method": method.name, "ours": method.ours}
+                    row |= {"setting": setting, "error": math.nan, "ms": math.nan, "note": ""}
+                    rows.append(row)
+                    calls.append(_first(row, make, scene, setting, truth[scene.name][kind == "gradient"]))
+        print(f"  {method.name}", file=sys.stderr, flush=True)
+    spent: list[list[float]] = [[] for _ in rows]
+    for turn in range(rounds):
+        for row, call, times in zip(rows, calls, spent, strict=True):
+            if call is None or (turn and times[0] > PATIENCE):
+                continue
+            slow = not row["ours"] and row["first"] > PATIENCE
+            times.append(row["first"] if slow else seconds(call))
+            row["ms"] = 1e3 * statistics.median(times)
+    return rows
+
+
+def _first(row: dict[str, Any], make: Callable, scene: Scene, setting: float, truth: Any) -> Call | None:
+    """The work, once it has answered; in the row its seconds with compiling, and its error or why not."""
+    try:
+        begun = time.perf_counter()
+        call = make(scene, setting)
+        value = call()
+        row["first"] = time.perf_counter() - begun
+    except Unable as told:
+        row["note"] = str(told)
+    except (ArithmeticError, RuntimeError, ValueError) as failure:
+        row["note"] = f"{type(failure).__name__}: {str(failure).splitlines()[0][:40]}"
+    else:
+        row["error"] = error(value, truth)
+        if row["error"] <= OTHER:
+            return call
+        row["note"] = "wrong" if np.isfinite(row["error"]) else "no number"
+    return None

@@ -1,0 +1,80 @@
+"""Runs the benchmarks, lists their results, and draws what is made from these.
+
+    python -m tests.benchmarks                 list them
+    python -m tests.benchmarks NAME ...        run these, store their results and draw
+    python -m tests.benchmarks --stale         run those without a result of this version, but for long ones
+    python -m tests.benchmarks --quick NAME ...  run a small size to the end, and print: nothing is stored
+    python -m tests.benchmarks --draw          write tables and pictures anew from what is stored
+
+Leave the machine alone meanwhile. Each benchmark runs in a process of its own.
+"""
+
+import argparse
+import datetime
+import subprocess
+import sys
+import time
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+
+from tests.benchmarks import stored  # noqa: E402
+
+
+def listed() -> str:
+    """A line a benchmark: its name, the version, date and age of its result, and its question."""
+    lines = []
+    for name in stored.NAMES:
+        found = stored.read(name)
+        if found is None:
+            said = "none"
+        else:
+            days = (datetime.date.today() - datetime.date.fromisoformat(found.about["date"])).days
+            old = ", STALE" if stored.is_stale(name) else ""
+            said = f"{found.about['version']} of {found.about['date']}, {days} days old{old}"
+        lines.append(f"{name:12} {said:38} {stored.module(name).QUESTION}")
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Do what was asked; 1 if a benchmark failed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(stored.NAMES))
+    parser.add_argument("--stale", action="store_true")
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--draw", action="store_true")
+    asked = parser.parse_args()
+    names = list(asked.names)
+    if unknown := set(names) - set(stored.NAMES):
+        parser.error(
+            f"there is no benchmark {', '.join(sorted(unknown))}; there are {', '.join(stored.NAMES)}"
+        )
+    if asked.stale:
+        names += [n for n in stored.NAMES if stored.is_stale(n) and n not in (*stored.LONG, *names)]
+    if len(names) == 1:
+        begun = time.perf_counter()
+        rows = stored.module(names[0]).run(asked.quick)
+        if asked.quick:
+            print(stored.module(names[0]).table(stored.plain(rows)))
+        else:
+            stored.store(names[0], rows, time.perf_counter() - begun)
+            stored.draw(names)
+        print(f"{names[0]}: {time.perf_counter() - begun:.0f} s", file=sys.stderr, flush=True)
+        return 0
+    failed = []
+    for name in names:
+        command = [sys.executable, "-m", "tests.benchmarks", name, *(["--quick"] if asked.quick else [])]
+        if subprocess.run(command, check=False, cwd=stored.ROOT).returncode:
+            failed.append(name)
+    if asked.draw:
+        stored.draw()
+    if not names and not asked.draw:
+        print(listed())
+    if failed:
+        print(f"failed: {', '.join(failed)}", file=sys.stderr)
+    return int(bool(failed))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,58 @@
+"""Seconds of commands with nothing compiled before, and again with what the first call kept."""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from tests.benchmarks.stored import ROOT, columns
+
+QUESTION = "How long does a command take, the first time and later?"
+SEED = None
+PENDULUM = "--mass-ratio 0.03459 --length-ratio 0.10426 --pendulum-damping 0.5981"
+COMMANDS = {
+    "tpd optimise": "optimise --scene chimney.toml --out design",
+    "tpd check": f"check --scene chimney.toml {PENDULUM}",
+    "tpd response": "response",
+    "tpd map": "map --x mu 0.01 0.3 --y lam 0.1 1.5 --points 60",
+}
+
+
+def run(quick: bool) -> list[dict[str, Any]]:
+    """Each in folders of its own for compiled code; Python's bytecode is there."""
+    rows = []
+    for name in list(COMMANDS)[3 if quick else 0 :]:
+        with tempfile.TemporaryDirectory() as folder:
+            home = Path(folder)
+            kept = {
+                "NUMBA_CACHE_DIR": home / "numba",
+                "JAX_COMPILATION_CACHE_DIR": home / "jax",
+                "HOME": home,
+            }
+            env = os.environ | {k: str(v) for k, v in kept.items()} | {"PYTHONPATH": str(ROOT)}
+
+            def call(words: str, env: dict[str, str] = env, home: Path = home) -> float:
+                begun = time.perf_counter()
+                done = subprocess.run(
+                    [sys.executable, "-m", "tpd.cli", *words.split()],
+                    cwd=home,
+                    env=env,
+                    capture_output=True,
+                    text=True,
+                )
+                if done.returncode not in (0, 3):
+                    raise RuntimeError(f"tpd {words}: {done.stderr[-500:]}")
+                return time.perf_counter() - begun
+
+            call("new chimney")
+            first, *later = (call(COMMANDS[name]) for _ in range(2 if quick else 3))
+            rows.append({"command": name, "first": first, "later": min(later)})
+    return rows
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """Seconds."""
+    return columns(rows, command="`{command}`", **{"first, s": "{first:.1f}", "later, s": "{later:.1f}"})

@@ -1,0 +1,115 @@
+"""Is a pendulum worth it in earthquakes: square blocks of masonry by height and slenderness.
+
+Housner's restitution, a bob of steel of at most 10 % of the block's mass between its outer faces. Half of the
+far-field earthquakes of FEMA P695 (`tpd[records]`) are held out; PGA/(g tan α) is 1.5, 2, 3 and 4.
+"""
+
+import time
+from typing import Any
+
+import numpy as np
+
+import tpd
+from tests.benchmarks.stored import columns
+
+QUESTION = "Is a pendulum worth hanging in earthquakes, judged on those held out?"
+SEED = 0
+HEIGHTS, SLENDERNESS, STRIPES = (1.0, 3.0, 8.0, 20.0), (0.12, 0.2, 0.3), (1.5, 2.0, 3.0, 4.0)
+COLUMN = {"width": 0.7, "height": 4.0, "mass": 4500.0, "restitution": "housner", "cavity_width": 0.7}
+"""The README's, of which the picture is drawn."""
+
+
+def masonry(height: float, nu: float) -> tpd.Block:
+    """A square block of 1800 kg/m³ whose cavity is as wide as it is."""
+    width, mass = nu * height, 1800.0 * nu**2 * height**3
+    return tpd.Block(width=width, height=height, mass=mass, restitution="housner", cavity_width=width)
+
+
+def designed(block: tpd.Block, quick: bool, space: tpd.DesignSpace | None = None, method: Any = None) -> Any:
+    """The answer for a block."""
+    far = tpd.records.fema_p695("far-field")
+    conditions = tpd.Conditions.records(far[:12] if quick else far, STRIPES[:2] if quick else STRIPES)
+    more = {} if method is None else {"method": method}
+    return tpd.optimise(block, space, conditions=conditions, seed=SEED, **more)
+
+
+def run(quick: bool) -> list[dict[str, Any]]:
+    """A row a block; the last is the README's column, with its curves."""
+    rows = []
+    method = tpd.GroundSearch(starts=4, steps=2) if quick else tpd.GroundSearch(starts=16, steps=8)
+    space = tpd.DesignSpace(mass_ratio=(0.01, 0.1), damping_ratio=(0.05, 1.0))
+    blocks = [(h, nu, masonry(h, nu)) for h in HEIGHTS for nu in SLENDERNESS][: 1 if quick else None]
+    for height, nu, block in [*blocks, (None, None, tpd.Block(**COLUMN))]:
+        begun = time.perf_counter()
+        whole = height is None and not quick
+        found = designed(block, quick, *(() if whole else (space, method)))
+        row = {
+            "height": height,
+            "nu": nu,
+            "status": found.status.name,
+            "seconds": time.perf_counter() - begun,
+        }
+        if len(found.judged) > 1:
+            held = found.judged[1]
+            row |= {"overturned": list(held.overturned), "design": list(found.best)}
+            for name in ("difference", "tilt"):
+                x = getattr(held, name)
+                row[name] = [x.mean, x.low, x.high]
+        rows.append(row)
+        if whole:
+            _draw(found)
+    return rows
+
+
+def _draw(found: Any) -> None:
+    """The README's picture needs the runs themselves, which are not stored."""
+    from tests.benchmarks.stored import PICTURES
+    from tpd.plot.compare import plot_groups
+    from tpd.plot.style import png
+
+    (PICTURES / "fragility.png").write_bytes(png(plot_groups(found)[0].figure))
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """On the earthquakes held out; differences with 95 % intervals."""
+    names = [f"{r['height']:g} m, ν = {r['nu']:g}" if r["height"] else "column of 4 m (README)" for r in rows]
+    between = "{{{0}[0]:+.3f}} ({{{0}[1]:+.3f}} to {{{0}[2]:+.3f}})"
+    heads = {"block": "{block}", "status": "{status}"}
+    heads |= {"overturned without, with": "{overturned[0]:.1%}, {overturned[1]:.1%}"}
+    heads |= {
+        "difference": between.format("difference"),
+        "change of the mean of tilt/ν": between.format("tilt"),
+    }
+    return columns([r | {"block": n} for r, n in zip(rows, names, strict=True)], **heads, s="{seconds:.0f}")
+
+
+def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Change of the mean tilt on motions held out, over height and slenderness."""
+    from tpd.plot.style import INK, new_axes
+
+    ax = new_axes(size=(6.4, 3.8))
+    change = np.full((len(SLENDERNESS), len(HEIGHTS)), np.nan)
+    for r in rows:
+        if r["height"] is None:
+            continue
+        i, j = SLENDERNESS.index(r["nu"]), HEIGHTS.index(r["height"])
+        words = "none fits"
+        if "tilt" in r:
+            change[i, j] = 100.0 * r["tilt"][0]
+            words = f"{change[i, j]:+.0f}\n{r['overturned'][0]:.0%} → {r['overturned'][1]:.0%}".replace(
+                "-", "−"
+            )
+        ink, weight = (
+            ("white" if change[i, j] < -12 else INK),
+            ("bold" if r["status"] == "found" else "normal"),
+        )
+        ax.text(j, i, words, ha="center", va="center", fontsize=8, weight=weight, color=ink)
+    image = ax.imshow(change, origin="lower", aspect="auto", cmap="Blues_r", vmin=-24.0, vmax=4.0)
+    ax.figure.colorbar(image, label="change of the mean tilt on motions held out (% of ν)")
+    ax.set_xticks(range(len(HEIGHTS)), [f"{h:g}" for h in HEIGHTS])
+    ax.set_yticks(range(len(SLENDERNESS)), [f"{nu:g}" for nu in SLENDERNESS])
+    ax.set(xlabel="height of the block (m)", ylabel="slenderness width/height (-)")
+    ax.set_title(
+        "above: change of the mean tilt (% of ν); below: overturned without → with; bold: offered", size=8
+    )
+    return {"worth_grid.png": ax.figure}

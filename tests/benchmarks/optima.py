@@ -1,0 +1,164 @@
+"""Does the gradient pay: `tpd.Sequential` and a descent of optax against derivative-free methods.
+
+All minimise the same exact function of (mu, lam, zeta): the risk of the tilts under all conditions plus ten
+times the excess over a limit. A design counts once, screening included; its slopes do not count.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+import tpd
+from tests.benchmarks.stored import columns
+
+QUESTION = "Does the gradient pay, beside derivative-free methods on the same function?"
+SEED, SEEDS = 0, 5
+"""The first seed, and how many."""
+NEAR, BUDGET = 1e-3, 1000
+"""Share of the best value that counts as found; designs after which restarts of the peers end."""
+OURS = {"screening": 32, "searches": 4, "steps": 16}
+METHODS = {"tpd, SLSQP": tpd.Sequential(**OURS), "optax, Adam": tpd.Descent("adam", **(OURS | {"steps": 60}))}
+"""Both search by exact orbits or smoothed signs from the same four designs of the screening."""
+
+
+def problems() -> dict[str, Any]:
+    """Objectives by their names."""
+    from tpd.design.problem import Problem
+
+    scene = tpd.paper_scene()
+    slim = replace(scene, block=replace(scene.block, width=0.08, cavity_width=None))
+    less = replace(scene, motion=replace(scene.motion, amplitude=0.012))
+    space = tpd.DesignSpace(mass_ratio=(0.01, 0.2), length_ratio=(0.1, 1.5), damping_ratio=(0.05, 0.4))
+    given = {
+        "paper's block, 2 to 3.5 Hz": (scene, (2.0, 3.5), 0.5, None),
+        "slimmer block, 2.2 to 2.8 Hz": (slim, (2.2, 2.8), 0.8, None),
+        "shaken less, from rest": (less, (1.5, 2.8), 0.5, tpd.Starts.rest()),
+    }
+    out = {}
+    for name, (of, band, stroke, starts) in given.items():
+        limits = tpd.limits.Stroke(stroke), tpd.limits.Reserve()
+        conditions = tpd.Conditions.band(of, *band)
+        asked = {"conditions": conditions, "starts": starts, "risk": tpd.Risk.worst(), "limits": limits}
+        out[name] = Problem.of(of, space, method=METHODS["tpd, SLSQP"], **asked).objective
+    return out
+
+
+class Ledger:
+    """Values of designs in shares of the bounds, (k, 3), every one written down."""
+
+    def __init__(self, objective: Any) -> None:
+        self.objective, self.values = objective, []
+
+    def __call__(self, unit: np.ndarray) -> np.ndarray:
+        from tpd.design.ends import merit_of
+
+        values = merit_of(self.objective.at(np.clip(np.atleast_2d(unit), 0.0, 1.0)), self.objective.risk.of)
+        self.values.extend(float(v) for v in values)
+        return values
+
+    def one(self, unit: np.ndarray) -> float:
+        """Of a single design."""
+        return float(self(unit)[0])
+
+    def path(self) -> list[float]:
+        """The best value so far after each design."""
+        return np.minimum.accumulate(self.values).tolist()
+
+
+def ours(objective: Any, seed: int, method: Any) -> list[float]:
+    """Screening, and searches from the best of it."""
+    from tpd.design.checkpoint import Checkpoint
+    from tpd.design.search import Multistart
+
+    search = Multistart(objective, method, seed, None)
+    search.run(Checkpoint.of(None, None))
+    screened = Ledger(objective)
+    screened(objective.space.scaled(search.screened))
+    best = screened.path()
+    for found in search.groups:
+        # A step of all searches at once spends a design of each.
+        spent, merit = np.asarray(found.path_spent), found.path_merit.min(axis=1)
+        for before, after, value in zip(spent[:-1], spent[1:], merit[1:], strict=True):
+            best += [min(best[-1], float(value))] * int(after - before)
+    return best
+
+
+def simplex(objective: Any, seed: int) -> list[float]:
+    """Nelder and Mead's, from random designs again and again."""
+    from scipy.optimize import minimize
+
+    ledger, rng = Ledger(objective), np.random.default_rng([seed, 1])
+    while len(ledger.values) < BUDGET:
+        corner = rng.random(3)
+        first = np.concatenate([corner[None], corner + np.where(corner < 0.5, 0.25, -0.25) * np.eye(3)])
+        options = {"initial_simplex": first, "xatol": 1e-4, "fatol": 1e-5}
+        minimize(ledger.one, corner, method="Nelder-Mead", bounds=[(0.0, 1.0)] * 3, options=options)
+    return ledger.path()
+
+
+def adaptation(objective: Any, seed: int) -> list[float]:
+    """CMA-ES, restarted with twice the population."""
+    import cma
+
+    ledger, rng, restarts = Ledger(objective), np.random.default_rng([seed, 2]), 0
+    while len(ledger.values) < BUDGET:
+        options = {"bounds": [0.0, 1.0], "seed": 1 + 100 * seed + restarts, "popsize": 7 * 2**restarts}
+        strategy = cma.CMAEvolutionStrategy(rng.random(3), 0.3, options | {"tolfun": 1e-6, "verbose": -9})
+        while not strategy.stop():
+            asked = strategy.ask()
+            strategy.tell(asked, ledger(np.array(asked)).tolist())
+        restarts += 1
+    return ledger.path()
+
+
+def run(quick: bool) -> list[dict[str, Any]]:
+    """One row a problem, method and seed: after which designs the best value fell, and to what."""
+    ways: dict[str, Callable[[Any, int], list[float]]] = {
+        name: lambda o, seed, m=method: ours(o, seed, m) for name, method in METHODS.items()
+    }
+    ways |= {"Nelder-Mead, restarted": simplex, "CMA-ES, restarted": adaptation}
+    rows, found = [], problems()
+    for name in list(found)[: 1 if quick else None]:
+        ours(found[name], SEED, METHODS["tpd, SLSQP"])
+        for method, way in list(ways.items())[:: 2 if quick else 1]:
+            for seed in range(SEED, SEED + (1 if quick else SEEDS)):
+                begun = time.perf_counter()
+                path = np.array(way(found[name], seed))
+                row = {"problem": name, "method": method, "seed": seed, "designs": len(path)}
+                row["seconds"] = time.perf_counter() - begun
+                falls = np.flatnonzero(np.diff(path, prepend=np.inf) < 0.0)
+                # Seven digits of the value: the gap that counts is a thousandth of it.
+                rows.append(row | {"at": (falls + 1).tolist(), "best": [f"{v:.7g}" for v in path[falls]]})
+    return rows
+
+
+def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """By problem and method: seeds that came within `NEAR`, median designs until there, worst gap."""
+    out = []
+    for problem, method in dict.fromkeys((r["problem"], r["method"]) for r in rows):
+        best = min(float(r["best"][-1]) for r in rows if r["problem"] == problem)
+        mine = [r for r in rows if (r["problem"], r["method"]) == (problem, method)]
+        until = []
+        for r in mine:
+            met = [n for n, v in zip(r["at"], r["best"], strict=True) if float(v) <= best + NEAR * abs(best)]
+            until.append(float(met[0]) if met else np.inf)
+        gap = max((float(r["best"][-1]) - best) / abs(best) for r in mine)
+        row = {"problem": problem, "method": method, "value": best, "gap": gap, "seeds": len(mine)}
+        row |= {"hits": int(np.isfinite(until).sum()), "until": float(np.median(until))}
+        row |= {k: float(np.median([r[k] for r in mine])) for k in ("designs", "seconds")}
+        out.append(row)
+    return out
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """Medians of the seeds; "inf" where no more than half of them came there."""
+    heads = {"problem": "{problem}", "best value": "{value:.6g}", "method": "{method}"}
+    heads |= {
+        "found by": "{hits} of {seeds}",
+        "designs until there": "{until:.0f}",
+        "in all": "{designs:.0f}",
+    }
+    return columns(summary(rows), **heads, **{"worst gap": "{gap:.0e}", "s": "{seconds:.2g}"})

@@ -1,0 +1,200 @@
+"""What the benchmarks found: a JSON file each, and the tables and pictures drawn from it and nothing else.
+
+A benchmark is a module of this folder, named in `NAMES`, with
+
+    QUESTION: str                     what it answers, for the list
+    SEED: int or None                 of what it draws at random
+    run(quick) -> list[dict]          measures: one record a row, of numbers, texts and lists of them
+    table(rows) -> str                the rows as Markdown
+    pictures(rows) -> {name: figure}  drawn into notebooks/pictures; may be left out
+"""
+
+import datetime
+import json
+import math
+import os
+import platform
+import re
+import statistics
+import time
+from collections.abc import Callable, Iterable
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import tpd
+
+NAMES = (
+    *("precision", "smoothing", "engine", "commands", "ladder", "ground"),
+    *("worth", "earthquakes", "optima", "engines", "cluster", "guards"),
+)
+LONG = ("guards",)
+"""Not among what `--stale` runs: name them."""
+ROOT = Path(__file__).parents[2]
+RESULTS = Path(__file__).parent / "results"
+PICTURES = ROOT / "notebooks" / "pictures"
+PAGES = (Path(__file__).parent / "README.md", ROOT / "notebooks" / "guide" / "accuracy_and_speed.md")
+PACKAGES = ("jax", "numpy", "numba", "scipy")
+DIGITS = 4
+"""Of the numbers that are stored."""
+_MARKED = re.compile(r"(<!-- drawn: ([\w.]+) -->\n\n).*?(\n\n<!-- end -->)", re.DOTALL)
+
+
+class Stored(NamedTuple):
+    """A file of results."""
+
+    about: dict[str, Any]
+    rows: list[dict[str, Any]]
+
+
+def module(name: str) -> ModuleType:
+    """Of a benchmark."""
+    return import_module(f"tests.benchmarks.{name}")
+
+
+def about(name: str, seconds: float) -> dict[str, Any]:
+    """What a result stands for."""
+    return {
+        "version": tpd.__version__,
+        "date": str(datetime.date.today()),
+        "machine": _machine(),
+        "cores": os.cpu_count(),
+        **{package: _version(package) for package in PACKAGES},
+        "command": f"python -m tests.benchmarks {name}",
+        "seed": module(name).SEED,
+        "seconds": round(seconds),
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _machine() -> str:
+    text = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
+    names = re.findall(r"model name\s*: (.*)", text)
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def store(name: str, rows: list[dict[str, Any]], seconds: float) -> None:
+    """Write a file of results."""
+    RESULTS.mkdir(exist_ok=True)
+    text = compact({"about": about(name, seconds), "rows": plain(rows)})
+    (RESULTS / f"{name}.json").write_text(text, encoding="utf-8")
+
+
+def read(name: str) -> Stored | None:
+    """The stored results of a benchmark, if there are any."""
+    path = RESULTS / f"{name}.json"
+    return Stored(**json.loads(path.read_text(encoding="utf-8"))) if path.exists() else None
+
+
+def is_stale(name: str) -> bool:
+    """Whether there is no result of this version of the package."""
+    found = read(name)
+    return found is None or found.about["version"] != tpd.__version__
+
+
+def plain(value: Any) -> Any:
+    """As JSON holds it: floats rounded to `DIGITS` digits, null for those that are not finite."""
+    if isinstance(value, dict):
+        return {key: plain(of) for key, of in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(of) for of in value]
+    if hasattr(value, "item"):
+        return plain(value.item() if value.ndim == 0 else value.tolist())
+    if isinstance(value, float):
+        return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
+    return value
+
+
+def compact(content: dict[str, Any]) -> str:
+    """JSON with one line for each entry of a table and each record of a list."""
+    parts = []
+    for key, value in content.items():
+        if isinstance(value, dict):
+            lines = [f"{json.dumps(k)}: {json.dumps(v, allow_nan=False)}" for k, v in value.items()]
+        else:
+            lines = [json.dumps(v, allow_nan=False, ensure_ascii=False) for v in value]
+        ends = "{}" if isinstance(value, dict) else "[]"
+        parts.append(f"{json.dumps(key)}: {ends[0]}\n" + ",\n".join(lines) + f"\n{ends[1]}")
+    return "{\n" + ",\n".join(parts) + "\n}\n"
+
+
+def markdown(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    """A table."""
+    lines = [[str(cell) for cell in row] for row in (head, *rows)]
+    lines.insert(1, ["---"] * len(lines[0]))
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def columns(rows: Iterable[dict[str, Any]], **heads: str) -> str:
+    """A table of records, from heads and templates such as "{ms:.3g}"; a cell is empty where a number is
+    missing, and heads that are no names come by `**{}`."""
+
+    def cell(template: str, row: dict[str, Any]) -> str:
+        try:
+            return template.format_map(row)
+        except (KeyError, TypeError):
+            return ""
+
+    return markdown(heads, ([cell(template, row) for template in heads.values()] for row in rows))
+
+
+def timed(work: Callable[[], Any], repeats: int = 1) -> float:
+    """Median seconds of a call, what JAX still computes included."""
+    import jax
+
+    spent = []
+    for _ in range(repeats):
+        begun = time.perf_counter()
+        jax.block_until_ready(work())
+        spent.append(time.perf_counter() - begun)
+    return statistics.median(spent)
+
+
+def drawn(what: str) -> str:
+    """The text for a function of `aims`, a benchmark, or "benchmark.short", a part of its table."""
+    from tests.benchmarks import aims
+
+    if what in ("aims", "overview", "machine"):
+        return getattr(aims, what)()
+    name, _, part = what.partition(".")
+    found, of = read(name), module(name)
+    if found is None:
+        return f"Not measured with this version: `python -m tests.benchmarks {name}`."
+    return getattr(of, part or "table")(found.rows)
+
+
+def pages() -> dict[Path, str]:
+    """Every page that shows results, as it must read: marked parts of pages, and a page each in results."""
+    out = {}
+    for path in PAGES:
+        text = path.read_text(encoding="utf-8")
+        out[path] = _MARKED.sub(lambda m: m[1] + drawn(m[2]) + m[3], text)
+    for name in NAMES:
+        found = read(name)
+        said = "" if found is None else ", ".join(f"{k} {v}" for k, v in found.about.items()) + "\n\n"
+        text = f"# {module(name).QUESTION}\n\n{said}{drawn(name)}\n"
+        out[RESULTS / f"{name}.md"] = text
+    return out
+
+
+def draw(names: Iterable[str] = NAMES) -> None:
+    """Write the pages, and the pictures of benchmarks that have results."""
+    from tpd.plot.style import png
+
+    RESULTS.mkdir(exist_ok=True)
+    for path, text in pages().items():
+        path.write_text(text, encoding="utf-8")
+    for name in names:
+        found = read(name)
+        if found is None or not hasattr(module(name), "pictures"):
+            continue
+        for picture, figure in module(name).pictures(found.rows).items():
+            (PICTURES / picture).write_bytes(png(figure))
