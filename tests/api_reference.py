@@ -69,54 +69,22 @@ NOTES = {
     "Statuses": "[Statuses](statuses.md) explains each.",
 }
 
+Item = griffe.Object | griffe.Alias
 
-def sentence(item: griffe.Object | griffe.Alias) -> str:
+
+def sentence(item: Item) -> str:
     """First sentence of the docstring."""
-    text = " ".join(item.docstring.value.split("\n\n")[0].split()) if item.docstring else ""
+    text = cell(item.docstring.value.split("\n\n")[0]) if item.docstring else ""
     # A capital or "al." before the stop is an abbreviation: "N. Ricker", "Collini et al. (2016)".
-    return re.split(r"(?<![A-Z]\.)(?<!al\.)(?<!Bull\.)(?<=[.:])\s+(?=[A-Z`(])", text, maxsplit=1)[0].rstrip(
-        ":"
-    )
+    ends = r"(?<![A-Z]\.)(?<!al\.)(?<!Bull\.)(?<=[.:])\s+(?=[A-Z`(])"
+    return re.split(ends, text, maxsplit=1)[0].rstrip(":")
 
 
-def shown(expression: str | griffe.Expr, package: griffe.Module) -> str:
-    """Source of a default; the number itself where it is a constant of the package."""
-    if isinstance(expression, griffe.ExprName) and expression.canonical_path.startswith("tpd."):
-        value = str(getattr(package[expression.canonical_path.removeprefix("tpd.")], "value", ""))
-        return value if re.fullmatch(r"[-+\d.e_]+", value) else expression.name
-    # Makers of fields: `field(default=1.0, ...)`, `_parameter(1.0)`.
-    made = re.match(r"(?:\w+\.)?(?:field|_\w+)\((.*)\)$", str(expression), flags=re.DOTALL)
-    if made is None:
-        return str(expression)
-    given = re.search(r"default=([^,()]+)", made[1])
-    return given[1] if given else made[1] if re.fullmatch(r"[\w.]+", made[1]) else ""
+def cell(text: object) -> str:
+    return " ".join(str(text).split())
 
 
-def signature(item: griffe.Function, name: str, package: griffe.Module) -> str:
-    """Call of a function, on one line or with a line for each argument."""
-    words: list[str] = []
-    stars = griffe.ParameterKind
-    for parameter in item.parameters:
-        if parameter.name in ("self", "cls"):
-            continue
-        if parameter.kind is stars.keyword_only and not any(word.startswith("*") for word in words):
-            words.append("*")
-        prefix = {stars.var_positional: "*", stars.var_keyword: "**"}.get(parameter.kind, "")
-        word = prefix + parameter.name + (f": {parameter.annotation}" if parameter.annotation else "")
-        plain = parameter.default is None or prefix
-        words.append(word if plain else f"{word} = {shown(parameter.default, package)}")
-        if parameter.kind is stars.positional_only:
-            words.append("/")
-    end = f" -> {item.returns}" if item.returns and item.name != "__init__" else ""
-    line = f"{name}({', '.join(words)}){end}"
-    return line if len(line) <= WIDTH else f"{name}(\n    " + ",\n    ".join(words) + f",\n){end}"
-
-
-def cell(text: str) -> str:
-    return " ".join(text.split())
-
-
-def sections(item: griffe.Object) -> list[str]:
+def sections(item: Item) -> list[str]:
     """Arguments and errors of a docstring."""
     lines: list[str] = []
     for section in item.docstring.parse("google", warnings=False) if item.docstring else ():
@@ -128,65 +96,8 @@ def sections(item: griffe.Object) -> list[str]:
     return lines
 
 
-def bases(item: griffe.Class, described: set[str]) -> list[griffe.Class]:
-    """Bases that the page describes."""
-    return [base for base in item.mro() if base.path in described]
-
-
-def members(item: griffe.Class, described: set[str]) -> list[griffe.Object | griffe.Alias]:
-    """Public members of a class and of its bases, but for what the page says of a base already."""
-    said = {id(owner) for base in bases(item, described) for owner in (base, *base.mro())}
-    known = {name for base in bases(item, described) for name in base.all_members}
-    found: dict[str, griffe.Object | griffe.Alias] = {}
-    for owner in (*reversed(item.mro()), item):
-        if id(owner) not in said:
-            found |= {name: m for name, m in owner.members.items() if not name.startswith("_")}
-    return [m for name, m in found.items() if name not in known]
-
-
 def is_enum(item: griffe.Class) -> bool:
     return any(str(base).rpartition(".")[2] in ("Enum", "Enumeration", "StrEnum") for base in item.bases)
-
-
-def fields(item: griffe.Class, package: griffe.Module, described: set[str]) -> list[str]:
-    """Fields, then properties; of an enum its names."""
-    attributes = [m for m in members(item, described) if m.is_attribute and (m.annotation or is_enum(item))]
-    properties = [m for m in attributes if "property" in m.labels]
-    stored = [m for m in attributes if "property" not in m.labels]
-    if is_enum(item):
-        return [f"One of {', '.join(f'`{m.name}`' for m in stored)}.", ""]
-    lines = []
-    for m in stored:
-        kind = f": {cell(str(m.annotation))}" if m.annotation else ""
-        default = shown(m.value, package) if m.value is not None else ""
-        said = cell(m.docstring.value) if m.docstring else ""
-        lines.append(f"- `{m.name}{kind}{' = ' * bool(default)}{default}`" + f": {said}" * bool(said))
-    if properties:
-        lines += ["", "Properties:", ""]
-        lines += [f"- `{m.name}: {cell(str(m.annotation))}`: {sentence(m)}" for m in properties]
-    return [*lines, ""] if lines else []
-
-
-def methods(item: griffe.Class, package: griffe.Module, described: set[str]) -> list[str]:
-    """Calls of a class, with the first sentence of each."""
-    lines: list[str] = []
-    for m in members(item, described):
-        if m.is_function:
-            static = {"staticmethod", "classmethod"} & m.labels
-            name = f"{item.name}.{m.name}" if static else f".{m.name}"
-            lines += ["```py", signature(m, name, package), "```", "", sentence(m), "", *sections(m)]
-    return lines
-
-
-def answers(item: griffe.Function, package: griffe.Module) -> list[griffe.Class]:
-    """Classes of the package that a function returns."""
-    names = item.returns.iterate() if isinstance(item.returns, griffe.Expr) else ()
-    found = []
-    for name in names:
-        path = name.canonical_path if isinstance(name, griffe.ExprName) else ""
-        if path.startswith("tpd."):
-            found.append(package[path.removeprefix("tpd.")])
-    return [target for one in found if (target := one.final_target if one.is_alias else one).is_class]
 
 
 class Reference:
@@ -201,44 +112,90 @@ class Reference:
         item = self.package[name]
         return item.final_target if item.is_alias else item
 
+    def default(self, expression: str | griffe.Expr) -> str:
+        """Source of a default; the number itself where it is a constant of the package."""
+        if isinstance(expression, griffe.ExprName) and expression.canonical_path.startswith("tpd."):
+            value = str(getattr(self.package[expression.canonical_path.removeprefix("tpd.")], "value", ""))
+            return value if re.fullmatch(r"[-+\d.e_]+", value) else expression.name
+        # Makers of fields: `field(default=1.0, ...)`, `_parameter(1.0)`.
+        made = re.match(r"(?:\w+\.)?(?:field|_\w+)\((.*)\)$", str(expression), flags=re.DOTALL)
+        if made is None:
+            return str(expression)
+        given = re.search(r"default=([^,()]+)", made[1])
+        return given[1] if given else made[1] if re.fullmatch(r"[\w.]+", made[1]) else ""
+
+    def call(self, item: griffe.Function, name: str) -> list[str]:
+        """Call of a function, on one line or with a line for each argument."""
+        words: list[str] = []
+        kinds = griffe.ParameterKind
+        for parameter in item.parameters:
+            if parameter.name in ("self", "cls"):
+                continue
+            if parameter.kind is kinds.keyword_only and not any(word.startswith("*") for word in words):
+                words.append("*")
+            prefix = {kinds.var_positional: "*", kinds.var_keyword: "**"}.get(parameter.kind, "")
+            word = prefix + parameter.name + (f": {parameter.annotation}" if parameter.annotation else "")
+            plain = parameter.default is None or prefix
+            words.append(word if plain else f"{word} = {self.default(parameter.default)}")
+            if parameter.kind is kinds.positional_only:
+                words.append("/")
+        end = f" -> {item.returns}" if item.returns and item.name != "__init__" else ""
+        line = f"{name}({', '.join(words)}){end}"
+        if len(line) > WIDTH:
+            line = f"{name}(\n    " + ",\n    ".join(words) + f",\n){end}"
+        return ["```py", line, "```", ""]
+
     def function(self, item: griffe.Function, name: str) -> None:
-        self.lines += [
-            "```py",
-            signature(item, name, self.package),
-            "```",
-            "",
-            sentence(item),
-            "",
-            *sections(item),
-        ]
-        for answer in answers(item, self.package):
-            if answer.path not in self.described:
+        """A call with its errors, and what it returns if that is a class of the package."""
+        self.lines += [*self.call(item, name), sentence(item), "", *sections(item)]
+        names = item.returns.iterate() if isinstance(item.returns, griffe.Expr) else ()
+        paths = [one.canonical_path for one in names if isinstance(one, griffe.ExprName)]
+        for answer in (self.target(path[4:]) for path in paths if path.startswith("tpd.")):
+            if answer.is_class and answer.path not in self.described:
                 self.lines += [f"**`{answer.name}`**: {sentence(answer)}", ""]
-                self.described.add(answer.path)
                 self.members(answer)
 
     def members(self, item: griffe.Class) -> None:
-        """Fields, errors and methods of a class."""
-        above = [f"`{base.name}`" for base in bases(item, self.described)]
-        self.lines += [f"A kind of {' and of '.join(above)}.", ""] if above else []
-        self.lines += fields(item, self.package, self.described)
-        self.lines += [*sections(item), *methods(item, self.package, self.described)]
+        """Fields, properties, errors and methods of a class, but for what the page says of a base already."""
+        self.described.add(item.path)
+        above = [base for base in item.mro() if base.path in self.described]
+        said = {id(owner) for base in above for owner in (base, *base.mro())}
+        found: dict[str, Item] = {}
+        for owner in (*reversed(item.mro()), item):
+            if id(owner) not in said:
+                found |= {name: m for name, m in owner.members.items() if not name.startswith("_")}
+        shown = [m for name, m in found.items() if not any(name in base.all_members for base in above)]
+        if above:
+            self.lines += [f"A kind of {' and of '.join(f'`{base.name}`' for base in above)}.", ""]
+        attributes = [m for m in shown if m.is_attribute and (m.annotation or is_enum(item))]
+        stored = [m for m in attributes if "property" not in m.labels]
+        computed = [m for m in attributes if "property" in m.labels]
+        if is_enum(item):
+            self.lines += [f"One of {', '.join(f'`{m.name}`' for m in stored)}.", ""]
+        else:
+            self.lines += [*map(self.field, stored), ""]
+            self.lines += ["Properties:", ""] if computed else []
+            self.lines += [f"- `{m.name}: {cell(m.annotation)}`: {sentence(m)}" for m in computed]
+        self.lines += ["", *sections(item)]
+        for m in (m for m in shown if m.is_function):
+            name = f"{item.name}.{m.name}" if {"staticmethod", "classmethod"} & m.labels else f".{m.name}"
+            self.lines += [*self.call(m, name), sentence(m), "", *sections(m)]
+
+    def field(self, m: Item) -> str:
+        kind = f": {cell(m.annotation)}" if m.annotation else ""
+        default = self.default(m.value) if m.value is not None else ""
+        said = f": {cell(m.docstring.value)}" if m.docstring and m.docstring.value else ""
+        return f"- `{m.name}{kind}{' = ' * bool(default)}{default}`{said}"
 
     def one(self, item: griffe.Object, name: str) -> None:
+        """A name, with the classes that stand below it."""
         if item.is_function:
             self.function(item, name)
         elif item.is_class:
             self.lines += [sentence(item), ""]
             made = item.members.get("__init__")
             if made and "dataclass" not in item.labels:
-                self.lines += [
-                    "```py",
-                    signature(made, item.name, self.package),
-                    "```",
-                    "",
-                    *sections(made),
-                ]
-            self.described.add(item.path)
+                self.lines += [*self.call(made, item.name), *sections(made)]
             self.members(item)
         elif item.is_attribute:
             self.lines += [f"`{name} = {item.value}`" + f": {sentence(item)}" * bool(sentence(item)), ""]
@@ -247,34 +204,28 @@ class Reference:
             self.one(self.target(inner), inner)
 
     def module(self, item: griffe.Module, name: str) -> None:
+        """Public names of a module: what others are derived from, and what they return, comes first."""
         self.lines += [sentence(item), ""]
         public = item.exports or [name for name, path in item.imports.items() if path.startswith("tpd.")]
-        # What others are derived from, and what they return, comes before them.
-        for inner in sorted(
-            map(str, public), key=lambda inner: (inner not in ("Limit", "EngineVerdict"), inner)
-        ):
+        for inner in sorted(map(str, public), key=lambda x: (x not in ("Limit", "EngineVerdict"), x)):
             entry = item[inner].final_target if item[inner].is_alias else item[inner]
-            if entry.path in self.described:
-                continue
-            if not entry.is_attribute:
-                self.lines += [f"#### `{name}.{inner}`", ""]
-            self.one(entry, f"{name}.{inner}")
+            if entry.path not in self.described:
+                self.lines += [] if entry.is_attribute else [f"#### `{name}.{inner}`", ""]
+                self.one(entry, f"{name}.{inner}")
 
     def text(self) -> str:
         """The whole page."""
+        index = []
         for title, names in GROUPS.items():
-            self.lines += [f"## {title}", "", *([NOTES[title], ""] if title in NOTES else [])]
+            self.lines += [f"## {title}", "", NOTES.get(title, ""), ""]
             for name in names.split():
-                item = self.target(name)
                 self.lines += [f"### `{name}`", ""]
+                item = self.target(name)
                 self.module(item, name) if item.is_module else self.one(item, name)
-        index = "\n".join(
-            f"- [{title}](#{title.lower().replace(' ', '-')}): "
-            + ", ".join(f"[`{name}`](#{name.lower()})" for name in names.split())
-            for title, names in GROUPS.items()
-        )
+            links = ", ".join(f"[`{name}`](#{name.lower()})" for name in names.split())
+            index.append(f"- [{title}](#{title.lower().replace(' ', '-')}): {links}")
         body = re.sub(r"\n{3,}", "\n\n", "\n".join(self.lines)).strip()
-        return f"{HEAD}{index}\n\n{body}\n"
+        return HEAD + "\n".join(index) + f"\n\n{body}\n"
 
 
 if __name__ == "__main__":

@@ -1,13 +1,21 @@
-"""Runs every notebook in one process, without the cells that take long and those that need what these define.
+"""Runs every cell of every notebook in one process, at small sizes.
 
-.venv/bin/python -m tests.notebooks
+.venv/bin/python -m tests.notebooks          # all
+.venv/bin/python -m tests.notebooks 05 13    # these
+
+`make_small` is the switch: searches and records become few where notebooks call them. A notebook with
+claims or loops of its own that need full size has `FULL = True` in its first cell, which is False here.
 """
 
-import ast
 import io
 import sys
+import time
 import traceback
+from collections.abc import Iterable
 from contextlib import redirect_stdout
+from dataclasses import replace
+from functools import wraps
+from importlib import import_module
 from pathlib import Path
 
 import matplotlib
@@ -15,65 +23,83 @@ import matplotlib.pyplot as plt
 import nbformat
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
-LONG = {
-    "00": (2,),
-    "01": (3, 6, 9),
-    "02": (3, 5),
-    "05": (2,),
-    "06": (2,),
-    "07": (1, 3, 5),
-    "10": (1,),
-    "11": (1, 5),
-    "12": (1,),
-    "13": (1, 5),
-    "14": (1,),
+DONE = " s of processor time"
+"""End of the line of a notebook that ran."""
+SWITCH = "FULL = True"
+SMALL = {
+    "tpd.design.survey": {"_SPREAD": 128, "_DRAWN": 2048, "_FINER": 16, "_CENTRES": 4, "_AROUND": 6},
+    "tpd.design.refine": {"RUNS": 32, "_TRIED": 8, "_ROUNDS": 1},
+    "tpd.design.by_runs": {"_LOSS_RUNS": 32},
+    "tpd.design.build": {"_RUNS": 32},
 }
-"""Code cells, counted from 0, that search for designs or measure times: half a minute each or more."""
+"""Sizes of a search that are no arguments, by module."""
+RUNS, RECORDS = 64, 2
+"""Runs that verify a design, and which of every so many records is kept."""
 
 
-def names_in(source: str) -> tuple[set[str], set[str]]:
-    """Names that a cell defines, and those that it uses."""
-    tree = ast.parse(source)
-    nodes = [n for n in ast.walk(tree) if isinstance(n, ast.Name)]
-    defined = {n.id for n in nodes if isinstance(n.ctx, ast.Store)}
-    defined |= {n.name for n in ast.walk(tree) if isinstance(n, ast.FunctionDef | ast.ClassDef)}
-    return defined, {n.id for n in nodes if isinstance(n.ctx, ast.Load)}
+def make_small() -> None:
+    """Let the names that notebooks call search little, on exact gradients, and follow few records."""
+    import tpd
+
+    at_full, front_of, records_of = tpd.optimise, tpd.front, tpd.records.fema_p695
+
+    @wraps(at_full)
+    def optimise(*args, method=None, ensemble=None, conditions=None, **others):
+        if conditions is not None and conditions.motions:
+            method = replace(method or tpd.GroundSearch(), starts=8, steps=2)
+        else:
+            # The smoothed descent compiles for half a minute: it has its own tests.
+            method = replace(method or tpd.Descent(model=tpd.Piecewise()), searches=4, screening=64, steps=4)
+            ensemble = replace(ensemble or tpd.Ensemble(), size=RUNS)
+        return at_full(*args, method=method, ensemble=ensemble, conditions=conditions, **others)
+
+    tpd.optimise = optimise
+    tpd.front = lambda design, lighter: front_of(design, lighter[:1])
+    tpd.records.fema_p695 = lambda *args, **others: records_of(*args, **others)[::RECORDS]
+    for module, sizes in SMALL.items():
+        home = import_module(module)
+        for name, size in sizes.items():
+            assert isinstance(getattr(home, name), int), f"{module} has no size {name}"
+            setattr(home, name, size)
 
 
-def quick_cells(path: Path) -> list[str]:
-    """Sources of the code cells that do not take long and need none that does."""
+def cells_of(path: Path) -> list[str]:
+    """Sources of the code cells, with the switch turned."""
     code = [c.source for c in nbformat.read(path, as_version=4).cells if c.cell_type == "code"]
     sources = ["\n".join(x for x in source.splitlines() if not x.startswith("%")) for source in code]
-    missing: set[str] = set()
-    out = []
-    for i, source in enumerate(sources):
-        defined, used = names_in(source)
-        if i in LONG.get(path.stem[:2], ()) or used & missing:
-            missing |= defined
-        else:
-            out.append(source)
-            missing -= defined
-    return out
+    return [source.replace(SWITCH, "FULL = False") for source in sources]
 
 
-def main() -> int:
-    """Run all, and return the number of those that failed."""
-    matplotlib.use("Agg")
-    failed = 0
-    for path in NOTEBOOKS:
-        scope = {"__name__": "__main__", "display": lambda *_, **__: None}
-        output = io.StringIO()
-        try:
-            for i, source in enumerate(quick_cells(path)):
-                with redirect_stdout(output):
-                    exec(compile(source, f"{path.stem}, quick cell {i}", "exec"), scope)
-        except Exception:
-            failed += 1
-            print(output.getvalue(), traceback.format_exc(), file=sys.stderr)
+def failure_of(path: Path) -> str:
+    """Run all cells, and return what a failed one has printed and raised."""
+    scope = {"__name__": "__main__", "display": lambda *_, **__: None}
+    output = io.StringIO()
+    try:
+        for i, source in enumerate(cells_of(path)):
+            with redirect_stdout(output):
+                exec(compile(source, f"{path.stem}, code cell {i}", "exec"), scope)
+    except Exception:
+        return output.getvalue()[-1000:] + traceback.format_exc()
+    finally:
         plt.close("all")
-        print(path.stem, flush=True)
+    return ""
+
+
+def main(numbers: Iterable[str]) -> int:
+    """Run the notebooks of these numbers, a line for each, and return how many failed."""
+    matplotlib.use("Agg")
+    make_small()
+    failed = 0
+    for number in numbers:
+        (path,) = (path for path in NOTEBOOKS if path.stem.startswith(number.strip()))
+        begun = time.process_time()
+        failure = failure_of(path)
+        failed += bool(failure)
+        said = f"{path.stem}: {time.process_time() - begun:.0f}{DONE}"
+        print(repr(said + failure) if failure else said, flush=True)
     return failed
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    asked = sys.argv[1:] or [path.stem[:2] for path in NOTEBOOKS]
+    sys.exit(main(sys.stdin if asked == ["-"] else asked))
