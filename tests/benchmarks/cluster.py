@@ -236,7 +236,7 @@ def main() -> None:
     for name in sys.argv[1:] or PARTS:
         lines = PARTS[name]()
         made = datetime.now(UTC).strftime("%Y-%m-%d")
-        versions = ", ".join(f"{p} {version(p)}" for p in ("tpd", "distributed", "zarr", "jax"))
+        versions = ", ".join(f"{p} {version(p)}" for p in ("tpd", "distributed", "jax"))
         about = f"`python -m tests.benchmarks.cluster {name}`, {made}, two cores, {versions};"
         about += f" medians of {ROUNDS}."
         text = RESULT.read_text() if RESULT.exists() else "# Batches on several processes\n"
