@@ -13,7 +13,7 @@ from tpd.core.formatting import Printed, Tabular, counted, meant, number, span
 @pytest.mark.parametrize(
     ("x", "text"),
     [
-        *((0.0, "0"), (math.nan, "–"), (math.inf, "infinite"), (1234.56, "1235"), (0.00012345, "0.0001235")),
+        *((0.0, "0"), (math.nan, "–"), (math.inf, "infinite"), (1234.56, "1235"), (0.00012346, "0.0001235")),
         *((-2.5, "-2.5"), (99999.0, "100000"), (1e7, "1e+07"), (9.9e-5, "9.9e-05"), (1.0, "1")),
     ],
 )

@@ -45,7 +45,7 @@ def test_a_stiff_oscillator_feels_the_ground_and_resonance_is_known():
     # Ten periods in resonance at 5 % damping: (1 - exp(-2 pi zeta n))/(2 zeta), nearly.
     steady = (1.0 - math.exp(-2.0 * math.pi * 0.05 * 10.0)) / 0.1
     assert spectral_acceleration(record, 1.0) == pytest.approx(steady, rel=0.01)
-    found = intensity_of("sa", BLOCK, G, 1)
+    found = intensity_of("sa", BLOCK, G, 1.0)
     assert (found.name, found.value(record)) == ("Sa(1 s)", spectral_acceleration(record, 1.0))
 
 

@@ -92,20 +92,6 @@ def test_the_mass_determinant_is_its_short_formula():
 
 
 @pytest.mark.parametrize("s", SIGNS)
-@pytest.mark.parametrize("sigma", SIGNS)
-def test_rates_are_the_accelerations_of_the_linearised_equations(s, sigma):
-    rows = [sp.expand(r - q) for r, q in zip(linearised(s), (parametric(s), 0), strict=True)]
-    mass, right = sp.linear_eq_to_matrix([r.subs(numbers()).subs("sigma", sigma) for r in rows], A)
-    right = sp.lambdify((*Q, *V, TAU), list(right), "numpy")
-    mass = np.array(mass, dtype=float)
-    rng = np.random.default_rng(5)
-    for y, tau in zip(rng.normal(scale=0.3, size=(5, 4)), rng.uniform(0, 9, 5), strict=True):
-        rates = Linear(P).rates(jnp.asarray(y), float(s), float(sigma), np.sin(P.xi * tau))
-        np.testing.assert_allclose(rates[:2], y[2:], rtol=0)
-        np.testing.assert_allclose(rates[2:], np.linalg.solve(mass, right(*y, tau)), rtol=1e-12)
-
-
-@pytest.mark.parametrize("s", SIGNS)
 def test_the_dropped_parametric_term_is_of_second_order_where_all_others_are_of_first(s):
     size = sp.symbols("size")
     small = {z: size * z for z in (*Q, *V, *A, K, F, NU)}
@@ -131,20 +117,6 @@ def test_the_held_moment_is_what_row_one_asks_of_a_block_that_stands_still(s):
         y = jnp.array([phi, psi, 0.0, dpsi])
         held = Linear(P).holding_moment(y, np.sin(P.xi * tau))
         assert held == pytest.approx(moment(phi, psi, dpsi, tau), rel=1e-12)
-
-
-@pytest.mark.parametrize("s", SIGNS)
-def test_a_held_moment_of_weight_and_friction_is_the_edge_of_motion(s):
-    linear = Linear(P)
-    psi, sine = 0.1, 0.4
-    edge = s * (linear.weight + linear.friction)
-    phi = (edge + linear.f * sine + 2 * P.mu * psi) / linear.tilt
-    y = jnp.array([phi, psi, 0.0, 0.0])
-    assert linear.holding_moment(y, sine) == pytest.approx(edge, rel=1e-14)
-    rates = linear.rates(y, float(s), float(s), sine)
-    held = linear.rates(y.at[0].add(s * 1e-3), float(s), float(s), sine)
-    assert held[2] * s > 0
-    np.testing.assert_allclose(rates[2], 0.0, atol=1e-15)
 
 
 @cache
@@ -179,17 +151,6 @@ def test_a_block_is_held_by_what_would_else_accelerate_it(s, terms):
         # Friction of just this size leaves the block as it is.
         rates = equations.rates(y, float(s), float(excess) / P.k, sine)
         np.testing.assert_allclose(rates, held, atol=1e-13)
-
-
-def test_the_linear_terms_are_those_of_linear():
-    y = jnp.array([0.05, -0.2, -0.07, 0.3])
-    linear, equations = Linear(P), Equations(P, Terms.linear)
-    np.testing.assert_allclose(
-        equations.rates(y, 1.0, -1.0, 0.6), linear.rates(y, 1.0, -1.0, 0.6), rtol=1e-14
-    )
-    still = y.at[2].set(0.0)
-    moment = linear.holding_moment(still, 0.6) - linear.weight
-    assert float(equations.excess(still, 1.0, 0.6)) == pytest.approx(float(moment), rel=1e-13)
 
 
 def test_the_hinge_is_critical_at_zeta_one_of_the_pendulum_hung_from_a_fixed_point():

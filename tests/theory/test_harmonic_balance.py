@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from tests.reference import (
-    BARE,
     HUNG,
     MOVING,
     NAMES,
-    EventDriven,
     differences,
     exact,
     named,
@@ -26,11 +24,7 @@ from tpd.theory import (
 )
 
 ONE = jax.jit(lambda x: one_harmonic(parameters(x)))
-FORMS = {
-    "amplitude": lambda x: ONE(x).amplitude,
-    "stroke": lambda x: ONE(x).stroke,
-}
-SLOPES = {name: jax.jit(jax.grad(form)) for name, form in FORMS.items()}
+SLOPES = jax.jit(jax.grad(lambda x: ONE(x).amplitude))
 
 
 @pytest.mark.parametrize("case", MOVING, ids=named)
@@ -45,30 +39,10 @@ def test_one_harmonic_knows_the_stroke_too(case):
     assert float(ONE(np.array(case.x)).stroke) == pytest.approx(exact(case.x).stroke, rel=0.1)
 
 
-@pytest.mark.parametrize("case", MOVING, ids=named)
-def test_one_harmonic_satisfies_the_complex_balance(case):
-    """Row by row in complex amplitudes, the signs replaced by 4/pi of their first harmonic."""
-    p, (phi, stroke, _) = parameters(case.x), ONE(np.array(case.x))
-    rho, c = p.inertia_ratio, float(p.hinge)
-    i_xi = 1j * p.xi
-    jumps = 4 / np.pi * ((1 + p.mu) * p.nu + 1j * p.k)
-
-    def rows(forcing):
-        psi = (forcing + (2 * rho * i_xi**2 + c * i_xi) * phi) / (p.lam * rho * i_xi**2 + c * i_xi + 1)
-        block = (1 + p.mu * rho * (4 + p.nu**2)) * i_xi**2 * phi - 2 * p.mu * rho * p.lam * i_xi**2 * psi
-        block += -(1 + 2 * p.mu) * phi + p.mu * p.lam * c * i_xi * (phi - psi)
-        return block + jumps + (1 + 2 * p.mu) * forcing, psi
-
-    free, by_forcing = rows(0.0)[0], rows(1.0)[0] - rows(0.0)[0]
-    forcing = -free / by_forcing
-    assert abs(forcing) == pytest.approx(p.f, rel=1e-12)
-    assert abs(rows(forcing)[1]) == pytest.approx(float(stroke), rel=1e-12)
-
-
 def test_one_harmonic_is_the_larger_root():
     """The smaller one, the saddle, has the amplitude falling with the forcing."""
     for case in MOVING:
-        assert jax.grad(FORMS["amplitude"])(np.array(case.x))[5] > 0
+        assert SLOPES(np.array(case.x))[5] > 0
 
 
 def test_without_enough_forcing_no_orbit_exists():
@@ -77,16 +51,7 @@ def test_without_enough_forcing_no_orbit_exists():
     estimate = ONE(weak)
     assert not estimate.exists
     assert estimate.amplitude == estimate.stroke == 0.0
-    assert np.all(np.isfinite(jax.grad(FORMS["amplitude"])(weak)))
-
-
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("case", [HUNG[0], HUNG[3]], ids=named)
-def test_gradients_are_those_of_differences(form, case):
-    slopes = SLOPES[form](jnp.array(case.x))
-    for i, name in enumerate(NAMES[:7]):
-        expected = differences(lambda x: float(FORMS[form](x)), case.x, i, share=3e-3)
-        assert slopes[i] == pytest.approx(expected, rel=1e-8, abs=1e-12), name
+    assert np.all(np.isfinite(SLOPES(weak)))
 
 
 def scenes(number: int, seed: int = 3) -> dict[str, np.ndarray]:
@@ -198,28 +163,6 @@ def test_the_parametric_term_is_of_the_next_order_in_the_angles():
     assert shifts[1] / shifts[2] == pytest.approx(100, rel=0.05)
 
 
-class WithParametricTerm(EventDriven):
-    """The bare block with s f nu phi sin(xi tau)."""
-
-    def _slip(self, t, y, s, sigma):
-        rates = super()._slip(t, y, s, sigma)
-        rates[2] -= s * self.f * self.nu * y[0] * np.sin(self.xi * t)
-        return rates
-
-
-def test_the_parametric_term_shifts_the_amplitude_as_an_integration_says():
-    x = (0.2, 0.0, 0.4, 0.2, 0.05, 0.1, 1.5)
-    times = np.concatenate([[0.0], (30 + np.linspace(0, 1, 400)) * 2 * np.pi / 1.5])
-    large = [
-        np.abs(kind(x).run((0.16, 0, 0, 0), times)[1:, 0]).max() for kind in (EventDriven, WithParametricTerm)
-    ]
-    p = parameters(x)
-    shift = parametric_branches(p).amplitude[0] / one_harmonic_branches(p).amplitude[0] - 1
-    assert large[0] == pytest.approx(BARE[0].amplitude, rel=1e-4)
-    assert abs(shift) > 5e-3
-    assert float(shift) == pytest.approx(large[1] / large[0] - 1, rel=0.2)
-
-
 def test_no_branch_no_size():
     x = (0.25, 0.05, 0.2, 0.1, 0.05, 0.01, 2.67)
     weak = parameters(x)
@@ -228,8 +171,6 @@ def test_no_branch_no_size():
         assert not found.amplitude.any()
         assert not found.stroke.any()
     assert np.all(np.isinf(neglected_harmonics(weak).bound))
-    for slopes in PAIRS_SLOPES.values():
-        assert np.all(slopes(jnp.array(x))[0] == 0.0)
 
 
 PAIRS = {
@@ -252,3 +193,9 @@ def test_gradients_of_both_branches_are_those_of_differences(form, x):
         assert there[:, 0].all()
         scale = np.abs(expected) + np.abs(values) / max(abs(x[i]), 0.1)
         assert np.all((np.abs(slopes[..., i] - expected) <= 1e-8 * scale)[there]), name
+
+
+@pytest.mark.parametrize("form", PAIRS)
+def test_no_branch_no_slope(form):
+    weak = jnp.array((0.25, 0.05, 0.2, 0.1, 0.05, 0.01, 2.67))
+    assert np.all(PAIRS_SLOPES[form](weak)[0] == 0.0)

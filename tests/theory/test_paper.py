@@ -202,7 +202,8 @@ def equation_20(parametric):
     """The left side of (20) over theta = xi tau with the motion (21); `parametric` is the term's sign."""
 
     def left(theta, s, sigma):
-        push = F * sp.cos(theta + GAMMA)
+        # cos(theta + gamma), apart: an integral of it takes SymPy ten times as long.
+        push = F * (sp.cos(theta) * sp.cos(GAMMA) - sp.sin(theta) * sp.sin(GAMMA))
         phi = PHI * sp.cos(theta)
         return -(XI**2) * phi + K * sigma - phi + parametric * s * NU * phi * push + s * NU - push
 

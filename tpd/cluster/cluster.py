@@ -70,10 +70,12 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             raise ValueError(f"`dask` must be an address such as tcp://host:8786, but is {dask!r}")
         try:
             import distributed
+            from dask.config import set as settings
         except ModuleNotFoundError:
             raise ValueError("a cluster needs Dask: install `tpd[dask]`") from None
         self.folder, self.workers, self.dask = Path(folder), workers or os.cpu_count() or 1, dask
         self._distributed: Any = distributed
+        self._settings: Any = settings
         self._client: Any = None
         self._local: Any = None
 
@@ -136,7 +138,8 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             ) from None
         # Every submission is a new one: Dask would give back the failure of a former run. What all chunks
         # share is the result of one as well, so that Dask makes it again where its worker is lost.
-        common = client.submit(bytes, pickle.dumps((task, shared)), pure=False)
+        with self._settings({"distributed.admin.large-graph-warning-threshold": "1 TiB"}):
+            common = client.submit(bytes, pickle.dumps((task, shared)), pure=False)
         queue, rest = self._distributed.as_completed(loop=client.loop), iter(parts.items())
         try:
             while True:
@@ -177,9 +180,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             ValueError: nobody answers at the address.
         """
         if self._client is None:
-            import dask.config
-
-            with dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS}):
+            with self._settings({"distributed.scheduler.allowed-failures": _DEATHS}):
                 if self.dask is None:
                     how = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "preload": [_DEAF]}
                     self._local = self._distributed.LocalCluster(n_workers=self.workers, **how)
