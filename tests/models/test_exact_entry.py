@@ -1,10 +1,12 @@
 """Tasks of the entrance to the linear equations: the same motion by each of them."""
 
 import numpy as np
+import pytest
 
-from tests.reference import HUNG, REST, along, exact
+from tests.reference import HUNG, REST, along, exact, parameters
 from tpd.exact.motion import LEG
 from tpd.models import exact_entry as entry
+from tpd.models.batches import settle_all
 from tpd.models.compiled_linear import packed
 from tpd.scene.parameters import as_arrays
 
@@ -13,8 +15,6 @@ PERIOD = 2.0 * np.pi / CASE.x[6]
 
 
 def row():
-    from tests.reference import parameters
-
     return np.asarray(packed(as_arrays(parameters(CASE.x))))[None].copy()
 
 
@@ -40,12 +40,10 @@ def test_legs_join_and_end_where_the_trajectory_does():
         np.testing.assert_allclose(y, expected, rtol=0, atol=1e-11)
 
 
-def test_settling_and_the_steady_state_are_one_motion():
-    floats, wholes = np.zeros((1, entry.FLOATS)), np.zeros((1, entry.INPUTS))[:, :3].copy()
-    run("SETTLE", row(), np.zeros((1, 4)), np.zeros((1, 2)), floats, wholes, periods=500)
+def test_the_steady_state_is_where_the_motion_settles():
     steady = np.zeros(1, entry.STEADY)
     run("STEADY_STATE", row(), np.zeros((1, 4)), steady, periods=500, lyapunov=100)
-    known = exact(CASE.x)
+    known, settled = exact(CASE.x), settle_all(parameters(CASE.x), np.zeros((1, 4)))
     assert float(steady["amplitude"][0]) == known.amplitude
-    assert wholes[0, 2] == steady["elapsed"][0] == int(known.steady.elapsed)
-    np.testing.assert_allclose(floats[0, 4], known.amplitude, rtol=1e-7)
+    assert int(steady["elapsed"][0]) == int(settled.elapsed[0]) == int(known.steady.elapsed)
+    assert float(settled.amplitude[0]) == pytest.approx(known.amplitude, rel=1e-7)
