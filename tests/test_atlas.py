@@ -46,9 +46,8 @@ from tpd import Block, Harmonic, Pendulum, Piecewise, Scene, Smoothed, Status, T
 from tpd.answers.period_map import Orbit
 from tpd.answers.steady_state import _verdict
 from tpd.exact import repetition, steady
-from tpd.exact.mode_kinds import LANDING
-from tpd.exact.orbit_terms import STATUSES
 from tpd.exact.symmetric_orbit_kernel import _status
+from tpd.exact.terms import LANDING, STATUSES
 from tpd.models import compiled_linear
 from tpd.models.multiple_shooting import Events, events
 from tpd.models.settling import scale_of

@@ -29,7 +29,7 @@ from tests.reference import (
 from tpd import Parameters, Status, simulate, status_name, symmetric_orbits
 from tpd.core.batch import in_chunks
 from tpd.exact.orbit_roots_kernel import NODES
-from tpd.exact.orbit_terms import STATUSES
+from tpd.exact.terms import STATUSES
 from tpd.models import compiled_orbits
 
 BATCH = 64

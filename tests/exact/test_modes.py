@@ -10,8 +10,8 @@ from scipy.linalg import block_diag, expm
 from tests.exact.plants import plants_of, slopes_of
 from tests.reference import differences, parameters
 from tpd.exact.arcs import Load, exponential, instant, launch, pair, state_at, turned
-from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.exact.plant import STEP
+from tpd.exact.terms import REST, SLIP, STICK
 from tpd.theory.equations import Linear
 
 
