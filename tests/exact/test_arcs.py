@@ -4,6 +4,7 @@ import numba
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm
+from tpd.exact.mode_kinds import REST
 
 from tests.exact.plants import plants_of
 from tests.reference import parameters
@@ -19,9 +20,9 @@ from tpd.exact.arcs import (
     state_at,
     turned,
 )
-from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.exact.motion import NO, YES
 from tpd.exact.plant import STEP
+from tpd.exact.terms import SLIP, STICK
 from tpd.theory.equations import Linear
 
 PAIRS = [(0.0, 4.0), (0.3, 4.0), (40.0, 5.0), *((2.0, 1.0 + d) for d in (-1e-3, -1e-6, 0.0, 1e-6, 1e-3))]

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numba
 import numpy as np
 import pytest
+from tpd.exact.mode_kinds import REST
 
 from tests.exact.plants import plants_of
 from tests.reference import HUNG, parameters
@@ -11,8 +12,8 @@ from tpd import Terms
 from tpd.exact import contact_kernel
 from tpd.exact.contact import Mode
 from tpd.exact.events import FIRST, SECOND
-from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.exact.motion import MOTION
+from tpd.exact.terms import SLIP, STICK
 from tpd.models.segmented import _classify, _held_on_base
 from tpd.scene.impacts import bob_change, housner, linear_bob_change, velocity_ratio
 from tpd.theory.equations import Equations, Linear

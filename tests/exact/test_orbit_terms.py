@@ -1,8 +1,9 @@
 """Names and bounds of the symmetric orbits."""
 
 import pytest
+from tpd.exact.orbit_terms import is_neutral
 
-from tpd.exact.orbit_terms import ASKED, SIZES, is_neutral
+from tpd.exact.terms import ASKED, SIZES
 
 
 def test_places_asked_for_together_cover_every_size_once():

@@ -10,7 +10,7 @@ import pytest
 from tests.exact.test_trajectory import SAMPLES, clock, states
 from tests.reference import REST, SLOW, STILL, exact, parameters
 from tpd import Harmonic, Parameters, Piecewise, Status, paper_scene, simulate
-from tpd.exact.mode_kinds import LANDING
+from tpd.exact.terms import LANDING
 from tpd.models import compiled_linear
 from tpd.models.batches import settle_all
 from tpd.models.multiple_shooting import Events, events

@@ -4,6 +4,7 @@ import numba
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from tpd.exact.mode_kinds import REST
 
 import tpd
 from tests.exact.plants import plants_of
@@ -11,7 +12,7 @@ from tests.exact.shaken import Case, changed, motions, operands, random_scenes
 from tpd.exact import whole_pieces
 from tpd.exact.arcs import accelerations
 from tpd.exact.follow import ROCKED
-from tpd.exact.mode_kinds import REST, SLIP
+from tpd.exact.terms import SLIP
 from tpd.models.compiled_shaken import follow_all
 
 SCENES = random_scenes(120)

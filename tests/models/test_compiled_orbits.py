@@ -7,7 +7,7 @@ import pytest
 
 from tests.exact.orbits import ROWS
 from tests.reference import HUNG, parameters
-from tpd.exact.orbit_terms import SIZES
+from tpd.exact.terms import SIZES
 from tpd.models import compiled_orbits
 from tpd.scene.parameters import as_arrays
 

@@ -8,9 +8,9 @@ import pytest
 
 import tpd
 from tpd.exact.arcs import Load
-from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.exact.motion import MOTION
 from tpd.exact.plant import PLANT, coefficients
+from tpd.exact.terms import REST, SLIP, STICK
 from tpd.models import nonlinear_series as series
 from tpd.models.compiled_linear import packed
 from tpd.models.nonlinear_series import DOWN, ORDERS, PHI, PSI, ROWS, UP, R, V

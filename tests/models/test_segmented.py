@@ -27,7 +27,7 @@ from tests.reference import (
 from tests.reference import exact as linear
 from tpd import simulate, status_name, steady_state
 from tpd.exact.contact import SLIP, Mode
-from tpd.exact.orbit_terms import GRAZING
+from tpd.exact.terms import GRAZING
 from tpd.models.compiled_nonlinear import settle_one
 from tpd.models.segmented import _TURN, Segmented, _begin, _struck, _transversality
 from tpd.models.settling import scale_of

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from tpd.exact.orbit_terms import RESIDUAL
+from tpd.exact.terms import RESIDUAL
 from tpd.models.base import AbstractModel, Settled
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import Parameters

@@ -22,8 +22,7 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd.core import checks
 from tpd.exact.derivatives import with_slopes
-from tpd.exact.mode_kinds import SLIP
-from tpd.exact.orbit_terms import GRAZING, NEAR_FOLD, is_neutral
+from tpd.exact.terms import GRAZING, NEAR_FOLD, SLIP, is_neutral
 from tpd.models.compiled_linear import NAMES
 from tpd.models.compiled_orbits import row_of
 from tpd.models.multiple_shooting import Cycle, Orbit, polish, recorded, traverse

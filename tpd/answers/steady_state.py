@@ -27,7 +27,7 @@ from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, ref
 from tpd.core import checks
 from tpd.core.formatting import counted_periods, number
 from tpd.exact.derivatives import joined, refused
-from tpd.exact.orbit_terms import GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC, is_neutral
+from tpd.exact.terms import GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC, is_neutral
 from tpd.models.base import AbstractChoice, AbstractModel, Settled
 from tpd.models.compiled_linear import fields, packed, packed_of, solve, unpacked
 from tpd.models.piecewise import Piecewise
@@ -298,7 +298,7 @@ def _by_engine(x: list[Any], model: Piecewise, y0: Any) -> tuple[_Answer, Any]:
     wide = np.array(x, dtype=float) if known else packed_of(x)
     start = np.ascontiguousarray(y0, dtype=float) if known else jnp.asarray(y0, dtype=jnp.float64)
     out = solve(wide, start, model.limits)
-    return _answer(out, np if known else jnp), out[12:].reshape(6, 9)
+    return _answer(out, np if known else jnp), out[-54:].reshape(6, 9)
 
 
 def _answer(out: Any, xp: Any) -> _Answer:

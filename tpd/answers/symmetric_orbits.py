@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.core import checks
 from tpd.exact.derivatives import moved, once
-from tpd.exact.orbit_terms import ASKED, SIZES, STATUSES
+from tpd.exact.terms import ASKED, SIZES, STATUSES
 from tpd.models import compiled_orbits
 from tpd.scene.parameters import Number, Parameters, check_parameters
 from tpd.scene.status import Status, index_of

@@ -15,7 +15,7 @@ from jaxtyping import ArrayLike, Float, Int
 
 from tpd.core import checks
 from tpd.exact.derivatives import refused
-from tpd.exact.orbit_terms import GRAZING
+from tpd.exact.terms import GRAZING
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion

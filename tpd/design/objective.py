@@ -26,7 +26,7 @@ from tpd.design.criteria import (
     Worsening,
 )
 from tpd.design.ends import Linearisation
-from tpd.exact.orbit_terms import SIZES
+from tpd.exact.terms import SIZES
 from tpd.models import compiled_orbits
 from tpd.scene.conditions import Conditions, under, under_all
 from tpd.scene.impacts import housner
@@ -47,7 +47,7 @@ rounding or where a limit has no derivative, and the design still keeps the limi
 KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
 """Motions of a design under a condition, see `Evaluation.kind`."""
 _KIND_OF = np.array([ROCKING, UNSTABLE, UNSTABLE, NEAR, NEAR, NONE])
-"""Index into `KINDS` by the number of an orbit's status, see `tpd.exact.orbit_terms`; the best
+"""Index into `KINDS` by the number of an orbit's status, see `tpd.exact.terms`; the best
 of them is the smallest."""
 _RESERVE = ("fold", "symmetry", "torus")
 """Sizes of an orbit that are positive where it attracts."""

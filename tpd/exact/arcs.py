@@ -15,8 +15,8 @@ from collections import namedtuple
 
 import numpy as np
 
-from tpd.exact.mode_kinds import REST, SLIP
 from tpd.exact.plant import compiled
+from tpd.exact.terms import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE
 
 _SERIES = 1e-3
 """|w t|^2 below which the pair's solutions are summed as power series."""
@@ -200,6 +200,12 @@ def launch(q, kind, tilt, way, y0, y1, y2, y3, e):
 
 
 @compiled
+def arc_from(q, mode, y, e):
+    """The arc that leaves the state `y` in a mode under the forcing `e`."""
+    return launch(q, mode.kind, mode.tilt, mode.way, y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE], e)
+
+
+@compiled
 def exponential(x):
     """e^x. An imaginary part is so small that its square is nothing."""
     return np.exp(x.real) * (1.0 + (x - x.real))
@@ -325,6 +331,8 @@ def value_of(x, now, t):
 def state_at(arc, now, t):
     """(phi, psi, phi', psi', phi'', psi'') at an instant."""
     tilt, bob = rate_of(arc, arc.tilt), rate_of(arc, arc.bob)
-    block = value_of(arc.tilt, now, t), value_of(tilt, now, t), value_of(rate_of(arc, tilt), now, t)
-    hung = value_of(arc.bob, now, t), value_of(bob, now, t), value_of(rate_of(arc, bob), now, t)
-    return block[0], hung[0], block[1], hung[1], block[2], hung[2]
+    angles, rates = (
+        (value_of(arc.tilt, now, t), value_of(arc.bob, now, t)),
+        (value_of(tilt, now, t), value_of(bob, now, t)),
+    )
+    return *angles, *rates, value_of(rate_of(arc, tilt), now, t), value_of(rate_of(arc, bob), now, t)

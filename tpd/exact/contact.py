@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
-from tpd.exact.mode_kinds import REST, SLIP, STICK
+from tpd.exact.terms import REST, SLIP, STICK
 from tpd.scene.parameters import Number
 
 

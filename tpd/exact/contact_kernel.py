@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 from tpd.exact.events import FIRST
-from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.exact.plant import compiled, shared
+from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_RATE, TILT, TILT_PULL, TILT_RATE
 from tpd.scene import impacts
 
 linear_ratio, linear_bob_change = shared(impacts.linear_ratio), shared(impacts.linear_bob_change)
@@ -68,7 +68,7 @@ def mode_of(up, down, friction, tilt, way):
 @compiled
 def decide(q, y, tilt, way, eta, mode):
     """Put the mode of a state into `mode`; `tilt` and `way` are the signs of phi and phi', zero included."""
-    held, side = moment(q, y[0], y[1], y[3], eta), (1.0 if tilt == 0.0 else tilt)
+    held, side = moment(q, y[TILT], y[SWING], y[SWING_RATE], eta), (1.0 if tilt == 0.0 else tilt)
     other = -1.0 if tilt == 0.0 else tilt
     up, down = held - side * q.weight, held - other * q.weight
     mode.kind, mode.tilt, mode.way = mode_of(up, down, q.k + q.slack, tilt, way)
@@ -100,14 +100,14 @@ def meet(q, which, capture, eta, y, mode):
         return False
     if which == FIRST:
         # A turn this low belongs to hops slower than the capture speed, whose height is of its square.
-        low = abs(y[0]) <= capture * capture
-        y[0], y[2] = 0.0 if low else y[0], 0.0
+        low = abs(y[TILT]) <= capture * capture
+        y[TILT], y[TILT_RATE] = 0.0 if low else y[TILT], 0.0
         decide(q, y, 0.0 if low else mode.tilt, 0.0, eta, mode)
         return low
-    rests = abs(y[2]) <= capture and held_on_base(q, y[1], y[3], eta)
-    y[0] = 0.0
-    y[2], y[3] = struck(q, rests, y[2], y[3])
-    if y[2] == 0.0:
+    rests = abs(y[TILT_RATE]) <= capture and held_on_base(q, y[SWING], y[SWING_RATE], eta)
+    y[TILT] = 0.0
+    y[TILT_RATE], y[SWING_RATE] = struck(q, rests, y[TILT_RATE], y[SWING_RATE])
+    if y[TILT_RATE] == 0.0:
         decide(q, y, 0.0, 0.0, eta, mode)
     else:
         mode.kind, mode.tilt = SLIP, mode.way
@@ -122,5 +122,5 @@ def transversality(q, rate, which, before, after, now, eta):
         return math.inf
     usual = rate * q.weight
     if which == FIRST:
-        return abs(now[4]) / (rate * usual)
-    return math.inf if held_on_base(q, now[1], now[3], eta) else abs(now[2]) / usual
+        return abs(now[TILT_PULL]) / (rate * usual)
+    return math.inf if held_on_base(q, now[SWING], now[SWING_RATE], eta) else abs(now[TILT_RATE]) / usual

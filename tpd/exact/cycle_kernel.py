@@ -8,7 +8,7 @@ import numpy as np
 
 from tpd.exact.arcs import (
     Load,
-    Signal,
+    arc_from,
     beginning,
     forcing_at,
     forcing_signal,
@@ -30,9 +30,23 @@ from tpd.exact.events import (
     turn_over,
     watch_block,
     watch_turns,
+    watched,
 )
-from tpd.exact.mode_kinds import LANDING, REST, SLIP, TURN
 from tpd.exact.plant import compiled
+from tpd.exact.terms import (
+    LANDING,
+    LASTS,
+    PHASE,
+    REST,
+    SLIP,
+    SWING,
+    SWING_PULL,
+    SWING_RATE,
+    TILT,
+    TILT_PULL,
+    TILT_RATE,
+    TURN,
+)
 
 LINK = np.dtype([(name, np.float64) for name in ("kind", "tilt", "way", "ending", "onward", "ahead")])
 """Mode of an arc, the event at its end (-1 for none), and kind and sign of phi' of the next arc."""
@@ -56,36 +70,31 @@ def traverse(q, link, z, out):
     """Put the state after an arc and its event, the forcing's phase there, and the value of the event's
     signal into `out`. Six complex numbers, from six in `z`: the state, the phase, and the duration."""
     tilt, way, zero = complex(link.tilt, 0.0), complex(link.way, 0.0), complex(0.0, 0.0)
-    e = Load(q.xi + zero, z[4] + zero, complex(1.0, 0.0), zero, zero, zero)
-    arc = launch(q, link.kind, tilt, way, z[0], z[1], z[2], z[3], e)
-    y = state_at(arc, instant(arc, z[5]), z[5])
-    out[0], out[1], out[2], out[3], out[4], out[5] = y[0], y[1], y[2], y[3], z[4] + q.xi * z[5], zero
+    e = Load(q.xi + zero, z[PHASE] + zero, complex(1.0, 0.0), zero, zero, zero)
+    arc = launch(q, link.kind, tilt, way, z[TILT], z[SWING], z[TILT_RATE], z[SWING_RATE], e)
+    y = state_at(arc, instant(arc, z[LASTS]), z[LASTS])
+    for i in range(4):
+        out[i] = y[i]
+    out[PHASE], out[LASTS] = z[PHASE] + q.xi * z[LASTS], zero
     if link.kind != SLIP:
         which = FIRST if link.ahead > 0.0 else SECOND
-        out[5] = reserve(q, link.kind, tilt, which, y[0], y[1], y[3], forcing_at(e, z[5])[0])
+        eta, _ = forcing_at(e, z[LASTS])
+        out[LASTS] = reserve(q, link.kind, tilt, which, y[TILT], y[SWING], y[SWING_RATE], eta)
     elif link.ending == TURN:
-        out[2], out[5] = zero, y[2]
+        out[TILT_RATE], out[LASTS] = zero, y[TILT_RATE]
     elif link.ending == LANDING:
-        out[0], out[5] = zero, y[0]
-        out[2], out[3] = struck(q, link.onward == REST, y[2], y[3])
-
-
-@compiled
-def _watched(w, i):
-    """The signal in row i of what a search looks at."""
-    x = w.signals
-    free = x[i, 0, 0], x[i, 0, 1], x[i, 0, 2], x[i, 0, 3], x[i, 0, 4]
-    return Signal(*free, x[i, 0, 5], x[i, 0, 6], x[i, 0, 7], x[i, 0, 8])
+        out[TILT], out[LASTS] = zero, y[TILT]
+        out[TILT_RATE], out[SWING_RATE] = struck(q, link.onward == REST, y[TILT_RATE], y[SWING_RATE])
 
 
 @compiled
 def survey(q, link, z, w, turns, out):
     """Follow an arc, given as for `traverse` in real numbers, see `SURVEY`; `w` and `turns` are working
     memory."""
-    lasted, e = z[5], Load(q.xi + 0.0, z[4] + 0.0, 1.0, 0.0, 0.0, 0.0)
-    arc = launch(q, link.kind, link.tilt, link.way, z[0], z[1], z[2], z[3], e)
+    lasted, e = z[LASTS], Load(q.xi + 0.0, z[PHASE] + 0.0, 1.0, 0.0, 0.0, 0.0)
+    arc = arc_from(q, link, z, e)
     turns.second, turns.count = watch_block(q, arc, link, forcing_signal(e), w), BOB + 1
-    signals = _watched(w, FIRST), _watched(w, SECOND if turns.second else FIRST), arc.bob
+    signals = watched(w, FIRST), watched(w, SECOND if turns.second else FIRST), arc.bob
     turns.longest, turns.least = LONGEST / max(q.xi, max(q.s1, math.sqrt(q.q))), SMALL * lasted
     turns.window, turns.limit, turns.looks = turns.longest, math.inf, _LOOKS
     sides, low, largest, dent = np.empty(3), np.empty(3), np.zeros(3), np.empty(3)
@@ -95,7 +104,7 @@ def survey(q, link, z, w, turns, out):
         watch_turns(turns, i, sides[i], signals[i], arc)
         low[i] = dent[i] = math.inf
     y = state_at(arc, now, t)
-    out.v0, out.v1, out.v2, out.v3, out.at = y[2], y[3], y[4], y[5], 0.0
+    out.v0, out.v1, out.v2, out.v3, out.at = y[TILT_RATE], y[SWING_RATE], y[TILT_PULL], y[SWING_PULL], 0.0
     # Where all turns of a signal are known, so are its extremes: nothing peaks unseen between two looks.
     while True:
         for i in range(3):
@@ -116,8 +125,8 @@ def survey(q, link, z, w, turns, out):
     y = state_at(arc, now, t)
     inside, least = which == END and turns.looks > 0 and lasted > 0.0, _RATTLED * q.nu
     if link.onward == REST:
-        inside = inside and abs(y[0]) <= least * least
-        inside = inside and (link.ending != LANDING or abs(ratio(q) * y[2]) <= least)
+        inside = inside and abs(y[TILT]) <= least * least
+        inside = inside and (link.ending != LANDING or abs(ratio(q) * y[TILT_RATE]) <= least)
     out.dip, out.reach, out.sticking = math.inf, largest[BOB], math.inf
     for i in range(2):
         size = max(largest[i], 1e-300)
@@ -125,5 +134,6 @@ def survey(q, link, z, w, turns, out):
         out.dip = min(out.dip, dent[i] / size)
     out.inside = 1.0 if inside else 0.0
     if link.kind == SLIP and link.ending == TURN:
-        excess = abs(moment(q, y[0], y[1], y[3], forcing_at(e, lasted)[0]) - link.tilt * q.weight)
+        eta, _ = forcing_at(e, lasted)
+        excess = abs(moment(q, y[TILT], y[SWING], y[SWING_RATE], eta) - link.tilt * q.weight)
         out.sticking = abs(excess - q.k) / max(excess + q.k, 1e-300)

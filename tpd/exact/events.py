@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 
 from tpd.exact.arcs import Signal, exponentials, instant, rate_of, value_of
-from tpd.exact.mode_kinds import SLIP, STICK
 from tpd.exact.plant import compiled, places
+from tpd.exact.terms import SLIP, STICK
 
 CUT, STOP, GONE, END, FIRST, SECOND, BOB, RELATIVE = places(4, -4)
 """Ends of a leg: a part of a long arc; a time at which a state is asked for; a tilt beyond return; its
@@ -21,8 +21,12 @@ horizon; the first signal (a turn, or a release upwards), the second (a landing,
 turn of the bob, or of the bob against the block, which change nothing."""
 SIGNALS = 4
 """Signals that may be watched: a table of them has one more row, for numbers of the search."""
-_VALUE, _SLOPE, _BEND = places(3)
-"""Rows of a watched signal."""
+_VALUE, _SLOPE, _BEND, _FOURTH = places(4)
+"""A watched signal, its derivatives, and the bound on the fourth."""
+_CONSTANT, _ON_S1, _ON_S2, _ON_U, _ON_V, _ALONG, _ACROSS, _GAIN_ALONG, _GAIN_ACROSS = range(9)
+"""Columns of a watched signal, see `tpd.exact.arcs.Signal`."""
+_PAIR, _FORCED = _ON_U, _ON_V
+"""Columns of a bound: sizes of the pair and of the answer to the forcing."""
 SMALL = 1e-10
 """Time, over that of the shaking, that a motion goes on after an event before it may meet one that was there
 already, and below which a window is not divided any more."""
@@ -69,13 +73,22 @@ def _watch(w, i, x, arc):
     second = rate_of(arc, slope)
     fourth = rate_of(arc, rate_of(arc, second))
     for j in range(9):
-        table[i, 0, j], table[i, 1, j], table[i, 2, j], table[i, 3, j] = x[j], slope[j], second[j], fourth[j]
+        table[i, _VALUE, j], table[i, _SLOPE, j] = x[j], slope[j]
+        table[i, _BEND, j], table[i, _FOURTH, j] = second[j], fourth[j]
     # The energy x^2 + x'^2/q of the pair only decreases.
-    table[i, 3, 3] = math.sqrt(fourth.on_u * fourth.on_u + fourth.on_v * fourth.on_v / arc.q)
-    table[i, 3, 4] = math.sqrt(fourth.along * fourth.along + fourth.across * fourth.across)
+    table[i, _FOURTH, _PAIR] = math.sqrt(fourth.on_u * fourth.on_u + fourth.on_v * fourth.on_v / arc.q)
+    table[i, _FOURTH, _FORCED] = math.sqrt(fourth.along * fourth.along + fourth.across * fourth.across)
     if arc.xi == 0.0:
         # The fourth derivative of a cubic is zero, and its polynomial is that of the free solutions.
-        table[i, 3, 4] = table[i, 3, 7] = table[i, 3, 8] = 0.0
+        table[i, _FOURTH, _FORCED] = table[i, _FOURTH, _GAIN_ALONG] = table[i, _FOURTH, _GAIN_ACROSS] = 0.0
+
+
+@compiled
+def watched(w, i):
+    """The signal in row i."""
+    x = w.signals[i, _VALUE]
+    free = x[_CONSTANT], x[_ON_S1], x[_ON_S2], x[_ON_U], x[_ON_V]
+    return Signal(*free, x[_ALONG], x[_ACROSS], x[_GAIN_ALONG], x[_GAIN_ACROSS])
 
 
 @compiled
@@ -133,21 +146,23 @@ def watch_block(q, arc, mode, forcing, w):
 def _look(w, i, now, t, j):
     """Value (j = 0), slope (1) or curvature (2) of a watched signal."""
     x = w.signals
-    free = x[i, j, 1] * now.e1 + x[i, j, 2] * now.e2 + x[i, j, 3] * now.u + x[i, j, 4] * now.v
-    along, across = x[i, j, 5] + x[i, j, 7] * t, x[i, j, 6] + x[i, j, 8] * t
-    return x[i, j, 0] + free + along * now.sine + across * now.cosine
+    free = (
+        x[i, j, _ON_S1] * now.e1 + x[i, j, _ON_S2] * now.e2 + x[i, j, _ON_U] * now.u + x[i, j, _ON_V] * now.v
+    )
+    along, across = x[i, j, _ALONG] + x[i, j, _GAIN_ALONG] * t, x[i, j, _ACROSS] + x[i, j, _GAIN_ACROSS] * t
+    return x[i, j, _CONSTANT] + free + along * now.sine + across * now.cosine
 
 
 @compiled
 def _bound(w, i, e1, e2, t):
     """Bound on the fourth derivative of a signal over a window that ends at `t`, with the larger exponentials
     in it."""
-    x = w.signals
-    forced = x[i, 3, 4]
-    if x[i, 3, 7] != 0.0 or x[i, 3, 8] != 0.0:
+    x = w.signals[i, _FOURTH]
+    forced, more, less = x[_FORCED], x[_GAIN_ALONG], x[_GAIN_ACROSS]
+    if more != 0.0 or less != 0.0:
         # The amplitude is a convex function of time, so that it is largest at an end.
-        forced = max(forced, math.hypot(x[i, 3, 5] + x[i, 3, 7] * t, x[i, 3, 6] + x[i, 3, 8] * t))
-    return abs(x[i, 3, 1]) * e1 + abs(x[i, 3, 2]) * e2 + x[i, 3, 3] + forced
+        forced = max(forced, math.hypot(x[_ALONG] + more * t, x[_ACROSS] + less * t))
+    return abs(x[_ON_S1]) * e1 + abs(x[_ON_S2]) * e2 + x[_PAIR] + forced
 
 
 _CLEAR, _ONE, _UNKNOWN = range(3)

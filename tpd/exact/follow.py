@@ -14,11 +14,11 @@ import numpy as np
 
 from tpd.exact.arcs import (
     Signal,
+    arc_from,
     beginning,
     forcing_at,
     forcing_signal,
     instant,
-    launch,
     load_at,
     rate_of,
     span_of,
@@ -42,9 +42,20 @@ from tpd.exact.events import (
     watch_block,
     watch_turns,
 )
-from tpd.exact.mode_kinds import REST, SLIP, STICK
-from tpd.exact.motion import FIRST_PIECE, clear, larger, note, record, restart
+from tpd.exact.motion import FIRST_PIECE, clear, finite, larger, largest, note, put, record, restart
 from tpd.exact.plant import compiled, plant
+from tpd.exact.terms import (
+    APART,
+    REST,
+    SLIP,
+    STICK,
+    SWING,
+    SWING_PULL,
+    SWING_RATE,
+    TILT,
+    TILT_PULL,
+    TILT_RATE,
+)
 from tpd.exact.whole_pieces import put_maps, whole_pieces
 
 ARRIVED, LOST, EXHAUSTED = range(3)
@@ -52,10 +63,19 @@ ARRIVED, LOST, EXHAUSTED = range(3)
 STATUSES = ("stood", "rocked", "overturned", "event_bound", "failed")
 """Names of the statuses of a motion through all pieces, in the order of their numbers."""
 STOOD, ROCKED, OVERTURNED, EVENT_BOUND, FAILED = range(5)
-OUT = np.int64(19)
-"""Numbers in the results of a motion through all pieces: largest |phi|, |psi| and |psi - phi| with their
-times; the state at the end; the growing coordinate of the last leg (with derivatives only); status; impacts;
-times of the first uplift and of the overturning; transversality; legs; and the accelerations at the end."""
+FOLLOWED = np.dtype(
+    [
+        *((name, np.float64, (3,)) for name in ("sizes", "times")),
+        ("state", np.float64, (6,)),
+        *(
+            (name, np.float64)
+            for name in ("growing", "status", "impacts", "lifted", "fell", "crossing", "legs")
+        ),
+    ]
+)
+"""A motion through all pieces: largest |phi|, |psi| and |psi - phi|, and their times; the state at the end
+with its accelerations; the growing coordinate of the last leg (with derivatives only); status; impacts; times
+of the first uplift and of the overturning; transversality; and legs."""
 Rules = namedtuple("Rules", "capture bob relative brief")
 """Largest speed phi' of an impact that may end in rest; whether turns of the bob count, and its turns against
 the block; and whether a free motion may end as soon as it cannot tilt the block further."""
@@ -94,11 +114,11 @@ def begin(q, f, m, i, s):
     """Count the largest angles of a motion from the local time `s` of piece i on; see `Mode` for `held`."""
     y = m.y
     restart(m)
-    m.held, rate = (2.0 if m.kind != SLIP else 0.0), y[3]
+    m.held, rate = (2.0 if m.kind != SLIP else 0.0), y[SWING_RATE]
     if abs(rate) <= _STILL and f.harmonic:
         # From rest the bob's first and second derivatives vanish: look a little ahead instead.
         ahead = 1e-3 / q.xi
-        arc = launch(q, m.kind, m.tilt, m.way, y[0], y[1], y[2], y[3], load_at(q, f, i, s))
+        arc = arc_from(q, m, y, load_at(q, f, i, s))
         rate = value_of(rate_of(arc, arc.bob), instant(arc, ahead), ahead)
     m.bob_way = -1.0 if rate < 0.0 else 1.0
 
@@ -128,31 +148,33 @@ def _watch(q, m, room, arc, e, rules):
 
 
 @compiled
-def _settles(q, y, best):
+def _settles(q, m):
     """Whether a block that moves freely has too little energy to tilt further than it has. The energy
 
         [m11 phi'^2 + 2 m12 phi' psi' + mu lam m22 psi'^2]/2 + weight |phi| - up phi^2/2 + mu lam psi^2/2
 
     of block and bob never grows without a forcing."""
-    share = q.mu * q.lam
-    moving = q.m11 * y[2] * y[2] + 2.0 * q.m12 * y[2] * y[3] + share * q.m22 * y[3] * y[3]
-    level = q.weight - q.up * abs(y[0])
+    y, share = m.y, q.mu * q.lam
+    tilting, swinging = y[TILT_RATE], y[SWING_RATE]
+    moving = (
+        q.m11 * tilting * tilting + 2.0 * q.m12 * tilting * swinging + share * q.m22 * swinging * swinging
+    )
+    level = q.weight - q.up * abs(y[TILT])
     # Distance from the energy of the unstable equilibrium, times 2 up; the weight cancels where phi is small.
-    left = level * level - q.up * (moving + share * y[1] * y[1])
+    left = level * level - q.up * (moving + share * y[SWING] * y[SWING])
     if level <= 0.0 or left <= 0.0:
         return False
-    return (q.weight - math.sqrt(left)) / q.up <= max(best[0], best[1]) * (1.0 + 1e-12)
+    return (q.weight - math.sqrt(left)) / q.up <= largest(m, TILT) * (1.0 + 1e-12)
 
 
 @compiled
-def _dies_away(q, y, best, bob):
+def _dies_away(q, m, y, bob):
     """Whether the bob of a resting block, left to itself, neither lifts it nor, if its turns count, swings as
     far as before: the energy psi^2 + psi'^2/q never grows."""
     # Angle and rate are bounded at once, whatever their phase.
-    most = math.sqrt(y[1] * y[1] + y[3] * y[3] / q.held_q)
+    most = math.sqrt(y[SWING] * y[SWING] + y[SWING_RATE] * y[SWING_RATE] / q.held_q)
     pull = abs(q.up - 1.0) * most + abs(q.bias) * most * math.sqrt(q.held_q)
-    swing, relative = max(best[2], best[3]), max(best[4], best[5])
-    return pull < q.k + q.weight and (not bob or most < min(swing, relative))
+    return pull < q.k + q.weight and (not bob or most < min(largest(m, SWING), largest(m, APART)))
 
 
 @compiled
@@ -186,7 +208,7 @@ def piece(q, f, m, legs, room, i, s, end, rules):
     while m.events > 0 and room.looks > 0:
         m.events -= 1
         e = load_at(q, f, i, s)
-        arc = launch(q, m.kind, m.tilt, m.way, y[0], y[1], y[2], y[3], e)
+        arc = arc_from(q, m, y, e)
         _watch(q, m, room, arc, e, rules)
         for j in range(4):
             start[j] = y[j]
@@ -194,7 +216,7 @@ def piece(q, f, m, legs, room, i, s, end, rules):
         left = end - s if whole else reach
         at, begun, here = 0.0, 0.0, beginning(arc)
         while True:
-            if freely and m.kind == REST and _dies_away(q, start, m.best, rules.bob):
+            if freely and m.kind == REST and _dies_away(q, m, start, rules.bob):
                 # Damping that dies out needs no look at every turn down to the smallest number.
                 which, at = END, left
             else:
@@ -206,7 +228,7 @@ def piece(q, f, m, legs, room, i, s, end, rules):
             if which < BOB:
                 break
             # The bob turns, which changes nothing: the same arc goes on.
-            note(m, now[0], now[1], origin + s + at)
+            note(m, now[TILT], now[SWING], origin + s + at)
             record(m, legs, i, s + begun, at - begun, which, start)
             if which == BOB:
                 m.bob_way = -m.bob_way
@@ -218,7 +240,7 @@ def piece(q, f, m, legs, room, i, s, end, rules):
             y[j] = now[j]
         n, tau = m.recorded, origin + s + at
         if which != GONE:
-            note(m, y[0], y[1], tau)
+            note(m, y[TILT], y[SWING], tau)
         record(m, legs, i, s + begun, at - begun, which if which != END or whole else CUT, start)
         if which == GONE:
             m.fell = tau
@@ -239,12 +261,12 @@ def piece(q, f, m, legs, room, i, s, end, rules):
         if was == REST and m.lifted == math.inf:
             m.lifted = tau
         m.crossing = min(m.crossing, transversality(q, usual, which, was, m.kind, now, eta))
-        if y[3] * now[3] < 0.0:
+        if y[SWING_RATE] * now[SWING_RATE] < 0.0:
             m.bob_way = -m.bob_way
         m.held = 1.0 if m.held > 0.0 or m.kind != SLIP else 0.0
         s += at
         # Only a free motion may end early: a forcing brings energy.
-        if freely and rules.brief and _settles(q, y, m.best):
+        if freely and rules.brief and _settles(q, m):
             return ARRIVED
         if end - s <= _ROUNDING * end:
             # With the event earlier or later, the motion is a little further or not as far at the end: the
@@ -261,7 +283,7 @@ def _falls(q, f, m, legs, room):
     if m.kind != SLIP:
         return False
     e = load_at(q, f, f.pieces, 0.0)
-    arc = launch(q, m.kind, m.tilt, m.way, y[0], y[1], y[2], y[3], e)
+    arc = arc_from(q, m, y, e)
     room.second, room.count = watch_block(q, arc, m, forcing_signal(e), room), BOB
     room.least, room.longest, room.limit, room.looks = SMALL, _longest(q, f), beyond_return(q), 64 * LOOKS
     room.window = room.longest
@@ -280,9 +302,9 @@ def _through(q, f, m, legs, room, free, events, rules):
     clear(m)
     # One event for each piece is none of the block's: its end.
     allow(m, room, f.pieces + 1 + events)
-    decide(q, y, sign(y[0]), sign(y[2]), forcing_now(q, f, 0.0), m)
+    decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, 0.0), m)
     begin(q, f, m, i, 0.0)
-    if m.kind == SLIP or y[0] != 0.0:
+    if m.kind == SLIP or y[TILT] != 0.0:
         m.lifted = 0.0
     ended = ARRIVED
     while i < f.pieces and ended == ARRIVED:
@@ -291,15 +313,14 @@ def _through(q, f, m, legs, room, free, events, rules):
             ended = piece(q, f, m, legs, room, i, 0.0, q.xi, rules)
             i += 1
     # A motion that cannot tilt the block further overturns it neither.
-    quiet = rules.brief and _settles(q, y, m.best)
+    quiet = rules.brief and _settles(q, m)
     if ended == ARRIVED and free > 0.0 and not quiet:
         ended = piece(q, f, m, legs, room, f.pieces, 0.0, free, rules)
     if ended == ARRIVED and not quiet and _falls(q, f, m, legs, room):
         m.fell += f.pieces * q.xi + free
         ended = LOST
-    for j in range(4):
-        if not math.isfinite(y[j]):
-            return FAILED
+    if not finite(y):
+        return FAILED
     if ended != ARRIVED:
         return OVERTURNED if ended == LOST else EVENT_BOUND
     return STOOD if m.lifted == math.inf else ROCKED
@@ -317,7 +338,7 @@ def through(x, q, f, m, legs, room, s):
     further. Return the status."""
     plant(x, q)
     q.slack = _SLACK * (q.k + q.weight)
-    y0, y1, y2, y3 = m.y[0], m.y[1], m.y[2], m.y[3]
+    y0, y1, y2, y3 = m.y[TILT], m.y[SWING], m.y[TILT_RATE], m.y[SWING_RATE]
     brief, max_events = s.brief != 0.0, int(s.events)
     quick, most, bob = s.rest_rate, max_events, q.mu > 0.0 and not brief
     while True:
@@ -328,7 +349,7 @@ def through(x, q, f, m, legs, room, s):
             return status
         quick *= _COARSER
         most = max_events if quick * _COARSER <= _QUICKEST else _LAST * max_events
-        m.y[0], m.y[1], m.y[2], m.y[3] = y0, y1, y2, y3
+        m.y[TILT], m.y[SWING], m.y[TILT_RATE], m.y[SWING_RATE] = y0, y1, y2, y3
 
 
 @compiled
@@ -336,8 +357,8 @@ def put_results(m, status, out):
     """Put what was counted of a motion through all pieces, with its state and status, into `out`."""
     for k in range(3):
         best = larger(m, k)
-        out[2 * k], out[2 * k + 1] = (m.best[best] if status != OVERTURNED else math.inf), m.when[best]
-    for i in range(4):
-        out[6 + i] = m.y[i]
-    out[10], out[11], out[12], out[13], out[14] = 0.0, status, m.impacts, m.lifted, m.fell
-    out[15], out[16] = m.crossing, m.recorded
+        out.sizes[k], out.times[k] = (m.best[best] if status != OVERTURNED else math.inf), m.when[best]
+    put(m.y, out.state)
+    out.growing, out.status, out.impacts, out.lifted, out.fell = 0.0, status, m.impacts, m.lifted, m.fell
+    out.crossing, out.legs = m.crossing, m.recorded
+    out.state[TILT_PULL] = out.state[SWING_PULL] = 0.0

@@ -13,13 +13,14 @@ import math
 
 from numba.extending import register_jitable
 
-from tpd.exact import orbit_terms
+from tpd.exact import terms
 from tpd.exact.arcs import Instant, state_at
 from tpd.exact.contact_kernel import jump, ratio
 from tpd.exact.plant import compiled
+from tpd.exact.terms import SWING_PULL, SWING_RATE, TILT_PULL, TILT_RATE
 
-is_neutral = register_jitable(inspect.unwrap(orbit_terms.is_neutral))
-"""`orbit_terms.is_neutral` in compiled code, without what checks its types in tests."""
+is_neutral = register_jitable(inspect.unwrap(terms.is_neutral))
+"""`terms.is_neutral` in compiled code, without what checks its types in tests."""
 
 
 @compiled
@@ -44,14 +45,14 @@ def put_half_map(q, m, t, way, g):
     before, after = state_at(way.first, until, t), state_at(way.second, again, zero)
     end = state_at(way.second, way.end, m.span - t)
     # Crossing: the rates jump by these shares of phi', and so do the rates of a neighbour.
-    (lost, thrown), fall = jump(q, ratio(q)), before[2]
-    by0, by1 = (after[2] - fall) / fall, (after[3] - before[3]) / fall
+    (lost, thrown), fall = jump(q, ratio(q)), before[TILT_RATE]
+    by0, by1 = (after[TILT_RATE] - fall) / fall, (after[SWING_RATE] - before[SWING_RATE]) / fall
     by2, by3 = (
-        (after[4] - (1.0 + lost) * before[4]) / fall,
-        (after[5] - before[5] - thrown * before[4]) / fall,
+        (after[TILT_PULL] - (1.0 + lost) * before[TILT_PULL]) / fall,
+        (after[SWING_PULL] - before[SWING_PULL] - thrown * before[TILT_PULL]) / fall,
     )
     # Turning: friction, 2 k in the first column of M^-1, changes its sign.
-    pushed = 2.0 * q.k / ((q.m11 * q.m22 - q.m12 * q.m21) * end[4])
+    pushed = 2.0 * q.k / ((q.m11 * q.m22 - q.m12 * q.m21) * end[TILT_PULL])
     # A bob without mass cannot be felt: what is left are the multipliers of the block, and two zeros.
     felt = 2 if q.mu.real == 0.0 else 1
     for i in range(4):

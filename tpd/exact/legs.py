@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from tpd.exact.arcs import Load, forcing_at, instant, launch, load_at, span_of, state_at
+from tpd.exact.arcs import Load, arc_from, forcing_at, instant, launch, load_at, span_of, state_at
 from tpd.exact.contact_kernel import reserve, struck
 from tpd.exact.events import BOB, CUT, END, FIRST, GONE, RELATIVE, SECOND, STOP
-from tpd.exact.mode_kinds import REST, SLIP, STICK
 from tpd.exact.motion import WHOLE, angle_of, larger
-from tpd.exact.plant import COMPLEX_PLANT, STEP, compiled
+from tpd.exact.plant import COMPLEX_PLANT, STEP, compiled, part
+from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_PULL, SWING_RATE, TILT, TILT_PULL, TILT_RATE
 
 _KINDS = float(SLIP), float(STICK)
 """Modes of the maps of whole pieces: one serves both kinds of held blocks."""
@@ -23,6 +23,10 @@ INPUTS = np.int64(13)
 """Directions of derivatives: nine parameters and four components of the start."""
 STATE, _BEGINNING = np.int64(9), np.int64(-1)
 """First direction of the start; and the leg before the first one."""
+FORCING, KIND, SIDE, STATES = map(np.int64, (6, 7, 8, 9))
+"""Columns of a history after those of the state with its accelerations, and how many there are."""
+_WHEN, _RATE = 0, 1
+"""Columns of impacts."""
 END_STATE, ANGLES, GROWING, TIMES, UPLIFT, ROWS = map(np.int64, (0, 4, 10, 11, 17, 18))
 """Rows of derivatives: of the state at the end; the six largest angles of a tally; under a pulse or a record
 also the growing coordinate at the start of the last leg, the times of the six angles, and that of the first
@@ -46,6 +50,18 @@ and whether they are known."""
 
 
 @compiled
+def _moving(y, dy, i, j):
+    """Number i of a state with its derivative in direction j."""
+    return complex(y[i], dy[i, j] * STEP)
+
+
+@part
+def _plant(r, j):
+    """The complex plant of direction j: all that move no parameter share the last one."""
+    return r.plants[min(j, STATE)]
+
+
+@compiled
 def _late(q, f, leg, a, s, eta, rate):
     """How much later a leg ends, in the direction of the derivative; `a` is its last state, and `s` the local
     time of its beginning."""
@@ -59,22 +75,22 @@ def _late(q, f, leg, a, s, eta, rate):
     if which >= BOB or which == CUT:
         return 0.0
     if leg.kind != SLIP:
-        value = reserve(q, leg.kind, complex(leg.tilt, 0.0), which, a[0], a[1], a[3], eta)
+        value = reserve(q, leg.kind, complex(leg.tilt, 0.0), which, a[TILT], a[SWING], a[SWING_RATE], eta)
         side = 1.0 if which == FIRST else -1.0
-        pull = (1.0 - q.up.real) * a[3].real + q.bias.real * a[5].real
+        pull = (1.0 - q.up.real) * a[SWING_RATE].real + q.bias.real * a[SWING_PULL].real
         slope = -side * (pull - q.f.real * rate.real)
         return -value.imag / slope if slope != 0.0 else 0.0
     if which == FIRST:
-        return -a[2].imag / a[4].real if a[4].real != 0.0 else 0.0
-    return -a[0].imag / a[2].real if a[2].real != 0.0 else 0.0
+        return -a[TILT_RATE].imag / a[TILT_PULL].real if a[TILT_PULL].real != 0.0 else 0.0
+    return -a[TILT].imag / a[TILT_RATE].real if a[TILT_RATE].real != 0.0 else 0.0
 
 
 @compiled
 def _launched(q, f, leg, dy, j, s):
     """The arc of a leg in direction j, and its forcing; `s` is the local time of its beginning."""
     e = load_at(q, f, leg.piece, s)
-    y0, y1 = complex(leg.y[0], dy[0, j] * STEP), complex(leg.y[1], dy[1, j] * STEP)
-    y2, y3 = complex(leg.y[2], dy[2, j] * STEP), complex(leg.y[3], dy[3, j] * STEP)
+    y0, y1 = _moving(leg.y, dy, TILT, j), _moving(leg.y, dy, SWING, j)
+    y2, y3 = _moving(leg.y, dy, TILT_RATE, j), _moving(leg.y, dy, SWING_RATE, j)
     return launch(q, leg.kind, complex(leg.tilt, 0.0), complex(leg.way, 0.0), y0, y1, y2, y3, e), e
 
 
@@ -85,7 +101,7 @@ def along(r, f, leg, first, last):
     # The real state begins anew with every leg, so that errors of it do not add up.
     t = complex(leg.lasted, 0.0)
     for j in range(first, last):
-        q, s = r.plants[min(j, 9)], complex(leg.begun, r.shift[j] * STEP)
+        q, s = _plant(r, j), complex(leg.begun, r.shift[j] * STEP)
         arc, e = _launched(q, f, leg, r.dy, j, s)
         a = state_at(arc, instant(arc, t), t)
         eta, rate = forcing_at(e, t)
@@ -109,12 +125,12 @@ def past(r, leg, first, last):
     for j in range(first, last):
         if leg.which == FIRST:
             # A hop that ends in rest takes its turn on the base.
-            r.dy[0, j], r.dy[2, j] = (0.0 if leg.rests else r.dy[0, j]), 0.0
+            r.dy[TILT, j], r.dy[TILT_RATE, j] = (0.0 if leg.rests else r.dy[TILT, j]), 0.0
             continue
-        y2, y3 = complex(r.now[2], r.dy[2, j] * STEP), complex(r.now[3], r.dy[3, j] * STEP)
-        y2, y3 = struck(r.plants[min(j, 9)], leg.rests, y2, y3)
+        y2, y3 = _moving(r.now, r.dy, TILT_RATE, j), _moving(r.now, r.dy, SWING_RATE, j)
+        y2, y3 = struck(_plant(r, j), leg.rests, y2, y3)
         # At a landing the tilt is zero whatever the parameters.
-        r.dy[0, j], r.dy[2, j], r.dy[3, j] = 0.0, y2.imag / STEP, y3.imag / STEP
+        r.dy[TILT, j], r.dy[TILT_RATE, j], r.dy[SWING_RATE, j] = 0.0, y2.imag / STEP, y3.imag / STEP
 
 
 @compiled
@@ -124,7 +140,7 @@ def _put_maps(r, held, inputs):
     one, zero = complex(1.0, 0.0), complex(0.0, 0.0)
     u, kind = np.zeros(8, np.complex128), _KINDS[held]
     for j in range(inputs):
-        q = r.plants[min(j, 9)]
+        q = _plant(r, j)
         h = q.xi
         for k in range(8):
             # The forcing is given by its coefficients in the share of the piece.
@@ -150,7 +166,7 @@ def _along_whole(q, r, c, leg, inputs):
     # The map is linear about the centre, which moves with weight and friction.
     centre = 0.0 if held else (leg.tilt * q.weight + leg.way * q.k) / q.up
     for j in range(inputs):
-        p = r.plants[min(j, 9)]
+        p = _plant(r, j)
         r.shift[j] = 0.0
         if not held:
             moved[j] = ((leg.tilt * p.weight + leg.way * p.k) / p.up).imag / STEP
@@ -168,7 +184,7 @@ def _along_whole(q, r, c, leg, inputs):
                 old[k, j] = dy[k, j]
         x[0] -= centre
         for j in range(inputs):
-            old[0, j] -= moved[j]
+            old[TILT, j] -= moved[j]
         for i in range(4):
             total = 0.0
             for j in range(inputs):
@@ -183,28 +199,29 @@ def _along_whole(q, r, c, leg, inputs):
                 for j in range(inputs):
                     dy[i, j] += size * old[k, j]
             y[i] = total
-        y[0] += centre
+        y[TILT] += centre
         for j in range(inputs):
-            dy[0, j] += moved[j]
+            dy[TILT, j] += moved[j]
 
 
 @compiled
-def _put_angles(r, f, m, n, leg, directions, by):
+def _put_angles(r, f, m, n, leg, first, last, by):
     """Put the derivatives of the largest angles that were met at the end of leg n, and of their times, into
     `by`."""
     for k in range(6):
         if m.where[k] != n:
             continue
-        for j in range(directions[0], directions[1]):
-            by[ANGLES + k, j] = angle_of(r.dy[0, j], r.dy[1, j], k)
+        for j in range(first, last):
+            by[ANGLES + k, j] = angle_of(r.dy[TILT, j], r.dy[SWING, j], k)
         if n < 0 or f.harmonic:
             continue
         # Where the bob turns the leg ends at a fixed time: the turn itself is a little earlier or later.
         turns, apart = k > 1 and (leg.which == BOB or leg.which == RELATIVE), 1.0 if k > 3 else 0.0
-        bend, pieces = r.now[5] - apart * r.now[4], leg.piece + (leg.lasted if leg.which == WHOLE else 0.0)
-        for j in range(directions[0], directions[1]):
-            late = -(r.dy[3, j] - apart * r.dy[2, j]) / bend if turns else 0.0
-            by[TIMES + k, j] = pieces * r.plants[min(j, 9)].xi.imag / STEP + r.shift[j] + late
+        bend = r.now[SWING_PULL] - apart * r.now[TILT_PULL]
+        pieces = leg.piece + (leg.lasted if leg.which == WHOLE else 0.0)
+        for j in range(first, last):
+            late = -(r.dy[SWING_RATE, j] - apart * r.dy[TILT_RATE, j]) / bend if turns else 0.0
+            by[TIMES + k, j] = pieces * _plant(r, j).xi.imag / STEP + r.shift[j] + late
 
 
 @compiled
@@ -223,14 +240,14 @@ def read(q, f, m, legs, r, directions, angles_only, by):
     """Put the derivatives of a followed motion into `by`, of `ROWS` rows, in the `directions` from the first
     to before the last of two, and return the growing coordinate of its last leg. The reader has its plants.
     If `angles_only`, what comes after the last of the largest angles and the first uplift is left out."""
-    count, first, inputs = min(m.recorded, len(legs)), directions[0], directions[1]
-    r.known[0] = r.known[1] = 0
+    count, (first, inputs) = min(m.recorded, len(legs)), directions
+    r.known[:] = 0
     for j in range(inputs):
         r.shift[j] = 0.0
         for i in range(4):
             r.dy[i, j] = 1.0 if j == STATE + i else 0.0
     if count > 0:
-        _put_angles(r, f, m, _BEGINNING, legs[0], directions, by)
+        _put_angles(r, f, m, _BEGINNING, legs[0], first, inputs, by)
     growing, lifts, last = 0.0, -1 if f.harmonic else _lifts_at(legs, count), count
     if angles_only:
         last = lifts
@@ -241,11 +258,11 @@ def read(q, f, m, legs, r, directions, angles_only, by):
         leg = legs[n]
         if n == lifts:
             for j in range(first, inputs):
-                by[UPLIFT, j] = leg.piece * r.plants[min(j, 9)].xi.imag / STEP + r.shift[j]
+                by[UPLIFT, j] = leg.piece * _plant(r, j).xi.imag / STEP + r.shift[j]
         if n == m.recorded - 1 and not f.harmonic:
             # The last leg decides between overturning and falling back.
             for j in range(first, inputs):
-                p = r.plants[min(j, 9)]
+                p = _plant(r, j)
                 arc, _ = _launched(p, f, leg, r.dy, j, complex(leg.begun, r.shift[j] * STEP))
                 coordinate = arc.tilt.on_s1 / p.a0
                 by[GROWING, j], growing = coordinate.imag / STEP, coordinate.real
@@ -253,7 +270,7 @@ def read(q, f, m, legs, r, directions, angles_only, by):
             _along_whole(q, r, f.cubics, leg, inputs)
         else:
             along(r, f, leg, first, inputs)
-        _put_angles(r, f, m, n, leg, directions, by)
+        _put_angles(r, f, m, n, leg, first, inputs, by)
         if leg.which != WHOLE:
             past(r, leg, first, inputs)
     for i in range(4):
@@ -270,12 +287,12 @@ def put_impacts(q, legs, count, impacts):
     for n in range(count):
         leg = legs[n]
         if leg.kind == SLIP and leg.which == SECOND and k < len(impacts):
-            impacts[k, 0] = leg.piece * q.xi + leg.begun + leg.lasted
+            impacts[k, _WHEN] = leg.piece * q.xi + leg.begun + leg.lasted
             # The next leg begins with the state after the impact; after the last one the block rests.
-            impacts[k, 1] = legs[n + 1].y[2] if n + 1 < count else 0.0
+            impacts[k, _RATE] = legs[n + 1].y[TILT_RATE] if n + 1 < count else 0.0
             k += 1
     for i in range(k, len(impacts)):
-        impacts[i, 0] = impacts[i, 1] = np.nan
+        impacts[i, _WHEN] = impacts[i, _RATE] = np.nan
 
 
 @compiled
@@ -295,14 +312,14 @@ def put_states(q, f, legs, count, times, out):
         for k in range(int(lasts) if whole else 1):
             start, duration = (0.0 if whole else leg.begun), (h if whole else lasts)
             e = load_at(q, f, leg.piece + k, start)
-            arc = launch(q, leg.kind, leg.tilt, leg.way, y[0], y[1], y[2], y[3], e)
+            arc = arc_from(q, leg, y, e)
             begun = (leg.piece + k) * h + start
             while at < len(times) and times[at] <= begun + duration:
                 t = times[at] - begun
                 a = state_at(arc, instant(arc, t), t)
                 for i in range(6):
                     out[at, i] = a[i]
-                out[at, 6], out[at, 7], out[at, 8] = q.f * forcing_at(e, t)[0], leg.kind, leg.tilt
+                out[at, FORCING], out[at, KIND], out[at, SIDE] = q.f * forcing_at(e, t)[0], leg.kind, leg.tilt
                 at += 1
             if whole:
                 a = state_at(arc, instant(arc, h), h)

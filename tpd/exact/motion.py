@@ -12,6 +12,7 @@ import numpy as np
 
 from tpd.exact.events import SIGNALS
 from tpd.exact.plant import compiled
+from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
 
 LEG = np.dtype(
     [
@@ -91,7 +92,7 @@ def clear(m):
 def restart(m):
     """Count the largest angles of a motion from its state on."""
     for k in range(6):
-        m.best[k], m.where[k], m.when[k] = angle_of(m.y[0], m.y[1], k), -1, 0.0
+        m.best[k], m.where[k], m.when[k] = angle_of(m.y[TILT], m.y[SWING], k), -1, 0.0
 
 
 @compiled
@@ -111,8 +112,14 @@ def note(m, phi, psi, tau):
 
 @compiled
 def larger(m, k):
-    """Place of the larger of both sides of angle k: 0 for phi, 1 for psi, 2 for psi - phi."""
+    """Place of the larger of both sides of angle k: TILT, SWING or APART."""
     return 2 * k if m.best[2 * k] >= m.best[2 * k + 1] else 2 * k + 1
+
+
+@compiled
+def largest(m, k):
+    """Largest size of angle k."""
+    return m.best[larger(m, k)]
 
 
 @compiled
@@ -126,3 +133,9 @@ def record(m, legs, piece, begun, lasted, which, y):
         for i in range(4):
             leg.y[i] = y[i]
     m.recorded = n + 1
+
+
+@compiled
+def finite(y):
+    """Whether a state has only finite numbers."""
+    return math.isfinite(y[TILT] + y[SWING] + y[TILT_RATE] + y[SWING_RATE])

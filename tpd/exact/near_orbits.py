@@ -8,14 +8,14 @@ from collections import namedtuple
 
 import numpy as np
 
-from tpd.exact.arcs import instant, launch, load_at, span_of, state_at, steady
+from tpd.exact.arcs import arc_from, instant, load_at, span_of, state_at, steady
 from tpd.exact.events import BOB, END
 from tpd.exact.follow import ARRIVED, Rules, allow, begin, piece
 from tpd.exact.legs import ANGLES, INPUTS, ROWS, STATE, read
-from tpd.exact.mode_kinds import REST, SLIP
-from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, NO, YES, clear, larger, put
+from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, NO, YES, clear, larger, largest, put
 from tpd.exact.plant import compiled
 from tpd.exact.repetition import scales_of
+from tpd.exact.terms import REST, SLIP, SWING, TILT
 
 NEARBY, _NEXT_TO_NOTHING = 0.05, 1e-4
 """Largest distances, in shares of the scales, from which a motion is taken to the orbit that it approaches:
@@ -45,15 +45,8 @@ CYCLE = np.dtype(
 lost; the largest |phi| and |psi|; the mode at the end; the least transversality, the asymmetry, and whether
 the mode is that of the start; and the derivatives of (end, amplitude, stroke) in the parameters and the
 start."""
-Past = namedtuple("Past", "states sizes peaks")
-"""The last states of a motion, newest first; the largest tilt and swing of its last periods, and for how long
-the block was held; and the largest tilt and swing of all."""
-
-
-@compiled
-def largest(m, k):
-    """Largest |phi| (k = 0) or |psi| (1)."""
-    return m.best[larger(m, k)]
+Past = namedtuple("Past", "periods peaks")
+"""The last periods of a motion, newest first, and the largest tilt and swing of all."""
 
 
 @compiled
@@ -106,7 +99,7 @@ def _meet_at_end(q, f, m, legs, room, mode0, limits):
     # Back to the end of the period along the new arc.
     at = legs[k]
     at.lasted, e = period - at.begun, load_at(q, f, FIRST_PIECE, at.begun)
-    arc = launch(q, at.kind, at.tilt, at.way, at.y[0], at.y[1], at.y[2], at.y[3], e)
+    arc = arc_from(q, at, at.y, e)
     m.crossing, m.recorded = min(m.crossing, again.crossing), k + 1
     put_motion(state_at(arc, instant(arc, at.lasted), at.lasted), again, m)
 
@@ -130,7 +123,7 @@ def cycle(q, m, legs, room, r, limits, start, c):
         read(q, f, m, legs, r, (FIRST_PIECE, INPUTS), NO, many)
     for i in range(4):
         c.end[i] = m.y[i] if sound else math.nan
-    c.amplitude, c.stroke, c.crossing = largest(m, 0), largest(m, 1), m.crossing
+    c.amplitude, c.stroke, c.crossing = largest(m, TILT), largest(m, SWING), m.crossing
     c.kind, c.tilt, c.way = m.kind, m.tilt, m.way
     c.asymmetry = abs(max(m.best[0], 0.0) - max(m.best[1], 0.0)) / (c.amplitude if c.amplitude > 0.0 else 1.0)
     c.closed = 1.0 if _same_mode(m, start) else 0.0
@@ -138,12 +131,6 @@ def cycle(q, m, legs, room, r, limits, start, c):
         row = k if k < 4 else ANGLES + larger(m, k - 4)
         for j in range(INPUTS):
             c.by[k, j] = many[row, j] if sound else math.nan
-
-
-@compiled
-def finite(y):
-    """Whether a state has only finite numbers."""
-    return math.isfinite(y[0] + y[1] + y[2] + y[3])
 
 
 @compiled
@@ -216,9 +203,9 @@ def _approaches(by, past, known, periods, found, scales, apart):
         return False
     for n in range(2):
         for i in range(4):
-            left = past[n * periods, i] - found[i]
+            left = past[n * periods].y[i] - found[i]
             for j in range(4):
-                left -= by[i, STATE + j] * (past[(n + 1) * periods, j] - found[j])
+                left -= by[i, STATE + j] * (past[(n + 1) * periods].y[j] - found[j])
             if not abs(left) < _LINEAR * apart * scales[i]:
                 return False
     return True
@@ -306,7 +293,7 @@ def orbit_near(q, f, m, room, r, past, known, limits):
     # The derivative of an orbit at rest does not tell whether the decay of the bob lifts the block yet: there
     # the motion is followed until that is proved away.
     best = orbit.best
-    if max(best[0], best[1]) == 0.0:
+    if largest(orbit, TILT) == 0.0:
         return False
     apart = 0.0
     for i in range(4):
@@ -314,11 +301,11 @@ def orbit_near(q, f, m, room, r, past, known, limits):
         apart = max(apart, abs(gap[i]) / scales[i])
     if not apart < NEARBY or not _contracts(by, scales, q.mu == 0.0):
         return False
-    if not _approaches(by, past.states, known, limits.periods, orbit.y, scales, apart):
+    if not _approaches(by, past.periods, known, limits.periods, orbit.y, scales, apart):
         return False
     if not _passed(by, best, scales, gap, apart, past.peaks):
         return False
     for n in range(limits.periods):
-        past.sizes[n, 0], past.sizes[n, 1] = largest(orbit, 0), largest(orbit, 1)
+        past.periods[n].tilt, past.periods[n].swing = largest(orbit, TILT), largest(orbit, SWING)
     put(orbit.y, m.y)
     return True

@@ -23,6 +23,7 @@ import numba.extending
 import numpy as np
 
 from tpd.core import files, machine_code
+from tpd.exact.terms import LAM, MU, NU, RHO, XI, ZETA, E, F, K
 from tpd.scene import impacts
 
 STEP = 1e-100
@@ -195,9 +196,8 @@ def _solved(matrix, r1r, r1i, r2r, r2i):
     b2r, b2i = _times(br, bi, r2r, r2i)
     a2r, a2i = _times(ar, ai, r2r, r2i)
     c1r, c1i = _times(cr, ci, r1r, r1i)
-    x0 = _over(d1r - b2r, d1i - b2i, nr, ni)
-    x1 = _over(a2r - c1r, a2i - c1i, nr, ni)
-    return x0[0], x0[1], x1[0], x1[1]
+    first, second = _over(d1r - b2r, d1i - b2i, nr, ni), _over(a2r - c1r, a2i - c1i, nr, ni)
+    return *first, *second
 
 
 @compiled
@@ -211,34 +211,19 @@ def _responses(m11, m12, m21, m22, c1, c2, up, f, xi):
     matrix = (a, xi * c1, b, -xi * c1, c, -xi * c2, d, xi * c2)
     h0, h1, h2, h3 = _solved(matrix, -f * up, zero, f, zero)
     # P' H with P' = 2 s M + C at s = i xi.
-    first = _times(c1, 2.0 * xi * m11, h0, h1), _times(-c1, 2.0 * xi * m12, h2, h3)
-    second = _times(-c2, 2.0 * xi * m21, h0, h1), _times(c2, 2.0 * xi * m22, h2, h3)
-    lag = _solved(
-        matrix,
-        -first[0][0] - first[1][0],
-        -first[0][1] - first[1][1],
-        -second[0][0] - second[1][0],
-        -second[0][1] - second[1][1],
-    )
+    (ar, ai), (br, bi) = _times(c1, 2.0 * xi * m11, h0, h1), _times(-c1, 2.0 * xi * m12, h2, h3)
+    (cr, ci), (dr, di) = _times(-c2, 2.0 * xi * m21, h0, h1), _times(c2, 2.0 * xi * m22, h2, h3)
+    lag = _solved(matrix, -ar - br, -ai - bi, -cr - dr, -ci - di)
     w0, w1 = _over(f, zero, d, xi * c2)
     k0, k1 = _times(-c2, -2.0 * xi * m22, w0, w1)
     l0, l1 = _over(k0, k1, d, xi * c2)
-    return h0, h1, h2, h3, lag[0], lag[1], lag[2], lag[3], w0, w1, l0, l1
-
-
-@compiled
-def _put_modes(q, a, b):
-    """Put both real modes into a plant."""
-    q.a0, q.a1, q.a2, q.a3 = a[0], a[1], q.s1 * a[0], q.s1 * a[1]
-    q.b0, q.b1, q.b2, q.b3 = b[0], b[1], q.s2 * b[0], q.s2 * b[1]
-    q.al0, q.al1, q.al2, q.al3 = a[2], a[3], a[4], a[5]
-    q.bl0, q.bl1, q.bl2, q.bl3 = b[2], b[3], b[4], b[5]
+    return (h0, h1, h2, h3), lag, (w0, w1, l0, l1)
 
 
 @compiled
 def coefficients(x, q):
     """Put what the nonlinear equations have in common with the linear ones into a plant."""
-    nu, mu, lam, zeta, k, f, xi, rho, e = x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7], x[8]
+    nu, mu, lam, zeta, k, f, xi, rho, e = x[NU], x[MU], x[LAM], x[ZETA], x[K], x[F], x[XI], x[RHO], x[E]
     hinge = 2.0 * zeta * np.sqrt(lam * rho)
     q.nu, q.mu, q.lam, q.zeta, q.k, q.f, q.xi, q.e, q.slack = nu, mu, lam, zeta, k, f, xi, e, 0.0 * k
     q.up, q.weight, q.bias = 1.0 + 2.0 * mu, (1.0 + mu) * nu, mu * hinge * (lam - 2.0)
@@ -250,18 +235,20 @@ def coefficients(x, q):
 def plant(x, q):
     """Fill a plant with the coefficients of (nu, mu, lam, zeta, k, f, xi, rho, e)."""
     coefficients(x, q)
-    nu, mu, lam, f, xi, rho = x[0], x[1], x[2], x[5], x[6], x[7]
+    nu, mu, lam, f, xi, rho = x[NU], x[MU], x[LAM], x[F], x[XI], x[RHO]
     m11, m12, m21, m22, c1, c2, up = q.m11, q.m12, q.m21, q.m22, q.c1, q.c2, q.up
     d = 1.0 + mu * rho * nu * nu
     a4, a3 = lam * rho * d, c2 * (d + mu * rho * (2.0 - lam) * (2.0 - lam))
     a2, a1, a0 = m11 - up * lam * rho, -c2 * (up - mu * lam), -up
     q.s1, q.s2, q.p, q.q = _roots(a4, a3, a2, a1, a0)
     q.held_p, q.held_q = c2 / m22, 1.0 / m22
-    _put_modes(q, _mode(q.s1, m11, m12, m21, m22, c1, c2, up), _mode(q.s2, m11, m12, m21, m22, c1, c2, up))
-    h = _responses(m11, m12, m21, m22, c1, c2, up, f, xi)
-    q.tilt_sin, q.tilt_cos, q.bob_sin, q.bob_cos = h[0], h[1], h[2], h[3]
-    q.tilt_lag_sin, q.tilt_lag_cos, q.bob_lag_sin, q.bob_lag_cos = h[4], h[5], h[6], h[7]
-    q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos = h[8], h[9], h[10], h[11]
+    q.a0, q.a1, q.al0, q.al1, q.al2, q.al3 = _mode(q.s1, m11, m12, m21, m22, c1, c2, up)
+    q.b0, q.b1, q.bl0, q.bl1, q.bl2, q.bl3 = _mode(q.s2, m11, m12, m21, m22, c1, c2, up)
+    q.a2, q.a3, q.b2, q.b3 = q.s1 * q.a0, q.s1 * q.a1, q.s2 * q.b0, q.s2 * q.b1
+    of_tilt_and_bob, lags, of_swing = _responses(m11, m12, m21, m22, c1, c2, up, f, xi)
+    q.tilt_sin, q.tilt_cos, q.bob_sin, q.bob_cos = of_tilt_and_bob
+    q.tilt_lag_sin, q.tilt_lag_cos, q.bob_lag_sin, q.bob_lag_cos = lags
+    q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos = of_swing
 
 
 @compiled

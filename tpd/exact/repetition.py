@@ -10,24 +10,29 @@ import math
 import numpy as np
 
 from tpd.exact.arcs import Forcing, steady
-from tpd.exact.motion import FIRST_PIECE, YES
+from tpd.exact.motion import FIRST_PIECE, YES, put
 from tpd.exact.plant import compiled
+from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
 
 LONGEST = 8
 """Longest motion recognised as periodic, in forcing periods."""
 STATUSES = ("rocking", "sticking", "rest", "held", "overturned", "not_settled", "event_bound", "failed")
 """Names of statuses in the order of their numbers."""
 ROCKING, STICKING, AT_REST, HELD, OVERTURNED, NOT_SETTLED, EVENT_BOUND, FAILED = range(8)
-FLOATS, WHOLES = np.int64(11), np.int64(3)
-"""Columns of results: y, amplitude, stroke, peak, peak stroke, kind and signs of the mode; and status,
-periods of the motion, periods elapsed."""
+PERIOD = np.dtype([("y", np.float64, (4,)), *((name, np.float64) for name in ("tilt", "swing", "held"))])
+"""A forcing period: the state at its end, the largest |phi| and |psi|, and how long the block was held."""
+_NAMES = ("amplitude", "stroke", "peak", "peak_stroke", "kind", "tilt", "way", "status", "periods", "elapsed")
+SETTLED = np.dtype([("y", np.float64, (4,)), *((name, np.float64) for name in _NAMES)])
+"""What a motion settles to, see `tpd.models.base.Settled`: its state, sizes and peaks, kind and signs of its
+mode, and the number of its status."""
 
 
 @compiled
 def scales_of(q):
     """Sizes of (phi, psi, phi', psi') against which a repetition is judged."""
     scales, rate, swing = np.zeros(4), max(q.xi, 1.0), q.nu + q.f
-    scales[0], scales[1], scales[2], scales[3] = q.nu, swing, q.nu * rate, swing * rate
+    scales[TILT], scales[SWING] = q.nu, swing
+    scales[TILT_RATE], scales[SWING_RATE] = q.nu * rate, swing * rate
     return scales
 
 
@@ -40,7 +45,7 @@ def repeats_after(q, y, past, known, scales, tolerance):
     for j in range(known):
         error = 0.0
         for i in range(0, 4, step):
-            error = max(error, abs(y[i] - past[j, i]) / scales[i])
+            error = max(error, abs(y[i] - past[j].y[i]) / scales[i])
         close = close or error < tolerance
         # On its way to period one a motion may alternate: the shortest period that is close as well counts.
         if shortest == 0 and error < 100.0 * tolerance:
@@ -59,45 +64,41 @@ def shaking_in(ramp, period, elapsed, since, cubics):
 
 
 @compiled
-def remember(past, known, last, y, amplitude, stroke, held):
+def remember(past, known, y, amplitude, stroke, held):
     """Put a period in front of the last ones; return how many states are known."""
     for j in range(LONGEST - 1, 0, -1):
-        for i in range(4):
-            past[j, i] = past[j - 1, i]
-        for i in range(3):
-            last[j, i] = last[j - 1, i]
-    for i in range(4):
-        past[0, i] = y[i]
-    last[0, 0], last[0, 1], last[0, 2] = amplitude, stroke, held
+        past[j] = past[j - 1]
+    new = past[0]
+    put(y, new.y)
+    new.tilt, new.swing, new.held = amplitude, stroke, held
     return min(known + 1, LONGEST)
 
 
 @compiled
-def stayed(last, periods):
+def stayed(past, periods):
     """Whether the block was held throughout so many last periods, on its base or leaning."""
     held = True
     for j in range(periods):
-        held = held and last[j, 2] == 2.0
+        held = held and past[j].held == 2.0
     return held
 
 
 @compiled
-def settled(status, repeats, m, last, peaks, out):
-    """Put the results of a motion into `out`; return its status and its periods."""
+def put_settled(status, repeats, elapsed, m, past, peaks, out):
+    """Put what a motion has settled to into the record `out`."""
     own = repeats if repeats > 0 else LONGEST
     amplitude, stroke, stuck = 0.0, 0.0, 0.0
     for j in range(own):
-        amplitude, stroke = max(amplitude, last[j, 0]), max(stroke, last[j, 1])
-        stuck = max(stuck, last[j, 2])
+        amplitude, stroke = max(amplitude, past[j].tilt), max(stroke, past[j].swing)
+        stuck = max(stuck, past[j].held)
     if status == ROCKING and stuck > 0.0:
         status = STICKING
     if status == AT_REST:
-        amplitude, stroke = abs(m.y[0]), last[0, 1]
-        status = HELD if m.y[0] != 0.0 else AT_REST
+        amplitude, stroke = abs(m.y[TILT]), past[0].swing
+        status = HELD if m.y[TILT] != 0.0 else AT_REST
     if status == OVERTURNED:
-        peaks[0] = peaks[1] = math.inf
-    for i in range(4):
-        out[i] = m.y[i]
-    out[4], out[5], out[6], out[7] = amplitude, stroke, peaks[0], peaks[1]
-    out[8], out[9], out[10] = m.kind, m.tilt, m.way
-    return status, max(repeats, 1)
+        peaks[TILT] = peaks[SWING] = math.inf
+    put(m.y, out.y)
+    out.amplitude, out.stroke, out.peak, out.peak_stroke = amplitude, stroke, peaks[TILT], peaks[SWING]
+    out.kind, out.tilt, out.way = m.kind, m.tilt, m.way
+    out.status, out.periods, out.elapsed = status, max(repeats, 1), elapsed

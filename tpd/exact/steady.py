@@ -7,31 +7,32 @@ goes by."""
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 
 import numpy as np
 
 from tpd.exact.half_map_kernel import characteristic, is_neutral, put_roots
-from tpd.exact.legs import INPUTS, STATE
-from tpd.exact.motion import put
-from tpd.exact.near_orbits import Limits, cycle, eliminate, finite
-from tpd.exact.orbit_terms import APERIODIC, GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC
-from tpd.exact.plant import compiled, put_plants
+from tpd.exact.legs import INPUTS, READER, STATE
+from tpd.exact.motion import LEG, LEGS, MOTION, ROOM, finite, put
+from tpd.exact.near_orbits import CYCLE, Limits, cycle, eliminate
+from tpd.exact.plant import PLANT, compiled, part, put_plants
 from tpd.exact.repetition import (
     AT_REST,
     EVENT_BOUND,
     FAILED,
-    FLOATS,
     HELD,
     NOT_SETTLED,
     OVERTURNED,
     ROCKING,
+    SETTLED,
     STICKING,
     scales_of,
 )
-from tpd.exact.repetition import STATUSES as SETTLED
+from tpd.exact.repetition import STATUSES as ENDS
 from tpd.exact.settle import settle
+from tpd.exact.terms import APERIODIC, GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC
 
-STATUSES = (*SETTLED, "aperiodic", "unstable", "neutral", "near_fold", "grazing")
+STATUSES = (*ENDS, "aperiodic", "unstable", "neutral", "near_fold", "grazing")
 """Names of statuses in the order of their numbers."""
 WANDERS, UNSTABLE, NEUTRAL, FOLD, GRAZED = range(8, 13)
 STEADY = np.dtype(
@@ -46,8 +47,29 @@ STEADY = np.dtype(
 )
 """A steady state, see `tpd.answers.steady_state.Steady`, and the derivatives of its first six numbers in the
 parameters, NaN where there are none."""
+Own = namedtuple("Own", "plants motions rooms readers cycles settled legs")
+"""Memory of records: a plant, a motion and its start, two rooms, a reader, two cycles, what a motion settles
+to, and the usual legs. A record does not keep its memory: it is alive as long as these arrays are."""
 _NEWTON_STEPS, _ROUND_OFF = 8, 1e-14
 """Bound on the steps of Newton's method, and residual of the map that counts as round-off."""
+
+
+@compiled
+def memory():
+    """New memory."""
+    plants, motions, rooms, readers = (
+        np.empty(1, PLANT),
+        np.zeros(2, MOTION),
+        np.zeros(2, ROOM),
+        np.zeros(1, READER),
+    )
+    return Own(plants, motions, rooms, readers, np.empty(2, CYCLE), np.empty(1, SETTLED), np.empty(LEGS, LEG))
+
+
+@part
+def first_of(own):
+    """Plant, motion, room and reader."""
+    return own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
 
 
 @compiled
@@ -202,7 +224,7 @@ def _put_isolated(c, y, out):
 def steady_state(x, y0, s, own, out):
     """Follow a motion from `y0` at tau = 0 until it settles, within the bounds of the settings `s`, and put
     its steady state into the record `out`."""
-    q, m, c, y, floats, total = own.plants[0], own.motions[0], own.cycles[0], out.y, np.empty(FLOATS), 0.0
+    (q, m, room, r), c, found, y, total = first_of(own), own.cycles[0], own.settled[0], out.y, 0.0
     out.amplitude = out.stroke = out.multiplier = out.lyapunov = math.nan
     out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, FAILED
     for j in range(9):
@@ -216,14 +238,15 @@ def steady_state(x, y0, s, own, out):
     # What is fed with numbers that are none would be followed until its bound.
     if not math.isfinite(total):
         return
-    begun, periods, out.elapsed = settle(x, q, m, own.rooms[0], own.readers[0], s, 0.0, 0.0, floats)
+    settle(x, q, m, room, r, s, 0.0, 0.0, found)
+    begun, periods, out.elapsed = int(found.status), int(found.periods), found.elapsed
     put(m.y, y)
     residual, separation, multiplier, to_fold = math.inf, math.nan, math.inf, 1.0
-    c.amplitude, c.stroke, c.crossing, c.asymmetry = floats[4], floats[5], math.inf, math.inf
+    c.amplitude, c.stroke, c.crossing, c.asymmetry = found.amplitude, found.stroke, math.inf, math.inf
     limits = Limits(s.rest_rate * q.nu, int(s.events), periods)
     # There is nothing to be said of a motion that is lost.
     if begun in (ROCKING, STICKING, AT_REST, NOT_SETTLED):
-        put_plants(x, own.readers[0].plants)
+        put_plants(x, r.plants)
         for i in range(6):
             for j in range(INPUTS):
                 c.by[i, j] = math.inf
@@ -258,7 +281,7 @@ def steady_state(x, y0, s, own, out):
     elif status == OVERTURNED:
         out.amplitude = out.stroke = math.inf
     elif status != FAILED:
-        out.amplitude, out.stroke = floats[4], floats[5]
+        out.amplitude, out.stroke = found.amplitude, found.stroke
     if rests:
         # A block at rest has no amplitude, whatever moves. The stroke of a bob that hangs still is at the
         # corner of |psi|.

@@ -28,11 +28,22 @@ from tpd.exact.events import (
 )
 from tpd.exact.half_map_kernel import characteristic, determinants, is_neutral, put_half_map, put_roots
 from tpd.exact.half_period_kernel import half, motion, solution_at, state_after
-from tpd.exact.mode_kinds import SLIP
 from tpd.exact.motion import ROOM
 from tpd.exact.orbit_roots_kernel import BRACKET, BRACKETS, TABLE, put_brackets, root_in
-from tpd.exact.orbit_terms import GRAZING, NEAR_FOLD, SIZES, STATUSES
 from tpd.exact.plant import COMPLEX_PLANT, PLANT, STEP, compiled, places, plant
+from tpd.exact.terms import (
+    GRAZING,
+    NEAR_FOLD,
+    SIZES,
+    SLIP,
+    STATUSES,
+    SWING,
+    SWING_PULL,
+    SWING_RATE,
+    TILT,
+    TILT_PULL,
+    TILT_RATE,
+)
 
 ORBITS: Any = np.int64(3)
 """Most orbits of a design."""
@@ -110,21 +121,27 @@ def _put_path(q, m, t, gamma, way, w, orbit):
         time, here = 0.0, instant(arc, 0.0)
         now = state_at(arc, here, time)
         if not late:
-            if not (now[0] > 0.0 and now[4] < 0.0):
+            if not (now[TILT] > 0.0 and now[TILT_PULL] < 0.0):
                 return _BROKEN
-            sizes[_AMPLITUDE], orbit.bob, orbit.bob_rate = now[0], now[1], now[3]
+            sizes[_AMPLITUDE], orbit.bob, orbit.bob_rate = now[TILT], now[SWING], now[SWING_RATE]
             # Friction's share of phi'' while the tilt falls: it points the other way just before the turn.
             pull = q.k * q.m22 / (q.m11 * q.m22 - q.m12 * q.m21)
-            orbit.sticking = now[4] / (now[4] - 2.0 * pull)
+            orbit.sticking = now[TILT_PULL] / (now[TILT_PULL] - 2.0 * pull)
         # The impact may turn the bob: |psi| may be largest where an arc begins.
-        if abs(now[1]) > stroke:
-            stroke, orbit.peak = abs(now[1]), begun
+        if abs(now[SWING]) > stroke:
+            stroke, orbit.peak = abs(now[SWING]), begun
         mode.kind, mode.tilt, mode.way = SLIP, (-1.0 if late else 1.0), -1.0
         # The signals of a block that slips do not depend on the forcing: any does.
         w.second, w.count = watch_block(q, arc, mode, arc.tilt, w), _DENTS + 1
         # A bob that turns with the block has no rate but rounding there.
-        watch_turns(w, BOB, 1.0 if (now[3] if abs(now[3]) > 1e-12 else now[5]) > 0.0 else -1.0, arc.bob, arc)
-        slows = 1.0 if now[4] > 0.0 else -1.0
+        watch_turns(
+            w,
+            BOB,
+            1.0 if (now[SWING_RATE] if abs(now[SWING_RATE]) > 1e-12 else now[SWING_PULL]) > 0.0 else -1.0,
+            arc.bob,
+            arc,
+        )
+        slows = 1.0 if now[TILT_PULL] > 0.0 else -1.0
         watch_turns(w, _DENTS, slows, rate_of(arc, arc.tilt), arc)
         w.longest, w.least, w.limit = LONGEST / max(q.xi, max(q.s1, math.sqrt(q.q))), SMALL * m.span, math.inf
         w.window, w.looks, horizon = w.longest, _LOOKS, lasts + 2.0 * _ON_TIME * m.span
@@ -133,12 +150,12 @@ def _put_path(q, m, t, gamma, way, w, orbit):
             which, time = next_event(arc, w, here, time, horizon)
             here = instant(arc, time)
             now = state_at(arc, here, time)
-            if which == BOB and abs(now[1]) > stroke:
-                stroke, orbit.peak = abs(now[1]), begun + time
+            if which == BOB and abs(now[SWING]) > stroke:
+                stroke, orbit.peak = abs(now[SWING]), begun + time
             if which == _DENTS:
                 # From less to more: where it fell faster before, this is its quickest moment and no dent.
                 if slows > 0.0:
-                    least_fall = min(least_fall, -now[2])
+                    least_fall = min(least_fall, -now[TILT_RATE])
                 slows = -slows
             if which >= BOB:
                 turn_over(w, which)
@@ -280,8 +297,8 @@ def vanishing(x, u, work, out, by):
         numbers[0], numbers[1] = r.turning, r.crossing
         numbers[2] = r.turning_t * r.crossing_g - r.turning_g * r.crossing_t
         numbers[3] = determinants(characteristic(work.complex_map))[1]
-        numbers[4] = state_after(way, t, 0.0 * t)[4]
-        numbers[5], numbers[6] = fall[2], fall[4]
+        numbers[4] = state_after(way, t, 0.0 * t)[TILT_PULL]
+        numbers[5], numbers[6] = fall[TILT_RATE], fall[TILT_PULL]
         for i in range(VANISHING):
             out[i], by[i, j] = numbers[i].real, numbers[i].imag / STEP
 
@@ -296,6 +313,6 @@ def survey(x, u, work, out):
     m = half(q)
     t, way = u[0], motion(q, m, u[0], u[1])
     start, end = state_after(way, t, 0.0), state_after(way, t, m.span)
-    out[0], out[1], out[2] = start[0], start[4], -end[4]
+    out[0], out[1], out[2] = start[TILT], start[TILT_PULL], -end[TILT_PULL]
     for i in range(SAMPLES):
-        out[3 + i] = state_after(way, t, m.span * (i + 1.0) / (SAMPLES + 1.0))[2]
+        out[3 + i] = state_after(way, t, m.span * (i + 1.0) / (SAMPLES + 1.0))[TILT_RATE]

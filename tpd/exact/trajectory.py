@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tpd.exact.arcs import beginning, launch, load_at, span_of, state_at, steady
+from tpd.exact.arcs import arc_from, beginning, load_at, span_of, state_at, steady
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.events import STOP
 from tpd.exact.follow import ARRIVED, LOST, Rules, allow, begin, forcing_now, piece
@@ -14,6 +14,7 @@ from tpd.exact.legs import STATE, along, past
 from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, NO, YES, clear
 from tpd.exact.plant import STEP, compiled, plant, put_plants
 from tpd.exact.repetition import EVENT_BOUND, OVERTURNED, ROCKING
+from tpd.exact.terms import TILT, TILT_RATE
 
 _ROUNDING = 1e-10
 """Share of a period by which a time may lie before the period that it counts to, so that a time that rounding
@@ -35,7 +36,7 @@ def trajectory(x, q, m, room, r, s, times, out, by):
     # time is then that of an early one to the last digit of the count.
     whole = math.floor(times[0] / period + _ROUNDING)
     t, status = times[0] - whole * period, ROCKING
-    decide(q, y, sign(y[0]), sign(y[2]), forcing_now(q, f, t), m)
+    decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, t), m)
     legs = np.empty(events + LEGS if slopes else 0, LEG)
     if slopes:
         put_plants(x, r.plants)
@@ -63,7 +64,7 @@ def trajectory(x, q, m, room, r, s, times, out, by):
             if ended != ARRIVED:
                 status = OVERTURNED if ended == LOST else EVENT_BOUND
             t, whole = (end, whole) if arrived else (0.0, whole + 1)
-        arc = launch(q, m.kind, m.tilt, m.way, y[0], y[1], y[2], y[3], load_at(q, f, whole, t))
+        arc = arc_from(q, m, y, load_at(q, f, whole, t))
         now = state_at(arc, beginning(arc), 0.0)
         for i in range(4):
             out[n, i], out[n, 4 + i] = y[i], now[i + 2]

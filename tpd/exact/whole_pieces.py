@@ -10,12 +10,23 @@ import math
 
 import numpy as np
 
-from tpd.exact.arcs import accelerations, forcing_at, launch, load_at
+from tpd.exact.arcs import accelerations, arc_from, forcing_at, load_at
 from tpd.exact.contact_kernel import beyond_return, moment
 from tpd.exact.events import AWAY
-from tpd.exact.mode_kinds import REST, SLIP, STICK
-from tpd.exact.motion import WHOLE, note, record
+from tpd.exact.motion import WHOLE, largest, note, put, record
 from tpd.exact.plant import compiled, places
+from tpd.exact.terms import (
+    APART,
+    REST,
+    SLIP,
+    STICK,
+    SWING,
+    SWING_PULL,
+    SWING_RATE,
+    TILT,
+    TILT_PULL,
+    TILT_RATE,
+)
 
 _FOURTH, _FIFTH = places(2)
 """Derivatives that are bounded."""
@@ -128,35 +139,38 @@ def _stays(q, m, e, h, a, b, bound):
     stuck = m.kind == STICK
     # Off its base the block has its weight to one side, on its base to both.
     level, hold = (m.tilt * q.weight if stuck else 0.0), q.k + (0.0 if stuck else q.weight)
-    m, n = moment(q, a[0], a[1], a[3], at) - level, moment(q, b[0], b[1], b[3], to) - level
-    u = (1.0 - q.up) * a[3] + q.bias * a[5] - q.f * rate
-    v = (1.0 - q.up) * b[3] + q.bias * b[5] - q.f * onward
+    m = moment(q, a[TILT], a[SWING], a[SWING_RATE], at) - level
+    n = moment(q, b[TILT], b[SWING], b[SWING_RATE], to) - level
+    u = (1.0 - q.up) * a[SWING_RATE] + q.bias * a[SWING_PULL] - q.f * rate
+    v = (1.0 - q.up) * b[SWING_RATE] + q.bias * b[SWING_PULL] - q.f * onward
     return _positive(hold - m, -u, hold - n, -v, h, bound) and _positive(hold + m, u, hold + n, v, h, bound)
 
 
 @compiled
-def _no_record(best, k, x0, x1, bend, fourth, h):
+def _no_record(m, k, x0, x1, bend, fourth, h):
     """Whether angle k, whose rate may change its sign in a piece, stays below the largest so far; `bend` is
     the larger of its second derivatives at the ends."""
     # Between its ends a signal is above both by h^2/8 of its largest second derivative at most, and the
     # fourth one bounds how much larger that is than at the ends.
     most = max(abs(x0), abs(x1)) + h * h / 8.0 * (bend + h * h / 8.0 * fourth)
-    return most < max(best[2 * k], best[2 * k + 1])
+    return most < largest(m, k)
 
 
 @compiled
-def _bob_is_clear(best, held, h, a, b, fourths, fifths):
+def _bob_is_clear(m, held, h, a, b, fourths, fifths):
     """Whether the bob neither turns in a piece, nor turns against the block, unless below its largest angles
     so far: a strongly damped bob follows every sample of a record. The bounds are those of tilt and bob."""
-    g0, v0, g1, v1 = a[3] - a[2], a[5] - a[4], b[3] - b[2], b[5] - b[4]
-    bob, side = math.copysign(1.0, a[3]), math.copysign(1.0, g0)
-    clear = _positive(bob * a[3], bob * a[5], bob * b[3], bob * b[5], h, fifths[1])
-    if not clear and not _no_record(best, 1, a[1], b[1], max(abs(a[5]), abs(b[5])), fourths[1], h):
+    (tilt4, bob4), (tilt5, bob5) = fourths, fifths
+    r0, u0, r1, u1 = a[SWING_RATE], a[SWING_PULL], b[SWING_RATE], b[SWING_PULL]
+    g0, v0, g1, v1 = r0 - a[TILT_RATE], u0 - a[TILT_PULL], r1 - b[TILT_RATE], u1 - b[TILT_PULL]
+    bob, side = math.copysign(1.0, r0), math.copysign(1.0, g0)
+    clear = _positive(bob * r0, bob * u0, bob * r1, bob * u1, h, bob5)
+    if not clear and not _no_record(m, SWING, a[SWING], b[SWING], max(abs(u0), abs(u1)), bob4, h):
         return False
-    if (held and clear) or _positive(side * g0, side * v0, side * g1, side * v1, h, fifths[0] + fifths[1]):
+    if (held and clear) or _positive(side * g0, side * v0, side * g1, side * v1, h, tilt5 + bob5):
         return True
     bend = max(abs(v0), abs(v1))
-    return _no_record(best, 2, a[1] - a[0], b[1] - b[0], bend, fourths[0] + fourths[1], h)
+    return _no_record(m, APART, a[SWING] - a[TILT], b[SWING] - b[TILT], bend, tilt4 + bob4, h)
 
 
 @compiled
@@ -168,17 +182,19 @@ def _without_event(q, m, arc, e, a, b, growth, bounds, bob):
     tilt4, tilt5 = _rough(arc, arc.tilt, growth, _FOURTH, mine), _rough(arc, arc.tilt, growth, _FIFTH, mine)
     if bob or held:
         bob4, bob5 = _rough(arc, arc.bob, growth, _FOURTH, mine), _rough(arc, arc.bob, growth, _FIFTH, mine)
-        if bob and not _bob_is_clear(m.best, held, h, a, b, (tilt4, bob4), (tilt5, bob5)):
+        if bob and not _bob_is_clear(m, held, h, a, b, (tilt4, bob4), (tilt5, bob5)):
             return False
         if held:
             return _stays(q, m, e, h, a, b, abs(1.0 - q.up) * bob4 + abs(q.bias) * bob5)
     tilt, way = m.tilt, m.way
-    if not _positive(way * a[2], way * a[4], way * b[2], way * b[4], h, tilt5):
+    if not _positive(
+        way * a[TILT_RATE], way * a[TILT_PULL], way * b[TILT_RATE], way * b[TILT_PULL], h, tilt5
+    ):
         return False
     # A block that tilts further lands nowhere before it turns.
     if tilt * way > 0.0:
         return True
-    return _positive(tilt * a[0], tilt * a[2], tilt * b[0], tilt * b[2], h, tilt4)
+    return _positive(tilt * a[TILT], tilt * a[TILT_RATE], tilt * b[TILT], tilt * b[TILT_RATE], h, tilt4)
 
 
 @compiled
@@ -191,7 +207,7 @@ def put_maps(q, room):
 
 
 @compiled
-def whole_pieces(q, f, m, legs, room, i, bob):
+def whole_pieces(q, f, m, legs, room, i, turns):
     """Follow a motion from the start of piece i as long as whole pieces are proved to have no event. Return
     the piece at whose start it is then."""
     h, first, limit, kind, y = q.xi, i, beyond_return(q), m.kind, m.y
@@ -204,21 +220,23 @@ def whole_pieces(q, f, m, legs, room, i, bob):
     while i < f.pieces:
         # The arc serves the bounds alone; the state goes on by the map, which loses fewer digits.
         e = load_at(q, f, i, 0.0)
-        arc = launch(q, kind, m.tilt, m.way, y[0], y[1], y[2], y[3], e)
+        arc = arc_from(q, m, y, e)
+        tilt, bob, tilting, swinging = y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE]
+        c0, c1, c2, c3 = c[i, 0], c[i, 1], c[i, 2], c[i, 3]
         for k in range(4):
-            change = by[k, 0] * (y[0] - centre) + by[k, 1] * y[1] + by[k, 2] * y[2] + by[k, 3] * y[3]
-            change += by[k, 4] * c[i, 0] + by[k, 5] * c[i, 1] + by[k, 6] * c[i, 2] + by[k, 7] * c[i, 3]
+            change = by[k, 0] * (tilt - centre) + by[k, 1] * bob + by[k, 2] * tilting + by[k, 3] * swinging
+            change += by[k, 4] * c0 + by[k, 5] * c1 + by[k, 6] * c2 + by[k, 7] * c3
             end[k] = y[k] + change
-        last = c[i, 0] + c[i, 1] + c[i, 2] + c[i, 3]
-        up, swing = accelerations(q, kind, centre, y[0], y[1], y[2], y[3], e.e0)
-        a = y[0], y[1], y[2], y[3], up, swing
-        up, swing = accelerations(q, kind, centre, end[0], end[1], end[2], end[3], last)
-        b = end[0], end[1], end[2], end[3], up, swing
-        if not (abs(b[0]) < limit and _without_event(q, m, arc, e, a, b, growth, room.bounds, bob)):
+        up, swing = accelerations(q, kind, centre, tilt, bob, tilting, swinging, e.e0)
+        a = tilt, bob, tilting, swinging, up, swing
+        tilt, bob, tilting, swinging = end[TILT], end[SWING], end[TILT_RATE], end[SWING_RATE]
+        up, swing = accelerations(q, kind, centre, tilt, bob, tilting, swinging, c0 + c1 + c2 + c3)
+        b = tilt, bob, tilting, swinging, up, swing
+        if not (abs(tilt) < limit and _without_event(q, m, arc, e, a, b, growth, room.bounds, turns)):
             break
-        y[0], y[1], y[2], y[3] = b[0], b[1], b[2], b[3]
+        put(end, y)
         i += 1
     if i > first:
-        note(m, y[0], y[1], i * h)
+        note(m, y[TILT], y[SWING], i * h)
         record(m, legs, first, 0.0, float(i - first), WHOLE, start)
     return i

@@ -10,7 +10,8 @@ import sys
 import warnings
 from collections.abc import Callable
 from threading import Lock
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -25,6 +26,21 @@ Trial = Callable[[Any], tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray
 def shape(*sizes: Any) -> jax.ShapeDtypeStruct:
     """Shape of an array of floats."""
     return jax.ShapeDtypeStruct(tuple(int(size) for size in sizes), np.float64)
+
+
+def numbers_in(record: np.dtype) -> int:
+    """How many floats a record of compiled code has."""
+    return record.itemsize // 8
+
+
+def parts(numbers: Any, record: np.dtype) -> Any:
+    """Fields of a record of floats, or of a batch of them, by name. The record is an array's last axis."""
+    found, fields = {}, cast("Any", record.fields)
+    for name, (kind, begin) in fields.items():
+        place = begin // 8
+        size = kind.itemsize // 8
+        found[name] = numbers[..., place : place + size].reshape(*numbers.shape[:-1], *kind.shape)
+    return SimpleNamespace(**found)
 
 
 class Compiled:

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from tpd.exact.contact import Mode
 from tpd.exact.derivatives import once
 from tpd.models.base import Cycle, Settled
-from tpd.models.calling import Compiled, shape
+from tpd.models.calling import Compiled, numbers_in, parts, shape
 from tpd.scene.parameters import Number, Parameters, State
 from tpd.scene.status import Status
 
@@ -34,7 +34,7 @@ def _trial(entry: Any) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarr
     x = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 2.0, 0.7, 0.9])
     limits = {"periods": 1.0, "events": 100.0, "rest_rate": 2e-7, "rtol": 1e-8}
     settings = np.array(entry.settings(task=entry.SETTLE, **limits))
-    return (shape(entry.FLOATS), shape(entry.WHOLES)), (settings, x, np.zeros(4), np.zeros(2))
+    return (shape(numbers_in(entry.SETTLED)),), (settings, x, np.zeros(4), np.zeros(2))
 
 
 EXACT = Compiled("tpd.models.exact_entry", "tpd_exact", "the linear equations", _trial)
@@ -77,8 +77,8 @@ def changed(settings: Array, name: str, value: float) -> Array:
     return settings.at[EXACT.entry().FIELDS.index(name)].set(value)
 
 
-def _mode_of(numbers: Array) -> Mode:
-    return Mode(numbers[0].astype(int), numbers[1], numbers[2])
+def _mode_of(of: Any) -> Mode:
+    return Mode(of.kind.astype(int), of.tilt, of.way)
 
 
 def _status_of(number: Array) -> Status:
@@ -96,10 +96,11 @@ def settle(
     limits = {"periods": periods, "events": max_events, "tolerance": tolerance, "rest_rate": rest_rate}
     s = settings_of("SETTLE", **limits)
     x, y = jax.lax.stop_gradient(packed(p)), jax.lax.stop_gradient(y0)
-    out, counts = EXACT((shape(entry.FLOATS), shape(entry.WHOLES)), s, x, y, jnp.zeros(2))
-    status, own, elapsed = _status_of(counts[0]), counts[1].astype(int), counts[2].astype(int)
-    sizes, peaks = (out[4], out[5]), (out[6], out[7])
-    return Settled(out[:4], _mode_of(out[8:]), own, *sizes, status, elapsed, *peaks)
+    (out,) = EXACT((shape(numbers_in(entry.SETTLED)),), s, x, y, jnp.zeros(2))
+    of = parts(out, entry.SETTLED)
+    own, elapsed, status = of.periods.astype(int), of.elapsed.astype(int), _status_of(of.status)
+    sizes, peaks = (of.amplitude, of.stroke), (of.peak, of.peak_stroke)
+    return Settled(of.y, _mode_of(of), own, *sizes, status, elapsed, *peaks)
 
 
 def solve(x: Any, y0: Any, limits: Limits) -> Any:
@@ -112,7 +113,8 @@ def solve(x: Any, y0: Any, limits: Limits) -> Any:
     """
     entry, row, n = _asked(limits)
     if not (isinstance(x, np.ndarray) and isinstance(y0, np.ndarray)):
-        return EXACT((shape(n),), row, x, y0)[0]
+        (out,) = EXACT((shape(n),), row, x, y0)
+        return out
     out = np.empty(n)
     entry.run(0, 1, row, x, y0, out)
     return out
@@ -123,7 +125,7 @@ def _asked(limits: Limits) -> tuple[Any, np.ndarray, int]:
     """The module with the compiled code, a row of settings for `solve`, and how many numbers it gives."""
     entry, names = EXACT.entry(), ("periods", "events", "tolerance", "rest_rate", "lyapunov")
     row = np.array(entry.settings(task=entry.STEADY_STATE, **dict(zip(names, limits, strict=True))))
-    return entry, row, entry.STEADY.itemsize // 8
+    return entry, row, numbers_in(entry.STEADY)
 
 
 @jax.custom_jvp
@@ -133,9 +135,9 @@ def _cycle(x: Array, y: Array, mode: Array, settings: Array) -> Array:
 
 
 def _cycle_from(x: Array, y: Array, mode: Array, settings: Array) -> tuple[Array, Array]:
-    size = EXACT.entry().CYCLE.itemsize // 8
-    out = EXACT((shape(size),), settings, x, y, mode)[0]
-    return out[:-78], out[-78:].reshape(6, 13)
+    record = EXACT.entry().CYCLE
+    (out,) = EXACT((shape(numbers_in(record)),), settings, x, y, mode)
+    return out, parts(out, record).by
 
 
 _cycle_with_slopes = once(_cycle_from)
@@ -144,7 +146,8 @@ _cycle_with_slopes = once(_cycle_from)
 @_cycle.defjvp
 def _cycle_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     out, by = _cycle_with_slopes(*primals)
-    moved = by @ jnp.concatenate([tangents[0], tangents[1]])
+    x, y, *_ = tangents
+    moved = by @ jnp.concatenate([x, y])
     return out, jnp.concatenate([moved, jnp.zeros(out.size - moved.size)])
 
 
@@ -153,9 +156,10 @@ def cycle(p: Parameters, settled: Settled, y: State, max_events: int, rest_rate:
     m = settled.memory
     s = settings_of("PERIODS", periods=settled.periods, events=max_events, rest_rate=rest_rate)
     mode = jnp.stack([jnp.asarray(v, dtype=jnp.float64) for v in (m.kind, m.tilt_sign, m.rate_sign)])
-    out = _cycle(packed(p), y, mode, s)
-    still = jax.lax.stop_gradient(out)
-    return Cycle(out[:4], out[4], out[5], _mode_of(still[6:9]), still[9], still[10], still[11] != 0.0)
+    out, record = _cycle(packed(p), y, mode, s), EXACT.entry().CYCLE
+    of, still = parts(out, record), parts(jax.lax.stop_gradient(out), record)
+    rest = still.crossing, still.asymmetry, still.closed != 0.0
+    return Cycle(of.end, of.amplitude, of.stroke, _mode_of(still), *rest)
 
 
 @jax.custom_jvp
@@ -192,7 +196,8 @@ def trajectory(
     """The states at `times`, from `y0` at `times[0]`."""
     s = settings_of("TRAJECTORY", periods=times.size, events=max_events, rest_rate=rest_rate)
     ys, status = _trajectory(packed(p), y0, times, s)
-    return ys, _status_of(jax.lax.stop_gradient(status)[0])
+    (code,) = jax.lax.stop_gradient(status)
+    return ys, _status_of(code)
 
 
 def load_compiled() -> None:

@@ -16,9 +16,9 @@ import numpy as np
 from tpd.core import checks
 from tpd.exact.derivatives import refused_in
 from tpd.models.base import Settled
-from tpd.models.calling import shape
+from tpd.models.calling import numbers_in, shape
 from tpd.models.compiled_linear import NONLINEAR
-from tpd.models.compiled_shaken import Followed, follow_rows, operands, results
+from tpd.models.compiled_shaken import Followed, follow_rows, known, operands
 from tpd.models.rows import settle_rows
 from tpd.scene.parameters import Parameters
 
@@ -109,8 +109,8 @@ def follow_nonlinear(
     limits = {"free": free, "rtol": rtol, "rest_rate": rest_rate, "events": max_events}
     given = operands(NONLINEAR, p, pieces, y0, **limits)
     x, y, c, settings = (jax.lax.stop_gradient(a) for a in given)
-    (out,) = NONLINEAR((shape(NONLINEAR.entry().OUT),), settings, x, y, c)
-    known = results(out[..., 0:6:2], out[..., 6:11], out)
+    (out,) = NONLINEAR((shape(numbers_in(NONLINEAR.entry().FOLLOWED)),), settings, x, y, c)
+    found = known(out)
     # Angles, times and state depend on all of this in a way that nobody has computed.
     names = ("tilt", "swing", "relative", "times", "state", "lifted", "fell")
-    return known._replace(**{name: refused_in(given, getattr(known, name)) for name in names})
+    return found._replace(**{name: refused_in(given, getattr(found, name)) for name in names})

@@ -13,7 +13,7 @@ import jax
 import numpy as np
 
 from tpd.core import checks
-from tpd.exact.orbit_terms import STATUSES
+from tpd.exact.terms import STATUSES
 from tpd.models.calling import Compiled, shape
 from tpd.models.compiled_linear import fields
 from tpd.models.rows import shared

@@ -17,13 +17,17 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from tpd.exact.derivatives import moved, once
-from tpd.models.calling import Compiled, shape
+from tpd.exact.terms import TILT_PULL, TILT_RATE, XI
+from tpd.models.calling import Compiled, numbers_in, parts, shape
 from tpd.models.compiled_linear import EXACT, changed, fields, packed, settings_of
 from tpd.models.rows import shared
 from tpd.scene.parameters import Number, Parameters, State
 
 _AT_END = 1e-12
 """Relative distance of two times that are the same but for rounding."""
+ANGLES, END, TIMES = slice(0, 3), slice(3, 8), slice(8, 12)
+"""Derivatives of a motion: of the three angles; of the state at the end and the growing coordinate; of the
+times of the angles and of the first uplift."""
 REST_RATE = 2e-7
 """Rate phi', over nu, below which an impact on a block that can be held ends in rest."""
 
@@ -59,7 +63,7 @@ class Followed(NamedTuple):
 
 def _shapes(entry: Any, inputs: float) -> tuple[jax.ShapeDtypeStruct, ...]:
     """Shapes of the results, and of their derivatives if there are inputs for these."""
-    return shape(entry.OUT), shape(*((entry.SHAKEN, entry.INPUTS) if inputs else (1, 1)))
+    return shape(numbers_in(entry.FOLLOWED)), shape(*((entry.SHAKEN, entry.INPUTS) if inputs else (1, 1)))
 
 
 def _followed_from(inputs: float, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
@@ -73,41 +77,47 @@ _followed_with_slopes = once(partial(_followed_from, 1.0))
 def _followed(x: Array, y: Array, pieces: Array, settings: Array) -> tuple[Array, Array, Array, Array]:
     """The three angles, the state at the end with the growing coordinate, the times of the angles, of the
     first uplift and of the overturning, and all results."""
-    return _parts(_followed_from(0.0, settings, x, y, pieces)[0])
+    out, _ = _followed_from(0.0, settings, x, y, pieces)
+    return _parts(out)
 
 
 def _parts(out: Array) -> tuple[Array, Array, Array, Array]:
-    return out[0:6:2], out[6:11], jnp.concatenate([out[1:6:2], out[13:15]]), out
+    of = parts(out, EXACT.entry().FOLLOWED)
+    end, times = (of.state[:TILT_PULL], of.growing), (of.times, of.lifted, of.fell)
+    return of.sizes, jnp.hstack(end), jnp.hstack(times), out
 
 
 def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
     column = EXACT.entry().FIELDS.index
     x, y, pieces, settings = primals
     # Nine parameters, and four components of the start where that moves.
-    inputs = 9.0 if isinstance(tangents[1], SymbolicZero) else 13.0
+    _, of_start, of_pieces, _ = tangents
+    inputs = 9.0 if isinstance(of_start, SymbolicZero) else 13.0
     # The largest angles are often met long before the end. A program that asks for them alone leaves the
     # second call out, on which nothing depends.
     asked = changed(settings, "slopes", inputs)
     out, by_angles = _followed_with_slopes(changed(asked, "angles", 1.0), x, y, pieces)
-    by_end = _followed_with_slopes(asked, x, y, pieces)[1]
+    _, by_end = _followed_with_slopes(asked, x, y, pieces)
+    of = parts(out, EXACT.entry().FOLLOWED)
     xs, ys, samples, times = (_zeros_of(t) for t in tangents)
     direction = jnp.concatenate([xs, ys])
-    angles, end = by_angles[:3] @ direction, by_end[3:8] @ direction
+    angles, end = by_angles[ANGLES] @ direction, by_end[END] @ direction
     # Some times have no derivative, that of the overturning never: NaN meets only what asks for it.
-    slopes = jnp.concatenate([by_angles[8:], jnp.full((1, direction.size), jnp.nan)])
+    slopes = jnp.concatenate([by_angles[TIMES], jnp.full((1, direction.size), jnp.nan)])
     at = moved(slopes, direction, jnp.concatenate([x, y]))
     # The state goes on for longer where the free time grows: angles move with their rates, and rates with
     # the accelerations.
-    rates = jnp.concatenate([out[8:10], out[17:19], jnp.zeros(1)])
+    rates = jnp.concatenate([of.state[TILT_RATE:], jnp.zeros(1)])
     end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[column("free")]
     # So do angles that are largest where the motion ends.
-    whole = settings[column("pieces")] * x[6] + settings[column("free")]
-    last = jnp.abs(out[1:6:2] - whole) <= _AT_END * whole
-    growing = jnp.stack([rates[0], rates[1], rates[1] - rates[0]])
-    sides = jnp.sign(jnp.stack([out[6], out[7], out[7] - out[6]]))
+    whole = settings[column("pieces")] * x[XI] + settings[column("free")]
+    last = jnp.abs(of.times - whole) <= _AT_END * whole
+    tilt, swing, tilting, swinging, *_ = of.state
+    growing = jnp.stack([tilting, swinging, swinging - tilting])
+    sides = jnp.sign(jnp.stack([tilt, swing, swing - tilt]))
     angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[column("free")]
     at = at + jnp.concatenate([last, jnp.zeros(2)]) * times[column("free")]
-    if not isinstance(tangents[2], SymbolicZero):
+    if not isinstance(of_pieces, SymbolicZero):
         # Derivatives in the samples of a record are not computed: not a number, and not zero.
         unknown = jnp.nan * jnp.sum(samples)
         angles, end, at = angles + unknown, end + unknown, at + unknown
@@ -130,29 +140,40 @@ def follow(p: Parameters, pieces: Array, free: Number, y0: State, max_events: in
     """
     limits = {"free": free, "rest_rate": REST_RATE, "events": max_events}
     angles, end, times, out = _followed(*operands(EXACT, p, pieces, y0, **limits))
-    found = results(angles, end, jax.lax.stop_gradient(out))
-    return found._replace(times=times[:3], lifted=times[3], fell=times[4])
+    *at, lifted, fell = times
+    return results(angles, end, jax.lax.stop_gradient(out))._replace(
+        times=jnp.stack(at), lifted=lifted, fell=fell
+    )
 
 
 def operands(of: Compiled, p: Parameters, pieces: Any, y0: State, **limits: Any) -> tuple[Array, ...]:
     """Parameters, start, pieces and settings of a motion as the compiled code takes them."""
     # It takes the duration of a piece, and eta is minus the acceleration of the base.
-    x = packed(p).at[6].set(2.0 * jnp.pi / jnp.asarray(p.xi, dtype=jnp.float64))
+    x = packed(p).at[XI].set(2.0 * jnp.pi / jnp.asarray(p.xi, dtype=jnp.float64))
     settings = settings_of("SHAKE", of, pieces=pieces.shape[-2], record=-1.0, **limits)
     return x, jnp.asarray(y0), -jnp.asarray(pieces), settings
 
 
 def results(angles: Any, end: Any, still: Any) -> Followed:
     """Motions from what `_followed` gives; `still` are all results."""
-    sizes, counted = [angles[..., k] for k in range(3)], [still[..., k] for k in range(11, 16)]
-    return Followed._make((*sizes, still[..., 1:6:2], end[..., :4], end[..., 4], *counted))
+    found = known(still)
+    names = dict(zip(("tilt", "swing", "relative"), jnp.moveaxis(angles, -1, 0), strict=True))
+    return found._replace(**names, state=end[..., :TILT_PULL], growing=end[..., TILT_PULL])
+
+
+def known(out: Any) -> Followed:
+    """Motions from all results of compiled code."""
+    of = parts(out, EXACT.entry().FOLLOWED)
+    sizes, end = [of.sizes[..., k] for k in range(3)], of.state[..., :TILT_PULL]
+    counted = of.status, of.impacts, of.lifted, of.fell, of.crossing
+    return Followed._make((*sizes, of.times, end, of.growing, *counted))
 
 
 def row_of(p: Parameters) -> Float[np.ndarray, "9"]:
     """Known parameters of `Scene.ground_parameters` as the compiled code takes them: with the duration of a
     piece in the place of the frequency."""
     x = np.array(fields(p), dtype=float)
-    x[6] = 2.0 * np.pi / x[6]
+    x[XI] = 2.0 * np.pi / x[XI]
     return x
 
 
@@ -214,11 +235,12 @@ def follow_rows(
         settings[name] = value
     x = np.ascontiguousarray(parameters, dtype=float)
     starts = np.zeros((n, 4)) if y0 is None else np.ascontiguousarray(y0, dtype=float)
-    out, by = np.zeros((n, entry.OUT)), np.zeros((n, entry.SHAKEN, entry.INPUTS) if slopes else 1)
+    out = np.zeros((n, numbers_in(entry.FOLLOWED)))
+    by = np.zeros((n, entry.SHAKEN, entry.INPUTS) if slopes else 1)
 
     def run(first: int, last: int) -> int:
         entry.run(first, last, settings, x, starts, pieces, out, by)
         return last - first
 
     shared(run, n, workers, progress)
-    return results(out[:, 0:6:2], out[:, 6:11], out), by if slopes else None
+    return known(out), by if slopes else None

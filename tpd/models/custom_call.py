@@ -22,7 +22,7 @@ from numba.np.numpy_support import carray as _carray
 
 from tpd.exact.arcs import Forcing
 from tpd.exact.motion import NO
-from tpd.exact.plant import compiled
+from tpd.exact.plant import compiled, part
 
 carray: Any = _carray
 FRAME = 16
@@ -38,6 +38,10 @@ settled; relative tolerance of a step; periods over which the separation of neig
 for which there is room; how many directions have derivatives; pieces of the forcing, and the row of the
 first, or -1 if every motion has its own; time of free motion; whether it may end early and the bob does not
 count; and whether the derivatives of the largest angles are enough. The others do not count for a task."""
+
+
+BEGIN, RAMP = 0, 1
+"""Columns of the times of a motion that settles: when it begins, and how long the shaking grows."""
 
 
 def settings(**values: Any) -> list[Any]:
@@ -92,6 +96,12 @@ def cube(address, rows, columns, depth):
 def settings_at(address, rows):
     """Rows of settings at an address."""
     return carray(pointer(address), (rows,), SETTINGS)
+
+
+@part
+def usual(a, rows):
+    """The first three operands of motions: settings, parameters and starts."""
+    return settings_at(a[0], rows), table(a[1], rows, 9), table(a[2], rows, 4)
 
 
 @compiled

@@ -3,38 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections import namedtuple
 from typing import Any
 
 import numba
 import numpy as np
 
-from tpd.exact.arcs import Load, beginning, launch, state_at, steady
+from tpd.exact.arcs import Load, arc_from, beginning, state_at, steady
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.cycle_kernel import LINK, SURVEY, survey, traverse
-from tpd.exact.follow import FAILED, OUT, STATUSES, put_results, through
+from tpd.exact.follow import FAILED, FOLLOWED, STATUSES, put_results, through
 from tpd.exact.legs import (
     ANGLES,
     GROWING,
     INPUTS,
-    READER,
     ROWS,
+    STATES,
     TIMES,
     UPLIFT,
     put_impacts,
     put_states,
     read,
 )
-from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, MOTION, ROOM, larger, put
+from tpd.exact.motion import FIRST_PIECE, LEG, larger, put
 from tpd.exact.near_orbits import CYCLE, Limits, cycle, follow_periods
-from tpd.exact.plant import PLANT, compiled, part, plant, put_plants, stored
-from tpd.exact.repetition import FLOATS, WHOLES
+from tpd.exact.plant import compiled, part, plant, put_plants, stored
+from tpd.exact.repetition import SETTLED
 from tpd.exact.settle import settle
-from tpd.exact.steady import STEADY, steady_state
+from tpd.exact.steady import STEADY, first_of, memory, steady_state
+from tpd.exact.terms import SWING_PULL, TILT, TILT_PULL, TILT_RATE
 from tpd.exact.trajectory import trajectory
 from tpd.models.compiling import checksum
 from tpd.models.custom_call import (
+    BEGIN,
     FIELDS,
+    RAMP,
     SETTINGS,
     api_version,
     carray,
@@ -46,26 +48,32 @@ from tpd.models.custom_call import (
     settings,
     settings_at,
     table,
+    usual,
 )
 
-__all__ = ["CALL", "CYCLE", "FIELDS", "FLOATS", "INPUTS", "OUT", "SETTINGS", "STATUSES", "STEADY", "settings"]
+__all__ = [
+    "CALL",
+    "CYCLE",
+    "FIELDS",
+    "FOLLOWED",
+    "INPUTS",
+    "SETTINGS",
+    "SETTLED",
+    "STATES",
+    "STATUSES",
+    "STEADY",
+    "settings",
+]
 
 SETTLE, PERIODS, TRAJECTORY, SHAKE, HISTORY, LEGS_OF, ARCS, STEADY_STATE = range(8)
 """Tasks; the first number of every row of settings. Histories, legs and arcs are for the host alone."""
-SHAKEN, STATES = map(np.int64, (12, 9))
-"""Quantities with derivatives of a motion through all pieces: the three angles, the end, the growing
-coordinate, the three times, that of the uplift. Numbers of a state in a history."""
+_END, _GROWN, _AT, _LIFTED, SHAKEN = map(np.int64, (3, 7, 8, 11, 12))
+"""Places of the quantities with derivatives of a motion through all pieces, after the three angles: the end,
+the growing coordinate, the three times, that of the uplift; and how many there are."""
+ENDED = np.dtype([("legs", np.float64), ("how", np.float64)])
+"""Legs of a motion, for which there may not be room, and how it ended."""
 _USUAL = 20_000
 """Events for which there is room at first."""
-Own = namedtuple("Own", "plants motions rooms readers cycles legs")
-"""Memory of records: a plant, a motion and its start, two rooms, a reader, two cycles, the usual legs. A
-record does not keep its memory: it is alive as long as these arrays are."""
-
-
-@compiled
-def _memory():
-    plants, motions, rooms = np.empty(1, PLANT), np.zeros(2, MOTION), np.zeros(2, ROOM)
-    return Own(plants, motions, rooms, np.zeros(1, READER), np.empty(2, CYCLE), np.empty(LEGS, LEG))
 
 
 @compiled
@@ -76,24 +84,20 @@ def _keep(own):
 
 @part
 def _settle(a, first, last):
-    """Rows of `settle`: settings, parameters, starts, beginnings and ramps; results of numbers and of
-    counts."""
-    s, x, y, t = settings_at(a[0], last), table(a[1], last, 9), table(a[2], last, 4), table(a[3], last, 2)
-    out, wholes, own = table(a[4], last, FLOATS), table(a[5], last, WHOLES), _memory()
-    q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
+    """Rows of `settle`: settings, parameters, starts, beginnings and ramps; what the motions settle to."""
+    (s, x, y), t, own = usual(a, last), table(a[3], last, 2), memory()
+    out, (q, m, room, r) = carray(pointer(a[4]), (last,), SETTLED), first_of(own)
     for n in range(first, last):
         put(y[n], m.y)
-        found = settle(x[n], q, m, room, r, s[n], t[n, 0], t[n, 1], out[n])
-        wholes[n, 0], wholes[n, 1], wholes[n, 2] = found
+        settle(x[n], q, m, room, r, s[n], t[n, BEGIN], t[n, RAMP], out[n])
     _keep(own)
 
 
 @part
 def _cycle(a, first, last):
     """Rows of `cycle`: settings, parameters, starts and modes; cycles."""
-    s, x, y, modes = settings_at(a[0], last), table(a[1], last, 9), table(a[2], last, 4), table(a[3], last, 3)
-    out, own = carray(pointer(a[4]), (last,), CYCLE), _memory()
-    q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
+    (s, x, y), modes, own = usual(a, last), table(a[3], last, 3), memory()
+    out, (q, m, room, r) = carray(pointer(a[4]), (last,), CYCLE), first_of(own)
     for n in range(first, last):
         plant(x[n], q)
         put_plants(x[n], r.plants)
@@ -107,7 +111,7 @@ def _cycle(a, first, last):
 @part
 def _steady(a, first, last):
     """Rows of `steady_state`: settings, parameters and starts; steady states."""
-    s, x, y, own = settings_at(a[0], last), table(a[1], last, 9), table(a[2], last, 4), _memory()
+    (s, x, y), own = usual(a, last), memory()
     out = carray(pointer(a[3]), (last,), STEADY)
     for n in range(first, last):
         steady_state(x[n], y[n], s[n], own, out[n])
@@ -118,10 +122,9 @@ def _steady(a, first, last):
 def _trajectory(a, first, last):
     """Rows of `trajectory`: settings, parameters, starts and times; states with their rates, statuses, and
     derivatives."""
-    s, x, y = settings_at(a[0], last), table(a[1], last, 9), table(a[2], last, 4)
-    count, own = int(s[0].periods), _memory()
+    (s, x, y), own = usual(a, last), memory()
+    count, (q, m, room, r) = int(s[0].periods), first_of(own)
     times, out, statuses = table(a[3], last, count), cube(a[4], last, count, 8), table(a[5], last, 1)
-    q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
     for n in range(first, last):
         by = carray(pointer(a[6]), (last, count if s[n].slopes != 0.0 else 1, 4, INPUTS + 1), np.float64)
         put(y[n], m.y)
@@ -132,10 +135,9 @@ def _trajectory(a, first, last):
 @compiled
 def _put_accelerations(q, m, out):
     """Put the accelerations at the end of a motion into its results."""
-    y = m.y
-    arc = launch(q, m.kind, m.tilt, m.way, y[0], y[1], y[2], y[3], Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    arc = arc_from(q, m, m.y, Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     end = state_at(arc, beginning(arc), 0.0)
-    out[17], out[18] = end[4], end[5]
+    out.state[TILT_PULL], out.state[SWING_PULL] = end[TILT_PULL], end[SWING_PULL]
 
 
 @compiled
@@ -148,10 +150,10 @@ def _put_slopes(m, many, inputs, by):
         if j < inputs:
             for k in range(3):
                 best = larger(m, k)
-                by[k, j], by[8 + k, j] = many[ANGLES + best, j], many[TIMES + best, j]
+                by[k, j], by[_AT + k, j] = many[ANGLES + best, j], many[TIMES + best, j]
             for i in range(4):
-                by[3 + i, j] = many[i, j]
-            by[7, j], by[11, j] = many[GROWING, j], many[UPLIFT, j]
+                by[_END + i, j] = many[i, j]
+            by[_GROWN, j], by[_LIFTED, j] = many[GROWING, j], many[UPLIFT, j]
 
 
 @compiled
@@ -164,9 +166,9 @@ def _usual_legs(s):
 def _shake(a, first, last, history):
     """Rows of `through`: settings, parameters, starts and pieces. If it is a `history`, also times; states,
     impacts and statuses. If not, results and derivatives."""
-    s, x, y, own = settings_at(a[0], last), table(a[1], last, 9), table(a[2], last, 4), _memory()
+    (s, x, y), own = usual(a, last), memory()
     none, many, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
-    q, m, room, r = own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
+    q, m, room, r = first_of(own)
     for n in range(first, last):
         f, status = pieces(a[3], s[n], n), FAILED
         # Of memory that nothing is written to the system gives none.
@@ -188,7 +190,7 @@ def _shake(a, first, last, history):
             put_impacts(q, legs, m.recorded, cube(a[6], last, most, 2)[n])
             table(a[7], last, 1)[n, 0] = status
             continue
-        out = table(a[4], last, OUT)[n]
+        out = carray(pointer(a[4]), (last,), FOLLOWED)[n]
         put_results(m, status, out)
         _put_accelerations(q, m, out)
         if slopes:
@@ -197,7 +199,7 @@ def _shake(a, first, last, history):
                 for j in range(INPUTS):
                     many[i, j] = math.nan
             put_plants(x[n], r.plants)
-            out[10] = read(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, many)
+            out.growing = read(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, many)
             _put_slopes(m, many, inputs, cube(a[5], last, SHAKEN, INPUTS)[n])
     _keep(own)
 
@@ -206,16 +208,15 @@ def _shake(a, first, last, history):
 def _legs(a, first, last):
     """Rows of `follow_periods` from states at tau = 0: settings, parameters and starts; legs, how many there
     are, for which there may not be room, and how the motion ended."""
-    s, x, start, own = settings_at(a[0], last), table(a[1], last, 9), table(a[2], last, 4), _memory()
-    legs, ends = carray(pointer(a[3]), (last, int(s[0].pieces)), LEG), table(a[4], last, 2)
-    q, m, room, f = own.plants[0], own.motions[0], own.rooms[0], steady(np.empty((0, 4)))
+    (s, x, start), own = usual(a, last), memory()
+    legs, ends = carray(pointer(a[3]), (last, int(s[0].pieces)), LEG), carray(pointer(a[4]), (last,), ENDED)
+    (q, m, room, _), f = first_of(own), steady(np.empty((0, 4)))
     for n in range(first, last):
         plant(x[n], q)
         put(start[n], m.y)
-        decide(q, m.y, sign(m.y[0]), sign(m.y[2]), 0.0, m)
+        decide(q, m.y, sign(m.y[TILT]), sign(m.y[TILT_RATE]), 0.0, m)
         limits = Limits(s[n].rest_rate * q.nu, int(s[n].events), int(s[n].periods))
-        ends[n, 1] = follow_periods(q, f, m, legs[n], room, limits)
-        ends[n, 0] = m.recorded
+        ends[n].how, ends[n].legs = follow_periods(q, f, m, legs[n], room, limits), m.recorded
     _keep(own)
 
 
@@ -223,11 +224,12 @@ def _legs(a, first, last):
 def _arcs(a, first, last):
     """Rows of `traverse` over so many arcs: settings, complex parameters, links, and complex arcs; ends, and
     if the settings ask for slopes, findings about the arcs of the first row."""
-    s, x, own = settings_at(a[0], 1), carray(pointer(a[1]), (last, 9), np.complex128), _memory()
+    s, x, own = settings_at(a[0], 1), carray(pointer(a[1]), (last, 9), np.complex128), memory()
     many = int(s[0].pieces)
     links, z = carray(pointer(a[2]), (many,), LINK), carray(pointer(a[3]), (last, many, 6), np.complex128)
     out, found = carray(pointer(a[4]), (last, many, 6), np.complex128), carray(pointer(a[5]), (many,), SURVEY)
-    q, numbers, arc, other = own.plants[0], np.empty(9), np.empty(6), own.readers[0].plants[0]
+    (q, _, room, r), numbers, arc = first_of(own), np.empty(9), np.empty(6)
+    other = r.plants[0]
     for n in range(first, last):
         plant(x[n], other)
         for i in range(many):
@@ -238,7 +240,7 @@ def _arcs(a, first, last):
     for i in range(many if s[0].slopes != 0.0 else 0):
         for j in range(6):
             arc[j] = z[first, i, j].real
-        survey(q, links[i], arc, own.rooms[0], own.rooms[1], found[i])
+        survey(q, links[i], arc, room, own.rooms[1], found[i])
     _keep(own)
 
 

@@ -27,6 +27,7 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
+from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
 from tpd.models.smoothed import Field, Smoothed
 from tpd.scene.conditions import under
 from tpd.scene.parameters import Number, Parameters, as_arrays
@@ -85,7 +86,7 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
     def run(args: tuple[Parameters, Array, Array, Array]) -> HalfPeriod:
         p, design, factors, turn = args
         q = as_arrays(under(p, design, factors))
-        start = jnp.stack([turn[0], turn[1], jnp.zeros_like(turn[0]), turn[3]])
+        start = jnp.stack([turn[TILT], turn[SWING], jnp.zeros_like(turn[TILT]), turn[SWING_RATE]])
         times = 0.5 * q.period * jnp.linspace(0.0, 1.0, _SAMPLES + 1)
 
         def motion_at(x: Array, phase: Array) -> tuple[Field, Array]:
@@ -95,7 +96,7 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
 
         # Eight directions: the state's own four, the design's three, and the phase.
         ways = jnp.eye(8)[:, 4:7], jnp.eye(8)[:, 7]
-        motion, turned = _along(motion_at, (design, turn[2]), ways)
+        motion, turned = _along(motion_at, (design, turn[TILT_RATE]), ways)
 
         def rates(time: Any, z: Any, args: Any) -> Array:
             """Rates of the state and of its derivatives, (9, 4)."""
@@ -180,21 +181,21 @@ def _largest_bob(field: Field, times: Float[Array, "samples"], ys: Float[Array, 
     step = times[1] - times[0]
     ys = jnp.concatenate([-ys[-2:-1], ys, -ys[1:2]])
     times = jnp.concatenate([times[:1] - step, times, times[-1:] + step])
-    i = 1 + jnp.argmax(jnp.abs(stop_gradient(ys)[1:-1, 1]))
-    side = jnp.sign(stop_gradient(ys)[i, 1])
-    j = jnp.where(side * stop_gradient(ys)[i, 3] > 0.0, i + 1, i - 1)
+    i = 1 + jnp.argmax(jnp.abs(stop_gradient(ys)[1:-1, SWING]))
+    side = jnp.sign(stop_gradient(ys)[i, SWING])
+    j = jnp.where(side * stop_gradient(ys)[i, SWING_RATE] > 0.0, i + 1, i - 1)
     here, there, to = ys[i], ys[j], times[j] - times[i]
-    pull, back = field(times[i], here, None)[3], field(times[j], there, None)[3]
+    pull, back = field(times[i], here, None)[SWING_RATE], field(times[j], there, None)[SWING_RATE]
     # The top of the parabola lies between the two samples, or an impact stands between: then both parabolas
     # end where they meet, by the secant and one step of Newton.
-    top = -here[3] / jnp.where(pull == 0.0, 1.0, pull)
+    top = -here[SWING_RATE] / jnp.where(pull == 0.0, 1.0, pull)
     turns = (side * pull < 0.0) & (jnp.abs(stop_gradient(top)) <= step)
-    fall = jnp.where(turns, 1.0, here[3] - there[3])
-    meets = (there[1] - here[1] - there[3] * to) / fall
-    apart = here[1] + here[3] * meets + 0.5 * pull * meets**2
-    apart = apart - there[1] - there[3] * (meets - to) - 0.5 * back * (meets - to) ** 2
+    fall = jnp.where(turns, 1.0, here[SWING_RATE] - there[SWING_RATE])
+    meets = (there[SWING] - here[SWING] - there[SWING_RATE] * to) / fall
+    apart = here[SWING] + here[SWING_RATE] * meets + 0.5 * pull * meets**2
+    apart = apart - there[SWING] - there[SWING_RATE] * (meets - to) - 0.5 * back * (meets - to) ** 2
     meets = meets - apart / jnp.where(turns, 1.0, fall + pull * meets - back * (meets - to))
     when = jnp.where(turns, top, meets)
     between = jnp.abs(stop_gradient(when)) <= step
     when = jnp.where(between, when, 0.0)
-    return side * (here[1] + here[3] * when + 0.5 * pull * when**2)
+    return side * (here[SWING] + here[SWING_RATE] * when + 0.5 * pull * when**2)

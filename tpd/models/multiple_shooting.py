@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import solve_banded
 
-from tpd.exact.mode_kinds import RELEASE, REST, SLIP
+from tpd.exact.terms import RELEASE, REST, SLIP, XI
 from tpd.models import compiling
 
 _STEPS = 21
@@ -77,24 +77,26 @@ def events(x: np.ndarray, y0: np.ndarray, periods: int, most: int, rest_rate: fl
     from tpd.exact.events import END, FIRST, SECOND
     from tpd.exact.follow import EXHAUSTED, LOST
     from tpd.exact.motion import LEG
+    from tpd.models.exact_entry import ENDED
 
-    legs, ends = np.empty(0, LEG), np.array([[2.0 * most, 0.0]])
+    legs, ended = np.empty(0, LEG), np.array([(2.0 * most, 0.0)], ENDED)
     limits = {"periods": periods, "events": most, "rest_rate": rest_rate}
-    while ends[0, 0] > len(legs):
-        legs = np.empty(int(ends[0, 0]), LEG)
-        _run("LEGS_OF", 1, {**limits, "pieces": len(legs)}, x[None], y0[None], legs, ends)
-    legs = legs[: int(ends[0, 0])]
+    while len(legs) < ended["legs"].item():
+        legs = np.empty(int(ended["legs"].item()), LEG)
+        _run("LEGS_OF", 1, {**limits, "pieces": len(legs)}, x[None], y0[None], legs, ended)
+    (end,) = ended
+    legs = legs[: int(end["legs"])]
     if not np.all(np.isfinite([*x, *y0, *legs["lasted"], *legs["y"].flat])):
         return "failed"
-    if ends[0, 1] in (LOST, EXHAUSTED):
-        return "overturned" if ends[0, 1] == LOST else "event_bound"
+    if end["how"] in (LOST, EXHAUSTED):
+        return "overturned" if end["how"] == LOST else "event_bound"
     which = legs["which"]
     # Turns of the bob divide arcs, and so do ends of forcing periods, at which time begins again.
     whole = np.cumsum(which == END) - (which == END)
     met = np.flatnonzero((which == FIRST) | (which == SECOND))
     kinds, tilts, ways = (legs[name][met + 1] for name in ("kind", "tilt", "way"))
     modes = np.stack([kinds, np.where(kinds == REST, 0.0, tilts), np.where(kinds == SLIP, ways, 0.0)])
-    times = legs["begun"] + legs["lasted"] + 2.0 * np.pi / x[6] * whole
+    times = legs["begun"] + legs["lasted"] + 2.0 * np.pi / x[XI] * whole
     endings = np.where(legs["kind"] == SLIP, which, RELEASE)
     return Events(times[met], endings[met], modes, legs["y"][met + 1], bool(legs["kind"][-1] == REST))
 
@@ -105,7 +107,7 @@ def recorded(x: np.ndarray, y0: np.ndarray, periods: int, max_events: int, rest_
 
     The cut lies in the middle of the longest arc, where no event can fall on the wrong side of it.
     """
-    most, span = 2 * max_events + 2, periods * 2.0 * np.pi / x[6]
+    most, span = 2 * max_events + 2, periods * 2.0 * np.pi / x[XI]
     found = events(x, y0, 2 * periods, most, rest_rate)
     if isinstance(found, str):
         return found
@@ -126,7 +128,7 @@ def recorded(x: np.ndarray, y0: np.ndarray, periods: int, max_events: int, rest_
     following = np.roll(here, -1)
     durations = times[following] - times[here]
     durations[-1] += span
-    arcs = np.column_stack([found.states[here], x[6] * times[here], durations])
+    arcs = np.column_stack([found.states[here], x[XI] * times[here], durations])
     return Cycle(np.vstack([found.modes[:, here], found.endings[following]]), arcs)
 
 
@@ -157,7 +159,7 @@ def polish(x: np.ndarray, cycle: Cycle, periods: int, scale: np.ndarray) -> Orbi
     # rate.
     (modes, arcs), directions, moved, steps = cycle, 1j * np.eye(15), np.inf, 0
     links = np.vstack([modes, np.roll(modes[[0, 2]], -1, axis=1)]).T.copy().view(LINK)[:, 0]
-    sizes = np.array([*scale, 1.0, 2.0 * np.pi * periods / x[6]])
+    sizes = np.array([*scale, 1.0, 2.0 * np.pi * periods / x[XI]])
     while True:
         ends, blocks, _ = traverse(x + directions[:, 6:], links, arcs + directions[:, None, :6])
         ends[:, :5] -= np.roll(arcs[:, :5], -1, axis=0)

@@ -17,26 +17,42 @@ import numpy as np
 from tpd.exact import follow, repetition
 from tpd.exact.arcs import forcing_at, load_at, span_of, steady
 from tpd.exact.contact_kernel import bob_change, mode_of, sign, velocity_ratio
-from tpd.exact.follow import ARRIVED, EXHAUSTED, LOST, OUT, forcing_now, put_results
-from tpd.exact.mode_kinds import REST, SLIP, STICK
-from tpd.exact.motion import FIRST_PIECE, MOTION, NO, YES, clear, larger, note, note_angle, restart
-from tpd.exact.near_orbits import finite, largest
+from tpd.exact.follow import ARRIVED, EXHAUSTED, FOLLOWED, LOST, forcing_now, put_results
+from tpd.exact.motion import (
+    FIRST_PIECE,
+    MOTION,
+    NO,
+    YES,
+    clear,
+    finite,
+    larger,
+    largest,
+    note,
+    note_angle,
+    put,
+    restart,
+)
 from tpd.exact.plant import PLANT, compiled, part, stored
-from tpd.exact.repetition import FLOATS, LONGEST, WHOLES
+from tpd.exact.repetition import LONGEST, SETTLED
+from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_RATE, TILT, TILT_RATE
 from tpd.models import nonlinear_series as series
 from tpd.models.compiling import checksum
 from tpd.models.custom_call import (
+    BEGIN,
+    RAMP,
     SETTINGS,
     api_version,
+    carray,
     on_host,
     pieces,
+    pointer,
     rows_of,
     settings,
-    settings_at,
     table,
+    usual,
 )
 
-__all__ = ["CALL", "FLOATS", "OUT", "SETTINGS", "WHOLES", "run", "settings"]
+__all__ = ["CALL", "FOLLOWED", "SETTINGS", "SETTLED", "run", "settings"]
 
 SETTLE, SHAKE = range(2)
 """Tasks; the first number of every row of settings. Operands and results are those of `exact_entry`."""
@@ -53,7 +69,7 @@ _NONE, _LANDING, _TURN, _UP, _DOWN = -1, 0, 1, 2, 3
 @compiled
 def _excess(q, y, side, eta):
     """Moment on a held block minus the moment of its weight."""
-    phi, psi, rate, pull, weight = y[0], y[1], y[3], -0.5 * q.m12, side * q.weight
+    phi, psi, rate, pull, weight = y[TILT], y[SWING], y[SWING_RATE], -0.5 * q.m12, side * q.weight
     sp, cp, lean = math.sin(phi), math.cos(phi), phi - psi
     big_s = side * q.nu * math.sin(lean) + 2.0 * math.cos(lean)
     big_c = side * q.nu * math.cos(lean) - 2.0 * math.sin(lean)
@@ -96,15 +112,15 @@ def _first_event(q, m, order, h, c):
 @compiled
 def _land(q, m, capture, eta):
     """Change rates and mode at the impact of a block that has come down."""
-    y, rho, before = m.y, -0.5 * q.m21, m.y[2]
-    sine, cosine = math.sin(y[1]), math.cos(y[1])
+    y, rho, before = m.y, -0.5 * q.m21, m.y[TILT_RATE]
+    sine, cosine = math.sin(y[SWING]), math.cos(y[SWING])
     ratio = velocity_ratio(q.e, q.nu, q.mu, q.lam, rho, m.tilt, sine, cosine)
     if abs(ratio * before) <= capture:
         decide(q, y, 0.0, 0.0, eta, m)
         if m.kind == REST:
             ratio = 0.0
-    y[3] += bob_change(ratio, q.e, q.nu, q.mu, q.lam, rho, m.tilt, sine, cosine) * before
-    y[2] = after = ratio * before
+    y[SWING_RATE] += bob_change(ratio, q.e, q.nu, q.mu, q.lam, rho, m.tilt, sine, cosine) * before
+    y[TILT_RATE] = after = ratio * before
     decide(q, y, 0.0, math.copysign(1.0, after) if after != 0.0 else 0.0, eta, m)
 
 
@@ -118,7 +134,7 @@ def _meet(q, m, which, at_once, capture, eta):
         decide(q, m.y, m.tilt, 0.0, eta, m)
         if at_once and m.kind == SLIP:
             # It was let go at a moment that only touched the limit: it does not move.
-            m.kind = STICK if m.y[0] != 0.0 else REST
+            m.kind = STICK if m.y[TILT] != 0.0 else REST
     else:
         side = 1.0 if which == _UP else -1.0
         m.tilt = side if m.kind == REST else m.tilt
@@ -149,17 +165,17 @@ def advance(q, f, m, w, i, s, end):
         which, h = _first_event(q, m, order, h, c)
         series.put_state(c, order, h, y)
         # The block's tilt is largest at events, which are ends of steps. The bob turns within one.
-        note(m, y[0], y[1], tau + h)
+        note(m, y[TILT], y[SWING], tau + h)
         _note_turns(m, series.PSI, c, order, h, tau)
         if w.relative:
             _note_turns(m, series.APART, c, order, h, tau)
         # Exactly on the event.
         if which == _LANDING:
-            y[0] = 0.0
+            y[TILT] = 0.0
         elif which == _TURN:
-            y[2] = 0.0
+            y[TILT_RATE] = 0.0
         s = end if h == left else s + h
-        if not abs(y[0]) < 0.5 * math.pi:
+        if not abs(y[TILT]) < 0.5 * math.pi:
             m.fell = origin + s
             return LOST
         if which != _NONE:
@@ -178,10 +194,10 @@ def _stays(q, m, before):
     """Whether the block has rested, or been held leaning, for a whole period in which the bob's swing hardly
     changed."""
     y = m.y
-    rests = m.kind == REST and largest(m, 0) == 0.0
-    leans = m.kind == STICK and y[0] == before[0]
-    angles = max(abs(y[0] - before[0]), abs(y[1] - before[1]))
-    rates = max(abs(y[2] - before[2]), abs(y[3] - before[3]))
+    rests = m.kind == REST and largest(m, TILT) == 0.0
+    leans = m.kind == STICK and y[TILT] == before[TILT]
+    angles = max(abs(y[TILT] - before[TILT]), abs(y[SWING] - before[SWING]))
+    rates = max(abs(y[TILT_RATE] - before[TILT_RATE]), abs(y[SWING_RATE] - before[SWING_RATE]))
     change = max(angles, rates / q.xi) / (q.nu + q.f)
     return (rests or leans) and (change < STILL or q.mu == 0.0)
 
@@ -207,12 +223,11 @@ def _settle(q, m, w, s, since, ramp, out):
     the settings `s` have elapsed; see `tpd.exact.settle.settle`."""
     y, cubics, scales, events = m.y, np.empty((0, 4)), repetition.scales_of(q), int(s.events)
     w.period, w.rate, w.swing, w.relative = 2.0 * math.pi / q.xi, scales[2], scales[3], NO
-    past, last, peaks = np.zeros((LONGEST, 4)), np.zeros((LONGEST, 3)), np.zeros(2)
-    for j in range(4):
-        past[0, j] = y[j]
+    past, peaks = np.zeros(LONGEST, repetition.PERIOD), np.zeros(2)
+    put(y, past[0].y)
     clear(m)
     f, grown = repetition.shaking_in(ramp, w.period, 0.0, since, cubics)
-    decide(q, y, sign(y[0]), sign(y[2]), forcing_now(q, f, since), m)
+    decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, since), m)
     # A start within a period has another phase than the ends of periods, with which these are compared.
     known, status, repeats, elapsed = (1 if since == 0.0 else 0), repetition.NOT_SETTLED, 0, 0
     while elapsed < s.periods and status == repetition.NOT_SETTLED:
@@ -220,13 +235,13 @@ def _settle(q, m, w, s, since, ramp, out):
             f, grown = repetition.shaking_in(ramp, w.period, float(elapsed), 0.0, cubics)
         ended = _one_period(q, f, m, w, since if elapsed == 0 else 0.0, grown, events)
         elapsed += 1
-        peak, stroke = largest(m, 0), largest(m, 1)
-        peaks[0], peaks[1] = max(peaks[0], peak), max(peaks[1], stroke)
+        peak, stroke = largest(m, TILT), largest(m, SWING)
+        peaks[TILT], peaks[SWING] = max(peaks[TILT], peak), max(peaks[SWING], stroke)
         # Nothing that was met before the shaking became steady counts as a repetition, or as rest.
         steadily = f.rate == 0.0 and ended == ARRIVED
         repeats = repetition.repeats_after(q, y, past, known, scales, s.tolerance) if steadily else 0
-        rests = steadily and known > 0 and _stays(q, m, past[0])
-        known = repetition.remember(past, known if steadily else 0, last, y, peak, stroke, m.held)
+        rests = steadily and known > 0 and _stays(q, m, past[0].y)
+        known = repetition.remember(past, known if steadily else 0, y, peak, stroke, m.held)
         if ended == BROKEN or not finite(y):
             status = repetition.FAILED
         elif ended != ARRIVED:
@@ -235,9 +250,8 @@ def _settle(q, m, w, s, since, ramp, out):
             status = repetition.AT_REST
         elif repeats > 0:
             # The bob of a block that never moved may repeat itself after several periods only.
-            status = repetition.AT_REST if repetition.stayed(last, repeats) else repetition.ROCKING
-    status, own = repetition.settled(status, repeats, m, last, peaks, out)
-    return status, own, elapsed
+            status = repetition.AT_REST if repetition.stayed(past, repeats) else repetition.ROCKING
+    repetition.put_settled(status, repeats, elapsed, m, past, peaks, out)
 
 
 @compiled
@@ -251,8 +265,8 @@ def _through(q, f, m, w, s):
     clear(m)
     restart(m)
     m.events = int(s.events)
-    decide(q, y, sign(y[0]), sign(y[2]), forcing_now(q, f, 0.0), m)
-    if m.kind == SLIP or y[0] != 0.0:
+    decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, 0.0), m)
+    if m.kind == SLIP or y[TILT] != 0.0:
         m.lifted = 0.0
     # The forcing has a kink at every sample, which a step must not cross.
     while i <= f.pieces and ended == ARRIVED:
@@ -272,23 +286,21 @@ def _through(q, f, m, w, s):
 
 @part
 def _run(a, first, last):
-    """Rows of settings, parameters and starts. To settle: also beginnings and ramps; results of numbers and
-    of counts. Through a ground motion: also pieces; results, in which what is not computed is no number."""
-    s, x, start = settings_at(a[0], last), table(a[1], last, 9), table(a[2], last, 4)
+    """Rows of settings, parameters and starts. To settle: also beginnings and ramps; what they settle to.
+    Through a ground motion: also pieces; results, in which what is not computed is no number."""
+    s, x, start = usual(a, last)
     plants, motions, works = np.empty(1, PLANT), np.zeros(1, MOTION), np.zeros(1, series.WORK)
     q, m, w = plants[0], motions[0], works[0]
     for n in range(first, last):
         series.prepare(x[n], s[n], q, w)
-        for j in range(4):
-            m.y[j] = start[n, j]
+        put(start[n], m.y)
         if s[n].task == SETTLE:
-            t, out, wholes = table(a[3], last, 2), table(a[4], last, FLOATS), table(a[5], last, WHOLES)
-            counts = _settle(q, m, w, s[n], t[n, 0], t[n, 1], out[n])
-            wholes[n, 0], wholes[n, 1], wholes[n, 2] = counts
+            t, settled = table(a[3], last, 2), carray(pointer(a[4]), (last,), SETTLED)
+            _settle(q, m, w, s[n], t[n, BEGIN], t[n, RAMP], settled[n])
         else:
-            out = table(a[4], last, OUT)[n]
+            out = carray(pointer(a[4]), (last,), FOLLOWED)[n]
             put_results(m, _through(q, pieces(a[3], s[n], n), m, w, s[n]), out)
-            out[10] = out[15] = math.nan
+            out.growing = out.crossing = math.nan
     # Records do not keep their memory, and Numba frees an array after its last use.
     return len(plants) + len(motions) + len(works)
 

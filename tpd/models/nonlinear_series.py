@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from tpd.exact.mode_kinds import REST, SLIP
 from tpd.exact.plant import coefficients, compiled, places
+from tpd.exact.terms import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE
 
 ORDERS = 32
 """Most coefficients of a series."""
@@ -202,9 +202,9 @@ def put(q, m, e, left, w):
     """Put the series of a motion from its state on, under the forcing `e`, into the memory. Return its order,
     and the time, at most `left`, for which it is as exact as is allowed; NaN where it is not finite."""
     y, c, inverse, least = m.y, w.series, w.inverse, math.inf
-    c[PHI, 0], c[PSI, 0], c[V, 0], c[R, 0] = y[0], y[1], y[2], y[3]
-    inverse[0] = 1.0 / (w.rtol * max(0.1 * w.rate, abs(y[2])))
-    inverse[1] = 1.0 / (w.rtol * max(0.1 * w.swing, abs(y[3])))
+    c[PHI, 0], c[PSI, 0], c[V, 0], c[R, 0] = y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE]
+    inverse[0] = 1.0 / (w.rtol * max(0.1 * w.rate, abs(y[TILT_RATE])))
+    inverse[1] = 1.0 / (w.rtol * max(0.1 * w.swing, abs(y[SWING_RATE])))
     _put_forcing(q, e, w.order, c)
     order = _put_slipping(q, m, left, w) if m.kind == SLIP else _put_held(q, m, left, w)
     for n in range(order + 1 if w.relative else 0):
@@ -235,7 +235,7 @@ def put_state(c, order, t, y):
     for n in range(order - 1, -1, -1):
         phi, psi = phi * t + c[PHI, n], psi * t + c[PSI, n]
         v, r = v * t + c[V, n], r * t + c[R, n]
-    y[0], y[1], y[2], y[3] = phi, psi, v, r
+    y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE] = phi, psi, v, r
 
 
 @compiled

@@ -17,7 +17,7 @@ from tpd.exact.contact import Mode
 from tpd.models.base import Settled
 from tpd.models.calling import Compiled
 from tpd.scene.parameters import Parameters
-from tpd.scene.status import Status
+from tpd.scene.status import Status, index_of
 
 _PIECE = 1, 16
 """Motions of one piece of work, at least and at most."""
@@ -103,19 +103,21 @@ def settle_rows(
     from tpd.exact.repetition import STATUSES
 
     n, times = len(starts), np.stack([begins, ramps], axis=1)
-    floats, counts = np.empty((n, entry.FLOATS)), np.empty((n, entry.WHOLES))
+    found = np.empty(n, entry.SETTLED)
     row = tuple(entry.settings(task=entry.SETTLE, **limits))
     settings = np.full(n, np.array(row, entry.SETTINGS))
 
     def run(first: int, last: int) -> int:
-        entry.run(first, last, settings, rows, starts, times, floats, counts)
+        entry.run(first, last, settings, rows, starts, times, found)
         return last - first
 
     shared(run, n, workers, progress)
-    statuses = np.array([jax.tree.leaves(getattr(Status, name))[0] for name in STATUSES])
-    amplitude, stroke, peak, peak_stroke, kind, *signs = floats.T[4:].copy()
-    memory, sizes, wholes = (kind.astype(int), *signs), (amplitude, stroke), counts.astype(int)
-    status, periods, elapsed = statuses[wholes[:, 0]], wholes[:, 1].copy(), wholes[:, 2].copy()
+    of = {name: found[name].copy() for name in entry.SETTLED.names}
+    kind, status, periods, elapsed = (
+        of[name].astype(int) for name in ("kind", "status", "periods", "elapsed")
+    )
+    status = np.array([index_of(name) for name in STATUSES])[status]
+    memory, peaks = (kind, of["tilt"], of["way"]), (of["peak"], of["peak_stroke"])
     # From its leaves, because fields are annotated with the shapes of a single motion.
-    leaves = [floats[:, :4].copy(), *memory, periods, *sizes, status, elapsed, peak, peak_stroke]
+    leaves = [of["y"], *memory, periods, of["amplitude"], of["stroke"], status, elapsed, *peaks]
     return jax.tree.unflatten(_structure(), leaves)

@@ -27,6 +27,7 @@ from tpd.exact.contact import (
     released,
     transversality_of,
 )
+from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
 from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.clock import split, through
 from tpd.models.settling import Period, cycle_by_events, settle
@@ -128,7 +129,7 @@ class Segmented(AbstractModel):
             exhausted = r.segments >= self.max_events
             rests = _stays(p, r, y) & ~exhausted
             peak = jnp.maximum(r.up, r.down)
-            amplitude = jnp.where(rests, jnp.abs(r.y[0]), peak)
+            amplitude = jnp.where(rests, jnp.abs(r.y[TILT]), peak)
             return Period(r.y, r.mode, amplitude, r.stroke, rests, r.lost, exhausted, r.held, peak, r.stroke)
 
         mode = _classify(equations, y0, jnp.zeros(()))
@@ -179,12 +180,14 @@ class Segmented(AbstractModel):
             arrived = _meet(equations, r, time, y, self.rest_rate)
             onward = r._replace(time=time, y=y)
             r = jax.tree.map(lambda a, b: jnp.where(met, a, b), arrived, onward)
-            lost = r.lost | ~(jnp.abs(r.y[0]) < equations.beyond_return)
+            lost = r.lost | ~(jnp.abs(r.y[TILT]) < equations.beyond_return)
             return r._replace(segments=jnp.where(failed, self.max_events, r.segments + 1), lost=lost)
 
         r = jax.lax.while_loop(going, step, run)
-        stroke = jnp.maximum(r.stroke, jnp.abs(r.y[1]))
-        return r._replace(up=jnp.maximum(r.up, r.y[0]), down=jnp.maximum(r.down, -r.y[0]), stroke=stroke)
+        stroke = jnp.maximum(r.stroke, jnp.abs(r.y[SWING]))
+        return r._replace(
+            up=jnp.maximum(r.up, r.y[TILT]), down=jnp.maximum(r.down, -r.y[TILT]), stroke=stroke
+        )
 
     def _segment(
         self, equations: Equations, r: _Run, end: Number, precise: bool
@@ -234,12 +237,12 @@ def _signals(equations: Equations, r: _Run, tau: Number, y: State) -> Float[Arra
     """Signals that stay positive until the next event, in sizes that compare."""
     p, linear = equations.p, equations.linear
     sine = jnp.sin(p.xi * tau)
-    slip = jnp.stack([r.mode.tilt_sign * y[0], r.mode.rate_sign * y[2] / p.xi]) / p.nu
+    slip = jnp.stack([r.mode.tilt_sign * y[TILT], r.mode.rate_sign * y[TILT_RATE] / p.xi]) / p.nu
     rests = r.mode.kind == REST
     up = equations.excess(y, jnp.where(rests, 1.0, r.mode.tilt_sign), sine)
     low = equations.excess(y, jnp.where(rests, -1.0, r.mode.tilt_sign), sine)
     held = jnp.stack([linear.friction - up, linear.friction + low]) / linear.weight
-    others = jnp.stack([r.way * y[3] / p.xi, equations.beyond_return - jnp.abs(y[0])])
+    others = jnp.stack([r.way * y[SWING_RATE] / p.xi, equations.beyond_return - jnp.abs(y[TILT])])
     return jnp.concatenate([jnp.where(r.mode.kind == SLIP, slip, held), others]) + _GRACE
 
 
@@ -247,10 +250,12 @@ def _begin(equations: Equations, y: State, mode: Mode, time: Number) -> _Run:
     """A motion at its start."""
     xi = equations.p.xi
     # From rest the bob's first and second derivatives vanish: look a little ahead instead.
-    ahead = equations.held_rates(y, jnp.sin(xi * time + 1e-3))[3]
-    way = jnp.where(stop_gradient(jnp.where(jnp.abs(y[3]) > 1e-12, y[3], ahead)) < 0.0, -1.0, 1.0)
-    none, zero = jnp.zeros((), bool), jnp.zeros_like(y[0])
-    sizes = jnp.maximum(y[0], zero), jnp.maximum(-y[0], zero), jnp.abs(y[1])
+    ahead = equations.held_rates(y, jnp.sin(xi * time + 1e-3))[SWING_RATE]
+    way = jnp.where(
+        stop_gradient(jnp.where(jnp.abs(y[SWING_RATE]) > 1e-12, y[SWING_RATE], ahead)) < 0.0, -1.0, 1.0
+    )
+    none, zero = jnp.zeros((), bool), jnp.zeros_like(y[TILT])
+    sizes = jnp.maximum(y[TILT], zero), jnp.maximum(-y[TILT], zero), jnp.abs(y[SWING])
     transversality = jnp.full_like(zero, jnp.inf)
     return _Run(time, y, mode, way, *sizes, jnp.zeros((), int), none, mode.kind != SLIP, transversality)
 
@@ -269,7 +274,7 @@ def _hurried(equations: Equations, r: _Run, end: Number) -> _Run:
 
 def _classify(equations: Equations, y: State, time: Number) -> Mode:
     """The mode of a state."""
-    return _decide(equations, y, jnp.sign(y[0]), jnp.sign(y[2]), jnp.sin(equations.p.xi * time))
+    return _decide(equations, y, jnp.sign(y[TILT]), jnp.sign(y[TILT_RATE]), jnp.sin(equations.p.xi * time))
 
 
 def _decide(equations: Equations, y: State, tilt: Number, rate: Number, sine: Number) -> Mode:
@@ -280,21 +285,28 @@ def _decide(equations: Equations, y: State, tilt: Number, rate: Number, sine: Nu
 
 def _held_on_base(equations: Equations, y: State, sine: Number) -> Bool[Array, ""]:
     """Whether weight and friction would hold the block at phi = 0 if it did not move."""
-    zero = jnp.zeros_like(y[0])
-    return _decide(equations, y.at[0].set(0.0).at[2].set(0.0), zero, zero, sine).kind == REST
+    zero = jnp.zeros_like(y[TILT])
+    return _decide(equations, y.at[TILT].set(0.0).at[TILT_RATE].set(0.0), zero, zero, sine).kind == REST
 
 
 def _struck(equations: Equations, side: Number, y: State, sine: Number, rest_rate: float) -> State:
     """The state after an impact of a block that comes down from the tilt of sign `side`."""
     p, e = equations.p, equations.p.velocity_ratio
     nonlinear = equations.terms is Terms.nonlinear
-    angle = (side, jnp.sin(y[1]), jnp.cos(y[1])) if nonlinear else (1.0, 0.0, 1.0)
+    angle = (side, jnp.sin(y[SWING]), jnp.cos(y[SWING])) if nonlinear else (1.0, 0.0, 1.0)
     law = e, p.nu, p.mu, p.lam, equations.rho, *angle
     ratio = velocity_ratio(*law)
-    rests = _held_on_base(equations, y, sine) & (ratio * jnp.abs(y[2]) <= rest_rate * p.nu)
+    rests = _held_on_base(equations, y, sine) & (ratio * jnp.abs(y[TILT_RATE]) <= rest_rate * p.nu)
     # All the impacts that are left: see `tpd.exact.contact_kernel.struck`.
     ratio = jnp.where(rests, 0.0, ratio)
-    return y.at[0].set(0.0).at[2].multiply(ratio).at[3].add(bob_change(ratio, *law) * y[2])
+    return (
+        y.at[TILT]
+        .set(0.0)
+        .at[TILT_RATE]
+        .multiply(ratio)
+        .at[SWING_RATE]
+        .add(bob_change(ratio, *law) * y[TILT_RATE])
+    )
 
 
 def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: float) -> _Run:
@@ -304,21 +316,25 @@ def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: floa
     landed, turned, bob = (slips & (which == i) for i in (_LANDING, _TURN, _BOB))
     bob = bob | (~slips & (which == _BOB))
     after = _struck(equations, r.mode.tilt_sign, y, sine, rest_rate)
-    y = jnp.where(landed, after, jnp.where(turned, y.at[2].set(0.0), jnp.where(bob, y.at[3].set(0.0), y)))
+    y = jnp.where(
+        landed,
+        after,
+        jnp.where(turned, y.at[TILT_RATE].set(0.0), jnp.where(bob, y.at[SWING_RATE].set(0.0), y)),
+    )
     tilt = jnp.where(landed | (r.mode.kind == REST), 0.0, r.mode.tilt_sign)
-    onward = _decide(equations, y, tilt, jnp.where(landed, jnp.sign(y[2]), 0.0), sine)
+    onward = _decide(equations, y, tilt, jnp.where(landed, jnp.sign(y[TILT_RATE]), 0.0), sine)
     freed = released(r.mode, jnp.where(which == 0, 1.0, -1.0))
     mode = jax.tree.map(lambda a, b: jnp.where(slips, a, b), onward, freed)
     mode = jax.tree.map(lambda a, b: jnp.where(bob | (which == _LOST), a, b), r.mode, mode)
-    flipped = bob | (landed & (y[3] * r.way < 0))
+    flipped = bob | (landed & (y[SWING_RATE] * r.way < 0))
     return r._replace(
         time=time,
         y=y,
         mode=mode,
         way=jnp.where(flipped, -r.way, r.way),
-        up=jnp.maximum(r.up, y[0]),
-        down=jnp.maximum(r.down, -y[0]),
-        stroke=jnp.maximum(r.stroke, jnp.abs(y[1])),
+        up=jnp.maximum(r.up, y[TILT]),
+        down=jnp.maximum(r.down, -y[TILT]),
+        stroke=jnp.maximum(r.stroke, jnp.abs(y[SWING])),
         lost=r.lost | (which == _LOST),
         held=r.held | (mode.kind != SLIP),
         transversality=jnp.minimum(
@@ -333,8 +349,11 @@ def _transversality(
     """See `contact.transversality_of`."""
     xi = equations.p.xi
     usual = xi * equations.linear.weight
-    bend = equations.rates(y, r.mode.tilt_sign, r.mode.rate_sign, sine)[2]
-    turn, crossing = jnp.where(which == _TURN, bend, jnp.inf), jnp.where(which == _LANDING, y[2], jnp.inf)
+    bend = equations.rates(y, r.mode.tilt_sign, r.mode.rate_sign, sine)[TILT_RATE]
+    turn, crossing = (
+        jnp.where(which == _TURN, bend, jnp.inf),
+        jnp.where(which == _LANDING, y[TILT_RATE], jnp.inf),
+    )
     free = ~_held_on_base(equations, y, sine)
     return transversality_of(r.mode, after, turn, crossing, free, (xi * usual, usual))
 
@@ -346,5 +365,5 @@ def _stays(p: Parameters, r: _Run, before: State) -> Bool[Array, ""]:
     # period that the block has spent at rest, what it may still gain cannot lift the block.
     change = jnp.max(jnp.abs(r.y - before) / ((p.nu + p.f) * jnp.array([1.0, 1.0, p.xi, p.xi])))
     rests = (r.mode.kind == REST) & (jnp.maximum(r.up, r.down) == 0.0)
-    leans = (r.mode.kind == STICK) & (r.y[0] == before[0])
+    leans = (r.mode.kind == STICK) & (r.y[TILT] == before[TILT])
     return (rests | leans) & ((change < _STILL) | (p.mu == 0.0))

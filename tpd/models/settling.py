@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from tpd.exact.terms import SWING, TILT
 from tpd.models.base import Cycle, Settled
 from tpd.scene.parameters import Number, Parameters, State
 from tpd.scene.status import Status
@@ -98,7 +99,7 @@ class Record(NamedTuple):
         status = Status.where(held, Status.sticking, Status.rocking)
         status = Status.where(self.repeats > 0, status, Status.not_settled)
         status = Status.where(self.exhausted, Status.event_bound, status)
-        leans = self.rests & (self.y[0] != 0.0)
+        leans = self.rests & (self.y[TILT] != 0.0)
         status = Status.where(self.rests, Status.where(leans, Status.held, Status.rest), status)
         # The bob of a block that never moved may repeat itself before its decay is proved to be harmless.
         still = (self.repeats > 0) & (amplitude == 0.0)
@@ -106,7 +107,7 @@ class Record(NamedTuple):
         status = Status.where(self.lost, Status.overturned, status)
         status = Status.where(jnp.all(jnp.isfinite(self.y)), status, Status.failed)
         stroke = jnp.where(self.rests, self.strokes[0], stroke)
-        amplitude = jnp.where(self.rests, jnp.abs(self.y[0]), amplitude)
+        amplitude = jnp.where(self.rests, jnp.abs(self.y[TILT]), amplitude)
         peaks = (jnp.where(self.lost, jnp.inf, x) for x in (self.peak, self.peak_stroke))
         return Settled(self.y, self.memory, periods, amplitude, stroke, status, self.elapsed, *peaks)
 
@@ -115,7 +116,7 @@ def blank(y0: State, memory: Any) -> Record:
     """The record of a motion that is about to begin."""
     no, count, none = jnp.zeros((), bool), jnp.zeros((), int), jnp.zeros(LONGEST)
     past = jnp.full((LONGEST, 4), jnp.inf).at[0].set(y0)
-    peaks = jnp.abs(y0[0]), jnp.abs(y0[1])
+    peaks = jnp.abs(y0[TILT]), jnp.abs(y0[SWING])
     return Record(y0, memory, past, none, none, jnp.zeros(LONGEST, bool), count, no, no, no, count, *peaks)
 
 
@@ -164,7 +165,7 @@ def cycle_by_events(
         sizes = tuple(jnp.maximum(a, b) for a, b in zip(sizes, now, strict=True))
         return y, mode, sizes, jnp.minimum(transversality, met)
 
-    zero = jnp.zeros_like(y[0])
+    zero = jnp.zeros_like(y[TILT])
     first = (y, settled.memory, (zero, zero, zero), jnp.full_like(zero, jnp.inf))
     y, mode, (up, down, stroke), transversality = jax.lax.fori_loop(0, settled.periods, onward, first)
     amplitude = jnp.maximum(up, down)

@@ -14,6 +14,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float
 
 from tpd.core import checks
+from tpd.exact.terms import SWING, TILT, TILT_RATE
 from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.settling import Period, settle
 from tpd.scene.parameters import Number, Parameters, State
@@ -111,7 +112,7 @@ class Smoothed(AbstractModel):
             ys, bounded = self._integrate(field, y, times)
             # What a solver out of steps did not reach is infinite.
             ys = jnp.where(bounded | jnp.isfinite(ys), ys, y[None])
-            amplitude, stroke = jnp.max(jnp.abs(ys[:, 0])), jnp.max(jnp.abs(ys[:, 1]))
+            amplitude, stroke = jnp.max(jnp.abs(ys[:, TILT])), jnp.max(jnp.abs(ys[:, SWING]))
             lost = ~(amplitude < limit)
             return Period(ys[-1], memory, amplitude, stroke, no, lost, ~bounded, no, amplitude, stroke)
 
@@ -127,7 +128,7 @@ class Smoothed(AbstractModel):
             ys, _ = self._integrate(field, y, times, precise=True)
             peaks = jax.vmap(lambda i: self._peak(field, times, ys, i))(jnp.arange(2))
             # The samples of a symmetric motion are each other's mirror images.
-            tilts = stop_gradient(ys[:, 0])
+            tilts = stop_gradient(ys[:, TILT])
             sides = jnp.maximum(sides, jnp.stack([jnp.max(tilts), jnp.max(-tilts)]))
             return ys[-1], jnp.maximum(sizes, peaks), sides
 
@@ -143,7 +144,7 @@ class Smoothed(AbstractModel):
         """The smoothed states at `times`, from `y0` at `times[0]`."""
         field = smoothed_rates(p, *self.widths(p), self.terms)
         ys, _ = self._integrate(field, y0, times, max_steps=None)
-        lost = ~(jnp.max(jnp.abs(ys[:, 0])) < Equations(p, self.terms).beyond_return)
+        lost = ~(jnp.max(jnp.abs(ys[:, TILT])) < Equations(p, self.terms).beyond_return)
         return ys, Status.where(lost, Status.overturned, Status.rocking)
 
     def _integrate(
@@ -186,7 +187,7 @@ class Smoothed(AbstractModel):
         # The largest sample lies beside the peak, and its derivative is that of a fixed time: wrong by the
         # rate there times the derivative of the peak's time. At the peak itself the rate is zero. The window
         # of two and a half samples holds the peak wherever it lies beside the largest sample.
-        angles, rates = stop_gradient(ys)[:, i], stop_gradient(ys)[:, 2 + i]
+        angles, rates = stop_gradient(ys)[:, i], stop_gradient(ys)[:, TILT_RATE + i]
         j = jnp.argmax(jnp.abs(angles))
         j = jnp.where((j == 0) & (angles[0] * rates[0] < 0), times.size - 1, j)
         before = jnp.maximum(j - 1, 0)
@@ -194,7 +195,7 @@ class Smoothed(AbstractModel):
 
         def rate(t: Number, y: State, args: None, **_: object) -> Number:
             del t, args
-            return outward * y[2 + i]
+            return outward * y[TILT_RATE + i]
 
         turning = diffrax.Event(rate, optimistix.Newton(rtol=1e-10, atol=1e-10), direction=False)
         window = times[before] + jnp.array([0.0, 2.5]) * (times[1] - times[0])

@@ -1,17 +1,32 @@
-"""Names and bounds of the symmetric orbits: their statuses, their sizes with derivatives, and where one is
-about to be lost, or is held to be neither attracting nor repelling. Compiled code needs them without JAX."""
+"""Names that compiled code and JAX share, known without loading either.
+
+Kinds of modes and of events, columns of states, and the statuses, sizes and bounds of orbits: where one is
+about to be lost, or is held to be neither attracting nor repelling.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
+SLIP, STICK, REST = range(3)
+"""Kinds of the modes of the contact, see `tpd.exact.contact`."""
+TURN, LANDING, RELEASE = range(3)
+"""Kinds of the events that end an arc of a periodic orbit."""
+TILT, SWING, TILT_RATE, SWING_RATE, TILT_PULL, SWING_PULL = range(6)
+"""Columns of a state: phi, psi, phi', psi'; and of its accelerations, phi'' and psi'', where they follow."""
+APART = 2
+"""After the angles TILT and SWING the third that is counted: psi - phi."""
+NU, MU, LAM, ZETA, K, F, XI, RHO, E = range(9)
+"""Columns of the parameters of a motion."""
+PHASE, LASTS = 4, 5
+"""Columns of an arc of a periodic orbit after its state: the forcing's phase at its start; its duration."""
 STATUSES = ("rocking", "unstable", "neutral", "near_fold", "grazing", "no_orbit")
-"""Names of the statuses in compiled code, by their numbers there."""
+"""Names of the statuses of symmetric orbits in compiled code, by their numbers there."""
 SIZES = {
     **{"amplitude": 0, "phase": 1, "crossing": 2, "stroke": 3, "fold": 4, "symmetry": 5, "torus": 6},
     "state": slice(7, 11),
 }
-"""Places of the sizes with derivatives in compiled code."""
+"""Places of their sizes with derivatives in compiled code."""
 ASKED = {
     **{(0, 3): ("amplitude", "phase", "crossing"), (3, 4): ("stroke",)},
     **{(4, 7): ("fold", "symmetry", "torus"), (7, 11): ("state",)},
