@@ -171,7 +171,12 @@ def _scanned(
     # A traced motion may turn out to be one of zeros, which overturns nothing.
     if not np.isfinite(top):
         return np.asarray(np.inf), none, none
-    low = standing(lambda _, scale: status(scale) == STOOD, np.array([min(ends)]), scan)[0]
+    # Lowered by whole steps of the scan until the block stays on its base: so it does at all below.
+    low, ratio = float(min(ends)), (1.0 + scan) ** np.ceil(np.log(2.0) / np.log1p(scan))
+    for _ in range(_HALVINGS):
+        if status(np.array([low]))[0] == STOOD:
+            break
+        low /= ratio
     steps = int(np.ceil(np.log(top / low) / np.log1p(scan)))
     scales = np.minimum(low * (1.0 + scan) ** np.arange(steps + 1), top)
     outcome = status(scales)
@@ -185,7 +190,7 @@ def _scanned(
     lo, hi, found = scales[edges], scales[edges + 1], np.ones(len(edges), dtype=bool)
     at = np.isin(edges, inner)
     lo[at], hi[at], found[at] = bisected(
-        lambda _, scale: verdicts(status(scale)), scales[inner], scales[inner + 1], falls[inner] == 1.0
+        lambda scale: verdicts(status(scale)), scales[inner], scales[inner + 1], falls[inner] == 1.0
     )
     borders = np.where(falls[edges] == 1.0, lo, hi)
     if len(borders) % 2:
@@ -217,32 +222,13 @@ def verdicts(status: np.ndarray) -> np.ndarray:
     return np.select([status == OVERTURNED, (status == STOOD) | (status == ROCKED)], [1.0, 0.0], np.nan)
 
 
-def standing(stood: Any, factors: np.ndarray, scan: float) -> np.ndarray:
-    """Factors, lowered by whole steps of a scan until the block stays on its base: so it does at all below.
-
-    Args:
-        stood: function of the numbers of some motions and a factor on each: whether the block never lifts.
-        factors: where the scans begin at the latest, shape (motions,).
-        scan: relative step.
-    """
-    factors, rows = factors.copy(), np.arange(len(factors))
-    ratio = (1.0 + scan) ** np.ceil(np.log(2.0) / np.log1p(scan))
-    for _ in range(_HALVINGS):
-        rows = rows[~stood(rows, factors[rows])]
-        if not len(rows):
-            break
-        factors[rows] /= ratio
-    return factors
-
-
 def bisected(
     verdict: Any, lo: np.ndarray, hi: np.ndarray, low_falls: np.ndarray, rounds: int = 12
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Narrow the intervals that hold crossings, and say which are found.
 
     Args:
-        verdict: function of the numbers of some crossings and of factors for each, shape (crossings, k): see
-            `verdicts`.
+        verdict: function of factors, see `verdicts`.
         lo: factors, shape (crossings,).
         hi: factors, on the other side of each crossing.
         low_falls: whether `lo` is the side that overturns the block.
@@ -260,7 +246,7 @@ def bisected(
         tried = lo[rows, None] + (hi - lo)[rows, None] * share
         falls = np.empty_like(tried)
         falls[:, 0], falls[:, -1] = low_falls[rows], ~low_falls[rows]
-        falls[:, 1:-1] = verdict(rows, tried[:, 1:-1])
+        falls[:, 1:-1] = verdict(tried[:, 1:-1])
         # The first factor on the other side, and the last on this side before it.
         upper = np.argmax(falls == falls[:, -1:], axis=1)
         this = (falls == falls[:, :1]) & (places < upper[:, None])

@@ -7,7 +7,7 @@ difference shows with far fewer runs than two independent shares would need.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,8 +29,6 @@ LEAST = 0.02
 FEWER = 0.1
 """Share of the runs that end at rest without the pendulum which may rock with it: with runs enough any
 difference is significant."""
-_CHANGES = "mean severity", "median severity", "worst severity", "overturned", "at rest"
-"""Names of the changes of a benefit."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -249,19 +247,16 @@ def benefit_of(verdict: Verdict, slenderness: float, condition: np.ndarray, shar
         condition: index of the condition of every run, shape (runs,).
         share: by which a condition may be worse than without the pendulum.
     """
-    known = verdict.known
+    known, ends = verdict.known, ()
+    conditions, pairs = int(condition.max()) + 1, verdict
     if not known.all():
-        ends = (benefit_of(x, slenderness, condition, share) for x in verdict.ends)
-        answered = Verdict(hung=verdict.hung.at(known), bare=verdict.bare.at(known))
-        if not known.any():
-            return _unknown(condition, share, len(known), tuple(ends))
-        found = benefit_of(answered, slenderness, condition[known], share)
-        return replace(found, undecided=int(np.sum(~known)), ends=tuple(ends))
-    hung, bare = severity(verdict.hung, slenderness), severity(verdict.bare, slenderness)
-    n = len(hung)
+        ends = tuple(benefit_of(x, slenderness, condition, share) for x in verdict.ends)
+        pairs = Verdict(hung=verdict.hung.at(known), bare=verdict.bare.at(known))
+        condition = condition[known]
+    hung, bare = severity(pairs.hung, slenderness), severity(pairs.bare, slenderness)
     # Runs of one condition differ as those of different ones do: each is a cluster of its own.
     found = fall(hung, bare, least=LEAST)
-    rest_with, rest_without = ((o.status == Outcome.rest).astype(float) for o in (verdict.hung, verdict.bare))
+    rest_with, rest_without = ((o.status == Outcome.rest).astype(float) for o in (pairs.hung, pairs.bare))
     fewer, more = (int(np.sum(x > 0.0)) for x in (rest_without - rest_with, rest_with - rest_without))
     return Benefit(
         value=found.mean,
@@ -269,43 +264,32 @@ def benefit_of(verdict: Verdict, slenderness: float, condition: np.ndarray, shar
         low=found.low if np.isfinite(found.low) else np.nan,
         high=found.high if np.isfinite(found.low) else np.nan,
         changes=(
-            _mean_change(_CHANGES[0], hung, bare),
-            Change(_CHANGES[1], float(np.median(hung)), float(np.median(bare)), np.nan, np.nan),
-            Change(_CHANGES[2], _worst(hung), _worst(bare), np.nan, np.nan),
-            _mean_change(_CHANGES[3], verdict.hung.lost, verdict.bare.lost),
-            _mean_change(_CHANGES[4], rest_with, rest_without),
+            _mean_change("mean severity", hung, bare),
+            Change("median severity", _of(np.median, hung), _of(np.median, bare), np.nan, np.nan),
+            Change("worst severity", _of(_worst, hung), _of(_worst, bare), np.nan, np.nan),
+            _mean_change("overturned", pairs.hung.lost, pairs.bare.lost),
+            _mean_change("at rest", rest_with, rest_without),
         ),
         worse_conditions=_worse(hung, bare, condition, share),
-        by_condition=(_by_condition(hung, condition), _by_condition(bare, condition)),
+        by_condition=(_by_condition(hung, condition, conditions), _by_condition(bare, condition, conditions)),
         share=share,
         rests_less=is_positive((1.0 - FEWER) * rest_without - rest_with)
         and chance_of(fewer, more) < SIGNIFICANT,
-        runs=n,
-    )
-
-
-def _unknown(condition: np.ndarray, share: float, runs: int, ends: tuple[Benefit, ...]) -> Benefit:
-    """Benefit of paired runs none of which has an answer."""
-    none, conditions = np.nan, np.full(int(condition.max()) + 1, np.nan)
-    return Benefit(
-        value=none,
-        low=none,
-        high=none,
-        changes=tuple(Change(name, none, none, none, none) for name in _CHANGES),
-        worse_conditions=(),
-        by_condition=(conditions, conditions),
-        share=share,
-        rests_less=False,
-        runs=0,
-        undecided=runs,
+        runs=len(hung),
+        undecided=int(np.sum(~known)),
         ends=ends,
     )
+
+
+def _of(size: Callable[[np.ndarray], Any], values: np.ndarray) -> float:
+    """A size of values, NaN where there are none."""
+    return float(size(values)) if len(values) else np.nan
 
 
 def _mean_change(name: str, hung: np.ndarray, bare: np.ndarray) -> Change:
     by = change(hung, bare)
     low, high = (x if np.isfinite(x) else np.nan for x in (by.low, by.high))
-    return Change(name, float(hung.mean()), float(bare.mean()), low, high)
+    return Change(name, _of(np.mean, hung), _of(np.mean, bare), low, high)
 
 
 def _worst(x: np.ndarray) -> float:
@@ -314,8 +298,7 @@ def _worst(x: np.ndarray) -> float:
     return float(np.sort(x)[-max(1, len(x) // 10) :].mean())
 
 
-def _by_condition(values: np.ndarray, condition: np.ndarray) -> np.ndarray:
-    n = int(condition.max()) + 1
+def _by_condition(values: np.ndarray, condition: np.ndarray, n: int) -> np.ndarray:
     count = np.bincount(condition, minlength=n)
     with np.errstate(invalid="ignore"):
         return np.bincount(condition, weights=values, minlength=n) / np.where(count > 0, count, np.nan)
@@ -323,10 +306,6 @@ def _by_condition(values: np.ndarray, condition: np.ndarray) -> np.ndarray:
 
 def _worse(hung: np.ndarray, bare: np.ndarray, condition: np.ndarray, share: float) -> tuple[int, ...]:
     """Conditions in which the pairs show, at 5 %, that the mean severity is higher by more than `share`."""
-    out = []
-    for i in np.unique(condition):
-        of = condition == i
-        # One chaotic run decides nothing: the mean over the pairs of a condition must be clearly above.
-        if is_positive(hung[of] - (1.0 + share) * bare[of] - LEAST * share):
-            out.append(int(i))
-    return tuple(out)
+    # One chaotic run decides nothing: the mean over the pairs of a condition must be clearly above.
+    excess = hung - (1.0 + share) * bare - LEAST * share
+    return tuple(int(i) for i in np.unique(condition) if is_positive(excess[condition == i]))
