@@ -1,12 +1,14 @@
 """Methods of search: known minima are found from everywhere; settings, paths, and optimisers of a user."""
 
+from functools import partial
+
 import numpy as np
 import optax
 import pytest
 
 import tpd
 from tests.design.minimax import FREE, LIMITED, STARTS, WORST, in_unit_square, linearisations
-from tpd.design.methods import OPTIMISERS, descend, minimise, named, smoothed_merit
+from tpd.design.methods import OPTIMISERS, descend, describe, minimise, named, smoothed_merit
 from tpd.design.objective import Orbits
 
 
@@ -62,17 +64,29 @@ def test_a_curved_limit_is_followed_to_its_end():
     assert not found.open.any()
 
 
-def test_searches_begin_within_the_bounds_and_stay_there():
+BOTH = pytest.mark.parametrize("go", [minimise, partial(descend, named("adam", 10))], ids=["sqp", "adam"])
+
+
+@BOTH
+def test_searches_begin_within_the_bounds_and_stay_there(go):
     asked, starts = [], np.array([[1.2, 0.8], [0.5, -0.5]])
 
     def evaluate(units):
         asked.append(units.copy())
         return FREE(units)
 
-    ended = minimise(evaluate, starts, 1.0, WORST)
+    ended = go(evaluate, starts, 1.0, WORST, steps=10)
     np.testing.assert_array_equal(ended.path[0], [[1.0, 0.8], [0.5, 0.0]])
     assert np.all((np.concatenate(asked) >= 0.0) & (np.concatenate(asked) <= 1.0))
     np.testing.assert_array_equal(starts, [[1.2, 0.8], [0.5, -0.5]])
+
+
+@BOTH
+def test_every_start_gets_what_it_gets_alone(go):
+    together = go(LIMITED, STARTS, 1.0, WORST, steps=10)
+    for i in range(4):
+        alone = go(LIMITED, STARTS[i : i + 1], 1.0, WORST, steps=10)
+        np.testing.assert_allclose(alone.x[0], together.x[i], rtol=1e-9)
 
 
 def test_what_is_known_is_not_asked_again_and_starts_are_counted(found):
@@ -174,6 +188,12 @@ def test_a_start_where_nothing_is_known_goes_back_to_the_best_it_has_seen(optimi
 def test_bad_settings_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_settings_of_a_method_are_plain_values():
+    found = describe(tpd.Descent(optax.sgd(0.05), searches=3))
+    names = {"method": "descent", "optimiser": "custom", "model": "None"}
+    assert found == names | {"searches": 3, "screening": 512, "steps": 40, "tolerance": 0.01}
 
 
 class Minimax(Orbits):

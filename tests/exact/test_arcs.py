@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm
-from tpd.exact.mode_kinds import REST
+from tpd.exact.terms import REST
 
 from tests.exact.plants import plants_of
 from tests.reference import parameters

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numba
 import numpy as np
 import pytest
-from tpd.exact.mode_kinds import REST
+from tpd.exact.terms import REST
 
 from tests.exact.plants import plants_of
 from tests.reference import HUNG, parameters

@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from tpd.exact.mode_kinds import REST
+from tpd.exact.terms import REST
 
 import tpd
 from tests.exact.plants import plants_of

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import tpd
 from tpd import Conditions, Parameters, paper_scene
 from tpd.scene.conditions import FACTORS, under, under_all
 
@@ -174,3 +175,40 @@ def test_a_neighbourhood_holds_the_scenes_own_shaking_and_stronger_ones():
 def test_exactly_is_the_scenes_own_shaking_alone():
     assert rows(Conditions.exactly()) == [(1.0,) * len(FACTORS)]
     assert Conditions.exactly().label(0) == "the scene's own shaking"
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"frequency": 0.6}, r"`frequency` must be between 0\.001 and 0\.5, but is 0\.6"),
+        ({"frequency": 0.0}, "`frequency` must be between"),
+        ({"amplitude": -0.1}, "`amplitude` must be between 0 and 1, but is -0.1"),
+        ({"count": 1}, "`count` must be a whole number, 2 or more, but is 1"),
+    ],
+)
+def test_a_neighbourhood_that_makes_no_sense_is_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        Conditions.around(SCENE, **given)
+
+
+def test_conditions_of_records_are_every_motion_at_every_scale():
+    rng = np.random.default_rng(0)
+    records = [tpd.Record(rng.normal(size=50), 0.02, event=str(i)) for i in range(3)]
+    scatter = {"slenderness": 0.02, "damping": 0.2}
+    c = tpd.Conditions.records(records, (1.0, 2.0), scatter=scatter, samples=2, seed=4)
+    assert len(c) == 12
+    assert np.asarray(c.which).tolist() == sorted([0, 1, 2] * 4)
+    assert c.column("amplitude").tolist() == [1.0, 1.0, 2.0, 2.0] * 3
+    assert np.ptp(c.column("slenderness")) > 0.03
+    both = tpd.Conditions.records(records[:2], (1.0,)) * tpd.Conditions.amplitudes(1.0, 1.5)
+    assert both.column("amplitude").tolist() == [1.0, 1.5] * 2
+    assert np.asarray(both.which).tolist() == [0, 0, 1, 1]
+    with pytest.raises(ValueError, match="only one of two sets"):
+        both * both
+    with pytest.raises(ValueError, match="at least one ground motion"):
+        tpd.Conditions.records([])
+    with pytest.raises(ValueError, match="`intensity`"):
+        tpd.Conditions.records(records, intensity="magnitude")
+    train = tpd.Conditions.records([tpd.Harmonic(amplitude=0.01, frequency=1.0)]).motions[0]
+    assert float(train.pga) == pytest.approx(0.01 * (2.0 * np.pi) ** 2)
+    assert float(train.duration) == pytest.approx(40.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -15,16 +15,18 @@ from tpd.answers.statistics import Interval
 from tpd.core import checks
 from tpd.core.formatting import Printed, above, picture
 from tpd.core.progress import Progress
-from tpd.design.build import Study
 from tpd.design.by_runs import PairedRuns
 from tpd.design.criteria import stroke_limit
 from tpd.design.problem import Question
-from tpd.design.reading import StoredDesign, read_design
 from tpd.design.search import Search
 from tpd.design.survey import Survey
 from tpd.design.verified import GRAVE, Bare, DesignStatus, LossCase, Nearest, Verified, one_of_a_kind
 from tpd.scene.conditions import Conditions
 from tpd.scene.scene import Pendulum, Scene
+
+if TYPE_CHECKING:
+    from tpd.design.build import Study
+    from tpd.design.reading import StoredDesign
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +74,9 @@ class Design(Question, Printed):
             ValueError: a file that cannot be read, of another version, without a key, or with a value that
                 is not allowed.
         """
+        # Who designs does not wait for readers of records and jobs.
+        from tpd.design.reading import read_design
+
         return read_design(path)
 
     def plot(self, what: str = "landscape", *, ax: Any = None) -> Any:

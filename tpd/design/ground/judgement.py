@@ -178,11 +178,6 @@ class Judged:
         """Whether the pendulum makes the block overturn more often, significantly."""
         return self.difference.is_above or self.linear.is_above
 
-    @property
-    def harms(self) -> bool:
-        """Whether the pendulum makes the block overturn or tilt more, significantly."""
-        return self.overturns_more or self.tilt.is_above
-
 
 def scatter_of(block: Block, ensemble: Ensemble | None = None) -> dict[str, float]:
     """Relative half widths of what is uncertain in a block and its pendulum."""

@@ -1,7 +1,7 @@
 """Names and bounds of the symmetric orbits."""
 
 import pytest
-from tpd.exact.orbit_terms import is_neutral
+from tpd.exact.terms import is_neutral
 
 from tpd.exact.terms import ASKED, SIZES
 
