@@ -127,10 +127,8 @@ def _guards(rows: Rows) -> tuple[str, bool]:
     return f"{sum(seen)} of {len(seen)}", all(seen)
 
 
-_LOOP = "Limit: the loop's time. It is told when to stop and gives no status; ours passes no event by proof."
-_COMPILED = (
-    "Limit: as measured. It waits for Numba, half of it Numba's own Python, and for XLA; both are kept."
-)
+_LOOP = "Limit: the loop's time; it is told when to stop, may miss events and gives no status."
+_COMPILED = "Limit: as measured: Numba, half of it Numba's own Python, and XLA compile; both are kept."
 # fmt: off
 AIMS = (
     Aim("precision", "Error of the defaults against 30 digits", "1e-9", _errors,

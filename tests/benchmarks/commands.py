@@ -14,10 +14,10 @@ QUESTION = "How long does a command take, the first time and later?"
 SEED = None
 PENDULUM = "--mass-ratio 0.03459 --length-ratio 0.10426 --pendulum-damping 0.5981"
 COMMANDS = {
-    "tpd optimise": "optimise --scene chimney.toml --out design",
+    "tpd optimise": "optimise --scene chimney.toml --out design --overwrite",
     "tpd check": f"check --scene chimney.toml {PENDULUM}",
-    "tpd response": "response",
-    "tpd map": "map --x mu 0.01 0.3 --y lam 0.1 1.5 --points 60",
+    "tpd response": "response --out response --overwrite",
+    "tpd map": "map --x mu 0.01 0.3 --y lam 0.1 1.5 --points 60 --out map --overwrite",
 }
 
 

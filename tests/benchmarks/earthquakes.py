@@ -93,7 +93,7 @@ def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
         if r["height"] is None:
             continue
         i, j = SLENDERNESS.index(r["nu"]), HEIGHTS.index(r["height"])
-        words = "none fits"
+        words = r["status"]
         if "tilt" in r:
             change[i, j] = 100.0 * r["tilt"][0]
             words = f"{change[i, j]:+.0f}\n{r['overturned'][0]:.0%} → {r['overturned'][1]:.0%}".replace(
@@ -105,7 +105,7 @@ def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
         )
         ax.text(j, i, words, ha="center", va="center", fontsize=8, weight=weight, color=ink)
     image = ax.imshow(change, origin="lower", aspect="auto", cmap="Blues_r", vmin=-24.0, vmax=4.0)
-    ax.figure.colorbar(image, label="change of the mean tilt on motions held out (% of ν)")
+    ax.figure.colorbar(image, label="change of the mean tilt (% of ν)")
     ax.set_xticks(range(len(HEIGHTS)), [f"{h:g}" for h in HEIGHTS])
     ax.set_yticks(range(len(SLENDERNESS)), [f"{nu:g}" for nu in SLENDERNESS])
     ax.set(xlabel="height of the block (m)", ylabel="slenderness width/height (-)")

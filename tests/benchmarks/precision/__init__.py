@@ -64,6 +64,18 @@ def pairs(rows: list[Row], kind: str, peer: str = "") -> list[tuple[str, Row, Ro
     return [(scene, mine, other) for scene, mine, other in found if mine and other]
 
 
+def brief(rows: list[Row]) -> str:
+    """A line a scene: the quickest of ours to 1e-6, and how many times as long the quickest other takes."""
+    found = {
+        kind: {s: (m, o["ms"] / m["ms"]) for s, m, o in pairs(rows, kind)} for kind in ("value", "gradient")
+    }
+    out = []
+    for scene in found["value"].keys() & found["gradient"].keys():
+        cells = [(f"{m['ms']:.3g}", f"{ratio:.2g}") for m, ratio in (of[scene] for of in found.values())]
+        out.append((scene, *cells[0], *cells[1]))
+    return markdown(("scene", "value, ms", "best other/ours", "gradient, ms", "best other/ours"), sorted(out))
+
+
 def short(rows: list[Row]) -> str:
     """Ours against the best of the others at an error of 1e-6."""
     head = ("scene", "asked", "quickest of ours", "ms (error)", "quickest other", "ms (error)", "other/ours")
