@@ -47,7 +47,6 @@ BLOCKS = [
     for m in FENCED.finditer(text)
 ]
 (VERBS,) = (a.choices for a in parser()._actions if isinstance(a, argparse._SubParsersAction))
-EXAMPLES = [block for block in BLOCKS if block.mark.startswith("run: ")]
 LINES = [line for block in BLOCKS if block.language == "sh" for line in block.text.splitlines()]
 COMMANDS = [shlex.split(line, comments=True)[1:] for line in LINES if line.startswith("tpd ")]
 
@@ -71,18 +70,14 @@ def test_there_is_one_command_to_run_and_one_to_test():
     assert "pytest" in commands["tests"]
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=str)
-def test_an_example_prints_what_stands_below_it(example, capsys):
-    assert example.output
-    exec(compile(example.text, example.page, "exec"), {})
-    assert capsys.readouterr().out == example.output
-
-
-def test_the_readme_has_one_example_the_descent_in_the_open():
-    (example,) = EXAMPLES
+def test_the_one_example_is_the_descent_in_the_open_and_prints_what_stands_below_it(capsys):
+    (example,) = (block for block in BLOCKS if block.mark.startswith("run: "))
     assert example.page == "README.md"
     assert len(example.text.splitlines()) <= 30
     assert all(name in example.text for name in ("Smoothed", "optax", "Piecewise"))
+    assert example.output
+    exec(compile(example.text, example.page, "exec"), {})
+    assert capsys.readouterr().out == example.output
 
 
 @of("python")
