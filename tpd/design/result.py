@@ -288,7 +288,7 @@ class HarmonicDesign(Design):
         **Design.pictures,
         "benefit": "compare:plot_benefit",
         "conditions": "compare:plot_conditions",
-        "motion": "motion:plot_start",
+        "motion": "response:plot_start",
     }
 
     @property

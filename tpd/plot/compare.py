@@ -83,7 +83,9 @@ def _rows(design: HarmonicDesign, benefit: Benefit) -> list[tuple[str, float, fl
     known = known[order]
     chosen = known[np.unique(np.linspace(0, len(known) - 1, min(len(known), _MOST)).astype(int))]
     label = design.conditions.label
-    return rows + [(f"tilt, {label(i)}", float(bare[i]), float(hung[i]), np.nan, np.nan) for i in chosen]
+    return rows + [
+        (f"tilt, {label(i)}", float(bare[i]), float(hung[i]), np.nan, np.nan) for i in map(int, chosen)
+    ]
 
 
 def plot_conditions(design: HarmonicDesign, axes: Any = None) -> Any:

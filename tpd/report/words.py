@@ -10,6 +10,7 @@ from tpd.answers.attractors import Starts
 from tpd.core.formatting import number
 from tpd.design.criteria import KINDS, Limit, Room, limit_of
 from tpd.design.ground.design import GroundDesign
+from tpd.design.ground.judgement import Judged
 from tpd.design.result import Design, HarmonicDesign
 from tpd.design.study import Study
 from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene, paper_scene
@@ -98,6 +99,16 @@ def range_of_mass(design: Design) -> str:
     if high - low < 0.02 * float(design.pendulum.mass):
         return ""
     return f" ({number(low, 2)} to {number(high, 2)} kg do as well)"
+
+
+def group(g: Judged) -> str:
+    """Line for a terminal about a group of motions, with the interval: a mean alone would claim too much."""
+    before, after = g.overturned
+    left = f"; {g.undecided} runs without an answer" if g.undecided else ""
+    return (
+        f"  {g.name} ({g.motions} motions, {g.events} earthquakes): overturned {before:.1%} without and "
+        f"{after:.1%} with it, {g.difference.words()}{left}"
+    )
 
 
 def usage(design: Design, study: Study) -> dict[str, float]:
