@@ -176,7 +176,7 @@ spectrum --width 450 --height 1800 --mass 900 --pulse one-sine | kg/m^3
 check HUNG OWN | `cavity_width`, the width in m between the walls that the bob swings within, must be given
 job site.gravity = 1.0 | [site] `gravity` must be between 1.5 and 30 m/s^2 (the Earth's is 9.80665)
 job conditions.amplitudes = [100.0] | must make at most 10 g, but 1.5 m at 2.5 Hz make
-job block.width = 0.1; REST; limits.room = true | `cavity_width`, the width in m between the walls
+job limits.room = true; block.width = 0.1; REST | `cavity_width`, the width in m between the walls
 """
 """Input in other units, or of a block without a cavity."""
 ROWS, ASKED = ([tuple(line.split(" | ")) for line in x.strip().splitlines()] for x in (TABLE, UNITS))

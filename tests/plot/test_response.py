@@ -111,20 +111,13 @@ def test_motions_under_a_record_have_the_base_above_and_the_friction_below():
     assert len(plot_motions((bare, dataclasses.replace(bare, swing=0.1 * one)), 0.25)) == 4
 
 
-@pytest.fixture(scope="module")
-def response():
-    return tpd.settled_response(SCENE, "frequency", VALUES, pendulum=designs.HUNG)
-
-
-def test_a_response_draws_itself_beside_that_of_the_bare_block(response):
+def test_a_response_draws_itself_and_is_a_table_with_the_shares_of_runs_near_each_value():
+    response = tpd.settled_response(SCENE, "frequency", VALUES, pendulum=designs.HUNG)
     above, below = response.plot(designs.response(*np.full(9, 0.1), frequency=VALUES), own=2.5)
     assert [t.get_text() for t in above.get_legend().get_texts()] == ["bare block", "with the pendulum"]
     assert below.get_xlabel() == "frequency of the base motion (Hz)"
     with pytest.raises(TypeError, match="unexpected keyword argument 'axis'"):
         response.plot(axis=None)
-
-
-def test_a_response_is_a_table_with_the_shares_of_runs_near_each_value(response):
     table = response.to_dataframe()
     names = ["frequency", "status", "amplitude_rad", "stroke_rad"]
     names += ["share_overturned", "share_low", "share_high"]
@@ -133,11 +126,8 @@ def test_a_response_is_a_table_with_the_shares_of_runs_near_each_value(response)
     assert np.all((table["share_low"] <= table["share_overturned"]) & (table["share_high"] <= 1.0))
     few = dataclasses.replace(response, overturning=None)
     assert list(few.to_dataframe().columns) == names[:4]
-
-
-def test_a_part_of_a_response_keeps_its_shares(response):
-    part = response.between(1.5, 2.5)
-    at = (VALUES >= 1.5) & (VALUES <= 2.5)
+    # A part of it keeps its shares.
+    part, at = response.between(1.5, 2.5), (VALUES >= 1.5) & (VALUES <= 2.5)
     assert part.frequency.tolist() == VALUES[at].tolist()
     np.testing.assert_array_equal(part.overturning, response.overturning[:, at])
     assert part.status.tolist() == response.status[at].tolist()

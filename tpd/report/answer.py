@@ -244,11 +244,8 @@ def _more(design: Design, directory: Path | None) -> Iterator[tuple[str, str]]:
         return
     at = shlex.quote(str(directory))
     if isinstance(design, HarmonicDesign) and design.pendulum is not None:
-        yield (
-            "not asked",
-            f"earthquakes: tpd fragility {at} --records el-centro loma-prieta; contact and sliding: "
-            f"tpd check {at} --engine mujoco",
-        )
+        shaken = f"earthquakes: tpd fragility {at} --records el-centro loma-prieta"
+        yield "not asked", f"{shaken}; contact and sliding: tpd check {at} --engine mujoco"
     page = "report.html" if design.status is not DesignStatus.interrupted else "report.txt"
     yield "report", f"{directory / page}"
     yield "again", f"tpd optimise --scene {at}/scene.toml --out {at}-again"
