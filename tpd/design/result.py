@@ -185,7 +185,7 @@ class Design(Question, Printed):
         Args:
             study: from `study`; by default what needs further runs is left out.
         """
-        return above("report.answer:told")(self, study)
+        return above("report.answer:answer")(self, study)
 
     def __str__(self) -> str:
         return self.answer()

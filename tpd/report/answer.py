@@ -34,10 +34,14 @@ _USED = 0.95
 """Share of a limit that is used where it is said to hold the design."""
 
 
-def answer(design: Design, study: Study, directory: Path | None = None) -> str:
+def answer(design: Design, study: Study | None = None, directory: Path | None = None) -> str:
     """The answer of `optimise` in at most 25 lines: verdict, pendulum, what it brings, what limits it.
 
-    Block and motion are left out: the command says them before the search."""
+    Block and motion are left out: the command says them before the search. Without a study what needs further
+    runs is left out as well."""
+    if study is None:
+        used = usage(design) if isinstance(design, HarmonicDesign) else ()
+        study = Study(build=build_of(design), usage=used)
     found = [verdict(design), *dangers(design, study)]
     lines = [line for one in found for line in wrapped(one.marked)]
     rows = [pair for pair in pairs(design, study) if pair[0] not in ("block", "motion")]
@@ -55,14 +59,6 @@ def answer(design: Design, study: Study, directory: Path | None = None) -> str:
     if len(lines) > room:
         lines = [*lines[: room - 1], " " * _NAME + "(more in the report)"]
     return "\n".join([*lines, *(line for name, said in more for line in _named(said, name))])
-
-
-def told(design: Design, study: Study | None) -> str:
-    """See `Design.answer`."""
-    if study is None:
-        used = usage(design) if isinstance(design, HarmonicDesign) else ()
-        study = Study(build=build_of(design), usage=used)
-    return answer(design, study)
 
 
 def _named(said: str, name: str) -> list[str]:
