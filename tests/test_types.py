@@ -63,7 +63,6 @@ WRONG = {
 @pytest.fixture(scope="module")
 def errors(tmp_path_factory):
     """Lines of the errors in each script by its name; the right one is `right`."""
-    pytest.importorskip("basedpyright")
     folder = tmp_path_factory.mktemp("scripts")
     names = {"right": "right", **{name: f"wrong{i}" for i, name in enumerate(WRONG)}}
     (folder / "right.py").write_text(SCRIPT)

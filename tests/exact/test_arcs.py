@@ -4,7 +4,6 @@ import numba
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm
-from tpd.exact.terms import REST
 
 from tests.exact.plants import plants_of
 from tests.reference import parameters
@@ -22,7 +21,7 @@ from tpd.exact.arcs import (
 )
 from tpd.exact.motion import NO, YES
 from tpd.exact.plant import STEP
-from tpd.exact.terms import SLIP, STICK
+from tpd.exact.terms import REST, SLIP, STICK
 from tpd.theory.equations import Linear
 
 PAIRS = [(0.0, 4.0), (0.3, 4.0), (40.0, 5.0), *((2.0, 1.0 + d) for d in (-1e-3, -1e-6, 0.0, 1e-6, 1e-3))]

@@ -4,7 +4,6 @@ import jax.numpy as jnp
 import numba
 import numpy as np
 import pytest
-from tpd.exact.terms import REST
 
 from tests.exact.plants import plants_of
 from tests.reference import HUNG, parameters
@@ -13,7 +12,7 @@ from tpd.exact import contact_kernel
 from tpd.exact.contact import Mode
 from tpd.exact.events import FIRST, SECOND
 from tpd.exact.motion import MOTION
-from tpd.exact.terms import SLIP, STICK
+from tpd.exact.terms import REST, SLIP, STICK
 from tpd.models.segmented import _classify, _held_on_base
 from tpd.scene.impacts import bob_change, housner, linear_bob_change, velocity_ratio
 from tpd.theory.equations import Equations, Linear

@@ -8,8 +8,8 @@ import pytest
 from tests.exact.orbits import BATCH, solve
 from tests.reference import NAMES, parameters
 from tpd import Parameters, simulate, symmetric_orbits
-from tpd.exact.terms import STATUSES
 from tpd.exact.symmetric_orbit_kernel import _status
+from tpd.exact.terms import STATUSES
 from tpd.models import compiled_orbits
 
 

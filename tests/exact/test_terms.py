@@ -1,9 +1,8 @@
 """Names and bounds of the symmetric orbits."""
 
 import pytest
-from tpd.exact.terms import is_neutral
 
-from tpd.exact.terms import ASKED, SIZES
+from tpd.exact.terms import ASKED, SIZES, is_neutral
 
 
 def test_places_asked_for_together_cover_every_size_once():

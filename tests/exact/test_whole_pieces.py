@@ -4,7 +4,6 @@ import numba
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from tpd.exact.terms import REST
 
 import tpd
 from tests.exact.plants import plants_of
@@ -12,7 +11,7 @@ from tests.exact.shaken import Case, changed, motions, operands, random_scenes
 from tpd.exact import whole_pieces
 from tpd.exact.arcs import accelerations
 from tpd.exact.follow import ROCKED
-from tpd.exact.terms import SLIP
+from tpd.exact.terms import REST, SLIP
 from tpd.models.compiled_shaken import follow_all
 
 SCENES = random_scenes(120)

@@ -1,17 +1,14 @@
-"""The drawing to scale and the animation."""
+"""The drawing to scale."""
 
 import dataclasses
-import io
 
 import numpy as np
 import pytest
 from matplotlib.text import Text
-from PIL import Image
 
 import tpd
 from tests import designs
 from tpd.core.formatting import number
-from tpd.plot.animation import animate, reel
 from tpd.plot.drawing import corners, plot_scene, rod
 from tpd.scene.bob import Bob
 
@@ -118,39 +115,3 @@ def test_a_tilted_block_stands_on_its_corner(tilt):
     hinge, bob = rod(block, 0.2, 0.3)
     assert hinge == pytest.approx(0.5 * (block[2] + block[3]))
     assert bob - hinge == pytest.approx((0.2 * np.sin(0.3), -0.2 * np.cos(0.3)))
-
-
-def test_the_animation_is_small_and_moves():
-    histories = (designs.history(False), designs.history(True, size=0.04))
-    film = animate(designs.SCENE, designs.HUNG, histories)
-    assert len(film) < 3e6
-    image = Image.open(io.BytesIO(film))
-    assert image.format == "GIF"
-    assert image.n_frames > 60
-    assert image.info["duration"] == 50
-    frames = []
-    for i in (0, 33):
-        image.seek(i)
-        frames.append(np.asarray(image.convert("L")))
-    # Upper half of the block without a pendulum.
-    height, width = frames[0].shape
-    assert (frames[0] != frames[1])[: height // 2, : width // 2].mean() > 0.02
-
-
-def test_an_overturned_block_lies_and_is_called_so():
-    times = np.arange(100) / 20.0
-    found = reel(designs.history(False, lost=True), None, times)
-    assert found.lost[-1]
-    assert not found.lost[0]
-    assert np.abs(found.tilt).max() == pytest.approx(0.5 * np.pi)
-    assert np.isfinite(found.tilt).all()
-    # The history reaches a right angle at t = ln(50 pi)/2 = 2.53 s.
-    assert times[np.argmax(found.lost)] == pytest.approx(2.55)
-
-
-def test_frames_are_the_time_history_between_its_samples():
-    history, times = designs.history(True), np.array([0.0, 1.003, 2.0])
-    found = reel(history, designs.HUNG, times)
-    assert found.tilt == pytest.approx(np.interp(times, history.time, history.tilt))
-    assert found.angle == pytest.approx(np.interp(times, history.time, history.bob))
-    assert not found.lost.any()

@@ -21,6 +21,7 @@ def written(design, study) -> dict:
     return json.loads(as_json(design, study, JOB))
 
 
+NEAREST = Nearest(design=np.array(designs.RATIOS), broken=(designs.REASON,))
 CASES = {
     "one condition": (designs.single(), designs.study()),
     "a neighbourhood": (designs.around(), designs.study()),
@@ -31,12 +32,7 @@ CASES = {
         Study(left_out=("the time histories",)),
     ),
     "none feasible": (
-        designs.single(
-            status=DesignStatus.none_feasible,
-            pendulum=None,
-            verified=(),
-            nearest=Nearest(design=np.array(designs.RATIOS), broken=(designs.REASON,)),
-        ),
+        designs.single(status=DesignStatus.none_feasible, pendulum=None, verified=(), nearest=NEAREST),
         designs.study(),
     ),
 }
@@ -51,13 +47,7 @@ def test_every_design_is_what_the_schema_says(case):
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [
-        ("version", 2),
-        ("pendulum", {"mass": 1.0}),
-        ("status", "good"),
-        ("seed", "large"),
-        ("more", 1),
-    ],
+    [("version", 2), ("pendulum", {"mass": 1.0}), ("status", "good"), ("seed", "large"), ("more", 1)],
 )
 def test_the_schema_refuses_other_content(key, value):
     content = written(*CASES["one condition"]) | {key: value}

@@ -1,22 +1,14 @@
-"""Text, HTML and files of a report."""
+"""A report as text and as a page."""
 
-import dataclasses
-import io
 from html.parser import HTMLParser
 
 import pytest
-from PIL import Image
 
 from tests import designs
-from tpd.core.formatting import number
-from tpd.design.result import DesignStatus
-from tpd.design.study import Study, build_of
-from tpd.report import pictures
-from tpd.report.blocks import Code, Figure, Note, Report, Section, Severity, Table, Text
-from tpd.report.content import content
-from tpd.report.files import write
-from tpd.report.html import html
-from tpd.report.text import text
+from tpd.design.study import build_of
+from tpd.report.blocks import Code, Figure, Note, Report, Section, Table, Text, danger, note
+from tpd.report.content import content, names
+from tpd.report.render import html, text
 
 VOID = {"meta", "img", "br", "link"}
 
@@ -49,18 +41,11 @@ def read(page: str) -> Reader:
     return reader
 
 
-def png() -> bytes:
-    buffer = io.BytesIO()
-    Image.new("RGB", (2, 2)).save(buffer, "PNG")
-    return buffer.getvalue()
-
-
-def drawn(design, study) -> dict[str, bytes]:
-    return dict.fromkeys(pictures.names(design, study), png())
+PNG = b"\x89PNG"
 
 
 def of(*blocks) -> Report:
-    return report(Note(Severity.note, "verdict"), Section("first", blocks))
+    return report(note("verdict"), Section("first", blocks))
 
 
 def report(verdict: Note, *sections: Section) -> Report:
@@ -70,7 +55,7 @@ def report(verdict: Note, *sections: Section) -> Report:
 
 def test_the_page_is_whole_and_needs_nothing_from_outside():
     design, study = designs.single(), designs.study()
-    page = html(content(design, study, "[block]\n"), drawn(design, study))
+    page = html(content(design, study, "[block]\n"), dict.fromkeys(names(design, study), PNG))
     reader = read(page)
     assert "http:" not in page
     assert "https:" not in page
@@ -90,50 +75,28 @@ def test_page_and_text_say_the_same_in_the_same_order(case):
     found = content(design, study, "[block]\n")
     page, words = read(html(found, {})).text, text(found)
     assert words.startswith("FOUND, BUT NOT TO BE HUNG AS IT IS")
-    order = [
-        "FOUND, BUT NOT TO BE HUNG AS IT IS",
-        "DANGER: Once settled",
-        "Build it",
-        "1.622 kg",
-        "Assumptions",
-        "Seed 3",
-    ]
+    order = ["FOUND, BUT NOT TO BE HUNG AS IT IS", "DANGER: Once settled", "Build it", "1.622 kg"]
+    parts = ["0.12 m", "N m s/rad", "ten swings take", "jax", "1 met no design", "50.0% (", "growing for 2 s"]
     for said in (page, words):
-        places = [said.index(x) for x in order]
+        places = [said.index(x) for x in (*order, "Assumptions", "Seed 3")]
         assert places == sorted(places)
-        for part in (
-            "0.12 m",
-            "N m s/rad",
-            "ten swings take",
-            "jax",
-            "1 met no design",
-            "50.0% (",
-            "40 paired runs of the nonlinear equations, seed 0",
-            "growing for 2 s",
-        ):
+        for part in (*parts, "40 paired runs of the nonlinear equations, seed 0"):
             assert part in said
 
 
-def test_severities_are_classes_of_the_page():
-    blocks = [Note(severity, severity.name.upper()) for severity in Severity]
-    tags = read(html(of(*blocks), {})).tags
-    classes = [attributes["class"] for tag, attributes in tags if tag == "p"]
-    assert classes == ["verdict note", "danger", "note"]
-    danger = report(Note(Severity.danger, "no"))
-    assert ("p", {"class": "verdict danger"}) in read(html(danger, {})).tags
-
-
-def test_all_but_the_first_screen_is_folded_and_some_of_it_is_printed():
-    note = Note(Severity.note, "verdict")
-    page = html(report(note, Section("a", (Text("x"),), printed=True), Section("b", (Text("y"),))), {})
-    folds = [attributes for tag, attributes in read(page).tags if tag == "details"]
-    assert folds == [{"class": "printed"}, {}]
+def test_severities_are_classes_and_all_but_the_first_screen_is_folded():
+    sections = Section("a", (danger("D"), note("N")), printed=True), Section("b", (Text("y"),))
+    page = html(report(note("verdict"), *sections), {})
+    tags = read(page).tags
+    assert [at["class"] for tag, at in tags if tag == "p" and at] == ["verdict note", "danger", "note"]
+    assert [at for tag, at in tags if tag == "details"] == [{"class": "printed"}, {}]
     assert page.index("5 kg") < page.index("<details")
+    assert ("p", {"class": "verdict danger"}) in read(html(report(danger("no")), {})).tags
 
 
 def test_everything_is_escaped_and_numbers_stand_to_the_right():
     table = Table(("name", "size"), (("<i>", 1.0), ("none", None), ("?", float("nan"))), "a & b")
-    reader = read(html(of(table, Code("<b>"), Note(Severity.note, "</p>")), {}))
+    reader = read(html(of(table, Code("<b>"), note("</p>")), {}))
     cells = [attributes for tag, attributes in reader.tags if tag == "td"]
     # The first row is that of the answer.
     assert cells[2:] == [{}, {"class": "n"}] * 3
@@ -152,84 +115,18 @@ def test_wide_tables_scroll_and_their_captions_do_not():
     assert "scrolls to the side" not in html(of(Table(("a",), (("1",),))), {})
 
 
-def test_an_empty_last_cell_has_no_line_of_its_own():
-    table = Table(("from", "reasons"), (("search", "because " * 20), ("path", None)))
-    assert text(of(table)).splitlines()[-1] == "path"
-
-
-def test_rows_have_the_cells_of_their_head():
-    with pytest.raises(ValueError, match="must have 2 cells as the head has, but has 1"):
-        Table(("name", "size"), (("one",),))
-
-
-def test_pictures_have_a_description_and_a_kind_that_pages_show():
-    with pytest.raises(ValueError, match="`alt` must describe the picture"):
-        Figure("a.png", alt="", caption="")
-    with pytest.raises(ValueError, match="must hold SVG, PNG or GIF files only"):
-        html(of(), {"a.bmp": b"BM"})
-
-
 def test_figures_without_a_file_are_left_out_of_the_page():
     figure = Figure("a.png", alt="a dot", caption="dot")
     assert "<figure>" not in html(of(figure), {})
-    assert "<figure>" in html(of(figure), {"a.png": png()})
+    assert "<figure>" in html(of(figure), {"a.png": PNG})
+    with pytest.raises(ValueError, match="must hold SVG, PNG or GIF files only"):
+        html(of(figure), {"a.png": b"BM"})
 
 
 def test_long_sentences_of_a_table_stand_below_their_row():
-    lines = text(
-        of(Table(("from", "reasons"), (("search", "because " * 20), ("path", "short"))))
-    ).splitlines()
-    assert lines[-6:-4] == ["from", "search"]
-    assert all(line.startswith("    because") for line in lines[-4:-2])
-    assert lines[-2:] == ["path", "    short"]
-
-
-@pytest.mark.parametrize(
-    ("x", "said"),
-    [
-        (0.0, "0"),
-        (20e3, "20000"),
-        (123456.0, "123500"),
-        (0.0913456, "0.09135"),
-        (3.0, "3"),
-        (-0.25, "-0.25"),
-        (9.99996, "10"),
-        (1e-7, "1e-07"),
-        (float("inf"), "infinite"),
-        (float("nan"), "–"),
-    ],
-)
-def test_numbers_for_people(x, said):
-    assert number(x) == said
-
-
-def test_all_files_are_written_and_the_page_last(tmp_path):
-    study = dataclasses.replace(designs.study(), histories=None)
-    written = write(
-        tmp_path / "out", designs.single(), study, {"block": {"width": 0.1}}, "[block]\nwidth = 0.1\n"
-    )
-    names = [path.name for path in written]
-    assert names == [
-        *(
-            "report.txt",
-            "design.json",
-            "scene.toml",
-            "response.csv",
-            "benefit.svg",
-            "search.png",
-            "response.svg",
-            "drawing.svg",
-            "report.html",
-        )
-    ]
-    assert all(path.stat().st_size > 0 for path in written)
-    assert sorted(names) == sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert (tmp_path / "out" / "scene.toml").read_text() == "[block]\nwidth = 0.1\n"
-    assert "width = 0.1" in (tmp_path / "out" / "report.html").read_text()
-
-
-def test_an_interrupted_search_has_no_page(tmp_path):
-    cut = designs.single(status=DesignStatus.interrupted, pendulum=None, verified=())
-    names = {path.name for path in write(tmp_path, cut, Study(), {}, "[block]\n")}
-    assert names == {"report.txt", "design.json", "scene.toml", "search.png"}
-    assert (tmp_path / "report.txt").read_text().startswith("INTERRUPTED")
+    rows = (("search", "because " * 20), ("path", "short"), ("none", None))
+    lines = text(of(Table(("from", "reasons"), rows))).splitlines()
+    assert lines[-7:-5] == ["from", "search"]
+    assert all(line.startswith("    because") for line in lines[-5:-3])
+    # An empty cell has no line of its own.
+    assert lines[-3:] == ["path", "    short", "none"]

@@ -2,10 +2,14 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 import tpd
+from tests import designs
+from tpd.design.criteria import Mass, Risk, Room
 from tpd.report import words
+from tpd.scene.bob import Bob
 
 PAPER = tpd.paper_scene()
 MARBLE = tpd.Block(width=1.0, height=6.0, mass=9000.0, radius_of_gyration=1.75, restitution=0.9)
@@ -41,10 +45,7 @@ def test_another_size_is_another_block(size):
 def test_lines_have_block_motion_and_losses_in_si_units():
     first, block, motion, losses = words.scene_lines(COLUMN)
     assert first == "Scene: a block of your own."
-    assert (
-        "1 m wide, 6 m high, 9000 kg, radius of gyration 1.75 m, no cavity stated; slenderness 0.1667"
-        in block
-    )
+    assert "1 m wide, 6 m high, 9000 kg, radius of gyration 1.75 m, no cavity stated; slender" in block
     assert "topples at 0.1667 rad (9.55°)" in block
     # 0.05 m (2 pi 0.5 Hz)^2 is 0.4935 m/s^2.
     assert "0.05 m at 0.5 Hz, 0.05032 g: not above 0.1667 g" in motion
@@ -63,3 +64,43 @@ def test_the_threshold_of_uplift_is_that_of_the_closed_form():
         assert bool(tpd.theory.uplift(scene.parameters()).margin < 0.0) is lifts
         said = words.scene_lines(scene)[2]
         assert (": above 0.3 g, so the bare block at rest lifts" in said) is lifts
+
+
+@pytest.mark.parametrize(
+    ("losses", "said"),
+    [
+        ({}, "friction k = 0.05"),
+        ({"restitution": "housner"}, "impact loss: Housner, e = 0.9118 for the bare block"),
+        ({"restitution": 0.9, "friction": 0.02}, "impact loss: e = 0.9; friction k = 0.02"),
+    ],
+)
+def test_a_report_names_the_energy_losses(losses, said):
+    assert words.losses(tpd.Block(width=0.1, height=0.4, mass=16.0, **losses)) == said
+
+
+@pytest.mark.parametrize(
+    ("value", "changes", "said"),
+    [
+        (0.3, {}, "0.07500 rad (30.0% of nu)"),
+        (-0.1, {}, "none: at rest with 10.0% of the lifting moment in reserve"),
+        (1.2, {}, "no settled motion under the worst condition: by events the block may overturn"),
+        (-0.1, {"risk": Risk.expected()}, "-0.1000 times nu, rest counted as less its uplift margin"),
+    ],
+)
+def test_a_value_of_the_risk_in_words(value, changes, said):
+    assert words.risk(designs.band(**changes), value) == said
+
+
+def test_angles_that_are_infinite_or_unknown_are_told_apart():
+    assert words.angle(0.1) == "0.1 rad (5.73°)"
+    assert words.angle(np.inf) == "overturns"
+    assert words.angle(np.nan) == "unknown"
+
+
+def test_limits_in_words():
+    assert words.limit(Mass(2.0)) == "mass 2 kg"
+    assert words.limit(Room()) == "the bob, a solid ball of steel, keeps off the walls"
+    wood = Room(Bob(shape="cylinder", density=700.0))
+    assert "a solid cylinder of 700 kg/m³, 2 times as high as wide" in words.limit(wood)
+    said = [words.limit(limit) for limit in designs.single().limits]
+    assert said == ["stroke 0.5 rad", "reserve 0.05"]

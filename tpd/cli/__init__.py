@@ -1,8 +1,8 @@
 """Command line: `tpd new`, `optimise`, `check`, `response`, `map`, `shake`, `spectrum`, `fragility` and
 `export`.
 
-A command is a module with `add`, its grammar, and `run`. Modules that need JAX are imported by `run`, so that
-the help does not wait for them.
+The grammar of all commands is in `grammar`. A command is a module with a function `run`, which is imported
+when the command is chosen: the help does not wait for JAX.
 """
 
 from __future__ import annotations
@@ -10,32 +10,16 @@ from __future__ import annotations
 import argparse
 import sys
 import warnings
+from importlib import import_module
 
 import tpd
-from tpd.cli import (
-    check,
-    common,
-    export,
-    fragility,
-    interrupts,
-    new,
-    optimise,
-    options,
-    response,
-    shake,
-    spectrum,
-)
-from tpd.cli import map as mapping
+from tpd.cli import grammar, interrupts
+from tpd.core import process
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the grammar of the command line."""
-    top = options.Parser(prog="tpd", description=str(tpd.__doc__).splitlines()[0])
-    top.add_argument("--version", action="version", version=f"tpd {tpd.__version__}")
-    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for command in (new, optimise, check, response, mapping, shake, spectrum, fragility, export):
-        command.add(commands)
-    return top
+    return grammar.parser(str(tpd.__doc__).splitlines()[0], tpd.__version__)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -48,10 +32,9 @@ def main(arguments: list[str] | None = None) -> int:
         return _run(parser().parse_args(arguments))
     read = parser().parse_args()
     warnings.showwarning = interrupts.warned
-    does = getattr(read, "does", "").format(**vars(read))
-    with interrupts.watched(getattr(read, "out", None), does):
+    with interrupts.watched(getattr(read, "out", None), read.does.format(**vars(read))):
         status = _run(read)
-        return interrupts.exit_now(status) if status == common.INTERRUPTED else status
+        return interrupts.exit_now(status) if status == interrupts.INTERRUPTED else status
 
 
 def _run(read: argparse.Namespace) -> int:
@@ -59,10 +42,13 @@ def _run(read: argparse.Namespace) -> int:
     out = getattr(read, "out", None)
     existed = interrupts.exists(out)
     try:
-        status = read.run(read)
+        # JAX is set up before any module imports it; a template needs none.
+        if read.command != "new":
+            process.use_64_bits()
+        status = import_module(f"tpd.cli.{read.command}").run(read)
     except (Exception, KeyboardInterrupt) as error:
         status = _refused(error)
-    if status == common.INTERRUPTED and (hint := interrupts.leave(out, existed)):
+    if status == interrupts.INTERRUPTED and (hint := interrupts.leave(out, existed)):
         print(hint, file=sys.stderr if getattr(read, "json", False) else sys.stdout)
     return status
 
@@ -72,7 +58,7 @@ def _refused(error: BaseException) -> int:
     # An import or a compiler that is interrupted raises an error of its own.
     if isinstance(error, KeyboardInterrupt) or interrupts.received():
         print("tpd: interrupted", file=sys.stderr)
-        return common.INTERRUPTED
+        return interrupts.INTERRUPTED
     if isinstance(error, MemoryError):
         print("tpd: the job does not fit into memory: ask for less at once", file=sys.stderr)
     elif isinstance(error, OSError) and error.strerror:
@@ -81,4 +67,4 @@ def _refused(error: BaseException) -> int:
         print(f"tpd: {error}", file=sys.stderr)
     else:
         raise error
-    return common.BAD_INPUT
+    return interrupts.BAD_INPUT

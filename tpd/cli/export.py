@@ -4,49 +4,26 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from tpd import engines
+from tpd.answers.shaking_history import shaking_history
 from tpd.cli import common
+from tpd.cli.grammar import EXPORTED
+from tpd.cli.interrupts import SOUND
 from tpd.cli.options import given
-
-if TYPE_CHECKING:
-    from tpd.scene.scene import Pendulum, Scene
-
-_FILES = {"mjcf": "model.xml", "opensees": "model.tcl", "csv": "histories.csv"}
-
-
-def add(commands: Any) -> None:
-    """Add the command to the grammar of the command line."""
-    command = commands.add_parser(
-        "export",
-        help="write a design as a model of MuJoCo or OpenSees, or its motion as a table",
-        description="Write the block and the pendulum of a report, or of the options, as a model for another "
-        "program, or their motion from rest as CSV, bare and with the pendulum, under the harmonic of the "
-        "report or the options, or the pulse or record that is given. A model in MJCF has no motion. Exit "
-        "status: 0 done, 2 bad input, 130 interrupted.",
-        epilog="\nExample: tpd export --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2 --as mjcf",
-    )
-    common.add_case(command, common.HARMONIC, common.PULSE, common.RECORD)
-    command.add_argument(
-        "--as", dest="kind", required=True, choices=tuple(_FILES), help="mjcf: MuJoCo; csv: the histories"
-    )
-    command.add_argument(
-        "--sliding", type=float, metavar="MU", help="friction of a model on the floor (default 0.6)"
-    )
-    command.add_argument(
-        "--file", type=Path, metavar="FILE", help=f"to write to (default {', '.join(_FILES.values())})"
-    )
-    command.add_argument("--overwrite", action="store_true", help="replace FILE if it exists")
-    command.set_defaults(run=run, does="writing the model")
+from tpd.core import files
+from tpd.design.study import time_histories
+from tpd.scene.scene import Pendulum, Scene
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the file, and print what was exported; return the exit status."""
-    from tpd.core import files
-
     if options.kind == "csv" and options.sliding is not None:
         raise ValueError("--sliding is of a model of MuJoCo or OpenSees, but --as is csv")
-    file = Path(_FILES[options.kind]) if options.file is None else options.file
+    file = Path(EXPORTED[options.kind]) if options.file is None else options.file
     # Before the work: a history may take seconds.
     if file.is_dir() or not file.name:
         raise ValueError(f"--file must name a file, but {file} is a directory")
@@ -57,11 +34,9 @@ def run(options: argparse.Namespace) -> int:
         # The model has no motion, but a job has.
         tables["motion"] = {"pulse": "one-sine", "pulse_frequency": 1.0}
     job, hung = common.case(options, over=tables)
-    from tpd import engines
-
     is_harmonic = job.kind == "harmonic"
     scene = job.scene if is_harmonic or options.kind == "mjcf" else job.under(job.shaking)
-    motion = "" if is_harmonic else common.words(scene.motion)
+    motion = "" if is_harmonic else common.shaken(scene.motion)
     motion = "none: give it to the actuators" if options.kind == "mjcf" else motion
     common.say(scene, hung, motion, () if is_harmonic else job.notes)
     if hung is None and options.design is not None:
@@ -75,17 +50,12 @@ def run(options: argparse.Namespace) -> int:
         more = {} if options.sliding is None else {"sliding": options.sliding}
         content = getattr(engines, options.kind)(scene, hung, **more)
     print(f"written: {files.place(file, content)}")
-    return common.SOUND
+    return SOUND
 
 
 def _columns(scene: Scene, hung: Pendulum | None) -> dict[str, Any]:
     """Motion over time, bare and with the pendulum, from rest by the exact solution; NaN once the block has
     fallen."""
-    import numpy as np
-
-    from tpd.answers.shaking_history import shaking_history
-    from tpd.design.study import time_histories
-
     if hasattr(scene.motion, "amplitude"):
         found = time_histories(scene, hung)
         # An exact displacement stands beside the acceleration; that of a record would be an integral.
@@ -94,7 +64,7 @@ def _columns(scene: Scene, hung: Pendulum | None) -> dict[str, Any]:
         base = {"base_m": moved, "base_m_s2": -(rate**2) * moved}
         angles = [(h.tilt, h.bob if h.with_pendulum else None) for h in found]
     else:
-        histories = [shaking_history(scene, h) for h in ((None,) if hung is None else (None, hung))]
+        histories = [shaking_history(scene, h) for h in common.cases(hung).values()]
         times, base = histories[0].times, {"base_m_s2": histories[0].base}
         angles = [(h.tilt, h.swing) for h in histories]
     columns: dict[str, Any] = {"time_s": times, **base, "bare_phi_rad": angles[0][0]}

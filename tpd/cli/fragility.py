@@ -5,47 +5,22 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from tpd.answers.fragility import Fragility, fragility
 from tpd.cli import common
+from tpd.cli.interrupts import SOUND
+from tpd.core import files
 from tpd.core.progress import Bar
-
-if TYPE_CHECKING:
-    from tpd.answers.fragility import Fragility
-    from tpd.scene.scene import Pendulum, Scene
-
-_DESCRIPTION = (
-    "Scale every record to every stripe of an intensity (--scales; default 20 from 0.5 to 8) and follow the "
-    "block through all of them, bare and, if one is given, with a pendulum on the same motions. Exit status: "
-    "0 done, 2 bad input, 130 interrupted."
-)
-
-
-def add(commands: Any) -> None:
-    """Add the command to the grammar of the command line."""
-    fragility = commands.add_parser(
-        "fragility",
-        help="fragility curves over records",
-        description=_DESCRIPTION,
-        epilog="\nExample: tpd fragility --scene tower.toml --records el-centro loma-prieta --scales 1 2 4",
-    )
-    common.add_case(fragility, common.RECORDS, common.PULSE)
-    fragility.add_argument(
-        "--period", type=float, metavar="S", help="of --intensity sa, the spectral acceleration"
-    )
-    common.add_cluster(fragility)
-    common.add_out(fragility, "tpd-fragility")
-    fragility.set_defaults(run=run, does="following the block, for {out}")
+from tpd.plot import style
+from tpd.scene.scene import Pendulum, Scene
 
 
 def run(options: argparse.Namespace) -> int:
     """Follow all motions, write tables and pictures, and print the medians; return the exit status."""
     job, hung = common.case(options)
-    import numpy as np
-
-    from tpd.answers.fragility import fragility
-    from tpd.core import files
-
     if job.kind == "harmonic":
         raise ValueError("give --records FILE, or a job of records: a harmonic has no end")
     asked, scene = job.full["motion"], job.scene
@@ -66,13 +41,10 @@ def run(options: argparse.Namespace) -> int:
         )
     print(found)
     common.write(options.out, _files(scene, hung, found))
-    return common.SOUND
+    return SOUND
 
 
 def _files(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tuple[str, str | bytes]]:
-    from tpd.core import files
-    from tpd.plot import style
-
     yield "fragility.csv", files.as_table(found.columns())
     content = {
         **common.inputs(scene, hung),

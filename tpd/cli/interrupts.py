@@ -1,4 +1,5 @@
-"""Signs of life of a command: a first line at once, and an answer to Ctrl-C even where the work cannot stop.
+"""Exit statuses and signs of life of a command: a first line at once, and an answer to Ctrl-C even where the
+work cannot stop.
 
 Nothing here imports JAX: importing it takes a second, and the first line does not wait for it.
 """
@@ -20,8 +21,8 @@ from typing import Any
 import tpd
 from tpd.core.progress import EVERY, TICK, is_silent, say
 
-INTERRUPTED = 130
-"""Exit status after Ctrl-C."""
+SOUND, BAD_INPUT, UNSOUND, INTERRUPTED = 0, 2, 3, 130
+"""Exit statuses; the last one is that after Ctrl-C."""
 UNFINISHED = "unfinished.npz"
 """Name of the file in which an interrupted search leaves what had ended."""
 _RECEIVED = threading.Event()

@@ -6,27 +6,8 @@ import argparse
 import shlex
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
-from tpd.cli import common
-
-KINDS = ("tower", "chimney", "column", "statue", "paper")
-"""Scenes that there is a template of."""
-
-
-def add(commands: Any) -> None:
-    """Add the command to the grammar of the command line."""
-    command = commands.add_parser(
-        "new",
-        help="write a commented job file to begin with",
-        description="Write a job file in TOML with a realistic scene of the kind asked for: every key that "
-        "matters, with its unit and the reason for it. Change the numbers, then run `tpd optimise --scene "
-        "FILE`. Exit status: 0 written, 2 bad input or an existing file.",
-        epilog="\nExample: tpd new tower --out mine.toml",
-    )
-    command.add_argument("kind", choices=KINDS, metavar="KIND", help=f"one of {', '.join(KINDS)}")
-    command.add_argument("--out", type=Path, metavar="FILE", help="default KIND.toml; it must not exist")
-    command.set_defaults(run=run)
+from tpd.cli.interrupts import SOUND
 
 
 def run(options: argparse.Namespace) -> int:
@@ -45,9 +26,9 @@ def run(options: argparse.Namespace) -> int:
     except OSError as error:
         raise ValueError(f"cannot write {out}: {error.strerror or error}") from None
     print(f"written: {out}\nnext: change its numbers, then {again}")
-    return common.SOUND
+    return SOUND
 
 
 def template(kind: str) -> str:
-    """Return the job file of one of `KINDS`."""
+    """Return the job file of one of `tpd.cli.grammar.KINDS`."""
     return resources.files("tpd.cli").joinpath("templates", f"{kind}.toml").read_text(encoding="utf-8")

@@ -5,67 +5,31 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from tpd.answers.response import Branches, Response, branches, frequencies, settled_response
 from tpd.cli import common
+from tpd.cli.common import BARE
+from tpd.cli.interrupts import SOUND
+from tpd.core import checks, files
 from tpd.core.progress import Bar
-
-if TYPE_CHECKING:
-    from tpd.answers.response import Branches, Response
-    from tpd.scene.scene import Scene
-
-BARE, HUNG = "bare block", "with the pendulum"
-
-
-_DESCRIPTION = (
-    "All branches of symmetric period-one orbits against frequency, stable and unstable, and "
-    "where they are lost: of the bare block and, if one is given, with a pendulum. The amplitude of the "
-    "base stays as it is, or with --dimensionless its acceleration f. Beside them, what a start from rest "
-    "settles into, every 0.4 % within 5 % of the scene's frequency. Without options: the block of Collini "
-    "et al. (2016). Exit status: 0 done, 2 bad input, 130 interrupted."
-)
-
-
-def add(commands: Any) -> None:
-    """Add the command to the grammar of the command line."""
-    response = commands.add_parser(
-        "response",
-        help="amplitude and stroke against frequency",
-        description=_DESCRIPTION,
-        epilog="\nExample: tpd response --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2",
-    )
-    common.add_case(response, common.HARMONIC)
-    response.add_argument("--from", dest="low", type=float, metavar="HZ", help="default 0.4 of the scene's")
-    response.add_argument("--to", dest="high", type=float, metavar="HZ", help="default twice the scene's")
-    response.add_argument("--points", type=int, default=400, metavar="N", help="of each branch (default 400)")
-    response.add_argument(
-        "--dimensionless", action="store_true", help="against xi at constant f; --from and --to are xi"
-    )
-    response.add_argument(
-        "--from-rest",
-        type=int,
-        default=40,
-        metavar="N",
-        help="frequencies over the whole range at which the motion from rest is followed (default 40), 0 for "
-        "none",
-    )
-    common.add_out(response, "tpd-response")
-    response.set_defaults(run=run, does="following the motions over frequency, for {out}")
+from tpd.plot import style
+from tpd.plot.response import plot_branches, plot_response
+from tpd.report.files import response_csv
+from tpd.scene.scene import Scene
 
 
 def run(options: argparse.Namespace) -> int:
     """Follow the branches, write them and print where they are lost; return the exit status."""
     scene, hung = common.harmonic(options)
-    from tpd.answers.response import branches, frequencies, settled_response
-    from tpd.core import checks, files
-
     name, low, high = _range(options, scene)
     if options.from_rest != 0:
         checks.count("--from-rest", options.from_rest, least=2)
     files.claim(options.out, overwrite=options.overwrite)
     common.say(scene, hung)
     own, cases, settled = _own(scene, name), {}, {}
-    hangings = {BARE: None} if hung is None else {BARE: None, HUNG: hung}
+    hangings = common.cases(hung)
     with Bar() as bar:
         bar("following branches", 0, len(hangings))
         for label, pendulum in hangings.items():
@@ -93,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
         "over": name,
     }
     common.write(options.out, (("response.json", files.as_json(content)), *written))
-    return common.SOUND
+    return SOUND
 
 
 def _own(scene: Scene, name: str) -> float:
@@ -103,8 +67,6 @@ def _own(scene: Scene, name: str) -> float:
 
 def _range(options: argparse.Namespace, scene: Scene) -> tuple[str, float, float]:
     """Name of the varied quantity, and its bounds."""
-    from tpd.core import checks
-
     name = "xi" if options.dimensionless else "frequency"
     own = _own(scene, name)
     low = 0.4 * own if options.low is None else options.low
@@ -121,36 +83,21 @@ def _files(
     cases: Mapping[str, Branches], settled: Mapping[str, Mapping[str, Response]], own: float
 ) -> Iterator[tuple[str, str | bytes]]:
     """Tables and pictures; `settled` are the motions from rest by the names of their pictures."""
-    from tpd.core import files
-    from tpd.plot import style as canvas
-    from tpd.plot.response import plot_branches, plot_response
-    from tpd.report.responses import response_csv
-
-    header = (
-        "case",
-        "branch",
-        cases[BARE].name,
-        "status",
-        "amplitude_rad",
-        "stroke_rad",
-        "phase_rad",
-        "multiplier",
-    )
+    sizes = "status", "amplitude_rad", "stroke_rad", "phase_rad", "multiplier"
+    header = ("case", "branch", cases[BARE].name, *sizes)
     rows = (row for label, case in cases.items() for row in _rows(label, case))
     yield "branches.csv", files.as_csv(header, rows)
-    yield "branches.png", canvas.png(plot_branches(cases)[0].figure)
+    yield "branches.png", style.png(plot_branches(cases)[0].figure)
     # Over the whole range the marks next to the own frequency hide each other.
     for name, responses in settled.items():
         shown = tuple(responses.values())
         if name == "response.png" and shown:
             yield "response.csv", response_csv(shown)
         if shown and len(shown[0].frequency):
-            yield name, canvas.png(plot_response(shown, own)[0].figure)
+            yield name, style.png(plot_response(shown, own)[0].figure)
 
 
 def _rows(label: str, case: Branches) -> Iterator[tuple]:
-    import numpy as np
-
     s = case.sweep
     largest = np.abs(s.multipliers).max(axis=-1)
     for branch in range(s.branches):

@@ -5,22 +5,24 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from tpd.answers.shaking_history import STRONG, ShakingHistory, shaking_history
+from tpd.answers.transient import Transient, transient
 from tpd.cli import common
+from tpd.cli.interrupts import SOUND, UNSOUND
+from tpd.core import files
+from tpd.core.formatting import number
+from tpd.design.study import TimeHistory
+from tpd.models.segmented import Segmented
+from tpd.plot import style
+from tpd.plot.animation import animate
+from tpd.plot.response import plot_motions
+from tpd.scene.scene import Pendulum, Scene
+from tpd.scene.status import Status, status_name
 
-if TYPE_CHECKING:
-    from tpd.answers.shaking_history import ShakingHistory
-    from tpd.answers.transient import Transient
-    from tpd.scene.scene import Pendulum, Scene
-
-_DESCRIPTION = (
-    "Follow a block from rest through one pulse or record, bare and, if one is given, with a pendulum: "
-    "largest angles, whether and when it overturns, impacts, and the friction that the base needs. The "
-    "nonlinear equations count, and the linear ones, exact between the samples, stand beside them; "
-    "histories, impacts and friction are of the linear equations. Exit status: 0 done, 2 bad input, 3 the "
-    "block overturns in the last of the cases, or its motion has no answer, 130 interrupted."
-)
 _SIZES = {
     "tilt": "largest tilt, rad",
     "tilt_time": "  at, s",
@@ -35,75 +37,38 @@ _SIZES = {
 _OF_A_PENDULUM = ("swing", "swing_time", "relative", "relative_time")
 
 
-def add(commands: Any) -> None:
-    """Add the command to the grammar of the command line."""
-    shake = commands.add_parser(
-        "shake",
-        help="a block under one pulse or record",
-        description=_DESCRIPTION,
-        epilog="\nExample: tpd shake --scene tower.toml --record el-centro --pga 0.3",
-    )
-    common.add_case(shake, common.PULSE, common.RECORD)
-    shake.add_argument(
-        "--free", type=float, default=20.0, metavar="S", help="free motion after it (default 20)"
-    )
-    common.add_out(shake, "tpd-shake")
-    shake.set_defaults(run=run, does="shaking the block, for {out}")
-
-
 def run(options: argparse.Namespace) -> int:
     """Follow the block, write histories and pictures, and print what happened; return the exit status."""
     job, hung = common.case(options)
-    from tpd.answers.shaking_history import STRONG, shaking_history
-    from tpd.answers.transient import transient
-    from tpd.core import files
-    from tpd.models.segmented import Segmented
-    from tpd.scene.status import status_name
-
     motion = job.shaking
     scene = job.under(motion)
     files.claim(options.out, overwrite=options.overwrite)
-    common.say(scene, hung, common.words(motion), job.notes)
-    cases = {"bare block": None} if hung is None else {"bare block": None, "with the pendulum": hung}
+    common.say(scene, hung, common.shaken(motion), job.notes)
+    cases = common.cases(hung)
+    free = options.free
     # The first of a pair decides: the linear equations are meant for small angles.
-    models = Segmented(), None
     found = {
-        name: tuple(transient(scene, h, model=m, free=options.free) for m in models)
+        name: (transient(scene, h, model=Segmented(), free=free), transient(scene, h, free=free))
         for name, h in cases.items()
     }
-    histories = {name: shaking_history(scene, h, free=options.free) for name, h in cases.items()}
+    histories = {name: shaking_history(scene, h, free=free) for name, h in cases.items()}
     # Rate in rad/s above which an impact is counted.
     strong = STRONG * float(scene.block.slenderness) * float(scene.rate)
     for name, pair in found.items():
         print("\n".join(_table(name, pair, histories[name], strong)))
-    results = {
-        name: {
-            **_numbers(nonlinear),
-            "equations": "nonlinear",
-            "linear": _numbers(linear)
-            | {
-                "impacts": histories[name].impacts_above(strong),
-                "impacts_faster_than_rad_s": strong,
-                "needed_friction": histories[name].needed_friction,
-            },
-        }
-        for name, (nonlinear, linear) in found.items()
-    }
+    results = {name: _results(*pair, histories[name], strong) for name, pair in found.items()}
     content = files.as_json({**common.inputs(scene, hung), "results": results})
     # The film is about the largest tilt, or about the fall, of the bare block by the linear equations.
-    first = found["bare block"][-1]
+    first = found[common.BARE][-1]
     middle = min(float(first.tilt_time), float(first.overturning_time))
     common.write(options.out, (("shake.json", content), *_files(scene, hung, histories, middle)))
     # With a pendulum it is the pendulum's outcome that counts.
     last = status_name(list(found.values())[-1][0].status)
-    return common.SOUND if last in ("stood", "rocked") else common.UNSOUND
+    return SOUND if last in ("stood", "rocked") else UNSOUND
 
 
 def _table(name: str, pair: tuple[Transient, ...], history: ShakingHistory, strong: float) -> Iterator[str]:
     """Lines of what happened by both sets of equations."""
-    from tpd.core.formatting import number
-    from tpd.scene.status import Status, status_name
-
     statuses = [status_name(x.status) for x in pair]
     yield f"{name + ':':42}{'nonlinear equations':>20}{'linear equations':>20}"
     yield f"  {'outcome':40}{statuses[0]:>20}{statuses[1]:>20}"
@@ -129,14 +94,6 @@ def _files(
     scene: Scene, hung: Pendulum | None, histories: dict[str, ShakingHistory], middle: float
 ) -> Iterator[tuple[str, str | bytes]]:
     """Tables, pictures, and a film about a time `middle`, by the linear equations."""
-    import numpy as np
-
-    from tpd.core import files
-    from tpd.design.study import TimeHistory
-    from tpd.plot import style
-    from tpd.plot.animation import animate
-    from tpd.plot.motion import plot_motions
-
     films = {
         name: TimeHistory(
             with_pendulum=h.swing is not None,
@@ -162,8 +119,16 @@ def _files(
     yield "animation.gif", animate(scene, hung, list(films.values()), start=max(0.0, middle - 6.0))
 
 
+def _results(counts: Transient, linear: Transient, history: ShakingHistory, strong: float) -> dict[str, Any]:
+    """Numbers of one case by both sets of equations, for JSON."""
+    more = {
+        "impacts": history.impacts_above(strong),
+        "impacts_faster_than_rad_s": strong,
+        "needed_friction": history.needed_friction,
+    }
+    return {**_numbers(counts), "equations": "nonlinear", "linear": _numbers(linear) | more}
+
+
 def _numbers(answer: Transient) -> dict[str, Any]:
     """Numbers of one motion, for JSON."""
-    from tpd.scene.status import status_name
-
     return {key: float(getattr(answer, key)) for key in _SIZES} | {"status": status_name(answer.status)}

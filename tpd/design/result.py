@@ -110,7 +110,7 @@ class Design(Question, Printed):
         Args:
             study: from `study`; by default what needs further runs is left out.
         """
-        return above("report.answer:told")(self, study)
+        return above("report.answer:answer")(self, study)
 
     def __str__(self) -> str:
         return self.answer()
@@ -205,7 +205,7 @@ class HarmonicDesign(Design):
         **Design.pictures,
         "benefit": "compare:plot_benefit",
         "conditions": "compare:plot_conditions",
-        "motion": "motion:plot_start",
+        "motion": "response:plot_start",
     }
 
     @property

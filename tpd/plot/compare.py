@@ -83,7 +83,9 @@ def _rows(design: HarmonicDesign, benefit: Benefit) -> list[tuple[str, float, fl
     known = known[order]
     chosen = known[np.unique(np.linspace(0, len(known) - 1, min(len(known), _MOST)).astype(int))]
     label = design.conditions.label
-    return rows + [(f"tilt, {label(i)}", float(bare[i]), float(hung[i]), np.nan, np.nan) for i in chosen]
+    return rows + [
+        (f"tilt, {label(i)}", float(bare[i]), float(hung[i]), np.nan, np.nan) for i in map(int, chosen)
+    ]
 
 
 def plot_conditions(design: HarmonicDesign, axes: Any = None) -> Any:
@@ -129,12 +131,8 @@ def _tilts(ax: Any, design: HarmonicDesign, x: np.ndarray, order: np.ndarray) ->
         ax.plot(x[order], tilt[order], **style | {"label": label})
         lost = x[of.exact.status == "overturned"]
         if len(lost):
-            marks = {
-                "ls": "",
-                "marker": "^X"[i],
-                "ms": 6.0,
-                "label": f"{style['label']}: overturns from rest",
-            }
+            label = f"{style['label']}: overturns from rest"
+            marks = {"ls": "", "marker": "^X"[i], "ms": 6.0, "label": label}
             ax.plot(lost, np.full(len(lost), top * (1.0 - 0.05 * i)), **style | marks)
     # A comparison of amplitudes begins at zero; a little less, so that resting designs are seen.
     ax.set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
@@ -217,12 +215,9 @@ def plot_groups(design: GroundDesign, axes: Any = None) -> Any:
         for i, (count, unknown, fit) in enumerate(zip(group.counts, group.unknown, group.fits, strict=True)):
             _curve(ax, group.stripes, count, unknown, group.motions, fit, fine, i)
         d = group.difference
-        ax.set_title(
-            f"{group.name}: {group.motions} motions, {group.events} earthquakes\n"
-            f"overturned {d.words()}"
-            + (f"\n{group.undecided} runs without an answer" if group.undecided else ""),
-            fontsize=9,
-        )
+        said = f"{group.name}: {group.motions} motions, {group.events} earthquakes\noverturned {d.words()}"
+        unknown = f"\n{group.undecided} runs without an answer" if group.undecided else ""
+        ax.set_title(said + unknown, fontsize=9)
         ax.set(xlabel=_INTENSITIES[design.conditions.intensity], ylim=(0.0, 1.0))
     axes[0].set_ylabel("share of motions that overturn the block (-)")
     legend(axes[0], loc="upper left")

@@ -268,12 +268,8 @@ def _dimension(
     over = 0.06 / scale * shift / np.abs(away)
     for start, end in zip((low, high), ends, strict=True):
         ax.plot(*np.stack([start, end + over]).T, color=GREY, lw=0.5)
-    ax.annotate(
-        "",
-        xy=tuple(ends[1]),
-        xytext=tuple(ends[0]),
-        arrowprops={"arrowstyle": "<|-|>", "lw": 0.8, "color": INK},
-    )
+    arrow = {"arrowstyle": "<|-|>", "lw": 0.8, "color": INK}
+    ax.annotate("", xy=tuple(ends[1]), xytext=tuple(ends[0]), arrowprops=arrow)
     middle = ends.mean(axis=0)
     if level:
         ax.text(middle[0], middle[1] + 0.05 / scale, words, fontsize=8, color=INK, ha="center", va="bottom")
@@ -295,9 +291,8 @@ def _base(ax: Axes, scene: Scene, half: float, scale: float) -> None:
     true = swings and motion.amplitude * scale >= 0.12
     length = motion.amplitude if true else 0.25 * inch
     y = -0.3 * inch
-    ax.annotate(
-        "", xy=(length, y), xytext=(-length, y), arrowprops={"arrowstyle": "<|-|>", "lw": 1.6, "color": INK}
-    )
+    arrow = {"arrowstyle": "<|-|>", "lw": 1.6, "color": INK}
+    ax.annotate("", xy=(length, y), xytext=(-length, y), arrowprops=arrow)
     words = "base: ground motions"
     if swings:
         words = f"base: ±{number(motion.amplitude, 3)} m\nat {number(motion.frequency)} Hz"

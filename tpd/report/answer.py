@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +15,13 @@ from tpd.design.criteria import LABELS
 from tpd.design.result import Comparison, Design, DesignStatus, HarmonicDesign
 from tpd.design.study import Study, build_of, usage
 from tpd.report import words
-from tpd.report.blocks import Note, Severity, Table, danger, note
+from tpd.report.blocks import Note, Severity, Table, danger, note, wrapped
 from tpd.report.notes import notes
 
 MOST = 25
 """Most lines: the command has said block and motion in four before them, so that a terminal has thirty."""
-_WIDTH, _NAME = 100, 13
-"""Columns of text, and of the names of rows."""
+_NAME = 13
+"""Columns of the names of rows."""
 _CHANGES = {
     "mean severity": "mean tilt over toppling",
     "median severity": "median tilt",
@@ -34,12 +33,16 @@ _USED = 0.95
 """Share of a limit that is used where it is said to hold the design."""
 
 
-def answer(design: Design, study: Study, directory: Path | None = None) -> str:
+def answer(design: Design, study: Study | None = None, directory: Path | None = None) -> str:
     """The answer of `optimise` in at most 25 lines: verdict, pendulum, what it brings, what limits it.
 
-    Block and motion are left out: the command says them before the search."""
+    Block and motion are left out: the command says them before the search. Without a study what needs further
+    runs is left out as well."""
+    if study is None:
+        used = usage(design) if isinstance(design, HarmonicDesign) else ()
+        study = Study(build=build_of(design), usage=used)
     found = [verdict(design), *dangers(design, study)]
-    lines = [line for one in found for line in _wrapped(marked(one))]
+    lines = [line for one in found for line in wrapped(one.marked)]
     rows = [pair for pair in pairs(design, study) if pair[0] not in ("block", "motion")]
     places = {name for name, _ in rows}
     told = design.comparison
@@ -48,32 +51,18 @@ def answer(design: Design, study: Study, directory: Path | None = None) -> str:
         if told is not None and name in ("room", "against it", "held by") and "table" not in places:
             places.add("table")
             lines += _table(comparison(told))
-        lines += _wrapped(said, name)
+        lines += _named(said, name)
     more = list(_more(design, directory))
     # A long list of reasons must not push away where the report lies.
-    room = MOST - sum(len(_wrapped(said, name)) for name, said in more)
+    room = MOST - sum(len(_named(said, name)) for name, said in more)
     if len(lines) > room:
         lines = [*lines[: room - 1], " " * _NAME + "(more in the report)"]
-    return "\n".join([*lines, *(line for name, said in more for line in _wrapped(said, name))])
+    return "\n".join([*lines, *(line for name, said in more for line in _named(said, name))])
 
 
-def told(design: Design, study: Study | None) -> str:
-    """See `Design.answer`."""
-    if study is None:
-        used = usage(design) if isinstance(design, HarmonicDesign) else ()
-        study = Study(build=build_of(design), usage=used)
-    return answer(design, study)
-
-
-def marked(of: Note) -> str:
-    """A note with its mark."""
-    return f"DANGER: {of.text}" if of.severity is Severity.danger else of.text
-
-
-def _wrapped(said: str, name: str = "") -> list[str]:
-    if not name:
-        return textwrap.wrap(said, _WIDTH, subsequent_indent="  ")
-    return textwrap.wrap(said, _WIDTH, initial_indent=f"  {name:<{_NAME - 2}}", subsequent_indent=" " * _NAME)
+def _named(said: str, name: str) -> list[str]:
+    """Lines of a sentence behind the name of its row."""
+    return wrapped(said, f"  {name:<{_NAME - 2}}", " " * _NAME)
 
 
 def _table(of: Table) -> Iterator[str]:
@@ -82,7 +71,7 @@ def _table(of: Table) -> Iterator[str]:
     for row in cells:
         columns = (cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))
         yield f"{'':{_NAME}}{row[0]:<{widths[0]}}  {'  '.join(columns)}".rstrip()
-    yield from textwrap.wrap(of.caption, _WIDTH, initial_indent=" " * _NAME, subsequent_indent=" " * _NAME)
+    yield from wrapped(of.caption, " " * _NAME, " " * _NAME)
 
 
 def verdict(design: Design) -> Note:
@@ -91,10 +80,21 @@ def verdict(design: Design) -> Note:
     told, status = design.comparison, design.status
     if status is DesignStatus.found and told is not None:
         return note(f"{_worth(design)}: {saved(told)}. {_sign(design)}No verdict of safety.")
-    said = status.value
-    if status in _REASONED and design.refusals:
-        said = f"{status.value.partition(':')[0]}: {design.refusals[0]}."
-    return (danger if design.pendulum is None and design.harmful else note)(said)
+    kind = danger if design.pendulum is None and design.harmful else note
+    return kind(headline(status, design.refusals))
+
+
+def headline(status: DesignStatus, reasons: Sequence[str]) -> str:
+    """Sentence of a status, with the weightiest of the reasons where that says more."""
+    if status in _REASONED and reasons:
+        return f"{status.value.partition(':')[0]}: {reasons[0]}."
+    return status.value
+
+
+def judgement(status: DesignStatus, reasons: Sequence[str]) -> list[str]:
+    """Lines of a verdict: the reasons against a pendulum from the second on, and last the sentence."""
+    others = reasons[status in _REASONED :]
+    return [*(line for said in others for line in _named(said, "against it")), headline(status, reasons)]
 
 
 _REASONED = DesignStatus.refused, DesignStatus.too_few, DesignStatus.undecided
@@ -192,12 +192,7 @@ def _pendulum(design: Design, study: Study) -> Iterator[tuple[str, str]]:
 def comparison(told: Comparison) -> Table:
     """With and without the pendulum, from one set of runs."""
     rows = [
-        (
-            _CHANGES[c.name],
-            f"{c.with_it:.{d}%}",
-            f"{c.without:.{d}%}",
-            _points(c, d),
-        )
+        (_CHANGES[c.name], f"{c.with_it:.{d}%}", f"{c.without:.{d}%}", _points(c, d))
         for c in told.changes
         # Tilts vary by more than a tenth of a per cent from one seed to the next; a share may be small.
         for d in (0 if c.name in ("mean severity", "median severity") else 1,)
@@ -244,11 +239,8 @@ def _more(design: Design, directory: Path | None) -> Iterator[tuple[str, str]]:
         return
     at = shlex.quote(str(directory))
     if isinstance(design, HarmonicDesign) and design.pendulum is not None:
-        yield (
-            "not asked",
-            f"earthquakes: tpd fragility {at} --records el-centro loma-prieta; contact and sliding: "
-            f"tpd check {at} --engine mujoco",
-        )
+        shaken = f"earthquakes: tpd fragility {at} --records el-centro loma-prieta"
+        yield "not asked", f"{shaken}; contact and sliding: tpd check {at} --engine mujoco"
     page = "report.html" if design.status is not DesignStatus.interrupted else "report.txt"
     yield "report", f"{directory / page}"
     yield "again", f"tpd optimise --scene {at}/scene.toml --out {at}-again"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import re
+import textwrap
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
@@ -14,6 +15,8 @@ _NUMBER = re.compile(r"[+-]?\d[\d.]*%?")
 Cell = str | float | int | None
 NO_VALUE = "–"
 """Text of a cell without a value."""
+_WIDTH = 100
+"""Columns of text; tables may be wider."""
 
 
 class Severity(enum.Enum):
@@ -32,6 +35,11 @@ class Note:
     severity: Severity
     text: str
     kind: ClassVar[str] = "note"
+
+    @property
+    def marked(self) -> str:
+        """The text with the mark of its severity."""
+        return f"DANGER: {self.text}" if self.severity is Severity.danger else self.text
 
 
 danger, note = (partial(Note, severity) for severity in Severity)
@@ -135,6 +143,11 @@ class Report:
     figures: tuple[Figure, ...]
     """Drawing and animation."""
     sections: tuple[Section, ...]
+
+
+def wrapped(text: str, first: str = "", rest: str = "  ") -> list[str]:
+    """Lines of a text, with what stands before the first of them, and before the others."""
+    return textwrap.wrap(text, _WIDTH, initial_indent=first, subsequent_indent=rest)
 
 
 def _text(cell: Cell) -> str:

@@ -10,6 +10,7 @@ from tpd.design.build import Build
 from tpd.design.ground.judgement import scatter_of
 from tpd.design.result import Design, DesignStatus
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
+from tpd.report.words import threshold
 
 _SAID = {
     "": ("nothing moved", None),
@@ -35,64 +36,49 @@ def section(design: Design, build: Build | None) -> list[Block]:
 def _sizes(design: Design, build: Build) -> Table:
     hung = design.pendulum
     assert hung is not None
+    zeta = number(float(hung.damping_ratio))
     point = f"{number(float(hung.mass))} kg at {number(float(hung.length))} m"
+    body = f"no body, {build.bob}, acts as a point of {point}: forces are those of the point"
+    if math.isfinite(build.mass):
+        dead = f"with the rod {number(build.dead, 3)} kg load the top without swinging"
+        body = f"{build.bob}; as a body it acts as a point of {point}, and {dead}"
+    rod: tuple[Cell, ...] = "none swings as often", None
+    if math.isfinite(build.rod):
+        rod = f"{number(build.rod)} m", f"with a steel rod of {build.rod_share:.1%} of the bob's mass"
+    beam = "at the beam across the top that carries the hinge"
     rows: list[tuple[Cell, ...]] = [
-        (
-            "mass of the bob",
-            f"{number(build.mass)} kg",
-            f"{build.bob}; as a body it acts as a point of {point}, and with the rod "
-            f"{number(build.dead, 3)} kg load the top without swinging"
-            if math.isfinite(build.mass)
-            else f"no body, {build.bob}, acts as a point of {point}: forces are those of the point",
-        ),
+        ("mass of the bob", f"{number(build.mass)} kg", body),
         ("bob, width by height", f"{number(build.bob_width)} m × {number(build.bob_height)} m", None),
-        (
-            "rod, hinge to the bob's centre",
-            f"{number(build.rod)} m" if math.isfinite(build.rod) else "none swings as often",
-            f"with a steel rod of {build.rod_share:.1%} of the bob's mass"
-            if math.isfinite(build.rod)
-            else None,
-        ),
+        ("rod, hinge to the bob's centre", *rod),
         ("depth below the hinge", f"{number(build.depth)} m", "to the lower end of the hanging bob"),
         *_way(design, build),
         ("own frequency", f"{number(build.frequency)} Hz", "in the block that stands, without the damper"),
-        ("damper at the hinge", f"{number(build.damping)} N m s/rad", f"{number(_zeta(design))} of critical"),
-        (
-            "weight on the top",
-            f"{number(build.weight)} N",
-            "at the beam across the top that carries the hinge",
-        ),
+        ("damper at the hinge", f"{number(build.damping)} N m s/rad", f"{zeta} of critical"),
+        ("weight on the top", f"{number(build.weight)} N", beam),
     ]
-    if build.loads is not None:
+    if (loads := build.loads) is not None:
+        slides = "coefficient; the models do not slide"
         rows += [
-            ("largest force along the rod", f"{number(build.loads.tension)} N", None),
-            ("largest force of the hinge on its beam", f"{number(build.loads.hinge)} N", None),
+            ("largest force along the rod", f"{number(loads.tension)} N", None),
+            ("largest force of the hinge on its beam", f"{number(loads.hinge)} N", None),
             ("largest moment of the damper", f"{number(build.damper_moment)} N m", None),
             ("largest power of the damper", f"{number(build.damper_power)} W", None),
-            ("largest rate between rod and block", f"{number(build.loads.rate)} rad/s", None),
-            (
-                "friction that keeps the base from sliding",
-                number(build.loads.friction),
-                "coefficient; the models do not slide",
-            ),
+            ("largest rate between rod and block", f"{number(loads.rate)} rad/s", None),
+            ("friction that keeps the base from sliding", number(loads.friction), slides),
         ]
     slow, fast = build.lifts_slow_fast
     settled = ""
     if build.lifts is not None:
         settled = f"; under the harmonic of the job {number(build.lifts[0])} g once the bob has settled"
-    bare = float(design.scene.block.slenderness) + float(design.scene.block.friction or 0.0)
-    rows.append(
-        (
-            "acceleration that lifts the resting block",
-            f"{number(slow)} g, {number(fast)} g",
-            "shaking much slower, much faster than the pendulum, as a point; near its own frequency maybe "
-            f"less than both{settled}; {number(bare)} g without it",
-        )
+    lifts = (
+        "shaking much slower, much faster than the pendulum, as a point; near its own frequency maybe less "
+        f"than both{settled}; {number(threshold(design.scene))} g without it"
     )
+    rows.append(("acceleration that lifts the resting block", f"{number(slow)} g, {number(fast)} g", lifts))
     forces = "There are no forces, since the block stands in none of the motions."
-    if build.loads is not None:
+    if loads is not None:
         forces = (
-            f"Forces: the largest of {build.loads.motions} motions of the job in which the block stands (of "
+            f"Forces: the largest of {loads.motions} motions of the job in which the block stands (of "
             "many those in which the bob swings most; harmonics for 40 periods from rest), linear equations, "
             "nominal block, in proportion to the whole mass. Impacts of the block are left out: take a "
             "factor of safety."
@@ -108,11 +94,6 @@ def _way(design: Design, build: Build) -> list[tuple[Cell, ...]]:
     said = f"of the body from the axis in all but {design.strikes_allowed:.0%} {runs} where the block stands"
     wall = f"; the wall is at {number(build.wall)} m" if math.isfinite(build.wall) else ""
     return [("clear way to either side", f"{number(build.reach)} m", said + wall)]
-
-
-def _zeta(design: Design) -> float:
-    assert design.pendulum is not None
-    return float(design.pendulum.damping_ratio)
 
 
 def _checks(build: Build) -> Listing:
@@ -158,14 +139,7 @@ def _moved(design: Design, build: Build) -> list[Block]:
         )
         for m in build.moved
     )
-    head = (
-        "quantity",
-        "within, in the runs",
-        "moved by",
-        "less tilt, lower",
-        "less tilt, higher",
-        "measure by",
-    )
+    head = ("quantity", "within, in the runs", "moved by", "less tilt, lower", "less tilt, higher")
     caption = (
         "Fall of the mean tilt (95 %) where one quantity alone is lower or higher, all on the same runs of "
         "the nonlinear equations as the first row. The second column is the scatter in the runs that judged. "
@@ -181,7 +155,7 @@ def _moved(design: Design, build: Build) -> list[Block]:
         if lost
         else "In none of these is the benefit lost."
     )
-    return [Table(head, rows, caption), Text(said)]
+    return [Table((*head, "measure by"), rows, caption), Text(said)]
 
 
 def _judged(design: Design) -> dict[str, float]:

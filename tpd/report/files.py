@@ -1,25 +1,32 @@
-"""Files of a report: text, JSON, the job that repeats it, tables, pictures and the page, in one directory."""
+"""Files of a report in one directory: text, JSON, the job that repeats it, tables, pictures, the page, and in
+these the answer of an independent engine."""
 
 from __future__ import annotations
 
+import math
+import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from html import escape
 from pathlib import Path
 from typing import Any
 
+from tpd.answers.response import Response
 from tpd.core import files
 from tpd.core.progress import Progress, shown
 from tpd.design.ground.design import GroundDesign
 from tpd.design.reading import job_of_design
-from tpd.design.result import Design, DesignStatus
-from tpd.design.study import Study
+from tpd.design.result import Design, DesignStatus, HarmonicDesign
+from tpd.design.study import Study, TimeHistory
 from tpd.design.study import study as compute
-from tpd.report import ground, pictures
-from tpd.report.content import content
-from tpd.report.html import html
+from tpd.report.content import content, names
 from tpd.report.json import as_json
-from tpd.report.responses import motion_csv, response_csv
-from tpd.report.text import text
+from tpd.report.render import html, text
+from tpd.scene.quantities import UNITS
+
+_TITLE = "By an independent engine"
+_MARK = "<!-- engine -->"
+_ENGINES = ("MuJoCo", "Drake")
 
 
 def write(
@@ -42,8 +49,8 @@ def write(
     written.insert(0, files.place(directory / "report.txt", text(report)))
     # Numbers are safe on disk before the pictures, which take longest, are drawn.
     drawn = {}
-    for name in pictures.names(design, study):
-        drawn[name] = pictures.draw(name, design, study)
+    for name in names(design, study):
+        drawn[name] = draw(name, design, study)
         written.append(files.place(directory / name, drawn[name]))
     if design.status is not DesignStatus.interrupted:
         # Last, so that a page stands for a whole report.
@@ -52,12 +59,7 @@ def write(
 
 
 def save(
-    design: Design,
-    folder: Path,
-    *,
-    study: Study | None,
-    overwrite: bool,
-    progress: Progress | bool | None,
+    design: Design, folder: Path, *, study: Study | None, overwrite: bool, progress: Progress | bool | None
 ) -> list[Path]:
     """See `Design.save`."""
     files.claim(folder, overwrite=overwrite)
@@ -85,6 +87,131 @@ def _words(
         yield "motion.csv", motion_csv(study.histories)
     if isinstance(design, GroundDesign):
         if design.searched is not None:
-            yield "designs.csv", ground.designs_csv(design)
+            yield "designs.csv", designs_csv(design)
         if design.judged:
-            yield "groups.csv", ground.groups_csv(design)
+            yield "groups.csv", groups_csv(design)
+
+
+def draw(name: str, design: Design, study: Study) -> bytes:
+    """Content of one of the files in `names`.
+
+    Raises:
+        ValueError: another name.
+    """
+    # A report in words does not wait for Matplotlib.
+    from tpd.plot import animation, compare, response
+    from tpd.plot.style import png, svg
+
+    axes: Any
+    scene, histories = design.scene, study.histories or ()
+    what, _, kind = name.partition(".")
+    match what:
+        case "search":
+            axes = design.plot()
+        case "benefit" | "conditions" | "groups" | "drawing":
+            axes = design.plot(what)
+        case "response":
+            axes = response.plot_response(study.responses or (), scene.motion.frequency)
+        case "motion":
+            limit = design.stroke_limit if isinstance(design, HarmonicDesign) else float("inf")
+            axes = response.plot_motions(histories, scene.block.slenderness, stroke_limit=limit)
+        case "front":
+            axes = compare.plot_front(study.front)
+        case "animation":
+            return animation.animate(scene, design.pendulum, histories)
+        case _:
+            raise ValueError(f"`name` must be one of {', '.join(names(design, study))}, but is {name!r}")
+    figure = (axes if hasattr(axes, "figure") else axes[0]).figure
+    return svg(figure) if kind == "svg" else png(figure)
+
+
+def response_csv(responses: Sequence[Response]) -> str:
+    """CSV with a row for every frequency: status and amplitude without, and with, the pendulum.
+
+    Args:
+        responses: of the bare block and, if there is one, with the pendulum, over the same values. An
+            amplitude is infinite where the block overturns.
+    """
+    first = responses[0]
+    name = f"{first.name}_{UNITS[first.name]}" if first.name in UNITS else first.name
+    header, columns = [name], [first.frequency]
+    for label, r in zip(("without", "with"), responses, strict=False):
+        header += [f"{label}_status", f"{label}_amplitude_rad"]
+        columns += [r.status, r.amplitude]
+    if len(responses) > 1:
+        # The bare block's stroke is that of a bob too light to be felt, and means nothing.
+        header.append("with_stroke_rad")
+        columns.append(responses[1].stroke)
+    return files.as_csv(header, zip(*(column.tolist() for column in columns), strict=True))
+
+
+def motion_csv(histories: Sequence[TimeHistory]) -> str:
+    """CSV with a row for every time: tilt without the pendulum and, if there is one, tilt and bob angle with
+    it, by the exact solution. Cells are empty after the block has overturned.
+
+    Args:
+        histories: over the same times.
+    """
+    header, columns = ["time_s"], [histories[0].time]
+    for h in histories:
+        label = "with" if h.with_pendulum else "without"
+        header.append(f"{label}_tilt_rad")
+        columns.append(h.tilt)
+        # Without a pendulum the bob is one too light to be felt, and means nothing.
+        if h.with_pendulum:
+            header.append("with_bob_rad")
+            columns.append(h.bob)
+    # An empty cell is read as missing by every program; a word such as "nan" is not.
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return files.as_csv(header, ([x if math.isfinite(x) else "" for x in row] for row in rows))
+
+
+def designs_csv(design: GroundDesign) -> str:
+    """CSV with a row for every design that was followed."""
+    found = design.searched
+    assert found is not None
+    head = ("mu", "lam", "zeta", "value", "overturned", "undecided", *design.names)
+    columns = found.designs, found.value, found.overturned, found.undecided, found.sizes
+    rows = ((*d, v, o, int(u), *s) for d, v, o, u, s in zip(*columns, strict=True))
+    return files.as_csv(head, rows)
+
+
+def groups_csv(design: GroundDesign) -> str:
+    """CSV with a row for every group at every intensity."""
+    rows = (
+        (g.name, stripe, g.motions, *(int(x[i]) for x in (*g.counts, *g.unknown)))
+        for g in design.judged
+        for i, stripe in enumerate(g.stripes)
+    )
+    head = ("group", "intensity", "motions", "overturned_bare", "overturned_hung")
+    return files.as_csv((*head, "undecided_bare", "undecided_hung"), rows)
+
+
+def add_engine(directory: Path, verdict: Any) -> list[Path]:
+    """Put the answer of an engine, an `EngineVerdict`, into the files of a report, in place of a former one:
+    a warning before the verdict, a section at the end, and all numbers in engine.json. Returns the files."""
+    written = [files.place(directory / "engine.json", files.as_json(verdict.summary()))]
+    for name, put in (("report.txt", _in_text), ("report.html", _in_page)):
+        path = directory / name
+        if path.exists():
+            written.append(files.place(path, put(path.read_text(encoding="utf-8"), verdict)))
+    return written
+
+
+def _in_text(report: str, verdict: Any) -> str:
+    # A second run replaces the first: its warning and its section are found by their words.
+    lines = report.split(f"\n{_TITLE}\n")[0].rstrip("\n").split("\n")
+    if any(engine in lines[0] for engine in _ENGINES):
+        lines = lines[1:]
+    head = [verdict.warning] if verdict.warning else []
+    return "\n".join([*head, *lines, "", _TITLE, "-" * len(_TITLE), str(verdict)]) + "\n"
+
+
+def _in_page(page: str, verdict: Any) -> str:
+    # Marks stand around everything that a second run replaces.
+    page = re.sub(f"{_MARK}.*?{_MARK}\n", "", page, flags=re.DOTALL)
+    if verdict.warning:
+        head = f'{_MARK}<p class="danger">{escape(verdict.warning)}</p>{_MARK}\n'
+        page = page.replace('<p class="verdict', head + '<p class="verdict', 1)
+    section = f"<section>\n<h2>{_TITLE}</h2>\n<pre>{escape(str(verdict))}</pre>\n</section>"
+    return page.replace("</body>", f"{_MARK}{section}{_MARK}\n</body>", 1)

@@ -10,6 +10,7 @@ from tpd.answers.attractors import Starts
 from tpd.core.formatting import number
 from tpd.design.criteria import KINDS, Limit, Room, limit_of
 from tpd.design.ground.design import GroundDesign
+from tpd.design.ground.judgement import Judged
 from tpd.design.result import Design, HarmonicDesign
 from tpd.design.study import Study
 from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene, paper_scene
@@ -100,6 +101,16 @@ def range_of_mass(design: Design) -> str:
     return f" ({number(low, 2)} to {number(high, 2)} kg do as well)"
 
 
+def group(g: Judged) -> str:
+    """Line for a terminal about a group of motions, with the interval: a mean alone would claim too much."""
+    before, after = g.overturned
+    left = f"; {g.undecided} runs without an answer" if g.undecided else ""
+    return (
+        f"  {g.name} ({g.motions} motions, {g.events} earthquakes): overturned {before:.1%} without and "
+        f"{after:.1%} with it, {g.difference.words()}{left}"
+    )
+
+
 def usage(design: Design, study: Study) -> dict[str, float]:
     """Limited quantities of the best design over their limits."""
     if isinstance(design, GroundDesign):
@@ -149,26 +160,26 @@ def origin(scene: Scene) -> str:
     # By numbers and not by what was typed: a file that lists the paper's numbers is the paper's scene.
     paper = paper_scene()
     own, papers = scene.block, paper.block
-    if any(
-        getattr(own, key) != getattr(papers, key) for key in ("width", "height", "mass", "radius_of_gyration")
-    ):
+    sizes = "width", "height", "mass", "radius_of_gyration"
+    if any(getattr(own, key) != getattr(papers, key) for key in sizes):
         return "a block of your own"
-    losses = (own.friction, own.velocity_ratio) == (papers.friction, papers.velocity_ratio)
     same = {
         "motion": scene.motion == paper.motion,
-        "losses": losses,
+        "losses": (own.friction, own.velocity_ratio) == (papers.friction, papers.velocity_ratio),
         "gravity": scene.gravity == paper.gravity,
     }
-    other = [name for name, is_same in same.items() if not is_same]
-    if other:
+    if other := [name for name, is_same in same.items() if not is_same]:
         return f"{_PAPER} with other {' and '.join(other)} than the paper's"
     return f"{_PAPER} with the paper's motion and losses"
 
 
 def scene_lines(scene: Scene) -> tuple[str, ...]:
     """Lines for a terminal; the first says whose block it is."""
-    motion = f"  motion  {_motion(scene)}, {number(acceleration(scene))} g: {_lifts(scene)}"
-    block, losses = block_lines(scene)
+    limit, block, losses = f"{number(threshold(scene))} g", *block_lines(scene)
+    lifts = f"not above {limit}, so the bare block stays at rest once it is at rest"
+    if acceleration(scene) > threshold(scene):
+        lifts = f"above {limit}, so the bare block at rest lifts"
+    motion = f"  motion  {_motion(scene)}, {number(acceleration(scene))} g: {lifts}"
     return f"Scene: {origin(scene)}.", block, motion, losses
 
 
@@ -189,7 +200,7 @@ def shaking(design: Design) -> str:
 
 def block_lines(scene: Scene) -> tuple[str, str]:
     """Lines for a terminal about the block and its losses, whatever shakes it."""
-    shape = f"slenderness {number(_slenderness(scene))}; topples at {_toppling(scene)}"
+    shape = f"slenderness {number(float(scene.block.slenderness))}; topples at {_toppling(scene)}"
     return f"  block   {_block(scene)}; {shape}", f"  losses  {losses(scene.block)}"
 
 
@@ -209,41 +220,23 @@ def acceleration(scene: Scene) -> float:
 
 def threshold(scene: Scene) -> float:
     """Base acceleration over gravity beyond which the bare block at rest lifts, nu + k."""
-    return _slenderness(scene) + float(scene.block.friction or 0.0)
-
-
-def _slenderness(scene: Scene) -> float:
-    return float(scene.block.slenderness)
+    return float(scene.block.slenderness) + float(scene.block.friction or 0.0)
 
 
 def _toppling(scene: Scene) -> str:
-    return angle(_slenderness(scene))
+    return angle(float(scene.block.slenderness))
 
 
 def _block(scene: Scene) -> str:
     block = scene.block
     width, height, mass = (number(float(x)) for x in (block.width, block.height, block.mass))
-    own = block.radius_of_gyration
+    own, wide = block.radius_of_gyration, block.cavity_width
     shape = "" if own is None else f", radius of gyration {number(float(own))} m"
-    return f"{width} m wide, {height} m high, {mass} kg{shape}, {_cavity(scene)}"
-
-
-def _cavity(scene: Scene) -> str:
-    """Width of the cavity in words: on it hangs whether a bob has room."""
-    block = scene.block
-    if block.cavity_width is None:
-        return "no cavity stated"
-    as_wide = " (as wide as the block)" if block.cavity_width == block.width else ""
-    return f"cavity {number(float(block.cavity_width))} m wide{as_wide}"
+    # On the width of the cavity hangs whether a bob has room.
+    as_wide = " (as wide as the block)" if wide == block.width else ""
+    cavity = "no cavity stated" if wide is None else f"cavity {number(float(wide))} m wide{as_wide}"
+    return f"{width} m wide, {height} m high, {mass} kg{shape}, {cavity}"
 
 
 def _motion(scene: Scene) -> str:
     return f"{number(float(scene.motion.amplitude))} m at {number(float(scene.motion.frequency))} Hz"
-
-
-def _lifts(scene: Scene) -> str:
-    """Whether the bare block at rest lifts."""
-    limit = f"{number(threshold(scene))} g"
-    if acceleration(scene) > threshold(scene):
-        return f"above {limit}, so the bare block at rest lifts"
-    return f"not above {limit}, so the bare block stays at rest once it is at rest"

@@ -24,7 +24,7 @@ from tpd.report.content import content
 from tpd.report.files import write
 from tpd.report.json import as_json
 from tpd.report.notes import notes
-from tpd.report.text import text
+from tpd.report.render import text
 
 SHORT = tpd.GroundSearch(starts=8, steps=6)
 SPACE = tpd.DesignSpace(damping_ratio=(0.05, 1.0))

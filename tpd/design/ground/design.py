@@ -113,23 +113,6 @@ def _known_verdict(judged: tuple[Judged, ...], worth: Worth) -> GroundVerdict:
     return GroundVerdict(status, (*harms, *strikes, *others))
 
 
-def headline_of(verdict: GroundVerdict) -> str:
-    """Sentence with a verdict and the reasons for it."""
-    if not verdict.reasons:
-        return verdict.status.value
-    return f"{verdict.status.value.partition(':')[0]}: {'; '.join(verdict.reasons)}."
-
-
-def lines_of(judged: tuple[Judged, ...]) -> list[str]:
-    """A line for every group, with its interval: a mean alone would claim too much."""
-    return [
-        f"  {g.name} ({g.motions} motions, {g.events} earthquakes): overturned {g.overturned[0]:.1%} "
-        f"without and {g.overturned[1]:.1%} with it, {g.difference.words()}"
-        + (f"; {g.undecided} runs without an answer" if g.undecided else "")
-        for g in judged
-    ]
-
-
 def _where(group: Judged) -> str:
     """Words for where a group's runs are."""
     if group.role is Role.tuned:

@@ -1,4 +1,5 @@
-"""Sections of a report that only a design for harmonic shaking has."""
+"""Sections of a report that only one kind of design has: those for harmonic shaking, and those on ground
+motions."""
 
 from __future__ import annotations
 
@@ -11,6 +12,9 @@ import numpy as np
 from tpd.answers.ensemble import Outcomes
 from tpd.core.formatting import number
 from tpd.design.criteria import LABELS
+from tpd.design.ground.design import GroundDesign
+from tpd.design.ground.judgement import Judged, Role
+from tpd.design.ground.search import SPARE
 from tpd.design.objective import KINDS
 from tpd.design.result import DesignStatus, HarmonicDesign
 from tpd.design.study import Study
@@ -18,6 +22,7 @@ from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Bare, Reason, ReasonKind, Step, Verified
 from tpd.report import words
 from tpd.report.blocks import Block, Cell, Table, Text
+from tpd.report.notes import unknown
 
 _ROWS, _MOST = 40, 8
 """Most conditions in a table, evenly over all of them, and most rows of what limits relax."""
@@ -41,7 +46,7 @@ _WHY = {
 }
 
 
-def sections(
+def harmonic(
     design: HarmonicDesign, study: Study, figures: Mapping[str, Sequence[Block]]
 ) -> dict[str, list[Block]]:
     """Blocks by the titles of their sections, in the order of a report; empty ones are left out later."""
@@ -170,14 +175,7 @@ def limiting(design: HarmonicDesign) -> list[Block]:
     # A row that repeats the first would only hide those that differ.
     same = [name for name, i in others if i is not None and i == best[1]]
     rows = [_row(design, wide, n, i) for n, i in (best, *others) if n not in same]
-    head = (
-        "",
-        "bob (kg)",
-        "length (m)",
-        "ζ",
-        "room it needs (m)",
-        "mean tilt over ν, from rest",
-    )
+    head = ("", "bob (kg)", "length (m)", "ζ", "room it needs (m)", "mean tilt over ν, from rest")
     caption = (
         f"Best of {len(wide.designs)} designs followed from rest by the {wide.equations} equations, one run "
         "for each condition, and the best where a limit is left out: what relaxing it would buy. Without a "
@@ -228,7 +226,7 @@ def settled(design: HarmonicDesign, study: Study, figure: Sequence[Block]) -> li
     """Largest settled sizes, how limits are used, and the motion under every condition."""
     best, n = design.best, len(design.conditions)
     rows: list[tuple[Cell, ...]] = [
-        (f"{design.risk.name} tilt without a pendulum", words.risk(design, design.bare.value)),
+        (f"{design.risk.name} tilt without a pendulum", words.risk(design, design.bare.value))
     ]
     if best is not None:
         rows.append((f"{design.risk.name} tilt with it", words.risk(design, best.value)))
@@ -293,3 +291,50 @@ def _refused(design: HarmonicDesign) -> list[Block]:
     )
     caption = "Value: the risk, a tilt over nu where the block rocks. A refused design is not offered."
     return [Table(("from", "μ", "λ", "ζ", "value", "reasons"), rows, caption)] if rows else []
+
+
+def ground(design: GroundDesign, figures: Mapping[str, Sequence[Block]]) -> dict[str, list[Block]]:
+    """Blocks by the titles of their sections, in the order of a report; empty ones are left out later."""
+    return {
+        "Over the runs": _judged(design, figures["groups"]),
+        "Where it was searched": _surface(design, figures["search"]),
+    }
+
+
+def _judged(design: GroundDesign, figure: Sequence[Block]) -> list[Block]:
+    if not design.judged:
+        return []
+    head = ("group", "motions", "earthquakes", "overturned without", "with it", "difference (95 %)")
+    more = ("tilt/ν, difference (95 %)", "linear equations", "verdicts changed")
+    strikes = f"limits broken ({design.worth.broken:.0%} allowed)", "no answer"
+    caption = (
+        "Runs of the nonlinear equations, each motion at each intensity, without and with the pendulum on "
+        "the same block with scattered properties. Intervals take the runs of one earthquake as one. Linear "
+        "equations: difference of the share overturned. Verdicts changed: share of the runs in which both "
+        "sets of equations differ on overturning. Limits broken: share of the runs that stand, in brackets "
+        "by the linear equations. No answer: runs that met too many events, of both sets of "
+        "equations, bare and hung; all shares and means leave them out."
+    )
+    return [*figure, Table((*head, *more, *strikes), tuple(map(_group, design.judged)), caption)]
+
+
+def _group(g: Judged) -> tuple[Cell, ...]:
+    role = g.name if g.role is Role.tuned or g.name == g.role.value else f"{g.name} (held out)"
+    before, after = (f"{x:.1%}" for x in g.overturned)
+    sizes = g.difference.words(), g.tilt.words(share=False), g.linear.words(), f"{g.changed:.1%}"
+    strikes = f"{g.strikes:.1%} ({g.linear_strikes:.1%})", unknown(g)
+    return role, str(g.motions), str(g.events), before, after, *sizes, *strikes
+
+
+def _surface(design: GroundDesign, figure: Sequence[Block]) -> list[Block]:
+    found = design.searched
+    if found is None:
+        return []
+    counts = (
+        f"{len(found.value)} designs were followed in {len(design.conditions)} runs each: "
+        f"{design.method.starts} over the whole space, the others where the surface promised most. "
+        f"{int(found.feasible.sum())} keep to the limits, {int(found.spares.sum())} with {SPARE:.0%} of each "
+        f"to spare, as the search asks for. Trend of the {design.risk.name} tilt/ν at the best "
+        f"{design.trend[0]:.4g} ± {design.trend[1]:.2g}, {design.bare:.4g} without a pendulum."
+    )
+    return [*figure, Text(counts)]

@@ -1,4 +1,5 @@
-"""Sections of harmonic designs: paired runs, losses, and what limits the design."""
+"""Sections of harmonic designs: paired runs, losses, and what limits the design. Those on ground motions are
+tested with a design that was searched, in the tests of that search."""
 
 import dataclasses
 
@@ -8,7 +9,7 @@ import pytest
 import tpd
 from tests import designs
 from tpd.design.verified import Reason, ReasonKind, Step
-from tpd.report import harmonic
+from tpd.report import sections
 from tpd.report.blocks import Table, Text
 
 
@@ -18,7 +19,7 @@ def rows(table) -> dict:
 
 
 def test_paired_runs_stand_with_their_intervals():
-    table, chance, by_condition = harmonic.over_runs(designs.around())
+    table, chance, by_condition = sections.over_runs(designs.around())
     found = rows(table)
     assert found["overturned"] == ("5.0% (1.4% to 16.5%)", "50.0% (35.2% to 64.8%)")
     # Runs of odd numbers have shakings that grow: 1 of 20 overturns with the pendulum, 10 without.
@@ -36,18 +37,18 @@ def test_paired_runs_stand_with_their_intervals():
 def test_conditions_that_get_worse_are_marked():
     runs = designs.paired(lost=30, lost_bare=2, tilt=0.2)
     winner = dataclasses.replace(designs.around().winner, paired=runs, benefit=designs.benefit(runs, 10))
-    marks = [row[-1] for row in harmonic.over_runs(designs.around(verified=(winner,)))[-1].rows]
+    marks = [row[-1] for row in sections.over_runs(designs.around(verified=(winner,)))[-1].rows]
     assert "worse" in marks
 
 
 def test_without_paired_runs_and_for_one_condition_there_is_less_to_show():
-    assert harmonic.over_runs(designs.refused()) == []
-    assert len(harmonic.over_runs(designs.single())) == 2
-    assert harmonic.other_losses(designs.single()) == harmonic.limiting(designs.single()) == []
+    assert sections.over_runs(designs.refused()) == []
+    assert len(sections.over_runs(designs.single())) == 2
+    assert sections.other_losses(designs.single()) == sections.limiting(designs.single()) == []
 
 
 def test_losses_have_a_row_each():
-    (table,) = harmonic.other_losses(designs.around())
+    (table,) = sections.other_losses(designs.around())
     found = rows(table)
     assert list(found) == ["friction", "impacts"]
     assert found["impacts"][:2] == ("k = 0.05, e = 0.9", "0% less tilt (95 % interval 0% to 0%)")
@@ -55,7 +56,7 @@ def test_losses_have_a_row_each():
 
 
 def test_limits_that_keep_better_designs_out_are_named():
-    counts, table = harmonic.limiting(designs.around())
+    counts, table = sections.limiting(designs.around())
     assert "Of 4 designs followed from rest by the linear equations 2 keep to all limits from" in counts.text
     assert "1 exceed the limit on room on the way" in counts.text
     kept, without = table.rows
@@ -70,7 +71,7 @@ def test_a_limit_without_which_the_best_design_is_the_same_has_no_row():
     wide = design.surveys[0]
     excess = wide.excess | {"stroke": np.array([-0.1, -0.1, 0.2, -0.1])}
     surveys = (dataclasses.replace(wide, excess=excess), *design.surveys[1:])
-    table = harmonic.limiting(dataclasses.replace(design, surveys=surveys))[-1]
+    table = sections.limiting(dataclasses.replace(design, surveys=surveys))[-1]
     assert "The best design is the same without the limit on stroke." in table.caption
     rest = ["without the limit on room", "without any limit"]
     assert [row[0] for row in table.rows] == ["limits kept from rest", *rest]
@@ -79,7 +80,7 @@ def test_a_limit_without_which_the_best_design_is_the_same_has_no_row():
 @pytest.mark.mends("a design was counted by its first reason alone")
 def test_every_reason_against_the_verified_is_counted():
     both = designs.verified(reasons=(designs.LITTLE, designs.STRIKES))
-    counts = harmonic.limiting(designs.all_refused(both))[0]
+    counts = sections.limiting(designs.all_refused(both))[0]
     assert "1 were refused: " in counts.text
     assert "1 because the benefit is too small" in counts.text
     assert "1 because the bob strikes a wall" in counts.text
@@ -93,11 +94,11 @@ def test_the_runs_that_judged_are_named_beside_those_that_chose():
         benefit=designs.benefit(runs, 10),
         chosen_by=designs.benefit(designs.paired(0), 10),
     )
-    caption = harmonic.over_runs(designs.around(verified=(winner,)))[0].caption
+    caption = sections.over_runs(designs.around(verified=(winner,)))[0].caption
     assert caption.startswith(
         "40 fresh paired runs of the nonlinear equations, seed 2, which judged the design"
     )
     failed = dataclasses.replace(winner, reasons=(Reason(step=Step.judgement, kind=ReasonKind.strikes),))
-    caption = harmonic.over_runs(designs.around(verified=(failed, winner)))[0].caption
+    caption = sections.over_runs(designs.around(verified=(failed, winner)))[0].caption
     assert "; 1 before it failed by these runs, and each further try may pass by luck; those" in caption
     assert "those that chose it, seed 0, gave 71% less tilt" in caption

@@ -1,0 +1,92 @@
+"""The help: fast, with the texts of the schema, and with one example for each command, which runs."""
+
+import re
+import shlex
+import subprocess
+import sys
+
+import pytest
+
+import tpd
+from tests import designs
+from tests.cli.conftest import call
+from tpd.cli import grammar, main, optimise
+from tpd.cli.new import template
+
+SMALL = {
+    "response": "--points 8 --from-rest 0",
+    "map": "--points 3",
+    "spectrum": "--points 3",
+    "shake": "--free 1",
+}
+"""Options that make an example quick."""
+STATUS = {"check": 3}
+"""Exit statuses that are not 0: any pendulum is checked."""
+WRITES = {"new": "mine.toml", "export": "model.xml", "optimise": "tower/report.html"}
+"""Files of the commands whose directory is none or another one."""
+
+
+def shown(capsys, *words: str) -> str:
+    """Help of a command."""
+    with pytest.raises(SystemExit):
+        main([*words, "--help"])
+    return capsys.readouterr().out
+
+
+def test_help_and_version_do_not_wait_for_jax():
+    code = f"""
+import sys
+from tpd.cli import main
+for words in (["--version"], ["--help"], *([name, "--help"] for name in {[*grammar.COMMANDS]})):
+    try:
+        main(words)
+    except SystemExit:
+        pass
+for name in ("jax", "numpy", "optax", "matplotlib"):
+    assert name not in sys.modules, name
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(f"tpd {tpd.__version__}\n")
+
+
+def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
+    text = " ".join(shown(capsys, "optimise").split())
+    for said in (
+        "whole width of the base, m (default 0.1)",
+        "lower and upper bound of mu = m/M (default 0.01 0.2)",
+        "--no-walls do not ask for room between the walls",
+        "--exactly search for the motion itself alone with a point bob, as in the paper",
+        "seed of every random choice of the search (default 0)",
+        "0 a pendulum is offered",
+        "130 interrupted",
+    ):
+        assert said in text
+
+
+@pytest.mark.parametrize("command", grammar.COMMANDS)
+def test_the_help_explains_the_exit_statuses_and_ends_with_an_example(command, capsys):
+    said = shown(capsys, command).rstrip().splitlines()
+    assert "xit status: 0 " in " ".join(" ".join(said).split())
+    assert said[-2] == "Example:"
+    assert said[-1].strip().startswith(f"tpd {command} ")
+    assert f"{command} " in shown(capsys)
+
+
+@pytest.mark.parametrize("command", grammar.COMMANDS)
+def test_an_example_runs(command, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    # A search takes long; its answer is made by hand.
+    monkeypatch.setattr(optimise, "optimise", lambda *_, **__: designs.single())
+    monkeypatch.setattr("tpd.report.files.draw", lambda *_: b"<svg/>")
+    monkeypatch.setattr(optimise, "study", lambda *_, **__: designs.study(histories=None))
+    few = "[ensemble]\nsize = 16\nperiods = 20\n[search]\nscreening = 8\n"
+    text = re.sub(r"\[search\]\nseed.*\n|\[search\] .*\nseed.*\n", "", template("tower"))
+    (tmp_path / "tower.toml").write_text(text.replace("[search]", "") + few)
+    example = shown(capsys, command).rstrip().splitlines()[-1].strip()
+    done = call(*shlex.split(example)[1:], SMALL.get(command, ""))
+    assert done.status == STATUS.get(command, 0), done.err
+    if command in WRITES:
+        assert (tmp_path / WRITES[command]).is_file()
+    elif command != "check":
+        assert list((tmp_path / f"tpd-{command}").glob("*.csv"))

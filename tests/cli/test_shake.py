@@ -1,0 +1,84 @@
+"""`tpd shake`: numbers of both sets of equations, files, and exit status."""
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.cli.conftest import COLUMN, HUNG
+from tpd.cli import shake
+
+PULSE = "--pulse one-sine --pulse-frequency 1.2375 --pga"
+BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
+
+
+def test_shake_says_what_the_library_says(run):
+    done = run("shake", COLUMN, HUNG, PULSE, "0.4", "--free", "5")
+    assert done.status == 0
+    assert done.files.keys() == {
+        "histories.csv",
+        "histories.png",
+        "impacts.csv",
+        "animation.gif",
+        "shake.json",
+    }
+    results = done.json("shake.json")["results"]
+    scene = tpd.Scene(BLOCK, tpd.Pulse.one_sine(acceleration=0.4 * 9.80665, frequency=1.2375))
+    hung = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
+    known = tpd.transient(scene, hung, free=5.0)
+    # The nonlinear equations count, and the linear ones stand beside them.
+    counts = tpd.transient(scene, hung, free=5.0, model=tpd.Segmented())
+    ours = results["with the pendulum"]
+    for name in ("tilt", "swing", "relative"):
+        assert ours[name] == pytest.approx(float(getattr(counts, name)), rel=1e-12)
+        assert ours["linear"][name] == pytest.approx(float(getattr(known, name)), rel=1e-12)
+    assert results["bare block"]["status"] == "rocked"
+    rows = [r for r in done.rows("histories.csv") if r["case"] == "with the pendulum"]
+    assert max(abs(float(r["tilt_rad"])) for r in rows) == pytest.approx(float(known.tilt), rel=1e-4)
+    assert "keeps the base from sliding" in done.out
+
+
+def test_a_fall_is_the_exit_status(run):
+    done = run("shake", COLUMN, PULSE, "0.5", "--free", "5")
+    assert done.status == 3
+    assert "overturned" in done.out
+    assert done.json("shake.json")["results"]["bare block"]["tilt"] == "infinite"
+
+
+@pytest.mark.mends("`tpd shake` gave the swing of the linear equations and did not say so")
+def test_what_sizes_a_room_is_of_the_nonlinear_equations_and_impacts_have_a_stated_size(run):
+    """Marble column in El Centro: the bob swings 0.443 rad, and 0.377 by the linear equations."""
+    column = "--width 0.62 --height 5.2 --mass 4239 --friction 0 --restitution housner"
+    bob = "--mass-ratio 0.05 --pendulum-length 1.3 --record el-centro"
+    done = run("shake", column, bob)
+    assert done.status == 0
+    assert "nonlinear equations    linear equations" in done.out
+    swings = [line.split()[-2:] for line in done.out.splitlines() if "swing" in line]
+    assert swings == [["0.4428", "0.3769"]]
+    results = done.json("shake.json")["results"]["with the pendulum"]
+    assert results["swing"] == pytest.approx(0.4428, abs=1e-4)
+    # 696 impacts with all hops of each rattle.
+    strong, hits = results["linear"]["impacts_faster_than_rad_s"], done.rows("impacts.csv")
+    hung = [abs(float(r["rate_after_rad_s"])) for r in hits if r["case"] == "with the pendulum"]
+    assert results["linear"]["impacts"] == sum(rate > strong for rate in hung) < 0.5 * len(hung)
+    assert f"impacts faster than {strong:.4g} rad/s" in done.out
+
+
+@pytest.mark.mends("`tpd shake` ended with 0 where a motion had no answer")
+def test_a_motion_without_an_answer_is_named(run, monkeypatch):
+    follow, few = shake.transient, {"max_events": 1}
+    monkeypatch.setattr(shake, "transient", lambda *a, **k: follow(*a, **{**k, **few}))
+    done = run("shake", COLUMN, PULSE, "0.4", "--free", "1")
+    assert done.status == 3
+    assert "event_bound" in done.out
+    assert "no answer" in done.out
+
+
+def test_a_file_shakes_as_well(run, tmp_path):
+    record = tmp_path / "record.csv"
+    lines = (f"{0.01 * i:.2f},{0.3 * np.sin(0.08 * i):.6f}\n" for i in range(300))
+    record.write_text("time (s),acceleration (g)\n" + "".join(lines))
+    done = run("shake", COLUMN, "--record", str(record), "--scale", "1.2", "--free", "1")
+    assert done.status == 0
+    known = tpd.transient(tpd.Scene(BLOCK, tpd.Record.read(record).scaled(1.2)), free=1.0)
+    linear = done.json("shake.json")["results"]["bare block"]["linear"]
+    assert linear["tilt"] == pytest.approx(float(known.tilt), rel=1e-12)

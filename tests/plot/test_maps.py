@@ -1,0 +1,59 @@
+"""Maps and spectra draw themselves with labelled axes, and are tables."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import tpd
+from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
+from tpd.design.many import Designs
+
+BARE_SPECTRUM = np.array([[0, 1], [2, -1], [3, 0]])
+OVERTURNING = OverturningSpectrum(
+    tpd.Pulse(kind="one-sine", acceleration=1.0, frequency=1.0),
+    np.array([1.0, 2.0]),
+    np.array([3.0, 4.0, 5.0]),
+    BARE_SPECTRUM,
+    BARE_SPECTRUM[:, ::-1],
+)
+ROCKING = RockingSpectrum(np.array([1.0, 2.0, 3.0]), np.array([0.1, np.inf, np.nan]), None)
+
+
+def test_a_map_draws_each_quantity_and_has_a_row_for_every_design():
+    axes = ("frequency", [2.0, 2.5, 3.0]), ("amplitude", [0.01, 0.015])
+    design_map = tpd.design_map(tpd.paper_scene(), *axes)
+    ax = design_map.plot("margin")
+    assert ax.figure.axes[1].get_ylabel() == "uplift margin of the resting block (-)"
+    table = design_map.to_dataframe()
+    last = table.iloc[-1]
+    assert (len(table), last["frequency"], last["amplitude"]) == (6, 3.0, 0.015)
+    np.testing.assert_array_equal(table["amplitude_rad"], design_map.amplitude.ravel())
+    np.testing.assert_array_equal(table["uplift_margin"], design_map.margin.ravel())
+
+
+def test_spectra_draw_themselves_and_are_tables():
+    bare, hung = OVERTURNING.plot()
+    assert (bare.get_title(), hung.get_title()) == ("bare block", "with the pendulum")
+    table = OVERTURNING.to_dataframe()
+    assert table.iloc[2].tolist() == [1.0, 4.0, 2, -1]
+    drawn = {line.get_label(): line.get_xdata().tolist() for line in ROCKING.plot().lines}
+    assert drawn["bare block: overturns"] == [2.0]
+    assert drawn["bare block: no answer"] == [3.0]
+    assert ROCKING.to_dataframe().to_dict("list")["period_s"] == [1.0, 2.0, 3.0]
+    assert list(ROCKING.to_dataframe().columns) == ["period_s", "bare"]
+
+
+def test_many_designs_are_a_table():
+    one = np.array([1.0, np.nan])
+    sizes = dict.fromkeys(("mass", "length", "damping_ratio", "value", "bare"), one)
+    found = Designs(status=np.array(["found", "refused"]), **sizes)
+    assert found.to_dataframe()["status"].tolist() == ["found", "refused"]
+
+
+def test_without_pandas_a_table_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(
+        ImportError, match=r"`to_dataframe` needs pandas, which is not installed: `pip install tpd\[pandas\]`"
+    ):
+        ROCKING.to_dataframe()

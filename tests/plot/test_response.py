@@ -1,0 +1,156 @@
+"""Pictures of motions over time and over frequency hold the data and differ in grey."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests import designs
+from tpd.answers.shaking_history import ShakingHistory
+from tpd.plot.response import plot_motions, plot_response
+from tpd.plot.style import new_axes
+
+SCENE = designs.SCENE
+VALUES = np.linspace(1.0, 4.0, 9)
+
+
+def lines(ax) -> dict:
+    return {line.get_label(): line for line in ax.lines}
+
+
+def legend(ax) -> set[str]:
+    return {t.get_text() for t in ax.get_legend().get_texts()}
+
+
+def near(ax, marker: str) -> list:
+    """Lines of one marker that hold anything."""
+    return [line for line in ax.lines if line.get_marker() == marker and len(line.get_xdata())]
+
+
+def test_the_response_compares_two_curves_that_differ_in_grey_as_well():
+    study = designs.study()
+    (ax,) = plot_response(study.responses, 2.5)
+    bare, hung = (lines(ax)[label] for label in ("bare block", "with the pendulum"))
+    assert bare.get_marker() != hung.get_marker()
+    assert bare.get_linestyle() != hung.get_linestyle()
+    known = study.responses[0].status == "rocking"
+    assert bare.get_ydata()[known] == pytest.approx(study.responses[0].amplitude[known])
+    assert np.isnan(bare.get_ydata()[~known]).all()
+    (lost,) = near(ax, "^")
+    assert lost.get_xdata() == pytest.approx(study.responses[0].frequency[~known])
+    assert not near(ax, "x")
+    assert ax.get_ylim()[0] == 0.0
+    assert ax.get_xlabel() == "frequency of the base motion (Hz)"
+    assert "(rad)" in ax.get_ylabel()
+
+
+def test_overturning_is_marked_above_all_amplitudes_and_differs_in_grey():
+    status = ["overturned", "rocking", "overturned"]
+    bare, hung = (designs.response(np.inf, 0.02, np.inf, status=status) for _ in range(2))
+    (ax,) = plot_response((bare, hung), 2.5)
+    for marker, level in (("^", 0.027), ("x", 0.95 * 0.027)):
+        (mark,) = near(ax, marker)
+        assert mark.get_xdata() == pytest.approx([2.4, 2.6])
+        assert mark.get_ydata() == pytest.approx([level] * 2)
+    drawn = lines(ax)
+    assert drawn["bare block"].get_markerfacecolor() == "white"
+    assert drawn["with the pendulum"].get_markerfacecolor() != "white"
+    low, high = ax.get_ylim()
+    assert low == 0.0
+    assert high > 0.027
+    (degrees,) = ax.child_axes
+    assert degrees.get_ylabel() == "degrees"
+    ax.figure.canvas.draw()
+    assert degrees.get_ylim() == pytest.approx(np.degrees(ax.get_ylim()))
+
+
+def test_shares_of_runs_that_overturn_stand_below_the_amplitudes():
+    values = np.array([[0.1, 0.5, 0.9], [0.0, 0.3, 0.7], [0.3, 0.7, 1.0]])
+    response = dataclasses.replace(designs.response(0.1, 0.2, 0.3), overturning=values)
+    above, below = plot_response((response,))
+    (line,) = below.lines
+    assert line.get_ydata().tolist() == [0.1, 0.5, 0.9]
+    corners = below.collections[0].get_paths()[0].vertices[:, 1]
+    assert (corners.min(), corners.max()) == (0.0, 1.0)
+    assert below.get_ylabel() == "share that overturns (-)"
+    assert not above.texts
+    assert len(plot_response((response,), axes=new_axes())) == 1
+
+
+def test_a_response_that_does_not_settle_is_marked():
+    status = ["rocking", "aperiodic", "rocking"]
+    (ax,) = plot_response((designs.response(0.01, 0.02, 0.01, status=status),), 2.5)
+    assert lines(ax)["bare block: not settled"].get_xdata() == pytest.approx([2.45])
+
+
+def test_motions_share_their_axes_and_end_where_the_block_overturns():
+    study = designs.study()
+    tilt, rod = plot_motions(study.histories, 0.25, stroke_limit=0.5)
+    assert legend(tilt) == {"bare block", "with the pendulum"}
+    assert legend(rod) == {"limit on the settled stroke"}
+    assert lines(tilt)["bare block"].get_ydata() == pytest.approx(study.histories[0].tilt)
+    assert np.sum([line.get_ydata()[0] == 0.5 for line in rod.lines]) == 1
+    (alone,) = plot_motions((designs.history(False, lost=True),), 0.25)
+    assert "overturns" in [t.get_text() for t in alone.texts]
+    assert np.nanmax(np.abs(lines(alone)["bare block"].get_ydata())) < 0.5
+    assert alone.get_xlim()[1] == pytest.approx(9.6)
+    # Without a limit on the stroke there is no line for it.
+    assert plot_motions(study.histories, 0.25)[1].get_legend() is None
+
+
+def test_motions_under_a_record_have_the_base_above_and_the_friction_below():
+    time, one = np.linspace(0.0, 1.0, 11), np.ones(11)
+    values = {"times": time, "base": one, "tilt": 0.01 * one, "horizontal": -one, "vertical": 4.0 * one}
+    rest = {"impacts": np.zeros((0, 2)), "rocking": one > 0.0, "status": tpd.Status.rest}
+    bare = ShakingHistory(swing=None, **values, **rest)
+    base, tilt, friction = plot_motions((bare,), 0.25)
+    assert base.lines[0].get_ydata().tolist() == one.tolist()
+    assert friction.lines[0].get_ydata() == pytest.approx(0.25 * one)
+    assert legend(tilt) == {"bare block"}
+    assert len(plot_motions((bare, dataclasses.replace(bare, swing=0.1 * one)), 0.25)) == 4
+
+
+def test_a_response_draws_itself_and_is_a_table_with_the_shares_of_runs_near_each_value():
+    response = tpd.settled_response(SCENE, "frequency", VALUES, pendulum=designs.HUNG)
+    above, below = response.plot(designs.response(*np.full(9, 0.1), frequency=VALUES), own=2.5)
+    assert [t.get_text() for t in above.get_legend().get_texts()] == ["bare block", "with the pendulum"]
+    assert below.get_xlabel() == "frequency of the base motion (Hz)"
+    with pytest.raises(TypeError, match="unexpected keyword argument 'axis'"):
+        response.plot(axis=None)
+    table = response.to_dataframe()
+    names = ["frequency", "status", "amplitude_rad", "stroke_rad"]
+    names += ["share_overturned", "share_low", "share_high"]
+    assert list(table.columns) == names
+    np.testing.assert_array_equal(table["amplitude_rad"], response.amplitude)
+    assert np.all((table["share_low"] <= table["share_overturned"]) & (table["share_high"] <= 1.0))
+    few = dataclasses.replace(response, overturning=None)
+    assert list(few.to_dataframe().columns) == names[:4]
+    # A part of it keeps its shares.
+    part, at = response.between(1.5, 2.5), (VALUES >= 1.5) & (VALUES <= 2.5)
+    assert part.frequency.tolist() == VALUES[at].tolist()
+    np.testing.assert_array_equal(part.overturning, response.overturning[:, at])
+    assert part.status.tolist() == response.status[at].tolist()
+
+
+def test_shares_are_those_of_runs_from_rest_near_each_value():
+    """At the lowest frequencies the paper's block rests, at the strong ones next to its own it overturns."""
+    strong = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.06, frequency=2.5))
+    share, low, high = tpd.settled_response(strong, "frequency", np.linspace(0.2, 2.0, 10)).overturning
+    assert (share[0], share[-1]) == (0.0, 1.0)
+    assert high[0] < 0.25
+    assert low[-1] > 0.75
+    assert tpd.settled_response(strong, "frequency", [1.0, 2.0]).overturning is None
+
+
+def test_branches_draw_themselves_and_have_a_row_for_every_orbit():
+    branches = tpd.branches(SCENE, "frequency", 2.0, 3.0, samples=12)
+    (ax,) = branches.plot()
+    assert "bare block" in {t.get_text() for t in ax.get_legend().get_texts()}
+    table = branches.to_dataframe()
+    s = branches.sweep
+    assert len(table) == sum(len(s.line(i)[0]) for i in range(s.branches)) > 0
+    sizes = ["amplitude_rad", "stroke_rad", "phase_rad"]
+    assert list(table.columns) == ["branch", "frequency", "status", *sizes]
+    i, j = s.line(0)
+    np.testing.assert_array_equal(table["amplitude_rad"][table["branch"] == 0], s.amplitude[i, j])

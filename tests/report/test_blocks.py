@@ -1,0 +1,46 @@
+"""Building blocks of a report: cells, marks, and what is refused."""
+
+import math
+
+import pytest
+
+from tpd.report.blocks import Figure, Severity, Table, danger, note, wrapped
+
+
+@pytest.mark.parametrize(
+    ("x", "said"),
+    [
+        (0.0, "0"),
+        (20e3, "20000"),
+        (123456.0, "123500"),
+        (0.0913456, "0.09135"),
+        (-0.25, "-0.25"),
+        (9.99996, "10"),
+        (1e-7, "1e-07"),
+        (math.inf, "infinite"),
+        (math.nan, "–"),
+        (None, "–"),
+        (3, "3"),
+    ],
+)
+def test_cells_have_four_digits_or_a_dash(x, said):
+    assert Table(("a",), ((x,),)).cells == [[said]]
+
+
+def test_columns_of_numbers_are_known():
+    table = Table(("a", "b", "c"), (("x", "5.0%", None), ("2", 1.0, None)))
+    assert table.numeric == [False, True, False]
+
+
+def test_what_is_not_whole_is_refused():
+    with pytest.raises(ValueError, match="must have 2 cells as the head has, but has 1"):
+        Table(("name", "size"), (("one",),))
+    with pytest.raises(ValueError, match="`alt` must describe the picture"):
+        Figure("a.png", alt="", caption="")
+
+
+def test_a_danger_bears_its_mark_and_lines_are_cut_at_100():
+    assert [severity.name for severity in Severity] == ["danger", "note"]
+    assert (danger("no").marked, note("yes").marked) == ("DANGER: no", "yes")
+    first, second = wrapped("word " * 21, "- ")
+    assert (len(first), second[:7]) == (96, "  word ")

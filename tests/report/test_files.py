@@ -1,0 +1,121 @@
+"""Files of a report: all of them, tables, pictures, and the answer of an engine in them."""
+
+import csv
+import io
+import re
+import xml.etree.ElementTree as ElementTree
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests import designs
+from tpd.design.job import job_of
+from tpd.design.result import DesignStatus
+from tpd.design.study import Study
+from tpd.report import files
+from tpd.report.files import add_engine, draw, motion_csv, response_csv, write
+
+CUT = designs.single(status=DesignStatus.interrupted, pendulum=None, verified=())
+
+
+def read(text: str) -> tuple[list[str], list[list[str]]]:
+    head, *rows = csv.reader(io.StringIO(text))
+    return head, rows
+
+
+def test_all_files_are_written_and_the_page_last(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "draw", lambda name, *_: b"<svg/>" if name[-3:] == "svg" else b"GIF8")
+    study = designs.study(front=designs.front())
+    toml = "[block]\nwidth = 0.1\n"
+    written = write(tmp_path / "out", designs.single(), study, {"block": {"width": 0.1}}, toml)
+    names = [path.name for path in written]
+    data = ["report.txt", "design.json", "scene.toml", "response.csv", "motion.csv"]
+    drawn = ["benefit.svg", "search.png", "response.svg", "motion.svg", "front.svg", "drawing.svg"]
+    assert names == [*data, *drawn, "animation.gif", "report.html"]
+    assert sorted(names) == sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert (tmp_path / "out" / "scene.toml").read_text() == toml
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "width = 0.1" in page
+    assert page.count("<figure>") == 7
+    # An interrupted search has no page.
+    names = {path.name for path in write(tmp_path / "cut", CUT, Study(), {}, toml)}
+    assert names == {"report.txt", "design.json", "scene.toml", "search.png"}
+    assert (tmp_path / "cut" / "report.txt").read_text().startswith("INTERRUPTED")
+
+
+def test_a_design_saves_its_report_with_the_job_where_one_says_what_was_asked(tmp_path, monkeypatch):
+    def unsaid(_):
+        raise ValueError("a limit of one's own")
+
+    monkeypatch.setattr(files, "draw", lambda *_: b"<svg/>")
+    monkeypatch.setattr(files, "job_of_design", lambda _: job_of({}))
+    design, study = designs.refused(), Study()
+    assert "scene.toml" in {path.name for path in design.save(tmp_path / "a", study=study)}
+    with pytest.raises(ValueError, match="already holds files"):
+        design.save(tmp_path / "a", study=study)
+    monkeypatch.setattr(files, "job_of_design", unsaid)
+    with pytest.warns(UserWarning, match=r"the report goes without scene\.toml: a limit of one's own"):
+        assert "scene.toml" not in {path.name for path in design.save(tmp_path / "b", study=study)}
+
+
+@pytest.mark.parametrize("name", ["benefit", "conditions", "response", "motion"])
+def test_pictures_of_lines_are_svg(name):
+    found = draw(f"{name}.svg", designs.band(), designs.study())
+    assert ElementTree.fromstring(found).tag.endswith("svg")
+
+
+def test_the_drawing_has_the_body_that_was_asked_for_and_fields_are_no_lines():
+    found = draw("drawing.svg", designs.around(), Study())
+    assert found == draw("drawing.svg", designs.around(), Study())
+    words = re.sub(r"<[^>]+>", " ", found.decode())
+    assert "bob, 1.689 kg: ball" in words
+    assert "0.0744 m wide" in words
+    assert draw("search.png", designs.single(), Study()).startswith(b"\x89PNG")
+    with pytest.raises(ValueError, match="`name` must be one of benefit"):
+        draw("other.svg", designs.single(), Study())
+
+
+def test_motions_are_those_of_the_exact_solution_in_full():
+    bare, hung = designs.study().histories
+    head, rows = read(motion_csv((bare, hung)))
+    assert head == ["time_s", "without_tilt_rad", "with_tilt_rad", "with_bob_rad"]
+    np.testing.assert_array_equal(np.array(rows, float).T, [bare.time, bare.tilt, hung.tilt, hung.bob])
+    # After an overturning the cells are empty.
+    head, rows = read(motion_csv((designs.history(False, lost=True),)))
+    assert head == ["time_s", "without_tilt_rad"]
+    assert rows[-1][1] == ""
+    assert float(rows[-1][0]) > 9.0
+
+
+def test_responses_have_a_row_for_every_frequency():
+    bare, hung = designs.response(0.1, np.inf, 0.3), designs.response(0.1, 0.2, 0.3)
+    head, rows = read(response_csv((bare, hung)))
+    sizes = ["without_status", "without_amplitude_rad", "with_status", "with_amplitude_rad"]
+    assert head == ["frequency_Hz", *sizes, "with_stroke_rad"]
+    assert rows[1] == ["2.45", "rocking", "inf", "rocking", "0.2", "0.1"]
+    assert read(response_csv((bare,)))[0] == ["frequency_Hz", *sizes[:2]]
+
+
+class Verdict(SimpleNamespace):
+    """Answer of an engine."""
+
+    def summary(self) -> dict:
+        return vars(self)
+
+    def __str__(self) -> str:
+        return f"table of {self.engine} & more"
+
+
+def test_a_second_run_of_an_engine_replaces_the_first(tmp_path):
+    (tmp_path / "report.txt").write_text("verdict\n\nbody\n")
+    (tmp_path / "report.html").write_text('<body>\n<p class="verdict note">verdict</p>\n</body>\n')
+    for warning in ("DANGER: by MuJoCo it harms", ""):
+        found = Verdict(engine="MuJoCo", warning=warning)
+        assert [p.name for p in add_engine(tmp_path, found)] == ["engine.json", "report.txt", "report.html"]
+        text, page = (tmp_path / "report.txt").read_text(), (tmp_path / "report.html").read_text()
+        assert text.startswith(warning or "verdict")
+        assert text.count("table of MuJoCo & more") == page.count("table of MuJoCo &amp; more") == 1
+        assert text.count("By an independent engine\n") == 1
+        assert page.count('<p class="danger">') == bool(warning)
+        assert page.index("verdict</p>") < page.index("table of") < page.index("</body>")
