@@ -13,9 +13,9 @@ from pathlib import Path
 
 from tpd.core import files
 from tpd.core.formatting import number
+from tpd.design.build import FrontPoint
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.judgement import scatter_of
-from tpd.design.many import FrontPoint
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.design.study import Study
 from tpd.report import answer, construction, sections, words
