@@ -185,6 +185,7 @@ def test_runs_without_an_answer_are_left_out_and_counted():
         # Two pairs are left: 0.1 and 0.2 with the pendulum, 0.4 and 1 without.
         assert found.value == pytest.approx(1.0 - 0.3 / 1.4)
         assert (found.runs, found.undecided) == (2, 3)
+        np.testing.assert_allclose(found.by_condition, [[0.1, 0.2], [0.4, 1.0]])
         assert (pair.worse, pair.better) == (0, 1)
         assert pair.hung.overturned.value == 0.0
         against, favour = found.ends

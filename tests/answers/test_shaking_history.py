@@ -21,6 +21,9 @@ def test_the_history_is_that_of_the_motion():
     # The last time is the end of the motion.
     assert (found.tilt[-1], found.swing[-1]) == pytest.approx(tuple(one.state[:2]), abs=1e-9)
     np.testing.assert_allclose(found.base, SINE.motion.acceleration_at(found.times))
+    # The hinge rises with the axis of the block, to whichever side it leans.
+    np.testing.assert_allclose(found.bob[:, 1] / 450.0, found.vertical / 9450.0, rtol=1e-12)
+    assert np.ptp(np.sign(found.tilt)) == 2.0
     assert shaking_history(SINE, free=5.0).swing is None
 
 
