@@ -24,11 +24,10 @@ class DesignStatus(enum.Enum):
         """Make a member of its sentence, with what to do about it."""
         made = object.__new__(cls)
         made._value_ = said
-        made.remedy = remedy
+        made._remedy = remedy
         return made
 
-    remedy: str
-    """What to do about it."""
+    _remedy: str
 
     found = (
         "A PENDULUM WAS FOUND: over runs by the nonlinear equations that no choice has seen the block rocks "
@@ -73,6 +72,11 @@ class DesignStatus(enum.Enum):
         "Descend on exact orbits: `Descent(model=Piecewise())`, or `Sequential()`.",
     )
     infeasible = "met no design within the limits", "Widen the design space, or loosen a limit."
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it."""
+        return self._remedy
 
     @property
     def is_sound(self) -> bool:
