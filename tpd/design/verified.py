@@ -75,7 +75,7 @@ class DesignStatus(enum.Enum):
 
     @property
     def remedy(self) -> str:
-        """What to do about it."""
+        """Sentence on how to go on."""
         return self._remedy
 
     @property
@@ -85,7 +85,7 @@ class DesignStatus(enum.Enum):
 
     @property
     def of_descent(self) -> str:
-        """What a report says of one descent that ended so."""
+        """Words of a report for one descent that ended so."""
         if self is DesignStatus.interrupted:
             return "had not ended when the search was interrupted"
         return self.value
