@@ -1,4 +1,4 @@
-"""What a report shows beside a design, as data: the pendulum as it is built, with its loads and readings on
+"""Data that a report shows beside a design: the pendulum as it is built, with its loads and readings on
 site, how the benefit moves with what is not known exactly, motions from rest, responses, and lighter bobs."""
 
 from __future__ import annotations

@@ -24,11 +24,10 @@ class DesignStatus(enum.Enum):
         """Make a member of its sentence, with what to do about it."""
         made = object.__new__(cls)
         made._value_ = said
-        made.remedy = remedy
+        made._remedy = remedy
         return made
 
-    remedy: str
-    """What to do about it."""
+    _remedy: str
 
     found = (
         "A PENDULUM WAS FOUND: over runs by the nonlinear equations that no choice has seen the block rocks "
@@ -75,13 +74,18 @@ class DesignStatus(enum.Enum):
     infeasible = "met no design within the limits", "Widen the design space, or loosen a limit."
 
     @property
+    def remedy(self) -> str:
+        """Sentence on how to go on."""
+        return self._remedy
+
+    @property
     def is_sound(self) -> bool:
         """Whether the answer may be used: a design found and judged, or none needed."""
         return self in (DesignStatus.found, DesignStatus.no_uplift)
 
     @property
     def of_descent(self) -> str:
-        """What a report says of one descent that ended so."""
+        """Words of a report for one descent that ended so."""
         if self is DesignStatus.interrupted:
             return "had not ended when the search was interrupted"
         return self.value
