@@ -92,7 +92,7 @@ class Command(NamedTuple):
     """Adds its options."""
     help: str
     does: str
-    """What it says that it does, before anything is imported; empty where it ends at once."""
+    """Words for its work, said before anything is imported; empty where it ends at once."""
     description: str
     example: str
     more: str = ""
