@@ -377,10 +377,13 @@ class EventDriven:
         step = self.STEP
         if kind == "slip":
             rates = functools.partial(self._slip, s=s, sigma=sigma)
-            signals = [lambda t, y: s * y[0], lambda t, y: sigma * y[2]]
+            # A block that friction lets go begins with no acceleration but rounding.
+            signals = [lambda t, y: s * y[0], lambda t, y: sigma * y[2] + 1e-13]
             pull = rates(t, y)[2]
-            if y[0] == 0.0 and pull * y[2] < 0.0:
-                step = min(step, 0.5 * abs(y[2] / pull))
+            if y[0] == 0.0 and pull * y[2] < 0.0 and abs(y[2] / pull) < 2.0 * step:
+                # A hop lasts for some four of these steps, unless it becomes a longer arc.
+                step = max(0.5 * abs(y[2] / pull), 1e-11)
+                end = min(end, t + 20.0 * step)
         else:
             rates = self._held
             signals = [

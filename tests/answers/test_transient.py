@@ -294,9 +294,8 @@ def numbers(x):
     return jnp.stack([found.tilt, found.swing, found.relative, *found.state[1:4:2]])
 
 
-@pytest.mark.parametrize("size", [1.3, 2.1])
-def test_derivatives_are_those_of_differences(size):
-    x = np.array([1.0, 6.0, 9000.0, 0.01, 0.9595, size * GRAVITY / 6.0, 1.2375, 450.0, 0.9, 0.1, GRAVITY])
+def test_derivatives_are_those_of_differences():
+    x = np.array([1.0, 6.0, 9000.0, 0.01, 0.9595, 2.1 * GRAVITY / 6.0, 1.2375, 450.0, 0.9, 0.1, GRAVITY])
     value = jax.jit(numbers)
     forward, backward = (np.asarray(d(numbers)(jnp.asarray(x))) for d in (jax.jacfwd, jax.jacrev))
     assert forward == pytest.approx(backward, rel=1e-12, abs=1e-14)
@@ -422,9 +421,8 @@ def test_second_derivatives_are_refused():
         return tpd.transient(column(sine(x[0])), bob(length=x[1])).tilt
 
     x = jnp.array([2.0, 0.9])
-    assert np.all(np.isnan(jax.hessian(tilt)(x)))
-    assert np.all(np.isnan(jax.jacrev(jax.grad(tilt))(x)))
-    assert np.all(np.isnan(jax.jit(jax.jacfwd(jax.jacfwd(tilt)))(x)))
+    for derivative in (jax.jacfwd, jax.jacrev):
+        assert np.all(np.isnan(jax.jit(derivative(jax.grad(tilt)))(x)))
 
 
 def test_an_angle_that_is_largest_at_the_very_end_grows_with_the_free_time():
