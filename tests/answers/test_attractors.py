@@ -8,8 +8,8 @@ import pytest
 from tests.reference import BARE, HUNG, parameters
 from tests.reference import exact as solve
 from tpd import Parameters, Starts, Status, attractors
-from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
+from tpd.models.rows import settle_all
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import as_arrays
 

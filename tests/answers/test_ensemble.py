@@ -11,7 +11,7 @@ from tests.reference import NAMES, BareCrowd, EventDriven
 from tpd.answers.ensemble import outcomes, plan
 from tpd.answers.outcomes import Outcomes, Share
 from tpd.answers.paired import Verdict, chance_of
-from tpd.models.batches import settle_all
+from tpd.models.rows import settle_all
 from tpd.scene.sampling import latin_hypercube
 from tpd.scene.status import names_of
 

@@ -14,7 +14,7 @@ import pytest
 from tests.reference import BARE, HUNG, UNSTABLE, Case, along, differences, named, parameters
 from tpd import Status, status_name, steady_state, symmetric_orbits
 from tpd.answers.periodic_orbit import PeriodicOrbit, continue_orbit, periodic_orbit
-from tpd.models.batches import settle_all
+from tpd.models.rows import settle_all
 from tpd.theory.equations import Linear
 
 

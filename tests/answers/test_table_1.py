@@ -14,8 +14,8 @@ import pytest
 import tpd
 from tpd.answers.ensemble import plan
 from tpd.answers.outcomes import LOST, Share
-from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear
+from tpd.models.rows import settle_all
 from tpd.scene.status import names_of
 
 BLOCK = tpd.Block(width=0.1, height=0.4, mass=16.224, restitution="housner")

@@ -27,7 +27,7 @@ from tests.benchmarks import peers  # noqa: E402
 from tests.benchmarks.tables import table, timed  # noqa: E402
 from tests.reference import HUNG, parameters  # noqa: E402
 from tpd import Piecewise, in_chunks, symmetric_orbits  # noqa: E402
-from tpd.models.batches import settle_all  # noqa: E402
+from tpd.models.rows import settle_all  # noqa: E402
 from tpd.scene.parameters import as_arrays  # noqa: E402
 
 PERIODS = 100

@@ -35,8 +35,8 @@ from tests.benchmarks.tables import compact, table, timed  # noqa: E402
 from tests.reference import HUNG, parameters  # noqa: E402
 from tpd import Piecewise, Smoothed, in_chunks, simulate, symmetric_orbits  # noqa: E402
 from tpd.core.files import as_json, place, versions  # noqa: E402
-from tpd.models.batches import settle_all  # noqa: E402
 from tpd.models.compiled_linear import settle  # noqa: E402
+from tpd.models.rows import settle_all  # noqa: E402
 from tpd.plot import style as canvas  # noqa: E402
 from tpd.scene.parameters import as_arrays  # noqa: E402
 

@@ -13,7 +13,7 @@ import numpy as np
 jax.config.update("jax_enable_x64", True)
 
 import tpd  # noqa: E402
-from tpd.models.batches import settle_all  # noqa: E402
+from tpd.models.rows import settle_all  # noqa: E402
 from tpd.scene.impacts import housner  # noqa: E402
 from tpd.scene.status import names_of  # noqa: E402
 

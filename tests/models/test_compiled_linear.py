@@ -10,7 +10,7 @@ import pytest
 from tests.reference import HUNG, SLOW, EventDriven, parameters
 from tpd import Parameters, Piecewise, simulate, steady_state
 from tpd.models import compiled_linear
-from tpd.models.batches import settle_all
+from tpd.models.rows import settle_all
 from tpd.scene.parameters import as_arrays
 from tpd.scene.status import names_of
 

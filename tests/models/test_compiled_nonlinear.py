@@ -14,8 +14,8 @@ from scipy.integrate import solve_ivp
 
 import tpd
 from tpd.core import files
-from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear, settle_one
+from tpd.models.rows import settle_all
 from tpd.scene.status import names_of
 from tpd.theory.equations import Equations
 

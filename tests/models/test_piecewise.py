@@ -25,7 +25,7 @@ from tests.reference import (
     parameters,
 )
 from tpd import Harmonic, Piecewise, Status, paper_scene, simulate, status_name, steady_state
-from tpd.models.batches import settle_all
+from tpd.models.rows import settle_all
 from tpd.scene.parameters import as_arrays
 from tpd.scene.status import names_of
 from tpd.theory import uplift

@@ -19,9 +19,9 @@ from tpd.answers.outcomes import LOST, UNANSWERED, Outcomes
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
 from tpd.core.progress import shown_count
-from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
+from tpd.models.rows import settle_all
 from tpd.scene import sampling
 from tpd.scene.conditions import FACTORS, Conditions, check_restitution, under
 from tpd.scene.parameters import Parameters

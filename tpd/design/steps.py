@@ -23,8 +23,8 @@ from tpd.design.objective import REST, Evaluation, margins
 from tpd.design.problem import Problem
 from tpd.design.survey import Survey, followed
 from tpd.design.verified import Bare, Motions, Reason, ReasonKind, Step, Verified
-from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
+from tpd.models.rows import settle_all
 from tpd.scene.conditions import Conditions, under, under_all
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.scene import Pendulum, Scene
