@@ -11,8 +11,8 @@ import tpd
 from tests.reference import NAMES, EventDriven
 from tpd.answers.ensemble import Outcomes, outcomes, plan
 from tpd.answers.statistics import Share
-from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear
+from tpd.models.rows import settle_all
 from tpd.scene.conditions import latin_hypercube
 from tpd.scene.status import Outcome, names_of
 

@@ -16,7 +16,7 @@ from tests.exact.test_steady import CHAOTIC
 from tests.reference import BARE, HUNG, UNSTABLE, Case, along, differences, named, parameters
 from tpd import Status, status_name, steady_state
 from tpd.answers.periodic_orbit import PeriodicOrbit, continue_orbit, periodic_orbit
-from tpd.models.batches import settle_all
+from tpd.models.rows import settle_all
 from tpd.theory.equations import Linear
 
 

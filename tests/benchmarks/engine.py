@@ -50,7 +50,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     from tests.benchmarks.precision.numba_loop import settle_all as loop
     from tests.benchmarks.precision.peers import METHODS
     from tests.benchmarks.precision.scenes import SCENES
-    from tpd.models.batches import settle_all
+    from tpd.models.rows import settle_all
     from tpd.scene.parameters import as_arrays
 
     rows = []

@@ -12,8 +12,8 @@ from tests.reference import REST, SLOW, STILL, exact, parameters
 from tpd import Harmonic, Parameters, Piecewise, Status, paper_scene, simulate
 from tpd.exact.terms import LANDING
 from tpd.models import compiled_linear
-from tpd.models.batches import settle_all
 from tpd.models.multiple_shooting import Events, events
+from tpd.models.rows import settle_all
 from tpd.scene.parameters import as_arrays
 from tpd.scene.status import names_of
 from tpd.theory import uplift

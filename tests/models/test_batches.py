@@ -7,7 +7,7 @@ import pytest
 
 from tests.reference import parameters
 from tpd import Piecewise
-from tpd.models.batches import settle_all
+from tpd.models.rows import settle_all
 
 
 def box(count, seed):

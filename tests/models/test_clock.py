@@ -4,11 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tpd.models.clock import split
 
 from tests.exact.test_trajectory import STICKING
 from tests.reference import HUNG, exact, parameters
 from tpd import Segmented, Smoothed, Terms, simulate, status_name
-from tpd.models.clock import split, through
+from tpd.exact.follow import through
 from tpd.scene.parameters import as_arrays
 from tpd.scene.status import Status
 

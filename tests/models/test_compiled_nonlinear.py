@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import follow_nonlinear, settle_nonlinear, settle_one, shake_nonlinear
 from tpd.models.compiled_shaken import row_of
+from tpd.models.rows import settle_all
 from tpd.scene.status import names_of
 
 HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)

@@ -6,8 +6,8 @@ import pytest
 from tests.reference import HUNG, REST, along, exact, parameters
 from tpd.exact.motion import LEG
 from tpd.models import exact_entry as entry
-from tpd.models.batches import settle_all
 from tpd.models.compiled_linear import packed
+from tpd.models.rows import settle_all
 from tpd.scene.parameters import as_arrays
 
 CASE = HUNG[0]

@@ -22,8 +22,8 @@ from tpd.core import checks
 from tpd.core.formatting import Printed, counted_periods
 from tpd.core.progress import shown_count
 from tpd.models.base import Settled
-from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
+from tpd.models.rows import settle_all
 from tpd.models.settling import scale_of
 from tpd.scene.conditions import latin_hypercube
 from tpd.scene.parameters import Parameters, as_arrays

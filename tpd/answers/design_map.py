@@ -16,7 +16,7 @@ from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted, picture, span
 from tpd.core.progress import shown_count
-from tpd.models.batches import settle_all
+from tpd.models.rows import settle_all
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import NAMES, UNITS, Setup, parameters

@@ -20,7 +20,6 @@ from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
 from tpd.core.formatting import Printed
 from tpd.core.progress import shown_count
-from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 from tpd.scene import conditions as sets

@@ -15,7 +15,7 @@ from tpd.answers.steady_state import steady_state
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted, picture, span
 from tpd.core.progress import Progress, shown
-from tpd.models.batches import settle_all
+from tpd.models.rows import settle_all
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import UNITS, Axis, parameters
 from tpd.scene.scene import Pendulum, Scene

@@ -15,9 +15,9 @@ import numpy as np
 from tpd.design.criteria import DesignSpace, Risk, Room, limit_of
 from tpd.design.objective import Orbits, blank
 from tpd.design.screening import first_apart
-from tpd.models.batches import settle_all
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
+from tpd.models.rows import settle_all
 from tpd.scene.bob import THICKEST
 from tpd.scene.conditions import latin_hypercube, under_all
 from tpd.scene.status import LOST, UNANSWERED, names_of

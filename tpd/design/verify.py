@@ -26,8 +26,8 @@ from tpd.design.result import DesignStatus, Nearest
 from tpd.design.search import AT_BOUND, Multistart, stage
 from tpd.design.survey import ON_THE_WAY, Survey, excess, followed
 from tpd.design.verified import Active, Bare, Motions, Reason, ReasonKind, Step, Verified
-from tpd.models.batches import settle_all
 from tpd.models.piecewise import Piecewise
+from tpd.models.rows import settle_all
 from tpd.scene.conditions import Conditions, under, under_all
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.scene import Pendulum, Scene

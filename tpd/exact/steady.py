@@ -50,6 +50,8 @@ parameters, NaN where there are none."""
 Own = namedtuple("Own", "plants motions rooms readers cycles settled legs")
 """Memory of records: a plant, a motion and its start, two rooms, a reader, two cycles, what a motion settles
 to, and the usual legs. A record does not keep its memory: it is alive as long as these arrays are."""
+_BEST, _SPARE = 0, 1
+"""Places of the best cycle so far and of the last one, and of the start of that."""
 _NEWTON_STEPS, _ROUND_OFF = 8, 1e-14
 """Bound on the steps of Newton's method, and residual of the map that counts as round-off."""
 
@@ -57,13 +59,9 @@ _NEWTON_STEPS, _ROUND_OFF = 8, 1e-14
 @compiled
 def memory():
     """New memory."""
-    plants, motions, rooms, readers = (
-        np.empty(1, PLANT),
-        np.zeros(2, MOTION),
-        np.zeros(2, ROOM),
-        np.zeros(1, READER),
-    )
-    return Own(plants, motions, rooms, readers, np.empty(2, CYCLE), np.empty(1, SETTLED), np.empty(LEGS, LEG))
+    plants, motions, rooms = np.empty(1, PLANT), np.zeros(2, MOTION), np.zeros(2, ROOM)
+    cycles, settled, legs = np.empty(2, CYCLE), np.empty(1, SETTLED), np.empty(LEGS, LEG)
+    return Own(plants, motions, rooms, np.zeros(1, READER), cycles, settled, legs)
 
 
 @part
@@ -97,13 +95,14 @@ def _solved(by, right):
 def _find_orbit(q, m, own, limits, y):
     """Newton's method from the state `y` with the mode of the motion `m`. Leave the start of the best orbit
     in `y` and its cycle in the first of two, and return its residual."""
-    start, c, now, move = own.motions[1], own.cycles[1], np.empty(4), np.empty((4, 1))
+    (_, _, room, r), start, c = first_of(own), own.motions[_SPARE], own.cycles[_SPARE]
+    now, move = np.empty(4), np.empty((4, 1))
     error, residual, steps = math.inf, math.inf, 0
     put(y, now)
     while steps < _NEWTON_STEPS and error > _ROUND_OFF:
         kind, tilt, way = m.kind, m.tilt, m.way
         put(now, m.y)
-        cycle(q, m, own.legs, own.rooms[0], own.readers[0], limits, start, c)
+        cycle(q, m, own.legs, room, r, limits, start, c)
         found = _residual(q, now, c.end)
         # Only a motion that ends in the mode in which it began is an orbit.
         raised = found + (0.0 if c.closed != 0.0 else 0.5 * RESIDUAL)
@@ -111,7 +110,7 @@ def _find_orbit(q, m, own, limits, y):
         if raised < error:
             error, residual = raised, found
             put(now, y)
-            own.cycles[0] = c
+            own.cycles[_BEST] = c
             # An orbit that meets an event at tau = 0, such as every conservative one, comes out on either
             # side of it by rounding. Begun before the event and ended after it, the run counts the event
             # twice, the other way round not at all: both leave the state right and its derivative wrong. A
@@ -137,14 +136,15 @@ def _separation(q, m, own, limits, periods, y):
     """Follow a motion that did not repeat from the state `y`: its largest Lyapunov exponent, no number if it
     ends at once. Leave the start of its last cycle in `y`, and that cycle in the first of two, with the
     largest sizes of all."""
-    best, c, start, scales = own.cycles[0], own.cycles[1], own.motions[1], scales_of(q)
+    (_, _, room, r), best, scales = first_of(own), own.cycles[_BEST], scales_of(q)
+    c, start = own.cycles[_SPARE], own.motions[_SPARE]
     direction, onward, parted, steps = np.empty(4), np.empty(4), 0.0, 0
     for i in range(4):
         # Of a bob without mass nothing is felt.
         scales[i] = scales[i] if i % 2 == 0 or q.mu > 0.0 else 1e300
         direction[i] = 0.5 * scales[i]
     while steps < periods:
-        cycle(q, m, own.legs, own.rooms[0], own.readers[0], limits, start, c)
+        cycle(q, m, own.legs, room, r, limits, start, c)
         if not finite(c.end):
             break
         c.amplitude, c.stroke = max(c.amplitude, best.amplitude), max(c.stroke, best.stroke)
@@ -159,7 +159,7 @@ def _separation(q, m, own, limits, periods, y):
             direction[i] = onward[i] / size
         parted, steps = parted + math.log(size), steps + 1
         put(start.y, y)
-        own.cycles[0] = c
+        own.cycles[_BEST] = c
     return parted / (steps * 2.0 * math.pi / q.xi) if steps > 1 else math.nan
 
 
@@ -224,7 +224,7 @@ def _put_isolated(c, y, out):
 def steady_state(x, y0, s, own, out):
     """Follow a motion from `y0` at tau = 0 until it settles, within the bounds of the settings `s`, and put
     its steady state into the record `out`."""
-    (q, m, room, r), c, found, y, total = first_of(own), own.cycles[0], own.settled[0], out.y, 0.0
+    (q, m, room, r), c, found, y, total = first_of(own), own.cycles[_BEST], own.settled[0], out.y, 0.0
     out.amplitude = out.stroke = out.multiplier = out.lyapunov = math.nan
     out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, FAILED
     for j in range(9):

@@ -46,7 +46,7 @@ def settle_nonlinear(
     where). Not differentiable, and no motion is `aperiodic`: one that does not repeat is `not_settled`.
 
     Args:
-        p, y0, begin, ramp, workers, progress: as in `tpd.models.batches.settle_all`.
+        p, y0, begin, ramp, workers, progress: as in `tpd.models.rows.settle_all`.
         periods: largest number of forcing periods of a motion.
         rtol: relative tolerance of a step.
         max_events: bound on the events of one forcing period.

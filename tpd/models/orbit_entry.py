@@ -25,18 +25,20 @@ from tpd.models.compiling import checksum
 from tpd.models.custom_call import api_version, carray, cube, on_host, pointer, rows_of, table
 
 SOLVE, DIFFERENTIATE, VANISH, SURVEY = range(4)
-"""Tasks; the first number of every row of settings."""
-SETTINGS, SURVEYED = np.int64(4), SAMPLES + 3
+"""Tasks."""
+SETTINGS = np.dtype([(name, np.float64) for name in ("what", "directions", "begin", "end")])
+"""A row of settings: the task; for derivatives the number of directions, and the range of sizes that are
+asked for."""
+SURVEYED = SAMPLES + 3
 
 
 @part
 def _run(a, first, last):
     """Rows of a task, each with its settings and parameters. The others are, operands first: orbits of
-    `solve`; orbits, directions and slopes of `differentiate`, whose settings are (what, number of directions,
-    first size, the one after the last); (t, gamma, s), numbers and derivatives of `vanishing`; the same and
-    numbers of `survey`."""
-    s, x, work = table(a[0], last, SETTINGS), table(a[1], last, 9), np.empty(1, WORK)
-    what, count = s[0, 0], int(s[0, 1])
+    `solve`; orbits, directions and slopes of `differentiate`; (t, gamma, s), numbers and derivatives of
+    `vanishing`; the same and numbers of `survey`."""
+    s, x, work = carray(pointer(a[0]), (last,), SETTINGS), table(a[1], last, 9), np.empty(1, WORK)
+    what, count = s[0].what, int(s[0].directions)
     # A record does not keep its array alive: it is taken anew in every turn.
     if what == SOLVE:
         orbits = carray(pointer(a[2]), (last, ORBITS), ORBIT)
@@ -46,7 +48,7 @@ def _run(a, first, last):
         orbits, along = carray(pointer(a[2]), (last, ORBITS), ORBIT), cube(a[3], last, count, 9)
         slopes = carray(pointer(a[4]), (last, ORBITS, count, NUMBERS), np.float64)
         for n in range(first, last):
-            differentiate(x[n], orbits[n], along[n], int(s[n, 2]), int(s[n, 3]), work[0], slopes[n])
+            differentiate(x[n], orbits[n], along[n], int(s[n].begin), int(s[n].end), work[0], slopes[n])
     elif what == VANISH:
         u, out, by = table(a[2], last, 3), table(a[3], last, VANISHING), cube(a[4], last, VANISHING, MOVED)
         for n in range(first, last):

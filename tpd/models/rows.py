@@ -14,8 +14,11 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.exact.contact import Mode
+from tpd.exact.terms import XI
 from tpd.models.base import Settled
 from tpd.models.calling import Compiled
+from tpd.models.compiled_linear import EXACT, fields
+from tpd.models.piecewise import Piecewise
 from tpd.scene.parameters import Parameters
 from tpd.scene.status import Status, index_of
 
@@ -66,15 +69,14 @@ def _rows_of(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray,
             f"`p`, `begin` and `ramp` must have shape (n,) and `y0` (n, 4), but have {shapes} and "
             f"{starts.shape}"
         )
-    ratios = p.inertia_ratio, p.velocity_ratio
-    values = (p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, *ratios, begin, ramp)
-    columns = [np.broadcast_to(np.asarray(x, dtype=float), n) for x in values]
-    begins, ramps = (np.array(x) for x in columns[9:])
-    late = (begins < 0.0) | (begins * columns[6] > 2.0 * np.pi * (1.0 + 1e-12))
+    *columns, begins, ramps = (
+        np.array(np.broadcast_to(np.asarray(x, dtype=float), n)) for x in (*fields(p), begin, ramp)
+    )
+    late = (begins < 0.0) | (begins * columns[XI] > 2.0 * np.pi * (1.0 + 1e-12))
     if np.any(late | ~np.isfinite(begins)):
         raise ValueError(f"`begin` must lie within the first forcing period, but is {begins[late]}")
     checks.not_negative("ramp", ramps)
-    return starts, np.array(np.transpose(columns[:9]), order="C"), begins, ramps
+    return starts, np.array(np.transpose(columns), order="C"), begins, ramps
 
 
 @lru_cache(maxsize=1)
@@ -94,7 +96,7 @@ def settle_rows(
     progress: Callable[[int, int], None] | None,
     **limits: Any,
 ) -> Settled:
-    """Follow motions (parameters, starts, beginnings and ramps), as `tpd.models.batches.settle_all` has them,
+    """Follow motions (parameters, starts, beginnings and ramps), as `settle_all` has them,
     until each repeats, rests or is lost; `limits` are settings of the compiled code."""
     checks.require_x64()
     starts, rows, begins, ramps = _rows_of(*motions)
@@ -121,3 +123,39 @@ def settle_rows(
     # From its leaves, because fields are annotated with the shapes of a single motion.
     leaves = [of["y"], *memory, periods, of["amplitude"], of["stroke"], status, elapsed, *peaks]
     return jax.tree.unflatten(_structure(), leaves)
+
+
+def settle_all(
+    p: Parameters,
+    y0: Any,
+    *,
+    begin: Any = 0.0,
+    ramp: Any = 0.0,
+    model: Piecewise | None = None,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Settled:
+    """`model.settle` of every element of a batch, in bounded memory and on all cores.
+
+    Args:
+        p: parameters, of shape (n,) or single numbers for all.
+        y0: starts, shape (n, 4).
+        begin: dimensionless times at which the shaking and the motion begin, within the first forcing
+            period; shape (n,) or one for all. The default is tau = 0.
+        ramp: forcing periods over which the shaking grows linearly to its full size, counted from tau = 0
+            also for motions that begin later; shape (n,) or one for all. The default is sudden.
+        model: default `Piecewise()`; its `max_periods` bounds each motion.
+        workers: threads; default the number of cores.
+        progress: called with (motions done, of how many) now and then.
+
+    Returns:
+        A `Settled` with NumPy leaves of leading axis n, in the order of the batch.
+
+    Raises:
+        ValueError: an empty batch, leaves of different lengths, a number out of range, or workers below one.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    model = Piecewise() if model is None else model
+    limits = {"periods": model.max_periods, "events": model.max_events, "tolerance": model.tolerance}
+    motions = p, y0, begin, ramp
+    return settle_rows(EXACT, motions, workers, progress, rest_rate=model.rest_rate, **limits)

@@ -7,6 +7,7 @@ nonlinear equations (4), which have no closed form, are solved without smoothing
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import diffrax
@@ -29,7 +30,6 @@ from tpd.exact.contact import (
 )
 from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
 from tpd.models.base import AbstractModel, Cycle, Settled
-from tpd.models.clock import split, through
 from tpd.models.settling import Period, cycle_by_events, settle
 from tpd.scene.impacts import bob_change, velocity_ratio
 from tpd.scene.parameters import Number, Parameters, State
@@ -39,6 +39,12 @@ from tpd.theory.equations import Equations, Terms
 _LANDING, _TURN, _BOB, _LOST = 0, 1, 2, 3
 """Events of a slipping block; of a held one the first two are its releases to either side."""
 
+_Leg = Callable[[State, Any, Number, Number], tuple[State, Any, Status]]
+"""(state, mode, begin, end) to (state, mode, status) at `end`: times since the beginning of a period, at most
+one period; the status is rocking if all went well."""
+_ROUNDING = 1e-10
+"""Share of a period by which a time may lie before the beginning of the period that it counts to, so that
+a time that rounding has put just before a period's end needs no leg of its own."""
 _STILL = 1e-3
 """Share of its scale by which the bob's swing may change in a period under a block called at rest."""
 
@@ -162,8 +168,8 @@ class Segmented(AbstractModel):
             finite = jnp.all(jnp.isfinite(r.y))
             return r.y, r.mode, Status.where(finite, status, Status.failed)
 
-        mode = _classify(equations, y0, split(p, times)[1][0])
-        return through(p, y0, mode, times, leg)
+        mode = _classify(equations, y0, _split(p, times)[1][0])
+        return _through(p, y0, mode, times, leg)
 
     def _advance(self, equations: Equations, run: _Run, end: Number, *, precise: bool = False) -> _Run:
         """Segment after segment up to the time `end`."""
@@ -367,3 +373,45 @@ def _stays(p: Parameters, r: _Run, before: State) -> Bool[Array, ""]:
     rests = (r.mode.kind == REST) & (jnp.maximum(r.up, r.down) == 0.0)
     leans = (r.mode.kind == STICK) & (r.y[TILT] == before[TILT])
     return (rests | leans) & ((change < _STILL) | (p.mu == 0.0))
+
+
+def _split(
+    p: Parameters, times: Float[Array, "times"]
+) -> tuple[Float[Array, "times"], Float[Array, "times"]]:
+    """Whole forcing periods before `times`, and the times since, with all derivatives of the times and of
+    the period."""
+    # The phase xi tau itself loses a digit with every tenfold tau, and thresholds on event signals that are
+    # exact at tau = 0 would meet that loss. Reduced by an integer number of periods, a late time has the
+    # phase of an early one. The integer has no derivative; times and period keep theirs through the product.
+    whole = stop_gradient(jnp.floor(times / p.period + _ROUNDING))
+    return whole, times - whole * p.period
+
+
+def _through(
+    p: Parameters, y0: State, memory: Any, times: Float[Array, "times"], leg: _Leg
+) -> tuple[Float[Array, "times 4"], Status]:
+    """States at `times`, from `y0` at `times[0]`, in legs that end at each of these and at the end of each
+    forcing period. After a leg that did not go well the states are NaN, and its status is returned."""
+    whole, since = _split(p, times)
+
+    def onward(carry: tuple, target: tuple[Number, Number]) -> tuple[tuple, State]:
+        last, end = target
+
+        def going(carry: tuple) -> Array:
+            status, arrived = carry[-2:]
+            return ~arrived & (status == Status.rocking)
+
+        def piece(carry: tuple) -> tuple:
+            count, begin, y, memory, *_ = carry
+            arrives = count >= last
+            y, memory, status = leg(y, memory, begin, jnp.where(arrives, end, p.period))
+            begin = jnp.where(arrives, end, 0.0)
+            return jnp.where(arrives, count, count + 1.0), begin, y, memory, status, arrives
+
+        *motion, status, _ = jax.lax.while_loop(going, piece, (*carry, jnp.zeros((), bool)))
+        carry = (*motion, status)
+        return carry, jnp.where(status == Status.rocking, carry[2], jnp.nan)
+
+    first = (whole[0], since[0], y0, memory, Status.rocking)
+    carry, ys = jax.lax.scan(onward, first, (whole[1:], since[1:]))
+    return jnp.concatenate([y0[None], ys]), carry[-1]
