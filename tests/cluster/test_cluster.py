@@ -79,8 +79,9 @@ def test_motions_runs_and_spectra_are_those_of_one_process(cluster):
     )
     assert np.array_equal(alone.bare, spread.bare)
     assert np.array_equal(alone.hung, spread.hung)
+    periods = np.array([0.3, 0.6])
     tilts = [
-        tpd.rocking_spectrum(SCENE.block, pulse, periods=[0.3, 0.6], cluster=c).bare for c in (None, cluster)
+        tpd.rocking_spectrum(SCENE.block, pulse, periods=periods, cluster=c).bare for c in (None, cluster)
     ]
     assert np.array_equal(*tilts)
     motions = [pulse.scaled(x) for x in (0.7, 1.0, 1.3)]
