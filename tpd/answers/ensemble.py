@@ -22,8 +22,15 @@ from tpd.core.formatting import Printed
 from tpd.core.progress import shown_count
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
-from tpd.scene import conditions as sets
-from tpd.scene.conditions import FACTORS, Conditions, check_restitution, under
+from tpd.scene.conditions import (
+    FACTORS,
+    Conditions,
+    check_half_widths,
+    check_restitution,
+    factors_at,
+    latin_hypercube,
+    under,
+)
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import parameters_of
 from tpd.scene.scene import Pendulum, Scene
@@ -107,7 +114,7 @@ class Ensemble:
         checks.at_most("tilt", self.tilt, 1.0, "a block that stands on its corner")
         checks.at_most("swing", self.swing, 0.5 * math.pi, "a right angle in rad")
         checks.flag("any_phase", self.any_phase)
-        sets.check_half_widths(self.half_widths)
+        check_half_widths(self.half_widths)
         ramps = self.ramps if isinstance(self.ramps, (tuple, list)) else (self.ramps,)
         if not ramps:
             raise ValueError("`ramps` must hold at least one duration, but is empty")
@@ -139,7 +146,7 @@ class Ensemble:
         """Places of the runs in the unit cube, shape (size, 14): the four components of the start, the phase,
         the growth, and the scattered numbers. The first row is the nominal run."""
         drawn = zip((self.seed, [self.seed, 5], [self.seed, 6]), _DRAWS, strict=True)
-        cubes = (sets.latin_hypercube(np.random.default_rng(s), self.size, n) for s, n in drawn)
+        cubes = (latin_hypercube(np.random.default_rng(s), self.size, n) for s, n in drawn)
         unit = np.hstack(list(cubes))
         unit[0] = 0.5
         unit[0, 4:6] = 0.0
@@ -286,7 +293,7 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     # Tilts scale with nu: at |phi| = nu a block of any shape stands on its corner, about to fall.
     e, unit, nu = ensemble, ensemble.draws(), float(p.nu)
     reach = np.array([e.tilt * nu, e.swing, e.tilt_rate * nu, e.swing_rate])
-    scatter = sets.factors_at(unit[:, 6:], e.widths(p.e))
+    scatter = factors_at(unit[:, 6:], e.widths(p.e))
     conditions = Conditions() if conditions is None else conditions
     dealt = e.dealt(len(conditions))
     factor = np.stack([scatter.get(name, 1.0) * conditions.column(name)[dealt] for name in FACTORS])
