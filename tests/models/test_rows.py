@@ -1,9 +1,13 @@
 """Work shared among threads: every row once, in pieces within their bounds, and what fails is not lost."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tpd.models.rows import shared
+from tests.reference import parameters
+from tpd import Piecewise
+from tpd.models.rows import settle_all, shared
 
 
 @pytest.mark.parametrize("workers", [None, 1, 3])
@@ -32,3 +36,49 @@ def test_an_error_in_a_thread_is_raised():
 
     with pytest.raises(OSError, match="no more"):
         shared(run, 100, 2, None)
+
+
+# Many motions of the linear equations at once: each what it is alone, on any number of threads.
+
+
+def box(count, seed):
+    """Random parameters, corners of their ranges among them, and starts."""
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(
+        [0.05, 0.0, 0.05, 0.0, 0.0, 0.0, 0.3, 0.3], [0.5, 0.5, 2.0, 1.0, 0.3, 0.8, 6.0, 1.0], (count, 8)
+    )
+    for column, edge in ((1, 0.0), (3, 0.0), (4, 0.0), (7, 1.0)):
+        x[rng.random(count) < 0.25, column] = edge
+    y = rng.normal(size=(count, 4)) * np.stack([0.3 * x[:, 0], np.full(count, 0.2)] * 2, axis=1)
+    y[::2] = 0.0
+    return x, y
+
+
+def test_results_depend_neither_on_the_threads_nor_on_the_batch():
+    x, y = box(40, seed=11)
+    calls, model = [], Piecewise(max_periods=60)
+    alone = settle_all(parameters(x.T), y, model=model, workers=1, progress=lambda *done: calls.append(done))
+    assert calls[-1] == (40, 40)
+    other = settle_all(parameters(x.T), y, model=model, workers=2)
+    for one, two in zip(jax.tree.leaves(alone), jax.tree.leaves(other), strict=True):
+        np.testing.assert_array_equal(one, two)
+    many = jax.jit(jax.vmap(lambda x, y: model.settle(parameters(x), y).y))(x, y)
+    np.testing.assert_array_equal(many, alone.y)
+    for i in (0, 7):
+        each = model.settle(parameters(x[i]), jnp.asarray(y[i]))
+        np.testing.assert_array_equal(each.y, alone.y[i])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"y0": np.zeros((0, 4))}, r"`y0` \(n, 4\)"),
+        ({"ramp": np.zeros(3)}, r"must have shape \(n,\)"),
+        ({"ramp": -1.0}, "`ramp` must be zero or positive, and finite"),
+        ({"begin": 20.0}, "`begin` must lie within the first forcing period, but is"),
+        ({"workers": 0}, "`workers` must be a whole number, 1 or more, but is 0"),
+    ],
+)
+def test_bad_input_is_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        settle_all(parameters(box(1, 1)[0][0]), **({"y0": np.zeros((2, 4))} | wrong))

@@ -22,6 +22,7 @@ from tpd.core.formatting import Printed
 from tpd.core.progress import shown_count
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
+from tpd.models.rows import settle_all
 from tpd.scene.conditions import (
     FACTORS,
     Conditions,
