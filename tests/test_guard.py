@@ -17,12 +17,12 @@ import pytest
 
 jax.config.update("jax_enable_x64", True)
 
-from tests.counting import counted
-from tests.exact.test_steady import ROWS, SETTLE
-from tests.exact.test_trajectory import scales
-from tests.reference import BARE, HUNG, parameters
-from tpd import Segmented, Smoothed
-from tpd.core.files import as_json, place, versions
+from tests.counting import counted  # noqa: E402
+from tests.exact.test_steady import ROWS, SETTLE  # noqa: E402
+from tests.exact.test_trajectory import scales  # noqa: E402
+from tests.reference import BARE, HUNG, parameters  # noqa: E402
+from tpd import Segmented, Smoothed  # noqa: E402
+from tpd.core.files import as_json, place, versions  # noqa: E402
 
 STORED = Path(__file__).with_name("counts.json")
 COMMAND = "python -m tests.test_guard"

@@ -19,7 +19,7 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
-from tests.benchmarks import stored
+from tests.benchmarks import stored  # noqa: E402
 
 
 def listed() -> str:

@@ -84,7 +84,7 @@ def test_every_line_of_the_table_names_a_test_that_exists():
 @pytest.mark.parametrize("s", SIGNS)
 def test_3_the_bob_rises_with_the_sign_of_the_tilt(s):
     """Kinetic energy of the bob from its position, against (3) with and without a sign."""
-    a, b, l, x = sp.symbols("a b l xdot", positive=True)
+    a, b, l, x = sp.symbols("a b l xdot", positive=True)  # noqa: E741
     phi, psi = Q
     theta1, r1 = sp.atan2(2 * b, a), sp.sqrt(a**2 + 4 * b**2)
     place = sp.Matrix([s * a * sp.cos(phi) - 2 * b * sp.sin(phi), s * a * sp.sin(phi) + 2 * b * sp.cos(phi)])
@@ -152,7 +152,7 @@ def motion_18(last):
 
 def test_18_has_xi_where_mu_is_printed():
     right, printed = motion_18(XI), motion_18(MU)
-    equation = lambda phi: phi.diff(T, 2) - phi - (-NU + K + F * sp.cos(XI * T - GAMMA))
+    equation = lambda phi: phi.diff(T, 2) - phi - (-NU + K + F * sp.cos(XI * T - GAMMA))  # noqa: E731
     assert sp.simplify(equation(right)) == 0, "(16)"
     assert sp.simplify(equation(printed)) != 0
     assert sp.simplify(right.subs(T, 0) - AMPLITUDE) == 0, "(15)"
@@ -326,7 +326,7 @@ def check_printed_27(row):
 
 def test_table_1_divides_the_length_by_the_whole_height():
     """A bob under a still block swings at g/l: so it is l/b, not l/2b, that (25) calls lambda."""
-    l, b, g = sp.symbols("l b g", positive=True)
+    l, b, g = sp.symbols("l b g", positive=True)  # noqa: E741
     row = frictionless(1)[1].subs(F, 0)
     rate2 = row.coeff(Q[1]) / row.coeff(A[1]) * g * RHO / b
     assert same(rate2.subs(LAM, l / b), g / l)
