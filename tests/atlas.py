@@ -42,13 +42,13 @@ REGIMES = {
         "answers/symmetric_orbits: undamped_hinge"
     ),
     "no mass, no rod": (
-        "answers/properties: without_mass, shortest_rod; models/piecewise: light_bob; "
+        "properties/settled: without_mass, shortest_rod; models/piecewise: light_bob; "
         "answers/steady_state: out_of_range"
     ),
     "slender blocks": "models/piecewise: slender",
     "fast and slow shaking": "models/piecewise: fast_shaking, slow_shaking, too_long",
     "huge shaking and all other extremes": (
-        "models/piecewise: huge_shaking, far_outside; answers/properties: without_a_status; "
+        "models/piecewise: huge_shaking, far_outside; properties/settled: without_a_status; "
         "answers/symmetric_orbits: without_a_status"
     ),
     "smoothing": "models/smoothed: bias_falls, coarse_sharpness, out_of_range, cannot_keep_up",

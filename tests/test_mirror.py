@@ -31,7 +31,7 @@ def modules() -> set[Path]:
     return {path.with_name(f"test_{path.name}") for path in paths}
 
 
-def tested() -> set[Path]:
+def with_tests() -> set[Path]:
     """Test files in folders, each with a test."""
     found = {path.relative_to(TESTS) for path in TESTS.rglob("test_*.py") if path.parent != TESTS}
     tests = {path for path in found if "def test_" in (TESTS / path).read_text(encoding="utf-8")}
@@ -39,7 +39,7 @@ def tested() -> set[Path]:
 
 
 def test_every_module_has_tests_of_its_name():
-    assert not sorted(map(str, modules() - tested()))
+    assert not sorted(map(str, modules() - with_tests()))
 
 
 def test_every_test_file_in_a_folder_is_of_a_module():
@@ -47,11 +47,11 @@ def test_every_test_file_in_a_folder_is_of_a_module():
         path.with_name(f"test_{path.name}")
         for path in (p.relative_to(PACKAGE) for p in PACKAGE.rglob("*.py"))
     }
-    assert not sorted(map(str, tested() - there - OF_ALL))
+    assert not sorted(map(str, with_tests() - there - OF_ALL))
 
 
 if __name__ == "__main__":
-    for path in sorted(modules() - tested()):
+    for path in sorted(modules() - with_tests()):
         print(f"missing   tests/{path}")
-    for path in sorted(tested() - modules() - OF_ALL):
+    for path in sorted(with_tests() - modules() - OF_ALL):
         print(f"left over tests/{path}")

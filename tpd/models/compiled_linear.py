@@ -24,7 +24,7 @@ from tpd.scene.parameters import Number, Parameters, State
 from tpd.scene.status import Status
 
 Limits = tuple[int, int, float, float, int]
-"""Those of `tpd.models.piecewise.Piecewise`."""
+"""Limits as `tpd.models.piecewise.Piecewise` has them."""
 NAMES = "nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e"
 """Names of parameters in the order in which the compiled code takes them."""
 
