@@ -25,7 +25,7 @@ SOUND, BAD_INPUT, UNSOUND, INTERRUPTED = 0, 2, 3, 130
 """Exit statuses; the last one is that after Ctrl-C."""
 UNFINISHED = "unfinished.npz"
 """Name of the file in which an interrupted search leaves what had ended."""
-_RECEIVED = threading.Event()
+_RECEIVED, _IMPORTING = threading.Event(), threading.Event()
 _SOON = 0.2
 """Seconds after which a command says what it does; bad input is refused earlier where JAX is imported."""
 _SHOW = warnings.showwarning
@@ -139,6 +139,20 @@ def _interrupt(*_: Any) -> None:
     """Note the signal before it becomes an exception: an import or a compiler turns that into another one."""
     if not _RECEIVED.is_set():
         _RECEIVED.set()
+        if not _IMPORTING.is_set():
+            raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def importing() -> Iterator[None]:
+    """Let Ctrl-C wait for the end of imports: compiled modules print a traceback of theirs and go on. Who
+    waits for this process ends it `_PATIENCE` seconds later in any case."""
+    _IMPORTING.set()
+    try:
+        yield
+    finally:
+        _IMPORTING.clear()
+    if _RECEIVED.is_set():
         raise KeyboardInterrupt
 
 
