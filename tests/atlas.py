@@ -19,11 +19,11 @@ REGIMES = {
     ),
     "grazing": (
         "exact/trajectory: past_a_touch; models/piecewise: grazing; exact/steady: verdict; "
-        "answers/bifurcations: at_grazing; models/segmented: only_touches"
+        "answers/bifurcations: last_of_those_beside_it; models/segmented: only_touches"
     ),
     "onset of sticking": (
         "models/piecewise: where_sticking_begins; exact/settle: called_sticking; "
-        "answers/bifurcations: at_sticking"
+        "answers/bifurcations: last_of_those_beside_it"
     ),
     "rattling to rest": (
         "exact/settle: hops_of_a_rattle, friction_ends_a_rattle, capture_leaves_out; "
@@ -31,7 +31,7 @@ REGIMES = {
     ),
     "period three and chaos": (
         "exact/steady: chaotic_motion, after_its_periods, too_slow_to_repeat, "
-        "gradient_of_differences; answers/periodic_orbit: inside_chaos"
+        "gradient_of_differences; answers/periodic_orbit: symmetric_orbits_are_found_again"
     ),
     "overturning": (
         "models/piecewise: overturn; exact/trajectory: next_to_its_balance, overturned_trajectory; "
@@ -42,13 +42,13 @@ REGIMES = {
         "answers/symmetric_orbits: undamped_hinge"
     ),
     "no mass, no rod": (
-        "answers/properties: without_mass, shortest_rod; models/piecewise: light_bob; "
+        "properties/settled: without_mass, shortest_rod; models/piecewise: light_bob; "
         "answers/steady_state: out_of_range"
     ),
     "slender blocks": "models/piecewise: slender",
     "fast and slow shaking": "models/piecewise: fast_shaking, slow_shaking, too_long",
     "huge shaking and all other extremes": (
-        "models/piecewise: huge_shaking, far_outside; answers/properties: without_a_status; "
+        "models/piecewise: huge_shaking, far_outside; properties/settled: without_a_status; "
         "answers/symmetric_orbits: without_a_status"
     ),
     "smoothing": "models/smoothed: bias_falls, coarse_sharpness, out_of_range, cannot_keep_up",
