@@ -9,7 +9,7 @@ from __future__ import annotations
 REGIMES = {
     "saddle-node fold": (
         "models/piecewise: next_to_a_fold, farther_from_a_fold; exact/symmetric_orbit_kernel: "
-        "about_to_be_lost; answers/symmetric_orbits: at_a_fold; answers/bifurcations: at_a_fold; "
+        "about_to_be_lost; answers/symmetric_orbits: at_a_fold; answers/response: the_fold_over_hz; "
         "answers/periodic_orbit: fold_is_told"
     ),
     "breaking of symmetry": (

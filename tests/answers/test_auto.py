@@ -2,17 +2,15 @@
 
 import functools
 import re
-from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import HUNG, NAMES, STILL, parameters
+from tests.reference import HUNG, STILL, parameters
 from tests.reference import exact as linear
 from tpd import Auto, status_name, steady_state
-from tpd.answers.auto import dropped
 
 LOW = (*STILL.x[:5], 0.05, STILL.x[6])
 """Never lifts."""
@@ -97,18 +95,6 @@ def test_the_nonlinear_equations_say_which_motion_a_start_reaches():
     assert near.model == "exact"
     assert float(near.amplitude) == pytest.approx(float(by_linear.amplitude), rel=1e-9)
     assert float(near.estimate) < 0.05
-
-
-def test_what_is_dropped_falls_with_the_square_of_the_angles():
-    shares = []
-    for s in (1.0, 0.1, 0.01):
-        x = np.array(HUNG[3].x) * np.array([s, 1, 1, 1, s, s, 1])
-        answer, p = linear(x), parameters(x)
-        # Without loss an impact drops nothing, whatever the slope in e.
-        slope = SimpleNamespace(**dict(zip(NAMES, answer.slopes[0], strict=False)), e=1.0)
-        shares.append(float(dropped(p, answer.amplitude, answer.stroke, slope)))
-    assert np.log10(shares[0] / shares[1]) == pytest.approx(2.0, abs=0.2)
-    assert np.log10(shares[1] / shares[2]) == pytest.approx(2.0, abs=0.02)
 
 
 def test_auto_needs_numbers():

@@ -29,7 +29,6 @@ def over_motion() -> DesignMap:
 
 
 def shaken(**changes: float) -> Parameters:
-    """Parameters under another base motion."""
     return replace(SCENE, motion=replace(SCENE.motion, **changes)).parameters(HUNG)
 
 

@@ -78,7 +78,6 @@ def test_motions_without_an_answer_are_counted_and_named(monkeypatch, found):
     assert curve.medians[0] <= before.fit.median <= curve.medians[1]
     # Nothing is known of the difference there, and the paired test shows none.
     assert lost.p_values["overturned"][4] == 1.0
-    # Verdicts of the nonlinear equations are compared where there are two.
     assert np.isfinite(lost.changed).all()
 
 
@@ -134,7 +133,6 @@ def test_separated_outcomes_are_drawn_as_far_as_they_are_known(found):
     between = (x > 0.8) & (x < 1.5)
     assert np.isnan(y[between]).all()
     assert set(y[~between]) == {0.0, 1.0}
-    # Two bands, that of the bare block first.
     corners = ax.collections[0].get_paths()[0].vertices
     low = binomtest(12, 12).proportion_ci(method="exact").low
     for a, b, bottom in ((0.81, 1.49, 0.0), (1.51, 11.9, round(low, 9))):

@@ -12,7 +12,6 @@ from tpd.answers.statistics import fall
 
 NU = 0.25
 PENDULUM = tpd.Pendulum(mass=3.2448, length=0.203, damping_ratio=0.1)
-SMALL = tpd.Ensemble(size=96, periods=60)
 
 
 def runs(tilt) -> Outcomes:
@@ -20,12 +19,9 @@ def runs(tilt) -> Outcomes:
     tilt = np.asarray(tilt, dtype=float)
     status = np.where(np.isinf(tilt), "overturned", np.where(tilt == 0.0, "rest", "rocking"))
     status = np.where(np.isnan(tilt), "failed", status)
-    angle = tilt * NU
-    zero = np.zeros_like(tilt)
-    return Outcomes(
-        ensemble=Ensemble(size=len(tilt)), status=status, peak=angle, amplitude=angle, peak_stroke=zero,
-        stroke=zero, ramp=zero,
-    )  # fmt: skip
+    none = np.zeros_like(tilt)
+    sizes = {"peak": tilt * NU, "amplitude": tilt * NU, "peak_stroke": none, "stroke": none}
+    return Outcomes(ensemble=Ensemble(size=len(tilt)), status=status, ramp=none, **sizes)
 
 
 def compared(hung, bare, condition=None, **more) -> Benefit:
@@ -33,19 +29,10 @@ def compared(hung, bare, condition=None, **more) -> Benefit:
     return benefit_of(Verdict(hung=runs(hung), bare=runs(bare)), NU, condition, **more)
 
 
-@pytest.fixture(scope="module")
-def judged() -> tuple[Verdict, Verdict]:
-    """Of the paper's block, by the linear and by the nonlinear equations."""
-    linear, nonlinear = (
-        tpd.verdict(tpd.paper_scene(), PENDULUM, ensemble=SMALL, equations=equations)
-        for equations in ("linear", "nonlinear")
-    )
-    return linear, nonlinear
-
-
-def test_the_papers_block_is_safer_with_its_pendulum(judged):
-    linear, nonlinear = judged
-    for found, equations in zip(judged, ("linear", "nonlinear"), strict=True):
+def test_the_papers_block_is_safer_with_its_pendulum():
+    asked, small = (tpd.paper_scene(), PENDULUM), tpd.Ensemble(size=96, periods=60)
+    linear, nonlinear = (tpd.verdict(*asked, ensemble=small, equations=e) for e in ("linear", "nonlinear"))
+    for found, equations in ((linear, "linear"), (nonlinear, "nonlinear")):
         assert found.equations == found.hung.equations == found.bare.equations == equations
         assert found.worse < found.better
         assert not found.harms
@@ -53,17 +40,16 @@ def test_the_papers_block_is_safer_with_its_pendulum(judged):
         assert str(found.bare).splitlines()[0] == head
         assert found.table().startswith(f"{equations} equations")
     assert linear.hung.overturned.high < linear.bare.overturned.low
-    table = linear.table()
-    assert "growing for 2 s" in table
-    assert str(linear.bare.overturned) in table
-    assert str(linear) == f"{table}\n{linear.objection}"
+    assert "growing for 2 s" in linear.table()
+    assert str(linear.bare.overturned) in linear.table()
+    assert str(linear) == f"{linear.table()}\n{linear.objection}"
     assert f"{linear.bare.overturned}" in str(linear.bare).splitlines()[1]
     assert linear.bare._repr_html_() == f"<pre>{linear.bare}</pre>"
     # Chaotic motions: single runs differ, shares by two standard errors of 96 runs at most.
     assert abs(np.mean(nonlinear.bare.lost) - np.mean(linear.bare.lost)) < 0.15
     np.testing.assert_array_equal(nonlinear.hung.ramp, linear.hung.ramp)
     with pytest.raises(ValueError, match="`bare` must be by the linear equations, but is by the nonlinear"):
-        tpd.verdict(tpd.paper_scene(), PENDULUM, ensemble=SMALL, bare=nonlinear.bare)
+        tpd.verdict(*asked, ensemble=small, bare=nonlinear.bare)
 
 
 def test_a_verdict_on_parameters_is_on_the_block_with_their_pendulum_and_without():

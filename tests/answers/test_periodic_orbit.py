@@ -31,7 +31,6 @@ class Scene(NamedTuple):
 
 
 def scene(name: str, numbers: str, kind: str) -> Scene:
-    """A scene from three lines of the table."""
     x, start = (tuple(map(float, part.split())) for part in numbers.split("|"))
     periods, mirrored, kinds, endings = kind.split()
     return Scene(name, x, start, int(periods), mirrored == "mirrored", kinds, endings)
@@ -83,7 +82,6 @@ def near(x: Any, y0: Any, periods: int = 1, max_events: int = 32) -> PeriodicOrb
 
 
 def sizes(o: PeriodicOrbit) -> jax.Array:
-    """All that is differentiable."""
     return jnp.concatenate([jnp.stack([o.amplitude, o.stroke]), o.state, o.sequence.durations])
 
 
@@ -97,7 +95,6 @@ def _carried(x: jax.Array, orbit: PeriodicOrbit) -> tuple[jax.Array, PeriodicOrb
 
 
 def carried(x: Any, orbit: PeriodicOrbit) -> Answer:
-    """`continue_orbit`, with derivatives."""
     slopes, o = _carried(jnp.asarray(x), orbit)
     return Answer(o, np.asarray(slopes))
 
@@ -107,20 +104,6 @@ def found(scene: Scene) -> Answer:
     """The orbit of a scene from its rough state, and derivatives."""
     orbit = near(scene.x, scene.near, scene.periods, 32 if len(scene.kinds) <= 32 else 64)
     return carried(scene.x, orbit)
-
-
-def followed(scene: Scene, y0: Any, begin: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """One period of the motion from `y0` at a time `begin`: d end/d start, and 361 states."""
-    span = scene.periods * 2.0 * np.pi / scene.x[6]
-    ys, slopes, _ = along(scene.x, y0, begin + np.linspace(0.0, 1.0, 361) * span)
-    return slopes[-1], ys
-
-
-def letters(orbit: PeriodicOrbit) -> tuple[str, str]:
-    """The sequence, written as in `Scene`."""
-    s, n = orbit.sequence, int(orbit.sequence.count)
-    kinds, endings = np.asarray(s.kinds)[:n], np.asarray(s.endings)[:n]
-    return "".join("SKR"[i] for i in kinds), "".join("TLR"[i] for i in endings)
 
 
 def spectrum(multipliers: Any) -> np.ndarray:
@@ -135,25 +118,28 @@ def test_sequence_and_kind(scene: Scene) -> None:
     held = set(scene.kinds) != {"S"}
     assert status_name(orbit.status) == ("sticking" if held else "rocking")
     assert bool(orbit.symmetric) == scene.symmetric
-    kinds, endings = letters(orbit)
-    turns = range(len(kinds))
-    assert (scene.kinds, scene.endings) in [(kinds[i:] + kinds[:i], endings[i:] + endings[:i]) for i in turns]
+    s, n = orbit.sequence, int(orbit.sequence.count)
+    kinds = "".join("SKR"[i] for i in np.asarray(s.kinds)[:n])
+    endings = "".join("TLR"[i] for i in np.asarray(s.endings)[:n])
+    assert (scene.kinds, scene.endings) in [
+        (kinds[i:] + kinds[:i], endings[i:] + endings[:i]) for i in range(n)
+    ]
     total = scene.periods * 2.0 * np.pi / scene.x[6]
     assert np.sum(orbit.sequence.durations) == pytest.approx(total, rel=1e-14)
 
 
 @pytest.mark.parametrize("scene", ALL, ids=lambda s: s.name)
 def test_simulation_stays_on_the_orbit_and_has_its_multipliers_wherever_cut(scene: Scene) -> None:
-    orbit = found(scene).orbit
-    slopes, ys = followed(scene, orbit.state)
+    orbit, period = found(scene).orbit, np.linspace(0.0, 1.0, 361) * scene.periods * 2.0 * np.pi / scene.x[6]
+    ys, slopes, _ = along(scene.x, orbit.state, period)
     np.testing.assert_allclose(ys[-1], orbit.state, rtol=0.0, atol=2e-12)
     largest = np.max(np.abs(ys), axis=0)
     for size, seen in ((orbit.amplitude, largest[0]), (orbit.stroke, largest[1])):
         assert (1.0 - 2e-3) * float(size) < seen < (1.0 + 1e-9) * float(size)
-    other, _ = followed(scene, ys[137], 137 / 360 * scene.periods * 2.0 * np.pi / scene.x[6])
+    _, other, _ = along(scene.x, ys[137], period[137] + period)
     # Rounding of the tilt moves hops of 1e-6 by 1e-10, and the multipliers of the rattle with them.
     atol = 1e-7 if scene is RATTLING else 1e-8
-    for by in (slopes, other):
+    for by in (slopes[-1], other[-1]):
         expected = spectrum(np.linalg.eigvals(felt(np.array(scene.x), by)))
         np.testing.assert_allclose(spectrum(orbit.multipliers), expected, rtol=0, atol=atol)
 
@@ -185,7 +171,6 @@ def bare() -> PeriodicOrbit:
 
 
 def moved(orbit: PeriodicOrbit, x: Any, i: int, stops: Any) -> PeriodicOrbit:
-    """The orbit followed along parameter `i`, stop by stop."""
     x = np.array(x, dtype=float)
     for x[i] in stops:
         orbit = continue_orbit(at(x), orbit)
@@ -241,10 +226,7 @@ def test_no_orbit_says_why(status: str) -> None:
     x, y0 = NOT_THERE[status]
     orbit = near(x, y0)
     assert status_name(orbit.status) == status
-    if status == "rest":
-        assert float(orbit.amplitude) == 0.0
-    else:
-        assert np.isnan(float(orbit.amplitude))
+    np.testing.assert_equal(float(orbit.amplitude), 0.0 if status == "rest" else np.nan)
     assert int(orbit.sequence.count) == 0
     assert status_name(continue_orbit(at(x), orbit).status) == "no_orbit"
 

@@ -66,23 +66,6 @@ def test_the_fold_over_hz_is_the_fold_of_the_scene_there():
     assert 0 < abs(upper - lower) < 3e-3 * b.amplitude
 
 
-@pytest.mark.parametrize("name", ["amplitude", "width"])
-def test_slopes_over_hz_are_those_of_differences_in_si_units(name):
-    b, base = fold(), Setup.of(SCENE, HUNG).values
-    step = 1e-4 * base[name]
-    assert "frequency" not in b.slopes
-
-    def value(shift: float) -> float:
-        q = {**base, name: base[name] + shift}
-        block = replace(SCENE.block, width=q["width"], cavity_width=None)
-        scene = replace(SCENE, block=block, motion=replace(SCENE.motion, amplitude=q["amplitude"]))
-        near = bifurcations(scene, "frequency", 0.99 * b.value, 1.01 * b.value, samples=40, pendulum=HUNG)
-        (found,) = [a.value for a in near if a.kind is Kind.fold]
-        return found
-
-    assert b.slopes[name] == pytest.approx((value(step) - value(-step)) / (2.0 * step), rel=1e-6)
-
-
 def test_settled_from_rest_the_paper_s_block_rocks_as_known_at_its_frequency():
     r, p = settled_response(SCENE, "frequency", [2.5, 1.5]), SCENE.parameters()
     assert list(r.status) == ["rocking", "rest"]

@@ -4,8 +4,6 @@
 
 import functools
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,8 +13,8 @@ from tests.answers.test_bifurcations import BARE as FOLDING
 from tests.answers.test_bifurcations import HIGH, LOW, Kind, lost
 from tests.exact.orbits import Answers, among, chosen, full, solve
 from tests.properties.bounded import bounded
-from tests.reference import CONSERVING, MOVING, NAMES, UNSTABLE, differences, exact, named, parameters
-from tpd import status_name, symmetric_orbits
+from tests.reference import CONSERVING, MOVING, NAMES, UNSTABLE, differences, exact, named
+from tpd import status_name
 
 NUMBERS = ("amplitude", "stroke", "state", "phase", "crossing", "multipliers", "slopes")
 F, XI = NAMES.index("f"), NAMES.index("xi")
@@ -24,18 +22,15 @@ F, XI = NAMES.index("f"), NAMES.index("xi")
 
 @functools.cache
 def known():
-    """Of the cases, and last of the unstable one."""
     return solve([*(case.x for case in MOVING), UNSTABLE[0]])
 
 
 def of_case(case):
-    """The largest orbit of a case."""
     i = MOVING.index(case)
     return Answers(*(a[i] if a.ndim == 1 else a[i, 0] for a in known()))
 
 
 def power(distances, values):
-    """The exponent of a power law."""
     return float(np.polyfit(np.log(distances), np.log(values), 1)[0])
 
 
@@ -98,17 +93,6 @@ def test_slopes_are_those_of_differences(kind):
     assert np.max(states) < 1e-5
     # One may have another peak of the bob taking over within the steps.
     assert np.sort(strokes)[-2] < 1e-5
-
-
-def test_reverse_mode_gives_the_same_gradient_and_second_derivatives_are_refused():
-    x = jnp.asarray(full(MOVING[0].x))
-
-    def size(x):
-        return symmetric_orbits(parameters(x)).amplitude[0]
-
-    np.testing.assert_allclose(jax.jit(jax.grad(size))(x), of_case(MOVING[0]).slopes[0], rtol=1e-11)
-    # Traced only: that forward mode over reverse mode is possible at all.
-    assert jax.eval_shape(jax.hessian(size), x).shape == (8, 8)
 
 
 def test_a_neutral_orbit_has_the_gradient_of_differences():

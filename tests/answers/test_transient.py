@@ -40,7 +40,6 @@ def named(found) -> str:
 
 
 def motion_of(case) -> tpd.Pulse | tpd.Record:
-    """Ground motion of a case, its size included."""
     m, scale = case["motion"], float(case["scene"]["scale"])
     peak, frequency = float(m.get("peak", 1.0)), float(m.get("frequency", 1.0))
     match m["kind"]:
