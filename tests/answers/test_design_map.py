@@ -108,7 +108,8 @@ def test_from_a_start_cells_are_what_is_settled_into():
         np.testing.assert_allclose(m.amplitude[i, j], float(s.amplitude), rtol=1e-12, atol=by_tilt)
         np.testing.assert_allclose(m.stroke[i, j], float(s.stroke), rtol=1e-10, atol=by_bob)
     assert m.exact[(m.status == "rest") | (m.status == "overturned")].all()
-    assert 0 < m.exact[m.status == "rocking"].sum() < np.sum(m.status == "rocking")
+    assert m.exact[m.status == "rocking"].any()
+    assert not m.exact.all()
 
 
 def test_progress_is_told_and_ends_with_all():
