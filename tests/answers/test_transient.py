@@ -316,14 +316,16 @@ def test_nonlinear_motions_have_no_derivatives_rather_than_zero():
 
 
 def test_a_nonlinear_motion_has_a_status():
-    stood = tpd.transient(tpd.Scene(COLUMN, sine(2.0).scaled(0.4)), HUNG, model=tpd.Segmented())
-    assert (named(stood), float(stood.tilt), math.isinf(stood.uplift_time)) == ("stood", 0.0, True)
-    large = tpd.Scene(COLUMN, tpd.Pulse.one_sine(acceleration=GRAVITY, frequency=0.7))
-    fallen = tpd.transient(large, HUNG, model=tpd.Segmented())
-    assert (named(fallen), math.isinf(fallen.tilt)) == ("overturned", True)
+    def end(motion, hung=HUNG, **how):
+        found = tpd.transient(column(motion), hung, model=tpd.Segmented(), **how)
+        return found, (named(found), float(found.tilt))
+
+    stood, said = end(sine(0.8))
+    assert (*said, math.isinf(stood.uplift_time)) == ("stood", 0.0, True)
+    fallen, said = end(tpd.Pulse.one_sine(acceleration=GRAVITY, frequency=0.7))
+    assert said == ("overturned", math.inf)
     assert 1.4 < float(fallen.overturning_time) < 5.0
-    few = tpd.transient(tpd.Scene(COLUMN, sine(2.0)), model=tpd.Segmented(), max_events=4)
-    assert named(few) == "event_bound"
+    assert end(sine(2.0), None, max_events=4)[1][0] == "event_bound"
 
 
 def test_a_model_that_does_not_fit_is_one_sentence():
