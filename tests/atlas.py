@@ -9,7 +9,7 @@ from __future__ import annotations
 REGIMES = {
     "saddle-node fold": (
         "models/piecewise: next_to_a_fold, farther_from_a_fold; exact/symmetric_orbit_kernel: "
-        "about_to_be_lost; answers/symmetric_orbits: at_a_fold; answers/bifurcations: at_a_fold; "
+        "about_to_be_lost; answers/symmetric_orbits: at_a_fold; answers/response: the_fold_over_hz; "
         "answers/periodic_orbit: fold_is_told"
     ),
     "breaking of symmetry": (
@@ -19,11 +19,11 @@ REGIMES = {
     ),
     "grazing": (
         "exact/trajectory: past_a_touch; models/piecewise: grazing; exact/steady: verdict; "
-        "answers/bifurcations: at_grazing; models/segmented: only_touches"
+        "answers/bifurcations: last_of_those_beside_it; models/segmented: only_touches"
     ),
     "onset of sticking": (
         "models/piecewise: where_sticking_begins; exact/settle: called_sticking; "
-        "answers/bifurcations: at_sticking"
+        "answers/bifurcations: last_of_those_beside_it"
     ),
     "rattling to rest": (
         "exact/settle: hops_of_a_rattle, friction_ends_a_rattle, capture_leaves_out; "
@@ -31,7 +31,7 @@ REGIMES = {
     ),
     "period three and chaos": (
         "exact/steady: chaotic_motion, after_its_periods, too_slow_to_repeat, "
-        "gradient_of_differences; answers/periodic_orbit: inside_chaos"
+        "gradient_of_differences; answers/periodic_orbit: symmetric_orbits_are_found_again"
     ),
     "overturning": (
         "models/piecewise: overturn; exact/trajectory: next_to_its_balance, overturned_trajectory; "

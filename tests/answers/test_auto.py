@@ -2,17 +2,15 @@
 
 import functools
 import re
-from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import HUNG, NAMES, STILL, parameters
+from tests.reference import HUNG, STILL, parameters
 from tests.reference import exact as linear
 from tpd import Auto, status_name, steady_state
-from tpd.answers.auto import dropped
 
 LOW = (*STILL.x[:5], 0.05, STILL.x[6])
 """Never lifts."""
@@ -41,10 +39,11 @@ def test_a_bob_that_swings_at_the_start_leaves_less_in_reserve():
     reserves = []
     for swing in (0.0, 0.01, 0.02):
         found = steady_state(parameters(LOW), model=Auto(), y0=jnp.array([0.0, swing, 0.0, 0.0]))
-        assert found.model == "uplift"
         (share,) = re.findall(r"(\S+)% of the moment that would lift the block is in reserve", found.reason)
         reserves.append(float(share))
     assert reserves[0] > reserves[1] > reserves[2] > 0.0
+    # One that rings for ever is not left to the closed form.
+    assert steady_state(parameters((*LOW[:3], 0.0, *LOW[4:])), model=Auto()).model != "uplift"
 
 
 def test_an_answer_prints_its_sizes_its_model_and_the_reason():
@@ -98,27 +97,9 @@ def test_the_nonlinear_equations_say_which_motion_a_start_reaches():
     assert float(near.estimate) < 0.05
 
 
-def test_a_bob_that_rings_for_ever_is_not_left_to_the_closed_form():
-    p = parameters((*LOW[:3], 0.0, *LOW[4:]))
-    assert steady_state(p, model=Auto()).model != "uplift"
-
-
-def test_what_is_dropped_falls_with_the_square_of_the_angles():
-    shares = []
-    for s in (1.0, 0.1, 0.01):
-        x = np.array(HUNG[3].x) * np.array([s, 1, 1, 1, s, s, 1])
-        answer, p = linear(x), parameters(x)
-        # Without loss an impact drops nothing, whatever the slope in e.
-        slope = SimpleNamespace(**dict(zip(NAMES, answer.slopes[0], strict=False)), e=1.0)
-        shares.append(float(dropped(p, answer.amplitude, answer.stroke, slope)))
-    assert np.log10(shares[0] / shares[1]) == pytest.approx(2.0, abs=0.2)
-    assert np.log10(shares[1] / shares[2]) == pytest.approx(2.0, abs=0.02)
-
-
 def test_auto_needs_numbers():
     with pytest.raises(ValueError, match=r"`Auto` chooses by numbers: .* but is traced or batched"):
         jax.jit(lambda x: steady_state(parameters(x), model=Auto()).amplitude)(np.array(SMALL))
-    with pytest.raises(ValueError, match=r"`tolerance` must be between 1e-05 and 1, but is 1\.5"):
-        Auto(tolerance=1.5)
-    with pytest.raises(ValueError, match="`tolerance` must be between 1e-05 and 1, but is 0"):
-        Auto(tolerance=0.0)
+    for wrong in (1.5, 0):
+        with pytest.raises(ValueError, match=f"`tolerance` must be between 1e-05 and 1, but is {wrong}"):
+            Auto(tolerance=float(wrong))

@@ -11,11 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import UNSTABLE, EventDriven, exact
+from tests.reference import UNSTABLE
 from tpd import Parameters
 from tpd.answers import bifurcations as module
-from tpd.answers.bifurcations import Bifurcation, Kind, Sweep, bifurcations, orbits_at, sweep
-from tpd.scene.quantities import NAMES, Axis
+from tpd.answers.bifurcations import Bifurcation, Kind, Sweep, bifurcations, sweep
+from tpd.scene.quantities import NAMES
 
 LOW = np.array([0.08, 0.0, 0.05, 0.0, 0.0, 0.02, 0.6, 0.5])
 HIGH = np.array([0.35, 0.5, 2.0, 1.2, 0.15, 0.6, 6.0, 1.0])
@@ -43,7 +43,6 @@ def parameters(x: Any) -> Parameters:
 
 @functools.cache
 def lost(kind: Kind) -> Bifurcation:
-    """The one of a kind."""
     _, x, name, low, high = next(case for case in LOST if case[0] is kind)
     (found,) = bifurcations(parameters(x), name, low, high)
     assert found.kind is kind
@@ -51,29 +50,8 @@ def lost(kind: Kind) -> Bifurcation:
 
 
 def at(kind: Kind, values: Any) -> Sweep:
-    """The orbits of the scene of a kind at other values."""
     _, x, name, _, _ = next(case for case in LOST if case[0] is kind)
     return sweep(parameters(x), name, values)
-
-
-def beside(x: tuple, b: Bifurcation, share: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Parameters next to a bifurcation, the state there at the upper turn of the orbit that was
-    lost, and the time of that turn."""
-    axis = Axis.of(parameters(x), b.name)
-    (point,) = axis.at(np.array([b.value * (1.0 + share)]))
-    o, _ = orbits_at(axis, np.array([b.value * (1.0 + share)]))
-    i = np.nanargmin(np.abs(np.asarray(o.amplitude)[0] - b.amplitude))
-    times = np.array([0.0, np.mod(float(o.phase[0, i]), 2.0 * np.pi) / point[6]])
-    return point, EventDriven(point).run(o.state[0, i], times)[-1], times[1]
-
-
-def from_turn(point: np.ndarray, y: np.ndarray, tau: float) -> Any:
-    """What a motion from a turn at `tau` settles into."""
-    rest = np.array([tau, 2.0 * np.pi / point[6]])
-    return exact(tuple(point[:8]), EventDriven(point).run(y, rest)[-1])
-
-
-# Each kind
 
 
 @pytest.mark.parametrize("kind", [case[0] for case in LOST])
@@ -82,100 +60,19 @@ def test_a_point_is_exact_and_its_orbit_is_the_last_of_those_beside_it(kind):
     assert b.error < 1e-14
     near = at(kind, b.value * (1.0 + 1e-3 * np.array([-1.0, 1.0])))
     counts = np.sum(near.branch >= 0, axis=1)
-    expected = {Kind.fold: 2, Kind.symmetry_breaking: 0}.get(kind, 1)
-    assert abs(counts[1] - counts[0]) == expected
+    known = {
+        Kind.fold: (2, "no_orbit", "rocking"),
+        Kind.symmetry_breaking: (0, "unstable", "rocking"),
+        Kind.sticking: (1, "no_orbit", "rocking"),
+        Kind.grazing: (1, "unstable", "no_orbit"),
+    }
+    assert (abs(counts[1] - counts[0]), b.below, b.above) == known[kind]
     place = np.array([b.amplitude, b.crossing, b.phase])
     places = np.stack([near.amplitude, near.crossing, near.phase], axis=-1)
     assert np.nanmin(np.abs(places - place).max(axis=-1)) < (0.1 if kind is Kind.fold else 0.01)
     for status, row, other in ((b.below, 0, 1), (b.above, 1, 0)):
         gone = counts[row] < counts[other]
         assert status == "no_orbit" if gone else status in near.status[row]
-
-
-def test_at_a_fold_two_orbits_meet_as_a_root_and_a_multiplier_becomes_one():
-    b, distances = lost(Kind.fold), 10.0 ** np.linspace(-7.0, -3.0, 9)
-    s, size = at(Kind.fold, b.value * (1.0 + distances)), np.log(distances)
-    assert (b.below, b.above) == ("no_orbit", "rocking")
-    assert np.all(s.branch[:, :2] >= 0)
-    for j, sign in ((0, 1.0), (1, -1.0)):
-        gap = sign * (s.amplitude[:, j] - b.amplitude)
-        assert np.all(gap > 0)
-        # Half a power of the distance: the slope of the amplitude grows as its inverse root.
-        assert np.polyfit(size, np.log(gap), 1)[0] == pytest.approx(0.5, abs=0.02)
-        short = np.abs(s.multipliers[:, j] - 1.0).min(axis=1)
-        assert np.polyfit(size, np.log(short), 1)[0] == pytest.approx(0.5, abs=0.03)
-        assert short[0] < 0.01
-    assert np.all(at(Kind.fold, b.value * (1.0 - distances[::-1])).branch == -1)
-
-
-def test_both_branches_end_at_a_fold():
-    s = sweep(parameters(BARE), "f", np.linspace(0.05, 0.12, 141))
-    assert s.branches == 2
-    ends = [s.value[s.line(i)[0]][0] for i in range(2)]
-    assert ends[0] == ends[1]
-    assert 0 < ends[0] - lost(Kind.fold).value <= 0.0005
-
-
-def test_symmetry_breaks_where_it_is_known_to_and_a_multiplier_passes_one():
-    b, steps = lost(Kind.symmetry_breaking), np.array([-2e-5, -1e-5, 1e-5, 2e-5])
-    assert b.value == pytest.approx(1.0443, abs=5e-5)
-    assert (b.below, b.above) == ("unstable", "rocking")
-    largest = np.abs(at(Kind.symmetry_breaking, b.value + steps).multipliers[:, 0]).max(axis=1)
-    slope, crossing = np.polyfit(steps, largest, 1)
-    assert crossing == pytest.approx(1.0, abs=1e-8)
-    assert abs(slope) > 1.0
-
-
-def test_beyond_the_breaking_of_symmetry_the_motion_leans():
-    x, b = (*UNSTABLE[0], 1.0), lost(Kind.symmetry_breaking)
-    straight, leaning = beside(x, b, 0.01), beside(x, b, -0.01)
-    s = from_turn(straight[0], straight[1] * (1.0 + 1e-3), straight[2])
-    assert s.status == "rocking"
-    assert bool(s.steady.symmetric)
-    s = from_turn(leaning[0], leaning[1] * (1.0 + 1e-3), leaning[2])
-    assert not bool(s.steady.symmetric)
-    assert s.amplitude > 1.02 * leaning[1][0]
-
-
-def test_at_sticking_the_block_has_no_acceleration_after_its_turn_and_beyond_it_is_held():
-    b = lost(Kind.sticking)
-    assert (b.below, b.above) == ("no_orbit", "rocking")
-    leaves = []
-    for share in (1e-5, 2e-5):
-        point, y, tau = beside(HELD, b, share)
-        leaves.append(EventDriven(point)._slip(tau, y, 1.0, -1.0)[2] / (point[6] ** 2 * y[0]))
-    assert leaves[0] < 0
-    assert 2.0 * leaves[0] - leaves[1] == pytest.approx(0.0, abs=1e-3 * abs(leaves[0]))
-    kinds = []
-    for share in (1e-4, -1e-4):
-        point, y, tau = beside(HELD, b, 1e-4)
-        point[5] = b.value * (1.0 + share)
-        motion = EventDriven(point)
-        motion.run(y, tau + np.array([0.0, 2.0 * np.pi / point[6]]))
-        kinds.append(set(motion.kinds))
-    assert kinds == [{"slip"}, {"slip", "stick"}]
-
-
-def test_beyond_sticking_the_motion_settles_with_the_block_held():
-    b = lost(Kind.sticking)
-    point, y, tau = beside(HELD, b, 1e-4)
-    assert from_turn(point, y, tau).status == "rocking"
-    point[5] = b.value * (1.0 - 1e-3)
-    assert from_turn(point, y, tau).status == "sticking"
-
-
-def test_at_grazing_the_fall_halts_between_the_turns():
-    b = lost(Kind.grazing)
-    assert (b.below, b.above) == ("unstable", "no_orbit")
-    rates = []
-    for share in (-4e-4, -2e-4):
-        point, y, tau = beside(TOUCHING, b, share)
-        times = np.concatenate([[0.0], b.touching * np.linspace(0.9, 1.1, 41)])
-        fall = EventDriven(point).run(y, tau + times)[1:, 2] / (point[6] * y[0])
-        assert 10 < np.argmax(fall) < 30
-        rates.append(fall.max())
-    assert rates[0] < rates[1] < 0
-    assert 2.0 * rates[1] - rates[0] == pytest.approx(0.0, abs=0.05 * abs(rates[1]))
 
 
 @pytest.mark.parametrize("case", LOST, ids=[case[0].value for case in LOST])
@@ -203,35 +100,13 @@ def test_slopes_are_those_of_differences(case):
         assert b.slopes[n] == pytest.approx(expected, rel=error, abs=1e-6 * scale), n
 
 
-def test_a_tied_inertia_moves_with_the_slenderness():
+def test_a_given_inertia_has_a_slope_of_its_own():
     x, b = np.array(HELD), lost(Kind.sticking)
     rho = 0.75 / (1.0 + x[0] ** 2)
     (free,) = bifurcations(parameters([*x, rho]), "f", 0.3, 0.4, samples=20)
-    assert free.value == pytest.approx(b.value, rel=1e-13)
     tied = free.slopes["nu"] - free.slopes["rho"] * 2.0 * x[0] * rho / (1.0 + x[0] ** 2)
     assert b.slopes["nu"] == pytest.approx(tied, rel=1e-12)
     assert abs(free.slopes["rho"]) > 1e-3
-    assert "rho" not in b.slopes
-
-
-# All together
-
-
-def disagreements(x: np.ndarray, name: str, low: float, high: float) -> list[str]:
-    """Where a fine sweep shows another number of orbits, or of those with det(I + G) < 0, than
-    between the same two points of the answer; and points that are not exact."""
-    found = bifurcations(parameters(x), name, low, high)
-    wrong = [b.reason or "inexact" for b in found if b.reason or b.error > 1e-12 * abs(b.value) + 1e-15]
-    s = sweep(parameters(x), name, np.linspace(low, high, 513))
-    edges, apart = [low, *(b.value for b in found), high], 3e-3 * (high - low)
-    counts = np.sum(s.branch >= 0, axis=1)
-    leaning = np.sum((s.branch >= 0) & (np.asarray(s.margins.symmetry) < 0), axis=1)
-    for a, b in itertools.pairwise(edges):
-        between = (s.value > a + apart) & (s.value < b - apart)
-        for numbers in (counts[between], leaning[between]):
-            if len(set(numbers)) > 1:
-                wrong.append(f"{numbers} orbits of {x} between {name} = {a} and {b}")
-    return wrong
 
 
 def random_ranges(count: int, seed: int) -> list[tuple[np.ndarray, str, float, float]]:
@@ -242,9 +117,18 @@ def random_ranges(count: int, seed: int) -> list[tuple[np.ndarray, str, float, f
     return [(x, NAMES[i], LOW[i], HIGH[i]) for x, i in zip(scenes, which, strict=True)]
 
 
-@pytest.mark.parametrize("case", random_ranges(3, 3), ids=lambda case: case[1])
-def test_between_two_points_no_orbit_comes_or_goes(case):
-    assert disagreements(*case) == []
+@pytest.mark.parametrize(("x", "name", "low", "high"), random_ranges(3, 3))
+def test_between_two_points_no_orbit_comes_or_goes(x, name, low, high):
+    """A fine sweep shows one number of orbits, and of those with det(I + G) < 0, from point to point."""
+    found = bifurcations(parameters(x), name, low, high)
+    assert not [b for b in found if b.reason or b.error > 1e-12 * abs(b.value) + 1e-15]
+    s, apart = sweep(parameters(x), name, np.linspace(low, high, 513)), 3e-3 * (high - low)
+    counts = np.sum(s.branch >= 0, axis=1)
+    leaning = np.sum((s.branch >= 0) & (np.asarray(s.margins.symmetry) < 0), axis=1)
+    for a, b in itertools.pairwise([low, *(b.value for b in found), high]):
+        between = (s.value > a + apart) & (s.value < b - apart)
+        assert len(set(counts[between])) <= 1, (a, b)
+        assert len(set(leaning[between])) <= 1, (a, b)
 
 
 def test_what_no_cause_is_found_for_is_reported_as_unresolved(monkeypatch):
@@ -269,46 +153,24 @@ def test_a_point_that_the_orbits_beside_it_do_not_show_is_not_confirmed(monkeypa
     assert "do not show it" in found.reason
 
 
-# Sweeps
-
-
 def test_a_sweep_joins_what_continues():
-    values = np.linspace(0.8, 3.0, 221)
-    s = sweep(parameters(BARE), "xi", values)
+    s = sweep(parameters(BARE), "xi", np.linspace(0.8, 3.0, 221))
     # The largest goes on where it loses its symmetry; the repelling one begins by sticking.
     assert s.branches == 2
     rows, columns = s.line(0)
     np.testing.assert_array_equal(rows, np.arange(221))
-    amplitude = s.amplitude[rows, columns]
-    assert np.all(np.diff(amplitude) < 0)
-    assert np.abs(np.diff(amplitude, 2)).max() < 1e-3
+    assert np.all(np.diff(s.amplitude[rows, columns]) < 0)
+    assert np.abs(np.diff(s.amplitude[rows, columns], 2)).max() < 1e-3
     assert set(s.status[s.line(0)]) == {"unstable", "rocking"}
     assert set(s.status[s.line(1)]) == {"unstable"}
     assert np.all(np.diff(s.line(1)[0]) == 1)
-
-
-def test_a_sweep_has_nan_where_there_is_no_orbit():
-    s = sweep(parameters(BARE), "f", np.linspace(0.03, 0.12, 19))
-    none = s.status == "no_orbit"
-    np.testing.assert_array_equal(none, s.branch == -1)
-    for name in ("amplitude", "stroke", "phase", "crossing", "multipliers"):
-        values = getattr(s, name)
-        assert np.all(np.isnan(values[none])), name
-        assert np.all(np.isfinite(values[~none])), name
-    assert np.all(s.amplitude[~none] > 0)
-
-
-# Bad input
 
 
 @pytest.mark.parametrize(
     ("name", "values", "match"),
     [
         ("omega", [1.0, 2.0], "`name` must be one of nu, mu.* but is 'omega'"),
-        ("f", [0.1], "`values` must be two or more finite numbers that increase"),
         ("f", [0.2, 0.1], "`values` must be two or more finite numbers that increase"),
-        ("f", [0.1, np.nan], "`values` must be two or more numbers that increase, all finite"),
-        ("f", [-0.1, 0.1], "`f` must be zero or positive"),
         ("nu", [0.1, 0.6], "`nu` must be between 0 and 0.5"),
     ],
 )
@@ -318,17 +180,16 @@ def test_a_sweep_refuses_bad_input(name, values, match):
 
 
 @pytest.mark.parametrize(
-    ("name", "low", "high", "samples", "match"),
+    ("name", "high", "samples", "match"),
     [
-        ("omega", 1.0, 2.0, 20, "`name` must be one of"),
-        ("f", 0.2, 0.1, 20, r"`\(low, high\)` must be an interval"),
-        ("e", 0.5, 1.1, 20, "`e` must be between 0 and 1"),
-        ("f", 0.1, 0.2, 7, "`samples` must be between 8 and"),
+        ("f", 0.1, 20, r"`\(low, high\)` must be an interval"),
+        ("e", 1.1, 20, "`e` must be between 0 and 1"),
+        ("f", 0.2, 7, "`samples` must be between 8 and"),
     ],
 )
-def test_a_search_refuses_bad_input(name, low, high, samples, match):
+def test_a_search_refuses_bad_input(name, high, samples, match):
     with pytest.raises(ValueError, match=match):
-        bifurcations(parameters(BARE), name, low, high, samples=samples)
+        bifurcations(parameters(BARE), name, 0.15, high, samples=samples)
 
 
 def test_batched_parameters_are_refused():

@@ -24,10 +24,10 @@ def test_a_check_has_every_model_asked_for_and_the_nonlinear_one():
     assert found.top.stroke == pytest.approx(float(exact.stroke), rel=2e-2)
     assert found.objections == ()
     assert all(r.seconds > 0 and r.neglects for r in found.models)
-    lines = found.table().splitlines()
-    assert len(lines) == 4
-    assert lines[-1].startswith("nonlinear")
-    assert "nothing of the paper's (4)" in lines[-1]
+    *others, last = found.table().splitlines()
+    assert len(others) == 3
+    assert last.startswith("nonlinear")
+    assert "nothing of the paper's (4)" in last
     assert str(found) == f"{found.table()}\nno objection by the nonlinear equations"
     # Dimensionless parameters stand for the scene and its pendulum.
     same = check(p, stroke=0.5, models=("exact",))
@@ -47,9 +47,9 @@ def test_what_does_not_hold_is_said():
 def test_models_without_impact_loss_have_nothing_to_say_of_a_block_with_it():
     scene = Scene(Block(width=0.1, height=0.4, mass=16.0, restitution=0.8), paper_scene().motion)
     found = check(scene, None, models=("one harmonic", "exact", "smoothed", "smoothed nonlinear"))
-    said = {r.name for r in found.models if r.status == "no impacts"}
-    assert said == {"one harmonic", "smoothed nonlinear"}
-    assert all(np.isnan(r.amplitude) for r in found.models if r.status == "no impacts")
+    none = [r for r in found.models if r.status == "no impacts"]
+    assert {r.name for r in none} == {"one harmonic", "smoothed nonlinear"}
+    assert all(np.isnan(r.amplitude) for r in none)
     exact, smoothed = (next(r for r in found.models if r.name == name) for name in ("exact", "smoothed"))
     assert exact.status == smoothed.status == "rocking"
     assert smoothed.amplitude == pytest.approx(exact.amplitude, rel=1e-4)
@@ -60,20 +60,17 @@ def test_models_without_impact_loss_have_nothing_to_say_of_a_block_with_it():
 @pytest.mark.parametrize(
     ("motion", "objection"),
     [
-        ((0.05, 0.4, "rocking"), None),
-        ((0.0, 0.4, "rest"), None),
-        ((0.05, 0.6, "rocking"), r"the stroke is 0\.6 rad, above 0\.5"),
-        ((0.09, 0.4, "rocking"), r"the block rocks 0\.09 rad, and 0\.08 without the pendulum"),
+        ((0.05, 0.4, "rocking"), ""),
+        ((0.0, 0.4, "rest"), ""),
+        ((0.05, 0.6, "rocking"), "the stroke is 0.6 rad, above 0.5"),
+        ((0.09, 0.4, "rocking"), "the block rocks 0.09 rad, and 0.08 without the pendulum"),
         ((np.inf, np.inf, "overturned"), "the motion ends overturned"),
     ],
 )
 def test_objections(motion, objection):
     found = objections(*motion, 0.5, 0.08)
-    if objection is None:
-        assert found == ()
-    else:
-        with pytest.raises(ValueError, match=objection):
-            raise ValueError(*found)
+    assert len(found) == bool(objection)
+    assert objection in "".join(found)
 
 
 def test_bad_input_is_refused():

@@ -11,18 +11,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.exact.orbits import chosen, felt, solve
-from tests.exact.test_steady import CHAOTIC
-from tests.reference import BARE, HUNG, UNSTABLE, Case, along, differences, named, parameters
-from tpd import Status, status_name, steady_state
+from tests.exact.orbits import chosen, felt
+from tests.reference import BARE, UNSTABLE, along, differences, parameters
+from tpd import status_name
 from tpd.answers.periodic_orbit import PeriodicOrbit, continue_orbit, periodic_orbit
-from tpd.models.rows import settle_all
-from tpd.theory.equations import Linear
 
 
 class Scene(NamedTuple):
-    """Parameters, a state near a periodic orbit, and what is to be found there: letters S(lip),
-    K (stuck), R(est) with T(urn), L(anding), R(elease) after them, from any event on."""
+    """Parameters, a state near a periodic orbit, and what is to be found there: letters S(lip), K (stuck),
+    R(est) with T(urn), L(anding), R(elease) after them, from any event on."""
 
     name: str
     x: tuple[float, ...]
@@ -34,19 +31,15 @@ class Scene(NamedTuple):
 
 
 def scene(name: str, numbers: str, kind: str) -> Scene:
-    """A scene from three lines of the table."""
-    x, near = (tuple(map(float, part.split())) for part in numbers.split("|"))
+    x, start = (tuple(map(float, part.split())) for part in numbers.split("|"))
     periods, mirrored, kinds, endings = kind.split()
-    return Scene(name, x, near, int(periods), mirrored == "mirrored", kinds, endings)
+    return Scene(name, x, start, int(periods), mirrored == "mirrored", kinds, endings)
 
 
 TABLE = """
 mirrored, period one
 0.25 0.1 0.15 0.3 0.05 0.377 2.67 1.0 | 0.02341 0.37348 0.18303 -1.33012
 1 mirrored SSSS TLTL
-lopsided
-0.19 0.04 0.58 0.1 0.09 0.43 1.66 0.81 | -0.0117 0.66787 0.26387 -0.93402
-1 lopsided SSSS LTLT
 period three with turns in the air
 0.27 0.24 0.34 0.25 0.06 0.35 3.08 1.0 | -0.09945 0.34152 0.08349 -0.10177
 3 mirrored SSSSSSSS TLTTTLTT
@@ -70,7 +63,6 @@ TRLTLTLTLTLTLTLTLTLTLTLTLTLRTRLTLTLTLTLTLTLTLTLTLTLTLTLR
 """Parameters by random search; the states are simulated ones after the transient, five digits."""
 *SCENES, RATTLING = (scene(*TABLE[i : i + 3]) for i in range(0, len(TABLE), 3))
 ALL = (*SCENES, RATTLING)
-SLIPPING = tuple(s for s in SCENES if set(s.kinds) == {"S"})
 
 
 class Answer(NamedTuple):
@@ -86,12 +78,10 @@ def at(x: Any) -> Any:
 
 
 def near(x: Any, y0: Any, periods: int = 1, max_events: int = 32) -> PeriodicOrbit:
-    """`periodic_orbit` of a vector of parameters."""
     return periodic_orbit(at(x), np.asarray(y0, dtype=float), periods=periods, max_events=max_events)
 
 
 def sizes(o: PeriodicOrbit) -> jax.Array:
-    """All that is differentiable."""
     return jnp.concatenate([jnp.stack([o.amplitude, o.stroke]), o.state, o.sequence.durations])
 
 
@@ -105,7 +95,6 @@ def _carried(x: jax.Array, orbit: PeriodicOrbit) -> tuple[jax.Array, PeriodicOrb
 
 
 def carried(x: Any, orbit: PeriodicOrbit) -> Answer:
-    """`continue_orbit`, with derivatives."""
     slopes, o = _carried(jnp.asarray(x), orbit)
     return Answer(o, np.asarray(slopes))
 
@@ -115,20 +104,6 @@ def found(scene: Scene) -> Answer:
     """The orbit of a scene from its rough state, and derivatives."""
     orbit = near(scene.x, scene.near, scene.periods, 32 if len(scene.kinds) <= 32 else 64)
     return carried(scene.x, orbit)
-
-
-def followed(scene: Scene, y0: Any, begin: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """One period of the motion from `y0` at a time `begin`: d end/d start, and 361 states."""
-    span = scene.periods * 2.0 * np.pi / scene.x[6]
-    ys, slopes, _ = along(scene.x, y0, begin + np.linspace(0.0, 1.0, 361) * span)
-    return slopes[-1], ys
-
-
-def letters(orbit: PeriodicOrbit) -> tuple[str, str]:
-    """The sequence, written as in `Scene`."""
-    s, n = orbit.sequence, int(orbit.sequence.count)
-    kinds, endings = np.asarray(s.kinds)[:n], np.asarray(s.endings)[:n]
-    return "".join("SKR"[i] for i in kinds), "".join("TLR"[i] for i in endings)
 
 
 def spectrum(multipliers: Any) -> np.ndarray:
@@ -143,57 +118,30 @@ def test_sequence_and_kind(scene: Scene) -> None:
     held = set(scene.kinds) != {"S"}
     assert status_name(orbit.status) == ("sticking" if held else "rocking")
     assert bool(orbit.symmetric) == scene.symmetric
-    kinds, endings = letters(orbit)
-    turns = range(len(kinds))
-    assert (scene.kinds, scene.endings) in [(kinds[i:] + kinds[:i], endings[i:] + endings[:i]) for i in turns]
+    s, n = orbit.sequence, int(orbit.sequence.count)
+    kinds = "".join("SKR"[i] for i in np.asarray(s.kinds)[:n])
+    endings = "".join("TLR"[i] for i in np.asarray(s.endings)[:n])
+    assert (scene.kinds, scene.endings) in [
+        (kinds[i:] + kinds[:i], endings[i:] + endings[:i]) for i in range(n)
+    ]
     total = scene.periods * 2.0 * np.pi / scene.x[6]
     assert np.sum(orbit.sequence.durations) == pytest.approx(total, rel=1e-14)
 
 
 @pytest.mark.parametrize("scene", ALL, ids=lambda s: s.name)
 def test_simulation_stays_on_the_orbit_and_has_its_multipliers_wherever_cut(scene: Scene) -> None:
-    orbit = found(scene).orbit
-    slopes, ys = followed(scene, orbit.state)
+    orbit, period = found(scene).orbit, np.linspace(0.0, 1.0, 361) * scene.periods * 2.0 * np.pi / scene.x[6]
+    ys, slopes, _ = along(scene.x, orbit.state, period)
     np.testing.assert_allclose(ys[-1], orbit.state, rtol=0.0, atol=2e-12)
     largest = np.max(np.abs(ys), axis=0)
     for size, seen in ((orbit.amplitude, largest[0]), (orbit.stroke, largest[1])):
         assert (1.0 - 2e-3) * float(size) < seen < (1.0 + 1e-9) * float(size)
-    other, _ = followed(scene, ys[137], 137 / 360 * scene.periods * 2.0 * np.pi / scene.x[6])
+    _, other, _ = along(scene.x, ys[137], period[137] + period)
     # Rounding of the tilt moves hops of 1e-6 by 1e-10, and the multipliers of the rattle with them.
     atol = 1e-7 if scene is RATTLING else 1e-8
-    for by in (slopes, other):
+    for by in (slopes[-1], other[-1]):
         expected = spectrum(np.linalg.eigvals(felt(np.array(scene.x), by)))
         np.testing.assert_allclose(spectrum(orbit.multipliers), expected, rtol=0, atol=atol)
-
-
-def _pull(linear: Linear, y: np.ndarray, step: float, drag: float, sine: float) -> float:
-    """phi'' of a slipping block."""
-    return float(linear.rates(jnp.asarray(y), step, drag, sine)[2])
-
-
-@pytest.mark.parametrize("scene", [s for s in SLIPPING if s.x[1] > 0.0], ids=named)
-def test_determinant_of_the_monodromy(scene: Scene) -> None:
-    """Liouville: the product of the multipliers is exp(tr A T), e^2 for each landing, and for each
-    turn phi'' just after it over phi'' just before."""
-    orbit, p, linear = found(scene).orbit, parameters(scene.x), Linear(parameters(scene.x))
-    s, n = orbit.sequence, int(orbit.sequence.count)
-    trace = -np.trace(np.linalg.inv(linear.mass) @ np.asarray(linear.damping))
-    log = trace * scene.periods * 2.0 * np.pi / p.xi
-    product = np.exp(log) * scene.x[7] ** (2 * scene.endings.count("L"))
-    for i in range(n):
-        if int(s.endings[(i - 1) % n]) == 0:
-            y, tilt, sine = s.states[i], float(s.tilt_signs[i]), np.sin(float(s.phases[i]))
-            before, after = (_pull(linear, y, tilt, float(s.rate_signs[j]), sine) for j in ((i - 1) % n, i))
-            product *= after / before
-    assert np.prod(orbit.multipliers) == pytest.approx(product, rel=1e-9)
-
-
-@pytest.mark.parametrize("scene", [s for s in SCENES if s not in SLIPPING], ids=named)
-def test_held_arcs_forget(scene: Scene) -> None:
-    """A held arc forgets the rate at which it was entered, rest the tilt as well, and a release
-    depends on the bob alone."""
-    small = np.abs(np.asarray(found(scene).orbit.multipliers)) < 1e-5
-    assert np.sum(small) >= (2 if "R" in scene.kinds else 1)
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda s: s.name)
@@ -216,19 +164,6 @@ def test_gradients_are_the_differences(scene: Scene) -> None:
         np.testing.assert_allclose(answer.slopes[:known, i], slope, rtol=1e-6, atol=scale)
 
 
-@pytest.mark.parametrize("case", [HUNG[3], BARE[1]], ids=named)
-def test_known_amplitudes_and_gradients(case: Case) -> None:
-    states = {HUNG[3]: (0.01065, 0.03448, 0.24508, 0.40757), BARE[1]: (0.04266, 0.61327, 0.09715, -0.59616)}
-    x = (*case.x, 1.0)
-    answer = carried(x, near(x, states[case]))
-    rtol, atol = case.amplitude_rtol, case.amplitude_atol
-    np.testing.assert_allclose(answer.orbit.amplitude, case.amplitude, rtol=rtol, atol=atol)
-    known = np.isfinite(case.gradient)
-    gradient = np.array(case.gradient)[known]
-    rtol, atol = case.gradient_rtol, case.gradient_atol
-    np.testing.assert_allclose(answer.slopes[0, :7][known], gradient, rtol=rtol, atol=atol)
-
-
 @functools.cache
 def bare() -> PeriodicOrbit:
     """The attracting orbit of the bare block at xi = 1.5, whose branch loses symmetry near 1.0443."""
@@ -236,7 +171,6 @@ def bare() -> PeriodicOrbit:
 
 
 def moved(orbit: PeriodicOrbit, x: Any, i: int, stops: Any) -> PeriodicOrbit:
-    """The orbit followed along parameter `i`, stop by stop."""
     x = np.array(x, dtype=float)
     for x[i] in stops:
         orbit = continue_orbit(at(x), orbit)
@@ -283,7 +217,7 @@ NOT_THERE = {
     "rest": ((0.2, 0.1, 0.4, 0.2, 0.03, 0.05, 4.0, 1.0), (0.0, 0.0, 0.0, 0.0)),
     "overturned": ((0.2, 0.1, 0.4, 0.2, 0.03, 0.25, 4.0, 1.0), (0.8, 0.0, 0.0, 0.0)),
     "event_bound": ((0.2, 0.0, 0.4, 0.2, 0.0, 0.05, 4.0, 1.0), (1e-5, 0.0, 0.0, 0.0)),
-    "no_orbit": (SCENES[2].x, SCENES[2].near),
+    "no_orbit": (SCENES[1].x, SCENES[1].near),
 }
 
 
@@ -292,28 +226,26 @@ def test_no_orbit_says_why(status: str) -> None:
     x, y0 = NOT_THERE[status]
     orbit = near(x, y0)
     assert status_name(orbit.status) == status
-    if status == "rest":
-        assert float(orbit.amplitude) == 0.0
-    else:
-        assert np.isnan(float(orbit.amplitude))
+    np.testing.assert_equal(float(orbit.amplitude), 0.0 if status == "rest" else np.nan)
     assert int(orbit.sequence.count) == 0
     assert status_name(continue_orbit(at(x), orbit).status) == "no_orbit"
 
 
-def test_input_is_checked() -> None:
-    p = parameters(SCENES[0].x)
-    for y0 in (np.zeros(3), np.full(4, np.nan)):
-        with pytest.raises(ValueError, match=r"`y0` must be \(phi, psi, phi', psi'\), all finite"):
-            periodic_orbit(p, y0)
-    for name in ("periods", "max_events"):
-        with pytest.raises(ValueError, match=f"`{name}` must be a whole number, 1 or more, but is 0"):
-            periodic_orbit(p, np.zeros(4), **{name: 0})
-    with pytest.raises(ValueError, match="`rest_rate` must be positive"):
-        periodic_orbit(p, np.zeros(4), rest_rate=0.0)
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("periods", 0, "must be a whole number, 1 or more, but is 0"),
+        ("max_events", 0, "must be a whole number, 1 or more, but is 0"),
+        ("rest_rate", 0.0, "must be positive"),
+    ],
+)
+def test_input_is_checked(name: str, value: float, said: str) -> None:
+    with pytest.raises(ValueError, match=f"`{name}` {said}"):
+        periodic_orbit(parameters(SCENES[0].x), np.zeros(4), **{name: value})
 
 
 def test_programs_answer_as_the_host_does() -> None:
-    scene = SCENES[4]
+    scene = SCENES[3]
     x, y0 = jnp.array(scene.x), np.array(scene.near)
 
     def answer(x: jax.Array) -> PeriodicOrbit:
@@ -341,7 +273,7 @@ def test_derivatives_that_are_not_known_are_refused() -> None:
 
 
 def test_the_margin_of_grazing_is_the_least_rate_on_the_way() -> None:
-    """A block that all but turns in the air soon after a landing; and by states along that arc."""
+    # A block that all but turns in the air soon after a landing; and by states along that arc.
     x, y0 = (0.155, 0.06, 0.48, 0.151, 0.092, 0.364, 1.65, 0.017), (0.0125, -0.9238, 0.0121, -0.7916)
     orbit, j = near(x, y0), 4
     start = np.where(np.abs(orbit.sequence.states[j]) < 1e-12, 0.0, orbit.sequence.states[j])
@@ -355,7 +287,7 @@ def test_the_margin_of_grazing_is_the_least_rate_on_the_way() -> None:
 @pytest.mark.parametrize("kind", ["rocking", "unstable"])
 def test_symmetric_orbits_are_found_again(kind: str) -> None:
     same = np.array([0, 2, 3, 4, 5])
-    for x, one in chosen(5, kind):
+    for x, one in chosen(3, kind):
         answer = carried(x, near(x, one.state))
         assert status_name(answer.orbit.status) == kind
         np.testing.assert_allclose(answer.orbit.amplitude, one.amplitude, rtol=1e-11)
@@ -363,40 +295,3 @@ def test_symmetric_orbits_are_found_again(kind: str) -> None:
         np.testing.assert_allclose(spectrum(answer.orbit.multipliers), expected, rtol=1e-8, atol=1e-8)
         scale = 1e-8 * np.max(np.abs(one.slopes))
         np.testing.assert_allclose(answer.slopes[same], one.slopes[same], rtol=1e-8, atol=scale)
-
-
-def test_attractors_of_random_scenes_are_found_again() -> None:
-    """What simulation settles into, whatever its kind: same sizes and multiplier."""
-    rng, compared = np.random.default_rng(11), 0
-    low, high = (0.15, 0.0, 0.1, 0.02, 0.01, 0.05, 0.7, 0.0), (0.3, 0.3, 1.2, 0.3, 0.1, 0.5, 3.5, 1.0)
-    xs, starts = rng.uniform(low, high, (60, 8)), np.zeros((60, 4))
-    starts[:, 0] = 0.5 * xs[:, 0] * rng.uniform(-1.0, 1.0, 60)
-    settled = settle_all(parameters(xs.T), starts)
-    for i in np.flatnonzero((settled.status == Status.rocking) | (settled.status == Status.sticking)):
-        steady = steady_state(at(xs[i]), y0=settled.y[i])
-        orbit = near(xs[i], steady.state, int(steady.periods))
-        if status_name(orbit.status) == "event_bound":
-            continue
-        assert orbit.status == steady.status
-        compared += 1
-        known = jnp.stack([steady.amplitude, steady.stroke])
-        np.testing.assert_allclose(sizes(orbit)[:2], known, rtol=1e-9, atol=1e-15)
-        np.testing.assert_allclose(orbit.state, steady.state, rtol=0.0, atol=1e-10)
-        assert np.max(np.abs(orbit.multipliers)) == pytest.approx(float(steady.multiplier), abs=1e-6)
-    assert compared > 8
-
-
-def test_shooting_has_the_gradient_of_an_orbit_inside_chaos_where_simulation_loses_it() -> None:
-    o = solve([CHAOTIC])
-    i = list(o.status[0]).index("unstable")
-    answer = carried(CHAOTIC, near(CHAOTIC, o.state[0, i]))
-    assert status_name(answer.orbit.status) == "unstable"
-    assert np.abs(answer.slopes[0]).max() < 10.0
-    np.testing.assert_allclose(answer.slopes[0], o.slopes[0, i, 0], rtol=1e-8, atol=1e-9)
-    multiplier = np.abs(o.multipliers[0, i]).max()
-    assert multiplier > 1.1
-    _, slopes, _ = along(CHAOTIC, o.state[0, i], np.arange(201) * 2.0 * np.pi / CHAOTIC[6])
-    sizes = np.linalg.norm(slopes, axis=(1, 2))
-    assert sizes[100] > 1e5
-    rate = np.polyfit(np.arange(20, 101), np.log(sizes[20:101]), 1)[0]
-    assert rate == pytest.approx(np.log(multiplier), rel=0.02)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tests.reference import orbits_of
 from tpd import Parameters, Pendulum, branches, paper_scene, settled_response
-from tpd.answers.bifurcations import Kind, bifurcations, sweep
+from tpd.answers.bifurcations import Bifurcation, Kind, bifurcations
 from tpd.answers.response import Branches, frequencies
 from tpd.scene.quantities import Setup
 from tpd.theory.no_uplift import uplift
@@ -29,16 +28,18 @@ def hung() -> Branches:
     return branches(SCENE, "frequency", 1.7, 3.0, pendulum=HUNG, samples=100)
 
 
+def fold() -> Bifurcation:
+    (found,) = [b for b in hung().bifurcations if b.kind is Kind.fold]
+    return found
+
+
 def test_symmetry_breaks_and_sticking_begins_where_the_branches_say_so():
     breaking, sticking = bare().bifurcations
-    assert breaking.kind is Kind.symmetry_breaking
+    assert (breaking.kind, sticking.kind) == (Kind.symmetry_breaking, Kind.sticking)
     assert breaking.value == pytest.approx(1.0443, abs=5e-5)
-    assert sticking.kind is Kind.sticking
     s = bare().sweep
-    assert s.branches == 2
     rows, columns = s.line(0)
-    stable = s.status[rows, columns] == "rocking"
-    np.testing.assert_array_equal(stable, s.value[rows] > breaking.value)
+    np.testing.assert_array_equal(s.status[rows, columns] == "rocking", s.value[rows] > breaking.value)
     # The values crowd towards what happens: the branch ends at it, far within one even spacing.
     first = s.value[s.line(1)[0][0]]
     assert 0 < first - sticking.value < 1e-3 * (3.1 / 124)
@@ -47,72 +48,30 @@ def test_symmetry_breaks_and_sticking_begins_where_the_branches_say_so():
 def test_a_resting_block_stays_where_the_margin_is_positive():
     case = hung()
     p = Setup.of(SCENE, HUNG).at({"frequency": case.sweep.value})
-    assert np.any(case.margin > 0)
-    assert np.any(case.margin < 0)
+    assert set(np.sign(case.margin)) == {-1.0, 1.0}
     np.testing.assert_allclose(case.margin, np.asarray(uplift(p).margin), rtol=1e-12)
     np.testing.assert_allclose(case.rest_stroke, np.asarray(uplift(p).stroke), rtol=1e-12)
 
 
-def test_at_constant_amplitude_every_frequency_is_a_scene_of_its_own():
-    frequencies = np.array([1.8, 2.1, 2.5])
-    s = sweep(SCENE, "frequency", frequencies, pendulum=HUNG)
-    for i, frequency in enumerate(frequencies):
-        motion = dataclasses.replace(SCENE.motion, frequency=float(frequency))
-        orbits = orbits_of(dataclasses.replace(SCENE, motion=motion).parameters(HUNG))
-        np.testing.assert_allclose(s.amplitude[i], np.asarray(orbits.amplitude), rtol=1e-12)
-    assert np.isfinite(s.amplitude).sum() > 3
-
-
-def fold() -> object:
-    (found,) = [b for b in hung().bifurcations if b.kind is Kind.fold]
-    return found
-
-
 def test_the_fold_over_hz_is_the_fold_of_the_scene_there():
-    b = fold()
+    b, s = fold(), hung().sweep
     p = Setup.of(SCENE, HUNG).at({"frequency": b.value})
     near = bifurcations(p, "xi", 0.99 * p.xi, 1.01 * p.xi, samples=40)
     (same,) = [a for a in near if a.kind is Kind.fold]
     assert same.value == pytest.approx(p.xi, rel=1e-12)
     assert same.amplitude == pytest.approx(b.amplitude, rel=1e-9)
     # Two branches turn into each other there.
-    s = hung().sweep
     row = np.nonzero(s.value > b.value)[0][0]
     upper, lower = s.amplitude[row, np.argsort(np.abs(s.amplitude[row] - b.amplitude))[:2]]
     assert 0 < abs(upper - lower) < 3e-3 * b.amplitude
 
 
-@pytest.mark.parametrize("name", ["amplitude", "pendulum_length", "pendulum_damping", "width", "gravity"])
-def test_slopes_over_hz_are_those_of_differences_in_si_units(name):
-    b = fold()
-    base = {**Setup.of(SCENE, HUNG).values}
-    step = 1e-4 * base[name]
-    assert "frequency" not in b.slopes
-
-    def value(shift: float) -> float:
-        q = {**base, name: base[name] + shift}
-        scene = dataclasses.replace(
-            SCENE,
-            block=dataclasses.replace(SCENE.block, width=q["width"], cavity_width=None),
-            motion=dataclasses.replace(SCENE.motion, amplitude=q["amplitude"]),
-            gravity=q["gravity"],
-        )
-        pendulum = dataclasses.replace(HUNG, length=q["pendulum_length"], damping_ratio=q["pendulum_damping"])
-        near = bifurcations(scene, "frequency", 0.99 * b.value, 1.01 * b.value, samples=40, pendulum=pendulum)
-        (found,) = [a.value for a in near if a.kind is Kind.fold]
-        return found
-
-    assert b.slopes[name] == pytest.approx((value(step) - value(-step)) / (2.0 * step), rel=1e-6)
-
-
 def test_settled_from_rest_the_paper_s_block_rocks_as_known_at_its_frequency():
-    r = settled_response(SCENE, "frequency", [2.5, 1.5])
+    r, p = settled_response(SCENE, "frequency", [2.5, 1.5]), SCENE.parameters()
     assert list(r.status) == ["rocking", "rest"]
     # From the grid of exact solutions in the README.
     assert r.amplitude == pytest.approx([0.083334, 0.0], abs=5e-7)
-    p = SCENE.parameters()
-    same = settled_response(p, "xi", [p.xi])
-    assert same.amplitude[0] == pytest.approx(r.amplitude[0], rel=1e-10)
+    assert settled_response(p, "xi", [p.xi]).amplitude[0] == pytest.approx(r.amplitude[0], rel=1e-10)
     assert str(r).splitlines() == [
         "Response from rest over frequency: 2 values, 1.5 to 2.5 Hz",
         "  status      1 rocking, 1 rest",
@@ -123,16 +82,13 @@ def test_settled_from_rest_the_paper_s_block_rocks_as_known_at_its_frequency():
 
 
 def test_branches_print_one_line_for_each_bifurcation():
-    lines = str(bare()).splitlines()
-    assert lines[0] == "2 branches from 0.9 to 4"
     breaking, sticking = bare().bifurcations
-    assert lines[1:] == [f"  {breaking}", f"  {sticking}"]
+    assert str(bare()).splitlines() == ["2 branches from 0.9 to 4", f"  {breaking}", f"  {sticking}"]
     where = f"symmetry breaking  {breaking.value:10.6g}, amplitude {breaking.amplitude:.5g} rad"
     assert str(breaking) == repr(breaking) == f"{where}: unstable below, rocking above"
-    in_hertz = f"{fold().value:.6g} Hz, amplitude {fold().amplitude:.5g} rad: "
-    assert in_hertz in str(fold())
+    assert f"{fold().value:.6g} Hz, amplitude {fold().amplitude:.5g} rad: " in str(fold())
     assert str(hung()).splitlines()[0].endswith(" branches from 1.7 to 3 Hz")
-    lost = dataclasses.replace(breaking, kind=Kind.unresolved, reason="no cause was found")
+    lost = replace(breaking, kind=Kind.unresolved, reason="no cause was found")
     assert str(lost) == f"unresolved         {breaking.value:10.6g}: no cause was found"
 
 
@@ -141,8 +97,6 @@ def test_a_response_refuses_bad_input():
         settled_response(SCENE, "frequency", [1.0, 0.0])
     with pytest.raises(ValueError, match="`name` must be one of"):
         branches(BARE, "frequency", 1.0, 2.0)
-    with pytest.raises(ValueError, match=r"`\(low, high\)` must be an interval"):
-        branches(BARE, "xi", 2.0, 1.0)
     with pytest.raises(ValueError, match="`samples` must be between 8"):
         branches(BARE, "xi", 1.0, 2.0, samples=3)
 
@@ -151,37 +105,25 @@ def test_frequencies_are_close_near_the_own_one():
     values = frequencies(2.5, 1.0, 5.0, 41)
     near = values[np.abs(values / 2.5 - 1.0) < 0.05]
     np.testing.assert_allclose(near, 2.5 * (1.0 + 0.004 * np.arange(-12, 13)), rtol=1e-12)
-    assert 2.5 in values
-    assert (values[0], values[-1]) == (1.0, 5.0)
+    assert {1.0, 2.5, 5.0} <= set(values)
     assert np.all(np.diff(values) >= 0.004 * 2.5 * (1.0 - 1e-9))
     np.testing.assert_array_equal(frequencies(2.5, 4.0, 5.0, 3), [4.0, 4.5, 5.0])
 
 
-def test_a_picture_of_the_bare_block_has_no_bob():
-    axes = bare().plot()
-    assert len(axes) == 1
-    assert axes[0].get_xlabel() == r"frequency ratio $\xi$ = $\omega/\omega_0$ (-)"
-    labels = [text.get_text() for text in axes[0].get_legend().get_texts()]
+def test_a_picture_draws_stable_solid_unstable_dashed_and_marks_what_is_lost():
+    (ax,) = bare().plot()
+    assert ax.get_xlabel() == r"frequency ratio $\xi$ = $\omega/\omega_0$ (-)"
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
     assert labels == ["bare block", "stable", "unstable", "symmetry breaks", "begins to stick"]
-
-
-def test_a_picture_draws_stable_solid_unstable_dashed_and_marks_the_fold():
-    case = hung()
-    axes = case.plot(dataclasses.replace(case))
-    assert [ax.get_ylabel() for ax in axes] == [
-        r"largest tilt $|\varphi|$ (rad)",
-        r"largest bob angle $|\psi|$ (rad)",
-    ]
-    b, s = fold(), case.sweep
-    marks = [
-        line.get_xydata()[0] for line in axes[0].lines if line.get_marker() == "o" and len(line.get_xdata())
-    ]
+    tilt, bob = hung().plot(replace(hung()))
+    assert tilt.get_ylabel() == r"largest tilt $|\varphi|$ (rad)"
+    assert bob.get_ylabel() == r"largest bob angle $|\psi|$ (rad)"
+    b, s = fold(), hung().sweep
+    drawn = [line for line in tilt.lines if len(line.get_xdata())]
+    marks = [line.get_xydata()[0] for line in drawn if line.get_marker() == "o"]
     np.testing.assert_allclose(marks, [[b.value, b.amplitude]] * 2)
     for style, stable in (("-", True), ("--", False)):
-        lines = [
-            line for line in axes[0].lines if line.get_linestyle() == style and len(line.get_xdata()) > 3
-        ]
-        drawn = {y for line in lines for y in line.get_ydata() if y > 0}
-        # A stretch shares its last point with the next one.
-        missing = set(s.amplitude[(s.status == "rocking") == stable & (s.branch >= 0)].tolist()) - drawn
-        assert not {y for y in missing if np.isfinite(y)}
+        lines = [line for line in drawn if line.get_linestyle() == style and len(line.get_xdata()) > 3]
+        shown = {y for line in lines for y in line.get_ydata()}
+        known = s.amplitude[((s.status == "rocking") == stable) & (s.branch >= 0)]
+        assert set(known[np.isfinite(known)]) <= shown

@@ -31,15 +31,13 @@ def test_shares_have_wilsons_interval():
     assert str(Share.of(np.zeros(0, bool))) == "nan% (0.0% to 100.0%)"
 
 
-@pytest.mark.parametrize(("worse", "better"), [(0, 0), (5, 0), (4, 1), (0, 5), (900, 1100)])
-def test_the_chance_of_a_difference_is_the_binomials(worse, better):
-    if worse + better:
+def test_the_chance_of_a_difference_is_the_binomials():
+    assert chance_of(0, 0) == chance_of_either(0, 0) == 1.0
+    for worse, better in ((5, 0), (4, 1), (0, 5), (900, 1100)):
         known = binomtest(worse, worse + better, alternative="greater").pvalue
         assert chance_of(worse, better) == pytest.approx(known, rel=1e-9)
         either = binomtest(worse, worse + better).pvalue
         assert chance_of_either(worse, better) == pytest.approx(either, rel=1e-9)
-    else:
-        assert chance_of(worse, better) == chance_of_either(worse, better) == 1.0
 
 
 def test_a_mean_is_positive_by_the_one_sided_test_of_student():
@@ -57,15 +55,11 @@ def changed(values, clusters=None):
     return change(np.asarray(values), np.zeros(len(values)), clusters)
 
 
-def test_a_change_of_shares_ends_at_one():
-    few = changed([0.0, -1.0, 0.0, 0.0], np.array([0, 0, 1, 1]))
-    assert (few.low, few.high) == (-1.0, 1.0)
-    assert few.mean == pytest.approx(-0.25)
-
-
 def test_intervals_are_those_of_clusters_and_student():
     one = np.array([-0.1, 0.0, 0.1])
     assert changed(one).high == pytest.approx(0.1 * stats.t.ppf(0.975, 2) / np.sqrt(3.0))
+    few = changed([0.0, -1.0, 0.0, 0.0], np.array([0, 0, 1, 1]))
+    assert (few.mean, few.low, few.high) == pytest.approx((-0.25, -1.0, 1.0))
     rng = np.random.default_rng(3)
     covered, clusters = 0, np.repeat(np.arange(8), 6)
     for _ in range(400):
@@ -85,7 +79,7 @@ def test_of_a_single_cluster_nothing_is_known():
 
 
 def test_a_fall_is_a_ratio_of_means_whose_interval_covers_the_truth():
-    """Bare tilts about a mean of each of ten earthquakes, hung ones at 0.7 of these with a scatter."""
+    # Bare tilts about a mean of each earthquake, hung ones at 0.7 of these with a scatter.
     rng, hits, clusters = np.random.default_rng(0), 0, np.repeat(np.arange(20), 3)
     for _ in range(300):
         bare = np.repeat(rng.uniform(0.2, 0.8, 20), 3) + rng.uniform(-0.1, 0.1, 60)
@@ -110,7 +104,7 @@ def test_the_paired_test_is_that_of_mcnemar(motions, least):
     rng = np.random.default_rng(3)
     a, b = ((rng.random((motions, 6)) < share).astype(float) for share in (0.5, 0.48))
     for i, p in enumerate(mcnemar(a, b)):
-        x, y = int(np.sum((a[:, i] == 1) & (b[:, i] == 0))), int(np.sum((a[:, i] == 0) & (b[:, i] == 1)))
+        x, y = (int(np.sum(one[:, i] > other[:, i])) for one, other in ((a, b), (b, a)))
         assert p == pytest.approx(binomtest(x, x + y).pvalue)
         assert x + y >= least
 
@@ -152,12 +146,9 @@ SEPARATED = [
     # Shares, motions, and between which of the stripes 1, 2, 3 ... the share passes a half.
     ([0, 2, 4], 4, (2.0, 2.0)),
     ([0, 0, 0, 3], 20, (4.0, math.inf)),
-    ([0, 0, 0, 17], 20, (3.0, 4.0)),
     ([0, 0, 1, 5], 5, (3.0, 4.0)),
-    ([3, 9, 9], 9, (1.0, 2.0)),
     ([7, 9, 9], 9, (0.0, 1.0)),
     ([0, 0, 8, 8], 8, (2.0, 3.0)),
-    ([0, 500, 1000], 1000, (2.0, 2.0)),
     ([0, 1], 1, (1.0, 2.0)),
 ]
 
@@ -165,18 +156,15 @@ SEPARATED = [
 @pytest.mark.mends("a dispersion that no stripe sees was an artefact of clipped logarithms")
 @pytest.mark.mends("a band around separated outcomes was narrower than the stripes allow")
 @pytest.mark.parametrize(("counts", "motions", "passes"), SEPARATED)
-def test_separated_outcomes_have_a_median_between_stripes_and_the_band_of_the_stripes_around(
-    counts, motions, passes
-):
+def test_separated_outcomes_have_the_median_and_band_of_the_stripes_around(counts, motions, passes):
     stripes = np.arange(1.0, len(counts) + 1.0)
     fit = fit_lognormal(stripes, outcomes(counts, motions))
     assert fit.separated
     assert "less than the stripes see" in str(fit)
     assert math.isnan(fit.dispersion)
     assert fit.median == pytest.approx(math.sqrt(passes[0] * passes[1]))
-    low, high = fit.interval()
-    assert low <= passes[0]
-    assert high >= passes[1]
+    assert fit.interval()[0] <= passes[0]
+    assert fit.interval()[1] >= passes[1]
     exact = [binomtest(k, motions).proportion_ci(0.9, method="exact") for k in counts]
     # Below and above the stripes nothing limits the probability on one side.
     lows, highs = [0.0, *(e.low for e in exact)], [*(e.high for e in exact), 1.0]
@@ -190,59 +178,31 @@ def test_separated_outcomes_have_a_median_between_stripes_and_the_band_of_the_st
     np.testing.assert_allclose(fit.probability(stripes), shares[1:-1])
 
 
-def test_the_interval_of_separated_outcomes_covers_the_median():
-    rng, stripes, found = np.random.default_rng(4), np.array([1.0, 1.5, 2.25, 3.375]), []
-    for _ in range(400):
-        median = float(np.exp(rng.uniform(np.log(1.1), np.log(3.0))))
-        hits = stripes >= (median * np.exp(0.05 * rng.standard_normal(12)))[:, None]
-        fit = fit_lognormal(stripes, hits.astype(float))
-        if fit.separated:
-            low, high = fit.interval()
-            assert high > low
-            found.append(low <= median <= high)
-    assert len(found) > 300
-    # Beside a stripe the interval may be on its wrong side.
-    assert np.mean(found) >= 0.95
-
-
 @pytest.mark.mends("one stripe gave a dispersion of 1, where the search began")
 def test_one_stripe_sees_no_dispersion():
     for count, median in ((3, math.inf), (5, 2.0), (8, 0.0)):
         fit = fit_lognormal(np.array([2.0]), outcomes([count], 10))
-        assert fit.separated
-        assert fit.median == median
+        assert (fit.separated, fit.median) == (True, median)
         assert math.isnan(fit.dispersion)
         assert "not seen by one stripe" in str(fit)
 
 
 @pytest.mark.mends("a share that grows slowly was said not to grow")
-def test_a_share_that_grows_slowly_has_a_curve():
+def test_a_share_that_grows_slowly_has_a_curve_and_one_that_does_not_grow_has_none():
     stripes = np.array([0.5, 1.0, 2.0, 4.0])
-    hits = outcomes([10, 12, 14, 16], 40)
-    fit = fit_lognormal(stripes, hits)
-    slope = 1.0 / fit.dispersion
-    intercept = -slope * math.log(fit.median)
-    assert slope == pytest.approx(0.2021, abs=1e-4)
-    # No point of a fine grid around is more likely.
-    a, b = np.meshgrid(intercept + np.linspace(-1.0, 1.0, 201), slope + np.linspace(-0.6, 0.6, 201))
-    assert likelihood(intercept, slope, stripes, hits) >= likelihood(a, b, stripes, hits).max()
+    fit = fit_lognormal(stripes, outcomes([10, 12, 14, 16], 40))
+    assert 1.0 / fit.dispersion == pytest.approx(0.2021, abs=1e-4)
     assert "does not grow" not in str(fit)
-
-
-def test_a_share_that_does_not_grow_has_none():
-    stripes = np.array([0.5, 1.0, 2.0, 4.0])
     for counts in ([10, 10, 10, 10], [16, 14, 12, 10], [40, 40, 0, 0], [40, 20, 0, 0]):
         fit = fit_lognormal(stripes, outcomes(counts, 40))
         assert math.isnan(fit.median)
         assert "does not grow" in str(fit)
 
 
-@pytest.mark.mends(
-    "69 of 797 fits were given up below a bound on the slope, and others ended beside their maximum"
-)
+@pytest.mark.mends("fits were given up below a bound on the slope, and others ended beside their maximum")
 def test_random_fits_are_maxima_or_have_none():
     rng, seen = np.random.default_rng(35), {"maximum": 0, "separated": 0, "flat": 0}
-    for _ in range(797):
+    for _ in range(200):
         stripes = np.sort(np.exp(rng.normal(0.0, 1.0, rng.integers(2, 9))))
         motions = int(rng.choice([2, 4, 12, 40, 200]))
         median, dispersion = np.exp(rng.normal(0.0, 1.0)), np.exp(rng.normal(-0.3, 1.2))
@@ -252,14 +212,13 @@ def test_random_fits_are_maxima_or_have_none():
         hits[rng.random(hits.shape) < rng.choice([0.0, 0.1])] = np.nan
         fit = fit_lognormal(stripes, hits)
         fell, stood = (stripes[np.any(hits == x, axis=0)] for x in (1.0, 0.0))
-        separated = not fell.size or not stood.size or stood.max() <= fell.min()
-        assert fit.separated == separated
-        if separated:
+        assert fit.separated == (not fell.size or not stood.size or stood.max() <= fell.min())
+        if fit.separated:
             seen["separated"] += 1
         elif math.isnan(fit.median):
             seen["flat"] += 1
             # With the best intercept of each slope the likelihood falls from a slope of zero on.
-            best = [minimize_scalar(against, args=(b, stripes, hits)).fun for b in (0.0, 0.003, 0.03, 0.3)]
+            best = [minimize_scalar(against, args=(b, stripes, hits)).fun for b in (0.0, 0.03, 0.3)]
             assert best == sorted(best)
         else:
             seen["maximum"] += 1
@@ -267,12 +226,11 @@ def test_random_fits_are_maxima_or_have_none():
             a = -b * math.log(fit.median)
             top = likelihood(a, b, stripes, hits)
             # The likelihood is concave: a maximum among its neighbours is the maximum.
-            turns = np.linspace(0.0, 2.0 * math.pi, 40)
-            for size in (1e-4, 1e-2, 0.3):
-                near = a + size * np.cos(turns), b + size * np.sin(turns) * max(1.0, b)
-                assert np.all(likelihood(*near, stripes, hits) < top + 1e-9)
-    assert min(seen.values()) > 5
-    assert seen["maximum"] > 400
+            turns, size = np.linspace(0.0, 2.0 * math.pi, 40), np.array([[1e-4], [1e-2], [0.3]])
+            near = a + size * np.cos(turns), b + size * np.sin(turns) * max(1.0, b)
+            assert np.all(likelihood(*near, stripes, hits) < top + 1e-9)
+    assert min(seen.values()) > 2
+    assert seen["maximum"] > 100
 
 
 @pytest.mark.mends("the scores of one motion add up to zero, and its interval had no width")
@@ -294,36 +252,25 @@ def test_without_outcomes_there_is_no_median():
     fit = fit_lognormal(np.array([1.0, 2.0]), np.full((5, 2), np.nan))
     assert math.isnan(fit.median)
     assert "no outcome is known" in str(fit)
-    low, high = fit.band(np.array([0.5, 1.5, 3.0]))
-    assert (low.tolist(), high.tolist()) == ([0.0] * 3, [1.0] * 3)
+    np.testing.assert_array_equal(fit.band(np.array([0.5, 1.5, 3.0])), [[0.0] * 3, [1.0] * 3])
 
 
 @pytest.mark.mends("outcomes above the stripes had no band")
 def test_outcomes_that_are_all_the_same_bound_the_probability():
-    stripes = np.array([1.0, 2.0, 3.0])
-    never, always = (fit_lognormal(stripes, np.full((20, 3), x)) for x in (0.0, 1.0))
-    assert never.interval() == (3.0, math.inf)
-    assert always.interval() == (0.0, 1.0)
+    never, always = (fit_lognormal(np.array([1.0, 2.0, 3.0]), np.full((20, 3), x)) for x in (0.0, 1.0))
+    assert (str(never), never.interval()) == ("median above the stripes", (3.0, math.inf))
+    assert (str(always), always.interval()) == ("median below the stripes", (0.0, 1.0))
     known = binomtest(0, 20).proportion_ci(method="exact").high
-    low, high = never.band(np.array([0.5, 2.5, 3.5]))
-    assert low.tolist() == [0.0, 0.0, 0.0]
-    assert high == pytest.approx([known, known, 1.0])
-    assert str(never) == "median above the stripes"
-    assert str(always) == "median below the stripes"
+    known = [0.0] * 3, [known, known, 1.0]
+    np.testing.assert_allclose(never.band(np.array([0.5, 2.5, 3.5])), known, rtol=1e-6)
 
 
 def test_large_counts_and_close_stripes_lose_no_digits():
     stripes = np.array([1.0, 1.0 + 1e-6, 1.0 + 2e-6])
     hits = outcomes([10_000, 30_000, 70_000], 100_000)
-    near = fit_lognormal(stripes, hits)
-    wide = fit_lognormal(stripes**1e6, hits)
-    assert near.median**1e6 == pytest.approx(wide.median, rel=1e-7)
+    near, wide = fit_lognormal(stripes, hits), fit_lognormal(7.0 * stripes**1e6, hits)
+    assert near.median**1e6 == pytest.approx(wide.median / 7.0, rel=1e-7)
     assert near.dispersion * 1e6 == pytest.approx(wide.dispersion, rel=1e-7)
-    # Scaled intensities scale the median, and nothing else.
-    scaled = fit_lognormal(7.0 * stripes**1e6, hits)
-    assert scaled.median == pytest.approx(7.0 * wide.median, rel=1e-9)
-    assert scaled.dispersion == pytest.approx(wide.dispersion, rel=1e-9)
-    assert scaled.interval() == pytest.approx(tuple(7.0 * x for x in wide.interval()), rel=1e-9)
 
 
 @pytest.mark.mends("intervals of few motions were those of many")
@@ -336,14 +283,14 @@ def test_few_earthquakes_have_the_wider_quantile_of_student():
 
 
 def test_the_interval_covers_and_takes_a_motion_as_one():
-    # A motion whose capacity is one number: its outcomes at all stripes hang together.
+    # The outcomes of a motion at all stripes hang together.
     rng, stripes, inside, width = np.random.default_rng(0), np.linspace(0.5, 6.0, 12), 0, []
-    for _ in range(300):
+    for _ in range(200):
         capacity = 2.0 * np.exp(0.5 * rng.standard_normal(40))
         fit = fit_lognormal(stripes, (stripes >= capacity[:, None]).astype(float))
         low, high = fit.interval()
         inside += low < 2.0 < high
         width.append(math.log(high / low))
-    assert 0.90 < inside / 300 < 0.985
+    assert 0.90 < inside / 200 < 0.985
     # The deviation of the mean of 40 logarithms.
     assert np.median(width) == pytest.approx(2 * 1.959964 * 0.5 / math.sqrt(40), rel=0.15)

@@ -40,16 +40,8 @@ def by_hand(size):
 
 
 def test_parts_are_put_together_in_order(cluster):
-    seen = []
-    found = cluster.map(
-        "squares",
-        slowly_squared,
-        batch(1000),
-        (0.0,),
-        chunk=128,
-        progress=lambda done, total: seen.append((done, total)),
-    )
-    assert same(found, by_hand(1000))
+    seen, given = [], {"chunk": 128, "progress": lambda *n: seen.append(n)}
+    assert same(cluster.map("squares", slowly_squared, batch(1000), (0.0,), **given), by_hand(1000))
     assert [total for _, total in seen] == [1000] * 24
     assert seen[-1][0] == 1000
     assert seen == sorted(seen)
@@ -66,34 +58,23 @@ def test_stored_batch_is_not_computed_again(cluster):
         shut.map("stored", slowly_squared, other, (0.0,), chunk=128)
 
 
-def test_error_of_a_chunk_reaches_the_caller(cluster):
-    with pytest.raises(ZeroDivisionError):
-        cluster.map("bad", slowly_squared, batch(10), (None,), chunk=128)
-
-
 def test_motions_runs_and_spectra_are_those_of_one_process(cluster):
     pulse = tpd.Pulse.one_sine(acceleration=3.0, frequency=1.5)
     axes = {"frequency_ratios": np.linspace(1, 6, 5), "acceleration_ratios": np.linspace(1, 8, 7)}
-    alone, spread = (
-        tpd.overturning_spectrum(SCENE.block, pulse, HUNG, cluster=c, **axes) for c in (None, cluster)
-    )
-    assert np.array_equal(alone.bare, spread.bare)
-    assert np.array_equal(alone.hung, spread.hung)
-    periods = np.array([0.3, 0.6])
-    tilts = [
-        tpd.rocking_spectrum(SCENE.block, pulse, periods=periods, cluster=c).bare for c in (None, cluster)
-    ]
-    assert np.array_equal(*tilts)
     motions = [pulse.scaled(x) for x in (0.7, 1.0, 1.3)]
-    curves = [
-        tpd.fragility(SCENE.block, motions, scales=[1.0, 2.0, 4.0], pendulum=HUNG, cluster=c)
-        for c in (None, cluster)
-    ]
-    assert np.array_equal(curves[0].tilts, curves[1].tilts, equal_nan=True)
-    assert str(curves[0]) == str(curves[1])
-    few = tpd.Ensemble(size=8, periods=10)
-    verdicts = [tpd.verdict(SCENE, HUNG, ensemble=few, cluster=c) for c in (None, cluster)]
-    assert verdicts[0].summary() == verdicts[1].summary()
+    stripes = {"scales": [1.0, 2.0, 4.0], "pendulum": HUNG}
+    few, answers = tpd.Ensemble(size=8, periods=10), []
+    for c in (None, cluster):
+        spectrum = tpd.overturning_spectrum(SCENE.block, pulse, HUNG, cluster=c, **axes)
+        rocking = tpd.rocking_spectrum(SCENE.block, pulse, periods=np.array([0.3, 0.6]), cluster=c)
+        fragility = tpd.fragility(SCENE.block, motions, cluster=c, **stripes)
+        verdict = tpd.verdict(SCENE, HUNG, ensemble=few, cluster=c)
+        numbers = {"bare": spectrum.bare, "hung": spectrum.hung, "tilt": rocking.bare}
+        numbers |= {"bare tilts": fragility.tilts[0], "hung tilts": fragility.tilts[1]}
+        answers.append((numbers, str(fragility), verdict.summary()))
+    (alone, *said), (spread, *other) = answers
+    assert same(alone, spread)
+    assert said == other
 
 
 def test_killed_worker_loses_nothing(tmp_path):
@@ -118,14 +99,12 @@ def test_killed_sweep_goes_on(tmp_path):
     for _ in range(2):
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         # Its first line says how much is there already, but in the first run; the next that it goes on.
-        for _ in range(1 + (done[-1] > 0)):
-            assert process.stdout.readline()
+        assert all(process.stdout.readline() for _ in range(1 + (done[-1] > 0)))
         time.sleep(rng.uniform(0.0, 6.0 * STEP))
         process.kill()
         process.communicate()
         done.append(len(list(tmp_path.glob("*/*.npz"))))
-        assert done[-1] > done[-2]
-    assert done[-1] < 32
+        assert done[-2] < done[-1] < 32
     with Cluster(tmp_path, workers=1) as opened:
         found = opened.map("squares", slowly_squared, batch(4000), (STEP,), chunk=128)
     assert same(found, by_hand(4000))
@@ -146,9 +125,8 @@ def test_damaged_file_of_a_chunk_is_no_result(tmp_path, way):
         store(tmp_path / "a", "other", 1, WHOLE[1])
     else:
         damage(path, way)
-    with pytest.warns(
-        UserWarning, match=f"1 chunks in {tmp_path / 'a'} were damaged, and are computed again"
-    ):
+    said = f"1 chunks in {tmp_path / 'a'} were damaged, and are computed again"
+    with pytest.warns(UserWarning, match=said):
         assert sorted(stored(tmp_path / "a", "key", 3)) == [0, 2]
     # A chunk that is missing is no damage.
     path.unlink()
@@ -173,7 +151,6 @@ def test_folder_that_is_a_file_is_refused(cluster, tmp_path):
         ({"workers": 0}, "`workers` must be"),
         ({"workers": 2, "dask": "tcp://x:1"}, "`workers` and `dask` exclude one another"),
         ({"dask": "localhost"}, "`dask` must be an address such as tcp://host:8786, but is 'localhost'"),
-        ({"dask": ""}, "`dask` must be an address"),
     ],
 )
 def test_bad_input(options, words, tmp_path):
@@ -181,14 +158,13 @@ def test_bad_input(options, words, tmp_path):
         Cluster(tmp_path, **options)
 
 
-def test_inputs_without_words_are_refused(cluster):
+def test_a_batch_that_cannot_be_shared_out_is_refused(cluster):
+    with pytest.raises(ZeroDivisionError):
+        cluster.map("bad", slowly_squared, batch(10), (None,), chunk=128)
     with pytest.raises(ValueError, match="cannot be computed on a cluster: no fingerprint of a object"):
         cluster.map("bad", slowly_squared, batch(10), (object(),), chunk=128)
     with pytest.raises(ValueError, match="arrays of one length"):
         cluster.map("bad", slowly_squared, {"x": np.zeros(3), "y": np.zeros(2)}, (0.0,), chunk=128)
-
-
-def test_task_that_workers_cannot_import_is_refused(cluster):
     with pytest.raises(ValueError, match="`task` must be a function at the top level of a module"):
         cluster.map("bad", lambda part: part, batch(10), chunk=128)
 

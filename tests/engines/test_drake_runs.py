@@ -1,10 +1,11 @@
-"""Drake beside the equations and MuJoCo: impacts, uplift, a pendulum, and the command."""
+"""Drake beside the equations and MuJoCo: impacts, uplift and a pendulum."""
+
+import sys
 
 import numpy as np
 import pytest
 
 import tpd
-from tpd.cli import main
 from tpd.engines.rigid_body import body_of, parameters_under
 from tpd.engines.rollouts import follow as in_mujoco
 
@@ -53,16 +54,7 @@ def test_the_answer_names_what_is_left_out():
     assert len(found.finer[0].peak) == 2
 
 
-def test_the_command_takes_it(capsys):
-    asked = "check --width 0.1 --height 0.4 --mass 16 --restitution 0.91 --amplitude 0.015 --frequency 2.5"
-    hung = "--pendulum-mass 6.4 --pendulum-length 0.08 --pendulum-damping 0.3"
-    main([*asked.split(), *hung.split(), "--engine", "drake", "--runs", "1"])
-    assert "Drake" in capsys.readouterr().out
-
-
 def test_without_drake_the_message_says_what_to_install(monkeypatch):
-    import sys
-
     monkeypatch.setitem(sys.modules, "pydrake", None)
     with pytest.raises(ValueError, match=r"pip install 'tpd\[drake\]'"):
         tpd.engines.drake(SCENE, HUNG, runs=1)
