@@ -142,7 +142,7 @@ def new_wave():
 
     @compiled
     def grown(x):
-        return np.array([np.exp(-x * i) / (1.0 + x) for i in range(3)])
+        return np.array([1.0, np.exp(-x), np.exp(-2.0 * x)]) / (1.0 + x)
 
     @compiled
     def turned(x):
@@ -154,14 +154,9 @@ def new_wave():
 
 def functions():
     """Those of Numba that are replaced meanwhile."""
-    library = codegen.CPUCodeLibrary
-    return [
-        compiler.CompilerBase.compile_extra,
-        compiler.Compiler.define_pipelines,
-        library._optimize_final_module,
-        library._finalize_final_module,
-        codegen.JITCPUCodegen.set_env,
-    ]
+    base, made, library = compiler.CompilerBase, compiler.Compiler, codegen.CPUCodeLibrary
+    ends = library._optimize_final_module, library._finalize_final_module, codegen.JITCPUCodegen.set_env
+    return [base.compile_extra, made.define_pipelines, *ends]
 
 
 def values(made):

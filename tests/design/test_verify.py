@@ -106,13 +106,7 @@ def test_more_overturnings_from_rest_speak_against_a_design(v, alone, lost, of, 
 
 def by_rest(checked, v, severity, bare, monkeypatch, stroke=-0.5, **excess):
     """Reasons against a design with these motions from rest."""
-    found = Survey(
-        designs=v.design[None],
-        severity=np.array([severity]),
-        bare=np.array(bare),
-        excess={"stroke": np.array([stroke])} | {k: np.array([x]) for k, x in excess.items()},
-        equations="nonlinear",
-    )
+    found = surveyed([v.design], [severity], bare=bare, stroke=stroke, **excess)
     monkeypatch.setattr(verify, "followed", lambda *_, **how: found if how["rtol"] < 1e-7 else None)
     met = checked.by_rest(v)
     assert met.rest is found
@@ -160,20 +154,15 @@ def test_of_many_conditions_a_choice_is_followed_from_rest_and_calm_ones_need_no
     assert not base.bare_rests
 
 
-def surveyed(designs, severity, room=None) -> Survey:
-    m, excess = len(designs), {"stroke": np.full(len(designs), -0.5)}
-    if room is not None:
-        excess[ON_THE_WAY] = np.array(room)
-    return Survey(
-        designs=np.array(designs),
-        severity=np.tile(np.array(severity)[:, None], (1, len(BAND))).reshape(m, -1),
-        bare=np.full(len(BAND), 0.5),
-        excess=excess,
-        equations="nonlinear",
-    )
+def surveyed(designs, severity, bare=(0.5, 0.5, 0.5, 0.5, 0.5), stroke=-0.5, **excess) -> Survey:
+    """Designs of a severity each, or one under every condition."""
+    ones = np.ones((len(designs), len(bare)))
+    excess = {name: x * ones[:, 0] for name, x in {"stroke": stroke, **excess}.items()}
+    severity = np.array(severity).reshape(len(designs), -1) * ones
+    found = {"designs": np.array(designs), "severity": severity, "bare": np.array(bare)}
+    return Survey(**found, excess=excess, equations="nonlinear")
 
 
-AFRESH = Reason(step=Step.benefit, kind=ReasonKind.too_little_benefit)
 SPREAD = [[0.05 + 0.03 * i, 0.2 + 0.2 * i, 0.1 + 0.05 * i] for i in range(4)]
 
 
@@ -190,7 +179,8 @@ class Scripted(Verification):
     def by_fresh_runs(self, v):
         if self.unlucky is None:
             raise KeyboardInterrupt
-        reasons = (AFRESH,) if len(self.verified) <= self.unlucky else ()
+        reason = Reason(step=Step.benefit, kind=ReasonKind.too_little_benefit)
+        reasons = (reason,) if len(self.verified) <= self.unlucky else ()
         return dataclasses.replace(v, chosen_by=v.benefit, reasons=reasons)
 
 
@@ -242,13 +232,11 @@ def test_what_a_verification_finds_orders_what_is_verified_next(base):
 
 
 @pytest.mark.parametrize(
-    ("room", "second"),
-    [([-0.1, -0.105, -0.13, -0.2], 2), ([-0.1, -0.1, -0.1, -0.11], 1)],
-    ids=["one does", "none does"],
+    ("room", "second"), [([-0.1, -0.105, -0.13, -0.2], 2), ([-0.1, -0.1, -0.1, -0.11], 1)]
 )
 def test_after_strikes_in_the_runs_that_judge_the_next_keeps_further_from_the_walls(base, room, second):
     stern = scripted(base, 0)
-    found = surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4], room)
+    found = surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4], **{ON_THE_WAY: room})
     stern.best_of_survey(found)
     struck = {"strikes": 0.02, "chosen_by": stern.verified[0].benefit}
     stern.verified[0] = dataclasses.replace(stern.verified[0], **struck)
@@ -256,13 +244,10 @@ def test_after_strikes_in_the_runs_that_judge_the_next_keeps_further_from_the_wa
     assert [v.design.tolist() for v in stern.verified] == [pytest.approx(SPREAD[i]) for i in (0, second)]
 
 
-@pytest.mark.parametrize(
-    ("unlucky", "count", "status"), [(0, 1, "found"), (2, 3, "found"), (9, 3, "refused"), (None, 1, "found")]
-)
-def test_after_a_refusal_by_fresh_runs_the_next_design_is_judged_but_no_more_than_three(
-    base, search, monkeypatch, unlucky, count, status
-):
+@pytest.mark.parametrize("case", [(0, 1, "found"), (2, 3, "found"), (9, 3, "refused"), (None, 1, "found")])
+def test_after_a_refusal_by_fresh_runs_up_to_two_more_are_judged(base, search, monkeypatch, case):
     """An interruption of the judgement leaves the design that passed."""
+    unlucky, count, status = case
     stern = scripted(base, unlucky=unlucky)
     stern.fresh = SimpleNamespace(under_other_losses=lambda pendulum: ())
     both = (surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4]),) * 2
@@ -353,7 +338,7 @@ def test_the_bob_hangs_above_the_floor(search):
 def test_where_no_design_keeps_to_the_limits_none_is_verified_and_the_nearest_is_told(base, search):
     stern = scripted(base)
     assert stern.best_of(Multistart(search.objective, FEW_STEPS, 0, None)) is DesignStatus.none_feasible
-    found = surveyed(SPREAD[:2], [0.1, 0.1], room=[0.1, 0.2])
+    found = surveyed(SPREAD[:2], [0.1, 0.1], **{ON_THE_WAY: [0.1, 0.2]})
     found.excess["stroke"][0] = 0.3
     assert stern.best_of_survey(found) is DesignStatus.none_feasible
     assert stern.verified == []
